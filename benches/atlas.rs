@@ -34,7 +34,7 @@ fn main() {
     let bounds = scene.roi();
     let roi = Roi::new(bounds.min, bounds.voxel, bounds.shape).expect("a grid");
     let scan = ScanSettings::default_of(&scene);
-    let (psog, _) = scan_scene(&scene, &roi, &scan, || ()).expect("a P-SOG");
+    let (psog, _) = scan_scene(&scene, &roi, &scan, |_| true).expect("a P-SOG");
     let Lidar::Spinning { elevations, azimuth_steps, range, .. } = scene.lidars()[0] else {
         panic!("the scene has no spinning LiDAR");
     };

@@ -67,7 +67,7 @@ fn no_candidate_that_is_evaluated_breaks_a_rule() {
         let mut search = Generations::new(&settings, &rules, [].iter()).unwrap();
         let (mut evaluated, mut infeasible) = (0, 0);
         while search.stopped().is_none() {
-            let generation = search.step(&mut evaluator, &settings).unwrap();
+            let generation = search.step(&mut evaluator, &settings, &mut || true).unwrap().unwrap();
             infeasible += generation.record.infeasible;
             for (placement, _) in generation.scored {
                 assert_eq!(rules.violations(&placement), [], "{placement:?}");

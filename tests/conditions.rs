@@ -39,7 +39,7 @@ fn scene_text(rated: f64) -> String {
 }
 
 fn psog(scene: &Scene) -> Psog {
-    Psog::of(scene, || {}).unwrap()
+    Psog::of(scene, |_| true).unwrap()
 }
 
 fn problem(scene: &Scene, psog: &Psog, conditions: &[&str]) -> Arc<Problem> {

@@ -42,7 +42,7 @@ fn problems() -> [Arc<Problem>; 2] {
     let bounds = scene.roi();
     let roi = Roi::from_bounds(bounds.min, bounds.max, bounds.voxel).unwrap();
     let PsogSource::Scan(settings) = scene.psog_source() else { panic!("a scan") };
-    let (psog, _) = scan_scene(&scene, &roi, settings, || {}).unwrap();
+    let (psog, _) = scan_scene(&scene, &roi, settings, |_| true).unwrap();
     let channels: Vec<(f64, f64)> = (0..8).map(|k| (-30.0 + 5.0 * f64::from(k), 0.0)).collect();
     let table = BeamTable::spinning(&channels, 60, 20.0).unwrap();
     let shared = Problem::from_scene(&scene, &psog, table.clone(), &[0, 1, 2, 3, 4]).unwrap();
@@ -70,7 +70,8 @@ fn equal_frames_are_cast_once_with_the_same_sums() {
     for mut backend in both(&shared) {
         assert_eq!(backend.tally(&placements, Some(range)).unwrap(), want, "{}", backend.name());
     }
-    let pilot = Pilot::new(&(&shared).into(), placements.clone(), MEMORY).unwrap();
+    let pilot = Pilot::new(&(&shared).into(), placements.clone(), MEMORY, &mut |_| true);
+    let pilot = pilot.unwrap().unwrap();
     let sums: Vec<Tally> = pilot.tallies().into_iter().flat_map(|(_, tally)| tally).collect();
     assert_eq!(sums, want);
     // Some of the frames: of those that are equal, as many as are named.

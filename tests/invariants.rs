@@ -224,7 +224,8 @@ fn a_guarded_placement_is_never_preferred() {
             let mut search = Generations::new(&settings, &constraints, starts.iter()).unwrap();
             let (mut seen, mut unguarded, mut guarded) = (0, false, 0);
             while search.stopped().is_none() {
-                let record = search.step(&mut evaluator, &settings).unwrap().record;
+                let record =
+                    search.step(&mut evaluator, &settings, &mut || true).unwrap().unwrap().record;
                 let scored = (search.evaluations() - seen) as usize - record.infeasible;
                 seen = search.evaluations();
                 unguarded |= scored > record.guarded;

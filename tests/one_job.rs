@@ -206,7 +206,7 @@ fn a_chart_of_a_mixed_vehicle_ranks_what_score_ranks() {
     let given = read_placements(dir.path().join("mixed.json")).unwrap();
     let scene = Scene::read_with(dir.path().join("room.json"), Some(&dir.path().join("cart.json")));
     let job = Job::new(scene.unwrap());
-    let psog = job.scenes()[0].psog(|| {}).unwrap();
+    let psog = job.scenes()[0].psog(|_| true).unwrap();
     let settings =
         ChartSettings { given: given.clone(), random: 4, quick: true, ..ChartSettings::default() };
     let mut state = ChartState::default();
@@ -249,7 +249,7 @@ fn an_atlas_that_lacks_a_model_is_left_out_with_a_sentence() {
     fs::write(dir.path().join("bare.json"), vehicle.to_string()).unwrap();
     let scene = Scene::read_with(dir.path().join("room.json"), Some(&dir.path().join("bare.json")));
     let job = Job::new(scene.unwrap());
-    let psog = job.scenes()[0].psog(|| {}).unwrap();
+    let psog = job.scenes()[0].psog(|_| true).unwrap();
     let given = read_placements(dir.path().join("mixed.json")).unwrap();
     let settings = ChartSettings { given, random: 0, quick: true, ..ChartSettings::default() };
     let mut state = ChartState::default();

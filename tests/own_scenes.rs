@@ -60,7 +60,7 @@ impl Own {
         let scene = Scene::from_json(&description.to_string(), &folder(), "own.json").unwrap();
         let roi = scene.roi().grid().unwrap();
         let PsogSource::Scan(settings) = scene.psog_source() else { panic!("scans its P-SOG") };
-        let (psog, _) = scan_scene(&scene, &roi, settings, || {}).unwrap();
+        let (psog, _) = scan_scene(&scene, &roi, settings, |_| true).unwrap();
         let sensors = scene.sensors().unwrap();
         let problem = Problem::from_scene(&scene, &psog, sensors, &FRAMES).unwrap();
         let soups = FRAMES.map(|t| scene.frame(t, EgoBody::Include)).to_vec();

@@ -116,7 +116,7 @@ impl Built {
 
     /// The P-SOG: given, read, or built from virtual scans.
     pub fn psog(&self) -> PyResult<Arc<Psog>> {
-        self.job.scenes()[0].psog(|| {}).map_err(raised)
+        self.job.scenes()[0].psog(|_| true).map_err(raised)
     }
 
     /// Works with the engine, which is opened first if it was not.

@@ -17,7 +17,7 @@ pub(super) struct World {
 
 /// Every change of the model that the scene allows.
 pub(super) fn changed_worlds(job: &JobScene) -> Result<Vec<World>, AuditError> {
-    let (scene, psog, all) = (job.scene(), job.psog(|| {})?, job.frame_numbers().len() as u32);
+    let (scene, psog, all) = (job.scene(), job.psog(|_| true)?, job.frame_numbers().len() as u32);
     let mut worlds = Vec::new();
     if all > 1 {
         let (name, frames) = ("frames halved".to_owned(), all.div_ceil(2));
@@ -78,7 +78,7 @@ fn on_other_grids(scene: &Scene) -> Result<Vec<(String, Psog)>, GridError> {
     ];
     let scanned = grids
         .into_iter()
-        .map(|(name, roi)| Ok((name.to_owned(), scan_scene(scene, &roi, &settings, || {})?.0)));
+        .map(|(name, roi)| Ok((name.to_owned(), scan_scene(scene, &roi, &settings, |_| true)?.0)));
     scanned.collect()
 }
 

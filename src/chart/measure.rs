@@ -134,7 +134,8 @@ impl Bench {
         Ok(scorer.value(&tallies[0], &self.objective))
     }
 
-    /// Measures one setting; `None` when `go_on`, called with the placements just scored, says stop.
+    /// Measures one setting; `None` when `go_on`, called with the placements just scored, says stop; none
+    /// are while the P-SOG of the setting is scanned.
     ///
     /// Of a GPU setting whose equal on the CPU is in `done`, a few placements are scored; where their
     /// scores are equal to the last bit, those of the CPU stand for both.
@@ -147,6 +148,10 @@ impl Bench {
         done: &[Measured],
         go_on: &dyn Fn(usize) -> bool,
     ) -> Result<Option<Measured>, ChartError> {
+        let voxel = setting.fidelity.voxel;
+        if self.world.psog_while(voxel, &|| go_on(0))?.is_none() {
+            return Ok(None);
+        }
         let mut scorer = self.scorer(setting)?;
         let on_cpu = Setting { engine: Engine::Cpu, ..*setting };
         let is_gpu = setting.engine == Engine::Gpu;

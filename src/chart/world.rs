@@ -136,8 +136,21 @@ impl World {
     /// # Errors
     /// The scene's P-SOG is a file, or the grid has too many voxels.
     pub(super) fn psog(&mut self, factor: f64) -> Result<Arc<Psog>, ChartError> {
+        Ok(self.psog_while(factor, &|| true)?.expect("nobody stops the scan"))
+    }
+
+    /// [`Self::psog`] that is built while `go_on` says yes, which a scan asks before each band of rings; `None` after
+    /// a no.
+    ///
+    /// # Errors
+    /// As [`Self::psog`].
+    pub(super) fn psog_while(
+        &mut self,
+        factor: f64,
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<Option<Arc<Psog>>, ChartError> {
         if let Some((_, psog)) = self.grids.iter().find(|(f, _)| *f == factor) {
-            return Ok(psog.clone());
+            return Ok(Some(psog.clone()));
         }
         let PsogSource::Scan(own) = self.scene.psog_source() else {
             return Err(ChartError::FixedVoxels { factor });
@@ -151,10 +164,13 @@ impl World {
         };
         let bounds = self.scene.roi();
         let roi = Roi::from_bounds(bounds.min, bounds.max, bounds.voxel.map(|v| v * factor))?;
-        let (psog, _) = scan_scene(&self.scene, &roi, &settings, || {})?;
-        let psog = Arc::new(psog);
+        let psog = match scan_scene(&self.scene, &roi, &settings, |_| go_on()) {
+            Ok((psog, _)) => Arc::new(psog),
+            Err(GridError::Stopped { .. }) => return Ok(None),
+            Err(error) => return Err(error.into()),
+        };
         self.grids.push((factor, psog.clone()));
-        Ok(psog)
+        Ok(Some(psog))
     }
 
     /// Frames that a setting casts into.

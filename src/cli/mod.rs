@@ -119,6 +119,10 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Exit {
             trust_paths(trusts_paths);
             match start_default_threads().and_then(|()| dispatch(command)) {
                 Ok(exit) => return exit,
+                Err(error @ Error::Interrupted(_)) => {
+                    output::say(&error.to_string());
+                    return Exit::Interrupted;
+                }
                 Err(error) => error.to_string(),
             }
         }

@@ -6,7 +6,7 @@ use crate::runs::score::{ScoreRequest, score};
 
 use super::args::{Compute, Conditions, Format, Named, whole};
 use super::exit::Exit;
-use super::output::{say, unless_closed};
+use super::output::unless_closed;
 use crate::runs::Error;
 
 #[derive(clap::Args)]
@@ -65,10 +65,6 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         conditions: args.conditions.condition.clone(),
     };
     let computing = args.named.computing(&args.compute, &terminal);
-    let scored = unless_closed(score(&request, &computing, &mut std::io::stdout().lock()));
-    match scored {
-        Err(why) if terminal.exit() == Exit::Interrupted => say(&why.to_string()),
-        scored => scored?,
-    }
+    unless_closed(score(&request, &computing, &mut std::io::stdout().lock()))?;
     Ok(terminal.exit())
 }

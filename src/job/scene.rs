@@ -120,17 +120,17 @@ impl JobScene {
         Ok(if self.draw > 0 { sensors.with_seed(self.draw) } else { sensors })
     }
 
-    /// The P-SOG: given, read from the file that the scene names, or scanned, on first use; `done` is called after
-    /// each frame that was scanned.
+    /// The P-SOG: given, read from the file that the scene names, or scanned, on first use; a scan asks `go_on` as
+    /// [`scan_scene`] does.
     ///
     /// # Errors
     /// A file that cannot be read or lacks a class of the scene's detection target; more frames or voxels than a
-    /// P-SOG holds.
-    pub fn psog(&self, done: impl Fn()) -> Result<Arc<Psog>, JobError> {
+    /// P-SOG holds; a scan that `go_on` has stopped.
+    pub fn psog(&self, go_on: impl Fn(usize) -> bool) -> Result<Arc<Psog>, JobError> {
         if let Some(psog) = self.psog.get() {
             return Ok(psog.clone());
         }
-        let psog = Arc::new(Psog::of(&self.scene, done)?);
+        let psog = Arc::new(Psog::of(&self.scene, go_on)?);
         Ok(self.psog.get_or_init(|| psog).clone())
     }
 
@@ -152,11 +152,13 @@ impl JobScene {
         let (scene, frames, sensors) = (&*self.scene, self.frame_numbers(), self.models()?);
         let problem = match self.worth {
             Worth::OwnGrid => {
-                let psog = self.psog(|| {})?;
+                let psog = self.psog(|_| true)?;
                 scene.check_detection(psog.classes())?;
                 Problem::from_scene(scene, &psog, sensors, &frames)
             }
-            Worth::OtherGrid => Problem::on_grid_of(&*self.psog(|| {})?, scene, sensors, &frames),
+            Worth::OtherGrid => {
+                Problem::on_grid_of(&*self.psog(|_| true)?, scene, sensors, &frames)
+            }
             Worth::Nothing => {
                 let (grid, classes) = (scene.roi().grid()?, scene.classes().to_vec());
                 let empty = Psog::new(grid, 1, classes, Vec::new(), Vec::new())?;
@@ -183,11 +185,11 @@ impl JobScene {
 impl Psog {
     /// The P-SOG of a scene: the file that it names, or one built from virtual scans.
     ///
-    /// `done` is called after each frame that was scanned.
+    /// A scan asks `go_on` as [`scan_scene`] does.
     ///
     /// # Errors
     /// See [`JobScene::psog`].
-    pub fn of(scene: &Scene, done: impl Fn()) -> Result<Self, JobError> {
+    pub fn of(scene: &Scene, go_on: impl Fn(usize) -> bool) -> Result<Self, JobError> {
         match scene.psog_source() {
             PsogSource::File(path) => {
                 let psog = read_psog(path).map_err(|source| {
@@ -199,7 +201,7 @@ impl Psog {
                 Ok(psog)
             }
             PsogSource::Scan(settings) => {
-                Ok(scan_scene(scene, &scene.roi().grid()?, settings, done)?.0)
+                Ok(scan_scene(scene, &scene.roi().grid()?, settings, go_on)?.0)
             }
         }
     }

@@ -52,6 +52,12 @@ pub enum GridError {
     #[error(transparent)]
     OutOfMemory(#[from] OutOfMemory),
 
+    /// A scan of a scene that was told to stop, after so many of its frames.
+    #[error(
+        "stopped after {done} of {frames} frames were scanned for the P-SOG; nothing of it is kept, give it more time"
+    )]
+    Stopped { done: usize, frames: usize },
+
     /// A P-SOG over no frames.
     #[error("frames is 0; a P-SOG needs at least one frame")]
     NoFrames,

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use crate::problem::Modelled;
 use crate::search::{
     Certificate, Finding, FramesUsed, GainSpread, LeftOut, Member, MethodRecord, Outcome,
-    PhaseCheck, Scored, Suite, rules_in_words,
+    PhaseCheck, Scored, Stopped, Suite, rules_in_words,
 };
 
 /// Wall times of a run in seconds.
@@ -74,6 +74,9 @@ pub struct RunRecord {
     pub search_frames: usize,
     /// Frames that the scores below average over.
     pub frames: usize,
+    /// Frames that result and baselines are scored over; `stopped` says so where these are not all.
+    #[serde(skip)]
+    pub confirmed_frames: usize,
     /// Why the search ended: a name, and after a colon what it means.
     pub stopped: String,
     /// Instances of the CMA-ES that ended before it, and why, in words.
@@ -206,7 +209,8 @@ impl RunRecord {
             modelled: run.suite.modelled(),
             search_frames: outcome.search_frames,
             frames: run.suite.frame_count(),
-            stopped: outcome.stopped.to_string(),
+            confirmed_frames: outcome.confirmed_frames,
+            stopped: stopped(outcome.stopped, outcome.confirmed_frames, run.suite.frame_count()),
             ended: outcome.ended,
             left_out: outcome.left_out,
             equipment: run.equipment,
@@ -227,6 +231,16 @@ impl RunRecord {
             timings: run.timings,
             peak_memory: run.peak_memory,
         }
+    }
+}
+
+/// Why a run has ended, and over how many frames its result is scored where these are not all.
+fn stopped(stopped: Stopped, confirmed: usize, frames: usize) -> String {
+    match confirmed < frames {
+        true => format!(
+            "{stopped}; result and baselines are scored over {confirmed} of {frames} frames"
+        ),
+        false => stopped.to_string(),
     }
 }
 

@@ -144,7 +144,7 @@ fn of_scene(begun: Begun, tolerance: f64, computing: &Computing<'_>) -> Result<C
     let Begun { mut saved, resumed, out, name, placements } = begun;
     let files = opening::files(&[saved.scene.clone()], &[], None, computing);
     let job = opening::job(&files, computing)?.job;
-    let (scene, psog) = (job.scene().clone(), job.scenes()[0].psog(|| {})?);
+    let (scene, psog) = (job.scene().clone(), opening::psog(&job.scenes()[0], None, watcher)?);
     let sensors = scene.sensors()?;
     match placements {
         Some(file) => {

@@ -14,6 +14,9 @@ pub enum Error {
     /// A likely mistake in an input, where such are refused.
     #[error("{0} (refused by --strict)")]
     Doubt(String),
+    /// Work that the watcher stopped before it had anything to leave.
+    #[error("{0}")]
+    Interrupted(String),
     /// A request that does not fit the scene or itself.
     #[error("{0}")]
     Usage(String),

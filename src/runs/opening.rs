@@ -1,15 +1,17 @@
 //! From files to jobs and evaluators, with what is said on the way.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use crate::job::{Job, JobFiles, JobScene};
+use crate::job::{Job, JobError, JobFiles, JobScene};
 use crate::problem::StageTimes;
+use crate::psog::{GridError, Psog};
 use crate::scan::conditions::{Condition, Kind};
 use crate::scene::{PsogSource, Scene};
-use crate::search::{Evaluator, Member, Suite};
+use crate::search::{Evaluator, Member, Suite, TimeLimit};
 
 use super::{Computing, Error, Watcher};
 
@@ -51,6 +53,15 @@ pub fn files(
 
 /// Reads the scenes of a job and reads or builds their P-SOGs; problems are made when they are first needed.
 pub fn job(files: &JobFiles, computing: &Computing<'_>) -> Result<Loaded, Error> {
+    job_within(files, None, computing)
+}
+
+/// [`job`] with a limit of time: an error where it ends before the P-SOGs are built.
+pub fn job_within(
+    files: &JobFiles,
+    time: Option<TimeLimit>,
+    computing: &Computing<'_>,
+) -> Result<Loaded, Error> {
     let watcher = computing.watcher;
     let (mut times, mut scenes) = (LoadTimes::default(), Vec::new());
     for path in files.scenes() {
@@ -61,7 +72,7 @@ pub fn job(files: &JobFiles, computing: &Computing<'_>) -> Result<Loaded, Error>
         let scene = JobScene::from(scene);
         times.load += start.elapsed().as_secs_f64();
         let start = Instant::now();
-        scan(&scene, watcher)?;
+        note_psog(&*psog(&scene, time, watcher)?, watcher);
         let took = start.elapsed().as_secs_f64();
         *(if is_file { &mut times.load } else { &mut times.build }) += took;
         scenes.push(scene);
@@ -71,12 +82,51 @@ pub fn job(files: &JobFiles, computing: &Computing<'_>) -> Result<Loaded, Error>
     Ok(Loaded { job, times })
 }
 
-/// Reads or builds the P-SOG of a scene.
-fn scan(scene: &JobScene, watcher: &dyn Watcher) -> Result<(), Error> {
+/// Reads or builds the P-SOG of a scene, until the watcher or a limit of time stops it. The first frames that are
+/// scanned together are scanned whatever the time.
+pub fn psog(
+    scene: &JobScene,
+    time: Option<TimeLimit>,
+    watcher: &dyn Watcher,
+) -> Result<Arc<Psog>, Error> {
     let frames = scene.scene().frame_count() as u64;
     let bar = watcher.bar(frames, Some("frames scanned for the P-SOG"));
-    let psog = scene.psog(|| bar.advance(1))?;
-    drop(bar);
+    let is_late = || time.is_some_and(|time| Instant::now() >= time.deadline());
+    let scanned = scene.psog(|done| {
+        bar.set(done as u64, frames);
+        watcher.goes_on() && (done == 0 || !is_late())
+    });
+    scanned.map_err(|error| match error {
+        JobError::Grid(error) => stopped(error, &scene.place(), time, watcher),
+        error => error.into(),
+    })
+}
+
+/// The error of a scan for a P-SOG, with what stopped it.
+pub fn stopped(
+    error: GridError,
+    place: &str,
+    time: Option<TimeLimit>,
+    watcher: &dyn Watcher,
+) -> Error {
+    match (error, time) {
+        (GridError::Stopped { done, frames }, _) if !watcher.goes_on() => {
+            Error::Interrupted(format!(
+                "{place}: interrupted after {done} of {frames} frames were scanned for its P-SOG; nothing is left"
+            ))
+        }
+        (GridError::Stopped { done, frames }, Some(time)) => Error::Usage(format!(
+            "{place}: --max-seconds {} ended after {done} of {frames} frames were scanned for its P-SOG, before the \
+             search could begin; give more seconds, or build the P-SOG once with `sightline psog build` and name the \
+             file under psog.file in the scene",
+            time.length.as_secs_f64()
+        )),
+        (error, _) => error.into(),
+    }
+}
+
+/// Says where no voxel changes from frame to frame.
+fn note_psog(psog: &Psog, watcher: &dyn Watcher) {
     let same = |&count: &u16| count == 0 || u32::from(count) == psog.frames();
     if psog.counts().iter().all(same) {
         watcher.note(&format!(
@@ -85,7 +135,6 @@ fn scan(scene: &JobScene, watcher: &dyn Watcher) -> Result<(), Error> {
             psog.frames()
         ));
     }
-    Ok(())
 }
 
 impl Loaded {

@@ -129,7 +129,13 @@ fn of_scene(path: &Path, watcher: &dyn Watcher) -> Result<(Psog, BuildReport), E
     };
     let frames = scene.frame_count() as u64;
     let bar = watcher.bar(frames, Some("frames scanned for the P-SOG"));
-    Ok(scan_scene(&scene, &scene.roi().grid()?, &settings, || bar.advance(1))?)
+    let go_on = |done: usize| {
+        bar.set(done as u64, frames);
+        watcher.goes_on()
+    };
+    let place = path.display().to_string();
+    scan_scene(&scene, &scene.roi().grid()?, &settings, go_on)
+        .map_err(|error| opening::stopped(error, &place, None, watcher))
 }
 
 fn of_scans(scans: &Scans, watcher: &dyn Watcher) -> Result<(Psog, BuildReport), Error> {

@@ -31,15 +31,16 @@ const OUTSIDE: u32 = u32::MAX;
 /// What does not move is cast once for each place where the scanner stands, and actors are cast on top of
 /// that for each frame.
 ///
-/// `done` is called for each frame, after those that are scanned together.
+/// `go_on` is asked before each band of rings of the frames that are scanned together, and after the last, with
+/// the number of frames that are done. A no ends the scan, unless all frames are done.
 ///
 /// # Errors
-/// More frames or voxels than a P-SOG holds; trees that do not fit into memory.
+/// More frames or voxels than a P-SOG holds; trees that do not fit into memory; [`GridError::Stopped`] after a no.
 pub fn scan_scene(
     scene: &Scene,
     roi: &Roi,
     settings: &ScanSettings,
-    done: impl Fn(),
+    go_on: impl Fn(usize) -> bool,
 ) -> Result<(Psog, BuildReport), GridError> {
     let mut builder = PsogBuilder::new(*roi, scene.classes().to_vec())?;
     let frames: Vec<usize> = (0..scene.frame_count()).collect();
@@ -51,10 +52,14 @@ pub fn scan_scene(
         settings,
         rings: Rings::new(settings, roi),
     };
-    for frames in frames.chunks(FRAMES_TOGETHER) {
-        builder.frames(scanner.scan(frames))?;
-        frames.iter().for_each(|_| done());
+    for (group, together) in frames.chunks(FRAMES_TOGETHER).enumerate() {
+        let done = group * FRAMES_TOGETHER;
+        let Some(votes) = scanner.scan(together, || go_on(done)) else {
+            return Err(GridError::Stopped { done, frames: frames.len() });
+        };
+        builder.frames(votes)?;
     }
+    go_on(frames.len());
     builder.finish()
 }
 
@@ -76,13 +81,16 @@ struct Band {
 }
 
 impl Scanner<'_> {
-    /// The votes of some frames.
-    fn scan(&self, frames: &[usize]) -> Vec<FrameVotes> {
+    /// The votes of some frames; `None` once `go_on`, which is asked before each band of rings, says no.
+    fn scan(&self, frames: &[usize], go_on: impl Fn() -> bool) -> Option<Vec<FrameVotes>> {
         let mut stands: Vec<usize> = frames.iter().flat_map(|&frame| self.stands(frame)).collect();
         stands.sort_unstable();
         stands.dedup();
         let mut votes = vec![FrameVotes::new(); frames.len()];
         for rings in self.rings.bands() {
+            if !go_on() {
+                return None;
+            }
             // A range that is no number is refused where settings are read, and every band has beams.
             let Ok(table) = table(rings, self.settings.range) else { continue };
             let band = Band { caster: Caster::new(&table), table };
@@ -97,7 +105,7 @@ impl Scanner<'_> {
                 }
             });
         }
-        votes
+        Some(votes)
     }
 
     /// The static world, which is the first instance of every frame if it has a triangle, and actors.
@@ -205,6 +213,8 @@ fn stands(frame: usize, frames: usize, settings: &ScanSettings) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::RefCell;
+
     use super::super::rings::tests::directions;
     use super::*;
     use crate::bvh::Ray;
@@ -233,7 +243,7 @@ mod tests {
         let scene = Scene::from_json(text, std::path::Path::new(""), "turning.json").unwrap();
         let roi = Roi::new([-4.0, -3.0, 0.0], [0.5; 3], [16, 12, 6]).unwrap();
         let PsogSource::Scan(settings) = scene.psog_source() else { panic!("a scan") };
-        let (psog, report) = scan_scene(&scene, &roi, settings, || ()).unwrap();
+        let (psog, report) = scan_scene(&scene, &roi, settings, |_| true).unwrap();
 
         let mut builder = PsogBuilder::new(roi, scene.classes().to_vec()).unwrap();
         let frames = [0, 1, 2, 3];
@@ -267,5 +277,45 @@ mod tests {
         assert_eq!(psog, one_by_one);
         assert_eq!(report, seen);
         assert!(psog.index().len() > 300, "{} voxels", psog.index().len());
+    }
+
+    #[test]
+    fn a_scan_that_is_told_to_stop_begins_no_band_more() {
+        let text = r#"{
+            "sightline": 1, "name": "long", "coverage": "first-hit", "frames": 70,
+            "roi": { "min": [-4, -3, 0], "max": [4, 3, 3], "voxel": [0.5, 0.5, 0.5] },
+            "lidar": { "channels": 8, "fov": [-30, 10], "azimuth_steps": 60, "range": 20 },
+            "mount": { "min": [-0.6, -0.6, 1.2], "max": [0.6, 0.6, 1.8], "lidars": 2 },
+            "ego": { "route": { "points": [[0, 0], [60, 0]], "spacing": 0.5 } },
+            "static": [{ "class": "ground", "plane": { "min": [-12, -12], "max": [72, 12], "z": 0 } }]
+        }"#;
+        let scene = Scene::from_json(text, std::path::Path::new(""), "long.json").unwrap();
+        let roi = Roi::new([-4.0, -3.0, 0.0], [0.5; 3], [16, 12, 6]).unwrap();
+        let PsogSource::Scan(settings) = scene.psog_source() else { panic!("a scan") };
+        let asked = RefCell::new(Vec::new());
+        let scan = |last: usize| {
+            asked.borrow_mut().clear();
+            let go_on = |done| {
+                asked.borrow_mut().push(done);
+                asked.borrow().len() < last
+            };
+            scan_scene(&scene, &roi, settings, go_on)
+        };
+        let (whole, _) = scan(usize::MAX).unwrap();
+        let questions = asked.borrow().clone();
+        // As often in each group of frames, and once at the end.
+        let bands = questions.iter().filter(|&&done| done == 0).count();
+        assert!(bands > 1, "{questions:?}");
+        let of = |done| vec![done; bands];
+        assert_eq!(questions, [of(0), of(32), of(64), vec![70]].concat());
+        for last in [1, bands, bands + 2, 3 * bands] {
+            let done = questions[last - 1];
+            let Err(GridError::Stopped { done: kept, frames: 70 }) = scan(last) else {
+                panic!("not stopped at question {last}");
+            };
+            assert_eq!((kept, &asked.borrow()[..]), (done, &questions[..last]));
+        }
+        // A no after the last frame comes too late.
+        assert_eq!(scan(questions.len()).unwrap().0, whole);
     }
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
+use super::pilot::Known;
 use super::seat::Seat;
 use super::suite::{Member, Suite};
 use crate::engine::{Backend, BackendError, CpuBackend, EngineChoice, open};
@@ -47,7 +48,8 @@ impl Evaluator {
 
     /// An evaluator of a problem; its mount decides where the reference layout of the guards stands.
     pub fn new(problem: Arc<Problem>, backend: Box<dyn Backend>) -> Self {
-        let seat = |member: &Member| Seat::new(member.clone(), backend);
+        let memory = EngineChoice::cpu().memory_budget();
+        let seat = |member: &Member| Seat::new(member.clone(), backend, memory);
         Self { seats: Suite::from(problem).members().first().map(seat).into_iter().collect() }
     }
 
@@ -56,7 +58,7 @@ impl Evaluator {
         let share = memory / suite.members().len().max(1) as u64;
         let seat = |member: &Member| {
             let engine = CpuBackend::new(member.problem().clone(), share);
-            Seat::new(member.clone(), Box::new(engine))
+            Seat::new(member.clone(), Box::new(engine), share)
         };
         Self { seats: suite.members().iter().map(seat).collect() }
     }
@@ -80,7 +82,7 @@ impl Evaluator {
             if seats.is_empty() {
                 notes = opened.notes;
             }
-            seats.push(Seat::new(member.clone(), opened.engine));
+            seats.push(Seat::new(member.clone(), opened.engine, choice.memory_budget()));
         }
         Ok((Self { seats }, notes))
     }
@@ -187,8 +189,49 @@ impl Evaluator {
     /// # Errors
     /// See [`Backend::tally`].
     pub fn judged(&mut self, placements: &[Placement]) -> Result<Vec<Judged>, BackendError> {
-        let tallies = self.tallies(placements)?;
-        self.judged_from(placements, &tallies)
+        let mut by_member = Vec::new();
+        for seat in &mut self.seats {
+            let tallies = seat.tally(placements, None)?;
+            by_member.push(seat.scores_from(placements, &tallies, None)?);
+        }
+        Ok(self.together(placements.len(), &by_member))
+    }
+
+    /// Like [`Self::judged`], to the same bits, of placements of which the tallies of some are `known`; `None` once
+    /// `go_on`, which is asked before every few placements and, on the host, frames, says no.
+    ///
+    /// # Errors
+    /// See [`Backend::tally`].
+    pub(crate) fn judged_while(
+        &mut self,
+        placements: &[Placement],
+        known: &Known,
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Vec<Judged>>, BackendError> {
+        let known = |p: &Placement| known.iter().find(|(k, _)| k.lidars == p.lidars).map(|k| &k.1);
+        let mut by_member = Vec::new();
+        for (index, seat) in self.seats.iter_mut().enumerate() {
+            let known = placements.iter().map(|p| known(p).map(|known| known[index].clone()));
+            let known: Vec<Option<Tally>> = known.collect();
+            let Some(scores) = seat.scores_while(placements, &known, go_on)? else {
+                return Ok(None);
+            };
+            by_member.push(scores);
+        }
+        Ok(Some(self.together(placements.len(), &by_member)))
+    }
+
+    /// The scores of [`Self::judged_while`] alone, none known.
+    ///
+    /// # Errors
+    /// See [`Backend::tally`].
+    pub(crate) fn scores_while(
+        &mut self,
+        placements: &[Placement],
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Vec<Scores>>, BackendError> {
+        let judged = self.judged_while(placements, &Known::new(), go_on)?;
+        Ok(judged.map(|judged| judged.into_iter().map(|judged| judged.scores).collect()))
     }
 
     /// Like [`Self::scores`], with beams that end at `range` metres, as in fog; the guards still compare
@@ -208,32 +251,6 @@ impl Evaluator {
         }
         let judged = self.together(placements.len(), &by_member);
         Ok(judged.into_iter().map(|judged| judged.scores).collect())
-    }
-
-    /// Tallies over all frames, `[members][placements]`.
-    ///
-    /// # Errors
-    /// See [`Backend::tally`].
-    pub(crate) fn tallies(
-        &mut self,
-        placements: &[Placement],
-    ) -> Result<Vec<Vec<Tally>>, BackendError> {
-        self.seats.iter_mut().map(|seat| seat.tally(placements, None)).collect()
-    }
-
-    /// Scores and guards of placements whose [`Self::tallies`] are known.
-    ///
-    /// # Errors
-    /// See [`Backend::tally`].
-    pub(crate) fn judged_from(
-        &mut self,
-        placements: &[Placement],
-        tallies: &[Vec<Tally>],
-    ) -> Result<Vec<Judged>, BackendError> {
-        let seats = self.seats.iter_mut().zip(tallies);
-        let by_member = seats.map(|(seat, known)| seat.scores_from(placements, known, None));
-        let by_member = by_member.collect::<Result<Vec<_>, _>>()?;
-        Ok(self.together(placements.len(), &by_member))
     }
 
     /// From the scores of each member to those of each of so many placements.

@@ -199,7 +199,8 @@ impl Generations {
         self.cma.as_ref().map_or(&[], Restarts::ended)
     }
 
-    /// Runs one generation: asks for candidates, scores those that keep the rules, tells the ranks.
+    /// Runs one generation: asks for candidates, scores those that keep the rules, tells the ranks. `None` once `go_on`,
+    /// which is asked before every few candidates and frames, says no; the search is then as before the call.
     ///
     /// # Errors
     /// The batch could not be evaluated; the search is then as before the call.
@@ -207,7 +208,8 @@ impl Generations {
         &mut self,
         evaluator: &mut Evaluator,
         settings: &Settings,
-    ) -> Result<Generation, SearchError> {
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Generation>, SearchError> {
         let constraints = evaluator.constraints().clone();
         let mut cma = self.cma.clone();
         let candidates = cma.as_mut().map(Restarts::ask).unwrap_or_default();
@@ -223,7 +225,7 @@ impl Generations {
         let kept = placements.iter().zip(&violation).filter(|(_, v)| **v == 0.0);
         let kept: Vec<Placement> = kept.map(|(placement, _)| placement.clone()).collect();
         let start = Instant::now();
-        let scores = evaluator.scores(&kept)?;
+        let Some(scores) = evaluator.scores_while(&kept, go_on)? else { return Ok(None) };
         let scoring = start.elapsed();
         let mut of_kept = scores.iter().map(|scores| Standing::of(scores, &settings.objective));
         let standing = |&violation: &f64| {
@@ -250,7 +252,7 @@ impl Generations {
         };
         self.cma = cma;
         let record = self.record(&standings);
-        Ok(Generation { record, scored: kept.into_iter().zip(scores).collect(), scoring })
+        Ok(Some(Generation { record, scored: kept.into_iter().zip(scores).collect(), scoring }))
     }
 
     /// The placements that points of the search space stand for.
@@ -270,7 +272,8 @@ impl Generations {
         Ok(named.map(|placement| grid.snapped(&placement, constraints.ties)).collect())
     }
 
-    /// Scores the best placement so far anew: on another problem its old value compares with nothing.
+    /// Scores the best placement so far anew: on another problem its old value compares with nothing. False, and
+    /// nothing is changed, where `go_on` said no as in [`Self::step`].
     ///
     /// # Errors
     /// The placement could not be evaluated.
@@ -278,12 +281,14 @@ impl Generations {
         &mut self,
         evaluator: &mut Evaluator,
         settings: &Settings,
-    ) -> Result<(), SearchError> {
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, SearchError> {
         if let Some(best) = &mut self.best {
-            let scores = evaluator.scores(std::slice::from_ref(&best.placement))?.remove(0);
-            best.standing = Standing::of(&scores, &settings.objective);
+            let scores = evaluator.scores_while(std::slice::from_ref(&best.placement), go_on)?;
+            let Some(scores) = scores else { return Ok(false) };
+            best.standing = Standing::of(&scores[0], &settings.objective);
         }
-        Ok(())
+        Ok(true)
     }
 
     fn keep_best(

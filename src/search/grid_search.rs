@@ -19,6 +19,8 @@ use crate::vehicle::{Constraints, Placement, PoseGrid};
 const LAZY_BLOCK: usize = 64;
 /// Poses that are cast between two looks at the time.
 const HELD_AT_ONCE: usize = 256;
+/// Poses × frames that are cast at once there at most.
+const HELD_FRAMES: usize = 2048;
 
 /// Slack of the least distance, as in [`Constraints::violations`].
 const SLACK: f64 = 1e-9;
@@ -146,7 +148,8 @@ impl GridSearch {
         poses: &[u32],
         go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<Vec<u32>, SearchError> {
-        let chunks = poses.len().div_ceil(HELD_AT_ONCE);
+        let frames = evaluator.frame_count().max(1);
+        let chunks = poses.len().div_ceil((HELD_FRAMES / frames).clamp(1, HELD_AT_ONCE));
         for chunk in 0..chunks {
             // Each chunk is spread over the whole grid: those that are held first stand for all.
             let some: Vec<u32> = poses.iter().skip(chunk).step_by(chunks).copied().collect();

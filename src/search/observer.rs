@@ -9,8 +9,8 @@ use super::generations::GenerationRecord;
 ///
 /// Every closure from an [`Event`] to `bool` is one: `&mut |_: &Event| true` lets a run go on in silence.
 pub trait Observer {
-    /// Takes note of an event. `false` interrupts the run: it finishes the generation or climb that is
-    /// under way, confirms what it has, and ends.
+    /// Takes note of an event. `false` interrupts the run: it ends the generation or climb that is under way,
+    /// confirms what it has, over few frames where there are many, and ends.
     fn on(&mut self, event: &Event) -> bool;
 }
 
@@ -24,6 +24,8 @@ impl<F: FnMut(&Event) -> bool> Observer for F {
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub enum Event<'a> {
+    /// Nothing new: whether the run is to go on.
+    Asks,
     /// A sentence for the user: the engine taken, frames added, a layout left out, a device lost.
     Note(&'a str),
     /// A generation is scored.
@@ -43,6 +45,8 @@ pub enum Event<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Work {
+    /// Frames looked at for the choice of those that the search begins with.
+    Frames,
     /// Sensor poses cast for the choice of equipment.
     Equipment,
     /// Rounds of exchanges in the choice of equipment.
@@ -63,6 +67,7 @@ pub enum Work {
 impl fmt::Display for Work {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Frames => f.write_str("frames looked at to choose a few"),
             Self::Equipment => f.write_str("poses for the choice of sensors"),
             Self::Exchanges => f.write_str("rounds of exchanged sensors at most"),
             Self::Generations => f.write_str("placements"),
@@ -99,6 +104,11 @@ impl<'a> Watch<'a> {
         !self.is_over()
     }
 
+    /// Whether the run is to go on, by the observer's word and the deadline.
+    pub(super) fn goes_on(&mut self) -> bool {
+        self.tell(&Event::Asks)
+    }
+
     pub(super) fn note(&mut self, sentence: &str) {
         self.tell(&Event::Note(sentence));
     }
@@ -106,6 +116,11 @@ impl<'a> Watch<'a> {
     /// True if the observer has stopped the run.
     pub(super) fn is_interrupted(&self) -> bool {
         self.interrupted
+    }
+
+    /// Why the run is to end, in words.
+    pub(super) fn why_over(&self) -> &'static str {
+        if self.interrupted { "interrupted" } else { "the time is over" }
     }
 
     /// True if the run is to end.

@@ -134,7 +134,8 @@ impl FramesOnDemand {
     }
 
     /// Chooses the levels of a suite over all frames, by a pilot of the baselines and some random
-    /// placements, within about `memory` bytes; hands out the pilot's tallies over all frames.
+    /// placements, within about `memory` bytes; hands out the pilot's tallies over all frames. `None` once `go_on`,
+    /// which is asked as [`Pilot::new`] does, says no.
     ///
     /// # Errors
     /// One placement does not fit.
@@ -142,21 +143,33 @@ impl FramesOnDemand {
         whole: &Suite,
         settings: &Settings,
         memory: u64,
-    ) -> Result<(Self, Known), SearchError> {
+        go_on: &mut dyn FnMut(usize) -> bool,
+    ) -> Result<Option<(Self, Known)>, SearchError> {
         let count = whole.frame_count();
         let (mut levels, mut errors) = (vec![(0..count).collect()], vec![None]);
         let mut work = PlacementFrames::default();
         let mut known = Vec::new();
         if count > 1 {
             let sample = sample(whole.constraints(), settings);
-            let pilot = Pilot::new(whole, sample, memory)?;
+            let Some(pilot) = Pilot::new(whole, sample, memory, go_on)? else { return Ok(None) };
             let found = pilot.levels(&settings.objective, FIRST_ERROR);
             (levels, errors) = found.into_iter().map(|l| (l.frames, l.error)).unzip();
             (work.levels, known) = (pilot.work(), pilot.tallies());
         }
+        Ok(Some((Self { work, ..Self::over(levels, errors) }, known)))
+    }
+
+    /// A search over the frames `few`, which nobody has compared with all: there was no time to.
+    pub fn hurried(few: Vec<usize>, all: usize) -> Self {
+        Self::over(vec![few, (0..all).collect()], vec![None; 2])
+    }
+
+    /// At the first of some levels.
+    fn over(levels: Vec<Vec<usize>>, errors: Vec<Option<f64>>) -> Self {
         let steps = vec![(0, levels[0].len() as u32)];
         let (at, finalists, worst_loss) = (0, Vec::new(), 0.0);
-        Ok((Self { levels, errors, at, finalists, work, steps, worst_loss }, known))
+        let work = PlacementFrames::default();
+        Self { levels, errors, at, finalists, work, steps, worst_loss }
     }
 
     /// Frames of the present level.
@@ -312,10 +325,16 @@ impl FramesOnDemand {
             steps: self.steps.clone(),
             placement_frames: WorkByPurpose { levels, search, swaps, confirm, full },
             share_of_full,
-            finalists: self.finalists.len(),
+            finalists: self.confirmed_count(),
             worst_loss_seen: self.worst_loss,
             words: self.words(share_of_full),
         }
+    }
+
+    /// Finalists whose scores over all frames are known.
+    fn confirmed_count(&self) -> usize {
+        let confirmed = |f: &&Finalist| !self.has_choice() || f.confirmed.is_some();
+        self.finalists.iter().filter(confirmed).count()
     }
 
     fn words(&self, share: f64) -> String {
@@ -334,7 +353,7 @@ impl FramesOnDemand {
             "searched over {}; with {} finalists confirmed over all frames this took {:.0} % of the \
              placements × frames of a search over all; checks saw a loss of {:.3} % at most",
             steps.collect::<Vec<_>>().join(", "),
-            self.finalists.len(),
+            self.confirmed_count(),
             100.0 * share,
             100.0 * self.worst_loss
         )

@@ -192,6 +192,8 @@ pub struct Outcome {
     pub frames_used: Option<FramesUsed>,
     /// Frames that the search averaged over.
     pub search_frames: usize,
+    /// Frames that result and baselines are scored over: all, unless the run had to end before that.
+    pub confirmed_frames: usize,
     /// A record of each generation.
     pub history: Vec<GenerationRecord>,
     /// Placements that the generations evaluated.

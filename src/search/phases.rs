@@ -54,7 +54,8 @@ impl Suite {
     }
 }
 
-/// Scores a result and a baseline at [`DRAWS`] draws that follow `seed`.
+/// Scores a result and a baseline at [`DRAWS`] draws that follow `seed`; `None` once `go_on`, which is asked before
+/// every few frames, says no.
 pub(super) fn check(
     suite: &Suite,
     objective: &Objective,
@@ -62,12 +63,14 @@ pub(super) fn check(
     baseline: Option<&Placement>,
     seed: u64,
     memory: u64,
-) -> Result<PhaseCheck, SearchError> {
+    go_on: &mut dyn FnMut() -> bool,
+) -> Result<Option<PhaseCheck>, SearchError> {
     let both: Vec<Placement> = std::iter::once(best).chain(baseline).cloned().collect();
     let (mut ours, mut theirs) = (Vec::new(), Vec::new());
     for draw in 1..=DRAWS {
         let drawn = suite.with_draw(seed + draw);
-        let scores = Evaluator::suite_on_cpu(&drawn, memory).scores(&both)?;
+        let scores = Evaluator::suite_on_cpu(&drawn, memory).scores_while(&both, go_on)?;
+        let Some(scores) = scores else { return Ok(None) };
         ours.extend(objective.value(&scores[0]));
         theirs.extend(scores.get(1).and_then(|scores| objective.value(scores)));
     }
@@ -77,7 +80,7 @@ pub(super) fn check(
         (true, true) => "azimuth phases and of the beams that come back",
     };
     let words = words(drawn, &ours, &theirs, baseline);
-    Ok(PhaseCheck { ours, theirs, words })
+    Ok(Some(PhaseCheck { ours, theirs, words }))
 }
 
 fn words(drawn: &str, ours: &[f64], theirs: &[f64], baseline: Option<&Placement>) -> String {

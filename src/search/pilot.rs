@@ -17,7 +17,8 @@ pub struct Pilot {
 }
 
 impl Pilot {
-    /// Scores `placements` in every frame, on the CPU, within about `memory` bytes.
+    /// Scores `placements` in every frame, on the CPU, within about `memory` bytes; `None` once `go_on`, which is asked
+    /// before each frame with the number of frames that are done, says no.
     ///
     /// # Errors
     /// One placement does not fit.
@@ -25,20 +26,24 @@ impl Pilot {
         suite: &Suite,
         placements: Vec<Placement>,
         memory: u64,
-    ) -> Result<Self, BackendError> {
+        go_on: &mut dyn FnMut(usize) -> bool,
+    ) -> Result<Option<Self>, BackendError> {
         let mut by_frame: Vec<Vec<Tally>> = Vec::new();
         for member in suite.members() {
             let problem = member.problem();
             let (first, seen) = (by_frame.len(), member.seen(&placements));
             let mut backend = CpuBackend::new(problem.clone(), memory);
             for frame in 0..problem.frame_count() {
+                if !go_on(by_frame.len()) {
+                    return Ok(None);
+                }
                 by_frame.push(match by_frame.get(first + problem.first_equal(frame)) {
                     Some(equal) => equal.clone(),
                     None => backend.tally_frame(&seen, frame)?,
                 });
             }
         }
-        Ok(Self { suite: suite.clone(), placements, by_frame })
+        Ok(Some(Self { suite: suite.clone(), placements, by_frame }))
     }
 
     /// Placements × frames that were scored.

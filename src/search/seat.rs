@@ -1,26 +1,39 @@
-//! One scene and its engine: tallies, and scores with the guards of that scene.
+//! One scene and its engine: tallies, and scores with the guards of that scene, at once or a few frames at a time.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use glam::DVec3;
 
 use super::suite::Member;
-use crate::engine::{Backend, BackendError};
-use crate::problem::Tally;
+use crate::engine::{Backend, BackendError, CpuBackend};
+use crate::problem::{Problem, Tally};
 use crate::score::{Scores, reference_layout, short_sight};
 use crate::vehicle::{Placement, SensorName, SensorPose};
+
+/// Frames that are scored at once where a run may be told to stop in between; also the most frames that a run scores
+/// whatever the time.
+pub(super) const FRAMES_AT_ONCE: usize = 32;
+/// Placements that are scored at once there, at least.
+const PLACEMENTS_AT_ONCE: usize = 4;
+/// Placements × frames that each thread of the host scores there: a few seconds at most.
+const HOST_AT_ONCE: usize = 64;
+/// Placements × frames that a device scores there.
+const DEVICE_AT_ONCE: usize = 1 << 14;
 
 /// A member of a suite with its engine.
 pub(super) struct Seat {
     pub member: Member,
     pub backend: Box<dyn Backend>,
+    /// Bytes of work buffers on the host.
+    memory: u64,
     /// Tallies of the reference layout by number of LiDARs; see [`crate::score::Guard`].
     references: BTreeMap<Vec<SensorName>, Tally>,
 }
 
 impl Seat {
-    pub fn new(member: Member, backend: Box<dyn Backend>) -> Self {
-        Self { member, backend, references: BTreeMap::new() }
+    pub fn new(member: Member, backend: Box<dyn Backend>, memory: u64) -> Self {
+        Self { member, backend, memory, references: BTreeMap::new() }
     }
 
     /// Tallies over all frames, with beams of `range` metres.
@@ -32,6 +45,74 @@ impl Seat {
         self.backend.tally(&self.member.seen(placements), range)
     }
 
+    /// Like [`Self::tally`], a few placements at a time, and on the host a few frames; the bits are the same. `None`
+    /// once `go_on`, which is asked before each of them, says no.
+    fn tally_while(
+        &mut self,
+        placements: &[Placement],
+        range: Option<f32>,
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Vec<Tally>>, BackendError> {
+        let problem = self.member.problem().clone();
+        let classes = problem.content().set_count();
+        let mut sums: Vec<Tally> =
+            placements.iter().map(|p| Tally::zero(classes, p.lidars.len())).collect();
+        let is_host = self.backend.name() == "cpu";
+        let groups = if is_host { frame_groups(&problem) } else { Vec::new() };
+        let frames = problem.distinct_frames().len().max(1);
+        let at_once = match is_host {
+            true => HOST_AT_ONCE * rayon::current_num_threads() / frames.min(FRAMES_AT_ONCE),
+            false => DEVICE_AT_ONCE / frames,
+        };
+        let at_once = at_once.max(PLACEMENTS_AT_ONCE);
+        let mut add = |backend: &mut dyn Backend| -> Result<bool, BackendError> {
+            for (some, sums) in placements.chunks(at_once).zip(sums.chunks_mut(at_once)) {
+                if !go_on() {
+                    return Ok(false);
+                }
+                let tallies = backend.tally(&self.member.seen(some), range)?;
+                sums.iter_mut().zip(&tallies).for_each(|(sum, tally)| *sum += tally);
+            }
+            Ok(true)
+        };
+        if groups.len() < 2 {
+            return Ok(add(&mut *self.backend)?.then_some(sums));
+        }
+        for frames in groups {
+            let part = Arc::new(problem.over(&frames));
+            if !add(&mut CpuBackend::new(part, self.memory))? {
+                return Ok(None);
+            }
+        }
+        Ok(Some(sums))
+    }
+
+    /// Scores and guards of placements, of which some tallies over all frames are `known`, as [`Self::scores_from`]
+    /// has them; `None` once `go_on`, which is asked before every few placements and frames, says no.
+    pub fn scores_while(
+        &mut self,
+        placements: &[Placement],
+        known: &[Option<Tally>],
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Vec<Scores>>, BackendError> {
+        let open = placements.iter().zip(known).filter(|(_, known)| known.is_none());
+        let open: Vec<Placement> = open.map(|(placement, _)| placement.clone()).collect();
+        let Some(cast) = self.tally_while(&open, None, go_on)? else { return Ok(None) };
+        let mut cast = cast.into_iter();
+        let tallies: Vec<Tally> =
+            known.iter().filter_map(|known| known.clone().or_else(|| cast.next())).collect();
+        let far = Some(self.member.problem().far_range());
+        for (models, layout) in self.missing_references(placements) {
+            let Some(tally) = self.tally_while(&[layout], far, go_on)? else { return Ok(None) };
+            self.references.extend(tally.into_iter().map(|tally| (models.clone(), tally)));
+        }
+        let limited = self.limited(placements, None);
+        let chosen: Vec<Placement> = limited.iter().map(|&i| placements[i].clone()).collect();
+        let Some(unlimited) = self.tally_while(&chosen, far, go_on)? else { return Ok(None) };
+        let unlimited = limited.into_iter().zip(unlimited).collect();
+        Ok(Some(self.assembled(placements, &tallies, &unlimited)))
+    }
+
     /// Scores and guards of placements whose tallies over all frames, with beams of `range` metres, are
     /// known.
     pub fn scores_from(
@@ -40,17 +121,36 @@ impl Seat {
         tallies: &[Tally],
         range: Option<f32>,
     ) -> Result<Vec<Scores>, BackendError> {
-        let problem = self.member.problem().clone();
-        for models in placements.iter().map(models_of) {
-            if !self.references.contains_key(&models) {
-                let layout = reference_layout(problem.constraints(), &models);
-                // With unlimited range, so that a placement whose range is cut, by fog say, compares
-                // with a layout that sees all.
-                let tally = self.tally(&[layout], Some(problem.far_range()))?.remove(0);
-                self.references.insert(models, tally);
-            }
+        let far = Some(self.member.problem().far_range());
+        for (models, layout) in self.missing_references(placements) {
+            let tally = self.tally(&[layout], far)?.remove(0);
+            self.references.insert(models, tally);
         }
-        let unlimited = self.unlimited_tallies(placements, range)?;
+        let limited = self.limited(placements, range);
+        let chosen: Vec<Placement> = limited.iter().map(|&i| placements[i].clone()).collect();
+        let unlimited = limited.into_iter().zip(self.tally(&chosen, far)?).collect();
+        Ok(self.assembled(placements, tallies, &unlimited))
+    }
+
+    /// Reference layouts, by the models of a placement's sensors, that are not tallied yet.
+    ///
+    /// They are cast with unlimited range, so that a placement whose range is cut, by fog say, compares with a layout
+    /// that sees all.
+    fn missing_references(&self, placements: &[Placement]) -> BTreeMap<Vec<SensorName>, Placement> {
+        let constraints = self.member.problem().constraints();
+        let models = placements.iter().map(models_of);
+        let missing = models.filter(|models| !self.references.contains_key(models));
+        missing.map(|models| (models.clone(), reference_layout(constraints, &models))).collect()
+    }
+
+    /// Scores from tallies; `unlimited` holds those without a limit of range, by index.
+    fn assembled(
+        &self,
+        placements: &[Placement],
+        tallies: &[Tally],
+        unlimited: &BTreeMap<usize, Tally>,
+    ) -> Vec<Scores> {
+        let problem = self.member.problem();
         let scores = placements.iter().zip(tallies).enumerate();
         let scores = scores.map(|(index, (placement, tally))| {
             let mut scores = Scores::new(
@@ -65,15 +165,11 @@ impl Seat {
             scores.guards.extend(unlimited.and_then(|far| short_sight(tally, far)));
             scores
         });
-        Ok(scores.collect())
+        scores.collect()
     }
 
-    /// Tallies without a limit of range, by index, of the placements that have voxels beyond it.
-    fn unlimited_tallies(
-        &mut self,
-        placements: &[Placement],
-        range: Option<f32>,
-    ) -> Result<BTreeMap<usize, Tally>, BackendError> {
+    /// Indices of the placements that have voxels beyond the range of their sensors.
+    fn limited(&self, placements: &[Placement], range: Option<f32>) -> Vec<usize> {
         let problem = self.member.problem();
         let roi = problem.roi();
         let (min, max) = (DVec3::from(roi.min()), DVec3::from(roi.max()));
@@ -85,12 +181,21 @@ impl Seat {
             own.is_ok_and(|own| farthest > f64::from(range.unwrap_or(own)))
         };
         let seen = self.member.seen(placements);
-        let limited: Vec<usize> =
-            (0..placements.len()).filter(|&p| seen[p].lidars.iter().any(is_limited)).collect();
-        let chosen: Vec<Placement> = limited.iter().map(|&i| seen[i].clone()).collect();
-        let tallies = self.backend.tally(&chosen, Some(problem.far_range()))?;
-        Ok(limited.into_iter().zip(tallies).collect())
+        (0..placements.len()).filter(|&p| seen[p].lidars.iter().any(is_limited)).collect()
     }
+}
+
+/// Frames in groups of at most [`FRAMES_AT_ONCE`] distinct ones, each with all that are equal to them.
+fn frame_groups(problem: &Problem) -> Vec<Vec<usize>> {
+    let distinct: Vec<usize> =
+        problem.distinct_frames().into_iter().map(|(frame, _)| frame).collect();
+    let mut groups = vec![Vec::new(); distinct.len().div_ceil(FRAMES_AT_ONCE)];
+    for frame in 0..problem.frame_count() {
+        if let Ok(place) = distinct.binary_search(&problem.first_equal(frame)) {
+            groups[place / FRAMES_AT_ONCE].push(frame);
+        }
+    }
+    groups
 }
 
 /// Names of the models of a placement's sensors, sorted.

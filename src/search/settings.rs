@@ -39,13 +39,15 @@ pub enum FrameChoice {
 pub struct TimeLimit {
     /// When it began to run.
     pub start: Instant,
-    /// After which the search ends; generations end after two fifths of it. Confirming the result comes
-    /// on top.
+    /// After which the run ends; generations end after two fifths of it, and where there are many frames to confirm the
+    /// result over, all of the search after four fifths. Scoring the result over few frames comes on top.
     pub length: Duration,
 }
 
 /// Share of a [`TimeLimit`] that the generations may take; the swaps have the rest.
 const GENERATIONS_SHARE: f64 = 0.4;
+/// Share that the whole search may take where the result is confirmed over many frames.
+const SEARCH_SHARE: f64 = 0.8;
 
 impl TimeLimit {
     /// A limit that begins to run now.
@@ -56,6 +58,11 @@ impl TimeLimit {
     /// When the search has to end.
     pub fn deadline(&self) -> Instant {
         self.start + self.length
+    }
+
+    /// When the search has to end where the result is confirmed over many frames.
+    pub(super) fn search_deadline(&self) -> Instant {
+        self.start + self.length.mul_f64(SEARCH_SHARE)
     }
 
     /// When the generations have to end.

@@ -59,11 +59,12 @@ impl<'a> Cases<'a> {
         if !self.observer.goes_on() {
             return Ok(None);
         }
-        let (values, placement) = measure()?;
-        // A case that was cut short is not kept as if it were whole.
+        let measured = measure();
+        // A case that was cut short is not kept as if it were whole, nor is its end an error.
         if !self.observer.goes_on() {
             return Ok(None);
         }
+        let (values, placement) = measured?;
         let row = Row { name: name.to_owned(), values, placement };
         self.known.push(row.clone());
         self.observer.measured(self.known);

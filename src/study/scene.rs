@@ -33,7 +33,7 @@ impl<'a> StudyScene<'a> {
         let job = job.frames(Some(settings.frames)).engine(settings.engine.clone());
         let this = Self { job, scene: scene.scene(), settings, published, observer };
         let objective = &settings.objective;
-        let psog = scene.psog(|| {})?;
+        let psog = scene.psog(|_| observer.goes_on())?;
         if objective.needs_detection() && this.scene.detection_among(psog.classes()).is_empty() {
             let (scene, objective) = (this.place(), objective.to_string());
             return Err(StudyError::NoDetection { scene, objective });
@@ -88,7 +88,7 @@ impl<'a> StudyScene<'a> {
         };
         let bounds = self.scene.roi();
         let roi = Roi::from_bounds(bounds.min, bounds.max, voxel)?;
-        let (psog, _) = scan_scene(self.scene, &roi, settings, || ())?;
+        let (psog, _) = scan_scene(self.scene, &roi, settings, |_| self.goes_on())?;
         self.open(&self.job.clone().on_grid_of(psog))
     }
 

@@ -34,7 +34,9 @@ fn steps(run: &RunRecord) -> Markup {
             @if steps.len() > 1 {
                 " at first, and over other numbers of them behind each upright line, whose two sides do not compare"
             }
-            "; the lines across are over all " (run.frames) "."
+            "; the lines across are over "
+            @if run.confirmed_frames == run.frames { "all " }
+            (run.confirmed_frames) "."
         }
     }
 }

@@ -16,6 +16,7 @@ impl<'a> Bars<'a> {
 
     pub fn show(&mut self, event: &Event) {
         match *event {
+            Event::Asks => {}
             Event::Note(sentence) => self.watcher.note(sentence),
             Event::Generation(record) => {
                 if let (Some((_, bar)), Some(best)) = (&self.shown, record.best_so_far) {

@@ -54,7 +54,9 @@ pub fn optimize(
             (None, new.begun()?, None, new.settings()?)
         }
     };
-    let mut loaded = opening::job(&begun.files, computing)?;
+    let length = request.max_seconds.map(Duration::from_secs_f64);
+    let time = length.map(|length| TimeLimit { start, length });
+    let mut loaded = opening::job_within(&begun.files, time, computing)?;
     loaded.suite(computing)?;
     let mut inputs = Vec::new();
     for scene in loaded.job.scenes() {
@@ -62,8 +64,6 @@ pub fn optimize(
         inputs.extend(Input::of(scene.scene().files())?);
     }
     glb::check(request.gltf.as_deref())?;
-    let length = request.max_seconds.map(Duration::from_secs_f64);
-    let time = length.map(|length| TimeLimit { start, length });
     if let Start::New(new) = &request.start {
         new.look(&mut settings, &*loaded.job.problem()?, computing)?;
     }

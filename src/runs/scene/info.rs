@@ -57,10 +57,8 @@ pub fn count(path: &Path, watcher: &dyn Watcher) -> Result<SceneCounts, Error> {
         )));
     }
     let frames = scene.frame_count();
-    let bar = watcher.bar(frames as u64, Some("frames scanned for the P-SOG"));
     let job = Job::new(scene);
-    let (scene, psog) = (job.scene(), job.scenes()[0].psog(|| bar.advance(1))?);
-    drop(bar);
+    let (scene, psog) = (job.scene(), opening::psog(&job.scenes()[0], None, watcher)?);
     let info = PsogInfo::new(&psog, None);
     let soup = scene.frame(0, EgoBody::Include);
     let mut actors = BTreeMap::new();

@@ -51,7 +51,7 @@ pub(super) fn interrupted(request: &ScoreRequest, scored: u64, total: u64) -> Er
     let all = if total > 0 { format!(" of {total}") } else { String::new() };
     let left = request.out.as_ref().map(|out| format!("; {} is not written", out.display()));
     let left = left.unwrap_or_default();
-    Error::Usage(format!("interrupted after {scored}{all} placements{left}"))
+    Error::Interrupted(format!("interrupted after {scored}{all} placements{left}"))
 }
 
 /// Writes the covered voxels of a placement, in rising order.

@@ -1,13 +1,13 @@
 //! Frames: which ones the search begins with, and when it goes on over more.
 
 use super::state::{Phase, Run};
-use crate::problem::Tally;
 use crate::score::Scores;
 use crate::search::error::SearchError;
 use crate::search::evaluator::Judged;
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::on_demand::FramesOnDemand;
 use crate::search::outcome::Scored;
+use crate::search::pilot::Known;
 use crate::search::settings::{FrameChoice, Method};
 use crate::vehicle::Placement;
 
@@ -21,11 +21,23 @@ impl Run {
             watch.note(&format!("not starting from {}: {}", layout.name, layout.why.join("; ")));
         }
         if self.state.settings.frames == FrameChoice::OnDemand {
-            let memory = self.memory();
-            let (levels, known) =
-                FramesOnDemand::choose(&self.suite, &self.state.settings, memory)?;
-            self.state.levels = Some(levels);
-            self.sitting.known = known;
+            let (memory, heeds_time) = (self.memory(), self.heeds_time());
+            let (work, total) = (Work::Frames, self.suite.frame_count() as u64);
+            let mut go_on = |done: usize| {
+                let done = done as u64;
+                watch.tell(&Event::Progress { work, done, total }) || !heeds_time
+            };
+            let settings = &self.state.settings;
+            match FramesOnDemand::choose(&self.suite, settings, memory, &mut go_on)? {
+                Some((levels, known)) => {
+                    self.state.levels = Some(levels);
+                    self.sitting.known = known;
+                }
+                None => {
+                    self.cut(watch);
+                    self.hurry(watch);
+                }
+            }
         }
         self.evaluator(watch)?;
         self.state.phase = match self.state.settings.method {
@@ -36,96 +48,143 @@ impl Run {
     }
 
     /// Takes note of a generation, and goes on over more frames where those of the search no longer tell
-    /// the best apart.
+    /// the best apart. False where the run is to end before that is done.
     pub(super) fn follow(
         &mut self,
         scored: Vec<(Placement, Scores)>,
         watch: &mut Watch,
-    ) -> Result<(), SearchError> {
+    ) -> Result<bool, SearchError> {
         let objective = self.objective();
-        let Some(levels) = &mut self.state.levels else { return Ok(()) };
+        let Some(levels) = &mut self.state.levels else { return Ok(true) };
         levels.note(scored, &objective);
         let generation = self.state.generations.generation();
         let evaluations = self.state.generations.evaluations() as f64;
         let mut level = levels.enough(evaluations / self.state.settings.evaluations as f64);
         if level == levels.level() && levels.is_due(generation) {
             let to_check = levels.to_check();
-            let scores = self.over_all(watch)?.scores(&to_check)?;
+            let Some(scores) = self.scores_over_all(&to_check, watch)? else { return Ok(false) };
             let levels = self.state.levels.as_mut().expect("there are levels above");
             levels.confirmed(&scores, &objective);
             if levels.is_unsure() {
                 level = levels.next();
             }
         }
-        if self.state.generations.stopped().is_none() && self.go_to(level, watch)? {
-            let frames = self.frames().len();
-            watch.note(&format!("generation {generation}: on with {frames} frames"));
-            let settings = self.state.settings.clone();
-            self.evaluator(watch)?;
-            let evaluator = self.sitting.evaluator.as_mut().expect("opened in the line above");
-            self.state.generations.rescore_best(evaluator, &settings)?;
+        let is_at_end = self.state.generations.stopped().is_some();
+        match !is_at_end && self.is_other(level) {
+            true => self.go_on_over(level, watch),
+            false => Ok(true),
         }
-        Ok(())
     }
 
-    /// Goes to a level of frames and scores the finalists there; false where it is the present one.
-    pub(super) fn go_to(&mut self, level: usize, watch: &mut Watch) -> Result<bool, SearchError> {
-        let objective = self.objective();
-        let generation = self.state.generations.generation();
-        let Some(levels) = self.state.levels.as_mut().filter(|levels| levels.level() != level)
-        else {
+    /// True if a level of frames is not the present one.
+    fn is_other(&self, level: usize) -> bool {
+        self.state.levels.as_ref().is_some_and(|levels| levels.level() != level)
+    }
+
+    /// Lets the generations go on over a level of frames. False, as before, where the run is to end before the best
+    /// are scored there.
+    fn go_on_over(&mut self, level: usize, watch: &mut Watch) -> Result<bool, SearchError> {
+        let (kept, heeds_time) = (self.state.levels.clone(), self.heeds_time());
+        if !self.go_to(level, watch)? {
             return Ok(false);
-        };
+        }
+        let settings = self.state.settings.clone();
+        self.evaluator(watch)?;
+        let evaluator = self.sitting.evaluator.as_mut().expect("opened in the line above");
+        let mut go_on = || watch.goes_on() || !heeds_time;
+        if !self.state.generations.rescore_best(evaluator, &settings, &mut go_on)? {
+            self.state.levels = kept;
+            return Ok(false);
+        }
+        let (frames, generation) = (self.frames().len(), self.state.generations.generation());
+        watch.note(&format!("generation {generation}: on with {frames} frames"));
+        Ok(true)
+    }
+
+    /// Goes to a level of frames and scores the finalists there, unless it is the present one. False, as before, where
+    /// the run is to end before that.
+    pub(super) fn go_to(&mut self, level: usize, watch: &mut Watch) -> Result<bool, SearchError> {
+        if !self.is_other(level) {
+            return Ok(true);
+        }
+        let (objective, heeds_time) = (self.objective(), self.heeds_time());
+        let generation = self.state.generations.generation();
+        let kept = self.state.levels.clone();
+        let Some(levels) = &mut self.state.levels else { return Ok(true) };
         levels.go_to(level, generation);
         let finalists = levels.finalists();
-        let scores = self.evaluator(watch)?.scores(&finalists)?;
+        let evaluator = self.evaluator(watch)?;
+        let mut go_on = || watch.goes_on() || !heeds_time;
+        let Some(scores) = evaluator.scores_while(&finalists, &mut go_on)? else {
+            self.state.levels = kept;
+            return Ok(false);
+        };
         if let Some(levels) = &mut self.state.levels {
             levels.rescored(&scores, &objective);
         }
         Ok(true)
     }
 
-    /// Scores over all frames, told a few placements at a time.
+    /// Scores over the frames of [`Self::confirming`], told a few placements at a time; `None` where the run is to end before that.
     pub(super) fn judged_over_all(
         &mut self,
         placements: &[Placement],
         watch: &mut Watch,
-    ) -> Result<Vec<Judged>, SearchError> {
-        let work = Work::Confirming { frames: self.suite.frame_count() };
+    ) -> Result<Option<Vec<Judged>>, SearchError> {
+        let (work, heeds_time) = (self.work_of_confirming(), self.heeds_time());
         let mut judged = Vec::new();
         for some in placements.chunks(CONFIRMED_AT_ONCE) {
-            judged.extend(self.over_all(watch)?.judged(some)?);
+            let evaluator = self.over_all(watch)?;
+            let mut go_on = || watch.goes_on() || !heeds_time;
+            let Some(more) = evaluator.judged_while(some, &Known::new(), &mut go_on)? else {
+                return Ok(None);
+            };
+            judged.extend(more);
             let (done, total) = (judged.len() as u64, placements.len() as u64);
             watch.tell(&Event::Progress { work, done, total });
         }
-        Ok(judged)
+        Ok(Some(judged))
     }
 
-    /// The baselines over all frames; those that the pilot has scored are not cast again.
-    pub(super) fn baselines(&mut self, watch: &mut Watch) -> Result<Vec<Scored>, SearchError> {
+    fn work_of_confirming(&self) -> Work {
+        let few = self.sitting.hurried.as_ref().map(Vec::len);
+        Work::Confirming { frames: few.unwrap_or_else(|| self.suite.frame_count()) }
+    }
+
+    /// Scores of [`Self::judged_over_all`] alone, in silence.
+    pub(super) fn scores_over_all(
+        &mut self,
+        placements: &[Placement],
+        watch: &mut Watch,
+    ) -> Result<Option<Vec<Scores>>, SearchError> {
+        let heeds_time = self.heeds_time();
+        let evaluator = self.over_all(watch)?;
+        let mut go_on = || watch.goes_on() || !heeds_time;
+        Ok(evaluator.scores_while(placements, &mut go_on)?)
+    }
+
+    /// The baselines over the frames of [`Self::confirming`]; those that the pilot has scored are not cast again. `None`
+    /// where the run is to end before that.
+    pub(super) fn baselines(
+        &mut self,
+        watch: &mut Watch,
+    ) -> Result<Option<Vec<Scored>>, SearchError> {
         if let Some(baselines) = &self.sitting.baselines {
-            return Ok(baselines.clone());
+            return Ok(Some(baselines.clone()));
         }
         let baselines = self.state.settings.baselines.clone();
-        let mut known = std::mem::take(&mut self.sitting.known);
-        if self.suite.is_left_to_chance() {
-            // Scores of the draw that the search has seen.
-            known.clear();
-        }
-        let known = |p: &Placement| known.iter().find(|(k, _)| k.lidars == p.lidars).map(|k| &k.1);
-        let missing: Vec<Placement> =
-            baselines.iter().filter(|p| known(p).is_none()).cloned().collect();
+        // Of another draw than that with which placements are confirmed, of other frames than a few.
+        let is_known = !self.suite.is_left_to_chance() && self.sitting.hurried.is_none();
+        let known = if is_known { self.sitting.known.clone() } else { Known::new() };
+        let heeds_time = self.heeds_time();
         let evaluator = self.over_all(watch)?;
-        let cast = evaluator.tallies(&missing)?.into_iter().enumerate();
-        let tallies = cast.map(|(member, cast)| {
-            let mut cast = cast.into_iter();
-            let tally = |p| known(p).map(|known| known[member].clone()).or_else(|| cast.next());
-            baselines.iter().filter_map(tally).collect()
-        });
-        let tallies: Vec<Vec<Tally>> = tallies.collect();
-        let judged = evaluator.judged_from(&baselines, &tallies)?;
+        let mut go_on = || watch.goes_on() || !heeds_time;
+        let Some(judged) = evaluator.judged_while(&baselines, &known, &mut go_on)? else {
+            return Ok(None);
+        };
         let scored = self.scored(&baselines, judged);
         self.sitting.baselines = Some(scored.clone());
-        Ok(scored)
+        self.sitting.known.clear();
+        Ok(Some(scored))
     }
 }

@@ -14,20 +14,45 @@ use crate::search::outcome::{MethodRecord, Outcome, Scored, Stopped};
 use crate::search::phases::{self, PhaseCheck};
 use crate::search::pilot::Pilot;
 use crate::search::rules::active_bounds;
+use crate::search::seat::FRAMES_AT_ONCE;
 use crate::search::settings::Method;
 use crate::search::spread::{Gain, GainSpread};
 use crate::vehicle::Placement;
 
+/// Says that a part of the outcome is left out for want of time.
+fn left_out(part: &str, watch: &mut Watch) {
+    let why = watch.why_over();
+    watch.note(&format!("{why}: {part} is left out"));
+}
+
+/// What a method found.
+enum Found {
+    Nothing,
+    /// The run is to end before it is scored.
+    Stopped,
+    One(MethodRecord, Box<Scored>),
+}
+
 impl Run {
-    /// Scores what each method found, and the baselines, over all frames.
+    /// Scores what each method found, and the baselines: over all frames, or where the run is to end before that over
+    /// few.
     pub(super) fn confirm(&mut self, watch: &mut Watch) -> Result<Outcome, SearchError> {
-        let (mut finalists, mut methods) = (Vec::new(), Vec::new());
-        for (method, scored) in
-            [self.found_by_generations(watch)?, self.found_by_swaps(watch)?].into_iter().flatten()
-        {
-            methods.push(method);
-            finalists.push(scored);
+        if let Some(outcome) = self.confirmed(watch)? {
+            return Ok(outcome);
         }
+        self.cut(watch);
+        let (few, all) = (self.few_frames(), self.suite.frame_count());
+        let (count, why) = (few.len(), watch.why_over());
+        watch.note(&format!("{why}: result and baselines are scored over {count} of {all} frames"));
+        self.sitting.hurried = Some(few);
+        (self.sitting.over_all, self.sitting.baselines) = (None, None);
+        Ok(self.confirmed(watch)?.expect("few frames are scored whatever the time"))
+    }
+
+    /// The outcome over the frames of [`Self::confirming`]; `None` where the run is to end before that.
+    fn confirmed(&mut self, watch: &mut Watch) -> Result<Option<Outcome>, SearchError> {
+        let Some(found) = self.found(watch)? else { return Ok(None) };
+        let (mut methods, mut finalists): (Vec<_>, Vec<_>) = found.into_iter().unzip();
         let standings: Vec<Standing> = finalists.iter().map(Scored::standing).collect();
         let best = Standing::best(&standings).map(|best| {
             methods[best].won = true;
@@ -37,7 +62,7 @@ impl Run {
             Some(best) => self.certificate(&best.placement, watch)?,
             None => None,
         };
-        let baselines = self.baselines(watch)?;
+        let Some(baselines) = self.baselines(watch)? else { return Ok(None) };
         self.tell_changes(watch);
         let evaluations = self.state.generations.evaluations();
         let constraints = self.suite.constraints();
@@ -47,15 +72,15 @@ impl Run {
         let search_frames = self.frames().len();
         let sample = self.state.bounds.as_ref().filter(|_| best.is_some());
         let spread = match &best {
-            Some(best) => self.spread(best, &baselines)?,
+            Some(best) => self.spread(best, &baselines, watch)?,
             None => None,
         };
-        let phases = self.phase_check(best.as_ref(), &baselines)?;
+        let phases = self.phase_check(best.as_ref(), &baselines, watch)?;
         let evaluator = self.sitting.evaluator.as_ref();
         let engine = evaluator.map(|evaluator| evaluator.backend());
         let mut backend_changes = self.sitting.changes.clone();
         backend_changes.extend(evaluator.into_iter().flat_map(Evaluator::changes));
-        Ok(Outcome {
+        Ok(Some(Outcome {
             active_bounds: best
                 .as_ref()
                 .map(|best| active_bounds(&best.placement, constraints))
@@ -69,6 +94,7 @@ impl Run {
             findings: sample.map(|bounds| findings(&bounds.sample.scored())).unwrap_or_default(),
             frames_used: self.state.levels.as_ref().map(used),
             search_frames,
+            confirmed_frames: self.confirming().frame_count(),
             history: self.state.history.clone(),
             evaluations,
             ended: self.ended_in_words(),
@@ -78,7 +104,23 @@ impl Run {
             adapter: engine.map_or_else(String::new, |engine| engine.adapter().to_owned()),
             backend_changes,
             times: self.sitting.times,
-        })
+        }))
+    }
+
+    /// Placements that each method found; `None` where the run is to end before they are scored.
+    fn found(
+        &mut self,
+        watch: &mut Watch,
+    ) -> Result<Option<Vec<(MethodRecord, Scored)>>, SearchError> {
+        let mut found = Vec::new();
+        for of_method in [Self::found_by_generations, Self::found_by_swaps] {
+            match of_method(self, watch)? {
+                Found::Nothing => {}
+                Found::Stopped => return Ok(None),
+                Found::One(method, scored) => found.push((method, *scored)),
+            }
+        }
+        Ok(Some(found))
     }
 
     /// What the result and the best baseline are worth at phases that the search has not seen.
@@ -86,23 +128,29 @@ impl Run {
         &self,
         best: Option<&Scored>,
         baselines: &[Scored],
+        watch: &mut Watch,
     ) -> Result<Option<PhaseCheck>, SearchError> {
         let Some(best) = best.filter(|_| self.suite.is_left_to_chance()) else { return Ok(None) };
         let rival = Scored::yardstick(baselines).map(|rival| &rival.placement);
-        let (objective, memory) = (self.objective(), self.memory());
-        let best = &best.placement;
-        phases::check(&self.suite, &objective, best, rival, CONFIRMING, memory).map(Some)
+        let (objective, memory, heeds_time) = (self.objective(), self.memory(), self.heeds_time());
+        let (best, suite) = (&best.placement, self.confirming());
+        let mut go_on = || watch.goes_on() || !heeds_time;
+        let checked =
+            phases::check(&suite, &objective, best, rival, CONFIRMING, memory, &mut go_on)?;
+        if checked.is_none() {
+            left_out("the check at other draws", watch);
+        }
+        Ok(checked)
     }
 
     /// The best of the generations.
-    fn found_by_generations(
-        &mut self,
-        watch: &mut Watch,
-    ) -> Result<Option<(MethodRecord, Scored)>, SearchError> {
+    fn found_by_generations(&mut self, watch: &mut Watch) -> Result<Found, SearchError> {
         let best = self.state.generations.best().map(|best| best.placement.clone());
-        let Some(best) = self.state.chosen.clone().or(best) else { return Ok(None) };
+        let Some(best) = self.state.chosen.clone().or(best) else {
+            return Ok(Found::Nothing);
+        };
         let named = [self.written(&Placement { name: "optimized".into(), ..best })];
-        let judged = self.judged_over_all(&named, watch)?;
+        let Some(judged) = self.judged_over_all(&named, watch)? else { return Ok(Found::Stopped) };
         let scored = self.scored(&named, judged).remove(0);
         let evaluations = self.state.generations.evaluations();
         let method = MethodRecord {
@@ -112,7 +160,7 @@ impl Run {
             poses_cast: evaluations * named[0].lidars.len() as u64,
             won: false,
         };
-        Ok(Some((method, scored)))
+        Ok(Found::One(method, Box::new(scored)))
     }
 
     /// A placement as files have it, to the nanometre: scores are those of the poses that are written. One that breaks a rule
@@ -125,17 +173,14 @@ impl Run {
 
     /// The best of the ends of the swaps; over fewer frames than all these are told apart too badly to take
     /// the first.
-    fn found_by_swaps(
-        &mut self,
-        watch: &mut Watch,
-    ) -> Result<Option<(MethodRecord, Scored)>, SearchError> {
-        let Some(swaps) = self.state.swaps.clone() else { return Ok(None) };
+    fn found_by_swaps(&mut self, watch: &mut Watch) -> Result<Found, SearchError> {
+        let Some(swaps) = self.state.swaps.clone() else { return Ok(Found::Nothing) };
         let mut ends = vec![swaps.placement];
         if !self.is_over_all() {
             ends.extend(swaps.others);
         }
         let ends: Vec<Placement> = ends.iter().map(|end| self.written(end)).collect();
-        let judged = self.judged_over_all(&ends, watch)?;
+        let Some(judged) = self.judged_over_all(&ends, watch)? else { return Ok(Found::Stopped) };
         let mut scored = self.scored(&ends, judged);
         let standings: Vec<Standing> = scored.iter().map(Scored::standing).collect();
         let scored = scored.swap_remove(Standing::best(&standings).unwrap_or(0));
@@ -146,7 +191,7 @@ impl Run {
             poses_cast: swaps.poses_cast,
             won: false,
         };
-        Ok(Some((method, scored)))
+        Ok(Found::One(method, Box::new(scored)))
     }
 
     /// The bounds beside the result, which is scored over the frames of the bounds for that.
@@ -156,9 +201,19 @@ impl Run {
         watch: &mut Watch,
     ) -> Result<Option<Certificate>, SearchError> {
         let Some(bounds) = self.state.bounds.clone() else { return Ok(None) };
+        let heeds_time = self.heeds_time();
+        if self.sitting.hurried.is_some() && self.frames_of_bounds().len() > FRAMES_AT_ONCE {
+            left_out("the bound on other placements", watch);
+            return Ok(None);
+        }
         let of_bounds = self.evaluator_of_bounds(watch)?;
-        let there = of_bounds.scores(std::slice::from_ref(best))?.remove(0);
-        let found = self.objective().value(&there).unwrap_or(f64::NAN);
+        let mut go_on = || watch.goes_on() || !heeds_time;
+        let Some(there) = of_bounds.scores_while(std::slice::from_ref(best), &mut go_on)? else {
+            left_out("the bound on other placements", watch);
+            return Ok(None);
+        };
+        let there = &there[0];
+        let found = self.objective().value(there).unwrap_or(f64::NAN);
         let mut certificate = Certificate::new(bounds.sample.lipschitz(), bounds.gain, found);
         let (frames, all) = (self.frames_of_bounds().len(), self.suite.frame_count());
         if certificate.gain.is_some() && frames < all {
@@ -176,17 +231,23 @@ impl Run {
         &self,
         best: &Scored,
         baselines: &[Scored],
+        watch: &mut Watch,
     ) -> Result<Option<GainSpread>, SearchError> {
         let Some(rival) = Scored::rival(baselines).filter(|_| self.suite.scene_count() > 1) else {
             return Ok(None);
         };
         let pair = vec![best.placement.clone(), rival.placement.clone()];
         // Scores of the draw with which both were confirmed.
-        let suite = match self.suite.is_left_to_chance() {
-            true => Cow::Owned(self.suite.with_draw(CONFIRMING)),
-            false => Cow::Borrowed(&self.suite),
+        let (suite, heeds_time) = (self.confirming(), self.heeds_time());
+        let suite = match suite.is_left_to_chance() {
+            true => Cow::Owned(suite.with_draw(CONFIRMING)),
+            false => suite,
         };
-        let by_frame = Pilot::new(&suite, pair, self.memory())?;
+        let mut go_on = |_| watch.goes_on() || !heeds_time;
+        let Some(by_frame) = Pilot::new(&suite, pair, self.memory(), &mut go_on)? else {
+            left_out("the spread of the gain over the scenes", watch);
+            return Ok(None);
+        };
         let gain = Gain::of(&self.state.settings.objective);
         let shares = [0, 1].map(|index| by_frame.gain_shares(index, gain.kind()));
         let seed = self.state.settings.seed;

@@ -41,7 +41,10 @@ impl Run {
         let phase = self.state.phase;
         let time = self.state.settings.time.as_ref();
         watch.deadline = match phase {
-            Phase::Generations => time.map(TimeLimit::generations_deadline),
+            Phase::Frames | Phase::Generations => time.map(TimeLimit::generations_deadline),
+            Phase::Swaps | Phase::Bounds if self.heeds_time() => {
+                time.map(TimeLimit::search_deadline)
+            }
             _ => time.map(TimeLimit::deadline),
         };
         let mut outcome = None;

@@ -6,6 +6,7 @@ use crate::search::bound::bounds;
 use crate::search::error::SearchError;
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::outcome::Scored;
+use crate::search::seat::FRAMES_AT_ONCE;
 use crate::search::settings::Method;
 use crate::search::swaps::{SWAP_SPACING, SwapSettings, swap_anywhere, swap_from};
 use crate::vehicle::{Placement, PoseGrid};
@@ -19,6 +20,16 @@ impl Run {
         let mut starts: Vec<Placement> =
             self.state.chosen.as_ref().or(best).cloned().into_iter().collect();
         starts.extend(self.best_baseline(watch)?);
+        if watch.is_over() && self.heeds_time() {
+            self.cut(watch);
+            if !starts.is_empty() {
+                self.state.phase = Phase::Bounds;
+                return Ok(());
+            }
+            if self.frames().len() > FRAMES_AT_ONCE {
+                self.hurry(watch);
+            }
+        }
         let on_grid = SwapSettings {
             spacing: settings.delta.unwrap_or(SWAP_SPACING),
             casts: settings.poses_for_swaps(self.suite.constraints().lidars()),
@@ -51,7 +62,7 @@ impl Run {
     /// The best baseline that keeps every rule and violates no guard.
     fn best_baseline(&mut self, watch: &mut Watch) -> Result<Option<Placement>, SearchError> {
         let lidars = self.suite.constraints().lidars();
-        let mut good = self.baselines(watch)?;
+        let Some(mut good) = self.baselines(watch)? else { return Ok(None) };
         good.retain(|baseline| {
             baseline.violations.is_empty()
                 && baseline.standing().is_sound()
@@ -64,6 +75,11 @@ impl Run {
 
     /// Samples the grid, and bounds the gain of every placement on it.
     pub(super) fn bound(&mut self, watch: &mut Watch) -> Result<(), SearchError> {
+        if watch.is_over() && self.heeds_time() && self.frames_of_bounds().len() > FRAMES_AT_ONCE {
+            self.cut(watch);
+            self.state.phase = Phase::Confirm;
+            return Ok(());
+        }
         let (settings, memory) = (self.state.settings.clone(), self.memory() / 2);
         let bounds = bounds(self.evaluator_of_bounds(watch)?, &settings, memory, watch)?;
         if watch.is_over() {

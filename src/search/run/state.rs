@@ -1,5 +1,7 @@
 //! The state of a run as a value, and beside it what only lives as long as the process.
 
+use std::borrow::Cow;
+
 use serde::{Deserialize, Serialize};
 
 use crate::engine::EngineChoice;
@@ -14,6 +16,7 @@ use crate::search::observer::Watch;
 use crate::search::on_demand::FramesOnDemand;
 use crate::search::outcome::{LeftOut, Scored, SearchTimes};
 use crate::search::pilot::Known;
+use crate::search::seat::FRAMES_AT_ONCE;
 use crate::search::settings::{FrameChoice, Settings, TimeLimit};
 use crate::search::suite::Suite;
 use crate::search::swaps::{SWAP_SPACING, Swapped};
@@ -23,6 +26,8 @@ use crate::vehicle::{MAX_LIDARS, Placement, PoseGrid};
 const MOST_POPULATION: usize = 1_000_000;
 /// Draw of what is left to chance with which placements are confirmed; the search has the draw 0.
 pub(super) const CONFIRMING: u64 = 1;
+/// Frames of each scene that a run takes, spread evenly, where there is no time for more.
+const FEW_FRAMES: u32 = 4;
 
 /// Where a run stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -128,6 +133,8 @@ pub(super) struct Sitting {
     pub frames: Vec<usize>,
     /// Over all frames, where the search is over fewer.
     pub over_all: Option<Evaluator>,
+    /// Frames that result and baselines are scored over where there was no time for all.
+    pub hurried: Option<Vec<usize>>,
     /// Placements whose tallies over all frames of each scene are known.
     pub known: Known,
     /// The baselines over all frames.
@@ -221,11 +228,44 @@ impl Run {
 
     /// Keeps the state as it is now for [`Self::state`]: the phase is not going to end as it should.
     pub(super) fn cut(&mut self, watch: &Watch) {
-        if self.before_cut.is_none() {
-            self.before_cut = Some(self.state.clone());
-        }
+        self.cut_at(self.state.clone(), watch);
+    }
+
+    /// Keeps a state for [`Self::state`], in which the run was before the phase that is not going to end as it should.
+    pub(super) fn cut_at(&mut self, before: State, watch: &Watch) {
+        self.before_cut.get_or_insert(before);
         self.sitting.interrupted |= watch.is_interrupted();
         self.sitting.out_of_time |= !watch.is_interrupted();
+    }
+
+    /// True if there are so many frames that a run that is to end does not score over all of them; over fewer it
+    /// scores whatever the time.
+    pub(super) fn heeds_time(&self) -> bool {
+        self.sitting.hurried.is_none() && self.suite.frame_count() > FRAMES_AT_ONCE
+    }
+
+    /// Few frames that stand for all as well as is known: those that the search began with, or some spread evenly.
+    pub(super) fn few_frames(&self) -> Vec<usize> {
+        match &self.state.levels {
+            Some(levels) if levels.first().len() <= FRAMES_AT_ONCE => levels.first().to_vec(),
+            _ => self.suite.spread(Some(FEW_FRAMES)),
+        }
+    }
+
+    /// Goes on over few frames, spread evenly, that nobody has compared with all.
+    pub(super) fn hurry(&mut self, watch: &mut Watch) {
+        let (few, all) = (self.suite.spread(Some(FEW_FRAMES)), self.suite.frame_count());
+        let (count, why) = (few.len(), watch.why_over());
+        watch.note(&format!("{why}: the search takes {count} of {all} frames, spread evenly"));
+        self.state.levels = Some(FramesOnDemand::hurried(few, all));
+    }
+
+    /// The scenes over the frames that result and baselines are scored over: all, if there was time.
+    pub(super) fn confirming(&self) -> Cow<'_, Suite> {
+        match &self.sitting.hurried {
+            Some(few) => Cow::Owned(self.suite.over(few)),
+            None => Cow::Borrowed(&self.suite),
+        }
     }
 
     /// True if the target ended the generations.
@@ -299,19 +339,22 @@ impl Run {
         self.evaluator_over(self.frames_of_bounds(), watch)
     }
 
-    /// Scores over all frames; on the CPU where the search is over fewer, since a second scene on a
+    /// Scores over the frames of [`Self::confirming`]; on the CPU where the search is over fewer, since a second scene on a
     /// device would take its memory twice.
     pub(super) fn over_all(&mut self, watch: &mut Watch) -> Result<&mut Evaluator, SearchError> {
-        if self.is_over_all() && !self.suite.is_left_to_chance() {
+        let is_hurried = self.sitting.hurried.is_some();
+        if !is_hurried && self.is_over_all() && !self.suite.is_left_to_chance() {
             return self.evaluator(watch);
         }
-        let (memory, suite) = (self.memory(), &self.suite);
-        // What is found must not live on lucky phases or lucky beams.
-        let opened = || match suite.is_left_to_chance() {
-            true => Evaluator::suite_on_cpu(&suite.with_draw(CONFIRMING), memory),
-            false => Evaluator::suite_on_cpu(suite, memory),
-        };
-        Ok(self.sitting.over_all.get_or_insert_with(opened))
+        if self.sitting.over_all.is_none() {
+            let (memory, suite) = (self.memory(), self.confirming());
+            // What is found must not live on lucky phases or lucky beams.
+            self.sitting.over_all = Some(match suite.is_left_to_chance() {
+                true => Evaluator::suite_on_cpu(&suite.with_draw(CONFIRMING), memory),
+                false => Evaluator::suite_on_cpu(&suite, memory),
+            });
+        }
+        Ok(self.sitting.over_all.as_mut().expect("opened above"))
     }
 
     /// Tells of devices that were lost since the last call.
