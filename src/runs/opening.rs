@@ -51,6 +51,9 @@ pub fn files(
     JobFiles { conditions, frames, ..JobFiles::new(scenes, computing.vehicle.as_deref()) }
 }
 
+/// Most frames that are scanned whatever the time: as many as a search scores whatever the time.
+const FEW_FRAMES: u64 = crate::search::FRAMES_AT_ONCE as u64;
+
 /// Reads the scenes of a job and reads or builds their P-SOGs; problems are made when they are first needed.
 pub fn job(files: &JobFiles, computing: &Computing<'_>) -> Result<Loaded, Error> {
     job_within(files, None, computing)
@@ -82,8 +85,8 @@ pub fn job_within(
     Ok(Loaded { job, times })
 }
 
-/// Reads or builds the P-SOG of a scene, until the watcher or a limit of time stops it. The first frames that are
-/// scanned together are scanned whatever the time.
+/// Reads or builds the P-SOG of a scene, until the watcher or a limit of time stops it. A scene of few frames is scanned
+/// whatever the time.
 pub fn psog(
     scene: &JobScene,
     time: Option<TimeLimit>,
@@ -94,7 +97,7 @@ pub fn psog(
     let is_late = || time.is_some_and(|time| Instant::now() >= time.deadline());
     let scanned = scene.psog(|done| {
         bar.set(done as u64, frames);
-        watcher.goes_on() && (done == 0 || !is_late())
+        watcher.goes_on() && (frames <= FEW_FRAMES || !is_late())
     });
     scanned.map_err(|error| match error {
         JobError::Grid(error) => stopped(error, &scene.place(), time, watcher),

@@ -41,6 +41,8 @@ mod settings;
 mod spread;
 mod suite;
 pub(crate) mod swaps;
+#[cfg(test)]
+mod tests;
 
 pub use bound::{Certificate, GainBound};
 pub use equip::{Choosing, EquipStep, Equipped, Equipping, cost_front};
@@ -54,6 +56,7 @@ pub use outcome::{LeftOut, MethodRecord, Outcome, Scored, SearchTimes, Stopped};
 pub use phases::PhaseCheck;
 pub(crate) use rules::rules_in_words;
 pub use run::{Phase, Run, State, optimize};
+pub(crate) use seat::FRAMES_AT_ONCE;
 pub use settings::{FrameChoice, Method, Settings, TimeLimit};
 pub use spread::{Gain, GainSpread};
 pub use suite::{Member, Suite};

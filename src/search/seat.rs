@@ -13,7 +13,7 @@ use crate::vehicle::{Placement, SensorName, SensorPose};
 
 /// Frames that are scored at once where a run may be told to stop in between; also the most frames that a run scores
 /// whatever the time.
-pub(super) const FRAMES_AT_ONCE: usize = 32;
+pub(crate) const FRAMES_AT_ONCE: usize = 32;
 /// Placements that are scored at once there, at least.
 const PLACEMENTS_AT_ONCE: usize = 4;
 /// Placements × frames that each thread of the host scores there: a few seconds at most.

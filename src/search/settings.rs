@@ -39,13 +39,18 @@ pub enum FrameChoice {
 pub struct TimeLimit {
     /// When it began to run.
     pub start: Instant,
-    /// After which the run ends; generations end after two fifths of it, and where there are many frames to confirm the
-    /// result over, all of the search after four fifths. Scoring the result over few frames comes on top.
+    /// After which the run ends; generations end after two fifths of it. Where there are many frames, they are chosen
+    /// within the first fifth, finalists of the generations are confirmed in the third, and the result in the last.
+    /// Scoring the result over few frames comes on top.
     pub length: Duration,
 }
 
 /// Share of a [`TimeLimit`] that the generations may take; the swaps have the rest.
 const GENERATIONS_SHARE: f64 = 0.4;
+/// Share that choosing the frames may take.
+const FRAMES_SHARE: f64 = 0.2;
+/// Share after which finalists of the generations that are not confirmed over many frames stay so.
+const FINALISTS_SHARE: f64 = 0.6;
 /// Share that the whole search may take where the result is confirmed over many frames.
 const SEARCH_SHARE: f64 = 0.8;
 
@@ -58,6 +63,16 @@ impl TimeLimit {
     /// When the search has to end.
     pub fn deadline(&self) -> Instant {
         self.start + self.length
+    }
+
+    /// When the frames of the search have to be chosen.
+    pub(super) fn frames_deadline(&self) -> Instant {
+        self.start + self.length.mul_f64(FRAMES_SHARE)
+    }
+
+    /// When the finalists of the generations have to be confirmed over many frames.
+    pub(super) fn finalists_deadline(&self) -> Instant {
+        self.start + self.length.mul_f64(FINALISTS_SHARE)
     }
 
     /// When the search has to end where the result is confirmed over many frames.

@@ -6,7 +6,7 @@ use super::state::{Phase, Run};
 use crate::search::error::SearchError;
 use crate::search::observer::{Observer, Watch};
 use crate::search::outcome::Outcome;
-use crate::search::settings::{Settings, TimeLimit};
+use crate::search::settings::Settings;
 use crate::search::suite::Suite;
 
 /// Searches the placement that makes the objective largest: frames on demand, CMA-ES, swaps, finalists
@@ -39,14 +39,14 @@ impl Run {
         let start = Instant::now();
         let mut watch = Watch::new(observer, self.sitting.interrupted);
         let phase = self.state.phase;
-        let time = self.state.settings.time.as_ref();
-        watch.deadline = match phase {
-            Phase::Frames | Phase::Generations => time.map(TimeLimit::generations_deadline),
-            Phase::Swaps | Phase::Bounds if self.heeds_time() => {
-                time.map(TimeLimit::search_deadline)
-            }
-            _ => time.map(TimeLimit::deadline),
-        };
+        let (time, heeds_time) = (self.state.settings.time.as_ref(), self.heeds_time());
+        watch.deadline = time.map(|time| match phase {
+            Phase::Frames => time.frames_deadline(),
+            Phase::Generations => time.generations_deadline(),
+            Phase::Finalists if heeds_time => time.finalists_deadline(),
+            Phase::Swaps | Phase::Bounds if heeds_time => time.search_deadline(),
+            _ => time.deadline(),
+        });
         let mut outcome = None;
         match phase {
             Phase::Frames => self.choose_frames(&mut watch)?,
