@@ -56,6 +56,7 @@ mod cli_view;
 mod common;
 mod conditions;
 mod cover;
+mod deadlines;
 #[cfg(feature = "gpu")]
 mod equal_frames;
 mod equip;

@@ -35,7 +35,7 @@ fn baseline(name: &str, x: f64) -> Placement {
     Placement { name: name.into(), lidars: vec![pose(x), pose(-x)] }
 }
 
-fn settings() -> Settings {
+pub fn settings() -> Settings {
     Settings {
         evaluations: 96,
         baselines: vec![baseline("near", 0.5), baseline("far", 1.5)],
@@ -45,7 +45,7 @@ fn settings() -> Settings {
 }
 
 /// All of an outcome but engine and times.
-fn bits(outcome: &Outcome) -> String {
+pub fn bits(outcome: &Outcome) -> String {
     let Outcome { best, baselines, methods, certificate, findings, frames_used, .. } = outcome;
     let parts = (best, baselines, methods, certificate, findings, frames_used);
     let rest = (outcome.search_frames, &outcome.history, outcome.evaluations, &outcome.ended);
@@ -57,7 +57,7 @@ fn saved(run: &Run) -> String {
 }
 
 /// Runs to the end; the state after each step, and the outcome.
-fn finish(mut run: Run, on: &mut dyn FnMut(&Event) -> bool) -> (Vec<String>, Outcome) {
+pub fn finish(mut run: Run, on: &mut dyn FnMut(&Event) -> bool) -> (Vec<String>, Outcome) {
     let mut states = vec![saved(&run)];
     loop {
         let outcome = run.step(&mut |event: &Event| on(event)).unwrap();
@@ -69,7 +69,7 @@ fn finish(mut run: Run, on: &mut dyn FnMut(&Event) -> bool) -> (Vec<String>, Out
 }
 
 /// A saved state, to go on with on the engine of the tests.
-fn loaded(problem: &Arc<Problem>, text: &str) -> Run {
+pub fn loaded(problem: &Arc<Problem>, text: &str) -> Run {
     let state: State = serde_json::from_str(text).unwrap();
     let mut run = Run::resume(problem.clone(), state);
     run.open_with(settings().engine, None);
