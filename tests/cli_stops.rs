@@ -1,4 +1,4 @@
-//! Every long command, interrupted at moments of its run, ends soon, and leaves whole files or none.
+//! Every long command, interrupted at moments of its run or out of time, ends soon, and leaves whole files or none.
 
 use std::fs;
 use std::path::Path;
@@ -138,4 +138,90 @@ fn every_long_command_ends_soon_when_it_is_interrupted() {
         }
     }
     println!("latest end: {:?} after the signal, {}", latest.0, latest.1);
+}
+
+/// Searches in a scene of 1500 frames, each of which would take minutes; @ stands for their seconds. Only `optimize` takes
+/// such a limit.
+const LIMITED: [&str; 5] = [
+    "optimize given.json --max-seconds @",
+    "optimize given.json --fidelity full --method cma --max-seconds @",
+    "optimize given.json --method swaps --max-seconds @",
+    "optimize given.json again.json --max-seconds @",
+    "optimize given.json --vehicle many.json --budget 9000 --max-seconds @",
+];
+
+/// Seconds that the searches are given.
+const LIMIT: u64 = 1;
+
+/// Runs `sightline` on the host to its end: how it ended, how long it took, its stderr.
+fn ended(dir: &Path, line: &str) -> (ExitStatus, Duration, String) {
+    let start = Instant::now();
+    let output = Command::new(env!("CARGO_BIN_EXE_sightline"))
+        .args(line.split_whitespace())
+        .args(["--backend", "cpu", "--out", "out"])
+        .current_dir(dir)
+        .output()
+        .unwrap();
+    (output.status, start.elapsed(), String::from_utf8(output.stderr).unwrap())
+}
+
+/// The crossing with 1500 frames: `busy.json` is scanned for its P-SOG, `given.json` and `again.json` have one, and
+/// `few.json` is the same over four frames.
+fn write_long_scenes(dir: &Path) {
+    write_inputs(dir);
+    let read = |name: &str| -> Value {
+        serde_json::from_str(&fs::read_to_string(dir.join(name)).unwrap()).unwrap()
+    };
+    let mut scene = read("busy.json");
+    scene["roi"]["voxel"] = json!([0.5, 0.5, 0.5]);
+    let mut write = |name: &str, frames: u32, psog: Option<&str>| {
+        scene["frames"] = json!(frames);
+        if let Some(psog) = psog {
+            scene["psog"] = json!({ "file": psog });
+        }
+        fs::write(dir.join(name), scene.to_string()).unwrap();
+    };
+    write("scanned.json", 4, None);
+    write("few.json", 4, Some("psog.npz"));
+    write("given.json", 1500, Some("psog.npz"));
+    write("again.json", 1500, Some("psog.npz"));
+    let build = Command::new(env!("CARGO_BIN_EXE_sightline"))
+        .args(["psog", "build", "scanned.json", "--out", "psog.npz"])
+        .current_dir(dir)
+        .output()
+        .unwrap();
+    assert!(build.status.success(), "{build:?}");
+}
+
+#[test]
+fn searches_over_many_frames_end_soon_after_their_time() {
+    let dir = tempfile::tempdir().unwrap();
+    write_long_scenes(dir.path());
+    let limited = |line: &str, seconds: u64| {
+        let ended = ended(dir.path(), &line.replace('@', &seconds.to_string()));
+        assert_eq!(left_over(dir.path()), [""; 0], "{line}");
+        ended
+    };
+    // The same work over four frames, all of which comes on top, is the measure of this machine.
+    let (status, unit, said) = limited(&LIMITED[3].replace("given.json again", "few"), 0);
+    assert!(status.success(), "{said}");
+    let _ = fs::remove_dir_all(dir.path().join("out"));
+    let most = Duration::from_secs(LIMIT) + (4 * unit).max(Duration::from_secs(15));
+    for line in LIMITED {
+        let (status, took, said) = limited(line, LIMIT);
+        assert!(status.success(), "{line}: {said}");
+        assert!(took < most, "{line}: {took:?}, over four frames {unit:?}");
+        let result = fs::read_to_string(dir.path().join("out/result.json")).unwrap();
+        let result: Value = serde_json::from_str(&result).unwrap();
+        let stopped = result["stopped"].as_str().unwrap();
+        assert!(stopped.starts_with("time: ") && stopped.contains("frames"), "{line}: {stopped}");
+        assert!(said.contains("--resume out"), "{line}: {said}");
+        fs::remove_dir_all(dir.path().join("out")).unwrap();
+    }
+    // Nothing to search with: an error, and nothing is left.
+    let (status, took, said) = limited("optimize busy.json --max-seconds @", LIMIT);
+    assert_eq!(status.code(), Some(2), "{said}");
+    assert!(took < most, "{took:?}");
+    assert!(said.contains("--max-seconds 1 ended after") && said.contains("psog build"), "{said}");
+    assert!(!dir.path().join("out").exists());
 }

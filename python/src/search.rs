@@ -143,7 +143,7 @@ fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
 ///
 /// `callback` is called with a dict for each event: `{"event": "note", "text"}`, `{"event": "generation", "generation",
 /// "evaluations", "best_so_far", …}`, `{"event": "progress", "work", "done", "total"}`. `StopIteration` raised by it ends the
-/// search, which finishes its generation, confirms what it has and returns it. So do Ctrl-C and any other exception, but
+/// search, which confirms what it has, over few frames where a scene has more than 32, and returns it. So do Ctrl-C and any other exception, but
 /// that they go on to the caller, with the `Result` as their `result`.
 #[pyfunction(name = "optimize")]
 #[pyo3(signature = (scenes, *, objective = "near_gain", evaluations = 180, seed = 1,

@@ -49,9 +49,12 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 180, conflicts_with = "resume",
           value_parser = at_least_one)]
     evaluations: u64,
-    /// Seconds from the start after which the search ends, generations after two fifths of them;
-    /// --resume goes on from there. Scanning a scene for its P-SOG may take longer than that; confirming the
-    /// result over all frames and writing it come on top
+    /// Seconds from the start after which the run ends, generations after two fifths of them; --resume goes on
+    /// from there
+    ///
+    /// Of a scene of more than 32 frames the last fifth is kept to confirm the result over all of them; where that is
+    /// not enough, result and baselines are scored over few frames, and `stopped` says so. A P-SOG that is not scanned
+    /// in that time ends the run with an error. The scores over few frames and the page, seconds each, come on top.
     #[arg(long, value_name = "S", visible_alias = "time", value_parser = parse_seconds)]
     max_seconds: Option<f64>,
     /// Score over all frames at which the search ends
