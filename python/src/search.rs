@@ -231,7 +231,7 @@ fn given_scenes<'py>(given: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PySce
 /// What a search has come to, and the signal or the callback's exception that ended it.
 type Ended = (Option<(Found, Vec<String>)>, Option<PyErr>);
 
-/// Searches on a thread of its own. After Ctrl-C, or an exception of the callback, the search finishes its generation and
+/// Searches on a thread of its own. After Ctrl-C, or an exception of the callback, the search ends its generation and
 /// confirms what it has; after a second one it is left alone.
 fn beside(py: Python<'_>, asked: Asked, callback: Option<Py<PyAny>>) -> PyResult<Ended> {
     let stop = Arc::new(AtomicBool::new(false));
