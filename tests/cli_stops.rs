@@ -153,16 +153,29 @@ const LIMITED: [&str; 5] = [
 /// Seconds that the searches are given.
 const LIMIT: u64 = 1;
 
-/// Runs `sightline` on the host to its end: how it ended, how long it took, its stderr.
-fn ended(dir: &Path, line: &str) -> (ExitStatus, Duration, String) {
-    let start = Instant::now();
-    let output = Command::new(env!("CARGO_BIN_EXE_sightline"))
+/// Runs `sightline` on the host to its end, and kills it after `most`: how it ended, how long it took, its stderr.
+fn ended(dir: &Path, line: &str, most: Duration) -> (ExitStatus, Duration, String) {
+    let (start, said) = (Instant::now(), dir.join("said.txt"));
+    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
         .args(line.split_whitespace())
         .args(["--backend", "cpu", "--out", "out"])
         .current_dir(dir)
-        .output()
+        .stdout(Stdio::null())
+        .stderr(fs::File::create(&said).unwrap())
+        .spawn()
         .unwrap();
-    (output.status, start.elapsed(), String::from_utf8(output.stderr).unwrap())
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status;
+        }
+        if start.elapsed() > most {
+            child.kill().unwrap();
+            child.wait().unwrap();
+            panic!("{line}: still there after {most:?}");
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    (status, start.elapsed(), fs::read_to_string(&said).unwrap())
 }
 
 /// The crossing with 1500 frames: `busy.json` is scanned for its P-SOG, `given.json` and `again.json` have one, and
@@ -197,20 +210,20 @@ fn write_long_scenes(dir: &Path) {
 fn searches_over_many_frames_end_soon_after_their_time() {
     let dir = tempfile::tempdir().unwrap();
     write_long_scenes(dir.path());
-    let limited = |line: &str, seconds: u64| {
-        let ended = ended(dir.path(), &line.replace('@', &seconds.to_string()));
+    let limited = |line: &str, seconds: u64, most: Duration| {
+        let ended = ended(dir.path(), &line.replace('@', &seconds.to_string()), most);
         assert_eq!(left_over(dir.path()), [""; 0], "{line}");
         ended
     };
     // The same work over four frames, all of which comes on top, is the measure of this machine.
-    let (status, unit, said) = limited(&LIMITED[3].replace("given.json again", "few"), 0);
+    let (status, unit, said) =
+        limited(&LIMITED[3].replace("given.json again", "few"), 0, 4 * HANGS);
     assert!(status.success(), "{said}");
     let _ = fs::remove_dir_all(dir.path().join("out"));
     let most = Duration::from_secs(LIMIT) + (4 * unit).max(Duration::from_secs(15));
     for line in LIMITED {
-        let (status, took, said) = limited(line, LIMIT);
+        let (status, _, said) = limited(line, LIMIT, most);
         assert!(status.success(), "{line}: {said}");
-        assert!(took < most, "{line}: {took:?}, over four frames {unit:?}");
         let result = fs::read_to_string(dir.path().join("out/result.json")).unwrap();
         let result: Value = serde_json::from_str(&result).unwrap();
         let stopped = result["stopped"].as_str().unwrap();
@@ -219,9 +232,8 @@ fn searches_over_many_frames_end_soon_after_their_time() {
         fs::remove_dir_all(dir.path().join("out")).unwrap();
     }
     // Nothing to search with: an error, and nothing is left.
-    let (status, took, said) = limited("optimize busy.json --max-seconds @", LIMIT);
+    let (status, _, said) = limited("optimize busy.json --max-seconds @", LIMIT, most);
     assert_eq!(status.code(), Some(2), "{said}");
-    assert!(took < most, "{took:?}");
     assert!(said.contains("--max-seconds 1 ended after") && said.contains("psog build"), "{said}");
     assert!(!dir.path().join("out").exists());
 }
