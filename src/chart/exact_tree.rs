@@ -42,12 +42,19 @@ impl ExactTree {
     }
 
     /// Metres along the unit `direction` to the closest triangle with 0 < t ≤ `range`.
-    pub(super) fn closest(&self, origin: DVec3, direction: DVec3, range: f64) -> Option<f64> {
+    ///
+    /// `stack` holds nodes to visit and where the ray enters them, the nearest last; it is emptied first.
+    pub(super) fn closest(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        range: f64,
+        stack: &mut Vec<(f64, usize)>,
+    ) -> Option<f64> {
         let inverse = direction.recip();
         let mut best = None;
         let mut limit = range;
-        // Nodes to visit and where the ray enters them, the nearest last.
-        let mut stack = Vec::with_capacity(64);
+        stack.clear();
         let enters = |index: usize, limit: f64| enter(&self.nodes[index], origin, inverse, limit);
         if !self.nodes.is_empty() {
             stack.extend(enters(0, limit).map(|t| (t, 0)));
@@ -198,18 +205,23 @@ mod tests {
             soup.face_class.push(0);
         }
         let tree = ExactTree::build(&soup);
-        let mut hits = 0;
+        let (mut hits, mut stack) = (0, Vec::new());
         for _ in 0..2000 {
             let mut vector = || DVec3::from([0; 3].map(|_| rng.random_range(-1.0..1.0)));
             let (origin, direction) = (vector() * 5.0, vector().normalize());
             let all = tree.triangles.iter().filter_map(|t| meet(t, origin, direction));
             let want = all.filter(|t| *t > 0.0 && *t <= 12.0).min_by(f64::total_cmp);
-            assert_eq!(tree.closest(origin, direction, 12.0), want);
+            assert_eq!(tree.closest(origin, direction, 12.0, &mut stack), want);
             hits += usize::from(want.is_some());
         }
         assert!(hits > 200, "only {hits} hits");
         assert_eq!(
-            ExactTree::build(&TriangleSoup::default()).closest(DVec3::ZERO, DVec3::X, 1.0),
+            ExactTree::build(&TriangleSoup::default()).closest(
+                DVec3::ZERO,
+                DVec3::X,
+                1.0,
+                &mut stack
+            ),
             None
         );
     }
