@@ -1,4 +1,4 @@
-//! The voxels that beams traverse, in `f64`: eight beams step at a time, each by the rule of one alone.
+//! The voxels that beams traverse, in `f64`: sixteen beams step at a time, each by the rule of one alone.
 
 use glam::DVec3;
 use multiversion::multiversion;
@@ -10,7 +10,7 @@ use crate::psog::Roi;
 /// the last digit).
 pub(super) const ROUNDING: f64 = 1e-9;
 /// Beams that walk at the same time.
-const LANES: usize = 8;
+const LANES: usize = 16;
 /// Crossing of a lane without a beam, in metres.
 const NEVER: f64 = 1e300;
 

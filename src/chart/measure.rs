@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::exact::Exact;
-use super::{ChartError, Engine, Fidelity, Setting, World};
+use super::{ChartError, Engine, Fidelity, Left, Setting, World};
 use crate::bvh::Hit;
 use crate::engine::{Backend, BackendError, EngineChoice, EngineKind, open};
 use crate::problem::{Problem, Tally};
@@ -60,8 +60,31 @@ pub struct Measured {
     /// Of an atlas, the cost of casting a pose, once; `seconds` is with every pose cast.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose: Option<PoseCost>,
+    /// Repeats of the timing; 0 where the scoring of the placements was timed instead, eight at a time.
+    pub repeats: usize,
+    /// Why only the first placements were scored; `None` where all were.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub left: Option<Left>,
     /// Objective of each placement; `None` where it covers nothing.
     pub scores: Vec<Option<f64>>,
+}
+
+/// How far a setting is measured.
+pub(super) struct Extent<'a> {
+    /// Called with the number of placements just scored: whether to go on. A setting under way is dropped.
+    pub(super) goes_on: &'a dyn Fn(usize) -> bool,
+    /// Why to leave a setting, from its scores and seconds a placement so far.
+    pub(super) leaves: &'a dyn Fn(&[Option<f64>], f64) -> Option<Left>,
+    /// Whether to time a setting in repeats, from all its scores.
+    pub(super) is_timed: &'a dyn Fn(&[Option<f64>]) -> bool,
+}
+
+/// Scores of the first placements of a setting.
+struct Scored {
+    scores: Vec<Option<f64>>,
+    left: Option<Left>,
+    /// Seconds a placement of each batch.
+    batches: Vec<f64>,
 }
 
 /// Measures settings of one scene with the same placements.
@@ -134,7 +157,7 @@ impl Bench {
         Ok(scorer.value(&tallies[0], &self.objective))
     }
 
-    /// Measures one setting; `None` when `go_on`, called with the placements just scored, says stop.
+    /// Measures one setting as far as `extent` says; `None` where that says stop.
     ///
     /// Of a GPU setting whose equal on the CPU is in `done`, a few placements are scored; where their
     /// scores are equal to the last bit, those of the CPU stand for both.
@@ -145,34 +168,21 @@ impl Bench {
         &mut self,
         setting: &Setting,
         done: &[Measured],
-        go_on: &dyn Fn(usize) -> bool,
+        extent: &Extent<'_>,
     ) -> Result<Option<Measured>, ChartError> {
         let mut scorer = self.scorer(setting)?;
         let on_cpu = Setting { engine: Engine::Cpu, ..*setting };
-        let is_gpu = setting.engine == Engine::Gpu;
-        let on_cpu = done.iter().find(|m| is_gpu && m.setting == on_cpu);
+        let is_whole = |m: &&Measured| m.setting == on_cpu && m.left.is_none();
+        let on_cpu = done.iter().filter(|_| setting.engine == Engine::Gpu).find(is_whole);
         let start = Instant::now();
-        let mut scores = Vec::with_capacity(self.placements.len());
-        for batch in self.placements.chunks(BATCH) {
-            let tallies = scorer.tallies(batch)?;
-            scores.extend(tallies.iter().map(|tally| scorer.value(tally, &self.objective)));
-            if !go_on(batch.len()) {
-                return Ok(None);
-            }
-            if let Some(on_cpu) = on_cpu
-                && scores.len() >= COMPARED
-                && scores[..] == on_cpu.scores[..scores.len()]
-            {
-                break;
-            }
-        }
-        let elapsed = start.elapsed().as_secs_f64();
-        let each = elapsed / scores.len() as f64;
-        let pose = scorer.pose(elapsed);
-        if scores.len() < self.placements.len() {
-            scores = on_cpu.map(|m| m.scores.clone()).unwrap_or_default();
-        }
-        let seconds = self.time(&mut scorer, each)?;
+        let Some(Scored { scores, left, batches }) = self.score(&mut scorer, on_cpu, extent)?
+        else {
+            return Ok(None);
+        };
+        let pose = scorer.pose(start.elapsed().as_secs_f64());
+        let each = median(&batches);
+        let is_timed = left.is_none() && (extent.is_timed)(&scores);
+        let seconds = if is_timed { self.time(&mut scorer, each)? } else { batches };
         let (mut beams, lidars) = (0, self.placements[0].lidars.len() as u64);
         if let Some(tally) = scorer.tallies(&self.placements[..1])?.first() {
             beams = tally.beams;
@@ -191,8 +201,44 @@ impl Bench {
             beams,
             triangles: scorer.triangles(),
             pose,
+            repeats: if is_timed { self.repeats } else { 0 },
+            left,
             scores,
         }))
+    }
+
+    /// Scores placements until `extent` has enough; `None` where it says stop.
+    fn score(
+        &self,
+        scorer: &mut Scorer,
+        on_cpu: Option<&Measured>,
+        extent: &Extent<'_>,
+    ) -> Result<Option<Scored>, ChartError> {
+        let scores = Vec::with_capacity(self.placements.len());
+        let mut scored = Scored { scores, left: None, batches: Vec::new() };
+        for batch in self.placements.chunks(BATCH) {
+            let start = Instant::now();
+            let tallies = scorer.tallies(batch)?;
+            scored.batches.push(start.elapsed().as_secs_f64() / batch.len() as f64);
+            let values = tallies.iter().map(|tally| scorer.value(tally, &self.objective));
+            scored.scores.extend(values);
+            if !(extent.goes_on)(batch.len()) {
+                return Ok(None);
+            }
+            let so_far = scored.scores.len();
+            if let Some(on_cpu) = on_cpu
+                && so_far >= COMPARED
+                && scored.scores[..] == on_cpu.scores[..so_far]
+            {
+                scored.scores.clone_from(&on_cpu.scores);
+                break;
+            }
+            scored.left = (extent.leaves)(&scored.scores, median(&scored.batches));
+            if scored.left.is_some() {
+                break;
+            }
+        }
+        Ok(Some(scored))
     }
 
     /// Seconds a placement of each repeat; `each` is a first estimate.

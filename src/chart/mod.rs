@@ -10,8 +10,10 @@
 //! | `exact`, `exact_tree`, `exact_walk`, `exact_worth` | the finest setting: casting, coverage and sums in `f64` |
 //! | `ranking` | score error, Kendall's τ, top-1 regret, bootstrap intervals |
 //! | `measure` | cost and scores of one setting |
+//! | `early` | settings that are left early or not begun |
 //! | `verdict` | the Pareto front and the cheapest setting that keeps the ranking |
 
+pub(crate) mod early;
 mod exact;
 mod exact_tree;
 mod exact_walk;
@@ -24,6 +26,7 @@ pub(crate) mod simplify;
 pub(crate) mod verdict;
 pub(crate) mod world;
 
+pub use early::{Left, Skipped};
 pub(crate) use measure::{Measured, PoseCost};
 pub(crate) use ranking::RankingError;
 pub use run::{Chart, ChartObserver, ChartRow, ChartSettings, ChartState, chart};
