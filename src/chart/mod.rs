@@ -9,7 +9,7 @@
 //! | `simplify` | triangles merged below a size |
 //! | `exact`, `exact_tree`, `exact_walk`, `exact_worth` | the finest setting: casting, coverage and sums in `f64` |
 //! | `ranking` | score error, Kendall's τ, top-1 regret, bootstrap intervals |
-//! | `measure` | cost and scores of one setting |
+//! | `measure`, `scorer` | cost and scores of one setting |
 //! | `early` | settings that are left early or not begun |
 //! | `verdict` | the Pareto front and the cheapest setting that keeps the ranking |
 
@@ -21,6 +21,7 @@ mod exact_worth;
 pub(crate) mod measure;
 pub(crate) mod ranking;
 mod run;
+mod scorer;
 pub(crate) mod setting;
 pub(crate) mod simplify;
 pub(crate) mod verdict;
