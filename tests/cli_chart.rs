@@ -79,7 +79,7 @@ fn a_chart_measures_the_settings_of_a_scene() {
 
 /// Text that a chart of the room prints, its CSV by line, and all of its JSON.
 fn printed(dir: &TempDir, more: &[&str], out: &str) -> (String, Vec<String>, Value) {
-    let args = ["chart", "room.json", "--placements", "60", "--backend", "cpu", "--out", out];
+    let args = ["chart", "room.json", "--placements", "30", "--backend", "cpu", "--out", out];
     let output = sightline(dir.path(), &[&args[..], more].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let csv = read(dir, &format!("{out}/chart.csv"));
@@ -91,7 +91,14 @@ fn printed(dir: &TempDir, more: &[&str], out: &str) -> (String, Vec<String>, Val
 #[test]
 fn a_chart_that_leaves_settings_early_gives_the_advice_of_a_full_one() {
     let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let path = room(dir.path());
+    // The walker hardly moves: one frame of twelve keeps the ranking, and nothing else is nearly as cheap, so
+    // that the clock has no say.
+    let mut scene: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    scene["frames"] = json!(12);
+    let poses = (0..12).map(|k| json!({ "x": 2.0 + 0.001 * f64::from(k), "y": -1 }));
+    scene["actors"][0]["poses"] = poses.collect();
+    fs::write(&path, scene.to_string()).unwrap();
     let (text, csv, sparing) = printed(&dir, &[], "sparing");
     let (all_text, all_csv, full) = printed(&dir, &["--full"], "full");
     let rows_of = |answer: &Value| answer["rows"].as_array().unwrap().clone();
@@ -99,28 +106,24 @@ fn a_chart_that_leaves_settings_early_gives_the_advice_of_a_full_one() {
     let chosen = |answer: &Value| {
         rows_of(answer)[answer["verdict"]["setting"].as_u64().unwrap() as usize].clone()
     };
-    let in_full = |setting: &Value| all.iter().find(|row| row["setting"] == *setting).unwrap();
     let (advice, wanted) = (chosen(&sparing), chosen(&full));
-    // Where two settings cost nearly the same, which is the cheaper one is a matter of the clock.
-    let seconds = |row: &Value| row["seconds"].as_f64().unwrap();
-    let same = in_full(&advice["setting"]);
-    assert!(
-        advice["setting"] == wanted["setting"] || seconds(same) < 1.5 * seconds(&wanted),
-        "{advice} and {wanted}"
-    );
+    assert_eq!(advice["setting"], wanted["setting"]);
+    assert!(advice["setting"].as_str().unwrap().contains("1 frame"), "{advice}");
+    let same = all.iter().find(|row| row["setting"] == advice["setting"]).unwrap();
     assert_eq!(advice["error"], same["error"], "the advice is confirmed with all placements");
     assert_eq!(rows[0]["error"], all[0]["error"]);
     // Settings are left, with a reason, and the table is short.
     let is_left = |line: &&String| line.contains("swaps more pairs") || line.contains("as dear as");
     let left = csv.iter().filter(is_left).count();
-    assert!(left > 10 && all_csv.iter().filter(is_left).count() == 0, "{csv:#?}");
+    assert!(left > 5 && all_csv.iter().filter(is_left).count() == 0, "{csv:#?}");
     let columns = csv[0].split(',').count();
     let quoted = |line: &String| line.split('"').skip(2).collect::<String>();
     assert!(csv[1..].iter().all(|line| quoted(line).split(',').count() == columns), "{csv:#?}");
     let general = all.iter().filter(|row| row["rung"]["engine"] != "atlas").count();
     assert_eq!(csv.len(), general + 1, "every setting but the atlases");
     let lines = |text: &str| text.lines().filter(|line| line.contains("CPU  ")).count();
-    assert!((1..15).contains(&lines(&text)) && lines(&all_text) > 30, "{text}\n{all_text}");
+    let (few, many) = (lines(&text), lines(&all_text));
+    assert!(few > 0 && few < 15.min(many / 2) && many == general - 1, "{text}\n{all_text}");
     assert!(text.contains("were left early"), "{text}");
 }
 

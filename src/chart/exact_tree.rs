@@ -227,4 +227,13 @@ mod tests {
             None
         );
     }
+
+    #[test]
+    fn a_ray_in_the_plane_of_a_box_face_meets_what_ends_there() {
+        let vertices = vec![[5.0, 0.0, 0.0], [5.0, 1.0, 0.0], [5.0, 0.0, 1.0]];
+        let soup = TriangleSoup { vertices, faces: vec![[0, 1, 2]], face_class: vec![0] };
+        let tree = ExactTree::build(&soup);
+        let hit = |y: f64| tree.closest(DVec3::new(0.0, y, 0.5), DVec3::X, 9.0, &mut Vec::new());
+        assert_eq!([-0.1, 0.0, 0.1].map(hit), [None, Some(5.0), Some(5.0)]);
+    }
 }
