@@ -107,11 +107,11 @@ pub(super) fn mark(roi: &Roi, p: [f64; 3], beams: &[(DVec3, f64)], bitmap: &mut 
     let mut lanes = Lanes::new();
     let mut walking = LANES;
     while walking > 0 {
-        for lane in 0..LANES {
+        for (lane, left) in left.iter_mut().enumerate() {
             if lanes.ended.0[lane] == 0 {
                 continue;
             }
-            let walk = left[lane].find_map(|&(direction, end)| Walk::new(roi, p, direction, end));
+            let walk = left.find_map(|&(direction, end)| Walk::new(roi, p, direction, end));
             walking -= usize::from(walk.is_none() && lanes.mask.0[lane] != 0);
             lanes.put(lane, walk.as_ref());
         }

@@ -61,12 +61,15 @@ pub struct Measured {
     pub scores: Vec<Option<f64>>,
 }
 
+/// Why to leave a setting, from its scores and seconds a placement so far.
+type Leaves<'a> = dyn Fn(&[Option<f64>], f64) -> Option<Left> + 'a;
+
 /// How far a setting is measured.
 pub(super) struct Extent<'a> {
     /// Called with the number of placements just scored: whether to go on. A setting under way is dropped.
     pub(super) goes_on: &'a dyn Fn(usize) -> bool,
-    /// Why to leave a setting, from its scores and seconds a placement so far.
-    pub(super) leaves: &'a dyn Fn(&[Option<f64>], f64) -> Option<Left>,
+    /// Why to leave a setting under way.
+    pub(super) leaves: &'a Leaves<'a>,
     /// Whether to time a setting in repeats, from all its scores.
     pub(super) is_timed: &'a dyn Fn(&[Option<f64>]) -> bool,
 }
