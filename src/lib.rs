@@ -122,6 +122,7 @@ pub mod internals {
     pub use crate::allocator::Sentence;
     pub use crate::bvh::{Bvh, Hit, NO_HIT, Ray, major_axis};
     pub use crate::cast::{Caster, Casting, Instructions, Part, cast_closest, cast_frame_closest};
+    pub use crate::chart::early::{Left, Skipped};
     pub use crate::chart::measure::{Measured, PoseCost};
     pub use crate::chart::ranking::{Interval, RankingError};
     pub use crate::chart::setting::{Engine, Setting};

@@ -9,8 +9,18 @@ use tempfile::TempDir;
 
 use crate::cli::{corridor, fails, ok, room, sightline};
 
-const CHART: [&str; 8] =
-    ["chart", "room.json", "--quick", "--placements", "12", "--backend", "cpu", "--out"];
+const CHART: [&str; 10] = [
+    "chart",
+    "room.json",
+    "--finest",
+    "0.5",
+    "--full",
+    "--placements",
+    "12",
+    "--backend",
+    "cpu",
+    "--out",
+];
 
 fn read(dir: &TempDir, file: &str) -> String {
     fs::read_to_string(dir.path().join(file)).unwrap()
@@ -67,6 +77,56 @@ fn a_chart_measures_the_settings_of_a_scene() {
     assert!(number(taken, "/seconds") < number(chosen, "/seconds"));
 }
 
+/// Text that a chart of the room prints, its CSV by line, and all of its JSON.
+fn printed(dir: &TempDir, more: &[&str], out: &str) -> (String, Vec<String>, Value) {
+    let args = ["chart", "room.json", "--placements", "30", "--backend", "cpu", "--out", out];
+    let output = sightline(dir.path(), &[&args[..], more].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let csv = read(dir, &format!("{out}/chart.csv"));
+    let answer = serde_json::from_str(&read(dir, &format!("{out}/chart.json"))).unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    (text, csv.lines().map(str::to_owned).collect(), answer)
+}
+
+#[test]
+fn a_chart_that_leaves_settings_early_gives_the_advice_of_a_full_one() {
+    let dir = TempDir::new().unwrap();
+    let path = room(dir.path());
+    // The walker hardly moves: one frame of twelve keeps the ranking, and nothing else is nearly as cheap, so
+    // that the clock has no say.
+    let mut scene: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    scene["frames"] = json!(12);
+    let poses = (0..12).map(|k| json!({ "x": 2.0 + 0.001 * f64::from(k), "y": -1 }));
+    scene["actors"][0]["poses"] = poses.collect();
+    fs::write(&path, scene.to_string()).unwrap();
+    let (text, csv, sparing) = printed(&dir, &[], "sparing");
+    let (all_text, all_csv, full) = printed(&dir, &["--full"], "full");
+    let rows_of = |answer: &Value| answer["rows"].as_array().unwrap().clone();
+    let (rows, all) = (rows_of(&sparing), rows_of(&full));
+    let chosen = |answer: &Value| {
+        rows_of(answer)[answer["verdict"]["setting"].as_u64().unwrap() as usize].clone()
+    };
+    let (advice, wanted) = (chosen(&sparing), chosen(&full));
+    assert_eq!(advice["setting"], wanted["setting"]);
+    assert!(advice["setting"].as_str().unwrap().contains("1 frame"), "{advice}");
+    let same = all.iter().find(|row| row["setting"] == advice["setting"]).unwrap();
+    assert_eq!(advice["error"], same["error"], "the advice is confirmed with all placements");
+    assert_eq!(rows[0]["error"], all[0]["error"]);
+    // Settings are left, with a reason, and the table is short.
+    let is_left = |line: &&String| line.contains("swaps more pairs") || line.contains("as dear as");
+    let left = csv.iter().filter(is_left).count();
+    assert!(left > 5 && all_csv.iter().filter(is_left).count() == 0, "{csv:#?}");
+    let columns = csv[0].split(',').count();
+    let quoted = |line: &String| line.split('"').skip(2).collect::<String>();
+    assert!(csv[1..].iter().all(|line| quoted(line).split(',').count() == columns), "{csv:#?}");
+    let general = all.iter().filter(|row| row["rung"]["engine"] != "atlas").count();
+    assert_eq!(csv.len(), general + 1, "every setting but the atlases");
+    let lines = |text: &str| text.lines().filter(|line| line.contains("CPU  ")).count();
+    let (few, many) = (lines(&text), lines(&all_text));
+    assert!(few > 0 && few < 15.min(many / 2) && many == general - 1, "{text}\n{all_text}");
+    assert!(text.contains("were left early"), "{text}");
+}
+
 #[test]
 fn a_scene_without_geometry_has_fewer_settings() {
     let dir = corridor();
@@ -78,7 +138,7 @@ fn a_scene_without_geometry_has_fewer_settings() {
         { "name": "far", "lidars": [{ "x": 0.5, "y": 0.5, "z": 500 }] },
     ]});
     fs::write(dir.path().join("placements.json"), placements.to_string()).unwrap();
-    let args = ["chart", "scene.json", "placements.json", "--quick", "--placements", "10"];
+    let args = ["chart", "scene.json", "placements.json", "--full", "--placements", "10"];
     let answer = ok(dir.path(), &[&args[..], &["--backend", "cpu", "--out", "out"]].concat());
     let settings: Vec<&str> =
         answer["rows"].as_array().unwrap().iter().map(|r| r["setting"].as_str().unwrap()).collect();
@@ -116,8 +176,8 @@ fn an_atlas_scores_placements_on_its_grid_like_the_cpu() {
         { "name": "near", "lidars": [pose(0.0, 0.0, 0.1), pose(0.2, 0.0, -0.1)] },
     ]});
     fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
-    let args = ["chart", "room.json", "p.json", "--quick", "--placements", "0", "--backend", "cpu"];
-    let answer = ok(dir.path(), &[&args[..], &["--out", "out"]].concat());
+    let args = ["chart", "room.json", "p.json", "--finest", "0.5", "--full", "--placements", "0"];
+    let answer = ok(dir.path(), &[&args[..], &["--backend", "cpu", "--out", "out"]].concat());
     let measured = answer["measured"].as_array().unwrap();
     let atlases: Vec<&Value> = measured.iter().filter(|m| m["rung"]["engine"] == "atlas").collect();
     assert_eq!(atlases.len(), 2, "three frames and one");
@@ -136,8 +196,8 @@ fn an_atlas_scores_placements_on_its_grid_like_the_cpu() {
 fn the_gpu_stands_on_the_chart_with_the_scores_of_the_cpu() {
     let dir = TempDir::new().unwrap();
     room(dir.path());
-    let args = ["chart", "room.json", "--quick", "--placements", "4", "--backend", "gpu"];
-    let answer = ok(dir.path(), &[&args[..], &["--out", "out"]].concat());
+    let args = ["chart", "room.json", "--finest", "0.5", "--full", "--placements", "4"];
+    let answer = ok(dir.path(), &[&args[..], &["--backend", "gpu", "--out", "out"]].concat());
     let measured = answer["measured"].as_array().unwrap();
     let of = |engine: &str| {
         measured

@@ -76,7 +76,7 @@ fn a_folder_belongs_to_one_run_at_a_time() {
         [&OPTIMIZE[..], &new].concat(),
         vec!["optimize", "--resume", "run", "--backend", "cpu"],
         [&["study", "lidars", "scene.json", "--backend", "cpu"][..], &new].concat(),
-        [&["chart", "scene.json", "--quick", "--backend", "cpu"][..], &new].concat(),
+        [&["chart", "scene.json", "--backend", "cpu"][..], &new].concat(),
     ];
     let held = ["run", "new"].map(|name| File::open(dir.path().join(name)).unwrap());
     held.iter().for_each(|folder| folder.lock().unwrap());
@@ -124,7 +124,7 @@ fn a_study_that_cannot_be_leaves_no_folder_and_names_the_file() {
 #[test]
 fn a_second_chart_gets_a_folder_of_its_own() {
     let dir = corridor();
-    let chart = ["chart", "scene.json", "--quick", "--placements", "2", "--backend", "cpu"];
+    let chart = ["chart", "scene.json", "--placements", "2", "--backend", "cpu"];
     ok(dir.path(), &chart);
     ok(dir.path(), &chart);
     assert!(dir.path().join("runs/scene-chart-2/chart.svg").is_file());
@@ -176,7 +176,7 @@ fn what_is_empty_too_long_or_called_otherwise_is_said_in_plain_words() {
 #[test]
 fn a_chart_whose_state_was_changed_is_refused() {
     let dir = corridor();
-    let chart = ["chart", "scene.json", "--quick", "--placements", "2", "--backend", "cpu"];
+    let chart = ["chart", "scene.json", "--placements", "2", "--backend", "cpu"];
     ok(dir.path(), &[&chart[..], &["--out", "chart"]].concat());
     let file = dir.path().join("chart/checkpoint.json");
     let mut saved: Value = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();

@@ -173,7 +173,7 @@ fn folders_of_others_are_not_written_into() {
         "optimize town.json --backend cpu --evaluations 4 --out full",
         "optimize town.json --backend cpu --evaluations 4 --baselines p.json --out .",
         "study lidars town.json --backend cpu --evaluations 4 --out full",
-        "chart town.json p.json --backend cpu --quick --out full",
+        "chart town.json p.json --backend cpu --out full",
         "scan town.json --placement p.json --backend cpu --out full",
         "optimize town.json --backend cpu --evaluations 4 --baselines p.json --out . --force",
     ] {

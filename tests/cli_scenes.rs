@@ -222,7 +222,7 @@ fn audit_study_and_chart_go_from_scene_to_scene() {
     assert!((gain(&study["mean"]) - mean).abs() < 1e-12, "{study}");
     assert!(dir.path().join("study/hall/table.csv").exists());
 
-    let more = ["--quick", "--placements", "4", "--out", "chart"];
+    let more = ["--placements", "4", "--out", "chart"];
     let charts = ok(dir.path(), &[&["chart"], &both[..], &["p.json"], &more, &CPU].concat());
     assert_eq!(charts["scenes"][1]["scene"], "hall");
     assert_eq!(charts["scenes"][0]["placements"].as_array().unwrap().len(), 6);

@@ -207,8 +207,9 @@ fn a_chart_of_a_mixed_vehicle_ranks_what_score_ranks() {
     let scene = Scene::read_with(dir.path().join("room.json"), Some(&dir.path().join("cart.json")));
     let job = Job::new(scene.unwrap());
     let psog = job.scenes()[0].psog(|_| true).unwrap();
+    let (finest, full) = (Some(0.5), true);
     let settings =
-        ChartSettings { given: given.clone(), random: 4, quick: true, ..ChartSettings::default() };
+        ChartSettings { given: given.clone(), random: 4, finest, full, ..ChartSettings::default() };
     let mut state = ChartState::default();
     let found = chart(job.scene().clone(), psog, &settings, 0.01, &mut state, &()).unwrap();
     let of = |engine: Engine| {
@@ -251,7 +252,8 @@ fn an_atlas_that_lacks_a_model_is_left_out_with_a_sentence() {
     let job = Job::new(scene.unwrap());
     let psog = job.scenes()[0].psog(|_| true).unwrap();
     let given = read_placements(dir.path().join("mixed.json")).unwrap();
-    let settings = ChartSettings { given, random: 0, quick: true, ..ChartSettings::default() };
+    let (finest, full) = (Some(0.5), true);
+    let settings = ChartSettings { given, random: 0, finest, full, ..ChartSettings::default() };
     let mut state = ChartState::default();
     let found = chart(job.scene().clone(), psog, &settings, 0.01, &mut state, &()).unwrap();
     assert!(found.rated.iter().all(|rated| rated.measured.setting.engine != Engine::Atlas));

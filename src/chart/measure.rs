@@ -3,29 +3,21 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::exact::Exact;
-use super::{ChartError, Engine, Fidelity, Setting, World};
-use crate::bvh::Hit;
-use crate::engine::{Backend, BackendError, EngineChoice, EngineKind, open};
-use crate::problem::{Problem, Tally};
+use super::scorer::{BATCH, Scorer};
+use super::{ChartError, Engine, Fidelity, Left, Setting, World};
+use crate::engine::{BackendError, EngineChoice};
+use crate::problem::Problem;
 use crate::score::Objective;
-use crate::search::SWAP_SPACING;
-use crate::search::atlas::{Atlas, Union};
-use crate::vehicle::{Placement, PoseGrid, SensorPose, Sensors, UnknownSensor, Vehicle};
+use crate::vehicle::Placement;
 
-/// Placements scored between two looks at whether to stop.
-const BATCH: usize = 8;
 /// Placements by which the GPU is compared with the CPU before the CPU's scores stand for both.
 const COMPARED: usize = 8;
 /// Fewest placements of one repeat.
 const TIMED: usize = 4;
 /// Least wall time of one repeat, in seconds, where there are placements enough.
 const REPEAT_SECONDS: f64 = 0.15;
-/// Bytes of bitmaps that an atlas keeps at most.
-const ATLAS_BYTES: u64 = 2 << 30;
 /// The unit of time casts into one frame in this many of the scene's.
 const UNIT_FRAMES: u32 = 4;
 
@@ -60,8 +52,34 @@ pub struct Measured {
     /// Of an atlas, the cost of casting a pose, once; `seconds` is with every pose cast.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose: Option<PoseCost>,
+    /// Repeats of the timing; 0 where the scoring of the placements was timed instead, eight at a time.
+    pub repeats: usize,
+    /// Why only the first placements were scored; `None` where all were.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub left: Option<Left>,
     /// Objective of each placement; `None` where it covers nothing.
     pub scores: Vec<Option<f64>>,
+}
+
+/// Why to leave a setting, from its scores and seconds a placement so far.
+type Leaves<'a> = dyn Fn(&[Option<f64>], f64) -> Option<Left> + 'a;
+
+/// How far a setting is measured.
+pub(super) struct Extent<'a> {
+    /// Called with the number of placements just scored: whether to go on. A setting under way is dropped.
+    pub(super) goes_on: &'a dyn Fn(usize) -> bool,
+    /// Why to leave a setting under way.
+    pub(super) leaves: &'a Leaves<'a>,
+    /// Whether to time a setting in repeats, from all its scores.
+    pub(super) is_timed: &'a dyn Fn(&[Option<f64>]) -> bool,
+}
+
+/// Scores of the first placements of a setting.
+struct Scored {
+    scores: Vec<Option<f64>>,
+    left: Option<Left>,
+    /// Seconds a placement of each batch.
+    batches: Vec<f64>,
 }
 
 /// Measures settings of one scene with the same placements.
@@ -134,8 +152,7 @@ impl Bench {
         Ok(scorer.value(&tallies[0], &self.objective))
     }
 
-    /// Measures one setting; `None` when `go_on`, called with the placements just scored, says stop; none
-    /// are while the P-SOG of the setting is scanned.
+    /// Measures one setting as far as `extent` says; `None` where that says stop.
     ///
     /// Of a GPU setting whose equal on the CPU is in `done`, a few placements are scored; where their
     /// scores are equal to the last bit, those of the CPU stand for both.
@@ -146,38 +163,25 @@ impl Bench {
         &mut self,
         setting: &Setting,
         done: &[Measured],
-        go_on: &dyn Fn(usize) -> bool,
+        extent: &Extent<'_>,
     ) -> Result<Option<Measured>, ChartError> {
         let voxel = setting.fidelity.voxel;
-        if self.world.psog_while(voxel, &|| go_on(0))?.is_none() {
+        if self.world.psog_while(voxel, &|| (extent.goes_on)(0))?.is_none() {
             return Ok(None);
         }
         let mut scorer = self.scorer(setting)?;
         let on_cpu = Setting { engine: Engine::Cpu, ..*setting };
-        let is_gpu = setting.engine == Engine::Gpu;
-        let on_cpu = done.iter().find(|m| is_gpu && m.setting == on_cpu);
+        let is_whole = |m: &&Measured| m.setting == on_cpu && m.left.is_none();
+        let on_cpu = done.iter().filter(|_| setting.engine == Engine::Gpu).find(is_whole);
         let start = Instant::now();
-        let mut scores = Vec::with_capacity(self.placements.len());
-        for batch in self.placements.chunks(BATCH) {
-            let tallies = scorer.tallies(batch)?;
-            scores.extend(tallies.iter().map(|tally| scorer.value(tally, &self.objective)));
-            if !go_on(batch.len()) {
-                return Ok(None);
-            }
-            if let Some(on_cpu) = on_cpu
-                && scores.len() >= COMPARED
-                && scores[..] == on_cpu.scores[..scores.len()]
-            {
-                break;
-            }
-        }
-        let elapsed = start.elapsed().as_secs_f64();
-        let each = elapsed / scores.len() as f64;
-        let pose = scorer.pose(elapsed);
-        if scores.len() < self.placements.len() {
-            scores = on_cpu.map(|m| m.scores.clone()).unwrap_or_default();
-        }
-        let seconds = self.time(&mut scorer, each)?;
+        let Some(Scored { scores, left, batches }) = self.score(&mut scorer, on_cpu, extent)?
+        else {
+            return Ok(None);
+        };
+        let pose = scorer.pose(start.elapsed().as_secs_f64());
+        let each = median(&batches);
+        let is_timed = left.is_none() && (extent.is_timed)(&scores);
+        let seconds = if is_timed { self.time(&mut scorer, each)? } else { batches };
         let (mut beams, lidars) = (0, self.placements[0].lidars.len() as u64);
         if let Some(tally) = scorer.tallies(&self.placements[..1])?.first() {
             beams = tally.beams;
@@ -196,8 +200,44 @@ impl Bench {
             beams,
             triangles: scorer.triangles(),
             pose,
+            repeats: if is_timed { self.repeats } else { 0 },
+            left,
             scores,
         }))
+    }
+
+    /// Scores placements until `extent` has enough; `None` where it says stop.
+    fn score(
+        &self,
+        scorer: &mut Scorer,
+        on_cpu: Option<&Measured>,
+        extent: &Extent<'_>,
+    ) -> Result<Option<Scored>, ChartError> {
+        let scores = Vec::with_capacity(self.placements.len());
+        let mut scored = Scored { scores, left: None, batches: Vec::new() };
+        for batch in self.placements.chunks(BATCH) {
+            let start = Instant::now();
+            let tallies = scorer.tallies(batch)?;
+            scored.batches.push(start.elapsed().as_secs_f64() / batch.len() as f64);
+            let values = tallies.iter().map(|tally| scorer.value(tally, &self.objective));
+            scored.scores.extend(values);
+            if !(extent.goes_on)(batch.len()) {
+                return Ok(None);
+            }
+            let so_far = scored.scores.len();
+            if let Some(on_cpu) = on_cpu
+                && so_far >= COMPARED
+                && scored.scores[..] == on_cpu.scores[..so_far]
+            {
+                scored.scores.clone_from(&on_cpu.scores);
+                break;
+            }
+            scored.left = (extent.leaves)(&scored.scores, median(&scored.batches));
+            if scored.left.is_some() {
+                break;
+            }
+        }
+        Ok(Some(scored))
     }
 
     /// Seconds a placement of each repeat; `each` is a first estimate.
@@ -236,158 +276,4 @@ fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted[sorted.len() / 2]
-}
-
-/// Poses of a grid nearest to those of a placement, each of its LiDAR's model; without one where no mount may hold the
-/// model.
-fn poses_of(
-    sensors: &Sensors,
-    grid: &PoseGrid,
-    placement: &Placement,
-) -> Result<Vec<u32>, UnknownSensor> {
-    let nearest = |pose: &SensorPose| {
-        let model = sensors.models()[sensors.number(pose)?].name;
-        Ok(grid.nearest_of(model, pose))
-    };
-    let poses = placement.lidars.iter().map(nearest).collect::<Result<Vec<Option<u32>>, _>>()?;
-    Ok(poses.into_iter().flatten().collect())
-}
-
-/// Refuses a placement that the poses of a grid cannot stand for.
-fn check_places(
-    sensors: &Sensors,
-    grid: &PoseGrid,
-    placements: &[Placement],
-) -> Result<(), ChartError> {
-    for placement in placements {
-        for pose in &placement.lidars {
-            let sensor = sensors.models()[sensors.number(pose)?].name;
-            if grid.nearest_of(sensor, pose).is_none() {
-                let placement = placement.name.clone();
-                return Err(ChartError::NoPlace { placement, sensor });
-            }
-        }
-    }
-    Ok(())
-}
-
-/// A setting ready to score.
-enum Scorer {
-    Exact(Box<Exact>),
-    Backend(Arc<Problem>, Box<dyn Backend>),
-    Atlas { atlas: Box<Atlas>, backend: Box<dyn Backend>, lidars: usize },
-}
-
-impl Scorer {
-    fn new(
-        world: &mut World,
-        setting: &Setting,
-        objective: &Objective,
-        choice: &EngineChoice,
-        placements: &[Placement],
-    ) -> Result<Self, ChartError> {
-        if setting.engine == Engine::F64 {
-            return Ok(Self::Exact(Box::new(Exact::new(world, &setting.fidelity)?)));
-        }
-        let problem = Arc::new(world.problem(&setting.fidelity)?);
-        let kind = match setting.engine {
-            Engine::Gpu => EngineKind::Gpu,
-            _ => EngineKind::Cpu,
-        };
-        let choice = EngineChoice { kind, ..choice.clone() };
-        let backend = open(&problem, &choice, |_| {})?.engine;
-        if setting.engine == Engine::Atlas {
-            let vehicle = world.scene().vehicle();
-            let kinds = vehicle.map_or_else(|| problem.constraints().clone(), Vehicle::every_kind);
-            let grid = PoseGrid::new(&kinds, SWAP_SPACING)?;
-            check_places(problem.sensors(), &grid, placements)?;
-            let atlas = Atlas::new(problem, grid, objective.needed(), ATLAS_BYTES);
-            let lidars = placements.iter().map(|placement| placement.lidars.len()).max();
-            let lidars = lidars.unwrap_or(0);
-            let held = atlas.page_bytes() * BATCH * lidars;
-            if held as u64 > ATLAS_BYTES {
-                let (what, need, limit) = ("the pose atlas", held as u64, ATLAS_BYTES);
-                return Err(BackendError::TooLarge { what, need, limit }.into());
-            }
-            return Ok(Self::Atlas { atlas: Box::new(atlas), backend, lidars });
-        }
-        Ok(Self::Backend(problem, backend))
-    }
-
-    /// Placements that can be scored at once.
-    fn most(&self) -> usize {
-        match self {
-            Self::Atlas { atlas, lidars, .. } => (atlas.capacity() / (*lidars).max(1)).max(BATCH),
-            _ => usize::MAX,
-        }
-    }
-
-    fn tallies(&mut self, placements: &[Placement]) -> Result<Vec<Tally>, BackendError> {
-        match self {
-            Self::Exact(exact) => Ok(exact.tallies(placements)?),
-            Self::Backend(_, backend) => backend.tally(placements, None),
-            Self::Atlas { atlas, backend, .. } => {
-                let sensors = atlas.problem().sensors();
-                let poses = placements.iter().map(|p| poses_of(sensors, atlas.grid(), p));
-                let poses = poses.collect::<Result<Vec<Vec<u32>>, _>>()?;
-                atlas.hold(&mut **backend, &poses.concat())?;
-                let tally = |union: &mut Union, poses: &Vec<u32>| match poses.split_last() {
-                    Some((last, others)) => {
-                        atlas.union(others, union);
-                        atlas.tally_with(union, *last)
-                    }
-                    None => Tally::default(),
-                };
-                Ok(poses.par_iter().map_init(Union::default, tally).collect())
-            }
-        }
-    }
-
-    fn value(&self, tally: &Tally, objective: &Objective) -> Option<f64> {
-        let (content, frames) = match self {
-            Self::Exact(exact) => (exact.content(), exact.frame_count()),
-            Self::Backend(problem, _) => (problem.content(), problem.frame_count()),
-            Self::Atlas { atlas, .. } => (atlas.problem().content(), atlas.problem().frame_count()),
-        };
-        objective.value_of_tally(tally, content, frames)
-    }
-
-    fn bytes(&self, lidars: u64) -> u64 {
-        match self {
-            Self::Exact(exact) => exact.bytes(),
-            Self::Backend(problem, _) => {
-                let hits = problem.sensors().most_beams() * size_of::<Hit>();
-                problem.bytes() + lidars * (problem.roi().voxel_count().div_ceil(8) + hits as u64)
-            }
-            Self::Atlas { atlas, .. } => {
-                atlas.problem().bytes() + lidars * atlas.page_bytes() as u64
-            }
-        }
-    }
-
-    /// Devices lost while it scored, in words.
-    fn changes(&self) -> &[String] {
-        match self {
-            Self::Exact(_) => &[],
-            Self::Backend(_, backend) | Self::Atlas { backend, .. } => backend.changes(),
-        }
-    }
-
-    /// Cost of a pose, from the seconds in which all poses so far were cast.
-    fn pose(&self, elapsed: f64) -> Option<PoseCost> {
-        let Self::Atlas { atlas, .. } = self else { return None };
-        let seconds = elapsed / atlas.poses_cast().max(1) as f64;
-        Some(PoseCost { seconds, bytes: atlas.page_bytes() as u64 })
-    }
-
-    fn triangles(&self) -> u64 {
-        let problem = match self {
-            Self::Exact(exact) => return exact.triangles(),
-            Self::Backend(problem, _) => problem,
-            Self::Atlas { atlas, .. } => atlas.problem(),
-        };
-        let frames = problem.geometry_frame_count();
-        let geometry = (0..frames).filter_map(|frame| problem.geometry(frame));
-        geometry.map(|frame| frame.triangle_count()).sum::<u64>() / frames.max(1) as u64
-    }
 }

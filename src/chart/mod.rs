@@ -7,21 +7,27 @@
 //! | `setting` | a setting, and all that a scene allows |
 //! | `world` | the problem that a scene poses at a setting |
 //! | `simplify` | triangles merged below a size |
-//! | `exact`, `exact_tree` | the finest setting: casting, coverage and sums in `f64` |
+//! | `exact`, `exact_tree`, `exact_walk`, `exact_worth` | the finest setting: casting, coverage and sums in `f64` |
 //! | `ranking` | score error, Kendall's τ, top-1 regret, bootstrap intervals |
-//! | `measure` | cost and scores of one setting |
+//! | `measure`, `scorer` | cost and scores of one setting |
+//! | `early` | settings that are left early or not begun |
 //! | `verdict` | the Pareto front and the cheapest setting that keeps the ranking |
 
+pub(crate) mod early;
 mod exact;
 mod exact_tree;
+mod exact_walk;
+mod exact_worth;
 pub(crate) mod measure;
 pub(crate) mod ranking;
 mod run;
+mod scorer;
 pub(crate) mod setting;
 pub(crate) mod simplify;
 pub(crate) mod verdict;
 pub(crate) mod world;
 
+pub use early::{Left, Skipped};
 pub(crate) use measure::{Measured, PoseCost};
 pub(crate) use ranking::RankingError;
 pub use run::{Chart, ChartObserver, ChartRow, ChartSettings, ChartState, chart};

@@ -44,9 +44,7 @@ impl RankingError {
         tolerance: f64,
         seed: u64,
     ) -> Option<Self> {
-        let known = reference.iter().zip(scores);
-        let (reference, scores): (Vec<f64>, Vec<f64>) =
-            known.filter_map(|(r, s)| Some(((*r)?, s.unwrap_or(f64::NEG_INFINITY)))).unzip();
+        let (reference, scores) = comparable(reference, scores);
         if reference.is_empty() {
             return None;
         }
@@ -76,6 +74,30 @@ impl RankingError {
             swapped: interval(swapped(&reference, &scores, tolerance), swaps),
         })
     }
+}
+
+/// [`RankingError::swapped`] alone, for the first placements of a setting; `None` if there are none to compare.
+pub(super) fn swapped_interval(
+    reference: &[Option<f64>],
+    scores: &[Option<f64>],
+    tolerance: f64,
+    seed: u64,
+) -> Option<Interval> {
+    let (reference, scores) = comparable(reference, scores);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let count = reference.len();
+    let resampled = (0..RESAMPLES).map(|_| {
+        let drawn: Vec<usize> = (0..count).map(|_| rng.random_range(0..count)).collect();
+        let pick = |of: &[f64]| drawn.iter().map(|&i| of[i]).collect::<Vec<f64>>();
+        swapped(&pick(&reference), &pick(&scores), tolerance)
+    });
+    (count > 0).then(|| interval(swapped(&reference, &scores, tolerance), resampled.collect()))
+}
+
+/// Scores of the placements that the reference scores; those without a score rank last.
+fn comparable(reference: &[Option<f64>], scores: &[Option<f64>]) -> (Vec<f64>, Vec<f64>) {
+    let known = reference.iter().zip(scores);
+    known.filter_map(|(r, s)| Some(((*r)?, s.unwrap_or(f64::NEG_INFINITY)))).unzip()
 }
 
 fn best(scores: &[f64]) -> f64 {

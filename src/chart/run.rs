@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::measure::Bench;
+use super::early::Rule;
+use super::measure::{Bench, Extent};
 use super::{
-    ChartError, Engine, Measured, PoseCost, RankingError, Rated, Setting, Settings, Verdict, World,
-    cheapest, rate,
+    ChartError, Engine, Left, Measured, PoseCost, RankingError, Rated, Setting, Settings, Skipped,
+    Verdict, World, cheapest, rate,
 };
 use crate::engine::{EngineChoice, EngineKind, open};
 use crate::psog::Psog;
@@ -18,8 +19,8 @@ use crate::vehicle::{Placement, random_placements_by_the_rules, table_7};
 
 /// Most random placements of a chart.
 const MOST_RANDOM: u32 = 2_000;
-/// Repeats of a timing, and of a quick one.
-const REPEATS: [usize; 2] = [5, 3];
+/// Repeats of a timing.
+const REPEATS: usize = 5;
 
 /// Settings of a chart: with its scene they decide about every number but the times.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -32,8 +33,10 @@ pub struct ChartSettings {
     pub objective: Objective,
     /// Edge of the finest voxels in metres; `None` takes half of the scene's where that is 0.1 or more.
     pub finest: Option<f64>,
-    /// Fewer combinations and repeats, and no voxels finer than the scene's.
-    pub quick: bool,
+    /// Measures every setting with all placements and times each in repeats, also those that cannot be the advice,
+    /// and warm pose atlases.
+    #[serde(default)]
+    pub full: bool,
     /// Seed of the random placements and of the bootstrap.
     pub seed: u64,
     /// Engines to measure: [`EngineKind::Cpu`] leaves the GPU out.
@@ -48,7 +51,7 @@ impl Default for ChartSettings {
             random: 100,
             objective: Objective::default(),
             finest: None,
-            quick: false,
+            full: false,
             seed: 1,
             engine: EngineChoice::cpu(),
         }
@@ -88,8 +91,12 @@ pub struct ChartRow {
     pub error: RankingError,
     /// Whether its scores have the same meaning as the reference's; only rankings compare otherwise.
     pub same_quantity: bool,
-    /// No other setting is cheaper and ranks at least as well.
+    /// No other setting that was measured to the end is cheaper and ranks at least as well.
     pub on_front: bool,
+    /// Placements that were scored, the first of all.
+    pub placements: usize,
+    /// Why no more were.
+    pub left: Option<Left>,
 }
 
 /// Cost against accuracy of the settings of a scene.
@@ -109,6 +116,10 @@ pub struct Chart {
     pub rated: Vec<Rated>,
     /// The setting to take; `None` where none was measured.
     pub verdict: Option<Verdict>,
+    /// Whether every setting was measured to the end.
+    pub full: bool,
+    /// Settings that were not begun, since they cannot be the one to take.
+    pub skipped: Vec<Skipped>,
     /// Why settings are missing, one sentence each.
     pub left_out: Vec<String>,
     /// Settings that were not measured because the observer said stop.
@@ -133,6 +144,8 @@ impl Chart {
                 error,
                 same_quantity: measured.setting.fidelity.same_quantity(finest),
                 on_front,
+                placements: measured.scores.len(),
+                left: measured.left,
             }
         };
         self.rated.iter().map(row).collect()
@@ -176,7 +189,13 @@ pub fn chart(
     observer: &dyn ChartObserver,
 ) -> Result<Chart, ChartError> {
     let (name, edge) = (scene.name().to_owned(), scene.roi().voxel[0]);
-    let mut ladder = Settings::new(&scene, finest(&scene, &psog, settings)?, settings.quick);
+    let mut ladder = Settings::new(&scene, finest(&scene, &psog, settings)?);
+    if !settings.full {
+        ladder.all.retain(|setting| setting.engine != Engine::Atlas);
+        ladder
+            .left_out
+            .push("warm pose atlases, which are never the advice: see --full".to_owned());
+    }
     let random = settings.random as usize;
     let drawn = random_placements_by_the_rules(&scene.constraints(), random, settings.seed);
     let placements = settings.given.iter().cloned().chain(drawn).collect();
@@ -185,7 +204,7 @@ pub fn chart(
         placements,
         settings.objective.clone(),
         settings.engine.clone(),
-        REPEATS[usize::from(settings.quick)],
+        REPEATS,
         state.unit_seconds,
     )?;
     if let Some(why) = why_no_gpu(&mut bench, &settings.engine)? {
@@ -193,7 +212,9 @@ pub fn chart(
         ladder.left_out.push(format!("the GPU: {why}"));
     }
     check_resumed(&mut bench, &ladder, state)?;
-    let missing = measure(&mut bench, &mut ladder, edge, state, observer)?;
+    let rule = Rule::new(settings.full, tolerance, settings.seed);
+    let Progress { missing, skipped } =
+        measure(&mut bench, &mut ladder, rule, edge, state, observer)?;
     let rated = rate(&state.measured, tolerance, settings.seed);
     Ok(Chart {
         scene: name,
@@ -203,6 +224,8 @@ pub fn chart(
         tolerance,
         verdict: cheapest(&rated, tolerance),
         rated,
+        full: settings.full,
+        skipped,
         missing,
         left_out: ladder.left_out,
     })
@@ -223,10 +246,9 @@ fn finest(scene: &Scene, psog: &Psog, settings: &ChartSettings) -> Result<Option
         return Err(ChartError::NoPlacement);
     }
     let edge = scene.roi().voxel[0];
-    let finest = settings.finest.or(settings.quick.then_some(edge));
-    match finest.filter(|finest| *finest > edge * (1.0 + 1e-9)) {
+    match settings.finest.filter(|finest| *finest > edge * (1.0 + 1e-9)) {
         Some(finest) => Err(ChartError::Coarser { finest, edge }),
-        None => Ok(finest),
+        None => Ok(settings.finest),
     }
 }
 
@@ -250,46 +272,63 @@ fn check_resumed(
 ) -> Result<(), ChartError> {
     let Some(first) = state.measured.first() else { return Ok(()) };
     let count = bench.placements().len();
-    let same = state.measured.iter().all(|measured| measured.scores.len() == count)
+    let is_whole = |m: &Measured| m.scores.len() == count;
+    let fits = |m: &Measured| is_whole(m) || m.left.is_some() && m.scores.len() < count;
+    let same = state.measured.iter().all(fits)
+        && is_whole(first)
         && settings.all.first() == Some(&first.setting)
         && first.scores[0] == bench.first_score(&first.setting)?;
     if same { Ok(()) } else { Err(ChartError::OtherState) }
 }
 
-/// Measures the settings that are missing, until the observer says stop; the number of those then missing. Settings
-/// that are left out for a reason are not among them.
+/// How far a chart came.
+struct Progress {
+    /// Settings that are missing because the observer said stop.
+    missing: usize,
+    skipped: Vec<Skipped>,
+}
+
+/// Measures the settings that are missing as far as `rule` says, until the observer says stop. Settings that are left
+/// out for a reason are not among those then missing.
 fn measure(
     bench: &mut Bench,
     settings: &mut Settings,
+    mut rule: Rule,
     edge: f64,
     state: &mut ChartState,
     observer: &dyn ChartObserver,
-) -> Result<usize, ChartError> {
-    let all = settings.all.clone();
-    let efforts: Vec<f64> = all.iter().map(|s| s.effort(bench.world().scene())).collect();
-    let (whole, count) = (efforts.iter().sum::<f64>(), bench.placements().len() as f64);
-    let missing = |state: &ChartState, from: usize| {
-        let is_missing = |setting: &&Setting| state.measured.iter().all(|m| m.setting != **setting);
-        all[from..].iter().filter(is_missing).count()
-    };
-    let mut before = 0.0;
-    for (index, (setting, effort)) in all.iter().zip(&efforts).enumerate() {
+) -> Result<Progress, ChartError> {
+    let efforts: Vec<f64> = settings.all.iter().map(|s| s.effort(bench.world().scene())).collect();
+    let order = rule.order(&efforts);
+    let whole: f64 = efforts.iter().sum();
+    let finest = settings.all.first().map(|s| Setting { engine: Engine::Cpu, ..*s });
+    let (mut before, mut skipped) = (0.0, Vec::new());
+    for (place, &index) in order.iter().enumerate() {
+        let (setting, effort) = (settings.all[index], efforts[index]);
+        let is_missing = |&&i: &&usize| state.measured.iter().all(|m| m.setting != settings.all[i]);
         if !observer.goes_on() {
-            return Ok(missing(state, index));
+            let missing = order[place..].iter().filter(is_missing).count();
+            return Ok(Progress { missing, skipped });
         }
-        if !state.measured.iter().any(|m| m.setting == *setting) {
+        let skips = rule.skips(&setting, effort);
+        let held = state.measured.iter().position(|m| m.setting == setting);
+        // The advice says how much faster it is than the finest setting in `f32`: a few placements do.
+        if skips && held.is_none() && Some(setting) != finest {
+            skipped.push(Skipped { rung: setting, left: Left::Dearer });
+        } else if held.is_none_or(|at| !rule.is_settled(&state.measured[at], effort)) {
             let words = setting.words(edge);
-            observer.begins(index + 1, all.len(), &words);
-            let done = Cell::new(0.0);
-            let go_on = |placements: usize| {
-                done.set(done.get() + placements as f64);
-                observer.progress((before + effort * done.get() / count) / whole);
-                observer.goes_on()
-            };
-            match bench.measure(setting, &state.measured, &go_on) {
-                Ok(Some(measured)) => state.measured.push(measured),
-                Ok(None) => return Ok(missing(state, index)),
-                Err(error) if error.spares_others(setting) => {
+            observer.begins(place + 1, order.len(), &words);
+            let share = |part: f64| observer.progress((before + effort * part) / whole);
+            match one(bench, &setting, &rule, skips, state, (&share, observer)) {
+                Ok(Some(measured)) => match held {
+                    Some(at) => state.measured[at] = measured,
+                    None => state.measured.push(measured),
+                },
+                Ok(None) => {
+                    let missing = order[place..].iter().filter(is_missing).count();
+                    return Ok(Progress { missing, skipped });
+                }
+                Err(error) if error.spares_others(&setting) => {
                     settings.left_out.push(format!("{words}: {error}"));
                 }
                 Err(error) => return Err(error),
@@ -297,8 +336,34 @@ fn measure(
             state.unit_seconds = bench.unit_seconds();
             observer.measured(state);
         }
+        if let Some(measured) = state.measured.iter().find(|m| m.setting == setting) {
+            rule.note(measured, effort);
+        }
         before += effort;
         observer.progress(before / whole);
     }
-    Ok(0)
+    Ok(Progress { missing: 0, skipped })
+}
+
+/// Measures one setting as far as the rule says; one that it skips, a few placements.
+fn one(
+    bench: &mut Bench,
+    setting: &Setting,
+    rule: &Rule,
+    skips: bool,
+    state: &ChartState,
+    (share, observer): (&dyn Fn(f64), &dyn ChartObserver),
+) -> Result<Option<Measured>, ChartError> {
+    let (done, count) = (Cell::new(0), bench.placements().len() as f64);
+    let goes_on = |placements: usize| {
+        done.set(done.get() + placements);
+        share(done.get() as f64 / count);
+        observer.goes_on()
+    };
+    let leaves = |scores: &[Option<f64>], seconds: f64| {
+        if skips { Some(Left::Dearer) } else { rule.leaves(scores, seconds) }
+    };
+    let is_timed = |scores: &[Option<f64>]| rule.full || rule.is_candidate(setting, scores);
+    let extent = Extent { goes_on: &goes_on, leaves: &leaves, is_timed: &is_timed };
+    bench.measure(setting, &state.measured, &extent)
 }

@@ -53,13 +53,14 @@ fn misranked(rated: &Rated) -> f64 {
     rated.error.tau.map_or(1.0, |tau| 1.0 - tau.value)
 }
 
-/// Whether a setting scores any placement: a warm atlas only those whose poses were cast before.
+/// Whether a setting was measured with all placements and scores any other: a warm atlas only those whose poses were
+/// cast before.
 fn is_general(rated: &Rated) -> bool {
-    rated.measured.setting.engine != Engine::Atlas
+    rated.measured.left.is_none() && rated.measured.setting.engine != Engine::Atlas
 }
 
 /// Settings that no other one beats in both seconds a placement and 1 − τ, the cheapest first; a warm
-/// atlas is none of them.
+/// atlas is none of them, nor is a setting that was left early.
 pub fn pareto(rated: &[Rated]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..rated.len()).filter(|&i| is_general(&rated[i])).collect();
     let key = |i: usize| (rated[i].measured.seconds, misranked(&rated[i]));
@@ -75,7 +76,7 @@ pub fn pareto(rated: &[Rated]) -> Vec<usize> {
 
 /// The cheapest setting that keeps the ranking: up to the upper ends of the intervals, its top-1 regret
 /// stays within `tolerance`, and of the pairs farther apart at most [`MOST_SWAPPED`] change places. The
-/// reference itself always does, and a warm atlas is not asked. `None` of an empty list.
+/// reference itself always does; a warm atlas and a setting that was left early do not count. `None` of an empty list.
 pub fn cheapest(rated: &[Rated], tolerance: f64) -> Option<Verdict> {
     let reference = rated.first()?;
     let seconds = |i: usize| rated[i].measured.seconds;
@@ -94,7 +95,8 @@ pub fn cheapest(rated: &[Rated], tolerance: f64) -> Option<Verdict> {
     })
 }
 
-fn keeps_ranking(error: &RankingError, tolerance: f64) -> bool {
+/// Whether the errors of a setting over all placements allow it to be taken.
+pub(super) fn keeps_ranking(error: &RankingError, tolerance: f64) -> bool {
     error.regret.high <= tolerance && error.swapped.high <= MOST_SWAPPED
 }
 
@@ -113,6 +115,8 @@ mod tests {
             beams: 0,
             triangles: 0,
             pose: None,
+            left: None,
+            repeats: 1,
             scores: scores.iter().copied().map(Some).collect(),
         }
     }

@@ -14,8 +14,8 @@ use super::exit::Exit;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   sightline chart scenes/urban-crossing.json --out runs/chart
-  sightline chart scenes/highway.json --quick --objective information_gain
-  sightline chart scenes/highway.json scenes/residential.json --quick
+  sightline chart scenes/highway.json --full --objective information_gain
+  sightline chart scenes/highway.json scenes/residential.json --finest 0.2
   sightline chart --resume runs/chart")]
 pub struct Args {
     /// Scene files, and placements to rank together with random ones [default: Table 7 of the paper]
@@ -45,12 +45,12 @@ pub struct Args {
     #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = share)]
     tolerance: f64,
     /// Edge of the finest voxels in metres, which all other settings are compared with
-    /// [default: half of the scene's, where that is 0.1 or more; with --quick the scene's]
+    /// [default: half of the scene's, where that is 0.1 or more]
     #[arg(long, value_name = "METRES", conflicts_with = "resume", value_parser = metres)]
     finest: Option<f64>,
-    /// Fewer combinations and repeats, and no voxels finer than the scene's
+    /// Measure every setting with all placements, also those that cannot be the advice, and print them all
     #[arg(long, conflicts_with = "resume")]
-    quick: bool,
+    full: bool,
     /// Seed of the random placements and of the bootstrap
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>, conflicts_with = "resume")]
     seed: u64,
@@ -83,7 +83,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         random: args.random,
         tolerance: args.tolerance,
         finest: args.finest,
-        quick: args.quick,
+        full: args.full,
         seed: args.seed,
     };
     let mut gap = "";

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use maud::{Markup, html};
 
 use super::svg::{ACCENT, INK, SOFT, px, trimmed};
-use crate::chart::{Engine, Rated};
+use crate::chart::{Engine, Rated, Setting, Skipped};
 
 /// Titles of the table's columns, and where each begins or, from the second on, ends.
 const COLUMNS: [(&str, f64); 8] = [
@@ -82,15 +82,16 @@ fn cells(rated: &[Rated], i: usize, number: usize, edge: f64) -> [String; 8] {
     ]
 }
 
-/// One line a setting: what it is, its cost and its error.
-pub fn fidelity_csv(rated: &[Rated], edge: f64) -> String {
+/// One line a setting: what it is, its cost and its error; of a setting that was left early, over its first placements,
+/// and why. Settings that were not begun come last.
+pub fn fidelity_csv(rated: &[Rated], skipped: &[Skipped], edge: f64) -> String {
     let mut csv = "setting,engine,voxel_m,azimuth_divisor,frames,coverage,merged_m,seconds,seconds_low,\
                    seconds_high,bytes,beams,triangles,score_error_median,score_error_largest,tau,tau_low,\
-                   tau_high,regret,regret_low,regret_high,swapped,swapped_low,swapped_high,pose_seconds,pose_bytes,on_front\n"
+                   tau_high,regret,regret_low,regret_high,swapped,swapped_low,swapped_high,pose_seconds,pose_bytes,\
+                   on_front,placements,left_early\n"
         .to_owned();
     for rated in rated {
         let (measured, error) = (&rated.measured, &rated.error);
-        let fidelity = measured.setting.fidelity;
         let tau = match error.tau {
             Some(tau) => format!("{},{},{}", tau.value, tau.low, tau.high),
             None => ",,".to_owned(),
@@ -100,19 +101,8 @@ pub fn fidelity_csv(rated: &[Rated], edge: f64) -> String {
             .map_or(",".to_owned(), |pose| format!("{:.4e},{}", pose.seconds, pose.bytes));
         let _ = writeln!(
             csv,
-            "\"{}\",{},{},{},{},{},{},{:.4e},{:.4e},{:.4e},{},{},{},{},{},{tau},{},{},{},{},{},{},{pose},{}",
-            measured.setting.words(edge),
-            match measured.setting.engine {
-                Engine::F64 => "f64",
-                Engine::Cpu => "cpu",
-                Engine::Gpu => "gpu",
-                Engine::Atlas => "atlas",
-            },
-            trimmed(fidelity.voxel * edge, 6),
-            fidelity.azimuth,
-            fidelity.frames,
-            if fidelity.through { "through" } else { "first-hit" },
-            trimmed(fidelity.detail * fidelity.voxel * edge, 6),
+            "{},{:.4e},{:.4e},{:.4e},{},{},{},{},{},{tau},{},{},{},{},{},{},{pose},{},{},{}",
+            setting_cells(&measured.setting, edge),
             measured.seconds,
             measured.spread[0],
             measured.spread[1],
@@ -127,10 +117,36 @@ pub fn fidelity_csv(rated: &[Rated], edge: f64) -> String {
             error.swapped.value,
             error.swapped.low,
             error.swapped.high,
-            rated.on_front
+            rated.on_front,
+            measured.scores.len(),
+            measured.left.map_or("", |left| left.words()),
         );
     }
+    for Skipped { rung, left } in skipped {
+        let empty = ",".repeat(19);
+        let _ = writeln!(csv, "{}{empty},false,0,{}", setting_cells(rung, edge), left.words());
+    }
     csv
+}
+
+/// The first seven cells of a line.
+fn setting_cells(setting: &Setting, edge: f64) -> String {
+    let fidelity = setting.fidelity;
+    format!(
+        "\"{}\",{},{},{},{},{},{}",
+        setting.words(edge),
+        match setting.engine {
+            Engine::F64 => "f64",
+            Engine::Cpu => "cpu",
+            Engine::Gpu => "gpu",
+            Engine::Atlas => "atlas",
+        },
+        trimmed(fidelity.voxel * edge, 6),
+        fidelity.azimuth,
+        fidelity.frames,
+        if fidelity.through { "through" } else { "first-hit" },
+        trimmed(fidelity.detail * fidelity.voxel * edge, 6),
+    )
 }
 
 /// A duration in two or three digits and its unit.

@@ -21,7 +21,8 @@ const TITLES: [&str; 12] = [
     "front",
 ];
 
-/// The table of one scene's settings, and what it means.
+/// The table of one scene's settings, and what it means: the reference, the front and the setting to take, or all of a
+/// full chart.
 pub fn chart_text(found: &Chart) -> String {
     let rows = found.rows();
     let mut text = format!(
@@ -31,7 +32,9 @@ pub fn chart_text(found: &Chart) -> String {
         found.objective,
         rows.first().map_or("nothing", |row| &row.setting)
     );
-    let cells = rows.iter().map(|row| {
+    let chosen = found.verdict.map(|verdict| verdict.setting);
+    let is_printed = |i: usize| found.full || i == 0 || Some(i) == chosen || rows[i].on_front;
+    let cells = rows.iter().enumerate().filter(|(i, _)| is_printed(*i)).map(|(_, row)| {
         let mark = if row.same_quantity { " " } else { "*" };
         let error = &row.error;
         let (tau, range) = match error.tau {
@@ -60,6 +63,15 @@ pub fn chart_text(found: &Chart) -> String {
         "swapped: of the pairs farther apart than {} % of the best score, those in another order\n",
         100.0 * found.tolerance
     );
+    if !found.full {
+        let whole = rows.iter().filter(|row| row.left.is_none()).count();
+        text += &format!(
+            "front: among the {whole} settings measured to the end; {} were left early and {} not begun, since \
+             they cannot be the advice (chart.csv says why; --full measures all)\n",
+            rows.len() - whole,
+            found.skipped.len()
+        );
+    }
     for line in &found.left_out {
         text += &format!("left out: {line}\n");
     }

@@ -33,8 +33,8 @@ pub struct ChartRequest {
     pub tolerance: f64,
     /// Edge of the finest voxels in metres.
     pub finest: Option<f64>,
-    /// Fewer combinations and repeats.
-    pub quick: bool,
+    /// Measures every setting to the end.
+    pub full: bool,
     /// Of the random placements and of the bootstrap.
     pub seed: u64,
 }
@@ -120,7 +120,7 @@ fn begun(request: &ChartRequest, computing: &Computing<'_>) -> Result<Vec<Begun>
         random: request.random,
         objective: request.objective.parse()?,
         finest: request.finest,
-        quick: request.quick,
+        full: request.full,
         seed: request.seed,
         engine: computing.engine.clone(),
     };
@@ -233,6 +233,7 @@ fn answer(saved: &Saved, found: &Chart) -> Value {
         "threads": rayon::current_num_threads(),
         "reference": rows.first().map(|row| &row.setting),
         "rows": rows,
+        "skipped": found.skipped,
         "left_out": found.left_out,
         "verdict": found.verdict,
         "words": chart_words(found),
@@ -252,6 +253,6 @@ fn write(dir: &RunDir<Saved>, found: &Chart, answer: &Value) -> Result<(), Error
         chosen: found.verdict.map(|verdict| verdict.setting),
     };
     dir.write_text("chart.svg", &fidelity_svg(&found.rated, &frame))?;
-    dir.write_text("chart.csv", &fidelity_csv(&found.rated, found.edge))?;
+    dir.write_text("chart.csv", &fidelity_csv(&found.rated, &found.skipped, found.edge))?;
     Ok(dir.write_json("chart.json", answer)?)
 }
