@@ -2,7 +2,7 @@
 //! cfg for each set that is there: tests without their data are listed as ignored.
 
 use std::env;
-use std::path::Path;
+use std::path::PathBuf;
 
 /// cfg and one file of each set.
 const SETS: [(&str, &str); 6] = [
@@ -15,11 +15,14 @@ const SETS: [(&str, &str); 6] = [
 ];
 
 fn main() {
-    println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rerun-if-env-changed=SIGHTLINE_DATA");
-    let root = env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default();
+    let package = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default());
+    // The crates of the workspace share this file.
+    let root = package.ancestors().find(|folder| folder.join("shaders").is_dir());
+    let root = root.unwrap_or(&package);
+    println!("cargo::rerun-if-changed={}", root.join("build.rs").display());
     let folder = env::var_os("SIGHTLINE_DATA").unwrap_or("../shared/data".into());
-    let folder = Path::new(&root).join(folder);
+    let folder = root.join(folder);
     println!("cargo::rustc-env=REAL_DATA={}", folder.display());
     for (name, file) in SETS {
         println!("cargo::rustc-check-cfg=cfg({name})");

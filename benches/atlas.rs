@@ -64,7 +64,7 @@ fn main() {
 }
 
 fn measure(problem: &Arc<Problem>, grid: &PoseGrid, objective: &Objective) {
-    let mut backend = CpuBackend::new(problem.clone(), MEMORY);
+    let mut backend = CpuBackend::new(problem.task().clone(), MEMORY);
     let mut atlas = Atlas::new(problem.clone(), grid.clone(), objective.needed(), MEMORY);
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let poses: Vec<u32> = (0..POSES).map(|_| rng.random_range(0..grid.len())).collect();

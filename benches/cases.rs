@@ -2,9 +2,10 @@
 
 #![allow(clippy::unwrap_used)]
 
+use lidar_cast::bvh::Bvh;
+use lidar_cast::cast::{Caster, cast_closest};
 use serde_json::Value;
 use sightline::geom::TriangleSoup;
-use sightline::internals::{Bvh, Caster, cast_closest};
 use sightline::vehicle::BeamTable;
 
 use crate::peer::{Peer, Rays};

@@ -13,11 +13,12 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
+use lidar_cast::bvh::Bvh;
 use setup::RANGE;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::engine::gpu::GpuBackend;
-use sightline::internals::Bvh;
+use sightline::problem::Task;
 use sightline::problem::{Problem, StageTimes, Tally};
 use sightline::vehicle::Placement;
 
@@ -103,14 +104,15 @@ fn main() {
     for &triangles in &args.triangles {
         let bvh = Arc::new(Bvh::build(&scene::street_scene(triangles, args.seed), RANGE));
         let content = setup::content(&roi, &poses, &table, &bvh, args.seed);
-        let problem = Arc::new(Problem::new(roi, content, table.clone(), vec![bvh], true));
+        let problem =
+            Arc::new(Problem::from(Task::new(roi, content, table.clone(), vec![bvh], true)));
         println!(
             "{triangles} triangles, {} placements, turn {}, {} thread(s); ms a placement, medians of {} \
              rounds (range)",
             args.placements, args.turn, args.threads, args.rounds
         );
-        let gpu = GpuBackend::new(problem.clone(), None, memory).unwrap();
-        let cpu = CpuBackend::new(problem.clone(), memory);
+        let gpu = GpuBackend::new(problem.task().clone(), None, memory).unwrap();
+        let cpu = CpuBackend::new(problem.task().clone(), memory);
         let row = |name, backend| Row { name, backend, rounds: Vec::new() };
         let mut rows = [row("CPU", Box::new(cpu) as Box<dyn Backend>), row("GPU", Box::new(gpu))];
         // The first round warms up.

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use bytemuck::{bytes_of, cast_slice};
+use lidar_cast::task::DevicePose;
 use sightline::geom::TriangleSoup;
-use sightline::internals::DevicePose;
 use sightline::vehicle::BeamTable;
 
 /// A scene and its rays in a file, as `benches/embree.c` describes it.

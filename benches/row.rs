@@ -4,8 +4,8 @@
 
 use std::time::Instant;
 
+use lidar_cast::bvh::Hit;
 use serde_json::{Value, json};
-use sightline::internals::Hit;
 
 use crate::peer::Peer;
 

@@ -14,14 +14,16 @@ use std::time::Instant;
 
 use clap::Parser;
 use glam::{DVec3, Vec3};
+use lidar_cast::bvh::{Bvh, Hit};
+use lidar_cast::cast::Caster;
+use lidar_cast::cover::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
+use lidar_cast::task::DevicePose;
 use serde_json::{Value, json};
 use setup::RANGE;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::geom::{Pose, TriangleSoup};
-use sightline::internals::{
-    BitOrder, Bvh, Caster, DevicePose, Hit, WalkScratch, cover_sensor, cover_voxels,
-};
+use sightline::problem::Task;
 use sightline::problem::{Frame, Instance, Problem, World};
 use sightline::psog::Roi;
 use sightline::vehicle::BeamTable;
@@ -234,10 +236,10 @@ fn placements(args: &Args, bvh: &Arc<Bvh>) -> Vec<Value> {
     let problem = |frames: usize| {
         // Trees of their own: frames that share one would be cast once.
         let frames: Vec<_> = (0..frames).map(|_| Arc::new(Bvh::clone(bvh))).collect();
-        Arc::new(Problem::new(roi, content.clone(), table.clone(), frames, true))
+        Arc::new(Problem::from(Task::new(roi, content.clone(), table.clone(), frames, true)))
     };
     let (one, three) = (problem(1), problem(3));
-    let mut backend = CpuBackend::new(one.clone(), MEMORY);
+    let mut backend = CpuBackend::new(one.task().clone(), MEMORY);
     let backend = std::cell::RefCell::new(&mut backend);
     let mut ways: Vec<Timed<'_>> = Vec::new();
     for size in sizes {
@@ -257,7 +259,7 @@ fn placements(args: &Args, bvh: &Arc<Bvh>) -> Vec<Value> {
             let mut ways: Vec<Timed<'_>> = Vec::new();
             for pool in &pools {
                 let (batch, mut backend) =
-                    (&batch[..size], CpuBackend::new(problem.clone(), MEMORY));
+                    (&batch[..size], CpuBackend::new(problem.task().clone(), MEMORY));
                 ways.push(Box::new(move || {
                     let mut run = || assert!(backend.tally(batch, Some(RANGE)).is_ok());
                     seconds(|| pool.install(&mut run))
@@ -292,13 +294,13 @@ fn frames(args: &Args, bvh: &Arc<Bvh>) -> Vec<Value> {
     };
     let problem = |frames: usize| {
         let world = World::new((0..frames).map(frame).collect());
-        Arc::new(Problem::new(roi, content.clone(), table.clone(), world, true))
+        Arc::new(Problem::from(Task::new(roi, content.clone(), table.clone(), world, true)))
     };
     let problems = counts.map(problem);
     let bytes = problems.each_ref().map(|problem| problem.bytes() as f64);
     let mut ways: Vec<Timed<'_>> = Vec::new();
     for problem in &problems {
-        let (batch, mut backend) = (&batch, CpuBackend::new(problem.clone(), MEMORY));
+        let (batch, mut backend) = (&batch, CpuBackend::new(problem.task().clone(), MEMORY));
         ways.push(Box::new(move || seconds(|| assert!(backend.tally(batch, Some(RANGE)).is_ok()))));
     }
     let y = medians(args.rounds, &mut ways);

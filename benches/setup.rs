@@ -3,9 +3,11 @@
 #![allow(clippy::unwrap_used)]
 
 use glam::DVec3;
+use lidar_cast::bvh::Bvh;
+use lidar_cast::cast::Caster;
+use lidar_cast::task::{DevicePose, KINDS, beam_direction};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use sightline::internals::{Bvh, Caster, DevicePose, KINDS, beam_direction};
 use sightline::problem::{Content, OccupiedVoxel};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};

@@ -17,15 +17,17 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Parser;
+use lidar_cast::bvh::Bvh;
+use lidar_cast::cast::{Caster, cast_closest};
+use lidar_cast::cover::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
+use lidar_cast::reduce::reduce;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use setup::RANGE;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::engine::gpu::GpuBackend;
-use sightline::internals::{
-    BitOrder, Bvh, Caster, WalkScratch, cast_closest, cover_sensor, cover_voxels, reduce,
-};
+use sightline::problem::Task;
 use sightline::problem::{Problem, Tally};
 use sightline::vehicle::Placement;
 
@@ -82,8 +84,8 @@ struct Device {
 
 impl Device {
     fn open(problem: &Arc<Problem>) -> Self {
-        let backend =
-            GpuBackend::new(problem.clone(), None, MEMORY).map_err(|error| error.to_string());
+        let backend = GpuBackend::new(problem.task().clone(), None, MEMORY)
+            .map_err(|error| error.to_string());
         let short =
             |gpu: &GpuBackend| gpu.adapter().split(" (").next().unwrap_or_default().to_owned();
         let name = match &backend {
@@ -136,10 +138,15 @@ fn run(args: &Args, triangles: usize) -> Value {
     let beams = table.directions().len();
     let content = setup::content(&roi, &poses, &table, &bvh, args.seed);
     let occupied = content.occupied().len();
-    let problem =
-        Arc::new(Problem::new(roi, content.clone(), table.clone(), vec![bvh.clone()], true));
+    let problem = Arc::new(Problem::from(Task::new(
+        roi,
+        content.clone(),
+        table.clone(),
+        vec![bvh.clone()],
+        true,
+    )));
     let caster = Caster::new(&table);
-    let mut backend = CpuBackend::new(problem.clone(), MEMORY);
+    let mut backend = CpuBackend::new(problem.task().clone(), MEMORY);
     println!(
         "{} triangles, tree built in {build:.2?}, {occupied} occupied voxels, {} beams",
         soup.faces.len(),

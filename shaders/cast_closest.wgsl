@@ -1,16 +1,16 @@
 // cast_closest: one invocation casts one beam into all instances in reach and stores its closest hit.
 //
-// CPU twin   src/cast/reference.rs::cast_frame_closest, over Bvh::closer_hit in the same file (a binary
-//            tree; the hit does not depend on the tree, see src/bvh/mod.rs); for scans, whose groups of rays that
-//            leave one place are a sensor each, src/cast/firings.rs::closest_hit
+// CPU twin   crates/lidar-cast/src/cast/reference.rs::cast_frame_closest, over Bvh::closer_hit in the same file (a binary
+//            tree; the hit does not depend on the tree, see crates/lidar-cast/src/bvh/mod.rs); for scans, whose groups of rays that
+//            leave one place are a sensor each, crates/lidar-cast/src/cast/firings.rs::closest_hit
 // Reads      sensors[sensors], instances (those of a sensor one after the other), directions (those of a
-//            model one after the other), nodes (of all trees; every bit in src/bvh/bvh4.rs), triangles
+//            model one after the other), nodes (of all trees; every bit in crates/lidar-cast/src/bvh/bvh4.rs), triangles
 // Writes     hits[first_beam + beam], every element; counters[0] += beams out of steps or stack (their
 //            prim is UNFINISHED, the host casts them), counters[1 + sensor] += hits
 // Dispatch   (ceil(most directions of a model / WORKGROUP_SIZE), sensors), x spilling into z; spare invocations
 //            only help to count
 // Prelude    WORKGROUP_SIZE, STACK_ENTRIES, NO_HIT, UNFINISHED, STEP_BUDGET, TRIANGLE_ITEM, NO_ROOT, NO_CROSSING (printed from
-//            src/engine/gpu/layout.rs)
+//            crates/lidar-cast/src/engine/gpu/layout.rs)
 // Numerics   f32 as common/exact.wgsl has it, no transcendental functions, no infinities: coordinates are at most 2^40 m,
 //            or the root is NO_ROOT and the host casts what reaches the instance; equal distances go to the lower prim of the
 //            frame, first_prim and the tree's own number together
@@ -200,7 +200,7 @@ fn planes(begin: f32, bytes: u32, step: f32) -> vec4<f32> {
 
 // Distance at which the ray enters each child's box; NO_CROSSING for a box it misses or enters behind `limit`. A
 // box entered at `limit` counts: a triangle at an equal distance may have a lower id. Decides only the order of visits and
-// which boxes are left out, for which they have room: see src/bvh/bvh4.rs (why no triangle is missed).
+// which boxes are left out, for which they have room: see crates/lidar-cast/src/bvh/bvh4.rs (why no triangle is missed).
 fn enter_children(ray: Ray, node: Node, limit: f32) -> vec4<f32> {
     let inverse = ray.inverse;
     let back = inverse < vec3(0.0);
@@ -273,7 +273,7 @@ fn closer_hit(ray: Ray, root: u32, pad: f32, first_prim: u32, held: Hit) -> Hit 
     return Hit(0.0, UNFINISHED);
 }
 
-// Whether the beam surely meets nothing of an instance up to its best hit, see src/cast/sight.rs (why no hit is lost,
+// Whether the beam surely meets nothing of an instance up to its best hit, see crates/lidar-cast/src/cast/sight.rs (why no hit is lost,
 // however the device rounds).
 fn misses(instance: Instance, direction: vec3<f32>, limit: f32) -> bool {
     let along = dot_in_order(instance.center, direction);

@@ -1,13 +1,13 @@
 // cover_voxels: one invocation walks one beam from brick to brick and marks the voxels it traverses.
 //
-// CPU twin   src/cover/reference.rs::cover_voxels (a voxel at a time)
+// CPU twin   crates/lidar-cast/src/cover/reference.rs::cover_voxels (a voxel at a time)
 // Reads      poses[sensors], sensors[sensors], directions (those of a model one after the other), hits
 //            of all beams if beams end at hits
 // Writes     bitmaps[sensors × bitmap_words] by atomic or: word = brick of 4 × 4 × 2 voxels, bit
-//            8·(x mod 4) + 2·(y mod 4) + (z mod 2) (src/cover/bit_order.rs)
+//            8·(x mod 4) + 2·(y mod 4) + (z mod 2) (crates/lidar-cast/src/cover/bit_order.rs)
 // Dispatch   (ceil(most directions of a model / WORKGROUP_SIZE), sensors), x spilling into z; the host covers the
-//            beams of sensors for which src/engine/gpu/chunk.rs::is_covered does not hold
-// Prelude    WORKGROUP_SIZE, NO_HIT, HIT_PUSH, NO_CROSSING (printed from src/engine/gpu/layout.rs)
+//            beams of sensors for which crates/lidar-cast/src/engine/gpu/chunk.rs::is_covered does not hold
+// Prelude    WORKGROUP_SIZE, NO_HIT, HIT_PUSH, NO_CROSSING (printed from crates/lidar-cast/src/engine/gpu/layout.rs)
 // Numerics   f32 as common/exact.wgsl has it; plane i is crossed at (i − p) · inverse, from the plane's number alone.
 //            p is 0 or at least 1e-12 and below 2^15, so i − p is 0 or at least 2^-63; a voxel is from 2^-60 to 2^60 m, a
 //            direction's component 0 or from 1e-9 to 1.001: nothing is denormal, and nothing overflows

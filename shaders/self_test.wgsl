@@ -1,10 +1,10 @@
 // self_test: one invocation computes one case of the table that a device has to answer when it is opened.
 //
-// CPU twin   src/engine/gpu/self_test.rs::expected
+// CPU twin   crates/lidar-cast/src/engine/gpu/self_test.rs::expected
 // Reads      cases: operation, three operands (bits of f32, or integers), 0 (see common/exact.wgsl)
 // Writes     answers, one word a case, every element
 // Dispatch   cases / WORKGROUP_SIZE: the host fills the table up to whole workgroups
-// Prelude    WORKGROUP_SIZE (printed from src/engine/gpu/layout.rs)
+// Prelude    WORKGROUP_SIZE (printed from crates/lidar-cast/src/engine/gpu/layout.rs)
 // Numerics   operations 0 to 13 must have the bits of IEEE 754 wherever result and operands are normal or zero; 14 to 17
 //            show which freedom of Vulkan the device uses
 

@@ -64,51 +64,37 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
 mod allocator;
-mod chance;
 mod error;
-mod maths;
-mod memory;
-mod mesh;
-mod note;
-mod npy;
 
 pub mod audit;
-mod bvh;
-mod cast;
 pub mod chart;
 #[cfg(feature = "cli")]
 #[doc(hidden)]
 pub mod cli;
-mod cover;
-pub mod datasets;
-pub mod engine;
-pub mod export;
-mod files;
-pub mod geom;
 pub mod job;
-mod json;
 pub mod near_field;
-pub mod problem;
-pub mod psog;
-mod reduce;
 pub mod report;
-pub mod rig;
 #[doc(hidden)]
 pub mod runs;
-pub mod scan;
-pub mod scene;
 pub mod score;
 pub mod search;
 pub mod study;
 pub mod threads;
-pub mod vehicle;
 pub mod verify;
-pub mod worlds;
+
+pub use sightline_files::Note;
+pub use sightline_formats::{datasets, export, rig};
+pub use sightline_scan as scan;
+pub use sightline_scene::{problem, psog, scene, vehicle};
+pub use sightline_worlds as worlds;
+
+use lidar_cast::{bvh, cast, cover, maths, memory};
+pub use lidar_cast::{engine, geom};
+use sightline_files::{files, json};
 
 pub use engine::{EngineChoice, EngineKind};
 pub use error::Error;
 pub use job::{Job, JobFiles, JobScene};
-pub use note::Note;
 pub use problem::Problem;
 pub use psog::Psog;
 pub use scene::Scene;
@@ -120,31 +106,19 @@ pub use vehicle::{BeamTable, Constraints, Placement, SensorPose, read_placements
 #[doc(hidden)]
 pub mod internals {
     pub use crate::allocator::Sentence;
-    pub use crate::bvh::{Bvh, Hit, NO_HIT, Ray, major_axis};
-    pub use crate::cast::{Caster, Casting, Instructions, Part, cast_closest, cast_frame_closest};
     pub use crate::chart::early::{Left, Skipped};
     pub use crate::chart::measure::{Measured, PoseCost};
     pub use crate::chart::ranking::{Interval, RankingError};
     pub use crate::chart::setting::{Engine, Setting};
     pub use crate::chart::simplify::merge_vertices;
     pub use crate::chart::verdict::{MOST_SWAPPED, Rated, cheapest, pareto, rate};
-    pub use crate::cover::{BitOrder, Bitmaps, WalkScratch, cover_sensor, cover_voxels};
-    pub use crate::engine::batch::{Chunk, ChunkLimits, split};
-    pub use crate::engine::failover::{Failover, Reopen};
-    pub use crate::engine::reference::ReferenceBackend;
     pub use crate::files::{
         FileError, Input, LinePerElement, RunDir, holds_run, is_sink, remove_temporaries,
         shared_folder, target, writable_file, write_npy, write_whole,
     };
-    pub use crate::geom::aabb::Aabb;
-    pub use crate::memory::{available_memory, check as check_memory, may_fail};
-    pub use crate::problem::beam::beam_direction;
-    pub use crate::problem::pose::{DevicePose, KINDS};
     pub use crate::psog::entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, fixed, to_nats};
     pub use crate::psog::npz_member::ArrayFault;
-    pub use crate::psog::roi::HIT_PUSH;
     pub use crate::psog::vote::{FrameVotes, PsogBuilder};
-    pub use crate::reduce::reduce;
     pub use crate::report::audit::{audit_text, audits_text};
     pub use crate::report::by_scene::by_scene;
     pub use crate::report::chart::fidelity_svg;

@@ -2,11 +2,14 @@
 
 use std::sync::Arc;
 
+use lidar_cast::bvh::Bvh;
+use lidar_cast::cover::BitOrder;
+use lidar_cast::engine::ReferenceBackend;
+use lidar_cast::task::KINDS;
 use sightline::engine::gpu::GpuBackend;
 use sightline::engine::{Backend, CpuBackend};
-use sightline::internals::{
-    Atlas, BitOrder, Bvh, KINDS, PoseGrid, ReferenceBackend, Spacing, Union,
-};
+use sightline::internals::{Atlas, PoseGrid, Spacing, Union};
+use sightline::problem::Task;
 use sightline::problem::{Content, OccupiedVoxel, Problem, Tally};
 use sightline::psog::Roi;
 use sightline::score::Needed;
@@ -26,7 +29,7 @@ fn problem(content: impl FnOnce(&Roi) -> Content) -> Arc<Problem> {
     let channels: Vec<(f64, f64)> = (0..12).map(|k| (-30.0 + 4.0 * f64::from(k), 0.0)).collect();
     let table = BeamTable::spinning(&channels, 90, 30.0).unwrap();
     let frames = [3, 4].map(|seed| Arc::new(Bvh::build(&random_soup(seed, 60, 9.0), 30.0)));
-    Arc::new(Problem::new(roi, content(&roi), table, frames.to_vec(), true))
+    Arc::new(Problem::from(Task::new(roi, content(&roi), table, frames.to_vec(), true)))
 }
 
 /// Occupied voxels of seven worths only, one of them zero.
@@ -48,8 +51,8 @@ fn a_union_has_the_sums_of_the_backend() {
     for content in contents {
         let problem = problem(content);
         let range = problem.sensors().table(0).range();
-        let mut cpu = CpuBackend::new(problem.clone(), MEMORY);
-        let mut gpu = GpuBackend::new(problem.clone(), None, MEMORY).unwrap();
+        let mut cpu = CpuBackend::new(problem.task().clone(), MEMORY);
+        let mut gpu = GpuBackend::new(problem.task().clone(), None, MEMORY).unwrap();
         let mut from_gpu = Atlas::new(problem.clone(), grid(), Needed::all(true), MEMORY);
         let mut from_cpu = Atlas::new(problem.clone(), grid(), Needed::all(true), MEMORY);
         let mut lean = Atlas::new(problem, grid(), Needed::all(false), MEMORY);
@@ -78,8 +81,8 @@ fn a_union_has_the_sums_of_the_backend() {
 fn another_engine_may_take_over_between_poses() {
     let problem = problem(few_worths);
     let range = problem.sensors().table(0).range();
-    let mut reference = ReferenceBackend::new(problem.clone());
-    let mut cpu = CpuBackend::new(problem.clone(), MEMORY);
+    let mut reference = ReferenceBackend::new(problem.task().clone());
+    let mut cpu = CpuBackend::new(problem.task().clone(), MEMORY);
     assert_ne!(BitOrder::rows(problem.roi()), BitOrder::linear(problem.roi()));
     let mut atlas = Atlas::new(problem.clone(), grid(), Needed::all(true), MEMORY);
     atlas.hold(&mut cpu, &[7, 3]).unwrap();
@@ -95,7 +98,7 @@ fn another_engine_may_take_over_between_poses() {
 #[test]
 fn memory_is_bounded_and_what_was_used_last_stays() {
     let problem = problem(few_worths);
-    let mut cpu = CpuBackend::new(problem.clone(), MEMORY);
+    let mut cpu = CpuBackend::new(problem.task().clone(), MEMORY);
     let mut atlas = Atlas::new(problem, grid(), Needed::all(true), 0);
     let capacity = atlas.capacity() as u32;
     assert_eq!(capacity, 16, "room for one placement");
@@ -114,7 +117,7 @@ fn memory_is_bounded_and_what_was_used_last_stays() {
 fn a_search_along_a_grid_forgets_poses_and_casts_them_again() {
     let problem = problem(few_worths);
     let range = problem.sensors().table(0).range();
-    let mut cpu = CpuBackend::new(problem.clone(), MEMORY);
+    let mut cpu = CpuBackend::new(problem.task().clone(), MEMORY);
     let mut atlas = Atlas::new(problem, grid(), Needed::all(true), MEMORY);
     atlas.forget_beyond(4, 1 << 40);
     (0..10).for_each(|pose| atlas.hold(&mut cpu, &[pose]).unwrap());

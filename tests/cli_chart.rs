@@ -9,18 +9,8 @@ use tempfile::TempDir;
 
 use crate::cli::{corridor, fails, ok, room, sightline};
 
-const CHART: [&str; 10] = [
-    "chart",
-    "room.json",
-    "--finest",
-    "0.5",
-    "--full",
-    "--placements",
-    "12",
-    "--backend",
-    "cpu",
-    "--out",
-];
+const CHART: [&str; 9] =
+    ["chart", "room.json", "--quick", "--full", "--placements", "12", "--backend", "cpu", "--out"];
 
 fn read(dir: &TempDir, file: &str) -> String {
     fs::read_to_string(dir.path().join(file)).unwrap()

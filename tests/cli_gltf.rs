@@ -206,3 +206,38 @@ fn what_cannot_be_shown_is_said_before_any_work() {
         }
     }
 }
+
+/// An exported scene, read again as a mesh, has the same corners.
+#[test]
+fn own_gltf_stands_where_it_stood() {
+    use sightline::export::{Glb, GltfView};
+    use sightline::scene::{EgoBody, Scene};
+    let dir = tempfile::tempdir().unwrap();
+    let scene = |shape: &str| {
+        let text = format!(
+            r#"{{ "sightline": 1, "roi": {{ "min": [-4, -4, -1], "max": [4, 4, 3], "voxel": [1, 1, 1] }},
+                "lidar": {{ "channels": 1, "fov": [0, 0], "azimuth_steps": 4, "range": 50 }}, "coverage": "first-hit",
+                "mount": {{ "min": [0, 0, 1], "max": [0, 0, 1], "lidars": 1 }}, "static": [{{ "class": "wall", {shape} }}] }}"#
+        );
+        Scene::from_json(&text, dir.path(), "s.json").unwrap()
+    };
+    let corners = |scene: &Scene| {
+        let soup = scene.frame(0, EgoBody::Exclude);
+        let mut corners: Vec<[i64; 3]> = soup
+            .vertices
+            .iter()
+            .map(|v| v.map(|metres| (f64::from(metres) * 1e3).round() as i64))
+            .collect();
+        corners.sort_unstable();
+        corners.dedup();
+        corners
+    };
+    let before = scene(r#""box": { "min": [10, -2, -1], "max": [11, 5, 2] }"#);
+    let view = GltfView { scene: &before, frame: 0, placements: &[], points: &[] };
+    let mut bytes = Vec::new();
+    Glb::of(&view).unwrap().write(&mut bytes).unwrap();
+    std::fs::write(dir.path().join("w.glb"), bytes).unwrap();
+    let after = scene(r#""mesh": { "file": "w.glb" }"#);
+    assert_eq!(corners(&after), corners(&before));
+    assert!(after.notes().is_empty(), "{:?}", after.notes());
+}

@@ -55,7 +55,7 @@ fn no_candidate_that_is_evaluated_breaks_a_rule() {
             )
         };
         let problem = random_problem(3, true);
-        let backend = Box::new(CpuBackend::new(problem.clone(), MEMORY));
+        let backend = Box::new(CpuBackend::new(problem.task().clone(), MEMORY));
         let mut evaluator = Evaluator::new(mounted(&problem, &rules), backend);
         let settings = Settings {
             evaluations: 400,

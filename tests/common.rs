@@ -3,6 +3,8 @@
 use std::sync::Arc;
 
 use glam::Vec3;
+use lidar_cast::bvh::Bvh;
+use lidar_cast::task::KINDS;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 #[cfg(feature = "gpu")]
@@ -11,9 +13,7 @@ use sightline::engine::CpuBackend;
 #[cfg(feature = "gpu")]
 use sightline::engine::gpu::GpuBackend;
 use sightline::geom::TriangleSoup;
-use sightline::internals::Bvh;
-use sightline::internals::KINDS;
-use sightline::problem::{Content, OccupiedVoxel, Problem};
+use sightline::problem::{Content, OccupiedVoxel, Problem, Task};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Constraints, Placement, SensorPose};
 
@@ -93,18 +93,18 @@ pub fn random_problem(seed: u64, ends_at_hits: bool) -> Arc<Problem> {
     let frames: Vec<_> =
         (0..2).map(|t| Arc::new(Bvh::build(&random_soup(seed + t, 300, 6.0), 12.0))).collect();
     let content = random_content(seed + 2, &roi);
-    Arc::new(Problem::new(roi, content, table, frames, ends_at_hits))
+    Arc::new(Problem::from(Task::new(roi, content, table, frames, ends_at_hits)))
 }
 
 pub fn cpu(problem: &Arc<Problem>) -> CpuBackend {
-    CpuBackend::new(problem.clone(), MEMORY)
+    CpuBackend::new(problem.task().clone(), MEMORY)
 }
 
 #[cfg(feature = "gpu")]
 /// The GPU backend; a machine without any Vulkan device fails the test, because GPU tests that skip
 /// themselves check nothing.
 pub fn gpu(problem: &Arc<Problem>) -> GpuBackend {
-    GpuBackend::new(problem.clone(), None, MEMORY).expect("a Vulkan device: see the README")
+    GpuBackend::new(problem.task().clone(), None, MEMORY).expect("a Vulkan device: see the README")
 }
 
 #[cfg(feature = "gpu")]

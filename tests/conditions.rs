@@ -3,16 +3,16 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use sightline::Job;
+use lidar_cast::engine::ReferenceBackend;
 #[cfg(feature = "gpu")]
 use sightline::engine::gpu::GpuBackend;
 use sightline::engine::{Backend, CpuBackend};
-use sightline::internals::ReferenceBackend;
 use sightline::problem::{Problem, Tally};
 use sightline::psog::Psog;
 use sightline::scan::conditions::Condition;
 use sightline::scene::Scene;
 use sightline::vehicle::{Placement, SensorPose};
+use sightline::{Job, JobScene};
 
 #[cfg(feature = "gpu")]
 use crate::common::MEMORY;
@@ -39,7 +39,7 @@ fn scene_text(rated: f64) -> String {
 }
 
 fn psog(scene: &Scene) -> Psog {
-    Psog::of(scene, |_| true).unwrap()
+    Psog::clone(&JobScene::from(scene.clone()).psog(|_| true).unwrap())
 }
 
 fn problem(scene: &Scene, psog: &Psog, conditions: &[&str]) -> Arc<Problem> {
@@ -60,7 +60,7 @@ fn placements() -> Vec<Placement> {
 }
 
 fn tallies(problem: &Arc<Problem>) -> Vec<Tally> {
-    CpuBackend::new(problem.clone(), 1 << 28).tally(&placements(), None).unwrap()
+    CpuBackend::new(problem.task().clone(), 1 << 28).tally(&placements(), None).unwrap()
 }
 
 #[test]
@@ -73,11 +73,12 @@ fn every_engine_sees_the_same_through_weather() {
         &["crosstalk:share=0.1", "echo"],
     ] {
         let problem = problem(&scene, &psog, conditions);
-        let expected = ReferenceBackend::new(problem.clone()).tally(&placements(), None).unwrap();
+        let expected =
+            ReferenceBackend::new(problem.task().clone()).tally(&placements(), None).unwrap();
         assert_eq!(tallies(&problem), expected, "{conditions:?}");
         let lidars = &placements()[1].lidars;
-        let mut cpu = CpuBackend::new(problem.clone(), 1 << 28);
-        let mut reference = ReferenceBackend::new(problem.clone());
+        let mut cpu = CpuBackend::new(problem.task().clone(), 1 << 28);
+        let mut reference = ReferenceBackend::new(problem.task().clone());
         for frame in 0..2 {
             let [fast, plain] = [
                 cpu.bitmaps(lidars, frame).unwrap().union(),
@@ -94,10 +95,10 @@ fn every_engine_sees_the_same_through_weather() {
 #[cfg(feature = "gpu")]
 fn on_a_device(problem: &Arc<Problem>, expected: &[Tally]) {
     for memory in [MEMORY, 1 << 16] {
-        let mut gpu = GpuBackend::new(problem.clone(), None, memory).unwrap();
+        let mut gpu = GpuBackend::new(problem.task().clone(), None, memory).unwrap();
         let lidars = &placements()[1].lidars;
         for frame in 0..2 {
-            let mut reference = ReferenceBackend::new(problem.clone());
+            let mut reference = ReferenceBackend::new(problem.task().clone());
             let ours = gpu.bitmaps(lidars, frame).unwrap().union();
             let plain = reference.bitmaps(lidars, frame).unwrap().union();
             assert_eq!(ours, plain, "frame {frame}");

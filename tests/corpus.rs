@@ -36,7 +36,7 @@ const BASE: usize = 1 << 20;
 const PER_BYTE: usize = 2000;
 /// Memory for each thing that a count in a scene asks for, in bytes: a box and where it stands.
 const PER_COUNT: usize = 4096;
-/// Memory that a world may take, however small its map: see the limits in `src/worlds/opendrive.rs`.
+/// Memory that a world may take, however small its map: see the limits in `crates/worlds/src/opendrive.rs`.
 const WORLD: usize = 1 << 30;
 /// Largest count in a scene that is taken as one.
 const LARGEST_COUNT: f64 = 100_000.0;

@@ -1,9 +1,11 @@
 //! Covered voxels against a slab test of every voxel in f64.
 
 use glam::{DVec3, Vec3};
+use lidar_cast::bvh::NO_HIT;
+use lidar_cast::cast::cast_frame_closest;
+use lidar_cast::task::{DevicePose, beam_direction};
 use sightline::engine::Backend;
 use sightline::geom::Pose;
-use sightline::internals::{DevicePose, NO_HIT, beam_direction, cast_frame_closest};
 use sightline::psog::Roi;
 
 use crate::common::{cpu, random_placements, random_problem};

@@ -4,8 +4,10 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use sightline::internals::{Bvh, Spacing};
+use lidar_cast::bvh::Bvh;
+use sightline::internals::Spacing;
 use sightline::problem::Problem;
+use sightline::problem::Task;
 use sightline::psog::Roi;
 use sightline::search::{
     Event, FrameChoice, Method, Outcome, Phase, Run, Settings, State, Stopped, TimeLimit,
@@ -29,7 +31,7 @@ fn problem() -> Arc<Problem> {
     let frames: Vec<Arc<Bvh>> = (0..FRAMES).map(tree).collect();
     let rules =
         Constraints::in_box([-2.0, -2.0, -1.0, -0.3, 0.0, 0.0], [2.0, 2.0, 1.0, 0.3, 0.0, 0.0], 2);
-    let problem = Problem::new(roi, random_content(9, &roi), table, frames, true);
+    let problem = Problem::from(Task::new(roi, random_content(9, &roi), table, frames, true));
     Arc::new(problem.with_constraints(rules))
 }
 

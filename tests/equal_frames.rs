@@ -3,8 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use lidar_cast::bvh::Bvh;
+use lidar_cast::engine::ReferenceBackend;
 use sightline::engine::Backend;
-use sightline::internals::{Atlas, Bvh, Pilot, PoseGrid, ReferenceBackend, Spacing, Union};
+use sightline::internals::{Atlas, Pilot, PoseGrid, Spacing, Union};
+use sightline::problem::Task;
 use sightline::problem::{Problem, Tally};
 use sightline::psog::Roi;
 use sightline::scan::scan_scene;
@@ -48,7 +51,8 @@ fn problems() -> [Arc<Problem>; 2] {
     let shared = Problem::from_scene(&scene, &psog, table.clone(), &[0, 1, 2, 3, 4]).unwrap();
     let tree = |t| Arc::new(Bvh::build(&scene.frame(t, EgoBody::Include), shared.far_range()));
     let content = shared.content().clone();
-    let single = Problem::new(roi, content, table, (0..5).map(tree).collect::<Vec<_>>(), true);
+    let single =
+        Problem::from(Task::new(roi, content, table, (0..5).map(tree).collect::<Vec<_>>(), true));
     [Arc::new(shared), Arc::new(single)]
 }
 
@@ -66,7 +70,8 @@ fn equal_frames_are_cast_once_with_the_same_sums() {
     assert_eq!((shared.modelled().frames, shared.modelled().distinct_frames), (5, 2));
     assert!(shared.bytes() < single.bytes());
     let (placements, range) = (placements(), 20.0);
-    let want = ReferenceBackend::new(single).tally(&placements, Some(range)).unwrap();
+    let want =
+        ReferenceBackend::new(single.task().clone()).tally(&placements, Some(range)).unwrap();
     for mut backend in both(&shared) {
         assert_eq!(backend.tally(&placements, Some(range)).unwrap(), want, "{}", backend.name());
     }

@@ -3,11 +3,12 @@
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
+use lidar_cast::cast::Caster;
 use rand::RngExt;
 use serde_json::{Value, json};
 use sightline::geom::Pose;
-use sightline::internals::Caster;
 use sightline::problem::World;
+use sightline::problem::world_of;
 use sightline::scene::{EgoBody, Scene};
 use sightline::vehicle::BeamTable;
 
@@ -89,7 +90,7 @@ fn a_town_two_kilometres_across_is_met_within_a_fraction_of_a_millimetre() {
     for shift in [[0.0; 3], [450_000.0, 5_400_000.0, 310.5]] {
         let scene = town(shift);
         let frames: Vec<usize> = (0..FRAMES).collect();
-        let world = World::of(&scene, &frames, RANGE, EgoBody::Include).unwrap();
+        let world = world_of(&scene, &frames, RANGE, EgoBody::Include).unwrap();
         for frame in frames {
             let place = scene.ego_pose(frame).translation - DVec3::from(shift);
             let [across, along] = errors(&scene, &world, frame);
@@ -139,7 +140,7 @@ fn a_way_too_long_for_f32_is_an_error_with_a_mend() {
     empty["actors"] = json!([{ "parts": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [4, 2, 1] } }],
         "poses": [{ "x": 5, "y": 0 }, { "x": 5, "y": 4e5 }, { "x": 9, "y": 0 }] }]);
     let scene = scene_with(&empty).unwrap();
-    let world = World::of(&scene, &[0, 1, 2], 50.0, EgoBody::Include).unwrap();
+    let world = world_of(&scene, &[0, 1, 2], 50.0, EgoBody::Include).unwrap();
     let at = world.frames()[1].instances()[0].ego_from_instance.translation;
     assert!((at.x - 5.0).abs() < 1e-9 && at.y.abs() < 1e-9, "{at}");
 }
@@ -153,7 +154,7 @@ fn things_in_national_coordinates_of_their_own_are_cast() {
     let scene = scene_with(&json!({ "coverage": "first-hit", "actors": [
         { "parts": [cuboid], "poses": [back, away, back] }] }))
     .unwrap();
-    let world = World::of(&scene, &[0, 1], 50.0, EgoBody::Include).unwrap();
+    let world = world_of(&scene, &[0, 1], 50.0, EgoBody::Include).unwrap();
     assert_eq!(world.frames()[0].instances().len(), 2, "without the missing body");
     let table = BeamTable::from_directions([DVec3::X], 50.0).unwrap();
     let sensor = Pose::new(DVec3::new(0.0, 0.25, 1.5), 0.0, 0.0, 0.0);

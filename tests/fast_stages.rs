@@ -3,14 +3,17 @@
 use std::sync::Arc;
 
 use glam::DVec3;
+use lidar_cast::bvh::{Bvh, Hit};
+use lidar_cast::cast::{Caster, cast_frame_closest};
+use lidar_cast::cover::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
+use lidar_cast::reduce::reduce;
+use lidar_cast::task::DevicePose;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::geom::Pose;
-use sightline::internals::{
-    BitOrder, Bvh, Caster, DevicePose, Hit, WalkScratch, cast_frame_closest, cover_sensor,
-    cover_voxels, hostile_placements, reduce,
-};
+use sightline::internals::hostile_placements;
 use sightline::problem::Problem;
+use sightline::problem::Task;
 use sightline::psog::Roi;
 use sightline::scene::{EgoBody, Scene};
 use sightline::vehicle::random_placements as scattered;
@@ -71,7 +74,7 @@ fn compare(problem: &Arc<Problem>, placements: &[Placement], range: f32) -> u64 
             want.iter_mut().zip(&sums).for_each(|(sum, tally)| *sum += tally);
         }
     }
-    let mut backend = CpuBackend::new(problem.clone(), MEMORY);
+    let mut backend = CpuBackend::new(problem.task().clone(), MEMORY);
     assert_eq!(backend.tally(placements, Some(range)).unwrap(), want);
     // Again with the working memory of the first time, and one by one.
     assert_eq!(backend.tally(placements, Some(range)).unwrap(), want);
@@ -100,7 +103,8 @@ fn hostile_poses_have_the_reference_s_bits() {
     let roi = Roi::new([-4.0; 3], [0.5; 3], [16; 3]).unwrap();
     let channels = [(-90.0, 0.0), (-45.0, 0.0), (0.0, 0.0), (45.0, 0.0), (90.0, 0.0)];
     let table = BeamTable::spinning(&channels, 8, 20.0).unwrap();
-    let problem = Arc::new(Problem::new(roi, random_content(54, &roi), table, vec![], false));
+    let problem =
+        Arc::new(Problem::from(Task::new(roi, random_content(54, &roi), table, vec![], false)));
     assert!(compare(&problem, &hostile_placements(&roi, 56, 2), 20.0) > 1000);
 }
 
@@ -118,7 +122,8 @@ fn grids_of_any_shape_have_the_reference_s_bits() {
         let seed = 57 + seed as u64;
         let bvh = Arc::new(Bvh::build(&random_soup(seed, 40, 20.0), 60.0));
         let content = random_content(seed, &roi);
-        let problem = Arc::new(Problem::new(roi, content, table.clone(), vec![bvh], true));
+        let problem =
+            Arc::new(Problem::from(Task::new(roi, content, table.clone(), vec![bvh], true)));
         let mut placements = hostile_placements(&roi, 21, 2);
         placements.extend(random_placements(seed, 12, 0.4 * f64::from(shape[1].min(20))));
         assert!(compare(&problem, &placements, 60.0) > 100, "{shape:?}");
@@ -142,7 +147,7 @@ fn long_beams_have_the_reference_s_bits() {
         });
         let table = BeamTable::from_directions(directions, 2e4).unwrap();
         let content = random_content(61, &roi);
-        let problem = Arc::new(Problem::new(roi, content, table, vec![], false));
+        let problem = Arc::new(Problem::from(Task::new(roi, content, table, vec![], false)));
         let mut placements = random_placements(62, 6, 1.5);
         for lidar in placements.iter_mut().flat_map(|p| &mut p.lidars) {
             (lidar.roll, lidar.pitch, lidar.yaw) = (0.0, 0.0, 0.0);
@@ -167,7 +172,7 @@ fn own_scenes_have_the_reference_s_bits() {
         let table = BeamTable::spinning(&channels, 90, 100.0).unwrap();
         let bvh = Arc::new(Bvh::build(&scene.frame(0, EgoBody::Include), 100.0));
         let content = random_content(55, &roi);
-        let problem = Arc::new(Problem::new(roi, content, table, vec![bvh], true));
+        let problem = Arc::new(Problem::from(Task::new(roi, content, table, vec![bvh], true)));
         let angles = [mount.roll, mount.pitch, mount.yaw];
         let bound = |side: usize| {
             let place = [mount.min, mount.max][side];

@@ -2,11 +2,14 @@
 
 use std::sync::Arc;
 
+use lidar_cast::bvh::{Bvh, Hit};
+use lidar_cast::cast::cast_closest;
+use lidar_cast::task::DevicePose;
 use rand::RngExt;
 use sightline::engine::Backend;
 use sightline::geom::TriangleSoup;
-use sightline::internals::{Bvh, DevicePose, Hit, cast_closest};
 use sightline::problem::Problem;
+use sightline::problem::Task;
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, SensorPose};
 
@@ -28,7 +31,7 @@ fn assert_same_hits(soup: &TriangleSoup, table: BeamTable, lidars: Vec<SensorPos
     let want = cast_closest(&poses, &table, &bvh, range);
     let share = want.iter().filter(|h| h.is_hit()).count() as f64 / want.len() as f64;
     assert!(share > least, "only {share} of the beams hit: the scene is trivial");
-    let problem = Problem::new(roi, random_content(1, &roi), table, vec![bvh], true);
+    let problem = Problem::from(Task::new(roi, random_content(1, &roi), table, vec![bvh], true));
     let problem = Arc::new(problem);
     let got = gpu(&problem).hits(&lidars, 0).unwrap();
     let differ = want.iter().zip(&got);

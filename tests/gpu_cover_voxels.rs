@@ -3,10 +3,12 @@
 use std::sync::Arc;
 
 use glam::DVec3;
+use lidar_cast::cover::{BitOrder, cover_voxels};
+use lidar_cast::task::DevicePose;
 use rand::RngExt;
 use sightline::engine::Backend;
-use sightline::internals::{BitOrder, DevicePose, cover_voxels};
 use sightline::problem::Problem;
+use sightline::problem::Task;
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
@@ -46,7 +48,7 @@ fn poses(roi: &Roi, outside: f64, count: usize, seed: u64) -> Vec<SensorPose> {
 fn compare(roi: Roi, poses: &[SensorPose], range: f64, seed: u64) -> u64 {
     let table = BeamTable::from_directions(directions(seed), range).unwrap();
     let content = random_content(seed, &roi);
-    let problem = Arc::new(Problem::new(roi, content, table, vec![], false));
+    let problem = Arc::new(Problem::from(Task::new(roi, content, table, vec![], false)));
     let on_device: Vec<DevicePose> =
         poses.iter().map(|pose| DevicePose::new(&pose.ego_from_sensor(), &roi)).collect();
     let mut want = Vec::new();

@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
+use lidar_cast::bvh::{Bvh, Hit};
 use sightline::engine::gpu::GpuBackend;
 use sightline::engine::{Backend, BackendError};
 use sightline::geom::TriangleSoup;
-use sightline::internals::{Bvh, Hit};
 use sightline::problem::Problem;
+use sightline::problem::Task;
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
@@ -56,7 +57,7 @@ fn a_split_batch_is_the_whole_batch() {
     // Room for the buffers of five sensors at most: many chunks.
     let each = 4 * problem.roi().voxel_count().div_ceil(32) as usize
         + 64 * problem.sensors().table(0).directions().len();
-    let mut small = GpuBackend::new(problem.clone(), None, 5 * each as u64 + 8192).unwrap();
+    let mut small = GpuBackend::new(problem.task().clone(), None, 5 * each as u64 + 8192).unwrap();
     assert_eq!(small.tally(&placements, Some(range)).unwrap(), whole);
     let one_by_one: Vec<_> = placements
         .iter()
@@ -70,7 +71,7 @@ fn a_split_batch_is_the_whole_batch() {
 fn a_budget_below_one_placement_is_an_error() {
     let problem = random_problem(32, true);
     let placements = random_placements(32, 4, 8.0);
-    let mut tiny = GpuBackend::new(problem.clone(), None, 1000).unwrap();
+    let mut tiny = GpuBackend::new(problem.task().clone(), None, 1000).unwrap();
     let error = tiny.tally(&placements, Some(12.0)).unwrap_err();
     assert!(matches!(error, BackendError::TooLarge { .. }), "{error}");
     assert!(error.to_string().contains("--memory"), "{error}");
@@ -88,7 +89,7 @@ fn a_walk_longer_than_an_invocation_may_loop_is_whole() {
     let roi = Roi::new([0.0; 3], [0.1; 3], [200_000, 2, 2]).unwrap();
     let content = random_content(41, &roi);
     let table = BeamTable::spinning(&[(0.0, 0.0)], 3, 1e5).unwrap();
-    let problem = Arc::new(Problem::new(roi, content, table, vec![], false));
+    let problem = Arc::new(Problem::from(Task::new(roi, content, table, vec![], false)));
     let [mut cpu, mut gpu] = both(&problem);
     let covered = gpu.covered(&one_sensor(), 0).unwrap();
     assert!(covered.len() >= 200_000, "only {} voxels are covered", covered.len());
@@ -115,7 +116,7 @@ fn a_traversal_longer_than_an_invocation_may_loop_is_whole() {
     let content = random_content(42, &roi);
     let table = BeamTable::spinning(&[(-1.0, 0.0), (1.0, 0.0)], 8, 100.0).unwrap();
     let frames = vec![Arc::new(Bvh::build(&soup, 100.0))];
-    let problem = Arc::new(Problem::new(roi, content, table, frames, true));
+    let problem = Arc::new(Problem::from(Task::new(roi, content, table, frames, true)));
     let [mut cpu, mut gpu] = both(&problem);
     let placement = one_sensor();
     let hits = cpu.hits(&placement.lidars, 0).unwrap();
@@ -147,7 +148,7 @@ fn an_empty_frame_ends_no_beam() {
     let table = BeamTable::spinning(&[(0.0, 0.0), (5.0, 0.0)], 36, 20.0).unwrap();
     let empty = Arc::new(Bvh::build(&TriangleSoup::default(), 20.0));
     let full = Arc::new(Bvh::build(&random_soup(61, 50, 4.0), 20.0));
-    let problem = Arc::new(Problem::new(roi, content, table, vec![empty, full], true));
+    let problem = Arc::new(Problem::from(Task::new(roi, content, table, vec![empty, full], true)));
     let [mut cpu, mut gpu] = both(&problem);
     let placements = random_placements(61, 5, 3.0);
     let tallies = cpu.tally(&placements, Some(20.0)).unwrap();

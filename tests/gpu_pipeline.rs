@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
+use lidar_cast::bvh::Bvh;
 use rand::RngExt;
 use sightline::engine::Backend;
 use sightline::engine::gpu::GpuBackend;
 use sightline::geom::TriangleSoup;
-use sightline::internals::Bvh;
 use sightline::problem::Problem;
+use sightline::problem::Task;
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
@@ -38,7 +39,7 @@ fn problem() -> Arc<Problem> {
     let steps = [0.0, 0.7, -0.9].map(|shift| tree(&many_steps(shift)));
     let [first, third, last] = steps;
     let frames = vec![first, plain.clone(), third, other, plain, last];
-    Arc::new(Problem::new(roi, random_content(93, &roi), table, frames, true))
+    Arc::new(Problem::from(Task::new(roi, random_content(93, &roi), table, frames, true)))
 }
 
 /// Three sensors each, two of one rotation and one turned.
@@ -68,7 +69,7 @@ fn overlapping_jobs_give_the_bits_of_the_cpu() {
     let each = 2 * bitmap + 8 * problem.sensors().table(0).directions().len();
     // One chunk, and chunks of a few sensors.
     for memory in [MEMORY, 11 * each as u64] {
-        let mut gpu = GpuBackend::new(problem.clone(), None, memory).unwrap();
+        let mut gpu = GpuBackend::new(problem.task().clone(), None, memory).unwrap();
         // The second batch finds the buffers of the first, the third needs larger ones.
         for count in [3, 2, 24] {
             let got = gpu.tally(&placements[..count], Some(RANGE as f32)).unwrap();

@@ -1,6 +1,6 @@
 //! Scans whose rays a device casts: the bytes of those of the host, whatever moves and whatever the beams are.
 
-use sightline::engine::{EngineChoice, EngineKind, scanning_on};
+use sightline::engine::{EngineChoice, EngineKind};
 use sightline::scan::{Scanner, Scanning, Status};
 use sightline::{Placement, Scene, SensorPose, read_placements};
 
@@ -48,8 +48,8 @@ fn scans(scene: &Scene, placement: &Placement, kind: EngineKind, ideal: bool) ->
     let scanning = Scanning { ideal, ..Scanning::default() };
     let mut scanner = Scanner::new(scene, placement, &scanning).unwrap();
     let choice = EngineChoice { kind, ..EngineChoice::default() };
-    let notes = scanning_on(&mut scanner, &choice).unwrap();
-    assert_eq!(notes.len(), usize::from(kind != EngineKind::Cpu), "{notes:?}");
+    let notes = scanner.cast_on(&choice).unwrap();
+    assert_eq!(usize::from(notes.is_some()), usize::from(kind != EngineKind::Cpu), "{notes:?}");
     let scans: Vec<_> = scanner.scans().collect();
     assert_eq!(scanner.device_failure(), None);
     let returns = scans.iter().flat_map(|scan| &scan.returns);
@@ -97,7 +97,7 @@ fn an_own_scene_too() {
     let scanner = Scanner::new(&scene, &placements[0], &Scanning::default()).unwrap();
     let mut by_device = Scanner::new(&scene, &placements[0], &Scanning::default()).unwrap();
     let choice = EngineChoice { kind: EngineKind::Gpu, ..EngineChoice::default() };
-    scanning_on(&mut by_device, &choice).unwrap();
+    by_device.cast_on(&choice).unwrap();
     for frame in [0, 17] {
         let [host, device] = [&scanner, &by_device].map(|scanner| scanner.scan(frame));
         assert!(host.points().count() > 5000);

@@ -26,7 +26,7 @@ fn constraints(lidars: usize, min_distance: f64) -> Constraints {
 }
 
 fn search(problem: &Arc<Problem>, rules: &Constraints, objective: &str) -> (GridSearch, Evaluator) {
-    let backend = Box::new(CpuBackend::new(problem.clone(), MEMORY));
+    let backend = Box::new(CpuBackend::new(problem.task().clone(), MEMORY));
     let evaluator = Evaluator::new(mounted(problem, rules), backend);
     let grid = PoseGrid::new(rules, Spacing { metres: 2.0, radians: 0.6 }).unwrap();
     assert_eq!(grid.len(), 36);
@@ -192,7 +192,7 @@ fn a_climb_keeps_ties_and_leaves_boxes_free() {
         };
         for seed in 0..2 {
             let problem = random_problem(20 + seed, true);
-            let backend = Box::new(CpuBackend::new(problem.clone(), MEMORY));
+            let backend = Box::new(CpuBackend::new(problem.task().clone(), MEMORY));
             let mut evaluator = Evaluator::new(mounted(&problem, &rules), backend);
             let spacing = Spacing { metres: 1.0, radians: 0.15 };
             let grid = PoseGrid::new(&rules, spacing).unwrap();
@@ -215,7 +215,7 @@ fn a_climb_keeps_ties_and_leaves_boxes_free() {
             }
         }
         let off = Placement { lidars: vec![pose(0.0, 0.0, 0.0, 0.0); 3], ..start.clone() };
-        let backend = Box::new(CpuBackend::new(random_problem(1, true), MEMORY));
+        let backend = Box::new(CpuBackend::new(random_problem(1, true).task().clone(), MEMORY));
         let evaluator = Evaluator::new(mounted(&random_problem(1, true), &rules), backend);
         let grid = PoseGrid::new(&rules, Spacing { metres: 1.0, radians: 0.3 }).unwrap();
         let atlas = Atlas::new(random_problem(1, true), grid, Needed::all(false), MEMORY);
@@ -232,7 +232,7 @@ fn swaps_tell_other_ends_that_are_about_as_good() {
     for seed in 1..=6 {
         let problem = random_problem(seed, true);
         let rules = constraints(3, 0.0);
-        let backend = Box::new(CpuBackend::new(problem.clone(), MEMORY));
+        let backend = Box::new(CpuBackend::new(problem.task().clone(), MEMORY));
         let mut evaluator = Evaluator::new(mounted(&problem, &rules), backend);
         let start = [-1.0, 0.0, 1.0].map(|x| SensorPose::at(x, 0.0, 0.0));
         let start = Placement { name: "start".into(), lidars: start.to_vec() };

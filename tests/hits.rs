@@ -1,8 +1,8 @@
 //! Closest hits against all triangles in f64, by a test that shares nothing with ours.
 
 use glam::{DVec3, Vec3};
+use lidar_cast::bvh::{Bvh, Hit, NO_HIT, Ray};
 use sightline::geom::TriangleSoup;
-use sightline::internals::{Bvh, Hit, NO_HIT, Ray};
 
 use crate::common::{random_soup, random_vec, rng};
 

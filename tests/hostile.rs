@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
+use lidar_cast::bvh::{Bvh, Hit, NO_HIT};
 use sightline::geom::TriangleSoup;
-use sightline::internals::{Bvh, Hit, NO_HIT};
 use sightline::problem::Problem;
+use sightline::problem::Task;
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
@@ -238,7 +239,7 @@ fn problem(case: &Case) -> Arc<Problem> {
     let bvh = Bvh::build(&soup, case.range as f32);
     bvh.validate().unwrap();
     let content = random_content(1, &roi);
-    Arc::new(Problem::new(roi, content, table, vec![Arc::new(bvh)], true))
+    Arc::new(Problem::from(Task::new(roi, content, table, vec![Arc::new(bvh)], true)))
 }
 
 fn placement([x, y, z]: [f64; 3]) -> Placement {
@@ -289,7 +290,7 @@ fn regions_of_odd_shapes_are_covered_alike() {
         let content = random_content(2, &roi);
         let channels: Vec<(f64, f64)> = (-3..=3).map(|k| (f64::from(k) * 15.0, 0.0)).collect();
         let table = BeamTable::spinning(&channels, 16, 1e4).unwrap();
-        let problem = Arc::new(Problem::new(roi, content, table, vec![], false));
+        let problem = Arc::new(Problem::from(Task::new(roi, content, table, vec![], false)));
         let [mut cpu, mut gpu] = both(&problem);
         for sensor in [[0.0; 3], [min[0], min[1], min[2]], roi.max(), [1e5, 0.0, 0.0]] {
             let placement = placement(sensor);

@@ -7,13 +7,16 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
+use lidar_cast::bvh::{Bvh, Hit};
+use lidar_cast::task::{DevicePose, KINDS, beam_direction};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use sightline::engine::Backend;
 use sightline::engine::gpu::GpuBackend;
 use sightline::geom::TriangleSoup;
-use sightline::internals::{Bvh, DevicePose, Explanation, Hit, KINDS, beam_direction, explain};
+use sightline::internals::{Explanation, explain};
+use sightline::problem::Task;
 use sightline::problem::{Content, OccupiedVoxel, Problem};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};
@@ -43,7 +46,7 @@ fn problem(
     let table = BeamTable::from_directions(directions.iter().copied(), range).unwrap();
     let frames: Vec<_> = soup.iter().map(|soup| Arc::new(Bvh::build(soup, range as f32))).collect();
     let content = random_content(5, &roi);
-    Arc::new(Problem::new(roi, content, table, frames, soup.is_some()))
+    Arc::new(Problem::from(Task::new(roi, content, table, frames, soup.is_some())))
 }
 
 /// A uv sphere of uneven radius: closed, with poles at which many triangles share one vertex.
@@ -209,7 +212,7 @@ fn a_hundred_million_voxels_are_covered_alike() {
     });
     let directions = axes.into_iter().chain(spread);
     let table = BeamTable::from_directions(directions, 200.0).unwrap();
-    let problem = Arc::new(Problem::new(roi, content, table, vec![], false));
+    let problem = Arc::new(Problem::from(Task::new(roi, content, table, vec![], false)));
     let placement = single(0.05, 0.05, 0.05);
     let [mut cpu, mut gpu] = both(&problem);
     let covered = cpu.covered(&placement, 0).unwrap();
@@ -240,7 +243,7 @@ fn a_batch_beyond_every_limit_is_split() {
     let bitmaps = sensors as u64 * roi.voxel_count() / 8;
     // A dimension of a dispatch has 65 535 workgroups, and software binds 128 MiB at once.
     assert!(placements.len() > 65_535 && bitmaps > 128 << 20, "{bitmaps}");
-    let mut gpu = GpuBackend::new(problem.clone(), None, 4 << 30).unwrap();
+    let mut gpu = GpuBackend::new(problem.task().clone(), None, 4 << 30).unwrap();
     let want = cpu(&problem).tally(&few, Some(20.0)).unwrap();
     let got = gpu.tally(&placements, Some(20.0)).unwrap();
     assert_eq!(got.len(), placements.len());

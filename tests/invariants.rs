@@ -2,13 +2,13 @@
 
 use std::sync::{Arc, LazyLock};
 
+use lidar_cast::task::KINDS;
 use rand::RngExt;
 use rand::seq::SliceRandom;
 use sightline::audit::{Trial, Verdict};
 use sightline::engine::Backend;
 use sightline::internals::{
-    Atlas, Generations, GridPlacement, GridSearch, KINDS, Moves, PoseGrid, Spacing,
-    hostile_placements,
+    Atlas, Generations, GridPlacement, GridSearch, Moves, PoseGrid, Spacing, hostile_placements,
 };
 use sightline::problem::{Problem, Tally};
 use sightline::score::{Objective, Scores};

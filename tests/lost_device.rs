@@ -6,11 +6,11 @@ use std::process::Command;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 
+use lidar_cast::engine::Failover;
 use serde_json::Value;
 use sightline::engine::CpuBackend;
 use sightline::engine::gpu::GpuBackend;
 use sightline::engine::{Backend, BackendError};
-use sightline::internals::Failover;
 use sightline::problem::Problem;
 use tempfile::TempDir;
 
@@ -22,7 +22,7 @@ type Lives = [Option<u32>];
 
 fn device(problem: &Arc<Problem>, lives: Option<u32>) -> Result<Box<dyn Backend>, BackendError> {
     let lives = lives.ok_or(BackendError::NoDevice { name: None })?;
-    let mut gpu = GpuBackend::new(problem.clone(), None, MEMORY)?;
+    let mut gpu = GpuBackend::new(problem.task().clone(), None, MEMORY)?;
     gpu.lose_device_after(lives);
     Ok(Box::new(gpu))
 }
@@ -37,7 +37,7 @@ fn failing(problem: &Arc<Problem>, lives: &'static Lives) -> (Failover, Arc<Mute
         device(&for_gpu, lives.get(index).copied().unwrap_or(Some(1000)))
     });
     let for_cpu = problem.clone();
-    let cpu = move || Box::new(CpuBackend::new(for_cpu.clone(), MEMORY)) as Box<dyn Backend>;
+    let cpu = move || Box::new(CpuBackend::new(for_cpu.task().clone(), MEMORY)) as Box<dyn Backend>;
     let notes = Arc::new(Mutex::new(Vec::new()));
     let sink = notes.clone();
     let note = move |line: &str| sink.lock().unwrap().push(line.to_owned());
@@ -90,10 +90,11 @@ fn a_placement_too_large_for_a_device_goes_to_the_cpu_if_allowed() {
     let placements = random_placements(84, 4, 6.0);
     let want = cpu(&problem).tally(&placements, Some(12.0)).unwrap();
     for allowed in [false, true] {
-        let tiny = Box::new(GpuBackend::new(problem.clone(), None, 1000).unwrap());
+        let tiny = Box::new(GpuBackend::new(problem.task().clone(), None, 1000).unwrap());
         let reopen = Box::new(|| panic!("a device that is too small is not opened again"));
         let for_cpu = problem.clone();
-        let cpu = move || Box::new(CpuBackend::new(for_cpu.clone(), MEMORY)) as Box<dyn Backend>;
+        let cpu =
+            move || Box::new(CpuBackend::new(for_cpu.task().clone(), MEMORY)) as Box<dyn Backend>;
         let mut backend = Failover::new(tiny, reopen, cpu, |_| ());
         if allowed {
             backend = backend.cpu_for_too_large();

@@ -83,7 +83,6 @@ mod hostile_large;
 #[cfg(feature = "gpu")]
 mod hostile_shifted;
 mod invariants;
-mod layers;
 #[cfg(feature = "gpu")]
 mod lost_device;
 #[cfg(feature = "cli")]

@@ -2,8 +2,10 @@
 
 use std::sync::Arc;
 
+use lidar_cast::bvh::Hit;
+use lidar_cast::cover::BitOrder;
+use lidar_cast::engine::ReferenceBackend;
 use sightline::engine::Backend;
-use sightline::internals::{BitOrder, Hit, ReferenceBackend};
 use sightline::problem::Problem;
 use sightline::vehicle::{
     BeamTable, Phase, Placement, SensorModel, SensorName, SensorPose, Sensors,
@@ -68,7 +70,7 @@ fn engines_agree_on_mixed_rigs_to_the_bit() {
     {
         let problem = mixed_problem(seed, ends_at_hits, phase);
         let placements = mixed_placements(seed, 30);
-        let mut reference = ReferenceBackend::new(problem.clone());
+        let mut reference = ReferenceBackend::new(problem.task().clone());
         let want = reference.tally(&placements, None).unwrap();
         assert!(want.iter().all(|tally| tally.covered > 0 && tally.beams > 0));
         let shorter = reference.tally(&placements, Some(3.0)).unwrap();

@@ -3,8 +3,10 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use sightline::internals::{Bvh, Spacing};
+use lidar_cast::bvh::Bvh;
+use sightline::internals::Spacing;
 use sightline::problem::Problem;
+use sightline::problem::Task;
 use sightline::psog::Roi;
 use sightline::search::{
     Event, FrameChoice, GenerationsStop, Method, Outcome, Phase, Run, Settings, State, Stopped,
@@ -26,7 +28,7 @@ fn problem() -> Arc<Problem> {
         ..Constraints::in_box([-2.0, -2.0, -1.0, -0.3, 0.0, 0.0], [2.0, 2.0, 1.0, 0.3, 0.0, 0.0], 2)
     };
     let content = random_content(9, &roi);
-    let problem = Problem::new(roi, content, table, frames.collect::<Vec<_>>(), true);
+    let problem = Problem::from(Task::new(roi, content, table, frames.collect::<Vec<_>>(), true));
     Arc::new(problem.with_constraints(constraints))
 }
 

@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use lidar_cast::bvh::Bvh;
 use serde_json::{Value, json};
 use sightline::engine::CpuBackend;
 use sightline::geom::TriangleSoup;
-use sightline::internals::Bvh;
 use sightline::problem::Problem;
+use sightline::problem::Task;
 use sightline::psog::{Psog, Roi};
 use sightline::scan::scan_scene;
 use sightline::scene::{EgoBody, PsogSource, Scene};
@@ -70,7 +71,7 @@ impl Own {
 
     /// An evaluator on the CPU.
     pub fn evaluator(&self) -> Evaluator {
-        let backend = CpuBackend::new(self.problem.clone(), MEMORY);
+        let backend = CpuBackend::new(self.problem.task().clone(), MEMORY);
         Evaluator::new(self.problem.clone(), Box::new(backend))
     }
 
@@ -105,10 +106,11 @@ impl Own {
         let range = self.scene.lidars()[0].range();
         let table = BeamTable::from_directions(directions, range).unwrap();
         let detection: Vec<u16> = self.scene.detection_among(psog.classes());
-        let content = sightline::problem::Content::from_psog(&psog, &detection);
+        let content = sightline::problem::content_of(&psog, &detection);
         let far = self.problem.far_range();
         let frames: Vec<_> = soups.iter().map(|soup| Arc::new(Bvh::build(soup, far))).collect();
-        let problem = Problem::new(roi, content, table, frames, self.problem.ends_at_hits());
+        let problem =
+            Problem::from(Task::new(roi, content, table, frames, self.problem.ends_at_hits()));
         let constraints = self.constraints.with_regions(|region| {
             // y, roll and yaw change their sign.
             for k in [1, 3, 5] {

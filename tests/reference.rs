@@ -7,8 +7,9 @@
 use std::collections::BTreeSet;
 
 use glam::{DVec3, Vec3};
+use lidar_cast::grid::HIT_PUSH;
 use sightline::geom::Pose;
-use sightline::internals::{EntropyKind, HIT_PUSH};
+use sightline::internals::EntropyKind;
 use sightline::problem::Tally;
 use sightline::vehicle::Placement;
 

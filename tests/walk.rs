@@ -1,13 +1,12 @@
 //! One walk a sensor against casting beam by beam: the same bits, whatever the sensor and the scene.
 
 use glam::DVec3;
+use lidar_cast::bvh::{Bvh, Hit, NO_HIT, Ray};
+use lidar_cast::cast::{Caster, Casting, Instructions, Part, cast_closest};
+use lidar_cast::task::{DevicePose, beam_direction};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use sightline::geom::TriangleSoup;
-use sightline::internals::{
-    Bvh, Caster, Casting, DevicePose, Hit, Instructions, NO_HIT, Part, Ray, beam_direction,
-    cast_closest,
-};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, SensorPose};
 

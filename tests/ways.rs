@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use glam::DVec3;
+use lidar_cast::bvh::{Bvh, Hit, NO_HIT};
+use lidar_cast::cast::{Caster, Casting, Instructions, cast_closest};
+use lidar_cast::task::DevicePose;
 use rand::RngExt;
 use sightline::geom::{Pose, TriangleSoup};
-use sightline::internals::{
-    Bvh, Caster, Casting, DevicePose, Hit, Instructions, NO_HIT, cast_closest, hostile_placements,
-};
+use sightline::internals::hostile_placements;
 use sightline::problem::{Frame, Instance};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, SensorPose};

@@ -4,13 +4,15 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use lidar_cast::bvh::{Bvh, Hit, Ray};
+use lidar_cast::cast::{Caster, cast_frame_closest};
+use lidar_cast::engine::ReferenceBackend;
+use lidar_cast::task::beam_direction;
 use rand::RngExt;
 use serde_json::{Value, json};
 use sightline::engine::{Backend, CpuBackend};
 use sightline::geom::{Pose, TriangleSoup};
-use sightline::internals::{
-    Bvh, Caster, Hit, Ray, ReferenceBackend, beam_direction, cast_frame_closest,
-};
+use sightline::problem::Task;
 use sightline::problem::{Frame, Instance, Problem, World};
 use sightline::psog::Roi;
 use sightline::scene::{EgoBody, Scene};
@@ -34,12 +36,12 @@ fn table() -> BeamTable {
 }
 
 fn problem(world: World) -> Arc<Problem> {
-    Arc::new(Problem::new(roi(), random_content(3, &roi()), table(), world, true))
+    Arc::new(Problem::from(Task::new(roi(), random_content(3, &roi()), table(), world, true)))
 }
 
 /// All engines but the reference.
 fn engines(problem: &Arc<Problem>) -> Vec<Box<dyn Backend>> {
-    let cpu: Box<dyn Backend> = Box::new(CpuBackend::new(problem.clone(), MEMORY));
+    let cpu: Box<dyn Backend> = Box::new(CpuBackend::new(problem.task().clone(), MEMORY));
     #[cfg(feature = "gpu")]
     return vec![cpu, Box::new(crate::common::gpu(problem))];
     #[cfg(not(feature = "gpu"))]
@@ -60,7 +62,7 @@ fn placements(seed: u64) -> Vec<Placement> {
 
 /// Compares hits in each frame and all sums with the reference; returns the hits by frame.
 fn compare(problem: &Arc<Problem>, placements: &[Placement]) -> Vec<Vec<Hit>> {
-    let mut reference = ReferenceBackend::new(problem.clone());
+    let mut reference = ReferenceBackend::new(problem.task().clone());
     let poses: Vec<_> = placements.iter().flat_map(|p| &p.lidars).copied().collect();
     let frames = 0..problem.geometry_frame_count();
     let hits = frames.map(|frame| reference.hits(&poses, frame).unwrap());
@@ -149,9 +151,9 @@ fn crowded(actors: usize, frames: usize) -> Scene {
     Scene::from_json(&scene.to_string(), Path::new(""), "crowded.json").unwrap()
 }
 
-fn world_of(scene: &Scene) -> World {
+fn world(scene: &Scene) -> World {
     let frames: Vec<usize> = (0..scene.frame_count()).collect();
-    World::of(scene, &frames, RANGE as f32, EgoBody::Include).unwrap()
+    sightline::problem::world_of(scene, &frames, RANGE as f32, EgoBody::Include).unwrap()
 }
 
 /// Farthest that t may be from that of the triangles of [`Scene::frame`] in `f64`: both are rounded.
@@ -160,7 +162,7 @@ const OF_SOUP: f64 = 2e-5;
 #[test]
 fn three_hundred_actors_are_cast_alike_everywhere_and_where_the_soup_says() {
     let scene = crowded(300, 3);
-    let world = world_of(&scene);
+    let world = world(&scene);
     assert_eq!(world.frames()[1].instances().len(), 302);
     let trees: std::collections::HashSet<_> =
         world.frames()[1].instances().iter().map(|i| Arc::as_ptr(&i.tree)).collect();
@@ -194,7 +196,7 @@ fn three_hundred_actors_are_cast_alike_everywhere_and_where_the_soup_says() {
 #[test]
 fn the_definition_needs_no_tree_and_no_order() {
     let scene = crowded(40, 2);
-    let world = world_of(&scene);
+    let world = world(&scene);
     let (table, placements) = (table(), placements(17));
     let sensors = placements.iter().flat_map(|p| &p.lidars).map(|l| l.ego_from_sensor());
     let sensors: Vec<Pose> = sensors.collect();
@@ -242,7 +244,7 @@ fn more_instances_than_steps_are_cast_too() {
 
 #[test]
 fn memory_does_not_grow_with_frames() {
-    let bytes = |frames: usize| problem(world_of(&crowded(5, frames))).bytes();
+    let bytes = |frames: usize| problem(world(&crowded(5, frames))).bytes();
     let (few, many) = (bytes(2), bytes(42));
     // Seven instances of a pose, a tree and a number each.
     assert!(many - few <= 40 * 7 * 128, "{} bytes a frame", (many - few) / 40);

@@ -4,13 +4,13 @@
 
 use std::ops::RangeInclusive;
 
+use lidar_cast::memory;
 use pyo3::PyClass;
 use pyo3::exceptions::{
     PyArithmeticError, PyAttributeError, PyMemoryError, PyTypeError, PyValueError,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyString;
-use sightline::internals::check_memory;
 
 use crate::errors::bad;
 
@@ -261,5 +261,5 @@ pub fn room_for(what: &'static str, count: usize, each: usize) -> PyResult<()> {
         return Ok(());
     }
     let bytes = u64::try_from(bytes).unwrap_or(u64::MAX);
-    check_memory(what, bytes).map_err(|error| PyMemoryError::new_err(error.to_string()))
+    memory::check(what, bytes).map_err(|error| PyMemoryError::new_err(error.to_string()))
 }

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use sightline::engine::BackendError;
 use sightline::job::JobError;
 use sightline::problem::ProblemError;
-use sightline::psog::GridError;
+use sightline::psog::PsogError;
 use sightline::scan::ScanError;
 use sightline::{Error, Note};
 
@@ -75,7 +75,7 @@ fn lacks_memory(error: &Error) -> bool {
             error,
             Error::Scan(ScanError::OutOfMemory(_))
                 | Error::Problem(ProblemError::OutOfMemory(_))
-                | Error::Job(JobError::Grid(GridError::OutOfMemory(_)))
+                | Error::Job(JobError::Grid(PsogError::OutOfMemory(_)))
                 | Error::Job(JobError::Problem { source: ProblemError::OutOfMemory(_), .. })
         )
 }

@@ -13,7 +13,7 @@ use sightline::datasets::{
 };
 use sightline::geom::Pose;
 use sightline::internals::{EntropyKind, FileError, to_nats, write_whole};
-use sightline::psog::{PsogInfo, Roi, read_psog, write_psog};
+use sightline::psog::{PsogError, PsogInfo, Roi, read_psog, write_psog};
 use sightline::scan::NO_CLASS;
 
 use crate::arguments::{self, room_for};
@@ -72,7 +72,7 @@ impl PyPsog {
         let along = <[u32; 3]>::try_from(along);
         let along = along.map_err(|_| bad("shape: give 3 numbers, voxels along x, y, z"))?;
         let (min, voxel) = (few_numbers("roi_min", roi_min)?, few_numbers("voxel", voxel)?);
-        let roi = Roi::new(min, voxel, along).map_err(raised)?;
+        let roi = Roi::new(min, voxel, along).map_err(PsogError::from).map_err(raised)?;
         let psog = Psog::new(roi, frames, classes, index, counts).map_err(raised)?;
         Ok(Self(Arc::new(psog)))
     }
@@ -127,7 +127,8 @@ impl PyPsog {
         let moves: Vec<bool> = classes.iter().map(|name| moves.contains(name)).collect();
         let (corners, edges) = (numbers::<f64>("roi", roi, CORNERS)?, few_numbers("voxel", voxel)?);
         let [lower, upper] = corners_of(&corners)?;
-        let grid = Roi::from_bounds(lower, upper, edges).map_err(raised)?;
+        let grid =
+            Roi::from_bounds(lower, upper, edges).map_err(PsogError::from).map_err(raised)?;
         let mut frames = Vec::new();
         for t in 0..count {
             let scan = labelled(t, &points.get_item(t)?, &labels.get_item(t)?, &moves)?;

@@ -6,7 +6,6 @@ use std::sync::{Arc, Mutex};
 use numpy::PyArrayMethods;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
-use sightline::engine::scanning_on;
 use sightline::scan::{Return, Scan, Scanner, Scanning, TrackedBox};
 use sightline::{Error, Placement};
 
@@ -47,7 +46,7 @@ impl ScanIterator {
         start(move || {
             let opened = || -> Result<Scanner<'_>, Error> {
                 let mut scanner = Scanner::on(built.stage()?, &built.scene, &placement, &scanning)?;
-                scanning_on(&mut scanner, &built.options.engine)?;
+                scanner.cast_on(&built.options.engine)?;
                 Ok(scanner)
             };
             let scanner = match opened() {

@@ -275,7 +275,7 @@ impl PyScene {
         let hits = interruptible(py, move |_| {
             let problem = built.frame(frame)?;
             let class = built.scene.face_classes(EgoBody::Include);
-            let opened = engine::open(&problem, &built.options.engine, |_| {});
+            let opened = engine::open(problem.task(), &built.options.engine, |_| {});
             let mut engine = opened.map_err(raised)?.engine;
             BeamHits::of(&placements, &problem, &class, |poses| engine.hits(poses, 0))
                 .map_err(raised)
@@ -381,7 +381,7 @@ impl PyScene {
             let problem = job.problem().map_err(raised)?;
             let usual = || usual_placements(&problem, random, hostile, seed);
             let placements = given.unwrap_or_else(usual);
-            let opened = engine::open(&problem, &built.options.engine, |_| {});
+            let opened = engine::open(problem.task(), &built.options.engine, |_| {});
             let mut engine = opened.map_err(raised)?.engine;
             verify(&problem, &mut *engine, &placements, sample, seed, &|| {}).map_err(raised)
         })??;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::error::AuditError;
 use crate::job::JobScene;
-use crate::psog::{GridError, Psog, Roi};
+use crate::psog::{Psog, PsogError, Roi};
 use crate::scan::scan_scene;
 use crate::scene::{PsogSource, ScanSettings, Scene};
 
@@ -36,7 +36,7 @@ pub(super) fn changed_worlds(job: &JobScene) -> Result<Vec<World>, AuditError> {
 }
 
 /// The P-SOG without the class that occurs most.
-fn without_largest_class(psog: &Psog) -> Result<(String, Psog), GridError> {
+fn without_largest_class(psog: &Psog) -> Result<(String, Psog), PsogError> {
     let sum = |class: usize| psog.rows().map(|row| u64::from(row[class])).sum::<u64>();
     let class = (0..psog.classes().len()).max_by_key(|&class| sum(class)).unwrap_or(0);
     let psog_without = with_rows(psog, |row| row[class] = 0)?;
@@ -44,7 +44,7 @@ fn without_largest_class(psog: &Psog) -> Result<(String, Psog), GridError> {
 }
 
 /// The P-SOG with half of the frames of each voxel's commonest class given to the class after it.
-fn with_tied_votes(psog: &Psog) -> Result<Psog, GridError> {
+fn with_tied_votes(psog: &Psog) -> Result<Psog, PsogError> {
     with_rows(psog, |row| {
         let top = (0..row.len()).max_by_key(|&class| row[class]).unwrap_or(0);
         let moved = row[top] / 2;
@@ -54,7 +54,7 @@ fn with_tied_votes(psog: &Psog) -> Result<Psog, GridError> {
     })
 }
 
-fn with_rows(psog: &Psog, change: impl Fn(&mut [u16])) -> Result<Psog, GridError> {
+fn with_rows(psog: &Psog, change: impl Fn(&mut [u16])) -> Result<Psog, PsogError> {
     let mut counts = psog.counts().to_vec();
     counts.chunks_mut(psog.classes().len()).for_each(change);
     let (roi, frames) = (*psog.roi(), psog.frames());
@@ -62,7 +62,7 @@ fn with_rows(psog: &Psog, change: impl Fn(&mut [u16])) -> Result<Psog, GridError
 }
 
 /// The scene scanned again on other grids.
-fn on_other_grids(scene: &Scene) -> Result<Vec<(String, Psog)>, GridError> {
+fn on_other_grids(scene: &Scene) -> Result<Vec<(String, Psog)>, PsogError> {
     let settings = match scene.psog_source() {
         PsogSource::Scan(settings) => *settings,
         PsogSource::File(_) => ScanSettings::default_of(scene),

@@ -10,9 +10,10 @@ use super::{ChartError, Fidelity, World, merge_vertices};
 use crate::geom::TriangleSoup;
 use crate::maths;
 use crate::problem::{Content, KINDS, NEAR_KIND, Tally};
-use crate::psog::{ENTROPY_ONE, HIT_PUSH, Roi};
+use crate::psog::{ENTROPY_ONE, Roi};
 use crate::scene::{EgoBody, Scene};
 use crate::vehicle::{Lidar, Placement, SensorPose, Sensors, UnknownSensor};
+use lidar_cast::grid::HIT_PUSH;
 
 /// The scorer that others are compared with: every number from the pose to the sum is an `f64`.
 ///

@@ -33,6 +33,9 @@ pub struct ChartSettings {
     pub objective: Objective,
     /// Edge of the finest voxels in metres; `None` takes half of the scene's where that is 0.1 or more.
     pub finest: Option<f64>,
+    /// No voxels finer than the scene's, whatever `finest` says.
+    #[serde(default)]
+    pub quick: bool,
     /// Measures every setting with all placements and times each in repeats, also those that cannot be the advice,
     /// and warm pose atlases.
     #[serde(default)]
@@ -51,6 +54,7 @@ impl Default for ChartSettings {
             random: 100,
             objective: Objective::default(),
             finest: None,
+            quick: false,
             full: false,
             seed: 1,
             engine: EngineChoice::cpu(),
@@ -246,6 +250,9 @@ fn finest(scene: &Scene, psog: &Psog, settings: &ChartSettings) -> Result<Option
         return Err(ChartError::NoPlacement);
     }
     let edge = scene.roi().voxel[0];
+    if settings.quick {
+        return Ok(Some(edge));
+    }
     match settings.finest.filter(|finest| *finest > edge * (1.0 + 1e-9)) {
         Some(finest) => Err(ChartError::Coarser { finest, edge }),
         None => Ok(settings.finest),
@@ -259,7 +266,7 @@ fn why_no_gpu(bench: &mut Bench, choice: &EngineChoice) -> Result<Option<String>
         EngineKind::Gpu => return Ok(None),
         EngineKind::Auto => {}
     }
-    let opened = open(&bench.own_problem()?, choice, |_| {})?;
+    let opened = open(bench.own_problem()?.task(), choice, |_| {})?;
     let is_gpu = opened.engine.name() == "gpu";
     Ok((!is_gpu).then(|| opened.notes.into_iter().next().unwrap_or_default()))
 }

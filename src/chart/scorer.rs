@@ -76,7 +76,7 @@ impl Scorer {
             _ => EngineKind::Cpu,
         };
         let choice = EngineChoice { kind, ..choice.clone() };
-        let backend = open(&problem, &choice, |_| {})?.engine;
+        let backend = open(problem.task(), &choice, |_| {})?.engine;
         if setting.engine == Engine::Atlas {
             let vehicle = world.scene().vehicle();
             let kinds = vehicle.map_or_else(|| problem.constraints().clone(), Vehicle::every_kind);

@@ -5,8 +5,9 @@ use std::sync::Arc;
 use super::{Engine, Fidelity, Setting, merge_vertices};
 use crate::engine::BackendError;
 use crate::memory::OutOfMemory;
+use crate::problem::content_of;
 use crate::problem::{self, Content, Problem, ProblemError, spread};
-use crate::psog::{GridError, Psog, Roi};
+use crate::psog::{Psog, PsogError, Roi};
 use crate::scan::scan_scene;
 use crate::scene::{EgoBody, PsogSource, ScanSettings, Scene};
 use crate::vehicle::{PoseGridError, SensorError, SensorName, UnknownSensor};
@@ -17,7 +18,7 @@ use crate::vehicle::{PoseGridError, SensorError, SensorName, UnknownSensor};
 pub enum ChartError {
     /// The voxels of a setting do not make a grid.
     #[error(transparent)]
-    Grid(#[from] GridError),
+    Grid(#[from] PsogError),
     /// The beams of a setting do not make a sensor.
     #[error(transparent)]
     Sensor(#[from] SensorError),
@@ -163,10 +164,11 @@ impl World {
             ..*own
         };
         let bounds = self.scene.roi();
-        let roi = Roi::from_bounds(bounds.min, bounds.max, bounds.voxel.map(|v| v * factor))?;
+        let roi = Roi::from_bounds(bounds.min, bounds.max, bounds.voxel.map(|v| v * factor))
+            .map_err(PsogError::from)?;
         let psog = match scan_scene(&self.scene, &roi, &settings, |_| go_on()) {
             Ok((psog, _)) => Arc::new(psog),
-            Err(GridError::Stopped { .. }) => return Ok(None),
+            Err(PsogError::Stopped { .. }) => return Ok(None),
             Err(error) => return Err(error.into()),
         };
         self.grids.push((factor, psog.clone()));
@@ -180,14 +182,14 @@ impl World {
 
     /// Entropies and classes of the voxels of one of the scene's P-SOGs.
     pub(super) fn content(&self, psog: &Psog) -> Content {
-        Content::from_psog(psog, &self.scene.detection_among(psog.classes()))
+        content_of(psog, &self.scene.detection_among(psog.classes()))
     }
 
     /// All frames with every triangle, built on first use.
     fn whole(&mut self, far: f32) -> Result<&problem::World, OutOfMemory> {
         if !self.whole.iter().any(|(f, _)| *f == far) {
             let all: Vec<usize> = (0..self.scene.frame_count()).collect();
-            self.whole.push((far, problem::World::of(&self.scene, &all, far, EgoBody::Include)?));
+            self.whole.push((far, problem::world_of(&self.scene, &all, far, EgoBody::Include)?));
         }
         let (_, world) = self.whole.iter().find(|(f, _)| *f == far).expect("there now");
         Ok(world)
@@ -205,7 +207,7 @@ impl World {
         let world_of = |far| {
             if cell > 0.0 {
                 let merged = |part| merge_vertices(&scene.part(part), cell);
-                problem::World::of_parts(&scene, &frames, far, EgoBody::Include, merged)
+                problem::world_of_parts(&scene, &frames, far, EgoBody::Include, merged)
             } else {
                 Ok(self.whole(far)?.over(&frames))
             }

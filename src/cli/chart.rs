@@ -15,7 +15,7 @@ use super::exit::Exit;
 #[command(after_help = "Examples:
   sightline chart scenes/urban-crossing.json --out runs/chart
   sightline chart scenes/highway.json --full --objective information_gain
-  sightline chart scenes/highway.json scenes/residential.json --finest 0.2
+  sightline chart scenes/highway.json scenes/residential.json --quick
   sightline chart --resume runs/chart")]
 pub struct Args {
     /// Scene files, and placements to rank together with random ones [default: Table 7 of the paper]
@@ -48,6 +48,9 @@ pub struct Args {
     /// [default: half of the scene's, where that is 0.1 or more]
     #[arg(long, value_name = "METRES", conflicts_with = "resume", value_parser = metres)]
     finest: Option<f64>,
+    /// No voxels finer than those of each scene
+    #[arg(long, conflicts_with_all = ["resume", "finest"])]
+    quick: bool,
     /// Measure every setting with all placements, also those that cannot be the advice, and print them all
     #[arg(long, conflicts_with = "resume")]
     full: bool,
@@ -83,6 +86,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         random: args.random,
         tolerance: args.tolerance,
         finest: args.finest,
+        quick: args.quick,
         full: args.full,
         seed: args.seed,
     };

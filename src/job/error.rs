@@ -2,7 +2,7 @@
 
 use crate::engine::BackendError;
 use crate::problem::ProblemError;
-use crate::psog::{GridError, PsogFileError};
+use crate::psog::{PsogError, PsogFileError};
 use crate::scan::VisibilityError;
 use crate::scan::conditions::ConditionError;
 use crate::scene::DescriptionError;
@@ -21,7 +21,7 @@ pub enum JobError {
     Rules(DescriptionError),
     /// From the region of interest, or from building the P-SOG.
     #[error(transparent)]
-    Grid(#[from] GridError),
+    Grid(#[from] PsogError),
     /// From the P-SOG file that the scene names.
     #[error("{place}: {source}")]
     Psog {

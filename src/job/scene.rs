@@ -130,7 +130,7 @@ impl JobScene {
         if let Some(psog) = self.psog.get() {
             return Ok(psog.clone());
         }
-        let psog = Arc::new(Psog::of(&self.scene, go_on)?);
+        let psog = Arc::new(psog_of(&self.scene, go_on)?);
         Ok(self.psog.get_or_init(|| psog).clone())
     }
 
@@ -182,37 +182,25 @@ impl JobScene {
     }
 }
 
-impl Psog {
-    /// The P-SOG of a scene: the file that it names, or one built from virtual scans.
-    ///
-    /// A scan asks `go_on` as [`scan_scene`] does.
-    ///
-    /// # Errors
-    /// See [`JobScene::psog`].
-    pub fn of(scene: &Scene, go_on: impl Fn(usize) -> bool) -> Result<Self, JobError> {
-        match scene.psog_source() {
-            PsogSource::File(path) => {
-                let psog = read_psog(path).map_err(|source| {
-                    let scene = scene.files().first().filter(|file| *file != path);
-                    let scene = scene.map_or("the scene".to_owned(), |f| f.display().to_string());
-                    JobError::Psog { place: format!("{scene}: psog.file"), source }
-                })?;
-                scene.check_detection(psog.classes())?;
-                Ok(psog)
-            }
-            PsogSource::Scan(settings) => {
-                Ok(scan_scene(scene, &scene.roi().grid()?, settings, go_on)?.0)
-            }
+/// The P-SOG of a scene: the file that it names, or one built from virtual scans.
+///
+/// A scan asks `go_on` as [`scan_scene`] does.
+///
+/// # Errors
+/// See [`JobScene::psog`].
+fn psog_of(scene: &Scene, go_on: impl Fn(usize) -> bool) -> Result<Psog, JobError> {
+    match scene.psog_source() {
+        PsogSource::File(path) => {
+            let psog = read_psog(path).map_err(|source| {
+                let scene = scene.files().first().filter(|file| *file != path);
+                let scene = scene.map_or("the scene".to_owned(), |f| f.display().to_string());
+                JobError::Psog { place: format!("{scene}: psog.file"), source }
+            })?;
+            scene.check_detection(psog.classes())?;
+            Ok(psog)
         }
-    }
-}
-
-impl Problem {
-    /// The problem that a scene poses over all of its frames in clear air.
-    ///
-    /// # Errors
-    /// See [`JobScene::problem`].
-    pub fn of(scene: &Scene) -> Result<Self, JobError> {
-        Ok(Arc::unwrap_or_clone(JobScene::from(scene.clone()).problem()?))
+        PsogSource::Scan(settings) => {
+            Ok(scan_scene(scene, &scene.roi().grid()?, settings, go_on)?.0)
+        }
     }
 }

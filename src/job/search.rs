@@ -158,7 +158,7 @@ impl JobRun<'_> {
         let Some(run) = &mut self.run else { return self.equip(observer) };
         let Some(mut outcome) = run.step(observer)? else { return Ok(JobStep::On) };
         let problem = self.job.problem()?;
-        let mut engine = open(&problem, &EngineChoice::cpu(), |_| {})?.engine;
+        let mut engine = open(problem.task(), &EngineChoice::cpu(), |_| {})?.engine;
         let all = outcome.best.iter_mut().chain(&mut outcome.baselines);
         let all = all.map(|Scored { placement, scores, .. }| (&*placement, scores));
         self.job.add_self_hits(&mut *engine, all)?;

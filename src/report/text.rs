@@ -5,6 +5,7 @@ use crate::json::fixed;
 use crate::score::Scores;
 use crate::search::Finding;
 use crate::study::Table;
+use crate::vehicle::millimetres;
 use crate::vehicle::{Placement, SensorPose};
 
 /// Lines of equal columns, the first column to the left and numbers to the right.
@@ -94,7 +95,7 @@ pub fn poses_text(placement: &Placement, mounts: &[Option<String>]) -> String {
         row.extend(named.then(|| pose.sensor.to_string()));
         row.extend(phased.then(|| phase_text(pose)));
         rows.push(row);
-        let numbers = pose.in_millimetres().map(|(_, value)| value.to_string());
+        let numbers = millimetres(pose).map(|(_, value)| value.to_string());
         small.push(std::iter::once(index.to_string()).chain(numbers).collect());
     }
     align_columns(&rows) + &align_columns(&small)

@@ -35,6 +35,8 @@ pub struct ChartRequest {
     pub finest: Option<f64>,
     /// Measures every setting to the end.
     pub full: bool,
+    /// No voxels finer than those of each scene.
+    pub quick: bool,
     /// Of the random placements and of the bootstrap.
     pub seed: u64,
 }
@@ -120,6 +122,7 @@ fn begun(request: &ChartRequest, computing: &Computing<'_>) -> Result<Vec<Begun>
         random: request.random,
         objective: request.objective.parse()?,
         finest: request.finest,
+        quick: request.quick,
         full: request.full,
         seed: request.seed,
         engine: computing.engine.clone(),

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use crate::job::{Job, JobError, JobFiles, JobScene};
 use crate::problem::StageTimes;
-use crate::psog::{GridError, Psog};
+use crate::psog::{Psog, PsogError};
 use crate::scan::conditions::{Condition, Kind};
 use crate::scene::{PsogSource, Scene};
 use crate::search::{Evaluator, Member, Suite, TimeLimit};
@@ -107,18 +107,18 @@ pub fn psog(
 
 /// The error of a scan for a P-SOG, with what stopped it.
 pub fn stopped(
-    error: GridError,
+    error: PsogError,
     place: &str,
     time: Option<TimeLimit>,
     watcher: &dyn Watcher,
 ) -> Error {
     match (error, time) {
-        (GridError::Stopped { done, frames }, _) if !watcher.goes_on() => {
+        (PsogError::Stopped { done, frames }, _) if !watcher.goes_on() => {
             Error::Interrupted(format!(
                 "{place}: interrupted after {done} of {frames} frames were scanned for its P-SOG; nothing is left"
             ))
         }
-        (GridError::Stopped { done, frames }, Some(time)) => Error::Usage(format!(
+        (PsogError::Stopped { done, frames }, Some(time)) => Error::Usage(format!(
             "{place}: --max-seconds {} ended after {done} of {frames} frames were scanned for its P-SOG, before the \
              search could begin; give more seconds, or build the P-SOG once with `sightline psog build` and name the \
              file under psog.file in the scene",

@@ -8,7 +8,7 @@ use crate::datasets::{
     read_nuscenes,
 };
 use crate::files::{Session, will_read, writable_file, write_whole};
-use crate::psog::{BuildReport, Psog, Roi, read_psog, write_psog};
+use crate::psog::{BuildReport, Psog, PsogError, Roi, read_psog, write_psog};
 use crate::scan::scan_scene;
 use crate::scene::{GROUND_CLASSES, PsogSource, ScanSettings};
 
@@ -140,7 +140,7 @@ fn of_scene(path: &Path, watcher: &dyn Watcher) -> Result<(Psog, BuildReport), E
 
 fn of_scans(scans: &Scans, watcher: &dyn Watcher) -> Result<(Psog, BuildReport), Error> {
     let [min, max] = scans.region;
-    let roi = Roi::from_bounds(min, max, scans.voxel)?;
+    let roi = Roi::from_bounds(min, max, scans.voxel).map_err(PsogError::from)?;
     let options = PsogOptions { window: scans.window, ..PsogOptions::new(roi) };
     let built = match &scans.set {
         DataSet::Kitti(folder, height) => {

@@ -141,7 +141,7 @@ fn of_scene(
         None => usual(),
     };
     let memory = computing.engine.memory_budget() / 2;
-    let gpu = GpuBackend::new(problem.clone(), computing.engine.adapter.as_deref(), memory);
+    let gpu = GpuBackend::new(problem.task().clone(), computing.engine.adapter.as_deref(), memory);
     let mut gpu = gpu.map_err(needs_device)?;
     let steps = (placements.len() * compared_frames(&problem)) as u64;
     let bar = computing.watcher.bar(steps, Some("placements × frames"));

@@ -42,7 +42,7 @@ impl Evaluator {
     pub fn on_cpu(problem: impl Into<Arc<Problem>>) -> Self {
         let problem = problem.into();
         let memory = EngineChoice::cpu().memory_budget();
-        let engine = Box::new(CpuBackend::new(problem.clone(), memory));
+        let engine = Box::new(CpuBackend::new(problem.task().clone(), memory));
         Self::new(problem, engine)
     }
 
@@ -57,7 +57,7 @@ impl Evaluator {
     pub fn suite_on_cpu(suite: &Suite, memory: u64) -> Self {
         let share = memory / suite.members().len().max(1) as u64;
         let seat = |member: &Member| {
-            let engine = CpuBackend::new(member.problem().clone(), share);
+            let engine = CpuBackend::new(member.problem().task().clone(), share);
             Seat::new(member.clone(), Box::new(engine), share)
         };
         Self { seats: suite.members().iter().map(seat).collect() }
@@ -78,7 +78,7 @@ impl Evaluator {
         }
         let (mut seats, mut notes) = (Vec::new(), Vec::new());
         for member in suite.members() {
-            let opened = open(member.problem(), &choice, on_change.clone())?;
+            let opened = open(member.problem().task(), &choice, on_change.clone())?;
             if seats.is_empty() {
                 notes = opened.notes;
             }

@@ -274,7 +274,7 @@ mod tests {
     use super::*;
     use crate::bvh::Bvh;
     use crate::geom::TriangleSoup;
-    use crate::problem::{Content, Problem};
+    use crate::problem::{Content, Problem, Task};
     use crate::psog::Roi;
     use crate::vehicle::{BeamTable, Placement};
 
@@ -286,7 +286,7 @@ mod tests {
         let tree = Arc::new(Bvh::build(&TriangleSoup::default(), 10.0));
         let content = Content::new(vec![], vec![], &[], false);
         let frames = vec![tree; gains.len()];
-        let problem = Arc::new(Problem::new(roi, content, table, frames, true));
+        let problem = Arc::new(Problem::from(Task::new(roi, content, table, frames, true)));
         let placement = |k| Placement { name: format!("p{k}"), lidars: vec![] };
         let tally =
             |&gain: &u64| Tally { covered: 10, entropy: [gain << 28, 0, 0, 0], ..Tally::default() };

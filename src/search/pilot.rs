@@ -32,7 +32,7 @@ impl Pilot {
         for member in suite.members() {
             let problem = member.problem();
             let (first, seen) = (by_frame.len(), member.seen(&placements));
-            let mut backend = CpuBackend::new(problem.clone(), memory);
+            let mut backend = CpuBackend::new(problem.task().clone(), memory);
             for frame in 0..problem.frame_count() {
                 if !go_on(by_frame.len()) {
                     return Ok(None);

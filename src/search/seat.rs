@@ -80,7 +80,7 @@ impl Seat {
         }
         for frames in groups {
             let part = Arc::new(problem.over(&frames));
-            if !add(&mut CpuBackend::new(part, self.memory))? {
+            if !add(&mut CpuBackend::new(part.task().clone(), self.memory))? {
                 return Ok(None);
             }
         }

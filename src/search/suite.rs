@@ -235,7 +235,7 @@ mod tests {
     use super::*;
     use crate::bvh::Bvh;
     use crate::geom::TriangleSoup;
-    use crate::problem::{Content, OccupiedVoxel};
+    use crate::problem::{Content, OccupiedVoxel, Task};
     use crate::psog::Roi;
     use crate::vehicle::{BeamTable, SensorPose};
 
@@ -246,7 +246,7 @@ mod tests {
         let tree = Arc::new(Bvh::build(&TriangleSoup::default(), 10.0));
         let occupied = vec![OccupiedVoxel { index: 3, entropy: [7; 4] }];
         let content = Content::new(vec![], occupied, &[], false);
-        Arc::new(Problem::new(roi, content, table, vec![tree; frames], true))
+        Arc::new(Task::new(roi, content, table, vec![tree; frames], true).into())
     }
 
     fn suite(frames: &[usize]) -> Suite {

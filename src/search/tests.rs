@@ -9,7 +9,7 @@ use super::settings::Settings;
 use super::suite::Suite;
 use crate::bvh::Bvh;
 use crate::geom::TriangleSoup;
-use crate::problem::{Content, OccupiedVoxel, Problem};
+use crate::problem::{Content, OccupiedVoxel, Problem, Task};
 use crate::psog::Roi;
 use crate::vehicle::{BeamTable, Constraints, Placement, SensorPose};
 
@@ -37,7 +37,7 @@ fn problem() -> Arc<Problem> {
     let content = Content::new(vec![], occupied, &[], false);
     let rules =
         Constraints::in_box([-1.0, -1.0, -0.5, 0.0, 0.0, 0.0], [1.0, 1.0, 0.5, 0.0, 0.0, 0.0], 2);
-    Arc::new(Problem::new(roi, content, table, trees, true).with_constraints(rules))
+    Arc::new(Problem::from(Task::new(roi, content, table, trees, true)).with_constraints(rules))
 }
 
 fn placements() -> Vec<Placement> {

@@ -2,7 +2,7 @@
 
 use super::{StudyError, StudyObserver, StudySettings};
 use crate::job::{Job, JobScene};
-use crate::psog::Roi;
+use crate::psog::{PsogError, Roi};
 use crate::scan::conditions::{in_words, under};
 use crate::scan::scan_scene;
 use crate::scene::{PsogSource, Scene};
@@ -87,7 +87,7 @@ impl<'a> StudyScene<'a> {
             return Err(StudyError::FixedVoxels { scene: self.place() });
         };
         let bounds = self.scene.roi();
-        let roi = Roi::from_bounds(bounds.min, bounds.max, voxel)?;
+        let roi = Roi::from_bounds(bounds.min, bounds.max, voxel).map_err(PsogError::from)?;
         let (psog, _) = scan_scene(self.scene, &roi, settings, |_| self.goes_on())?;
         self.open(&self.job.clone().on_grid_of(psog))
     }

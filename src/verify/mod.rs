@@ -53,7 +53,7 @@ pub fn verify(
     seed: u64,
     done: &dyn Fn(),
 ) -> Result<Verification, BackendError> {
-    let mut reference = ReferenceBackend::new(problem.clone());
+    let mut reference = ReferenceBackend::new(problem.task().clone());
     let found = compare_engines(problem, &mut reference, engine, placements, done)?;
     let explained = sample_reference(problem, placements, sample, seed)?;
     Ok(Verification {

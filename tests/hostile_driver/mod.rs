@@ -5,10 +5,12 @@ mod rewrite;
 use std::sync::Arc;
 
 use glam::DVec3;
+use lidar_cast::bvh::Bvh;
+use lidar_cast::cover::BitOrder;
 use sightline::engine::Backend;
 use sightline::geom::TriangleSoup;
-use sightline::internals::{BitOrder, Bvh};
 use sightline::problem::Problem;
+use sightline::problem::Task;
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, SensorPose};
 
@@ -34,7 +36,7 @@ fn problem(scale: f64, ends_at_hits: bool) -> Arc<Problem> {
         *vertex = on_grid.map(|v| (f64::from(v) * scale) as f32);
     }
     let bvh = Arc::new(Bvh::build(&soup, RANGE as f32));
-    Arc::new(Problem::new(roi, random_content(3, &roi), table, vec![bvh], ends_at_hits))
+    Arc::new(Problem::from(Task::new(roi, random_content(3, &roi), table, vec![bvh], ends_at_hits)))
 }
 
 /// Sensors within a metre and a half of the origin, times `scale`.

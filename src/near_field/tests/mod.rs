@@ -39,7 +39,7 @@ pub(super) fn problem(scene: &Scene) -> Problem {
 }
 
 fn cpu(problem: &Arc<Problem>) -> CpuBackend {
-    CpuBackend::new(problem.clone(), 1 << 30)
+    CpuBackend::new(problem.task().clone(), 1 << 30)
 }
 
 fn one(pose: SensorPose) -> Placement {

@@ -60,7 +60,7 @@ impl Looks {
             // Much of either is work of one thread.
             let (seen, near) = rayon::join(
                 || -> Result<_, BackendError> {
-                    let mut engine = open(problem, &choice, |_| {})?.engine;
+                    let mut engine = open(problem.task(), &choice, |_| {})?.engine;
                     let engine = &mut *engine;
                     let map = InformationMap::of(problem, engine, placement)?;
                     let count = places.len();
@@ -96,7 +96,7 @@ fn near<'a>(
         Ok(site) => site,
         Err(why) => return Ok(Err(why.to_string())),
     };
-    let mut engine = open(&few, choice, |_| {})?.engine;
+    let mut engine = open(few.task(), choice, |_| {})?.engine;
     let look = |placement: &Placement| Ok((placement.clone(), site.look(&mut *engine, placement)?));
     let all = placements.map(look).collect::<Result<Vec<_>, BackendError>>()?;
     Ok(Ok(Near { footprint: site.footprint().clone(), frames: frames.len(), all }))

@@ -8,6 +8,7 @@ use super::subject::Subject;
 use crate::json::fixed;
 use crate::report::RunRecord;
 use crate::report::text::{mount_text, phase_text};
+use crate::vehicle::millimetres;
 
 /// Titles of poses in small units.
 const SMALL: [&str; 7] = ["LiDAR", "x mm", "y mm", "z mm", "roll °", "pitch °", "yaw °"];
@@ -34,7 +35,7 @@ pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunR
         })
         .collect();
     let small = poses.iter().enumerate().map(|(index, pose)| {
-        let numbers = pose.in_millimetres().map(|(_, value)| text(value.to_string()));
+        let numbers = millimetres(pose).map(|(_, value)| text(value.to_string()));
         (false, std::iter::once(text(index.to_string())).chain(numbers).collect())
     });
     let small: Vec<_> = small.collect();

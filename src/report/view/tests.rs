@@ -26,7 +26,7 @@ fn yard() -> (Scene, Arc<Problem>, [Placement; 2]) {
             "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.5, 1.8] } }] }],
         "ego": { "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [4, 2, 1.5] } }] } }"#;
     let scene = Scene::from_json(text, Path::new(""), "yard.json").unwrap();
-    let problem = Arc::new(Problem::of(&scene).unwrap());
+    let problem = crate::JobScene::from(scene.clone()).problem().unwrap();
     let at = |x: f64, z: f64| SensorPose { x, z, ..SensorPose::default() };
     let two = Placement { name: "two".into(), lidars: vec![at(-1.0, 1.8), at(1.0, 2.2)] };
     let one = Placement { name: "one".into(), lidars: vec![at(0.0, 1.7)] };

@@ -13,7 +13,6 @@ use serde::Serialize;
 use super::given::Given;
 use super::inputs::repeated;
 use super::{Computing, Error, Silent, Watcher, opening};
-use crate::engine::scanning_on;
 use crate::export::{Dataset, DatasetSettings, Input, SceneFacts, record};
 use crate::files::{Session, safe_names};
 use crate::scan::{ScanError, Scanner, Stage};
@@ -222,7 +221,7 @@ impl<'a> Work<'a> {
             }
             let (stage, scanning) = (self.stage(k, again)?, &self.request.scanning);
             let mut scanner = Scanner::on(stage, scene, plan.placement, scanning)?;
-            let notes = scanning_on(&mut scanner, &self.computing.engine)?;
+            let notes = scanner.cast_on(&self.computing.engine)?;
             if !std::mem::replace(&mut self.told, true) {
                 notes.iter().for_each(|note| watcher.note(note));
             }

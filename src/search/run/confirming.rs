@@ -18,6 +18,7 @@ use crate::search::seat::FRAMES_AT_ONCE;
 use crate::search::settings::Method;
 use crate::search::spread::{Gain, GainSpread};
 use crate::vehicle::Placement;
+use crate::vehicle::placement_to_nanometres;
 
 /// Says that a part of the outcome is left out for want of time.
 fn left_out(part: &str, watch: &mut Watch) {
@@ -166,7 +167,7 @@ impl Run {
     /// A placement as files have it, to the nanometre: scores are those of the poses that are written. One that breaks a rule
     /// there stays as it is.
     fn written(&self, placement: &Placement) -> Placement {
-        let (constraints, written) = (self.suite.constraints(), placement.written());
+        let (constraints, written) = (self.suite.constraints(), placement_to_nanometres(placement));
         let broken = |placement: &Placement| constraints.violations(placement).len();
         if broken(&written) > broken(placement) { placement.clone() } else { written }
     }

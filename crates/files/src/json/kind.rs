@@ -1,0 +1,55 @@
+//! What a file of this program is, by its keys: files are mistaken for one another on the command line.
+
+use std::fmt;
+
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+
+/// Kinds of files that a user writes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FileKind {
+    /// A region of interest, and what is in it.
+    Scene,
+    /// Sensors and mounts.
+    Vehicle,
+    /// Poses of LiDARs.
+    Placements,
+}
+
+impl FileKind {
+    /// The kind of a text, if it is JSON and its keys tell it.
+    pub fn of(text: &str) -> Option<Self> {
+        /// Keys that files of one kind have alone, or that those of the kinds before them lack.
+        #[derive(Deserialize)]
+        struct Keys {
+            roi: Option<IgnoredAny>,
+            mounts: Option<IgnoredAny>,
+            sensors: Option<IgnoredAny>,
+            placements: Option<IgnoredAny>,
+        }
+        let keys: Keys = serde_json::from_str(text).ok()?;
+        let vehicle = keys.mounts.or(keys.sensors);
+        let scene = keys.roi.map(|_| Self::Scene);
+        let kind = scene.or(vehicle.map(|_| Self::Vehicle));
+        kind.or(keys.placements.map(|_| Self::Placements))
+    }
+
+    /// How such a file is given to the program.
+    pub fn place(self) -> &'static str {
+        match self {
+            Self::Scene => "as SCENE",
+            Self::Vehicle => "by --vehicle",
+            Self::Placements => "behind the scenes, or by --placement or --baselines",
+        }
+    }
+}
+
+impl fmt::Display for FileKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Scene => "a scene",
+            Self::Vehicle => "a vehicle",
+            Self::Placements => "a file of placements",
+        })
+    }
+}

@@ -1,0 +1,22 @@
+//! Reading of JSON and YAML descriptions: parsing with places, checks of values, errors as sentences.
+
+pub mod check;
+mod error;
+mod kind;
+mod numbers;
+mod parse;
+mod place;
+mod scalar;
+mod xml;
+mod yaml;
+
+pub use error::DescriptionError;
+pub use error::did_you_mean;
+pub use kind::FileKind;
+pub use lidar_cast::nearest::nearest;
+pub use numbers::{fixed, shortened, spoken, written};
+pub use parse::{check_version, parse, plain_words, read_limited, unknown_key};
+pub use place::Place;
+pub use scalar::Quantity;
+pub use xml::check_xml;
+pub use yaml::{Document, parse_documents, parse_yaml};

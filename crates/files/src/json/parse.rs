@@ -1,0 +1,134 @@
+//! From a file to a description: reading, parsing, and plain words for the messages of serde.
+
+use std::path::Path;
+
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+
+use super::nearest;
+use super::{DescriptionError, FileKind, Place};
+
+/// Reads `text` as a `T`, naming `file` in errors.
+pub fn parse<T: DeserializeOwned>(text: &str, file: &str) -> Result<T, DescriptionError> {
+    if text.trim_ascii().is_empty() {
+        let (at, problem) = (Box::new(Place::top(file)), "the file is empty".to_owned());
+        return Err(DescriptionError::Json { at, problem, line: 1, column: 1 });
+    }
+    let mut json = serde_json::Deserializer::from_str(text);
+    let value = serde_path_to_error::deserialize(&mut json).map_err(|e| {
+        let path = e.path().to_string();
+        explain(file, &path, &e.into_inner())
+    })?;
+    json.end().map_err(|e| explain(file, ".", &e))?;
+    Ok(value)
+}
+
+/// Checks the version key, and that the file is none of another kind: a file of a later version is refused for its
+/// version, one of another kind for its kind, not for their keys.
+pub fn check_version(text: &str, file: &str, wanted: FileKind) -> Result<(), DescriptionError> {
+    #[derive(Deserialize)]
+    struct Version {
+        sightline: Option<serde_json::Value>,
+    }
+    let version: Version = parse(text, file)?;
+    let top = Place::top(file);
+    let other = FileKind::of(text).filter(|kind| *kind != wanted);
+    match (version.sightline, other) {
+        (Some(v), _) if v != 1 => Err(DescriptionError::Version {
+            at: Box::new(top.key("sightline")),
+            found: format!("version {v} is unknown"),
+        }),
+        (_, Some(found)) => {
+            Err(DescriptionError::OtherKind { file: file.to_owned(), found, wanted })
+        }
+        (Some(_), None) => Ok(()),
+        (None, None) => Err(DescriptionError::Version {
+            at: Box::new(top),
+            found: "the key `sightline` is missing".to_owned(),
+        }),
+    }
+}
+
+/// Turns an error of serde into one with place, nearest known key and plain words.
+fn explain(file: &str, path: &str, error: &serde_json::Error) -> DescriptionError {
+    let (line, column) = (error.line(), error.column());
+    let full = error.to_string();
+    let text = full.rsplit_once(" at line ").map_or(full.as_str(), |(text, _)| text);
+    // The path ends in a question mark before the first key is read.
+    let path = path.trim_end_matches('?').trim_end_matches('.');
+    let at = Box::new(Place { file: file.to_owned(), path: path.to_owned() });
+    // serde_json says "trailing characters" after the whole object and after a list that is too long.
+    let text = match text {
+        "trailing characters" if path.is_empty() => "something follows the end of the object",
+        "trailing characters" => "the list is longer than it should be",
+        other => other,
+    };
+    let Some((key, known)) = unknown_key(text) else {
+        return DescriptionError::Json { at, problem: plain_words(text), line, column };
+    };
+    // The path of an unknown key ends in the key itself; the message names it anyway.
+    let parent = path.strip_suffix(key).map_or(path, |p| p.strip_suffix('.').unwrap_or(p));
+    DescriptionError::UnknownKey {
+        at: Box::new(Place { file: file.to_owned(), path: parent.to_owned() }),
+        nearest: nearest(key, known.iter().map(String::as_str)),
+        key: key.to_owned(),
+        known,
+        line,
+        column,
+    }
+}
+
+/// The key that serde does not know, and those that it knows in its place.
+pub fn unknown_key(text: &str) -> Option<(&str, Vec<String>)> {
+    // Without known keys serde writes "there are no fields"; no struct here is empty.
+    let (key, expected) = text.strip_prefix("unknown field `")?.split_once("`, expected ")?;
+    Some((key, expected.split('`').skip(1).step_by(2).map(str::to_owned).collect()))
+}
+
+/// Translates serde's message from Rust types to JSON words: `u64` becomes "a whole number, 0 or more".
+pub fn plain_words(text: &str) -> String {
+    match text {
+        "expected value" => {
+            return "no value that JSON knows; numbers are finite, as 1.5".to_owned();
+        }
+        "number out of range" => {
+            return "a number too large; write a finite one, as 1.5".to_owned();
+        }
+        _ => (),
+    }
+    let (head, expected) = text.split_once(", expected ").unwrap_or((text, ""));
+    let head = head
+        .replace("EOF while parsing", "the file ends inside of")
+        .replace("invalid type: ", "")
+        .replace("invalid value: ", "")
+        .replace("invalid length ", "a list of length ")
+        .replace("floating point", "the fraction")
+        .replace("integer `", "the number `")
+        .replace("missing field", "missing key")
+        .replace("duplicate field", "this key comes twice:")
+        .replace("sequence", "a list")
+        .replace("map", "an object");
+    if expected.is_empty() {
+        return head;
+    }
+    let expected = match expected {
+        "u64" | "u32" => "a whole number, 0 or more".to_owned(),
+        "f64" => "a number".to_owned(),
+        "a sequence" => "a list".to_owned(),
+        "a map" => "an object".to_owned(),
+        "a string" => "a text in quotes".to_owned(),
+        other if other.starts_with("struct ") => "an object".to_owned(),
+        other => other.replace("an array of length", "a list of length"),
+    };
+    format!("{head} stands where {expected} belongs")
+}
+
+/// Reads a whole file; refuses folders, devices and files larger than `limit` bytes.
+pub fn read_limited(file: &Path, limit: u64) -> Result<Vec<u8>, DescriptionError> {
+    crate::files::read(file, limit).map_err(|source| match source.kind() {
+        std::io::ErrorKind::FileTooLarge => {
+            DescriptionError::TooLarge { file: file.to_owned(), limit }
+        }
+        _ => DescriptionError::Read { file: file.to_owned(), source },
+    })
+}

@@ -1,0 +1,17 @@
+//! Files and what stands in them: whole at any time, guarded against overwriting, read within bounds.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`files`] | one guard of inputs and outputs, whole files, folders of runs |
+//! | [`json`] | JSON and YAML whose errors name the place, the nearest known key, and the mend |
+//! | [`npy`] | headers of NumPy arrays |
+//! | [`note`] | sentences about an input: facts, and doubts |
+
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
+pub mod files;
+pub mod json;
+pub mod note;
+pub mod npy;
+
+pub use note::Note;

@@ -1,0 +1,161 @@
+//! A scene from a labelled sequence: plates of ground, boxes of what stands, actors on their tracks.
+//!
+//! The world of the scene is that of the data set, moved so that the ego starts at its origin. What no
+//! beam reached is not there, slopes are stairs of 0.1 m, and a tile has one height. The ego's body is
+//! unknown, and so is left out.
+
+mod actors;
+mod ground;
+mod merge;
+mod rounding;
+
+use std::path::PathBuf;
+
+use glam::{DVec3, Vec3};
+use serde_json::{Value, json};
+
+use super::{BoxTrack, DatasetError, LabelledSequence};
+use actors::{actor, moved, pose};
+use ground::Cells;
+use lidar_cast::geom::Pose;
+use sightline_scene::scene::DEFAULT_CLASSES;
+
+/// Most plates and boxes.
+const MOST_SHAPES: usize = 500_000;
+/// Most frames of a scene.
+const MOST_FRAMES: usize = 10_000;
+/// Farthest point from the start, metres.
+const FARTHEST: f64 = 50_000.0;
+
+/// How to make a scene.
+#[derive(Debug, Clone, Copy)]
+pub struct ImportOptions {
+    /// Edge of the cells that plates and boxes are made of, metres.
+    pub cell: f64,
+}
+
+impl Default for ImportOptions {
+    /// Cells of 0.4 m.
+    fn default() -> Self {
+        Self { cell: 0.4 }
+    }
+}
+
+/// A scene and what it holds.
+#[derive(Debug, Clone)]
+pub struct Imported {
+    /// The scene file.
+    pub scene: Value,
+    /// Plates of ground.
+    pub plates: usize,
+    /// Boxes of things at rest.
+    pub boxes: usize,
+    /// Actors.
+    pub actors: usize,
+}
+
+/// Makes a scene of a labelled sequence. Region, LiDAR and mount are those of the own scenes, the mount above
+/// where the recording sensor stood: to be edited.
+///
+/// # Errors
+/// Those of reading the sequence, a cell of another size than 0.05 to 10 m, more plates and boxes than are
+/// of use.
+pub fn to_scene(
+    sequence: &dyn LabelledSequence,
+    options: &ImportOptions,
+) -> Result<Imported, DatasetError> {
+    let (frames, classes) = (sequence.frames(), sequence.classes());
+    if !(0.05..=10.0).contains(&options.cell) {
+        return Err(DatasetError::Cell { value: options.cell });
+    }
+    if frames.len() > MOST_FRAMES {
+        let path = PathBuf::from(sequence.name());
+        return Err(DatasetError::TooManyFrames { path, frames: frames.len(), limit: MOST_FRAMES });
+    }
+    let egos: Vec<Pose> =
+        frames.iter().map(|&frame| world_from_ego(sequence, frame)).collect::<Result<_, _>>()?;
+    let start = egos.first().map_or(DVec3::ZERO, |ego| ego.translation);
+    let mut cells = Cells::new(options.cell, &classes);
+    for &frame in &frames {
+        count(sequence, frame, start, &mut cells)?;
+    }
+    let ground::Shapes { shapes, plates, boxes } = cells.shapes();
+    if shapes.len() > MOST_SHAPES {
+        return Err(DatasetError::TooManyShapes { shapes: shapes.len(), limit: MOST_SHAPES });
+    }
+    let tracks = sequence.tracks()?;
+    let others = tracks.iter().filter(|track| !is_ego(track, &frames, &egos));
+    let actors: Vec<Value> = others
+        .map(|track| actor(track, &classes[usize::from(track.class)], &frames, start))
+        .collect();
+    let sensor = frames.first().map_or(Ok(Pose::IDENTITY), |&f| sequence.ego_from_sensor(f))?;
+    let mut scene = frame_of_scene(&sequence.name(), sensor.translation);
+    let poses: Vec<Value> = egos.iter().map(|ego| pose(&moved(ego, start))).collect();
+    if !classes.iter().eq(DEFAULT_CLASSES) {
+        scene["classes"] = json!(classes);
+    }
+    if let Some(rate) = sequence.rate() {
+        scene["rate"] = rate.into();
+    }
+    let count = actors.len();
+    scene["frames"] = poses.len().into();
+    scene["ego"] = json!({ "poses": poses });
+    scene["static"] = shapes.into();
+    scene["actors"] = actors.into();
+    Ok(Imported { scene, plates, boxes, actors: count })
+}
+
+fn world_from_ego(sequence: &dyn LabelledSequence, frame: u32) -> Result<Pose, DatasetError> {
+    let ego_from_sensor = sequence.ego_from_sensor(frame)?;
+    Ok(sequence.world_from_sensor(frame)?.compose(&ego_from_sensor.inverse()))
+}
+
+/// Counts the points of a frame that lie on things at rest and on no track.
+fn count(
+    sequence: &dyn LabelledSequence,
+    frame: u32,
+    start: DVec3,
+    cells: &mut Cells,
+) -> Result<(), DatasetError> {
+    let world_from_sensor = moved(&sequence.world_from_sensor(frame)?, start);
+    let scan = sequence.read(frame)?;
+    for (index, (&point, label)) in scan.points.iter().zip(&scan.labels).enumerate() {
+        let Some(class) = label.class.filter(|_| !label.moving && !label.on_track) else {
+            continue;
+        };
+        let at = world_from_sensor.apply(Vec3::from(point).as_dvec3());
+        if at.abs().max_element() > FARTHEST {
+            let path = PathBuf::from(format!("{} frame {frame}", sequence.name()));
+            let (distance, limit) = (at.length(), FARTHEST);
+            return Err(DatasetError::TooFar { path, point: index, distance, limit });
+        }
+        cells.add(at, class);
+    }
+    Ok(())
+}
+
+/// True if a track is the ego vehicle itself: its box stands around the ego's origin in most frames.
+fn is_ego(track: &BoxTrack, frames: &[u32], egos: &[Pose]) -> bool {
+    let around = track.poses.iter().filter(|seen| {
+        let Ok(at) = frames.binary_search(&seen.frame) else { return false };
+        let origin = seen.world_from_box.inverse().apply(egos[at].translation);
+        2.0 * origin.x.abs() <= track.size[0] && 2.0 * origin.y.abs() <= track.size[1]
+    });
+    2 * around.count() > track.poses.len()
+}
+
+/// Everything of a scene but its world and its motion.
+fn frame_of_scene(name: &str, sensor: DVec3) -> Value {
+    let [x, y, z] = sensor.to_array();
+    let corner =
+        |out: f64, up: f64| [x + out, y + out, z + up].map(|v| (v * 100.0).round() / 100.0);
+    json!({
+        "sightline": 1,
+        "name": name,
+        "roi": { "min": [-40, -40, -0.5], "max": [40, 40, 5.5], "voxel": [0.2, 0.2, 0.2] },
+        "lidar": { "channels": 16, "fov": [-24.8, 2.0], "azimuth_steps": 250, "range": 100 },
+        "mount": { "min": corner(-0.6, 0.0), "max": corner(0.6, 0.6), "roll": [-0.3, 0.3],
+                   "min_distance": 0.2, "lidars": 4 },
+        "coverage": "first-hit",
+    })
+}

@@ -1,0 +1,38 @@
+//! Labelled scans of public data sets, to P-SOGs and to scenes of boxes.
+//!
+//! A data set is a reader: it lists frames, says where the sensor stood, and reads points with labels
+//! ([`LabelledSequence`]). What follows is the same for all of them: [`build_psog`] votes, [`to_scene`]
+//! makes plates, boxes and tracks.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `sequence` | what every data set says of its scans |
+//! | `build` | a P-SOG from sequences |
+//! | `kitti`, `kitti_labels` | the SemanticKITTI layout |
+//! | `nuscenes` | nuScenes with lidarseg: tables, categories, boxes |
+//! | `carla` | scans of CARLA's semantic LiDAR with a table of poses |
+//! | `import` | a scene from a sequence |
+//! | `files` | whole files of records |
+//! | `ground` | the labelled road: heights, and what speaks against poses |
+
+mod build;
+mod carla;
+mod error;
+mod files;
+mod ground;
+mod import;
+pub mod kitti;
+pub mod kitti_labels;
+mod nuscenes;
+mod sequence;
+#[cfg(test)]
+mod tests;
+
+pub use build::{PsogOptions, build_psog};
+pub use carla::{CarlaSequence, CarlaTags};
+pub use error::DatasetError;
+pub use import::{ImportOptions, Imported, to_scene};
+pub use kitti::{KITTI_LIDAR_HEIGHT, KittiSequence};
+pub use nuscenes::NUSCENES_CATEGORIES;
+pub use nuscenes::{NuscenesScene, read_nuscenes};
+pub use sequence::{BoxTrack, LabelledScan, LabelledSequence, PointLabel, TrackPose};

@@ -1,0 +1,306 @@
+//! From tables to scenes: only rows of the wanted scenes are kept.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+use std::path::Path;
+use std::sync::Arc;
+
+use super::categories::{Category, category, known};
+use super::tables::{
+    AnnotationRow, CalibratedRow, CategoryRow, EgoPoseRow, InstanceRow, LIDARSEG_CATEGORIES,
+    LidarsegRow, SampleDataRow, SampleRow, SceneRow, SensorRow, Tables,
+};
+use super::{Keyframe, NuscenesScene};
+use crate::datasets::{BoxTrack, DatasetError, TrackPose, ground};
+use lidar_cast::geom::Pose;
+use sightline_files::Note;
+
+/// The channel whose keyframes lidarseg labels.
+const CHANNEL: &str = "LIDAR_TOP";
+
+/// Reads scenes of a set in the layout of nuScenes with lidarseg, by name, or all: `folder` holds the
+/// tables of `version`, `samples` and `lidarseg`. Without a version the only folder with tables is taken.
+///
+/// # Errors
+/// Missing or malformed tables, rows that name others that are not there, categories without a class, a
+/// scene that is not there or is named twice; see [`DatasetError`].
+pub fn read_nuscenes(
+    folder: &Path,
+    version: Option<&str>,
+    names: &[String],
+) -> Result<Vec<NuscenesScene>, DatasetError> {
+    let version = version.map_or_else(|| only_version(folder), |version| Ok(version.to_owned()))?;
+    let tables = Tables::new(folder.join(version));
+    let scenes = scenes(&tables, names)?;
+    let samples = samples(&tables, &scenes)?;
+    let (categories, by_token) = categories(&tables)?;
+    let mut keyframes = keyframes(&tables, folder, &samples)?;
+    let mut tracks = tracks(&tables, &samples, &by_token)?;
+    let categories = Arc::new(categories);
+    let mut read = Vec::new();
+    for (index, (_, name)) in scenes.iter().enumerate() {
+        let times: Vec<f64> =
+            samples.iter().filter(|s| s.scene == index).map(|s| s.timestamp).collect();
+        let keyframes = keyframes.remove(&index).unwrap_or_default();
+        if keyframes.is_empty() {
+            return Err(tables.no_row("sample", name, "scene.json"));
+        }
+        let mut scene = NuscenesScene {
+            name: name.clone(),
+            keyframes,
+            tracks: tracks.remove(&index).unwrap_or_default(),
+            rate: rate(&times),
+            categories: Arc::clone(&categories),
+            notes: times_doubted(&tables, name, &times).into_iter().chain(tables.notes()).collect(),
+        };
+        scene.notes.extend(ground::doubts(&scene, None)?);
+        read.push(scene);
+    }
+    Ok(read)
+}
+
+/// The only version in a folder.
+fn only_version(folder: &Path) -> Result<String, DatasetError> {
+    let to_read = |source| DatasetError::Read { path: folder.to_owned(), source };
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(to_read)? {
+        let entry = entry.map_err(to_read)?;
+        if entry.path().join("scene.json").is_file() {
+            found.push(entry.file_name().to_string_lossy().into_owned());
+        }
+    }
+    found.sort();
+    match <[String; 1]>::try_from(found) {
+        Ok([only]) => Ok(only),
+        Err(found) => Err(DatasetError::Version { path: folder.to_owned(), found }),
+    }
+}
+
+/// Frames a second, from the times of keyframes in microseconds.
+fn rate(times: &[f64]) -> Option<f64> {
+    let (first, last) = (times.first()?, times.last()?);
+    let rate = (times.len() - 1) as f64 * 1e6 / (last - first);
+    Some((rate * 1000.0).round() / 1000.0).filter(|rate| *rate > 0.0 && *rate <= 1000.0)
+}
+
+/// A doubt about times that are no microseconds, or of which two are the same.
+fn times_doubted(tables: &Tables, scene: &str, times: &[f64]) -> Option<Note> {
+    let fault = match rate(times) {
+        _ if times.len() < 2 => return None,
+        _ if times.windows(2).any(|pair| pair[0] == pair[1]) => "has two keyframes of one time",
+        Some(rate) if (0.1..=100.0).contains(&rate) => return None,
+        _ => "has less than 0.1 or more than 100 keyframes a second",
+    };
+    let path = tables.path("sample");
+    Some(Note::doubt(format!(
+        "{}: the scene {scene:?} {fault}; `timestamp` is in microseconds.",
+        path.display()
+    )))
+}
+
+/// Token and name of the scenes, in the order asked for or that of the table.
+fn scenes(tables: &Tables, names: &[String]) -> Result<Vec<(String, String)>, DatasetError> {
+    if let Some(k) = (1..names.len()).find(|&k| names[..k].contains(&names[k])) {
+        return Err(DatasetError::SceneTwice { name: names[k].clone() });
+    }
+    let mut all = Vec::new();
+    tables.rows("scene", |row: SceneRow| {
+        all.push((row.token, row.name));
+        Ok(())
+    })?;
+    let find = |name: &String| {
+        all.iter().find(|(_, known)| known == name).cloned().ok_or_else(|| DatasetError::NoScene {
+            path: tables.path("scene"),
+            name: name.clone(),
+            known: all.iter().map(|(_, name)| name.clone()).collect(),
+        })
+    };
+    let wanted: Result<Vec<_>, _> = names.iter().map(find).collect();
+    Ok(if names.is_empty() { all } else { wanted? })
+}
+
+/// A keyframe's row.
+struct Sample {
+    token: String,
+    /// Position of its scene.
+    scene: usize,
+    /// Number in its scene.
+    frame: u32,
+    timestamp: f64,
+}
+
+/// Samples of the scenes, by scene and time.
+fn samples(tables: &Tables, scenes: &[(String, String)]) -> Result<Vec<Sample>, DatasetError> {
+    let scene: HashMap<&str, usize> =
+        scenes.iter().enumerate().map(|(i, (token, _))| (token.as_str(), i)).collect();
+    let mut samples = Vec::new();
+    tables.rows("sample", |row: SampleRow| {
+        if let Some(&scene) = scene.get(row.scene_token.as_str()) {
+            let SampleRow { token, timestamp, .. } = row;
+            samples.push(Sample { token, scene, frame: 0, timestamp });
+        }
+        Ok(())
+    })?;
+    let key = |s: &Sample| (s.scene, s.timestamp);
+    samples.sort_by(|a, b| {
+        let ((a_scene, a_time), (b_scene, b_time)) = (key(a), key(b));
+        a_scene.cmp(&b_scene).then(a_time.total_cmp(&b_time))
+    });
+    let mut next = (0, 0);
+    for sample in &mut samples {
+        next = if sample.scene == next.0 { next } else { (sample.scene, 0) };
+        sample.frame = next.1;
+        next.1 += 1;
+    }
+    Ok(samples)
+}
+
+/// Meaning of each label.
+type Labels = Vec<Option<Category>>;
+/// Name and meaning of categories, by token.
+type ByToken = HashMap<String, (String, Category)>;
+
+/// Categories by their label and by their token.
+fn categories(tables: &Tables) -> Result<(Labels, ByToken), DatasetError> {
+    let (mut labels, mut by_token) = (vec![None; 256], HashMap::new());
+    // Sets of Place3D keep the categories of points apart from those of boxes.
+    let apart = Some(LIDARSEG_CATEGORIES).filter(|name| tables.path(name).exists());
+    for table in ["category"].into_iter().chain(apart) {
+        let mut here: HashSet<u8> = HashSet::new();
+        tables.rows(table, |CategoryRow { token, name, index }| {
+            let Some(found) = category(&name) else {
+                let path = tables.path(table);
+                return Err(DatasetError::Category { path, name, known: known() });
+            };
+            if let Some(index) = index {
+                let label = usize::from(index);
+                if !here.insert(index) && labels[label] != Some(found) {
+                    let fault = "its `index` is that of another category; give each its own";
+                    return Err(DatasetError::Row { path: tables.path(table), token, fault });
+                }
+                labels[label] = Some(found);
+            }
+            by_token.insert(token, (name, found));
+            Ok(())
+        })?;
+    }
+    if labels.iter().all(Option::is_none) {
+        return Err(DatasetError::NoIndex { path: tables.path("category") });
+    }
+    Ok((labels, by_token))
+}
+
+/// Keyframes of the scenes, by scene, in the order of their samples.
+fn keyframes(
+    tables: &Tables,
+    folder: &Path,
+    samples: &[Sample],
+) -> Result<HashMap<usize, Vec<Keyframe>>, DatasetError> {
+    let calibrated = calibrated(tables)?;
+    let wanted: HashSet<&str> = samples.iter().map(|s| s.token.as_str()).collect();
+    let mut data: HashMap<String, SampleDataRow> = HashMap::new();
+    tables.rows("sample_data", |row: SampleDataRow| {
+        let keyframe = row.is_key_frame && wanted.contains(row.sample_token.as_str());
+        if keyframe && calibrated.contains_key(&row.calibrated_sensor_token) {
+            let token = row.token.clone();
+            if data.insert(row.sample_token.clone(), row).is_some() {
+                let path = tables.path("sample_data");
+                let fault = "its sample has a keyframe of LIDAR_TOP already; leave one out";
+                return Err(DatasetError::Row { path, token, fault });
+            }
+        }
+        Ok(())
+    })?;
+    let tokens = data.values().map(|row| row.ego_pose_token.as_str()).collect();
+    let ego: HashMap<_, EgoPoseRow> = tables.by_token("ego_pose", &tokens, "sample_data.json")?;
+    let tokens = data.values().map(|row| row.token.as_str()).collect();
+    let lidarseg: HashMap<_, LidarsegRow> =
+        tables.by_token("lidarseg", &tokens, "sample_data.json, as a keyframe of LIDAR_TOP,")?;
+    let mut keyframes: HashMap<usize, Vec<Keyframe>> = HashMap::new();
+    for sample in samples {
+        let Some(row) = data.get(&sample.token) else {
+            return Err(tables.no_row("sample_data", &sample.token, "sample.json, for LIDAR_TOP,"));
+        };
+        let pose = &ego[&row.ego_pose_token];
+        let world_from_ego =
+            tables.pose("ego_pose", &pose.token, pose.translation, pose.rotation)?;
+        let ego_from_sensor = calibrated[&row.calibrated_sensor_token];
+        keyframes.entry(sample.scene).or_default().push(Keyframe {
+            scan: tables.file("sample_data", folder, &row.filename)?,
+            labels: tables.file("lidarseg", folder, &lidarseg[&row.token].filename)?,
+            ego_from_sensor,
+            world_from_sensor: world_from_ego.compose(&ego_from_sensor),
+        });
+    }
+    Ok(keyframes)
+}
+
+/// Poses of LIDAR_TOP on the vehicle, by token.
+fn calibrated(tables: &Tables) -> Result<HashMap<String, Pose>, DatasetError> {
+    let mut sensors = HashSet::new();
+    tables.rows("sensor", |row: SensorRow| {
+        if row.channel == CHANNEL {
+            sensors.insert(row.token);
+        }
+        Ok(())
+    })?;
+    if sensors.is_empty() {
+        return Err(tables.no_row("sensor", CHANNEL, "lidarseg"));
+    }
+    let mut poses = HashMap::new();
+    tables.rows("calibrated_sensor", |row: CalibratedRow| {
+        if sensors.contains(&row.sensor_token) {
+            let pose =
+                tables.pose("calibrated_sensor", &row.token, row.translation, row.rotation)?;
+            poses.insert(row.token, pose);
+        }
+        Ok(())
+    })?;
+    Ok(poses)
+}
+
+/// Tracks of the scenes, by scene, in the order of their instances' tokens.
+fn tracks(
+    tables: &Tables,
+    samples: &[Sample],
+    categories: &ByToken,
+) -> Result<HashMap<usize, Vec<BoxTrack>>, DatasetError> {
+    let by_token: HashMap<&str, &Sample> = samples.iter().map(|s| (s.token.as_str(), s)).collect();
+    let mut seen: BTreeMap<(usize, String), (Vec<TrackPose>, [f64; 3])> = BTreeMap::new();
+    tables.rows("sample_annotation", |row: AnnotationRow| {
+        let Some(sample) = by_token.get(row.sample_token.as_str()) else { return Ok(()) };
+        let world_from_box =
+            tables.pose("sample_annotation", &row.token, row.translation, row.rotation)?;
+        let [width, length, height] = row.size;
+        if !row.size.iter().all(|edge| (1e-3..=1e3).contains(edge)) {
+            let (path, token) = (tables.path("sample_annotation"), row.token);
+            let fault = "its size is not three edges from 0.001 to 1000 m";
+            return Err(DatasetError::Row { path, token, fault });
+        }
+        let (poses, size) =
+            seen.entry((sample.scene, row.instance_token)).or_insert((Vec::new(), [0.0; 3]));
+        poses.push(TrackPose { frame: sample.frame, world_from_box });
+        for (most, edge) in size.iter_mut().zip([length, width, height]) {
+            *most = most.max(edge);
+        }
+        Ok(())
+    })?;
+    let tokens = seen.keys().map(|(_, token)| token.as_str()).collect();
+    let wanted_by = "sample_annotation.json";
+    let instances: HashMap<_, InstanceRow> = tables.by_token("instance", &tokens, wanted_by)?;
+    let mut tracks: HashMap<usize, Vec<BoxTrack>> = HashMap::new();
+    for ((scene, token), (mut poses, size)) in seen {
+        let category = &instances[&token].category_token;
+        let Some((name, found)) = categories.get(category) else {
+            return Err(tables.no_row("category", category, "instance.json"));
+        };
+        poses.sort_by_key(|pose| pose.frame);
+        poses.dedup_by_key(|pose| pose.frame);
+        // What does not vote is no thing to drive around.
+        if let Some(class) = found.class {
+            let (name, kind) = (name.clone(), found.kind);
+            let track = BoxTrack { name, kind, class, size, poses };
+            tracks.entry(scene).or_default().push(track);
+        }
+    }
+    Ok(tracks)
+}

@@ -1,0 +1,349 @@
+//! Tables of nuScenes, read row by row: those of the whole set are larger than memory should be.
+
+use std::cell::{Cell, RefCell};
+use std::collections::{HashMap, HashSet};
+use std::fmt;
+use std::io::{BufReader, Read};
+use std::marker::PhantomData;
+use std::path::{Path, PathBuf};
+
+use glam::{DMat3, DQuat, DVec3};
+use serde::de::{DeserializeSeed, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+
+use super::super::{DatasetError, files};
+use super::watched::{Unknown, Watched};
+use lidar_cast::geom::Pose;
+use sightline_files::Note;
+use sightline_files::files::stays_inside;
+
+/// Most bytes of a row; rows of nuScenes have up to 800.
+const MOST_OF_A_ROW: usize = 1 << 20;
+/// Farthest that the length of a quaternion may be from 1.
+const UNIT: f64 = 1e-3;
+/// Largest coordinate in metres.
+const MOST_METRES: f64 = 1e7;
+
+/// Fields that are passed over, table by table. The tables `log`, `map`, `attribute`, `visibility` and `panoptic` are not
+/// read: they say where and how the set was recorded.
+const PASSED: [(&str, &[&str]); 10] = [
+    // Other rows say the same: a sample names its scene.
+    (
+        "scene",
+        &["description", "log_token", "nbr_samples", "first_sample_token", "last_sample_token"],
+    ),
+    // Times order the samples.
+    ("sample", &["prev", "next"]),
+    ("sensor", &["modality"]),
+    // Cameras.
+    ("calibrated_sensor", &["camera_intrinsic"]),
+    // Pictures, and the times of sweeps.
+    ("sample_data", &["timestamp", "fileformat", "height", "width", "prev", "next"]),
+    ("ego_pose", &["timestamp"]),
+    ("lidarseg", &["token"]),
+    ("category", &["description"]),
+    ("instance", &["nbr_annotations", "first_annotation_token", "last_annotation_token"]),
+    // A box is an obstacle whoever sees it, and whatever it does.
+    (
+        "sample_annotation",
+        &["visibility_token", "attribute_tokens", "num_lidar_pts", "num_radar_pts", "prev", "next"],
+    ),
+];
+/// Table of categories that sets of Place3D have beside `category`.
+pub(super) const LIDARSEG_CATEGORIES: &str = "lidarseg_category";
+
+/// Fields of a table that are passed over.
+fn passed_over(table: &str) -> &'static [&'static str] {
+    let table = if table == LIDARSEG_CATEGORIES { "category" } else { table };
+    PASSED.iter().find(|(name, _)| *name == table).map_or(&[], |(_, fields)| fields)
+}
+
+#[derive(Deserialize)]
+pub(super) struct SceneRow {
+    pub token: String,
+    pub name: String,
+}
+
+#[derive(Deserialize)]
+pub(super) struct SampleRow {
+    pub token: String,
+    pub scene_token: String,
+    /// Microseconds.
+    pub timestamp: f64,
+}
+
+#[derive(Deserialize)]
+pub(super) struct SensorRow {
+    pub token: String,
+    pub channel: String,
+}
+
+#[derive(Deserialize)]
+pub(super) struct CalibratedRow {
+    pub token: String,
+    pub sensor_token: String,
+    pub translation: [f64; 3],
+    /// Quaternion w, x, y, z.
+    pub rotation: [f64; 4],
+}
+
+#[derive(Deserialize)]
+pub(super) struct SampleDataRow {
+    pub token: String,
+    pub sample_token: String,
+    pub ego_pose_token: String,
+    pub calibrated_sensor_token: String,
+    pub filename: String,
+    pub is_key_frame: bool,
+}
+
+#[derive(Deserialize)]
+pub(super) struct EgoPoseRow {
+    pub token: String,
+    pub translation: [f64; 3],
+    /// Quaternion w, x, y, z.
+    pub rotation: [f64; 4],
+}
+
+#[derive(Deserialize)]
+pub(super) struct LidarsegRow {
+    pub sample_data_token: String,
+    pub filename: String,
+}
+
+#[derive(Deserialize)]
+pub(super) struct CategoryRow {
+    pub token: String,
+    pub name: String,
+    /// Label of lidarseg; sets without it lack the field.
+    pub index: Option<u8>,
+}
+
+#[derive(Deserialize)]
+pub(super) struct InstanceRow {
+    pub token: String,
+    pub category_token: String,
+}
+
+#[derive(Deserialize)]
+pub(super) struct AnnotationRow {
+    pub token: String,
+    pub sample_token: String,
+    pub instance_token: String,
+    /// Width, length, height.
+    pub size: [f64; 3],
+    pub translation: [f64; 3],
+    /// Quaternion w, x, y, z.
+    pub rotation: [f64; 4],
+}
+
+/// A row that others name by its token.
+pub(super) trait Row: for<'de> Deserialize<'de> {
+    fn token(&self) -> &str;
+}
+
+macro_rules! by_token {
+    ($($row:ident . $token:ident),*) => {$(
+        impl Row for $row {
+            fn token(&self) -> &str {
+                &self.$token
+            }
+        }
+    )*};
+}
+
+by_token!(CalibratedRow.token, EgoPoseRow.token, InstanceRow.token, LidarsegRow.sample_data_token);
+
+/// The folder of a version's tables.
+pub(super) struct Tables {
+    folder: PathBuf,
+    /// Fields that are not known, a sentence a table.
+    notes: RefCell<Vec<Note>>,
+}
+
+impl Tables {
+    pub(super) fn new(folder: PathBuf) -> Self {
+        Self { folder, notes: RefCell::default() }
+    }
+
+    /// Sentences on fields of the tables read so far that are neither read nor passed over.
+    pub(super) fn notes(&self) -> Vec<Note> {
+        self.notes.borrow().clone()
+    }
+
+    pub(super) fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(format!("{name}.json"))
+    }
+
+    /// The file that a row names, in the folder of the set.
+    pub(super) fn file(
+        &self,
+        table: &str,
+        folder: &Path,
+        name: &str,
+    ) -> Result<PathBuf, DatasetError> {
+        stays_inside(folder, name).map_err(|fault| DatasetError::Outside {
+            path: self.path(table),
+            fault: fault.to_string(),
+        })
+    }
+
+    /// Reads a table and keeps what `keep` makes of its rows.
+    pub(super) fn rows<R: for<'de> Deserialize<'de>>(
+        &self,
+        name: &str,
+        mut keep: impl FnMut(R) -> Result<(), DatasetError>,
+    ) -> Result<(), DatasetError> {
+        let path = self.path(name);
+        let file = files::open(&path).map_err(|error| match error {
+            DatasetError::Read { path, source } => DatasetError::Table { path, source },
+            other => other,
+        })?;
+        let (mut row, mut refused) = (0, None);
+        let (left, unknown) = (Cell::new(MOST_OF_A_ROW), Unknown::default());
+        let each = Each {
+            row: &mut row,
+            refused: &mut refused,
+            keep: &mut keep,
+            left: &left,
+            rows: Watched {
+                of: PhantomData,
+                read: &[],
+                passed: passed_over(name),
+                unknown: &unknown,
+            },
+        };
+        let metered = Metered { file: BufReader::new(file), left: &left };
+        let mut json = serde_json::Deserializer::from_reader(metered);
+        let read = each.deserialize(&mut json).and_then(|()| json.end());
+        match (refused, read) {
+            (Some(error), _) => Err(error),
+            (None, Err(cause)) => Err(DatasetError::Json { path, row, cause }),
+            (None, Ok(())) => {
+                let note = |names| {
+                    Note::fact(format!(
+                        "{}: {names}: not known here, and not read.",
+                        path.display()
+                    ))
+                };
+                self.notes.borrow_mut().extend(unknown.in_words().map(note));
+                Ok(())
+            }
+        }
+    }
+
+    /// The rows whose token is wanted; `wanted_by` names the table that wants them.
+    pub(super) fn by_token<R: Row>(
+        &self,
+        name: &str,
+        wanted: &HashSet<&str>,
+        wanted_by: &str,
+    ) -> Result<HashMap<String, R>, DatasetError> {
+        let mut found = HashMap::new();
+        self.rows(name, |row: R| {
+            if wanted.contains(row.token()) {
+                let token = row.token().to_owned();
+                if found.insert(token.clone(), row).is_some() {
+                    let fault = "it comes twice; leave one out";
+                    return Err(DatasetError::Row { path: self.path(name), token, fault });
+                }
+            }
+            Ok(())
+        })?;
+        match wanted.iter().filter(|token| !found.contains_key(**token)).min() {
+            None => Ok(found),
+            Some(missing) => Err(self.no_row(name, missing, wanted_by)),
+        }
+    }
+
+    /// The transform of a row: position, and a quaternion w, x, y, z.
+    pub(super) fn pose(
+        &self,
+        name: &str,
+        token: &str,
+        translation: [f64; 3],
+        [w, x, y, z]: [f64; 4],
+    ) -> Result<Pose, DatasetError> {
+        let rotation = DQuat::from_xyzw(x, y, z, w);
+        let fault = if (rotation.length() - 1.0).abs() > UNIT {
+            "its rotation is no unit quaternion w, x, y, z"
+        } else if translation.iter().any(|v| v.abs() > MOST_METRES) {
+            "its translation is farther than 1e7 m"
+        } else {
+            let rotation = DMat3::from_quat(rotation.normalize());
+            return Ok(Pose { rotation, translation: DVec3::from(translation) });
+        };
+        Err(DatasetError::Row { path: self.path(name), token: token.to_owned(), fault })
+    }
+
+    /// A row that another table names is not there.
+    pub(super) fn no_row(&self, name: &str, token: &str, wanted: &str) -> DatasetError {
+        let (path, token, wanted) = (self.path(name), token.to_owned(), wanted.to_owned());
+        DatasetError::NoRow { path, token, wanted }
+    }
+}
+
+/// Visits the rows of a list one by one.
+struct Each<'a, R, F> {
+    row: &'a mut usize,
+    refused: &'a mut Option<DatasetError>,
+    keep: &'a mut F,
+    left: &'a Cell<usize>,
+    rows: Watched<'a, PhantomData<R>>,
+}
+
+/// A table that ends with an error where a row is longer than any row is: a text without an end would fill memory.
+struct Metered<'a, R> {
+    file: R,
+    /// Bytes that the row may still take.
+    left: &'a Cell<usize>,
+}
+
+impl<R: Read> Read for Metered<'_, R> {
+    fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
+        let most = to.len().min(self.left.get());
+        if most == 0 && !to.is_empty() {
+            let words = format!("is longer than {} KiB", MOST_OF_A_ROW >> 10);
+            return Err(std::io::Error::other(words));
+        }
+        let read = self.file.read(&mut to[..most])?;
+        self.left.set(self.left.get() - read);
+        Ok(read)
+    }
+}
+
+impl<'de, R, F> DeserializeSeed<'de> for Each<'_, R, F>
+where
+    R: Deserialize<'de>,
+    F: FnMut(R) -> Result<(), DatasetError>,
+{
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_seq(self)
+    }
+}
+
+impl<'de, R, F> Visitor<'de> for Each<'_, R, F>
+where
+    R: Deserialize<'de>,
+    F: FnMut(R) -> Result<(), DatasetError>,
+{
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a list of rows")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut rows: A) -> Result<(), A::Error> {
+        while let Some(row) = rows.next_element_seed(self.rows.again())? {
+            if let Err(error) = (self.keep)(row) {
+                *self.refused = Some(error);
+                return Err(serde::de::Error::custom("refused"));
+            }
+            *self.row += 1;
+            self.left.set(MOST_OF_A_ROW);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,189 @@
+//! The folder of a data set: files that come into it whole, records of frames, what stands in it.
+
+use std::fs::File;
+use std::io::{BufWriter, ErrorKind, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use tempfile::NamedTempFile;
+
+use super::ExportError;
+use super::record::{FrameRecord, Written};
+use sightline_files::files::{self, Temporary};
+
+/// Says what the folder holds, and whether it is whole.
+pub(super) const ABOUT: &str = "dataset.json";
+/// Stands in the folder as long as it is not whole.
+pub(super) const INCOMPLETE: &str = "INCOMPLETE.txt";
+/// Records and files that are being written: hidden, because loaders list the other folders.
+pub(super) const HIDDEN: &str = ".sightline";
+/// Locked while a program finds out whether the folder is its own.
+const CLAIM: &str = "claim";
+/// Largest record of a frame: one of ten thousand boxes has a few megabytes.
+const MOST_BYTES: u64 = 1 << 28;
+
+/// Bytes that are put together before they are written: arrays of clouds are longer, and are not copied.
+const BUFFER: usize = 1 << 14;
+
+/// Folder of a data set.
+pub(super) struct Folder {
+    root: PathBuf,
+}
+
+/// A file that is being written; it takes its place when it is done.
+pub(super) struct Staged {
+    out: BufWriter<NamedTempFile>,
+    _temporary: Temporary,
+    place: PathBuf,
+    name: String,
+}
+
+impl Folder {
+    /// To read what is there, if anything is.
+    ///
+    /// # Errors
+    /// Records elsewhere: a link would lead whoever takes away files to those of others.
+    pub fn at(root: &Path) -> Result<Self, ExportError> {
+        let hidden = root.join(HIDDEN);
+        match std::fs::symlink_metadata(&hidden) {
+            Ok(meta) if !meta.is_dir() => Err(ExportError::Hidden { path: hidden }),
+            _ => Ok(Self { root: root.to_owned() }),
+        }
+    }
+
+    /// Makes the folder if there is none; takes away what runs that were killed had begun in it.
+    ///
+    /// # Errors
+    /// See [`Self::at`], and a place that cannot be written.
+    pub fn open(root: &Path) -> Result<Self, ExportError> {
+        let folder = Self::at(root)?;
+        let hidden = root.join(HIDDEN);
+        std::fs::create_dir_all(&hidden).map_err(ExportError::io(root))?;
+        files::sweep(&hidden);
+        Ok(folder)
+    }
+
+    /// Keeps other programs from finding out whether the folder is theirs, until the file is dropped. `None` where files
+    /// cannot be locked, as on some network drives.
+    pub fn claim(&self) -> Option<File> {
+        let claim = self.root.join(HIDDEN).join(CLAIM);
+        let file = File::options().create(true).truncate(false).write(true).open(claim).ok()?;
+        file.lock().ok().map(|()| file)
+    }
+
+    /// Waits until the disk has all files: once a set, not once a file.
+    pub fn sync(&self) {
+        files::sync_disk(&self.root);
+    }
+
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Begins a file, named from the root with `/`.
+    pub fn begin(&self, name: &str) -> Result<Staged, ExportError> {
+        let place = self.root.join(name);
+        let hidden = self.root.join(HIDDEN);
+        let (file, temporary) = files::begin_in(&hidden).map_err(ExportError::io(&place))?;
+        let out = BufWriter::with_capacity(BUFFER, file);
+        Ok(Staged { out, _temporary: temporary, place, name: name.to_owned() })
+    }
+
+    /// Writes a file of records of any kind.
+    pub fn put(&self, name: &str, bytes: &[u8]) -> Result<Written, ExportError> {
+        let mut staged = self.begin(name)?;
+        staged.write(|out| out.write_all(bytes))?;
+        staged.end()
+    }
+
+    /// Writes a value as JSON.
+    pub fn put_json(&self, name: &str, value: &impl Serialize) -> Result<(), ExportError> {
+        let mut text =
+            serde_json::to_vec_pretty(value).map_err(ExportError::json(&self.root.join(name)))?;
+        text.push(b'\n');
+        self.put(name, &text).map(drop)
+    }
+
+    /// Takes a file away, if it is there.
+    pub fn remove(&self, name: &str) -> Result<(), ExportError> {
+        let path = self.root.join(name);
+        match std::fs::remove_file(&path) {
+            Err(error) if error.kind() != ErrorKind::NotFound => Err(ExportError::io(&path)(error)),
+            _ => Ok(()),
+        }
+    }
+
+    fn record_name(scene: usize, frame: usize) -> String {
+        format!("{HIDDEN}/{scene:04}/{frame:08}.json")
+    }
+
+    /// True if a frame is there whole.
+    pub fn has(&self, scene: usize, frame: usize) -> bool {
+        self.whole(scene, frame).is_some()
+    }
+
+    /// The record of a frame that is there whole.
+    pub fn whole(&self, scene: usize, frame: usize) -> Option<FrameRecord> {
+        let is_there = |file: &Written| {
+            let meta = std::fs::metadata(self.root.join(&file.path));
+            meta.is_ok_and(|meta| meta.is_file() && meta.len() == file.bytes)
+        };
+        self.record(scene, frame).ok().filter(|record| record.files.iter().all(is_there))
+    }
+
+    /// Keeps the record of a frame whose files are all in place.
+    pub fn keep(&self, scene: usize, record: &FrameRecord) -> Result<(), ExportError> {
+        let name = Self::record_name(scene, record.frame);
+        let text = serde_json::to_vec(record).map_err(ExportError::json(&self.root.join(&name)))?;
+        self.put(&name, &text).map(drop)
+    }
+
+    /// The record of a frame.
+    pub fn record(&self, scene: usize, frame: usize) -> Result<FrameRecord, ExportError> {
+        let path = self.root.join(Self::record_name(scene, frame));
+        let text = files::read_own(&path, MOST_BYTES).map_err(ExportError::io(&path))?;
+        serde_json::from_slice(&text).map_err(ExportError::json(&path))
+    }
+
+    /// Checks that the disk holds `need` more bytes, where the system says what is free.
+    pub fn check_space(&self, need: u64) -> Result<(), ExportError> {
+        #[cfg(unix)]
+        if let Ok(disk) = rustix::fs::statvfs(&self.root) {
+            let free = disk.f_bavail.saturating_mul(disk.f_frsize);
+            if free < need {
+                let path = self.root.clone();
+                let (need, free) = (need.div_ceil(1 << 20), free >> 20);
+                return Err(ExportError::Space { path, need, free });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Staged {
+    /// The writer; errors name the place of the file.
+    pub fn write<T>(
+        &mut self,
+        write: impl FnOnce(&mut BufWriter<NamedTempFile>) -> std::io::Result<T>,
+    ) -> Result<T, ExportError> {
+        write(&mut self.out).map_err(ExportError::io(&self.place))
+    }
+
+    /// Moves the file to its place.
+    pub fn end(self) -> Result<Written, ExportError> {
+        let Self { out, place, name, _temporary } = self;
+        let io = |error| ExportError::io(&place)(error);
+        files::is_no_input(&place)?;
+        let mut file = out.into_inner().map_err(|error| io(error.into_error()))?;
+        let bytes = file.seek(SeekFrom::End(0)).map_err(io)?;
+        if let Err(error) = file.persist(&place) {
+            // Most files come into a folder that is there: it is made where it is not.
+            let (Some(folder), ErrorKind::NotFound) = (place.parent(), error.error.kind()) else {
+                return Err(io(error.error));
+            };
+            std::fs::create_dir_all(folder).map_err(ExportError::io(folder))?;
+            error.file.persist(&place).map_err(|error| io(error.error))?;
+        }
+        Ok(Written { path: name, bytes })
+    }
+}

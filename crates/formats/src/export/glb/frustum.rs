@@ -1,0 +1,128 @@
+//! What a LiDAR sees, as lines: the sector of its azimuths between its lowest and its highest beam.
+
+use std::f64::consts::TAU;
+
+use serde::Serialize;
+
+use lidar_cast::maths;
+use sightline_scene::vehicle::BeamTable;
+
+/// Length of the lines, metres, unless the range is shorter: the whole range would hide the scene.
+const LENGTH: f64 = 8.0;
+/// A gap of azimuths narrower than this is none: the sensor turns all the way round.
+const GAP: f64 = TAU / 24.0;
+/// Between lines from the sensor, and between corners of arcs.
+const RAY_STEP: f64 = TAU / 24.0;
+const ARC_STEP: f64 = TAU / 96.0;
+/// Corners between the lowest and the highest beam.
+const RISE_STEPS: usize = 6;
+
+/// A sector of azimuths and elevations; radians counter-clockwise from +x and up from level, metres.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(super) struct Frustum {
+    /// First and last azimuth; a whole turn apart for a sensor that turns.
+    pub azimuth: [f64; 2],
+    /// Lowest and highest elevation.
+    pub elevation: [f64; 2],
+    /// Lines that are drawn.
+    pub length: f64,
+}
+
+impl Frustum {
+    /// All beams of a table.
+    pub fn of(table: &BeamTable) -> Self {
+        let directions = || table.directions().iter().map(|d| d.map(f64::from));
+        let rise = |[x, y, z]: [f64; 3]| maths::atan2(z, maths::hypot(x, y));
+        let low = directions().map(rise).fold(f64::INFINITY, f64::min);
+        let high = directions().map(rise).fold(f64::NEG_INFINITY, f64::max);
+        let mut azimuths: Vec<f64> = directions().map(|[x, y, _]| maths::atan2(y, x)).collect();
+        azimuths.sort_unstable_by(f64::total_cmp);
+        let length = f64::from(table.range()).min(LENGTH);
+        Self { azimuth: sector(&azimuths), elevation: [low, high], length }
+    }
+
+    /// Ends of line after line.
+    pub fn lines(&self) -> Vec<[f32; 3]> {
+        let ([from, to], [low, high]) = (self.azimuth, self.elevation);
+        let mut ends = Vec::new();
+        for ray in steps(from, to, RAY_STEP) {
+            ends.extend([[0.0; 3], self.at(ray, low), [0.0; 3], self.at(ray, high)]);
+            let rise = |k: usize| low + (high - low) * k as f64 / RISE_STEPS as f64;
+            let between = |k: usize| [self.at(ray, rise(k)), self.at(ray, rise(k + 1))];
+            ends.extend((0..RISE_STEPS).flat_map(between));
+        }
+        for elevation in self.elevation {
+            let arc: Vec<f64> = steps(from, to, ARC_STEP).collect();
+            let arc = arc.windows(2).flat_map(|pair| [pair[0], pair[1]]);
+            ends.extend(arc.map(|azimuth| self.at(azimuth, elevation)));
+        }
+        ends
+    }
+
+    fn at(&self, azimuth: f64, elevation: f64) -> [f32; 3] {
+        let ([sin, cos], [up, out]) = (
+            [maths::sin(azimuth), maths::cos(azimuth)],
+            [maths::sin(elevation) * self.length, maths::cos(elevation) * self.length],
+        );
+        [out * cos, out * sin, up].map(|v| v as f32)
+    }
+}
+
+/// Even steps from one angle to another, both ends among them.
+fn steps(from: f64, to: f64, step: f64) -> impl Iterator<Item = f64> {
+    let count = ((to - from) / step).ceil().max(1.0);
+    (0..=count as usize).map(move |k| from + (to - from) * k as f64 / count)
+}
+
+/// What rising azimuths span: all but their widest gap.
+fn sector(azimuths: &[f64]) -> [f64; 2] {
+    let (Some(&first), Some(&last)) = (azimuths.first(), azimuths.last()) else {
+        return [0.0, TAU];
+    };
+    let mut best = (first + TAU - last, [first, last]);
+    for pair in azimuths.windows(2) {
+        if pair[1] - pair[0] > best.0 {
+            best = (pair[1] - pair[0], [pair[1], pair[0] + TAU]);
+        }
+    }
+    if best.0 < GAP { [0.0, TAU] } else { best.1 }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    /// The angles that a sensor was made of, not what its directions say.
+    #[test]
+    fn a_frustum_spans_what_the_sensor_was_made_of() {
+        let turning = BeamTable::spinning(&[(-25.0, 0.0), (5.0, 0.0)], 250, 100.0).unwrap();
+        let found = Frustum::of(&turning);
+        assert_eq!((found.azimuth, found.length), ([0.0, TAU], LENGTH));
+        let off = |k: usize, degrees: f64| (found.elevation[k] - degrees.to_radians()).abs();
+        assert!(off(0, -25.0) < 1e-6 && off(1, 5.0) < 1e-6, "{found:?}");
+        for [from, to] in [[-1.0, 0.5], [2.5, 3.9]] {
+            let count = 101;
+            let turn = |k: i32| from + (to - from) * f64::from(k) / f64::from(count - 1);
+            let directions = (0..count).map(|k| DVec3::new(turn(k).cos(), turn(k).sin(), 0.0));
+            let table = BeamTable::from_directions(directions, 3.0).unwrap();
+            let found = Frustum::of(&table);
+            let off = |a: f64, b: f64| (a - b + 1.0).rem_euclid(TAU) - 1.0;
+            assert!(off(found.azimuth[0], from).abs() < 1e-6, "{found:?}");
+            assert!(off(found.azimuth[1], to).abs() < 1e-6, "{found:?}");
+            assert_eq!(found.length, 3.0);
+        }
+    }
+
+    #[test]
+    fn lines_are_as_long_as_they_say() {
+        let table = BeamTable::spinning(&[(-12.0, 0.0), (12.0, 0.0)], 90, 50.0).unwrap();
+        let lines = Frustum::of(&table).lines();
+        assert!(lines.len().is_multiple_of(2));
+        for end in lines.iter().filter(|end| **end != [0.0; 3]) {
+            let length = end.iter().map(|v| v * v).sum::<f32>().sqrt();
+            assert!((length - LENGTH as f32).abs() < 1e-4, "{end:?}");
+        }
+    }
+}

@@ -1,0 +1,32 @@
+//! Scans as data sets that public loaders read: SemanticKITTI, nuScenes with lidarseg, arrays of NumPy.
+//!
+//! A [`Dataset`] is a folder that grows scan by scan. Every frame is written whole, its record last, into
+//! the hidden folder `.sightline`; what a loader needs beside the frames is made of the records by
+//! [`Dataset::finish`], so that memory does not grow with the frames and a run that was ended goes on.
+//!
+//! [`Glb`] shows one frame with its rigs in any viewer of glTF.
+
+mod about;
+mod cloud;
+mod dataset;
+mod error;
+mod folder;
+mod glb;
+mod kitti;
+mod labels;
+mod npz;
+mod nuscenes;
+mod pickle;
+mod plan;
+mod record;
+mod recording;
+mod settings;
+#[cfg(test)]
+mod tests;
+
+pub use dataset::{Dataset, Summary};
+pub use error::ExportError;
+pub use glb::{Glb, GltfView};
+pub use recording::record;
+pub use settings::{DatasetSettings, Layout, SceneFacts, Split, Splits};
+pub use sightline_files::files::Input;

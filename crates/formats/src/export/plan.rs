@@ -1,0 +1,129 @@
+//! Which scene is for what, and what the format calls it.
+
+use super::folder::{ABOUT, INCOMPLETE};
+use super::nuscenes::scene_names;
+use super::{DatasetSettings, ExportError, Layout, SceneFacts, Split, Splits};
+use lidar_cast::chance::mixed;
+use sightline_files::files::safe_name;
+
+/// Numbers of sequences that every loader of SemanticKITTI takes for training, validation and tests.
+const SEQUENCES: [&[usize]; 3] =
+    [&[0, 1, 2, 3, 4, 5, 6, 7, 9, 10], &[8], &[11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21]];
+
+/// What a scene is called in the data set, in the order of the scenes.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Planned {
+    pub split: Split,
+    pub name: String,
+}
+
+/// Gives every scene its split and its name.
+pub(super) fn plan(
+    settings: &DatasetSettings,
+    scenes: &[SceneFacts],
+) -> Result<Vec<Planned>, ExportError> {
+    check(settings, scenes)?;
+    let splits = assign(settings, scenes);
+    let names = Split::ALL.map(|split| splits.iter().filter(|at| **at == split).count());
+    let names = match settings.layout {
+        Layout::Npz => return Ok(own_names(scenes, &splits)),
+        Layout::SemanticKitti => {
+            let named = |list: &[usize]| list.iter().map(|n| format!("{n:02}")).collect();
+            limited(settings, names, SEQUENCES.map(named))?
+        }
+        Layout::Nuscenes => limited(settings, names, scene_names(names))?,
+    };
+    let mut names = names.map(Vec::into_iter);
+    let next = |split: Split| names[split as usize].next().unwrap_or_default();
+    let mut next = next;
+    Ok(splits.into_iter().map(|split| Planned { split, name: next(split) }).collect())
+}
+
+fn check(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Result<(), ExportError> {
+    let Splits { train, val, test } = settings.splits;
+    let shares = [train, val, test];
+    if shares.iter().any(|s| !(0.0..1e9).contains(s)) || shares.iter().sum::<f64>() <= 0.0 {
+        return Err(ExportError::Splits { train, val, test });
+    }
+    if settings.keyframe_every == 0 {
+        return Err(ExportError::Zero { name: "keyframe_every" });
+    }
+    if scenes.is_empty() {
+        return Err(ExportError::NoScenes);
+    }
+    for (i, SceneFacts { name: scene, frames, .. }) in scenes.iter().enumerate() {
+        let scene = scene.clone();
+        if frames.is_empty() {
+            return Err(ExportError::NoFrames { scene });
+        }
+        if !frames.is_sorted_by(|a, b| a < b) {
+            return Err(ExportError::Frames { scene });
+        }
+        let folder = safe_name(&scene);
+        let same = scenes[..i].iter().find(|other| safe_name(&other.name) == folder);
+        if let Some(other) = same.map(|other| other.name.clone()) {
+            return Err(match other == scene {
+                true => ExportError::SameName { scene },
+                false => ExportError::SameFolder { scene, other, folder },
+            });
+        }
+        if let Some(unfit) = unfit(&folder).filter(|_| settings.layout == Layout::Npz) {
+            return Err(ExportError::FolderName { scene, unfit });
+        }
+    }
+    Ok(())
+}
+
+/// Why a folder of a data set cannot have a name.
+fn unfit(name: &str) -> Option<&'static str> {
+    [ABOUT, INCOMPLETE].contains(&name).then_some("a file of the set has it")
+}
+
+fn own_names(scenes: &[SceneFacts], splits: &[Split]) -> Vec<Planned> {
+    let named = scenes.iter().zip(splits);
+    named.map(|(scene, &split)| Planned { split, name: safe_name(&scene.name) }).collect()
+}
+
+fn limited(
+    settings: &DatasetSettings,
+    wanted: [usize; 3],
+    names: [Vec<String>; 3],
+) -> Result<[Vec<String>; 3], ExportError> {
+    for split in Split::ALL {
+        let (scenes, limit) = (wanted[split as usize], names[split as usize].len());
+        if scenes > limit {
+            let layout = settings.layout.name();
+            return Err(ExportError::TooManyScenes { scenes, split: split.name(), layout, limit });
+        }
+    }
+    Ok(names)
+}
+
+/// Splits as wished, the rest by shares: in an order that the seed alone decides, first those that
+/// validate, then those that test.
+fn assign(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Vec<Split> {
+    let mut open: Vec<usize> = (0..scenes.len()).filter(|&i| scenes[i].split.is_none()).collect();
+    open.sort_by_key(|&i| mixed(mixed(settings.seed) ^ i as u64));
+    let Splits { train, val, test } = settings.splits;
+    let share = |part: f64| {
+        let wanted = part / (train + val + test) * open.len() as f64;
+        // No scene of several is left without one that it asks for.
+        let least = usize::from(part > 0.0 && open.len() > 1);
+        (wanted.round() as usize).max(least).min(open.len())
+    };
+    let mut vals = share(val);
+    if settings.layout == Layout::SemanticKitti {
+        vals = vals.min(SEQUENCES[1].len());
+    }
+    let tests = if train > 0.0 { share(test) } else { open.len() - vals };
+    let mut splits: Vec<Split> =
+        scenes.iter().map(|scene| scene.split.unwrap_or(Split::Train)).collect();
+    for (at, &i) in open.iter().enumerate() {
+        splits[i] = match at {
+            _ if at < vals => Split::Val,
+            _ if at < vals + tests => Split::Test,
+            _ => Split::Train,
+        };
+    }
+    splits
+}

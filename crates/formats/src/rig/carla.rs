@@ -1,0 +1,194 @@
+//! The list that `sensors()` of a CARLA agent returns, as JSON: left-handed, y to the right, in degrees.
+//!
+//! With y mirrored, CARLA's own signs of pitch and roll leave roll as it is; y, pitch, yaw and phase change sign.
+
+use serde_json::{Map, Value};
+
+use super::fields::{self, Fields, PHASE, wrong};
+use super::frames::{Frame, Frames, Holds};
+use super::{BASE_LINK, Fan, Mounting, Rig, RigError, RigLidar, Source, known};
+use sightline_files::Note;
+use sightline_files::json::written;
+use sightline_files::json::{self, Place};
+use sightline_scene::vehicle::{SensorPose, of_degrees};
+
+/// Type of the LiDAR that CARLA casts.
+pub(super) const LIDAR: &str = "sensor.lidar.ray_cast";
+/// Attribute of a LiDAR that looks over a part of the turn, in degrees.
+const HORIZONTAL: &str = "horizontal_fov";
+
+/// CARLA's six numbers of a pose of ours, angles in degrees; and ours of CARLA's.
+pub fn mirrored(pose: &SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
+    SensorPose {
+        x: pose.x,
+        y: 0.0 - pose.y,
+        z: pose.z,
+        roll: angle(pose.roll),
+        pitch: 0.0 - angle(pose.pitch),
+        yaw: 0.0 - angle(pose.yaw),
+        sensor: pose.sensor,
+        phase: pose.phase.map(|phase| 0.0 - angle(phase)),
+    }
+}
+
+/// Keys of a LiDAR that are read.
+const READ: [&str; 13] = [
+    "type",
+    "id",
+    "x",
+    "y",
+    "z",
+    "roll",
+    "pitch",
+    "yaw",
+    PHASE,
+    "channels",
+    "lower_fov",
+    "upper_fov",
+    "spawn_point",
+];
+/// Keys passed over: they say how CARLA casts, not where the LiDAR stands.
+const PASSED_OVER: [&str; 12] = [
+    "range",
+    "points_per_second",
+    "rotation_frequency",
+    "sensor_tick",
+    "atmosphere_attenuation_rate",
+    "dropoff_general_rate",
+    "dropoff_intensity_limit",
+    "dropoff_zero_intensity",
+    "noise_stddev",
+    "noise_seed",
+    "role_name",
+    "attached_objects",
+];
+
+/// Reads the text of a list.
+pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+    let document: Value = json::parse(&source.text, &source.file)?;
+    read_list(&document, &Place::top(&source.file), frames)
+}
+
+/// Reads a list of objects, or the object whose `sensors` it is.
+pub(super) fn read_list(
+    document: &Value,
+    top: &Place,
+    frames: &mut Frames,
+) -> Result<(), RigError> {
+    let (list, at) = match document.get("sensors") {
+        Some(list) => (list, top.key("sensors")),
+        None => (document, top.clone()),
+    };
+    let list = list.as_array().ok_or_else(|| wrong(&at, list, "a list of sensors"))?;
+    for (index, sensor) in list.iter().enumerate() {
+        let fields = Fields::of(sensor, at.item(index))?;
+        let holds = holds(&fields, frames)?;
+        if holds == Holds::Other {
+            leave_out(frames, &fields)?;
+            continue;
+        }
+        let degrees = fields.six_or_level()?;
+        let doubt = of_degrees("an angle", &degrees.values()[3..]);
+        frames.notes.extend(doubt.map(|doubt| Note::doubt(format!("{}: {doubt}", fields.at))));
+        let pose = mirrored(&degrees, f64::to_radians);
+        add(frames, &fields, pose, holds)?;
+    }
+    Ok(())
+}
+
+/// What an entry says that it is. Notes name the keys of a LiDAR that a placement does not keep.
+pub(super) fn holds(fields: &Fields, frames: &mut Frames) -> Result<Holds, RigError> {
+    if !fields.text("type")?.starts_with("sensor.lidar") {
+        return Ok(Holds::Other);
+    }
+    let angle = if fields.has(HORIZONTAL) { fields.number(HORIZONTAL)? } else { 360.0 };
+    let is_whole = angle >= 360.0;
+    if !is_whole {
+        frames.notes.push(Note::fact(format!(
+            "{}: `{HORIZONTAL}` {angle} is not kept in a placement; name a model of that field of view \
+             with --sensor",
+            fields.at
+        )));
+    }
+    let known = |key: &str| key == HORIZONTAL || READ.contains(&key) || PASSED_OVER.contains(&key);
+    // A key of the pose in other letters would be passed over, and the pose be another.
+    let posed = |key: &&String| SensorPose::FIELDS.contains(&key.to_lowercase().as_str());
+    if let Some(key) = fields.each().map(|(key, ..)| key).filter(|key| !known(key)).find(posed) {
+        return Err(wrong(&fields.at.key(key), key, "its name in small letters"));
+    }
+    let unknown: Vec<String> =
+        fields.each().filter(|(key, ..)| !known(key)).map(|(key, ..)| format!("`{key}`")).collect();
+    if !unknown.is_empty() {
+        let text = format!("{}: passed over, not being known: {}", fields.at, unknown.join(", "));
+        frames.notes.push(Note::fact(text));
+    }
+    let has_fan = ["channels", "lower_fov", "upper_fov"].iter().all(|key| fields.has(key));
+    let sensor = if has_fan && is_whole {
+        let number = |key| fields.number(key);
+        known::of_fan(number("channels")?, number("lower_fov")?, number("upper_fov")?)
+    } else {
+        None
+    };
+    Ok(Holds::Lidar { sensor, optical: None })
+}
+
+/// Leaves out an entry that is no LiDAR. Cameras and the like may lack a pose, and an `id`.
+pub(super) fn leave_out(frames: &mut Frames, fields: &Fields) -> Result<(), RigError> {
+    let name = fields.text("id").or_else(|_| fields.text("type"))?;
+    frames.left_out.push(name.to_owned());
+    Ok(())
+}
+
+/// Adds an entry to `base_link`, under its `id`.
+pub(super) fn add(
+    frames: &mut Frames,
+    fields: &Fields,
+    pose: SensorPose,
+    holds: Holds,
+) -> Result<(), RigError> {
+    let (name, at) = (fields.text("id")?.to_owned(), fields.at.clone());
+    frames.add(Frame { name, parent: BASE_LINK.to_owned(), pose, holds, at })
+}
+
+/// The list as JSON.
+pub(super) fn write(
+    rig: &Rig,
+    mounting: &Mounting,
+    fan: impl Fn(&RigLidar) -> Option<Fan>,
+) -> Value {
+    let entry = |lidar: &RigLidar| {
+        let mut entry = Map::new();
+        entry.insert("type".to_owned(), LIDAR.into());
+        let pose = mirrored(&mounting.to_base(&lidar.pose), f64::to_degrees);
+        entry.extend(fields::numbers(&pose));
+        entry.insert("id".to_owned(), lidar.frame.as_str().into());
+        entry.extend(attributes(fan(lidar)));
+        Value::Object(entry)
+    };
+    rig.lidars.iter().map(entry).collect()
+}
+
+/// Attributes of a LiDAR: its fan where it is known, and no beams lost by chance or intensity.
+pub(super) fn attributes(fan: Option<Fan>) -> Map<String, Value> {
+    let mut attributes = Map::new();
+    if let Some(fan) = fan {
+        let points = fan.points_a_second();
+        attributes.insert("range".to_owned(), written(fan.range).into());
+        attributes.insert("channels".to_owned(), fan.channels.into());
+        attributes.insert("points_per_second".to_owned(), points.into());
+        attributes.insert("upper_fov".to_owned(), written(fan.upper).into());
+        attributes.insert("lower_fov".to_owned(), written(fan.lower).into());
+        attributes.insert(HORIZONTAL.to_owned(), written(fan.horizontal()).into());
+        attributes.insert("rotation_frequency".to_owned(), Fan::RATE.into());
+    }
+    // By default CARLA loses 45 % of the points by chance, and more by intensity.
+    for key in [
+        "dropoff_general_rate",
+        "dropoff_intensity_limit",
+        "dropoff_zero_intensity",
+        "noise_stddev",
+    ] {
+        attributes.insert(key.to_owned(), 0.0.into());
+    }
+    attributes
+}

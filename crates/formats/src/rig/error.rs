@@ -1,0 +1,306 @@
+//! Why a rig cannot be read or written.
+
+use super::RigFormat;
+use sightline_files::json::{DescriptionError, Document, Place, did_you_mean};
+use sightline_scene::vehicle::PlacementError;
+
+/// Most names that a message lists.
+const MOST_LISTED: usize = 24;
+
+/// Why a rig cannot be read or written; each message is one sentence with the file, the place and the mend.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RigError {
+    /// A file that cannot be read, is too large, or is no JSON of the expected form.
+    #[error(transparent)]
+    File(#[from] DescriptionError),
+    /// A name, a number of LiDARs or a number that no placement may have.
+    #[error(transparent)]
+    Placement(#[from] PlacementError),
+    /// Text that does not parse.
+    #[error("{at}: is no {what}: {problem}")]
+    Syntax {
+        /// File and, where it is known, place.
+        at: Box<Place>,
+        /// `YAML`, `XML`, …
+        what: &'static str,
+        /// Fault, from the parser.
+        problem: String,
+    },
+    /// A key, attribute or element that must be there.
+    #[error("{at}: `{key}` is missing; add it")]
+    Missing {
+        /// Place that lacks it.
+        at: Box<Place>,
+        /// Key that is missing.
+        key: String,
+    },
+    /// A key that is not known where an unread one may change a pose.
+    #[error("{at}: unknown key `{key}`{}", did_you_mean(nearest, known))]
+    UnknownKey {
+        /// The object that holds it.
+        at: Box<Place>,
+        /// The key as written.
+        key: String,
+        /// Most similar known key, if one is similar.
+        nearest: Option<String>,
+        /// Every key known at this place.
+        known: Vec<String>,
+    },
+    /// A fault and its line in a YAML file.
+    #[error("{fault} (line {line}, column {column})")]
+    AtLine {
+        /// The fault.
+        fault: Box<RigError>,
+        /// Line, counted from 1.
+        line: usize,
+        /// Column, counted from 1.
+        column: usize,
+    },
+    /// A value of the wrong kind.
+    #[error("{at}: {value} stands where {wanted} belongs")]
+    Value {
+        /// Place of the value.
+        at: Box<Place>,
+        /// The value as written, shortened.
+        value: String,
+        /// Kind of value that belongs there.
+        wanted: &'static str,
+    },
+    /// A frame placed by two entries.
+    #[error("{at}: the frame `{frame}` is placed a second time; keep one of the two")]
+    Twice {
+        /// The second entry.
+        at: Box<Place>,
+        /// The frame.
+        frame: String,
+    },
+    /// A LiDAR without a model, for a vehicle with several.
+    #[error(
+        "`{frame}` names no sensor, and the vehicle has {}; give --sensor {frame}={}",
+        listed(known), known[0]
+    )]
+    UnnamedModel {
+        /// Frame of the LiDAR.
+        frame: String,
+        /// Models of the vehicle, two or more.
+        known: Vec<String>,
+    },
+    /// A LiDAR of a model that the vehicle does not have.
+    #[error(
+        "`{frame}` is a `{sensor}`, and the vehicle has {}; give its own vehicle, or --sensor {frame}=MODEL",
+        listed(known)
+    )]
+    UnknownModel {
+        /// Frame of the LiDAR.
+        frame: String,
+        /// Its model.
+        sensor: String,
+        /// Models of the vehicle.
+        known: Vec<String>,
+    },
+    /// A frame that nothing mentions.
+    #[error("{file}: no frame is called `{frame}`; there are {}", listed(known))]
+    UnknownFrame {
+        /// The file, or the first of several.
+        file: String,
+        /// The frame as asked for.
+        frame: String,
+        /// Frames that there are.
+        known: Vec<String>,
+    },
+    /// A frame whose chain does not lead to the base.
+    #[error(
+        "{at}: the frame `{frame}` hangs on `{parent}`, which nothing connects with `{base}`; read the \
+         file that does as well, or name another base with --base-frame; there are {}",
+        listed(known)
+    )]
+    Unconnected {
+        /// Where the frame is placed.
+        at: Box<Place>,
+        /// The frame.
+        frame: String,
+        /// End of its chain.
+        parent: String,
+        /// The base.
+        base: String,
+        /// Frames that there are.
+        known: Vec<String>,
+    },
+    /// Frames that hang on each other.
+    #[error("{at}: the frames {} hang on each other in a loop; break it", listed(frames))]
+    Loop {
+        /// Where one of them is placed.
+        at: Box<Place>,
+        /// The frames of the loop.
+        frames: Vec<String>,
+    },
+    /// A rig without LiDARs.
+    #[error(
+        "{file}: no frame is a LiDAR by its type or name; pick frames with --frame; there are {}",
+        listed(known)
+    )]
+    NoLidar {
+        /// The file, or the first of several.
+        file: String,
+        /// Frames that there are.
+        known: Vec<String>,
+    },
+    /// Far more LiDARs than a placement holds.
+    #[error("{file}: {count} frames are LiDARs, at most {most} are read; pick some with --frame")]
+    TooManyLidars {
+        /// The file, or the first of several.
+        file: String,
+        /// Number of LiDARs.
+        count: usize,
+        /// Most that are read.
+        most: usize,
+    },
+    /// A frame whose name cannot be written.
+    #[error("`{frame}` is not a name of a frame: use 1 to {most} bytes without spaces")]
+    BadFrame {
+        /// The name.
+        frame: String,
+        /// Longest name in bytes.
+        most: usize,
+    },
+    /// A sensor whose name cannot be written.
+    #[error(
+        "{sensor:?} is not a name of a sensor: use 1 to {most} bytes without control characters"
+    )]
+    BadSensor {
+        /// The name.
+        sensor: String,
+        /// Longest name in bytes.
+        most: usize,
+    },
+    /// Two LiDARs in one frame.
+    #[error("the frame `{frame}` is used twice, or is that of the vehicle; names must differ")]
+    SharedFrame {
+        /// The name.
+        frame: String,
+    },
+    /// A name that no format has.
+    #[error("no format is called `{name}`; there are {}", formats())]
+    UnknownFormat {
+        /// The name as written.
+        name: String,
+    },
+    /// Program source in the place of data.
+    #[error(
+        "{file}: is a Python program, which is not run; write its sensors as JSON with these three lines: \
+         `import json`, `sensors = MyAgent().sensors()` (the list of CARLA, or one made by hand), \
+         `json.dump(sensors, open(\"sensors.json\", \"w\"))`; or give the URDF, or `/tf_static` as \
+         `ros2 topic echo /tf_static --once` prints it"
+    )]
+    Program {
+        /// The file.
+        file: String,
+    },
+    /// A robot that xacro has not expanded.
+    #[error(
+        "{file}: holds elements or values of xacro, which is a program; expand it first, `xacro {file} > robot.urdf`, \
+         and read that"
+    )]
+    Xacro {
+        /// The file.
+        file: String,
+    },
+    /// An element that poses depend on and that is not read.
+    #[error("{at}: {what}, which is not read; {mend}")]
+    Unread {
+        /// The element.
+        at: Box<Place>,
+        /// The part that is not read.
+        what: &'static str,
+        /// A way round it.
+        mend: &'static str,
+    },
+    /// A file whose content tells no format.
+    #[error("{file}: its content is none of {}; name its format with --format", formats())]
+    Unrecognised {
+        /// The file.
+        file: String,
+    },
+    /// Several files in a format of one.
+    #[error("{file}: {format} rigs stand in one file each; read them one at a time")]
+    OneFile {
+        /// The second file.
+        file: String,
+        /// The format.
+        format: &'static str,
+    },
+    /// A format that is read only.
+    #[error("{} is read, but not written; take another format", format.name())]
+    ReadOnly {
+        /// The format.
+        format: RigFormat,
+    },
+    /// No placement of this name, or several and none picked.
+    #[error("{file}: {}; pick one of {}", unpicked(name), listed(known))]
+    PickPlacement {
+        /// The file.
+        file: String,
+        /// The name asked for, if any.
+        name: Option<String>,
+        /// Placements that there are.
+        known: Vec<String>,
+    },
+    /// Rigs with different frames, and of different sizes.
+    #[error(
+        "the rigs cannot be matched: they have neither the same frames ({} and {}) nor the same number of \
+         LiDARs",
+        listed(before),
+        listed(after)
+    )]
+    Unmatched {
+        /// Frames of the first.
+        before: Vec<String>,
+        /// Frames of the second.
+        after: Vec<String>,
+    },
+    /// As many frame names as LiDARs are wanted.
+    #[error("{given} names are given for {lidars} LiDARs; give one --frame for each")]
+    FrameCount {
+        /// Names given.
+        given: usize,
+        /// LiDARs of the rig.
+        lidars: usize,
+    },
+}
+
+impl RigError {
+    /// The fault with the line of its place in a document.
+    pub(super) fn at_line(self, document: &Document) -> Self {
+        let path = match &self {
+            Self::UnknownKey { at, key, .. } => at.key(key).path,
+            Self::Missing { at, .. } | Self::Value { at, .. } | Self::Twice { at, .. } => {
+                at.path.clone()
+            }
+            _ => return self,
+        };
+        let (line, column) = document.line_of(&path);
+        Self::AtLine { fault: Box::new(self), line, column }
+    }
+}
+
+fn unpicked(name: &Option<String>) -> String {
+    match name {
+        Some(name) => format!("no placement is called `{name}`"),
+        None => "holds several placements".to_owned(),
+    }
+}
+
+fn listed(names: &[String]) -> String {
+    if names.is_empty() {
+        return "none".to_owned();
+    }
+    let shown: Vec<_> = names.iter().take(MOST_LISTED).map(|name| format!("`{name}`")).collect();
+    let more = names.len().saturating_sub(MOST_LISTED);
+    let rest = if more > 0 { format!(" and {more} more") } else { String::new() };
+    shown.join(", ") + &rest
+}
+
+fn formats() -> String {
+    RigFormat::ALL.map(RigFormat::name).join(", ")
+}

@@ -1,0 +1,366 @@
+//! From files of another program to a rig: frames are read, LiDARs picked, chains followed.
+
+use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::path::PathBuf;
+
+use serde_json::Value;
+
+use super::angles::{IDENTITY, compose, up};
+use super::fields::Fields;
+use super::frames::{Frame, Frames, Holds};
+use super::{
+    BASE_LINK, MODELS_FILE, Mounting, Rig, RigError, RigFormat, RigLidar, Source, autoware, carla,
+    carla_objects, detect, known, launch, pandaset, placements, sdf, sources, tf, urdf,
+};
+use sightline_files::Note;
+use sightline_files::json::{self, Place};
+use sightline_scene::vehicle::{MAX_LIDARS, SensorPose, doubt_of_ground, doubts_of_units};
+
+/// Words in the names of LiDAR frames, for formats that say no more.
+const WORDS: [&str; 10] = [
+    "lidar",
+    "velodyne",
+    "hesai",
+    "pandar",
+    "ouster",
+    "robosense",
+    "rslidar",
+    "livox",
+    "laser",
+    "vlp",
+];
+/// Name of a rig whose file has none that a placement may bear.
+const UNNAMED: &str = "rig";
+/// Frame on the ground below `base_link`, by REP 120.
+const FOOTPRINT: &str = "base_footprint";
+
+/// How files are read.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ImportSettings {
+    /// Format; told by content where it is `None`.
+    pub format: Option<RigFormat>,
+    /// Name of the rig; that of the file, or `rig`, where it is `None`. Of placements, the one to read.
+    pub name: Option<String>,
+    /// Frame of the vehicle, `BASE_LINK` where it is `None`.
+    pub base_frame: Option<String>,
+    /// Frames that are LiDARs; told by type or name where there are none.
+    pub frames: Vec<String>,
+    /// Sensor by frame, before what the files say.
+    pub sensors: BTreeMap<String, String>,
+    /// Where `base_link` and the optical centres are.
+    pub mounting: Mounting,
+}
+
+/// A rig that was read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Imported {
+    /// The rig.
+    pub rig: Rig,
+    /// Format that was read.
+    pub format: RigFormat,
+    /// Frames that are no LiDARs, or carry the frame of one.
+    pub left_out: Vec<String>,
+    /// Notes for the user, in sentences.
+    pub notes: Vec<Note>,
+}
+
+/// Reads a rig from files; a folder stands for the YAML files in it.
+///
+/// # Errors
+/// Files that cannot be read, or that give no rig.
+pub fn import(paths: &[PathBuf], settings: &ImportSettings) -> Result<Imported, RigError> {
+    let mut settings = settings.clone();
+    let mut notes = Vec::new();
+    for file in paths.iter().filter(|path| path.is_dir()).map(|folder| folder.join(MODELS_FILE)) {
+        if file.is_file() {
+            notes.push(add_models(&Source::read(&file)?, &mut settings.sensors)?);
+        }
+    }
+    let mut imported = import_texts(&sources(paths)?, &settings)?;
+    imported.notes.extend(notes);
+    Ok(imported)
+}
+
+/// Adds the models that `rig export` wrote beside files without a place for them, where none is given.
+fn add_models(source: &Source, known: &mut BTreeMap<String, String>) -> Result<Note, RigError> {
+    let document: Value = json::parse(&source.text, &source.file)?;
+    let lidars = Fields::of(&document, Place::top(&source.file))?.inner("lidars")?;
+    for (frame, _, _) in lidars.each() {
+        let model = lidars.text(frame)?;
+        known.entry(frame.clone()).or_insert_with(|| model.to_owned());
+    }
+    Ok(Note::fact(format!("{}: the models of LiDARs that --sensor does not name", source.file)))
+}
+
+/// Reads a rig from the texts of files.
+///
+/// # Errors
+/// Texts that give no rig.
+pub fn import_texts(sources: &[Source], settings: &ImportSettings) -> Result<Imported, RigError> {
+    let Some(first) = sources.first() else {
+        return Err(RigError::NoLidar { file: "no file".to_owned(), known: Vec::new() });
+    };
+    let format = match settings.format {
+        Some(format) => format,
+        None => detect::format_of(first)?,
+    };
+    if let (Some(second), false) = (sources.get(1), format.holds_feet()) {
+        let file = second.file.clone();
+        return Err(RigError::OneFile { file, format: format.name() });
+    }
+    if format == RigFormat::Json {
+        return of_placements(first, settings);
+    }
+    let mut frames = Frames::default();
+    for source in sources {
+        detect::refuse_program(source)?;
+        read(format, source, &mut frames)?;
+    }
+    rig_of(frames, format, settings, &first.file)
+}
+
+/// Reads the list that `sensors()` of a CARLA agent returns, as JSON values: objects with `type`, `id`, `x`,
+/// `y`, `z`, and angles in degrees.
+///
+/// # Errors
+/// A list that gives no rig.
+pub fn from_carla_sensors(
+    sensors: &Value,
+    settings: &ImportSettings,
+) -> Result<Imported, RigError> {
+    let (name, mut frames) = ("sensors", Frames::default());
+    carla::read_list(sensors, &Place::top("CARLA").key(name), &mut frames)?;
+    rig_of(frames, RigFormat::Carla, settings, name)
+}
+
+/// The rig of frames that were read.
+fn rig_of(
+    mut frames: Frames,
+    format: RigFormat,
+    settings: &ImportSettings,
+    file: &str,
+) -> Result<Imported, RigError> {
+    let base = base(format, &mut frames, settings, file)?;
+    let mut notes = std::mem::take(&mut frames.notes);
+    let unplaced = std::mem::take(&mut frames.left_out);
+    let (lidars, mut left_out) = picked(&frames, settings, file)?;
+    left_out.extend(unplaced);
+    let moving: BTreeSet<&str> =
+        lidars.iter().flat_map(|frame| frames.moving_between(&base, &frame.name)).collect();
+    notes.extend(moving.into_iter().map(|joint| {
+        Note::fact(format!("{file}: the joint {joint} moves; what stands behind it is taken where the joint is at 0"))
+    }));
+    let mut unknown = Vec::new();
+    let named = settings.name.clone().or(frames.name.clone());
+    let mut rig = Rig { name: named.unwrap_or_else(|| UNNAMED.to_owned()), lidars: Vec::new() };
+    for frame in lidars {
+        rig.lidars.push(lidar(&frames, frame, &base, format, settings, &mut unknown)?);
+        doubts(&frames, frame, &base, &mut notes);
+    }
+    if let Some(frame) = unknown.first() {
+        notes.push(Note::fact(format!(
+            "nothing says how far above its foot the optical centre of {} is, so they are taken for one; give \
+             --sensor {frame}=MODEL or --optical-height {frame}=METRES",
+            unknown.join(", ")
+        )));
+    }
+    // A robot's name may be one that no placement may bear; one that was asked for is an error.
+    if settings.name.is_none() && rig.validate().is_err() {
+        rig.name = UNNAMED.to_owned();
+    }
+    rig.validate()?;
+    notes.extend(below_ground(&rig, file));
+    Ok(Imported { rig, format, left_out, notes })
+}
+
+/// Doubts of the units of a LiDAR's frame, and of the frames that it hangs on. Each is told once.
+fn doubts(frames: &Frames, lidar: &Frame, base: &str, notes: &mut Vec<Note>) {
+    let mut next = Some(lidar);
+    for _ in 0..frames.all().len() {
+        let Some(frame) = next.filter(|frame| frame.name != base) else { break };
+        for doubt in doubts_of_units(&frame.pose) {
+            let note = Note::doubt(format!("{}: {doubt}", frame.at));
+            if !notes.contains(&note) {
+                notes.push(note);
+            }
+        }
+        next = frames.get(&frame.parent);
+    }
+}
+
+/// Doubts of LiDARs below the ground.
+fn below_ground(rig: &Rig, file: &str) -> Vec<Note> {
+    let low =
+        rig.lidars.iter().filter_map(|lidar| Some((&lidar.frame, doubt_of_ground(&lidar.pose)?)));
+    low.map(|(frame, doubt)| {
+        Note::doubt(format!(
+            "{file}, `{frame}`: {doubt}; --base-link says where the vehicle's frame is"
+        ))
+    })
+    .collect()
+}
+
+fn of_placements(source: &Source, settings: &ImportSettings) -> Result<Imported, RigError> {
+    let mut rig = placements::rig_of(source, settings.name.as_deref())?;
+    for lidar in &mut rig.lidars {
+        let sensor = settings.sensors.get(&lidar.frame).cloned();
+        lidar.sensor = sensor.or(lidar.sensor.take());
+    }
+    let file = &source.file;
+    let units = rig.lidars.iter().flat_map(|lidar| {
+        let doubts = doubts_of_units(&lidar.pose).into_iter();
+        doubts.map(|doubt| Note::doubt(format!("{file}, `{}`: {doubt}", lidar.frame)))
+    });
+    let notes = units.chain(below_ground(&rig, file)).collect();
+    Ok(Imported { rig, format: RigFormat::Json, left_out: Vec::new(), notes })
+}
+
+fn read(format: RigFormat, source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+    match format {
+        RigFormat::Autoware => autoware::read(source, frames),
+        RigFormat::Urdf => urdf::read(source, frames),
+        RigFormat::Sdf => sdf::read(source, frames),
+        RigFormat::Ros2Launch => launch::read(source, frames),
+        RigFormat::Carla => carla::read(source, frames),
+        RigFormat::CarlaObjects => carla_objects::read(source, frames),
+        RigFormat::Tf => tf::read(source, frames),
+        RigFormat::Pandaset => pandaset::read(source, frames),
+        // Read as a rig, not as frames.
+        RigFormat::Json => Ok(()),
+    }
+}
+
+/// The frame that stands for the vehicle.
+fn base(
+    format: RigFormat,
+    frames: &mut Frames,
+    settings: &ImportSettings,
+    file: &str,
+) -> Result<String, RigError> {
+    if let Some(base) = &settings.base_frame {
+        if frames.mentions(base) {
+            return Ok(base.clone());
+        }
+        let (file, frame) = (file.to_owned(), base.clone());
+        return Err(RigError::UnknownFrame { file, frame, known: frames.names() });
+    }
+    let own = match format {
+        RigFormat::Pandaset => pandaset::BASE,
+        RigFormat::Sdf if !frames.mentions(BASE_LINK) => sdf::MODEL,
+        _ => return Ok(ground(frames, settings, file)),
+    };
+    let text = format!("{file}: the vehicle's frame is taken to be `{own}`");
+    frames.notes.push(Note::fact(text));
+    Ok(own.to_owned())
+}
+
+/// `base_link`, or the frame on the ground below it (REP 120) where the files place one and no position of `base_link`
+/// is given: the frame of placements stands on the ground.
+fn ground(frames: &mut Frames, settings: &ImportSettings, file: &str) -> String {
+    let names = frames.names();
+    let last = |name: &str| name.rsplit(['/', ':']).next() == Some(FOOTPRINT);
+    let found = names.iter().find(|name| last(name) || name.ends_with(&format!("_{FOOTPRINT}")));
+    let below = found.and_then(|name| Some((name, frames.between(name, BASE_LINK)?)));
+    match below {
+        Some((name, pose)) if settings.mounting.base_link == [0.0; 3] && pose != IDENTITY => {
+            frames.notes.push(Note::fact(format!(
+                "{file}: `{BASE_LINK}` stands {} m above `{name}`; positions count from `{name}`, which is on the ground, \
+                 and --base-frame {BASE_LINK} counts them from there",
+                rounded(pose.z)
+            )));
+            name.clone()
+        }
+        _ => BASE_LINK.to_owned(),
+    }
+}
+
+/// Metres to the micrometre, for messages.
+fn rounded(metres: f64) -> f64 {
+    (metres * 1e6).round() / 1e6
+}
+
+/// True if the name of a frame of which nothing is said is that of a LiDAR.
+fn is_named_lidar(frame: &Frame) -> bool {
+    let name = frame.name.to_lowercase();
+    frame.holds == Holds::Unsaid && WORDS.iter().any(|word| name.contains(word))
+}
+
+/// Frames that are LiDARs by what the files say; where those say nothing, by name.
+fn lidars(frames: &Frames) -> Vec<&Frame> {
+    let said = |frame: &&Frame| matches!(frame.holds, Holds::Lidar { .. });
+    let said: Vec<&Frame> = frames.all().iter().filter(said).collect();
+    if !said.is_empty() {
+        return said;
+    }
+    let named: Vec<&Frame> = frames.all().iter().filter(|frame| is_named_lidar(frame)).collect();
+    // The foot of a sensor whose own frame stands on it is no second LiDAR.
+    let feet: HashSet<&str> = named.iter().map(|frame| frame.parent.as_str()).collect();
+    let stands_on_none = |frame: &&Frame| !feet.contains(frame.name.as_str());
+    let upper: Vec<&Frame> = named.iter().copied().filter(stands_on_none).collect();
+    // All of them feet: a loop, of which the chain will tell.
+    if upper.is_empty() { named } else { upper }
+}
+
+/// The LiDARs, and the names of all other frames.
+fn picked<'a>(
+    frames: &'a Frames,
+    settings: &ImportSettings,
+    file: &str,
+) -> Result<(Vec<&'a Frame>, Vec<String>), RigError> {
+    let file = file.to_owned();
+    let find = |name: &String| {
+        let unknown =
+            |known| RigError::UnknownFrame { file: file.clone(), frame: name.clone(), known };
+        frames.get(name).ok_or_else(|| unknown(frames.names()))
+    };
+    settings.sensors.keys().try_for_each(|name| find(name).map(drop))?;
+    let lidars: Vec<&Frame> = if settings.frames.is_empty() {
+        lidars(frames)
+    } else {
+        settings.frames.iter().map(find).collect::<Result<_, _>>()?
+    };
+    if lidars.is_empty() {
+        return Err(RigError::NoLidar { file, known: frames.names() });
+    }
+    if lidars.len() > MAX_LIDARS {
+        return Err(RigError::TooManyLidars { file, count: lidars.len(), most: MAX_LIDARS });
+    }
+    let taken: HashSet<&str> = lidars.iter().map(|frame| frame.name.as_str()).collect();
+    let others = frames.all().iter().filter(|frame| !taken.contains(frame.name.as_str()));
+    let others = others.map(|frame| frame.name.clone()).collect();
+    Ok((lidars, others))
+}
+
+/// The LiDAR of a frame. Where nothing tells the height of its optical centre, its name goes into `unknown`.
+fn lidar(
+    frames: &Frames,
+    frame: &Frame,
+    base: &str,
+    format: RigFormat,
+    settings: &ImportSettings,
+    unknown: &mut Vec<String>,
+) -> Result<RigLidar, RigError> {
+    let (said, optical) = match &frame.holds {
+        Holds::Lidar { sensor, optical } => (sensor.clone(), *optical),
+        _ => (None, None),
+    };
+    let (name, mounting) = (&frame.name, &settings.mounting);
+    let sensor = settings.sensors.get(name).map(|name| known::usual(name)).or(said);
+    let stands_on_foot =
+        || frame.holds == Holds::Unsaid && frames.get(&frame.parent).is_some_and(is_named_lidar);
+    let given = mounting.given_height(name, sensor.as_deref());
+    let up_from_foot = match (given, optical) {
+        _ if !format.holds_feet() => IDENTITY,
+        (Some(height), _) => up(height),
+        (None, Some(optical)) => optical,
+        (None, None) if stands_on_foot() => IDENTITY,
+        (None, None) => {
+            let height = mounting.height(name, sensor.as_deref());
+            unknown.extend(height.is_none().then(|| name.clone()));
+            up(height.unwrap_or(0.0))
+        }
+    };
+    let pose = mounting.to_ego(&compose(&frames.in_base(base, frame)?, &up_from_foot));
+    let phase = optical.and_then(|optical| optical.phase).or(frame.pose.phase);
+    Ok(RigLidar { frame: name.clone(), sensor, pose: SensorPose { phase, ..pose } })
+}

@@ -1,0 +1,299 @@
+//! Launch files of static transform publishers in XML, of ROS 1 and ROS 2.
+
+use std::collections::{BTreeSet, HashMap};
+use std::fmt::Write;
+
+use roxmltree::Node;
+
+use super::angles::of_quaternion;
+use super::fields::{number, wrong};
+use super::frames::{Frame, Frames, Holds};
+use super::{BASE_LINK, Mounting, Rig, RigError, Source, xml};
+use sightline_files::Note;
+use sightline_files::json::Place;
+use sightline_files::json::written;
+use sightline_scene::vehicle::SensorPose;
+
+/// Program of `tf2_ros` that publishes a transform.
+const PUBLISHER: &str = "static_transform_publisher";
+/// In the place of a flag that the publisher does not know, in words.
+const UNKNOWN_FLAG: &str =
+    "--x, --y, --z, --roll, --pitch, --yaw, --qx, --qy, --qz, --qw, --frame-id or --child-frame-id";
+/// Flags that take a value. The publisher refuses others.
+const FLAGS: [&str; 12] = [
+    "--x",
+    "--y",
+    "--z",
+    "--roll",
+    "--pitch",
+    "--yaw",
+    "--qx",
+    "--qy",
+    "--qz",
+    "--qw",
+    "--frame-id",
+    "--child-frame-id",
+];
+/// Begins what a node tells ROS itself.
+const ROS_ARGS: &str = "--ros-args";
+
+/// Longest value of an argument once others are put into it.
+const MOST_VALUE: usize = 4096;
+
+/// Reads every publisher of a launch file that its `if` and `unless` leave on.
+pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+    let document = xml::parse(&source.text, &source.file)?;
+    let mut launch = Launch {
+        file: &source.file,
+        values: HashMap::new(),
+        passed: BTreeSet::new(),
+        included: BTreeSet::new(),
+        nodes: 0,
+    };
+    let mut open = vec![Step::Read(document.root_element())];
+    while let Some(step) = open.pop() {
+        let node = match step {
+            Step::Read(node) => node,
+            Step::Restore(values) => {
+                launch.values = values;
+                continue;
+            }
+        };
+        if !launch.is_on(node)? {
+            continue;
+        }
+        match node.tag_name().name() {
+            name @ ("launch" | "group") => {
+                if name == "group" && launch.is_scoped(node)? {
+                    open.push(Step::Restore(launch.values.clone()));
+                }
+                let children: Vec<Node> = node.children().filter(Node::is_element).collect();
+                open.extend(children.into_iter().rev().map(Step::Read));
+            }
+            "arg" | "let" => launch.argument(node)?,
+            "node" => {
+                if let Some(frame) = launch.node(node)? {
+                    frames.add(frame)?;
+                }
+            }
+            // Neither moves a frame.
+            "param" | "rosparam" | "remap" | "env" | "set_env" | "unset_env" | "machine"
+            | "master" | "test" | "executable" | "arg_group" => {}
+            "include" => launch.include(node)?,
+            other => {
+                launch.passed.insert(format!("<{other}>"));
+            }
+        }
+    }
+    frames.notes.extend(launch.notes());
+    Ok(())
+}
+
+/// Work that is left of a launch file.
+enum Step<'a, 'i> {
+    Read(Node<'a, 'i>),
+    /// Values from before a group: those that it sets end with it.
+    Restore(HashMap<String, String>),
+}
+
+/// A launch file as far as it is read.
+struct Launch<'a> {
+    file: &'a str,
+    /// Values of arguments and variables by name.
+    values: HashMap<String, String>,
+    /// Elements that are not understood.
+    passed: BTreeSet<String>,
+    /// Files that are included.
+    included: BTreeSet<String>,
+    /// Nodes so far.
+    nodes: usize,
+}
+
+impl Launch<'_> {
+    /// True if `if` and `unless` leave an element on.
+    fn is_on(&self, node: Node) -> Result<bool, RigError> {
+        for (key, wanted) in [("if", true), ("unless", false)] {
+            let Some(text) = node.attribute(key) else { continue };
+            let at = xml::place(node, self.file).key(key);
+            if self.truth(text, &at)? != wanted {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// The truth value of a text.
+    fn truth(&self, text: &str, at: &Place) -> Result<bool, RigError> {
+        match self.resolved(text, at)?.trim().to_lowercase().as_str() {
+            "true" | "1" => Ok(true),
+            "false" | "0" => Ok(false),
+            _ => Err(wrong(at, text, "true, false, or an argument with such a default")),
+        }
+    }
+
+    /// True if the values that a group sets end with it, which they do unless it says otherwise.
+    fn is_scoped(&self, group: Node) -> Result<bool, RigError> {
+        let Some(text) = group.attribute("scoped") else { return Ok(true) };
+        let at = xml::place(group, self.file).key("scoped");
+        self.truth(text, &at)
+    }
+
+    /// Keeps the value of an argument: `value`, or the `default`, which counts where nothing has set one before.
+    fn argument(&mut self, node: Node) -> Result<(), RigError> {
+        let at = xml::place(node, self.file);
+        let is_set = node.attribute("name").is_some_and(|name| self.values.contains_key(name));
+        let default = node.attribute("default").filter(|_| !is_set);
+        let Some(text) = node.attribute("value").or(default) else {
+            return Ok(());
+        };
+        // One that cannot be told is an error where it is used.
+        if let (Some(name), Ok(value)) = (node.attribute("name"), self.resolved(text, &at)) {
+            self.values.insert(name.to_owned(), value);
+        }
+        Ok(())
+    }
+
+    /// A text with the values of `$(arg NAME)` and `$(var NAME)` in their places.
+    fn resolved(&self, text: &str, at: &Place) -> Result<String, RigError> {
+        let (mut done, mut rest) = (String::new(), text);
+        while let Some((before, behind)) = rest.split_once("$(") {
+            let unknown = || wrong(at, text, "a text whose arguments have a default in this file");
+            let (inside, after) = behind.split_once(')').ok_or_else(unknown)?;
+            let name = match inside.split_whitespace().collect::<Vec<_>>()[..] {
+                ["arg" | "var", name] => name.trim_matches(['\'', '"']),
+                _ => return Err(unknown()),
+            };
+            done += before;
+            done += self.values.get(name).ok_or_else(unknown)?;
+            rest = after;
+            if done.len() > MOST_VALUE {
+                return Err(wrong(at, text, "a shorter text"));
+            }
+        }
+        Ok(done + rest)
+    }
+
+    /// Keeps the name of an included file, as far as it can be told.
+    fn include(&mut self, node: Node) -> Result<(), RigError> {
+        let at = xml::place(node, self.file);
+        let name = xml::attribute(node, "file", &at)?;
+        // A package stands elsewhere on each machine, so its part stays as written.
+        let resolved = self.resolved(name, &at);
+        self.included.insert(resolved.unwrap_or_else(|_| name.to_owned()));
+        Ok(())
+    }
+
+    /// Sentences on what was passed over.
+    fn notes(self) -> impl Iterator<Item = Note> {
+        let listed = |names: BTreeSet<String>, quote: &str| {
+            let names: Vec<String> = names.iter().map(|n| format!("{quote}{n}{quote}")).collect();
+            (!names.is_empty()).then(|| names.join(", "))
+        };
+        let included = listed(self.included, "`").map(|names| {
+            format!(
+                "{}: includes {names}, not read; if it places LiDARs, read it beside this one",
+                self.file
+            )
+        });
+        let passed = listed(self.passed, "")
+            .map(|names| format!("{}: {names}: not known here, and not read", self.file));
+        included.into_iter().chain(passed).map(Note::fact)
+    }
+
+    /// The frame of a node that publishes one.
+    fn node(&mut self, node: Node) -> Result<Option<Frame>, RigError> {
+        let at = Place::top(self.file).key("<node>").item(self.nodes);
+        self.nodes += 1;
+        if node.attribute("exec").or(node.attribute("type")) != Some(PUBLISHER) {
+            return Ok(None);
+        }
+        let args = self.resolved(xml::attribute(node, "args", &at)?, &at)?;
+        let mut words: Vec<String> = args.split_whitespace().map(str::to_owned).collect();
+        // `tf` of ROS 1 wants a period in milliseconds behind the two frames.
+        let has_period = matches!(words.len(), 9 | 10)
+            && words.last().is_some_and(|word| word.parse::<f64>().is_ok())
+            && words[words.len() - 3].parse::<f64>().is_err();
+        if has_period {
+            words.pop();
+        }
+        publisher(words, at).map(Some)
+    }
+}
+
+/// The frame of a publisher's arguments: flags, or `x y z yaw pitch roll PARENT CHILD` as before ROS 2
+/// Humble, or that with a quaternion x y z w.
+fn publisher(words: Vec<String>, at: Place) -> Result<Frame, RigError> {
+    let end = words.iter().position(|word| word == ROS_ARGS).unwrap_or(words.len());
+    let words = &words[..end];
+    let positional: &[&str] = match words.len() {
+        8 => &["--x", "--y", "--z", "--yaw", "--pitch", "--roll", "--frame-id", "--child-frame-id"],
+        _ => {
+            &["--x", "--y", "--z", "--qx", "--qy", "--qz", "--qw", "--frame-id", "--child-frame-id"]
+        }
+    };
+    let has_flags = words.iter().any(|word| FLAGS.contains(&word.as_str()));
+    let given: HashMap<&str, &str> = if has_flags {
+        let mut given = HashMap::new();
+        let mut words = words.iter();
+        while let Some(word) = words.next() {
+            if let Some(flag) = FLAGS.iter().find(|flag| *flag == word) {
+                let value =
+                    words.next().ok_or_else(|| wrong(&at, word, "a flag with its value"))?;
+                if given.insert(*flag, value.as_str()).is_some() {
+                    return Err(wrong(&at, flag, "each flag once"));
+                }
+            } else if word.starts_with("--") {
+                return Err(wrong(&at, word, UNKNOWN_FLAG));
+            }
+        }
+        given
+    } else if words.len() == positional.len() {
+        positional.iter().copied().zip(words.iter().map(String::as_str)).collect()
+    } else {
+        return Err(wrong(&at, words.join(" "), "a list of flags as --x 1 --frame-id base_link"));
+    };
+    let frame = |flag: &str| {
+        let missing = || RigError::Missing { at: Box::new(at.clone()), key: flag.to_owned() };
+        // `tf` of ROS 1 began names with a slash; they are those without.
+        let bare = |name: &&str| name.strip_prefix('/').unwrap_or(name).to_owned();
+        given.get(flag).map(bare).ok_or_else(missing)
+    };
+    let (name, parent) = (frame("--child-frame-id")?, frame("--frame-id")?);
+    Ok(Frame { name, parent, pose: pose(&given, &at)?, holds: Holds::Unsaid, at })
+}
+
+/// The transform of flags; what is not given is 0; angles and a quaternion exclude each other.
+fn pose(given: &HashMap<&str, &str>, at: &Place) -> Result<SensorPose, RigError> {
+    let value = |flag: &str, other: f64| match given.get(flag) {
+        Some(text) => number(&at.key(flag), text),
+        None => Ok(other),
+    };
+    let (x, y, z) = (value("--x", 0.0)?, value("--y", 0.0)?, value("--z", 0.0)?);
+    if ["--qx", "--qy", "--qz", "--qw"].iter().any(|flag| given.contains_key(flag)) {
+        let [qx, qy, qz] = ["--qx", "--qy", "--qz"].map(|flag| value(flag, 0.0));
+        if let Some(angle) = ["--roll", "--pitch", "--yaw"].iter().find(|a| given.contains_key(*a))
+        {
+            return Err(wrong(at, angle, "no angle beside a quaternion"));
+        }
+        return of_quaternion([x, y, z], [qx?, qy?, qz?, value("--qw", 1.0)?], at);
+    }
+    let [roll, pitch, yaw] = ["--roll", "--pitch", "--yaw"].map(|flag| value(flag, 0.0));
+    Ok(SensorPose::from_values([x, y, z, roll?, pitch?, yaw?]))
+}
+
+/// A launch file of ROS 2, one publisher a LiDAR.
+pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
+    let mut text = "<launch>\n".to_owned();
+    for lidar in &rig.lidars {
+        let (foot, _) = mounting.foot(&lidar.frame, lidar.sensor.as_deref(), &lidar.pose);
+        let number = |(key, value)| format!("--{key} {} ", written(value));
+        let numbers: String = foot.fields().into_iter().map(number).collect();
+        let _ = writeln!(
+            text,
+            "  <node pkg=\"tf2_ros\" exec=\"{PUBLISHER}\"\n        \
+             args=\"{numbers}--frame-id {BASE_LINK} --child-frame-id {}\"/>",
+            xml::escape(&lidar.frame)
+        );
+    }
+    text + "</launch>\n"
+}

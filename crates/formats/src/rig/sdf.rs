@@ -1,0 +1,194 @@
+//! SDF of Gazebo: `<pose relative_to>`, in metres and radians.
+//!
+//! Read: `<model>` (nested ones too), `<link>`, `<frame attached_to>`, `<joint>` (type, pose, child), `<sensor>`, `<pose>` with
+//! all of its attributes. Passed over, because no pose depends on it: shapes, masses, plugins, axes and limits of joints.
+
+use std::fmt::Write;
+
+use roxmltree::Node;
+
+use super::angles::of_quaternion;
+use super::fields::wrong;
+use super::frames::{Frame, Frames, Holds};
+use super::simulated::{add_sensor, namespace, sensor_element};
+use super::{BASE_LINK, Models, Mounting, Rig, RigError, Source, xml};
+use sightline_files::Note;
+use sightline_files::json::written;
+use sightline_scene::vehicle::SensorPose;
+
+/// Frame that everything in a model hangs on unless it says otherwise.
+pub(super) const MODEL: &str = "__model__";
+
+/// Reads the links, joints, frames and sensors of the first model, and of the models in it.
+pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+    let file = &source.file;
+    let document = xml::parse(&source.text, file)?;
+    let is_outer = |node: &Node| {
+        node.has_tag_name("model") && !node.ancestors().skip(1).any(|a| a.has_tag_name("model"))
+    };
+    let mut models = document.descendants().filter(is_outer);
+    let Some(model) = models.next() else {
+        let at = Box::new(xml::place(document.root_element(), file));
+        return Err(RigError::Missing { at, key: "<model>".to_owned() });
+    };
+    let name = model.attribute("name").unwrap_or_default();
+    frames.name = model.attribute("name").map(str::to_owned);
+    let others: Vec<&str> =
+        models.map(|model| model.attribute("name").unwrap_or("without a name")).collect();
+    if !others.is_empty() {
+        frames.notes.push(Note::doubt(format!(
+            "{file}: holds several models; `{name}` is read, and left out are {}; put the vehicle into a file of its own",
+            others.join(", ")
+        )));
+    }
+    read_model(model, "", file, frames)
+}
+
+/// Reads a model. Names in it begin with `scope`, which is empty or ends with `::`.
+fn read_model(model: Node, scope: &str, file: &str, frames: &mut Frames) -> Result<(), RigError> {
+    let scoped = |name: &str| format!("{scope}{name}");
+    for node in model.children().filter(Node::is_element) {
+        let at = xml::place(node, file);
+        let kind = node.tag_name().name();
+        let usual_parent = match kind {
+            "link" | "model" => MODEL,
+            "frame" => node.attribute("attached_to").filter(|to| !to.is_empty()).unwrap_or(MODEL),
+            // A joint is a frame at its child, since version 1.7.
+            "joint" => match xml::child(node, "child").and_then(|child| child.text()) {
+                Some(child) => child.trim(),
+                None => {
+                    return Err(RigError::Missing { at: Box::new(at), key: "<child>".to_owned() });
+                }
+            },
+            "include" => {
+                let uri = xml::child(node, "uri").and_then(|uri| uri.text()).unwrap_or_default();
+                frames.notes.push(Note::doubt(format!(
+                    "{file}: <include> of `{}` is not read; a LiDAR in it is missing. Merge it with `gz sdf -p`",
+                    uri.trim()
+                )));
+                continue;
+            }
+            _ => continue,
+        };
+        if node.attribute("placement_frame").is_some_and(|frame| !frame.is_empty()) {
+            let (what, mend) = ("has a placement_frame", "give its pose without one");
+            return Err(RigError::Unread { at: Box::new(at), what, mend });
+        }
+        let name = xml::attribute(node, "name", &at)?;
+        let (pose, parent) = pose(node, file, frames)?;
+        let parent = scoped(parent.unwrap_or(usual_parent));
+        let holds = if kind == "link" { Holds::Unsaid } else { Holds::Other };
+        frames.add(Frame { name: scoped(name), parent, pose, holds, at: at.clone() })?;
+        match kind {
+            "joint" => {
+                let moves = node.attribute("type").filter(|kind| *kind != "fixed");
+                if let Some(kind) = moves {
+                    frames.moves(&scoped(name), format!("`{name}` ({kind})"));
+                }
+            }
+            "model" => {
+                let inner = format!("{}::", scoped(name));
+                let (name, parent) = (format!("{inner}{MODEL}"), scoped(name));
+                let (pose, holds) = (super::angles::IDENTITY, Holds::Other);
+                frames.add(Frame { name, parent, pose, holds, at })?;
+                read_model(node, &inner, file, frames)?;
+            }
+            "link" => read_sensors(node, &scoped(name), scope, file, frames)?,
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Adds the sensors of a link.
+fn read_sensors(
+    link: Node,
+    name: &str,
+    scope: &str,
+    file: &str,
+    frames: &mut Frames,
+) -> Result<(), RigError> {
+    for sensor in link.children().filter(|node| node.has_tag_name("sensor")) {
+        let (optical, parent) = pose(sensor, file, frames)?;
+        match parent {
+            // Its own pose hangs on another frame than its link.
+            Some(parent) if format!("{scope}{parent}") != name => {
+                let at = xml::place(sensor, file);
+                let own = sensor.attribute("name").unwrap_or_default();
+                let frame = format!("{name}/{own}");
+                let (parent, holds) = (format!("{scope}{parent}"), Holds::Other);
+                frames.add(Frame { name: frame.clone(), parent, pose: optical, holds, at })?;
+                add_sensor(frames, sensor, &frame, super::angles::IDENTITY, file)?;
+            }
+            _ => add_sensor(frames, sensor, name, optical, file)?,
+        }
+    }
+    Ok(())
+}
+
+/// The `<pose>` of an element, and the frame that it is relative to, if it names one.
+fn pose<'a>(
+    node: Node<'a, '_>,
+    file: &str,
+    frames: &mut Frames,
+) -> Result<(SensorPose, Option<&'a str>), RigError> {
+    let Some(element) = xml::child(node, "pose") else {
+        return Ok((super::angles::IDENTITY, None));
+    };
+    let at = xml::place(node, file).key("pose");
+    if node.children().filter(|child| child.has_tag_name("pose")).count() > 1 {
+        return Err(wrong(&at, "a second <pose>", "one <pose>"));
+    }
+    let text = element.text().unwrap_or_default();
+    let named = |key: &str| element.attribute(key).filter(|frame| !frame.is_empty());
+    let old = named("frame");
+    if let Some(frame) = old {
+        frames.notes.push(Note::doubt(format!(
+            "{at}: frame=\"{frame}\" of before SDF 1.7 is followed as relative_to; write relative_to"
+        )));
+    }
+    let relative_to = named("relative_to").or(old);
+    if element.attribute("rotation_format") == Some("quat_xyzw") {
+        let wanted = "seven numbers: x y z and a quaternion x y z w";
+        let [x, y, z, qx, qy, qz, qw] = xml::numbers(text, &at, wanted)?;
+        return Ok((of_quaternion([x, y, z], [qx, qy, qz, qw], &at)?, relative_to));
+    }
+    if let Some(format) = element.attribute("rotation_format").filter(|f| *f != "euler_rpy") {
+        return Err(wrong(&at.key("rotation_format"), format, "euler_rpy or quat_xyzw"));
+    }
+    let mut pose = xml::six(text, &at)?;
+    match element.attribute("degrees") {
+        None | Some("false" | "0") => {}
+        Some("true" | "1") => {
+            let [roll, pitch, yaw] = [pose.roll, pose.pitch, pose.yaw].map(f64::to_radians);
+            pose = SensorPose { roll, pitch, yaw, ..pose };
+        }
+        Some(other) => return Err(wrong(&at.key("degrees"), other, "true or false")),
+    }
+    Ok((pose, relative_to))
+}
+
+/// A model of `base_link` and one link a LiDAR.
+pub(super) fn write(rig: &Rig, mounting: &Mounting, models: &Models) -> String {
+    let mut text = format!(
+        "<?xml version=\"1.0\"?>\n<sdf version=\"1.9\"{}>\n  <model name=\"{}\">\n    \
+         <link name=\"{BASE_LINK}\"/>\n",
+        namespace(rig),
+        xml::escape(&rig.name)
+    );
+    for lidar in &rig.lidars {
+        let sensor = lidar.sensor.as_deref();
+        let (foot, height) = mounting.foot(&lidar.frame, sensor, &lidar.pose);
+        let [x, y, z, roll, pitch, yaw] = foot.values().map(written);
+        let frame = xml::escape(&lidar.frame);
+        let _ = write!(
+            text,
+            "    <link name=\"{frame}\">\n      \
+             <pose relative_to=\"{BASE_LINK}\">{x} {y} {z} {roll} {pitch} {yaw}</pose>\n{}    </link>\n    \
+             <joint name=\"{frame}_joint\" type=\"fixed\">\n      <parent>{BASE_LINK}</parent>\n      \
+             <child>{frame}</child>\n    </joint>\n",
+            sensor_element(lidar, height, models, "      ")
+        );
+    }
+    text + "  </model>\n</sdf>\n"
+}

@@ -1,0 +1,69 @@
+//! Rigs compared: moves, turns, and what is no mirror image.
+
+use std::f64::consts::PI;
+
+use crate::rig::{Asymmetry, Rig, RigLidar, compare};
+use sightline_scene::vehicle::SensorPose;
+
+fn lidar(frame: &str, values: [f64; 6]) -> RigLidar {
+    RigLidar { frame: frame.to_owned(), sensor: None, pose: SensorPose::from_values(values) }
+}
+
+fn rig(lidars: &[RigLidar]) -> Rig {
+    Rig { name: "rig".to_owned(), lidars: lidars.to_vec() }
+}
+
+fn close(found: [f64; 3], wanted: [f64; 3]) -> bool {
+    found.into_iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12)
+}
+
+fn off(pair: &Asymmetry) -> [f64; 3] {
+    [pair.moved, pair.turned, pair.tilted]
+}
+
+#[test]
+fn moves_and_turns_are_told_by_frame() {
+    let [a, b] = [[0.0, 0.5, 2.0, 0.0, 0.0, 0.0], [1.0, 0.0, 2.0, 0.0, 0.2, 0.0]];
+    let before = rig(&[lidar("a", a), lidar("b", b)]);
+    let after = rig(&[
+        lidar("b", [1.0, 0.3, 2.4, 0.0, 0.2, 0.0]),
+        // A turn about its own axis, which changes no beam of a full circle.
+        lidar("a", [0.0, 0.5, 2.0, 0.0, 0.0, 3.0]),
+    ]);
+    let found = compare(&before, &after).unwrap();
+    let moved = found.lidars.iter().map(|l| (l.frame.as_str(), [l.moved, l.turned, l.tilted]));
+    let moved: Vec<_> = moved.collect();
+    assert!(moved[0].0 == "a" && close(moved[0].1, [0.0, 3.0, 0.0]), "{moved:?}");
+    assert!(moved[1].0 == "b" && close(moved[1].1, [0.5, 0.0, 0.0]), "{moved:?}");
+
+    let renamed = rig(&[lidar("x", a), lidar("y", b)]);
+    assert!(compare(&before, &renamed).unwrap().lidars.iter().all(|l| l.moved == 0.0));
+    let error = compare(&before, &rig(&[lidar("x", a)])).unwrap_err().to_string();
+    assert!(error.contains("`a`, `b`") && error.contains("`x`"), "{error}");
+}
+
+/// Sides of a Lexus in the frame of its sensor kit, after they were put straight: both roll by −0.02.
+#[test]
+fn equal_rolls_are_no_mirror_image() {
+    let left = [0.0, 0.59, -0.3, -0.02, 0.71, 1.575];
+    let sides = |roll: f64| {
+        let right = lidar("right", [0.0, -0.59, -0.3, roll, 0.71, -1.575]);
+        let top = lidar("top", [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let found = rig(&[right, top, lidar("left", left)]);
+        compare(&found, &found).unwrap().after
+    };
+    let [top, sides_found] = &sides(-0.02)[..] else { panic!("two rows") };
+    assert_eq!((&sides_found.left[..], &sides_found.right[..]), ("left", "right"));
+    assert!(close(off(sides_found), [0.0, 0.04, 0.04]) && sides_found.same_roll, "{sides_found:?}");
+    assert!(top.left == "top" && top.right == "top" && close(off(top), [0.0; 3]));
+    let image = &sides(0.02)[1];
+    assert!(close(off(image), [0.0; 3]) && !image.same_roll, "{image:?}");
+}
+
+#[test]
+fn a_lidar_without_a_partner_is_compared_with_its_own_image() {
+    let alone = rig(&[lidar("side", [0.0, 0.25, 2.0, 0.0, 0.0, PI / 2.0])]);
+    let found = compare(&alone, &alone).unwrap().before;
+    assert!(close(off(&found[0]), [0.5, PI, 0.0]), "{found:?}");
+    assert!(!found[0].same_roll);
+}

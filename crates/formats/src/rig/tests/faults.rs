@@ -1,0 +1,313 @@
+//! Faulty files: each error names the file, the place and the mend.
+
+use super::{read, source};
+use crate::rig::{
+    ImportSettings, Models, Mounting, Rig, RigError, RigFormat, RigLidar, Source, export,
+    import_texts,
+};
+use sightline_scene::vehicle::SensorPose;
+
+const KIT: &str = "base_link: {kit: {x: 1, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0}}\n";
+
+/// An Autoware file with one more line, under the frame `kit`.
+fn autoware(line: &str) -> String {
+    format!("{KIT}kit:\n  {line}\n")
+}
+
+fn joint(parent: &str, child: &str) -> String {
+    format!(
+        "<joint name='{child}_j' type='fixed'><parent link='{parent}'/><child link='{child}'/></joint>"
+    )
+}
+
+/// PandaSet's file of one LiDAR, with one more key of the sensor, its transform, or its rotation.
+fn pandaset(sensor: &str, transform: &str, rotation: &str) -> String {
+    let more = |key: &str| if key.is_empty() { String::new() } else { format!(", {key}") };
+    format!(
+        "{{'sensors': {{'main_pandar64': {{'transform': {{'translation': {{'x': 0, 'y': 0, 'z': 0}}, \
+         'rotation': {{'w': 1, 'x': 0, 'y': 0, 'z': 0{}}}{}}}{}}}}}}}",
+        more(rotation),
+        more(transform),
+        more(sensor)
+    )
+}
+
+#[test]
+fn what_is_passed_over_is_named_or_on_the_list() {
+    let notes = |text: &str| {
+        let notes = read(text).unwrap().notes;
+        notes.iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    let base = "file: the vehicle's frame is taken to be `main_pandar64`";
+    let known = pandaset("'intrinsics': {'fx': 1}", "", "");
+    assert_eq!(notes(&known), [base]);
+    let more = known.replacen('{', "{'date': 2019, 'source': 'kit', ", 1);
+    assert_eq!(notes(&more), ["file: date: not known here, and not read", base]);
+    let launch = "<launch><arg name='kit' default='aip'/><include file='$(find-pkg-share a)/b.launch.xml'/>\
+                  <include file='$(var kit)/top.launch.xml'/><node_container/>\
+                  <node exec='static_transform_publisher' args='--z 2 --frame-id base_link \
+                  --child-frame-id lidar'/></launch>";
+    let wanted = [
+        "file: includes `$(find-pkg-share a)/b.launch.xml`, `aip/top.launch.xml`, not read; if it places \
+         LiDARs, read it beside this one",
+        "file: <node_container>: not known here, and not read",
+    ];
+    assert_eq!(notes(launch)[..2], wanted);
+}
+
+#[test]
+fn each_fault_is_a_sentence() {
+    let robot = |joints: &[String]| format!("<robot name='r'>{}</robot>", joints.concat());
+    let lidar = |numbers: &str| autoware(&format!("lidar: {{{numbers}}}"));
+    let cases: Vec<(String, &[&str])> = vec![
+        (lidar("x: 1, y: 0, z: 0, roll: 0, yaw: 0"), &["file: kit.lidar: `pitch` is missing"]),
+        (
+            lidar("x: .inf, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0"),
+            &["kit.lidar.x", "`.inf`", "finite"],
+        ),
+        (
+            lidar("x: 1, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0, phase: soon"),
+            &["kit.lidar.phase", "`soon`", "finite"],
+        ),
+        (
+            "<robot xmlns:s='urn:sightline'><gazebo reference='a'><sensor name='b' type='ray' \
+             s:phase='soon'/></gazebo></robot>"
+                .to_owned(),
+            &["<sensor> `b`.phase", "`soon`", "finite"],
+        ),
+        (lidar("x: front, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0"), &["kit.lidar.x", "`front`"]),
+        (
+            autoware("camera: {x: 1, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0}"),
+            &["no frame is a LiDAR", "`camera`"],
+        ),
+        (
+            robot(&[joint("a", "lidar"), joint("lidar", "a")]),
+            &["file: <joint> `lidar_j`: the frames", "`a`, `lidar`", "loop"],
+        ),
+        (robot(&[joint("lidar", "lidar")]), &["the frames `lidar` hang on each other"]),
+        (
+            robot(&[joint("map", "lidar")]),
+            &["`lidar` hangs on `map`", "`base_link`", "--base-frame"],
+        ),
+        (robot(&[joint("a", "lidar"), joint("b", "lidar")]), &["`lidar` is placed a second time"]),
+        (
+            "<robot><joint type='fixed'><parent link='a'/></joint></robot>".to_owned(),
+            &["<joint>: `<child>` is missing"],
+        ),
+        (
+            "<robot><joint type='fixed' name='j'><origin xyz='1 2'/></joint></robot>".to_owned(),
+            &["<joint> `j`.origin.xyz: `1 2`", "three numbers"],
+        ),
+        (
+            "<robot><joint type='fixed' name='j'><origin xyz='1 2 ${h}'/></joint></robot>"
+                .to_owned(),
+            &["xacro", "expand it first"],
+        ),
+        ("<robot><joint".to_owned(), &["file: is no XML"]),
+        ("<!DOCTYPE r [<!ENTITY a 'b'>]><robot/>".to_owned(), &["is no XML", "DTD"]),
+        ("<sdf/>".to_owned(), &["<sdf>: `<model>` is missing"]),
+        (
+            "<sdf><model><link name='lidar'><pose>1 2 3 4 5 nan</pose></link></model></sdf>"
+                .to_owned(),
+            &["<link> `lidar`.pose: `nan` stands where a finite number belongs"],
+        ),
+        (
+            "from launch import LaunchDescription\nNode(executable='static_transform_publisher')"
+                .to_owned(),
+            &["file: is a Python program", "json.dump"],
+        ),
+        (
+            "class Agent:\n    def sensors(self):\n        return [{'type': 'sensor.lidar.x'}]"
+                .to_owned(),
+            &["file: is a Python program"],
+        ),
+        (
+            "<launch><node exec='static_transform_publisher' args='--x $(arg x)'/></launch>"
+                .to_owned(),
+            &["<node>[0]: `--x $(arg x)`", "default"],
+        ),
+        (
+            "<launch><group if='$(eval 1)'/></launch>".to_owned(),
+            &["<group>.if: `$(eval 1)`", "default"],
+        ),
+        (
+            "<launch><node exec='static_transform_publisher' args='1 2 3'/></launch>".to_owned(),
+            &["<node>[0]: `1 2 3`", "a list of flags"],
+        ),
+        (
+            "<launch><node exec='static_transform_publisher' args='--x 1 --pich 0.1 --frame-id a'/></launch>"
+                .to_owned(),
+            &["<node>[0]: `--pich`", "--pitch"],
+        ),
+        ("<launch><include/></launch>".to_owned(), &["<include>: `file` is missing"]),
+        (
+            "<launch><node exec='static_transform_publisher' args='--z 1 --z 2 --frame-id a'/></launch>"
+                .to_owned(),
+            &["<node>[0]: `--z`", "each flag once"],
+        ),
+        (
+            "<launch><node exec='static_transform_publisher' args='--yaw 1 --qw 1 --frame-id a \
+             --child-frame-id b'/></launch>"
+                .to_owned(),
+            &["<node>[0]: `--yaw`", "no angle beside a quaternion"],
+        ),
+        (
+            "<sdf><model><link name='lidar'><pose>1 0 0 0 0 0</pose><pose>2 0 0 0 0 0</pose></link></model></sdf>"
+                .to_owned(),
+            &["<link> `lidar`.pose: `a second <pose>`"],
+        ),
+        (
+            r#"[{"type": "sensor.lidar.ray_cast", "id": "a", "x": 1, "y": 2, "z": 2, "Yaw": 90}]"#.to_owned(),
+            &["[0].Yaw: `Yaw`", "small letters"],
+        ),
+        (pandaset("'offset': 1", "", ""), &["main_pandar64: unknown key `offset`"]),
+        (pandaset("", "'scale': 1", ""), &["transform: unknown key `scale`"]),
+        (pandaset("", "", "'roll': 1"), &["rotation: unknown key `roll`"]),
+        (
+            r#"[{"type": "sensor.lidar.ray_cast", "x": 1, "y": 2, "id": "a"}]"#.to_owned(),
+            &["file: [0]: `z` is missing"],
+        ),
+        (r#"[{"type": "sensor.lidar.ray_cast", "x": 1"#.to_owned(), &["file", "the file ends"]),
+        ("{\"spawn_point\": 1}".to_owned(), &["file: `objects` is missing"]),
+        (
+            "{\"objects\": [{\"sensors\": [1]}], \"spawn_point\": 1}".to_owned(),
+            &["objects[0].sensors[0]: `1`"],
+        ),
+        ("{\"placements\": [{\"name\": \"a\", \"lidars\": []}]}".to_owned(), &["`a` has 0 LiDARs"]),
+        ("{\"placements\": [], \"lidars\": 1}".to_owned(), &["unknown key `lidars`"]),
+        ("nothing: known".to_owned(), &["file: its content is none of autoware, urdf", "--format"]),
+        (String::new(), &["file: its content is none of"]),
+        ("<xml/>".to_owned(), &["its content is none of"]),
+    ];
+    let twice = source("file.yaml", &lidar("x: 1, x: 2"));
+    let error = import_texts(&[twice], &ImportSettings::default()).unwrap_err().to_string();
+    assert!(error.contains("file.yaml: ") && error.contains("duplicate"), "{error}");
+    let mut lacking = Vec::new();
+    for (text, parts) in cases {
+        let error = read(&text).expect_err(&text).to_string();
+        let missing = parts.iter().filter(|part| !error.contains(**part));
+        lacking.extend(missing.map(|part| format!("{error}\n  lacks {part}")));
+    }
+    assert!(lacking.is_empty(), "{}", lacking.join("\n"));
+}
+
+#[test]
+fn names_that_nothing_has_are_listed() {
+    let text = autoware("lidar: {x: 1, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0}");
+    let fails = |settings: ImportSettings| {
+        import_texts(&[source("file", &text)], &settings).unwrap_err().to_string()
+    };
+    let settings = ImportSettings::default;
+    let sensors = [("side".to_owned(), "VLP-16".to_owned())].into();
+    assert!(fails(ImportSettings { sensors, ..settings() }).contains("called `side`"));
+    let error = fails(ImportSettings { frames: vec!["top".to_owned()], ..settings() });
+    assert_eq!(error, "file: no frame is called `top`; there are `base_link`, `kit`, `lidar`");
+    let error = fails(ImportSettings { base_frame: Some("map".to_owned()), ..settings() });
+    assert!(error.contains("no frame is called `map`"), "{error}");
+    let error = fails(ImportSettings { name: Some("a b".to_owned()), ..settings() });
+    assert!(error.contains("`a b` is not a placement name"), "{error}");
+    let error = "yaml".parse::<RigFormat>().unwrap_err().to_string();
+    assert!(error.contains("`yaml`") && error.contains("carla-objects"), "{error}");
+    assert!(
+        RigFormat::ALL.iter().all(|format| format.name().parse::<RigFormat>().unwrap() == *format)
+    );
+}
+
+#[test]
+fn seventeen_lidars_are_too_many_and_can_be_picked_from() {
+    let joints: String = (0..17).map(|k| joint("base_link", &format!("lidar_{k}"))).collect();
+    let text = format!("<robot name='my robot'>{joints}</robot>");
+    let error = read(&text).unwrap_err().to_string();
+    assert!(error.contains("17 frames are LiDARs, at most 16"), "{error}");
+    let frames = vec!["lidar_16".to_owned()];
+    let settings = ImportSettings { frames, ..ImportSettings::default() };
+    let read = import_texts(&[source("file", &text)], &settings).unwrap();
+    assert_eq!((read.rig.lidars.len(), read.left_out.len()), (1, 16));
+    // A robot's name with a space is no name of a placement.
+    assert_eq!(read.rig.name, "rig");
+}
+
+#[test]
+fn a_rig_that_cannot_be_written_is_refused() {
+    let pose = SensorPose::from_values([0.0; 6]);
+    let rig = |frames: &[&str], x: f64| Rig {
+        name: "r".to_owned(),
+        lidars: frames
+            .iter()
+            .map(|frame| RigLidar {
+                frame: (*frame).to_owned(),
+                sensor: None,
+                pose: SensorPose { x, ..pose },
+            })
+            .collect(),
+    };
+    let fails = |rig: &Rig, format| {
+        export(rig, format, &Mounting::default(), &Models::default()).unwrap_err().to_string()
+    };
+    assert!(fails(&rig(&["a b"], 0.0), RigFormat::Urdf).contains("`a b`"));
+    assert!(fails(&rig(&["a", "a"], 0.0), RigFormat::Urdf).contains("used twice"));
+    assert!(fails(&rig(&["base_link"], 0.0), RigFormat::Urdf).contains("that of the vehicle"));
+    assert!(fails(&rig(&["a"], f64::NAN), RigFormat::Urdf).contains("x = NaN"));
+    assert!(
+        fails(&rig(&["a"], 0.0), RigFormat::Pandaset).contains("pandaset is read, but not written")
+    );
+}
+
+#[test]
+fn one_of_several_placements_is_picked_by_name() {
+    let placement = |name: &str, x: f64| {
+        format!("{{\"name\": \"{name}\", \"lidars\": [{{\"x\": {x}, \"y\": 0, \"z\": 1}}]}}")
+    };
+    let (a, b) = (placement("a", 1.0), placement("b", 2.0));
+    let document = source("p.json", &format!("{{\"placements\": [{a}, {b}]}}"));
+    let lines = source("p.jsonl", &format!("{a}\n\n{b}\n"));
+    let pick = |source: &Source, name: Option<&str>| {
+        let name = name.map(str::to_owned);
+        let settings =
+            ImportSettings { name, format: Some(RigFormat::Json), ..ImportSettings::default() };
+        import_texts(std::slice::from_ref(source), &settings).map(|read| read.rig.lidars[0].pose.x)
+    };
+    for source in [&document, &lines] {
+        assert_eq!(pick(source, Some("b")).unwrap(), 2.0);
+        let error = pick(source, None).unwrap_err().to_string();
+        assert!(error.contains("several") && error.contains("`a`, `b`"), "{error}");
+        assert!(
+            pick(source, Some("c")).unwrap_err().to_string().contains("no placement is called `c`")
+        );
+    }
+}
+
+/// Neither depth nor aliases nor long chains make the reading long or deep.
+#[test]
+fn hostile_files_end_soon() {
+    let deep = 100_000;
+    let elements = format!("<sdf>{}{}</sdf>", "<a>".repeat(deep), "</a>".repeat(deep));
+    let lists = format!("[{{\"type\": \"sensor.lidar.x\", {}", "[".repeat(deep));
+    let blocks = "- ".repeat(deep);
+    let yaml = format!("a: {}", "[".repeat(deep));
+    let bomb = (0..30).fold("a0: &a0 {x: 1}\n".to_owned(), |text, k| {
+        text + &format!("a{}: &a{} [*a{k}, *a{k}, *a{k}, *a{k}]\n", k + 1, k + 1)
+    });
+    let chain: String =
+        (0..50_000).map(|k| joint(&format!("l{k}"), &format!("l{}", k + 1))).collect();
+    let chain =
+        format!("<robot>{}{chain}{}</robot>", joint("base_link", "l0"), joint("l50000", "lidar"));
+    for text in [&elements, &lists, &blocks, &yaml, &bomb] {
+        assert!(read(text).is_err());
+    }
+    assert_eq!(read(&chain).unwrap().rig.lidars.len(), 1);
+}
+
+#[test]
+fn a_large_file_is_not_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.urdf");
+    std::fs::File::create(&path).unwrap().set_len(17 << 20).unwrap();
+    let error = crate::rig::import(&[path], &ImportSettings::default()).unwrap_err();
+    assert!(matches!(error, RigError::File(_)), "{error}");
+    assert!(error.to_string().contains("larger than the limit"), "{error}");
+    let error = crate::rig::import(&[folder.path().join("none.yaml")], &ImportSettings::default());
+    assert!(error.unwrap_err().to_string().contains("cannot be read"));
+    let error = crate::rig::import(&[folder.path().to_owned()], &ImportSettings::default());
+    assert!(error.unwrap_err().to_string().contains("without .yaml files"));
+}

@@ -1,0 +1,33 @@
+//! Bounding volume hierarchy over the triangles of one rigid thing, and the tests of a ray with its parts.
+//!
+//! Built once on the host as a binary tree with a binned surface-area heuristic (Wald 2007), which the
+//! reference goes down. Devices and walks go down copies of it with four and sixteen children a node.
+//!
+//! # Why every traversal gives the same bits
+//! A triangle's hit distance is clamped to the interval in which the ray is inside the triangle's own
+//! box, or inside its padded one where rounding lets the ray pass beside the bare one.
+//! `(bound − origin) · inverse` never decreases when `bound` grows, also in rounded arithmetic, so the
+//! interval of every ancestor box contains that of the triangle. A node that is
+//! skipped because it begins behind the best hit can therefore not hold a closer or an equal one: the
+//! answer is the same for every tree, every order of visits, and for no tree at all
+//! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together (`cast::Caster`).
+
+mod build;
+pub(crate) mod bvh16;
+#[cfg(feature = "gpu")]
+mod bvh4;
+mod collapse;
+mod intersect;
+mod node;
+mod tree;
+
+pub use intersect::{FAR_INVERSE, axes_of};
+
+pub use build::PAD_SHARE;
+#[cfg(feature = "gpu")]
+pub use bvh4::Bvh4;
+#[cfg(feature = "gpu")]
+pub use bvh4::{QuantizedNode, TRIANGLE};
+pub use intersect::{Hit, NO_HIT, Ray, major_axis};
+pub use node::{MAX_DEPTH, Node, Triangle};
+pub use tree::Bvh;

@@ -1,0 +1,146 @@
+//! Casts the beams of one sensor model for any number of sensors.
+
+use rayon::prelude::*;
+
+use super::reference::cast_rows;
+use super::walk::{Instructions, Part, Walk};
+use crate::bvh::{Bvh, Hit};
+use crate::geom::Pose;
+use crate::sensor::BeamTable;
+use crate::task::{DevicePose, Frame};
+
+/// Sensors for each thread from which on a sensor's windows are not shared out too.
+const SENSORS_A_THREAD: usize = 4;
+
+/// A way to find closest hits; each gives the same bits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Casting {
+    /// Beam by beam, as [`super::cast_closest`] does.
+    Beams,
+    /// One walk down the tree a sensor; beam by beam where the table is no grid.
+    Walk,
+}
+
+/// Casts the beams of a table: the bits of [`super::cast_frame_closest`].
+///
+/// Each sensor walks the tree once with all of its beams. Beams that lie in no grid go alone.
+pub struct Caster {
+    table: BeamTable,
+    walk: Option<Walk>,
+}
+
+/// A tree, and the pose of each sensor of a batch in its frame.
+struct Level<'a> {
+    bvh: &'a Bvh,
+    first_prim: u32,
+    poses: Vec<DevicePose>,
+}
+
+/// A sensor that is cast by itself: its parts by how their beams go, and its hits.
+struct Row<'p, 'h> {
+    walked: Vec<Part<'p>>,
+    alone: Vec<Part<'p>>,
+    hits: &'h mut [Hit],
+}
+
+impl<'a> Level<'a> {
+    /// The tree with the pose of one sensor.
+    fn part(&self, sensor: usize) -> Part<'a> {
+        Part { bvh: self.bvh, pose: self.poses[sensor], first_prim: self.first_prim }
+    }
+}
+
+impl Caster {
+    /// A caster for all sensors of a table.
+    pub fn new(table: &BeamTable) -> Self {
+        Self::by(Casting::Walk, Instructions::Best, table)
+    }
+
+    /// A caster that goes one way alone, to compare the ways.
+    pub fn by(way: Casting, instructions: Instructions, table: &BeamTable) -> Self {
+        let walk = (way == Casting::Walk).then(|| Walk::new(table, instructions)).flatten();
+        Self { table: table.clone(), walk }
+    }
+
+    /// Closest hits of many sensors up to `range` in a frame; `sensors` lead to the ego frame, `hits`
+    /// becomes `[sensors × directions]`.
+    pub fn cast_frame(&self, sensors: &[Pose], frame: &Frame, range: f32, hits: &mut Vec<Hit>) {
+        hits.clear();
+        hits.resize(sensors.len() * self.table.directions().len(), Hit::none(range));
+        self.closer_hits_in(sensors, frame, self.rows(hits));
+    }
+
+    /// Replaces the hits of many sensors, a row each, by closer ones in a frame; `sensors` lead to the ego
+    /// frame, and a hit of nothing is as far as it says.
+    pub fn closer_hits_in(&self, sensors: &[Pose], frame: &Frame, rows: Vec<&mut [Hit]>) {
+        let levels = frame.instances().iter().map(|instance| Level {
+            bvh: &instance.tree,
+            first_prim: instance.first_prim,
+            poses: sensors.iter().map(|sensor| instance.pose_of(sensor)).collect(),
+        });
+        self.cast_levels(&levels.collect::<Vec<_>>(), rows);
+    }
+
+    /// Closest hits of many sensors up to `range` in one tree; `poses` lead to its frame, `hits` becomes
+    /// `[poses × directions]`.
+    pub fn closest_hits(&self, poses: &[DevicePose], bvh: &Bvh, range: f32, hits: &mut Vec<Hit>) {
+        let level = Level { bvh, first_prim: 0, poses: poses.to_vec() };
+        hits.clear();
+        hits.resize(poses.len() * self.table.directions().len(), Hit::none(range));
+        self.cast_levels(&[level], self.rows(hits));
+    }
+
+    fn rows<'h>(&self, hits: &'h mut [Hit]) -> Vec<&'h mut [Hit]> {
+        hits.chunks_mut(self.table.directions().len()).collect()
+    }
+
+    fn cast_levels(&self, levels: &[Level<'_>], rows: Vec<&mut [Hit]>) {
+        let few = rows.len() < SENSORS_A_THREAD * rayon::current_num_threads();
+        let of_sensor = |(k, hits)| {
+            let parts: Vec<Part<'_>> = levels.iter().map(|level| level.part(k)).collect();
+            let (walked, alone) = self.sorted(&parts);
+            Row { walked, alone, hits }
+        };
+        let mut rows: Vec<Row<'_, '_>> = rows.into_iter().enumerate().map(of_sensor).collect();
+        match &self.walk {
+            Some(walk) if few => {
+                rows.par_iter_mut().for_each(|row| walk.cast(&row.walked, true, row.hits))
+            }
+            // Window after window: what one sensor meets there lies in the cache when the next one comes.
+            Some(walk) => (0..walk.windows()).for_each(|window| {
+                rows.par_iter_mut().for_each(|row| walk.cast_in(window, &row.walked, row.hits));
+            }),
+            None => {}
+        }
+        rows.into_par_iter().for_each(|row| self.cast_alone(row.alone, row.hits));
+    }
+
+    /// Replaces the hits of one sensor, in the order of the table's directions, by closer ones in some
+    /// trees, and by equally close ones of a lower face; a hit of nothing is as far as it says.
+    ///
+    /// What a sensor does not see costs next to nothing: bounds of a tree's first boxes.
+    pub fn closer_hits(&self, parts: &[Part<'_>], hits: &mut [Hit]) {
+        let (walked, alone) = self.sorted(parts);
+        if let Some(walk) = &self.walk {
+            walk.cast(&walked, false, hits);
+        }
+        self.cast_alone(alone, hits);
+    }
+
+    /// Parts whose tree all beams walk together, and parts into which each beam is cast alone.
+    fn sorted<'a>(&self, parts: &[Part<'a>]) -> (Vec<Part<'a>>, Vec<Part<'a>>) {
+        parts.iter().partition(|part| self.walk.is_some() && Walk::fits(part))
+    }
+
+    fn cast_alone(&self, alone: Vec<Part<'_>>, hits: &mut [Hit]) {
+        let range = farthest(hits);
+        for Part { bvh, pose, first_prim } in alone {
+            cast_rows(vec![(&pose, &mut *hits)], self.table.directions(), bvh, first_prim, range);
+        }
+    }
+}
+
+/// The farthest of some hits, those of nothing included, in metres.
+fn farthest(hits: &[Hit]) -> f32 {
+    hits.iter().map(|hit| hit.t).fold(0.0, f32::max)
+}

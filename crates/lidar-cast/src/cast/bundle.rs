@@ -1,0 +1,249 @@
+//! Single rays, and thin bundles of them, down the sixteen-wide tree: for beams that share no origin with others.
+//!
+//! A sensor that moves while it turns fires every column from a place of its own, and a beam that is wider than
+//! a line is a bundle of rays. Sixteen boxes, or the boxes of sixteen triangles, are tested at once; what is
+//! left goes to `Ray::intersect`, so the bits are those of the reference.
+
+use multiversion::multiversion;
+
+use super::sight::Sight;
+use crate::bvh::bvh16::{BLOCK, Block16, Node16, WIDTH};
+use crate::bvh::{Bvh, Hit, Ray, Triangle};
+use crate::geom::Pose;
+use crate::task::{DevicePose, beam_direction, beam_origin};
+
+/// Rounding of a box's bounds, as a share of the largest coordinate: 2⁻²³ of each of middle, half extent and
+/// origin, with room.
+const SLACK: f32 = 1e-6;
+/// Rounding of a distance, as a share of it.
+const STRETCH: f32 = 1e-6;
+
+/// Parts of a tree that are left to visit, with where they begin; kept from ray to ray.
+pub type Left = Vec<(f32, u32)>;
+
+/// Where a tree lies for one sensor: the pose that takes the sensor's frame to the tree's, rounded, and
+/// spheres around it that most beams and bundles miss.
+#[derive(Debug, Clone, Copy)]
+pub struct Standing {
+    pose: DevicePose,
+    sight: Sight,
+    wide: Sight,
+}
+
+impl Standing {
+    /// For bundles of rays within `width` radians; none where the tree is empty or out of `range`.
+    pub fn new(tree: &Bvh, pose: &Pose, range: f32, width: f32) -> Option<Self> {
+        let pose = DevicePose::from(pose);
+        let sight = Sight::new(&pose, tree, range)?;
+        Some(Self { pose, sight, wide: sight.widened(width) })
+    }
+
+    /// Takes the sensor's frame to the tree's.
+    #[cfg_attr(not(feature = "gpu"), allow(dead_code))]
+    pub fn pose(&self) -> &DevicePose {
+        &self.pose
+    }
+
+    /// The sphere that most beams miss.
+    #[cfg(feature = "gpu")]
+    pub fn sight(&self) -> &Sight {
+        &self.sight
+    }
+}
+
+/// A tree as one sensor sees it, its faces numbered from `first_prim` on.
+#[derive(Clone, Copy)]
+pub struct Target<'a> {
+    /// The tree.
+    pub tree: &'a Bvh,
+    /// Added to the index of each face.
+    pub first_prim: u32,
+    /// Where it lies for the sensor.
+    pub standing: &'a Standing,
+}
+
+/// Replaces the hits of beams by closer ones in some trees, and by equally close ones of a lower face: what
+/// [`super::Caster::closer_hits`] does, beam by beam, for a few directions of the sensor's frame.
+pub fn closer_hits_of_beams<'a>(
+    targets: impl Iterator<Item = Target<'a>>,
+    directions: impl Iterator<Item = [f32; 3]> + Clone,
+    hits: &mut [Hit],
+    left: &mut Left,
+) {
+    for Target { tree, first_prim, standing: Standing { pose, sight, .. } } in targets {
+        let origin = beam_origin(pose);
+        for (direction, hit) in directions.clone().zip(&mut *hits) {
+            if !sight.misses(direction, hit.t) {
+                let rays = [Ray::new(origin, beam_direction(pose, direction), hit.t)];
+                descend(tree, first_prim, &rays, 0.0, std::slice::from_mut(hit), left);
+            }
+        }
+    }
+}
+
+/// The same for rays around the first of `directions`, none farther from it than `width` radians, which go
+/// down together.
+pub fn closer_hits_of_bundle<'a, const N: usize>(
+    targets: impl Iterator<Item = Target<'a>>,
+    directions: &[[f32; 3]; N],
+    width: f32,
+    hits: &mut [Hit; N],
+    left: &mut Left,
+) {
+    for Target { tree, first_prim, standing: Standing { pose, wide, .. } } in targets {
+        let farthest = hits.iter().fold(0.0, |t: f32, hit| t.max(hit.t));
+        if wide.misses(directions[0], farthest) {
+            continue;
+        }
+        let origin = beam_origin(pose);
+        let ray = |k: usize| Ray::new(origin, beam_direction(pose, directions[k]), hits[k].t);
+        let rays: [Ray; N] = std::array::from_fn(ray);
+        descend(tree, first_prim, &rays, width, hits, left);
+    }
+}
+
+/// Tells whether rays of one origin all hit one triangle of a tree.
+pub fn all_hit(
+    tree: &Bvh,
+    pose: &DevicePose,
+    mut directions: impl Iterator<Item = [f32; 3]>,
+    triangle: &Triangle,
+    range: f32,
+) -> bool {
+    let origin = beam_origin(pose);
+    directions.all(|direction| {
+        let ray = Ray::new(origin, beam_direction(pose, direction), range);
+        let mut hit = Hit::none(range);
+        ray.intersect(triangle, tree.pad, 0, &mut hit);
+        hit.is_hit()
+    })
+}
+
+/// Closer hits of rays that start together and lie within `width` radians of the first.
+#[multiversion(targets(
+    "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
+    "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
+))]
+pub(super) fn descend(
+    bvh: &Bvh,
+    first_prim: u32,
+    rays: &[Ray],
+    width: f32,
+    hits: &mut [Hit],
+    left: &mut Left,
+) {
+    let tree = &bvh.bvh16;
+    let Some(first) = rays.first().filter(|_| !tree.nodes.is_empty()) else { return };
+    let largest = tree.largest + first.origin.abs().max_element();
+    let tube = Tube { ray: first, width, slack: SLACK * largest + bvh.pad, around: SLACK + width };
+    let farthest = |hits: &[Hit]| hits.iter().fold(0.0, |t: f32, hit| t.max(hit.t));
+    let mut reach = farthest(hits);
+    left.clear();
+    left.push((0.0, 0));
+    while let Some((near, child)) = left.pop() {
+        if near > reach {
+            continue;
+        }
+        if child & BLOCK == 0 {
+            let node = &tree.nodes[child as usize];
+            let mut begins = [0.0; WIDTH];
+            let mut seen = tube.children(node, reach, &mut begins) & node.valid;
+            let from = left.len();
+            while seen != 0 {
+                let slot = seen.trailing_zeros() as usize % WIDTH;
+                seen &= seen - 1;
+                // The nearest on top.
+                let mut at = left.len();
+                while at > from && left[at - 1].0 < begins[slot] {
+                    at -= 1;
+                }
+                left.insert(at, (begins[slot], node.children[slot]));
+            }
+        } else {
+            let block = &tree.blocks[(child ^ BLOCK) as usize];
+            let mut begins = [0.0; WIDTH];
+            let mut seen = tube.triangles(block, reach, &mut begins) & block.valid;
+            while seen != 0 {
+                let slot = seen.trailing_zeros() as usize % WIDTH;
+                seen &= seen - 1;
+                let triangle = block.triangle(slot);
+                let closer = rays.iter().zip(&mut *hits).filter(|(_, hit)| begins[slot] <= hit.t);
+                for (ray, hit) in closer {
+                    ray.intersect(&triangle, bvh.pad, first_prim, hit);
+                }
+            }
+            reach = farthest(hits);
+        }
+    }
+}
+
+/// A ray and all that lies within an angle around it.
+struct Tube<'a> {
+    ray: &'a Ray,
+    width: f32,
+    /// Metres by which boxes grow for rounding.
+    slack: f32,
+    /// Metres by which boxes grow for each metre that they lie away.
+    around: f32,
+}
+
+impl Tube<'_> {
+    /// A bit for each box of a node that begins within `reach`, and where they begin.
+    #[inline(always)]
+    fn children(&self, node: &Node16, reach: f32, begins: &mut [f32; WIDTH]) -> u16 {
+        self.boxes(&node.middle, &node.half, reach, begins)
+    }
+
+    /// A bit for each triangle of a block whose box begins within `reach`, and where they begin.
+    #[inline(always)]
+    fn triangles(&self, block: &Block16, reach: f32, begins: &mut [f32; WIDTH]) -> u16 {
+        let (mut middle, mut half) = ([[0.0; WIDTH]; 3], [[0.0; WIDTH]; 3]);
+        for axis in 0..3 {
+            for slot in 0..WIDTH {
+                let [a, b, c] = [0, 1, 2].map(|corner: usize| block.corners[corner][axis][slot]);
+                let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+                middle[axis][slot] = 0.5 * low + 0.5 * high;
+                half[axis][slot] = 0.5 * (high - low);
+            }
+        }
+        self.boxes(&middle, &half, reach, begins)
+    }
+
+    /// A bit for each box that the tube meets within `reach`.
+    #[inline(always)]
+    fn boxes(
+        &self,
+        middle: &[[f32; WIDTH]; 3],
+        half: &[[f32; WIDTH]; 3],
+        reach: f32,
+        begins: &mut [f32; WIDTH],
+    ) -> u16 {
+        let (origin, inverse) = (self.ray.origin.to_array(), self.ray.inverse.to_array());
+        let mut grown = [self.slack; WIDTH];
+        if self.width > 0.0 {
+            for axis in 0..3 {
+                for slot in 0..WIDTH {
+                    let away = (middle[axis][slot] - origin[axis]).abs() + half[axis][slot];
+                    grown[slot] += self.around * away;
+                }
+            }
+        }
+        let (mut near, mut far) = ([0.0_f32; WIDTH], [f32::MAX; WIDTH]);
+        for axis in 0..3 {
+            let steep = inverse[axis].abs();
+            for slot in 0..WIDTH {
+                let at = (middle[axis][slot] - origin[axis]) * inverse[axis];
+                let wide = (half[axis][slot] + grown[slot]) * steep;
+                near[slot] = near[slot].max(at - wide);
+                far[slot] = far[slot].min(at + wide);
+            }
+        }
+        let mut seen = 0;
+        for slot in 0..WIDTH {
+            begins[slot] = near[slot] * (1.0 - STRETCH);
+            let meets = begins[slot] <= far[slot] * (1.0 + STRETCH) && begins[slot] <= reach;
+            seen |= u16::from(meets) << slot;
+        }
+        seen
+    }
+}

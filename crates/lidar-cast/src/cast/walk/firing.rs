@@ -1,0 +1,217 @@
+//! `FiringWalk`: the beams of a sensor that moves while it turns, with their rims.
+
+use std::ops::Range;
+use std::sync::Mutex;
+
+use multiversion::multiversion;
+use multiversion::target::match_target;
+
+use super::angles::Eye;
+use super::grid::{BEAMS, Grid, Window};
+use super::ops::W;
+use super::packet::{Packet, RAYS, Rays};
+use super::swept::{self, Middles, Sweeping, Swept};
+use super::{Instructions, LARGEST, Part, Walk};
+use crate::bvh::{Bvh, Hit, Ray};
+use crate::cast::bundle::descend;
+use crate::sensor::BeamTable;
+use crate::task::{DevicePose, beam_direction, beam_origin};
+
+/// Beams that go down a tree together, at most.
+const TOGETHER: usize = 2048;
+/// Azimuth steps that do.
+const STEPS: usize = 16;
+
+/// A tree, and the sensor's poses in its frame when the azimuth steps of a window fire.
+pub struct SweptPart<'a> {
+    /// The tree.
+    pub bvh: &'a Bvh,
+    /// Added to the index of each face.
+    pub first_prim: u32,
+    /// From the sensor's frame to the tree's; none of a step whose beams do not meet the tree.
+    pub poses: Vec<Option<DevicePose>>,
+}
+
+/// The beams of a sensor that moves while it turns: neighbouring azimuth steps go down the trees together,
+/// each fired from a place of its own, and each beam with seven more rays around it.
+pub struct FiringWalk {
+    grid: Grid,
+    /// One for each row.
+    channels: Vec<usize>,
+    /// One for each window.
+    middles: Vec<Middles>,
+    steps: usize,
+    /// Farthest that a ray lies beside the middle of its beam, in radians.
+    width: f32,
+    instructions: Instructions,
+    /// Working memory that no walk uses at the moment.
+    spare: Mutex<Vec<Sweeping>>,
+}
+
+impl FiringWalk {
+    /// For sensors of a model with beams that wide; none of a list of directions, and of too many channels.
+    pub fn new(table: &BeamTable, width: f32, instructions: Instructions) -> Option<Self> {
+        let beams = table.grid()?;
+        let grid = Grid::of_firings(beams)?;
+        let channels: Vec<usize> = grid.channels().collect();
+        let spare = Mutex::default();
+        let mut walk = Self {
+            grid,
+            channels,
+            middles: vec![],
+            steps: beams.steps,
+            width,
+            instructions,
+            spare,
+        };
+        let windows = (0..walk.steps).step_by(walk.together());
+        walk.middles = windows.map(|from| walk.middles_from(table, from)).collect();
+        Some(walk)
+    }
+
+    fn middles_from(&self, table: &BeamTable, from: usize) -> Middles {
+        let steps = from..(from + self.together()).min(self.steps);
+        [0, 1, 2].map(|axis: usize| {
+            let row = |&channel: &usize| {
+                let beams = steps.clone().map(move |step| channel * self.steps + step);
+                beams.map(|beam| table.directions()[beam][axis])
+            };
+            self.channels.iter().flat_map(row).chain([0.0; W]).collect()
+        })
+    }
+
+    /// Azimuth steps that go down the trees together, from the first on; the last ones may be fewer.
+    pub fn together(&self) -> usize {
+        (TOGETHER / self.channels.len()).clamp(1, STEPS.min(self.steps.div_ceil(2)))
+    }
+
+    /// The closest hits within `range` of the beams of neighbouring azimuth steps, step by step and channel by
+    /// channel: those of lane 0 of their `rays`, and of its neighbours.
+    pub fn closest_hits<const RIM: usize>(
+        &self,
+        steps: Range<usize>,
+        parts: &[SweptPart<'_>],
+        rays: &[Rays],
+        range: f32,
+        hits: &mut [Hit],
+        rims: &mut [[Hit; RIM]],
+    ) {
+        const { assert!(RIM < RAYS) };
+        let window = Window { from: steps.start, columns: steps.len() };
+        let beams = window.columns * self.channels.len();
+        assert!(beams <= BEAMS, "windows are as wide as `together` says");
+        let mut work = self.spare.lock().ok().and_then(|mut spare| spare.pop()).unwrap_or_default();
+        work.packets.resize(beams, Packet::NONE);
+        work.packets.iter_mut().for_each(|packet| packet.begin(range));
+        work.far[..beams].fill(range);
+        for (number, part) in (0..).zip(parts) {
+            self.descend(window, number, part, rays, &mut work, range);
+        }
+        for ((packet, found), rim) in work.packets.iter().zip(hits).zip(rims) {
+            let hit = |lane: usize| Hit { t: packet.t[lane], prim: packet.prim[lane] };
+            *found = hit(0);
+            *rim = std::array::from_fn(|k| hit(k + 1));
+        }
+        if let Ok(mut spare) = self.spare.lock() {
+            spare.push(work);
+        }
+    }
+
+    fn descend(
+        &self,
+        window: Window,
+        number: u32,
+        part: &SweptPart<'_>,
+        rays: &[Rays],
+        work: &mut Sweeping,
+        range: f32,
+    ) {
+        let tree = &part.bvh.bvh16;
+        let known = || part.poses.iter().flatten();
+        let Some(middle) = known().nth(known().count() / 2).filter(|_| !tree.nodes.is_empty())
+        else {
+            return;
+        };
+        let Some(eye) = self.eye(middle, part, range) else {
+            return self.alone(window, part, rays, work);
+        };
+        let (grid, poses, channels) = (&self.grid, &part.poses[..], &self.channels[..]);
+        let (first_prim, middles) = (part.first_prim, &self.middles[window.from / self.together()]);
+        let swept =
+            Swept { grid, window, eye, tree, poses, channels, rays, middles, first_prim, number };
+        match self.instructions {
+            Instructions::Best => walk(&swept, work),
+            Instructions::Avx2 => walk_avx2(&swept, work),
+            Instructions::Plain => swept::plain::walk(&swept, work),
+        }
+    }
+
+    /// The sensor in the middle of a window, and how far it lies from there at other steps; none where angles cannot
+    /// be computed.
+    fn eye(&self, middle: &DevicePose, part: &SweptPart<'_>, range: f32) -> Option<Eye> {
+        let (mut moved, mut turned) = (0.0_f32, 0.0_f32);
+        for pose in part.poses.iter().flatten() {
+            let (mut move_square, mut turn_square) = (0.0, 0.0);
+            for (row, other) in pose.rows.iter().zip(&middle.rows) {
+                let off = |k: usize| (row[k] - other[k]) * (row[k] - other[k]);
+                turn_square += off(0) + off(1) + off(2);
+                move_square += off(3);
+            }
+            (moved, turned) = (moved.max(move_square), turned.max(turn_square));
+        }
+        let whole = Part { bvh: part.bvh, pose: *middle, first_prim: part.first_prim };
+        let (moved, turned) = (1.01 * moved.sqrt(), 1.01 * turned.sqrt() + self.width);
+        (Walk::fits(&whole) && moved < LARGEST && turned < 0.5).then(|| Eye {
+            moved,
+            turned,
+            farthest: range,
+            ..Eye::of(&whole)
+        })
+    }
+
+    /// Packet by packet.
+    fn alone(&self, window: Window, part: &SweptPart<'_>, rays: &[Rays], work: &mut Sweeping) {
+        let mut left = Vec::new();
+        for (row, &channel) in self.channels.iter().enumerate() {
+            for (column, pose) in part.poses.iter().enumerate() {
+                let Some(pose) = pose else { continue };
+                let at = column * self.channels.len() + channel;
+                let rays = &rays[at];
+                let Packet { t, prim, .. } = &mut work.packets[at];
+                let mut hits: [Hit; RAYS] =
+                    std::array::from_fn(|lane| Hit { t: t[lane], prim: prim[lane] });
+                let ray = |lane: usize| {
+                    let direction =
+                        beam_direction(pose, [rays[0][lane], rays[1][lane], rays[2][lane]]);
+                    Ray::new(beam_origin(pose), direction, t[lane])
+                };
+                let rays: [Ray; RAYS] = std::array::from_fn(ray);
+                descend(part.bvh, part.first_prim, &rays, self.width, &mut hits, &mut left);
+                (*t, *prim) = (hits.map(|hit| hit.t), hits.map(|hit| hit.prim));
+                work.far[row * window.columns + column] = work.packets[at].farthest();
+            }
+        }
+    }
+}
+
+#[multiversion(targets(
+    "x86_64+avx+avx2+fma+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
+    "x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt",
+))]
+fn walk(swept: &Swept<'_>, work: &mut Sweeping) {
+    match_target! {
+        "x86_64+avx+avx2+fma+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt" => {
+            swept::avx512::walk(swept, work)
+        }
+        "x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt" => swept::avx2::walk(swept, work),
+        _ => swept::plain::walk(swept, work),
+    }
+}
+
+#[multiversion(targets("x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt"))]
+fn walk_avx2(swept: &Swept<'_>, work: &mut Sweeping) {
+    match_target! {
+        "x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt" => swept::avx2::walk(swept, work),
+        _ => swept::plain::walk(swept, work),
+    }
+}

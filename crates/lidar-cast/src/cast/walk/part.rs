@@ -1,0 +1,15 @@
+//! What is walked: a tree, and where the sensor stands in its frame.
+
+use crate::bvh::Bvh;
+use crate::task::DevicePose;
+
+/// A tree, and the sensor's pose in its frame.
+#[derive(Clone, Copy)]
+pub struct Part<'a> {
+    /// The tree.
+    pub bvh: &'a Bvh,
+    /// From the sensor's frame to the tree's.
+    pub pose: DevicePose,
+    /// Added to the index of each face.
+    pub first_prim: u32,
+}

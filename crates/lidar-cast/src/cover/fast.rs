@@ -1,0 +1,232 @@
+//! Coverage of one sensor, fast: its beams sorted by way and length, then walked sixteen at a time.
+
+use multiversion::multiversion;
+
+use super::BitOrder;
+use super::bit_order::row_words;
+use super::lockstep::{NEVER, ROUND, Start, WORD, Way, walk_all};
+use super::reference::{Walk, beam_end, grid_origin};
+use super::transpose::add_transposed;
+use crate::bvh::{Hit, NO_HIT};
+use crate::grid::Roi;
+use crate::task::{DevicePose, HIT_PUSH, NO_CROSSING, TINY_COMPONENT, beam_direction};
+
+/// Ways of a beam, by its larger horizontal component: −y, +y, −x, +x. A power of two.
+const WAYS: usize = 4;
+/// Classes of beams of one way by their length, counted in words that they pass.
+const LENGTHS: usize = 256;
+/// Parts of the beam table that the counting sort takes turns at. Neighbours in the table are of one
+/// kind, so that a single pass would add to the same counter again and again, each time waiting for
+/// the last addition to be stored.
+const SORT_PARTS: usize = 4;
+/// Voxels along an axis from which on beams are walked by the reference. Below, f32 leaves 2⁻⁹ of a
+/// voxel for the rounding of a plane's number, so that crossings of different planes are different
+/// numbers, and a number of planes computed from a slope is off by less than
+/// [`PLANES_MARGIN`](super::lockstep::PLANES_MARGIN).
+const SLOPE_LIMIT: f32 = (1 << 15) as f32;
+
+/// Working memory of [`cover_sensor`], kept from sensor to sensor.
+#[derive(Default)]
+pub struct WalkScratch {
+    /// Metres a voxel along each axis, by beam.
+    inverse: [Vec<f32>; 3],
+    /// Metres along each beam; crossings before that are taken.
+    stop: Vec<f32>,
+    /// Kind of each beam: 256 · way + length class, e.g. 0x2_03 goes along −x for three classes' words.
+    kind: Vec<u16>,
+    /// Numbers of the beams, sorted by kind.
+    sorted: Vec<u32>,
+    /// First beam of each way in that order, and the end.
+    ways: [usize; WAYS + 1],
+    /// Words along y, zero between sensors.
+    along_y: Vec<u32>,
+}
+
+/// Marks the voxels that one sensor's beams traverse in the order of [`BitOrder::rows`]:
+/// [`super::cover_voxels`] with sixteen beams of about the same length in lockstep. The same voxels.
+///
+/// `hits` is `[directions]`; `bitmap` is zero and holds all voxels.
+pub fn cover_sensor(
+    pose: &DevicePose,
+    directions: &[[f32; 3]],
+    roi: &Roi,
+    hits: Option<&[Hit]>,
+    range: f32,
+    scratch: &mut WalkScratch,
+    bitmap: &mut [u64],
+) {
+    let order = BitOrder::rows(roi);
+    if !walks_in_lockstep(pose, roi, &order) {
+        visit_all(pose, directions, roi, hits, range, |voxel| {
+            let bit = order.bit_of(voxel as u32);
+            bitmap[bit as usize / 64] |= 1 << (bit % 64);
+        });
+        return;
+    }
+    let bitmap: &mut [u32] = bytemuck::cast_slice_mut(bitmap);
+    scratch.fit(directions.len());
+    let start = Start::new(roi, grid_origin(pose).to_array());
+    prepare(pose, directions, roi, hits, range, &start, scratch);
+    sort(scratch);
+    let mut along_y = std::mem::take(&mut scratch.along_y);
+    along_y.resize(row_words(roi.shape(), 1), 0);
+    let of = |way: usize| &scratch.sorted[scratch.ways[way]..scratch.ways[way + 1]];
+    let (inverse, stop) = (&scratch.inverse, &scratch.stop);
+    walk_all::<true>(&Way::new(roi, &start, 1, true), of(0), inverse, stop, &mut along_y);
+    walk_all::<false>(&Way::new(roi, &start, 1, false), of(1), inverse, stop, &mut along_y);
+    add_transposed(roi.shape(), &mut along_y, bitmap);
+    walk_all::<true>(&Way::new(roi, &start, 0, true), of(2), inverse, stop, bitmap);
+    walk_all::<false>(&Way::new(roi, &start, 0, false), of(3), inverse, stop, bitmap);
+    scratch.along_y = along_y;
+}
+
+/// True if beams may be walked in lockstep: from a sensor in the grid, which has rows and fewer than
+/// 2¹⁵ voxels an axis.
+fn walks_in_lockstep(pose: &DevicePose, roi: &Roi, order: &BitOrder) -> bool {
+    let inside = |k: usize| {
+        let n = roi.shape()[k] as f32;
+        (0.0..n).contains(&grid_origin(pose)[k]) && n < SLOPE_LIMIT
+    };
+    order.has_rows() && (0..3).all(inside)
+}
+
+/// Calls `mark` with the linear index of each voxel that a beam traverses.
+fn visit_all(
+    pose: &DevicePose,
+    directions: &[[f32; 3]],
+    roi: &Roi,
+    hits: Option<&[Hit]>,
+    range: f32,
+    mut mark: impl FnMut(usize),
+) {
+    for (index, &direction) in directions.iter().enumerate() {
+        let end = beam_end(hits.map(|hits| hits[index]), range);
+        Walk::new(roi, grid_origin(pose), beam_direction(pose, direction)).visit(end, &mut mark);
+    }
+}
+
+impl WalkScratch {
+    fn fit(&mut self, beams: usize) {
+        for inverse in &mut self.inverse {
+            inverse.resize(beams, 0.0);
+        }
+        self.stop.resize(beams, 0.0);
+        self.kind.resize(beams, 0);
+        self.sorted.resize(beams, 0);
+    }
+}
+
+/// Fills in every beam's slopes, end and kind.
+#[multiversion(targets(
+    "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
+    "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
+))]
+fn prepare(
+    pose: &DevicePose,
+    directions: &[[f32; 3]],
+    roi: &Roi,
+    hits: Option<&[Hit]>,
+    range: f32,
+    start: &Start,
+    scratch: &mut WalkScratch,
+) {
+    let beams = directions.len();
+    for k in 0..3 {
+        let [r0, r1, r2, _] = pose.rows[k];
+        let voxel = roi.voxel()[k] as f32;
+        for (inverse, &[x, y, z]) in scratch.inverse[k].iter_mut().zip(directions) {
+            let d = r0 * x + r1 * y + r2 * z;
+            let d = if d.abs() < TINY_COMPONENT { 0.0 } else { d };
+            *inverse = if d != 0.0 { voxel / d } else { NO_CROSSING };
+        }
+    }
+    // The end of `beam_end`, for all beams at once.
+    match hits {
+        Some(hits) => {
+            for (stop, hit) in scratch.stop.iter_mut().zip(hits) {
+                *stop = if hit.prim != NO_HIT { hit.t + HIT_PUSH } else { range };
+            }
+        }
+        None => scratch.stop.fill(range),
+    }
+    let [ix, iy, iz] = &scratch.inverse;
+    let (ix, iy, iz) = (&ix[..beams], &iy[..beams], &iz[..beams]);
+    let stop = &mut scratch.stop[..beams];
+    let [px, py, pz] = start.p;
+    let [[back_x, ahead_x], [back_y, ahead_y], [back_z, ahead_z]] = start.exit;
+    let [no_x, no_y, no_z] = start.cell.map(|cell| cell.map(|cell| cell < 0));
+    let ([no_back_x, no_ahead_x], [no_back_y, no_ahead_y], [no_back_z, no_ahead_z]) =
+        (no_x, no_y, no_z);
+    for beam in 0..beams {
+        let (x, y, z) = (ix[beam], iy[beam], iz[beam]);
+        let exit_x = ((if x > 0.0 { ahead_x } else { back_x }) - px) * x;
+        let exit_y = ((if y > 0.0 { ahead_y } else { back_y }) - py) * y;
+        let exit_z = ((if z > 0.0 { ahead_z } else { back_z }) - pz) * z;
+        let exit = if exit_x < exit_y { exit_x } else { exit_y };
+        let exit = if exit < exit_z { exit } else { exit_z };
+        let nowhere = (if x > 0.0 { no_ahead_x } else { no_back_x })
+            | (if y > 0.0 { no_ahead_y } else { no_back_y })
+            | (if z > 0.0 { no_ahead_z } else { no_back_z });
+        let end = stop[beam];
+        // The crossing at the very end is taken, the one that leaves the grid is not.
+        let until = if end < exit { end.next_up() } else { exit };
+        stop[beam] = if nowhere | (end < 0.0) { NEVER } else { until };
+    }
+    let most: f32 = roi.shape().iter().map(|&n| n as f32).sum();
+    kinds([ix, iy, iz], stop, 1.5 * LENGTHS as f32 / most, &mut scratch.kind[..beams]);
+}
+
+/// The kind of each beam: the axis and the way that it mostly goes, and its length by `scale`.
+#[inline(always)]
+fn kinds([ix, iy, iz]: [&[f32]; 3], stop: &[f32], scale: f32, kinds: &mut [u16]) {
+    let longest = (LENGTHS - 1) as f32;
+    for (beam, kind) in kinds.iter_mut().enumerate() {
+        let (x, y, z) = (ix[beam], iy[beam], iz[beam]);
+        let (a, b, c) = (x.abs().recip(), y.abs().recip(), z.abs().recip());
+        let along_x = a >= b;
+        let (along, across) = if along_x { (a, b) } else { (b, a) };
+        let ahead = (if along_x { x } else { y }) > 0.0;
+        let way = (if along_x { 2 } else { 0 }) + (if ahead { 1 } else { 0 });
+        let length = stop[beam] * (along / WORD as f32 + across + c) * scale;
+        let length = if length < longest { length } else { longest };
+        let length = if length > 0.0 { length } else { 0.0 };
+        let length = (length + ROUND).to_bits() as u16 & (LENGTHS - 1) as u16;
+        *kind = (way * LENGTHS as u16) | length;
+    }
+}
+
+/// Sorts the beams by kind, those of one kind in the order of the table.
+fn sort(scratch: &mut WalkScratch) {
+    let mut next = [[0_u32; SORT_PARTS]; WAYS * LENGTHS];
+    let length = scratch.kind.len().div_ceil(SORT_PARTS).max(1);
+    let mut streams = [&scratch.kind[..0]; SORT_PARTS];
+    for (stream, kinds) in streams.iter_mut().zip(scratch.kind.chunks(length)) {
+        *stream = kinds;
+    }
+    for at in 0..length {
+        for (stream, kinds) in streams.iter().enumerate() {
+            if let Some(&kind) = kinds.get(at) {
+                next[usize::from(kind)][stream] += 1;
+            }
+        }
+    }
+    let mut first = 0;
+    for (kind, next) in next.iter_mut().enumerate() {
+        if kind % LENGTHS == 0 {
+            scratch.ways[kind / LENGTHS] = first as usize;
+        }
+        for next in next {
+            (*next, first) = (first, first + *next);
+        }
+    }
+    scratch.ways[WAYS] = first as usize;
+    for at in 0..length {
+        for (stream, kinds) in streams.iter().enumerate() {
+            if let Some(&kind) = kinds.get(at) {
+                let next = &mut next[usize::from(kind)][stream];
+                scratch.sorted[*next as usize] = (stream * length + at) as u32;
+                *next += 1;
+            }
+        }
+    }
+}

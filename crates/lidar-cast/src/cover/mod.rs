@@ -1,0 +1,14 @@
+//! Voxels that beams cover: the plain reference and the fast copy that gives its bits.
+//!
+//! `README.md` beside this file names the job of each file and the evidence for each path.
+
+mod bit_order;
+mod fast;
+mod lockstep;
+mod reference;
+mod transpose;
+
+pub use bit_order::Ranks;
+pub use bit_order::{BitOrder, Bitmaps};
+pub use fast::{WalkScratch, cover_sensor};
+pub use reference::cover_voxels;

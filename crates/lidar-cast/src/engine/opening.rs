@@ -1,0 +1,244 @@
+//! From a task to the engine that was asked for.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Backend, BackendError, CpuBackend, available_memory};
+use crate::bvh::Bvh;
+use crate::cast::FiringCaster;
+use crate::task::Task;
+
+/// Bytes taken as free where the system does not tell.
+const SMALL_MACHINE: u64 = 2 << 30;
+
+/// Which engine computes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum EngineKind {
+    /// The best hardware device, or the CPU where there is none.
+    #[default]
+    Auto,
+    /// The best Vulkan device, software among them.
+    Gpu,
+    /// The host processor.
+    Cpu,
+}
+
+/// The engine asked for.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct EngineChoice {
+    /// Which engine.
+    pub kind: EngineKind,
+    /// Part of the name of the Vulkan device to take.
+    pub adapter: Option<String>,
+    /// Bytes that work buffers may take; `None` takes half of what is free.
+    pub memory: Option<u64>,
+}
+
+impl EngineChoice {
+    /// The CPU, with half of the free memory.
+    pub fn cpu() -> Self {
+        Self { kind: EngineKind::Cpu, ..Self::default() }
+    }
+
+    /// Bytes that work buffers may take.
+    pub fn memory_budget(&self) -> u64 {
+        self.memory.unwrap_or_else(|| available_memory().unwrap_or(SMALL_MACHINE) / 2)
+    }
+}
+
+/// An engine, and what its opening has to say.
+pub struct Opened {
+    /// What computes.
+    pub engine: Box<dyn Backend>,
+    /// Sentences for the user: which device, and why not another.
+    pub notes: Vec<String>,
+}
+
+/// Opens the engine asked for; a device that is lost while it computes is replaced, and `on_change` is
+/// told.
+///
+/// # Errors
+/// No such device, or one that cannot hold the task, where it was asked for.
+pub fn open(
+    task: &Arc<Task>,
+    choice: &EngineChoice,
+    on_change: impl Fn(&str) + Send + 'static,
+) -> Result<Opened, BackendError> {
+    let mut notes = Vec::new();
+    let engine = match choice.kind {
+        EngineKind::Cpu => cpu(task, choice),
+        EngineKind::Auto if choice.adapter.is_none() => {
+            match device::hardware(task, choice, on_change) {
+                Ok(engine) => engine,
+                Err(why) => {
+                    notes.push(why);
+                    cpu(task, choice)
+                }
+            }
+        }
+        // A device asked for is not silently replaced by the CPU.
+        _ => device::asked_for(task, choice, on_change)?,
+    };
+    notes.push(format!("computing on {}: {}", engine.name(), engine.adapter()));
+    Ok(Opened { engine, notes })
+}
+
+/// Casts the rays of a scanner on a device; nothing where the host casts.
+#[derive(Default)]
+pub struct OpenedCaster {
+    /// The device.
+    pub caster: Option<Box<dyn FiringCaster>>,
+    /// Which device casts, or why none of those that could be taken does.
+    pub note: Option<String>,
+}
+
+/// Opens the device that was asked for, for the rays of a scanner among some trees. All that comes after the cast is
+/// the host's, and scans have the same bits on all.
+///
+/// # Errors
+/// The device asked for is missing or fails.
+pub fn open_caster(
+    trees: &[&Arc<Bvh>],
+    choice: &EngineChoice,
+) -> Result<OpenedCaster, BackendError> {
+    let host = |note| OpenedCaster { caster: None, note };
+    match choice.kind {
+        EngineKind::Cpu => Ok(host(None)),
+        EngineKind::Auto if choice.adapter.is_none() => match device::no_hardware() {
+            Some(why) => Ok(host(Some(why))),
+            None => Ok(device::caster(trees, None)
+                .unwrap_or_else(|error| host(Some(format!("computing on the CPU: {error}"))))),
+        },
+        _ => device::caster(trees, choice.adapter.as_deref()),
+    }
+}
+
+fn cpu(task: &Arc<Task>, choice: &EngineChoice) -> Box<dyn Backend> {
+    Box::new(CpuBackend::new(task.clone(), choice.memory_budget()))
+}
+
+/// Devices, and engines that take the place of lost ones.
+#[cfg(feature = "gpu")]
+mod device {
+    use std::sync::Arc;
+
+    use super::{EngineChoice, OpenedCaster};
+    use crate::bvh::Bvh;
+    use crate::engine::gpu::{GpuBackend, GpuFirings, list_adapters};
+    use crate::engine::{Backend, BackendError, CpuBackend, failover::Failover};
+    use crate::task::Task;
+
+    /// A sentence that says why there is no hardware device; none where there is one.
+    pub(super) fn no_hardware() -> Option<String> {
+        match list_adapters().first() {
+            None => Some("computing on the CPU: there is no Vulkan device".into()),
+            Some(best) if best.auto => None,
+            Some(best) => Some(format!(
+                "computing on the CPU: no hardware Vulkan device; --backend gpu would take the software \
+                 device `{}`",
+                best.name
+            )),
+        }
+    }
+
+    /// The best device for the rays of a scanner, or the one whose name contains `adapter`, and which it is.
+    pub(super) fn caster(
+        trees: &[&Arc<Bvh>],
+        adapter: Option<&str>,
+    ) -> Result<OpenedCaster, BackendError> {
+        let firings = GpuFirings::new(trees, adapter)?;
+        let note = Some(format!("casting on gpu: {}", firings.adapter()));
+        Ok(OpenedCaster { caster: Some(Box::new(firings)), note })
+    }
+
+    /// The best hardware device, or a sentence that says why the CPU computes.
+    pub(super) fn hardware(
+        task: &Arc<Task>,
+        choice: &EngineChoice,
+        on_change: impl Fn(&str) + Send + 'static,
+    ) -> Result<Box<dyn Backend>, String> {
+        if let Some(why) = no_hardware() {
+            return Err(why);
+        }
+        surviving(task, choice, on_change)
+            .map(|failover| Box::new(failover.cpu_for_too_large()) as Box<dyn Backend>)
+            .map_err(|error| format!("computing on the CPU: {error}"))
+    }
+
+    /// The device asked for.
+    pub(super) fn asked_for(
+        task: &Arc<Task>,
+        choice: &EngineChoice,
+        on_change: impl Fn(&str) + Send + 'static,
+    ) -> Result<Box<dyn Backend>, BackendError> {
+        Ok(Box::new(surviving(task, choice, on_change)?))
+    }
+
+    fn surviving(
+        task: &Arc<Task>,
+        choice: &EngineChoice,
+        on_change: impl Fn(&str) + Send + 'static,
+    ) -> Result<Failover, BackendError> {
+        let (adapter, memory) = (choice.adapter.clone(), choice.memory_budget());
+        let first = doomed(GpuBackend::new(task.clone(), adapter.as_deref(), memory)?);
+        let (for_gpu, for_cpu) = (task.clone(), task.clone());
+        let reopen = move || -> Result<Box<dyn Backend>, BackendError> {
+            Ok(Box::new(GpuBackend::new(for_gpu.clone(), adapter.as_deref(), memory)?))
+        };
+        let cpu =
+            move || -> Box<dyn Backend> { Box::new(CpuBackend::new(for_cpu.clone(), memory)) };
+        Ok(Failover::new(Box::new(first), Box::new(reopen), cpu, on_change))
+    }
+
+    /// A drill: `SIGHTLINE_LOSE_DEVICE_AFTER=N` destroys the first device after N batches, so that anybody
+    /// can see how a run survives.
+    fn doomed(mut gpu: GpuBackend) -> GpuBackend {
+        let batches = std::env::var("SIGHTLINE_LOSE_DEVICE_AFTER").ok();
+        if let Some(batches) = batches.and_then(|text| text.parse().ok()) {
+            gpu.lose_device_after(batches);
+        }
+        gpu
+    }
+}
+
+/// Without the feature `gpu` there is no device.
+#[cfg(not(feature = "gpu"))]
+mod device {
+    use std::sync::Arc;
+
+    use super::{EngineChoice, OpenedCaster};
+    use crate::bvh::Bvh;
+    use crate::engine::{Backend, BackendError};
+    use crate::task::Task;
+
+    const NO_FEATURE: &str = "computing on the CPU: this build is without the feature `gpu`";
+
+    pub(super) fn hardware(
+        _: &Arc<Task>,
+        _: &EngineChoice,
+        _: impl Fn(&str) + Send + 'static,
+    ) -> Result<Box<dyn Backend>, String> {
+        Err(NO_FEATURE.into())
+    }
+
+    pub(super) fn no_hardware() -> Option<String> {
+        Some(NO_FEATURE.into())
+    }
+
+    pub(super) fn caster(
+        _: &[&Arc<Bvh>],
+        adapter: Option<&str>,
+    ) -> Result<OpenedCaster, BackendError> {
+        Err(BackendError::NoDevice { name: adapter.map(str::to_owned) })
+    }
+
+    pub(super) fn asked_for(
+        _: &Arc<Task>,
+        choice: &EngineChoice,
+        _: impl Fn(&str) + Send + 'static,
+    ) -> Result<Box<dyn Backend>, BackendError> {
+        Err(BackendError::NoDevice { name: choice.adapter.clone() })
+    }
+}

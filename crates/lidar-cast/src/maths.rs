@@ -1,0 +1,15 @@
+//! Functions of one number by code of our own build: the same bits on every processor.
+//!
+//! The C library takes other code where a processor has fused multiplication, and its results differ in the last bit.
+//! `clippy.toml` refuses the methods of `f64` and `f32` that call it. Square roots, rounding and whole powers are exact
+//! or our own code everywhere.
+
+pub use libm::{
+    acos, asin, atan, atan2, cbrtf, cos, erf, erfc, exp, exp2, hypot, log as ln, log2, log10, pow,
+    sin, tan,
+};
+
+/// Sine and cosine of an angle in radians.
+pub fn sin_cos(angle: f64) -> (f64, f64) {
+    (sin(angle), cos(angle))
+}

@@ -1,0 +1,146 @@
+//! Sums over bitmaps, a word of 64 voxels at a time.
+
+use multiversion::multiversion;
+use rayon::prelude::*;
+
+use crate::cover::{BitOrder, Ranks};
+use crate::task::{Content, KINDS, Tally};
+
+/// Words of a block, 4 KiB a sensor: its union stays in the first-level cache for all sums.
+const BLOCK: usize = 512;
+
+/// Voxels of one 64-bit word of a bitmap.
+struct Word {
+    index: u32,
+    /// First of the voxels in the list of all.
+    first: u32,
+    mask: u64,
+}
+
+/// Words in rising order, by blocks.
+struct Words {
+    words: Vec<Word>,
+    /// Number of words before each block.
+    before: Vec<usize>,
+}
+
+impl Words {
+    /// The words that are not zero, of a bitmap that holds the bit of each voxel.
+    fn new(bitmap: &[u64]) -> Self {
+        let (mut words, mut before) = (Vec::new(), Vec::new());
+        let mut first = 0;
+        for (index, &mask) in bitmap.iter().enumerate() {
+            if index % BLOCK == 0 {
+                before.push(words.len());
+            }
+            if mask != 0 {
+                words.push(Word { index: index as u32, first, mask });
+                first += mask.count_ones();
+            }
+        }
+        Self { words, before }
+    }
+
+    fn of_block(&self, block: usize) -> &[Word] {
+        let before = |block: usize| self.before.get(block).copied().unwrap_or(self.words.len());
+        &self.words[before(block)..before(block + 1)]
+    }
+}
+
+/// A [`Content`] by words of the bitmaps: entropies and classes are looked up for the covered voxels
+/// of a word at once, where [`super::reduce()`] asks for one voxel after another.
+pub struct EntropyIndex {
+    occupied: Words,
+    entropy: Vec<[u32; KINDS]>,
+    classes: Vec<Words>,
+}
+
+impl EntropyIndex {
+    /// For bitmaps of an order.
+    pub fn new(content: &Content, order: &BitOrder) -> Self {
+        let of_class = |class: usize| {
+            let voxels = content.voxels_of_class(class).iter();
+            Words::new(&order.bitmap(voxels.map(|&voxel| order.bit_of(voxel))))
+        };
+        let ranks = Ranks::new(order, content.occupied().par_iter().map(|voxel| voxel.index));
+        let mut entropy = vec![[0; KINDS]; content.occupied().len()];
+        for (voxel, rank) in content.occupied().iter().zip(ranks.of) {
+            entropy[rank as usize] = voxel.entropy;
+        }
+        Self {
+            occupied: Words::new(&ranks.bitmap),
+            entropy,
+            classes: (0..content.set_count()).into_par_iter().map(of_class).collect(),
+        }
+    }
+}
+
+/// Adds the sums over the voxels that the sensors of one placement cover, and clears their bitmaps.
+///
+/// `bitmaps` is `[sensors × words]`. The same sums as [`super::reduce()`].
+pub fn take_sums(bitmaps: &mut [u64], words: usize, index: &EntropyIndex, tally: &mut Tally) {
+    let mut maps: Vec<&mut [u64]> = bitmaps.chunks_exact_mut(words).collect();
+    for (block, first) in (0..words).step_by(BLOCK).enumerate() {
+        let range = first..words.min(first + BLOCK);
+        let parts: Vec<&[u64]> = maps.iter().map(|map| &map[range.clone()]).collect();
+        add_block(&parts, block, index, tally);
+        // While the block is in the first-level cache.
+        maps.iter_mut().for_each(|map| map[range.clone()].fill(0));
+    }
+}
+
+/// Adds the sums over one block of words; `maps` holds those words of each sensor.
+#[multiversion(targets(
+    "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+avx512vpopcntdq+bmi1+bmi2+popcnt+lzcnt",
+    "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
+))]
+fn add_block(maps: &[&[u64]], block: usize, index: &EntropyIndex, tally: &mut Tally) {
+    let len = maps.first().map_or(0, |map| map.len().min(BLOCK));
+    let (mut any, mut twice) = ([0_u64; BLOCK], [0_u64; BLOCK]);
+    for map in maps {
+        let map = &map[..len];
+        for i in 0..len {
+            twice[i] |= any[i] & map[i];
+            any[i] |= map[i];
+        }
+    }
+    tally.covered += any[..len].iter().map(|word| u64::from(word.count_ones())).sum::<u64>();
+    let mut entropy = [0_u64; KINDS];
+    for word in index.occupied.of_block(block) {
+        let at = word.index as usize % BLOCK;
+        let mut bits = any[at] & word.mask;
+        tally.covered_nonzero += u64::from(bits.count_ones());
+        while bits != 0 {
+            let of_voxel = index.entropy[rank(word, bits)];
+            for kind in 0..KINDS {
+                entropy[kind] += u64::from(of_voxel[kind]);
+            }
+            bits &= bits - 1;
+        }
+        let once = any[at] & !twice[at] & word.mask;
+        if once != 0 {
+            for (map, sum) in maps.iter().zip(&mut tally.unique) {
+                let (mut bits, mut unique) = (map[at] & once, 0);
+                while bits != 0 {
+                    unique += u64::from(index.entropy[rank(word, bits)][0]);
+                    bits &= bits - 1;
+                }
+                *sum += unique;
+            }
+        }
+    }
+    tally.entropy.iter_mut().zip(entropy).for_each(|(sum, entropy)| *sum += entropy);
+    for (class, count) in index.classes.iter().zip(&mut tally.by_class) {
+        for word in class.of_block(block) {
+            let covered = any[word.index as usize % BLOCK] & word.mask;
+            *count += u64::from(covered.count_ones());
+        }
+    }
+}
+
+/// Position in the list of all voxels of the lowest set bit.
+#[inline(always)]
+fn rank(word: &Word, bits: u64) -> usize {
+    let below = bits & bits.wrapping_neg();
+    word.first as usize + (word.mask & (below - 1)).count_ones() as usize
+}

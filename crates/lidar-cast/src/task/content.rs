@@ -1,0 +1,170 @@
+//! What covering a voxel is worth, and what must be covered.
+
+use super::{KINDS, OccupiedVoxel};
+use crate::grid::Roi;
+
+/// A part of space around the vehicle of which a share must be seen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Requirement {
+    /// Name on the vehicle.
+    pub name: String,
+    /// Lower and upper corner in the ego frame, metres.
+    pub inside: [[f64; 3]; 2],
+    /// Boxes that do not belong to it, such as the vehicle itself.
+    pub without: Vec<[[f64; 3]; 2]>,
+    /// Least share of its voxels that beams pass, from 0 to 1, a mean over frames.
+    pub share: f64,
+}
+
+impl Requirement {
+    /// The same mirrored at the plane y = 0.
+    pub fn mirrored(&self) -> Self {
+        let image =
+            |[low, high]: &[[f64; 3]; 2]| [[low[0], -high[1], low[2]], [high[0], -low[1], high[2]]];
+        let without = self.without.iter().map(image).collect();
+        Self { inside: image(&self.inside), without, ..self.clone() }
+    }
+
+    /// True if a point belongs to the area.
+    pub fn contains(&self, point: [f64; 3]) -> bool {
+        let within =
+            |[low, high]: &[[f64; 3]; 2]| (0..3).all(|k| low[k] <= point[k] && point[k] < high[k]);
+        within(&self.inside) && !self.without.iter().any(within)
+    }
+}
+
+/// What must be seen, and its voxels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Area {
+    /// As the vehicle says.
+    pub required: Requirement,
+    /// Number of its voxels.
+    pub voxels: u64,
+}
+
+/// What covering a voxel is worth: the occupied voxels of a P-SOG with their entropies and classes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Content {
+    classes: Vec<String>,
+    occupied: Vec<OccupiedVoxel>,
+    /// Linear indices, class after class.
+    class_voxels: Vec<u32>,
+    /// Where each class begins in `class_voxels`, then each area, and the end.
+    class_starts: Vec<u32>,
+    areas: Vec<Area>,
+    entropy_total: [u64; KINDS],
+    has_detection: bool,
+}
+
+impl Content {
+    /// From occupied voxels in rising order and, for each class, the voxels in which it occurs.
+    pub fn new(
+        classes: Vec<String>,
+        occupied: Vec<OccupiedVoxel>,
+        voxels_by_class: &[Vec<u32>],
+        has_detection: bool,
+    ) -> Self {
+        let mut class_starts = vec![0];
+        for voxels in voxels_by_class {
+            class_starts.push(class_starts[class_starts.len() - 1] + voxels.len() as u32);
+        }
+        let mut entropy_total = [0; KINDS];
+        for voxel in &occupied {
+            for (sum, entropy) in entropy_total.iter_mut().zip(voxel.entropy) {
+                *sum += u64::from(entropy);
+            }
+        }
+        let class_voxels = voxels_by_class.concat();
+        let areas = Vec::new();
+        Self { classes, occupied, class_voxels, class_starts, areas, entropy_total, has_detection }
+    }
+
+    /// The same, and what must be seen: the voxels whose middle lies in each area.
+    pub fn with_areas(mut self, roi: &Roi, required: &[Requirement]) -> Self {
+        let ([_, ny, nz], min, voxel) = (roi.shape(), roi.min(), roi.voxel());
+        let middle = |k: usize, i: u32| min[k] + (f64::from(i) + 0.5) * voxel[k];
+        for requirement in required {
+            let before = self.class_voxels.len();
+            let [low, high] = requirement.inside;
+            let [xs, ys, zs] = [0, 1, 2].map(|k| {
+                let within = |i: &u32| (low[k]..high[k]).contains(&middle(k, *i));
+                (0..roi.shape()[k]).filter(within).collect::<Vec<u32>>()
+            });
+            for &i in &xs {
+                for &j in &ys {
+                    let column = zs.iter().filter(|&&k| {
+                        requirement.contains([middle(0, i), middle(1, j), middle(2, k)])
+                    });
+                    self.class_voxels.extend(column.map(|&k| (i * ny + j) * nz + k));
+                }
+            }
+            let voxels = (self.class_voxels.len() - before) as u64;
+            self.areas.push(Area { required: requirement.clone(), voxels });
+            self.class_starts.push(self.class_voxels.len() as u32);
+        }
+        self
+    }
+
+    /// A copy with every area mirrored at the plane y = 0.
+    pub(super) fn with_mirrored_areas(&self, roi: &Roi) -> Self {
+        let mirrored: Vec<Requirement> =
+            self.areas.iter().map(|area| area.required.mirrored()).collect();
+        let mut content = self.clone();
+        content.class_starts.truncate(self.classes.len() + 1);
+        content.class_voxels.truncate(content.class_starts[self.classes.len()] as usize);
+        content.areas.clear();
+        content.with_areas(roi, &mirrored)
+    }
+
+    /// What must be seen.
+    pub fn areas(&self) -> &[Area] {
+        &self.areas
+    }
+
+    /// Sets of voxels whose covered ones are counted: classes, then areas.
+    pub fn set_count(&self) -> usize {
+        self.class_starts.len() - 1
+    }
+
+    /// Class names by class id.
+    pub fn classes(&self) -> &[String] {
+        &self.classes
+    }
+
+    /// Voxels occupied in at least one frame, in rising order.
+    pub fn occupied(&self) -> &[OccupiedVoxel] {
+        &self.occupied
+    }
+
+    /// Linear indices of the voxels in which a class occurs in at least one frame, rising; behind the
+    /// classes, those of each area.
+    pub fn voxels_of_class(&self, class: usize) -> &[u32] {
+        let range = self.class_starts[class] as usize..self.class_starts[class + 1] as usize;
+        &self.class_voxels[range]
+    }
+
+    /// Σ of the information of all voxels, by kind, in the units of [`OccupiedVoxel::entropy`].
+    pub fn entropy_total(&self) -> [u64; KINDS] {
+        self.entropy_total
+    }
+
+    /// True if any class counts as detection target.
+    pub fn has_detection(&self) -> bool {
+        self.has_detection
+    }
+
+    /// Voxels of all classes and areas, one set after the other.
+    pub fn class_voxels(&self) -> &[u32] {
+        &self.class_voxels
+    }
+
+    /// Where each set begins in [`Self::class_voxels`], and where the last ends.
+    pub fn class_starts(&self) -> &[u32] {
+        &self.class_starts
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        (size_of_val(self.occupied.as_slice()) + size_of_val(self.class_voxels.as_slice())) as u64
+    }
+}

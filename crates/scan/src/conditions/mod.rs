@@ -1,0 +1,93 @@
+//! Weather and faults in scans, computed for each beam.
+
+mod condition;
+mod error;
+mod faults;
+mod fog;
+mod fresnel;
+mod overlap;
+mod pulse;
+mod snow;
+mod snow_law;
+mod snow_tables;
+mod specs;
+#[cfg(test)]
+mod tests;
+mod wet;
+
+pub use condition::Condition;
+pub use error::ConditionError;
+pub use faults::{Crosstalk, IncompleteEcho, MotionBlur};
+pub use fog::Fog;
+pub use overlap::Joined;
+pub use snow::{Fallen, Falling, Flake};
+pub use specs::Kind;
+pub use wet::{WetGround, is_ground};
+
+use super::Status;
+use super::chance::Purpose;
+
+/// What a beam meets on its way besides surfaces, and what the sensor makes of it; nothing by default.
+#[derive(Debug, Clone, Default)]
+pub struct Weather {
+    /// Fog in the air.
+    pub fog: Option<Fog>,
+    /// Water on the ground.
+    pub wet: Option<WetGround>,
+    /// Snow in the air.
+    pub snow: Option<Falling>,
+    /// Rain in the air.
+    pub rain: Option<Falling>,
+    /// The sensor's motion left in the points.
+    pub blur: Option<MotionBlur>,
+    /// Pulses of other sensors.
+    pub crosstalk: Option<Crosstalk>,
+    /// Vehicles that mirror beams away.
+    pub echo: Option<IncompleteEcho>,
+}
+
+/// Conditions as they are written, one after the other.
+pub fn in_words(conditions: &[Condition]) -> Vec<String> {
+    conditions.iter().map(Condition::to_string).collect()
+}
+
+/// Conditions in words, behind those for what was computed under them; nothing in clear air.
+pub fn under(conditions: &[String]) -> String {
+    match conditions {
+        [] => String::new(),
+        all => format!(", under {}", all.join(" and ")),
+    }
+}
+
+impl Weather {
+    /// Whatever falls in it: what it is drawn for, and the status of its echoes.
+    pub fn falls(&self) -> impl Iterator<Item = (&Falling, Purpose, Status)> {
+        let snow = self.snow.iter().map(|snow| (snow, Purpose::Snow, Status::Snow));
+        snow.chain(self.rain.iter().map(|rain| (rain, Purpose::Rain, Status::Rain)))
+    }
+}
+
+/// The weather that conditions make together.
+///
+/// # Errors
+/// A condition given twice.
+pub fn weather(conditions: &[Condition]) -> Result<Weather, ConditionError> {
+    let mut weather = Weather::default();
+    for (place, condition) in conditions.iter().enumerate() {
+        let kind = condition.kind();
+        if conditions[..place].iter().any(|other| other.kind() == kind) {
+            return Err(ConditionError::Repeated { condition: kind.name() });
+        }
+        let value = |key: &str| condition.value(key).unwrap_or(0.0);
+        match kind {
+            Kind::Fog => weather.fog = Some(Fog::new(value("mor"), value("gain"))),
+            Kind::Wet => weather.wet = Some(WetGround::new(value("water"))),
+            Kind::Snow => weather.snow = Some(Falling::snow(value("rate"), value("speed"))),
+            Kind::Rain => weather.rain = Some(Falling::rain(value("rate"))),
+            Kind::Blur => weather.blur = Some(MotionBlur::new(value("share"))),
+            Kind::Crosstalk => weather.crosstalk = Some(Crosstalk::new(value("share"))),
+            Kind::Echo => weather.echo = Some(IncompleteEcho::new(value("ratio"))),
+        }
+    }
+    Ok(weather)
+}

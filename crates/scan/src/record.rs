@@ -1,0 +1,208 @@
+//! One scan: what every beam of a rig came back with in a frame, and the boxes that stood around it.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use lidar_cast::geom::Pose;
+use sightline_scene::scene::ActorKind;
+
+/// Class of a beam that met no surface.
+pub const NO_CLASS: u16 = u16::MAX;
+/// Instance of what is no actor.
+pub const NO_INSTANCE: u16 = 0;
+/// Instance of the ego vehicle's own body.
+pub const EGO_INSTANCE: u16 = u16::MAX;
+
+/// Metres beyond an actor's box within which a point counts as one of the box. Points on a surface lie on the faces
+/// of a tight box, where rounding would decide.
+pub const BOX_MARGIN: f64 = 0.005;
+
+/// What a beam came back as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Status {
+    /// From the surface that it met.
+    Hit = 0,
+    /// Not at all: it met nothing within range.
+    Miss = 1,
+    /// Not at all: what came back was too weak.
+    Lost = 2,
+    /// Not at all: thrown away, although it was strong enough.
+    Dropped = 3,
+    /// From the fog.
+    Fog = 4,
+    /// From a flake of snow.
+    Snow = 5,
+    /// At a wrong distance, for another sensor's pulse.
+    Crosstalk = 6,
+    /// A second time, from another surface than the strongest echo: the last, or the second strongest.
+    Second = 7,
+    /// From a drop of rain.
+    Rain = 8,
+}
+
+impl Status {
+    /// True if there is a point.
+    pub fn is_point(self) -> bool {
+        !matches!(self, Self::Miss | Self::Lost | Self::Dropped)
+    }
+}
+
+/// A beam and what came back; ordered by LiDAR, channel, column, a second return after its first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Return {
+    /// Where it came from, in the ego frame at the scan's time, metres: the sensor's motion since is made up
+    /// for. Not a number where there is no point.
+    pub position: [f32; 3],
+    /// The same as a sensor sees it that does not know that it moved: its distance along the beam of a
+    /// sensor that stands where it stood at the scan's time.
+    pub raw: [f32; 3],
+    /// Metres along the beam; not a number where there is no point.
+    pub range: f32,
+    /// Calibrated reflectivity, from 0 to 1.
+    pub intensity: f32,
+    /// Seconds since the scan's time.
+    pub time: f32,
+    /// Number of the LiDAR in the placement.
+    pub lidar: u16,
+    /// Channel of the LiDAR.
+    pub channel: u16,
+    /// Azimuth step of the channel.
+    pub column: u32,
+    /// Class of the surface that the point is counted as; [`NO_CLASS`] for fog, snow, rain, crosstalk and none.
+    pub class: u16,
+    /// Class of the surface that the beam meets in clear air; [`NO_CLASS`] if none.
+    pub clean_class: u16,
+    /// 1 + the number of the actor, [`NO_INSTANCE`] or [`EGO_INSTANCE`].
+    pub instance: u16,
+    /// Cosine of the angle of incidence on the surface, 0 to 1; 0 if none.
+    pub incidence: f32,
+    /// What came back.
+    pub status: Status,
+}
+
+/// An actor's box in a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrackedBox {
+    /// 1 + the number of the actor: the same in all frames.
+    pub instance: u16,
+    /// Name of the actor in the scene; may be empty.
+    pub name: String,
+    /// Kind of file.
+    pub kind: ActorKind,
+    /// Class of its first part.
+    pub class: u16,
+    /// Takes the box's frame (x forward, origin in its middle) to the ego frame.
+    pub ego_from_box: Pose,
+    /// Extents along its x, y and z in metres.
+    pub size: DVec3,
+    /// In the world frame, metres a second.
+    pub velocity: DVec3,
+    /// Points of the scan that lie in it, whatever they are of; within [`BOX_MARGIN`] of it they count.
+    pub points: u32,
+    /// Share of its hull that the rig sees, 0 to 1; none before [`Scanner::look_at_boxes`](super::Scanner::look_at_boxes).
+    pub visible: Option<f32>,
+}
+
+/// A LiDAR as it stood at the time of a scan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScanLidar {
+    /// Name of its model; may be empty.
+    pub model: String,
+    /// Takes its frame to that of the ego.
+    pub ego_from_sensor: Pose,
+    /// The same without its phase: how it is mounted, in all frames alike.
+    pub ego_from_mount: Pose,
+    /// Channels; 1 of a list of directions.
+    pub channels: u32,
+    /// Azimuth steps of a channel.
+    pub columns: u32,
+    /// Range in metres.
+    pub range: f32,
+}
+
+/// All that a rig saw in a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scan {
+    /// Name of the scene.
+    pub scene: Arc<str>,
+    /// Number of the frame in the scene.
+    pub frame: usize,
+    /// Seconds since frame 0: when the turn begins.
+    pub time: f64,
+    /// Class names; the index is the class.
+    pub classes: Arc<[String]>,
+    /// In the order of the placement.
+    pub lidars: Vec<ScanLidar>,
+    /// Takes the ego frame to that of the world.
+    pub world_from_ego: Pose,
+    /// Every beam.
+    pub returns: Vec<Return>,
+    /// Actors, as the scene lists them.
+    pub boxes: Vec<TrackedBox>,
+}
+
+impl Scan {
+    /// Beams that came back as points.
+    pub fn points(&self) -> impl Iterator<Item = &Return> {
+        self.returns.iter().filter(|beam| beam.status.is_point())
+    }
+
+    /// Counts the points in every box anew.
+    pub fn count_points(&mut self) {
+        let mut points = Vec::with_capacity(self.returns.len());
+        points.extend(self.points().map(|beam| beam.position));
+        let clusters: Vec<Cluster<'_>> = points.chunks(TOGETHER).map(Cluster::new).collect();
+        self.boxes.par_iter_mut().for_each(|tracked| {
+            let box_from_ego = tracked.ego_from_box.inverse();
+            let half = tracked.size / 2.0 + BOX_MARGIN;
+            let inside = |&point: &[f32; 3]| {
+                let point = DVec3::from(point.map(f64::from));
+                box_from_ego.apply(point).abs().cmple(half).all()
+            };
+            // What lies outside of the sphere around the box need not be turned.
+            let reach = (half.length() + 1e-3) as f32;
+            let middle = tracked.ego_from_box.translation.as_vec3().to_array();
+            let clusters = clusters.iter().filter(|cluster| cluster.is_within(reach, middle));
+            let near = clusters.flat_map(|cluster| cluster.points).filter(|&&[x, y, z]| {
+                let (x, y, z) = (x - middle[0], y - middle[1], z - middle[2]);
+                x * x + y * y + z * z <= reach * reach
+            });
+            tracked.points = near.filter(|point| inside(point)).count() as u32;
+        });
+    }
+}
+
+/// Points of a cluster.
+const TOGETHER: usize = 32;
+
+/// Points that follow one another: most lie side by side.
+struct Cluster<'a> {
+    points: &'a [[f32; 3]],
+    low: [f32; 3],
+    high: [f32; 3],
+}
+
+impl<'a> Cluster<'a> {
+    fn new(points: &'a [[f32; 3]]) -> Self {
+        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        for point in points {
+            for axis in 0..3 {
+                (low[axis], high[axis]) = (low[axis].min(point[axis]), high[axis].max(point[axis]));
+            }
+        }
+        Self { points, low, high }
+    }
+
+    /// True if its box comes as near to a place as `reach`.
+    fn is_within(&self, reach: f32, place: [f32; 3]) -> bool {
+        let beside = |axis: usize| {
+            let place = place[axis];
+            (self.low[axis] - place).max(place - self.high[axis]).max(0.0)
+        };
+        let [x, y, z] = [0, 1, 2].map(beside);
+        x * x + y * y + z * z <= reach * reach
+    }
+}

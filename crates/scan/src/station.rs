@@ -1,0 +1,270 @@
+//! Where a sensor is when some of its beams fire, and what they meet from there.
+
+use std::ops::Range;
+use std::sync::OnceLock;
+
+use bytemuck::Zeroable;
+use glam::{DVec3, Vec3};
+
+use super::stage::{Motions, Stage};
+use super::{NO_CLASS, NO_INSTANCE};
+use lidar_cast::bvh::{Bvh, Hit, NO_HIT};
+use lidar_cast::cast::{Firing, Part, Standing, SweptPart, Target};
+use lidar_cast::geom::Pose;
+use sightline_scene::problem::DevicePose;
+
+/// Metres by which a neighbour must lie off a beam's surface to lie behind an edge, and as a share of their
+/// distance.
+const APART: f32 = 0.05;
+const APART_SHARE: f32 = 0.002;
+/// Where the sensor is when some beams fire, and what it may see then.
+pub(super) struct Station {
+    /// Takes the sensor's frame, as it is now, to that of the ego at the frame's time.
+    pub start_from_sensor: Pose,
+    /// Numbers on the stage of the things that it may see, ascending.
+    numbers: Vec<u32>,
+    /// Transform of each of them: takes the sensor's frame to the thing's.
+    poses: Vec<Pose>,
+    /// Metres that the sensor sees, and the angle that its beams are wide.
+    reach: [f32; 2],
+    /// Of things within reach; known once single beams or a device ask for them.
+    standings: OnceLock<Vec<(u32, Standing)>>,
+}
+
+/// What a beam meets.
+#[derive(Debug, Clone, Copy, Zeroable)]
+pub(super) struct Surface {
+    /// Metres; as far as the range goes where it meets nothing.
+    pub t: f32,
+    pub prim: u32,
+    pub class: u16,
+    pub instance: u16,
+    /// Cosine of the angle of incidence.
+    pub incidence: f32,
+    /// Normal and position in the ego frame at the frame's time.
+    pub normal: Vec3,
+    pub position: Vec3,
+}
+
+/// What lies between two neighbouring beams, as one of them sees it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Edge {
+    /// No edge.
+    None,
+    /// The end of its own surface, behind which the other sees.
+    InFront,
+    /// The end of the other's surface, behind which it sees.
+    Behind,
+}
+
+impl Station {
+    /// The sensor `share` of the way from one frame to the next, and the things that it may see.
+    pub fn new(
+        motions: &Motions,
+        visible: impl Iterator<Item = usize>,
+        ego_from_sensor: &Pose,
+        share: f64,
+        reach: [f32; 2],
+    ) -> Self {
+        let ego = motions.ego.at(share);
+        let sensor_from_world = ego.compose(ego_from_sensor).inverse();
+        let pose = |thing: usize| {
+            let sensor_from_thing = match motions.world_from_thing(thing, share) {
+                Some(world_from_thing) => sensor_from_world.compose(&world_from_thing),
+                None => ego_from_sensor.inverse().compose(&motions.ego_from_body(thing)),
+            };
+            sensor_from_thing.inverse()
+        };
+        let (numbers, poses) = visible.map(|thing| (thing as u32, pose(thing))).unzip();
+        Self {
+            start_from_sensor: motions.ego.at(0.0).inverse().compose(&ego).compose(ego_from_sensor),
+            numbers,
+            poses,
+            reach,
+            standings: OnceLock::new(),
+        }
+    }
+
+    /// Trees as the sensor sees them, all of its beams together.
+    pub fn parts<'s>(&self, stage: &'s Stage) -> Vec<Part<'s>> {
+        let things = self.numbers.iter().map(|&number| &stage.things[number as usize]);
+        things.zip(&self.poses).map(|(thing, pose)| thing.as_part(pose)).collect()
+    }
+
+    /// Rays that leave the sensor here, for a device.
+    pub fn firing<'s>(
+        &'s self,
+        stage: &'s Stage,
+        rays: impl Iterator<Item = [f32; 3]>,
+    ) -> Firing<'s> {
+        Firing { targets: self.targets(stage).collect(), rays: rays.collect() }
+    }
+
+    /// Trees as single beams and bundles see them.
+    pub fn targets<'s>(&'s self, stage: &'s Stage) -> impl Iterator<Item = Target<'s>> {
+        let standing = |(&number, pose): (&u32, &Pose)| {
+            let [range, width] = self.reach;
+            let standing = stage.things[number as usize].standing(pose, range, width)?;
+            Some((number, standing))
+        };
+        let all = || self.numbers.iter().zip(&self.poses).filter_map(standing).collect();
+        let standings = self.standings.get_or_init(all);
+        standings.iter().map(|(number, s)| stage.things[*number as usize].as_target(s))
+    }
+
+    /// The thing that a face belongs to: its tree, and the pose of the sensor in its frame.
+    pub fn tree_of<'s>(&self, stage: &'s Stage, prim: u32) -> Option<(&'s Bvh, DevicePose)> {
+        let (number, pose) = self.nearby(stage, prim)?;
+        Some((stage.things[number].tree(), DevicePose::from(pose)))
+    }
+
+    /// The thing that a face belongs to, by its number.
+    fn nearby(&self, stage: &Stage, prim: u32) -> Option<(usize, &Pose)> {
+        let number = stage.thing_of(prim);
+        let at = self.numbers.iter().position(|&nearby| nearby as usize == number)?;
+        Some((number, &self.poses[at]))
+    }
+
+    /// The face that is hit; none where nothing is.
+    fn face(&self, stage: &Stage, hit: &Hit) -> Option<SeenFace> {
+        let (number, pose) =
+            if hit.is_hit() { self.nearby(stage, hit.prim)? } else { return None };
+        let thing = &stage.things[number];
+        let (class, normal) = thing.face(hit.prim);
+        let normal = pose.rotation.transpose() * normal.as_dvec3();
+        Some(SeenFace { class, instance: thing.instance, normal })
+    }
+}
+
+/// Trees as the sensor sees them while some neighbouring columns fire; `stations` are one a firing, or one for all.
+pub(super) fn swept_parts<'s>(
+    stage: &'s Stage,
+    stations: &[Station],
+    fired: Range<usize>,
+) -> Vec<SweptPart<'s>> {
+    let columns = fired.len();
+    let mut parts: Vec<(u32, Vec<Option<DevicePose>>)> = Vec::new();
+    // Where among the parts each thing is.
+    let mut places = vec![usize::MAX; stage.things.len()];
+    for (column, firing) in fired.enumerate() {
+        let station = &stations[firing.min(stations.len() - 1)];
+        for (&number, pose) in station.numbers.iter().zip(&station.poses) {
+            let place = &mut places[number as usize];
+            if *place == usize::MAX {
+                *place = parts.len();
+                parts.push((number, vec![None; columns]));
+            }
+            parts[*place].1[column] = Some(DevicePose::from(pose));
+        }
+    }
+    let part = |(number, poses): (u32, Vec<_>)| stage.things[number as usize].as_swept(poses);
+    parts.into_iter().map(part).collect()
+}
+
+/// Faces that rays from one place hit, one after the other: most neighbours hit the same.
+pub(super) struct Faces<'a> {
+    station: &'a Station,
+    stage: &'a Stage,
+    last: (u32, Option<SeenFace>),
+}
+
+impl<'a> Faces<'a> {
+    pub fn new(station: &'a Station, stage: &'a Stage) -> Self {
+        Self { station, stage, last: (NO_HIT, None) }
+    }
+
+    /// The face that is hit; none where nothing is.
+    pub fn of(&mut self, hit: &Hit) -> Option<&SeenFace> {
+        if hit.prim != self.last.0 {
+            self.last = (hit.prim, self.station.face(self.stage, hit));
+        }
+        self.last.1.as_ref()
+    }
+
+    /// The surface that a beam of the sensor's frame hits.
+    pub fn surface(&mut self, direction: [f32; 3], hit: &Hit) -> Surface {
+        let start_from_sensor = &self.station.start_from_sensor;
+        let Some(face) = self.of(hit) else { return Surface::none(hit.t) };
+        let (surface, normal) = face.met(direction, hit);
+        let direction = DVec3::from(direction.map(f64::from));
+        Surface {
+            normal: (start_from_sensor.rotation * normal).as_vec3(),
+            position: start_from_sensor.apply(direction * f64::from(hit.t)).as_vec3(),
+            ..surface
+        }
+    }
+}
+
+/// A face as one sensor sees it.
+#[derive(Clone, Copy)]
+pub(super) struct SeenFace {
+    class: u16,
+    instance: u16,
+    /// In the sensor's frame.
+    normal: DVec3,
+}
+
+impl SeenFace {
+    /// The surface that a ray of the sensor's frame hits, without normal and position in the ego frame, and the
+    /// normal in the sensor's.
+    pub(super) fn met(&self, direction: [f32; 3], hit: &Hit) -> (Surface, DVec3) {
+        let direction = DVec3::from(direction.map(f64::from));
+        // Towards the sensor.
+        let away = self.normal.dot(direction) > 0.0;
+        let normal = if away { -self.normal } else { self.normal };
+        let surface = Surface {
+            t: hit.t,
+            prim: hit.prim,
+            class: self.class,
+            instance: self.instance,
+            incidence: (-normal.dot(direction)).clamp(0.0, 1.0) as f32,
+            normal: Vec3::ZERO,
+            position: Vec3::NAN,
+        };
+        (surface, normal)
+    }
+}
+
+impl Surface {
+    pub fn is_hit(&self) -> bool {
+        self.prim != NO_HIT
+    }
+
+    /// Tells whether an edge lies between two neighbouring beams, and on which side the nearer surface is: one meets
+    /// nothing, or one lies in front of the other's plane and that one behind its own. Where each lies in
+    /// front of the other's plane, or each behind it, they go over into each other in an inner or an outer corner.
+    pub fn edge_to(&self, other: &Self) -> Edge {
+        match (self.is_hit(), other.is_hit()) {
+            (false, false) => Edge::None,
+            (true, false) => Edge::InFront,
+            (false, true) => Edge::Behind,
+            (true, true) if self.prim == other.prim => Edge::None,
+            (true, true) => {
+                let between = other.position - self.position;
+                let least = APART + APART_SHARE * self.t.min(other.t);
+                // In front of each other's planes, in metres.
+                let (there, here) = (self.normal.dot(between), -other.normal.dot(between));
+                if there.abs().max(here.abs()) <= least || (there > 0.0) == (here > 0.0) {
+                    Edge::None
+                } else if here > 0.0 {
+                    Edge::InFront
+                } else {
+                    Edge::Behind
+                }
+            }
+        }
+    }
+
+    /// Nothing within `range` metres.
+    pub(super) fn none(range: f32) -> Self {
+        Self {
+            t: range,
+            prim: NO_HIT,
+            class: NO_CLASS,
+            instance: NO_INSTANCE,
+            incidence: 0.0,
+            normal: Vec3::ZERO,
+            position: Vec3::NAN,
+        }
+    }
+}

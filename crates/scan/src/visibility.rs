@@ -1,0 +1,253 @@
+//! What of a beam comes back through weather, for scores: the beams that do not cover nothing.
+
+use std::sync::{Arc, Mutex};
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::chance::{Chance, Purpose};
+use super::conditions::{self, Condition, Fallen, Flake, Joined};
+use super::optics::{Optics, is_seen};
+use super::stage::Stage;
+use lidar_cast::bvh::Hit;
+use lidar_cast::geom::Pose;
+use sightline_scene::problem::{Air, Frame, Problem, SensorBatch};
+use sightline_scene::scene::{Coverage, Scene};
+use sightline_scene::vehicle::{Echoes, Response};
+
+/// Reflectance of a target that faces the sensor, by which beams that meet nothing are cut: farther than it
+/// would be seen they tell nothing.
+const TARGET: f64 = 0.3;
+/// Steps of the table of how far that is, by chance.
+const STEPS: usize = 256;
+/// Times that the range in which it is looked for is halved: to a tenth of a millimetre of 100 m.
+const HALVINGS: usize = 20;
+
+/// Why scores cannot be computed under conditions.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum VisibilityError {
+    /// Beams that end at nothing send nothing back.
+    #[error(
+        "the scene `{scene}` has no geometry that ends beams (coverage `through`); conditions need \
+         `\"coverage\": \"first-hit\"`"
+    )]
+    Through {
+        /// Name of the scene.
+        scene: String,
+    },
+    /// Conditions that do not go together.
+    #[error(transparent)]
+    Condition(#[from] conditions::ConditionError),
+}
+
+/// Weather and faults as scores see them.
+///
+/// A beam that meets a surface comes back with the probability that a scan gives it, and then covers what it
+/// covers in clear air; otherwise it covers nothing. A beam that meets nothing covers as far as a target of
+/// 30 % would be seen, behind whatever snow and rain take on the whole of its way; nothing if crosstalk hits it. Which
+/// beams come back is drawn once for each frame, model and beam, so that a voxel is weighted with the probability
+/// that a beam tells of it, in whole beams: all engines have the same bits, and neighbouring placements the same
+/// luck. So have the beams of one number of all LiDARs of a model: where two of them meet in a voxel, both tell
+/// of it or neither. Other seeds of the problem's sensors are other draws, also of which vehicles are dark, and
+/// the mean over them is the expectation.
+#[derive(Debug)]
+pub struct Visibility {
+    optics: Optics,
+    stage: Stage,
+    /// Of the models so far.
+    reaches: Mutex<Vec<Reach>>,
+}
+
+/// What decides about a beam beside what it meets.
+struct Beam<'a> {
+    response: &'a Response,
+    chance: Chance,
+    /// Of the draw.
+    seed: u64,
+}
+
+/// Response and range of a model, and how far the target is seen, by the draw that decides.
+type Reach = (Response, f32, Arc<[f32]>);
+
+/// A scene's problem under conditions; as it is under none.
+///
+/// # Errors
+/// Beams that end at nothing, a condition given twice.
+pub fn in_conditions(
+    scene: &Scene,
+    problem: Problem,
+    conditions: &[Condition],
+) -> Result<Problem, VisibilityError> {
+    if conditions.is_empty() {
+        return Ok(problem);
+    }
+    let air = Visibility::new(scene, &problem, conditions)?;
+    Ok(problem.in_air(air))
+}
+
+impl Visibility {
+    /// Of a scene's problem under conditions.
+    ///
+    /// # Errors
+    /// Beams that end at nothing, a condition given twice.
+    pub fn new(
+        scene: &Scene,
+        problem: &Problem,
+        conditions: &[Condition],
+    ) -> Result<Arc<Self>, VisibilityError> {
+        if scene.coverage() == Coverage::Through || !scene.has_geometry() {
+            return Err(VisibilityError::Through { scene: scene.name().to_owned() });
+        }
+        let optics = Optics::new(scene, conditions::weather(conditions)?);
+        let first = problem.geometry(0).into_iter().flat_map(|frame| frame.instances());
+        Ok(Arc::new(Self { stage: Stage::of(scene, first), optics, reaches: Mutex::default() }))
+    }
+
+    /// How far the target is seen by a model, by the draw that decides.
+    fn reaches(&self, response: &Response, range: f32) -> Arc<[f32]> {
+        let mut known = self.reaches.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some((.., found)) = known.iter().find(|(r, far, _)| r == response && *far == range) {
+            return found.clone();
+        }
+        let step = |step: usize| {
+            let draw = (step as f64 + 0.5) / STEPS as f64;
+            let clear = Fallen { passed: 1.0, flake: None };
+            reach(response, &self.optics, f64::from(range), &clear, draw) as f32
+        };
+        let reaches: Arc<[f32]> = (0..STEPS).map(step).collect();
+        known.push((*response, range, reaches.clone()));
+        reaches
+    }
+
+    /// True if a beam comes back from the surface of a thing that it hits.
+    fn returns(&self, beam: &Beam<'_>, thing: usize, class: u16, cosine: f64, range: f64) -> bool {
+        let (response, instance) = (beam.response, self.stage.things[thing].instance);
+        let fallen = self.fallen(beam, range);
+        let power = self.optics.power(beam.seed, class, instance, cosine, range);
+        let mut power = power * fallen.passed;
+        let mut other = self.fog(range);
+        if let Some(flake) = fallen.flake {
+            match flake.join(range, power) {
+                Joined::Apart => other = other.max(flake.power),
+                Joined::Target(peak) => power = peak,
+                Joined::Flake(_) => return false,
+            }
+        }
+        let hidden = response.echoes == Echoes::Strongest && other > power;
+        let draw = || beam.chance.draw(Purpose::Detection, 0);
+        !hidden
+            && !self.is_wrong(beam)
+            && is_seen(response, power, draw)
+            && range >= response.min_range
+    }
+
+    /// How far a beam that meets nothing up to a range would see the target, where `reaches` says it for air
+    /// in which nothing falls.
+    fn far(&self, beam: &Beam<'_>, reaches: &[f32], range: f32) -> f32 {
+        let draw = beam.chance.draw(Purpose::Detection, 0);
+        if self.is_wrong(beam) {
+            0.0
+        } else if self.optics.weather.falls().next().is_none() {
+            range.min(reaches[(draw * STEPS as f64) as usize])
+        } else {
+            let range = f64::from(range);
+            reach(beam.response, &self.optics, range, &self.fallen(beam, range), draw) as f32
+        }
+    }
+
+    /// Power that fog sends back from before a range.
+    fn fog(&self, range: f64) -> f64 {
+        self.optics.weather.fog.as_ref().map_or(0.0, |fog| fog.soft_power(range))
+    }
+
+    /// What snow and rain do to a beam that goes as far as a range, with the stronger of their flakes; fog takes
+    /// its share of the flake's echo.
+    fn fallen(&self, beam: &Beam<'_>, range: f64) -> Fallen {
+        let mut all = Fallen { passed: 1.0, flake: None };
+        for (falling, purpose, _) in self.optics.weather.falls() {
+            let draws = beam.chance.draws(purpose);
+            let fallen = falling.beam(beam.response.divergence, range, draws);
+            all.passed *= fallen.passed;
+            let flake = fallen.flake.map(|flake| {
+                let power = flake.power * self.optics.through_fog(flake.range);
+                Flake { power, ..flake }
+            });
+            let stronger =
+                flake.filter(|flake| all.flake.is_none_or(|known| flake.power > known.power));
+            all.flake = stronger.or(all.flake);
+        }
+        all
+    }
+
+    /// True if a beam takes another sensor's pulse for its own.
+    fn is_wrong(&self, beam: &Beam<'_>) -> bool {
+        let crosstalk = self.optics.weather.crosstalk.as_ref();
+        crosstalk.is_some_and(|c| beam.chance.draw(Purpose::Crosstalk, 0) < c.share())
+    }
+}
+
+impl Air for Visibility {
+    fn dim(
+        &self,
+        batch: &SensorBatch<'_>,
+        ego_from_sensors: &[Pose],
+        frame: &Frame,
+        number: usize,
+        hits: &mut [Hit],
+    ) {
+        let seed = batch.seed();
+        let mut rows = Vec::with_capacity(batch.len());
+        let mut rest = hits;
+        for sensor in 0..batch.len() {
+            let (row, others) = rest.split_at_mut(batch.beams_of(sensor).len());
+            rest = others;
+            rows.push((sensor, row));
+        }
+        rows.into_par_iter().for_each(|(sensor, row)| {
+            let model = batch.sensor_model(sensor);
+            let reaches = self.reaches(&model.response, model.table.range());
+            let poses = frame.instances().iter();
+            let turns: Vec<_> = poses
+                .map(|instance| instance.pose_from(&ego_from_sensors[sensor]).rotation)
+                .collect();
+            let directions = batch.table(sensor).directions();
+            let (frame, kind) = (number as u32, batch.model(sensor) as u32);
+            for (beam, (hit, direction)) in row.iter_mut().zip(directions).enumerate() {
+                let chance = Chance::new(seed, frame, kind, beam as u32);
+                let beam = Beam { response: &model.response, chance, seed };
+                if !hit.is_hit() {
+                    *hit = Hit::ended(self.far(&beam, &reaches, hit.t));
+                    continue;
+                }
+                let thing = self.stage.thing_of(hit.prim);
+                let (class, normal) = self.stage.things[thing].face(hit.prim);
+                let direction = turns[thing] * DVec3::from(direction.map(f64::from));
+                let cosine = normal.as_dvec3().dot(direction).abs().min(1.0);
+                if !self.returns(&beam, thing, class, cosine, f64::from(hit.t)) {
+                    *hit = Hit::ended(0.0);
+                }
+            }
+        });
+    }
+}
+
+/// Farthest that [`TARGET`] is seen up to `range` metres, by what is left of the light: its power falls with distance.
+fn reach(response: &Response, optics: &Optics, range: f64, fallen: &Fallen, draw: f64) -> f64 {
+    let flake = fallen.flake.map_or(0.0, |flake| flake.power);
+    let seen = |r: f64| {
+        let power = fallen.passed * TARGET / (r * r) * optics.through_fog(r);
+        let fog = optics.weather.fog.as_ref().map_or(0.0, |fog| fog.soft_power(r));
+        let hidden = response.echoes == Echoes::Strongest && fog.max(flake) > power;
+        !hidden && is_seen(response, power, || draw)
+    };
+    if seen(range) {
+        return range;
+    }
+    let (mut near, mut far) = (0.0, range);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (near + far);
+        if seen(middle) { near = middle } else { far = middle }
+    }
+    near
+}

@@ -1,0 +1,17 @@
+//! A vehicle, a scene and a P-SOG from their descriptions, and the problem that they pose.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`mesh`] | OBJ, PLY and glTF files |
+//! | [`vehicle`] | sensors, mounts, placements and their rules |
+//! | [`scene`] | the scene file, meshes and primitives, one triangle soup a frame |
+//! | [`psog`] | P-SOG: how often each voxel was of each class, and its entropy |
+//! | [`problem`] | what is asked, ready to be computed |
+
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
+pub mod mesh;
+pub mod problem;
+pub mod psog;
+pub mod scene;
+pub mod vehicle;

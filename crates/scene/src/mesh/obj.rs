@@ -1,0 +1,257 @@
+//! Wavefront OBJ: positions, faces, and the names in `usemtl`, on which the classes hang.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+
+use super::polygon::Cutter;
+use super::raw::{Fault, RawMesh};
+use sightline_files::Note;
+
+/// Statements without a surface of their own, passed over in silence.
+const PASSED: [&str; 34] = [
+    // Texture coordinates, normals, points of parameter spaces.
+    "vt",
+    "vn",
+    "vp",
+    // Points and lines have no area.
+    "p",
+    "l",
+    "curv",
+    "cdc",
+    // Groups and shading.
+    "g",
+    "o",
+    "s",
+    "mg",
+    "bevel",
+    "c_interp",
+    "d_interp",
+    "lod",
+    "shadow_obj",
+    "trace_obj",
+    "ctech",
+    "stech",
+    // Looks: the classes hang on the names in `usemtl`.
+    "mtllib",
+    "usemap",
+    "maplib",
+    // Parts of curves and of surfaces; a surface itself is refused.
+    "cstype",
+    "deg",
+    "bmat",
+    "step",
+    "curv2",
+    "parm",
+    "trim",
+    "hole",
+    "scrv",
+    "sp",
+    "end",
+    "con",
+];
+/// Statements that bring a surface which is not read.
+const REFUSED: [(&str, &str); 6] = [
+    ("surf", "is a free-form surface, which is not read; export the model as polygons"),
+    ("bsp", "is a free-form surface, which is not read; export the model as polygons"),
+    ("bzp", "is a free-form surface, which is not read; export the model as polygons"),
+    ("cdp", "is a free-form surface, which is not read; export the model as polygons"),
+    ("call", "includes another file, which is not read; put all into one file"),
+    ("csh", "runs a program, which is not done; put all into one file"),
+];
+/// Statements that end in a name or a path, where a backslash at the end continues nothing.
+const NAMED: [&[u8]; 6] = [b"usemtl", b"mtllib", b"usemap", b"maplib", b"g", b"o"];
+/// Unknown statements that are told by name.
+const MOST_TOLD: usize = 8;
+
+/// Reads an OBJ.
+pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, Fault> {
+    if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+        return Err(Fault::new("line 1", "is UTF-16; save the file as UTF-8"));
+    }
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    if let Some(at) = bytes.iter().position(|&b| b == 0) {
+        let line = Lines { rest: &bytes[..=at], line: 0 }.count();
+        return Err(Fault::new(format!("line {line}"), "is not text; is this an OBJ file?"));
+    }
+    let mut reader = Reader::default();
+    // Faces may come before their vertices, and a polygon is cut by where its corners are.
+    for (line, text) in (Lines { rest: bytes, line: 0 }) {
+        let mut words = words(&text);
+        if words.next() == Some(b"v") {
+            let fault = |problem| Fault::new(format!("line {line}"), problem);
+            reader.mesh.vertices.push(position(words).map_err(fault)?);
+        }
+    }
+    for (line, text) in (Lines { rest: bytes, line: 0 }) {
+        reader
+            .statement(line, &text)
+            .map_err(|problem| Fault::new(format!("line {line}"), problem))?;
+    }
+    Ok(reader.finish())
+}
+
+/// Lines with their numbers; ends are LF, CR LF or CR. A backslash at the end joins a line with the next one.
+struct Lines<'a> {
+    rest: &'a [u8],
+    line: usize,
+}
+
+impl<'a> Lines<'a> {
+    fn single(&mut self) -> Option<&'a [u8]> {
+        if self.rest.is_empty() {
+            return None;
+        }
+        self.line += 1;
+        let rest = self.rest;
+        let end = rest.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(rest.len());
+        let wide = if rest[end..].starts_with(b"\r\n") { 2 } else { 1 };
+        self.rest = &rest[(end + wide).min(rest.len())..];
+        Some(&rest[..end])
+    }
+}
+
+impl<'a> Iterator for Lines<'a> {
+    type Item = (usize, Cow<'a, [u8]>);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let mut text = Cow::Borrowed(self.single()?);
+        let line = self.line;
+        let named = |text: &[u8]| {
+            let first = words(text).next().unwrap_or_default();
+            text.trim_ascii_start().starts_with(b"#") || NAMED.contains(&first)
+        };
+        if text.trim_ascii_end().ends_with(b"\\") && !named(&text) {
+            while let Some(head) = text.trim_ascii_end().strip_suffix(b"\\") {
+                let keep = head.len();
+                text.to_mut().truncate(keep);
+                let Some(next) = self.single() else { break };
+                text.to_mut().extend_from_slice(next);
+            }
+        }
+        Some((line, text))
+    }
+}
+
+/// Words of a line up to a comment.
+fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let words = text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+    words.take_while(|word| !word.starts_with(b"#"))
+}
+
+/// Text of any bytes: UTF-8, or Latin-1 where it is none.
+fn decode(bytes: &[u8]) -> Cow<'_, str> {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => text.into(),
+        Err(_) => bytes.iter().map(|&b| char::from(b)).collect::<String>().into(),
+    }
+}
+
+/// The first three numbers; a weight or a colour may follow.
+fn position<'a>(mut words: impl Iterator<Item = &'a [u8]>) -> Result<DVec3, String> {
+    let mut number = || {
+        let word = decode(words.next().ok_or("lacks one of the numbers x, y, z")?);
+        word.parse::<f64>().map_err(|_| format!("{word:?} is not a number such as 1.5 or -2e3"))
+    };
+    Ok(DVec3::new(number()?, number()?, number()?))
+}
+
+#[derive(Default)]
+struct Reader {
+    mesh: RawMesh,
+    cutter: Cutter,
+    /// Vertices in front of the present line.
+    so_far: i64,
+    /// Present name, and its index once a face has it.
+    name: Option<String>,
+    material: Option<u32>,
+    corners: Vec<u32>,
+    /// Unknown statements with the line of the first and their count.
+    unknown: BTreeMap<String, (usize, usize)>,
+    /// First name that is no UTF-8, as it was read.
+    odd_name: Option<String>,
+}
+
+impl Reader {
+    fn statement(&mut self, line: usize, text: &[u8]) -> Result<(), String> {
+        let mut words = words(text);
+        let Some(keyword) = words.next() else { return Ok(()) };
+        match keyword {
+            b"v" => self.so_far += 1,
+            // `fo` is the word for a face in old files.
+            b"f" | b"fo" => self.face(words)?,
+            b"usemtl" => {
+                let name = text.trim_ascii_start()[keyword.len()..].trim_ascii();
+                let known = decode(name).into_owned();
+                if std::str::from_utf8(name).is_err() {
+                    self.odd_name.get_or_insert_with(|| known.clone());
+                }
+                self.name = Some(known).filter(|name| !name.is_empty());
+                self.material = None;
+            }
+            _ => {
+                let keyword = decode(keyword);
+                if let Some((_, problem)) = REFUSED.iter().find(|(known, _)| *known == keyword) {
+                    return Err(format!("`{keyword}` {problem}"));
+                }
+                if !PASSED.contains(&&*keyword) {
+                    let short: String = keyword.chars().take(20).collect();
+                    if self.unknown.len() <= MOST_TOLD || self.unknown.contains_key(&short) {
+                        self.unknown.entry(short).or_insert((line, 0)).1 += 1;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn face<'a>(&mut self, words: impl Iterator<Item = &'a [u8]>) -> Result<(), String> {
+        let total = self.mesh.vertices.len();
+        self.corners.clear();
+        for word in words {
+            // Numbers of texture coordinates and normals follow behind slashes.
+            let first = decode(word.split(|&b| b == b'/').next().unwrap_or_default());
+            let index: i64 = first
+                .parse()
+                .map_err(|_| format!("{:?} is not a vertex of a face", decode(word)))?;
+            let place = if index < 0 { index.saturating_add(self.so_far + 1) } else { index };
+            if place < 1 || place > total as i64 {
+                return Err(format!("refers to vertex {index}, there are {total}"));
+            }
+            self.corners.push(place as u32 - 1);
+        }
+        let material = match self.material {
+            Some(material) => material,
+            None if self.corners.len() < 3 => 0,
+            None => *self.material.insert(self.mesh.material(self.name.as_deref())),
+        };
+        self.cutter.add(&mut self.mesh, &self.corners, material)
+    }
+
+    fn finish(mut self) -> RawMesh {
+        self.cutter.notes(&mut self.mesh);
+        let mut list: Vec<_> =
+            self.unknown.into_iter().map(|(word, (line, count))| (line, word, count)).collect();
+        list.sort_unstable();
+        let more = if list.len() > MOST_TOLD { " and others" } else { "" };
+        let told: Vec<String> = list
+            .into_iter()
+            .take(MOST_TOLD)
+            .map(|(line, word, count)| format!("{word:?} (line {line}, {count} in all)"))
+            .collect();
+        if !told.is_empty() {
+            self.mesh.notes.push(Note::doubt(format!(
+                "statements that OBJ does not know are passed over: {}{more}",
+                told.join(", ")
+            )));
+        }
+        if let Some(name) = self.odd_name {
+            self.mesh.notes.push(Note::fact(format!(
+                "names in `usemtl` are no UTF-8 and are read as Latin-1, {name:?} first; save the file as UTF-8 to \
+                 name them otherwise"
+            )));
+        }
+        self.mesh
+    }
+}

@@ -1,0 +1,224 @@
+//! glTF: parts by hand, refusals, and axes.
+
+use glam::DVec3;
+
+use crate::mesh::*;
+
+/// A glTF with one triangle under two nodes, its buffer as a data URI.
+pub(super) fn triangle_gltf(index: u8, byte_length: usize, count: usize) -> String {
+    let mut data = Vec::new();
+    for v in [0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0] {
+        data.extend(v.to_le_bytes());
+    }
+    data.extend([0, 1, index, 0]);
+    let base64: String = data
+        .chunks(3)
+        .map(|c| {
+            let mut bits = [0; 3];
+            bits[..c.len()].copy_from_slice(c);
+            let n = u32::from_be_bytes([0, bits[0], bits[1], bits[2]]);
+            let code = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+            let digit = |i: usize| {
+                let value = code[(n >> (18 - 6 * i)) as usize & 63] as char;
+                if i <= c.len() { value } else { '=' }
+            };
+            (0..4).map(digit).collect::<String>()
+        })
+        .collect();
+    format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],
+        "nodes":[{{"translation":[10,0,0],"children":[1]}},{{"mesh":0,"scale":[2,2,2]}}],
+        "materials":[{{"name":"paint"}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"indices":1,"material":0}}]}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"count":{count},"type":"VEC3",
+          "min":[0,0,0],"max":[1,1,0]}},
+          {{"bufferView":1,"componentType":5121,"count":3,"type":"SCALAR"}}],
+        "bufferViews":[{{"buffer":0,"byteOffset":0,"byteLength":36}},
+          {{"buffer":0,"byteOffset":36,"byteLength":4}}],
+        "buffers":[{{"byteLength":{byte_length},
+          "uri":"data:application/octet-stream;base64,{base64}"}}]}}"#
+    )
+}
+
+#[test]
+fn gltf_nodes_place_their_meshes() {
+    let mesh = gltf::read(triangle_gltf(2, 40, 3).as_bytes(), Path::new("")).unwrap();
+    assert_eq!(mesh.vertices[1], DVec3::new(12.0, 0.0, 0.0));
+    assert_eq!(mesh.faces, [[0, 1, 2]]);
+    assert_eq!(mesh.materials, [Some("paint".to_owned())]);
+}
+
+#[test]
+fn gltf_faults_never_panic() {
+    let good = triangle_gltf(2, 40, 3);
+    let cases = [
+        (triangle_gltf(9, 40, 3), "refers to vertex 9, it has 3"),
+        (triangle_gltf(2, 4000, 3), "holds 40 bytes, 4000 are announced"),
+        (triangle_gltf(2, 40, 4_000_000), "reaches past its buffer"),
+        (good.replace(r#""mesh":0,"#, r#""mesh":0,"children":[0],"#), "two parents"),
+        (good.replace(r#""byteOffset":36"#, r#""byteOffset":3600"#), "reaches past its buffer"),
+        (good.replace("5121", "5126"), "not whole numbers"),
+        (good.replace(r#""scene":0,"scenes":[{"nodes":[0]}],"#, ""), "no scene"),
+    ];
+    for (text, problem) in cases {
+        let fault = gltf::read(text.as_bytes(), Path::new("")).unwrap_err();
+        assert!(fault.problem.contains(problem), "{problem}: {fault:?}");
+    }
+    let named = |uri: &str| {
+        let start = good.find("\"uri\":\"").unwrap() + 7;
+        let end = start + good[start..].find('"').unwrap();
+        format!("{}{uri}{}", &good[..start], &good[end..])
+    };
+    let outside = [
+        ("/dev/zero", "--trust-paths"),
+        ("file:///dev/zero", "--trust-paths"),
+        ("../a.bin", "--trust-paths"),
+        ("%2e%2e/a.bin", "--trust-paths"),
+        ("a/%2E%2e/..%2fa.bin", "--trust-paths"),
+        ("%ff.bin", "not UTF-8"),
+        ("nowhere.bin", "nowhere.bin"),
+    ];
+    for (uri, problem) in outside {
+        let fault = gltf::read(named(uri).as_bytes(), Path::new("")).unwrap_err();
+        assert!(fault.problem.contains(problem), "{uri}: {fault:?}");
+    }
+    for end in 0..good.len() {
+        assert!(gltf::read(&good.as_bytes()[..end], Path::new("")).is_err(), "cut at {end}");
+    }
+}
+
+/// A glTF of the seeds that has every kind of part, changed by `change`.
+fn kinds_gltf(change: impl Fn(&mut serde_json::Value)) -> Result<RawMesh, Fault> {
+    let text = include_str!("../../../../../fuzz/corpus/mesh_gltf/kinds.gltf");
+    let mut json: serde_json::Value = serde_json::from_str(text).unwrap();
+    change(&mut json);
+    gltf::read(json.to_string().as_bytes(), Path::new(""))
+}
+
+/// Instances, a skin, morph targets, sparse and quantized data: each corner by hand.
+#[test]
+fn gltf_parts_stand_where_the_format_puts_them() {
+    let mesh = kinds_gltf(|_| {}).unwrap();
+    let near = |i: usize, place: [f64; 3]| {
+        let v = mesh.vertices[i];
+        assert!(
+            (v - DVec3::from(place)).abs().max_element() < 1e-6,
+            "vertex {i}: {v} is not {place:?}"
+        );
+    };
+    // Three instances of a quad from (0, 0, 0) to (0, 1, -1), the second turned half about y, the third about z.
+    for (i, p) in
+        [(0, [5.0, 0.0, 0.0]), (2, [5.0, 1.0, -1.0]), (4, [0.0, 0.0, 5.0]), (6, [0.0, 1.0, 6.0])]
+    {
+        near(i, p);
+    }
+    for (i, p) in [(8, [9.0, 1.0, 2.0]), (10, [9.0, 0.0, 1.0])] {
+        near(i, p);
+    }
+    // A skin of two joints: 128/255 of (y + 1) and 127/255 of (−x, 2 y, z); its node at z 9 has no part.
+    let (one, two) = (128.0 / 255.0, 127.0 / 255.0);
+    near(12, [0.0, one, 0.0]);
+    near(14, [0.0, 2.0 * one + 2.0 * two, -1.0]);
+    // A strip of sparse points, moved by half of a target: (2, 2, 2) + (0, 0, −1) / 2.
+    for (i, p) in
+        [(16, [0.0; 3]), (17, [1.0, 1.5, 1.0]), (18, [0.0, 0.5, -0.5]), (19, [2.0, 2.0, 1.5])]
+    {
+        near(i, p);
+    }
+    assert_eq!(mesh.faces[8..], [[16, 17, 18], [18, 17, 19], [20, 21, 22], [20, 22, 23]]);
+    assert_eq!(mesh.axes, Some(raw::Axes::ZForward));
+    let doubts: Vec<&str> = mesh.notes.iter().filter(|n| n.is_doubt()).map(Note::text).collect();
+    assert!(
+        doubts.len() == 2 && doubts[0].contains("ACME_unknown") && doubts[1].starts_with("1 nodes"),
+        "{doubts:?}"
+    );
+}
+
+#[test]
+fn places_that_are_none_are_refused() {
+    let fails = |change: &dyn Fn(&mut serde_json::Value)| {
+        let mut json: serde_json::Value = serde_json::from_str(&triangle_gltf(2, 40, 3)).unwrap();
+        change(&mut json);
+        let Fault { element, problem } =
+            gltf::read(json.to_string().as_bytes(), Path::new("nowhere")).unwrap_err();
+        format!("{element}: {problem}")
+    };
+    let matrix: Vec<f64> = (0..16).map(|k| f64::from(u8::from(k % 5 == 0))).collect();
+    let both = fails(&|json| {
+        json["nodes"][0] =
+            serde_json::json!({ "mesh": 0, "matrix": matrix, "translation": [1, 0, 0] });
+    });
+    assert!(both.contains("node 0") && both.contains("a matrix beside translation"), "{both}");
+    let long = fails(&|json| json["nodes"][0]["rotation"] = serde_json::json!([0, 0, 0, 2]));
+    assert!(long.contains("node 0") && long.contains("no unit quaternion"), "{long}");
+    let old = fails(&|json| json["asset"]["version"] = "1.0".into());
+    assert!(old.contains("is of version \"1.0\"; export glTF 2.0"), "{old}");
+}
+
+#[test]
+fn gltf_parts_that_cannot_be_read_are_refused_by_name() {
+    let cases: [(&str, serde_json::Value, &str); 9] = [
+        (
+            "/extensionsRequired/0",
+            "KHR_draco_mesh_compression".into(),
+            "KHR_draco_mesh_compression",
+        ),
+        ("/extensionsRequired/0", "ACME_unknown".into(), "ACME_unknown"),
+        ("/skins/0/joints/1", 6.into(), "joints outside of its scene"),
+        (
+            "/nodes/0/extensions/EXT_mesh_gpu_instancing/attributes/ROTATION",
+            0.into(),
+            "Vec3, not Vec4",
+        ),
+        (
+            "/nodes/0/extensions/EXT_mesh_gpu_instancing/attributes/ROTATION",
+            99.into(),
+            "ROTATION is no accessor",
+        ),
+        (
+            "/nodes/0/extensions/EXT_mesh_gpu_instancing/attributes",
+            serde_json::json!({}),
+            "without TRANSLATION",
+        ),
+        ("/accessors/8/sparse/count", 3.into(), "reaches past its buffer"),
+        ("/accessors/8/count", 2.into(), "sparse index 3 is past its 2 items"),
+        ("/accessors/8/count", 4_000_000_000_u64.into(), "one too many"),
+    ];
+    for (place, value, problem) in cases {
+        let fault =
+            kinds_gltf(|json| *json.pointer_mut(place).unwrap() = value.clone()).unwrap_err();
+        assert!(fault.problem.contains(problem), "{place}: {fault:?}");
+    }
+    // Looks may be required; hidden nodes have no surface.
+    let harmless = kinds_gltf(|json| json["extensionsRequired"][0] = "KHR_texture_basisu".into());
+    assert_eq!(harmless.unwrap().faces.len(), 12);
+    let hidden = serde_json::json!({ "KHR_node_visibility": { "visible": false } });
+    let hidden = kinds_gltf(|json| json["nodes"][1]["extensions"] = hidden.clone()).unwrap();
+    assert_eq!(hidden.faces.len(), 10);
+}
+
+#[test]
+fn axes_are_those_of_the_description_then_of_the_file_then_of_the_format() {
+    let (at, y_up, z_up) = (Place::top("s.json"), [1.0, -3.0, 2.0], [1.0, 2.0, 3.0]);
+    let forward = [3.0, 1.0, 2.0];
+    let own = Some(raw::Axes::ZForward);
+    let cases = [
+        ("a.glb", None, None, y_up, true),
+        ("a.glb", None, own, forward, false),
+        ("a.gltf", Some("y-up"), own, y_up, false),
+        ("a.obj", None, None, z_up, false),
+        ("a.ply", Some("z-forward"), None, forward, false),
+        ("a.glb", Some("z-up"), None, z_up, false),
+    ];
+    for (file, word, axes, place, told) in cases {
+        let mesh =
+            RawMesh { vertices: vec![DVec3::new(1.0, 2.0, 3.0)], axes, ..RawMesh::default() };
+        let placing = Placing::new(&at, word, None, [0.0; 3], [0.0; 3]).unwrap();
+        let placed = placing.vertices(&at, Path::new(file), &mesh).unwrap();
+        assert_eq!(placed, [DVec3::from(place)], "{file} {word:?}");
+        assert_eq!(placing.note(&at, Path::new(file), &mesh).is_some(), told, "{file} {word:?}");
+    }
+    let message =
+        Placing::new(&at, Some("x-up"), None, [0.0; 3], [0.0; 3]).err().unwrap().to_string();
+    assert!(message.contains("z-forward"), "{message}");
+}

@@ -1,0 +1,221 @@
+//! Frames counted per voxel and class: the P-SOG.
+
+use std::collections::HashMap;
+
+use super::{PsogError, Roi};
+use crate::scene::RoiBounds;
+
+impl RoiBounds {
+    /// The region as a grid of voxels.
+    ///
+    /// # Errors
+    /// More voxels than a grid may have.
+    pub fn grid(&self) -> Result<Roi, PsogError> {
+        Ok(Roi::new(self.min, self.voxel, self.shape)?)
+    }
+}
+
+/// Probabilistic semantic occupancy grid: in how many of T frames a voxel has each class.
+///
+/// Sparse: voxels not listed are empty in all T frames. For voxel `index[k]`, `counts[k·M + c]`
+/// frames have class `c`, and T − Σ are empty; p̂(v = c) is count / T (Place3D, §3.2).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Psog {
+    roi: Roi,
+    frames: u32,
+    classes: Vec<String>,
+    index: Vec<u64>,
+    counts: Vec<u16>,
+}
+
+impl Psog {
+    /// Most classes: class ids are 16 bits, the last id is kept free.
+    pub const CLASS_LIMIT: usize = u16::MAX as usize;
+
+    /// A P-SOG from its parts: T `frames`, M `classes` (without "empty"), K linear voxel indices in
+    /// rising order, and `counts` `[K, M]`, row-major.
+    ///
+    /// # Errors
+    /// Every broken rule of the P-SOG file, named with its place; see [`PsogError`].
+    pub fn new(
+        roi: Roi,
+        frames: u32,
+        classes: Vec<String>,
+        index: Vec<u64>,
+        counts: Vec<u16>,
+    ) -> Result<Self, PsogError> {
+        if frames == 0 {
+            return Err(PsogError::NoFrames);
+        }
+        check_classes(&classes)?;
+        if index.len().checked_mul(classes.len()) != Some(counts.len()) {
+            let (voxels, classes) = (index.len(), classes.len());
+            return Err(PsogError::CountsLength { found: counts.len(), voxels, classes });
+        }
+        let mut previous = None;
+        for (position, &value) in index.iter().enumerate() {
+            check_index(position, value, previous, roi.voxel_count())?;
+            previous = Some(value);
+        }
+        for (position, row) in counts.chunks_exact(classes.len()).enumerate() {
+            let sum = row.iter().map(|&c| u64::from(c)).sum();
+            if sum > u64::from(frames) {
+                let voxel = index[position];
+                return Err(PsogError::CountsOverFrames { position, voxel, sum, frames });
+            }
+        }
+        Ok(Self { roi, frames, classes, index, counts })
+    }
+
+    /// The voxel grid.
+    pub fn roi(&self) -> &Roi {
+        &self.roi
+    }
+
+    /// Number of frames T, at least 1.
+    pub fn frames(&self) -> u32 {
+        self.frames
+    }
+
+    /// Class names `[M]`; a class id is a position in this list.
+    pub fn classes(&self) -> &[String] {
+        &self.classes
+    }
+
+    /// The id of the class with this name.
+    pub fn class_id(&self, name: &str) -> Option<u16> {
+        self.classes.iter().position(|c| c == name).map(|c| c as u16)
+    }
+
+    /// Linear indices of the listed voxels `[K]`, strictly rising.
+    pub fn index(&self) -> &[u64] {
+        &self.index
+    }
+
+    /// Frame counts `[K, M]`, row-major.
+    pub fn counts(&self) -> &[u16] {
+        &self.counts
+    }
+
+    /// Frame counts `[M]` of listed voxel `k` (a position in [`Psog::index`]).
+    pub fn row(&self, k: usize) -> &[u16] {
+        let classes = self.classes.len();
+        &self.counts[k * classes..(k + 1) * classes]
+    }
+
+    /// Frame counts `[K, M]`, a row at a time.
+    pub fn rows(&self) -> std::slice::ChunksExact<'_, u16> {
+        self.counts.chunks_exact(self.classes.len())
+    }
+
+    /// Position of a voxel in [`Psog::index`]; `None` if it is not listed (empty in all frames).
+    pub fn find(&self, voxel: u64) -> Option<usize> {
+        self.index.binary_search(&voxel).ok()
+    }
+
+    /// Bytes that the indices and counts take in memory.
+    pub fn memory_bytes(&self) -> u64 {
+        (size_of_val(&self.index[..]) + size_of_val(&self.counts[..])) as u64
+    }
+
+    /// The P-SOG over the frames of both: counts and frames add up.
+    ///
+    /// # Errors
+    /// Different grids or classes, or sums that do not fit their type.
+    pub fn merge(&self, other: &Self) -> Result<Self, PsogError> {
+        self.check_mergeable(other)?;
+        let total = u64::from(self.frames) + u64::from(other.frames);
+        let frames = u32::try_from(total).map_err(|_| PsogError::MergeFrames { frames: total })?;
+        let classes = self.classes.len();
+        let mut index = Vec::with_capacity(self.index.len().max(other.index.len()));
+        let mut counts = Vec::with_capacity(index.capacity() * classes);
+        let (mut a, mut b) = (0, 0);
+        while a < self.index.len() || b < other.index.len() {
+            let left = self.index.get(a).copied().unwrap_or(u64::MAX);
+            let right = other.index.get(b).copied().unwrap_or(u64::MAX);
+            let voxel = left.min(right);
+            let row = counts.len();
+            index.push(voxel);
+            if left == voxel {
+                counts.extend_from_slice(self.row(a));
+                a += 1;
+            } else {
+                counts.resize(row + classes, 0);
+            }
+            if right == voxel {
+                for (c, (sum, &add)) in counts[row..].iter_mut().zip(other.row(b)).enumerate() {
+                    let count = u32::from(*sum) + u32::from(add);
+                    *sum = u16::try_from(count).map_err(|_| {
+                        let class = self.classes[c].clone();
+                        PsogError::MergeCount { voxel, class, count }
+                    })?;
+                }
+                b += 1;
+            }
+        }
+        Self::new(self.roi, frames, self.classes.clone(), index, counts)
+    }
+
+    fn check_mergeable(&self, other: &Self) -> Result<(), PsogError> {
+        let shape = |roi: &Roi| roi.shape().map(f64::from);
+        for (field, left, right) in [
+            ("roi_min", self.roi.min(), other.roi.min()),
+            ("voxel", self.roi.voxel(), other.roi.voxel()),
+            ("shape", shape(&self.roi), shape(&other.roi)),
+        ] {
+            if left != right {
+                return Err(PsogError::MergeGrid { field, left, right });
+            }
+        }
+        for position in 0..self.classes.len().max(other.classes.len()) {
+            let [left, right] = [self, other].map(|p| p.classes.get(position));
+            if left != right {
+                let [left, right] = [left, right].map(|c| c.cloned().unwrap_or_default());
+                return Err(PsogError::MergeClasses { position, left, right });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Checks the class names of a P-SOG.
+pub fn check_classes(classes: &[String]) -> Result<(), PsogError> {
+    if classes.is_empty() {
+        return Err(PsogError::NoClasses);
+    }
+    if classes.len() > Psog::CLASS_LIMIT {
+        let limit = Psog::CLASS_LIMIT;
+        return Err(PsogError::TooManyClasses { classes: classes.len(), limit });
+    }
+    let mut seen = HashMap::new();
+    for (position, name) in classes.iter().enumerate() {
+        if name.is_empty() || name.contains(char::is_control) {
+            return Err(PsogError::ClassName { position, name: name.clone() });
+        }
+        if name == "empty" {
+            return Err(PsogError::ClassEmpty { position });
+        }
+        if let Some(first) = seen.insert(name.as_str(), position) {
+            return Err(PsogError::ClassTwice { position, first, name: name.clone() });
+        }
+    }
+    Ok(())
+}
+
+/// Checks one entry of `index` against the one before it and the grid.
+pub fn check_index(
+    position: usize,
+    value: u64,
+    previous: Option<u64>,
+    voxels: u64,
+) -> Result<(), PsogError> {
+    if value >= voxels {
+        return Err(PsogError::IndexRange { position, value, voxels });
+    }
+    match previous {
+        Some(previous) if previous >= value => {
+            Err(PsogError::IndexOrder { position, value, previous })
+        }
+        _ => Ok(()),
+    }
+}

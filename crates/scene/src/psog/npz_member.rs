@@ -1,0 +1,258 @@
+//! One array of an `.npz` archive: found, checked against what is wanted, read.
+
+use std::fs::File;
+use std::io::{BufReader, Read as _};
+use std::path::{Path, PathBuf};
+
+use npyz::{DType, Deserialize, NpyFile, NpyHeader, Order, TypeChar};
+use zip::{CompressionMethod, ZipArchive, read::ZipFile};
+
+use super::PsogError;
+use sightline_files::npy::{read_header, transpose};
+
+/// The arrays of a P-SOG file, in the order they are written.
+const ARRAYS: [&str; 7] = ["roi_min", "voxel", "shape", "frames", "classes", "index", "counts"];
+
+/// Why a P-SOG file was not read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // the messages name every field
+pub enum PsogFileError {
+    /// The file cannot be opened.
+    #[error("{}: cannot be read: {source}; give a P-SOG file, as `sightline psog build` writes it", path.display())]
+    Open { path: PathBuf, source: std::io::Error },
+    /// The file is no zip archive, or has lost its end.
+    #[error("{} is not a readable .npz archive ({cause}); if it was cut short, copy or write it again", path.display())]
+    Archive { path: PathBuf, cause: String },
+    /// A member that no P-SOG has.
+    #[error("{}: `{member}` is not an array of a P-SOG, which holds {}; leave it out", path.display(), ARRAYS.join(", "))]
+    Unknown { path: PathBuf, member: String },
+    /// An array that is not what the contract wants.
+    #[error("{}: array `{array}` {fault}", path.display())]
+    Array { path: PathBuf, array: &'static str, fault: ArrayFault },
+    /// The numbers break a rule of the P-SOG.
+    #[error("{}: {fault}", path.display())]
+    Value { path: PathBuf, fault: PsogError },
+}
+
+/// Fault with an array of a P-SOG file.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // the messages name every field
+pub enum ArrayFault {
+    /// It is not there.
+    #[error("is missing; a P-SOG holds {}", ARRAYS.join(", "))]
+    Missing,
+    /// It is there twice.
+    #[error("is in the archive twice; keep one")]
+    Twice,
+    /// Compression or encryption that NumPy does not use.
+    #[error("is packed with {method}; write the file with np.savez or np.savez_compressed")]
+    Method { method: String },
+    /// Its bytes are damaged.
+    #[error("is damaged ({cause}); copy or write the file again")]
+    Damaged { cause: String },
+    /// Its header is no `.npy` header that a P-SOG needs.
+    #[error("has no usable .npy header ({cause}); write the file with np.savez")]
+    Header { cause: String },
+    /// The element type is not the contract's.
+    #[error("has dtype {found}, wanted {wanted}; {}", conversion(found, wanted))]
+    Dtype { found: String, wanted: &'static str },
+    /// The shape is not the contract's.
+    #[error("has shape {found}, wanted {wanted}")]
+    Shape { found: String, wanted: String },
+    /// The header promises other than the archive holds.
+    #[error(
+        "is promised {need} bytes by its header, the archive holds {have}; write the file again"
+    )]
+    Size { need: u64, have: u64 },
+    /// Names that are not text.
+    #[error("is not UTF-8 from byte {at} on; encode the names as UTF-8")]
+    NotUtf8 { at: usize },
+    /// An element breaks a rule of the P-SOG.
+    #[error(transparent)]
+    Value(#[from] PsogError),
+}
+
+impl ArrayFault {
+    fn damaged(error: impl ToString) -> Self {
+        Self::Damaged { cause: error.to_string() }
+    }
+
+    /// Names file and array.
+    pub(super) fn of(self, path: &Path, array: &'static str) -> PsogFileError {
+        let path = path.to_owned();
+        match self {
+            // Its message names the array and the element.
+            Self::Value(fault) => PsogFileError::Value { path, fault },
+            fault => PsogFileError::Array { path, array, fault },
+        }
+    }
+}
+
+/// How to come from one element type to another in NumPy, whose `astype` takes no texts for bytes.
+fn conversion(found: &str, wanted: &str) -> String {
+    if wanted == "uint8" && found.contains(['U', 'S', 'O']) {
+        return "join the names by \\n and write np.frombuffer(text.encode(), np.uint8)".to_owned();
+    }
+    format!("convert it with .astype(np.{wanted})")
+}
+
+/// An element type of the P-SOG file.
+pub trait Element: Deserialize + Copy {
+    /// NumPy's name of the type.
+    const NAME: &'static str;
+    /// Its kind and bytes.
+    const KIND: (TypeChar, u64);
+}
+
+macro_rules! element {
+    ($($t:ty, $name:literal, $kind:ident;)*) => {$(
+        impl Element for $t {
+            const NAME: &'static str = $name;
+            const KIND: (TypeChar, u64) = (TypeChar::$kind, size_of::<$t>() as u64);
+        }
+    )*};
+}
+element! {
+    f64, "float64", Float;
+    u8, "uint8", Uint;
+    u16, "uint16", Uint;
+    u32, "uint32", Uint;
+    u64, "uint64", Uint;
+}
+
+/// An open archive whose members are the arrays of a P-SOG, each once.
+pub struct Archive {
+    path: PathBuf,
+    zip: ZipArchive<BufReader<File>>,
+    /// Position in the archive of each array.
+    members: Vec<(&'static str, usize)>,
+}
+
+impl Archive {
+    /// Opens the archive and checks that it holds each array of a P-SOG once, and nothing else.
+    pub fn open(path: &Path) -> Result<Self, PsogFileError> {
+        let to_open = |source| PsogFileError::Open { path: path.to_owned(), source };
+        let file = sightline_files::files::open(path).map_err(to_open)?;
+        let to_archive = |error: zip::result::ZipError| PsogFileError::Archive {
+            path: path.to_owned(),
+            cause: error.to_string(),
+        };
+        let mut zip = ZipArchive::new(BufReader::new(file)).map_err(to_archive)?;
+        let mut members: Vec<(&'static str, usize)> = Vec::new();
+        for position in 0..zip.len() {
+            let member = zip.by_index_raw(position).map_err(to_archive)?;
+            let array = member.name().strip_suffix(".npy");
+            let Some(&array) = ARRAYS.iter().find(|&&known| Some(known) == array) else {
+                let member = member.name().escape_debug().to_string();
+                return Err(PsogFileError::Unknown { path: path.to_owned(), member });
+            };
+            if members.iter().any(|&(name, _)| name == array) {
+                return Err(ArrayFault::Twice.of(path, array));
+            }
+            members.push((array, position));
+        }
+        let is_missing = |array: &&&str| !members.iter().any(|(name, _)| name == *array);
+        match ARRAYS.iter().find(is_missing) {
+            Some(&array) => Err(ArrayFault::Missing.of(path, array)),
+            None => Ok(Self { path: path.to_owned(), zip, members }),
+        }
+    }
+
+    /// Reads one array in C order. `shape` answers a wrong shape with the wanted one. `value` sees each
+    /// element as it arrives, with its position, and may refuse it.
+    ///
+    /// Memory grows with the data that really arrives, never with what a header promises.
+    pub fn read<T: Element>(
+        &mut self,
+        array: &'static str,
+        shape: impl FnOnce(&[u64]) -> Result<(), String>,
+        value: impl FnMut(usize, T) -> Result<(), PsogError>,
+    ) -> Result<Vec<T>, PsogFileError> {
+        let read = self.member(array).and_then(|member| read_member(member, shape, value));
+        read.map_err(|fault| fault.of(&self.path, array))
+    }
+
+    fn member(&mut self, array: &'static str) -> Result<ZipFile<'_>, ArrayFault> {
+        let position = self.members.iter().find(|&&(name, _)| name == array);
+        let position = position.ok_or(ArrayFault::Missing)?.1;
+        let method = self.zip.by_index_raw(position).map_err(ArrayFault::damaged)?.compression();
+        if method != CompressionMethod::Stored && method != CompressionMethod::Deflated {
+            return Err(ArrayFault::Method { method: packing(method) });
+        }
+        // With a password the library reports encrypted members; without one it may panic on them.
+        let opened = self.zip.by_index_decrypt(position, b"").map_err(ArrayFault::damaged)?;
+        opened.map_err(|_| ArrayFault::Method { method: "encryption".into() })
+    }
+}
+
+/// The name of a packing that is not read; `zip` names those alone that it was built with.
+fn packing(method: CompressionMethod) -> String {
+    match method {
+        CompressionMethod::BZIP2 => "Bzip2".to_owned(),
+        CompressionMethod::LZMA => "Lzma".to_owned(),
+        CompressionMethod::ZSTD => "Zstd".to_owned(),
+        other => other.to_string(),
+    }
+}
+
+fn read_member<T: Element>(
+    mut member: ZipFile,
+    shape: impl FnOnce(&[u64]) -> Result<(), String>,
+    mut value: impl FnMut(usize, T) -> Result<(), PsogError>,
+) -> Result<Vec<T>, ArrayFault> {
+    let (header, length) =
+        read_header(&mut member).map_err(|cause| ArrayFault::Header { cause })?;
+    check_dtype::<T>(&header).map_err(|found| ArrayFault::Dtype { found, wanted: T::NAME })?;
+    shape(header.shape())
+        .map_err(|wanted| ArrayFault::Shape { found: show_shape(header.shape()), wanted })?;
+    let need = header.len() * T::KIND.1; // cannot overflow: read_header bounds the elements
+    let have = member.size().saturating_sub(length as u64);
+    if need != have {
+        return Err(ArrayFault::Size { need, have });
+    }
+    let (order, dimensions) = (header.order(), header.shape().to_vec());
+    let mut member = BufReader::with_capacity(1 << 16, member);
+    let mut data = Vec::new();
+    let elements =
+        NpyFile::with_header(header, &mut member).data::<T>().map_err(ArrayFault::damaged)?;
+    for element in elements {
+        let element = element.map_err(ArrayFault::damaged)?;
+        value(data.len(), element)?;
+        data.push(element);
+    }
+    // The checksum is compared at the end of the member, so read up to it.
+    match member.read(&mut [0]).map_err(ArrayFault::damaged)? {
+        0 => {}
+        _ => return Err(ArrayFault::Size { need, have: need + 1 }),
+    }
+    Ok(match (order, &dimensions[..]) {
+        (Order::Fortran, [_, columns]) => transpose(&data, *columns as usize),
+        _ => data,
+    })
+}
+
+/// The name of the dtype in the file, if it is not `T` (of either byte order).
+fn check_dtype<T: Element>(header: &NpyHeader) -> Result<(), String> {
+    match header.dtype() {
+        DType::Plain(t) if (t.type_char(), t.size_field()) == T::KIND => Ok(()),
+        DType::Plain(t) => {
+            let bits = t.size_field() * 8;
+            Err(match t.type_char() {
+                TypeChar::Bool => "bool".into(),
+                TypeChar::Int => format!("int{bits}"),
+                TypeChar::Uint => format!("uint{bits}"),
+                TypeChar::Float => format!("float{bits}"),
+                _ => t.to_string(),
+            })
+        }
+        _ => Err("of a structured array".into()),
+    }
+}
+
+/// A shape as Python prints it.
+fn show_shape(shape: &[u64]) -> String {
+    let list: Vec<_> = shape.iter().map(u64::to_string).collect();
+    if list.len() == 1 { format!("({},)", list[0]) } else { format!("({})", list.join(", ")) }
+}

@@ -1,0 +1,127 @@
+//! Class names: the index in the list is the class id everywhere.
+
+use sightline_files::json::check::bad;
+use sightline_files::json::{DescriptionError, Place, nearest};
+
+/// The 21 classes of a scene that lists none, in the order of CARLA's semantic tags as Place3D
+/// prints them; a name's index is its class id.
+pub const DEFAULT_CLASSES: [&str; 21] = [
+    "building",
+    "fence",
+    "other",
+    "pedestrian",
+    "pole",
+    "road_line",
+    "road",
+    "sidewalk",
+    "vegetation",
+    "vehicle",
+    "wall",
+    "traffic_sign",
+    "ground",
+    "bridge",
+    "rail_track",
+    "guard_rail",
+    "traffic_light",
+    "static",
+    "dynamic",
+    "water",
+    "terrain",
+];
+
+/// Classes that count as ground, by the names of the own scenes and of SemanticKITTI.
+pub const GROUND_CLASSES: [&str; 10] = [
+    "road",
+    "road_line",
+    "lane-marking",
+    "parking",
+    "sidewalk",
+    "ground",
+    "other-ground",
+    "terrain",
+    "rail_track",
+    "bridge",
+];
+
+/// Detection target of a scene without `detection`.
+const DETECTION: [&str; 3] = ["vehicle", "car", "moving-car"];
+
+/// Most classes: a P-SOG holds a count for each class and voxel.
+const MAX_CLASSES: usize = 256;
+
+/// Class names of a scene, checked.
+#[derive(Debug, Clone)]
+pub struct Classes {
+    pub names: Vec<String>,
+    /// Place and names of the scene's `detection`; `None` takes the defaults.
+    detection: Option<(Place, Vec<String>)>,
+}
+
+impl Classes {
+    /// Checks the `classes` of a scene; `None` takes the defaults. [`Self::check_detection`] checks the
+    /// names of `detection`.
+    pub fn new(
+        top: &Place,
+        names: Option<Vec<String>>,
+        detection: Option<Vec<String>>,
+    ) -> Result<Self, DescriptionError> {
+        let names =
+            names.unwrap_or_else(|| DEFAULT_CLASSES.iter().map(|&n| n.to_owned()).collect());
+        let at = top.key("classes");
+        if names.is_empty() || names.len() > MAX_CLASSES {
+            let wanted = format!("1 to {MAX_CLASSES} class names");
+            return Err(bad(&at, format!("a list of {}", names.len()), wanted));
+        }
+        let mut seen = std::collections::HashSet::new();
+        for (i, name) in names.iter().enumerate() {
+            let blank = name.trim() != name || name.is_empty() || name.len() > 64;
+            if blank || name.chars().any(char::is_control) || name == "empty" {
+                let wanted = "a class name: 1 to 64 printable characters, no space around, not \
+                              `empty` (that class is implied)";
+                return Err(bad(&at.item(i), format!("{name:?}"), wanted));
+            }
+            if !seen.insert(name.as_str()) {
+                return Err(bad(&at.item(i), format!("{name:?}"), "a name used once in the list"));
+            }
+        }
+        Ok(Self { names, detection: detection.map(|list| (top.key("detection"), list)) })
+    }
+
+    /// Checks that `classes` holds every name of `detection`.
+    pub fn check_detection(&self, classes: &[String]) -> Result<(), DescriptionError> {
+        let (at, list) = match &self.detection {
+            Some((at, list)) => (at, list.as_slice()),
+            None => return Ok(()),
+        };
+        let missing = list.iter().enumerate().find(|(_, name)| !classes.contains(name));
+        missing.map_or(Ok(()), |(i, name)| Err(unknown(&at.item(i), name, classes)))
+    }
+
+    /// Ids in `classes` of the detection target, rising.
+    pub fn detection_among(&self, classes: &[String]) -> Vec<u16> {
+        let counts = |name: &str| match &self.detection {
+            Some((_, list)) => list.iter().any(|n| n == name),
+            None => DETECTION.contains(&name),
+        };
+        (0_u16..).zip(classes).filter(|(_, name)| counts(name)).map(|(id, _)| id).collect()
+    }
+
+    fn find(&self, name: &str) -> Option<u16> {
+        self.names.iter().position(|n| n == name).map(|i| i as u16)
+    }
+
+    /// Id of the name at `at`.
+    pub fn id(&self, at: &Place, name: &str) -> Result<u16, DescriptionError> {
+        self.find(name).ok_or_else(|| unknown(at, name, &self.names))
+    }
+}
+
+fn unknown(at: &Place, name: &str, classes: &[String]) -> DescriptionError {
+    DescriptionError::UnknownName {
+        at: Box::new(at.clone()),
+        kind: "class",
+        name: name.to_owned(),
+        nearest: nearest(name, classes.iter().map(String::as_str)),
+        known: classes.to_vec(),
+    }
+}

@@ -1,0 +1,251 @@
+//! The scene file as it is written: what serde reads before anything is checked.
+//!
+//! Keys, units and defaults are explained in `scenes/README.md`.
+
+use serde::Deserialize;
+use serde::de::{Error as _, MapAccess, Visitor};
+
+use crate::vehicle::{LidarDescription, MountDescription, VehicleDescription};
+
+/// A whole scene file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneDescription {
+    /// Checked before the rest is read; here only so that the key is known.
+    #[serde(rename = "sightline")]
+    pub _version: u64,
+    pub name: Option<String>,
+    pub roi: RoiDescription,
+    pub psog: Option<PsogDescription>,
+    pub lidar: Option<LidarDescription>,
+    pub mount: Option<MountDescription>,
+    pub vehicle: Option<VehicleSource>,
+    pub coverage: Option<String>,
+    pub classes: Option<Vec<String>>,
+    pub detection: Option<Vec<String>>,
+    #[serde(default)]
+    pub reflectance: Dictionary<f64>,
+    #[serde(default)]
+    pub shapes: Dictionary<Vec<ShapeDescription>>,
+    #[serde(default, rename = "static")]
+    pub world: Vec<ShapeDescription>,
+    #[serde(default)]
+    pub actors: Vec<ActorDescription>,
+    pub frames: Option<u64>,
+    pub rate: Option<f64>,
+    pub ego: Option<EgoDescription>,
+}
+
+/// The vehicle of a scene.
+#[derive(Debug)]
+pub enum VehicleSource {
+    /// A file beside the scene.
+    File(String),
+    /// Written in the scene.
+    Inline(Box<VehicleDescription<ShapeDescription>>),
+}
+
+impl<'de> Deserialize<'de> for VehicleSource {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Source;
+        impl<'de> Visitor<'de> for Source {
+            type Value = VehicleSource;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("the name of a vehicle file, or a vehicle")
+            }
+
+            fn visit_str<E: serde::de::Error>(self, file: &str) -> Result<Self::Value, E> {
+                Ok(VehicleSource::File(file.to_owned()))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                let map = serde::de::value::MapAccessDeserializer::new(map);
+                Ok(VehicleSource::Inline(Box::new(VehicleDescription::deserialize(map)?)))
+            }
+        }
+        deserializer.deserialize_any(Source)
+    }
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RoiDescription {
+    pub min: [f64; 3],
+    pub max: [f64; 3],
+    pub voxel: [f64; 3],
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PsogDescription {
+    pub file: Option<String>,
+    pub scan: Option<ScanDescription>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScanDescription {
+    pub channels: Option<u64>,
+    pub fov: Option<[f64; 2]>,
+    pub azimuth_steps: Option<u64>,
+    pub spacing: Option<f64>,
+    pub range: Option<f64>,
+    pub height: Option<f64>,
+    pub window: Option<u64>,
+    pub stride: Option<u64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ActorDescription {
+    pub name: Option<String>,
+    pub kind: Option<String>,
+    pub reflectance: Option<f64>,
+    pub parts: Vec<ShapeDescription>,
+    pub poses: Option<Vec<PoseDescription>>,
+    pub route: Option<RouteDescription>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EgoDescription {
+    #[serde(default)]
+    pub body: Vec<ShapeDescription>,
+    pub poses: Option<Vec<PoseDescription>>,
+    pub route: Option<RouteDescription>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PoseDescription {
+    pub x: f64,
+    pub y: f64,
+    #[serde(default)]
+    pub z: f64,
+    #[serde(default)]
+    pub roll: f64,
+    #[serde(default)]
+    pub pitch: f64,
+    #[serde(default)]
+    pub yaw: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RouteDescription {
+    pub points: Vec<Vec<f64>>,
+    #[serde(default)]
+    pub start: f64,
+    pub spacing: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ShapeDescription {
+    pub class: Option<String>,
+    #[serde(rename = "box")]
+    pub cuboid: Option<BoxDescription>,
+    pub prism: Option<PrismDescription>,
+    pub cylinder: Option<CylinderDescription>,
+    pub plane: Option<PlaneDescription>,
+    pub mesh: Option<MeshDescription>,
+    pub shape: Option<String>,
+    pub at: Option<Vec<Vec<f64>>>,
+    pub repeat: Option<RepeatDescription>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RepeatDescription {
+    pub count: u64,
+    pub step: [f64; 3],
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoxDescription {
+    pub center: Option<[f64; 3]>,
+    pub foot: Option<[f64; 3]>,
+    pub size: Option<[f64; 3]>,
+    pub min: Option<[f64; 3]>,
+    pub max: Option<[f64; 3]>,
+    #[serde(default)]
+    pub yaw: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PrismDescription {
+    pub base: Vec<[f64; 2]>,
+    pub z: [f64; 2],
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CylinderDescription {
+    pub foot: [f64; 3],
+    pub radius: f64,
+    pub height: f64,
+    pub sides: Option<u64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlaneDescription {
+    pub min: [f64; 2],
+    pub max: [f64; 2],
+    pub z: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeshDescription {
+    pub file: String,
+    pub scale: Option<f64>,
+    #[serde(default)]
+    pub translate: [f64; 3],
+    #[serde(default)]
+    pub roll: f64,
+    #[serde(default)]
+    pub pitch: f64,
+    #[serde(default)]
+    pub yaw: f64,
+    #[serde(default)]
+    pub classes: Dictionary<String>,
+    pub axes: Option<String>,
+}
+
+/// A JSON object with free keys, in file order; a key that comes twice is an error.
+#[derive(Debug)]
+pub struct Dictionary<V>(pub Vec<(String, V)>);
+
+impl<V> Default for Dictionary<V> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<'de, V: Deserialize<'de>> Deserialize<'de> for Dictionary<V> {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Entries<V>(std::marker::PhantomData<V>);
+        impl<'de, V: Deserialize<'de>> Visitor<'de> for Entries<V> {
+            type Value = Dictionary<V>;
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("a map")
+            }
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+                let mut seen = std::collections::HashSet::new();
+                let mut entries = Vec::new();
+                while let Some(key) = map.next_key::<String>()? {
+                    if !seen.insert(key.clone()) {
+                        return Err(A::Error::custom(format_args!("duplicate field `{key}`")));
+                    }
+                    entries.push((key, map.next_value()?));
+                }
+                Ok(Dictionary(entries))
+            }
+        }
+        deserializer.deserialize_map(Entries(std::marker::PhantomData))
+    }
+}

@@ -1,0 +1,384 @@
+//! Likely mistakes of a scene or a vehicle file: sizes, axes, ways, heights, ranges.
+
+use glam::DVec3;
+
+use super::{GROUND_CLASSES, Scene, Solid};
+use crate::vehicle;
+use sightline_files::Note;
+
+/// Largest edge of a voxel that is no doubt, metres: larger ones hold a car and the street around it.
+const LARGEST_VOXEL: f64 = 5.0;
+/// Longest and shortest body of a vehicle, in metres.
+const BODY: [f64; 2] = [0.3, 30.0];
+/// Widest and highest world, in metres: national coordinates move a world, and do not stretch it.
+const WORLD: [f64; 2] = [20_000.0, 500.0];
+/// Longest actor, in metres: a train.
+const ACTOR: f64 = 400.0;
+/// Metres between two frames from which a way has a direction.
+const STEP: f64 = 0.05;
+/// Metres between the ego's origin and the ground under it that a kerb or a suspension explains.
+const GROUND: f64 = 1.0;
+/// Metres between a body and the nearest place of a mount, and its farthest, that a mast or a beam explains.
+const BESIDE: f64 = 2.5;
+const REACH: f64 = 8.0;
+
+impl Scene {
+    /// Every doubt about the scene; `file` names it.
+    pub(super) fn doubts(&self, file: &str) -> Vec<Note> {
+        let scene = self;
+        let mut doubts: Vec<String> = Vec::new();
+        doubts.extend(body(&scene.body));
+        doubts.extend(world(&scene.world));
+        doubts.extend(actors(scene));
+        doubts.extend(sideways("ego", scene.frames, |t| scene.ego_pose(t)));
+        doubts.extend(ground(scene));
+        doubts.extend(sensors(scene));
+        doubts.extend(far_mounts(scene));
+        doubts.extend(voxels(scene));
+        doubts.into_iter().map(|doubt| Note::doubt(format!("{file}: {doubt}"))).collect()
+    }
+}
+
+fn extent(solid: &Solid) -> Option<DVec3> {
+    corners(solid).map(|[low, high]| high - low)
+}
+
+/// Lower and upper corner of the box around triangles.
+fn corners(solid: &Solid) -> Option<[DVec3; 2]> {
+    let used = || solid.faces.iter().flatten().map(|v| solid.vertices[*v as usize]);
+    let first = used().next()?;
+    Some(used().fold([first; 2], |[low, high], p| [low.min(p), high.max(p)]))
+}
+
+/// Share of the area whose normal lies along each axis.
+fn facing(solid: &Solid) -> DVec3 {
+    let normal = |face: &[u32; 3]| {
+        let [a, b, c] = face.map(|v| solid.vertices[v as usize]);
+        (b - a).cross(c - a)
+    };
+    let (sum, all) = solid.faces.iter().map(normal).fold((DVec3::ZERO, 0.0), |(sum, all), n| {
+        let n = n.abs();
+        let most = n.cmpge(DVec3::splat(n.max_element()));
+        (sum + DVec3::select(most, n, DVec3::ZERO), all + n.max_element())
+    });
+    sum / f64::max(all, 1e-300)
+}
+
+fn body(solid: &Solid) -> Option<String> {
+    let size = extent(solid)?;
+    let longest = size.max_element();
+    if longest > BODY[1] {
+        return Some(format!(
+            "the ego body is {longest:.1} m large; lengths are in metres, {longest:.0} mm would be {:.2} m: give \
+             its mesh `\"scale\": 0.001`, or 0.01 for centimetres",
+            longest / 1000.0
+        ));
+    }
+    if longest < BODY[0] {
+        return Some(format!(
+            "the ego body is {longest:.4} m large; lengths are in metres: give its mesh a larger `scale`"
+        ));
+    }
+    if size.z > 2.5 && size.z > 1.5 * size.x.max(size.y) {
+        return Some(format!(
+            "the ego body is {:.1} m high, but {:.1} m long and {:.1} m wide; z is up: give its mesh `\"axes\": \"y-up\"`, \
+             or turn it",
+            size.z, size.x, size.y
+        ));
+    }
+    (size.y > 2.5 && size.y > 1.3 * size.x).then(|| {
+        format!(
+            "the ego body is {:.1} m wide, but {:.1} m long; x is forward, y to the left: turn its mesh by a yaw of \
+             1.5708",
+            size.y, size.x
+        )
+    })
+}
+
+fn world(solid: &Solid) -> Option<String> {
+    let size = extent(solid)?;
+    let wide = size.x.max(size.y);
+    if wide > WORLD[0] || size.z > WORLD[1] {
+        return Some(format!(
+            "the static world is {wide:.0} m wide and {:.0} m high, too large for a street; lengths are in metres: \
+             give its mesh `\"scale\": 0.001` for millimetres, or 0.01 for centimetres",
+            size.z
+        ));
+    }
+    let on_side = size.z > 20.0 && size.z > 3.0 * size.y && facing(solid).y > 0.5;
+    on_side.then(|| {
+        format!(
+            "the static world is {:.0} m high and {:.0} m deep, and most of its faces look along y; z is up: give \
+             its mesh `\"axes\": \"y-up\"`",
+            size.z, size.y
+        )
+    })
+}
+
+fn actors(scene: &Scene) -> Vec<String> {
+    let mut doubts = Vec::new();
+    for (i, actor) in scene.actors.iter().enumerate() {
+        let longest = extent(&actor.parts).map_or(0.0, DVec3::max_element);
+        if longest > ACTOR {
+            doubts.push(format!(
+                "actors[{i}] is {longest:.0} m large; lengths are in metres: give its mesh `\"scale\": 0.001` for \
+                 millimetres"
+            ));
+        }
+        use super::ActorKind as Kind;
+        let walks = [Kind::Pedestrian, Kind::Animal, Kind::Other];
+        let rolls = !walks.contains(&actor.kind);
+        let way = rolls
+            .then(|| sideways(&format!("actors[{i}]"), scene.frames, |t| actor.motion.pose(t)));
+        doubts.extend(way.flatten());
+    }
+    // Many actors of one file share one mistake.
+    let more = doubts.len().saturating_sub(3);
+    doubts.truncate(3);
+    if more > 0 {
+        doubts.push(format!("{more} more actors are doubted as the three before"));
+    }
+    doubts
+}
+
+/// A doubt where most steps of a way lead across the heading.
+fn sideways(
+    who: &str,
+    frames: usize,
+    pose: impl Fn(usize) -> lidar_cast::geom::Pose,
+) -> Option<String> {
+    let (mut steps, mut across) = (0, 0);
+    for t in 1..frames {
+        let (before, now) = (pose(t - 1), pose(t));
+        let step = (now.translation - before.translation).truncate();
+        if step.length() < STEP {
+            continue;
+        }
+        let ahead = (before.apply(DVec3::X) - before.translation).truncate();
+        steps += 1;
+        across += usize::from(ahead.normalize_or_zero().dot(step.normalize()).abs() < 0.5);
+    }
+    (steps >= 3 && 5 * across > 4 * steps).then(|| {
+        format!(
+            "{who} moves sideways: in {across} of {steps} steps its heading is across its way; x is forward and \
+             yaw is in radians, counter-clockwise from x: correct `yaw`"
+        )
+    })
+}
+
+/// A doubt where the ground under the ego is far from z = 0 of its frame.
+fn ground(scene: &Scene) -> Option<String> {
+    let is_ground: Vec<bool> =
+        scene.classes.names.iter().map(|n| GROUND_CLASSES.contains(&n.as_str())).collect();
+    let ego_from_world = scene.ego_pose(0).inverse();
+    let world = &scene.world;
+    let mut nearest: Option<f64> = None;
+    for (face, class) in world.faces.iter().zip(&world.classes) {
+        if !is_ground.get(usize::from(*class)).copied().unwrap_or(false) {
+            continue;
+        }
+        let corners = face.map(|v| ego_from_world.apply(world.vertices[v as usize]));
+        if let Some(z) = height_at_origin(corners)
+            && nearest.is_none_or(|n| z.abs() < n.abs())
+        {
+            nearest = Some(z);
+        }
+    }
+    let z = nearest.filter(|z| z.abs() > GROUND)?;
+    let place = if z < 0.0 { "below" } else { "above" };
+    Some(format!(
+        "the ground under the ego is {:.2} m {place} its origin in frame 0; the origin stands on the ground, z = 0: \
+         move the poses of `ego`, and measure sensors from the ground",
+        z.abs()
+    ))
+}
+
+/// Height of a triangle over the origin in plan.
+fn height_at_origin([a, b, c]: [DVec3; 3]) -> Option<f64> {
+    let side = |p: DVec3, q: DVec3| p.truncate().perp_dot(q.truncate());
+    let [u, v, w] = [side(b, c), side(c, a), side(a, b)];
+    let area = u + v + w;
+    let inside = (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0);
+    (inside && area.abs() > 1e-12).then(|| (u * a.z + v * b.z + w * c.z) / area)
+}
+
+/// Doubts about sensors and where they may stand.
+fn sensors(scene: &Scene) -> Vec<String> {
+    // A vehicle's own models and mounts are doubted where its file is read.
+    let mut doubts = match scene.vehicle() {
+        Some(_) => Vec::new(),
+        None => vehicle::of_lidar("the LiDAR", scene.lidars()[0]),
+    };
+    let [low, high] = scene.mount_corners();
+    if high[2] < 0.0 {
+        doubts.push(format!(
+            "the mount ends {:.2} m under the ground; z is up from the ground: give positive heights",
+            -high[2]
+        ));
+    }
+    let corner =
+        |k: usize| DVec3::from([0, 1, 2].map(|i| if k >> i & 1 == 0 { low[i] } else { high[i] }));
+    if !scene.body.faces.is_empty() && (0..8).all(|k| inside(&scene.body, corner(k))) {
+        doubts.push(
+            "the whole mount lies inside the ego body, where every beam ends at once; move it onto the body".to_owned(),
+        );
+    }
+    doubts
+}
+
+/// Doubts about mounts that stand far from the body.
+fn far_mounts(scene: &Scene) -> Vec<String> {
+    let Some([low, high]) = corners(&scene.body) else { return Vec::new() };
+    let mounts: Vec<(String, [DVec3; 2])> = match scene.vehicle() {
+        None => vec![("the mount".to_owned(), scene.mount_corners().map(DVec3::from))],
+        Some(vehicle) => (0..vehicle.mounts.len())
+            .map(|i| {
+                let [from, to] = vehicle.mounts[i].region.corners();
+                (format!("mounts[{i}] of the vehicle"), [DVec3::from(from), DVec3::from(to)])
+            })
+            .collect(),
+    };
+    let far = mounts.into_iter().filter_map(|(name, [from, to])| {
+        let nearest = (low - to).max(from - high).max(DVec3::ZERO).length();
+        let farthest = (low - from).max(to - high).max(DVec3::ZERO).length();
+        let outside = if nearest > BESIDE { nearest } else { farthest };
+        (nearest > BESIDE || farthest > REACH).then(|| {
+            format!(
+                "{name} reaches {outside:.1} m outside the ego body; positions are in metres, from the ego's origin: \
+                 check `min` and `max`, and the place of the body"
+            )
+        })
+    });
+    far.collect()
+}
+
+/// A doubt about voxels of which fewer than two fill the region.
+fn voxels(scene: &Scene) -> Option<String> {
+    let roi = &scene.roi;
+    if let Some(axis) = (0..3).find(|&i| roi.voxel[i] > LARGEST_VOXEL) {
+        return Some(format!(
+            "roi.voxel[{axis}] is {} m; lengths are in metres: centimetres, or millimetres?",
+            roi.voxel[axis]
+        ));
+    }
+    let axis = (0..3).find(|&i| roi.voxel[i] > 0.5 * (roi.max[i] - roi.min[i]))?;
+    Some(format!(
+        "roi.voxel[{axis}] is {} m, more than half of the region, which is {} m there; lengths are in metres: give \
+         smaller voxels",
+        roi.voxel[axis],
+        roi.max[axis] - roi.min[axis]
+    ))
+}
+
+/// True if a point lies inside closed triangles: rays up and ahead leave them an odd number of times.
+fn inside(solid: &Solid, p: DVec3) -> bool {
+    let odd = |turn: fn(DVec3) -> DVec3| {
+        let crossed = solid.faces.iter().filter(|face| {
+            // A shift without a common factor keeps rays off edges.
+            let shift = DVec3::new(1.37e-5, 2.11e-5, 0.0);
+            let corners = face.map(|v| turn(solid.vertices[v as usize] - p) + shift);
+            height_at_origin(corners).is_some_and(|z| z > 0.0)
+        });
+        crossed.count() % 2 == 1
+    };
+    odd(|v| v) && odd(|v| DVec3::new(v.y, v.z, v.x))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(body: &str, ego: &str, ground: f64, lidar: &str, mount: &str) -> String {
+        let text = format!(
+            r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
+            "lidar": {lidar}, "mount": {mount}, "frames": 4,
+            "ego": {{"body": [{{"class": "vehicle", "box": {body}}}], {ego}}},
+            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": {ground}}}}}]}}"#
+        );
+        let scene = Scene::from_json(&text, std::path::Path::new(""), "s.json").unwrap();
+        let notes = scene.notes().iter().inspect(|note| assert!(note.is_doubt()));
+        notes.map(|note| note.text().to_owned()).collect::<Vec<_>>().join("\n")
+    }
+
+    const CAR: &str = r#"{"foot": [0, 0, 0.2], "size": [4.4, 1.8, 1.3]}"#;
+    const AHEAD: &str = r#""route": {"points": [[0, 0], [10, 0]], "spacing": 1}"#;
+    const ROOF: &str = r#"{"min": [-0.6, -0.6, 2], "max": [0.6, 0.6, 2.6], "lidars": 1}"#;
+    const LIDAR: &str = r#"{"channels": 16, "fov": [-25, 5], "azimuth_steps": 180, "range": 100}"#;
+
+    #[test]
+    fn a_sound_scene_is_not_doubted() {
+        assert_eq!(told(CAR, AHEAD, 0.0, LIDAR, ROOF), "");
+    }
+
+    #[test]
+    fn headings_that_go_on_past_a_turn_are_sound() {
+        let poses: Vec<String> = [6.1, 6.25, 6.4, 6.55]
+            .iter()
+            .map(|yaw| format!("{{\"x\": 0, \"y\": 0, \"yaw\": {yaw}}}"))
+            .collect();
+        let poses = format!("\"poses\": [{}]", poses.join(", "));
+        assert_eq!(told(CAR, &poses, 0.0, LIDAR, ROOF), "");
+    }
+
+    #[test]
+    fn voxels_larger_than_half_the_region_are_doubted() {
+        let text = r#"{"sightline": 1, "roi": {"min": [-20, -20, 0], "max": [20, 20, 5], "voxel": [0.4, 0.4, 4]},
+            "lidar": {"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100},
+            "mount": {"min": [0, 0, 2], "max": [0, 0, 2], "lidars": 1},
+            "static": [{"class": "road", "plane": {"min": [-50, -50], "max": [50, 50], "z": 0}}]}"#;
+        let scene = Scene::from_json(text, std::path::Path::new(""), "s.json").unwrap();
+        let told: Vec<&str> = scene.notes().iter().map(Note::text).collect();
+        assert!(told.join("\n").contains("roi.voxel[2] is 4 m, more than half"), "{told:?}");
+        let millimetres =
+            text.replace("20, 20", "20000, 20000").replace("-20, -20", "-20000, -20000");
+        let millimetres = millimetres.replace("[0.4, 0.4, 4]", "[500, 500, 1]");
+        let scene = Scene::from_json(&millimetres, std::path::Path::new(""), "s").unwrap();
+        let told: Vec<&str> = scene.notes().iter().map(Note::text).collect();
+        assert!(
+            told.join("\n").contains("roi.voxel[0] is 500 m; lengths are in metres"),
+            "{told:?}"
+        );
+    }
+
+    #[test]
+    fn each_likely_mistake_is_told_with_its_number() {
+        let poses =
+            r#""poses": [{"x": 0, "y": 0}, {"x": 0, "y": 1}, {"x": 0, "y": 2}, {"x": 0, "y": 3}]"#;
+        let inside = r#"{"min": [-0.1, -0.1, 0.5], "max": [0.1, 0.1, 0.7], "lidars": 1}"#;
+        let away = ROOF
+            .replace("-0.6, -0.6, 2]", "9.4, -0.6, 1]")
+            .replace("[0.6, 0.6, 2.6]", "[9.6, 0.6, 1.5]");
+        let degrees = ROOF.replace("\"lidars\"", "\"yaw\": [0, 5], \"lidars\"");
+        let turned = r#""poses": [{"x": 0, "y": 0, "yaw": 90}, {"x": 0, "y": 1, "yaw": 90}, {"x": 0, "y": 2, "yaw": 91},
+            {"x": 0, "y": 3, "yaw": 92}]"#;
+        let short = LIDAR.replace("100}", "0.1}");
+        let narrow = LIDAR.replace("-25, 5", "-0.4, 0.1");
+        let large = r#"{"foot": [0, 0, 0.2], "size": [4400, 1800, 1300]}"#;
+        let upright = r#"{"foot": [0, 0, 0.2], "size": [1.8, 1.3, 4.4]}"#;
+        for (told, word) in [
+            (told(large, AHEAD, 0.0, LIDAR, ROOF), "4400 mm would be 4.40 m"),
+            (told(upright, AHEAD, 0.0, LIDAR, ROOF), "the ego body is 4.4 m high"),
+            (told(CAR, poses, 0.0, LIDAR, ROOF), "ego moves sideways: in 3 of 3 steps"),
+            (told(CAR, AHEAD, -1.73, LIDAR, ROOF), "1.73 m below its origin"),
+            (told(CAR, AHEAD, 0.0, &short, ROOF), "a range of 0.1 m"),
+            (told(CAR, AHEAD, 0.0, &narrow, ROOF), "a field of view of 0.500°"),
+            (told(CAR, AHEAD, 0.0, LIDAR, inside), "the whole mount lies inside the ego body"),
+            (told(CAR, AHEAD, 0.0, LIDAR, &away), "reaches 7.2 m outside the ego body"),
+            (told(CAR, AHEAD, 0.0, LIDAR, &degrees), "mount.yaw is 5 rad; degrees? 5° are 0.0873"),
+            (told(CAR, turned, 0.0, LIDAR, ROOF), "ego.poses: yaw of 90 rad; degrees?"),
+            (
+                told(
+                    CAR,
+                    "\"poses\": [{\"x\": 0, \"y\": 0, \"pitch\": 2}, {\"x\": 1, \"y\": 0}, {\"x\": 2, \"y\": 0}, \
+                {\"x\": 3, \"y\": 0}]",
+                    0.0,
+                    LIDAR,
+                    ROOF,
+                ),
+                "ego.poses: a tilt of 2 rad",
+            ),
+        ] {
+            assert!(told.contains(word), "{word}: {told}");
+        }
+    }
+}

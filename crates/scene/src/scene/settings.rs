@@ -1,0 +1,228 @@
+//! Everything of a scene that is not geometry: ROI, coverage mode, origin of the P-SOG.
+
+use std::path::{Path, PathBuf};
+
+use super::description::{PsogDescription, RoiDescription, ScanDescription};
+use sightline_files::json::check::{self, bad};
+use sightline_files::json::{DescriptionError, Place};
+
+/// Largest distance in metres from the top of the ROI up to the mount.
+const MOUNT_HEADROOM: f64 = 10.0;
+/// Most voxels along one axis.
+const MAX_AXIS: f64 = 16_777_216.0;
+/// Most voxels of a ROI.
+const MAX_VOXELS: u64 = 1 << 31;
+
+/// The region of interest of a scene: a box around the ego, cut into voxels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RoiBounds {
+    /// Lower corner in the ego frame, metres.
+    pub min: [f64; 3],
+    /// Upper corner of the scene file, metres; the last voxels reach past it where an extent is no whole
+    /// number of voxels.
+    pub max: [f64; 3],
+    /// Edge lengths of a voxel, metres.
+    pub voxel: [f64; 3],
+    /// Voxels along x, y and z: extent / voxel, rounded when that is within 1e-6 (relative) of a
+    /// whole number and rounded up otherwise; at least 1 each, at most 2³¹ in all.
+    pub shape: [u32; 3],
+}
+
+impl RoiBounds {
+    pub(crate) fn new(at: &Place, roi: &RoiDescription) -> Result<Self, DescriptionError> {
+        let min = check::point(&at.key("min"), roi.min)?;
+        let max = check::point(&at.key("max"), roi.max)?;
+        let voxel = check::size(&at.key("voxel"), roi.voxel)?;
+        let mut shape = [0u32; 3];
+        for i in 0..3 {
+            if min[i] >= max[i] {
+                let wanted =
+                    format!("above min ({}): the ROI would have no voxels; give max > min", min[i]);
+                return Err(bad(&at.key("max").item(i), max[i], wanted));
+            }
+            let exact = (max[i] - min[i]) / voxel[i];
+            let whole = exact.round();
+            let n = if (exact - whole).abs() <= 1e-6 * whole { whole } else { exact.ceil() };
+            if n > MAX_AXIS {
+                let wanted =
+                    format!("large enough: {n} voxels lie along this axis, at most {MAX_AXIS} may");
+                return Err(bad(&at.key("voxel").item(i), voxel[i], wanted));
+            }
+            shape[i] = n as u32;
+        }
+        let count = shape.iter().map(|&n| u64::from(n)).try_fold(1u64, u64::checked_mul);
+        match count {
+            Some(n) if n <= MAX_VOXELS => Ok(Self { min, max, voxel, shape }),
+            _ => Err(DescriptionError::TooMany {
+                at: Box::new(at.clone()),
+                what: "voxels",
+                count: count.unwrap_or(u64::MAX),
+                limit: MAX_VOXELS,
+                mend: "take a smaller ROI or larger voxels",
+            }),
+        }
+    }
+}
+
+impl RoiBounds {
+    /// Checks that the box around all mounts lies in the ROI sideways, and in z at least touches it or stands at most
+    /// `MOUNT_HEADROOM` above.
+    pub fn check_mount(
+        &self,
+        at: &Place,
+        [min, max]: [[f64; 3]; 2],
+    ) -> Result<(), DescriptionError> {
+        let inside = |i: usize| self.min[i] <= min[i] && max[i] <= self.max[i];
+        let over = min[2] <= self.max[2] + MOUNT_HEADROOM && max[2] >= self.min[2];
+        let fits = [('x', inside(0)), ('y', inside(1)), ('z', over)];
+        match fits.into_iter().find(|(_, fits)| !fits) {
+            None => Ok(()),
+            Some((axis, _)) => Err(DescriptionError::MountOutside {
+                at: Box::new(at.clone()),
+                axis,
+                min,
+                max,
+                roi_min: self.min,
+                roi_max: self.max,
+            }),
+        }
+    }
+}
+
+/// Voxels that a beam covers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Coverage {
+    /// Every voxel up to the range of the LiDAR.
+    Through,
+    /// Every voxel up to and including that of the first surface.
+    FirstHit,
+}
+
+impl Coverage {
+    pub(crate) fn new(
+        at: &Place,
+        name: Option<&str>,
+        has_geometry: bool,
+    ) -> Result<Self, DescriptionError> {
+        match (name, has_geometry) {
+            (None, true) | (Some("first-hit"), true) => Ok(Self::FirstHit),
+            (None, false) | (Some("through"), _) => Ok(Self::Through),
+            (Some("first-hit"), false) => {
+                let wanted = "possible without geometry; add `static`, `actors` or `ego.body`, or \
+                              write \"through\"";
+                Err(bad(at, "\"first-hit\"", wanted))
+            }
+            (Some(other), _) => Err(bad(at, format!("{other:?}"), "\"first-hit\" or \"through\"")),
+        }
+    }
+}
+
+/// Default field of view (degrees), window and stride.
+const DEFAULT_SCAN: ([f64; 2], u32, u32) = ([-50.0, 20.0], 5, 1);
+
+/// Settings of the dense virtual scans from which a P-SOG is built.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScanSettings {
+    /// Evenly spaced elevation channels; `None` spaces their rings on level ground by [`Self::spacing`],
+    /// up to the edge of the ROI.
+    pub channels: Option<u32>,
+    /// Lowest and highest elevation, degrees.
+    pub fov: [f64; 2],
+    /// Azimuth steps a turn; `None` spaces points by [`Self::spacing`] at the edge of the ROI.
+    pub azimuth_steps: Option<u32>,
+    /// Distance of neighbouring points in metres; `None` is 3/4 of the larger horizontal edge of a voxel.
+    pub spacing: Option<f64>,
+    /// Range in metres.
+    pub range: f64,
+    /// Height of the scanner in the ego frame, metres.
+    pub height: f64,
+    /// Scan poses merged into one frame's grid.
+    pub window: u32,
+    /// Frames between two scan poses of a window.
+    pub stride: u32,
+}
+
+impl ScanSettings {
+    /// Default settings for a scene.
+    pub fn default_of(scene: &super::Scene) -> Self {
+        Self {
+            channels: None,
+            fov: DEFAULT_SCAN.0,
+            azimuth_steps: None,
+            spacing: None,
+            range: scene.lidars()[0].range(),
+            height: scene.mount_corners()[1][2],
+            window: DEFAULT_SCAN.1,
+            stride: DEFAULT_SCAN.2,
+        }
+    }
+
+    fn new(
+        at: &Place,
+        scan: &ScanDescription,
+        lidar_range: f64,
+        highest: f64,
+    ) -> Result<Self, DescriptionError> {
+        let count = |key, value: Option<u64>, hi| {
+            value.map(|value| check::count(&at.key(key), value, 1, hi)).transpose()
+        };
+        let spacing = scan.spacing.map(|s| check::length(&at.key("spacing"), s)).transpose()?;
+        Ok(Self {
+            channels: count("channels", scan.channels, 1024)?,
+            fov: check::fov(&at.key("fov"), scan.fov.unwrap_or(DEFAULT_SCAN.0))?,
+            azimuth_steps: count("azimuth_steps", scan.azimuth_steps, 100_000)?,
+            spacing,
+            range: check::range(&at.key("range"), scan.range.unwrap_or(lidar_range))?,
+            height: check::metres(&at.key("height"), scan.height.unwrap_or(highest))?,
+            window: count("window", scan.window, 1000)?.unwrap_or(DEFAULT_SCAN.1),
+            stride: count("stride", scan.stride, 10_000)?.unwrap_or(DEFAULT_SCAN.2),
+        })
+    }
+}
+
+/// Source of a scene's P-SOG.
+#[derive(Debug, Clone, PartialEq)]
+pub enum PsogSource {
+    /// P-SOG file, its path resolved against the folder of the scene; not opened yet.
+    File(PathBuf),
+    /// Virtual scans of the scene's own geometry.
+    Scan(ScanSettings),
+}
+
+impl PsogSource {
+    pub(crate) fn new(
+        top: &Place,
+        psog: Option<&PsogDescription>,
+        has_geometry: bool,
+        dir: &Path,
+        lidar_range: f64,
+        highest: f64,
+    ) -> Result<Self, DescriptionError> {
+        let at = top.key("psog");
+        let mend = "a scene without geometry needs a P-SOG file, write `\"psog\": { \"file\": … }`";
+        let scan = match psog {
+            None if has_geometry => &ScanDescription::default(),
+            None => {
+                let (at, mend) = (Box::new(top.clone()), mend.to_owned());
+                return Err(DescriptionError::Missing { at, key: "psog", mend });
+            }
+            Some(PsogDescription { file: Some(file), scan: None }) => {
+                return Ok(Self::File(dir.join(file)));
+            }
+            Some(PsogDescription { file: None, scan: Some(scan) }) => scan,
+            Some(PsogDescription { file, .. }) => {
+                let found = if file.is_some() { vec!["file", "scan"] } else { Vec::new() };
+                return Err(DescriptionError::Choice {
+                    at: Box::new(at),
+                    found,
+                    of: &["file", "scan"],
+                });
+            }
+        };
+        if !has_geometry {
+            let (at, mend) = (Box::new(at), mend.to_owned());
+            return Err(DescriptionError::Misplaced { at, key: "scan", mend });
+        }
+        ScanSettings::new(&at.key("scan"), scan, lidar_range, highest).map(Self::Scan)
+    }
+}

@@ -1,0 +1,291 @@
+//! From shape descriptions to triangles: classes, copies, named shapes and meshes.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+use super::classes::Classes;
+use super::copies::copies;
+use super::description::{Dictionary, MeshDescription, ShapeDescription};
+use super::primitives::{cuboid, cylinder, plane, prism};
+use super::solid::Solid;
+use crate::mesh::{self, MOST_TRIANGLES, Placing, RawMesh};
+use sightline_files::Note;
+use sightline_files::json::check::bad;
+use sightline_files::json::{DescriptionError, Place, nearest};
+
+/// Most triangles of a scene: static world, actors, ego body and each named shape once.
+const MAX_TRIANGLES: u64 = MOST_TRIANGLES as u64;
+/// Deepest nesting of named shapes.
+const MAX_DEPTH: usize = 8;
+const KINDS: &[&str] = &["box", "prism", "cylinder", "plane", "mesh", "shape"];
+
+/// Builds triangles from shapes; loads each mesh file once.
+pub struct Builder<'a> {
+    classes: &'a Classes,
+    named: &'a Dictionary<Vec<ShapeDescription>>,
+    /// Index in `named` by name.
+    by_name: HashMap<&'a str, usize>,
+    /// Place of the key `shapes`.
+    named_at: Place,
+    dir: &'a Path,
+    meshes: HashMap<PathBuf, Rc<RawMesh>>,
+    /// Named shapes already built: a copy costs its triangles alone.
+    built: HashMap<&'a str, Rc<Solid>>,
+    /// Triangles built so far, named shapes included.
+    triangles: u64,
+    notes: Vec<Note>,
+}
+
+impl<'a> Builder<'a> {
+    pub fn new(
+        top: &Place,
+        classes: &'a Classes,
+        named: &'a Dictionary<Vec<ShapeDescription>>,
+        dir: &'a Path,
+    ) -> Self {
+        let named_at = top.key("shapes");
+        let (meshes, built) = (HashMap::new(), HashMap::new());
+        let by_name = named.0.iter().enumerate().map(|(i, (name, _))| (name.as_str(), i)).collect();
+        Self { classes, named, by_name, named_at, dir, meshes, built, triangles: 0, notes: vec![] }
+    }
+
+    /// The files of all meshes, in alphabetical order.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let mut files: Vec<PathBuf> = self.meshes.values().flat_map(|m| m.files.clone()).collect();
+        files.sort();
+        files
+    }
+
+    /// Name of a class.
+    pub fn class_name(&self, class: u16) -> &'a str {
+        &self.classes.names[usize::from(class)]
+    }
+
+    /// Notes on material names that no mesh has, and on actors that no beam can hit.
+    pub fn notes(&mut self) -> Vec<Note> {
+        std::mem::take(&mut self.notes)
+    }
+
+    /// Builds the named shapes, used or not.
+    pub fn check_named(&mut self) -> Result<(), DescriptionError> {
+        for (name, _) in &self.named.0 {
+            let at = self.named_at.clone();
+            self.named(&at, name, 0)?;
+        }
+        Ok(())
+    }
+
+    /// The triangles of a list of shapes, in order.
+    pub fn list(
+        &mut self,
+        at: &Place,
+        list: &[ShapeDescription],
+    ) -> Result<Solid, DescriptionError> {
+        self.nested_list(at, list, 0)
+    }
+
+    /// The triangles of an actor, of which there must be some; notes an actor without area.
+    pub fn actor(
+        &mut self,
+        at: &Place,
+        parts: &[ShapeDescription],
+    ) -> Result<Solid, DescriptionError> {
+        if parts.is_empty() {
+            return Err(bad(at, "an empty list", "a shape; add one or leave the actor out"));
+        }
+        let solid = self.list(at, parts)?;
+        if !solid.has_area() {
+            self.notes.push(Note::doubt(format!(
+                "{at}: no triangle has an area, so that no beam hits the actor; give its mesh an extent, or leave \
+                 the actor out"
+            )));
+        }
+        Ok(solid)
+    }
+
+    fn nested_list(
+        &mut self,
+        at: &Place,
+        list: &[ShapeDescription],
+        depth: usize,
+    ) -> Result<Solid, DescriptionError> {
+        let mut solid = Solid::default();
+        for (i, shape) in list.iter().enumerate() {
+            self.append(&at.item(i), shape, depth, &mut solid)?;
+        }
+        Ok(solid)
+    }
+
+    fn append(
+        &mut self,
+        at: &Place,
+        shape: &ShapeDescription,
+        depth: usize,
+        out: &mut Solid,
+    ) -> Result<(), DescriptionError> {
+        let there = [
+            shape.cuboid.is_some(),
+            shape.prism.is_some(),
+            shape.cylinder.is_some(),
+            shape.plane.is_some(),
+            shape.mesh.is_some(),
+            shape.shape.is_some(),
+        ];
+        let found = there.iter().zip(KINDS).filter_map(|(&there, &kind)| there.then_some(kind));
+        let found: Vec<_> = found.collect();
+        if found.len() != 1 {
+            return Err(DescriptionError::Choice { at: Box::new(at.clone()), found, of: KINDS });
+        }
+        let copies = copies(at, shape)?;
+        let solid = match &shape.shape {
+            Some(name) if shape.class.is_some() => {
+                return Err(DescriptionError::Misplaced {
+                    at: Box::new(at.clone()),
+                    key: "class",
+                    mend: format!("the parts of the shape `{name}` have their own classes"),
+                });
+            }
+            Some(name) => self.named(&at.key("shape"), name, depth)?,
+            None => Rc::new(self.single(at, shape)?),
+        };
+        self.triangles += solid.faces.len() as u64 * copies.len() as u64;
+        if self.triangles > MAX_TRIANGLES {
+            return Err(DescriptionError::TooMany {
+                at: Box::new(at.clone()),
+                what: "triangles",
+                count: self.triangles,
+                limit: MAX_TRIANGLES,
+                mend: "take fewer copies or a coarser mesh",
+            });
+        }
+        for copy in &copies {
+            out.append(&solid, copy);
+        }
+        Ok(())
+    }
+
+    /// Shape called `name`, used at `at` inside `depth` other named shapes.
+    fn named(
+        &mut self,
+        at: &Place,
+        name: &str,
+        depth: usize,
+    ) -> Result<Rc<Solid>, DescriptionError> {
+        if let Some(solid) = self.built.get(name) {
+            return Ok(Rc::clone(solid));
+        }
+        let named = self.named;
+        let Some((name, list)) = self.by_name.get(name).map(|&i| &named.0[i]) else {
+            let known = || named.0.iter().map(|(k, _)| k.as_str());
+            return Err(DescriptionError::UnknownName {
+                at: Box::new(at.clone()),
+                kind: "shape",
+                name: name.to_owned(),
+                nearest: nearest(name, known()),
+                known: known().map(str::to_owned).collect(),
+            });
+        };
+        if depth == MAX_DEPTH {
+            let wanted = format!("nested less than {MAX_DEPTH} deep; does it contain itself?");
+            return Err(bad(at, format!("{name:?}"), wanted));
+        }
+        let here = self.named_at.key(name);
+        if list.is_empty() {
+            return Err(bad(&here, "an empty list", "a shape; add one or leave the name out"));
+        }
+        let solid = Rc::new(self.nested_list(&here, list, depth + 1)?);
+        self.built.insert(name, Rc::clone(&solid));
+        Ok(solid)
+    }
+
+    /// Triangles of a primitive or mesh, before its copies are placed.
+    fn single(&mut self, at: &Place, shape: &ShapeDescription) -> Result<Solid, DescriptionError> {
+        let class = match &shape.class {
+            Some(name) => Some(self.classes.id(&at.key("class"), name)?),
+            None => None,
+        };
+        if let Some(mesh) = &shape.mesh {
+            return self.mesh(&at.key("mesh"), mesh, class);
+        }
+        let class = class.ok_or_else(|| DescriptionError::Missing {
+            at: Box::new(at.clone()),
+            key: "class",
+            mend: "name the class of this shape, `\"class\": \"building\"` for example".to_owned(),
+        })?;
+        match shape {
+            ShapeDescription { cuboid: Some(b), .. } => cuboid(&at.key("box"), b, class),
+            ShapeDescription { prism: Some(p), .. } => prism(&at.key("prism"), p, class),
+            ShapeDescription { cylinder: Some(c), .. } => cylinder(&at.key("cylinder"), c, class),
+            ShapeDescription { plane: Some(p), .. } => plane(&at.key("plane"), p, class),
+            // The caller has checked for exactly one kind; meshes and names are handled above.
+            _ => Ok(Solid::default()),
+        }
+    }
+
+    fn mesh(
+        &mut self,
+        at: &Place,
+        mesh: &MeshDescription,
+        default: Option<u16>,
+    ) -> Result<Solid, DescriptionError> {
+        let file = self.dir.join(&mesh.file);
+        let placing = placing(at, mesh)?;
+        let mut map = HashMap::new();
+        for (material, class) in &mesh.classes.0 {
+            map.insert(
+                material.as_str(),
+                self.classes.id(&at.key("classes").key(material), class)?,
+            );
+        }
+        let raw = match self.meshes.get(&file) {
+            Some(raw) => Rc::clone(raw),
+            None => {
+                let raw = Rc::new(mesh::load(at, &file)?);
+                self.notes.extend(raw.notes.iter().cloned().chain(placing.note(at, &file, &raw)));
+                self.meshes.insert(file.clone(), Rc::clone(&raw));
+                raw
+            }
+        };
+        self.note_unused(&at.key("classes"), &file, &map, &raw);
+        let class_of = |name: &Option<String>| {
+            let mapped = name.as_deref().and_then(|n| map.get(n).copied());
+            mapped.or(default).ok_or_else(|| DescriptionError::Unclassed {
+                at: Box::new(at.clone()),
+                mesh: file.clone(),
+                material: name.clone().unwrap_or_else(|| "(none)".to_owned()),
+            })
+        };
+        let ids = raw.materials.iter().map(class_of).collect::<Result<Vec<_>, _>>()?;
+        Ok(Solid {
+            vertices: placing.vertices(at, &file, &raw)?,
+            faces: raw.faces.clone(),
+            classes: raw.face_material.iter().map(|&m| ids[m as usize]).collect(),
+        })
+    }
+}
+
+fn placing(at: &Place, mesh: &MeshDescription) -> Result<Placing, DescriptionError> {
+    let MeshDescription { scale, translate, roll, pitch, yaw, .. } = *mesh;
+    Placing::new(at, mesh.axes.as_deref(), scale, translate, [roll, pitch, yaw])
+}
+
+impl Builder<'_> {
+    /// Notes material names that the mesh does not have: one map may serve several meshes, or hold a slip.
+    fn note_unused(&mut self, at: &Place, file: &Path, map: &HashMap<&str, u16>, raw: &RawMesh) {
+        let has = || raw.materials.iter().flatten().map(String::as_str);
+        let mut unused: Vec<&str> =
+            map.keys().copied().filter(|name| has().all(|known| known != *name)).collect();
+        if unused.is_empty() {
+            return;
+        }
+        unused.sort_unstable();
+        let guess = unused.iter().find_map(|name| nearest(name, has()));
+        let guess = guess.map(|known| format!("; did you mean `{known}`?")).unwrap_or_default();
+        self.notes.push(Note::doubt(format!(
+            "{at}: {} has no material or label `{}`{guess}",
+            file.display(),
+            unused.join("`, `")
+        )));
+    }
+}

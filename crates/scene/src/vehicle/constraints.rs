@@ -1,0 +1,356 @@
+//! Rules of a mount, and the ways in which a placement breaks them.
+
+use std::sync::Arc;
+
+use super::mirror::{SLACK, pairs};
+use super::{Mount, Placement, Region, SensorName, SensorPose};
+
+/// What a placement must keep: a region and a model for each LiDAR, distances, keep-out boxes, ties.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Constraints {
+    /// One a LiDAR of a placement.
+    pub slots: Vec<Slot>,
+    /// Least distance between two LiDARs, in metres.
+    pub min_distance: f64,
+    /// Lower and upper corners of the boxes in the ego frame that LiDARs keep out of, in metres; faces are
+    /// allowed.
+    pub keep_out: Vec<[[f64; 3]; 2]>,
+    /// Rules that tie the LiDARs of a placement together; with mirrored pairs, those of a pair are neighbours and
+    /// come first.
+    pub ties: Ties,
+    /// The model that LiDARs are of which name none.
+    pub first: SensorName,
+}
+
+/// What one LiDAR of a placement may be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Slot {
+    /// Where it may stand.
+    pub region: Arc<Region>,
+    /// Its model; none: the vehicle's first.
+    pub sensor: SensorName,
+    /// Angles in radians, from the first to the second, at one of which it is locked, where that is left to
+    /// the search.
+    pub phase: Option<[f64; 2]>,
+}
+
+impl Slot {
+    /// The phase of a sensor that names none.
+    pub(super) fn phase_at_rest(&self) -> Option<f64> {
+        self.phase.map(|[from, to]| 0.0_f64.clamp(from, to))
+    }
+}
+
+impl Constraints {
+    /// Bounds alone: `lidars` LiDARs of the first model in a box of the ego frame, with lower and upper
+    /// bounds of x, y, z (m), roll, pitch and yaw (rad).
+    pub fn in_box(lower: [f64; 6], upper: [f64; 6], lidars: usize) -> Self {
+        let region = Arc::new(Region { lower, upper, ..Region::default() });
+        let slot = Slot { region, sensor: SensorName::default(), phase: None };
+        Self { slots: vec![slot; lidars], ..Self::default() }
+    }
+
+    /// Number of LiDARs of a placement.
+    pub fn lidars(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// The same for another number of LiDARs, each like the first.
+    pub fn with_lidars(&self, lidars: usize) -> Self {
+        let slots = self.slots.first().map(|slot| vec![slot.clone(); lidars]);
+        Self { slots: slots.unwrap_or_default(), ..self.clone() }
+    }
+
+    /// A copy with every region changed.
+    pub fn with_regions(&self, change: impl Fn(&mut Region)) -> Self {
+        let mut changed = self.clone();
+        for slot in &mut changed.slots {
+            change(Arc::make_mut(&mut slot.region));
+        }
+        changed
+    }
+
+    /// Different slots in order of their first LiDAR, and how many LiDARs have each.
+    pub fn kinds(&self) -> Vec<(&Slot, usize)> {
+        let mut kinds: Vec<(&Slot, usize)> = Vec::new();
+        for slot in &self.slots {
+            // Slots of one kind are neighbours in most lists: the last kind is looked at first.
+            match kinds.iter_mut().rev().find(|(known, _)| *known == slot) {
+                Some((_, count)) => *count += 1,
+                None => kinds.push((slot, 1)),
+            }
+        }
+        kinds
+    }
+
+    /// Corners of the smallest box around all regions, in the ego frame.
+    pub fn corners(&self) -> [[f64; 3]; 2] {
+        let corners = self.slots.iter().map(|slot| slot.region.corners());
+        let joined = corners.reduce(|[low, high], [other_low, other_high]| {
+            let of =
+                |f: fn(f64, f64) -> f64, a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|k| f(a[k], b[k]));
+            [of(f64::min, low, other_low), of(f64::max, high, other_high)]
+        });
+        joined.unwrap_or_default()
+    }
+}
+
+impl From<&Mount> for Constraints {
+    fn from(mount: &Mount) -> Self {
+        let angles = [mount.roll, mount.pitch, mount.yaw];
+        let bound = |side: usize, corner: [f64; 3]| {
+            let [x, y, z] = corner;
+            [x, y, z, angles[0][side], angles[1][side], angles[2][side]]
+        };
+        let (lower, upper) = (bound(0, mount.min), bound(1, mount.max));
+        Self {
+            min_distance: mount.min_distance,
+            keep_out: mount.keep_out.clone(),
+            ties: Ties { equal_height: mount.equal_height, symmetric: mount.symmetric },
+            ..Self::in_box(lower, upper, mount.lidars as usize)
+        }
+    }
+}
+
+/// Rules between the LiDARs of a placement; a search keeps them by having fewer variables.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Ties {
+    /// All LiDARs stand at one height.
+    pub equal_height: bool,
+    /// LiDARs come in pairs mirrored at the plane y = 0: y, roll and yaw change sign. An odd one lies in
+    /// the plane, with roll and yaw 0.
+    pub symmetric: bool,
+}
+
+impl Ties {
+    /// True if any rule ties LiDARs together.
+    pub fn any(&self) -> bool {
+        self.equal_height || self.symmetric
+    }
+}
+
+/// One broken rule of a placement.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Violation {
+    /// A LiDAR lies outside the bounds.
+    OutsideMount {
+        /// Index of the LiDAR.
+        lidar: usize,
+        /// `x`, `y`, `z`, `roll`, `pitch`, `yaw` or `phase`.
+        field: &'static str,
+        /// Distance from the bound, in m or rad.
+        by: f64,
+    },
+    /// No slot is left for a LiDAR of its model.
+    NoPlace {
+        /// Index of the LiDAR.
+        lidar: usize,
+        /// Its model.
+        sensor: SensorName,
+    },
+    /// Two LiDARs are closer than allowed.
+    TooClose {
+        /// Indices of the LiDARs.
+        lidars: [usize; 2],
+        /// Missing distance in metres.
+        by: f64,
+    },
+    /// A LiDAR lies inside a keep-out box.
+    KeptOut {
+        /// Index of the LiDAR.
+        lidar: usize,
+        /// Index of the box.
+        keep_out: usize,
+        /// Distance to its nearest face in metres.
+        by: f64,
+    },
+    /// The LiDARs stand at different heights against the rule.
+    UnequalHeight {
+        /// Height of the highest above the lowest, in metres.
+        by: f64,
+    },
+    /// A LiDAR has no mirror image among the others, and does not lie in the plane of symmetry.
+    NotMirrored {
+        /// Index of the LiDAR.
+        lidar: usize,
+        /// Sum of the differences of its pose fields from the nearest mirror image, in m and rad.
+        by: f64,
+    },
+}
+
+impl Violation {
+    /// Distance from keeping the rule, in m or rad.
+    pub fn amount(&self) -> f64 {
+        match self {
+            Self::OutsideMount { by, .. }
+            | Self::TooClose { by, .. }
+            | Self::KeptOut { by, .. }
+            | Self::UnequalHeight { by }
+            | Self::NotMirrored { by, .. } => *by,
+            // Farther than anything that a move of a LiDAR mends.
+            Self::NoPlace { .. } => 1e3,
+        }
+    }
+}
+
+impl std::fmt::Display for Violation {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::OutsideMount { lidar, field, by } => {
+                write!(f, "LiDAR {lidar}: {field} is {by:.3} outside the mount")
+            }
+            Self::NoPlace { lidar, sensor } if sensor.is_none() => {
+                write!(f, "LiDAR {lidar}: there is no mount for one more sensor without a name")
+            }
+            Self::NoPlace { lidar, sensor } => {
+                write!(f, "LiDAR {lidar}: there is no mount for one more `{sensor}`")
+            }
+            Self::TooClose { lidars: [a, b], by } => {
+                write!(f, "LiDARs {a} and {b} are {by:.3} m too close")
+            }
+            Self::KeptOut { lidar, keep_out, by } => {
+                write!(f, "LiDAR {lidar} is {by:.3} m inside of keep_out[{keep_out}]")
+            }
+            Self::UnequalHeight { by } => {
+                write!(f, "heights differ by {by:.3} m, and are to be equal")
+            }
+            Self::NotMirrored { lidar, by } => {
+                write!(f, "LiDAR {lidar} is off by {by:.3} from a mirror image at the plane y = 0")
+            }
+        }
+    }
+}
+
+impl Constraints {
+    /// True if a slot is for a sensor of this model.
+    fn has_model(&self, slot: usize, pose: &SensorPose) -> bool {
+        self.slots[slot].sensor == if pose.sensor.is_none() { self.first } else { pose.sensor }
+    }
+
+    /// A slot for each LiDAR of a placement, by its model and where it stands: the nearest ones where it
+    /// has too many of a kind. Slots that are alike go to LiDARs in the order of their fields.
+    fn slots_of(&self, lidars: &[SensorPose]) -> Vec<Option<usize>> {
+        let mut free: Vec<bool> = vec![true; self.slots.len()];
+        let mut chosen = vec![None; lidars.len()];
+        let mut order: Vec<usize> = (0..lidars.len()).collect();
+        order.sort_by(|&a, &b| in_order(&lidars[a], &lidars[b]));
+        // LiDARs that stand in a region come first; the others take what is left.
+        for must_fit in [true, false] {
+            for &lidar in &order {
+                let pose = &lidars[lidar];
+                if chosen[lidar].is_some() {
+                    continue;
+                }
+                let off = |slot: usize| -> f64 {
+                    self.slots[slot].region.outside(pose).iter().map(|(_, by)| by).sum()
+                };
+                let fits = |slot: &usize| free[*slot] && self.has_model(*slot, pose);
+                let nearest = (0..self.slots.len())
+                    .filter(fits)
+                    .map(|slot| (slot, off(slot)))
+                    .min_by(|a, b| a.1.total_cmp(&b.1))
+                    .filter(|(_, off)| !must_fit || *off == 0.0);
+                if let Some((slot, _)) = nearest {
+                    free[slot] = false;
+                    chosen[lidar] = Some(slot);
+                }
+            }
+        }
+        chosen
+    }
+
+    /// The LiDARs of a placement in the order of the slots; `None` unless each slot has one.
+    pub fn in_slots(&self, lidars: &[SensorPose]) -> Option<Vec<SensorPose>> {
+        if lidars.len() != self.slots.len() {
+            return None;
+        }
+        let mut by_slot: Vec<(usize, SensorPose)> = Vec::new();
+        for (slot, pose) in self.slots_of(lidars).into_iter().zip(lidars) {
+            by_slot.push((slot?, *pose));
+        }
+        by_slot.sort_by_key(|(slot, _)| *slot);
+        Some(by_slot.into_iter().map(|(_, pose)| pose).collect())
+    }
+
+    /// Broken rules; empty for a placement that keeps all.
+    pub fn violations(&self, placement: &Placement) -> Vec<Violation> {
+        let mut found = Vec::new();
+        let alike = self.kinds().len() == 1;
+        let slots = if alike { Vec::new() } else { self.slots_of(&placement.lidars) };
+        for (lidar, pose) in placement.lidars.iter().enumerate() {
+            let slot = if alike { Some(0) } else { slots[lidar] };
+            let Some(slot) = slot.filter(|&slot| self.has_model(slot, pose)) else {
+                found.push(Violation::NoPlace { lidar, sensor: pose.sensor });
+                continue;
+            };
+            let outside = self.slots[slot].region.outside(pose).into_iter();
+            found.extend(outside.map(|(field, by)| Violation::OutsideMount { lidar, field, by }));
+            if let (Some([from, to]), Some(phase)) = (self.slots[slot].phase, pose.phase) {
+                let (field, by) = ("phase", (from - phase).max(phase - to));
+                found.extend((by > SLACK).then_some(Violation::OutsideMount { lidar, field, by }));
+            }
+        }
+        for (a, first) in placement.lidars.iter().enumerate() {
+            for (b, second) in placement.lidars.iter().enumerate().skip(a + 1) {
+                let by = self.min_distance - first.position().distance(second.position());
+                if by > SLACK {
+                    found.push(Violation::TooClose { lidars: [a, b], by });
+                }
+            }
+        }
+        for (lidar, pose) in placement.lidars.iter().enumerate() {
+            let inside = self.depths(pose.position().to_array());
+            found.extend(inside.map(|(keep_out, by)| Violation::KeptOut { lidar, keep_out, by }));
+        }
+        if self.ties.equal_height {
+            let heights = placement.lidars.iter().map(|pose| pose.z);
+            let by = heights.clone().fold(f64::MIN, f64::max) - heights.fold(f64::MAX, f64::min);
+            found.extend((by > SLACK).then_some(Violation::UnequalHeight { by }));
+        }
+        if self.ties.symmetric {
+            for lidar in pairs(&placement.lidars).alone {
+                let image = placement.lidars[lidar].mirrored();
+                let off = placement.lidars.iter().map(|other| image.difference(other));
+                let by = off.fold(f64::MAX, f64::min).max(SLACK);
+                found.push(Violation::NotMirrored { lidar, by });
+            }
+        }
+        found
+    }
+
+    /// Keep-out boxes around a point, and its depth in each.
+    fn depths(&self, point: [f64; 3]) -> impl Iterator<Item = (usize, f64)> {
+        let depths = self.keep_out.iter().enumerate().map(move |(index, [min, max])| {
+            let to_face = (0..3).map(|k| (point[k] - min[k]).min(max[k] - point[k]));
+            (index, to_face.fold(f64::MAX, f64::min))
+        });
+        depths.filter(|&(_, by)| by > SLACK)
+    }
+
+    /// True if a pose lies outside of every keep-out box.
+    pub fn is_clear(&self, pose: &SensorPose) -> bool {
+        self.depths(pose.position().to_array()).next().is_none()
+    }
+
+    /// Rules without the ties.
+    pub fn untied(&self) -> Self {
+        Self { ties: Ties::default(), ..self.clone() }
+    }
+
+    /// Rules that leave no phase to the search: sensors are where those are that name none.
+    pub fn without_phases(&self) -> Self {
+        let mut changed = self.clone();
+        changed.slots.iter_mut().for_each(|slot| slot.phase = None);
+        changed
+    }
+}
+
+/// Order of poses: by x, then y, z, roll, pitch, yaw.
+fn in_order(a: &SensorPose, b: &SensorPose) -> std::cmp::Ordering {
+    let fields = a.values().into_iter().zip(b.values());
+    fields
+        .map(|(a, b)| a.total_cmp(&b))
+        .find(|order| order.is_ne())
+        .unwrap_or(std::cmp::Ordering::Equal)
+}

@@ -1,0 +1,168 @@
+//! The `lidar`, `mount` and `vehicle` of a scene file, and a vehicle file, as they are written.
+//!
+//! Keys, units and defaults are explained in `scenes/README.md`.
+
+use serde::Deserialize;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct LidarDescription {
+    pub(crate) channels: Option<u64>,
+    pub(crate) fov: Option<[f64; 2]>,
+    pub(crate) file: Option<String>,
+    pub(crate) azimuth_offsets: Option<String>,
+    pub(crate) azimuth_steps: Option<u64>,
+    pub(crate) azimuth: Option<[f64; 2]>,
+    pub(crate) window: Option<[f64; 2]>,
+    pub(crate) directions: Option<Vec<[f64; 3]>>,
+    pub(crate) range: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct MountDescription {
+    pub(crate) min: [f64; 3],
+    pub(crate) max: [f64; 3],
+    #[serde(default)]
+    pub(crate) roll: [f64; 2],
+    #[serde(default)]
+    pub(crate) pitch: [f64; 2],
+    #[serde(default)]
+    pub(crate) yaw: [f64; 2],
+    #[serde(default)]
+    pub(crate) min_distance: f64,
+    pub(crate) lidars: u64,
+    #[serde(default)]
+    pub(crate) keep_out: Vec<KeepOutDescription>,
+    #[serde(default)]
+    pub(crate) equal_height: bool,
+    #[serde(default)]
+    pub(crate) symmetric: bool,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KeepOutDescription {
+    pub min: [f64; 3],
+    pub max: [f64; 3],
+}
+
+/// A vehicle file; `B` is a shape of the body, which a scene reads.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VehicleDescription<B> {
+    #[serde(rename = "sightline")]
+    pub(crate) _version: Option<u64>,
+    pub(crate) name: Option<String>,
+    #[serde(default = "Vec::new")]
+    pub(crate) body: Vec<B>,
+    pub(crate) sensors: Vec<ModelDescription>,
+    pub(crate) mounts: Vec<MountingDescription>,
+    #[serde(default)]
+    pub(crate) min_distance: f64,
+    #[serde(default)]
+    pub(crate) keep_out: Vec<KeepOutDescription>,
+    #[serde(default)]
+    pub(crate) equal_height: bool,
+    #[serde(default)]
+    pub(crate) symmetric: bool,
+    #[serde(default)]
+    pub(crate) require: Vec<RequirementDescription>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelDescription {
+    pub name: String,
+    pub lidar: LidarDescription,
+    #[serde(default)]
+    pub price: f64,
+    pub phase: Option<PhaseDescription>,
+    pub response: Option<ResponseDescription>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ResponseDescription {
+    pub rate: Option<f64>,
+    pub rated_range: Option<f64>,
+    pub softness: Option<f64>,
+    pub noise: Option<f64>,
+    pub divergence: Option<[f64; 2]>,
+    pub pulse: Option<f64>,
+    pub echoes: Option<String>,
+    pub min_range: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(untagged, expecting = "expected \"free\", an angle in radians, or a range of them")]
+pub enum PhaseDescription {
+    Angle(f64),
+    Range([f64; 2]),
+    Word(String),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MountingDescription {
+    pub name: String,
+    pub min: Option<[f64; 3]>,
+    pub max: Option<[f64; 3]>,
+    pub polygon: Option<Vec<[f64; 3]>>,
+    pub mesh: Option<MeshPatchDescription>,
+    pub offset: Option<[f64; 2]>,
+    #[serde(default)]
+    pub roll: [f64; 2],
+    #[serde(default)]
+    pub pitch: [f64; 2],
+    #[serde(default)]
+    pub yaw: [f64; 2],
+    pub sensors: Option<Vec<String>>,
+    pub count: CountDescription,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeshPatchDescription {
+    pub file: String,
+    pub scale: Option<f64>,
+    #[serde(default)]
+    pub translate: [f64; 3],
+    #[serde(default)]
+    pub roll: f64,
+    #[serde(default)]
+    pub pitch: f64,
+    #[serde(default)]
+    pub yaw: f64,
+    pub axes: Option<String>,
+    pub within: Option<KeepOutDescription>,
+    pub facing: Option<FacingDescription>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FacingDescription {
+    pub direction: [f64; 3],
+    pub angle: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected a number of sensors, 4 for example, or a range, [0, 2] for example"
+)]
+pub enum CountDescription {
+    Exactly(u64),
+    Range([u64; 2]),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RequirementDescription {
+    pub name: String,
+    pub min: [f64; 3],
+    pub max: [f64; 3],
+    #[serde(default)]
+    pub without: Vec<KeepOutDescription>,
+    pub share: f64,
+}

@@ -1,0 +1,262 @@
+//! What in a placement is most likely not meant: degrees, millimetres, a place beside the mount.
+
+use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
+
+use super::{Constraints, Lidar, Placement, Region, SensorPose};
+
+/// Farthest coordinate of a sensor that stands on a vehicle, in metres: larger ones are most likely millimetres.
+const FARTHEST: f64 = 100.0;
+/// Smallest whole number of radians that is more likely degrees.
+const WHOLE: f64 = 2.0;
+/// Metres beside a mount that poses lose where they are written with three decimals.
+const SLACK: f64 = 2e-3;
+
+/// Ranges in metres that LiDARs have.
+const RANGE: [f64; 2] = [1.0, 1000.0];
+/// Smallest fields of view in degrees, up and across; smaller numbers are radians.
+const VIEW: [f64; 2] = [1.0, PI];
+
+/// True if an angle in radians is most likely one in degrees: more than a turn, or a whole number from 2 up.
+pub fn is_degrees(angle: f64) -> bool {
+    in_degrees(angle).is_some()
+}
+
+/// A sign that an angle in radians is one in degrees, in words.
+fn in_degrees(angle: f64) -> Option<String> {
+    if angle.abs() > TAU + 1e-6 {
+        return Some("is more than a turn".to_owned());
+    }
+    let is_whole = angle.fract() == 0.0 && angle.abs() >= WHOLE;
+    is_whole.then(|| format!("rad is {:.0}°", angle.to_degrees()))
+}
+
+/// A doubt about angles that a file states in radians; `what` names them.
+pub fn of_angles(what: &str, angles: &[f64]) -> Option<String> {
+    let angle = angles.iter().find(|angle| is_degrees(**angle))?;
+    Some(format!("{what} is {angle} rad; degrees? {angle}° are {:.4} rad", angle.to_radians()))
+}
+
+/// A doubt about angles that a file states in degrees: one of them is a quarter, a half or a whole of π.
+pub fn of_degrees(what: &str, degrees: &[f64]) -> Option<String> {
+    let of_pi = |angle: &f64| {
+        let parts = angle.abs() / (PI / 4.0);
+        (1.0..=8.0).contains(&parts.round()) && (parts - parts.round()).abs() < 1e-3
+    };
+    let angle = degrees.iter().find(|angle| of_pi(angle))?;
+    Some(format!("{what} is {angle}°; radians? {angle} rad are {:.2}°", angle.to_degrees()))
+}
+
+/// Doubts about a LiDAR, which `who` names: its range and its field of view.
+pub fn of_lidar(who: &str, lidar: &Lidar) -> Vec<String> {
+    let mut doubts = Vec::new();
+    let range = lidar.range();
+    if !(RANGE[0]..=RANGE[1]).contains(&range) {
+        doubts.push(format!(
+            "{who} has a range of {range} m; ranges are in metres: write 100 for 100 m"
+        ));
+    }
+    let Lidar::Spinning { elevations, azimuth, .. } = lidar else { return doubts };
+    let high = elevations.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let low = elevations.iter().copied().fold(f64::INFINITY, f64::min);
+    let across = azimuth.map_or(360.0, |[from, to]| to - from);
+    for (view, least, key) in [(high - low, VIEW[0], "fov"), (across, VIEW[1], "azimuth")] {
+        if view > 0.0 && view < least {
+            doubts.push(format!(
+                "{who} has a field of view of {view:.3}° (`{key}`); radians? degrees are expected, {view:.3} rad are \
+                 {:.1}°",
+                view.to_degrees()
+            ));
+        }
+    }
+    doubts
+}
+
+/// Looks for what is most likely not meant in placements. None of it is an error: a placement is taken as it is.
+#[derive(Debug, Clone, Default)]
+pub struct Doubts {
+    /// Where sensors may stand, each once; empty where that is nobody's matter.
+    regions: Vec<Arc<Region>>,
+}
+
+impl Doubts {
+    /// About units alone: of placements whose other rules are told elsewhere.
+    pub fn of_units() -> Self {
+        Self::default()
+    }
+
+    /// About units, and LiDARs that stand beside every mount.
+    pub fn of(constraints: &Constraints) -> Self {
+        let mut regions: Vec<Arc<Region>> = Vec::new();
+        for slot in &constraints.slots {
+            if !regions.iter().any(|known| Arc::ptr_eq(known, &slot.region)) {
+                regions.push(slot.region.clone());
+            }
+        }
+        Self { regions }
+    }
+
+    /// Sentences about LiDARs, with the name of the placement.
+    pub fn about(&self, placement: &Placement) -> Vec<String> {
+        let lidars = placement.lidars.iter().enumerate();
+        let doubts = lidars.flat_map(|(lidar, pose)| {
+            self.about_pose(pose).into_iter().map(move |doubt| (lidar, doubt))
+        });
+        doubts
+            .map(|(lidar, doubt)| format!("placement `{}`, LiDAR {lidar}: {doubt}", placement.name))
+            .collect()
+    }
+
+    fn about_pose(&self, pose: &SensorPose) -> Vec<String> {
+        let units = doubts_of_units(pose);
+        let is_far = pose.position().abs().max_element() > FARTHEST;
+        let beside = self.regions.iter().map(|region| beside(region, pose));
+        let beside = beside.min_by(f64::total_cmp).filter(|beside| !is_far && *beside > SLACK);
+        let beside = beside.map(|beside| {
+            format!("it stands {beside:.3} m outside the mount, and is taken where it stands")
+        });
+        units.into_iter().chain(doubt_of_ground(pose)).chain(beside).collect()
+    }
+}
+
+/// Sentences about a pose whose angles are most likely degrees, or its position millimetres.
+pub fn doubts_of_units(pose: &SensorPose) -> Vec<String> {
+    let fields = pose.fields();
+    let (metres, radians) = fields.split_at(3);
+    let turned = radians.iter().find_map(|&(field, value)| {
+        let most = if field == "yaw" { TAU } else { PI };
+        let is_beyond = value.abs() > most + 1e-6;
+        let beyond = is_beyond.then(|| "is more than half a turn".to_owned());
+        let fault = in_degrees(value).or(beyond)?;
+        Some(format!(
+            "{field} = {value} {fault}; angles are in radians, {value}° are {:.4}",
+            value.to_radians()
+        ))
+    });
+    let far = metres.iter().find(|(_, value)| value.abs() > FARTHEST).map(|(field, value)| {
+        format!(
+            "{field} = {value} is far from any vehicle; positions are in metres, {value} mm are {}",
+            value / 1000.0
+        )
+    });
+    turned.into_iter().chain(far).collect()
+}
+
+/// A sentence about a LiDAR below the ground.
+pub fn doubt_of_ground(pose: &SensorPose) -> Option<String> {
+    (pose.z < 0.0 && pose.z >= -FARTHEST).then(|| {
+        let z = pose.z;
+        format!(
+            "z = {z:.3} is below the ground; heights are counted from the ground below the vehicle"
+        )
+    })
+}
+
+/// Metres from a position to a region; 0 inside.
+fn beside(region: &Region, pose: &SensorPose) -> f64 {
+    let outside = region.outside(pose).into_iter();
+    let metres = outside.filter(|(field, _)| SensorPose::FIELDS[..3].contains(field));
+    metres.map(|(_, by)| by * by).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn doubts(doubts: &Doubts, pose: SensorPose) -> String {
+        let placement =
+            Placement { name: "roof".into(), lidars: vec![SensorPose::at(0.0, 0.0, 2.0), pose] };
+        doubts.about(&placement).join("; ")
+    }
+
+    #[test]
+    fn whole_numbers_from_2_and_more_than_a_turn_are_degrees() {
+        assert!([90.0, -180.0, 5.0, 2.0, 7.5].into_iter().all(is_degrees));
+        assert!(![0.0, 1.0, -1.0, 2.5, PI / 2.0, -PI, TAU].into_iter().any(is_degrees));
+        let told = of_angles("`yaw`", &[0.1, 90.0]).unwrap();
+        assert_eq!(told, "`yaw` is 90 rad; degrees? 90° are 1.5708 rad");
+    }
+
+    #[test]
+    fn parts_of_pi_are_radians() {
+        for angle in [PI / 2.0 + 4e-6, -PI + 3e-6, PI / 4.0, TAU + 2e-5] {
+            assert!(of_degrees("`yaw`", &[0.0, angle]).is_some(), "{angle}");
+        }
+        assert_eq!(of_degrees("`yaw`", &[0.0, 90.0, -1.5, 3.0, 0.8, 57.3, 45.0, -180.0]), None);
+        let told = of_degrees("`yaw`", &["1.5708".parse().unwrap()]).unwrap();
+        assert_eq!(told, "`yaw` is 1.5708°; radians? 1.5708 rad are 90.00°");
+    }
+
+    #[test]
+    fn views_in_radians_and_ranges_in_kilometres_are_doubted() {
+        let lidar = |elevations: [f64; 2], azimuth, range| Lidar::Spinning {
+            elevations: elevations.to_vec(),
+            azimuth_offsets: vec![0.0; 2],
+            azimuth_steps: 100,
+            azimuth,
+            range,
+        };
+        assert!(of_lidar("a", &lidar([-25.0, 15.0], Some([-60.0, 60.0]), 100.0)).is_empty());
+        for (lidar, word) in [
+            (lidar([-0.4, 0.2], None, 100.0), "0.600° (`fov`)"),
+            (lidar([-25.0, 15.0], Some([-1.0, 1.0]), 100.0), "2.000° (`azimuth`)"),
+            (lidar([-25.0, 15.0], None, 0.1), "a range of 0.1 m"),
+        ] {
+            let told = of_lidar("a", &lidar).join("; ");
+            assert!(told.contains(word), "{word}: {told}");
+        }
+    }
+
+    #[test]
+    fn degrees_millimetres_and_places_beside_the_mount_are_doubted() {
+        let mount = Constraints::in_box(
+            [-1.0, -1.0, 1.5, 0.0, 0.0, 0.0],
+            [1.0, 1.0, 2.5, 0.0, 0.0, 0.0],
+            2,
+        );
+        let all = Doubts::of(&mount);
+        let at = SensorPose::at;
+        for pose in [at(1.001, -1.0, 2.5), SensorPose { yaw: -TAU, roll: 0.4, ..at(0.0, 0.0, 2.0) }]
+        {
+            assert_eq!(doubts(&all, pose), "");
+        }
+        assert_eq!(
+            doubts(&all, SensorPose { yaw: 90.0, ..at(0.0, 0.0, 2.0) }),
+            "placement `roof`, LiDAR 1: yaw = 90 is more than a turn; angles are in radians, 90° are 1.5708"
+        );
+        let far = "z = 2500 is far from any vehicle; positions are in metres, 2500 mm are 2.5";
+        assert!(doubts(&all, at(0.0, 0.0, 2500.0)).ends_with(far));
+        assert!(doubts(&Doubts::of_units(), at(0.0, 0.0, 2500.0)).ends_with(far));
+        let outside = doubts(&all, at(1.3, 0.0, 2.9));
+        assert!(outside.ends_with(
+            "LiDAR 1: it stands 0.500 m outside the mount, and is taken where it stands"
+        ));
+        assert_eq!(doubts(&Doubts::of_units(), at(1.3, 0.0, 2.9)), "");
+    }
+
+    #[test]
+    fn small_whole_angles_half_turns_and_the_ground_are_doubted() {
+        let units = Doubts::of_units();
+        let at = SensorPose::at(0.0, 0.0, 2.0);
+        let five = doubts(&units, SensorPose { pitch: 5.0, ..at });
+        assert!(
+            five.ends_with("pitch = 5 rad is 286°; angles are in radians, 5° are 0.0873"),
+            "{five}"
+        );
+        let half = doubts(&units, SensorPose { roll: -3.5, ..at });
+        assert!(half.contains("roll = -3.5 is more than half a turn; angles are"), "{half}");
+        let both = doubts(&units, SensorPose { x: 900.0, pitch: 15.0, ..at });
+        assert!(both.contains("15° are 0.2618") && both.contains("900 mm are 0.9"), "{both}");
+        let low = doubts(&units, SensorPose { z: -0.25, ..at });
+        assert!(low.ends_with(
+            "z = -0.250 is below the ground; heights are counted from the ground below the vehicle"
+        ));
+        for fine in [
+            SensorPose { yaw: 3.5, ..at },
+            SensorPose { roll: PI, pitch: 1.0, ..at },
+            SensorPose { z: 0.0, ..at },
+        ] {
+            assert_eq!(doubts(&units, fine), "");
+        }
+    }
+}

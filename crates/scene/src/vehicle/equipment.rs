@@ -1,0 +1,169 @@
+//! A vehicle as it is built: sensor models with prices, mounts that hold some of them, rules, and what must be
+//! seen.
+
+use std::sync::Arc;
+
+use super::{
+    Constraints, Lidar, MAX_LIDARS, Phase, Region, Requirement, Response, SensorError, SensorModel,
+    SensorName, Sensors, Slot, Ties,
+};
+use sightline_files::Note;
+
+/// A sensor model that the vehicle may carry.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VehicleSensor {
+    /// Name in placements.
+    pub name: SensorName,
+    /// Its beams.
+    pub lidar: Lidar,
+    /// Where in its turn it fires.
+    pub phase: Phase,
+    /// Price of one, in any currency.
+    pub price: f64,
+    /// What it makes of what its beams meet.
+    pub response: Response,
+}
+
+/// A mount: a region and what it may hold.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VehicleMount {
+    /// Where sensors stand.
+    pub region: Arc<Region>,
+    /// Models that it may hold, at least one.
+    pub sensors: Vec<SensorName>,
+    /// Fewest and most sensors.
+    pub count: [usize; 2],
+}
+
+/// All that a vehicle says about its LiDARs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Vehicle {
+    /// Name in reports.
+    pub name: String,
+    /// Models, at least one; the first is meant where a placement names none.
+    pub sensors: Vec<VehicleSensor>,
+    /// Mounts, at least one.
+    pub mounts: Vec<VehicleMount>,
+    /// Least distance between two LiDARs, in metres.
+    pub min_distance: f64,
+    /// Lower and upper corners of boxes that LiDARs keep out of, in the ego frame, metres.
+    pub keep_out: Vec<[[f64; 3]; 2]>,
+    /// Rules that tie LiDARs together.
+    pub ties: Ties,
+    /// What must be seen.
+    pub require: Vec<Requirement>,
+    /// Sentences about the file and the sensor files that it names.
+    pub notes: Vec<Note>,
+}
+
+/// Number of a mount and a model for each LiDAR: what a rig is made of, before it has poses.
+pub type Equipment = Vec<(usize, SensorName)>;
+
+impl Vehicle {
+    /// The models with their beams.
+    ///
+    /// # Errors
+    /// A model without beams.
+    pub fn models(&self) -> Result<Sensors, SensorError> {
+        let model = |sensor: &VehicleSensor| {
+            let VehicleSensor { name, lidar, phase, price, response } = sensor.clone();
+            Ok(SensorModel { name, table: lidar.table()?, phase, price, response })
+        };
+        let models = self.sensors.iter().map(model).collect::<Result<Vec<_>, SensorError>>()?;
+        Sensors::new(models).ok_or(SensorError::NoBeams)
+    }
+
+    /// Price of a model; 0 for one that the vehicle does not have.
+    pub fn price(&self, sensor: SensorName) -> f64 {
+        self.sensors.iter().find(|model| model.name == sensor).map_or(0.0, |model| model.price)
+    }
+
+    /// Price of all sensors of some equipment.
+    pub fn cost(&self, equipment: &Equipment) -> f64 {
+        equipment.iter().map(|(_, sensor)| self.price(*sensor)).sum()
+    }
+
+    /// The cheapest equipment: as few sensors as each mount must hold, at least one in all, each the
+    /// cheapest that its mount may hold.
+    pub fn cheapest(&self) -> Equipment {
+        let cheapest = |mount: &VehicleMount| {
+            let by_price =
+                |a: &&SensorName, b: &&SensorName| self.price(**a).total_cmp(&self.price(**b));
+            mount.sensors.iter().min_by(by_price).copied().unwrap_or_default()
+        };
+        let each = self.mounts.iter().enumerate();
+        let each = each.flat_map(|(k, mount)| vec![(k, cheapest(mount)); mount.count[0]]);
+        let must: Equipment = each.collect();
+        if !must.is_empty() {
+            return must;
+        }
+        // Where pairs are wanted, a sensor on a mount that is not its own image brings another one.
+        let group = |(k, mount): (usize, &VehicleMount)| -> Equipment {
+            let images = self.mounts.iter().position(|of| of.region.is_image_of(&mount.region));
+            let image =
+                images.filter(|_| self.ties.symmetric && !mount.region.is_image_of(&mount.region));
+            [Some(k), image].into_iter().flatten().map(|k| (k, cheapest(mount))).collect()
+        };
+        let groups =
+            self.mounts.iter().enumerate().filter(|(_, mount)| mount.count[1] > 0).map(group);
+        let first = groups.min_by(|a, b| self.cost(a).total_cmp(&self.cost(b)));
+        first.unwrap_or_default()
+    }
+
+    /// The fullest equipment, at most [`MAX_LIDARS`] sensors: what the mounts must hold first, then what else
+    /// they may, each mount's models in turn.
+    pub fn fullest(&self) -> Equipment {
+        let of = |k: usize, sensors: std::ops::Range<usize>| {
+            let models = &self.mounts[k].sensors;
+            sensors.map(move |index| (k, models[index % models.len()])).collect::<Equipment>()
+        };
+        let mounts = || self.mounts.iter().enumerate();
+        let must = mounts().flat_map(|(k, mount)| of(k, 0..mount.count[0]));
+        let may = mounts().flat_map(|(k, mount)| of(k, mount.count[0]..mount.count[1]));
+        must.chain(may).take(MAX_LIDARS).collect()
+    }
+
+    /// True if there is anything to choose: a number of sensors or a model.
+    pub fn has_choice(&self) -> bool {
+        self.mounts.iter().any(|mount| mount.count[0] < mount.count[1] || mount.sensors.len() > 1)
+    }
+
+    /// Rules with a slot for each sensor that a mount could hold, of each model that it may.
+    pub fn every_kind(&self) -> Constraints {
+        let mounts = self.mounts.iter().enumerate();
+        let kinds = mounts.flat_map(|(k, mount)| {
+            mount.sensors.iter().flat_map(move |&sensor| vec![(k, sensor); mount.count[1]])
+        });
+        self.constraints(&kinds.collect())
+    }
+
+    /// The rules of a placement with some equipment, mount after mount.
+    pub fn constraints(&self, equipment: &Equipment) -> Constraints {
+        let mut sorted = equipment.clone();
+        sorted.sort_by_key(|&(mount, sensor)| {
+            (mount, self.sensors.iter().position(|model| model.name == sensor))
+        });
+        let phase = |sensor: SensorName| match self
+            .sensors
+            .iter()
+            .find(|model| model.name == sensor)?
+            .phase
+        {
+            Phase::Between(from, to) => Some([from, to]),
+            Phase::Locked(_) | Phase::Free => None,
+        };
+        let slot = |&(mount, sensor): &(usize, SensorName)| Slot {
+            region: self.mounts[mount].region.clone(),
+            sensor,
+            phase: phase(sensor),
+        };
+        let slots: Vec<Slot> = sorted.iter().map(slot).collect();
+        Constraints {
+            slots: if self.ties.symmetric { Slot::in_pairs(slots) } else { slots },
+            min_distance: self.min_distance,
+            keep_out: self.keep_out.clone(),
+            ties: self.ties,
+            first: self.sensors.first().map_or(SensorName::NONE, |model| model.name),
+        }
+    }
+}

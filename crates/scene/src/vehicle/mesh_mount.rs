@@ -1,0 +1,171 @@
+//! Mounts on a mesh: which of its triangles, the plane that they are heights over, their smoothed normals.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::Region;
+use super::description::{FacingDescription, MeshPatchDescription};
+use super::surface::{Facet, Surface, is_roof, rest};
+use crate::mesh::{self, Placing};
+use lidar_cast::geom::Pose;
+use lidar_cast::maths;
+use sightline_files::json::check::{self, bad};
+use sightline_files::json::{DescriptionError, Place};
+
+/// Widest angle from the direction that triangles face unless the mount says so, radians.
+const FACING: f64 = std::f64::consts::FRAC_PI_3;
+/// Least cosine between a triangle and the mean normal: steeper ones are no heights over its plane.
+const STEEP: f64 = 0.1;
+/// Vertices within this many metres are one.
+const WELD: f64 = 1e-6;
+/// Most triangles of a mount.
+const MOST_TRIANGLES: usize = 1_000_000;
+
+/// The surface of a mount, its frame, and the files read. Bounds of the two fields in its plane are set; those
+/// of the others are the caller's.
+pub(super) fn patch(
+    at: &Place,
+    patch: &MeshPatchDescription,
+    dir: &Path,
+) -> Result<(Region, Vec<PathBuf>), DescriptionError> {
+    let file = dir.join(&patch.file);
+    let MeshPatchDescription { scale, translate, roll, pitch, yaw, .. } = *patch;
+    let axes = patch.axes.as_deref();
+    let placing = Placing::new(at, axes, scale, translate, [roll, pitch, yaw])?;
+    let facing = patch.facing.as_ref().map(|facing| direction(&at.key("facing"), facing));
+    let facing = facing.transpose()?;
+    let within = patch.within.as_ref();
+    let within = within.map(|within| {
+        super::mount::keep_out_boxes(&at.key("within"), std::slice::from_ref(within))
+    });
+    let within = within.transpose()?.map(|boxes| boxes[0]);
+    let raw = mesh::load(at, &file)?;
+    let vertices = placing.vertices(at, &file, &raw)?;
+    let facets = smoothed(&vertices, &raw.faces, facing);
+    let facets = match within {
+        None => facets,
+        Some(within) => facets.iter().flat_map(|facet| cut(facet, within)).collect(),
+    };
+    if facets.is_empty() || facets.len() > MOST_TRIANGLES {
+        let wanted = format!(
+            "1 to {MOST_TRIANGLES} triangles to stand on: change `within` and `facing`, whose box and \
+             direction are in the ego frame, or `scale` and `axes`"
+        );
+        let found = format!("{} with {} triangles there", patch.file, facets.len());
+        return Err(bad(at, found, wanted));
+    }
+    let region = assembled(facets).map_err(|wanted| bad(at, &patch.file, wanted))?;
+    Ok((region, raw.files))
+}
+
+fn direction(at: &Place, facing: &FacingDescription) -> Result<(DVec3, f64), DescriptionError> {
+    let here = at.key("direction");
+    let direction = DVec3::from(check::point(&here, facing.direction)?).try_normalize();
+    let Some(direction) = direction else {
+        return Err(bad(&here, format!("{:?}", facing.direction), "a direction, [0, 0, 1] for up"));
+    };
+    let angle = facing.angle.unwrap_or(FACING);
+    if !(angle > 0.0 && angle <= std::f64::consts::FRAC_PI_2) {
+        return Err(bad(&at.key("angle"), angle, "an angle above 0 and at most π/2 radians"));
+    }
+    Ok((direction, maths::cos(angle)))
+}
+
+/// Triangles that face a direction within a cosine, all of them without one, with normals at the corners that
+/// are means over the triangles around, by area. A triangle has two sides, of which the one counts that faces
+/// the direction.
+fn smoothed(vertices: &[DVec3], faces: &[[u32; 3]], facing: Option<(DVec3, f64)>) -> Vec<Facet> {
+    let key = |v: DVec3| (v / WELD).round().to_array().map(|metres| metres as i64);
+    let mut sums: HashMap<[i64; 3], DVec3> = HashMap::new();
+    let mut kept = Vec::new();
+    for face in faces {
+        let corners = face.map(|v| vertices[v as usize]);
+        let area = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let Some(normal) = area.try_normalize() else { continue };
+        let area = match facing {
+            None => area,
+            Some((direction, least)) if normal.dot(direction).abs() < least => continue,
+            Some((direction, _)) => area * normal.dot(direction).signum(),
+        };
+        corners.iter().for_each(|&corner| *sums.entry(key(corner)).or_default() += area);
+        kept.push((corners, area));
+    }
+    let normal = |corner: DVec3, area: DVec3| sums[&key(corner)].try_normalize().unwrap_or(area);
+    let facet = |(corners, area): ([DVec3; 3], DVec3)| {
+        let own = area.normalize_or(DVec3::Z);
+        Facet { corners, normals: corners.map(|corner| normal(corner, own)) }
+    };
+    kept.into_iter().map(facet).collect()
+}
+
+/// The part of a triangle within a box, as triangles (Sutherland, Hodgman 1974).
+pub(super) fn cut(facet: &Facet, [low, high]: [[f64; 3]; 2]) -> Vec<Facet> {
+    let mut ring: Vec<(DVec3, DVec3)> = facet.corners.into_iter().zip(facet.normals).collect();
+    for k in 0..3 {
+        for (sign, bound) in [(1.0, low[k]), (-1.0, -high[k])] {
+            let depth = |corner: &(DVec3, DVec3)| sign * corner.0[k] - bound;
+            let mut inside = Vec::with_capacity(ring.len() + 1);
+            for (i, a) in ring.iter().enumerate() {
+                let b = &ring[(i + 1) % ring.len()];
+                let (from, to) = (depth(a), depth(b));
+                if from >= 0.0 {
+                    inside.push(*a);
+                }
+                if (from >= 0.0) != (to >= 0.0) {
+                    let share = from / (from - to);
+                    inside.push((a.0.lerp(b.0, share), a.1.lerp(b.1, share)));
+                }
+            }
+            ring = inside;
+        }
+    }
+    let fan = (2..ring.len()).map(|k| [ring[0], ring[k - 1], ring[k]]);
+    fan.map(|ring| Facet { corners: ring.map(|c| c.0), normals: ring.map(|c| c.1) }).collect()
+}
+
+/// The region of facets in the ego frame: heights over the plane of their mean normal; else what is wanted.
+pub(super) fn assembled(facets: Vec<Facet>) -> Result<Region, &'static str> {
+    // Twice the vector of each area, outward as the normals are.
+    let areas = facets.iter().map(|facet| {
+        let [a, b, c] = facet.corners;
+        let (area, normal) = ((b - a).cross(c - a), facet.normals.iter().sum::<DVec3>());
+        if area.dot(normal) < 0.0 { -area } else { area }
+    });
+    let areas: Vec<DVec3> = areas.collect();
+    let (sum, whole) = (areas.iter().sum::<DVec3>(), areas.iter().map(|a| a.length()).sum::<f64>());
+    let Some(normal) = sum.try_normalize().filter(|_| sum.length() > 0.1 * whole) else {
+        return Err(
+            "a patch with an outer side: its normals cancel out; say with `facing` which triangles \
+                    are meant, those that look up for example",
+        );
+    };
+    let weighted = facets
+        .iter()
+        .zip(&areas)
+        .map(|(facet, area)| (facet.corners.iter().sum::<DVec3>() / 3.0) * area.length());
+    let middle = weighted.sum::<DVec3>() / whole;
+    let on_roof = is_roof(normal);
+    let frame = Pose { rotation: rest(normal, on_roof), translation: middle };
+    let back = frame.inverse();
+    let kept =
+        facets.iter().zip(&areas).filter(|(_, area)| area.dot(normal) > STEEP * area.length());
+    let moved = kept.map(|(facet, _)| Facet {
+        corners: facet.corners.map(|corner| back.apply(corner)),
+        normals: facet.normals.map(|normal| back.rotation * normal),
+    });
+    let axes = if on_roof { [0, 1] } else { [1, 2] };
+    let Some(surface) = Surface::new(axes, moved.collect()) else {
+        return Err("a patch with an area; all its triangles are thin or steep");
+    };
+    let (mut lower, mut upper) = ([0.0; 6], [0.0; 6]);
+    for &field in &axes {
+        let values = || surface.corners().map(|corner| corner[field]);
+        lower[field] = values().fold(f64::MAX, f64::min);
+        upper[field] = values().fold(f64::MIN, f64::max);
+    }
+    let (ego_from_region, surface) = (Some(frame), Some(Arc::new(surface)));
+    Ok(Region { ego_from_region, lower, upper, surface, ..Region::default() })
+}

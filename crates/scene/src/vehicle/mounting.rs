@@ -1,0 +1,198 @@
+//! Mounts of a vehicle file: their regions, the models they may hold, and how many.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::description::{CountDescription, MountingDescription};
+use super::equipment::{VehicleMount, VehicleSensor};
+use super::mesh_mount;
+use super::surface::{is_roof, rest};
+use super::{MAX_LIDARS, Outline, Region};
+use lidar_cast::geom::{Pose, crossing};
+use sightline_files::json::check::{self, bad};
+use sightline_files::json::{DescriptionError, Place};
+
+/// Most corners of a polygon.
+const MOST_CORNERS: usize = 256;
+/// Metres that corners of a polygon may lie off its plane.
+const FLAT: f64 = 0.01;
+
+/// Checks a mount, which may hold some of `sensors`; `dir` is where its mesh is. Returns the files read too.
+pub(super) fn mounting(
+    at: &Place,
+    mount: MountingDescription,
+    sensors: &[VehicleSensor],
+    dir: &Path,
+) -> Result<(VehicleMount, Vec<PathBuf>), DescriptionError> {
+    let name = check::text(&at.key("name"), mount.name.clone())?;
+    let mut files = Vec::new();
+    let region = match (&mount.polygon, &mount.mesh, mount.min, mount.max) {
+        (None, None, Some(min), Some(max)) => boxed(at, &mount, min, max)?,
+        (Some(corners), None, None, None) => patch(at, &mount, corners)?,
+        (None, Some(patch), None, None) => {
+            let (region, read) = mesh_mount::patch(&at.key("mesh"), patch, dir)?;
+            files = read;
+            let along = region.surface.as_ref().map_or(2, |surface| surface.along());
+            with_ranges(at, &mount, region, along)?
+        }
+        (polygon, mesh, min, max) => {
+            let keys = [
+                ("polygon", polygon.is_some()),
+                ("mesh", mesh.is_some()),
+                ("min", min.is_some()),
+                ("max", max.is_some()),
+            ];
+            let found: Vec<&str> = keys.iter().filter(|(_, is)| *is).map(|(key, _)| *key).collect();
+            let wanted = "a region: give `min` and `max` of a box, or a `polygon`, or a `mesh`";
+            return Err(bad(at, format!("a mount with {found:?}"), wanted));
+        }
+    };
+    let known = || {
+        let names: Vec<String> = sensors.iter().map(|model| format!("`{}`", model.name)).collect();
+        names.join(", ")
+    };
+    let mut allowed = Vec::new();
+    for (i, name) in mount.sensors.iter().flatten().enumerate() {
+        let found = sensors.iter().find(|model| model.name.as_str() == name);
+        let Some(model) = found else {
+            let wanted = format!("a sensor of this vehicle, which has {}", known());
+            return Err(bad(&at.key("sensors").item(i), format!("`{name}`"), wanted));
+        };
+        if !allowed.contains(&model.name) {
+            allowed.push(model.name);
+        }
+    }
+    if mount.sensors.is_none() {
+        allowed = sensors.iter().map(|model| model.name).collect();
+    }
+    if allowed.is_empty() {
+        let wanted = format!("the models that may stand here, some of {}", known());
+        return Err(bad(&at.key("sensors"), "an empty list", wanted));
+    }
+    let at_count = at.key("count");
+    let [least, most] = match mount.count {
+        CountDescription::Exactly(count) => [count; 2],
+        CountDescription::Range(range) => range,
+    };
+    let most = check::count(&at_count, most, 0, MAX_LIDARS as u64)? as usize;
+    let least = check::count(&at_count, least, 0, most as u64)? as usize;
+    let region = Arc::new(Region { name, ..region });
+    Ok((VehicleMount { region, sensors: allowed, count: [least, most] }, files))
+}
+
+/// The ranges of the angles, side by side.
+fn angles(at: &Place, mount: &MountingDescription) -> Result<[[f64; 2]; 3], DescriptionError> {
+    Ok([
+        check::radian_range(&at.key("roll"), mount.roll)?,
+        check::radian_range(&at.key("pitch"), mount.pitch)?,
+        check::radian_range(&at.key("yaw"), mount.yaw)?,
+    ])
+}
+
+fn boxed(
+    at: &Place,
+    mount: &MountingDescription,
+    min: [f64; 3],
+    max: [f64; 3],
+) -> Result<Region, DescriptionError> {
+    if mount.offset.is_some() {
+        let (at, mend) = (Box::new(at.clone()), "it belongs to `polygon` and `mesh`".to_owned());
+        return Err(DescriptionError::Misplaced { at, key: "offset", mend });
+    }
+    let min = check::point(&at.key("min"), min)?;
+    let max = check::point(&at.key("max"), max)?;
+    for i in 0..3 {
+        if min[i] > max[i] {
+            let wanted = format!("{} or more, the lower corner of the mount", min[i]);
+            return Err(bad(&at.key("max").item(i), max[i], wanted));
+        }
+    }
+    let [roll, pitch, yaw] = angles(at, mount)?;
+    Ok(Region {
+        lower: [min[0], min[1], min[2], roll[0], pitch[0], yaw[0]],
+        upper: [max[0], max[1], max[2], roll[1], pitch[1], yaw[1]],
+        ..Region::default()
+    })
+}
+
+/// A flat polygon, its corners counter-clockwise as seen from outside the vehicle.
+fn patch(
+    at: &Place,
+    mount: &MountingDescription,
+    corners: &[[f64; 3]],
+) -> Result<Region, DescriptionError> {
+    let place = at.key("polygon");
+    if !(3..=MOST_CORNERS).contains(&corners.len()) {
+        let wanted = format!("3 to {MOST_CORNERS} corners, counter-clockwise as seen from outside");
+        return Err(bad(&place, format!("a list of {}", corners.len()), wanted));
+    }
+    let mut points = Vec::new();
+    for (i, corner) in corners.iter().enumerate() {
+        points.push(DVec3::from(check::point(&place.item(i), *corner)?));
+    }
+    let middle = points.iter().sum::<DVec3>() / points.len() as f64;
+    // Newell's normal: twice the area's vector.
+    let next = |k: usize| points[(k + 1) % points.len()] - middle;
+    let area: DVec3 = (0..points.len()).map(|k| (points[k] - middle).cross(next(k))).sum();
+    let Some(normal) = area.try_normalize().filter(|_| area.length() > 1e-8) else {
+        return Err(bad(
+            &place,
+            "a list",
+            "a polygon with an area; its corners lie on a line, or its sides cross",
+        ));
+    };
+    for (i, point) in points.iter().enumerate() {
+        let off = (*point - middle).dot(normal).abs();
+        if off > FLAT {
+            let wanted =
+                format!("within {FLAT} m of the plane of the others, it is {off:.3} m off");
+            return Err(bad(&place.item(i), format!("{corner:?}", corner = corners[i]), wanted));
+        }
+    }
+    let on_roof = is_roof(normal);
+    let rotation = rest(normal, on_roof);
+    let frame = Pose { rotation, translation: middle };
+    let back = frame.inverse();
+    let axes = if on_roof { [0, 1] } else { [1, 2] };
+    let outline: Vec<[f64; 2]> =
+        points.iter().map(|point| back.apply(*point)).map(|p| axes.map(|k| p[k])).collect();
+    if let Some((i, j)) = crossing(&outline) {
+        let count = outline.len();
+        let ends = |k: usize| format!("from corner {k} to corner {}", (k + 1) % count);
+        let wanted =
+            format!("free of the side {}; the outline must not cross or touch itself", ends(i));
+        return Err(bad(&place.item(j), format!("the side {}", ends(j)), wanted));
+    }
+    let along = if on_roof { 2 } else { 0 };
+    let (mut lower, mut upper) = ([0.0; 6], [0.0; 6]);
+    for (side, &field) in axes.iter().enumerate() {
+        let values = outline.iter().map(|corner| corner[side]);
+        lower[field] = values.clone().fold(f64::MAX, f64::min);
+        upper[field] = values.fold(f64::MIN, f64::max);
+    }
+    let outline = Outline { axes, corners: outline };
+    let region =
+        Region { ego_from_region: Some(frame), lower, upper, outline, ..Region::default() };
+    with_ranges(at, mount, region, along)
+}
+
+/// A patch with the ranges of `offset`, in front of it, and of the angles.
+fn with_ranges(
+    at: &Place,
+    mount: &MountingDescription,
+    mut region: Region,
+    along: usize,
+) -> Result<Region, DescriptionError> {
+    let [from, to] = mount.offset.unwrap_or_default();
+    if !(from <= to && from.abs().max(to.abs()) <= 10.0) {
+        let wanted = "a range of metres in front of the patch, [0, 0.1] for example";
+        return Err(bad(&at.key("offset"), format!("{:?}", [from, to]), wanted));
+    }
+    let [roll, pitch, yaw] = angles(at, mount)?;
+    for (field, range) in [(along, [from, to]), (3, roll), (4, pitch), (5, yaw)] {
+        (region.lower[field], region.upper[field]) = (range[0], range[1]);
+    }
+    Ok(region)
+}

@@ -1,0 +1,247 @@
+//! Mirrored pairs over several mounts: which region is the image of which, and LiDARs in the order of pairs.
+
+use super::mirror::{MIRRORED, pairs};
+use super::{Constraints, Outline, Region, SensorPose, Slot};
+use lidar_cast::geom::Pose;
+
+/// Metres and radians that two images may be apart: corners of patches are written in decimals.
+const SAME: f64 = 1e-9;
+
+fn close<const N: usize>(a: [f64; N], b: [f64; N]) -> bool {
+    a.iter().zip(b).all(|(a, b)| (a - b).abs() <= SAME)
+}
+
+impl Region {
+    /// The region in a mirror at the plane y = 0: poses in it are the mirrored ones. A curved surface stays as it
+    /// is.
+    pub(super) fn mirrored(&self) -> Self {
+        let mut image = self.clone();
+        for k in MIRRORED {
+            (image.lower[k], image.upper[k]) = (0.0 - self.upper[k], 0.0 - self.lower[k]);
+        }
+        let flip = glam::DMat3::from_diagonal(glam::DVec3::new(1.0, -1.0, 1.0));
+        image.ego_from_region = self.ego_from_region.map(|frame| Pose {
+            rotation: flip * frame.rotation * flip,
+            translation: flip * frame.translation,
+        });
+        let Outline { axes, corners } = &mut image.outline;
+        for side in (0..2).filter(|&side| axes[side] == 1) {
+            corners.iter_mut().for_each(|corner| corner[side] = 0.0 - corner[side]);
+        }
+        image
+    }
+
+    /// True if a mirror at the plane y = 0 shows one region as the other.
+    pub(super) fn is_image_of(&self, other: &Self) -> bool {
+        let alike = match (&self.surface, &other.surface) {
+            (None, None) => true,
+            (Some(own), Some(other)) => own.is_image_of(other),
+            _ => false,
+        };
+        if !alike {
+            return false;
+        }
+        let image = other.mirrored();
+        let frame = |region: &Self| {
+            let frame = region.ego_from_region.unwrap_or(Pose::IDENTITY);
+            (frame.rotation.to_cols_array(), frame.translation.to_array())
+        };
+        let (a, b) = (frame(self), frame(&image));
+        let outlines = [&self.outline.corners, &image.outline.corners];
+        let has = |corner: &[f64; 2]| outlines[1].iter().any(|other| close(*corner, *other));
+        close(a.0, b.0)
+            && close(a.1, b.1)
+            && close(self.lower, image.lower)
+            && close(self.upper, image.upper)
+            && outlines[0].len() == outlines[1].len()
+            && outlines[0].iter().all(has)
+    }
+}
+
+impl Slot {
+    /// True if a mirror at the plane y = 0 shows one slot as the other.
+    pub(super) fn is_image_of(&self, other: &Self) -> bool {
+        self.sensor == other.sensor && self.region.is_image_of(&other.region)
+    }
+
+    /// Slots in pairs, one behind the other, then those that are their own image and have none left beside them;
+    /// the rest, if any, is behind these.
+    pub(super) fn in_pairs(slots: Vec<Self>) -> Vec<Self> {
+        let (mut open, mut paired, mut in_plane, mut alone) = (slots, vec![], vec![], vec![]);
+        while !open.is_empty() {
+            let first = open.remove(0);
+            match open.iter().position(|other| other.is_image_of(&first)) {
+                Some(at) => paired.extend([first, open.remove(at)]),
+                None if first.is_image_of(&first) => in_plane.push(first),
+                None => alone.push(first),
+            }
+        }
+        [paired, in_plane, alone].concat()
+    }
+}
+
+impl Constraints {
+    /// Number of LiDARs in mirrored pairs; these come first.
+    pub(super) fn paired(&self) -> usize {
+        if !self.ties.symmetric {
+            return 0;
+        }
+        let two = |two: &&[Slot]| two[1].is_image_of(&two[0]);
+        2 * self.slots.chunks_exact(2).take_while(two).count()
+    }
+
+    /// True if a LiDAR of a pair stands in the same slot as its image.
+    pub(super) fn is_pair_of_one(&self, first: usize) -> bool {
+        self.slots[first] == self.slots[first + 1]
+    }
+
+    /// LiDARs in the order of the slots, those of a pair side by side where the rules want pairs; `None` where
+    /// a slot has none, or a pair is none.
+    pub fn ordered(&self, lidars: &[SensorPose]) -> Option<Vec<SensorPose>> {
+        let lidars = match self.kinds().len() {
+            1 => lidars.to_vec(),
+            _ => self.in_slots(lidars)?,
+        };
+        if !self.ties.symmetric {
+            return Some(lidars);
+        }
+        let alike = self.kinds().len() == 1;
+        let fits = |slot: usize, lidar: usize| alike || self.slots[slot] == self.slots[lidar];
+        let (found, paired) = (pairs(&lidars), self.paired());
+        let (mut open, mut in_plane) = (found.mirrored, found.in_plane);
+        let mut order = Vec::with_capacity(lidars.len());
+        for slot in (0..paired).step_by(2) {
+            let fit = |&[a, b]: &[usize; 2]| fits(slot, a) && fits(slot + 1, b);
+            let turned = |&[a, b]: &[usize; 2]| fit(&[b, a]);
+            let at = open.iter().position(|pair| fit(pair) || turned(pair))?;
+            let [a, b] = open.remove(at);
+            // The first of a pair in one region has the larger y of its frame, which at a tail is to the right.
+            let y = |lidar: usize| self.slots[slot].region.fields(&lidars[lidar])[1];
+            let is_turned = self.is_pair_of_one(slot) && y(a) < y(b);
+            order.extend(if fit(&[a, b]) && !is_turned { [a, b] } else { [b, a] });
+        }
+        for slot in paired..lidars.len() {
+            let at = in_plane.iter().position(|&lidar| fits(slot, lidar))?;
+            order.push(in_plane.remove(at));
+        }
+        Some(order.into_iter().map(|lidar| lidars[lidar]).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::DVec3;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+    use crate::vehicle::{Placement, PoseGrid, SensorName, Spacing, Ties};
+
+    /// A roof along the middle, and a door on each side whose corners are written from another one.
+    fn slots() -> Vec<Slot> {
+        let roof = Region {
+            lower: [-0.5, -0.4, 1.5, -0.2, 0.0, -0.3],
+            upper: [0.5, 0.4, 1.7, 0.2, 0.1, 0.3],
+            ..Region::default()
+        };
+        let door = |side: f64| {
+            let yaw = side * std::f64::consts::FRAC_PI_2;
+            let frame = Pose::new(DVec3::new(0.7, side * 0.9, 0.8), 0.0, -0.1, yaw);
+            let mut corners = vec![[-0.4 * side, 0.0], [0.5 * side, 0.0], [0.1 * side, 0.3]];
+            corners.rotate_left(usize::from(side < 0.0));
+            Region {
+                name: format!("door {side}"),
+                ego_from_region: Some(frame),
+                lower: [
+                    0.0,
+                    if side > 0.0 { -0.4 } else { -0.5 },
+                    0.0,
+                    0.0,
+                    -0.1,
+                    -0.2 * side - 0.1,
+                ],
+                upper: [0.1, if side > 0.0 { 0.5 } else { 0.4 }, 0.3, 0.0, 0.1, 0.1 - 0.2 * side],
+                outline: Outline { axes: [1, 2], corners },
+                ..Region::default()
+            }
+        };
+        let slot = |region: &Region, name: &str| Slot {
+            region: Arc::new(region.clone()),
+            sensor: SensorName::new(name).unwrap(),
+            phase: None,
+        };
+        let [left, right] = [door(1.0), door(-1.0)];
+        let [l, r] = [slot(&left, "solid"), slot(&right, "solid")];
+        let top = slot(&roof, "spinning");
+        vec![top.clone(), top.clone(), top, l.clone(), l, r.clone(), r]
+    }
+
+    fn rules() -> Constraints {
+        let ties = Ties { equal_height: false, symmetric: true };
+        Constraints { slots: Slot::in_pairs(slots()), ties, ..Constraints::default() }
+    }
+
+    #[test]
+    fn pairs_over_several_mounts_are_kept_by_variables_and_grids() {
+        let rules = rules();
+        assert_eq!(rules.paired(), 6);
+        // Two free fields of the roof's odd one; five of its pair; y, z, pitch, yaw and offset of a door.
+        let bounds = rules.variable_bounds();
+        assert_eq!(bounds.len(), 6 + 3 + 2 * 5);
+        let grid = PoseGrid::new(&rules, Spacing { metres: 0.13, radians: 0.07 }).unwrap();
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        for _ in 0..100 {
+            let draw = |&(low, high): &(f64, f64)| low + rng.random::<f64>() * (high - low);
+            let variables: Vec<f64> = bounds.iter().map(draw).collect();
+            let mut placement =
+                Placement { name: "drawn".into(), lidars: rules.poses_of(&variables) };
+            let broken = rules.violations(&placement);
+            let off = |v: &crate::vehicle::Violation| v.to_string().contains("outside the mount");
+            assert!(broken.iter().all(off), "beside a door's outline at most: {broken:?}");
+            for (first, second) in [(0, 1), (2, 3), (4, 5)] {
+                let image = placement.lidars[first].mirrored();
+                assert!(image.difference(&placement.lidars[second]) < 1e-9);
+            }
+            let own = placement.lidars.clone();
+            if !broken.is_empty() {
+                continue;
+            }
+            placement.lidars.rotate_left(3);
+            let back = rules.poses_of(&rules.variables_of(&placement).expect("it keeps the ties"));
+            let near = |pose: &SensorPose| own.iter().any(|o| o.difference(pose) < 1e-9);
+            assert!(back.iter().all(near), "{back:?}");
+            let ordered =
+                Placement { lidars: rules.ordered(&placement.lidars).unwrap(), ..placement };
+            let numbers = grid.numbers_of(&ordered, rules.ties);
+            for pair in numbers[..6].chunks(2) {
+                assert_eq!(grid.mirrored(pair[0]), pair[1]);
+                assert_eq!(grid.mirrored(pair[1]), pair[0]);
+                let [a, b] = [grid.pose(pair[0]), grid.pose(pair[1])];
+                assert!(a.mirrored().difference(&b) < 1e-9, "{a:?} {b:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_region_that_is_a_little_off_is_no_image() {
+        let slots = slots();
+        let [roof, left, right] = [&slots[0], &slots[3], &slots[5]];
+        assert!(roof.is_image_of(roof) && left.is_image_of(right) && right.is_image_of(left));
+        assert!(!left.is_image_of(left) && !roof.is_image_of(left));
+        let changes: [fn(&mut Region); 4] = [
+            |region| region.lower[4] -= 0.01,
+            |region| region.upper[5] += 0.01,
+            |region| region.outline.corners[1][1] += 0.01,
+            |region| region.ego_from_region.as_mut().unwrap().translation.x += 0.01,
+        ];
+        for change in changes {
+            let mut off = right.clone();
+            change(Arc::make_mut(&mut off.region));
+            assert!(!off.is_image_of(left));
+        }
+        let other = Slot { sensor: SensorName::new("other").unwrap(), ..right.clone() };
+        assert!(!other.is_image_of(left));
+    }
+}

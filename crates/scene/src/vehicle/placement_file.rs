@@ -1,0 +1,379 @@
+//! Placement files: `.json` as one document, `.jsonl` as a stream.
+
+use std::collections::HashSet;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+
+use super::{ForeignLidar, Placement, PlacementError};
+use sightline_files::files;
+use sightline_files::json::{FileKind, did_you_mean, nearest, plain_words, unknown_key};
+
+/// Longest line of a `.jsonl` file, in bytes: 16 LiDARs need far less.
+const MAX_LINE: u64 = 1 << 20;
+/// Largest document that is read at once, in bytes: some million placements.
+const MAX_DOCUMENT: u64 = 1 << 30;
+
+/// Why a placement file could not be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlacementFileError {
+    /// The file cannot be opened or read.
+    #[error("{}: cannot be read: {source}", path.display())]
+    Io {
+        /// File.
+        path: PathBuf,
+        /// Error of the operating system.
+        source: std::io::Error,
+    },
+    /// The text is no JSON, or no placement.
+    #[error("{}, line {line}, column {column}{}: {problem}", path.display(), in_placement(near))]
+    Json {
+        /// File.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// Column, from 1.
+        column: usize,
+        /// Name of the placement at this place, if the text holds one.
+        near: Option<String>,
+        /// Place in the document or line, and the fault there.
+        problem: String,
+    },
+    /// Placements without the object around them.
+    #[error("{}: is a bare list; write {{\"placements\": [ … ]}} around it", path.display())]
+    BareList {
+        /// File.
+        path: PathBuf,
+    },
+    /// A scene or a vehicle in the place of placements.
+    #[error(
+        "{}: is {found}; give a file of placements, {{\"placements\": [ … ]}}, here, and this one {}",
+        path.display(),
+        found.place()
+    )]
+    OtherKind {
+        /// File.
+        path: PathBuf,
+        /// Kind of file.
+        found: FileKind,
+    },
+    /// The document is not UTF-8.
+    #[error("{}: is not UTF-8 text from byte {byte} on; save it as UTF-8", path.display())]
+    NotText {
+        /// File.
+        path: PathBuf,
+        /// First byte that is not UTF-8, from 0.
+        byte: usize,
+    },
+    /// A placement that cannot be used.
+    #[error("{}{}: {source}", path.display(), at_line(*line))]
+    Placement {
+        /// File.
+        path: PathBuf,
+        /// Line of a `.jsonl` file, from 1.
+        line: Option<u64>,
+        /// Fault of the placement.
+        source: PlacementError,
+    },
+    /// A LiDAR of a model that the vehicle does not have.
+    #[error("{}: {source}", path.display())]
+    Sensor {
+        /// File.
+        path: PathBuf,
+        /// Placement, LiDAR and model, and the models there are.
+        source: ForeignLidar,
+    },
+    /// A line that is not text.
+    #[error("{}, line {line}: is not UTF-8 text; save it as UTF-8", path.display())]
+    LineNotText {
+        /// File.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+    },
+    /// A line too long to be a placement.
+    #[error("{}, line {line}: longer than {MAX_LINE} bytes; give one placement a line", path.display())]
+    LongLine {
+        /// File.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+    },
+    /// A document too large to be held.
+    #[error(
+        "{}: larger than {MAX_DOCUMENT} bytes; give one placement a line in a .jsonl file, which is \
+         read as a stream",
+        path.display()
+    )]
+    TooLarge {
+        /// File.
+        path: PathBuf,
+    },
+    /// A file without placements.
+    #[error("{}: holds no placement; add at least one", path.display())]
+    Empty {
+        /// File.
+        path: PathBuf,
+    },
+}
+
+fn at_line(line: Option<u64>) -> String {
+    line.map(|l| format!(", line {l}")).unwrap_or_default()
+}
+
+fn in_placement(name: &Option<String>) -> String {
+    name.as_ref().map(|n| format!(", placement `{n}`")).unwrap_or_default()
+}
+
+/// The `index`-th name in a text that need not be JSON: an error in the text still names its placement.
+fn name_in(text: &str, index: usize) -> Option<String> {
+    let (at, _) = text.match_indices("\"name\"").nth(index)?;
+    let rest = text[at..].strip_prefix("\"name\"")?.trim_start().strip_prefix(':')?;
+    let name = rest.trim_start().strip_prefix('"')?.split('"').next()?;
+    Some(name.chars().take(64).collect())
+}
+
+/// Parses a document, or one line of a `.jsonl` file; `line` is the number of its first line.
+fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, PlacementFileError> {
+    // Parsing with the place takes longer, so it runs on errors alone.
+    serde_json::from_str(text).map_err(|error| {
+        let mut json = serde_json::Deserializer::from_str(text);
+        let place = match serde_path_to_error::deserialize::<_, T>(&mut json) {
+            Err(error) => error.path().to_string(),
+            Ok(_) => ".".to_owned(),
+        };
+        let full = error.to_string();
+        let words = full.rsplit_once(" at line ").map_or(&full[..], |(words, _)| words);
+        if let Some(found) = FileKind::of(text).filter(|kind| *kind != FileKind::Placements) {
+            return PlacementFileError::OtherKind { path: path.to_owned(), found };
+        }
+        let problem = match unknown_key(words) {
+            Some((key, known)) => {
+                let nearest = nearest(key, known.iter().map(String::as_str));
+                format!("unknown key `{key}`{}", did_you_mean(&nearest, &known))
+            }
+            None => plain_words(words).replace("the file ends", "the text ends"),
+        };
+        let place = place.trim_end_matches('?').trim_end_matches('.');
+        let index = place.strip_prefix("placements[").and_then(|rest| rest.split(']').next());
+        let index = index.map_or(Some(0), |index| index.parse().ok());
+        let near = index.filter(|_| !(place.is_empty() || problem.contains("`name`")));
+        PlacementFileError::Json {
+            path: path.to_owned(),
+            line: line - 1 + error.line() as u64,
+            column: error.column(),
+            near: near.and_then(|index| name_in(text, index)),
+            problem: if place.is_empty() { problem } else { format!("{place}: {problem}") },
+        }
+    })
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PlacementFile {
+    placements: Vec<Placement>,
+}
+
+/// Iterator over the checked placements of a file, in order; `-` is stdin.
+///
+/// `.jsonl` is read a line at a time, with one placement in memory; `.json` is one document
+/// `{"placements": […]}`. Under any other name, such as a pipe's, the first bytes tell the form.
+pub struct PlacementReader {
+    path: PathBuf,
+    source: Source,
+    names: HashSet<String>,
+}
+
+enum Source {
+    Whole(std::vec::IntoIter<Placement>),
+    Lines { reader: Box<dyn BufRead>, line: u64 },
+}
+
+/// First bytes of a document, without spaces.
+const DOCUMENT: &[u8] = b"{\"placements\"";
+/// Mark that some editors write before UTF-8 text.
+const BYTE_ORDER_MARK: &str = "\u{feff}";
+
+/// Reads the first bytes of a stream; returns them, and whether a document begins there.
+fn sniff(reader: &mut impl BufRead) -> io::Result<(Vec<u8>, bool)> {
+    let (mut head, mut seen) = (Vec::new(), Vec::new());
+    for byte in reader.bytes().take(MAX_LINE as usize) {
+        let byte = byte?;
+        head.push(byte);
+        if !byte.is_ascii_whitespace() && !BYTE_ORDER_MARK.as_bytes().contains(&byte) {
+            seen.push(byte);
+        }
+        if seen.len() == DOCUMENT.len() || !DOCUMENT.starts_with(&seen) {
+            break;
+        }
+    }
+    let is_document = seen == DOCUMENT || seen.starts_with(b"[");
+    Ok((head, is_document))
+}
+
+/// True if a file is one of placements rather than a scene: standard input and pipes, `.jsonl` by its name, a
+/// document by its first key. False where it cannot be read.
+pub fn holds_placements(path: &Path) -> bool {
+    let is_stream = path == Path::new("-") || (path.exists() && !path.is_file() && !path.is_dir());
+    if is_stream || path.extension().is_some_and(|ending| ending == "jsonl") {
+        return true;
+    }
+    // Nothing is read of a pipe, which could be read only once.
+    let head = files::open(path).and_then(|file| sniff(&mut BufReader::new(file)));
+    head.is_ok_and(|(_, is_document)| is_document)
+}
+
+/// True if a path names a file that the shell has opened: standard input, or the `<( … )` of a shell.
+fn is_open_file(path: &Path) -> bool {
+    ["/dev/stdin", "/dev/fd", "/proc/self/fd"].iter().any(|open| path.starts_with(open))
+}
+
+impl PlacementReader {
+    /// Opens a file; parses a document at once, lines as they are asked for.
+    ///
+    /// # Errors
+    /// The file cannot be opened, or is no JSON of the expected form.
+    pub fn open(path: &Path) -> Result<Self, PlacementFileError> {
+        let io = |source| PlacementFileError::Io { path: path.to_owned(), source };
+        let mut reader: Box<dyn BufRead> = if path == Path::new("-") {
+            Box::new(BufReader::new(io::stdin()))
+        } else if is_open_file(path) {
+            Box::new(BufReader::new(File::open(path).map_err(io)?))
+        } else {
+            Box::new(BufReader::new(files::open(path).map_err(io)?))
+        };
+        let is_document = match path.extension().and_then(|ending| ending.to_str()) {
+            Some("jsonl") => false,
+            Some("json") => true,
+            _ => {
+                let (head, is_document) = sniff(&mut reader).map_err(io)?;
+                reader = Box::new(io::Cursor::new(head).chain(reader));
+                is_document
+            }
+        };
+        let source = if is_document {
+            Source::Whole(document(reader, path)?.placements.into_iter())
+        } else {
+            Source::Lines { reader, line: 0 }
+        };
+        Ok(Self { path: path.to_owned(), source, names: HashSet::new() })
+    }
+
+    fn next_placement(&mut self) -> Option<Result<Placement, PlacementFileError>> {
+        let (placement, line) = match &mut self.source {
+            Source::Whole(rest) => (rest.next()?, None),
+            Source::Lines { reader, line } => match next_line(reader, line, &self.path)? {
+                Ok(placement) => (placement, Some(*line)),
+                Err(error) => return Some(Err(error)),
+            },
+        };
+        let checked = placement.validate().and_then(|()| {
+            if self.names.insert(placement.name.clone()) {
+                Ok(())
+            } else {
+                Err(PlacementError::UsedTwice { name: placement.name.clone() })
+            }
+        });
+        Some(match checked {
+            Ok(()) => Ok(placement),
+            Err(source) => {
+                Err(PlacementFileError::Placement { path: self.path.clone(), line, source })
+            }
+        })
+    }
+}
+
+fn document(reader: impl Read, path: &Path) -> Result<PlacementFile, PlacementFileError> {
+    let mut bytes = Vec::new();
+    let read = reader.take(MAX_DOCUMENT + 1).read_to_end(&mut bytes);
+    read.map_err(|source| PlacementFileError::Io { path: path.to_owned(), source })?;
+    if bytes.len() as u64 > MAX_DOCUMENT {
+        return Err(PlacementFileError::TooLarge { path: path.to_owned() });
+    }
+    let text = std::str::from_utf8(&bytes).map_err(|error| PlacementFileError::NotText {
+        path: path.to_owned(),
+        byte: error.valid_up_to(),
+    })?;
+    let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
+    if text.trim_ascii().is_empty() {
+        return Err(PlacementFileError::Empty { path: path.to_owned() });
+    }
+    if text.trim_start().starts_with('[') {
+        return Err(PlacementFileError::BareList { path: path.to_owned() });
+    }
+    parse(text, 1, path)
+}
+
+fn next_line(
+    reader: &mut impl BufRead,
+    line: &mut u64,
+    path: &Path,
+) -> Option<Result<Placement, PlacementFileError>> {
+    let mut bytes = Vec::new();
+    loop {
+        bytes.clear();
+        match reader.by_ref().take(MAX_LINE + 1).read_until(b'\n', &mut bytes) {
+            Err(source) => {
+                return Some(Err(PlacementFileError::Io { path: path.to_owned(), source }));
+            }
+            Ok(0) => return None,
+            Ok(_) => *line += 1,
+        }
+        if bytes.len() as u64 > MAX_LINE {
+            return Some(Err(PlacementFileError::LongLine { path: path.to_owned(), line: *line }));
+        }
+        let text = match std::str::from_utf8(&bytes) {
+            Ok(text) => text.trim_start_matches(BYTE_ORDER_MARK),
+            Err(_) => {
+                return Some(Err(PlacementFileError::LineNotText {
+                    path: path.to_owned(),
+                    line: *line,
+                }));
+            }
+        };
+        if !text.trim_ascii().is_empty() {
+            return Some(parse(text, *line, path));
+        }
+    }
+}
+
+impl Iterator for PlacementReader {
+    type Item = Result<Placement, PlacementFileError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.next_placement()
+    }
+}
+
+/// All placements of a file at once.
+///
+/// # Errors
+/// Like [`PlacementReader`], and a file without any placement.
+pub fn read_placements(path: impl AsRef<Path>) -> Result<Vec<Placement>, PlacementFileError> {
+    let path = path.as_ref();
+    let placements = PlacementReader::open(path)?.collect::<Result<Vec<_>, _>>()?;
+    if placements.is_empty() {
+        return Err(PlacementFileError::Empty { path: path.to_owned() });
+    }
+    Ok(placements)
+}
+
+/// Placements of a file, each read and checked once; none is kept.
+///
+/// # Errors
+/// See [`read_placements`].
+pub fn count_placements(path: &Path) -> Result<u64, PlacementFileError> {
+    let mut count = 0;
+    for placement in PlacementReader::open(path)? {
+        placement?;
+        count += 1;
+    }
+    if count == 0 {
+        return Err(PlacementFileError::Empty { path: path.to_owned() });
+    }
+    Ok(count)
+}

@@ -1,0 +1,234 @@
+//! A region of a vehicle where sensors may be mounted.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::mirror::SLACK;
+use super::{SensorName, SensorPose, Surface};
+use lidar_cast::geom::Pose;
+use lidar_cast::maths;
+
+/// Where sensors may stand: a box, a flat patch with an outline, or a curved surface, in a frame of its own.
+///
+/// The six fields of a pose count from the region's frame: the ego frame for a box along its axes, for a
+/// patch one whose z is the patch's outward normal on a roof, and whose x is the normal on a side. On a surface the frame is that of its mean normal, the field
+/// along it counts from the surface, and angles count from a sensor at rest on the surface there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Region {
+    /// Name on the vehicle.
+    pub name: String,
+    /// The region's frame; `None` is the ego frame.
+    pub ego_from_region: Option<Pose>,
+    /// Lower bounds of x, y, z (m), roll, pitch, yaw (rad) in the region's frame.
+    pub lower: [f64; 6],
+    /// Upper bounds, same order; equal to the lower one where nothing may vary.
+    pub upper: [f64; 6],
+    /// Corners of a patch in the plane of two of its axes; empty: the whole box.
+    pub outline: Outline,
+    /// What sensors stand on, where it is not flat.
+    pub surface: Option<Arc<Surface>>,
+}
+
+/// A simple polygon across two axes of a region.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Outline {
+    /// Fields that the corners count along: 0 and 1 on a roof, 1 and 2 on a side.
+    pub axes: [usize; 2],
+    /// Corners in order, metres; none: no outline.
+    pub corners: Vec<[f64; 2]>,
+}
+
+impl Default for Region {
+    fn default() -> Self {
+        Self {
+            name: "mount".to_owned(),
+            ego_from_region: None,
+            lower: [0.0; 6],
+            upper: [0.0; 6],
+            outline: Outline::default(),
+            surface: None,
+        }
+    }
+}
+
+impl Region {
+    /// Pose in the ego frame of six fields in the region's.
+    ///
+    /// On a surface a position over no triangle is moved to the nearest that has one.
+    pub fn pose(&self, fields: [f64; 6], sensor: SensorName) -> SensorPose {
+        let pose = SensorPose::from_values(fields);
+        if let (Some(surface), Some(frame)) = (&self.surface, &self.ego_from_region) {
+            let foot = surface.foot(surface.axes().map(|k| fields[k]));
+            let rest = surface.rest(frame, &foot, fields[surface.along()]);
+            let turned = Pose::new(DVec3::ZERO, fields[3], fields[4], fields[5]);
+            return SensorPose { sensor, ..SensorPose::from(&rest.compose(&turned)) };
+        }
+        let pose = match &self.ego_from_region {
+            None => pose,
+            Some(frame) => SensorPose::from(&frame.compose(&pose.ego_from_sensor())),
+        };
+        SensorPose { sensor, ..pose }
+    }
+
+    /// Six fields in the region's frame of a pose in the ego frame.
+    pub fn fields(&self, pose: &SensorPose) -> [f64; 6] {
+        if let (Some(surface), Some(frame)) = (&self.surface, &self.ego_from_region) {
+            let mut point = frame.inverse().apply(pose.position());
+            let foot = surface.foot(surface.axes().map(|k| point[k]));
+            point[surface.along()] -= foot.point[surface.along()];
+            let rest = surface.rest(frame, &foot, 0.0);
+            let turned = rest.inverse().compose(&pose.ego_from_sensor());
+            let [.., roll, pitch, yaw] = SensorPose::from(&turned).values();
+            return [point.x, point.y, point.z, roll, pitch, yaw];
+        }
+        match &self.ego_from_region {
+            None => pose.values(),
+            Some(frame) => {
+                SensorPose::from(&frame.inverse().compose(&pose.ego_from_sensor())).values()
+            }
+        }
+    }
+
+    /// Indices of the fields that may vary.
+    pub fn free_fields(&self) -> Vec<usize> {
+        (0..6).filter(|&k| self.upper[k] > self.lower[k]).collect()
+    }
+
+    /// Fields that are out of bounds and how far, in m or rad; a position beside the outline or over no
+    /// triangle of the surface counts for its first axis.
+    pub fn outside(&self, pose: &SensorPose) -> Vec<(&'static str, f64)> {
+        // A region with a frame is read back through it, which rounds.
+        let slack = if self.ego_from_region.is_some() { 1e3 * SLACK } else { SLACK };
+        let fields = self.fields(pose);
+        let beyond = |k: usize| (self.lower[k] - fields[k]).max(fields[k] - self.upper[k]);
+        let mut found: Vec<(&'static str, f64)> = (0..6)
+            .map(|k| (SensorPose::FIELDS[k], beyond(k)))
+            .filter(|(_, by)| *by > slack)
+            .collect();
+        let (beside, axis) = match &self.surface {
+            None => (self.outline.distance(fields), self.outline.axes[0]),
+            Some(surface) => {
+                (surface.foot(surface.axes().map(|k| fields[k])).off, surface.axes()[0])
+            }
+        };
+        if beside > slack {
+            found.push((SensorPose::FIELDS[axis], beside));
+        }
+        found
+    }
+
+    /// Height of sensors that are put up plainly, in the region's frame: the top, on the side of a body the
+    /// middle, since a surface bends away at its edges.
+    pub fn plain_height(&self) -> f64 {
+        match &self.surface {
+            Some(surface) if surface.along() != 2 => 0.5 * (self.lower[2] + self.upper[2]),
+            _ => self.upper[2],
+        }
+    }
+
+    /// Corners of the smallest box in the ego frame around all positions.
+    pub fn corners(&self) -> [[f64; 3]; 2] {
+        let (mut low, mut high) = (DVec3::MAX, DVec3::MIN);
+        if let (Some(surface), Some(frame)) = (&self.surface, &self.ego_from_region) {
+            for mut point in surface.corners() {
+                let foot = point[surface.along()];
+                for offset in [self.lower, self.upper].map(|bound| bound[surface.along()]) {
+                    point[surface.along()] = foot + offset;
+                    let at = frame.apply(point);
+                    (low, high) = (low.min(at), high.max(at));
+                }
+            }
+            return [low.to_array(), high.to_array()];
+        }
+        for corner in 0..8 {
+            let side = |k: usize| if corner >> k & 1 == 1 { self.upper[k] } else { self.lower[k] };
+            let at = DVec3::new(side(0), side(1), side(2));
+            let at = self.ego_from_region.map_or(at, |frame| frame.apply(at));
+            (low, high) = (low.min(at), high.max(at));
+        }
+        [low.to_array(), high.to_array()]
+    }
+}
+
+impl Outline {
+    /// Metres from the nearest point of the outline; 0 inside of it and where there is none.
+    fn distance(&self, fields: [f64; 6]) -> f64 {
+        let [x, y] = self.axes.map(|k| fields[k]);
+        let corners = &self.corners;
+        if corners.is_empty() {
+            return 0.0;
+        }
+        let (mut inside, mut nearest) = (false, f64::INFINITY);
+        for (k, &[ax, ay]) in corners.iter().enumerate() {
+            let [bx, by] = corners[(k + 1) % corners.len()];
+            if (ay > y) != (by > y) && x < ax + (y - ay) / (by - ay) * (bx - ax) {
+                inside = !inside;
+            }
+            let (dx, dy) = (bx - ax, by - ay);
+            let along = ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy);
+            let along = along.clamp(0.0, 1.0);
+            nearest = nearest.min(maths::hypot(ax + along * dx - x, ay + along * dy - y));
+        }
+        if inside { 0.0 } else { nearest }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn side() -> Region {
+        // A door that faces left and up a little.
+        let frame = Pose::new(DVec3::new(0.5, 0.9, 1.0), 0.0, -0.2, std::f64::consts::FRAC_PI_2);
+        let outline = Outline { axes: [1, 2], corners: vec![[-0.5, 0.0], [0.5, 0.0], [0.0, 0.4]] };
+        Region {
+            name: "door".into(),
+            ego_from_region: Some(frame),
+            lower: [0.0, -0.5, 0.0, 0.0, -0.1, -0.3],
+            upper: [0.0, 0.5, 0.4, 0.0, 0.1, 0.3],
+            outline,
+            surface: None,
+        }
+    }
+
+    #[test]
+    fn a_pose_in_a_region_is_found_again() {
+        let region = side();
+        for fields in [[0.0, 0.1, 0.2, 0.0, 0.05, -0.2], [0.0, -0.3, 0.1, 0.0, -0.1, 0.3]] {
+            let pose = region.pose(fields, SensorName::default());
+            let back = region.fields(&pose);
+            assert!(fields.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-12), "{back:?}");
+            assert!(region.outside(&pose).is_empty());
+        }
+        // The door's normal: the sensor looks left, a little up.
+        let ahead = region.pose([0.0; 6], SensorName::default()).ego_from_sensor().rotation.x_axis;
+        assert!((ahead - DVec3::new(0.0, 0.2_f64.cos(), 0.2_f64.sin())).length() < 1e-12);
+    }
+
+    #[test]
+    fn what_lies_beside_the_outline_or_the_bounds_is_outside() {
+        let region = side();
+        let outside = |fields| region.outside(&region.pose(fields, SensorName::default()));
+        // In the box, beyond the sloping edge from (0.5, 0) to (0, 0.4).
+        let found = outside([0.0, 0.4, 0.3, 0.0, 0.0, 0.0]);
+        let want = (0.4 * 0.4 + 0.5 * 0.3 - 0.2) / 0.4_f64.hypot(0.5);
+        assert_eq!(found.len(), 1);
+        assert!(found[0].0 == "y" && (found[0].1 - want).abs() < 1e-9, "{found:?}");
+        let found = outside([0.1, 0.0, 0.1, 0.0, 0.0, 0.5]);
+        assert_eq!(found.iter().map(|f| f.0).collect::<Vec<_>>(), ["x", "yaw"]);
+    }
+
+    #[test]
+    fn angles_are_found_at_the_poles_too() {
+        for fields in [
+            [0.0, 0.0, 0.0, 0.3, -0.2, 2.0],
+            [0.0, 0.0, 0.0, 0.0, std::f64::consts::FRAC_PI_2, 0.7],
+            [0.0, 0.0, 0.0, 0.0, -std::f64::consts::FRAC_PI_2, -0.7],
+        ] {
+            let pose = SensorPose::from_values(fields).ego_from_sensor();
+            let back = SensorPose::from(&pose);
+            assert!(back.difference(&SensorPose::from_values(fields)) < 1e-9, "{back:?}");
+        }
+    }
+}

@@ -1,0 +1,345 @@
+//! Isaac Sim: the lidar profile JSON, `rotary` or `solidState`.
+//!
+//! Degrees, counter-clockwise from +x. A rotary profile applies its firing pattern `reportRateBaseHz` (later
+//! `patternFiringRateHz`) times a second and turns `scanRateBaseHz` times; several emitter states take turns.
+
+use serde::Deserialize;
+
+use super::keys::{self, Passed, Rest};
+use super::pattern::{
+    Beams, Channel, MAX_BEAMS, Measures, SensorFormat, SensorPattern, azimuth, channel,
+    check_count, direction, quoted,
+};
+use sightline_files::Note;
+use sightline_files::json::check::{self, bad};
+use sightline_files::json::{self, DescriptionError, Place};
+
+/// Most columns of a turn.
+const MAX_COLUMNS: f64 = 100_000.0;
+/// Reflectance that `minReflectanceRange` is stated for by default, and that ranges are rated for here.
+const RATED: f64 = 0.1;
+/// Degrees by which azimuths at the ends of a window may be off.
+const EDGE: f64 = 1e-6;
+
+/// Keys that are passed over, wherever they stand.
+const PASSED: Passed = &[
+    ("class type driveWorksId", "kind of the file and of the sensor in DriveWorks"),
+    (
+        "avgPowerW wavelengthNm effectiveApertureSize focusDistM",
+        "`response` has its own law of power",
+    ),
+    ("intensityMappingType intensityProcessing intensityScalePercent", "intensities"),
+    ("pulseTimeNs minDistBetweenEchos maxReturns", "`response` says which echoes are reported"),
+    ("rangeResolutionM rangeOffset rangeCount ranges rangeId", "steps of the reported range"),
+    (
+        "azimuthErrorMean azimuthErrorStd elevationErrorMean elevationErrorStd",
+        "beams go where the emitters point",
+    ),
+    ("rayType stateResolutionStep", "how the simulator casts"),
+    ("upElevationDeg downElevationDeg", "repeat what the emitters' elevations say"),
+    ("numberOfChannels numLines channelId bank", "how emitters are numbered in packets"),
+    ("fireTimeNs", "emitters of a column fire together here"),
+];
+
+#[derive(Deserialize)]
+struct File {
+    name: Option<String>,
+    profile: Profile,
+    #[serde(flatten)]
+    rest: Rest,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Profile {
+    scan_type: Option<String>,
+    rotation_direction: Option<String>,
+    near_range_m: Option<f64>,
+    far_range_m: Option<f64>,
+    range_accuracy_m: Option<f64>,
+    min_reflectance: Option<f64>,
+    min_reflectance_range: Option<f64>,
+    start_azimuth_deg: Option<f64>,
+    end_azimuth_deg: Option<f64>,
+    valid_start_azimuth_deg: Option<f64>,
+    valid_end_azimuth_deg: Option<f64>,
+    scan_rate_base_hz: Option<f64>,
+    report_rate_base_hz: Option<f64>,
+    pattern_firing_rate_hz: Option<f64>,
+    number_of_emitters: Option<u64>,
+    emitter_state_count: Option<u64>,
+    num_rays_per_line: Option<Vec<u64>>,
+    #[serde(default)]
+    emitter_states: Vec<State>,
+    #[serde(flatten)]
+    rest: Rest,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct State {
+    azimuth_deg: Vec<f64>,
+    elevation_deg: Vec<f64>,
+    #[serde(default)]
+    hor_offset_m: Vec<f64>,
+    #[serde(default)]
+    vert_offset_m: Vec<f64>,
+    #[serde(flatten)]
+    rest: Rest,
+}
+
+pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
+    let File { name, profile, rest } = json::parse(text, &at.file)?;
+    let model = name.map(|name| check::text(&at.key("name"), name)).transpose()?;
+    let top = keys::unknown(at, &rest, PASSED);
+    let at = at.key("profile");
+    let list = at.key("emitterStates");
+    check_counts(&at, &list, &profile)?;
+    let window = window(&at, &profile)?;
+    let mut pattern = match profile.scan_type.as_deref().map(str::to_ascii_lowercase).as_deref() {
+        Some("rotary") => rotary(&at, &list, &profile, window)?,
+        Some("solidstate" | "solid_state") => solid_state(&list, &profile, window)?,
+        other => {
+            let found = other.unwrap_or("nothing");
+            let wanted = "\"rotary\" or \"solidState\"";
+            return Err(bad(&at.key("scanType"), quoted(found), wanted));
+        }
+    };
+    pattern.model = model;
+    pattern.measures = measures(&at, &profile, &mut pattern.notes)?;
+    pattern.notes.extend(top);
+    pattern.notes.extend(keys::unknown(&at, &profile.rest, PASSED));
+    let states = profile.emitter_states.iter().enumerate();
+    pattern.notes.extend(
+        states.filter_map(|(s, state)| keys::unknown(&list.item(s), &state.rest, PASSED)).take(1),
+    );
+    let offsets =
+        profile.emitter_states.iter().flat_map(|s| s.hor_offset_m.iter().chain(&s.vert_offset_m));
+    let largest = offsets.fold(0.0, |most: f64, offset| most.max(1000.0 * offset.abs()));
+    if largest > 0.0 {
+        pattern.notes.push(Note::fact(format!(
+            "Emitters stand up to {largest:.0} mm from the origin; all beams start there here."
+        )));
+    }
+    Ok(pattern)
+}
+
+/// Refuses lists of other lengths than each other and than the counts beside them.
+fn check_counts(at: &Place, list: &Place, profile: &Profile) -> Result<(), DescriptionError> {
+    let states = &profile.emitter_states;
+    if states.is_empty() {
+        return Err(bad(list, "a list of 0", "a list of at least one emitter state"));
+    }
+    for (s, state) in states.iter().enumerate() {
+        let (across, up) = (state.azimuth_deg.len(), state.elevation_deg.len());
+        if across != up {
+            let found = format!("{across} azimuths and {up} elevations");
+            return Err(bad(&list.item(s), found, "an azimuth and an elevation for each emitter"));
+        }
+    }
+    let correct = "correct the count or the list";
+    if let Some(count) = profile.emitter_state_count.filter(|count| *count != states.len() as u64) {
+        let wanted = format!("the {} states of `emitterStates`; {correct}", states.len());
+        return Err(bad(&at.key("emitterStateCount"), count, wanted));
+    }
+    let lengths = || states.iter().map(|state| state.elevation_deg.len() as u64);
+    let fits =
+        |count: u64| lengths().all(|length| length == count) || lengths().sum::<u64>() == count;
+    if let Some(count) = profile.number_of_emitters.filter(|count| !fits(*count)) {
+        let found = lengths().next().unwrap_or(0);
+        let wanted = format!("the {found} emitters that the first state lists; {correct}");
+        return Err(bad(&at.key("numberOfEmitters"), count, wanted));
+    }
+    let rays = profile.num_rays_per_line.as_ref();
+    let rays = rays.map(|rays| rays.iter().fold(0, |sum: u64, rays| sum.saturating_add(*rays)));
+    if let Some(count) = rays.filter(|count| !fits(*count)) {
+        let wanted = format!(
+            "as many in all as the {} emitters of a state; {correct}",
+            lengths().next().unwrap_or(0)
+        );
+        return Err(bad(&at.key("numRaysPerLine"), format!("{count} rays"), wanted));
+    }
+    Ok(())
+}
+
+/// Azimuths between which the sensor measures, in degrees, the smaller first; `None` for a whole turn.
+fn window(at: &Place, profile: &Profile) -> Result<Option<[f64; 2]>, DescriptionError> {
+    let pairs = [
+        ("startAzimuthDeg", profile.start_azimuth_deg, "endAzimuthDeg", profile.end_azimuth_deg),
+        (
+            "validStartAzimuthDeg",
+            profile.valid_start_azimuth_deg,
+            "validEndAzimuthDeg",
+            profile.valid_end_azimuth_deg,
+        ),
+    ];
+    let mut window: Option<[f64; 2]> = None;
+    for (from_key, from, to_key, to) in pairs {
+        if from.is_none() && to.is_none() {
+            continue;
+        }
+        let from = azimuth(&at.key(from_key), from.unwrap_or(0.0))?;
+        let mut to = azimuth(&at.key(to_key), to.unwrap_or(360.0))?;
+        if to < from {
+            to += 360.0;
+        }
+        if to - from >= 360.0 {
+            continue;
+        }
+        window = Some(match window {
+            None => [from, to],
+            // The later pair cuts the earlier one; a turn more or less makes them meet.
+            Some([low, high]) => {
+                let shifts =
+                    [-360.0, 0.0, 360.0].map(|turn| [low.max(from + turn), high.min(to + turn)]);
+                let [low, high] = shifts.into_iter().fold([0.0, -1.0], |best: [f64; 2], cut| {
+                    if cut[1] - cut[0] > best[1] - best[0] { cut } else { best }
+                });
+                if high < low {
+                    let wanted = "a range that meets that of `startAzimuthDeg` and `endAzimuthDeg`";
+                    return Err(bad(&at.key(from_key), format!("{from} to {to} degrees"), wanted));
+                }
+                [low, high]
+            }
+        });
+    }
+    Ok(window)
+}
+
+/// Ranges and errors, checked.
+fn measures(
+    at: &Place,
+    profile: &Profile,
+    notes: &mut Vec<Note>,
+) -> Result<Measures, DescriptionError> {
+    let within = |key: &str, value: Option<f64>, low: f64, high: f64| match value {
+        Some(value) if !(low..=high).contains(&value) => {
+            Err(bad(&at.key(key), value, format!("a number from {low} to {high}")))
+        }
+        other => Ok(other),
+    };
+    let range =
+        profile.far_range_m.map(|range| check::range(&at.key("farRangeM"), range)).transpose()?;
+    let min_range = within("nearRangeM", profile.near_range_m, 0.0, range.unwrap_or(1e5))?;
+    let noise = within("rangeAccuracyM", profile.range_accuracy_m, 0.0, 10.0)?;
+    let reflectance =
+        within("minReflectance", profile.min_reflectance, 1e-3, 1.0)?.unwrap_or(RATED);
+    let stated = within("minReflectanceRange", profile.min_reflectance_range, 0.1, 1e4)?;
+    // The power of an echo goes with the reflectance over the square of the range.
+    let rated_range = stated.map(|stated| stated * (RATED / reflectance).sqrt());
+    if let Some((rated, range)) = rated_range.zip(range).filter(|(rated, range)| rated > range) {
+        notes.push(Note::doubt(format!(
+            "{at}: a range of {} m at 10 % reflectance lies beyond `farRangeM`, {range} m: a value of a template? \
+             Give `response.rated_range`.",
+            (rated * 1e3).round() / 1e3
+        )));
+    }
+    let rate = within("scanRateBaseHz", profile.scan_rate_base_hz, 1e-3, 1e4)?;
+    Ok(Measures { range, min_range, rated_range, noise, rate })
+}
+
+/// Emitters as channels; of several states, each fires at every n-th column, one column after the other.
+fn rotary(
+    at: &Place,
+    list: &Place,
+    profile: &Profile,
+    window: Option<[f64; 2]>,
+) -> Result<SensorPattern, DescriptionError> {
+    let states = profile.emitter_states.len();
+    let rate = profile.report_rate_base_hz.or(profile.pattern_firing_rate_hz);
+    let ticks = rate.zip(profile.scan_rate_base_hz).map(|(ticks, scans)| (ticks / scans).round());
+    if let Some(ticks) = ticks.filter(|ticks| !(1.0..=MAX_COLUMNS).contains(ticks)) {
+        let wanted = "1 to 100000: check `reportRateBaseHz` and `scanRateBaseHz`";
+        return Err(bad(at, format!("a turn of {ticks} columns"), wanted));
+    }
+    let ticks = ticks.map(|ticks| ticks as usize);
+    if states > 1 && ticks.is_none_or(|ticks| ticks % states != 0) {
+        let found = format!("{states} states in {} columns a turn", ticks.unwrap_or(0));
+        return Err(bad(list, found, "a number of states that divides the columns of a turn"));
+    }
+    let clockwise = match profile.rotation_direction.as_deref() {
+        None => false,
+        Some(word) if word.eq_ignore_ascii_case("CCW") => false,
+        Some(word) if word.eq_ignore_ascii_case("CW") => true,
+        Some(other) => {
+            return Err(bad(&at.key("rotationDirection"), quoted(other), "\"CW\" or \"CCW\""));
+        }
+    };
+    let column = 360.0 / ticks.unwrap_or(1) as f64 * if clockwise { -1.0 } else { 1.0 };
+    check_count(list, profile.emitter_states.iter().map(|s| s.elevation_deg.len()).sum())?;
+    let mut channels: Vec<Channel> = Vec::new();
+    for (s, state) in profile.emitter_states.iter().enumerate() {
+        let at = list.item(s);
+        for (e, (&up, &across)) in state.elevation_deg.iter().zip(&state.azimuth_deg).enumerate() {
+            let offset = across + s as f64 * column;
+            let (up_at, across_at) = (at.key("elevationDeg"), at.key("azimuthDeg"));
+            channels.push(channel((&up_at.item(e), up), (&across_at.item(e), offset))?);
+        }
+    }
+    let azimuth_steps = ticks.map(|ticks| (ticks / states) as u32);
+    let mut pattern = SensorPattern::new(SensorFormat::Isaac, Beams::Channels(channels));
+    pattern.azimuth_steps = azimuth_steps;
+    if let Some([from, to]) = window {
+        // Without columns of its own the window ends where the file says.
+        let step = azimuth_steps.map_or(EDGE, |steps| 360.0 / f64::from(steps));
+        let [first, last] =
+            [((from - EDGE) / step).ceil() * step, ((to + EDGE) / step).floor() * step];
+        if last < first {
+            let found = format!("{from} to {to} degrees");
+            return Err(bad(
+                at,
+                found,
+                format!("a window that holds a column, one every {step} degrees"),
+            ));
+        }
+        pattern.azimuth =
+            Some(if last > 360.0 { [first - 360.0, last - 360.0] } else { [first, last] });
+        pattern.notes.push(Note::fact(format!(
+            "The profile measures from {from} to {to} degrees; only columns of this window are cast."
+        )));
+    }
+    Ok(pattern)
+}
+
+/// Emitters of the first state as directions: each scan takes one state.
+fn solid_state(
+    list: &Place,
+    profile: &Profile,
+    window: Option<[f64; 2]>,
+) -> Result<SensorPattern, DescriptionError> {
+    let (at, state) = (list.item(0), &profile.emitter_states[0]);
+    let count = state.elevation_deg.len();
+    if count == 0 || count as u64 > MAX_BEAMS {
+        return Err(bad(&at, format!("a list of {count}"), format!("1 to {MAX_BEAMS} emitters")));
+    }
+    let mut directions = Vec::with_capacity(count);
+    for (e, (&across, &up)) in state.azimuth_deg.iter().zip(&state.elevation_deg).enumerate() {
+        let across = azimuth(&at.key("azimuthDeg").item(e), across)?;
+        let up = check::elevation(&at.key("elevationDeg").item(e), up)?;
+        let inside = |[from, to]: [f64; 2]| {
+            (across - from + EDGE).rem_euclid(360.0) <= to - from + 2.0 * EDGE
+        };
+        if window.is_none_or(inside) {
+            directions.push(direction(across, up));
+        }
+    }
+    let mut notes = Vec::new();
+    if let Some([from, to]) = window.filter(|_| directions.len() < count) {
+        if directions.is_empty() {
+            let wanted =
+                format!("an emitter between the window's {from} and {to} degrees of azimuth");
+            return Err(bad(&at, format!("a list of {count}"), wanted));
+        }
+        notes.push(Note::fact(format!(
+            "{} of {count} emitters point into the profile's window from {from} to {to} degrees; they are cast.",
+            directions.len()
+        )));
+    }
+    let states = profile.emitter_states.len();
+    if states > 1 {
+        let text = format!("Of {states} emitter states the first is cast: each scan takes one.");
+        notes.push(Note::fact(text));
+    }
+    let beams = Beams::Directions(directions);
+    Ok(SensorPattern { notes, ..SensorPattern::new(SensorFormat::Isaac, beams) })
+}

@@ -1,0 +1,266 @@
+//! What a sensor file gives, whoever wrote it: beams and facts, in the frame and signs of this library.
+
+use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_2;
+use std::fmt;
+
+use serde::Serialize;
+
+use lidar_cast::maths;
+use sightline_files::Note;
+use sightline_files::json::check::{self, bad};
+use sightline_files::json::{DescriptionError, Place};
+
+/// Most channels of a sensor.
+pub const MAX_CHANNELS: usize = 1024;
+/// Most beams of one LiDAR.
+pub const MAX_BEAMS: u64 = 10_000_000;
+/// Least vertical field of view in degrees that is no doubt.
+pub(in super::super) const NARROWEST: f64 = 1.0;
+/// Finest mean step of elevations in degrees that is no doubt, where all could be radians.
+const FINEST: f64 = 0.06;
+/// Longest piece of a file that an error repeats, in characters.
+const LONGEST_QUOTE: usize = 24;
+
+/// A sensor as its file describes it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SensorPattern {
+    /// Who wrote the file.
+    pub format: SensorFormat,
+    /// Name of the model, if the file states one.
+    pub model: Option<String>,
+    /// The beams.
+    pub beams: Beams,
+    /// Columns a turn, if the file states them.
+    pub azimuth_steps: Option<u32>,
+    /// Azimuths of the first and the last column that the sensor is set to look at, in degrees, counter-clockwise;
+    /// `None` for a whole turn.
+    pub azimuth: Option<[f64; 2]>,
+    /// Ranges and errors, if the file states them.
+    pub measures: Measures,
+    /// Sentences about parts of the file: dropped, unknown, or most likely wrong.
+    pub notes: Vec<Note>,
+}
+
+/// How a sensor measures, as far as its file says.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Measures {
+    /// Largest range, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range: Option<f64>,
+    /// Smallest range, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub min_range: Option<f64>,
+    /// Range of a target that reflects 10 %, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rated_range: Option<f64>,
+    /// Standard deviation of the range, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise: Option<f64>,
+    /// Turns or whole patterns a second.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate: Option<f64>,
+}
+
+/// Formats that are told apart by content.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SensorFormat {
+    /// JSON with `elevation_deg` and `azimuth_offset_deg`.
+    Table,
+    /// Calibration YAML of the ROS drivers for Velodyne.
+    Velodyne,
+    /// Angle correction CSV.
+    Hesai,
+    /// Metadata JSON.
+    Ouster,
+    /// Scan pattern CSV: time, azimuth, zenith.
+    Livox,
+    /// Angle CSV without a header.
+    RoboSense,
+    /// Lidar profile JSON of Isaac Sim.
+    Isaac,
+    /// 3×4 matrices of `f32`, one a ray, as RGL reads them.
+    Rgl,
+    /// Array `[N, 2]` of azimuth and elevation in radians, `.npy`.
+    Numpy,
+}
+
+/// One channel of a spinning sensor, in degrees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Channel {
+    /// Up from the xy plane.
+    pub elevation: f64,
+    /// Counter-clockwise, added to the azimuth of each step.
+    pub azimuth_offset: f64,
+}
+
+/// Beams of a sensor file.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Beams {
+    /// Channels that turn about z, in the order of the file.
+    Channels(Vec<Channel>),
+    /// Unit vectors in the sensor frame (x forward, y left, z up), in the order of the file.
+    Directions(Vec<[f64; 3]>),
+}
+
+impl SensorFormat {
+    /// Every format, in the order in which they are listed to users.
+    pub const ALL: [Self; 9] = [
+        Self::Table,
+        Self::Velodyne,
+        Self::Hesai,
+        Self::Ouster,
+        Self::Livox,
+        Self::RoboSense,
+        Self::Isaac,
+        Self::Rgl,
+        Self::Numpy,
+    ];
+}
+
+impl fmt::Display for SensorFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Table => "JSON with `elevation_deg`",
+            Self::Velodyne => "Velodyne calibration YAML",
+            Self::Hesai => "Hesai angle correction CSV",
+            Self::Ouster => "Ouster metadata JSON",
+            Self::Livox => "Livox pattern CSV",
+            Self::RoboSense => "RoboSense angle CSV",
+            Self::Isaac => "Isaac lidar profile JSON",
+            Self::Rgl => "RGL pattern of 3×4 matrices",
+            Self::Numpy => "NumPy array of azimuth and elevation",
+        })
+    }
+}
+
+impl SensorPattern {
+    /// A pattern of which nothing is known but its beams.
+    pub fn new(format: SensorFormat, beams: Beams) -> Self {
+        Self {
+            format,
+            model: None,
+            beams,
+            azimuth_steps: None,
+            azimuth: None,
+            measures: Measures::default(),
+            notes: Vec::new(),
+        }
+    }
+
+    /// Columns in a frame and the azimuths of the first and the last one, where a turn has `steps` columns.
+    /// A whole turn has no such azimuths.
+    pub fn columns(&self, steps: u32) -> (u32, Option<[f64; 2]>) {
+        let Some([from, to]) = self.azimuth else { return (steps, None) };
+        let step = 360.0 / f64::from(steps.max(1));
+        // A millionth of a column keeps the last one in the window whatever its rounding.
+        let count = ((to - from) / step + 1e-6).floor().max(0.0) as u32 + 1;
+        if count >= steps {
+            (steps, None)
+        } else {
+            (count, Some([from, from + f64::from(count - 1) * step]))
+        }
+    }
+}
+
+/// A checked channel; `elevation` and `offset` are places and values.
+pub(super) fn channel(
+    elevation: (&Place, f64),
+    offset: (&Place, f64),
+) -> Result<Channel, DescriptionError> {
+    Ok(Channel {
+        elevation: check::elevation(elevation.0, elevation.1)?,
+        azimuth_offset: azimuth(offset.0, offset.1)?,
+    })
+}
+
+/// An azimuth in degrees.
+pub(super) fn azimuth(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+    if value.abs() <= 360.0 {
+        return Ok(value);
+    }
+    Err(bad(at, value, "an azimuth from -360 to 360 degrees"))
+}
+
+/// Channels of two lists of the same length: elevations, and offsets counted by `sign`.
+pub(super) fn channels_of(
+    [elevation_at, offset_at]: [&Place; 2],
+    elevations: &[f64],
+    offsets: &[f64],
+    sign: f64,
+) -> Result<Beams, DescriptionError> {
+    check_count(elevation_at, elevations.len())?;
+    if offsets.len() != elevations.len() {
+        let wanted = format!("one offset for each of the {} elevations", elevations.len());
+        return Err(bad(offset_at, format!("a list of {}", offsets.len()), wanted));
+    }
+    let both = elevations.iter().zip(offsets).enumerate();
+    let channels = both.map(|(i, (&elevation, &offset))| {
+        // Adding 0 makes 0 of -0.
+        let offset = sign * offset + 0.0;
+        channel((&elevation_at.item(i), elevation), (&offset_at.item(i), offset))
+    });
+    Ok(Beams::Channels(channels.collect::<Result<_, _>>()?))
+}
+
+/// Refuses a sensor without channels or with too many.
+pub(super) fn check_count(at: &Place, count: usize) -> Result<(), DescriptionError> {
+    if (1..=MAX_CHANNELS).contains(&count) {
+        return Ok(());
+    }
+    Err(bad(at, format!("a list of {count}"), format!("1 to {MAX_CHANNELS} elevations")))
+}
+
+/// Doubts about the angles of a pattern, whatever its format: radians, and channels that are listed twice.
+pub(super) fn doubts(at: &Place, beams: &Beams) -> Vec<Note> {
+    let Beams::Channels(channels) = beams else { return Vec::new() };
+    let mut notes: Vec<Note> = narrow(at, channels).into_iter().collect();
+    let mut seen = BTreeMap::new();
+    for (k, channel) in channels.iter().enumerate() {
+        let key = [channel.elevation, channel.azimuth_offset].map(|angle| (angle + 0.0).to_bits());
+        seen.entry(key).or_insert_with(Vec::new).push(k);
+    }
+    let twice = seen.values().filter(|same| same.len() > 1).max_by_key(|same| same.len());
+    notes.extend(twice.map(|same| {
+        let Channel { elevation, azimuth_offset } = channels[same[0]];
+        Note::doubt(format!(
+            "{at}: {} channels, {} and {} among them, stand at elevation {elevation} and offset {azimuth_offset}: \
+             places without a beam? Leave out what is not there.",
+            same.len(),
+            same[0],
+            same[1]
+        ))
+    }));
+    notes
+}
+
+/// A doubt about elevations that look like radians: spread over less than a degree, or within ±π/2 in steps
+/// finer than sensors have.
+fn narrow(at: &Place, channels: &[Channel]) -> Option<Note> {
+    let all = || channels.iter().map(|channel| channel.elevation);
+    let [low, high] =
+        [all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max)];
+    let steps = channels.len().saturating_sub(1) as f64;
+    let is_fine = low.abs().max(high.abs()) <= FRAC_PI_2 && high - low < FINEST * steps;
+    let text = format!(
+        "{at}: {} channels from {low:.3} to {high:.3} degrees, {:.3} degrees in all: radians? Write degrees.",
+        channels.len(),
+        high - low
+    );
+    (steps > 0.0 && high > low && (high - low < NARROWEST || is_fine)).then(|| Note::doubt(text))
+}
+
+/// Unit vector of an azimuth and an elevation in degrees.
+pub(super) fn direction(azimuth: f64, elevation: f64) -> [f64; 3] {
+    let (sin_a, cos_a) = maths::sin_cos(azimuth.to_radians());
+    let (sin_e, cos_e) = maths::sin_cos(elevation.to_radians());
+    [cos_e * cos_a, cos_e * sin_a, sin_e]
+}
+
+/// The start of a text, in quotes, for an error.
+pub(super) fn quoted(text: &str) -> String {
+    match text.char_indices().nth(LONGEST_QUOTE) {
+        Some((end, _)) => format!("{:?}…", &text[..end]),
+        None => format!("{text:?}"),
+    }
+}

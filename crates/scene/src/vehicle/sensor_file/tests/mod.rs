@@ -1,0 +1,22 @@
+//! Samples of each format, written by hand, and the tables of real sensors.
+
+mod doubts;
+mod own_word;
+mod real;
+mod samples;
+
+use super::{SensorPattern, parse};
+use sightline_files::json::{DescriptionError, Place};
+
+fn read(bytes: impl AsRef<[u8]>) -> Result<SensorPattern, DescriptionError> {
+    parse(&Place::top("f"), bytes.as_ref(), None)
+}
+
+fn message(bytes: impl AsRef<[u8]>) -> String {
+    read(bytes).unwrap_err().to_string()
+}
+
+/// All notes of a pattern.
+fn notes(pattern: &SensorPattern) -> String {
+    pattern.notes.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}

@@ -1,0 +1,190 @@
+//! A file's own word: windows, counts, ranges, and parts that are an error's text.
+
+use super::super::{Beams, Measures};
+use super::{message, notes, read};
+
+/// 16 channels of 1024 columns with other parts beside them.
+fn ouster(more: &str) -> String {
+    let angles: Vec<String> = (0..16).map(|k| format!("{}", 15 - 2 * k)).collect();
+    let angles = angles.join(", ");
+    format!(
+        r#"{{"beam_altitude_angles": [{angles}], "beam_azimuth_angles": [{angles}], "lidar_mode": "1024x20"{more}}}"#
+    )
+}
+
+#[test]
+fn ouster_windows_are_cast_alone() {
+    // Columns 384 to 639 lie around the middle one, which looks ahead.
+    let columns = r#", "data_format": {"columns_per_frame": 1024, "column_window": [384, 639]}"#;
+    let step = 360.0 / 1024.0;
+    let pattern = read(ouster(columns)).unwrap();
+    assert_eq!(pattern.columns(1024), (256, Some([-127.0 * step, 128.0 * step])));
+    // Half of the columns a turn, half of the columns in the window.
+    assert_eq!(pattern.columns(512).0, 128);
+    assert!(notes(&pattern).contains("256 of 1024 columns"));
+    assert_eq!(pattern.measures.rate, Some(20.0));
+    // A window through column 0, which looks back; the same one as angles.
+    let back = r#", "data_format": {"column_window": [1022, 1]}"#;
+    let (count, ends) = read(ouster(back)).unwrap().columns(1024);
+    assert_eq!((count, ends), (4, Some([180.0 - step, 180.0 + 2.0 * step])));
+    let angles = r#", "config_params": {"azimuth_window": [359500, 900]}"#;
+    assert_eq!(
+        read(ouster(angles)).unwrap().columns(1024),
+        (4, Some([180.0 - step, 180.0 + 2.0 * step]))
+    );
+    // ouster-sdk's 2_5_0_os-992146000760-128.json has both spellings of one window.
+    let both = r#", "config_params": {"azimuth_window": [583, 39402]},
+                   "lidar_data_format": {"columns_per_frame": 1024, "column_window": [912, 1022]}"#;
+    let pattern = read(ouster(both)).unwrap();
+    assert_eq!(pattern.columns(1024).0, 111);
+    assert_eq!(pattern.notes.len(), 1, "{}", notes(&pattern));
+    let apart = both.replace("39402", "90000");
+    assert!(read(ouster(&apart)).unwrap().notes.iter().any(sightline_files::Note::is_doubt));
+    for whole in [
+        r#", "config_params": {"azimuth_window": [0, 360000]}"#,
+        r#", "data_format": {"column_window": [0, 1023]}"#,
+        // Firmware 1 counts hundredths of a degree.
+        r#", "build_rev": "v1.13.0", "config_params": {"azimuth_window": [0, 36000]}"#,
+    ] {
+        let pattern = read(ouster(whole)).unwrap();
+        assert_eq!((pattern.columns(1024), pattern.notes.len()), ((1024, None), 0), "{whole}");
+    }
+    let far = message(ouster(r#", "data_format": {"column_window": [0, 1024]}"#));
+    assert_eq!(far, "f: column_window[1]: 1024 is not a whole number from 0 to 1023");
+}
+
+#[test]
+fn ouster_counts_fit_their_lists() {
+    let sparse = r#"{"prod_line": "OS-1-2-A0", "lidar_mode": "512x10",
+        "beam_altitude_angles": [0, 5, 0, -5], "beam_azimuth_angles": [0, 1, 0, 0]}"#;
+    let pattern = read(sparse).unwrap();
+    assert!(
+        matches!(&pattern.beams, Beams::Channels(all) if all.len() == 2 && all[1].elevation == -5.0)
+    );
+    assert!(notes(&pattern).contains("2 of 4 places"), "{}", notes(&pattern));
+    let three = read(sparse.replace("OS-1-2", "OS-1-3")).unwrap();
+    assert!(matches!(&three.beams, Beams::Channels(all) if all.len() == 4));
+    assert!(
+        three.notes.iter().any(|note| note.is_doubt() && note.text().contains("names 3 beams"))
+    );
+    let rows = message(ouster(r#", "data_format": {"pixels_per_column": 15}"#));
+    assert!(rows.contains("a list of 16 is not one angle for each of the 15"), "{rows}");
+    let modes = read(ouster(r#", "data_format": {"columns_per_frame": 512}"#)).unwrap();
+    assert!(modes.notes[0].is_doubt() && modes.azimuth_steps == Some(512));
+}
+
+/// Firmware 1.12 answers a question that it does not know with a text.
+#[test]
+fn ouster_parts_that_nothing_needs_may_be_broken() {
+    let broken = r#", "lidar_data_format": "error: Command not recognized.", "calibration_status": "error",
+        "lidar_to_sensor_transform": "error", "lidar_origin_to_beam_origin_mm": [], "prod_line": 7, "odd": {"a": 1}"#;
+    let pattern = read(ouster(broken)).unwrap();
+    assert_eq!((pattern.azimuth_steps, pattern.model.as_deref()), (Some(1024), None));
+    let said = notes(&pattern);
+    for part in [
+        "lidar_data_format: the text",
+        "lidar_to_sensor_transform: is no list",
+        "origin_mm: is no number",
+        "prod_line: is no text",
+        "`odd`: not known here",
+    ] {
+        assert!(said.contains(part), "{part} is not in {said}");
+    }
+    assert!(!said.contains("calibration_status"), "{said}");
+    let needed = message(r#"{"beam_intrinsics": "error: Command not recognized."}"#);
+    assert!(needed.starts_with("f: beam_intrinsics: \"error: Command"), "{needed}");
+}
+
+fn isaac(kind: &str, more: &str) -> String {
+    format!(
+        r#"{{"profile": {{"scanType": "{kind}", "scanRateBaseHz": 10, "reportRateBaseHz": 3600, {more}
+            "emitterStates": [{{"azimuthDeg": [-80, 0, 40], "elevationDeg": [-5, 0, 5]}}]}}}}"#
+    )
+}
+
+#[test]
+fn isaac_ranges_and_errors_are_the_files() {
+    let more = r#""nearRangeM": 0.5, "farRangeM": 120, "rangeAccuracyM": 0.03, "minReflectance": 0.4,
+        "minReflectanceRange": 100,"#;
+    let pattern = read(isaac("rotary", more)).unwrap();
+    // A quarter of the reflectance halves the range.
+    let wanted = Measures {
+        range: Some(120.0),
+        min_range: Some(0.5),
+        rated_range: Some(50.0),
+        noise: Some(0.03),
+        rate: Some(10.0),
+    };
+    assert_eq!((pattern.measures, pattern.notes), (wanted, vec![]));
+    let beyond = read(isaac("rotary", r#""farRangeM": 45, "minReflectanceRange": 270,"#)).unwrap();
+    assert!(beyond.notes[0].is_doubt() && beyond.notes[0].text().contains("270 m at 10 %"));
+    let near = message(isaac("rotary", r#""farRangeM": 45, "nearRangeM": 50,"#));
+    assert_eq!(near, "f: profile.nearRangeM: 50 is not a number from 0 to 45");
+    let odd =
+        read(isaac("rotary", r#""rollingShutter": true, "_comment4": "x", "wavelengthNm": 905,"#));
+    assert!(notes(&odd.unwrap()).starts_with("f: profile: `rollingShutter`: not known here"));
+}
+
+#[test]
+fn isaac_windows_and_counts() {
+    let turn = read(isaac("rotary", r#""startAzimuthDeg": 0, "endAzimuthDeg": 360,"#)).unwrap();
+    assert_eq!((turn.azimuth, turn.notes.len()), (None, 0));
+    let part = r#""startAzimuthDeg": -45, "endAzimuthDeg": 45.5,"#;
+    let pattern = read(isaac("rotary", part)).unwrap();
+    assert_eq!(pattern.columns(360), (91, Some([-45.0, 45.0])));
+    // The valid part cuts the other one, a turn further on or not.
+    let valid = format!(r#"{part} "validStartAzimuthDeg": 350, "validEndAzimuthDeg": 20,"#);
+    assert_eq!(read(isaac("rotary", &valid)).unwrap().columns(360), (31, Some([-10.0, 20.0])));
+    let solid = read(isaac("solidState", part)).unwrap();
+    assert!(matches!(&solid.beams, Beams::Directions(all) if all.len() == 2));
+    assert!(notes(&solid).contains("2 of 3 emitters"));
+    for (count, place) in [
+        (r#""numberOfEmitters": 4,"#, "f: profile.numberOfEmitters: 4 is not the 3 emitters"),
+        (r#""emitterStateCount": 2,"#, "f: profile.emitterStateCount: 2 is not the 1 states"),
+        (
+            r#""numRaysPerLine": [2, 2],"#,
+            "f: profile.numRaysPerLine: 4 rays is not as many in all as the 3",
+        ),
+        (
+            r#""rotationDirection": "left","#,
+            "f: profile.rotationDirection: \"left\" is not \"CW\" or \"CCW\"",
+        ),
+    ] {
+        let said = message(isaac("rotary", count));
+        assert!(said.starts_with(place), "{said}");
+    }
+}
+
+#[test]
+fn counts_of_tables_and_lasers_fit() {
+    let table = r#"{"elevation_deg": [1, 2.5], "channels": 3}"#;
+    assert!(message(table).starts_with("f: channels: 3 is not the 2 elevations"));
+    let lasers = "num_lasers: 3\nlasers:\n- {rot_correction: 0, vert_correction: 0.1}\n";
+    assert!(message(lasers).starts_with("f: num_lasers: 3 is not the 1 lasers"));
+    let twice = "lasers:\n- {laser_id: 0, rot_correction: 0, vert_correction: 0.1}\n\
+                 - {laser_id: 0, rot_correction: 0, vert_correction: 0.2}\n";
+    assert!(message(twice).starts_with("f: lasers[1].laser_id: 0 is not an id of its own"));
+    let odd = "speed: 1\nlasers:\n- {rot_correction: 0, vert_correction: 0.1, colour: 2, dist_correction: 1}\n";
+    let said = notes(&read(odd).unwrap());
+    assert!(
+        said.contains("`speed`: not known") && said.contains("lasers[0]: `colour`: not known"),
+        "{said}"
+    );
+    assert!(!said.contains("dist_correction"));
+}
+
+/// What `sensor info --format json` writes of a sensor with a window is read again.
+#[test]
+fn facts_are_a_table() {
+    let facts = r#"{"elevation_deg": [-5, 5], "azimuth_steps": 360, "azimuth_window": [-45, 45], "range": 80,
+        "rated_range": 40, "noise": 0.03, "format": "x", "beams": 182, "odd": 1, "azimuth_sign": "clockwise",
+        "azimuth_offset_deg": [0, 2]}"#;
+    let pattern = read(facts).unwrap();
+    assert_eq!(pattern.columns(360), (91, Some([-45.0, 45.0])));
+    assert_eq!((pattern.measures.range, pattern.measures.noise), (Some(80.0), Some(0.03)));
+    let said = notes(&pattern);
+    assert!(
+        said.contains("`odd`: not known") && said.contains("`\"azimuth_offsets\": \"clockwise\"`"),
+        "{said}"
+    );
+}

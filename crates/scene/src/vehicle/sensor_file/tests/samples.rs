@@ -1,0 +1,260 @@
+//! A small file of each format, and what is wrong with others.
+
+use super::super::{Beams, SensorFormat, SensorPattern, parse};
+use super::{message, read};
+use sightline_files::json::Place;
+
+/// Elevation and offset of each channel.
+fn channels(pattern: &SensorPattern) -> Vec<[f64; 2]> {
+    let Beams::Channels(all) = &pattern.beams else { panic!("{:?}", pattern.beams) };
+    all.iter().map(|c| [c.elevation, c.azimuth_offset]).collect()
+}
+
+fn directions(pattern: &SensorPattern) -> &[[f64; 3]] {
+    let Beams::Directions(all) = &pattern.beams else { panic!("{:?}", pattern.beams) };
+    all
+}
+
+fn assert_near(got: &[[f64; 3]], want: &[[f64; 3]]) {
+    assert_eq!(got.len(), want.len());
+    for (got, want) in got.iter().zip(want) {
+        let off = got.iter().zip(want).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-7, "{got:?} is not {want:?}");
+    }
+}
+
+#[test]
+fn our_tables() {
+    let pattern =
+        read(r#"{"name": "two", "elevation_deg": [-5, 5.5], "azimuth_offset_deg": [1, 0]}"#);
+    let pattern = pattern.unwrap();
+    assert_eq!((pattern.format, pattern.model.as_deref()), (SensorFormat::Table, Some("two")));
+    assert_eq!(channels(&pattern), [[-5.0, 1.0], [5.5, 0.0]]);
+    let short = r#"{"elevation_deg": [1, 2], "azimuth_offset_deg": [1]}"#;
+    assert_eq!(
+        message(short),
+        "f: azimuth_offset_deg: a list of 1 is not one offset for each of the 2 elevations"
+    );
+    assert!(message(r#"{"elevation_deg": []}"#).contains("a list of 0 is not 1 to 1024"));
+    assert!(message(r#"{"elevation_deg": [0, 90.5]}"#).starts_with("f: elevation_deg[1]: 90.5 "));
+    let none = message(r#"{"name": "none"}"#);
+    assert!(none.contains("`elevation_deg` is missing") && none.contains("Hesai"), "{none}");
+}
+
+/// Radians; a positive correction turns counter-clockwise.
+#[test]
+fn velodyne_in_block_and_flow() {
+    let block = "distance_resolution: 0.002\nlasers:\n- laser_id: 0\n  rot_correction: 0.017453292519943295\n  \
+                 vert_correction: -0.2617993877991494\n  vert_offset_correction: 0.21\n  \
+                 horiz_offset_correction: -0.026\n- {laser_id: 1, rot_correction: 0, vert_correction: 0.0}\n\
+                 num_lasers: 2\n";
+    let flow = format!(
+        "{{num_lasers: 2, lasers: [{{rot_correction: {}, vert_correction: {},\n vert_offset_correction: \
+         0.21, horiz_offset_correction: -0.026}}, {{rot_correction: 0, vert_correction: 0}}]}}",
+        1_f64.to_radians(),
+        (-15_f64).to_radians()
+    );
+    let flow = flow.replace("lasers: [", "\nlasers: [");
+    for text in [block, &flow] {
+        let pattern = read(text).unwrap();
+        assert_eq!(pattern.format, SensorFormat::Velodyne);
+        let [first, second] = channels(&pattern)[..] else { panic!() };
+        assert!((first[0] + 15.0).abs() < 1e-12 && (first[1] - 1.0).abs() < 1e-12, "{first:?}");
+        assert_eq!(second, [0.0, 0.0]);
+        assert!(pattern.notes[0].text().contains("0 to 210 mm above and -26 to 0 mm beside"));
+    }
+    let wrong = message("lasers:\n- rot_correction: 0\n");
+    assert!(wrong.contains("lasers[0]: missing key `vert_correction`"), "{wrong}");
+    let nan = message("lasers:\n- {rot_correction: 0, vert_correction: .nan}\n");
+    let wanted =
+        "f: lasers[0].vert_correction: string \".nan\" stands where a number belongs (line 2";
+    assert!(nan.starts_with(wanted), "{nan}");
+    let tagged = "lasers:\n- {rot_correction: !degrees -2, vert_correction: !degrees 15}\n";
+    let [first] = channels(&read(tagged).unwrap())[..] else { panic!() };
+    assert!((first[0] - 15.0).abs() < 1e-12 && (first[1] + 2.0).abs() < 1e-12, "{first:?}");
+    let length = message(tagged.replace("!degrees 15", "!inches 15"));
+    assert!(
+        length.contains("`!inches` is the unit of a length") && length.contains("line 2"),
+        "{length}"
+    );
+    assert!(message("lasers: []\n").contains("a list of 0"));
+}
+
+/// Degrees; offsets count clockwise. Versions, titles, line ends, byte order marks and checksums differ.
+#[test]
+fn hesai_in_all_its_forms() {
+    let texts = [
+        "Channel,Elevation,Azimuth\r\n1,14.5,-1.25\r\n2,-3,0\r\n",
+        "Laser id,Elevation,Azimuth\n1,14.5,-1.25\n2,-3,0",
+        "LaserID,Elevation,Azimuth\n1,14.5,-1.25\n2,-3,0\n\n",
+        "EEFF,1,1\nLaser id,Elevation,Azimuth\n1,14.5,-1.25\n2,-3,0\n",
+        "\u{feff}Channel,Elevation,Azimuth\r\n1,14.5,-1.25\r\n2,-3,0\r\n",
+        "channel,azimuth(deg),elevation(deg)\n1,-1.25,14.5\n2,0,-3\n",
+    ];
+    let checksum = format!("{}{},,\r\n", texts[0], "0123456789abcdef".repeat(4));
+    for text in texts.into_iter().chain([checksum.as_str()]) {
+        let pattern = read(text).unwrap();
+        assert_eq!(pattern.format, SensorFormat::Hesai, "{text}");
+        assert_eq!(channels(&pattern), [[14.5, 1.25], [-3.0, 0.0]], "{text}");
+        assert!(channels(&pattern)[1][1].is_sign_positive());
+    }
+    let gap = message("Channel,Elevation,Azimuth\n1,14.5,-1.25\n5,,\n");
+    assert_eq!(gap, "f: line 3: \"\" is not a number in column 2, as 1.5");
+    let untitled = message("Channel,Elevation\n1,2\n");
+    assert!(untitled.contains("line 1: ") && untitled.contains("titles with `azimuth`"));
+    assert!(message("Channel,Elevation,Azimuth\n").contains("a list of 0"));
+    // The firing table of a Hesai holds no angles.
+    assert!(
+        message("EEFF,1,1\nLaserNum,80,BlockNum,2\nLoop1,Loop2\n49,17\n").contains("not that of a")
+    );
+}
+
+#[test]
+fn ouster_flat_and_nested() {
+    let flat = r#"{"beam_altitude_angles": [20.5, -1], "beam_azimuth_angles": [4.25, 0],
+        "lidar_mode": "512x10", "prod_line": "OS-1-2", "lidar_origin_to_beam_origin_mm": 15.806}"#;
+    let nested = r#"{"beam_intrinsics": {"beam_altitude_angles": [20.5, -1], "beam_azimuth_angles": [4.25, 0]},
+        "sensor_info": {"prod_line": "OS-1-2"}, "config_params": {"lidar_mode": "2048x10",
+        "azimuth_window": [0, 360000]}, "lidar_data_format": {"columns_per_frame": 2048},
+        "lidar_intrinsics": {"lidar_to_sensor_transform": [-1,0,0,0, 0,-1,0,0, 0,0,1,38.195, 0,0,0,1]}}"#;
+    for (text, steps, note) in [(flat, 512, "15.806 mm"), (nested, 2048, "38.195 mm above")] {
+        let pattern = read(text).unwrap();
+        assert_eq!(channels(&pattern), [[20.5, -4.25], [-1.0, 0.0]]);
+        assert_eq!(
+            (pattern.azimuth_steps, pattern.model.as_deref()),
+            (Some(steps), Some("OS-1-2"))
+        );
+        assert!(pattern.notes[0].text().contains(note), "{:?}", pattern.notes);
+    }
+    let missing = message(r#"{"beam_intrinsics": {"beam_altitude_angles": [1]}}"#);
+    assert!(
+        missing.starts_with("f: beam_intrinsics: `beam_azimuth_angles` is missing"),
+        "{missing}"
+    );
+    let mode = message(flat.replace("512x10", "fast"));
+    assert_eq!(mode, "f: lidar_mode: \"fast\" is not a mode such as \"1024x10\"");
+}
+
+#[test]
+fn livox_cuts_a_window() {
+    let with = "Time/s,Azimuth/deg,Zenith/deg\n0,0,90\n0.05,90,60\n0.1,180,90\n0.15,270,180\n";
+    let without = with.split_once('\n').unwrap().1;
+    let (half, root) = (0.5, 0.75_f64.sqrt());
+    for text in [with, without] {
+        let pattern = read(text).unwrap();
+        assert_near(directions(&pattern), &[[1.0, 0.0, 0.0], [0.0, root, half]]);
+        assert!(pattern.notes[0].text().contains("2 of 4 samples"), "{:?}", pattern.notes);
+        let later = parse(&Place::top("f"), text.as_bytes(), Some([0.1, 1.0])).unwrap();
+        assert_near(directions(&later), &[[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]);
+        let none = parse(&Place::top("f"), text.as_bytes(), Some([2.0, 3.0])).unwrap_err();
+        assert!(none.to_string().contains("0 of 4 samples from 2 to 3 s"), "{none}");
+    }
+    assert!(
+        message("Time,Azimuth,Zenith\n0,0,181\n").starts_with("f: line 2: 181 is not a zenith")
+    );
+    assert!(message("Time,Azimuth,Zenith\n").contains("0 of 0 samples"));
+    for title in ["Time/us", "time (ms)", "Time_ns"] {
+        let said = message(format!("{title},Azimuth/deg,Zenith/deg\n0,0,90\n10,1,85\n"));
+        assert!(said.contains("a column of seconds; convert it"), "{title}: {said}");
+    }
+}
+
+#[test]
+fn robosense_with_one_column_or_two() {
+    let one = read("-15.5\r\n 0\r\n").unwrap();
+    assert_eq!(one.format, SensorFormat::RoboSense);
+    assert_eq!(channels(&one), [[-15.5, 0.0], [0.0, 0.0]]);
+    assert_eq!(channels(&read("89.5,0\n-3,7.25\n").unwrap()), [[89.5, 0.0], [-3.0, -7.25]]);
+    assert_eq!(message("1,2\n3\n"), "f: line 2: \"3\" is not a row of 2 columns, as the first one");
+}
+
+#[test]
+fn isaac_that_turns_and_that_does_not() {
+    let state = r#"{"azimuthDeg": [3, -3], "elevationDeg": [-15, 15], "fireTimeNs": [0, 1]}"#;
+    let profile = |kind: &str, more: &str, states: &str| {
+        format!(
+            r#"{{"class": "sensor", "name": "x", "profile": {{"scanType": "{kind}", "farRangeM": 200.0,
+                "scanRateBaseHz": 10, "reportRateBaseHz": 36000, {more} "emitterStates": [{states}]}}}}"#
+        )
+    };
+    let pattern = read(profile("rotary", "", state)).unwrap();
+    assert_eq!((pattern.azimuth_steps, pattern.model.as_deref()), (Some(3600), Some("x")));
+    assert_eq!(channels(&pattern), [[-15.0, 3.0], [15.0, -3.0]]);
+    assert_eq!((pattern.measures.range, pattern.measures.rate), (Some(200.0), Some(10.0)));
+    assert_eq!(pattern.notes, []);
+    // Two states take turns, so that the second one is a column further on.
+    for (more, sign) in [("\"rotationDirection\": \"CW\",", -1.0), ("", 1.0)] {
+        let pattern = read(profile("rotary", more, &format!("{state}, {state}"))).unwrap();
+        assert_eq!(pattern.azimuth_steps, Some(1800));
+        assert_eq!(channels(&pattern)[2..], [[-15.0, 3.0 + 0.1 * sign], [15.0, -3.0 + 0.1 * sign]]);
+    }
+    let uneven = message(profile("rotary", "", &[state; 7].join(",")));
+    assert!(uneven.contains("7 states in 3600 columns a turn"), "{uneven}");
+    let solid = read(profile("solidState", "", &format!("{state}, {state}"))).unwrap();
+    let (up, out) = (15_f64.to_radians().sin(), 15_f64.to_radians().cos());
+    let (ahead, aside) = (3_f64.to_radians().cos() * out, 3_f64.to_radians().sin() * out);
+    assert_near(directions(&solid), &[[ahead, aside, -up], [ahead, -aside, up]]);
+    assert!(solid.notes[0].text().contains("Of 2 emitter states"));
+    assert!(message(profile("flash", "", state)).contains("\"flash\" is not \"rotary\" or"));
+    let short = message(profile("rotary", "", &state.replace("3, -3", "3")));
+    assert!(short.contains("emitterStates[0]: 1 azimuths and 2 elevations"), "{short}");
+    assert!(message(profile("rotary", "", "")).contains("a list of 0"));
+}
+
+/// A ray leaves along the third column, from the fourth one.
+#[test]
+fn rgl_matrices() {
+    let level = [0.0_f32, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.03];
+    let left = [0.0_f32, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0];
+    let bytes: Vec<u8> = level.iter().chain(&left).flat_map(|v| v.to_le_bytes()).collect();
+    let pattern = read(&bytes).unwrap();
+    assert_eq!(pattern.format, SensorFormat::Rgl);
+    assert_near(directions(&pattern), &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    assert!(pattern.notes[0].text().contains("30 mm"));
+    assert!(message(&bytes[..95]).contains("95 bytes is not a multiple of 48"));
+    let mut skewed = bytes.clone();
+    skewed[48 + 26] = 0x40;
+    assert!(message(&skewed).starts_with("f: matrix 1: its third column is not a unit vector"));
+}
+
+#[test]
+fn numpy_arrays() {
+    let array = |descr: &str, shape: &str, data: &[u8]| {
+        let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}");
+        let header = format!("{header:<117}\n");
+        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+        bytes.extend((header.len() as u16).to_le_bytes());
+        bytes.extend(header.as_bytes());
+        bytes.extend(data);
+        bytes
+    };
+    let angles = [0.0, 0.0, std::f64::consts::FRAC_PI_2, std::f64::consts::FRAC_PI_6];
+    let double: Vec<u8> = angles.iter().flat_map(|v| v.to_le_bytes()).collect();
+    let single: Vec<u8> = angles.iter().flat_map(|v| (*v as f32).to_le_bytes()).collect();
+    for (descr, data) in [("<f8", &double), ("<f4", &single)] {
+        let pattern = read(array(descr, "(2, 2)", data)).unwrap();
+        assert_near(directions(&pattern), &[[1.0, 0.0, 0.0], [0.0, 0.75_f64.sqrt(), 0.5]]);
+    }
+    assert!(message(array("<i8", "(2, 2)", &double)).contains("float32 or float64"));
+    assert!(message(array("<f8", "(4,)", &double)).contains("an array [N, 2]"));
+    let large = message(array("<f8", "(1152921504606846976, 2)", &double));
+    assert!(large.contains("promises more elements than any file holds"), "{large}");
+    assert!(message(array("<f4", "(2, 2)", &double)).contains("write it again"));
+    assert!(message(b"\x93NUMPY").contains("a header where it ends inside the header"));
+}
+
+#[test]
+fn the_unknown_is_told_what_is_read() {
+    for bytes in
+        [&b"<sdf/>"[..], b"\xee\xff\x01\x05\0\0", b"a,b,c\n", b"1,2,3,4\n", b"EEFF,1,1\n", b"PK"]
+    {
+        let message = message(bytes);
+        assert!(message.starts_with("f: the content is not that of a sensor file that is read"));
+        assert!(
+            ["Velodyne", "Hesai", "Ouster", "Livox", "RoboSense", "Isaac", "RGL"]
+                .iter()
+                .all(|vendor| message.contains(vendor))
+        );
+    }
+    assert!(message(b"").contains("the file is empty"));
+}

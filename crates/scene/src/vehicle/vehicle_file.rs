@@ -1,0 +1,214 @@
+//! Vehicle files: reading and checking them.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+use serde::de::{DeserializeOwned, IgnoredAny};
+
+use super::description::{
+    KeepOutDescription, ModelDescription, MountingDescription, PhaseDescription,
+    RequirementDescription, VehicleDescription,
+};
+use super::equipment::{Vehicle, VehicleMount, VehicleSensor};
+use super::lidar_reading::Described;
+use super::mesh_mirror::mirror_meshes;
+use super::mount::keep_out_boxes;
+use super::mounting::mounting;
+use super::ties::{check_pairs, level};
+use super::{MAX_LIDARS, Phase, SensorName, Ties};
+use super::{Requirement, response};
+use sightline_files::Note;
+use sightline_files::json::check::{self, bad};
+use sightline_files::json::{self, DescriptionError, FileKind, Place};
+
+/// Largest vehicle file, in bytes.
+const MAX_FILE: u64 = 64 << 20;
+/// Most sensor models, mounts and requirements.
+const MOST: usize = 64;
+
+/// Reads a vehicle file: its description, and its text's name for errors.
+pub fn read<B: DeserializeOwned>(path: &Path) -> Result<VehicleDescription<B>, DescriptionError> {
+    let name = path.display().to_string();
+    let bytes = json::read_limited(path, MAX_FILE)?;
+    let text = String::from_utf8_lossy(&bytes);
+    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+    json::check_version(text, &name, FileKind::Vehicle)?;
+    json::parse(text, &name)
+}
+
+impl Vehicle {
+    /// Reads a vehicle file; its body is left to the scenes that name it.
+    ///
+    /// # Errors
+    /// Any [`DescriptionError`]; each names the file, the place in it and what to change.
+    pub fn read(path: &Path) -> Result<Self, DescriptionError> {
+        let dir = path.parent().unwrap_or(Path::new(""));
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let at = Place::top(&path.display().to_string());
+        Ok(Self::new(&at, read::<IgnoredAny>(path)?, &stem, dir)?.0)
+    }
+
+    /// Checks a description; `dir` is where its files are. Returns the vehicle and the files it names.
+    pub fn new<B>(
+        at: &Place,
+        vehicle: VehicleDescription<B>,
+        stem: &str,
+        dir: &Path,
+    ) -> Result<(Self, Vec<PathBuf>), DescriptionError> {
+        let lists = [("sensors", vehicle.sensors.len()), ("mounts", vehicle.mounts.len())];
+        for (key, count) in lists.into_iter().chain([("require", vehicle.require.len().max(1))]) {
+            if count == 0 || count > MOST {
+                let wanted =
+                    format!("1 to {MOST} entries: a vehicle needs at least one of `{key}`");
+                return Err(bad(&at.key(key), format!("a list of {count}"), wanted));
+            }
+        }
+        let name = vehicle.name.filter(|name| !name.trim().is_empty());
+        let name = name.map(|name| check::text(&at.key("name"), name)).transpose()?;
+        let (mut files, mut notes) = (Vec::new(), Vec::new());
+        let mut sensors: Vec<VehicleSensor> = Vec::new();
+        for (i, model) in vehicle.sensors.into_iter().enumerate() {
+            let at = at.key("sensors").item(i);
+            files.extend(model.lidar.file.iter().map(|file| dir.join(file)));
+            let sensor = sensor(&at, model, dir, &mut notes)?;
+            if sensors.iter().any(|known| known.name == sensor.name) {
+                let wanted = "a name of its own; it is used twice";
+                return Err(bad(&at.key("name"), format!("`{}`", sensor.name), wanted));
+            }
+            sensors.push(sensor);
+        }
+        for (i, sensor) in sensors.iter().enumerate() {
+            let doubts = super::of_lidar(&format!("sensors[{i}]"), &sensor.lidar);
+            notes.extend(doubts.iter().map(|doubt| Note::doubt(format!("{at}: {doubt}"))));
+        }
+        let angles = vehicle.mounts.iter().enumerate().flat_map(|(i, mount)| angles(i, mount));
+        notes.extend(angles.map(|doubt| Note::doubt(format!("{at}: {doubt}"))));
+        let (mut mounts, meshes) = mounts(at, vehicle.mounts, &sensors, dir)?;
+        files.extend(meshes);
+        let min_distance = vehicle.min_distance;
+        if !(0.0..=check::MAX_METRES).contains(&min_distance) {
+            return Err(bad(&at.key("min_distance"), min_distance, "a distance of 0 m or more"));
+        }
+        let keep_out = keep_out_boxes(&at.key("keep_out"), &vehicle.keep_out)?;
+        let ties = Ties { equal_height: vehicle.equal_height, symmetric: vehicle.symmetric };
+        if ties.equal_height {
+            level(at, &mut mounts)?;
+        }
+        if ties.symmetric {
+            mirror_meshes(&mut mounts);
+            check_pairs(at, &mounts)?;
+        }
+        let require = vehicle.require.iter().enumerate();
+        let require = require.map(|(i, r)| requirement(&at.key("require").item(i), r));
+        let require = require.collect::<Result<_, _>>()?;
+        let name = name.unwrap_or_else(|| stem.to_owned());
+        Ok((Self { name, sensors, mounts, min_distance, keep_out, ties, require, notes }, files))
+    }
+}
+
+/// Doubts about the angles of a mount and of its mesh.
+fn angles(i: usize, mount: &MountingDescription) -> Vec<String> {
+    let of = |key: &str, angles: &[f64]| super::of_angles(&format!("mounts[{i}].{key}"), angles);
+    let own = [("roll", mount.roll), ("pitch", mount.pitch), ("yaw", mount.yaw)];
+    let mut doubts: Vec<String> = own.iter().filter_map(|(key, range)| of(key, range)).collect();
+    if let Some(mesh) = &mount.mesh {
+        let facing = mesh.facing.as_ref().and_then(|facing| facing.angle);
+        let own = [
+            ("mesh.roll", mesh.roll),
+            ("mesh.pitch", mesh.pitch),
+            ("mesh.yaw", mesh.yaw),
+            ("mesh.facing.angle", facing.unwrap_or(0.0)),
+        ];
+        doubts.extend(own.iter().filter_map(|(key, angle)| of(key, &[*angle])));
+    }
+    doubts
+}
+
+/// All mounts, which differ in their names and hold 1 to 16 sensors together, and the files of their meshes.
+fn mounts(
+    at: &Place,
+    list: Vec<MountingDescription>,
+    sensors: &[VehicleSensor],
+    dir: &Path,
+) -> Result<(Vec<VehicleMount>, Vec<PathBuf>), DescriptionError> {
+    let mut names = HashSet::new();
+    let (mut mounts, mut files) = (Vec::new(), Vec::new());
+    for (i, mount) in list.into_iter().enumerate() {
+        let at = at.key("mounts").item(i);
+        if !names.insert(mount.name.clone()) {
+            let wanted = "a name of its own; it is used twice";
+            return Err(bad(&at.key("name"), format!("`{}`", mount.name), wanted));
+        }
+        let (mount, read) = mounting(&at, mount, sensors, dir)?;
+        mounts.push(mount);
+        files.extend(read);
+    }
+    let most: usize = mounts.iter().map(|mount| mount.count[1]).sum();
+    let least: usize = mounts.iter().map(|mount| mount.count[0]).sum();
+    if most == 0 || least > MAX_LIDARS {
+        let wanted = format!("made for 1 to {MAX_LIDARS} sensors in all; change their `count`");
+        let found = format!("a list for {least} to {most} sensors");
+        return Err(bad(&at.key("mounts"), found, wanted));
+    }
+    Ok((mounts, files))
+}
+
+fn sensor(
+    at: &Place,
+    model: ModelDescription,
+    dir: &Path,
+    notes: &mut Vec<Note>,
+) -> Result<VehicleSensor, DescriptionError> {
+    let name = SensorName::new(&model.name)
+        .map_err(|why| bad(&at.key("name"), format!("{:?}", model.name), why))?;
+    let described = Described::new(&at.key("lidar"), model.lidar, dir)?;
+    let Described { lidar, measures, notes: said } = described;
+    notes.extend(said);
+    let phase = match model.phase {
+        None if lidar.turns() => Phase::Free,
+        None => Phase::Locked(0.0),
+        Some(PhaseDescription::Angle(angle)) => {
+            Phase::Locked(check::radians(&at.key("phase"), angle)?)
+        }
+        Some(PhaseDescription::Range(range)) => phase_between(&at.key("phase"), range)?,
+        Some(PhaseDescription::Word(word)) if word == "free" => Phase::Free,
+        Some(PhaseDescription::Word(word)) => {
+            let wanted = "\"free\", an angle in radians at which the sensor is locked, or a range of such \
+                          angles";
+            return Err(bad(&at.key("phase"), format!("{word:?}"), wanted));
+        }
+    };
+    if !(0.0..=1e12).contains(&model.price) {
+        return Err(bad(&at.key("price"), model.price, "a price of 0 or more"));
+    }
+    let written = model.response.as_ref();
+    let response = response::read(&at.key("response"), written, lidar.range(), &measures, notes)?;
+    Ok(VehicleSensor { name, lidar, phase, price: model.price, response })
+}
+
+/// Angles to choose from, at most a whole turn of them.
+fn phase_between(at: &Place, [from, to]: [f64; 2]) -> Result<Phase, DescriptionError> {
+    let [from, to] = [check::radians(&at.item(0), from)?, check::radians(&at.item(1), to)?];
+    if from == to {
+        return Ok(Phase::Locked(from));
+    }
+    if !(0.0..=std::f64::consts::TAU).contains(&(to - from)) {
+        let wanted = "a range of angles in radians, the smaller first, at most a turn; one azimuth step is enough";
+        return Err(bad(at, format!("{:?}", [from, to]), wanted));
+    }
+    Ok(Phase::Between(from, to))
+}
+
+fn requirement(
+    at: &Place,
+    required: &RequirementDescription,
+) -> Result<Requirement, DescriptionError> {
+    let name = check::text(&at.key("name"), required.name.clone())?;
+    let inside = KeepOutDescription { min: required.min, max: required.max };
+    let inside = keep_out_boxes(at, std::slice::from_ref(&inside))?[0];
+    let without = keep_out_boxes(&at.key("without"), &required.without)?;
+    if !(0.0..=1.0).contains(&required.share) {
+        return Err(bad(&at.key("share"), required.share, "a share from 0 to 1"));
+    }
+    Ok(Requirement { name, inside, without, share: required.share })
+}

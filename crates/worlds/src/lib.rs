@@ -1,0 +1,36 @@
+//! Worlds made by rule: generated streets, motorways, estates, yards and towns, and towns on real road
+//! networks (OpenDRIVE).
+//!
+//! Data goes one way: network of roads → surfaces → houses, trees, signs → who is about → scene file. A
+//! generated kind differs from an imported map in its first step alone. Everything depends on the seed
+//! and nothing else: the same seed gives the same bytes.
+
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
+mod brought;
+mod error;
+mod fleet;
+mod houses;
+mod kinds;
+mod line;
+mod mask;
+mod model;
+mod network;
+mod opendrive;
+mod population;
+mod roads;
+mod scene_file;
+mod style;
+mod surfaces;
+mod things;
+mod traffic;
+mod world;
+
+pub use error::WorldError;
+pub use scene_file::{mesh_shape, write_ply};
+pub use style::Kind;
+pub use world::{World, generate, import_opendrive, read_opendrive};
+
+#[cfg(test)]
+#[cfg(feature = "mesh")]
+mod tests;

@@ -1,0 +1,414 @@
+//! Elements and numbers of an OpenDRIVE document, checked before its geometry is computed.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use roxmltree::Node;
+
+use super::course;
+use crate::error::WorldError;
+use sightline_files::Note;
+use sightline_files::json::check_xml;
+
+/// Elements that are read: their numbers decide a surface, a shape or a way.
+const READ: &[&str] = &[
+    "OpenDRIVE",
+    "header",
+    "road",
+    "link",
+    "predecessor",
+    "successor",
+    "planView",
+    "geometry",
+    "line",
+    "spiral",
+    "arc",
+    "poly3",
+    "paramPoly3",
+    "elevationProfile",
+    "elevation",
+    "lateralProfile",
+    "superelevation",
+    "crossfall",
+    "shape",
+    "crossSectionSurface",
+    "tOffset",
+    "surfaceStrips",
+    "strip",
+    "mode",
+    "constant",
+    "linear",
+    "quadratic",
+    "cubic",
+    "lanes",
+    "laneOffset",
+    "laneSection",
+    "left",
+    "center",
+    "right",
+    "lane",
+    "width",
+    "border",
+    "height",
+    "roadMark",
+    "type",
+    "sway",
+    "explicit",
+    "objects",
+    "object",
+    "repeat",
+    "outlines",
+    "outline",
+    "cornerRoad",
+    "cornerLocal",
+    "curveLocal",
+    "skeleton",
+    "polyline",
+    "vertexRoad",
+    "vertexLocal",
+    "surface",
+    "markings",
+    "marking",
+    "cornerReference",
+    "borders",
+    "objectReference",
+    "signals",
+    "signal",
+    "staticBoard",
+    "vmsBoard",
+    "sign",
+    "positionInertial",
+    "positionRoad",
+    "junction",
+    "connection",
+    "laneLink",
+];
+
+/// Elements that are passed over on purpose, and why nothing of a world depends on them.
+const PASSED: &[(&str, &[&str])] = &[
+    ("coordinates stay those of the document", &["geoReference", "offset"]),
+    ("rights and data about the document", &["license", "dataQuality", "error", "rawData"]),
+    ("data of other programs", &["userData"]),
+    (
+        "speeds and rules come from the seed",
+        &[
+            "speed",
+            "access",
+            "restriction",
+            "rule",
+            "defaultRegulations",
+            "roadRegulations",
+            "signalRegulations",
+            "semantics",
+            "priority",
+            "validity",
+            "visibility",
+            "layers",
+            "layer",
+            "connectedTo",
+        ],
+    ),
+    ("weight and friction are no geometry", &["material"]),
+    (
+        "lights are not obeyed",
+        &[
+            "controller",
+            "control",
+            "signalReference",
+            "dependency",
+            "reference",
+            "vmsGroup",
+            "vmsBoardReference",
+            "displayArea",
+        ],
+    ),
+    (
+        "ways follow links and connections",
+        &[
+            "neighbor",
+            "laneLinks",
+            "junctionGroup",
+            "junctionReference",
+            "crossPath",
+            "startLaneLink",
+            "endLaneLink",
+            "trafficIsland",
+        ],
+    ),
+    ("parking follows lanes of the type `parking`", &["parkingSpace"]),
+    (
+        "areas of junctions are paved by gaps between lanes",
+        &["boundary", "segment", "elevationGrid"],
+    ),
+];
+
+/// Elements that change the geometry of a real road and are counted in a note.
+const COUNTED: &[(&str, &str)] = &[
+    ("bridge", "their lanes are drawn, without piers, walls and railings"),
+    ("tunnel", "their lanes are drawn, without walls and a ceiling"),
+    ("CRG", "the fine surface is left out, the road is smooth"),
+    ("railroad", "switches are left out"),
+    ("station", "platforms are left out"),
+];
+
+/// Numbers of each element: those that it must have, then those that it may have.
+const NUMBERS: &[(&str, &[&str], &[&str])] = &[
+    ("road", &["length"], &[]),
+    ("geometry", &["s", "x", "y", "hdg", "length"], &[]),
+    ("spiral", &["curvStart", "curvEnd"], &[]),
+    ("arc", &["curvature"], &[]),
+    ("poly3", &["a", "b", "c", "d"], &[]),
+    ("paramPoly3", &["aU", "bU", "cU", "dU", "aV", "bV", "cV", "dV"], &[]),
+    ("elevation", &["s", "a", "b", "c", "d"], &[]),
+    ("superelevation", &["s", "a", "b", "c", "d"], &[]),
+    ("crossfall", &["s", "a", "b", "c", "d"], &[]),
+    ("shape", &["s", "t", "a", "b", "c", "d"], &[]),
+    ("laneOffset", &["s", "a", "b", "c", "d"], &[]),
+    ("laneSection", &["s"], &[]),
+    ("lane", &["id"], &[]),
+    ("width", &["sOffset", "a", "b", "c", "d"], &[]),
+    ("border", &["sOffset", "a", "b", "c", "d"], &[]),
+    ("height", &["sOffset", "inner", "outer"], &[]),
+    ("roadMark", &["sOffset"], &["width", "height"]),
+    ("line", &[], &["length", "space", "tOffset", "sOffset", "width"]),
+    ("object", &["s", "t"], OBJECT),
+    ("repeat", &["s", "length", "distance"], REPEAT),
+    ("cornerRoad", &["s", "t"], &["dz", "height"]),
+    ("cornerLocal", &["u", "v"], &["z", "height"]),
+    ("vertexRoad", &["s", "t"], &["dz", "radius"]),
+    ("vertexLocal", &["u", "v"], &["z", "radius"]),
+    ("signal", &["s", "t"], &["zOffset", "hOffset", "pitch", "roll", "height", "width", "length"]),
+    ("bridge", &["s", "length"], &[]),
+    ("tunnel", &["s", "length"], &[]),
+    ("laneLink", &["from", "to"], &[]),
+];
+const OBJECT: &[&str] =
+    &["zOffset", "hdg", "pitch", "roll", "length", "width", "height", "radius", "validLength"];
+const REPEAT: &[&str] = &[
+    "tStart",
+    "tEnd",
+    "widthStart",
+    "widthEnd",
+    "heightStart",
+    "heightEnd",
+    "zOffsetStart",
+    "zOffsetEnd",
+    "lengthStart",
+    "lengthEnd",
+    "radiusStart",
+    "radiusEnd",
+];
+const SHAPES: &[&str] = &["line", "spiral", "arc", "poly3", "paramPoly3"];
+/// Longest part of a value that an error repeats, in characters.
+const SHOWN: usize = 40;
+
+/// Facts of a document that its lanes need beside their geometry.
+#[derive(Debug, Default)]
+pub(super) struct Document {
+    /// Lanes with a height of their own: road, section by `s`, lane.
+    pub raised: BTreeSet<(String, usize, i32)>,
+    /// Roads on which one drives on the left.
+    pub left_hand: BTreeSet<String>,
+    pub notes: Vec<Note>,
+}
+
+/// An error at an element: its road or junction, its name, its place along the road.
+fn refused(file: &str, node: Node<'_, '_>, what: String) -> WorldError {
+    let owner =
+        node.ancestors().find(|n| n.has_tag_name("road") || n.has_tag_name("junction")).map(|n| {
+            let id = n.attribute("id").unwrap_or("without an id");
+            format!("{} {}, ", n.tag_name().name(), shown(id))
+        });
+    let along = ["s", "sOffset", "id"].iter().find_map(|name| {
+        let value = node.attribute(*name).filter(|_| !node.has_tag_name("road"))?;
+        Some(format!(" with {name} = {}", shown(value)))
+    });
+    let place = format!(
+        "line {}: {}<{}>{}",
+        node.document().text_pos_at(node.range().start).row,
+        owner.unwrap_or_default(),
+        node.tag_name().name(),
+        along.unwrap_or_default()
+    );
+    WorldError::Element { file: file.to_owned(), place, what }
+}
+
+/// A value as an error repeats it.
+fn shown(value: &str) -> String {
+    let start: String = value.chars().take(SHOWN).collect();
+    if start.len() < value.len() { format!("{start}…") } else { start }
+}
+
+/// Checks every element and every number that is used.
+///
+/// # Errors
+/// A number that is missing, none or not finite; a geometry or another element that cannot be read.
+pub(super) fn checked(text: &str, file: &str) -> Result<Document, WorldError> {
+    check_xml(text).map_err(|what| WorldError::Xml { file: file.to_owned(), what })?;
+    let xml = roxmltree::Document::parse(text).map_err(|source| WorldError::OpenDrive {
+        file: file.to_owned(),
+        source: Box::new(source.into()),
+    })?;
+    let mut document = Document::default();
+    let (mut counted, mut unknown) = (BTreeMap::new(), BTreeMap::new());
+    let mut next = Some(xml.root_element());
+    while let Some(node) = next {
+        let name = node.tag_name().name();
+        let passed = PASSED.iter().any(|(_, names)| names.contains(&name));
+        if let Some(how) = COUNTED.iter().find(|(known, _)| *known == name) {
+            *counted.entry(*how).or_insert(0_usize) += 1;
+        } else if !passed && !READ.contains(&name) {
+            *unknown.entry(shown(name)).or_insert(0_usize) += 1;
+        }
+        let entered = READ.contains(&name) || COUNTED.iter().any(|(known, _)| *known == name);
+        if entered {
+            check(node, name, file)?;
+            document.take(node, name, file)?;
+        }
+        if name == "include" {
+            return Err(refused(
+                file,
+                node,
+                "is not followed; write the map as one file".to_owned(),
+            ));
+        }
+        next = following(node, entered);
+    }
+    for ((name, how), count) in counted {
+        document.notes.push(Note::fact(format!("{file}: <{name}> {count} times: {how}")));
+    }
+    if !unknown.is_empty() {
+        let list: Vec<String> = unknown
+            .iter()
+            .take(12)
+            .map(|(name, count)| format!("<{name}> {count} times"))
+            .collect();
+        document.notes.push(Note::fact(format!(
+            "{file}: unknown elements are left out: {}",
+            list.join(", ")
+        )));
+    }
+    document.notes.extend(course::doubts(&xml, file));
+    Ok(document)
+}
+
+/// The next element in the order of the document; `inside`: children are visited.
+fn following<'a>(node: Node<'a, 'a>, inside: bool) -> Option<Node<'a, 'a>> {
+    if let Some(child) = node.first_element_child().filter(|_| inside) {
+        return Some(child);
+    }
+    node.ancestors().find_map(|n| n.next_sibling_element())
+}
+
+/// Checks the numbers of an element, and the shape of a geometry.
+fn check(node: Node<'_, '_>, name: &str, file: &str) -> Result<(), WorldError> {
+    let Some((_, must, may)) = NUMBERS.iter().find(|(known, ..)| *known == name) else {
+        return Ok(());
+    };
+    // Lines of a road mark and of a reference line share a name, as do borders of objects and lanes.
+    if name == "border" && node.parent_element().is_some_and(|p| p.has_tag_name("borders")) {
+        return Ok(());
+    }
+    for (attribute, required) in
+        must.iter().map(|a| (a, true)).chain(may.iter().map(|a| (a, false)))
+    {
+        match node.attribute(*attribute) {
+            None if required => {
+                return Err(refused(file, node, format!("has no `{attribute}`; add the number")));
+            }
+            None => {}
+            Some(value) => {
+                number(value).map_err(|why| {
+                    let value = shown(value);
+                    refused(file, node, format!("`{attribute}` is `{value}`, {why}"))
+                })?;
+            }
+        }
+    }
+    if name == "geometry" {
+        let shapes: Vec<&str> = node
+            .children()
+            .filter(|n| n.is_element())
+            .map(|n| n.tag_name().name())
+            .filter(|name| *name != "userData")
+            .collect();
+        if shapes.len() != 1 || !SHAPES.contains(&shapes[0]) {
+            let found = match shapes.as_slice() {
+                [] => "no shape".to_owned(),
+                [one] => format!("the unknown shape <{}>", shown(one)),
+                several => format!("{} shapes", several.len()),
+            };
+            let what =
+                format!("has {found}; give one of <line>, <spiral>, <arc>, <poly3>, <paramPoly3>");
+            return Err(refused(file, node, what));
+        }
+    }
+    Ok(())
+}
+
+fn number(value: &str) -> Result<f64, &'static str> {
+    let point = "not a number; write it as 1.5";
+    let number: f64 = value.trim().parse().map_err(|_| match value.contains(',') {
+        true => "a number with a comma; write a point in its place",
+        false => point,
+    })?;
+    if number.is_finite() { Ok(number) } else { Err("not finite; write a finite number") }
+}
+
+impl Document {
+    /// Notes lanes with heights, the side of the road, and versions that are not known.
+    fn take(&mut self, node: Node<'_, '_>, name: &str, file: &str) -> Result<(), WorldError> {
+        match name {
+            "header" => {
+                let major = node.attribute("revMajor").map(str::trim);
+                if major.is_some_and(|major| major != "1") {
+                    let major = shown(major.unwrap_or_default());
+                    self.notes.push(Note::doubt(format!(
+                        "{file}: <header> states revMajor {major}; the document is read as OpenDRIVE 1, check the version"
+                    )));
+                }
+            }
+            "road" => {
+                let rule = node.attribute("rule").map(str::trim);
+                match rule {
+                    Some("LHT") => {
+                        self.left_hand.extend(node.attribute("id").map(str::to_owned));
+                    }
+                    None | Some("RHT") => {}
+                    Some(other) => {
+                        let what = format!("`rule` is `{}`; write RHT or LHT", shown(other));
+                        return Err(refused(file, node, what));
+                    }
+                }
+                let lanes = node.children().filter(|n| n.has_tag_name("lanes")).count();
+                if lanes > 2 {
+                    let what = format!("has {lanes} <lanes>; write one, or one a layer");
+                    return Err(refused(file, node, what));
+                }
+                self.raised(node);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Lanes of a road with a <height>, 0 as well: the file decides, and not the height of our kerb.
+    fn raised(&mut self, road: Node<'_, '_>) {
+        let start = |n: &Node<'_, '_>| number(n.attribute("s").unwrap_or("0")).unwrap_or(0.0);
+        let lanes = road
+            .children()
+            .filter(|n| n.has_tag_name("lanes") && n.attribute("layer") != Some("temporary"));
+        let mut sections: Vec<Node<'_, '_>> =
+            lanes.flat_map(|n| n.children()).filter(|n| n.has_tag_name("laneSection")).collect();
+        sections.sort_by(|a, b| start(a).total_cmp(&start(b)));
+        let id = road.attribute("id").unwrap_or_default();
+        for (k, section) in sections.iter().enumerate() {
+            let lanes = section.children().flat_map(|side| side.children());
+            let high = |n: &Node<'_, '_>| n.children().any(|c| c.has_tag_name("height"));
+            for lane in lanes.filter(|n| n.has_tag_name("lane") && high(n)) {
+                if let Some(lane) = lane.attribute("id").and_then(|v| v.trim().parse().ok()) {
+                    self.raised.insert((id.to_owned(), k, lane));
+                }
+            }
+        }
+    }
+}

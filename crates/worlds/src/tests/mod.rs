@@ -1,0 +1,151 @@
+//! Worlds: read back, driven through, compared.
+
+mod generated;
+mod map_parts;
+mod opendrive;
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+use glam::{DVec2, DVec3};
+use tempfile::TempDir;
+
+use super::{World, write_ply};
+use lidar_cast::geom::Pose;
+use sightline_scene::scene::{DEFAULT_CLASSES, Scene};
+
+/// Writes a world to a folder and reads it as any scene.
+fn read_back(world: &World) -> Scene {
+    let dir = TempDir::new().unwrap();
+    write_to(world, dir.path());
+    Scene::read(dir.path().join("w.json")).unwrap()
+}
+
+fn write_to(world: &World, dir: &Path) {
+    let mut file = BufWriter::new(File::create(dir.join("w.ply")).unwrap());
+    write_ply(world.mesh(), &mut file).unwrap();
+    file.flush().unwrap();
+    std::fs::write(dir.join("w.json"), world.scene("w", "w.ply").to_string()).unwrap();
+}
+
+fn corners(world: &World, face: usize) -> [DVec3; 3] {
+    world.mesh().faces[face].map(|v| DVec3::from(world.mesh().vertices[v as usize].map(f64::from)))
+}
+
+/// Height of a triangle over a place in plan.
+fn height_over([a, b, c]: [DVec3; 3], p: DVec2) -> Option<f64> {
+    let area = (b - a).truncate().perp_dot((c - a).truncate());
+    let u = (b - p.extend(0.0)).truncate().perp_dot((c - p.extend(0.0)).truncate()) / area;
+    let v = (c - p.extend(0.0)).truncate().perp_dot((a - p.extend(0.0)).truncate()) / area;
+    let inside = u >= -1e-9 && v >= -1e-9 && u + v <= 1.0 + 1e-9;
+    inside.then_some(a.z * u + b.z * v + c.z * (1.0 - u - v))
+}
+
+/// Class and height of the first surface below each place, by trying every triangle.
+fn below(world: &World, places: &[DVec3]) -> Vec<Option<(&'static str, f64)>> {
+    let mut found: Vec<Option<(&str, f64)>> = vec![None; places.len()];
+    for face in 0..world.mesh().faces.len() {
+        let triangle = corners(world, face);
+        let low = triangle.iter().fold(triangle[0], |m, p| m.min(*p)).truncate();
+        let high = triangle.iter().fold(triangle[0], |m, p| m.max(*p)).truncate();
+        for (place, found) in places.iter().zip(&mut found) {
+            let p = place.truncate();
+            if p.cmplt(low).any() || p.cmpgt(high).any() {
+                continue;
+            }
+            let Some(z) = height_over(triangle, p) else { continue };
+            if z <= place.z && found.is_none_or(|(_, best)| z > best) {
+                let class = world.mesh().face_class[face];
+                *found = Some((DEFAULT_CLASSES[usize::from(class)], z));
+            }
+        }
+    }
+    found
+}
+
+/// Checks that the ego's middle stands on the road in every fifth frame, within `tolerance` metres.
+fn ego_stands_on_the_road(world: &World, scene: &Scene, tolerance: f64, name: &str) {
+    let frames = (0..scene.frame_count()).step_by(5);
+    let places: Vec<DVec3> = frames.map(|t| scene.ego_pose(t).translation).collect();
+    let raised: Vec<DVec3> = places.iter().map(|p| *p + DVec3::Z * 0.5).collect();
+    for (place, found) in places.iter().zip(below(world, &raised)) {
+        let (class, z) = found.unwrap_or_else(|| panic!("{name}: nothing below {place}"));
+        assert!(["road", "road_line"].contains(&class), "{name}: {class} below {place}");
+        assert!((z - place.z).abs() < tolerance, "{name}: road at {z} below {place}");
+    }
+}
+
+/// Checks that no point of a grid on one box lies in another, in every frame.
+fn nobody_runs_into_another(scene: &Scene, name: &str) {
+    let ego = (DVec3::new(4.5, 1.8, 1.5), DVec3::Z * 0.75);
+    let mut sizes: Vec<(DVec3, DVec3)> =
+        scene.tracks().iter().map(|t| (t.size, t.center)).collect();
+    sizes.push(ego);
+    let poses = |t: usize| -> Vec<Pose> {
+        let actors = (0..sizes.len() - 1).map(|a| scene.actor_glide(a, t).at(0.0));
+        actors.chain([scene.ego_pose(t)]).collect()
+    };
+    for t in 0..scene.frame_count() {
+        let poses = poses(t);
+        for (i, a) in poses.iter().enumerate() {
+            for (j, b) in poses.iter().enumerate() {
+                let reach = 0.5 * (sizes[i].0.length() + sizes[j].0.length());
+                if i == j || a.translation.distance(b.translation) > reach {
+                    continue;
+                }
+                let from_a = b.inverse().compose(a);
+                let inside = grid(sizes[i]).any(|p| {
+                    let q = from_a.apply(p) - sizes[j].1;
+                    q.abs().cmplt(0.5 * sizes[j].0 - 0.01).all()
+                });
+                assert!(!inside, "{name}: {i} and {j} overlap in frame {t}");
+            }
+        }
+    }
+}
+
+/// Points of a box: 21 × 9 in plan, at half its height.
+fn grid((size, center): (DVec3, DVec3)) -> impl Iterator<Item = DVec3> {
+    (0..=20).flat_map(move |i| {
+        (0..=8).map(move |j| {
+            let share = DVec3::new(f64::from(i) / 20.0 - 0.5, f64::from(j) / 8.0 - 0.5, 0.0);
+            center + size * share
+        })
+    })
+}
+
+/// Checks that houses and trunks stand clear of the road.
+fn nothing_stands_on_the_road(world: &World, name: &str) {
+    let houses = world.houses().iter().flat_map(|c| {
+        let middle = (c[0] + c[1] + c[2] + c[3]) * 0.25;
+        // Edges a metre apart, so that no lane passes between two points.
+        let edges = (0..4).flat_map(move |k| {
+            let steps = c[k].distance(c[(k + 1) % 4]).ceil() as u32;
+            (0..steps).map(move |s| c[k].lerp(c[(k + 1) % 4], f64::from(s) / f64::from(steps)))
+        });
+        edges.chain([middle])
+    });
+    let places: Vec<DVec2> = houses.chain(world.trees().iter().copied()).collect();
+    assert!(!places.is_empty(), "{name}: neither house nor tree");
+    let cell = |p: DVec2| [(p.x / 8.0).floor() as i64, (p.y / 8.0).floor() as i64];
+    let mut by_cell = std::collections::HashMap::<[i64; 2], Vec<DVec2>>::new();
+    places.iter().for_each(|p| by_cell.entry(cell(*p)).or_default().push(*p));
+    for face in 0..world.mesh().faces.len() {
+        if world.mesh().face_class[face] != super::model::class::ROAD {
+            continue;
+        }
+        let triangle = corners(world, face);
+        let low = triangle.iter().fold(triangle[0], |m, p| m.min(*p)).truncate();
+        let high = triangle.iter().fold(triangle[0], |m, p| m.max(*p)).truncate();
+        let ([i0, j0], [i1, j1]) = (cell(low), cell(high));
+        for key in (i0..=i1).flat_map(|i| (j0..=j1).map(move |j| [i, j])) {
+            for p in by_cell.get(&key).into_iter().flatten() {
+                assert!(
+                    height_over(triangle, *p).is_none(),
+                    "{name}: something on the road at {p}"
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! OpenDRIVE: a small map by hand, maps that are none, and a real town where it lies beside the project.
+
+use std::io::Read;
+use std::path::Path;
+
+use super::*;
+use crate::{WorldError, import_opendrive, read_opendrive};
+
+/// A road that forks: two lines and two arcs, one of them rising.
+fn fork() -> String {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/fork.xodr");
+    std::fs::read_to_string(file).unwrap()
+}
+
+/// Middles of lanes of the map by hand, computed from its lines and arcs: x, y, height.
+fn middles() -> Vec<DVec3> {
+    let mut places = Vec::new();
+    for k in 1..12 {
+        // Road 1: along x, rising by 2 %, lanes of 3.5 m.
+        let s = 10.0 * f64::from(k);
+        places.extend([-1.75, 1.75].map(|t| DVec3::new(s, t, 0.02 * s)));
+        // Road 3: the same on the level.
+        places.extend([-1.75, 1.75].map(|t| DVec3::new(140.0 + s, t, 2.4)));
+        // Road 11: an arc of radius 20 to the left about (120, 20), one lane to the right.
+        let angle = 1.0 * f64::from(k) / 12.0;
+        let radius = 20.0 + 1.75;
+        places.push(DVec3::new(120.0 + radius * angle.sin(), 20.0 - radius * angle.cos(), 2.4));
+    }
+    places
+}
+
+#[test]
+fn lanes_of_a_map_lie_where_its_lines_and_arcs_say() {
+    let world = import_opendrive(&fork(), "fork.xodr", 1, 20).unwrap();
+    let places = middles();
+    let raised: Vec<DVec3> = places.iter().map(|p| *p + DVec3::Z * 0.3).collect();
+    for (place, found) in places.iter().zip(below(&world, &raised)) {
+        let (class, z) = found.unwrap();
+        assert!(["road", "road_line"].contains(&class), "{class} at {place}");
+        assert!((z - place.z).abs() < 0.02, "{z} at {place}");
+    }
+    let scene = read_back(&world);
+    ego_stands_on_the_road(&world, &scene, 0.05, "fork");
+    nobody_runs_into_another(&scene, "fork");
+    nothing_stands_on_the_road(&world, "fork");
+    let walk = below(&world, &[DVec3::new(60.0, 4.5, 2.0)])[0].unwrap();
+    assert_eq!(walk.0, "sidewalk");
+    assert!((walk.1 - (1.2 + 0.13)).abs() < 0.01, "{walk:?}");
+}
+
+#[test]
+fn a_map_without_what_a_world_needs_is_refused_with_a_sentence() {
+    let told = |text: &str| import_opendrive(text, "m.xodr", 1, 40).unwrap_err().to_string();
+    let cases = [
+        ("", "m.xodr: invalid OpenDRIVE XML"),
+        ("<OpenDRIVE><road", "m.xodr: invalid OpenDRIVE XML"),
+        ("<OpenDRIVE></OpenDRIVE>", "at least one road"),
+        (&fork().replace("\"driving\"", "\"sidewalk\""), "no lane of the type `driving`"),
+        (&fork().replace("a=\"3.5\"", "a=\"350\""), "metres of its widest lane are 350"),
+        (&fork().replace("x=\"140\"", "x=\"4e6\""), "farthest coordinate"),
+        (&fork().replace("length=\"120\"", "length=\"90000\""), "metres of its roads"),
+    ];
+    for (text, expected) in cases {
+        let told = told(text);
+        assert!(told.contains(expected), "{told}");
+        assert_eq!(told.lines().count(), 1, "{told}");
+    }
+    let short = fork().replace("length=\"120\"", "length=\"9\"");
+    let error = import_opendrive(&short, "m.xodr", 1, 1000).unwrap_err();
+    assert!(matches!(error, WorldError::NoWay { .. }), "{error}");
+}
+
+#[test]
+fn a_number_or_a_shape_that_cannot_be_read_is_an_error_with_its_road() {
+    let cases = [
+        ("x=\"140\"", "x=\"NaN\"", "`x` is `NaN`, not finite"),
+        ("x=\"140\"", "x=\"140,5\"", "with a comma"),
+        ("x=\"140\"", "", "has no `x`"),
+        ("<line/>", "<clothoid/>", "the unknown shape <clothoid>"),
+        ("a=\"3.5\"", "a=\"wide\"", "`a` is `wide`, not a number"),
+    ];
+    for (from, to, expected) in cases {
+        let text = fork().replace(from, to);
+        assert_ne!(text, fork(), "{from}");
+        let told = import_opendrive(&text, "m.xodr", 1, 10).unwrap_err().to_string();
+        assert!(told.contains(expected) && told.contains("road "), "{told}");
+    }
+}
+
+#[test]
+fn a_file_that_is_no_text_says_what_to_do() {
+    let dir = TempDir::new().unwrap();
+    let told = |name: &str, bytes: &[u8]| {
+        std::fs::write(dir.path().join(name), bytes).unwrap();
+        read_opendrive(&dir.path().join(name)).unwrap_err().to_string()
+    };
+    assert!(told("a.xodr.gz", &[0x1f, 0x8b, 8, 0]).contains("gunzip"));
+    assert!(told("b.xodr", &[0xff, 0xfe, 0x00]).contains("UTF-8"));
+    let missing = read_opendrive(&dir.path().join("none.xodr")).unwrap_err().to_string();
+    assert!(missing.contains("none.xodr"), "{missing}");
+}
+
+#[test]
+#[cfg_attr(
+    not(has_xodr),
+    ignore = "the towns of CARLA lie beside the checkout or where SIGHTLINE_DATA says"
+)]
+fn real_towns_are_driven_through() {
+    for town in ["Town01", "Town03", "Town04", "Town06"] {
+        let path = Path::new(env!("REAL_DATA")).join(format!("xodr/carla/{town}.xodr.gz"));
+        let packed = std::fs::File::open(path).unwrap();
+        let mut text = String::new();
+        flate2::read::GzDecoder::new(packed).read_to_string(&mut text).unwrap();
+        let world = import_opendrive(&text, town, 1, 40).unwrap();
+        assert_eq!(world.lanes().count(), text.matches("type=\"driving\"").count(), "{town}");
+        assert!(world.mesh().faces.len() < 4_000_000, "{town}: {}", world.mesh().faces.len());
+        let scene = read_back(&world);
+        ego_stands_on_the_road(&world, &scene, 0.1, town);
+        nobody_runs_into_another(&scene, town);
+        nothing_stands_on_the_road(&world, town);
+    }
+}

@@ -1,0 +1,390 @@
+//! What stands beside the road: trees, lamps, signs, lights, rails, benches, bins and goods.
+
+use lidar_cast::maths;
+
+use glam::{DVec2, DVec3};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::brought::Brought;
+use super::houses::fence;
+use super::line::{Line, left_of};
+use super::mask::{HOUSE, Mask, ROAD, THING, WALK};
+use super::model::{Model, Plot, class};
+use super::network::{KERB, Network, Post, Street, Use};
+use super::style::Style;
+use super::surfaces::Terrain;
+
+/// Places of the things of one network, and what is drawn there.
+pub struct Things<'a> {
+    pub style: &'a Style,
+    pub terrain: &'a Terrain,
+    pub mask: &'a mut Mask,
+    pub model: &'a mut Model,
+    pub rng: ChaCha8Rng,
+    /// Feet of the trees.
+    pub trees: Vec<DVec2>,
+    /// Where the map itself has things.
+    pub of_map: Brought,
+    /// Signals of the map that would stand on the road.
+    pub left_out: usize,
+}
+
+/// Metres above a road from which a plate hangs over it.
+const OVER_ROAD: f64 = 3.0;
+
+impl Things<'_> {
+    /// Furnishes every street, junction and garden.
+    pub fn furnish(&mut self, network: &Network) {
+        self.posts(network);
+        for street in &network.streets {
+            for side in 0..2 {
+                self.kerb(street, side);
+                self.behind(street, side);
+            }
+        }
+        for strip in network.strips.iter().filter(|s| s.used == Use::Green) {
+            let middle = strip.left.iter().zip(&strip.right).map(|(l, r)| (*l + *r) * 0.5);
+            self.median(&Line::new(middle));
+        }
+    }
+
+    fn chance(&mut self, p: f64) -> bool {
+        self.rng.random_bool(p.clamp(0.0, 1.0))
+    }
+
+    fn free(&self, p: DVec2, radius: f64) -> bool {
+        self.clear(p, radius, ROAD | HOUSE | THING)
+    }
+
+    fn clear(&self, p: DVec2, radius: f64, bits: u8) -> bool {
+        !self.mask.touches(p, DVec2::X, DVec2::splat(radius), bits)
+    }
+
+    fn take(&mut self, p: DVec2, radius: f64) {
+        self.mask.block(p, DVec2::X, DVec2::splat(radius), THING);
+    }
+
+    /// Height of the walk or the ground.
+    fn ground(&self, edge: DVec3, p: DVec2, kerb: Option<f64>) -> DVec3 {
+        p.extend(kerb.map_or_else(|| self.terrain.height(p), |kerb| edge.z + kerb))
+    }
+
+    /// Trees, lamps, signs and street furniture just behind the kerb.
+    fn kerb(&mut self, street: &Street, side: usize) {
+        let (edge, walk) = (&street.edges[side], street.walks[side]);
+        let out = if side == 0 { 1.0 } else { -1.0 };
+        let outward = |s: f64| left_of(edge.heading(s)) * out;
+        let place = |s: f64, from_edge: f64| edge.at(s).truncate() + outward(s) * from_edge;
+        let from_kerb = if walk > 0.0 { 0.9 - walk } else { 1.3 };
+        let mut s = self.rng.random_range(2.0..9.0);
+        while s < edge.length() {
+            let (p, at) = (place(s, from_kerb), edge.at(s));
+            let foot = self.ground(at, p, (walk > 0.0).then(|| street.kerb(side, s)));
+            if self.free(p, 0.0) {
+                let trees = if self.style.trees > 0.0 { 6.0 / self.style.trees } else { 0.0 };
+                let lamps = if self.style.lamps > 0.0 { 6.0 / self.style.lamps } else { 0.0 };
+                match self.rng.random_range(0.0..1.0) {
+                    r if r < trees && walk > 1.5 => self.tree(foot, 1.0),
+                    // Lots are drawn for what the map has itself, too: all else stays where it is.
+                    r if r < trees + lamps => {
+                        let height = self.rng.random_range(5.0..9.0);
+                        if !self.of_map.near(class::POLE, p) {
+                            self.lamp(foot, -outward(s), height);
+                        }
+                    }
+                    r if r < trees + lamps + 0.06 => {
+                        // Boards look at those who come along on this side of the road.
+                        let side = if (out < 0.0) != street.left_hand { -1.0 } else { 1.0 };
+                        let lots = self.sign_lots();
+                        if !self.of_map.near(class::TRAFFIC_SIGN, p) {
+                            self.sign(foot, edge.heading(s) * side, lots);
+                        }
+                    }
+                    r if r < trees + lamps + 0.13 && walk > 1.5 => {
+                        self.small(foot, edge.heading(s))
+                    }
+                    _ => {}
+                }
+            }
+            s += self.rng.random_range(4.0..8.0);
+        }
+        if walk == 0.0 && self.style.speed[1] > 20.0 {
+            self.rail(edge, out);
+        }
+    }
+
+    /// Trees, bushes and goods behind the houses' line.
+    fn behind(&mut self, street: &Street, side: usize) {
+        let edge = &street.edges[side];
+        let out = if side == 0 { 1.0 } else { -1.0 };
+        let mut s = self.rng.random_range(0.0..8.0);
+        while s < edge.length() {
+            let far = self.rng.random_range(2.0..34.0);
+            let p = edge.at(s).truncate() + left_of(edge.heading(s)) * (out * far);
+            s += self.rng.random_range(0.5..1.5) * if self.style.goods { 9.0 } else { 3.5 };
+            if !self.clear(p, 1.2, ROAD | WALK | HOUSE | THING) {
+                continue;
+            }
+            let foot = p.extend(self.terrain.height(p));
+            if self.style.goods && self.chance(0.75) {
+                self.goods(foot, edge.heading(s));
+            } else if self.chance(0.55) {
+                let size = self.rng.random_range(0.7..1.4);
+                self.tree(foot, size);
+            } else {
+                let radius = self.rng.random_range(0.4..1.2);
+                let radii = DVec3::new(radius, radius, 0.8 * radius);
+                self.model.leaves(foot + DVec3::Z * 0.6 * radius, radii, 60, &mut self.rng);
+                self.take(p, radius);
+            }
+        }
+    }
+
+    fn tree(&mut self, foot: DVec3, size: f64) {
+        if !self.clear(foot.truncate(), 0.0, ROAD | HOUSE) {
+            return;
+        }
+        let trunk = size * self.rng.random_range(2.0..3.4);
+        let radius = size * self.rng.random_range(0.10..0.22);
+        self.model.pole(foot - DVec3::Z * 0.2, radius, trunk + 0.6, 6, class::VEGETATION);
+        let wide = size * self.rng.random_range(1.3..2.4);
+        let tall = wide * self.rng.random_range(0.9..1.7);
+        let crown = foot + DVec3::Z * (trunk + 0.75 * tall);
+        let leaves = (110.0 * size * wide) as usize;
+        self.model.leaves(crown, DVec3::new(wide, wide, tall), leaves, &mut self.rng);
+        self.take(foot.truncate(), 0.4);
+        self.trees.push(foot.truncate());
+    }
+
+    fn lamp(&mut self, foot: DVec3, over_road: DVec2, height: f64) {
+        self.model.pole(foot, 0.08, height, 6, class::POLE);
+        let arm = Plot {
+            middle: foot.truncate() + over_road * 0.8,
+            ahead: over_road,
+            half: DVec2::new(0.9, 0.08),
+        };
+        let z = foot.z + height;
+        self.model.block(&arm, [z - 0.12, z], class::POLE);
+        self.take(foot.truncate(), 0.2);
+    }
+
+    /// Lower edge of a sign's board and half its height in metres, and whether it is round.
+    fn sign_lots(&mut self) -> (f64, f64, bool) {
+        let height = self.rng.random_range(2.1..2.6);
+        let half = self.rng.random_range(0.28..0.42);
+        (height, half, self.chance(0.4))
+    }
+
+    fn sign(&mut self, foot: DVec3, faces: DVec2, (height, half, round): (f64, f64, bool)) {
+        self.model.pole(foot, 0.035, height + 0.6, 5, class::POLE);
+        let board = Plot {
+            middle: foot.truncate() - faces * 0.06,
+            ahead: faces,
+            half: DVec2::new(0.015, half),
+        };
+        let (low, high) = (foot.z + height, foot.z + height + 2.0 * half);
+        if round {
+            // A round board is an octagon.
+            let middle = board.middle.extend(0.5 * (low + high));
+            let corner = |k: u32| {
+                let (sin, cos) = maths::sin_cos(f64::from(k) * std::f64::consts::FRAC_PI_4);
+                middle + (left_of(faces) * (half * cos)).extend(half * sin)
+            };
+            for k in 1..7 {
+                self.model.triangle([corner(0), corner(k), corner(k + 1)], class::TRAFFIC_SIGN);
+            }
+        } else {
+            self.model.block(&board, [low, high], class::TRAFFIC_SIGN);
+        }
+        self.take(foot.truncate(), 0.2);
+    }
+
+    fn light(&mut self, foot: DVec3, faces: DVec2) {
+        self.model.pole(foot, 0.07, 3.6, 6, class::POLE);
+        let board = Plot {
+            middle: foot.truncate() + faces * 0.2,
+            ahead: faces,
+            half: DVec2::new(0.14, 0.16),
+        };
+        self.model.block(&board, [foot.z + 2.5, foot.z + 3.45], class::TRAFFIC_LIGHT);
+        let button = Plot { half: DVec2::splat(0.1), ..board };
+        self.model.block(&button, [foot.z + 1.9, foot.z + 2.3], class::TRAFFIC_LIGHT);
+        self.take(foot.truncate(), 0.2);
+    }
+
+    /// Signs and lights of the network, or at the lanes that lead into a junction.
+    fn posts(&mut self, network: &Network) {
+        if !network.posts.is_empty() {
+            return network.posts.iter().for_each(|post| self.brought_post(post));
+        }
+        let mut taken: Vec<DVec2> = Vec::new();
+        for (foot, faces, light) in self.approaches(network) {
+            let p = foot.truncate();
+            if taken.iter().any(|t| t.distance(p) < 2.5) || !self.clear(p, 0.05, ROAD | HOUSE) {
+                continue;
+            }
+            taken.push(p);
+            if light {
+                self.light(foot, faces);
+            } else {
+                let lots = self.sign_lots();
+                self.sign(foot, faces, lots);
+            }
+        }
+    }
+
+    /// A signal of the map: a plate of its own size and height, on a post where it stands beside the road.
+    fn brought_post(&mut self, post: &Post) {
+        let (foot, faces) = (post.foot, post.faces);
+        let on_road = !self.clear(foot.truncate(), 0.05, ROAD);
+        let Some(plate) = post.plate else {
+            match (on_road, post.light) {
+                (true, _) => self.left_out += 1,
+                (false, true) => self.light(foot, faces),
+                (false, false) => {
+                    let lots = self.sign_lots();
+                    self.sign(foot, faces, lots);
+                }
+            }
+            return;
+        };
+        if on_road && plate.low < foot.z + OVER_ROAD {
+            self.left_out += 1;
+            return;
+        }
+        let thick = if post.light { 0.14 } else { 0.015 };
+        let board = Plot {
+            middle: foot.truncate() + faces * 0.2,
+            ahead: faces,
+            half: DVec2::new(thick, 0.5 * plate.width),
+        };
+        let class = if post.light { class::TRAFFIC_LIGHT } else { class::TRAFFIC_SIGN };
+        self.model.block(&board, [plate.low, plate.low + plate.height], class);
+        if !on_road {
+            let height = plate.low + plate.height - foot.z;
+            self.model.pole(foot, 0.05, height, 6, class::POLE);
+            self.take(foot.truncate(), 0.2);
+        }
+    }
+
+    fn approaches(&mut self, network: &Network) -> Vec<(DVec3, DVec2, bool)> {
+        let leads = |lane: &&super::network::Lane| {
+            !lane.junction && lane.next.iter().any(|n| network.lanes[*n].junction)
+        };
+        let lights = self.style.vehicles > 10;
+        let lanes = network.lanes.iter().filter(leads);
+        let found = lanes.filter_map(|lane| {
+            let end = (lane.centre.length() - 1.0).max(0.0);
+            let (at, heading) = (lane.centre.at(end), lane.centre.heading(end));
+            let right = left_of(heading) * if lane.left_hand { 1.0 } else { -1.0 };
+            let off = (2..60)
+                .map(|k| 0.3 * f64::from(k))
+                .find(|off| self.clear(at.truncate() + right * *off, 0.0, ROAD))?;
+            let foot = at + (right * (off + 0.35)).extend(KERB);
+            Some((foot, -heading, lights))
+        });
+        found.collect()
+    }
+
+    /// A bench, a bin, a box, a shelter.
+    fn small(&mut self, foot: DVec3, ahead: DVec2) {
+        let plot = |x: f64, y: f64| Plot {
+            middle: foot.truncate(),
+            ahead,
+            half: DVec2::new(0.5 * x, 0.5 * y),
+        };
+        let (z, class) = (foot.z, class::STATIC);
+        match self.rng.random_range(0..4) {
+            0 => {
+                self.model.block(&plot(1.6, 0.4), [z + 0.4, z + 0.46], class);
+                self.model.block(
+                    &plot(1.6, 0.06).part([-1.0, 1.0], [3.0, 5.0]),
+                    [z + 0.5, z + 0.9],
+                    class,
+                );
+                self.model.block(&plot(0.1, 0.4), [z, z + 0.4], class);
+            }
+            1 => self.model.pole(foot, 0.22, 0.9, 8, class),
+            2 => self.model.block(&plot(0.9, 0.4), [z, z + 1.2], class),
+            _ => self.model.pole(foot, 0.06, 1.0, 6, class::POLE),
+        }
+        self.take(foot.truncate(), 0.4);
+    }
+
+    /// Containers, pallets and heaps of a yard.
+    fn goods(&mut self, foot: DVec3, ahead: DVec2) {
+        let turned = if self.chance(0.5) { left_of(ahead) } else { ahead };
+        let [x, y] = match self.rng.random_range(0..3) {
+            0 => [6.1, 2.44],
+            1 => [12.2, 2.44],
+            _ => [1.2, 0.8],
+        };
+        let plot =
+            Plot { middle: foot.truncate(), ahead: turned, half: DVec2::new(0.5 * x, 0.5 * y) };
+        let room = plot.half + 0.5;
+        if self.mask.touches(plot.middle, plot.ahead, room, ROAD | WALK | HOUSE | THING) {
+            return;
+        }
+        if x < 2.0 {
+            let height = self.rng.random_range(0.2..1.8);
+            self.model.block(&plot, [foot.z, foot.z + height], class::OTHER);
+        } else {
+            let stacked = f64::from(self.rng.random_range(1..=3_u32));
+            self.model.block(&plot, [foot.z, foot.z + 2.6 * stacked], class::STATIC);
+        }
+        self.mask.block(plot.middle, plot.ahead, plot.half, THING);
+    }
+
+    /// A guard rail along an edge, with posts.
+    fn rail(&mut self, edge: &Line, out: f64) {
+        self.barrier(&Line::new(edge.offset(out * 0.5)), class::GUARD_RAIL);
+        if self.chance(0.5) {
+            let fence_line = Line::new(edge.offset(out * 9.0));
+            for s in (0..(fence_line.length() / 12.0) as u32).map(|k| 12.0 * f64::from(k)) {
+                let middle = fence_line.at(s + 6.0).truncate();
+                let line =
+                    Plot { middle, ahead: fence_line.heading(s + 6.0), half: DVec2::new(6.0, 0.4) };
+                if !self.mask.touches(middle, line.ahead, line.half, ROAD | HOUSE) {
+                    fence(self.model, &line, self.terrain.height(middle), 2.0);
+                }
+            }
+        }
+    }
+
+    /// A beam on posts along a line.
+    fn barrier(&mut self, line: &Line, class: u16) {
+        let mut s = 0.0;
+        while s + 4.0 <= line.length() {
+            let (a, b) = (line.at(s), line.at(s + 4.0));
+            if [a, b].iter().any(|p| self.of_map.near(class::GUARD_RAIL, p.truncate())) {
+                s += 4.0;
+                continue;
+            }
+            let side = (left_of(line.heading(s + 2.0)) * 0.06).extend(0.0);
+            for [low, high] in [[0.45, 0.78]] {
+                let up = |p: DVec3, z: f64| p + DVec3::Z * z;
+                for side in [side, -side] {
+                    let [a, b] = [a + side, b + side];
+                    self.model.quad([up(a, low), up(b, low), up(b, high), up(a, high)], class);
+                }
+                let top = [a - side, b - side, b + side, a + side].map(|p| up(p, high));
+                self.model.quad(top, class);
+            }
+            self.model.pole(a - DVec3::Z * 0.2, 0.06, 0.8, 4, class);
+            s += 4.0;
+        }
+    }
+
+    fn median(&mut self, line: &Line) {
+        if self.style.speed[1] > 20.0 {
+            self.barrier(line, class::GUARD_RAIL);
+            return;
+        }
+        let mut s = self.rng.random_range(3.0..9.0);
+        while s < line.length() - 3.0 {
+            self.tree(line.at(s), 0.6);
+            s += self.rng.random_range(8.0..20.0);
+        }
+    }
+}

@@ -1,0 +1,279 @@
+//! From a network to a whole world.
+
+use std::path::Path;
+
+use glam::DVec2;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::brought::Brought;
+use super::error::WorldError;
+use super::houses::Houses;
+use super::kinds;
+use super::line::{Line, left_of};
+use super::mask::{HOUSE, ROAD, THING, WALK};
+use super::model::{Model, Plot, class};
+use super::network::Network;
+use super::opendrive;
+use super::population::{Population, Settings};
+use super::style::{Kind, Style};
+use super::surfaces::{self, Terrain};
+use super::things::Things;
+use lidar_cast::geom::TriangleSoup;
+use sightline_files::Note;
+
+/// Frames a second of all worlds.
+pub const RATE: f64 = 10.0;
+
+/// A world: its static triangles, and who moves through it.
+#[derive(Debug)]
+pub struct World {
+    /// Everything that stands still.
+    pub model: TriangleSoup,
+    pub(crate) people: Population,
+    pub(crate) frames: usize,
+    /// Ground plans of the houses, corner by corner.
+    houses: Vec<[DVec2; 4]>,
+    trees: Vec<DVec2>,
+    network: Network,
+}
+
+impl World {
+    /// Triangles of the static world with classes of the default classes, in metres.
+    pub fn mesh(&self) -> &TriangleSoup {
+        &self.model
+    }
+
+    /// Sentences about the map that the world stands on.
+    pub fn notes(&self) -> &[Note] {
+        &self.network.notes
+    }
+
+    /// Things that move or are parked, the ego not counted.
+    pub fn actors(&self) -> usize {
+        self.people.actors.len()
+    }
+
+    /// Corners of the houses in plan, in metres.
+    pub fn houses(&self) -> &[[DVec2; 4]] {
+        &self.houses
+    }
+
+    /// Feet of the trees in plan, in metres.
+    pub fn trees(&self) -> &[DVec2] {
+        &self.trees
+    }
+
+    /// Middle lines of the lanes in plan, in metres, in the direction of driving.
+    pub fn lanes(&self) -> impl Iterator<Item = Vec<DVec2>> + '_ {
+        self.network.lanes.iter().map(|l| l.centre.points().iter().map(|p| p.truncate()).collect())
+    }
+}
+
+/// A generator for one step of making a world, so that steps do not disturb each other.
+fn lot(seed: u64, step: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(step);
+    rng
+}
+
+/// Makes a world of a kind for `frames` frames at 10 frames a second; the seed decides everything.
+///
+/// # Errors
+/// No way is long enough for that many frames.
+pub fn generate(kind: Kind, seed: u64, frames: usize) -> Result<World, WorldError> {
+    let mut rng = lot(seed, kind as u64 + 1);
+    let mut network = kinds::plan(kind, &mut rng).network();
+    network.lift(kinds::relief(kind, &mut rng));
+    let mut style = kind.style();
+    // Two worlds of a kind differ in how full they are, too.
+    let fill = 0.6 + 0.8 * rand::RngExt::random_range(&mut rng, 0.0..1.0);
+    style.vehicles = (style.vehicles as f64 * fill).round() as usize;
+    style.pedestrians = (style.pedestrians as f64 * fill).round() as usize;
+    furnished(network, style, seed, frames, kind.name(), |draw| match kind {
+        Kind::Highway => bridge(draw, seed),
+        Kind::Yard => rails(draw),
+        _ => {}
+    })
+}
+
+/// Makes a town on the roads of an OpenDRIVE document; `file` names it in errors.
+///
+/// Coordinates are those of the document. Houses, trees, lamps and signs stand along its roads,
+/// vehicles drive on its lanes, and the ego follows one of them for 100 m or more by lot.
+///
+/// # Errors
+/// What [`WorldError`] lists.
+pub fn import_opendrive(
+    text: &str,
+    file: &str,
+    seed: u64,
+    frames: usize,
+) -> Result<World, WorldError> {
+    let network = opendrive::network(text, file)?;
+    let walks = network.streets.iter().filter(|s| s.walks.iter().any(|w| *w > 0.0)).count();
+    let town = 2 * walks >= network.streets.len();
+    let style = if town { Kind::Town.style() } else { Kind::Highway.style() };
+    let style = Style { trees: 16.0, ..style };
+    furnished(network, style, seed, frames, file, |_| {})
+}
+
+/// Reads an OpenDRIVE file as text.
+///
+/// # Errors
+/// A file that cannot be read, is compressed, or is too large.
+pub fn read_opendrive(path: &Path) -> Result<String, WorldError> {
+    let file = path.display().to_string();
+    let failed = |source| WorldError::File { file: file.clone(), source };
+    let bytes = match sightline_files::files::read(path, opendrive::MAX_FILE) {
+        Err(error) if error.kind() == std::io::ErrorKind::FileTooLarge => {
+            return Err(WorldError::FileTooLarge { file, most: opendrive::MAX_FILE >> 20 });
+        }
+        bytes => bytes.map_err(failed)?,
+    };
+    if bytes.starts_with(&[0x1f, 0x8b]) {
+        return Err(WorldError::Compressed { file });
+    }
+    let invalid = |_| std::io::Error::new(std::io::ErrorKind::InvalidData, "is not UTF-8 text");
+    String::from_utf8(bytes).map_err(|error| failed(invalid(error)))
+}
+
+/// What the step of one kind may draw into.
+struct Draw<'a> {
+    network: &'a Network,
+    terrain: &'a Terrain,
+    mask: &'a mut super::mask::Mask,
+    model: &'a mut Model,
+}
+
+fn furnished(
+    network: Network,
+    style: Style,
+    seed: u64,
+    frames: usize,
+    file: &str,
+    special: impl FnOnce(&mut Draw<'_>),
+) -> Result<World, WorldError> {
+    let settings = Settings { network: &network, style: &style, frames: frames.max(1), rate: RATE };
+    let people = settings.populate(&mut lot(seed, 20)).map_err(|no| WorldError::NoWay {
+        file: file.to_owned(),
+        wanted: no.wanted,
+        longest: no.longest,
+    })?;
+    let mut model = Model::default();
+    let open = if style.goods { class::GROUND } else { class::TERRAIN };
+    let (mut mask, terrain) = surfaces::draw(&network, &mut model, open);
+    surfaces::pave_gaps(&network, &mut mask, &mut model);
+    surfaces::shapes(&network.shapes, &mut mask, &mut model);
+    special(&mut Draw { network: &network, terrain: &terrain, mask: &mut mask, model: &mut model });
+    let mut houses = Houses {
+        style: &style,
+        terrain: &terrain,
+        mask: &mut mask,
+        model: &mut model,
+        rng: lot(seed, 21),
+        plots: Vec::new(),
+    };
+    houses.line(&network);
+    let houses = houses.plots.iter().map(Plot::corners).collect();
+    let mut things = Things {
+        style: &style,
+        terrain: &terrain,
+        mask: &mut mask,
+        model: &mut model,
+        rng: lot(seed, 22),
+        trees: Vec::new(),
+        of_map: Brought::of(&network),
+        left_out: 0,
+    };
+    things.furnish(&network);
+    let (trees, left_out) = (things.trees, things.left_out);
+    let mut network = network;
+    if left_out > 0 {
+        network.notes.push(Note::fact(format!(
+            "{file}: {left_out} signals would stand on the road and are left out; give them the height of a plate over it"
+        )));
+    }
+    Ok(World { model: model.soup, people, frames: frames.max(1), houses, trees, network })
+}
+
+/// A bridge across the motorway, and walls against noise.
+fn bridge(draw: &mut Draw<'_>, seed: u64) {
+    let Some(street) = draw.network.streets.first() else { return };
+    let mut rng = lot(seed, 23);
+    let [left, right] = &street.edges;
+    let s = rand::RngExt::random_range(&mut rng, 0.4..0.6) * left.length();
+    let (a, b) = (left.at(s), right.at(s / left.length() * right.length()));
+    let (middle, across) = ((a + b) * 0.5, (a - b).truncate());
+    let half = 0.5 * across.length() + 8.0;
+    let deck = Plot {
+        middle: middle.truncate(),
+        ahead: across.normalize_or(DVec2::Y),
+        half: DVec2::new(half, 4.5),
+    };
+    let z = middle.z + 5.2;
+    draw.model.block(&deck, [z, z + 0.9], class::BRIDGE);
+    let under: Vec<_> = deck.corners().iter().map(|p| p.extend(z)).collect();
+    draw.model.quad([under[0], under[1], under[2], under[3]], class::BRIDGE);
+    for side in [-1.0, 1.0] {
+        draw.model.block(
+            &deck.part([-1.0, 1.0], [side * 0.97, side * 0.93]),
+            [z + 0.9, z + 1.9],
+            class::BRIDGE,
+        );
+        let pier = deck.part([side * 0.97, side * 0.8], [-0.9, 0.9]);
+        let foot = draw.terrain.height(pier.middle) - 0.5;
+        if !draw.mask.touches(pier.middle, pier.ahead, pier.half, ROAD) {
+            draw.model.block(&pier, [foot, z], class::BRIDGE);
+        }
+    }
+    draw.mask.block(deck.middle, deck.ahead, deck.half, THING);
+    let wall = Line::new(left.offset(6.0)).part(0.0, 0.3 * left.length());
+    for pair in wall.points().windows(2) {
+        let middle = (pair[0] + pair[1]).truncate() * 0.5;
+        let ahead = (pair[1] - pair[0]).truncate();
+        let half = DVec2::new(0.5 * ahead.length(), 0.12);
+        let panel = Plot { middle, ahead: ahead.normalize_or(DVec2::X), half };
+        let z = draw.terrain.height(middle);
+        draw.model.block(&panel, [z - 0.3, z + 3.5], class::WALL);
+        draw.mask.block(middle, panel.ahead, half, THING);
+    }
+}
+
+/// A siding beside the main road of a yard: two rails on sleepers.
+fn rails(draw: &mut Draw<'_>) {
+    let streets = draw.network.streets.iter();
+    let Some(street) = streets.max_by(|a, b| a.edges[1].length().total_cmp(&b.edges[1].length()))
+    else {
+        return;
+    };
+    let track = Line::new(street.edges[1].offset(-3.2));
+    let mut beds = Vec::new();
+    let mut s = 0.0;
+    while s + 1.0 < track.length() {
+        let (at, ahead) = (track.at(s + 0.5), track.heading(s + 0.5));
+        let middle = at.truncate();
+        let z = draw.terrain.height(middle);
+        let bed = Plot { middle, ahead, half: DVec2::new(0.5, 1.3) };
+        if !draw.mask.touches(middle, ahead, bed.half, ROAD | WALK | HOUSE) {
+            draw.model.block(
+                &bed.part([-0.25, 0.25], [-1.0, 1.0]),
+                [z, z + 0.14],
+                class::RAIL_TRACK,
+            );
+            for side in [-0.75, 0.75] {
+                let rail = Plot {
+                    middle: middle + left_of(ahead) * side,
+                    ahead,
+                    half: DVec2::new(0.5, 0.05),
+                };
+                draw.model.block(&rail, [z, z + 0.3], class::RAIL_TRACK);
+            }
+            beds.push(bed);
+        }
+        s += 1.0;
+    }
+    for bed in beds {
+        draw.mask.block(bed.middle, bed.ahead, bed.half, THING | HOUSE);
+    }
+}
