@@ -52,8 +52,9 @@ pub struct Skipped {
 
 /// How far settings are measured, given those before them.
 ///
-/// Settings come in order of their effort, the reference first. One is measured to the end unless it cannot be the
-/// advice: it swaps too many pairs, or another one keeps the ranking for clearly less time.
+/// Settings come in order of their effort, the reference first: the finest setting in `f32`. One is measured to the end
+/// unless it cannot be the advice: it swaps too many pairs, or another one keeps the ranking for clearly less time. The
+/// f64 scorer comes last and is left after a few placements, which tell how far the reference is from it.
 #[derive(Debug, Clone)]
 pub(super) struct Rule {
     /// Every setting is measured to the end.
@@ -121,7 +122,8 @@ impl Rule {
         }
     }
 
-    /// Whether a setting may become the advice, so that its time has to be right.
+    /// Whether a setting may become the advice, so that its time has to be right. The reference, of which there are no
+    /// scores yet when it is measured, has its time from all placements.
     pub(super) fn is_candidate(&self, setting: &Setting, scores: &[Option<f64>]) -> bool {
         matches!(setting.engine, Engine::Cpu | Engine::Gpu) && self.keeps(scores)
     }
@@ -130,8 +132,8 @@ impl Rule {
     pub(super) fn note(&mut self, measured: &Measured, effort: f64) {
         if self.reference.is_empty() {
             self.reference.clone_from(&measured.scores);
-        } else if measured.left.is_none() && self.is_candidate(&measured.setting, &measured.scores)
-        {
+        }
+        if measured.left.is_none() && self.is_candidate(&measured.setting, &measured.scores) {
             let [least, seconds] = self.kept.unwrap_or([f64::INFINITY; 2]);
             self.kept = Some([least.min(effort), seconds.min(measured.seconds)]);
         }

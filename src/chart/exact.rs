@@ -4,16 +4,19 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::exact_tree::ExactTree;
-use super::exact_walk::{ROUNDING, coordinates, mark};
-use super::exact_worth::Worth;
 use super::{ChartError, Fidelity, World, merge_vertices};
 use crate::geom::TriangleSoup;
 use crate::maths;
 use crate::problem::{Content, KINDS, NEAR_KIND, Tally};
-use crate::psog::{ENTROPY_ONE, Roi};
-use crate::scene::{EgoBody, Scene};
+use crate::psog::{ENTROPY_ONE, EntropyKind, EntropyTable, Psog, Roi};
+use crate::scene::{EgoBody, GROUND_CLASSES, Scene};
 use crate::vehicle::{Lidar, Placement, SensorPose, Sensors, UnknownSensor};
 use lidar_cast::grid::HIT_PUSH;
+
+/// Numbers closer than this are meant to be one: direction components and zero (cos 90° is 6e-17), grid
+/// coordinates and whole numbers, metres at which a beam crosses planes (cos 45° and sin 45° differ in
+/// the last digit).
+const ROUNDING: f64 = 1e-9;
 
 /// The scorer that others are compared with: every number from the pose to the sum is an `f64`.
 ///
@@ -33,8 +36,9 @@ pub(super) struct Exact {
     /// One tree a frame; empty where beams run through all.
     frames: Vec<ExactTree>,
     content: Content,
-    /// Information of the voxels occupied in some frame.
-    worth: Worth,
+    /// Linear index and information of the voxels occupied in some frame: entropies in nats (all classes,
+    /// detection target against the rest, occupied or not) and the share of [`NEAR_KIND`], in all 1.
+    occupied: Vec<(u64, [f64; KINDS])>,
 }
 
 /// The parts of a scene where they stand in a frame, in the ego frame.
@@ -76,7 +80,7 @@ impl Exact {
             ranges: lidars.iter().map(|lidar| lidar.range()).collect(),
             numbers,
             frames: trees.collect(),
-            worth: Worth::new(scene, &psog),
+            occupied: occupied(scene, &psog),
             content: world.content(&psog),
         })
     }
@@ -99,18 +103,25 @@ impl Exact {
     /// A LiDAR of a model that the vehicle does not have.
     pub(super) fn tallies(&self, placements: &[Placement]) -> Result<Vec<Tally>, UnknownSensor> {
         let words = self.roi.voxel_count().div_ceil(64) as usize;
-        let tally = |room: &mut Room, placement: &Placement| {
+        let tally = |bitmap: &mut Vec<u64>, placement: &Placement| {
             let models = placement.lidars.iter().map(|pose| self.sensors.number(pose));
             let models = models.collect::<Result<Vec<usize>, _>>()?;
             let mut tally = Tally::zero(self.content.set_count(), placement.lidars.len());
             let mut entropy = [0.0; KINDS];
             for frame in 0..self.frame_count() {
+                bitmap.fill(0);
                 for (pose, &model) in placement.lidars.iter().zip(&models) {
-                    self.cover(pose, model, frame, room);
+                    self.cover(pose, model, frame, bitmap);
                 }
-                let [covered, occupied] = self.worth.take(&mut room.bitmap, &mut entropy);
-                tally.covered += covered;
-                tally.covered_nonzero += occupied;
+                tally.covered += bitmap.iter().map(|w| u64::from(w.count_ones())).sum::<u64>();
+                for (voxel, worth) in &self.occupied {
+                    if bitmap[(voxel >> 6) as usize] >> (voxel & 63) & 1 == 1 {
+                        tally.covered_nonzero += 1;
+                        for (sum, h) in entropy.iter_mut().zip(worth) {
+                            *sum += h;
+                        }
+                    }
+                }
             }
             let beams: usize = models.iter().map(|&model| self.directions[model].len()).sum();
             tally.beams = (beams * self.frame_count()) as u64;
@@ -120,14 +131,13 @@ impl Exact {
                 std::array::from_fn(|kind| (entropy[kind] * units[kind]).round() as u64);
             Ok(tally)
         };
-        let room = || Room { bitmap: vec![0; words], beams: Vec::new(), stack: Vec::new() };
-        placements.par_iter().map_init(room, tally).collect()
+        placements.par_iter().map_init(|| vec![0_u64; words], tally).collect()
     }
 
     /// Bytes of trees and entropies, and of the bitmap of one placement.
     pub(super) fn bytes(&self) -> u64 {
         let trees: u64 = self.frames.iter().map(ExactTree::bytes).sum();
-        trees + self.worth.bytes() + self.roi.voxel_count().div_ceil(8)
+        trees + size_of_val(self.occupied.as_slice()) as u64 + self.roi.voxel_count().div_ceil(8)
     }
 
     /// Triangles, a mean over frames.
@@ -138,28 +148,16 @@ impl Exact {
 
     /// Marks the voxels that the beams of a sensor of a model traverse in a frame, up to and including that of their
     /// hit.
-    fn cover(&self, pose: &SensorPose, model: usize, frame: usize, room: &mut Room) {
+    fn cover(&self, pose: &SensorPose, model: usize, frame: usize, bitmap: &mut [u64]) {
         let pose = self.sensors.ego_from_sensor(model, pose, self.numbers[frame]);
         let (tree, range) = (self.frames.get(frame), self.ranges[model]);
-        let Room { bitmap, beams, stack } = room;
-        beams.clear();
-        beams.extend(self.directions[model].iter().map(|&direction| {
+        for &direction in &self.directions[model] {
             let direction = snapped(pose.rotation * direction);
-            let hit = tree.and_then(|t| t.closest(pose.translation, direction, range, stack));
-            (direction, hit.map_or(range, |t| t + HIT_PUSH))
-        }));
-        mark(&self.roi, coordinates(&self.roi, pose.translation), beams, bitmap);
+            let hit = tree.and_then(|t| t.closest(pose.translation, direction, range));
+            let end = hit.map_or(range, |t| t + HIT_PUSH);
+            walk(&self.roi, pose.translation, direction, end, |v| bitmap[v >> 6] |= 1 << (v & 63));
+        }
     }
-}
-
-/// Work buffers of one thread.
-struct Room {
-    /// Voxels covered in a frame, all 0 between two.
-    bitmap: Vec<u64>,
-    /// Directions of a sensor's beams and where they end, in metres.
-    beams: Vec<(DVec3, f64)>,
-    /// Of [`ExactTree::closest`].
-    stack: Vec<(f64, usize)>,
 }
 
 fn snapped(direction: DVec3) -> DVec3 {
@@ -189,5 +187,143 @@ fn directions(lidar: &Lidar, divisor: u32) -> Vec<DVec3> {
         Lidar::Directions { directions, .. } => {
             directions.iter().map(|&d| DVec3::from(d)).collect()
         }
+    }
+}
+
+fn occupied(scene: &Scene, psog: &Psog) -> Vec<(u64, [f64; KINDS])> {
+    let table = EntropyTable::new(psog.frames());
+    let targets = scene.detection_among(psog.classes());
+    let rows = psog.index().iter().zip(psog.rows());
+    // The first of the most frequent classes.
+    let commonest =
+        |row: &[u16]| row.iter().position(|count| row.iter().all(|c| c <= count)).unwrap_or(0);
+    let (ny, nz) = (u64::from(psog.roi().shape()[1]), u64::from(psog.roi().shape()[2]));
+    let (min, edge) = (psog.roi().min(), psog.roi().voxel());
+    let plan = |index: u64| {
+        let x = min[0] + (index / (ny * nz)) as f64 * edge[0] + edge[0] / 2.0;
+        let y = min[1] + (index / nz % ny) as f64 * edge[1] + edge[1] / 2.0;
+        (x * x + y * y).sqrt()
+    };
+    let near = |index: u64| ((80.0 / plan(index)).round().clamp(1.0, 8.0)) / 8.0;
+    let is_floor = |index: u64, row: &[u16]| {
+        let name = &psog.classes()[commonest(row)];
+        let is_occupied = row.iter().any(|&count| count > 0);
+        is_occupied && GROUND_CLASSES.contains(&name.as_str()) && plan(index) <= 10.0
+    };
+    let all = || psog.index().iter().copied().zip(psog.rows());
+    let told: f64 =
+        all().map(|(index, row)| table.entropy(row, EntropyKind::Segmentation) * near(index)).sum();
+    let floor = all().filter(|(index, row)| is_floor(*index, row)).count() as f64;
+    let whole: f64 = if told > 0.0 { 1.0 } else { 0.0 } + if floor > 0.0 { 0.25 } else { 0.0 };
+    let worth = |index: u64, row: &[u16]| {
+        let target = targets.iter().map(|&c| row[usize::from(c)]).sum();
+        let all: u16 = row.iter().sum();
+        let merged = [target, all - target];
+        let entropy = table.entropy(row, EntropyKind::Segmentation);
+        let of_floor = if is_floor(index, row) { 0.25 / floor } else { 0.0 };
+        [
+            entropy,
+            table.entropy(&merged, EntropyKind::Segmentation),
+            table.entropy(row, EntropyKind::Bernoulli),
+            (entropy * near(index) / told.max(f64::MIN_POSITIVE) + of_floor) / whole.max(0.25),
+        ]
+    };
+    let some = rows.filter(|(_, row)| row.iter().any(|&count| count > 0));
+    some.map(|(&index, row)| (index, worth(index, row))).collect()
+}
+
+/// Calls `mark` with the linear index of every voxel that the beam traverses for 0 ≤ t ≤ `end`.
+///
+/// Crossings that coincide are taken at once, and a crossing at the very start or end counts.
+fn walk(roi: &Roi, origin: DVec3, direction: DVec3, end: f64, mut mark: impl FnMut(usize)) {
+    let shape = roi.shape().map(i64::from);
+    let (min, voxel) = (roi.min(), roi.voxel());
+    let p = [0, 1, 2].map(|a| {
+        let p = (origin[a] - min[a]) / voxel[a];
+        if (p - p.round()).abs() < ROUNDING { p.round() } else { p }
+    });
+    // When the beam crosses plane i of an axis; a level beam never does.
+    let along = [0, 1, 2].map(|a| if direction[a] == 0.0 { 0.0 } else { voxel[a] / direction[a] });
+    let crossing = |a: usize, i: i64| match along[a] {
+        0.0 => f64::INFINITY,
+        along => (i as f64 - p[a]) * along,
+    };
+    let mut enter = 0.0_f64;
+    for a in 0..3 {
+        if direction[a] >= 0.0 && p[a] >= shape[a] as f64 || direction[a] <= 0.0 && p[a] < 0.0 {
+            return;
+        }
+        if p[a] < 0.0 {
+            enter = enter.max(crossing(a, 0));
+        } else if p[a] >= shape[a] as f64 {
+            enter = enter.max(crossing(a, shape[a]));
+        }
+    }
+    if enter > end {
+        return;
+    }
+    let forward = [0, 1, 2].map(|a| direction[a] >= 0.0);
+    // Plane ahead of a voxel.
+    let ahead = |a: usize, i: i64| crossing(a, if forward[a] { i + 1 } else { i });
+    let step = forward.map(|f| if f { 1 } else { -1 });
+    let mut cell = [0, 1, 2].map(|a| {
+        // One voxel too early at most; then on to the one after every crossing up to `enter`.
+        let guess = (p[a] + enter * direction[a] / voxel[a]).floor() as i64;
+        let mut i = guess - step[a];
+        while ahead(a, i) <= enter + ROUNDING {
+            i += step[a];
+        }
+        if direction[a] == 0.0 { guess } else { i }
+    });
+    let mut next = [0, 1, 2].map(|a| ahead(a, cell[a]));
+    while (0..3).all(|a| (0..shape[a]).contains(&cell[a])) {
+        mark(((cell[0] * shape[1] + cell[1]) * shape[2] + cell[2]) as usize);
+        let t = next[0].min(next[1]).min(next[2]);
+        if t > end {
+            return;
+        }
+        for a in 0..3 {
+            if next[a] <= t + ROUNDING {
+                cell[a] += step[a];
+                next[a] = ahead(a, cell[a]);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cells(origin: [f64; 3], direction: [f64; 3], end: f64) -> Vec<[u32; 3]> {
+        let roi = Roi::new([0.0; 3], [1.0; 3], [4, 4, 4]).unwrap();
+        let mut seen = Vec::new();
+        let direction = DVec3::from(direction).normalize();
+        walk(&roi, origin.into(), direction, end, |v| seen.push(roi.coords(v as u64)));
+        seen
+    }
+
+    #[test]
+    fn a_beam_walks_as_the_definition_says() {
+        let row = [[0, 1, 2], [1, 1, 2], [2, 1, 2], [3, 1, 2]];
+        assert_eq!(cells([0.5, 1.5, 2.5], [1.0, 0.0, 0.0], 100.0), row);
+        assert_eq!(cells([0.5, 1.0, 2.0], [1.0, 0.0, 0.0], 100.0), row);
+        assert_eq!(cells([-2.0, 1.5, 2.5], [1.0, 0.0, 0.0], 3.5), row[..2]);
+        assert!(cells([-2.0, 1.5, 2.5], [-1.0, 0.0, 0.0], 100.0).is_empty());
+        assert!(cells([-2.0, 4.0, 2.5], [1.0, 0.0, 0.0], 100.0).is_empty());
+        // Going back from a face leaves the voxel above it at once.
+        assert_eq!(cells([2.0, 0.5, 0.5], [-1.0, 0.0, 0.0], 9.0), [[1, 0, 0], [0, 0, 0]]);
+        assert_eq!(
+            cells([3.5, 3.5, 1.5], [-1.0, -1.0, 0.0], 100.0),
+            [[3, 3, 1], [2, 2, 1], [1, 1, 1], [0, 0, 1]]
+        );
+        // At 45° through edges, from inside and from outside, where cos and sin differ by rounding.
+        let (sin, cos) = std::f64::consts::FRAC_PI_4.sin_cos();
+        assert_ne!(sin, cos);
+        let diagonal = [[0, 0, 1], [1, 1, 1], [2, 2, 1], [3, 3, 1]];
+        assert_eq!(cells([0.3, 0.3, 1.5], [cos, sin, 0.0], 100.0), diagonal);
+        assert_eq!(cells([-1.7, -1.7, 1.5], [cos, sin, 0.0], 100.0), diagonal);
+        assert_eq!(cells([0.5, 0.5, 0.5], [0.0, 1.0, 0.0], 1.5), [[0, 0, 0], [0, 1, 0], [0, 2, 0]]);
+        assert_eq!(cells([0.5, 0.5, 0.5], [0.0, 1.0, 0.0], 1.4999), [[0, 0, 0], [0, 1, 0]]);
     }
 }

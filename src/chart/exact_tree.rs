@@ -42,19 +42,12 @@ impl ExactTree {
     }
 
     /// Metres along the unit `direction` to the closest triangle with 0 < t ≤ `range`.
-    ///
-    /// `stack` holds nodes to visit and where the ray enters them, the nearest last; it is emptied first.
-    pub(super) fn closest(
-        &self,
-        origin: DVec3,
-        direction: DVec3,
-        range: f64,
-        stack: &mut Vec<(f64, usize)>,
-    ) -> Option<f64> {
+    pub(super) fn closest(&self, origin: DVec3, direction: DVec3, range: f64) -> Option<f64> {
         let inverse = direction.recip();
         let mut best = None;
         let mut limit = range;
-        stack.clear();
+        // Nodes to visit and where the ray enters them, the nearest last.
+        let mut stack = Vec::with_capacity(64);
         let enters = |index: usize, limit: f64| enter(&self.nodes[index], origin, inverse, limit);
         if !self.nodes.is_empty() {
             stack.extend(enters(0, limit).map(|t| (t, 0)));
@@ -207,33 +200,27 @@ mod tests {
             soup.face_class.push(0);
         }
         let tree = ExactTree::build(&soup);
-        let (mut hits, mut stack) = (0, Vec::new());
+        let mut hits = 0;
         for _ in 0..2000 {
             let mut vector = || DVec3::from([0; 3].map(|_| rng.random_range(-1.0..1.0)));
             let (origin, direction) = (vector() * 5.0, vector().normalize());
             let all = tree.triangles.iter().filter_map(|t| meet(t, origin, direction));
             let want = all.filter(|t| *t > 0.0 && *t <= 12.0).min_by(f64::total_cmp);
-            assert_eq!(tree.closest(origin, direction, 12.0, &mut stack), want);
+            assert_eq!(tree.closest(origin, direction, 12.0), want);
             hits += usize::from(want.is_some());
         }
         assert!(hits > 200, "only {hits} hits");
         assert_eq!(
-            ExactTree::build(&TriangleSoup::default()).closest(
-                DVec3::ZERO,
-                DVec3::X,
-                1.0,
-                &mut stack
-            ),
+            ExactTree::build(&TriangleSoup::default()).closest(DVec3::ZERO, DVec3::X, 1.0),
             None
         );
     }
-
     #[test]
     fn a_ray_in_the_plane_of_a_box_face_meets_what_ends_there() {
         let vertices = vec![[5.0, 0.0, 0.0], [5.0, 1.0, 0.0], [5.0, 0.0, 1.0]];
         let soup = TriangleSoup { vertices, faces: vec![[0, 1, 2]], face_class: vec![0] };
         let tree = ExactTree::build(&soup);
-        let hit = |y: f64| tree.closest(DVec3::new(0.0, y, 0.5), DVec3::X, 9.0, &mut Vec::new());
+        let hit = |y: f64| tree.closest(DVec3::new(0.0, y, 0.5), DVec3::X, 9.0);
         assert_eq!([-0.1, 0.0, 0.1].map(hit), [None, Some(5.0), Some(5.0)]);
     }
 }

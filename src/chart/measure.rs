@@ -14,8 +14,8 @@ use crate::vehicle::Placement;
 
 /// Placements by which the GPU is compared with the CPU before the CPU's scores stand for both.
 const COMPARED: usize = 8;
-/// Fewest placements of one repeat.
-const TIMED: usize = 4;
+/// Fewest placements of one repeat, of the setting and of the yardstick.
+const TIMED: usize = 2;
 /// Least wall time of one repeat, in seconds, where there are placements enough.
 const REPEAT_SECONDS: f64 = 0.15;
 /// The unit of time casts into one frame in this many of the scene's.

@@ -7,7 +7,7 @@
 //! | `setting` | a setting, and all that a scene allows |
 //! | `world` | the problem that a scene poses at a setting |
 //! | `simplify` | triangles merged below a size |
-//! | `exact`, `exact_tree`, `exact_walk`, `exact_worth` | the finest setting: casting, coverage and sums in `f64` |
+//! | `exact`, `exact_tree` | the finest setting: casting, coverage and sums in `f64` |
 //! | `ranking` | score error, Kendall's τ, top-1 regret, bootstrap intervals |
 //! | `measure`, `scorer` | cost and scores of one setting |
 //! | `early` | settings that are left early or not begun |
@@ -16,8 +16,6 @@
 pub(crate) mod early;
 mod exact;
 mod exact_tree;
-mod exact_walk;
-mod exact_worth;
 pub(crate) mod measure;
 pub(crate) mod ranking;
 mod run;

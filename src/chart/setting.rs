@@ -66,7 +66,7 @@ pub struct Setting {
 /// Settings from fine to coarse.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// The finest in `f64` comes first: the reference of all others.
+    /// The finest in `f64` comes first, the same in `f32` next.
     pub all: Vec<Setting>,
     /// Why settings are missing, one sentence each.
     pub left_out: Vec<String>,

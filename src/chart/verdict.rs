@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{Engine, Measured, RankingError};
+use super::{Engine, Measured, RankingError, Setting};
 
 /// A measured setting and how it compares with the reference.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,8 +21,8 @@ pub struct Rated {
 pub struct Verdict {
     /// Position in the list of settings.
     pub setting: usize,
-    /// How many times as long the finest setting takes in `f64`.
-    pub saves_over_f64: f64,
+    /// How many times as long the finest setting takes in `f64`, where that was measured.
+    pub saves_over_f64: Option<f64>,
     /// How many times as long the finest setting takes in `f32`, where that was measured.
     pub saves_over_f32: Option<f64>,
 }
@@ -85,13 +85,14 @@ pub fn cheapest(rated: &[Rated], tolerance: f64) -> Option<Verdict> {
         .filter(|&i| i == 0 || keeps_ranking(&rated[i].error, tolerance))
         .min_by(|&a, &b| seconds(a).total_cmp(&seconds(b)))?;
     let finest = reference.measured.setting.fidelity;
-    let f32 = rated.iter().find(|r| {
-        r.measured.setting.engine == Engine::Cpu && r.measured.setting.fidelity == finest
-    });
+    let saves_over = |engine: Engine| {
+        let is_finest = |r: &&Rated| r.measured.setting == Setting { engine, fidelity: finest };
+        rated.iter().find(is_finest).map(|r| r.measured.seconds / seconds(setting))
+    };
     Some(Verdict {
         setting,
-        saves_over_f64: reference.measured.seconds / seconds(setting),
-        saves_over_f32: f32.map(|f32| f32.measured.seconds / seconds(setting)),
+        saves_over_f64: saves_over(Engine::F64),
+        saves_over_f32: saves_over(Engine::Cpu),
     })
 }
 
@@ -136,7 +137,7 @@ mod tests {
         assert_eq!(front, [false, true, false, true, true]);
         // Setting 3 takes the second best, which is 2 % worse.
         let verdict = cheapest(&rated, 0.03).unwrap();
-        assert_eq!((verdict.setting, verdict.saves_over_f64), (3, 4.0));
+        assert_eq!((verdict.setting, verdict.saves_over_f64), (3, Some(4.0)));
         assert_eq!(cheapest(&rate(&all, 0.001, 1), 0.001).unwrap().setting, 1);
         assert_eq!(cheapest(&[], 0.1), None);
         assert!(rate(&[], 0.1, 1).is_empty());

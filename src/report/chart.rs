@@ -121,7 +121,7 @@ impl Area {
                 "wall time of a placement, all threads at work"
             }
             text x="20" y="50" {
-                "1 − Kendall τ against the finest setting in f64, with 95 % intervals; 0: the same ranking"
+                "1 − Kendall τ against the reference, with 95 % intervals; 0: the same ranking"
             }
             text x="20" y=(bottom + 62.0) font-size="12" fill=(SOFT) {
                 "□ f64 · ○ CPU f32 · ◇ GPU f32 · line: Pareto front · filled, red: cheapest that keeps the \

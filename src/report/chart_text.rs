@@ -3,7 +3,7 @@
 use super::chart_table::seconds;
 use super::chart_words::chart_words;
 use super::text::{align_columns, numbered};
-use crate::chart::Chart;
+use crate::chart::{Chart, Engine};
 
 /// Titles of the printed table.
 const TITLES: [&str; 12] = [
@@ -33,7 +33,9 @@ pub fn chart_text(found: &Chart) -> String {
         rows.first().map_or("nothing", |row| &row.setting)
     );
     let chosen = found.verdict.map(|verdict| verdict.setting);
-    let is_printed = |i: usize| found.full || i == 0 || Some(i) == chosen || rows[i].on_front;
+    let is_exact = |i: usize| rows[i].rung.engine == Engine::F64;
+    let is_printed =
+        |i: usize| found.full || i == 0 || Some(i) == chosen || rows[i].on_front || is_exact(i);
     let cells = rows.iter().enumerate().filter(|(i, _)| is_printed(*i)).map(|(_, row)| {
         let mark = if row.same_quantity { " " } else { "*" };
         let error = &row.error;
@@ -95,7 +97,7 @@ pub fn charts_text(charts: &[Chart]) -> String {
             Some((verdict, row)) => vec![
                 name,
                 row.setting.clone(),
-                format!("{:.1}", verdict.saves_over_f64),
+                verdict.saves_over_f64.map_or("–".into(), |times| format!("{times:.1}")),
                 row.error.tau.map_or("–".into(), |tau| format!("{:.3}", tau.value)),
                 format!("{:.2}", 100.0 * row.error.regret.value),
             ],

@@ -1,7 +1,10 @@
 //! The verdict of a chart in sentences.
 
 use super::seconds;
-use crate::chart::{Chart, MOST_SWAPPED};
+use crate::chart::{Chart, Engine, MOST_SWAPPED};
+
+/// Largest difference between scores in `f64` and `f32`, as a share, that rounding explains: docs/fidelity.md.
+const ROUNDING: f64 = 1e-3;
 
 /// The setting to take, and how much it saves, in two sentences; none where nothing was measured.
 pub fn chart_words(chart: &Chart) -> Vec<String> {
@@ -24,17 +27,39 @@ pub fn chart_words(chart: &Chart) -> Vec<String> {
         100.0 * taken.error.swapped.high,
         100.0 * MOST_SWAPPED,
     );
-    let f32 = verdict.saves_over_f32.map_or(String::new(), |times| {
-        format!(" and {times:.1} times as fast as the same in f32 on the CPU")
-    });
+    let times = [(verdict.saves_over_f32, "f32"), (verdict.saves_over_f64, "f64")];
+    let times: Vec<String> = times
+        .into_iter()
+        .filter_map(|(times, number)| Some(format!("{:.1} times as fast in {number}", times?)))
+        .collect();
     let saved = format!(
-        "It is {:.1} times as fast as the finest setting ({}){f32}; it takes {} instead of {}.",
-        verdict.saves_over_f64,
-        finest.measured.setting.words(chart.edge),
+        "Against the finest setting ({}) it is {}; it takes {} instead of {}.",
+        finest.measured.setting.fidelity.words(chart.edge),
+        times.join(" and "),
         mebibytes(taken.measured.bytes),
         mebibytes(finest.measured.bytes),
     );
-    vec![kept, saved]
+    [Some(kept), Some(saved), checked(chart)].into_iter().flatten().collect()
+}
+
+/// How far the reference is from the f64 scorer, where the reference is in `f32`.
+fn checked(chart: &Chart) -> Option<String> {
+    let exact = chart.rated.iter().skip(1).find(|r| r.measured.setting.engine == Engine::F64)?;
+    let off = exact.error.score_largest;
+    let more = if off <= ROUNDING {
+        String::new()
+    } else {
+        format!(
+            ", more than the {} % that rounding explains: --full compares with f64",
+            100.0 * ROUNDING
+        )
+    };
+    Some(format!(
+        "In f64, by code that shares nothing with the engines, {} placements differ from the reference by at most \
+         {:.4} % of a score{more}.",
+        exact.measured.scores.len(),
+        100.0 * off
+    ))
 }
 
 fn mebibytes(bytes: u64) -> String {
