@@ -137,7 +137,8 @@ mod tests {
         assert_eq!(front, [false, true, false, true, true]);
         // Setting 3 takes the second best, which is 2 % worse.
         let verdict = cheapest(&rated, 0.03).unwrap();
-        assert_eq!((verdict.setting, verdict.saves_over_f64), (3, Some(4.0)));
+        assert_eq!((verdict.setting, verdict.saves_over_f32), (3, Some(4.0)));
+        assert_eq!(verdict.saves_over_f64, None, "no setting is in f64");
         assert_eq!(cheapest(&rate(&all, 0.001, 1), 0.001).unwrap().setting, 1);
         assert_eq!(cheapest(&[], 0.1), None);
         assert!(rate(&[], 0.1, 1).is_empty());
