@@ -315,9 +315,10 @@ impl FramesOnDemand {
         let all = self.levels[self.levels.len() - 1].len();
         let swapped = poses_swapped.div_ceil(lidars.max(1) as u64);
         let PlacementFrames { levels, search, confirm } = self.work;
-        let swaps = swapped * self.frames().len() as u64;
-        let full = (evaluations + swapped) * all as u64;
-        let share_of_full = (levels + search + swaps + confirm) as f64 / full.max(1) as f64;
+        let swaps = swapped.saturating_mul(self.frames().len() as u64);
+        let full = evaluations.saturating_add(swapped).saturating_mul(all as u64);
+        let done = [search, swaps, confirm].into_iter().fold(levels, u64::saturating_add);
+        let share_of_full = done as f64 / full.max(1) as f64;
         FramesUsed {
             levels: self.levels.iter().map(Vec::len).collect(),
             frames: self.levels.clone(),

@@ -91,6 +91,9 @@ impl State {
         if let Some(levels) = &self.levels {
             levels.check(suite.frame_count())?;
         }
+        if self.swaps.iter().any(|s| s.evaluations.max(s.poses_cast) > MOST_COUNTED) {
+            return Err("swaps: a count is beyond any run".to_owned());
+        }
         if let Some(bounds) = &self.bounds {
             bounds.sample.check().map_err(|why| format!("bounds: {why}"))?;
         }
