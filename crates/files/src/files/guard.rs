@@ -1,6 +1,6 @@
 //! The guard of files: every file that a command reads, and every output that must not replace one.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, Metadata};
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::{Path, PathBuf};
@@ -20,9 +20,8 @@ struct Guard {
     sessions: usize,
     /// True if the program runs, and with `--force`.
     program: Option<bool>,
-    /// Files that were read: by place, and by number so that hard links count.
-    read: BTreeSet<PathBuf>,
-    numbers: BTreeSet<(u64, u64)>,
+    /// Files that were read, each with its number, so that hard links count.
+    read: BTreeMap<PathBuf, Option<(u64, u64)>>,
     /// Outputs that were announced.
     outputs: BTreeSet<PathBuf>,
     /// Files that are being written now.
@@ -34,8 +33,7 @@ impl Guard {
         Self {
             sessions: 0,
             program: None,
-            read: BTreeSet::new(),
-            numbers: BTreeSet::new(),
+            read: BTreeMap::new(),
             outputs: BTreeSet::new(),
             temporaries: BTreeSet::new(),
         }
@@ -150,9 +148,8 @@ pub fn will_read(path: &Path) {
         return;
     }
     if let Ok(place) = path.canonicalize() {
-        guard.read.insert(place);
+        guard.read.insert(place, number(path));
     }
-    guard.numbers.extend(number(path));
 }
 
 /// Number of the file behind a path, links followed.
@@ -173,12 +170,17 @@ fn number(_: &Path) -> Option<(u64, u64)> {
 /// An input of the command, also through links and other spellings.
 pub fn is_no_input(path: &Path) -> std::result::Result<(), FileError> {
     let guard = guard();
-    if guard.numbers.is_empty() && guard.read.is_empty() {
+    if guard.read.is_empty() {
         return Ok(());
     }
-    let by_number = number(path).is_some_and(|number| guard.numbers.contains(&number));
-    // Numbers are exact; places are for systems without them.
-    let by_place = cfg!(not(unix)) && path.canonicalize().is_ok_and(|p| guard.read.contains(&p));
+    let same = number(path);
+    // A file that is gone leaves its number to a later one.
+    let is_there =
+        |(place, read): (&PathBuf, &Option<(u64, u64)>)| *read == same && number(place) == same;
+    let by_number = same.is_some() && guard.read.iter().any(is_there);
+    // Places are for systems without numbers.
+    let by_place =
+        cfg!(not(unix)) && path.canonicalize().is_ok_and(|p| guard.read.contains_key(&p));
     if by_number || by_place {
         return Err(FileError::Refused(format!(
             "{}: is read by this command and would be overwritten; name another file",
@@ -191,7 +193,7 @@ pub fn is_no_input(path: &Path) -> std::result::Result<(), FileError> {
 /// Checks that no input of the command lies in a folder that is to be written into.
 pub(super) fn holds_no_input(folder: &Path) -> std::result::Result<(), FileError> {
     let Ok(place) = folder.canonicalize() else { return Ok(()) };
-    let inside = guard().read.iter().find(|file| file.parent() == Some(&place)).cloned();
+    let inside = guard().read.keys().find(|file| file.parent() == Some(&place)).cloned();
     inside.map_or(Ok(()), |file| {
         Err(FileError::Refused(format!(
             "{}: holds {}, which this command reads; name another folder",
@@ -306,6 +308,22 @@ fn is_alive(id: u32) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_new_file_with_the_number_of_one_that_is_gone_is_no_input() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let (input, link, other) =
+            (dir.path().join("in"), dir.path().join("link"), dir.path().join("other"));
+        let _session = Session::begin();
+        std::fs::write(&input, "x").expect("a file");
+        std::fs::hard_link(&input, &link).expect("a link");
+        will_read(&input);
+        assert!(is_no_input(&link).is_err(), "one file under two names");
+        // The link takes the number along, as a file system does that gives a free number away.
+        std::fs::rename(&link, &other).expect("another name");
+        std::fs::remove_file(&input).expect("the input's end");
+        assert!(is_no_input(&other).is_ok());
+    }
 
     #[test]
     fn a_folder_loses_the_files_of_dead_processes_alone() {
