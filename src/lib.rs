@@ -29,7 +29,8 @@
 //! # Ok::<(), sightline::Error>(())
 //! ```
 //!
-//! One direction of data flow, top to bottom; a module imports only what stands above it:
+//! One direction of data flow, top to bottom; a module imports only those above it. Modules down to [`export`] are
+//! re-exports of the crates that hold them; `lidar-cast` has the three stages themselves.
 //!
 //! | module | holds |
 //! |---|---|
@@ -40,13 +41,10 @@
 //! | [`worlds`] | worlds by rule: generated, and on OpenDRIVE roads |
 //! | [`psog`] | region of interest, voxels, P-SOG, entropy |
 //! | [`datasets`] | labelled scans of public data sets, to P-SOGs and to scenes of boxes |
-//! | `bvh` | bounding volume hierarchy, flat and wide |
-//! | [`problem`] | what is asked, ready to be computed |
-//! | `cast` | closest hits of all beams |
-//! | `cover` | voxels that beams cover |
-//! | `reduce` | integer sums over covered voxels |
+//! | [`problem`] | the task of the engines and the rules of the mount, from a scene and a P-SOG |
 //! | [`scan`] | scans of a scene by virtual sensors |
 //! | [`engine`] | the three stages on the CPU and on the GPU behind one trait |
+//! | [`export`] | scans as data sets that public loaders read |
 //! | [`score`] | scores, guards and objectives from the sums |
 //! | [`near_field`] | ground, poles and own body near a vehicle |
 //! | [`search`] | CMA-ES and swaps over a problem, bounds on what they leave |
@@ -55,8 +53,6 @@
 //! | [`verify`] | comparisons of engines bit by bit, and with `f64` |
 //! | [`chart`] | settings from fine to coarse, their cost and their error |
 //! | [`study`] | how many LiDARs, which sensor, what if one fails |
-//! | `files` | files that are whole at any time, folders of runs |
-//! | [`export`] | scans as data sets that public loaders read |
 //! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
 //! | [`runs`] | work on files: what each command does with scenes, placements and folders |
 //! | `cli` | the program: parses arguments, calls the modules above, prints |

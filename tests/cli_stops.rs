@@ -215,7 +215,7 @@ fn searches_over_many_frames_end_soon_after_their_time() {
         assert_eq!(left_over(dir.path()), [""; 0], "{line}");
         ended
     };
-    // The same work over four frames, all of which comes on top, is the measure of this machine.
+    // A run over four frames, all of whose work comes on top, is the measure of this machine.
     let (status, unit, said) =
         limited(&LIMITED[3].replace("given.json again", "few"), 0, 4 * HANGS);
     assert!(status.success(), "{said}");

@@ -15,7 +15,7 @@ const SLOWER: [f64; 2] = [3.0, 1.5];
 /// beams and voxels and are mostly right within a factor of 1.5; see [`Setting::effort`].
 pub(super) const DEARER: f64 = 2.0;
 
-/// Why a setting was not measured with all placements.
+/// Reason for which a setting was not measured with all placements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Left {
@@ -46,7 +46,7 @@ impl Left {
 pub struct Skipped {
     /// The setting.
     pub rung: Setting,
-    /// Why.
+    /// The reason.
     pub left: Left,
 }
 
@@ -61,7 +61,7 @@ pub(super) struct Rule {
     pub(super) full: bool,
     /// See [`super::rate`].
     pub(super) tolerance: f64,
-    /// Of the bootstrap.
+    /// Seed of the bootstrap.
     pub(super) seed: u64,
     /// Scores of the reference.
     reference: Vec<Option<f64>>,
@@ -84,13 +84,13 @@ impl Rule {
         order
     }
 
-    /// Whether a setting is not worth a placement. A GPU's time does not follow from counts.
+    /// True if a setting is not worth a placement. A GPU's time does not follow from counts.
     pub(super) fn skips(&self, setting: &Setting, effort: f64) -> bool {
         let is_counted = setting.engine == Engine::Cpu && !self.full;
         is_counted && self.kept.is_some_and(|[least, _]| effort > DEARER * least)
     }
 
-    /// Why a setting is left after the first placements, if it is; `seconds` is its time a placement so far.
+    /// Reason to leave a setting after its first placements, if there is one; `seconds` is its time a placement so far.
     pub(super) fn leaves(&self, scores: &[Option<f64>], seconds: f64) -> Option<Left> {
         if self.full || self.reference.is_empty() || scores.len() >= self.reference.len() {
             return None;
@@ -105,24 +105,24 @@ impl Rule {
         is_over.then_some(Left::Swaps)
     }
 
-    /// Whether the scores of all placements keep the ranking.
+    /// True if the scores of all placements keep the ranking.
     pub(super) fn keeps(&self, scores: &[Option<f64>]) -> bool {
         let error = RankingError::new(&self.reference, scores, self.tolerance, self.seed);
         scores.len() == self.reference.len()
             && error.is_some_and(|error| keeps_ranking(&error, self.tolerance))
     }
 
-    /// Whether a setting that an interrupted chart has measured does as it is: another tolerance may want more of it.
+    /// True if a setting that an interrupted chart has measured needs no more: another tolerance may want more of it.
     pub(super) fn is_settled(&self, measured: &Measured, effort: f64) -> bool {
         let Measured { setting, scores, seconds, .. } = measured;
-        match measured.left {
-            Some(Left::Dearer) => self.skips(setting, effort),
+        let is_enough = match measured.left {
             Some(_) => self.leaves(scores, *seconds).is_some(),
             None => self.full || measured.repeats > 0 || !self.is_candidate(setting, scores),
-        }
+        };
+        is_enough || self.skips(setting, effort)
     }
 
-    /// Whether a setting may become the advice, so that its time has to be right. The reference, of which there are no
+    /// True if a setting may become the advice, so that its time has to be right. The reference, of which there are no
     /// scores yet when it is measured, has its time from all placements.
     pub(super) fn is_candidate(&self, setting: &Setting, scores: &[Option<f64>]) -> bool {
         matches!(setting.engine, Engine::Cpu | Engine::Gpu) && self.keeps(scores)

@@ -54,23 +54,23 @@ pub struct Measured {
     pub pose: Option<PoseCost>,
     /// Repeats of the timing; 0 where the scoring of the placements was timed instead, eight at a time.
     pub repeats: usize,
-    /// Why only the first placements were scored; `None` where all were.
+    /// Reason for which only the first placements were scored; `None` where all were.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left: Option<Left>,
     /// Objective of each placement; `None` where it covers nothing.
     pub scores: Vec<Option<f64>>,
 }
 
-/// Why to leave a setting, from its scores and seconds a placement so far.
+/// Reason to leave a setting, from its scores and seconds a placement so far.
 type Leaves<'a> = dyn Fn(&[Option<f64>], f64) -> Option<Left> + 'a;
 
 /// How far a setting is measured.
 pub(super) struct Extent<'a> {
     /// Called with the number of placements just scored: whether to go on. A setting under way is dropped.
     pub(super) goes_on: &'a dyn Fn(usize) -> bool,
-    /// Why to leave a setting under way.
+    /// Reason to leave a setting under way.
     pub(super) leaves: &'a Leaves<'a>,
-    /// Whether to time a setting in repeats, from all its scores.
+    /// True if a setting is timed in repeats, from all its scores.
     pub(super) is_timed: &'a dyn Fn(&[Option<f64>]) -> bool,
 }
 

@@ -99,7 +99,7 @@ pub struct ChartRow {
     pub on_front: bool,
     /// Placements that were scored, the first of all.
     pub placements: usize,
-    /// Why no more were.
+    /// Reason for which no more were.
     pub left: Option<Left>,
 }
 
@@ -120,7 +120,7 @@ pub struct Chart {
     pub rated: Vec<Rated>,
     /// The setting to take; `None` where none was measured.
     pub verdict: Option<Verdict>,
-    /// Whether every setting was measured to the end.
+    /// True if every setting was measured to the end.
     pub full: bool,
     /// Settings that were not begun, since they cannot be the one to take.
     pub skipped: Vec<Skipped>,
@@ -318,15 +318,14 @@ fn measure(
             let missing = order[place..].iter().filter(is_missing).count();
             return Ok(Progress { missing, skipped });
         }
-        let skips = rule.skips(&setting, effort);
         let held = state.measured.iter().position(|m| m.setting == setting);
-        if skips && held.is_none() {
+        if held.is_none() && rule.skips(&setting, effort) {
             skipped.push(Skipped { rung: setting, left: Left::Dearer });
         } else if held.is_none_or(|at| !rule.is_settled(&state.measured[at], effort)) {
             let words = setting.words(edge);
             observer.begins(place + 1, order.len(), &words);
             let share = |part: f64| observer.progress((before + effort * part) / whole);
-            match one(bench, &setting, &rule, skips, state, (&share, observer)) {
+            match one(bench, &setting, &rule, state, (&share, observer)) {
                 Ok(Some(measured)) => match held {
                     Some(at) => state.measured[at] = measured,
                     None => state.measured.push(measured),
@@ -352,12 +351,11 @@ fn measure(
     Ok(Progress { missing: 0, skipped })
 }
 
-/// Measures one setting as far as the rule says; one that it skips, a few placements.
+/// Measures one setting as far as the rule says.
 fn one(
     bench: &mut Bench,
     setting: &Setting,
     rule: &Rule,
-    skips: bool,
     state: &ChartState,
     (share, observer): (&dyn Fn(f64), &dyn ChartObserver),
 ) -> Result<Option<Measured>, ChartError> {
@@ -367,9 +365,7 @@ fn one(
         share(done.get() as f64 / count);
         observer.goes_on()
     };
-    let leaves = |scores: &[Option<f64>], seconds: f64| {
-        if skips { Some(Left::Dearer) } else { rule.leaves(scores, seconds) }
-    };
+    let leaves = |scores: &[Option<f64>], seconds: f64| rule.leaves(scores, seconds);
     let is_timed = |scores: &[Option<f64>]| rule.full || rule.is_candidate(setting, scores);
     let extent = Extent { goes_on: &goes_on, leaves: &leaves, is_timed: &is_timed };
     bench.measure(setting, &state.measured, &extent)

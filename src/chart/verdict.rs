@@ -53,7 +53,7 @@ fn misranked(rated: &Rated) -> f64 {
     rated.error.tau.map_or(1.0, |tau| 1.0 - tau.value)
 }
 
-/// Whether a setting was measured with all placements and scores any other: a warm atlas only those whose poses were
+/// True if a setting was measured with all placements and scores any other: a warm atlas only those whose poses were
 /// cast before.
 fn is_general(rated: &Rated) -> bool {
     rated.measured.left.is_none() && rated.measured.setting.engine != Engine::Atlas
@@ -96,7 +96,7 @@ pub fn cheapest(rated: &[Rated], tolerance: f64) -> Option<Verdict> {
     })
 }
 
-/// Whether the errors of a setting over all placements allow it to be taken.
+/// True if the errors of a setting over all placements allow it to be taken.
 pub(super) fn keeps_ranking(error: &RankingError, tolerance: f64) -> bool {
     error.regret.high <= tolerance && error.swapped.high <= MOST_SWAPPED
 }

@@ -144,7 +144,7 @@ impl World {
     /// a no.
     ///
     /// # Errors
-    /// As [`Self::psog`].
+    /// See [`Self::psog`].
     pub(super) fn psog_while(
         &mut self,
         factor: f64,
@@ -198,7 +198,7 @@ impl World {
     /// The problem that the scene poses at a setting.
     ///
     /// # Errors
-    /// As [`Self::psog`], or a sensor without beams.
+    /// See [`Self::psog`]; a sensor without beams.
     pub(super) fn problem(&mut self, fidelity: &Fidelity) -> Result<Problem, ChartError> {
         let psog = self.psog(fidelity.voxel)?;
         let frames = if fidelity.through { Vec::new() } else { self.frames(fidelity) };

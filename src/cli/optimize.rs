@@ -52,7 +52,7 @@ pub struct Args {
     /// Seconds from the start after which the run ends, generations after two fifths of them; --resume goes on
     /// from there
     ///
-    /// Of a scene of more than 32 frames the last fifth is kept to confirm the result over all of them; where that is
+    /// The last fifth of a run over more than 32 frames is kept to confirm the result over all of them; where that is
     /// not enough, result and baselines are scored over few frames, and `stopped` says so. A P-SOG that is not scanned
     /// in that time ends the run with an error. The scores over few frames and the page, seconds each, come on top.
     #[arg(long, value_name = "S", visible_alias = "time", value_parser = parse_seconds)]

@@ -234,7 +234,7 @@ impl RunRecord {
     }
 }
 
-/// Why a run has ended, and over how many frames its result is scored where these are not all.
+/// Reason for which a run has ended, and over how many frames its result is scored where these are not all.
 fn stopped(stopped: Stopped, confirmed: usize, frames: usize) -> String {
     match confirmed < frames {
         true => format!(

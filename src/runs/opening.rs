@@ -11,7 +11,7 @@ use crate::problem::StageTimes;
 use crate::psog::{Psog, PsogError};
 use crate::scan::conditions::{Condition, Kind};
 use crate::scene::{PsogSource, Scene};
-use crate::search::{Evaluator, Member, Suite, TimeLimit};
+use crate::search::{Evaluator, FRAMES_AT_ONCE, Member, Suite, TimeLimit};
 
 use super::{Computing, Error, Watcher};
 
@@ -50,9 +50,6 @@ pub fn files(
     let conditions = conditions.iter().map(Condition::to_string).collect();
     JobFiles { conditions, frames, ..JobFiles::new(scenes, computing.vehicle.as_deref()) }
 }
-
-/// Most frames that are scanned whatever the time: as many as a search scores whatever the time.
-const FEW_FRAMES: u64 = crate::search::FRAMES_AT_ONCE as u64;
 
 /// Reads the scenes of a job and reads or builds their P-SOGs; problems are made when they are first needed.
 pub fn job(files: &JobFiles, computing: &Computing<'_>) -> Result<Loaded, Error> {
@@ -97,7 +94,8 @@ pub fn psog(
     let is_late = || time.is_some_and(|time| Instant::now() >= time.deadline());
     let scanned = scene.psog(|done| {
         bar.set(done as u64, frames);
-        watcher.goes_on() && (frames <= FEW_FRAMES || !is_late())
+        // A search scores as many whatever the time.
+        watcher.goes_on() && (frames <= FRAMES_AT_ONCE as u64 || !is_late())
     });
     scanned.map_err(|error| match error {
         JobError::Grid(error) => stopped(error, &scene.place(), time, watcher),

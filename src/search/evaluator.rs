@@ -37,6 +37,10 @@ pub struct Judged {
     pub by_scene: Vec<SceneScores>,
 }
 
+fn scores_of(judged: Vec<Judged>) -> Vec<Scores> {
+    judged.into_iter().map(|judged| judged.scores).collect()
+}
+
 impl Evaluator {
     /// An evaluator on the CPU, with half of the free memory for work buffers.
     pub fn on_cpu(problem: impl Into<Arc<Problem>>) -> Self {
@@ -181,7 +185,7 @@ impl Evaluator {
     /// # Errors
     /// See [`Backend::tally`].
     pub fn scores(&mut self, placements: &[Placement]) -> Result<Vec<Scores>, BackendError> {
-        Ok(self.judged(placements)?.into_iter().map(|judged| judged.scores).collect())
+        Ok(scores_of(self.judged(placements)?))
     }
 
     /// Like [`Self::scores`], and the scores in each of several scenes beside them.
@@ -189,12 +193,7 @@ impl Evaluator {
     /// # Errors
     /// See [`Backend::tally`].
     pub fn judged(&mut self, placements: &[Placement]) -> Result<Vec<Judged>, BackendError> {
-        let mut by_member = Vec::new();
-        for seat in &mut self.seats {
-            let tallies = seat.tally(placements, None)?;
-            by_member.push(seat.scores_from(placements, &tallies, None)?);
-        }
-        Ok(self.together(placements.len(), &by_member))
+        self.judged_at(placements, None)
     }
 
     /// Like [`Self::judged`], to the same bits, of placements of which the tallies of some are `known`; `None` once
@@ -231,7 +230,7 @@ impl Evaluator {
         go_on: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Vec<Scores>>, BackendError> {
         let judged = self.judged_while(placements, &Known::new(), go_on)?;
-        Ok(judged.map(|judged| judged.into_iter().map(|judged| judged.scores).collect()))
+        Ok(judged.map(scores_of))
     }
 
     /// Like [`Self::scores`], with beams that end at `range` metres, as in fog; the guards still compare
@@ -244,13 +243,17 @@ impl Evaluator {
         placements: &[Placement],
         range: Option<f32>,
     ) -> Result<Vec<Scores>, BackendError> {
-        let mut by_member = Vec::new();
-        for seat in &mut self.seats {
-            let tallies = seat.tally(placements, range)?;
-            by_member.push(seat.scores_from(placements, &tallies, range)?);
-        }
-        let judged = self.together(placements.len(), &by_member);
-        Ok(judged.into_iter().map(|judged| judged.scores).collect())
+        Ok(scores_of(self.judged_at(placements, range)?))
+    }
+
+    fn judged_at(
+        &mut self,
+        placements: &[Placement],
+        range: Option<f32>,
+    ) -> Result<Vec<Judged>, BackendError> {
+        let scores = self.seats.iter_mut().map(|seat| seat.scores(placements, range));
+        let by_member = scores.collect::<Result<Vec<_>, _>>()?;
+        Ok(self.together(placements.len(), &by_member))
     }
 
     /// From the scores of each member to those of each of so many placements.

@@ -104,7 +104,7 @@ impl<'a> Watch<'a> {
         !self.is_over()
     }
 
-    /// Whether the run is to go on, by the observer's word and the deadline.
+    /// True if the run is to go on, by the observer's word and the deadline.
     pub(super) fn goes_on(&mut self) -> bool {
         self.tell(&Event::Asks)
     }
@@ -118,7 +118,7 @@ impl<'a> Watch<'a> {
         self.interrupted
     }
 
-    /// Why the run is to end, in words.
+    /// Reason for which the run is to end, in words.
     pub(super) fn why_over(&self) -> &'static str {
         if self.interrupted { "interrupted" } else { "the time is over" }
     }

@@ -21,6 +21,10 @@ const HOST_AT_ONCE: usize = 64;
 /// Placements × frames that a device scores there.
 const DEVICE_AT_ONCE: usize = 1 << 14;
 
+/// Tallies of placements over all frames, with beams of so many metres; `None` where the run is to end before.
+type TallyOf<'a> = dyn FnMut(&mut Seat, &[Placement], Option<f32>) -> Result<Option<Vec<Tally>>, BackendError>
+    + 'a;
+
 /// A member of a suite with its engine.
 pub(super) struct Seat {
     pub member: Member,
@@ -37,7 +41,7 @@ impl Seat {
     }
 
     /// Tallies over all frames, with beams of `range` metres.
-    pub fn tally(
+    fn tally(
         &mut self,
         placements: &[Placement],
         range: Option<f32>,
@@ -87,49 +91,56 @@ impl Seat {
         Ok(Some(sums))
     }
 
-    /// Scores and guards of placements, of which some tallies over all frames are `known`, as [`Self::scores_from`]
-    /// has them; `None` once `go_on`, which is asked before every few placements and frames, says no.
+    /// Scores and guards of placements, with beams of `range` metres.
+    pub fn scores(
+        &mut self,
+        placements: &[Placement],
+        range: Option<f32>,
+    ) -> Result<Vec<Scores>, BackendError> {
+        let known = vec![None; placements.len()];
+        let at_once =
+            &mut |seat: &mut Self, some: &[Placement], range| seat.tally(some, range).map(Some);
+        let scores = self.scores_by(placements, range, &known, at_once)?;
+        Ok(scores.expect("nobody stops a tally at once"))
+    }
+
+    /// Like [`Self::scores`], to the same bits, of placements of which some tallies over all frames are `known`; `None`
+    /// once `go_on`, which is asked before every few placements and frames, says no.
     pub fn scores_while(
         &mut self,
         placements: &[Placement],
         known: &[Option<Tally>],
         go_on: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Vec<Scores>>, BackendError> {
+        let in_parts =
+            &mut |seat: &mut Self, some: &[Placement], range| seat.tally_while(some, range, go_on);
+        self.scores_by(placements, None, known, in_parts)
+    }
+
+    /// Scores from tallies that are `known` or that `tally` returns; `None` where it returns none.
+    fn scores_by(
+        &mut self,
+        placements: &[Placement],
+        range: Option<f32>,
+        known: &[Option<Tally>],
+        tally: &mut TallyOf<'_>,
+    ) -> Result<Option<Vec<Scores>>, BackendError> {
         let open = placements.iter().zip(known).filter(|(_, known)| known.is_none());
         let open: Vec<Placement> = open.map(|(placement, _)| placement.clone()).collect();
-        let Some(cast) = self.tally_while(&open, None, go_on)? else { return Ok(None) };
+        let Some(cast) = tally(self, &open, range)? else { return Ok(None) };
         let mut cast = cast.into_iter();
         let tallies: Vec<Tally> =
             known.iter().filter_map(|known| known.clone().or_else(|| cast.next())).collect();
         let far = Some(self.member.problem().far_range());
         for (models, layout) in self.missing_references(placements) {
-            let Some(tally) = self.tally_while(&[layout], far, go_on)? else { return Ok(None) };
-            self.references.extend(tally.into_iter().map(|tally| (models.clone(), tally)));
-        }
-        let limited = self.limited(placements, None);
-        let chosen: Vec<Placement> = limited.iter().map(|&i| placements[i].clone()).collect();
-        let Some(unlimited) = self.tally_while(&chosen, far, go_on)? else { return Ok(None) };
-        let unlimited = limited.into_iter().zip(unlimited).collect();
-        Ok(Some(self.assembled(placements, &tallies, &unlimited)))
-    }
-
-    /// Scores and guards of placements whose tallies over all frames, with beams of `range` metres, are
-    /// known.
-    pub fn scores_from(
-        &mut self,
-        placements: &[Placement],
-        tallies: &[Tally],
-        range: Option<f32>,
-    ) -> Result<Vec<Scores>, BackendError> {
-        let far = Some(self.member.problem().far_range());
-        for (models, layout) in self.missing_references(placements) {
-            let tally = self.tally(&[layout], far)?.remove(0);
-            self.references.insert(models, tally);
+            let Some(sums) = tally(self, &[layout], far)? else { return Ok(None) };
+            self.references.extend(sums.into_iter().map(|sums| (models.clone(), sums)));
         }
         let limited = self.limited(placements, range);
         let chosen: Vec<Placement> = limited.iter().map(|&i| placements[i].clone()).collect();
-        let unlimited = limited.into_iter().zip(self.tally(&chosen, far)?).collect();
-        Ok(self.assembled(placements, tallies, &unlimited))
+        let Some(unlimited) = tally(self, &chosen, far)? else { return Ok(None) };
+        let unlimited = limited.into_iter().zip(unlimited).collect();
+        Ok(Some(self.assembled(placements, &tallies, &unlimited)))
     }
 
     /// Reference layouts, by the models of a placement's sensors, that are not tallied yet.

@@ -1,4 +1,4 @@
-//! Files and what stands in them: whole at any time, guarded against overwriting, read within bounds.
+//! Files: written whole, guarded against overwriting, read within bounds; JSON, YAML and NumPy in them.
 //!
 //! | module | holds |
 //! |---|---|

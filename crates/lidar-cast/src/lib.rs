@@ -10,7 +10,7 @@
 //! | [`grid`] | the region of interest and its voxels |
 //! | [`sensor`] | beam tables, sensor models, poses, placements |
 //! | [`bvh`] | bounding volume hierarchies, flat and wide |
-//! | [`task`] | what is fixed while placements vary: frames, voxels and their worth, sensor models |
+//! | [`task`] | frames, voxels and their worth, sensor models: fixed while placements vary |
 //! | [`cast`] | closest hits of all beams |
 //! | [`cover`] | voxels that beams cover |
 //! | [`reduce`] | integer sums over covered voxels |

@@ -305,7 +305,7 @@ mod tests {
         };
         let (whole, _) = scan(usize::MAX).unwrap();
         let questions = asked.borrow().clone();
-        // As often in each group of frames, and once at the end.
+        // Each group of frames asks equally often, and the end once.
         let bands = questions.iter().filter(|&&done| done == 0).count();
         assert!(bands > 1, "{questions:?}");
         let of = |done| vec![done; bands];

@@ -6,7 +6,7 @@
 //! | [`vehicle`] | sensors, mounts, placements and their rules |
 //! | [`scene`] | the scene file, meshes and primitives, one triangle soup a frame |
 //! | [`psog`] | P-SOG: how often each voxel was of each class, and its entropy |
-//! | [`problem`] | what is asked, ready to be computed |
+//! | [`problem`] | the task of the engines and the rules of the mount, from a scene and a P-SOG |
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 

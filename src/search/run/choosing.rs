@@ -173,7 +173,7 @@ impl Run {
             return Ok(Some(baselines.clone()));
         }
         let baselines = self.state.settings.baselines.clone();
-        // Of another draw than that with which placements are confirmed, of other frames than a few.
+        // The pilot's tallies are of all frames, and of another draw than the confirmation's.
         let is_known = !self.suite.is_left_to_chance() && self.sitting.hurried.is_none();
         let known = if is_known { self.sitting.known.clone() } else { Known::new() };
         let heeds_time = self.heeds_time();

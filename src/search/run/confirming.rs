@@ -26,7 +26,7 @@ fn left_out(part: &str, watch: &mut Watch) {
     watch.note(&format!("{why}: {part} is left out"));
 }
 
-/// What a method found.
+/// Result of a method.
 enum Found {
     Nothing,
     /// The run is to end before it is scored.

@@ -51,7 +51,7 @@ impl Run {
         self.state.history.push(generation.record.clone());
         let is_whole = self.follow(generation.scored, watch)? && self.stop_at_target(watch)?;
         if let Some(before) = before.filter(|_| !is_whole) {
-            // What is found stays; a resumed run does the generation anew.
+            // Its placements stay; a resumed run does the generation anew.
             let history = self.state.history[..self.state.history.len() - 1].to_vec();
             self.cut_at(State { history, ..before }, watch);
         }

@@ -39,7 +39,6 @@ impl Standing {
     }
 
     /// Takes the sensor's frame to the tree's.
-    #[cfg_attr(not(feature = "gpu"), allow(dead_code))]
     pub fn pose(&self) -> &DevicePose {
         &self.pose
     }

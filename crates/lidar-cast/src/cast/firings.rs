@@ -5,7 +5,6 @@ use crate::bvh::{Hit, Ray};
 use crate::task::{beam_direction, beam_origin};
 
 /// Rays that leave one place at the same moment, and the trees as that place sees them.
-#[cfg_attr(not(feature = "gpu"), allow(dead_code))]
 pub struct Firing<'a> {
     /// Trees that the rays may meet.
     pub targets: Vec<Target<'a>>,

@@ -90,7 +90,7 @@ pub fn open(
 pub struct OpenedCaster {
     /// The device.
     pub caster: Option<Box<dyn FiringCaster>>,
-    /// Which device casts, or why none of those that could be taken does.
+    /// Sentence for the user: the device that casts, or the reason for which none does.
     pub note: Option<String>,
 }
 

@@ -5,7 +5,7 @@ use serde::Serialize;
 /// Reflectance of the target that ranges are rated for.
 const RATED_REFLECTANCE: f64 = 0.1;
 
-/// Which of the echoes of one pulse a sensor reports.
+/// Echoes of one pulse that a sensor reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Echoes {
@@ -17,7 +17,7 @@ pub enum Echoes {
     Dual,
 }
 
-/// What a sensor makes of what its beams meet.
+/// Response of a sensor to the surfaces that its beams meet.
 ///
 /// Power is P = ρ·cos θ / r², with reflectance ρ, angle of incidence θ and distance r; a pulse is seen from
 /// `P_min` = 0.1 / `rated_range`² on.
@@ -35,7 +35,7 @@ pub struct Response {
     pub divergence: [f64; 2],
     /// Echoes closer together than this many metres merge.
     pub pulse: f64,
-    /// Which echoes are reported.
+    /// Echoes that are reported.
     pub echoes: Echoes,
     /// Nothing is seen closer than this, in metres.
     pub min_range: f64,

@@ -17,7 +17,7 @@ pub struct Requirement {
 }
 
 impl Requirement {
-    /// The same mirrored at the plane y = 0.
+    /// A copy mirrored at the plane y = 0.
     pub fn mirrored(&self) -> Self {
         let image =
             |[low, high]: &[[f64; 3]; 2]| [[low[0], -high[1], low[2]], [high[0], -low[1], high[2]]];

@@ -220,7 +220,7 @@ pub fn world_of(
     world_of_parts(scene, frames, far, body, |part| scene.part(part))
 }
 
-/// [`world_of`] with other triangles: `soup_of` returns those of a part, in its frame.
+/// World of some frames with other triangles than the scene's: `soup_of` returns those of a part, in its frame.
 ///
 /// # Errors
 /// The trees do not fit into memory.

@@ -1,4 +1,4 @@
-//! What is asked, ready to be computed: the task of the engines, and the rules of the mount.
+//! A problem, ready to be computed: the task of the engines, and the rules of the mount.
 
 mod assemble;
 
@@ -16,7 +16,7 @@ use std::sync::Arc;
 use crate::vehicle::{Constraints, Sensors};
 use lidar_cast::memory::OutOfMemory;
 
-/// Why parts do not make a problem.
+/// Error of parts that make no problem.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[non_exhaustive]
 pub enum ProblemError {
@@ -71,7 +71,7 @@ impl From<Task> for Problem {
 }
 
 impl Problem {
-    /// What engines are opened for.
+    /// Task that engines are opened for.
     pub fn task(&self) -> &Arc<Task> {
         &self.task
     }

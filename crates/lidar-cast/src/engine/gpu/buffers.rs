@@ -1,4 +1,4 @@
-//! Buffers on the device: the task's, made once, and those of a chunk, made again for a larger one.
+//! Buffers on the device: a task's are made once, a chunk's again where a chunk is larger.
 
 use std::collections::HashMap;
 use std::sync::Arc;
