@@ -45,6 +45,7 @@
 //! | [`scan`] | scans of a scene by virtual sensors |
 //! | [`engine`] | the three stages on the CPU and on the GPU behind one trait |
 //! | [`export`] | scans as data sets that public loaders read |
+//! | [`targets`] | beams on targets at range, the range card of a rig |
 //! | [`score`] | scores, guards and objectives from the sums |
 //! | [`near_field`] | ground, poles and own body near a vehicle |
 //! | [`search`] | CMA-ES and swaps over a problem, bounds on what they leave |
@@ -75,6 +76,7 @@ pub mod runs;
 pub mod score;
 pub mod search;
 pub mod study;
+pub mod targets;
 pub mod threads;
 pub mod verify;
 
@@ -134,6 +136,7 @@ pub mod internals {
     pub use crate::report::sensor_svg::sensor_svg;
     pub use crate::report::study::study_plot;
     pub use crate::report::table::{ScoreColumn, optional};
+    pub use crate::report::targets::{range_card_text, targets_text};
     pub use crate::report::text::{align_columns, findings_text, poses_text, study_text};
     pub use crate::report::verification::verification_text;
     pub use crate::report::word::word;

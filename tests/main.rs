@@ -49,6 +49,8 @@ mod cli_stops;
 #[cfg(feature = "cli")]
 mod cli_study;
 #[cfg(feature = "cli")]
+mod cli_targets;
+#[cfg(feature = "cli")]
 mod cli_vehicle;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_view;

@@ -10,7 +10,8 @@ use pyo3::types::{PyDict, PyTuple};
 use sightline::engine::cast_rays;
 use sightline::internals::{Input, draws, usual_placements};
 use sightline::scan::BeamHits;
-use sightline::scene::EgoBody;
+use sightline::scene::{EgoBody, Target};
+use sightline::targets::{RangeCard, TargetQuestion};
 use sightline::verify::verify;
 use sightline::{Placement, Scene, SensorPose, engine};
 
@@ -208,8 +209,8 @@ impl PyScene {
 
     /// Scores of N placements, as `Scores`: an array a score. The bits are those of `sightline score`.
     ///
-    /// The guard `self_hit` takes casts of its own: it is looked for with up to 64 placements, as in the program, with any
-    /// number where `self_hits` is true, and not at all where it is false. So do the columns `near_field` and `near_ring`,
+    /// The guards `self_hit` and `blind_sector` take casts of their own: they are looked for with up to 64 placements, as in
+    /// the program, with any number where `self_hits` is true, and not at all where it is false. So do the columns `near_field` and `near_ring`,
     /// the shares of the ground within 10 m and 3 m of the own body with a hit close by, which are there where
     /// `near_field` is true.
     #[pyo3(signature = (poses, *, sensors = None, phases = None, self_hits = None, near_field = false))]
@@ -236,6 +237,65 @@ impl PyScene {
             })
         })??;
         scores_object(py, &scores)
+    }
+
+    /// Range card of one placement, as a `dict`: distances in metres at which five beams or more meet a car, an adult and a
+    /// tyre, at sixteen bearings in degrees counter-clockwise from straight ahead, and the sectors that lose a car between
+    /// 5 and 50 m. On level ground, the own body in the way. `None` where beams end at nothing.
+    #[pyo3(signature = (poses, *, sensors = None, phases = None))]
+    fn range_card<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
+        let built = self.built.clone();
+        let card = interruptible(py, move |_| {
+            let site = built.job.target_site().map_err(raised)?;
+            let card = site.map(|site| RangeCard::new(&site, &placement.lidars)).transpose();
+            card.map_err(|unknown| bad(unknown.to_string()))
+        })??;
+        to_python(py, &card)
+    }
+
+    /// u32 `[targets, bearings, distances, lidars]`: beams of one placement that end at each target, alone on level ground
+    /// with the own body in the way. `targets` are presets (`"car"`, `"child"`, …) or target files, `distances` metres from
+    /// the ego origin to the middle of the target, `bearings` degrees counter-clockwise from straight ahead. Raises
+    /// `ValueError` for an unknown target and where beams end at nothing.
+    #[pyo3(signature = (poses, targets, distances, bearings, *, sensors = None, phases = None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn beams_on<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        targets: Vec<String>,
+        distances: Vec<f64>,
+        bearings: Vec<f64>,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<u32>>> {
+        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
+        let named = |name: &String| Target::named(name).map_err(|error| bad(error.to_string()));
+        let targets = targets.iter().map(named).collect::<PyResult<Vec<_>>>()?;
+        if !distances.iter().chain(&bearings).all(|number| number.is_finite()) {
+            return Err(bad("distances and bearings: give finite numbers".to_owned()));
+        }
+        let shape = [targets.len(), bearings.len(), distances.len(), placement.lidars.len()];
+        let built = self.built.clone();
+        let beams = interruptible(py, move |_| {
+            let site = built.job.target_site().map_err(raised)?;
+            let site = site.ok_or_else(|| {
+                bad("beams end at nothing in this scene; give it geometry and a body".to_owned())
+            })?;
+            let (beams, of_frames) = (1, 1);
+            let question = TargetQuestion { targets, distances, bearings, beams, of_frames };
+            let table = question.on_level_ground(&site, &placement);
+            table.map_err(|unknown| bad(unknown.to_string()))
+        })??;
+        let beams: Vec<u32> = beams.rows.into_iter().flat_map(|row| row.by_lidar).collect();
+        shaped(py, beams, &shape)
     }
 
     /// u64, rising linear indices of the voxels that a placement covers in any frame.

@@ -24,6 +24,7 @@ mod score;
 mod sensor;
 mod shell;
 mod study;
+mod targets;
 mod terminal;
 mod usage;
 mod verify;

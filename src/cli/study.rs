@@ -12,22 +12,27 @@ use serde_json::json;
 
 use super::args::{Compute, Conditions, Format, at_least_one, whole};
 use super::exit::Exit;
-use super::near_field;
+use super::{near_field, targets};
 
 /// A study of one table is a command of its own; all others name their kind.
 pub enum Command {
     Make(Box<Args>),
     NearField(Box<near_field::Args>),
+    Targets(Box<targets::Args>),
 }
 
-/// Name of the study that is a command.
+/// Names of the studies that are commands.
 const NEAR_FIELD: &str = "nearfield";
+const TARGETS: &str = "targets";
 
 impl clap::FromArgMatches for Command {
     fn from_arg_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
         Ok(match matches.subcommand() {
             Some((NEAR_FIELD, matches)) => {
                 Self::NearField(Box::new(near_field::Args::from_arg_matches(matches)?))
+            }
+            Some((TARGETS, matches)) => {
+                Self::Targets(Box::new(targets::Args::from_arg_matches(matches)?))
             }
             _ => Self::Make(Box::new(Args::from_arg_matches(matches)?)),
         })
@@ -43,8 +48,11 @@ impl clap::Args for Command {
     fn augment_args(command: clap::Command) -> clap::Command {
         let near = near_field::Args::augment_args(clap::Command::new(NEAR_FIELD))
             .about("Ground and poles near the vehicle: what is seen, what is blind, what hits the own body");
+        let targets = targets::Args::augment_args(clap::Command::new(TARGETS))
+            .about("Targets at range: beams on a car, a child, a tyre by distance and bearing, the first detection");
         Args::augment_args(command)
             .subcommand(near)
+            .subcommand(targets)
             .args_conflicts_with_subcommands(true)
             .subcommand_negates_reqs(true)
     }
@@ -61,6 +69,7 @@ impl clap::Args for Command {
   sightline study loss scenes/highway.json scenes/residential.json
   sightline study regions scenes/residential.json --box crossing:10,-5,0,30,5,2
   sightline study nearfield scenes/highway.json --out near.svg
+  sightline study targets scenes/placements.json --vehicle scenes/vehicles/car.json
   sightline study transfer scenes/highway.json scenes/residential.json
 
 A study writes study.json, table.csv and chart.svg into its folder. The same command goes on with an
@@ -120,6 +129,7 @@ pub fn run(command: &Command) -> Result<Exit, Error> {
     match command {
         Command::Make(args) => make(args),
         Command::NearField(args) => near_field::run(args),
+        Command::Targets(args) => targets::run(args),
     }
 }
 

@@ -16,14 +16,15 @@ mod search;
 
 use std::sync::{Arc, OnceLock};
 
-use crate::engine::{Backend, EngineChoice};
+use crate::engine::{Backend, BackendError, EngineChoice};
 use crate::near_field::{FEW_PLACEMENTS, self_hits};
 use crate::problem::Problem;
 use crate::psog::Psog;
 use crate::scan::conditions::Condition;
 use crate::scene::Scene;
-use crate::score::{Objective, Scores};
+use crate::score::{Guard, Objective, Scores};
 use crate::search::{Evaluator, Judged, SearchError, Settings, Suite, TimeLimit};
+use crate::targets::{RangeCard, TargetSite};
 use crate::vehicle::{Constraints, Placement, Sensors};
 
 pub use error::JobError;
@@ -246,7 +247,7 @@ impl Job {
         Ok(judged)
     }
 
-    /// Adds the guard `self_hit` to scores, by the first scene, whose own body all scenes share.
+    /// Adds the guard `self_hit` and range cards to scores, by the first scene, whose own body all scenes share.
     ///
     /// # Errors
     /// An engine that fails, a sensor that the vehicle does not have.
@@ -256,10 +257,38 @@ impl Job {
         all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
     ) -> Result<(), JobError> {
         let problem = self.scenes[0].problem()?;
-        for (placement, scores) in all {
+        let mut all: Vec<_> = all.into_iter().collect();
+        for (placement, scores) in &mut all {
             scores.guards.extend(self_hits(self.scene(), &problem, engine, placement)?);
         }
+        self.add_range_cards(all)
+    }
+
+    /// Adds the range card to scores, and its blind sectors to their guards; nothing where beams end at nothing.
+    ///
+    /// # Errors
+    /// A sensor that the vehicle does not have.
+    pub fn add_range_cards<'a>(
+        &self,
+        all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
+    ) -> Result<(), JobError> {
+        let site = self.target_site()?;
+        for (placement, scores) in all {
+            let card = site.as_ref().map(|site| RangeCard::new(site, &placement.lidars));
+            scores.range_card = card.transpose().map_err(BackendError::from)?;
+            let blind = scores.range_card.iter().flat_map(|card| &card.blind);
+            scores.guards.extend(blind.copied().map(Guard::BlindSector));
+        }
         Ok(())
+    }
+
+    /// Sensors and body of the first scene's vehicle, for beams on targets; `None` where beams end at nothing.
+    ///
+    /// # Errors
+    /// See [`Self::problem`].
+    pub fn target_site(&self) -> Result<Option<TargetSite>, JobError> {
+        let problem = self.problem()?;
+        Ok(problem.ends_at_hits().then(|| TargetSite::of(&problem)))
     }
 
     /// Adds the guard `self_hit` to scores over all scenes, and to those in each of several by its own body.

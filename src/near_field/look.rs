@@ -7,10 +7,10 @@ use serde::Serialize;
 use super::ground::{Cell, Cells};
 use super::zone::BlindZone;
 use super::{CELL, Footprint, NEAR, NearFieldError, Pole, RING, poles};
-use crate::bvh::{Bvh, Hit};
+use crate::bvh::Hit;
 use crate::engine::{Backend, BackendError};
 use crate::geom::Pose;
-use crate::problem::{Frame, Problem, SensorBatch};
+use crate::problem::{Problem, SensorBatch};
 use crate::scene::{EgoBody, GROUND_CLASSES, Scene};
 use crate::score::Scores;
 use crate::vehicle::Placement;
@@ -29,8 +29,6 @@ pub struct NearSite {
     is_ground: Vec<bool>,
     /// Number of the first triangle of the own body.
     own: u32,
-    /// The own body alone.
-    body: Frame,
     /// One for each distinct frame: its number, frames that it stands for, which cells are ground.
     frames: Vec<(usize, u64, Vec<bool>)>,
 }
@@ -99,8 +97,6 @@ impl NearSite {
         let own = scene.face_classes(EgoBody::Exclude).len() as u32;
         let is_ground = |(prim, class): (u32, &u16)| prim < own && ground_class(class);
         let is_ground: Vec<bool> = (0..).zip(&classes).map(is_ground).collect();
-        let soup = scene.part(scene.part_count() - 1);
-        let body = Frame::from(Arc::new(Bvh::build(&soup, problem.far_range())));
         let mut frames = Vec::new();
         for (frame, weight) in problem.distinct_frames() {
             let Some(geometry) = problem.geometry(frame) else { continue };
@@ -111,7 +107,7 @@ impl NearSite {
             let (scene, names) = (place(scene), GROUND_CLASSES.join(", "));
             return Err(NearFieldError::NoGround { scene, within: NEAR, names });
         }
-        Ok(Self { problem: problem.clone(), footprint, cells, is_ground, own, body, frames })
+        Ok(Self { problem: problem.clone(), footprint, cells, is_ground, own, frames })
     }
 
     /// Outline of the own body.
@@ -171,7 +167,7 @@ impl NearSite {
             self.add_frame(&mut sums, &batch, &poses, &hits, (*weight, ground));
         }
         let poses = batch.ego_from_sensors(0);
-        let poles = poles::count(&self.footprint, &batch, &poses, &self.body);
+        let poles = poles::count(&self.footprint, &batch, &poses, self.problem.body());
         Ok(self.result(placement, sums, poles))
     }
 
@@ -225,6 +221,7 @@ impl NearSite {
         let is_seen = |&cell: &usize| 2 * sums.seen[cell] >= sums.ground[cell];
         let seen: Vec<Cell> =
             counting().filter(is_seen).map(|cell| self.cells.cells[cell]).collect();
+        let ground: Vec<Cell> = counting().map(|cell| self.cells.cells[cell]).collect();
         let frames: u64 = self.frames.iter().map(|(_, weight, _)| weight).sum();
         let blind: u64 = counting().map(|cell| sums.ground[cell] - sums.seen[cell]).sum();
         let shares = |beams: &[u64; 4]| {
@@ -241,7 +238,7 @@ impl NearSite {
             near_field: share(0).unwrap_or_default(),
             ring: share(1),
             blind_area: blind as f64 / frames as f64 * CELL * CELL,
-            zone: BlindZone::new(&self.footprint, &seen),
+            zone: BlindZone::new(&self.footprint, &ground, &seen),
             beams: sums.beams.iter().map(shares).collect(),
             poles,
             cells: counting().map(cell).collect(),

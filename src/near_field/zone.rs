@@ -1,11 +1,13 @@
 //! The blind zone around the own vehicle: the ground nearer than the nearest that is seen.
 
-use crate::maths;
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use serde::Serialize;
 
-use super::ground::{Cell, NEAR};
+use crate::maths;
+
+use super::ground::{CELL, Cell, NEAR};
 use super::{Footprint, footprint::polygon_area};
 
 /// Directions that the blind zone is measured in.
@@ -21,19 +23,20 @@ pub struct BlindZone {
     pub polygon: Vec<[f64; 2]>,
     /// Square metres between the zone's outline and the body's.
     pub area: f64,
-    /// Metres to the nearest cell seen before the front edge, in the body's width.
+    /// Depth before the front edge, metres: of all lanes one cell wide in the body's width, the one whose nearest cell
+    /// seen is farthest; `None` where a lane has none within 10 m, so that the zone does not end.
     pub ahead: Option<f64>,
-    /// The same behind the rear edge.
+    /// Depth behind the rear edge.
     pub behind: Option<f64>,
-    /// The same beside the left edge, in the body's length.
+    /// Depth beside the left edge, in the body's length.
     pub left: Option<f64>,
-    /// The same beside the right edge.
+    /// Depth beside the right edge.
     pub right: Option<f64>,
 }
 
 impl BlindZone {
-    /// The zone before some cells that are seen.
-    pub(super) fn new(footprint: &Footprint, seen: &[Cell]) -> Self {
+    /// The zone before cells that are seen, among those that are ground.
+    pub(super) fn new(footprint: &Footprint, ground: &[Cell], seen: &[Cell]) -> Self {
         let middle = footprint.middle();
         let mut nearest = [f64::INFINITY; DIRECTIONS];
         for Cell { centre, .. } in seen {
@@ -53,18 +56,56 @@ impl BlindZone {
         }
         let area = (polygon_area(&polygon) - footprint.area()).max(0.0);
         let [low, high] = footprint.bounds();
-        let straight = |axis: usize, sign: f64| {
+        let depth = |axis: usize, sign: f64| {
             let edge = if sign > 0.0 { high[axis] } else { low[axis] };
             let other = 1 - axis;
-            let is_before = |cell: &&Cell| {
-                (low[other]..=high[other]).contains(&cell.centre[other])
-                    && sign * (cell.centre[axis] - edge) > 0.0
+            // Lane of a cell straight before the edge, and its metres from there.
+            let before = |cell: &Cell| {
+                let distance = sign * (cell.centre[axis] - edge);
+                let is_in = (low[other]..=high[other]).contains(&cell.centre[other]);
+                (is_in && distance > 0.0)
+                    .then(|| ((cell.centre[other] / CELL).floor() as i64, distance))
             };
-            let distances = seen.iter().filter(is_before);
-            distances.map(|cell| sign * (cell.centre[axis] - edge)).min_by(f64::total_cmp)
+            let mut lanes: BTreeMap<i64, Option<f64>> = BTreeMap::new();
+            lanes.extend(ground.iter().filter_map(before).map(|(lane, _)| (lane, None)));
+            for (lane, distance) in seen.iter().filter_map(before) {
+                let nearest = lanes.entry(lane).or_default();
+                *nearest = Some(nearest.map_or(distance, |known| known.min(distance)));
+            }
+            // No depth where there is no ground, or a lane of it is not seen at all.
+            let depths: Option<Vec<f64>> = lanes.into_values().collect();
+            depths?.into_iter().max_by(f64::total_cmp)
         };
-        let (ahead, behind) = (straight(0, 1.0), straight(0, -1.0));
-        let (left, right) = (straight(1, 1.0), straight(1, -1.0));
+        let (ahead, behind) = (depth(0, 1.0), depth(0, -1.0));
+        let (left, right) = (depth(1, 1.0), depth(1, -1.0));
         Self { distances, polygon, area, ahead, behind, left, right }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wedge_that_does_not_end_has_no_depth_and_the_deepest_lane_counts() {
+        let footprint =
+            Footprint::of([[-2.0, -1.0], [2.0, -1.0], [2.0, 1.0], [-2.0, 1.0]]).unwrap();
+        let cell = |x: f64, y: f64| Cell { centre: [x, y], distance: footprint.distance([x, y]) };
+        let steps =
+            |from: f64, count: i32| (0..count).map(move |k| from + CELL * (f64::from(k) + 0.5));
+        let behind = steps(-12.0, 40).flat_map(|x| steps(-1.0, 8).map(move |y| [x, y]));
+        let ahead = steps(2.0, 40).flat_map(|x| steps(-1.0, 8).map(move |y| [x, y]));
+        let ground: Vec<Cell> = behind.chain(ahead).map(|[x, y]| cell(x, y)).collect();
+        // Ahead everything from 1 m on is seen, in one lane from 3 m on. Behind, a lane is not seen at all.
+        let is_seen = |cell: &&Cell| match cell.centre {
+            [x, y] if x > 0.0 => x > if y.abs() < CELL { 5.0 } else { 3.0 },
+            [_, y] => y > -0.75,
+        };
+        let seen: Vec<Cell> = ground.iter().filter(is_seen).copied().collect();
+        let zone = BlindZone::new(&footprint, &ground, &seen);
+        assert_eq!(zone.ahead, Some(3.0 + CELL / 2.0));
+        assert_eq!((zone.behind, zone.left), (None, None));
+        let all = BlindZone::new(&footprint, &ground, &ground);
+        assert_eq!((all.ahead, all.behind), (Some(CELL / 2.0), Some(CELL / 2.0)));
     }
 }

@@ -12,6 +12,7 @@
 //! | `chart`, `chart_labels`, `chart_table`, `chart_text`, `chart_words` | cost against ranking error |
 //! | `audit`, `verification`, `psog`, `rig` | what these found or hold, as text |
 //! | `near_field` | what is seen of the ground near the vehicle |
+//! | `targets` | distances at which targets are met, by bearing |
 //! | `placement`, `map` | a placement on its vehicle, and what it sees from above |
 //! | `table`, `text` | the one table of scores, tables as text |
 //! | `against` | the result against every baseline, with intervals |
@@ -43,6 +44,7 @@ pub(crate) mod sensor_svg;
 pub(crate) mod study;
 mod svg;
 pub(crate) mod table;
+pub(crate) mod targets;
 pub(crate) mod text;
 pub(crate) mod verification;
 mod view;

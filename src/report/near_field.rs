@@ -19,7 +19,8 @@ const TITLE: f64 = 40.0;
 const UNSEEN: &str = "#f0d3d6";
 const GOOD: &str = "#3d8f5f";
 
-/// A line a placement: shares, blind ground, nearest ground seen, poles seen by standard, wasted beams.
+/// A line a placement: shares, blind ground, depth of the blind zone in four directions, poles seen by standard, wasted
+/// beams.
 pub fn near_field_text(all: &[NearField]) -> String {
     let titles = [
         "placement",
@@ -27,7 +28,7 @@ pub fn near_field_text(all: &[NearField]) -> String {
         "3 m %",
         "blind m²",
         "zone m²",
-        "ahead m",
+        "blind ahead m",
         "behind",
         "left",
         "right",
@@ -40,7 +41,8 @@ pub fn near_field_text(all: &[NearField]) -> String {
         let mut row = vec![near.name.clone(), format!("{:.1}", 100.0 * near.near_field)];
         row.push(optional(near.ring.map(|share| 100.0 * share), 1));
         row.extend([near.blind_area, zone.area].map(|area| format!("{area:.0}")));
-        row.extend([zone.ahead, zone.behind, zone.left, zone.right].map(|d| optional(d, 1)));
+        let depth = |depth: Option<f64>| depth.map_or(format!("> {NEAR}"), |d| format!("{d:.1}"));
+        row.extend([zone.ahead, zone.behind, zone.left, zone.right].map(depth));
         row.extend(Standard::ALL.map(|(standard, _)| {
             let [seen, poles] = seen_of(near, standard);
             format!("{seen}/{poles}")

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::by_scene::by_scene;
 use super::record::RunRecord;
+use super::targets::range_card_text;
 use super::text::{align_columns, findings_text, poses_text, scores_text};
 use super::words::{
     broken_in_words, certificate_in_words, methods_in_words, spread_in_words, verdict,
@@ -45,6 +46,9 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
         Some(best) => {
             text += "\noptimized placement (m, rad):\n";
             text += &poses_text(&best.placement, &record.mounts);
+            if let Some(card) = &best.scores.range_card {
+                text += &format!("\n{}\n", range_card_text(card));
+            }
             if let Some(phases) = &record.phases {
                 text += &format!("\n{}\n", phases.words);
             }

@@ -2,6 +2,7 @@
 
 use super::RunRecord;
 use crate::json::spoken;
+use crate::score::Guard;
 use crate::search::Scored;
 
 /// The result of a run against the best baselines, by the objective and by information gain, and the
@@ -42,7 +43,8 @@ pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &st
         };
         format!(" Its beams gain {:.1} % of the information that {held}.", 100.0 * share)
     });
-    let guards = match best.scores.guards.as_slice() {
+    let doubts: Vec<&Guard> = best.scores.guards.iter().filter(|guard| guard.is_doubt()).collect();
+    let guards = match &doubts[..] {
         [] => "No guard speaks against it.".to_owned(),
         [guard] => format!("A guard speaks against it: {guard}."),
         [first, others @ ..] => {
@@ -56,7 +58,15 @@ pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &st
         .filter(|seen| seen.share < seen.least)
         .map(|seen| format!(" What must be seen is not: {seen}."))
         .collect();
-    format!("{against}{share}{} {guards}", lacking.concat())
+    format!("{}{against}{share}{} {guards}", blind_in_words(best), lacking.concat())
+}
+
+/// Sectors that a placement does not see, a sentence; empty where it sees a car all round, or nobody looked.
+fn blind_in_words(placement: &Scored) -> String {
+    let card = placement.scores.range_card.as_ref();
+    let blind: Vec<String> =
+        card.iter().flat_map(|card| &card.blind).map(ToString::to_string).collect();
+    if blind.is_empty() { String::new() } else { format!("BLIND: {}. ", blind.join("; ")) }
 }
 
 /// A line for each placement that breaks rules of the mount, with the first of them.
@@ -189,6 +199,8 @@ mod tests {
             detection: None,
             unique_share: vec![1.0],
             required: Vec::new(),
+            range_card: None,
+            car_missing: None,
             guards: Vec::new(),
         };
         let placement = Placement { name: name.to_owned(), lidars: Vec::new() };

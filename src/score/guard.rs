@@ -6,6 +6,7 @@ use serde::{Serialize, Serializer};
 
 use crate::maths;
 use crate::problem::{Content, Tally};
+use crate::targets::BlindSector;
 use crate::vehicle::{Constraints, Placement, Region, SensorName, SensorPose, Slot};
 
 /// Information below this share of the reference layout's is too little.
@@ -24,7 +25,7 @@ const LEAST_UNIQUE: f64 = 0.01;
 /// A LiDAR that ends more than this share of its beams at the own vehicle wastes much.
 pub const MOST_SELF_HITS: f64 = 0.25;
 
-/// A reason not to believe a placement's scores: literal M-SOG is perfect for sensors that see only
+/// A reason not to believe a placement's scores, or not to build it: literal M-SOG is perfect for sensors that see only
 /// what never changes.
 ///
 /// Printed as `name: sentence`.
@@ -71,6 +72,8 @@ pub enum Guard {
         /// Share of its beams that end at the own body.
         share: f64,
     },
+    /// A car stands there and hardly a beam meets it; see [`crate::targets`].
+    BlindSector(BlindSector),
     /// Any of these in one of several scenes.
     InScene {
         /// Name of the scene.
@@ -78,6 +81,13 @@ pub enum Guard {
         /// What speaks against the placement there.
         guard: Box<Guard>,
     },
+}
+
+impl Guard {
+    /// True for a reason not to believe the scores; false for a fact about the rig, a sector that it does not see.
+    pub fn is_doubt(&self) -> bool {
+        !matches!(self, Self::BlindSector(_))
+    }
 }
 
 impl std::fmt::Display for Guard {
@@ -128,6 +138,7 @@ impl std::fmt::Display for Guard {
                 (1e3 * share).ceil() / 10.0,
                 100.0 * MOST_SELF_HITS
             ),
+            Self::BlindSector(sector) => write!(f, "blind_sector: {sector}"),
             Self::InScene { scene, guard } => write!(f, "{guard} (in {scene})"),
         }
     }

@@ -14,6 +14,7 @@ use serde::{Serialize, Serializer};
 
 use crate::problem::{Content, NEAR_KIND, Tally};
 use crate::psog::to_nats;
+use crate::targets::{CAR_WEIGHT, RangeCard};
 
 pub use bootstrap::Interval;
 pub(crate) use bootstrap::bootstrap;
@@ -89,6 +90,13 @@ pub struct Scores {
     /// What must be seen, and how much of it is.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub required: Vec<Seen>,
+    /// Distances at which targets are met; `None` where it was not looked for, or beams end at nothing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range_card: Option<RangeCard>,
+    /// Beams that a car all round at 5 to 50 m lacks of five, as a share; `None` where a search does not look. See
+    /// [`crate::targets::CarSight`].
+    #[serde(skip)]
+    pub car_missing: Option<f64>,
     /// Why the scores should not be believed; empty when nothing speaks against them.
     pub guards: Vec<Guard>,
 }
@@ -191,8 +199,15 @@ impl Scores {
                 .map(|&u| if gained == 0 { 0.0 } else { u as f64 / gained as f64 })
                 .collect(),
             required: required(tally, content, frames),
+            range_card: None,
+            car_missing: None,
             guards: guards_of(tally, content, has_hits, frames, reference),
         }
+    }
+
+    /// Worth that a search takes off for a car that is not seen all round; 0 where it does not look.
+    pub fn blindness(&self) -> f64 {
+        CAR_WEIGHT * self.car_missing.unwrap_or(0.0)
     }
 
     /// Share that is missing of what must be seen, over all areas.

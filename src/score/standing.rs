@@ -19,6 +19,9 @@ pub struct Standing {
     pub guards: usize,
     /// The objective; `None` where it does not exist.
     pub value: Option<f64>,
+    /// Worth that is taken off the objective for a car that is not seen all round; 0 where a search does not look.
+    #[serde(default)]
+    pub blind: f64,
 }
 
 impl Standing {
@@ -28,12 +31,13 @@ impl Standing {
             violation: scores.missing(),
             guards: scores.guards.len(),
             value: objective.value(scores),
+            blind: scores.blindness(),
         }
     }
 
     /// A placement that breaks rules of the mount by `violation` m and rad together, and was not scored.
     pub fn outside(violation: f64) -> Self {
-        Self { violation, guards: 0, value: None }
+        Self { violation, guards: 0, value: None, blind: 0.0 }
     }
 
     /// True if no rule is broken and no guard violated.
@@ -41,9 +45,14 @@ impl Standing {
         self.violation == 0.0 && self.guards == 0
     }
 
+    /// The objective less what blindness takes off it.
+    pub fn worth(&self) -> Option<f64> {
+        self.value.map(|value| value - self.blind)
+    }
+
     /// The better one first.
     pub fn compare(&self, other: &Self) -> Ordering {
-        let value = |standing: &Self| standing.value.unwrap_or(f64::NEG_INFINITY);
+        let value = |standing: &Self| standing.worth().unwrap_or(f64::NEG_INFINITY);
         self.violation
             .total_cmp(&other.violation)
             .then(self.guards.cmp(&other.guards))
@@ -72,9 +81,9 @@ impl Standing {
         ranks
     }
 
-    /// −objective of a sound placement; NaN of the others, which compare by standing alone.
+    /// −worth of a sound placement; NaN of the others, which compare by standing alone.
     pub fn cost(&self) -> f64 {
-        self.value.filter(|_| self.is_sound()).map_or(f64::NAN, |value| -value)
+        self.worth().filter(|_| self.is_sound()).map_or(f64::NAN, |worth| -worth)
     }
 }
 
@@ -84,7 +93,7 @@ mod tests {
 
     #[test]
     fn rules_rank_before_guards_before_the_objective() {
-        let standing = |violation, guards, value| Standing { violation, guards, value };
+        let standing = |violation, guards, value| Standing { violation, guards, value, blind: 0.0 };
         let standings = [
             standing(0.0, 1, Some(9.0)),
             standing(0.0, 0, Some(-2.0)),

@@ -1,13 +1,18 @@
 //! A pose atlas for each scene, over one grid of poses.
 
 use std::borrow::Cow;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use rayon::prelude::*;
 
 use super::atlas::{Atlas, Union};
 use super::evaluator::Evaluator;
 use crate::engine::BackendError;
 use crate::problem::{Content, KINDS, Tally};
 use crate::score::{Needed, Objective};
-use crate::vehicle::PoseGrid;
+use crate::targets::{CarBeams, CarSight};
+use crate::vehicle::{PoseGrid, UnknownSensor};
 
 /// Fixed-point sum by which the worth of one unit is found: a power of two, and large, so that it is as
 /// exact as the objective's own factors.
@@ -17,11 +22,21 @@ const UNITS: u64 = 1 << 40;
 pub struct Atlases {
     /// At least one.
     each: Vec<Atlas>,
+    /// Sight of a car, where the search looks, and the beams of every pose held so far.
+    sight: Option<Arc<CarSight>>,
+    cars: HashMap<u32, CarBeams>,
+}
+
+/// Union of held poses: coverage in each scene, and beams on a car where the search looks.
+#[derive(Debug, Clone, Default)]
+pub struct Unions {
+    each: Vec<Union>,
+    cars: CarBeams,
 }
 
 impl From<Atlas> for Atlases {
     fn from(atlas: Atlas) -> Self {
-        Self { each: vec![atlas] }
+        Self { each: vec![atlas], sight: None, cars: HashMap::new() }
     }
 }
 
@@ -36,7 +51,7 @@ impl Atlases {
         let mut each: Vec<Atlas> = evaluator.members().map(|(member, _)| atlas(member)).collect();
         let capacity = each.iter().map(Atlas::capacity).min().unwrap_or(0);
         each.iter_mut().for_each(|atlas| atlas.limit(capacity));
-        Self { each }
+        Self { each, sight: evaluator.sight().cloned(), cars: HashMap::new() }
     }
 
     /// Like [`Atlas::forget_beyond`], all together.
@@ -71,25 +86,48 @@ impl Atlases {
     /// See [`Atlas::hold`].
     pub fn hold(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<(), BackendError> {
         let mut pairs = self.each.iter_mut().zip(evaluator.backends_mut());
-        pairs.try_for_each(|(atlas, backend)| atlas.hold(&mut **backend, poses))
+        pairs.try_for_each(|(atlas, backend)| atlas.hold(&mut **backend, poses))?;
+        let Some(sight) = &self.sight else { return Ok(()) };
+        let mut new: Vec<u32> =
+            poses.iter().copied().filter(|pose| !self.cars.contains_key(pose)).collect();
+        new.sort_unstable();
+        new.dedup();
+        let grid = self.each[0].grid();
+        let beams = new.par_iter().map(|&pose| Ok((pose, sight.beams(&grid.pose(pose))?)));
+        self.cars.extend(beams.collect::<Result<Vec<_>, UnknownSensor>>()?);
+        Ok(())
     }
 
-    /// The unions of held poses, one a scene.
+    /// The union of held poses.
     ///
     /// # Panics
     /// A pose is not held.
-    pub fn union(&self, poses: &[u32], unions: &mut Vec<Union>) {
-        unions.resize_with(self.each.len(), Union::default);
-        self.each.iter().zip(unions).for_each(|(atlas, union)| atlas.union(poses, union));
+    pub fn union(&self, poses: &[u32], unions: &mut Unions) {
+        unions.each.resize_with(self.each.len(), Union::default);
+        let each = self.each.iter().zip(&mut unions.each);
+        each.for_each(|(atlas, union)| atlas.union(poses, union));
+        unions.cars = CarBeams::default();
+        poses.iter().filter_map(|pose| self.cars.get(pose)).for_each(|car| unions.cars.add(car));
+    }
+
+    /// True if a car must be seen all round.
+    pub(super) fn watches_cars(&self) -> bool {
+        self.sight.is_some()
+    }
+
+    /// Share of beams on a car that a union and one more held pose miss.
+    pub(super) fn car_missing_with(&self, unions: &Unions, pose: u32) -> f64 {
+        let Some(car) = self.cars.get(&pose) else { return unions.cars.missing() };
+        unions.cars.missing_with(car)
     }
 
     /// The objective of unions and one held pose more, over all scenes; `None` where it does not exist.
     ///
     /// # Panics
     /// The pose is not held.
-    pub fn value_with(&self, objective: &Objective, unions: &[Union], pose: u32) -> Option<f64> {
+    pub fn value_with(&self, objective: &Objective, unions: &Unions, pose: u32) -> Option<f64> {
         let tally = |(atlas, union): (&Atlas, &Union)| atlas.tally_with(union, pose);
-        let tallies = self.each.iter().zip(unions).map(tally);
+        let tallies = self.each.iter().zip(&unions.each).map(tally);
         objective.value_over_scenes(
             tallies.zip(&self.each).map(|(tally, atlas)| with_content(tally, atlas)),
         )
@@ -101,8 +139,8 @@ impl Atlases {
     }
 
     /// Share that unions and one more held pose, if any, miss of what must be seen, a mean over scenes.
-    pub(super) fn missing_with(&self, unions: &[Union], pose: Option<u32>) -> f64 {
-        let each = self.each.iter().zip(unions);
+    pub(super) fn missing_with(&self, unions: &Unions, pose: Option<u32>) -> f64 {
+        let each = self.each.iter().zip(&unions.each);
         each.map(|(atlas, union)| atlas.missing_with(union, pose)).sum::<f64>()
             / self.each.len() as f64
     }

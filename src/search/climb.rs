@@ -9,7 +9,7 @@ use super::error::SearchError;
 use super::evaluator::Evaluator;
 use super::grid_search::{GridPlacement, GridSearch};
 use crate::score::Standing;
-use crate::search::atlas::Union;
+use crate::search::atlases::Unions;
 
 /// Best swaps of a sensor that are offered to the guards before the sensor stays where it is.
 const OFFERS: usize = 4;
@@ -227,12 +227,12 @@ impl GridSearch {
             return values.into_iter().map(|(_, value)| value).collect();
         }
         self.evaluations += candidates.len() as u64;
-        let value = |union: &mut Vec<Union>, poses: &Vec<u32>| {
+        let value = |union: &mut Unions, poses: &Vec<u32>| {
             let Some((&last, others)) = poses.split_last() else { return f64::NEG_INFINITY };
             self.atlas.union(others, union);
             self.value_with(union, last)
         };
-        candidates.par_iter().map_init(Vec::new, value).collect()
+        candidates.par_iter().map_init(Unions::default, value).collect()
     }
 
     /// The best placement of a turn that beats `least`; where the standing before it is known one that violates

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::pilot::Known;
@@ -10,13 +11,16 @@ use super::seat::Seat;
 use super::suite::{Member, Suite};
 use crate::engine::{Backend, BackendError, CpuBackend, EngineChoice, open};
 use crate::problem::{Problem, Tally};
-use crate::score::{Scores, totals};
-use crate::vehicle::{Constraints, Placement};
+use crate::score::{Objective, Scores, totals};
+use crate::targets::CarSight;
+use crate::vehicle::{Constraints, Placement, UnknownSensor};
 
 /// Scores placements on an engine for each scene; most have one scene.
 pub struct Evaluator {
     /// At least one.
     seats: Vec<Seat>,
+    /// Sight of a car, where a search looks for it.
+    sight: Option<Arc<CarSight>>,
 }
 
 /// The scores of a placement in one of several scenes.
@@ -54,7 +58,8 @@ impl Evaluator {
     pub fn new(problem: Arc<Problem>, backend: Box<dyn Backend>) -> Self {
         let memory = EngineChoice::cpu().memory_budget();
         let seat = |member: &Member| Seat::new(member.clone(), backend, memory);
-        Self { seats: Suite::from(problem).members().first().map(seat).into_iter().collect() }
+        let seats = Suite::from(problem).members().first().map(seat).into_iter().collect();
+        Self { seats, sight: None }
     }
 
     /// An evaluator of all members of a suite on the CPU, within about `memory` bytes.
@@ -64,7 +69,7 @@ impl Evaluator {
             let engine = CpuBackend::new(member.problem().task().clone(), share);
             Seat::new(member.clone(), Box::new(engine), share)
         };
-        Self { seats: suite.members().iter().map(seat).collect() }
+        Self { seats: suite.members().iter().map(seat).collect(), sight: None }
     }
 
     /// Opens an engine for each member of a suite, and hands out what the first opening has to say.
@@ -88,7 +93,25 @@ impl Evaluator {
             }
             seats.push(Seat::new(member.clone(), opened.engine, choice.memory_budget()));
         }
-        Ok((Self { seats }, notes))
+        Ok((Self { seats, sight: None }, notes))
+    }
+
+    /// A copy that scores sight of a car all round, too: for a search by an objective that must not win by looking
+    /// away.
+    #[must_use]
+    pub(super) fn watching_cars(self, objective: &Objective) -> Self {
+        let member = &self.seats[0].member;
+        let sight = match objective.weighs_place() {
+            true if member.is_mirrored() => CarSight::of(&member.problem().mirrored()),
+            true => CarSight::of(member.problem()),
+            false => None,
+        };
+        Self { sight: sight.map(Arc::new), ..self }
+    }
+
+    /// Sight of a car, where a search looks for it.
+    pub(super) fn sight(&self) -> Option<&Arc<CarSight>> {
+        self.sight.as_ref()
     }
 
     /// The problem; of several the first.
@@ -217,7 +240,7 @@ impl Evaluator {
             };
             by_member.push(scores);
         }
-        Ok(Some(self.together(placements.len(), &by_member)))
+        Ok(Some(self.together(placements, &by_member)?))
     }
 
     /// The scores of [`Self::judged_while`] alone, none known.
@@ -253,11 +276,19 @@ impl Evaluator {
     ) -> Result<Vec<Judged>, BackendError> {
         let scores = self.seats.iter_mut().map(|seat| seat.scores(placements, range));
         let by_member = scores.collect::<Result<Vec<_>, _>>()?;
-        Ok(self.together(placements.len(), &by_member))
+        Ok(self.together(placements, &by_member)?)
     }
 
-    /// From the scores of each member to those of each of so many placements.
-    fn together(&self, placements: usize, by_member: &[Vec<Scores>]) -> Vec<Judged> {
+    /// From the scores of each member to those of each of some placements.
+    fn together(
+        &self,
+        placements: &[Placement],
+        by_member: &[Vec<Scores>],
+    ) -> Result<Vec<Judged>, UnknownSensor> {
+        let sight = self.sight.as_ref();
+        let missing =
+            |placement: &Placement| sight.map(|sight| sight.missing(&placement.lidars)).transpose();
+        let missing = placements.par_iter().map(missing).collect::<Result<Vec<_>, _>>()?;
         let judged = |index: usize| {
             let seats = self.seats.iter().zip(by_member);
             let scenes: Vec<_> = seats
@@ -272,8 +303,9 @@ impl Evaluator {
             };
             let by_scene =
                 if scenes.len() > 1 { scenes.iter().map(of_scene).collect() } else { vec![] };
-            Judged { scores: Scores::over_scenes(&scenes), by_scene }
+            let car_missing = missing[index];
+            Judged { scores: Scores { car_missing, ..Scores::over_scenes(&scenes) }, by_scene }
         };
-        (0..placements).map(judged).collect()
+        Ok((0..placements.len()).map(judged).collect())
     }
 }

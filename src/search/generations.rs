@@ -33,11 +33,12 @@ pub struct GenerationRecord {
     pub generation: u64,
     /// Placements evaluated so far.
     pub evaluations: u64,
-    /// Best objective of this generation among placements that keep every rule; larger is better.
+    /// Best objective of this generation among placements that keep every rule, less what a car that is not seen all
+    /// round takes off; larger is better.
     pub best: Option<f64>,
-    /// Median objective of this generation, over all that were scored.
+    /// Median of this generation over all that were scored, as for `best`.
     pub median: Option<f64>,
-    /// Best objective so far among placements that keep every rule.
+    /// Best so far, as for `best`.
     pub best_so_far: Option<f64>,
     /// Candidates of this generation that break a rule of the mount; they are not evaluated.
     pub infeasible: usize,
@@ -312,14 +313,14 @@ impl Generations {
     }
 
     fn record(&self, standings: &[Standing]) -> GenerationRecord {
-        let mut values: Vec<f64> = standings.iter().filter_map(|s| s.value).collect();
+        let mut values: Vec<f64> = standings.iter().filter_map(Standing::worth).collect();
         values.sort_by(f64::total_cmp);
         GenerationRecord {
             generation: self.generation,
             evaluations: self.evaluations,
-            best: Standing::best(standings).and_then(|best| standings[best].value),
+            best: Standing::best(standings).and_then(|best| standings[best].worth()),
             median: values.get(values.len() / 2).copied(),
-            best_so_far: self.best.as_ref().and_then(|best| best.standing.value),
+            best_so_far: self.best.as_ref().and_then(|best| best.standing.worth()),
             infeasible: standings.iter().filter(|s| s.violation > 0.0).count(),
             guarded: standings.iter().filter(|s| s.guards > 0).count(),
             step_size: self.cma.as_ref().map_or(0.0, |cma| cma.running().step_size()),

@@ -7,12 +7,11 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::atlases::Atlases;
+use super::atlases::{Atlases, Unions};
 use super::error::SearchError;
 use super::evaluator::Evaluator;
 use crate::problem::KINDS;
 use crate::score::{Objective, Standing};
-use crate::search::atlas::Union;
 use crate::vehicle::{Constraints, Placement, PoseGrid};
 
 /// Stale gains that lazy greedy looks at again at once: enough to keep every core busy.
@@ -56,6 +55,8 @@ pub struct GridSearch {
     pub(super) evaluations: u64,
     /// What a share that must be seen and is not takes off the objective; 0 where nothing must be seen.
     penalty: f64,
+    /// What a car that is not seen anywhere takes off the objective; 0 where the search does not look.
+    blind: f64,
     /// Placements whose rules and guards were looked at, which takes a cast of all their LiDARs.
     looked_at: HashMap<Vec<u32>, Standing>,
 }
@@ -91,6 +92,7 @@ impl GridSearch {
             constraints: evaluator.constraints().clone(),
             evaluations: 0,
             penalty: 0.0,
+            blind: 0.0,
             looked_at: HashMap::new(),
         }
     }
@@ -194,7 +196,7 @@ impl GridSearch {
     /// The objective of held poses and one candidate more, for each candidate; `−∞` where it does not
     /// exist.
     pub(super) fn values_with(&mut self, poses: &[u32], candidates: &[u32]) -> Vec<(u32, f64)> {
-        let mut union = Vec::new();
+        let mut union = Unions::default();
         self.atlas.union(poses, &mut union);
         self.evaluations += candidates.len() as u64;
         candidates.par_iter().map(|&pose| (pose, self.value_with(&union, pose))).collect()
@@ -206,13 +208,13 @@ impl GridSearch {
         poses: &[u32],
         groups: &[(u32, Option<u32>)],
     ) -> Vec<f64> {
-        let mut union = Vec::new();
+        let mut union = Unions::default();
         self.atlas.union(poses, &mut union);
         self.evaluations += groups.len() as u64;
         let value = |&(one, other): &(u32, Option<u32>)| match other {
             None => self.value_with(&union, one),
             Some(other) => {
-                let mut both = Vec::new();
+                let mut both = Unions::default();
                 self.atlas.union(&[poses, &[one]].concat(), &mut both);
                 self.value_with(&both, other)
             }
@@ -225,7 +227,7 @@ impl GridSearch {
     pub(super) fn values_beside(&mut self, sets: &[&[u32]]) -> Vec<Vec<f64>> {
         let poses = self.atlas.grid().len();
         self.evaluations += u64::from(poses) * sets.len() as u64;
-        let mut unions = vec![Vec::new(); sets.len()];
+        let mut unions = vec![Unions::default(); sets.len()];
         unions.iter_mut().zip(sets).for_each(|(union, set)| self.atlas.union(set, union));
         let of_pose = |pose: u32| -> Vec<f64> {
             unions.iter().map(|union| self.value_with(union, pose)).collect()
@@ -236,13 +238,16 @@ impl GridSearch {
     }
 
     /// The objective of a union in each scene and one held pose more; `−∞` where it does not exist.
-    pub(super) fn value_with(&self, unions: &[Union], pose: u32) -> f64 {
+    pub(super) fn value_with(&self, unions: &Unions, pose: u32) -> f64 {
         let value = self.atlas.value_with(&self.objective, unions, pose);
-        let value = value.unwrap_or(f64::NEG_INFINITY);
-        match self.penalty > 0.0 {
-            true => value - self.penalty * self.atlas.missing_with(unions, Some(pose)),
-            false => value,
+        let mut value = value.unwrap_or(f64::NEG_INFINITY);
+        if self.penalty > 0.0 {
+            value -= self.penalty * self.atlas.missing_with(unions, Some(pose));
         }
+        if self.blind > 0.0 {
+            value -= self.blind * self.atlas.car_missing_with(unions, pose);
+        }
+        value
     }
 
     /// True if anything must be seen.
@@ -256,9 +261,14 @@ impl GridSearch {
         self.penalty = if self.has_areas() { penalty } else { 0.0 };
     }
 
+    /// From now on a car that is not seen all round takes so much off the objective, where the evaluator looks.
+    pub(super) fn watch_cars(&mut self, blind: f64) {
+        self.blind = if self.atlas.watches_cars() { blind } else { 0.0 };
+    }
+
     /// Share that held poses miss of what must be seen, over all areas.
     pub(super) fn missing(&self, poses: &[u32]) -> f64 {
-        let mut unions = Vec::new();
+        let mut unions = Unions::default();
         self.atlas.union(poses, &mut unions);
         self.atlas.missing_with(&unions, None)
     }
@@ -266,7 +276,7 @@ impl GridSearch {
     /// The objective of held poses, 0 for none, less what is not seen of what must be.
     pub(super) fn held_value(&mut self, poses: &[u32]) -> f64 {
         let Some((&last, others)) = poses.split_last() else {
-            return -self.penalty * self.missing(poses);
+            return -self.penalty * self.missing(poses) - self.blind;
         };
         self.values_with(others, &[last])[0].1
     }
@@ -349,7 +359,7 @@ impl GridSearch {
         let scored = placement.placement(self.atlas.grid(), "standing");
         let scores = evaluator.scores(&[scored])?.remove(0);
         let (violation, guards) = (scores.missing(), scores.guards.len());
-        let standing = Standing { violation, guards, value: Some(placement.value) };
+        let standing = Standing { violation, guards, value: Some(placement.value), blind: 0.0 };
         self.looked_at.insert(placement.poses.clone(), standing);
         Ok(standing)
     }

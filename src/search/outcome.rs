@@ -12,7 +12,7 @@ use super::generations::{GenerationRecord, GenerationsStop};
 use super::on_demand::FramesUsed;
 use super::phases::PhaseCheck;
 use super::spread::GainSpread;
-use crate::score::{Objective, Scores, Standing};
+use crate::score::{Guard, Objective, Scores, Standing};
 use crate::vehicle::{Constraints, Placement};
 
 /// A placement with its scores.
@@ -51,13 +51,15 @@ impl Scored {
     /// True if it keeps every rule of the mount and no guard speaks against it: only then is it a baseline to
     /// compare with.
     pub(crate) fn is_honest(&self) -> bool {
-        self.violations.is_empty() && self.scores.guards.is_empty() && self.scores.missing() == 0.0
+        let doubted = self.scores.guards.iter().any(Guard::is_doubt);
+        self.violations.is_empty() && !doubted && self.scores.missing() == 0.0
     }
 
     /// Guards that speak against it, rules of the mount that it breaks, and what must be seen and is not, in words; none
     /// if it is honest.
     pub(crate) fn reasons(&self) -> Vec<String> {
-        let guards = self.scores.guards.iter().map(ToString::to_string);
+        let guards = self.scores.guards.iter().filter(|guard| guard.is_doubt());
+        let guards = guards.map(ToString::to_string);
         let lacking = self.scores.required.iter().filter(|seen| seen.share < seen.least);
         let broken = self.violations.iter().cloned();
         guards.chain(broken).chain(lacking.map(ToString::to_string)).collect()
@@ -82,8 +84,9 @@ impl Scored {
 
     /// Its standing among placements that keep the rules of the mount.
     pub(super) fn standing(&self) -> Standing {
-        let guards = self.scores.guards.len();
-        Standing { violation: self.scores.missing(), guards, value: self.objective }
+        let guards = self.scores.guards.iter().filter(|guard| guard.is_doubt()).count();
+        let blind = self.scores.blindness();
+        Standing { violation: self.scores.missing(), guards, value: self.objective, blind }
     }
 }
 

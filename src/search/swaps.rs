@@ -11,6 +11,7 @@ use super::evaluator::Evaluator;
 use super::grid_search::{GridPlacement, GridSearch};
 use super::on_demand::drawn;
 use crate::score::Objective;
+use crate::targets::CAR_WEIGHT;
 use crate::vehicle::{Placement, PoseGrid, Spacing};
 
 /// Grid of the swaps where nothing else is said: that of the published placements.
@@ -102,6 +103,7 @@ fn grid_search(
     let grid = PoseGrid::new(evaluator.constraints(), settings.spacing)?;
     let atlas = Atlases::new(evaluator, &grid, objective.needed(), settings.memory);
     let mut search = GridSearch::new(atlas, objective.clone(), evaluator);
+    search.watch_cars(CAR_WEIGHT);
     let required = search.has_areas();
     if let Some(poses) = starts.iter().filter(|_| required).find_map(|start| search.start_of(start))
     {

@@ -250,6 +250,23 @@ class Scene:
         self_hits: bool | None = None,
         near_field: bool = False,
     ) -> Scores: ...
+    def range_card(
+        self,
+        poses: _Poses,
+        *,
+        sensors: Sequence[str] | None = None,
+        phases: npt.ArrayLike | None = None,
+    ) -> dict[str, Any] | None: ...
+    def beams_on(
+        self,
+        poses: _Poses,
+        targets: Sequence[str],
+        distances: Sequence[float],
+        bearings: Sequence[float],
+        *,
+        sensors: Sequence[str] | None = None,
+        phases: npt.ArrayLike | None = None,
+    ) -> npt.NDArray[np.uint32]: ...
     def covered(
         self,
         poses: _Poses,

@@ -24,6 +24,7 @@ mod subject;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
+use super::targets::{range_card_rows, range_card_svg};
 use super::{RunRecord, spread_in_words};
 use crate::scan::conditions::under;
 pub use figures::{Figures, Looks};
@@ -68,6 +69,7 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                     @if let Some(words) = run.and_then(|run| run.equipment.as_ref()) { p { "Equipment: " (words) "." } }
                     @if let Some(words) = run.and_then(spread_in_words) { p { (words) } }
                     @if let Some(phases) = run.and_then(|run| run.phases.as_ref()) { p { (phases.words) } }
+                    (range_card(subject))
                     (scores::against(subject, run))
                     (scores::guards(subject))
                     (layout::layout(subject, figures, run))
@@ -92,6 +94,36 @@ fn unbroken(words: &str) -> Markup {
         @for (index, word) in words.split(' ').enumerate() {
             @if index > 0 { " " }
             @if word.contains('-') { span.name { (word) } } @else { (word) }
+        }
+    }
+}
+
+/// Distances at which targets are met, and what the result is blind to.
+fn range_card(subject: &Subject<'_>) -> Markup {
+    let Some((best, card)) =
+        subject.result.and_then(|best| Some((best, best.scores.range_card.as_ref()?)))
+    else {
+        return html! {};
+    };
+    let rows = range_card_rows(card);
+    let titles: Vec<&str> = rows[0].iter().map(String::as_str).collect();
+    let cells = |row: &Vec<String>| (false, row.iter().map(parts::text).collect());
+    html! {
+        section aria-labelledby="range" {
+            h2 #range { "Range card" }
+            @if card.blind.is_empty() {
+                p { "A car is met by " (card.beams) " beams or more everywhere between 5 and 50 m, all round." }
+            } @else {
+                p { "Blind sectors:" }
+                ul.guards { @for sector in &card.blind { li { (sector.to_string()) } } }
+            }
+            p {
+                "Metres from the vehicle's origin to the middle of a target on level ground, alone, at which "
+                (card.beams) " beams or more end at it, the own body in the way. Bearings count to the left from \
+                 straight ahead."
+            }
+            (parts::figure(&range_card_svg(&best.placement.name, card), "Distances at which targets are met"))
+            (parts::table("Metres at which a target is met", &titles, &rows[1..].iter().map(cells).collect::<Vec<_>>()))
         }
     }
 }

@@ -13,6 +13,7 @@ use crate::search::evaluator::Evaluator;
 use crate::search::grid_search::{GridSearch, Places};
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::suite::Suite;
+use crate::targets::CAR_WEIGHT;
 use crate::vehicle::{
     Constraints, Equipment, MAX_LIDARS, Placement, PoseGrid, SensorName, Spacing, Ties, Vehicle,
 };
@@ -167,7 +168,7 @@ impl Equip {
             }
         };
         let memory = engine.memory_budget();
-        let mut evaluator = Evaluator::suite_on_cpu(&suite, memory / 2);
+        let mut evaluator = Evaluator::suite_on_cpu(&suite, memory / 2).watching_cars(objective);
         let all: Vec<u32> = (0..grid.len()).collect();
         let atlases = Atlases::new(&evaluator, &grid, objective.needed(), memory / 2);
         if all.len() > atlases.capacity() {
@@ -192,6 +193,7 @@ impl Equip {
         let most = singles.iter().map(|(_, value)| *value).fold(0.0, f64::max);
         let penalty = REQUIRED * most.max(1e-9);
         grid.require(penalty);
+        grid.watch_cars(CAR_WEIGHT);
         let (in_pairs, places) = (constraints.ties.symmetric, grid.places());
         Ok(Opened::Open(Box::new(Self { vehicle, budget, grid, places, kinds, penalty, in_pairs })))
     }
@@ -369,8 +371,10 @@ impl Equip {
         let missing = self.grid.missing(&poses);
         // The objective alone.
         self.grid.require(0.0);
+        self.grid.watch_cars(0.0);
         let value = self.grid.held_value(&poses);
         self.grid.require(self.penalty);
+        self.grid.watch_cars(CAR_WEIGHT);
         let grid = self.grid.atlas().grid();
         let lidars = poses.iter().map(|&pose| grid.pose(pose)).collect();
         Equipped {

@@ -323,6 +323,7 @@ impl Run {
                 notes.iter().for_each(|note| watch.note(note));
                 self.sitting.named = true;
             }
+            let evaluator = evaluator.watching_cars(&self.state.settings.objective);
             self.sitting.evaluator = Some(evaluator);
             self.sitting.frames = frames;
         }
@@ -352,10 +353,12 @@ impl Run {
         if self.sitting.over_all.is_none() {
             let (memory, suite) = (self.memory(), self.confirming());
             // What is found must not live on lucky phases or lucky beams.
-            self.sitting.over_all = Some(match suite.is_left_to_chance() {
+            let evaluator = match suite.is_left_to_chance() {
                 true => Evaluator::suite_on_cpu(&suite.with_draw(CONFIRMING), memory),
                 false => Evaluator::suite_on_cpu(&suite, memory),
-            });
+            };
+            let objective = &self.state.settings.objective;
+            self.sitting.over_all = Some(evaluator.watching_cars(objective));
         }
         Ok(self.sitting.over_all.as_mut().expect("opened above"))
     }

@@ -14,6 +14,8 @@ pub enum FileKind {
     Vehicle,
     /// Poses of LiDARs.
     Placements,
+    /// A thing of known size.
+    Target,
 }
 
 impl FileKind {
@@ -26,12 +28,17 @@ impl FileKind {
             mounts: Option<IgnoredAny>,
             sensors: Option<IgnoredAny>,
             placements: Option<IgnoredAny>,
+            shapes: Option<IgnoredAny>,
+            lidar: Option<IgnoredAny>,
+            mount: Option<IgnoredAny>,
         }
         let keys: Keys = serde_json::from_str(text).ok()?;
         let vehicle = keys.mounts.or(keys.sensors);
         let scene = keys.roi.map(|_| Self::Scene);
         let kind = scene.or(vehicle.map(|_| Self::Vehicle));
-        kind.or(keys.placements.map(|_| Self::Placements))
+        let kind = kind.or(keys.placements.map(|_| Self::Placements));
+        let is_scene = keys.lidar.or(keys.mount).is_some();
+        kind.or(keys.shapes.filter(|_| !is_scene).map(|_| Self::Target))
     }
 
     /// How such a file is given to the program.
@@ -40,6 +47,7 @@ impl FileKind {
             Self::Scene => "as SCENE",
             Self::Vehicle => "by --vehicle",
             Self::Placements => "behind the scenes, or by --placement or --baselines",
+            Self::Target => "by --target",
         }
     }
 }
@@ -50,6 +58,7 @@ impl fmt::Display for FileKind {
             Self::Scene => "a scene",
             Self::Vehicle => "a vehicle",
             Self::Placements => "a file of placements",
+            Self::Target => "a target",
         })
     }
 }

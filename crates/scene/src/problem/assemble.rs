@@ -195,7 +195,8 @@ impl Problem {
         let far = Task::far_range_of(roi, sensors.longest_range());
         let world = if frames.is_empty() { World::default() } else { make_world(far)? };
         let task = Task::new(*roi, content, sensors, world, ends_at_hits).numbered(frames);
-        Ok(Self::from(task).with_constraints(scene.constraints()))
+        let body = Frame::from(Arc::new(Bvh::build(&scene.part(scene.part_count() - 1), far)));
+        Ok(Self { body, ..Self::from(task).with_constraints(scene.constraints()) })
     }
 }
 

@@ -53,6 +53,8 @@ pub enum ProblemError {
 pub struct Problem {
     task: Arc<Task>,
     constraints: Constraints,
+    /// Own body alone, in the ego frame.
+    body: Frame,
 }
 
 impl Deref for Problem {
@@ -66,7 +68,8 @@ impl Deref for Problem {
 impl From<Task> for Problem {
     /// A problem without rules of a mount.
     fn from(task: Task) -> Self {
-        Self { task: Arc::new(task), constraints: Constraints::default() }
+        let (constraints, body) = (Constraints::default(), Frame::default());
+        Self { task: Arc::new(task), constraints, body }
     }
 }
 
@@ -79,6 +82,11 @@ impl Problem {
     /// Rules of the mount: none where the problem was put together without.
     pub fn constraints(&self) -> &Constraints {
         &self.constraints
+    }
+
+    /// Own body alone, in the ego frame; without triangles where the scene has no body.
+    pub fn body(&self) -> &Frame {
+        &self.body
     }
 
     /// A copy with other rules of the mount.

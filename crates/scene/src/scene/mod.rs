@@ -23,6 +23,7 @@ mod settings;
 mod shapes;
 mod solid;
 pub mod street;
+mod target;
 mod tracks;
 
 use std::path::{Path, PathBuf};
@@ -50,6 +51,7 @@ pub use settings::{Coverage, PsogSource, ScanSettings};
 pub use sightline_files::json::Place;
 pub use sightline_files::json::{DescriptionError, FileKind};
 pub use street::street;
+pub use target::{Target, preset_targets};
 pub use tracks::Track;
 
 /// Largest scene file in bytes; ten million listed directions fit.

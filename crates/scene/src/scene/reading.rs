@@ -2,6 +2,13 @@
 
 use super::*;
 
+/// Scene of [`Scene::level_ground`].
+const LEVEL_GROUND: &str = r#"{
+    "sightline": 1,
+    "roi": { "min": [-50, -50, -5], "max": [50, 50, 15], "voxel": [1, 1, 1] },
+    "static": [{ "class": "road", "plane": { "min": [-300, -300], "max": [300, 300], "z": 0 } }]
+}"#;
+
 impl Scene {
     /// Reads a scene file and every sensor and mesh file that it names.
     ///
@@ -37,6 +44,14 @@ impl Scene {
         let mut scene = Self::from_text(text, dir, &name, vehicle)?;
         scene.files.insert(0, path.to_owned());
         Ok(scene)
+    }
+
+    /// Level ground of 600 by 600 m around a vehicle of a file.
+    ///
+    /// # Errors
+    /// See [`Self::read`].
+    pub fn level_ground(vehicle: &Path) -> Result<Self, DescriptionError> {
+        Self::from_text(LEVEL_GROUND, Path::new(""), "level ground", Some(vehicle))
     }
 
     /// Reads a scene from JSON text.

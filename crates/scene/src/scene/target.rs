@@ -1,0 +1,279 @@
+//! Targets: things of known size that a rig must detect at a range, as presets or from files.
+//!
+//! A target file is `{ "sightline": 1, "name", "shapes": [shapes as in a scene], "reflectance", "source" }`. Shapes need
+//! no class. Its frame has z = 0 on the ground and x along the target.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::classes::Classes;
+use super::description::{Dictionary, ShapeDescription};
+use super::shapes::Builder;
+use lidar_cast::bvh::Bvh;
+use lidar_cast::geom::{Pose, TriangleSoup};
+use sightline_files::Note;
+use sightline_files::json::check::{self, bad};
+use sightline_files::json::{self, DescriptionError, FileKind, Place, nearest};
+
+/// Largest target file, in bytes.
+const MAX_FILE: u64 = 64 << 20;
+/// Largest target along any axis, in metres.
+const MOST_METRES: f64 = 100.0;
+/// Reflectance of a target that does not say: that of the sensors' rated ranges.
+const RATED_REFLECTANCE: f64 = 0.1;
+/// Metres by which a target may stand off its origin or the ground before a note says so.
+const OFF_CENTRE: f64 = 1e-3;
+/// Longest hits in the trees of targets, in metres.
+const FAR: f32 = 1000.0;
+/// Class of shapes that name none; a target's classes count for nothing.
+const CLASS: &str = "other";
+
+/// A thing of known size that stands on the ground.
+#[derive(Debug, Clone, Serialize)]
+pub struct Target {
+    /// Name in tables and requirements.
+    pub name: String,
+    /// Length, width and height of the box around it, metres.
+    pub size: [f64; 3],
+    /// Shapes as the file writes them.
+    pub shapes: Value,
+    /// Share of the light that its surface reflects, above 0 and at most 1.
+    pub reflectance: f64,
+    /// Source of its dimensions; `None` where the file does not say.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source: Option<String>,
+    /// Lower and upper corner of the box around it, in its own frame.
+    #[serde(skip)]
+    pub corners: [[f64; 3]; 2],
+    /// Triangles with the middle of that box at x = y = 0 and the ground at z = 0, metres.
+    #[serde(skip)]
+    pub tree: Arc<Bvh>,
+    /// Likely mistakes in the file, a sentence each.
+    #[serde(skip)]
+    pub notes: Vec<Note>,
+    /// The target file and its meshes; none of a preset.
+    #[serde(skip)]
+    pub files: Vec<PathBuf>,
+}
+
+impl PartialEq for Target {
+    /// Equal names, sizes, shapes and reflectances.
+    fn eq(&self, other: &Self) -> bool {
+        (&self.name, self.size, &self.shapes, self.reflectance)
+            == (&other.name, other.size, &other.shapes, other.reflectance)
+    }
+}
+
+/// A target file as it is written.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TargetDescription {
+    #[serde(rename = "sightline")]
+    _version: u64,
+    name: String,
+    shapes: Vec<ShapeDescription>,
+    reflectance: Option<f64>,
+    source: Option<String>,
+}
+
+/// Every preset, in the order of `targets.json`.
+pub fn preset_targets() -> &'static [Target] {
+    static PRESETS: OnceLock<Vec<Target>> = OnceLock::new();
+    PRESETS.get_or_init(|| {
+        let all: Vec<Value> =
+            serde_json::from_str(include_str!("targets.json")).unwrap_or_default();
+        // A test reads them all.
+        let read = |value: &Value| Target::from_text(&value.to_string(), Path::new(""), "presets");
+        all.iter().filter_map(|value| read(value).ok()).collect()
+    })
+}
+
+impl Target {
+    /// A preset by its name; any other text is the name of a target file.
+    ///
+    /// # Errors
+    /// No such preset and no such file; any [`DescriptionError`] of the file.
+    pub fn named(text: &str) -> Result<Self, DescriptionError> {
+        if let Some(preset) = preset_targets().iter().find(|preset| preset.name == text) {
+            return Ok(preset.clone());
+        }
+        let path = Path::new(text);
+        if path.extension().is_none() && !path.exists() {
+            let known = || preset_targets().iter().map(|preset| preset.name.as_str());
+            return Err(DescriptionError::UnknownName {
+                at: Box::new(Place::top("target")),
+                kind: "preset or file of a target",
+                name: text.to_owned(),
+                nearest: nearest(text, known()),
+                known: known().map(str::to_owned).collect(),
+            });
+        }
+        Self::read(path)
+    }
+
+    /// Reads a target file.
+    ///
+    /// # Errors
+    /// Any [`DescriptionError`]; each names the file, the place in it and the mend.
+    pub fn read(path: &Path) -> Result<Self, DescriptionError> {
+        let bytes = json::read_limited(path, MAX_FILE)?;
+        let text = String::from_utf8_lossy(&bytes);
+        let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+        let dir = path.parent().unwrap_or(Path::new(""));
+        let mut target = Self::from_text(text, dir, &path.display().to_string())?;
+        target.files.insert(0, path.to_owned());
+        Ok(target)
+    }
+
+    /// From the text of a target file, whose meshes are in `dir`.
+    fn from_text(text: &str, dir: &Path, file: &str) -> Result<Self, DescriptionError> {
+        json::check_version(text, file, FileKind::Target)?;
+        let TargetDescription { name, mut shapes, reflectance, source, .. } =
+            json::parse(text, file)?;
+        let written: Value = json::parse(text, file)?;
+        let at = Place::top(file);
+        let name = check::text(&at.key("name"), name)?;
+        if name.trim().is_empty() {
+            return Err(bad(&at.key("name"), "an empty text", "a name"));
+        }
+        let reflectance = reflectance.unwrap_or(RATED_REFLECTANCE);
+        if !(reflectance > 0.0 && reflectance <= 1.0) {
+            let wanted = "a share above 0 and at most 1, 0.1 for example";
+            return Err(bad(&at.key("reflectance"), reflectance, wanted));
+        }
+        let source = source.map(|text| check::text(&at.key("source"), text)).transpose()?;
+        for shape in shapes.iter_mut().filter(|shape| shape.shape.is_none()) {
+            shape.class.get_or_insert_with(|| CLASS.to_owned());
+        }
+        let (classes, named) = (Classes::new(&at, None, None)?, Dictionary::default());
+        let mut builder = Builder::new(&at, &classes, &named, dir);
+        let solid = builder.list(&at.key("shapes"), &shapes)?;
+        let (files, mut notes) = (builder.files(), builder.notes());
+        let mut soup = TriangleSoup::default();
+        solid.append_to(&mut soup, &Pose::IDENTITY);
+        let [low, high] = checked_corners(&at, &soup)?;
+        notes.extend(off_centre(&at, low, high));
+        let middle = [0, 1].map(|k| 0.5 * (low[k] + high[k]));
+        let moved = |corner: [f64; 3]| [corner[0] - middle[0], corner[1] - middle[1], corner[2]];
+        for vertex in &mut soup.vertices {
+            *vertex = moved(vertex.map(f64::from)).map(|v| v as f32);
+        }
+        Ok(Self {
+            name,
+            size: [0, 1, 2].map(|k| to_micrometres(high[k] - low[k])),
+            shapes: written["shapes"].clone(),
+            reflectance,
+            source,
+            corners: [moved(low), moved(high)],
+            tree: Arc::new(Bvh::build(&soup, FAR)),
+            notes,
+            files,
+        })
+    }
+}
+
+/// Lengths are those of coordinates in `f32`: digits beyond a micrometre say nothing.
+fn to_micrometres(metres: f64) -> f64 {
+    (metres * 1e6).round() / 1e6
+}
+
+/// Corners of the box around triangles, which must have an extent and fit a road.
+fn checked_corners(at: &Place, soup: &TriangleSoup) -> Result<[[f64; 3]; 2], DescriptionError> {
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for vertex in &soup.vertices {
+        for k in 0..3 {
+            low[k] = low[k].min(f64::from(vertex[k]));
+            high[k] = high[k].max(f64::from(vertex[k]));
+        }
+    }
+    let sides = [0, 1, 2].map(|k| high[k] - low[k]);
+    if sides.iter().filter(|side| **side > 0.0).count() < 2 {
+        let wanted = "at least one shape with an area: beams cannot meet a target without size";
+        return Err(bad(&at.key("shapes"), "a list without an area", wanted));
+    }
+    if sides.iter().any(|side| *side > MOST_METRES) {
+        let longest = sides.iter().copied().fold(0.0, f64::max);
+        let wanted = format!(
+            "a target of at most {MOST_METRES} m; if a mesh is in millimetres, give it `\"scale\": 0.001`"
+        );
+        return Err(bad(&at.key("shapes"), format!("a target of {longest:.1} m"), wanted));
+    }
+    Ok([low, high])
+}
+
+/// Notes on a target that stands off the origin of its file, or not on the ground.
+fn off_centre(at: &Place, low: [f64; 3], high: [f64; 3]) -> Vec<Note> {
+    let mut notes = Vec::new();
+    let [x, y] = [0, 1].map(|k| 0.5 * (low[k] + high[k]));
+    if x.abs().max(y.abs()) > OFF_CENTRE {
+        notes.push(Note::doubt(format!(
+            "{at}: shapes: the middle of the target is at x = {x:.3} m, y = {y:.3} m; distances count to that middle"
+        )));
+    }
+    if low[2].abs() > OFF_CENTRE {
+        let how = if low[2] > 0.0 { "floats above" } else { "reaches below" };
+        let z = low[2];
+        notes.push(Note::doubt(format!(
+            "{at}: shapes: the target {how} the ground, its lowest point is at z = {z:.3} m; it is taken as it is \
+             written"
+        )));
+    }
+    notes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_preset_is_read_and_says_its_source() {
+        let all: Vec<Value> = serde_json::from_str(include_str!("targets.json")).unwrap();
+        assert_eq!(preset_targets().len(), all.len());
+        for name in ["child", "adult", "cyclist", "car", "tyre", "motorcycle", "pole", "kerb"] {
+            let target = Target::named(name).unwrap();
+            assert!(target.source.is_some() && target.notes.is_empty(), "{name}");
+            assert_eq!(target.corners[0][2], 0.0, "{name} stands on the ground");
+            assert!((target.corners[0][0] + target.corners[1][0]).abs() < 1e-6);
+        }
+        assert_eq!(Target::named("child").unwrap().size[2], 1.1);
+    }
+
+    #[test]
+    fn wrong_targets_are_refused_with_their_place() {
+        let refused =
+            |text: &str| Target::from_text(text, Path::new(""), "t.json").unwrap_err().to_string();
+        let target = |shapes: &str, more: &str| {
+            format!(r#"{{"sightline": 1, "name": "t", "shapes": [{shapes}]{more}}}"#)
+        };
+        let cube = r#"{"box": {"foot": [0, 0, 0], "size": [1, 1, 1]}}"#;
+        assert!(Target::from_text(&target(cube, ""), Path::new(""), "t.json").is_ok());
+        let cases = [
+            (target("", ""), "shapes"),
+            (target(cube, r#", "reflectance": 0"#), "reflectance"),
+            (target(cube, r#", "reflectance": 10"#), "reflectance"),
+            (target(cube, r#", "colour": 1"#), "colour"),
+            (target(r#"{"box": {"foot": [0, 0, 0], "size": [1, 0, 1]}}"#, ""), "size"),
+            (target(r#"{"box": {"foot": [0, 0, 0], "size": [900, 1, 1]}}"#, ""), "millimetres"),
+            (r#"{"sightline": 1, "roi": {}}"#.to_owned(), "a scene"),
+        ];
+        for (text, word) in cases {
+            let told = refused(&text);
+            assert!(told.contains("t.json") && told.contains(word), "{told}");
+        }
+        let told = Target::named("chidl").unwrap_err().to_string();
+        assert!(told.contains("`child`"), "{told}");
+    }
+
+    #[test]
+    fn a_target_off_its_origin_is_moved_to_its_middle_and_noted() {
+        let text = r#"{"sightline": 1, "name": "t",
+            "shapes": [{"box": {"foot": [2, 0, 0.5], "size": [1, 1, 1]}}]}"#;
+        let target = Target::from_text(text, Path::new(""), "t.json").unwrap();
+        assert_eq!(target.corners, [[-0.5, -0.5, 0.5], [0.5, 0.5, 1.5]]);
+        let told: Vec<&str> = target.notes.iter().map(Note::text).collect();
+        assert!(told[0].contains("x = 2.000 m") && told[1].contains("z = 0.500 m"), "{told:?}");
+    }
+}

@@ -1,0 +1,179 @@
+//! Beams on targets at range: of placements on level ground, or in scenes.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::given::Given;
+use super::opening::{self, LoadTimes, Loaded};
+use super::{Computing, Error, GRACE};
+use crate::engine::BackendError;
+use crate::files::{Session, writable_file, write_whole};
+use crate::job::Job;
+use crate::report::targets::targets_svg;
+use crate::scan::conditions::{Condition, Kind, in_words, weather};
+use crate::scene::{Scene, Target};
+use crate::targets::{GroundBelow, Receiving, TargetQuestion, TargetSite, TargetTable};
+use crate::vehicle::placement_file::holds_placements;
+use crate::vehicle::read_placements;
+
+/// Placements, targets and their places.
+#[derive(Debug, Clone)]
+pub struct TargetsRequest {
+    /// Scenes, none for level ground, and a file of placements.
+    pub files: Vec<PathBuf>,
+    /// Presets by name, or target files.
+    pub targets: Vec<String>,
+    /// Metres from the ego origin to the middle of a target.
+    pub distances: Vec<f64>,
+    /// Degrees counter-clockwise from straight ahead.
+    pub bearings: Vec<f64>,
+    /// Beams from which on a frame counts.
+    pub beams: u32,
+    /// Frames to look at in each scene, spread evenly.
+    pub frames: u32,
+    /// Frames that must count for a detection; all if `None`.
+    pub of_frames: Option<u32>,
+    /// Counts only beams of which the sensor's response sees enough light.
+    pub response: bool,
+    /// Fog, snow or rain; implies `response`.
+    pub conditions: Vec<Condition>,
+    /// SVG file for the range of first detection by bearing.
+    pub out: Option<PathBuf>,
+}
+
+/// Beams on targets, and what the numbers mean.
+#[derive(Debug, Serialize)]
+pub struct TargetsFound {
+    /// Targets with their dimensions and where these are from.
+    pub targets: Vec<Target>,
+    /// Beams from which on a frame counts.
+    pub beams: u32,
+    /// Frames that must count for a detection.
+    pub of_frames: usize,
+    /// Weather, as it is written.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub conditions: Vec<String>,
+    /// Rows and ranges.
+    #[serde(flatten)]
+    pub table: TargetTable,
+}
+
+/// Counts the beams of each placement on each target, and draws the ranges of detection where a file is given.
+///
+/// # Errors
+/// Files that cannot be read or written, neither scene nor vehicle, weather that no beam is dimmed by.
+pub fn targets(request: &TargetsRequest, computing: &Computing<'_>) -> Result<TargetsFound, Error> {
+    let _session = Session::begin();
+    let watcher = computing.watcher;
+    let (scenes, file) = sorted(&request.files, computing)?;
+    let question = question(request, computing)?;
+    let receiving = receiving(request)?;
+    if let Some(file) = &request.out {
+        writable_file(file)?;
+    }
+    let mut placements = read_placements(&file)?;
+    let mut table = TargetTable::default();
+    watcher.listen(GRACE);
+    if let Some(vehicle) = computing.vehicle.as_deref().filter(|_| scenes.is_empty()) {
+        let scene = Scene::level_ground(vehicle)?;
+        scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
+        let site = TargetSite::of_vehicle(&scene)?.receiving(receiving.clone());
+        let given = Given::new(&file, site.sensors(), &scene.constraints(), computing);
+        given.all(&mut placements)?;
+        let bar = watcher.bar(placements.len() as u64, Some("placements"));
+        for placement in placements.iter().take_while(|_| watcher.goes_on()) {
+            let found = question.on_level_ground(&site, placement);
+            table.append(found.map_err(BackendError::from)?);
+            bar.advance(1);
+        }
+    }
+    for path in &scenes {
+        let scene = opening::geometry(path, "static shapes and actors", computing)?;
+        opening::note_frames(&scene, Some(request.frames), watcher);
+        let ground = GroundBelow::new(&scene);
+        let job = Job::new(scene).geometry_alone().frames(Some(request.frames));
+        let job = job.engine(computing.engine.clone());
+        let mut loaded = Loaded { job, times: LoadTimes::default() };
+        let mut evaluator = loaded.evaluator(computing)?;
+        let problem = evaluator.shared_problem();
+        let mut placements = placements.clone();
+        Given::in_problem(&file, &problem, computing).all(&mut placements)?;
+        let site = TargetSite::of(&problem).receiving(receiving.clone());
+        let bar = watcher.bar(placements.len() as u64, Some("placements"));
+        for placement in placements.iter().take_while(|_| watcher.goes_on()) {
+            let (engine, place) = (evaluator.backend_mut(), (&*problem, &ground));
+            let found = question.in_scene(&site, place, engine, placement)?;
+            table.append(found.of_scene(loaded.job.scene().name()));
+            bar.advance(1);
+        }
+    }
+    if let Some(file) = &request.out {
+        let svg = targets_svg(&question, &table);
+        write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(Error::io(file)))?;
+    }
+    let TargetQuestion { targets, beams, of_frames, .. } = question;
+    let conditions = in_words(&request.conditions);
+    Ok(TargetsFound { targets, beams, of_frames, conditions, table })
+}
+
+/// Scenes, and the file of placements.
+fn sorted(files: &[PathBuf], computing: &Computing<'_>) -> Result<(Vec<PathBuf>, PathBuf), Error> {
+    let (held, mut scenes): (Vec<PathBuf>, Vec<PathBuf>) =
+        files.iter().cloned().partition(|file| holds_placements(file));
+    let placements = match &held[..] {
+        [] => scenes.pop(),
+        [only] => Some(only.clone()),
+        [first, second, ..] => {
+            let (first, second) = (first.display(), second.display());
+            let told = format!("{first} and {second}: both hold placements; give one such file");
+            return Err(Error::Usage(told));
+        }
+    };
+    let placements = placements
+        .ok_or_else(|| Error::Usage("give a file of placements to look at".to_owned()))?;
+    if scenes.is_empty() && computing.vehicle.is_none() {
+        return Err(Error::Usage(format!(
+            "{}: there is neither a scene nor a vehicle; give --vehicle FILE for level ground, or a scene before the \
+             placements",
+            placements.display()
+        )));
+    }
+    Ok((scenes, placements))
+}
+
+/// Reads the targets, and orders distances.
+fn question(request: &TargetsRequest, computing: &Computing<'_>) -> Result<TargetQuestion, Error> {
+    let mut targets: Vec<Target> = Vec::new();
+    for name in &request.targets {
+        let target = Target::named(name)?;
+        target.notes.iter().try_for_each(|note| computing.watcher.tell(note))?;
+        if targets.iter().any(|known| known.name == target.name) {
+            let name = &target.name;
+            return Err(Error::Usage(format!("--target {name}: is given twice; leave one out")));
+        }
+        targets.push(target);
+    }
+    let mut distances = request.distances.clone();
+    distances.sort_by(f64::total_cmp);
+    distances.dedup();
+    let mut bearings = request.bearings.clone();
+    bearings.dedup();
+    let of_frames = request.of_frames.unwrap_or(request.frames).min(request.frames) as usize;
+    Ok(TargetQuestion { targets, distances, bearings, beams: request.beams, of_frames })
+}
+
+/// Light that must come back, where it counts.
+fn receiving(request: &TargetsRequest) -> Result<Option<Receiving>, Error> {
+    for condition in &request.conditions {
+        if !matches!(condition.kind(), Kind::Fog | Kind::Snow | Kind::Rain) {
+            return Err(Error::Usage(format!(
+                "--condition {condition}: beams on targets are dimmed by fog, snow and rain alone; leave it out"
+            )));
+        }
+    }
+    let weather = weather(&request.conditions)?;
+    let counts = request.response || !request.conditions.is_empty();
+    Ok(counts.then_some(Receiving { weather }))
+}

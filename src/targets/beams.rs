@@ -1,0 +1,268 @@
+//! Beams of a placement on targets: those whose closest hit is the target, the own body in the way.
+
+use std::cell::RefCell;
+use std::f64::consts::PI;
+use std::sync::{Arc, OnceLock};
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::finder::BeamFinder;
+use crate::bvh::{Bvh, Hit, Ray};
+use crate::cast::closest_hit_in;
+use crate::geom::Pose;
+use crate::maths;
+use crate::problem::{DevicePose, Frame, Problem, beam_direction, beam_origin};
+use crate::scan::conditions::Weather;
+use crate::scene::{Scene, Target};
+use crate::vehicle::{Response, SensorError, SensorModel, SensorPose, Sensors, UnknownSensor};
+
+/// Sensor models and own body of a vehicle: all that decides about beams on targets on level ground.
+#[derive(Debug, Clone)]
+pub struct TargetSite {
+    sensors: Sensors,
+    /// One a model, made on first use.
+    finders: Arc<[OnceLock<BeamFinder>]>,
+    body: Frame,
+    /// Lower and upper corner of the body in plan, metres.
+    bounds: Option<[[f64; 2]; 2]>,
+    /// `None` counts beams whatever comes back.
+    receiving: Option<Receiving>,
+}
+
+/// A target where it stands: the middle of its box in plan and the height of its ground, in the ego frame, metres. Its
+/// own axis lies along x.
+#[derive(Debug, Clone, Copy)]
+pub struct Standing<'a> {
+    /// The target.
+    pub target: &'a Target,
+    /// Position of the target's origin.
+    pub at: [f64; 3],
+}
+
+/// Light that must come back for a beam to count: ρ·cos θ / r² less what the air takes, at least the power of a return
+/// that the sensor sees half of the time.
+#[derive(Debug, Clone, Default)]
+pub struct Receiving {
+    /// Fog, snow and rain on the way.
+    pub weather: Weather,
+}
+
+impl Receiving {
+    /// True if the sensor sees a surface of a reflectance half of the time or more, at metres and a cosine of incidence.
+    fn sees(&self, response: &Response, reflectance: f64, cosine: f64, metres: f64) -> bool {
+        let fog = self.weather.fog.as_ref().map_or(1.0, |fog| fog.attenuation(metres));
+        let falls = self.weather.falls();
+        let falls = falls.map(|(fall, ..)| maths::exp(-2.0 * fall.extinction() * metres));
+        let power = reflectance * cosine / (metres * metres) * fog * falls.product::<f64>();
+        power >= response.threshold() && metres >= response.min_range
+    }
+}
+
+/// A LiDAR in its pose.
+struct Looking<'a> {
+    model: &'a SensorModel,
+    finder: &'a BeamFinder,
+    ego_from_sensor: Pose,
+    ends: Ends<'a>,
+    receiving: Option<&'a Receiving>,
+}
+
+/// Metres at which beams end at something else than a target.
+enum Ends<'a> {
+    /// At the own body: looked up on demand, NaN where it has not been.
+    Body { body: &'a Frame, known: RefCell<Vec<f32>> },
+    /// At hits that are known.
+    Hits(&'a [Hit]),
+}
+
+impl TargetSite {
+    /// From models and the body of the vehicle in the ego frame.
+    pub fn new(sensors: Sensors, body: Frame) -> Self {
+        let finders = sensors.models().iter().map(|_| OnceLock::new()).collect();
+        let bounds = bounds_in_plan(&body);
+        Self { sensors, finders, body, bounds, receiving: None }
+    }
+
+    /// Models and own body of a problem; in a mirror image of a scene that would be of another vehicle.
+    pub fn of(problem: &Problem) -> Self {
+        Self::new(problem.sensors().clone(), problem.body().clone())
+    }
+
+    /// Models and own body of a scene's vehicle.
+    ///
+    /// # Errors
+    /// A model without beams.
+    pub fn of_vehicle(scene: &Scene) -> Result<Self, SensorError> {
+        let sensors = scene.sensors()?;
+        let soup = scene.part(scene.part_count() - 1);
+        let tree = Bvh::build(&soup, sensors.longest_range());
+        Ok(Self::new(sensors, Frame::from(Arc::new(tree))))
+    }
+
+    /// A copy that counts only beams of which enough light comes back.
+    #[must_use]
+    pub fn receiving(self, receiving: Option<Receiving>) -> Self {
+        Self { receiving, ..self }
+    }
+
+    /// The sensor models.
+    pub fn sensors(&self) -> &Sensors {
+        &self.sensors
+    }
+
+    /// Beams of a LiDAR on each of some targets, each alone on its ground; counting ends at `enough`.
+    ///
+    /// A phase that differs from frame to frame stands at 0.
+    ///
+    /// # Errors
+    /// A model that the vehicle does not have.
+    pub fn beams(
+        &self,
+        lidar: &SensorPose,
+        standing: &[Standing<'_>],
+        enough: u32,
+    ) -> Result<Vec<u32>, UnknownSensor> {
+        let model = self.sensors.number(lidar)?;
+        let known = RefCell::new(vec![f32::NAN; self.sensors.table(model).directions().len()]);
+        let pose = self.at_rest(model, lidar);
+        let looking = self.looking(model, pose, Ends::Body { body: &self.body, known });
+        Ok(standing.iter().map(|standing| looking.beams(standing, enough)).collect())
+    }
+
+    /// Beams of each LiDAR of a placement on each of some targets, `[targets][lidars]`; see [`Self::beams`].
+    ///
+    /// # Errors
+    /// A model that the vehicle does not have.
+    pub fn beams_by_lidar(
+        &self,
+        lidars: &[SensorPose],
+        standing: &[Standing<'_>],
+    ) -> Result<Vec<Vec<u32>>, UnknownSensor> {
+        let of_lidar = lidars.par_iter().map(|lidar| self.beams(lidar, standing, u32::MAX));
+        let by_lidar = of_lidar.collect::<Result<Vec<_>, _>>()?;
+        Ok(transposed(&by_lidar, standing.len()))
+    }
+
+    /// Like [`Self::beams_by_lidar`], with LiDARs at `poses` in a scene: `hits[lidar]` are those of its beams there, own
+    /// body included.
+    ///
+    /// # Errors
+    /// A model that the vehicle does not have.
+    pub fn beams_in_scene(
+        &self,
+        lidars: &[SensorPose],
+        poses: &[Pose],
+        hits: &[&[Hit]],
+        standing: &[Standing<'_>],
+    ) -> Result<Vec<Vec<u32>>, UnknownSensor> {
+        let of_lidar = |lidar: usize| {
+            let model = self.sensors.number(&lidars[lidar])?;
+            let looking = self.looking(model, poses[lidar], Ends::Hits(hits[lidar]));
+            Ok(standing.iter().map(|standing| looking.beams(standing, u32::MAX)).collect())
+        };
+        let by_lidar = (0..lidars.len()).into_par_iter().map(of_lidar);
+        Ok(transposed(&by_lidar.collect::<Result<Vec<_>, _>>()?, standing.len()))
+    }
+
+    fn at_rest(&self, model: usize, lidar: &SensorPose) -> Pose {
+        let phase = lidar.phase.unwrap_or_else(|| self.sensors.models()[model].phase.at_rest());
+        self.sensors.ego_from_sensor(model, &SensorPose { phase: Some(phase), ..*lidar }, 0)
+    }
+
+    fn looking<'a>(&'a self, model: usize, ego_from_sensor: Pose, ends: Ends<'a>) -> Looking<'a> {
+        let (of, receiving) = (&self.sensors.models()[model], self.receiving.as_ref());
+        let finder = self.finders[model].get_or_init(|| BeamFinder::new(of.table.directions()));
+        Looking { model: of, finder, ego_from_sensor, ends, receiving }
+    }
+
+    /// True if a target at a position stands beside the own body: their boxes in plan do not overlap.
+    pub fn has_room(&self, target: &Target, at: [f64; 3]) -> bool {
+        let Some([low, high]) = self.bounds else { return true };
+        let [from, to] = target.corners;
+        (0..2).any(|k| at[k] + from[k] >= high[k] || at[k] + to[k] <= low[k])
+    }
+}
+
+/// Lower and upper corner of a body in plan, metres; `None` without triangles.
+fn bounds_in_plan(body: &Frame) -> Option<[[f64; 2]; 2]> {
+    let mut all: Option<[[f64; 2]; 2]> = None;
+    for instance in body.instances() {
+        for triangle in &instance.tree.triangles {
+            for corner in [triangle.a, triangle.b, triangle.c] {
+                let at = instance.ego_from_instance.apply(DVec3::from(corner.map(f64::from)));
+                let [low, high] = all.get_or_insert([[at.x, at.y]; 2]);
+                *low = [low[0].min(at.x), low[1].min(at.y)];
+                *high = [high[0].max(at.x), high[1].max(at.y)];
+            }
+        }
+    }
+    all
+}
+
+/// `[lidars][targets]` as `[targets][lidars]`.
+fn transposed(by_lidar: &[Vec<u32>], targets: usize) -> Vec<Vec<u32>> {
+    (0..targets).map(|target| by_lidar.iter().map(|beams| beams[target]).collect()).collect()
+}
+
+impl Looking<'_> {
+    /// Beams that meet a target first; counting ends at `enough`.
+    fn beams(&self, Standing { target, at }: &Standing<'_>, enough: u32) -> u32 {
+        let (origin, table) = (DVec3::from(*at), &self.model.table);
+        let range = table.range();
+        let [low, high] = target.corners.map(DVec3::from);
+        let (middle, radius) = (0.5 * (low + high) + origin, 0.5 * low.distance(high));
+        let to = middle - self.ego_from_sensor.translation;
+        let distance = to.length();
+        if distance - radius > f64::from(range) {
+            return 0;
+        }
+        let axis = self.ego_from_sensor.rotation.transpose() * to;
+        let half_angle = if distance > radius { maths::asin(radius / distance) } else { PI };
+        let ego_from_target = Pose { translation: origin, ..Pose::IDENTITY };
+        let pose = DevicePose::from(&ego_from_target.inverse().compose(&self.ego_from_sensor));
+        let from = beam_origin(&pose);
+        let mut count = 0;
+        self.finder.near(axis.normalize_or(DVec3::X), half_angle, |beam| {
+            let direction = beam_direction(&pose, table.directions()[beam]);
+            let hit = target.tree.closest_hit(&Ray::new(from, direction, range));
+            let meets = hit.is_hit() && self.reaches(beam, hit.t);
+            count += u32::from(meets && self.is_seen(target, &hit, direction));
+            count < enough
+        });
+        count
+    }
+
+    /// True if enough light comes back from a hit.
+    fn is_seen(&self, target: &Target, hit: &Hit, direction: Vec3) -> bool {
+        let Some(receiving) = self.receiving else { return true };
+        let of_hit = target.tree.triangles.iter().find(|triangle| triangle.prim == hit.prim);
+        let normal = of_hit.map_or(Vec3::Z, |triangle| Vec3::from(triangle.normal));
+        let cosine = normal.normalize_or_zero().dot(direction).abs();
+        let (reflectance, metres) = (target.reflectance, f64::from(hit.t));
+        receiving.sees(&self.model.response, reflectance, f64::from(cosine), metres)
+    }
+
+    /// True if nothing else ends a beam before so many metres.
+    fn reaches(&self, beam: usize, metres: f32) -> bool {
+        let ends = match &self.ends {
+            Ends::Hits(hits) => end_of(&hits[beam]),
+            Ends::Body { body, known } => {
+                let mut known = known.borrow_mut();
+                if known[beam].is_nan() {
+                    let table = &self.model.table;
+                    let (direction, range) = (table.directions()[beam], table.range());
+                    known[beam] =
+                        end_of(&closest_hit_in(body, &self.ego_from_sensor, direction, range));
+                }
+                known[beam]
+            }
+        };
+        metres < ends
+    }
+}
+
+/// Metres at which a beam ends; infinity for one that meets nothing.
+fn end_of(hit: &Hit) -> f32 {
+    if hit.is_hit() { hit.t } else { f32::INFINITY }
+}

@@ -1,0 +1,30 @@
+//! Targets at range: how many beams of a rig meet a car, a child, a tyre, at which distance and bearing.
+//!
+//! A target stands alone on level ground, with the own body in the way, or in a frame of a scene, with all that is
+//! there. A beam counts if its closest hit is the target. Distances are from the origin of the ego frame to the
+//! middle of the target in plan, bearings in degrees counter-clockwise from straight ahead; the target's own axis
+//! lies along x.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `finder` | beams of a model near a direction |
+//! | `beams` | beams of a placement on targets |
+//! | `card` | the range card, and blind sectors |
+//! | `places` | where in a scene a target can stand |
+//! | `sight` | sight of a car all round, for a search |
+//! | `table` | the study: beams by distance and bearing, the range of first detection |
+
+mod beams;
+mod card;
+mod finder;
+mod places;
+mod sight;
+mod table;
+#[cfg(test)]
+mod tests;
+
+pub use beams::{Receiving, Standing, TargetSite};
+pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges};
+pub use places::GroundBelow;
+pub use sight::{CAR_WEIGHT, CarBeams, CarSight};
+pub use table::{Detection, TargetQuestion, TargetRow, TargetTable};

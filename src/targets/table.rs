@@ -1,0 +1,203 @@
+//! The study of targets: beams on each target at each distance and bearing, and the range of first detection.
+
+use serde::Serialize;
+
+use super::beams::{Standing, TargetSite};
+use super::card::{position, runs};
+use super::places::GroundBelow;
+use crate::engine::{Backend, BackendError};
+use crate::problem::{Problem, SensorBatch};
+use crate::scene::Target;
+use crate::vehicle::{Placement, UnknownSensor};
+
+/// Targets, their places, and what counts as detected.
+#[derive(Debug, Clone)]
+pub struct TargetQuestion {
+    /// At least one.
+    pub targets: Vec<Target>,
+    /// Metres from the ego origin to the middle of a target, rising.
+    pub distances: Vec<f64>,
+    /// Degrees counter-clockwise from straight ahead.
+    pub bearings: Vec<f64>,
+    /// Beams from which on a frame counts.
+    pub beams: u32,
+    /// Frames that must count for a detection; all of those in which the target can stand, where these are fewer.
+    pub of_frames: usize,
+}
+
+/// Beams of a placement on a target at one place.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TargetRow {
+    /// Name of the scene; `None` on level ground.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scene: Option<String>,
+    /// Name of the placement.
+    pub placement: String,
+    /// Name of the target.
+    pub target: String,
+    /// Metres.
+    pub distance: f64,
+    /// Degrees counter-clockwise from straight ahead.
+    pub bearing: f64,
+    /// Frame of the scene, from 0; `None` on level ground.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frame: Option<usize>,
+    /// Beams that meet the target first; `None` where there is no free ground for it in the scene.
+    pub beams: Option<u32>,
+    /// The same by LiDAR; empty where there is no free ground.
+    pub by_lidar: Vec<u32>,
+    /// True where the target overlaps the own body, so that it counts for no detection.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub overlaps: bool,
+}
+
+/// Distances at which a placement detects a target at a bearing.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Detection {
+    /// Name of the scene; `None` on level ground.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scene: Option<String>,
+    /// Name of the placement.
+    pub placement: String,
+    /// Name of the target.
+    pub target: String,
+    /// Degrees counter-clockwise from straight ahead.
+    pub bearing: f64,
+    /// Range of first detection: the farthest distance at which it is detected, metres; `None` where it is at none.
+    pub first: Option<f64>,
+    /// First and last of neighbouring distances at which it is detected, metres.
+    pub detected: Vec<[f64; 2]>,
+}
+
+/// Rows of one scene, or of level ground, by placement, target, bearing, distance and frame.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct TargetTable {
+    /// Beams on each target.
+    pub rows: Vec<TargetRow>,
+    /// Distances of detection, by placement, target and bearing.
+    pub detections: Vec<Detection>,
+}
+
+impl TargetTable {
+    /// A copy whose rows name a scene.
+    #[must_use]
+    pub fn of_scene(mut self, scene: &str) -> Self {
+        self.rows.iter_mut().for_each(|row| row.scene = Some(scene.to_owned()));
+        self.detections.iter_mut().for_each(|row| row.scene = Some(scene.to_owned()));
+        self
+    }
+
+    /// Adds the rows of another table.
+    pub fn append(&mut self, other: Self) {
+        self.rows.extend(other.rows);
+        self.detections.extend(other.detections);
+    }
+}
+
+impl TargetQuestion {
+    /// Every target at every bearing and distance, in the order of the rows.
+    fn places(&self) -> impl Iterator<Item = (&Target, f64, f64)> {
+        self.targets.iter().flat_map(move |target| {
+            self.bearings.iter().flat_map(move |&bearing| {
+                self.distances.iter().map(move |&distance| (target, bearing, distance))
+            })
+        })
+    }
+
+    /// The table of a placement on level ground, each target alone, the own body in the way. Start angles that differ
+    /// from frame to frame stand at 0.
+    ///
+    /// # Errors
+    /// A model that the vehicle does not have.
+    pub fn on_level_ground(
+        &self,
+        site: &TargetSite,
+        placement: &Placement,
+    ) -> Result<TargetTable, UnknownSensor> {
+        let standing = self.places().map(|(target, bearing, distance)| {
+            Some(Standing { target, at: position(distance, bearing) })
+        });
+        let standing: Vec<Option<Standing<'_>>> = standing.collect();
+        let there: Vec<Standing<'_>> = standing.iter().flatten().copied().collect();
+        let beams = site.beams_by_lidar(&placement.lidars, &there)?;
+        Ok(self.table(site, placement, &[(None, standing, beams)]))
+    }
+
+    /// The table of a placement in a scene: in each of some frames each target stands alone on the ground below its
+    /// place, with all that is there in the way.
+    ///
+    /// # Errors
+    /// A model that the vehicle does not have, an engine that fails.
+    pub fn in_scene(
+        &self,
+        site: &TargetSite,
+        (problem, ground): (&Problem, &GroundBelow),
+        engine: &mut dyn Backend,
+        placement: &Placement,
+    ) -> Result<TargetTable, BackendError> {
+        let batch = SensorBatch::new(problem, &placement.lidars, None)?;
+        let mut frames = Vec::new();
+        for frame in 0..problem.frame_count() {
+            let hits = engine.hits(&placement.lidars, frame)?;
+            let hits: Vec<_> = (0..batch.len()).map(|k| &hits[batch.beams_of(k)]).collect();
+            let standing = self.places().map(|(target, bearing, distance)| {
+                let [x, y, _] = position(distance, bearing);
+                let at = [x, y, ground.height(problem, frame, target, [x, y])?];
+                Some(Standing { target, at })
+            });
+            let standing: Vec<Option<Standing<'_>>> = standing.collect();
+            let there: Vec<Standing<'_>> = standing.iter().flatten().copied().collect();
+            let poses = batch.ego_from_sensors(frame);
+            let beams = site.beams_in_scene(&placement.lidars, &poses, &hits, &there)?;
+            frames.push((Some(problem.number_of(frame)), standing, beams));
+        }
+        Ok(self.table(site, placement, &frames))
+    }
+
+    fn table(
+        &self,
+        site: &TargetSite,
+        placement: &Placement,
+        frames: &[(Option<usize>, Vec<Option<Standing<'_>>>, Vec<Vec<u32>>)],
+    ) -> TargetTable {
+        let mut table = TargetTable::default();
+        let mut by_frame: Vec<_> = frames.iter().map(|(.., beams)| beams.iter()).collect();
+        let mut detected = Vec::new();
+        for (place, (target, bearing, distance)) in self.places().enumerate() {
+            // Frames in which the target can stand, and in which enough beams meet it.
+            let [mut stands, mut met] = [0, 0];
+            let overlaps = !site.has_room(target, position(distance, bearing));
+            for ((frame, standing, _), beams) in frames.iter().zip(&mut by_frame) {
+                let by_lidar = standing[place].and_then(|_| beams.next());
+                let beams = by_lidar.map(|by_lidar| by_lidar.iter().sum::<u32>());
+                let counts = beams.filter(|_| !overlaps);
+                stands += usize::from(counts.is_some());
+                met += usize::from(counts.is_some_and(|beams| beams >= self.beams));
+                table.rows.push(TargetRow {
+                    scene: None,
+                    placement: placement.name.clone(),
+                    target: target.name.clone(),
+                    distance,
+                    bearing,
+                    frame: *frame,
+                    beams,
+                    by_lidar: by_lidar.cloned().unwrap_or_default(),
+                    overlaps,
+                });
+            }
+            detected.push((stands > 0).then_some(met >= self.of_frames.min(stands.max(1))));
+            if detected.len() == self.distances.len() {
+                let detected = runs(&std::mem::take(&mut detected), &self.distances);
+                table.detections.push(Detection {
+                    scene: None,
+                    placement: placement.name.clone(),
+                    target: target.name.clone(),
+                    bearing,
+                    first: detected.last().map(|run| run[1]),
+                    detected,
+                });
+            }
+        }
+        table
+    }
+}

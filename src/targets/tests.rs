@@ -1,0 +1,178 @@
+//! Beams on targets against closed forms and against brute force that shares no code with the finder and the trees.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::card::position;
+use super::*;
+use crate::bvh::Bvh;
+use crate::geom::TriangleSoup;
+use crate::problem::Frame;
+use crate::scene::Target;
+use crate::vehicle::{BeamTable, SensorPose, Sensors};
+
+/// Directions of a spinning sensor.
+fn directions(elevations: &[f64], steps: usize) -> Vec<DVec3> {
+    let of = |elevation: f64| {
+        (0..steps).map(move |k| {
+            let azimuth = k as f64 * std::f64::consts::TAU / steps as f64;
+            let (e, a) = (elevation.sin_cos(), azimuth.sin_cos());
+            DVec3::new(e.1 * a.1, e.1 * a.0, e.0)
+        })
+    };
+    elevations.iter().flat_map(|&elevation| of(elevation)).collect()
+}
+
+fn site(directions: &[DVec3], range: f64, body: &TriangleSoup) -> TargetSite {
+    let table = BeamTable::from_directions(directions.iter().copied(), range).unwrap();
+    TargetSite::new(Sensors::from(table), Frame::from(Arc::new(Bvh::build(body, 300.0))))
+}
+
+/// A wall across x at `x`, from y = −3 to 3 and z = 0 to 3.
+fn wall(x: f32) -> TriangleSoup {
+    TriangleSoup {
+        vertices: vec![[x, -3.0, 0.0], [x, 3.0, 0.0], [x, 3.0, 3.0], [x, -3.0, 3.0]],
+        faces: vec![[0, 1, 2], [0, 2, 3]],
+        face_class: vec![0; 2],
+    }
+}
+
+/// Metres along a ray to a box by slabs, in `f64`; `None` where the ray misses it or passes closer than a tenth of a
+/// millimetre to an edge, in which case no one can tell.
+fn slabs(from: DVec3, along: DVec3, low: DVec3, high: DVec3) -> Option<Option<f64>> {
+    let through = |slack: f64| {
+        let (low, high) = (low - slack, high + slack);
+        let (a, b) = ((low - from) / along, (high - from) / along);
+        let (near, far) = (a.min(b).max_element(), a.max(b).min_element());
+        (near <= far && near > 0.0).then_some(near)
+    };
+    match (through(-1e-4), through(1e-4)) {
+        (Some(_), Some(_)) => Some(through(0.0)),
+        (None, None) => Some(None),
+        _ => None,
+    }
+}
+
+#[test]
+fn level_beams_on_a_box_are_those_of_its_angle() {
+    // A ring of level beams 0.1° apart at 1 m: the car's front is 1.8 m wide at 20 − 2.25 m.
+    let beams = directions(&[0.0], 3600);
+    let site = site(&beams, 100.0, &TriangleSoup::default());
+    let car = Target::named("car").unwrap();
+    let lidar = SensorPose::at(0.0, 0.0, 1.0);
+    let count = |distance: f64| {
+        let standing = [Standing { target: &car, at: position(distance, 0.0) }];
+        site.beams(&lidar, &standing, u32::MAX).unwrap()[0]
+    };
+    for distance in [5.0, 20.0, 60.0, 90.0] {
+        let half = (0.9_f64 / (distance - 2.25)).atan().to_degrees();
+        assert_eq!(count(distance), 2 * (half / 0.1).floor() as u32 + 1, "{distance} m");
+    }
+    // The front is beyond the range of the beams.
+    assert_eq!(count(103.0), 0);
+    // Counting ends early where it may.
+    let standing = [Standing { target: &car, at: position(5.0, 0.0) }];
+    assert_eq!(site.beams(&lidar, &standing, 5).unwrap(), [5]);
+}
+
+#[test]
+fn every_beam_is_counted_once_whatever_the_pose() {
+    let elevations: Vec<f64> = (0..24).map(|k| (-25.0 + 1.6 * f64::from(k)).to_radians()).collect();
+    let beams = directions(&elevations, 720);
+    let body = wall(2.0);
+    let site = site(&beams, 80.0, &body);
+    let lidars = [
+        SensorPose::from_values([0.4, 0.2, 1.9, 0.1, 0.2, 2.0]),
+        SensorPose::from_values([1.5, -0.8, 0.6, -0.3, -0.1, -0.7]),
+        SensorPose::from_values([-0.6, 0.0, 2.5, 0.0, 1.3, 0.0]),
+    ];
+    let mut seen = 0;
+    for name in ["car", "adult", "tyre"] {
+        let target = Target::named(name).unwrap();
+        for (distance, bearing) in [(3.0, 200.0), (6.0, 0.0), (12.0, 40.0), (35.0, -90.0)] {
+            let at = position(distance, bearing);
+            let standing = [Standing { target: &target, at }];
+            let found = site.beams_by_lidar(&lidars, &standing).unwrap();
+            let [low, high] = target.corners.map(|corner| DVec3::from(corner) + DVec3::from(at));
+            for (lidar, found) in lidars.iter().zip(&found[0]) {
+                let pose = lidar.ego_from_sensor();
+                let (mut sure, mut unsure) = (0, 0);
+                for direction in &beams {
+                    let along = pose.rotation * *direction;
+                    let hit = slabs(pose.translation, along, low, high);
+                    let edge = DVec3::new(1.9999, -3.0, 0.0);
+                    let wall = slabs(pose.translation, along, edge, DVec3::new(2.0001, 3.0, 3.0));
+                    match (hit, wall) {
+                        (Some(None), _) => {}
+                        (Some(Some(t)), Some(wall)) => {
+                            sure += u32::from(t <= 80.0 && wall.is_none_or(|wall| t < wall));
+                        }
+                        _ => unsure += 1,
+                    }
+                }
+                assert!(
+                    (sure..=sure + unsure).contains(found),
+                    "{name} {distance}: {found}, {sure}"
+                );
+                assert!(unsure < 20);
+                seen += sure;
+            }
+        }
+    }
+    assert!(seen > 1000, "the places are not trivial: {seen}");
+}
+
+#[test]
+fn hits_of_a_scene_stand_in_the_way_as_a_body_does() {
+    use crate::cast::closest_hit_in;
+    let beams = directions(&[-0.05, -0.02, 0.0], 900);
+    let free = site(&beams, 80.0, &TriangleSoup::default());
+    let behind = site(&beams, 80.0, &wall(8.0));
+    let car = Target::named("car").unwrap();
+    let lidars = [SensorPose::at(0.0, 0.0, 1.2)];
+    let poses = [lidars[0].ego_from_sensor()];
+    let frame = Frame::from(Arc::new(Bvh::build(&wall(8.0), 300.0)));
+    let table = free.sensors().table(0);
+    let hits = table.directions().iter().map(|d| closest_hit_in(&frame, &poses[0], *d, 80.0));
+    let hits: Vec<_> = hits.collect();
+    for (distance, is_hidden) in [(5.0, false), (12.0, true)] {
+        let standing = [Standing { target: &car, at: position(distance, 0.0) }];
+        let in_scene = free.beams_in_scene(&lidars, &poses, &[&hits], &standing).unwrap();
+        assert_eq!(in_scene, behind.beams_by_lidar(&lidars, &standing).unwrap());
+        assert_eq!(in_scene[0][0] == 0, is_hidden, "{distance} m: {in_scene:?}");
+    }
+}
+
+#[test]
+fn a_card_names_the_sector_that_a_rig_does_not_see() {
+    // Beams of ±60° around the front, level to 15° down, and a rig that looks ahead.
+    let elevations: Vec<f64> = (0..32).map(|k| (-0.5 * f64::from(k)).to_radians()).collect();
+    let all = directions(&elevations, 1800);
+    let front: Vec<DVec3> =
+        all.iter().copied().filter(|d| d.y.atan2(d.x).abs() <= 60_f64.to_radians()).collect();
+    let lidar = |yaw: f64| SensorPose { yaw, ..SensorPose::at(0.0, 0.0, 1.6) };
+    let round =
+        RangeCard::new(&site(&all, 100.0, &TriangleSoup::default()), &[lidar(0.0)]).unwrap();
+    assert_eq!(round.blind, []);
+    let car = &round.targets[0].bearings[0];
+    assert_eq!((car.bearing, car.met.last().unwrap()[1]), (0.0, 100.0));
+    let site = site(&front, 100.0, &TriangleSoup::default());
+    let ahead = RangeCard::new(&site, &[lidar(0.0)]).unwrap();
+    let [blind] = ahead.blind[..] else { panic!("{:?}", ahead.blind) };
+    // Sectors around ±45° are seen up to ±60°; the next are around ±67.5°, whose edges lie at 52.5°.
+    assert_eq!((blind.bearings, blind.distances), ([52.5, -52.5], [5.0, 50.0]));
+    let told = blind.to_string();
+    assert!(
+        told.starts_with("left and behind and right (52.5° to -52.5°) a car at 5 to 50 m"),
+        "{told}"
+    );
+    // A second one that looks back closes it but for the sides.
+    let both = RangeCard::new(&site, &[lidar(0.0), lidar(std::f64::consts::PI)]).unwrap();
+    let sides: Vec<_> = both.blind.iter().map(|sector| sector.bearings).collect();
+    assert_eq!(sides, [[52.5, 127.5], [-127.5, -52.5]]);
+    // A rig that looks at the sky sees no car.
+    let sky = RangeCard::new(&site, &[SensorPose { pitch: -0.9, ..lidar(0.0) }]).unwrap();
+    assert_eq!(sky.blind[0].bearings, [-180.0, 180.0]);
+    assert!(sky.targets.iter().all(|target| target.bearings.iter().all(|b| b.met.is_empty())));
+}

@@ -1,0 +1,248 @@
+//! `study targets`, range cards and blind sectors, from outside.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{fails, ok, sightline};
+
+/// A vehicle with a ring of level beams 0.1° apart at any height, and a sensor that looks ±90° around its front.
+fn vehicle(dir: &Path, body: Value) {
+    let ring = json!({ "name": "ring", "price": 1, "phase": 0,
+        "lidar": { "channels": 1, "fov": [0, 0], "azimuth_steps": 3600, "range": 80 },
+        "response": { "rated_range": 30 } });
+    let half = json!({ "name": "half", "price": 1, "lidar": { "channels": 48, "fov": [-24, 4],
+        "azimuth": [-90, 90], "azimuth_steps": 400, "range": 80 } });
+    let vehicle = json!({ "sightline": 1, "name": "cart", "body": body, "sensors": [ring, half],
+        "mounts": [{ "name": "mast", "min": [-1, -1, 0.2], "max": [1, 1, 2.5], "yaw": [-3.1, 3.1],
+            "sensors": ["half"], "count": 2 }] });
+    fs::write(dir.join("cart.json"), vehicle.to_string()).unwrap();
+    let lidar =
+        |sensor: &str, yaw: f64| json!({ "x": 0, "y": 0, "z": 1, "yaw": yaw, "sensor": sensor });
+    let placements = json!({ "placements": [
+        { "name": "one", "lidars": [lidar("ring", 0.0)] },
+        { "name": "two", "lidars": [lidar("ring", 0.0), lidar("half", 0.0)] },
+        { "name": "round", "lidars": [lidar("half", 0.0), lidar("half", 3.1)] } ] });
+    fs::write(dir.join("rigs.json"), placements.to_string()).unwrap();
+}
+
+fn rows<'a>(found: &'a Value, placement: &str, target: &str) -> Vec<&'a Value> {
+    let rows = found["rows"].as_array().unwrap().iter();
+    rows.filter(|row| row["placement"] == placement && row["target"] == target).collect()
+}
+
+const STUDY: [&str; 5] = ["study", "targets", "rigs.json", "--vehicle", "cart.json"];
+
+#[test]
+fn level_beams_on_a_target_are_those_of_its_angle() {
+    let dir = TempDir::new().unwrap();
+    vehicle(dir.path(), json!([]));
+    let target = json!({ "sightline": 1, "name": "board", "reflectance": 0.5, "source": "made here",
+        "shapes": [{ "box": { "foot": [0, 0, 0], "size": [0.2, 2, 1.5] } }] });
+    fs::write(dir.path().join("board.json"), target.to_string()).unwrap();
+    let asked = [
+        "--target",
+        "board.json",
+        "--target",
+        "tyre",
+        "--distances",
+        "60,10,20",
+        "--bearings",
+        "0,180",
+    ];
+    let found = ok(dir.path(), &[&STUDY[..], &asked].concat());
+    for row in rows(&found, "one", "board") {
+        let half = (1.0 / (row["distance"].as_f64().unwrap() - 0.1)).atan().to_degrees();
+        let beams = 2 * (half / 0.1).floor() as u64 + 1;
+        assert_eq!((&row["beams"], &row["by_lidar"]), (&json!(beams), &json!([beams])), "{row}");
+    }
+    // Level beams at 1 m pass over a tyre; the second LiDAR looks down, but not back.
+    assert!(rows(&found, "one", "tyre").iter().all(|row| row["beams"] == 0));
+    for row in rows(&found, "two", "board") {
+        let [ring, half] = [0, 1].map(|k| row["by_lidar"][k].as_u64().unwrap());
+        assert_eq!(row["beams"], ring + half);
+        assert_eq!(half > 0, row["bearing"] == 0.0, "{row}");
+    }
+    let distances: Vec<&Value> =
+        rows(&found, "one", "board").iter().map(|r| &r["distance"]).collect();
+    assert_eq!(distances[..3], [&json!(10.0), &json!(20.0), &json!(60.0)]);
+    assert_eq!(found["targets"][0]["size"], json!([0.2, 2.0, 1.5]));
+    assert_eq!(found["targets"][0]["shapes"], target["shapes"]);
+    assert!(found["targets"][1]["source"].as_str().unwrap().contains("unconfirmed"));
+    // At 60 m the board has 19 beams: the first detection with 20 is at 20 m.
+    let found = ok(dir.path(), &[&STUDY[..], &asked, &["--beams", "20"]].concat());
+    assert_eq!(found["detections"][0]["first"], 20.0);
+    assert_eq!(found["detections"][0]["detected"], json!([[10.0, 20.0]]));
+    // A return is rated at 30 m for 10 %: 50 % are seen to 30·√5 = 67 m, fog of 50 m takes 60 m away.
+    let first = |more: &[&str]| {
+        let found = ok(dir.path(), &[&STUDY[..], &asked, more].concat());
+        found["detections"][0]["first"].as_f64().unwrap()
+    };
+    assert_eq!(first(&["--response"]), 60.0);
+    assert_eq!(first(&["--condition", "fog:mor=50"]), 20.0);
+}
+
+#[test]
+fn the_own_body_hides_a_target_and_the_card_says_so() {
+    let dir = TempDir::new().unwrap();
+    let wall =
+        json!([{ "class": "vehicle", "box": { "min": [-2, -1.5, 0], "max": [-1.9, 1.5, 3] } }]);
+    vehicle(dir.path(), wall);
+    let asked =
+        ["--target", "car", "--distances", "3,20", "--bearings", "0,180", "--out", "polar.svg"];
+    let found = ok(dir.path(), &[&STUDY[..], &asked].concat());
+    for row in rows(&found, "one", "car") {
+        let (is_behind, is_near) = (row["bearing"] == 180.0, row["distance"] == 3.0);
+        // At 3 m its nose stands before the wall, in the own body.
+        assert_eq!(row["beams"] == 0, is_behind && !is_near, "{row}");
+        assert_eq!(row["overlaps"] == true, is_behind && is_near, "{row}");
+    }
+    let svg = fs::read_to_string(dir.path().join("polar.svg")).unwrap();
+    assert!(svg.contains("round") && svg.ends_with("</svg>\n"));
+    let text = sightline(dir.path(), &[&STUDY[..], &asked[..6]].concat());
+    let text = String::from_utf8(text.stdout).unwrap();
+    assert!(text.contains("ahead 0°") && text.contains("behind 180°"), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+}
+
+/// A street that the cart stands in, with a wall on its left and a box on its way in the second frame.
+fn street(dir: &Path) {
+    let actor = json!({ "name": "box", "poses": [{ "x": 300, "y": 0 }, { "x": 8, "y": 0 }],
+        "parts": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [1, 4, 3] } }] });
+    let scene = json!({ "sightline": 1, "name": "street", "frames": 2, "coverage": "first-hit",
+        "vehicle": "cart.json",
+        "roi": { "min": [-12, -12, -0.4], "max": [12, 12, 2.8], "voxel": [0.4, 0.4, 0.4] },
+        "static": [
+            { "class": "road", "plane": { "min": [-100, -100], "max": [100, 100], "z": -0.2 } },
+            { "class": "wall", "box": { "foot": [0, 11, -0.2], "size": [60, 4, 6] } }],
+        "actors": [actor] });
+    fs::write(dir.join("street.json"), scene.to_string()).unwrap();
+}
+
+#[test]
+fn in_a_scene_things_hide_a_target_and_take_its_place() {
+    let dir = TempDir::new().unwrap();
+    vehicle(dir.path(), json!([]));
+    street(dir.path());
+    let asked =
+        ["study", "targets", "street.json", "rigs.json", "--backend", "cpu", "--target", "car"];
+    let places = ["--distances", "10.5,20", "--bearings", "0,90", "--frames", "2"];
+    let found = ok(dir.path(), &[&asked[..], &places].concat());
+    let beams = |bearing: f64, distance: f64, frame: u64| {
+        let of = |row: &&&Value| {
+            row["bearing"] == bearing && row["distance"] == distance && row["frame"] == frame
+        };
+        let rows = rows(&found, "one", "car");
+        let row = rows.iter().find(of).unwrap();
+        assert_eq!(row["scene"], "street");
+        row["beams"].clone()
+    };
+    // The ground lies 0.2 m lower: the ring at 1 m still meets the car.
+    let free = beams(0.0, 20.0, 0).as_u64().unwrap();
+    assert_eq!(free, 2 * ((0.9_f64 / 17.75).atan().to_degrees() / 0.1).floor() as u64 + 1);
+    assert_eq!(beams(0.0, 20.0, 1), 0, "the box stands before it");
+    assert_eq!(beams(90.0, 10.5, 0), Value::Null, "the wall stands there");
+    assert_eq!(beams(90.0, 20.0, 0), 0, "the wall stands before it");
+    let first = |found: &Value| found["detections"][0]["first"].clone();
+    assert_eq!(first(&found), Value::Null, "in both frames");
+    let found = ok(dir.path(), &[&asked[..], &places, &["--in", "1"]].concat());
+    assert_eq!(first(&found), 20.0, "in one of two frames");
+}
+
+#[test]
+fn every_score_carries_its_card_and_names_what_is_blind() {
+    let dir = TempDir::new().unwrap();
+    vehicle(dir.path(), json!([]));
+    street(dir.path());
+    let found = ok(dir.path(), &["score", "street.json", "rigs.json", "--backend", "cpu"]);
+    let [one, two, round] = [0, 1, 2].map(|k| &found["scores"][k]);
+    let guards = |scores: &Value| scores["guards"].to_string();
+    assert!(!guards(one).contains("blind_sector") && !guards(two).contains("blind_sector"));
+    assert!(!guards(round).contains("blind_sector"), "{}", guards(round));
+    let card = &one["range_card"];
+    assert_eq!(card["targets"].as_array().unwrap().len(), 3);
+    assert_eq!(card["targets"][0]["bearings"].as_array().unwrap().len(), 16);
+    assert_eq!(card["targets"][0]["bearings"][0]["met"][0][0], 2.5);
+    let ahead = json!({ "placements": [{ "name": "ahead", "lidars": [
+        { "x": 0, "y": 0, "z": 1, "sensor": "half" }] }] });
+    fs::write(dir.path().join("ahead.json"), ahead.to_string()).unwrap();
+    let found = ok(dir.path(), &["score", "street.json", "ahead.json", "--backend", "cpu"]);
+    let told = guards(&found["scores"][0]);
+    let want = "blind_sector: left and behind and right (75° to -75°) a car at 5 to 50 m";
+    assert!(told.contains(want), "{told}");
+}
+
+#[test]
+fn the_default_objective_does_not_win_by_looking_away() {
+    let dir = TempDir::new().unwrap();
+    vehicle(dir.path(), json!([]));
+    // All that changes is ahead: by gain alone both LiDARs look there.
+    let walker = |x: [f64; 2]| {
+        json!({ "name": "w", "poses": [{ "x": x[0], "y": 2 }, { "x": x[1], "y": -2 }],
+        "parts": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [2, 2, 1.8] } }] })
+    };
+    let scene = json!({ "sightline": 1, "name": "ahead", "frames": 2, "coverage": "first-hit",
+        "vehicle": "cart.json", "psog": { "scan": { "window": 2, "stride": 1 } },
+        "roi": { "min": [-2, -12, 0.2], "max": [24, 12, 2.6], "voxel": [0.4, 0.4, 0.4] },
+        "static": [{ "class": "road", "plane": { "min": [-100, -100], "max": [100, 100], "z": 0 } }],
+        "actors": [walker([6.0, 9.0]), walker([12.0, 14.0]), walker([18.0, 20.0])] });
+    fs::write(dir.path().join("front.json"), scene.to_string()).unwrap();
+    let blind = |objective: &str| {
+        let args = [
+            "optimize",
+            "front.json",
+            "--backend",
+            "cpu",
+            "--evaluations",
+            "60",
+            "--seed",
+            "3",
+            "--objective",
+            objective,
+            "--out",
+            objective,
+        ];
+        let found = ok(dir.path(), &args);
+        let blind = found["best"]["scores"]["range_card"]["blind"].as_array().unwrap();
+        let width = |sector: &Value| {
+            let [from, to] = [0, 1].map(|k| sector["bearings"][k].as_f64().unwrap());
+            (to - from).rem_euclid(360.0)
+        };
+        blind.iter().map(width).sum::<f64>()
+    };
+    // Two halves that look ahead, against two that must stand back to back to the tenth of a radian.
+    let (gain, default) = (blind("information_gain"), blind("near_gain"));
+    assert!(gain > 90.0 && default < 60.0, "{gain}° and {default}° are blind");
+    let page = fs::read_to_string(dir.path().join("information_gain/report.html")).unwrap();
+    assert!(
+        page.contains("Blind sectors:") && page.contains("BLIND: "),
+        "what is blind is said first"
+    );
+}
+
+#[test]
+fn wrong_targets_are_one_sentence_each() {
+    let dir = TempDir::new().unwrap();
+    vehicle(dir.path(), json!([]));
+    let flat = json!({ "sightline": 1, "name": "flat", "shapes": [] });
+    fs::write(dir.path().join("flat.json"), flat.to_string()).unwrap();
+    let told = |more: &[&str]| fails(dir.path(), &[&STUDY[..], more].concat());
+    let cases: [(&[&str], &str); 8] = [
+        (&["--target", "chidl"], "did you mean `child`?"),
+        (&["--target", "none.json"], "none.json"),
+        (&["--target", "flat.json"], "flat.json: shapes"),
+        (&["--target", "cart.json"], "a vehicle"),
+        (&["--target", "car", "--target", "car"], "is given twice"),
+        (&["--distances", "10,-5"], "metres above 0"),
+        (&["--bearings", "north"], "degrees from -360 to 360"),
+        (&["--condition", "wet:water=1"], "fog, snow and rain alone"),
+    ];
+    for (more, word) in cases {
+        let told = told(more);
+        assert!(told.contains(word) && told.lines().count() == 1, "{more:?}: {told}");
+    }
+    let told = fails(dir.path(), &["study", "targets", "rigs.json"]);
+    assert!(told.contains("rigs.json: there is neither a scene nor a vehicle"), "{told}");
+}
