@@ -298,7 +298,7 @@ fn audit_catches_what_games_the_scores() {
     let passed = answer["passed"].as_bool().unwrap();
     assert_eq!(output.status.code(), Some(i32::from(!passed)), "{answer}");
     let trials = answer["trials"].as_array().unwrap();
-    assert_eq!(trials.len(), 8);
+    assert_eq!(trials.len(), 12);
     let named = |name: &str| trials.iter().find(|t| t["name"] == name).unwrap();
     let guards = |name: &str| named(name)["scores"]["guards"].to_string();
     assert!(guards("all sensors in one pose").contains("redundant_lidar"));

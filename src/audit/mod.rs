@@ -8,7 +8,6 @@ mod worlds;
 
 use serde::Serialize;
 
-use crate::engine::BackendError;
 use crate::job::Job;
 use crate::scene::Scene;
 use crate::score::Scores;
@@ -89,7 +88,9 @@ pub fn audit(
     let scores = own.scores(honest)?;
     let ranking = Ranking::new(honest, &scores, objective).ok_or(AuditError::NoPlacement)?;
     tell(AuditEvent::PartDone);
-    let trials = trials(&mut own, &honest[ranking.base()], &scores[ranking.base()])?;
+    let mut base = scores[ranking.base()].clone();
+    job.add_range_cards([(&honest[ranking.base()], &mut base)])?;
+    let trials = trials(job, &mut own, &honest[ranking.base()], &base)?;
     tell(AuditEvent::PartDone);
     let mut stability = mounted(&mut own, &ranking, scene.scene())?;
     tell(AuditEvent::PartDone);
@@ -112,7 +113,7 @@ pub fn audit(
     Ok(Audit {
         scene: scene.scene().name().to_owned(),
         objective: objective.to_string(),
-        base: scores[ranking.base()].clone(),
+        base,
         passed: trials.iter().all(|trial| trial.verdict != Verdict::Fooled),
         trials,
         stability,
@@ -132,13 +133,15 @@ fn without_phases(placements: &[Placement]) -> Vec<Placement> {
 
 /// Attempts to look better than the base, and the base in fog.
 fn trials(
+    job: &Job,
     evaluator: &mut Evaluator,
     base: &Placement,
     scores: &Scores,
-) -> Result<Vec<Trial>, BackendError> {
+) -> Result<Vec<Trial>, AuditError> {
     let mut trials = Vec::new();
     for (name, placement) in gaming_placements(base) {
-        let attempt = evaluator.scores(&[placement])?.remove(0);
+        let mut attempt = evaluator.scores(std::slice::from_ref(&placement))?.remove(0);
+        job.add_range_cards([(&placement, &mut attempt)])?;
         trials.push(Trial::new(name, scores, attempt));
     }
     for metres in VISIBILITIES {

@@ -1,10 +1,14 @@
 //! Attempts to make a score look better while less is seen, and their verdicts.
 
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+
+use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-use crate::score::Scores;
+use crate::geom::Pose;
+use crate::score::{Guard, Scores};
 use crate::vehicle::{MAX_LIDARS, Placement, SensorPose};
 
 /// An attempt that loses less than this share of the information has done no harm.
@@ -36,7 +40,8 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Judges an attempt that is worse than `base` by construction.
+    /// Judges an attempt that is worse than `base` by construction. One that loses a car where the base sees it is
+    /// caught: its blind sectors are guards.
     pub fn new(name: &str, base: &Scores, scores: Scores) -> Self {
         type Getter = fn(&Scores) -> Option<f64>;
         let metrics: [(&'static str, Getter); 6] = [
@@ -55,7 +60,9 @@ impl Trial {
             metrics.iter().filter(|(_, of)| better(of)).map(|(name, _)| *name).collect();
         let gain = |s: &Scores| s.segmentation.information_gain.unwrap_or(0.0);
         let harmless = gain(&scores) >= (1.0 - HARMLESS) * gain(base);
-        let verdict = match (fooled.is_empty(), scores.guards.is_empty()) {
+        let known = |guard: &&Guard| guard.is_doubt() || !base.guards.contains(guard);
+        let is_clear = scores.guards.iter().find(known).is_none();
+        let verdict = match (fooled.is_empty(), is_clear) {
             (true, _) => Verdict::NotFooled,
             (false, false) => Verdict::Caught,
             (false, true) if harmless => Verdict::NotFooled,
@@ -74,6 +81,16 @@ pub fn gaming_placements(base: &Placement) -> Vec<(&'static str, Placement)> {
     let spread = |i: usize| 0.15 * (i as f64 - 1.5);
     let inside = |i: usize, z: f64| SensorPose { x: spread(i), y: 0.0, z, ..SensorPose::default() };
     let turned = |pose: SensorPose, roll: f64| SensorPose { roll, ..pose };
+    // About the sensor's own axes, and about those of the vehicle.
+    let tipped = |pose: SensorPose, pitch: f64| {
+        let own = Pose::new(DVec3::ZERO, 0.0, pitch, 0.0);
+        with_rotation(pose, &pose.ego_from_sensor().compose(&own))
+    };
+    let leaning = |pose: SensorPose, roll: f64| {
+        let lean = Pose::new(DVec3::ZERO, roll, 0.0, 0.0);
+        with_rotation(pose, &lean.compose(&pose.ego_from_sensor()))
+    };
+    let aside = |pose: SensorPose| SensorPose { roll: 0.0, pitch: 0.0, yaw: FRAC_PI_2, ..pose };
     let mut useless = base.clone();
     useless.name = "useless-sensor".to_owned();
     if useless.lidars.len() < MAX_LIDARS {
@@ -81,11 +98,21 @@ pub fn gaming_placements(base: &Placement) -> Vec<(&'static str, Placement)> {
     }
     vec![
         ("all sensors to the sky", each("sky", &|_, pose| turned(pose, std::f64::consts::PI))),
+        ("all sensors 45° up", each("up", &|_, pose| tipped(pose, -FRAC_PI_4))),
+        ("all sensors 45° down", each("down", &|_, pose| tipped(pose, FRAC_PI_4))),
+        ("all sensors lean to the left", each("lean", &|_, pose| leaning(pose, -FRAC_PI_4))),
+        ("all sensors look to the left", each("left", &|_, pose| aside(pose))),
         ("all inside the cabin", each("cabin", &|i, _| inside(i, 0.9))),
         ("under the car", each("under", &|i, _| inside(i, 0.1))),
         ("all sensors in one pose", each("stacked", &|_, _| base.lidars[0])),
         ("one useless sensor more", useless),
     ]
+}
+
+/// A pose with the angles of another, where it stands.
+fn with_rotation(pose: SensorPose, turned: &Pose) -> SensorPose {
+    let SensorPose { roll, pitch, yaw, .. } = SensorPose::from(turned);
+    SensorPose { roll, pitch, yaw, ..pose }
 }
 
 /// The placement as a mechanic would mount it: each coordinate off by up to `metres`, each angle by up
