@@ -348,7 +348,7 @@ pub fn vehicle_json(folder: &Path, bytes: &[u8]) {
         return;
     }
     let scene = Scene::from_json(scene, folder, "scene.json");
-    if let Some(vehicle) = scene.as_ref().ok().and_then(Scene::vehicle) {
+    if let Ok(vehicle) = scene.as_ref().map(Scene::vehicle) {
         let equipment = vehicle.cheapest();
         assert!((1..=16).contains(&equipment.len()) && vehicle.cost(&equipment) >= 0.0);
         let rules = vehicle.constraints(&equipment);

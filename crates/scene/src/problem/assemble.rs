@@ -186,7 +186,7 @@ impl Problem {
     ) -> Result<Self, ProblemError> {
         let roi = psog.roi();
         let content = content_of(psog, &scene.detection_among(psog.classes()));
-        let required = scene.vehicle().map_or(&[][..], |vehicle| &vehicle.require);
+        let required = &scene.vehicle().require;
         let content = content.with_areas(roi, required);
         if let Some(index) = content.areas().iter().position(|area| area.voxels == 0) {
             return Err(ProblemError::EmptyArea { index, name: required[index].name.clone() });
