@@ -9,7 +9,7 @@ use crate::geom::TriangleSoup;
 use crate::maths;
 use crate::problem::{Content, KINDS, NEAR_KIND, Tally};
 use crate::psog::{ENTROPY_ONE, EntropyKind, EntropyTable, Psog, Roi};
-use crate::scene::{EgoBody, GROUND_CLASSES, Scene};
+use crate::scene::{EgoBody, Ground, Scene};
 use crate::vehicle::{Lidar, Placement, SensorPose, Sensors, UnknownSensor};
 use lidar_cast::grid::HIT_PUSH;
 
@@ -66,7 +66,7 @@ impl Exact {
         let frames = if fidelity.through { Vec::new() } else { world.frames(fidelity) };
         let numbers = if frames.is_empty() { vec![0] } else { frames.clone() };
         let lidars = scene.lidars();
-        let merged = (0..scene.part_count()).filter(|_| cell > 0.0);
+        let merged = scene.parts(EgoBody::Include).filter(|_| cell > 0.0);
         let merged: Vec<_> = merged.map(|k| merge_vertices(&scene.part(k), cell)).collect();
         let trees = frames.into_par_iter().map(|t| {
             let whole = || scene.frame(t, EgoBody::Include);
@@ -208,7 +208,7 @@ fn occupied(scene: &Scene, psog: &Psog) -> Vec<(u64, [f64; KINDS])> {
     let is_floor = |index: u64, row: &[u16]| {
         let name = &psog.classes()[commonest(row)];
         let is_occupied = row.iter().any(|&count| count > 0);
-        is_occupied && GROUND_CLASSES.contains(&name.as_str()) && plan(index) <= 10.0
+        is_occupied && Ground::of(name).is_some() && plan(index) <= 10.0
     };
     let all = || psog.index().iter().copied().zip(psog.rows());
     let told: f64 =

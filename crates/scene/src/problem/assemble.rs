@@ -12,7 +12,7 @@ use super::{
     Content, Frame, Instance, NEAR_KIND, OccupiedVoxel, Problem, ProblemError, Task, World,
 };
 use crate::psog::{EntropyKind, EntropyTable, Psog, fixed};
-use crate::scene::{Coverage, EgoBody, GROUND_CLASSES, Scene};
+use crate::scene::{Coverage, EgoBody, Ground, Scene};
 use crate::vehicle::Sensors;
 use lidar_cast::bvh::Bvh;
 use lidar_cast::geom::{Pose, TriangleSoup};
@@ -95,8 +95,7 @@ const GROUND_SHARE: f64 = 0.25;
 fn weigh_by_distance(occupied: &mut [OccupiedVoxel], psog: &Psog) {
     let (roi, names) = (psog.roi(), psog.classes());
     let (min, edge) = (roi.min(), roi.voxel());
-    let is_class_ground: Vec<bool> =
-        names.iter().map(|name| GROUND_CLASSES.contains(&name.as_str())).collect();
+    let is_class_ground = Ground::among(names);
     let rows = psog.counts().par_chunks(names.len().max(1));
     let some = rows.filter(|row| row.iter().any(|&count| count > 0));
     let is_ground: Vec<bool> = some
@@ -231,10 +230,10 @@ pub fn world_of_parts(
     body: EgoBody,
     soup_of: impl Fn(usize) -> TriangleSoup,
 ) -> Result<World, OutOfMemory> {
-    let parts = scene.part_count() - usize::from(body == EgoBody::Exclude);
-    let mut trees = Vec::with_capacity(parts);
+    let parts = scene.parts(body);
+    let mut trees = Vec::with_capacity(parts.len());
     let mut built: HashMap<u64, Vec<(TriangleSoup, Arc<Bvh>)>> = HashMap::new();
-    for part in 0..parts {
+    for part in parts.clone() {
         let triangles = scene.part_triangles(part) as u64;
         if triangles > FEW {
             memory::check("the trees", TREE_BYTES * triangles)?;
@@ -254,7 +253,7 @@ pub fn world_of_parts(
         }
         trees.push(tree);
     }
-    let instances = frames.len() as u64 * parts as u64;
+    let instances = frames.len() as u64 * parts.len() as u64;
     if instances > MANY {
         // The lists, and the keys that equal ones are found by.
         let each = size_of::<Instance>() as u64 + 14 * size_of::<u64>() as u64;

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{GROUND_CLASSES, Scene, Solid};
+use super::{Ground, Scene, Solid};
 use crate::vehicle;
 use sightline_files::Note;
 
@@ -168,8 +168,7 @@ fn sideways(
 
 /// A doubt where the ground under the ego is far from z = 0 of its frame.
 fn ground(scene: &Scene) -> Option<String> {
-    let is_ground: Vec<bool> =
-        scene.classes.names.iter().map(|n| GROUND_CLASSES.contains(&n.as_str())).collect();
+    let is_ground = Ground::among(&scene.classes.names);
     let ego_from_world = scene.ego_pose(0).inverse();
     let world = &scene.world;
     let mut nearest: Option<f64> = None;

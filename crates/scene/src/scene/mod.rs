@@ -42,9 +42,9 @@ use sightline_files::Note;
 use sightline_files::json::{self, check};
 use solid::Solid;
 
-pub use classes::DEFAULT_CLASSES;
-pub use classes::GROUND_CLASSES;
+pub use classes::{DEFAULT_CLASSES, Ground};
 pub use kind::ActorKind;
+pub use parts::PartOwner;
 pub use reflectance::Reflectances;
 pub use settings::RoiBounds;
 pub use settings::{Coverage, PsogSource, ScanSettings};

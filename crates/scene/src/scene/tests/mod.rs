@@ -287,6 +287,17 @@ fn meshes_are_scaled_turned_and_mapped_to_classes() {
 }
 
 #[test]
+fn ground_is_road_soil_and_what_else_lies_flat() {
+    let ground = |class: &&str| Ground::of(class).is_some();
+    let found: Vec<&str> = DEFAULT_CLASSES.into_iter().filter(ground).collect();
+    let want = ["road_line", "road", "sidewalk", "ground", "bridge", "rail_track", "terrain"];
+    assert_eq!(found, want);
+    assert_eq!(Ground::of("lane-marking"), Some(Ground::Road));
+    let classes = ["car", "terrain"].map(str::to_owned);
+    assert_eq!(Ground::among(&classes), [false, true]);
+}
+
+#[test]
 fn further_rules_narrow_the_mount_and_are_checked_like_its_own() {
     let scene = || Scene::from_json(SMALL, Path::new(""), "s.json").unwrap();
     let rules = |fixed: &[(&str, f64)], symmetric| MountRules {
