@@ -207,7 +207,7 @@ fn sensors(scene: &Scene) -> Vec<String> {
     let nameless = scene.vehicle.sensors.iter().filter(|model| model.name.is_none());
     let doubts = nameless.flat_map(|model| vehicle::of_lidar("the LiDAR", &model.lidar));
     let mut doubts: Vec<String> = doubts.collect();
-    let [low, high] = scene.mount_corners();
+    let [low, high] = scene.vehicle().corners();
     if high[2] < 0.0 {
         doubts.push(format!(
             "the mount ends {:.2} m under the ground; z is up from the ground: give positive heights",

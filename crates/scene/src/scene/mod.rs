@@ -219,11 +219,6 @@ impl Scene {
         self.vehicle.sensors.iter().map(|model| &model.lidar).collect()
     }
 
-    /// Corners of the smallest box around all mounts, in the ego frame, metres.
-    pub fn mount_corners(&self) -> [[f64; 3]; 2] {
-        self.vehicle.corners()
-    }
-
     /// Adds rules to the mount; error messages call the scene `name_for_errors`.
     ///
     /// # Errors
