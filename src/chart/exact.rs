@@ -7,7 +7,7 @@ use super::exact_tree::ExactTree;
 use super::{ChartError, Fidelity, World, merge_vertices};
 use crate::geom::TriangleSoup;
 use crate::maths;
-use crate::problem::{Content, KINDS, NEAR_KIND, Tally};
+use crate::problem::{Content, Entropy, KINDS, Tally};
 use crate::psog::{ENTROPY_ONE, EntropyKind, EntropyTable, Psog, Roi};
 use crate::scene::{EgoBody, Ground, Scene};
 use crate::vehicle::{Lidar, Placement, SensorPose, Sensors, UnknownSensor};
@@ -37,7 +37,7 @@ pub(super) struct Exact {
     frames: Vec<ExactTree>,
     content: Content,
     /// Linear index and information of the voxels occupied in some frame: entropies in nats (all classes,
-    /// detection target against the rest, occupied or not) and the share of [`NEAR_KIND`], in all 1.
+    /// detection target against the rest, occupied or not) and the share of [`Entropy::Near`], in all 1.
     occupied: Vec<(u64, [f64; KINDS])>,
 }
 
@@ -126,7 +126,7 @@ impl Exact {
             let beams: usize = models.iter().map(|&model| self.directions[model].len()).sum();
             tally.beams = (beams * self.frame_count()) as u64;
             let mut units = [ENTROPY_ONE; KINDS];
-            units[NEAR_KIND] = self.content.entropy_total()[NEAR_KIND] as f64;
+            units[Entropy::Near as usize] = Entropy::Near.of(&self.content.entropy_total()) as f64;
             tally.entropy =
                 std::array::from_fn(|kind| (entropy[kind] * units[kind]).round() as u64);
             Ok(tally)

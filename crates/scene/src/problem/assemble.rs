@@ -8,9 +8,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::{
-    Content, Frame, Instance, NEAR_KIND, OccupiedVoxel, Problem, ProblemError, Task, World,
-};
+use super::{Content, Entropy, Frame, Instance, OccupiedVoxel, Problem, ProblemError, Task, World};
 use crate::psog::{EntropyKind, EntropyTable, Psog, fixed};
 use crate::scene::{Coverage, EgoBody, Ground, Scene};
 use crate::vehicle::Sensors;
@@ -88,7 +86,7 @@ const STEPS: f64 = 8.0;
 /// What all near ground is worth, as a share of all information: its own entropy is low, since it hardly changes.
 const GROUND_SHARE: f64 = 0.25;
 
-/// Writes the information of [`NEAR_KIND`], in the unit in which the largest is 2³¹:
+/// Writes the information of [`Entropy::Near`], in the unit in which the largest is 2³¹:
 /// H(v) e(v) / Σ H e + ¼ / G if v is one of the G voxels of near ground, with e = 10 m / max(10 m, d), rounded to
 /// eighths and at least one, d from the origin of the ego frame to the voxel's middle in plan; ground is what a class
 /// of ground is commonest in (of equally common ones the first), near what has d ≤ 10 m.
@@ -109,7 +107,7 @@ fn weigh_by_distance(occupied: &mut [OccupiedVoxel], psog: &Psog) {
         let [x, y] = [0, 1].map(|k| min[k] + (f64::from(at[k]) + 0.5) * edge[k]);
         let distance = maths::hypot(x, y);
         let eighths = (STEPS * NEAR / distance.max(NEAR)).round().max(1.0);
-        (f64::from(voxel.entropy[0]) * eighths, is_ground && distance <= NEAR)
+        (f64::from(Entropy::Classes.of(&voxel.entropy)) * eighths, is_ground && distance <= NEAR)
     };
     let weighed: Vec<(f64, bool)> = occupied.par_iter().zip(&is_ground).map(weigh).collect();
     let total: f64 = weighed.iter().map(|(information, _)| information).sum();
@@ -120,7 +118,8 @@ fn weigh_by_distance(occupied: &mut [OccupiedVoxel], psog: &Psog) {
     };
     let largest = weighed.iter().map(share).fold(f64::MIN_POSITIVE, f64::max);
     for (voxel, weight) in occupied.iter_mut().zip(&weighed) {
-        voxel.entropy[NEAR_KIND] = (share(weight) / largest * LARGEST_SHARE).round() as u32;
+        voxel.entropy[Entropy::Near as usize] =
+            (share(weight) / largest * LARGEST_SHARE).round() as u32;
     }
 }
 
@@ -290,7 +289,7 @@ mod tests {
         let psog = Psog::new(roi, 100_000, classes, vec![0], vec![0, 40_000, 40_000]).unwrap();
         let content = content_of(&psog, &[1, 2]);
         let want = -(0.8_f64 * 0.8_f64.ln() + 0.2 * 0.2_f64.ln());
-        assert_eq!(content.occupied()[0].entropy[1], fixed(want));
+        assert_eq!(Entropy::Detection.of(&content.occupied()[0].entropy), fixed(want));
     }
 
     #[test]
@@ -307,8 +306,8 @@ mod tests {
         let shares = [8.0 / 14.0 + 0.125, 0.125, 4.0 / 14.0, 2.0 / 14.0];
         let total: f64 = shares.iter().sum();
         for (voxel, share) in content.occupied().iter().zip(shares) {
-            let got = f64::from(voxel.entropy[NEAR_KIND]);
-            let got = got / content.entropy_total()[NEAR_KIND] as f64;
+            let got = f64::from(Entropy::Near.of(&voxel.entropy));
+            let got = got / Entropy::Near.of(&content.entropy_total()) as f64;
             assert!((got - share / total).abs() < 1e-8, "{}: {got}", voxel.index);
         }
     }
