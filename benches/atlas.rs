@@ -19,7 +19,7 @@ use sightline::psog::Roi;
 use sightline::scan::scan_scene;
 use sightline::scene::{ScanSettings, Scene};
 use sightline::score::Objective;
-use sightline::vehicle::{BeamTable, Constraints, Lidar, Placement};
+use sightline::vehicle::{BeamTable, Lidar, Placement};
 
 const ROUNDS: usize = 15;
 /// Poses of the grid that are held, drawn at random.
@@ -41,16 +41,8 @@ fn main() {
     let channels: Vec<(f64, f64)> = elevations.iter().map(|&e| (e, 0.0)).collect();
     let table = BeamTable::spinning(&channels, *azimuth_steps, *range).expect("a sensor");
     let problem = Arc::new(Problem::from_scene(&scene, &psog, table, &[0]).expect("a problem"));
-    let mount = scene.mount().expect("a mount");
-    let constraints = Constraints {
-        min_distance: mount.min_distance,
-        ..Constraints::in_box(
-            [mount.min[0], mount.min[1], mount.min[2], mount.roll[0], 0.0, 0.0],
-            [mount.max[0], mount.max[1], mount.max[2], mount.roll[1], 0.0, 0.0],
-            4,
-        )
-    };
-    let grid = PoseGrid::new(&constraints, Spacing { metres: 0.1, radians: 0.1 }).expect("a grid");
+    let grid =
+        PoseGrid::new(&scene.constraints(), Spacing { metres: 0.1, radians: 0.1 }).expect("a grid");
     println!(
         "{}: {} occupied of {} voxels, {} poses on the grid",
         scene.name(),

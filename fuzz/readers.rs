@@ -348,7 +348,7 @@ pub fn vehicle_json(folder: &Path, bytes: &[u8]) {
         return;
     }
     let scene = Scene::from_json(scene, folder, "scene.json");
-    if let Some(vehicle) = scene.as_ref().ok().and_then(Scene::vehicle) {
+    if let Ok(vehicle) = scene.as_ref().map(Scene::vehicle) {
         let equipment = vehicle.cheapest();
         assert!((1..=16).contains(&equipment.len()) && vehicle.cost(&equipment) >= 0.0);
         let rules = vehicle.constraints(&equipment);
@@ -379,7 +379,7 @@ fn check_scene<E: std::fmt::Display>(scene: Result<Scene, E>) {
             |p: &sightline::geom::Pose| p.translation.is_finite() && p.rotation.is_finite();
         assert!(scene.part_poses(t).iter().all(finite));
     }
-    for part in 0..scene.part_count() {
+    for part in scene.parts(EgoBody::Include) {
         let soup = scene.part(part);
         assert!(soup.vertices.as_flattened().iter().all(|v| v.is_finite()));
     }

@@ -17,7 +17,7 @@ use sightline::problem::Task;
 use sightline::psog::Roi;
 use sightline::scene::{EgoBody, Scene};
 use sightline::vehicle::random_placements as scattered;
-use sightline::vehicle::{BeamTable, Constraints, Placement};
+use sightline::vehicle::{BeamTable, Placement};
 
 use crate::common::{MEMORY, random_content, random_placements, random_problem, random_soup};
 
@@ -166,22 +166,13 @@ fn own_scenes_have_the_reference_s_bits() {
             continue;
         }
         let scene = Scene::read(&path).unwrap();
-        let (bounds, mount) = (scene.roi(), scene.mount().unwrap());
+        let (bounds, constraints) = (scene.roi(), scene.constraints());
         let roi = Roi::from_bounds(bounds.min, bounds.max, [0.5; 3]).unwrap();
         let channels: Vec<_> = (0..16).map(|k| (-24.8 + 1.7 * f64::from(k), 0.0)).collect();
         let table = BeamTable::spinning(&channels, 90, 100.0).unwrap();
         let bvh = Arc::new(Bvh::build(&scene.frame(0, EgoBody::Include), 100.0));
         let content = random_content(55, &roi);
         let problem = Arc::new(Problem::from(Task::new(roi, content, table, vec![bvh], true)));
-        let angles = [mount.roll, mount.pitch, mount.yaw];
-        let bound = |side: usize| {
-            let place = [mount.min, mount.max][side];
-            [place[0], place[1], place[2], angles[0][side], angles[1][side], angles[2][side]]
-        };
-        let constraints = Constraints {
-            min_distance: mount.min_distance,
-            ..Constraints::in_box(bound(0), bound(1), mount.lidars as usize)
-        };
         // As many level ones, whose directions are the same.
         let mut placements = scattered(&constraints, 14, 1);
         for lidar in placements.iter_mut().take(9).flat_map(|p| &mut p.lidars) {

@@ -52,7 +52,7 @@ fn check_mount(region: &Region) {
 #[cfg_attr(not(has_meshes), ignore = "needs the meshes of ../shared/data or SIGHTLINE_DATA")]
 fn the_example_of_the_docs_runs_on_real_meshes() {
     let scene = town();
-    let vehicle = scene.vehicle().unwrap().clone();
+    let vehicle = scene.vehicle().clone();
     let regions: Vec<&Region> = vehicle.mounts.iter().map(|mount| &*mount.region).collect();
     regions.iter().for_each(|region| check_mount(region));
     // The car is 1.53 m high; its nose is ahead.

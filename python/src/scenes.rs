@@ -157,15 +157,11 @@ impl PyScene {
         self.built.scene.notes().iter().map(ToString::to_string).collect()
     }
 
-    /// Models by name; without a vehicle one, whose name is empty.
+    /// Models by name, which is empty for the `lidar` of a scene.
     #[getter]
     fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
-        let Some(vehicle) = self.built.scene.vehicle() else {
-            all.set_item("", PySensor::of(self.built.scene.lidars()[0])?)?;
-            return Ok(all);
-        };
-        for model in &vehicle.sensors {
+        for model in &self.built.scene.vehicle().sensors {
             all.set_item(model.name.as_str(), PySensor::of(&model.lidar)?)?;
         }
         Ok(all)

@@ -7,9 +7,9 @@ use super::exact_tree::ExactTree;
 use super::{ChartError, Fidelity, World, merge_vertices};
 use crate::geom::TriangleSoup;
 use crate::maths;
-use crate::problem::{Content, KINDS, NEAR_KIND, Tally};
+use crate::problem::{Content, Entropy, KINDS, Tally};
 use crate::psog::{ENTROPY_ONE, EntropyKind, EntropyTable, Psog, Roi};
-use crate::scene::{EgoBody, GROUND_CLASSES, Scene};
+use crate::scene::{EgoBody, Ground, Scene};
 use crate::vehicle::{Lidar, Placement, SensorPose, Sensors, UnknownSensor};
 use lidar_cast::grid::HIT_PUSH;
 
@@ -37,7 +37,7 @@ pub(super) struct Exact {
     frames: Vec<ExactTree>,
     content: Content,
     /// Linear index and information of the voxels occupied in some frame: entropies in nats (all classes,
-    /// detection target against the rest, occupied or not) and the share of [`NEAR_KIND`], in all 1.
+    /// detection target against the rest, occupied or not) and the share of [`Entropy::Near`], in all 1.
     occupied: Vec<(u64, [f64; KINDS])>,
 }
 
@@ -66,7 +66,7 @@ impl Exact {
         let frames = if fidelity.through { Vec::new() } else { world.frames(fidelity) };
         let numbers = if frames.is_empty() { vec![0] } else { frames.clone() };
         let lidars = scene.lidars();
-        let merged = (0..scene.part_count()).filter(|_| cell > 0.0);
+        let merged = scene.parts(EgoBody::Include).filter(|_| cell > 0.0);
         let merged: Vec<_> = merged.map(|k| merge_vertices(&scene.part(k), cell)).collect();
         let trees = frames.into_par_iter().map(|t| {
             let whole = || scene.frame(t, EgoBody::Include);
@@ -126,7 +126,7 @@ impl Exact {
             let beams: usize = models.iter().map(|&model| self.directions[model].len()).sum();
             tally.beams = (beams * self.frame_count()) as u64;
             let mut units = [ENTROPY_ONE; KINDS];
-            units[NEAR_KIND] = self.content.entropy_total()[NEAR_KIND] as f64;
+            units[Entropy::Near as usize] = Entropy::Near.of(&self.content.entropy_total()) as f64;
             tally.entropy =
                 std::array::from_fn(|kind| (entropy[kind] * units[kind]).round() as u64);
             Ok(tally)
@@ -208,7 +208,7 @@ fn occupied(scene: &Scene, psog: &Psog) -> Vec<(u64, [f64; KINDS])> {
     let is_floor = |index: u64, row: &[u16]| {
         let name = &psog.classes()[commonest(row)];
         let is_occupied = row.iter().any(|&count| count > 0);
-        is_occupied && GROUND_CLASSES.contains(&name.as_str()) && plan(index) <= 10.0
+        is_occupied && Ground::of(name).is_some() && plan(index) <= 10.0
     };
     let all = || psog.index().iter().copied().zip(psog.rows());
     let told: f64 =

@@ -12,7 +12,7 @@ use crate::problem::{Problem, Tally};
 use crate::score::Objective;
 use crate::search::SWAP_SPACING;
 use crate::search::atlas::{Atlas, Union};
-use crate::vehicle::{Placement, PoseGrid, SensorPose, Sensors, UnknownSensor, Vehicle};
+use crate::vehicle::{Placement, PoseGrid, SensorPose, Sensors, UnknownSensor};
 
 /// Placements scored between two looks at whether to stop.
 pub(super) const BATCH: usize = 8;
@@ -78,8 +78,7 @@ impl Scorer {
         let choice = EngineChoice { kind, ..choice.clone() };
         let backend = open(problem.task(), &choice, |_| {})?.engine;
         if setting.engine == Engine::Atlas {
-            let vehicle = world.scene().vehicle();
-            let kinds = vehicle.map_or_else(|| problem.constraints().clone(), Vehicle::every_kind);
+            let kinds = world.scene().vehicle().every_kind();
             let grid = PoseGrid::new(&kinds, SWAP_SPACING)?;
             check_places(problem.sensors(), &grid, placements)?;
             let atlas = Atlas::new(problem, grid, objective.needed(), ATLAS_BYTES);

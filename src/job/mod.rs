@@ -49,7 +49,7 @@ pub struct Job {
 }
 
 impl Job {
-    /// A job in one scene: its own vehicle or mount, all frames, clear air, the default search.
+    /// A job in one scene: its own vehicle, all frames, clear air, the default search.
     pub fn new(scene: impl Into<JobScene>) -> Self {
         let (scenes, settings) = (vec![scene.into()], Settings::default());
         Self { scenes, mirror: false, budget: None, settings, is_plain: true }

@@ -59,14 +59,14 @@ pub struct Found {
     pub suite: Suite,
     /// Settings of the search of placements, with its baselines and starts.
     pub settings: Settings,
-    /// Sensors chosen, by mount, and their price, in words; `None` without a vehicle.
+    /// Sensors chosen, by mount, and their price, in words; `None` where there was nothing to choose.
     pub equipment: Option<String>,
 }
 
 /// A search of a [`Job`] under way.
 pub struct JobRun<'a> {
     job: &'a Job,
-    vehicle: Option<&'a Vehicle>,
+    vehicle: &'a Vehicle,
     suite: Suite,
     state: JobState,
     /// Poses that sensors are chosen from, once they are cast.
@@ -111,24 +111,24 @@ impl Job {
     /// See [`Self::begin`]; [`JobError::OtherState`] for a state of another vehicle or of other scenes.
     pub fn resume(&self, state: JobState) -> Result<JobRun<'_>, JobError> {
         let (suite, vehicle) = (self.suite()?, self.scene().vehicle());
-        if vehicle.is_none() && self.budget.is_some() {
+        if vehicle.is_nameless() && self.budget.is_some() {
             return Err(JobError::NoPrices);
         }
         let mut run =
             JobRun { job: self, vehicle, suite, state, equipping: None, run: None, is_late: false };
-        match (vehicle, &run.state.equipped) {
-            (Some(vehicle), Some(equipped)) => {
+        match &run.state.equipped {
+            Some(equipped) => {
                 check_equipped(vehicle, equipped)?;
                 run.suite = run.suite.with_constraints(&vehicle.constraints(&equipped.equipment));
                 run.search()?;
             }
-            (None, _) => run.search()?,
-            (Some(_), None) if matches!(run.state.course, Course::Run(_)) => {
+            None if vehicle.is_nameless() => run.search()?,
+            None if matches!(run.state.course, Course::Run(_)) => {
                 let why =
                     "the vehicle's sensors are not chosen, and the search has begun".to_owned();
                 return Err(JobError::OtherState { why });
             }
-            (Some(_), None) => {}
+            None => {}
         }
         Ok(run)
     }
@@ -167,10 +167,10 @@ impl JobRun<'_> {
 
     /// Goes on with the choice of sensors.
     fn equip(&mut self, observer: &mut dyn Observer) -> Result<JobStep, JobError> {
-        let (Some(vehicle), Course::Equipping(wanted)) = (self.vehicle, &mut self.state.course)
-        else {
+        let Course::Equipping(wanted) = &mut self.state.course else {
             return Ok(JobStep::Stopped);
         };
+        let vehicle = self.vehicle;
         let settings = &self.job.settings;
         let budget = self.job.budget.unwrap_or(f64::INFINITY);
         let choice = match &mut self.equipping {
@@ -262,10 +262,10 @@ impl JobRun<'_> {
         &self.suite
     }
 
-    /// Sensors chosen, by mount, and their price, in words; `None` without a vehicle.
+    /// Sensors chosen, by mount, and their price, in words; `None` before they are chosen, or where there is nothing
+    /// to choose.
     pub fn equipment_in_words(&self) -> Option<String> {
-        let (vehicle, equipped) = self.vehicle.zip(self.equipped())?;
-        Some(equipped.words_with_price(vehicle))
+        Some(self.equipped()?.words_with_price(self.vehicle))
     }
 
     /// Result, scenes and settings together.

@@ -11,7 +11,7 @@ use crate::bvh::Hit;
 use crate::engine::{Backend, BackendError};
 use crate::geom::Pose;
 use crate::problem::{Problem, SensorBatch};
-use crate::scene::{EgoBody, GROUND_CLASSES, Scene};
+use crate::scene::{EgoBody, Ground, Scene};
 use crate::score::Scores;
 use crate::vehicle::Placement;
 
@@ -89,12 +89,10 @@ impl NearSite {
     pub fn new(scene: &Scene, problem: &Arc<Problem>) -> Result<Self, NearFieldError> {
         let footprint = outline(scene)?;
         let cells = Cells::around(&footprint);
-        let ground_class = |class: &u16| {
-            let name = scene.classes().get(usize::from(*class)).map(String::as_str);
-            name.is_some_and(|name| GROUND_CLASSES.contains(&name))
-        };
+        let ground_classes = Ground::among(scene.classes());
+        let ground_class = |class: &u16| ground_classes.get(usize::from(*class)) == Some(&true);
         let classes = scene.face_classes(EgoBody::Include);
-        let own = scene.face_classes(EgoBody::Exclude).len() as u32;
+        let own = scene.triangles(EgoBody::Exclude) as u32;
         let is_ground = |(prim, class): (u32, &u16)| prim < own && ground_class(class);
         let is_ground: Vec<bool> = (0..).zip(&classes).map(is_ground).collect();
         let mut frames = Vec::new();
@@ -104,7 +102,7 @@ impl NearSite {
             frames.push((frame, weight, ground));
         }
         if !frames.iter().any(|(_, _, ground)| ground.contains(&true)) {
-            let (scene, names) = (place(scene), GROUND_CLASSES.join(", "));
+            let (scene, names) = (place(scene), Ground::in_words());
             return Err(NearFieldError::NoGround { scene, within: NEAR, names });
         }
         Ok(Self { problem: problem.clone(), footprint, cells, is_ground, own, frames })

@@ -22,10 +22,10 @@ pub fn own_shares(
     engine: &mut dyn Backend,
     placement: &Placement,
 ) -> Result<Vec<f64>, BackendError> {
-    if !problem.ends_at_hits() || scene.part_triangles(scene.part_count() - 1) == 0 {
+    let own = scene.triangles(EgoBody::Exclude);
+    if !problem.ends_at_hits() || scene.triangles(EgoBody::Include) == own {
         return Ok(vec![0.0; placement.lidars.len()]);
     }
-    let own: usize = (0..scene.part_count() - 1).map(|part| scene.part_triangles(part)).sum();
     let batch = SensorBatch::new(problem, &placement.lidars, None)?;
     let hits = engine.hits(&placement.lidars, 0)?;
     let share = |lidar: usize| {
@@ -33,7 +33,6 @@ pub fn own_shares(
         let own = hits.iter().filter(|hit| hit.is_hit() && hit.prim as usize >= own);
         own.count() as f64 / hits.len() as f64
     };
-    debug_assert_eq!(own, scene.face_classes(EgoBody::Exclude).len());
     Ok((0..batch.len()).map(share).collect())
 }
 

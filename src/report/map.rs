@@ -7,7 +7,7 @@ use maud::{Markup, html};
 
 use super::svg::{page, px};
 use crate::engine::{Backend, BackendError};
-use crate::problem::{Content, Problem, spread};
+use crate::problem::{Content, Entropy, Problem, spread};
 use crate::psog::{Roi, to_nats};
 use crate::vehicle::Placement;
 
@@ -73,7 +73,7 @@ impl InformationMap {
         };
         for voxel in content.occupied() {
             let cell = map.cell_of(roi, u64::from(voxel.index));
-            map.total[cell] += to_nats(u64::from(voxel.entropy[0]));
+            map.total[cell] += to_nats(u64::from(Entropy::Classes.of(&voxel.entropy)));
         }
         map
     }
@@ -96,7 +96,8 @@ impl InformationMap {
         for voxel in content.occupied() {
             if covers(voxel.index) {
                 let cell = self.cell_of(roi, u64::from(voxel.index));
-                self.gained[cell] += to_nats(u64::from(voxel.entropy[0])) / frames as f64;
+                self.gained[cell] +=
+                    to_nats(u64::from(Entropy::Classes.of(&voxel.entropy))) / frames as f64;
             }
         }
     }

@@ -10,7 +10,7 @@ use crate::datasets::{
 use crate::files::{Session, will_read, writable_file, write_whole};
 use crate::psog::{BuildReport, Psog, PsogError, Roi, read_psog, write_psog};
 use crate::scan::scan_scene;
-use crate::scene::{GROUND_CLASSES, PsogSource, ScanSettings};
+use crate::scene::{Ground, PsogSource, ScanSettings};
 
 /// Region around the ego vehicle, as in the own scenes: lower and upper corner in metres.
 pub const PAPER_REGION: [[f64; 3]; 2] = [[-40.0, -40.0, -0.5], [40.0, 40.0, 5.5]];
@@ -169,14 +169,9 @@ pub(super) fn tell_notes(
 
 /// Says where no voxel holds ground: the scans were most likely placed at a wrong height.
 fn note_ground(psog: &Psog, watcher: &dyn Watcher) {
-    let ground: Vec<usize> = psog
-        .classes()
-        .iter()
-        .enumerate()
-        .filter(|(_, name)| GROUND_CLASSES.contains(&name.as_str()))
-        .map(|(class, _)| class)
-        .collect();
-    if !ground.is_empty() && !psog.rows().any(|row| ground.iter().any(|&class| row[class] > 0)) {
+    let is_ground = Ground::among(psog.classes());
+    let holds = |row: &[u16]| row.iter().zip(&is_ground).any(|(&count, &is)| is && count > 0);
+    if is_ground.contains(&true) && !psog.rows().any(holds) {
         watcher.note(
             "no voxel of the region holds ground (road, sidewalk, terrain and the like): where the scans have \
              some, give the height of their LiDAR with --lidar-height, or a region that reaches it",

@@ -50,8 +50,8 @@ pub fn export_file(
     let (file, name) = file_and_name(&request.placement);
     let file = Path::new(file);
     let mut rig = read_rig(file, name)?;
-    let equipment = Equipped::read(request)?;
-    if let Some(vehicle) = &equipment.vehicle {
+    let vehicle = vehicle_of(request)?;
+    if let Some(vehicle) = &vehicle {
         rig.name_by_mounts(vehicle);
     }
     if !request.frames.is_empty() {
@@ -76,7 +76,8 @@ pub fn export_file(
             }
         }
     }
-    let exported = export(&rig, request.format, &request.mounting, &equipment.models)?;
+    let models = vehicle.as_ref().map(Models::from).unwrap_or_default();
+    let exported = export(&rig, request.format, &request.mounting, &models)?;
     exported.warnings.iter().for_each(|warning| watcher.note(warning));
     match &request.out {
         Some(out) => write_files(&exported, out).map(|()| None),
@@ -88,25 +89,13 @@ pub fn export_file(
     }
 }
 
-/// The vehicle that a rig stands on, and its models; neither where none is named.
-#[derive(Default)]
-struct Equipped {
-    vehicle: Option<Vehicle>,
-    models: Models,
-}
-
-impl Equipped {
-    /// That of the vehicle file, else of the scene.
-    fn read(request: &ExportRequest) -> Result<Self, Error> {
-        let scene = request.scene.as_ref().filter(|_| request.vehicle.is_none());
-        let scene = scene.map(Scene::read).transpose()?;
-        let vehicle = match (&request.vehicle, &scene) {
-            (Some(file), _) => Some(Vehicle::read(file)?),
-            (None, scene) => scene.as_ref().and_then(|scene| scene.vehicle().cloned()),
-        };
-        let plain = scene.map(|scene| Models::from(scene.lidars()[0].clone())).unwrap_or_default();
-        Ok(Self { models: vehicle.as_ref().map_or(plain, Models::from), vehicle })
-    }
+/// The vehicle that a rig stands on: that of the vehicle file, else of the scene; `None` where neither is named.
+fn vehicle_of(request: &ExportRequest) -> Result<Option<Vehicle>, Error> {
+    Ok(match (&request.vehicle, &request.scene) {
+        (Some(file), _) => Some(Vehicle::read(file)?),
+        (None, Some(file)) => Some(Scene::read(file)?.vehicle().clone()),
+        (None, None) => None,
+    })
 }
 
 /// Writes one file to `out`, several into the folder `out`.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde::{Serialize, Serializer};
 
 use crate::maths;
-use crate::problem::{Content, Tally};
+use crate::problem::{Content, Entropy, Tally};
 use crate::targets::BlindSector;
 use crate::vehicle::{Constraints, Placement, Region, SensorName, SensorPose, Slot};
 
@@ -194,11 +194,16 @@ fn around<'a>(
     })
 }
 
+/// Information of all classes told apart.
+fn gained(tally: &Tally) -> u64 {
+    Entropy::Classes.of(&tally.entropy)
+}
+
 /// The guard that a placement violates when its range hides information: `unlimited` is its tally
 /// with beams that reach every voxel.
 pub fn short_sight(tally: &Tally, unlimited: &Tally) -> Option<Guard> {
-    let lost = 1.0 - tally.entropy[0] as f64 / unlimited.entropy[0] as f64;
-    (unlimited.entropy[0] > 0 && tally.covered > 0 && lost > MOST_OUT_OF_RANGE)
+    let lost = 1.0 - gained(tally) as f64 / gained(unlimited) as f64;
+    (gained(unlimited) > 0 && tally.covered > 0 && lost > MOST_OUT_OF_RANGE)
         .then_some(Guard::ShortSight { lost })
 }
 
@@ -216,8 +221,8 @@ pub fn guards_of(
     let mut guards = Vec::new();
     if let Some(reference) = reference {
         let ratio = |ours: u64, theirs: u64| ours as f64 / theirs as f64;
-        if reference.entropy[0] > 0 {
-            let share = ratio(tally.entropy[0], reference.entropy[0]);
+        if gained(reference) > 0 {
+            let share = ratio(gained(tally), gained(reference));
             if share < LEAST_INFORMATION {
                 guards.push(Guard::LowInformation { share });
             }
@@ -239,9 +244,9 @@ pub fn guards_of(
             }
         }
     }
-    if tally.unique.len() > 1 && tally.entropy[0] > 0 {
+    if tally.unique.len() > 1 && gained(tally) > 0 {
         for (lidar, &unique) in tally.unique.iter().enumerate() {
-            let share = unique as f64 / tally.entropy[0] as f64;
+            let share = unique as f64 / gained(tally) as f64;
             if share < LEAST_UNIQUE {
                 guards.push(Guard::RedundantLidar { lidar, share });
             }

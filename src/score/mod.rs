@@ -12,7 +12,7 @@ pub(crate) mod standing;
 
 use serde::{Serialize, Serializer};
 
-use crate::problem::{Content, NEAR_KIND, Tally};
+use crate::problem::{Content, Entropy, Tally};
 use crate::psog::to_nats;
 use crate::targets::{CAR_WEIGHT, RangeCard};
 
@@ -174,7 +174,7 @@ impl Scores {
         let mean = |sum: u64| sum as f64 / frames as f64;
         let Tasks { segmentation, detection, s_mig, near_gain } =
             Tasks::new(tally, content, frames);
-        let gained = tally.entropy[0];
+        let gained = Entropy::Classes.of(&tally.entropy);
         let unique = tally.unique.iter();
         Self {
             name: name.to_owned(),
@@ -228,17 +228,17 @@ struct Tasks {
 impl Tasks {
     fn new(tally: &Tally, content: &Content, frames: usize) -> Self {
         let mean = |sum: u64| sum as f64 / frames as f64;
-        let gain = |kind: usize| to_nats(tally.entropy[kind]) / frames as f64;
-        let task = |kind: usize| {
-            let total = to_nats(content.entropy_total()[kind]);
+        let gain = |kind: Entropy| to_nats(kind.of(&tally.entropy)) / frames as f64;
+        let task = |kind: Entropy| {
+            let total = to_nats(kind.of(&content.entropy_total()));
             task_scores(gain(kind), total, mean(tally.covered), mean(tally.covered_nonzero))
         };
-        let all = content.entropy_total()[NEAR_KIND];
-        let gained = tally.entropy[NEAR_KIND] as f64 / (frames as f64 * all as f64);
+        let all = Entropy::Near.of(&content.entropy_total());
+        let gained = Entropy::Near.of(&tally.entropy) as f64 / (frames as f64 * all as f64);
         Self {
-            segmentation: task(0),
-            detection: content.has_detection().then(|| task(1)),
-            s_mig: (tally.covered > 0).then(|| negated(gain(2))),
+            segmentation: task(Entropy::Classes),
+            detection: content.has_detection().then(|| task(Entropy::Detection)),
+            s_mig: (tally.covered > 0).then(|| negated(gain(Entropy::Occupancy))),
             near_gain: (tally.covered > 0 && all > 0).then_some(gained),
         }
     }

@@ -2,7 +2,7 @@
 
 use super::suite::{Member, Suite};
 use crate::engine::{BackendError, CpuBackend};
-use crate::problem::Tally;
+use crate::problem::{Entropy, Tally};
 use crate::vehicle::Placement;
 
 /// Placements with their tallies over all frames of each scene.
@@ -65,12 +65,13 @@ impl Pilot {
 
     /// Shares of the information of a kind that a placement gains in each frame, `[scenes][frames]`; those of a
     /// mirror image are averaged with its original's.
-    pub fn gain_shares(&self, index: usize, kind: usize) -> Vec<Vec<f64>> {
+    pub fn gain_shares(&self, index: usize, kind: Entropy) -> Vec<Vec<f64>> {
         let mut shares: Vec<Vec<f64>> = vec![Vec::new(); self.suite.scene_count()];
         let mut images = vec![0.0; shares.len()];
         for (member, range) in self.suite.members().iter().zip(self.suite.frame_ranges()) {
-            let total = member.problem().content().entropy_total()[kind].max(1) as f64;
-            let gains = range.map(|frame| self.by_frame[frame][index].entropy[kind] as f64 / total);
+            let total = kind.of(&member.problem().content().entropy_total()).max(1) as f64;
+            let gains =
+                range.map(|frame| kind.of(&self.by_frame[frame][index].entropy) as f64 / total);
             let (sums, scene) = (&mut shares[member.scene()], member.scene());
             sums.resize(gains.len(), 0.0);
             sums.iter_mut().zip(gains).for_each(|(sum, gain)| *sum += gain);

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::problem::NEAR_KIND;
+use crate::problem::Entropy;
 use crate::score::{Interval, Objective, bootstrap};
 
 /// Times that scenes and frames are drawn.
@@ -28,10 +28,10 @@ impl Gain {
     }
 
     /// Its kind of information.
-    pub(super) fn kind(self) -> usize {
+    pub(super) fn kind(self) -> Entropy {
         match self {
-            Self::Information => 0,
-            Self::Near => NEAR_KIND,
+            Self::Information => Entropy::Classes,
+            Self::Near => Entropy::Near,
         }
     }
 }

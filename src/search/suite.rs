@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::error::SearchError;
-use crate::problem::{Modelled, Problem, spread};
+use crate::problem::{Entropy, Modelled, Problem, spread};
 use crate::vehicle::{Constraints, Placement};
 
 /// One scene of a [`Suite`], or its mirror image.
@@ -104,7 +104,7 @@ impl Suite {
             if problem.constraints() != first.problem.constraints() {
                 return Err(SearchError::OtherMount { scene, name, first: first_name });
             }
-            if members.len() > 1 && problem.content().entropy_total()[0] == 0 {
+            if members.len() > 1 && Entropy::Classes.of(&problem.content().entropy_total()) == 0 {
                 return Err(SearchError::NothingUncertain { scene, name });
             }
         }

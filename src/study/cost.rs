@@ -7,9 +7,10 @@ use super::{Drawing, StudyError, Table};
 use crate::search::{Equipped, cost_front};
 
 pub(super) fn cost(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
-    let Some(vehicle) = scene.scene.vehicle() else {
+    let vehicle = scene.scene.vehicle();
+    if vehicle.is_nameless() {
         return Err(StudyError::NoVehicle { scene: scene.place() });
-    };
+    }
     let evaluator = scene.evaluator()?;
     let suite = evaluator.shared_problem().into();
     let front = cost_front(&suite, vehicle, &scene.settings.objective, &scene.settings.engine)?;

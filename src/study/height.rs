@@ -9,9 +9,8 @@ use super::{Drawing, StudyError, Table};
 const HEIGHTS: u32 = 4;
 
 pub(super) fn height(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
-    if let Some(mounts) = scene.scene.vehicle().map(|vehicle| &vehicle.mounts)
-        && (mounts.len() > 1 || mounts[0].region.ego_from_region.is_some())
-    {
+    let mounts = &scene.scene.vehicle().mounts;
+    if mounts.len() > 1 || mounts[0].region.ego_from_region.is_some() {
         let names: Vec<&str> = mounts.iter().map(|mount| mount.region.name.as_str()).collect();
         let mounts = format!("{} mount(s) of their own heights: {}", names.len(), names.join(", "));
         return Err(StudyError::NoHeights { scene: scene.place(), mounts });

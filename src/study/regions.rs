@@ -5,7 +5,7 @@ use super::columns::check_distinct;
 use super::region::Region;
 use super::scene::{StudyScene, score};
 use super::{Drawing, StudyError, Table};
-use crate::problem::Content;
+use crate::problem::{Content, Entropy};
 use crate::psog::{Roi, to_nats};
 use crate::search::Evaluator;
 use crate::vehicle::Placement;
@@ -99,7 +99,7 @@ fn gains_by_region(
         let centre = [0, 1, 2].map(|k| min[k] + (f64::from(coords[k]) + 0.5) * edge[k]);
         let frames = covered.iter().filter(|frame| frame.binary_search(&index).is_ok()).count();
         let share = frames as f64 / covered.len() as f64;
-        let worth = to_nats(u64::from(voxel.entropy[0]));
+        let worth = to_nats(u64::from(Entropy::Classes.of(&voxel.entropy)));
         for (gain, region) in gains.iter_mut().zip(regions) {
             if region.holds(centre) {
                 gain.total += worth;

@@ -7,7 +7,7 @@ use super::{Drawing, StudyError, Table};
 use crate::maths;
 use crate::near_field::NearSite;
 use crate::search::Evaluator;
-use crate::vehicle::{BeamTable, Lidar, Placement, Sensors};
+use crate::vehicle::{Lidar, Placement};
 
 /// Channels that are compared over the scene's own field of view.
 const CHANNELS: [u32; 4] = [16, 32, 64, 128];
@@ -56,14 +56,6 @@ fn near_field(
     Ok([Some(near.near_field), near.ring].map(|share| share.map(|share| 100.0 * share)))
 }
 
-/// What the vehicle carries with other beams of the first model; the one sensor where there is no vehicle.
-fn with_beams(scene: &StudyScene, table: BeamTable) -> Result<Sensors, StudyError> {
-    Ok(match scene.scene.vehicle() {
-        Some(_) => scene.scene.sensors()?.with_beams(0, table),
-        None => table.into(),
-    })
-}
-
 pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
     let Lidar::Spinning { elevations, azimuth_steps, azimuth, range, .. } = scene.scene.lidars()[0]
     else {
@@ -98,7 +90,7 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
     let rows = cases.each(sensors, |lidar, _| {
         let table = lidar.table()?;
         let beams = table.directions().len();
-        let sensors = with_beams(scene, table)?;
+        let sensors = scene.scene.sensors()?.with_beams(0, table);
         let mut evaluator = scene.evaluator_with(&sensors)?;
         let (mut values, best) = columns::of_best(scene, &mut evaluator)?;
         values.insert(0, Some(beams as f64));
@@ -113,10 +105,10 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
          {} m far, so that elevations alone differ.",
         azimuth_steps, range
     )];
-    if let Some(vehicle) = scene.scene.vehicle().filter(|vehicle| vehicle.sensors.len() > 1) {
+    if let [first, _, ..] = &scene.scene.vehicle().sensors[..] {
         notes.push(format!(
             "The sensor that differs is `{}`, the vehicle's first model; its others stay as they are.",
-            vehicle.sensors[0].name
+            first.name
         ));
     }
     if let Err(why) = NearSite::new(scene.scene, &scene.evaluator()?.shared_problem()) {

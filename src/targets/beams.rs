@@ -95,7 +95,7 @@ impl TargetSite {
     /// A model without beams.
     pub fn of_vehicle(scene: &Scene) -> Result<Self, SensorError> {
         let sensors = scene.sensors()?;
-        let soup = scene.part(scene.part_count() - 1);
+        let soup = scene.part(scene.body_part());
         let tree = Bvh::build(&soup, sensors.longest_range());
         Ok(Self::new(sensors, Frame::from(Arc::new(tree))))
     }

@@ -6,7 +6,7 @@ use crate::bvh::Hit;
 use crate::cast::closest_hit_in;
 use crate::geom::Pose;
 use crate::problem::Problem;
-use crate::scene::{EgoBody, GROUND_CLASSES, Scene, Target};
+use crate::scene::{EgoBody, Ground, Scene, Target};
 
 /// Metres above and below the level z = 0 of the ego frame in which ground is looked for.
 const REACH: f64 = 30.0;
@@ -25,10 +25,9 @@ pub struct GroundBelow {
 impl GroundBelow {
     /// By the classes of the scene's triangles; the own body is no ground.
     pub fn new(scene: &Scene) -> Self {
-        let own = scene.face_classes(EgoBody::Exclude).len();
-        let name = |class: &u16| scene.classes().get(usize::from(*class)).map(String::as_str);
+        let (own, classes) = (scene.triangles(EgoBody::Exclude), Ground::among(scene.classes()));
         let is_ground = |(face, class): (usize, &u16)| {
-            face < own && name(class).is_some_and(|name| GROUND_CLASSES.contains(&name))
+            face < own && classes.get(usize::from(*class)) == Some(&true)
         };
         let classes = scene.face_classes(EgoBody::Include);
         Self { is_ground: classes.iter().enumerate().map(is_ground).collect() }

@@ -23,7 +23,7 @@ impl Optics {
         Self {
             weather,
             reflectance: Reflectance::new(classes, scene.reflectances()),
-            ground: classes.iter().map(|class| conditions::is_ground(class)).collect(),
+            ground: classes.iter().map(|class| conditions::holds_water(class)).collect(),
         }
     }
 

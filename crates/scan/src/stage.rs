@@ -13,7 +13,7 @@ use lidar_cast::geom::{Glide, Pose};
 use lidar_cast::maths;
 use sightline_scene::problem::world_of;
 use sightline_scene::problem::{DevicePose, Instance};
-use sightline_scene::scene::{EgoBody, Scene};
+use sightline_scene::scene::{EgoBody, PartOwner, Scene};
 
 /// A rigid part of the scene, not empty.
 #[derive(Debug)]
@@ -37,14 +37,6 @@ struct Face {
     /// Unit normal in the thing's frame, zero of a face without area.
     normal: [f32; 3],
     class: u16,
-}
-
-/// Whose motion a part shares.
-#[derive(Clone, Copy, PartialEq)]
-enum Owner {
-    World,
-    Actor(usize),
-    Ego,
 }
 
 /// What all scans of a scene share, whatever the frame and the placement: trees and faces of its parts.
@@ -78,7 +70,7 @@ impl Stage {
 
     /// Of trees that there are already, one for each part of the scene that is not empty.
     pub(super) fn of<'i>(scene: &Scene, instances: impl Iterator<Item = &'i Instance>) -> Self {
-        let full = (0..scene.part_count()).filter(|&part| scene.part_triangles(part) > 0);
+        let full = scene.parts(EgoBody::Include).filter(|&part| scene.part_triangles(part) > 0);
         let classes = scene.face_classes(EgoBody::Include);
         let thing = |(part, instance): (usize, &Instance)| {
             let bounds = instance.tree.bounds();
@@ -97,10 +89,10 @@ impl Stage {
                 tree: instance.tree.clone(),
                 part,
                 first_prim: instance.first_prim,
-                instance: match part {
-                    0 => NO_INSTANCE,
-                    part if part + 1 == scene.part_count() => EGO_INSTANCE,
-                    part => u16::try_from(part).unwrap_or(EGO_INSTANCE - 1),
+                instance: match scene.owner(part) {
+                    PartOwner::World => NO_INSTANCE,
+                    PartOwner::Ego => EGO_INSTANCE,
+                    PartOwner::Actor(actor) => u16::try_from(actor + 1).unwrap_or(EGO_INSTANCE - 1),
                 },
                 center: (low + high) / 2.0,
                 radius: (high - low).length() / 2.0,
@@ -113,7 +105,7 @@ impl Stage {
 
     /// True if it has a tree for each part of the scene that is not empty.
     pub(super) fn is_of(&self, scene: &Scene) -> bool {
-        let full = (0..scene.part_count()).filter(|&part| scene.part_triangles(part) > 0);
+        let full = scene.parts(EgoBody::Include).filter(|&part| scene.part_triangles(part) > 0);
         full.eq(self.things.iter().map(|thing| thing.part))
     }
 
@@ -191,23 +183,18 @@ pub(super) struct Motions {
 
 impl Motions {
     pub fn new(scene: &Scene, stage: &Stage, frame: usize) -> Self {
-        let owner = |part: usize| match part {
-            0 => Owner::World,
-            part if part + 1 == scene.part_count() => Owner::Ego,
-            part => Owner::Actor(part - 1),
-        };
         let ego = scene.ego_glide(frame);
         let still = Glide::new(&Pose::IDENTITY, &Pose::IDENTITY);
-        let glide = |thing: &Thing| match owner(thing.part) {
-            Owner::World => still,
-            Owner::Ego => ego,
-            Owner::Actor(actor) => scene.actor_glide(actor, frame),
+        let glide = |thing: &Thing| match scene.owner(thing.part) {
+            PartOwner::World => still,
+            PartOwner::Ego => ego,
+            PartOwner::Actor(actor) => scene.actor_glide(actor, frame),
         };
         Self {
             ego,
             owners: stage.things.iter().map(glide).collect(),
             origins: stage.things.iter().map(|thing| scene.part_origin(thing.part)).collect(),
-            ego_things: stage.things.iter().map(|t| owner(t.part) == Owner::Ego).collect(),
+            ego_things: stage.things.iter().map(|t| t.part == scene.body_part()).collect(),
         }
     }
 

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::cover::{BitOrder, Bitmaps};
 use crate::engine::{Backend, BackendError};
 use crate::maths;
-use crate::problem::{Content, Problem};
+use crate::problem::{Content, Entropy, OccupiedVoxel, Problem};
 use crate::psog::{Roi, to_nats};
 use crate::vehicle::{Placement, SensorPose};
 
@@ -219,15 +219,16 @@ fn informative(roi: &Roi, content: &Content) -> Vec<Voxel> {
             }
         }
     }
-    let most = occupied.iter().map(|voxel| voxel.entropy[0]).max().unwrap_or(0).max(1);
-    let informative = occupied.iter().zip(classes).filter(|(voxel, _)| voxel.entropy[0] > 0);
-    let voxel = |(voxel, class): (&crate::problem::OccupiedVoxel, u16)| {
+    let entropy = |voxel: &OccupiedVoxel| Entropy::Classes.of(&voxel.entropy);
+    let most = occupied.iter().map(entropy).max().unwrap_or(0).max(1);
+    let informative = occupied.iter().zip(classes).filter(|(voxel, _)| entropy(voxel) > 0);
+    let voxel = |(voxel, class): (&OccupiedVoxel, u16)| {
         let coords = roi.coords(u64::from(voxel.index));
         let [x, y] = [0, 1].map(|k| roi.min()[k] + (f64::from(coords[k]) + 0.5) * roi.voxel()[k]);
-        let worth = f64::from(voxel.entropy[0]) / f64::from(most);
+        let worth = f64::from(entropy(voxel)) / f64::from(most);
         Voxel {
             drawn: Drawn { index: voxel.index, worth, class },
-            nats: to_nats(u64::from(voxel.entropy[0])),
+            nats: to_nats(u64::from(entropy(voxel))),
             ring: ((maths::hypot(x, y) / RING) as usize).min(RINGS - 1),
         }
     };

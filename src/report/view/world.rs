@@ -2,7 +2,7 @@
 
 use crate::chart::simplify::merge_vertices;
 use crate::geom::TriangleSoup;
-use crate::scene::Scene;
+use crate::scene::{EgoBody, Scene};
 
 /// Most triangles of all shapes of a page, which holds 19 bytes of each.
 const TRIANGLES: usize = 40_000;
@@ -27,7 +27,7 @@ impl Things {
     pub fn new(scene: &Scene, frames: &[usize], scenes: usize) -> Self {
         let mut shapes: Vec<TriangleSoup> = Vec::new();
         let mut shape_of = Vec::new();
-        for part in 0..scene.part_count() {
+        for part in scene.parts(EgoBody::Include) {
             let soup = scene.part(part);
             let known = shapes.iter().position(|shape| *shape == soup);
             shape_of.push(known.unwrap_or(shapes.len()));

@@ -6,11 +6,10 @@ use super::{DatasetError, LabelledScan, LabelledSequence};
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
 use sightline_files::Note;
+use sightline_scene::scene::Ground;
 
 /// Within this radius of the LiDAR the road tells its height, metres.
 pub(super) const NEAR: f64 = 10.0;
-/// Classes that say where the ground is.
-const ROAD: [&str; 2] = ["road", "road_line"];
 /// Fewest points of a road that speak against a number.
 const LEAST_POINTS: usize = 10;
 /// Scans that are looked at for a road.
@@ -53,9 +52,9 @@ impl Road {
     }
 }
 
-/// True if a class is road.
+/// True if a class is road, which says where the ground is.
 pub(super) fn is_road(class: &str) -> bool {
-    ROAD.contains(&class)
+    Ground::of(class) == Some(Ground::Road)
 }
 
 /// The road of the first scans that have one, and its frame. `ego_from_sensor` turns points upright.

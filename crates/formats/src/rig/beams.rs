@@ -11,13 +11,13 @@ use sightline_scene::vehicle::{Lidar, Vehicle};
 /// Nearest range of Gazebo's LiDAR where a model has none, in metres.
 const NEAREST: f64 = 0.01;
 
-/// Models of a vehicle or scene, for LiDARs of a rig. Without any, sensors that this program knows by name.
+/// Models of a vehicle, for LiDARs of a rig. Without any, sensors that this program knows by name.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Models(Vec<Model>);
 
 #[derive(Debug, Clone, PartialEq)]
 struct Model {
-    /// `None` for the only LiDAR of a scene without a vehicle.
+    /// `None` for the `lidar` of a scene.
     name: Option<String>,
     lidar: Lidar,
     min_range: f64,
@@ -25,7 +25,7 @@ struct Model {
 
 /// Beams of a LiDAR, as far as they are known.
 pub(super) enum Beams<'a> {
-    /// By a vehicle or scene.
+    /// By a vehicle.
     Given(&'a Lidar, f64),
     /// By the name of the sensor.
     Known(Fan),
@@ -38,18 +38,11 @@ pub(super) enum Beams<'a> {
 impl From<&Vehicle> for Models {
     fn from(vehicle: &Vehicle) -> Self {
         let model = |of: &sightline_scene::vehicle::VehicleSensor| Model {
-            name: Some(of.name.to_string()),
+            name: (!of.name.is_none()).then(|| of.name.to_string()),
             lidar: of.lidar.clone(),
             min_range: of.response.min_range,
         };
         Self(vehicle.sensors.iter().map(model).collect())
-    }
-}
-
-impl From<Lidar> for Models {
-    /// One model for LiDARs without a name.
-    fn from(lidar: Lidar) -> Self {
-        Self(vec![Model { name: None, lidar, min_range: 0.0 }])
     }
 }
 

@@ -4,7 +4,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use crate::cover::{BitOrder, Ranks};
-use crate::task::{Content, KINDS, Tally};
+use crate::task::{Content, Entropy, KINDS, Tally};
 
 /// Words of a block, 4 KiB a sensor: its union stays in the first-level cache for all sums.
 const BLOCK: usize = 512;
@@ -122,7 +122,7 @@ fn add_block(maps: &[&[u64]], block: usize, index: &EntropyIndex, tally: &mut Ta
             for (map, sum) in maps.iter().zip(&mut tally.unique) {
                 let (mut bits, mut unique) = (map[at] & once, 0);
                 while bits != 0 {
-                    unique += u64::from(index.entropy[rank(word, bits)][0]);
+                    unique += u64::from(Entropy::Classes.of(&index.entropy[rank(word, bits)]));
                     bits &= bits - 1;
                 }
                 *sum += unique;

@@ -1,6 +1,6 @@
 //! Integer sums over covered voxels, a voxel at a time: the specification.
 
-use crate::task::{Content, Tally};
+use crate::task::{Content, Entropy, Tally};
 
 /// Sums over the voxels that one placement of `lidars` sensors covers in one frame; `bitmaps` is
 /// `[lidars × words]`. Beams and hits are left at 0.
@@ -39,7 +39,7 @@ fn reduce_occupied(maps: &[&[u64]], content: &Content, tally: &mut Tally) {
             *sum += u64::from(entropy);
         }
         if times == 1 {
-            tally.unique[last] += u64::from(voxel.entropy[0]);
+            tally.unique[last] += u64::from(Entropy::Classes.of(&voxel.entropy));
         }
     }
 }

@@ -10,9 +10,7 @@ mod world;
 pub use batch::SensorBatch;
 pub use beam::{beam_direction, beam_origin};
 pub use content::{Area, Content, Requirement};
-pub use pose::{
-    DevicePose, HIT_PUSH, KINDS, NEAR_KIND, NO_CROSSING, OccupiedVoxel, TINY_COMPONENT,
-};
+pub use pose::{DevicePose, Entropy, HIT_PUSH, KINDS, NO_CROSSING, OccupiedVoxel, TINY_COMPONENT};
 pub use tally::{StageTimes, Tally};
 pub use world::{Frame, Instance, World};
 
@@ -270,9 +268,9 @@ impl Task {
     /// How much of the scene is modelled.
     pub fn modelled(&self) -> Modelled {
         let occupied = self.content.occupied();
-        let informative = occupied
-            .iter()
-            .filter(|voxel| voxel.entropy[0] > 0 || voxel.entropy[1] > 0 || voxel.entropy[2] > 0);
+        let nats = [Entropy::Classes, Entropy::Detection, Entropy::Occupancy];
+        let informative =
+            occupied.iter().filter(|voxel| nats.iter().any(|kind| kind.of(&voxel.entropy) > 0));
         let frames = if self.ends_at_hits { self.world.frames() } else { &[] };
         let triangles: u64 = frames.iter().map(|frame| frame.triangle_count()).sum();
         Modelled {

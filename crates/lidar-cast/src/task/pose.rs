@@ -49,11 +49,28 @@ impl From<&Pose> for DevicePose {
     }
 }
 
-/// Ways in which the information of a voxel is counted: all classes told apart, detection target against the
-/// rest, occupied or not, and near gain.
+/// Ways in which the information of a voxel is counted: the variants of [`Entropy`].
 pub const KINDS: usize = 4;
-/// Kind of information that counts for more near the vehicle, for the near gain.
-pub const NEAR_KIND: usize = 3;
+
+/// Way in which the information of a voxel is counted: the order of every list of [`KINDS`] sums.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Entropy {
+    /// All classes told apart.
+    Classes,
+    /// Detection target against the rest.
+    Detection,
+    /// Occupied or not.
+    Occupancy,
+    /// Share that counts for more near the vehicle, for the near gain.
+    Near,
+}
+
+impl Entropy {
+    /// The sum of this kind.
+    pub fn of<T: Copy>(self, sums: &[T; KINDS]) -> T {
+        sums[self as usize]
+    }
+}
 
 /// One voxel that is occupied in some frame, 20 bytes.
 #[repr(C)]
@@ -61,6 +78,6 @@ pub const NEAR_KIND: usize = 3;
 pub struct OccupiedVoxel {
     /// Linear index in the grid.
     pub index: u32,
-    /// Fixed-point information by kind: entropies, and of `NEAR_KIND` shares of all in a unit of the content's own.
+    /// Fixed-point information by [`Entropy`]: nats, and of the last kind shares of all in a unit of the content's own.
     pub entropy: [u32; KINDS],
 }

@@ -22,7 +22,7 @@ pub use fog::Fog;
 pub use overlap::Joined;
 pub use snow::{Fallen, Falling, Flake};
 pub use specs::Kind;
-pub use wet::{WetGround, is_ground};
+pub use wet::{WetGround, holds_water};
 
 use super::Status;
 use super::chance::Purpose;

@@ -1,29 +1,14 @@
 //! Water on the ground.
 
 use super::fresnel::through_film;
+use sightline_scene::scene::Ground;
 
 /// Depth in millimetres from which water closes to a film.
 pub(super) const FULL_FILM: f64 = 1.2;
 
-/// Classes that water stands on: those that Robo3D takes for ground (road, other flat ground, sidewalk), with their
-/// lane markings. Grass drains, and what is called bridge is what carries the road.
-const GROUND: [&str; 11] = [
-    "road",
-    "road_line",
-    "lane-marking",
-    "sidewalk",
-    "parking",
-    "ground",
-    "other-ground",
-    "other_ground",
-    "other_flat",
-    "driveable_surface",
-    "rail_track",
-];
-
-/// True if water stands on surfaces of a class.
-pub fn is_ground(class: &str) -> bool {
-    GROUND.contains(&class)
+/// True if water stands on surfaces of a class: the ground that Robo3D wets. Soil drains, and bridges carry a road.
+pub fn holds_water(class: &str) -> bool {
+    matches!(Ground::of(class), Some(Ground::Road | Ground::Hard))
 }
 
 /// Water on the ground, so and so deep.

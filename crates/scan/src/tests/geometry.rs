@@ -12,7 +12,7 @@ use crate::{EGO_INSTANCE, Scanner, Scanning, Stage, Status};
 use lidar_cast::cast::{self, Firing, FiringCaster, FiringWalk, Instructions, Rays, SweptPart};
 use lidar_cast::geom::{Glide, Pose, TriangleSoup};
 use sightline_scene::problem::{DevicePose, beam_direction, beam_origin};
-use sightline_scene::scene::{EgoBody, Scene};
+use sightline_scene::scene::{EgoBody, PartOwner, Scene};
 use sightline_scene::vehicle::{BeamTable, SensorPose};
 
 /// A street with houses, poles and things that drive and turn.
@@ -106,12 +106,12 @@ fn ideal_scans_are_the_hits_of_the_reference_and_lie_on_triangles_of_their_class
 fn soup_between(scene: &Scene, frame: usize, share: f64) -> TriangleSoup {
     let mut soup = TriangleSoup::default();
     let ego_from_world = scene.ego_glide(frame).at(share).inverse();
-    for part in 0..scene.part_count() {
+    for part in scene.parts(EgoBody::Include) {
         let own = scene.part(part);
-        let mut world_from_part = match part {
-            0 => Pose::IDENTITY,
-            part if part + 1 == scene.part_count() => scene.ego_glide(frame).at(share),
-            part => scene.actor_glide(part - 1, frame).at(share),
+        let mut world_from_part = match scene.owner(part) {
+            PartOwner::World => Pose::IDENTITY,
+            PartOwner::Ego => scene.ego_glide(frame).at(share),
+            PartOwner::Actor(actor) => scene.actor_glide(actor, frame).at(share),
         };
         world_from_part.translation = world_from_part.apply(scene.part_origin(part));
         let pose = ego_from_world.compose(&world_from_part);

@@ -8,11 +8,9 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::{
-    Content, Frame, Instance, NEAR_KIND, OccupiedVoxel, Problem, ProblemError, Task, World,
-};
+use super::{Content, Entropy, Frame, Instance, OccupiedVoxel, Problem, ProblemError, Task, World};
 use crate::psog::{EntropyKind, EntropyTable, Psog, fixed};
-use crate::scene::{Coverage, EgoBody, GROUND_CLASSES, Scene};
+use crate::scene::{Coverage, EgoBody, Ground, Scene};
 use crate::vehicle::Sensors;
 use lidar_cast::bvh::Bvh;
 use lidar_cast::geom::{Pose, TriangleSoup};
@@ -88,15 +86,14 @@ const STEPS: f64 = 8.0;
 /// What all near ground is worth, as a share of all information: its own entropy is low, since it hardly changes.
 const GROUND_SHARE: f64 = 0.25;
 
-/// Writes the information of [`NEAR_KIND`], in the unit in which the largest is 2³¹:
+/// Writes the information of [`Entropy::Near`], in the unit in which the largest is 2³¹:
 /// H(v) e(v) / Σ H e + ¼ / G if v is one of the G voxels of near ground, with e = 10 m / max(10 m, d), rounded to
 /// eighths and at least one, d from the origin of the ego frame to the voxel's middle in plan; ground is what a class
 /// of ground is commonest in (of equally common ones the first), near what has d ≤ 10 m.
 fn weigh_by_distance(occupied: &mut [OccupiedVoxel], psog: &Psog) {
     let (roi, names) = (psog.roi(), psog.classes());
     let (min, edge) = (roi.min(), roi.voxel());
-    let is_class_ground: Vec<bool> =
-        names.iter().map(|name| GROUND_CLASSES.contains(&name.as_str())).collect();
+    let is_class_ground = Ground::among(names);
     let rows = psog.counts().par_chunks(names.len().max(1));
     let some = rows.filter(|row| row.iter().any(|&count| count > 0));
     let is_ground: Vec<bool> = some
@@ -110,7 +107,7 @@ fn weigh_by_distance(occupied: &mut [OccupiedVoxel], psog: &Psog) {
         let [x, y] = [0, 1].map(|k| min[k] + (f64::from(at[k]) + 0.5) * edge[k]);
         let distance = maths::hypot(x, y);
         let eighths = (STEPS * NEAR / distance.max(NEAR)).round().max(1.0);
-        (f64::from(voxel.entropy[0]) * eighths, is_ground && distance <= NEAR)
+        (f64::from(Entropy::Classes.of(&voxel.entropy)) * eighths, is_ground && distance <= NEAR)
     };
     let weighed: Vec<(f64, bool)> = occupied.par_iter().zip(&is_ground).map(weigh).collect();
     let total: f64 = weighed.iter().map(|(information, _)| information).sum();
@@ -121,7 +118,8 @@ fn weigh_by_distance(occupied: &mut [OccupiedVoxel], psog: &Psog) {
     };
     let largest = weighed.iter().map(share).fold(f64::MIN_POSITIVE, f64::max);
     for (voxel, weight) in occupied.iter_mut().zip(&weighed) {
-        voxel.entropy[NEAR_KIND] = (share(weight) / largest * LARGEST_SHARE).round() as u32;
+        voxel.entropy[Entropy::Near as usize] =
+            (share(weight) / largest * LARGEST_SHARE).round() as u32;
     }
 }
 
@@ -186,7 +184,7 @@ impl Problem {
     ) -> Result<Self, ProblemError> {
         let roi = psog.roi();
         let content = content_of(psog, &scene.detection_among(psog.classes()));
-        let required = scene.vehicle().map_or(&[][..], |vehicle| &vehicle.require);
+        let required = &scene.vehicle().require;
         let content = content.with_areas(roi, required);
         if let Some(index) = content.areas().iter().position(|area| area.voxels == 0) {
             return Err(ProblemError::EmptyArea { index, name: required[index].name.clone() });
@@ -195,7 +193,7 @@ impl Problem {
         let far = Task::far_range_of(roi, sensors.longest_range());
         let world = if frames.is_empty() { World::default() } else { make_world(far)? };
         let task = Task::new(*roi, content, sensors, world, ends_at_hits).numbered(frames);
-        let body = Frame::from(Arc::new(Bvh::build(&scene.part(scene.part_count() - 1), far)));
+        let body = Frame::from(Arc::new(Bvh::build(&scene.part(scene.body_part()), far)));
         Ok(Self { body, ..Self::from(task).with_constraints(scene.constraints()) })
     }
 }
@@ -232,10 +230,10 @@ pub fn world_of_parts(
     body: EgoBody,
     soup_of: impl Fn(usize) -> TriangleSoup,
 ) -> Result<World, OutOfMemory> {
-    let parts = scene.part_count() - usize::from(body == EgoBody::Exclude);
-    let mut trees = Vec::with_capacity(parts);
+    let parts = scene.parts(body);
+    let mut trees = Vec::with_capacity(parts.len());
     let mut built: HashMap<u64, Vec<(TriangleSoup, Arc<Bvh>)>> = HashMap::new();
-    for part in 0..parts {
+    for part in parts.clone() {
         let triangles = scene.part_triangles(part) as u64;
         if triangles > FEW {
             memory::check("the trees", TREE_BYTES * triangles)?;
@@ -255,7 +253,7 @@ pub fn world_of_parts(
         }
         trees.push(tree);
     }
-    let instances = frames.len() as u64 * parts as u64;
+    let instances = frames.len() as u64 * parts.len() as u64;
     if instances > MANY {
         // The lists, and the keys that equal ones are found by.
         let each = size_of::<Instance>() as u64 + 14 * size_of::<u64>() as u64;
@@ -292,7 +290,7 @@ mod tests {
         let psog = Psog::new(roi, 100_000, classes, vec![0], vec![0, 40_000, 40_000]).unwrap();
         let content = content_of(&psog, &[1, 2]);
         let want = -(0.8_f64 * 0.8_f64.ln() + 0.2 * 0.2_f64.ln());
-        assert_eq!(content.occupied()[0].entropy[1], fixed(want));
+        assert_eq!(Entropy::Detection.of(&content.occupied()[0].entropy), fixed(want));
     }
 
     #[test]
@@ -309,8 +307,8 @@ mod tests {
         let shares = [8.0 / 14.0 + 0.125, 0.125, 4.0 / 14.0, 2.0 / 14.0];
         let total: f64 = shares.iter().sum();
         for (voxel, share) in content.occupied().iter().zip(shares) {
-            let got = f64::from(voxel.entropy[NEAR_KIND]);
-            let got = got / content.entropy_total()[NEAR_KIND] as f64;
+            let got = f64::from(Entropy::Near.of(&voxel.entropy));
+            let got = got / Entropy::Near.of(&content.entropy_total()) as f64;
             assert!((got - share / total).abs() < 1e-8, "{}: {got}", voxel.index);
         }
     }

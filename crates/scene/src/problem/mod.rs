@@ -3,7 +3,7 @@
 mod assemble;
 
 pub use lidar_cast::task::{
-    Air, Area, Content, DevicePose, Frame, HIT_PUSH, Instance, KINDS, Modelled, NEAR_KIND,
+    Air, Area, Content, DevicePose, Entropy, Frame, HIT_PUSH, Instance, KINDS, Modelled,
     OccupiedVoxel, Requirement, SensorBatch, StageTimes, Tally, Task, World, beam_direction,
     beam_origin, spread,
 };

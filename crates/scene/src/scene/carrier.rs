@@ -1,4 +1,4 @@
-//! What carries the sensors in a scene: a LiDAR and a mount, or a vehicle.
+//! The vehicle of a scene: its own, that of a file, or one made of the scene's `lidar` and `mount`.
 
 use std::path::{Path, PathBuf};
 
@@ -7,78 +7,18 @@ use super::classes::Classes;
 use super::description::{Dictionary, SceneDescription, ShapeDescription, VehicleSource};
 use super::shapes::Builder;
 use super::solid::Solid;
-use crate::vehicle::sensor_file::Measures;
-use crate::vehicle::stated;
-use crate::vehicle::{
-    Constraints, Described, Lidar, Mount, Response, SensorError, SensorModel, Sensors, Vehicle,
-    VehicleDescription, read_vehicle,
-};
+use crate::vehicle::{Vehicle, VehicleDescription, read_vehicle};
 use sightline_files::Note;
 use sightline_files::json::{DescriptionError, Place};
 
 /// A scene's vehicle, its body and its files.
 pub(super) struct Carrier {
-    pub carries: Carries,
+    pub vehicle: Vehicle,
     /// A body that takes the place of the scene's own.
     pub body: Option<Body>,
     pub files: Vec<PathBuf>,
-    /// Sentences about the LiDAR or the vehicle.
+    /// Sentences about the vehicle and its sensors.
     pub notes: Vec<Note>,
-}
-
-/// Sensors of a scene and where they may stand.
-#[derive(Debug, Clone)]
-pub(super) enum Carries {
-    /// One model on one mount.
-    Lidar {
-        lidar: Box<Lidar>,
-        mount: Box<Mount>,
-        /// How the LiDAR measures, where its sensor file says so.
-        response: Option<Response>,
-    },
-    /// Models and mounts of a vehicle.
-    Vehicle(Box<Vehicle>),
-}
-
-impl Carries {
-    /// The models, at least one.
-    pub fn lidars(&self) -> Vec<&Lidar> {
-        match self {
-            Self::Lidar { lidar, .. } => vec![lidar],
-            Self::Vehicle(vehicle) => vehicle.sensors.iter().map(|model| &model.lidar).collect(),
-        }
-    }
-
-    /// The models with their beams.
-    pub fn sensors(&self) -> Result<Sensors, SensorError> {
-        match self {
-            Self::Lidar { lidar, response, .. } => {
-                let plain = SensorModel::plain(lidar.table()?);
-                let response = response.unwrap_or(plain.response);
-                Sensors::new(vec![SensorModel { response, ..plain }]).ok_or(SensorError::NoBeams)
-            }
-            Self::Vehicle(vehicle) => vehicle.models(),
-        }
-    }
-
-    /// Rules of the mount, or of the vehicle with its fullest equipment.
-    pub fn constraints(&self) -> Constraints {
-        match self {
-            Self::Lidar { mount, .. } => (&**mount).into(),
-            Self::Vehicle(vehicle) => vehicle.constraints(&vehicle.fullest()),
-        }
-    }
-
-    /// Corners of the smallest box around all mounts, in the ego frame.
-    pub fn corners(&self) -> [[f64; 3]; 2] {
-        match self {
-            Self::Lidar { mount, .. } => [mount.min, mount.max],
-            Self::Vehicle(vehicle) => {
-                let all = vehicle.mounts.iter().map(|mount| mount.sensors[0]).enumerate();
-                vehicle.constraints(&all.collect()).corners()
-            }
-        }
-    }
 }
 
 /// Shapes of a vehicle's body.
@@ -140,12 +80,9 @@ impl Carrier {
         let mount = scene.mount.take();
         let mount = mount
             .ok_or_else(|| missing("mount", "say where sensors may stand, or give a `vehicle`"))?;
-        let mount = Box::new(Mount::new(&top.key("mount"), &mount)?);
         let files = lidar.file.iter().map(|file| dir.join(file)).collect();
-        let Described { lidar, measures, notes } = Described::new(&top.key("lidar"), lidar, dir)?;
-        let response = (measures != Measures::default()).then(|| stated(lidar.range(), &measures));
-        let carries = Carries::Lidar { lidar: Box::new(lidar), mount, response };
-        Ok(Self { carries, body: None, files, notes })
+        let vehicle = Vehicle::nameless(top, lidar, &mount, dir)?;
+        Ok(Self { notes: vehicle.notes.clone(), vehicle, body: None, files })
     }
 
     fn of_vehicle(
@@ -160,8 +97,7 @@ impl Carrier {
         let (vehicle, mut files) = Vehicle::new(&at, vehicle, &stem, dir)?;
         files.extend(file);
         let body = (!shapes.is_empty()).then(|| Body { shapes, at, dir: dir.to_owned() });
-        let notes = vehicle.notes.clone();
-        Ok(Self { carries: Carries::Vehicle(Box::new(vehicle)), body, files, notes })
+        Ok(Self { notes: vehicle.notes.clone(), vehicle, body, files })
     }
 }
 

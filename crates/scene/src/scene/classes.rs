@@ -29,19 +29,52 @@ pub const DEFAULT_CLASSES: [&str; 21] = [
     "terrain",
 ];
 
-/// Classes that count as ground, by the names of the own scenes and of SemanticKITTI.
-pub const GROUND_CLASSES: [&str; 10] = [
-    "road",
-    "road_line",
-    "lane-marking",
-    "parking",
-    "sidewalk",
-    "ground",
-    "other-ground",
-    "terrain",
-    "rail_track",
-    "bridge",
+/// Ground, by what it is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ground {
+    /// Road and its markings.
+    Road,
+    /// Other hard and flat ground, on which water stands.
+    Hard,
+    /// Soil and grass, which drain.
+    Soil,
+    /// Bridges: they carry the road.
+    Bridge,
+}
+
+/// Classes of ground, by the names of the own scenes, of SemanticKITTI and of nuScenes.
+const GROUND: [(&str, Ground); 13] = [
+    ("road", Ground::Road),
+    ("road_line", Ground::Road),
+    ("lane-marking", Ground::Road),
+    ("driveable_surface", Ground::Road),
+    ("parking", Ground::Hard),
+    ("sidewalk", Ground::Hard),
+    ("ground", Ground::Hard),
+    ("other-ground", Ground::Hard),
+    ("other_ground", Ground::Hard),
+    ("other_flat", Ground::Hard),
+    ("rail_track", Ground::Hard),
+    ("terrain", Ground::Soil),
+    ("bridge", Ground::Bridge),
 ];
+
+impl Ground {
+    /// Ground that a class is; `None` for every other surface.
+    pub fn of(class: &str) -> Option<Self> {
+        GROUND.iter().find(|(name, _)| *name == class).map(|(_, ground)| *ground)
+    }
+
+    /// One for each class: whether it is ground.
+    pub fn among(classes: &[String]) -> Vec<bool> {
+        classes.iter().map(|class| Self::of(class).is_some()).collect()
+    }
+
+    /// All classes of ground, in words.
+    pub fn in_words() -> String {
+        GROUND.map(|(name, _)| name).join(", ")
+    }
+}
 
 /// Detection target of a scene without `detection`.
 const DETECTION: [&str; 3] = ["vehicle", "car", "moving-car"];

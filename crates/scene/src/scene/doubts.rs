@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{GROUND_CLASSES, Scene, Solid};
+use super::{Ground, Scene, Solid};
 use crate::vehicle;
 use sightline_files::Note;
 
@@ -168,8 +168,7 @@ fn sideways(
 
 /// A doubt where the ground under the ego is far from z = 0 of its frame.
 fn ground(scene: &Scene) -> Option<String> {
-    let is_ground: Vec<bool> =
-        scene.classes.names.iter().map(|n| GROUND_CLASSES.contains(&n.as_str())).collect();
+    let is_ground = Ground::among(&scene.classes.names);
     let ego_from_world = scene.ego_pose(0).inverse();
     let world = &scene.world;
     let mut nearest: Option<f64> = None;
@@ -204,12 +203,11 @@ fn height_at_origin([a, b, c]: [DVec3; 3]) -> Option<f64> {
 
 /// Doubts about sensors and where they may stand.
 fn sensors(scene: &Scene) -> Vec<String> {
-    // A vehicle's own models and mounts are doubted where its file is read.
-    let mut doubts = match scene.vehicle() {
-        Some(_) => Vec::new(),
-        None => vehicle::of_lidar("the LiDAR", scene.lidars()[0]),
-    };
-    let [low, high] = scene.mount_corners();
+    // Models with names are doubted where the vehicle is read.
+    let nameless = scene.vehicle.sensors.iter().filter(|model| model.name.is_none());
+    let doubts = nameless.flat_map(|model| vehicle::of_lidar("the LiDAR", &model.lidar));
+    let mut doubts: Vec<String> = doubts.collect();
+    let [low, high] = scene.vehicle().corners();
     if high[2] < 0.0 {
         doubts.push(format!(
             "the mount ends {:.2} m under the ground; z is up from the ground: give positive heights",
@@ -229,23 +227,20 @@ fn sensors(scene: &Scene) -> Vec<String> {
 /// Doubts about mounts that stand far from the body.
 fn far_mounts(scene: &Scene) -> Vec<String> {
     let Some([low, high]) = corners(&scene.body) else { return Vec::new() };
-    let mounts: Vec<(String, [DVec3; 2])> = match scene.vehicle() {
-        None => vec![("the mount".to_owned(), scene.mount_corners().map(DVec3::from))],
-        Some(vehicle) => (0..vehicle.mounts.len())
-            .map(|i| {
-                let [from, to] = vehicle.mounts[i].region.corners();
-                (format!("mounts[{i}] of the vehicle"), [DVec3::from(from), DVec3::from(to)])
-            })
-            .collect(),
+    let name = |i: usize| match scene.vehicle.is_nameless() {
+        true => "the mount".to_owned(),
+        false => format!("mounts[{i}] of the vehicle"),
     };
-    let far = mounts.into_iter().filter_map(|(name, [from, to])| {
+    let far = scene.vehicle.mounts.iter().enumerate().filter_map(|(i, mount)| {
+        let [from, to] = mount.region.corners().map(DVec3::from);
         let nearest = (low - to).max(from - high).max(DVec3::ZERO).length();
         let farthest = (low - from).max(to - high).max(DVec3::ZERO).length();
         let outside = if nearest > BESIDE { nearest } else { farthest };
         (nearest > BESIDE || farthest > REACH).then(|| {
             format!(
-                "{name} reaches {outside:.1} m outside the ego body; positions are in metres, from the ego's origin: \
-                 check `min` and `max`, and the place of the body"
+                "{} reaches {outside:.1} m outside the ego body; positions are in metres, from the ego's origin: \
+                 check `min` and `max`, and the place of the body",
+                name(i)
             )
         })
     });

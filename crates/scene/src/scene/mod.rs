@@ -1,7 +1,8 @@
 //! The scene file: reading it, checking it, its rigid parts, and one triangle soup a frame.
 //!
-//! A scene names a region of interest, a LiDAR, a mount and, in its full form, geometry: a static
-//! world, actors that move through it and the body of the ego vehicle. Every key is explained in
+//! A scene names a region of interest, a vehicle and, in its full form, geometry: a static
+//! world, actors that move through it and the body of the ego vehicle. A `lidar` and a `mount` become a vehicle of
+//! one model on one mount here, and nothing else reads them. Every key is explained in
 //! `scenes/README.md`. Reading loads every mesh once and keeps the world in `f64`; a frame moves
 //! it into the ego frame and only then rounds it to `f32`, and so does a part with its own frame.
 
@@ -31,8 +32,8 @@ use std::sync::OnceLock;
 
 use glam::DVec3;
 
-use crate::vehicle::{Constraints, Lidar, Mount, MountRules, SensorError, Sensors, Vehicle};
-use carrier::{Carrier, Carries};
+use crate::vehicle::{Constraints, Lidar, MountRules, SensorError, Sensors, Vehicle};
+use carrier::Carrier;
 use classes::Classes;
 use description::{ActorDescription, EgoDescription, SceneDescription, ShapeDescription};
 use lidar_cast::geom::{Pose, TriangleSoup};
@@ -42,9 +43,9 @@ use sightline_files::Note;
 use sightline_files::json::{self, check};
 use solid::Solid;
 
-pub use classes::DEFAULT_CLASSES;
-pub use classes::GROUND_CLASSES;
+pub use classes::{DEFAULT_CLASSES, Ground};
 pub use kind::ActorKind;
+pub use parts::PartOwner;
 pub use reflectance::Reflectances;
 pub use settings::RoiBounds;
 pub use settings::{Coverage, PsogSource, ScanSettings};
@@ -66,7 +67,7 @@ pub struct Scene {
     name: String,
     classes: Classes,
     roi: RoiBounds,
-    carries: Carries,
+    vehicle: Vehicle,
     /// Models once they are asked for: many beams take their time.
     sensors: OnceLock<Sensors>,
     coverage: Coverage,
@@ -215,64 +216,32 @@ impl Scene {
         &self.roi
     }
 
-    /// The LiDAR that every sensor of a placement is; `None` where a vehicle says which there are.
-    pub fn lidar(&self) -> Option<&Lidar> {
-        match &self.carries {
-            Carries::Lidar { lidar, .. } => Some(lidar),
-            Carries::Vehicle(_) => None,
-        }
-    }
-
     /// LiDARs of the models of [`Self::sensors`], in that order; at least one.
     pub fn lidars(&self) -> Vec<&Lidar> {
-        self.carries.lidars()
-    }
-
-    /// Mount of the sensors; `None` where a vehicle says which there are.
-    pub fn mount(&self) -> Option<&Mount> {
-        match &self.carries {
-            Carries::Lidar { mount, .. } => Some(mount),
-            Carries::Vehicle(_) => None,
-        }
-    }
-
-    /// Corners of the smallest box around all mounts, in the ego frame, metres.
-    pub fn mount_corners(&self) -> [[f64; 3]; 2] {
-        self.carries.corners()
+        self.vehicle.sensors.iter().map(|model| &model.lidar).collect()
     }
 
     /// Adds rules to the mount; error messages call the scene `name_for_errors`.
     ///
     /// # Errors
     ///
-    /// A rule that the mount does not allow, or that leaves no room for a placement.
+    /// A rule that the mount does not allow, or that leaves no room for a placement; any rule where mounts are those of a
+    /// vehicle file.
     pub fn with_rules(
-        mut self,
+        self,
         rules: &MountRules,
         name_for_errors: &str,
     ) -> Result<Self, DescriptionError> {
         let at = Place::top(name_for_errors).key("mount");
-        match &mut self.carries {
-            Carries::Lidar { mount, .. } => **mount = mount.narrowed(&at, rules)?,
-            Carries::Vehicle(_) if *rules == MountRules::default() => {}
-            Carries::Vehicle(_) => {
-                let (at, key) = (Box::new(at), "rules");
-                let mend = "the mounts are those of a vehicle; write the rules there".to_owned();
-                return Err(DescriptionError::Misplaced { at, key, mend });
-            }
-        }
-        Ok(self)
+        Ok(Self { vehicle: self.vehicle.narrowed(&at, rules)?, ..self })
     }
 
-    /// The vehicle, if the scene has one in place of a LiDAR and a mount.
-    pub fn vehicle(&self) -> Option<&Vehicle> {
-        match &self.carries {
-            Carries::Lidar { .. } => None,
-            Carries::Vehicle(vehicle) => Some(vehicle),
-        }
+    /// The vehicle; made of the scene's `lidar` and `mount` where it says these.
+    pub fn vehicle(&self) -> &Vehicle {
+        &self.vehicle
     }
 
-    /// Sensor models: those of the vehicle, or the one LiDAR.
+    /// Sensor models of the vehicle.
     ///
     /// # Errors
     /// A model without beams.
@@ -280,7 +249,7 @@ impl Scene {
         if let Some(sensors) = self.sensors.get() {
             return Ok(sensors.clone());
         }
-        let sensors = self.carries.sensors()?;
+        let sensors = self.vehicle.models()?;
         Ok(self.sensors.get_or_init(|| sensors).clone())
     }
 
@@ -297,9 +266,9 @@ impl Scene {
         Ok(sensors)
     }
 
-    /// Rules of placements: of the vehicle with its fullest equipment, or of the mount.
+    /// Rules of placements: of the vehicle with its fullest equipment.
     pub fn constraints(&self) -> Constraints {
-        self.carries.constraints()
+        self.vehicle.constraints(&self.vehicle.fullest())
     }
 
     /// Voxels that a beam covers.

@@ -4,20 +4,52 @@
 //! has its origin in the middle of the ego's way, an actor's in the middle of its box, both rounded to
 //! whole metres: coordinates are moved there in `f64` before they are rounded to `f32`.
 
+use std::ops::Range;
+
 use super::solid::Solid;
 use super::{EgoBody, Scene};
 use lidar_cast::geom::{Pose, TriangleSoup};
 
+/// Owner of a rigid part: it moves with this.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PartOwner {
+    /// The static world.
+    World,
+    /// An actor, by its index in the scene.
+    Actor(usize),
+    /// The ego vehicle, whose body the part is.
+    Ego,
+}
+
 impl Scene {
-    /// Parts, the empty ones counted too; the last is the body of the ego vehicle.
-    pub fn part_count(&self) -> usize {
-        self.actors.len() + 2
+    /// Number of the part that is the body of the ego vehicle: the last.
+    pub fn body_part(&self) -> usize {
+        1 + self.actors.len()
+    }
+
+    /// Numbers of all parts, the empty ones among them, with or without the body of the ego vehicle.
+    pub fn parts(&self, body: EgoBody) -> Range<usize> {
+        0..self.body_part() + usize::from(body == EgoBody::Include)
+    }
+
+    /// Owner of a part.
+    ///
+    /// # Panics
+    /// A part that does not exist.
+    pub fn owner(&self, part: usize) -> PartOwner {
+        assert!(part <= self.body_part(), "part {part} of {}", self.body_part() + 1);
+        match part {
+            0 => PartOwner::World,
+            part if part == self.body_part() => PartOwner::Ego,
+            part => PartOwner::Actor(part - 1),
+        }
     }
 
     fn solid(&self, part: usize) -> &Solid {
-        match part {
-            0 => &self.world,
-            _ => self.actors.get(part - 1).map_or(&self.body, |actor| &actor.parts),
+        match self.owner(part) {
+            PartOwner::World => &self.world,
+            PartOwner::Actor(actor) => &self.actors[actor].parts,
+            PartOwner::Ego => &self.body,
         }
     }
 
@@ -56,15 +88,19 @@ impl Scene {
         poses
     }
 
+    /// Number of triangles of a frame; the ego body's come last.
+    pub fn triangles(&self, body: EgoBody) -> usize {
+        self.parts(body).map(|part| self.part_triangles(part)).sum()
+    }
+
     /// Class of every triangle of a frame, by its number; the same in every frame.
     pub fn face_classes(&self, body: EgoBody) -> Vec<u16> {
-        let parts = self.part_count() - usize::from(body == EgoBody::Exclude);
-        (0..parts).flat_map(|part| self.solid(part).classes.iter().copied()).collect()
+        self.parts(body).flat_map(|part| self.solid(part).classes.iter().copied()).collect()
     }
 
     /// Triangles of the ego body in the ego frame; none where the scene has no geometry.
     pub fn body(&self) -> Vec<[[f32; 3]; 3]> {
-        let soup = self.part(self.part_count() - 1);
+        let soup = self.part(self.body_part());
         (0..soup.faces.len() as u32).map(|prim| soup.corners(prim)).collect()
     }
 }

@@ -21,8 +21,7 @@ impl Scene {
         Self::read_with(path, None)
     }
 
-    /// A copy with the vehicle of another file in place of what the scene says: its LiDAR and mount, its
-    /// vehicle, and the ego body if the file has one.
+    /// A copy with the vehicle of another file in place of the scene's own, and of the ego body if the file has one.
     ///
     /// # Errors
     /// See [`Self::read`].
@@ -85,7 +84,7 @@ impl Scene {
         let name = name_of(&top, scene.name.take())?;
         let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
         let mut carrier = Carrier::new(&top, &mut scene, dir, vehicle)?;
-        roi.check_mount(&top.key("mount"), carrier.carries.corners())?;
+        roi.check_mount(&top.key("mount"), carrier.vehicle.corners())?;
         let classes = std::mem::take(&mut scene.classes);
         let classes = Classes::new(&top, classes, std::mem::take(&mut scene.detection))?;
         let things = things(&top, &scene, &classes, &mut carrier, dir)?;
@@ -105,7 +104,7 @@ impl Scene {
         things: Things,
         dir: &Path,
     ) -> Result<Self, DescriptionError> {
-        let Carrier { carries, mut files, notes, .. } = carrier;
+        let Carrier { vehicle, mut files, notes, .. } = carrier;
         let reflectances = Reflectances::new(top, &classes, &scene.reflectance, &scene.actors)?;
         let has_geometry = things.has_geometry();
         let frames = things.frames(top, scene.frames)?;
@@ -118,7 +117,7 @@ impl Scene {
         let coverage = scene.coverage.as_deref();
         let coverage = Coverage::new(&top.key("coverage"), coverage, has_geometry)?;
         let psog = scene.psog.as_ref();
-        let (range, top_of_mounts) = (carries.lidars()[0].range(), carries.corners()[1][2]);
+        let (range, top_of_mounts) = (vehicle.sensors[0].lidar.range(), vehicle.corners()[1][2]);
         let psog = PsogSource::new(top, psog, has_geometry, dir, range, top_of_mounts)?;
         match &psog {
             PsogSource::File(file) => files.push(file.clone()),
@@ -128,7 +127,7 @@ impl Scene {
             name,
             classes,
             roi,
-            carries,
+            vehicle,
             sensors: OnceLock::new(),
             coverage,
             psog,

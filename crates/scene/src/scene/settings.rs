@@ -151,7 +151,7 @@ impl ScanSettings {
             azimuth_steps: None,
             spacing: None,
             range: scene.lidars()[0].range(),
-            height: scene.mount_corners()[1][2],
+            height: scene.vehicle().corners()[1][2],
             window: DEFAULT_SCAN.1,
             stride: DEFAULT_SCAN.2,
         }

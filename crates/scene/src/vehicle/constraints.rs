@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::mirror::{SLACK, pairs};
-use super::{Mount, Placement, Region, SensorName, SensorPose};
+use super::{Placement, Region, SensorName, SensorPose};
 
 /// What a placement must keep: a region and a model for each LiDAR, distances, keep-out boxes, ties.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -92,23 +92,6 @@ impl Constraints {
             [of(f64::min, low, other_low), of(f64::max, high, other_high)]
         });
         joined.unwrap_or_default()
-    }
-}
-
-impl From<&Mount> for Constraints {
-    fn from(mount: &Mount) -> Self {
-        let angles = [mount.roll, mount.pitch, mount.yaw];
-        let bound = |side: usize, corner: [f64; 3]| {
-            let [x, y, z] = corner;
-            [x, y, z, angles[0][side], angles[1][side], angles[2][side]]
-        };
-        let (lower, upper) = (bound(0, mount.min), bound(1, mount.max));
-        Self {
-            min_distance: mount.min_distance,
-            keep_out: mount.keep_out.clone(),
-            ties: Ties { equal_height: mount.equal_height, symmetric: mount.symmetric },
-            ..Self::in_box(lower, upper, mount.lidars as usize)
-        }
     }
 }
 

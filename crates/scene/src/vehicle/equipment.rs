@@ -137,6 +137,12 @@ impl Vehicle {
         self.constraints(&kinds.collect())
     }
 
+    /// Corners of the smallest box around all mounts, in the ego frame, metres.
+    pub fn corners(&self) -> [[f64; 3]; 2] {
+        let all = self.mounts.iter().map(|mount| mount.sensors[0]).enumerate();
+        self.constraints(&all.collect()).corners()
+    }
+
     /// The rules of a placement with some equipment, mount after mount.
     pub fn constraints(&self, equipment: &Equipment) -> Constraints {
         let mut sorted = equipment.clone();

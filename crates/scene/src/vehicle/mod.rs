@@ -39,7 +39,7 @@ pub use lidar_cast::sensor::{
 };
 pub use lidar_cast::task::Requirement;
 pub use lidar_reading::Described;
-pub use mount::{Mount, MountRules};
+pub use mount::MountRules;
 pub use placement_file::{PlacementFileError, PlacementReader, read_placements};
 pub use pose_grid::{PoseGrid, PoseGridError, Spacing};
 pub use published::table_7;

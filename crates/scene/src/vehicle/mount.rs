@@ -1,139 +1,142 @@
-//! Where sensors may stand.
+//! The `lidar` and `mount` of a scene: a vehicle of one model on one mount, neither with a name.
+
+use std::path::Path;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::SensorPose;
-use super::description::{KeepOutDescription, MountDescription};
-use super::mirror::SLACK;
+use super::description::{KeepOutDescription, LidarDescription, MountDescription};
+use super::equipment::{Vehicle, VehicleMount, VehicleSensor};
+use super::lidar_reading::Described;
+use super::mirror::{MIRRORED, SLACK};
+use super::mounting::{angles, box_of, corners};
+use super::response::stated;
+use super::sensor_file::Measures;
+use super::{MAX_LIDARS, Phase, Region, Response, SensorName, SensorPose, Ties};
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{DescriptionError, Place};
 
 /// Most keep-out boxes of a mount.
 const MAX_KEEP_OUT: usize = 32;
 
-/// Mount of a scene, as its file describes it: positions and angles of its sensors, in the ego frame.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Mount {
-    /// Lower corner of the box of sensor origins, metres.
-    pub min: [f64; 3],
-    /// Upper corner, metres; equal to `min` along an axis without freedom.
-    pub max: [f64; 3],
-    /// Allowed roll `[lower, upper]`, radians.
-    pub roll: [f64; 2],
-    /// Allowed pitch `[lower, upper]`, radians.
-    pub pitch: [f64; 2],
-    /// Allowed yaw `[lower, upper]`, radians.
-    pub yaw: [f64; 2],
-    /// Smallest distance between two sensors of a placement, metres.
-    pub min_distance: f64,
-    /// LiDARs of a placement, 1 to 16.
-    pub lidars: u32,
-    /// Lower and upper corners of the keep-out boxes, metres.
-    pub keep_out: Vec<[[f64; 3]; 2]>,
-    /// True if all sensors stand at one height.
-    pub equal_height: bool,
-    /// True if sensors come in pairs mirrored at the plane y = 0; an odd one lies in the plane.
-    pub symmetric: bool,
-}
-
-/// Rules that narrow a mount beyond what its scene file says.
+/// Rules that narrow the mount of a scene beyond its file.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct MountRules {
-    /// See [`Mount::equal_height`].
+    /// See [`Ties::equal_height`].
     pub equal_height: bool,
-    /// See [`Mount::symmetric`].
+    /// See [`Ties::symmetric`].
     pub symmetric: bool,
     /// Pose fields that keep one value, in m or rad: `x`, `y`, `z`, `roll`, `pitch` or `yaw`.
     pub fixed: Vec<(String, f64)>,
 }
 
-impl Mount {
-    pub(crate) fn new(at: &Place, mount: &MountDescription) -> Result<Self, DescriptionError> {
-        let min = check::point(&at.key("min"), mount.min)?;
-        let max = check::point(&at.key("max"), mount.max)?;
-        for i in 0..3 {
-            if min[i] > max[i] {
-                let wanted = format!("{} or more, the lower corner of the mount", min[i]);
-                return Err(bad(&at.key("max").item(i), max[i], wanted));
-            }
-        }
-        let min_distance = mount.min_distance;
-        if !(0.0..=check::MAX_METRES).contains(&min_distance) {
-            return Err(bad(&at.key("min_distance"), min_distance, "a distance of 0 m or more"));
-        }
+impl Vehicle {
+    /// Vehicle of a scene's `lidar` and `mount`; `dir` is where the sensor file is.
+    ///
+    /// The model is locked at 0 and costs nothing.
+    pub(crate) fn nameless(
+        top: &Place,
+        lidar: LidarDescription,
+        mount: &MountDescription,
+        dir: &Path,
+    ) -> Result<Self, DescriptionError> {
+        let at = top.key("mount");
+        let corners = corners(&at, mount.min, mount.max)?;
+        let min_distance = least_distance(&at, mount.min_distance)?;
         let keep_out = keep_out_boxes(&at.key("keep_out"), &mount.keep_out)?;
-        let mount = Self {
-            min,
-            max,
-            roll: check::radian_range(&at.key("roll"), mount.roll)?,
-            pitch: check::radian_range(&at.key("pitch"), mount.pitch)?,
-            yaw: check::radian_range(&at.key("yaw"), mount.yaw)?,
+        let angles = angles(&at, [mount.roll, mount.pitch, mount.yaw])?;
+        let region = Arc::new(box_of(corners, angles));
+        let most = MAX_LIDARS as u64;
+        let lidars = check::count(&at.key("lidars"), mount.lidars, 1, most)? as usize;
+        let name = SensorName::NONE;
+        let ties = Ties { equal_height: mount.equal_height, symmetric: mount.symmetric };
+        let mut vehicle = Self {
+            name: "vehicle".to_owned(),
+            sensors: Vec::new(),
+            mounts: vec![VehicleMount { region, sensors: vec![name], count: [lidars; 2] }],
             min_distance,
-            lidars: check::count(&at.key("lidars"), mount.lidars, 1, 16)?,
             keep_out,
-            equal_height: mount.equal_height,
-            symmetric: mount.symmetric,
+            ties,
+            require: Vec::new(),
+            notes: Vec::new(),
         };
-        mount.check(at)?;
-        Ok(mount)
+        vehicle.check_room(&at)?;
+        let Described { lidar, measures, notes } = Described::new(&top.key("lidar"), lidar, dir)?;
+        let phase = Phase::Locked(0.0);
+        // Beams are as long as the f32 of the range, and so is the range of a response that nothing states.
+        let response = match measures == Measures::default() {
+            true => Response::usual(f64::from(lidar.range() as f32)),
+            false => stated(lidar.range(), &measures),
+        };
+        vehicle.sensors = vec![VehicleSensor { name, lidar, phase, price: 0.0, response }];
+        Ok(Self { notes, ..vehicle })
     }
 
-    /// Mount with further rules.
-    pub fn narrowed(&self, at: &Place, rules: &MountRules) -> Result<Self, DescriptionError> {
-        let mut mount = self.clone();
+    /// True for a scene's `lidar` and `mount`: one model and one mount without names, and no price. There is nothing
+    /// to choose, and results name neither.
+    pub fn is_nameless(&self) -> bool {
+        self.sensors.iter().all(|model| model.name.is_none())
+    }
+
+    /// Vehicle of a scene's `lidar` and `mount` with further rules of the mount, which `at` names.
+    pub(crate) fn narrowed(
+        mut self,
+        at: &Place,
+        rules: &MountRules,
+    ) -> Result<Self, DescriptionError> {
+        if *rules == MountRules::default() {
+            return Ok(self);
+        }
+        if !self.is_nameless() {
+            let (at, key) = (Box::new(at.clone()), "rules");
+            let mend = "the mounts are those of a vehicle; write the rules there".to_owned();
+            return Err(DescriptionError::Misplaced { at, key, mend });
+        }
+        let region = Arc::make_mut(&mut self.mounts[0].region);
         for (field, value) in &rules.fixed {
             let at = at.key(field);
-            let bounds = mount.bounds_mut(field).ok_or_else(|| {
+            let index = SensorPose::FIELDS.iter().position(|name| name == field);
+            let index = index.ok_or_else(|| {
                 let known = "one of x, y, z, roll, pitch and yaw, the fields of a pose";
                 bad(&at, format!("`{field}`"), known)
             })?;
-            let [lower, upper] = bounds.each_ref().map(|bound| **bound);
-            if !(lower..=upper).contains(value) {
+            let (lower, upper) = (&mut region.lower[index], &mut region.upper[index]);
+            if !(*lower..=*upper).contains(value) {
                 let wanted = format!("within the mount, which runs from {lower} to {upper}");
                 return Err(bad(&at, value, wanted));
             }
-            bounds.into_iter().for_each(|bound| *bound = *value);
+            (*lower, *upper) = (*value, *value);
         }
-        mount.equal_height |= rules.equal_height;
-        mount.symmetric |= rules.symmetric;
-        mount.check(at)?;
-        Ok(mount)
+        self.ties.equal_height |= rules.equal_height;
+        self.ties.symmetric |= rules.symmetric;
+        self.check_room(at)?;
+        Ok(self)
     }
 
-    /// Lower and upper bound of a pose field by name.
-    fn bounds_mut(&mut self, field: &str) -> Option<[&mut f64; 2]> {
-        Some(match SensorPose::FIELDS.iter().position(|name| *name == field)? {
-            k @ 0..3 => [&mut self.min[k], &mut self.max[k]],
-            3 => self.roll.each_mut(),
-            4 => self.pitch.each_mut(),
-            _ => self.yaw.each_mut(),
-        })
-    }
-
-    /// Checks that the rules leave room for a placement.
-    fn check(&self, at: &Place) -> Result<(), DescriptionError> {
-        if self.is_kept_out() {
+    /// Checks that the rules leave room for a placement on the first mount, a box.
+    fn check_room(&self, at: &Place) -> Result<(), DescriptionError> {
+        let VehicleMount { region, count: [_, lidars], .. } = &self.mounts[0];
+        if self.is_kept_out(region) {
             let wanted = "a choice that leaves room for a sensor: the boxes cover the whole mount; make \
                           them smaller";
             let boxes = format!("list of {}", self.keep_out.len());
             return Err(bad(&at.key("keep_out"), boxes, wanted));
         }
-        let diagonal = [0, 1, 2].map(|k| (self.max[k] - self.min[k]).powi(2));
+        let diagonal = [0, 1, 2].map(|k| (region.upper[k] - region.lower[k]).powi(2));
         let diagonal = diagonal.iter().sum::<f64>().sqrt();
-        if self.lidars > 1 && self.min_distance > diagonal + SLACK {
+        if *lidars > 1 && self.min_distance > diagonal + SLACK {
             let wanted = format!(
-                "a distance that {} LiDARs in this mount can keep: it measures {diagonal:.3} m from corner \
-                 to corner; lower it or widen the mount",
-                self.lidars
+                "a distance that {lidars} LiDARs in this mount can keep: it measures {diagonal:.3} m from corner \
+                 to corner; lower it or widen the mount"
             );
             return Err(bad(&at.key("min_distance"), self.min_distance, wanted));
         }
-        if !self.symmetric {
+        if !self.ties.symmetric {
             return Ok(());
         }
         let at = at.key("symmetric");
-        let y = [self.min[1], self.max[1]];
-        for (field, [lower, upper]) in [("y", y), ("roll", self.roll), ("yaw", self.yaw)] {
+        for k in MIRRORED {
+            let (field, lower, upper) = (SensorPose::FIELDS[k], region.lower[k], region.upper[k]);
             if lower != -upper {
                 let wanted = format!(
                     "possible where {field} runs from {lower} to {upper}; mirrored sensors need a \
@@ -142,7 +145,8 @@ impl Mount {
                 return Err(bad(&at, true, wanted));
             }
         }
-        if self.lidars > 1 && (y[1] == 0.0 || 2.0 * y[1] < self.min_distance) {
+        let y = [region.lower[1], region.upper[1]];
+        if *lidars > 1 && (y[1] == 0.0 || 2.0 * y[1] < self.min_distance) {
             let wanted = format!(
                 "possible where y runs from {} to {}: two mirrored sensors need more than 0 m and at \
                  least min_distance, {} m, between them; widen y",
@@ -153,11 +157,11 @@ impl Mount {
         Ok(())
     }
 
-    /// True if the keep-out boxes cover the whole mount, faces aside.
-    fn is_kept_out(&self) -> bool {
+    /// True if the keep-out boxes cover a whole box along the axes, faces aside.
+    fn is_kept_out(&self, region: &Region) -> bool {
         // All faces cut the mount into cells; each cell is in a box or out of it with its middle.
         let middles = [0, 1, 2].map(|k| {
-            let (low, high) = (self.min[k], self.max[k]);
+            let (low, high) = (region.lower[k], region.upper[k]);
             let faces = self.keep_out.iter().flatten().map(|corner| corner[k]);
             let mut cuts: Vec<f64> = faces.filter(|face| low < *face && *face < high).collect();
             cuts.extend([low, high]);
@@ -179,6 +183,14 @@ impl Mount {
         let [xs, ys, zs] = &middles;
         xs.iter().all(|&x| ys.iter().all(|&y| zs.iter().all(|&z| inside([x, y, z]))))
     }
+}
+
+/// Least distance between two LiDARs, in metres.
+pub(super) fn least_distance(at: &Place, metres: f64) -> Result<f64, DescriptionError> {
+    if (0.0..=check::MAX_METRES).contains(&metres) {
+        return Ok(metres);
+    }
+    Err(bad(&at.key("min_distance"), metres, "a distance of 0 m or more"))
 }
 
 /// Lower and upper corners of boxes.

@@ -26,9 +26,10 @@ impl Constraints {
 }
 
 impl Vehicle {
-    /// Mount that holds each pose; none where no mount does.
+    /// Mount that holds each pose; none where no mount does, or where the mount has no name.
     pub fn mount_names(&self, poses: &[SensorPose]) -> Vec<Option<&str>> {
-        let regions = || self.mounts.iter().map(|mount| Arc::as_ref(&mount.region));
+        let named = if self.is_nameless() { &[][..] } else { &self.mounts };
+        let regions = || named.iter().map(|mount| Arc::as_ref(&mount.region));
         poses.iter().map(|pose| holder(regions(), pose)).collect()
     }
 }

@@ -82,13 +82,42 @@ pub(super) fn mounting(
     Ok((VehicleMount { region, sensors: allowed, count: [least, most] }, files))
 }
 
-/// The ranges of the angles, side by side.
-fn angles(at: &Place, mount: &MountingDescription) -> Result<[[f64; 2]; 3], DescriptionError> {
+/// Ranges of roll, pitch and yaw in radians.
+pub(super) fn angles(
+    at: &Place,
+    [roll, pitch, yaw]: [[f64; 2]; 3],
+) -> Result<[[f64; 2]; 3], DescriptionError> {
     Ok([
-        check::radian_range(&at.key("roll"), mount.roll)?,
-        check::radian_range(&at.key("pitch"), mount.pitch)?,
-        check::radian_range(&at.key("yaw"), mount.yaw)?,
+        check::radian_range(&at.key("roll"), roll)?,
+        check::radian_range(&at.key("pitch"), pitch)?,
+        check::radian_range(&at.key("yaw"), yaw)?,
     ])
+}
+
+/// Lower and upper corner of a box of the ego frame, metres.
+pub(super) fn corners(
+    at: &Place,
+    min: [f64; 3],
+    max: [f64; 3],
+) -> Result<[[f64; 3]; 2], DescriptionError> {
+    let min = check::point(&at.key("min"), min)?;
+    let max = check::point(&at.key("max"), max)?;
+    for i in 0..3 {
+        if min[i] > max[i] {
+            let wanted = format!("{} or more, the lower corner of the mount", min[i]);
+            return Err(bad(&at.key("max").item(i), max[i], wanted));
+        }
+    }
+    Ok([min, max])
+}
+
+/// Region of a box and of ranges of angles.
+pub(super) fn box_of(corners: [[f64; 3]; 2], [roll, pitch, yaw]: [[f64; 2]; 3]) -> Region {
+    let [lower, upper] = [0, 1].map(|side| {
+        let [x, y, z] = corners[side];
+        [x, y, z, roll[side], pitch[side], yaw[side]]
+    });
+    Region { lower, upper, ..Region::default() }
 }
 
 fn boxed(
@@ -101,20 +130,8 @@ fn boxed(
         let (at, mend) = (Box::new(at.clone()), "it belongs to `polygon` and `mesh`".to_owned());
         return Err(DescriptionError::Misplaced { at, key: "offset", mend });
     }
-    let min = check::point(&at.key("min"), min)?;
-    let max = check::point(&at.key("max"), max)?;
-    for i in 0..3 {
-        if min[i] > max[i] {
-            let wanted = format!("{} or more, the lower corner of the mount", min[i]);
-            return Err(bad(&at.key("max").item(i), max[i], wanted));
-        }
-    }
-    let [roll, pitch, yaw] = angles(at, mount)?;
-    Ok(Region {
-        lower: [min[0], min[1], min[2], roll[0], pitch[0], yaw[0]],
-        upper: [max[0], max[1], max[2], roll[1], pitch[1], yaw[1]],
-        ..Region::default()
-    })
+    let corners = corners(at, min, max)?;
+    Ok(box_of(corners, angles(at, [mount.roll, mount.pitch, mount.yaw])?))
 }
 
 /// A flat polygon, its corners counter-clockwise as seen from outside the vehicle.
@@ -190,7 +207,7 @@ fn with_ranges(
         let wanted = "a range of metres in front of the patch, [0, 0.1] for example";
         return Err(bad(&at.key("offset"), format!("{:?}", [from, to]), wanted));
     }
-    let [roll, pitch, yaw] = angles(at, mount)?;
+    let [roll, pitch, yaw] = angles(at, [mount.roll, mount.pitch, mount.yaw])?;
     for (field, range) in [(along, [from, to]), (3, roll), (4, pitch), (5, yaw)] {
         (region.lower[field], region.upper[field]) = (range[0], range[1]);
     }

@@ -12,7 +12,7 @@ use super::description::{
 use super::equipment::{Vehicle, VehicleMount, VehicleSensor};
 use super::lidar_reading::Described;
 use super::mesh_mirror::mirror_meshes;
-use super::mount::keep_out_boxes;
+use super::mount::{keep_out_boxes, least_distance};
 use super::mounting::mounting;
 use super::ties::{check_pairs, level};
 use super::{MAX_LIDARS, Phase, SensorName, Ties};
@@ -85,10 +85,7 @@ impl Vehicle {
         notes.extend(angles.map(|doubt| Note::doubt(format!("{at}: {doubt}"))));
         let (mut mounts, meshes) = mounts(at, vehicle.mounts, &sensors, dir)?;
         files.extend(meshes);
-        let min_distance = vehicle.min_distance;
-        if !(0.0..=check::MAX_METRES).contains(&min_distance) {
-            return Err(bad(&at.key("min_distance"), min_distance, "a distance of 0 m or more"));
-        }
+        let min_distance = least_distance(at, vehicle.min_distance)?;
         let keep_out = keep_out_boxes(&at.key("keep_out"), &vehicle.keep_out)?;
         let ties = Ties { equal_height: vehicle.equal_height, symmetric: vehicle.symmetric };
         if ties.equal_height {

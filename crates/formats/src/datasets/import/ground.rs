@@ -7,10 +7,8 @@ use serde_json::{Value, json};
 
 use super::merge::{Block, Cell, merge};
 use super::rounding::rounded;
+use sightline_scene::scene::Ground;
 
-/// Classes of ground, of nuScenes, CARLA and SemanticKITTI; lane markings lie on the road.
-const GROUND: [&str; 8] =
-    ["road", "road_line", "sidewalk", "terrain", "ground", "parking", "other-ground", "rail_track"];
 /// Heights of plates are whole multiples of this, metres.
 const STEP: f64 = 0.1;
 /// Fewest points of a cell that is a thing: single ones are noise.
@@ -38,9 +36,11 @@ pub(super) struct Shapes {
 impl<'a> Cells<'a> {
     pub(super) fn new(edge: f64, classes: &'a [String]) -> Self {
         let id = |name: &str| classes.iter().position(|class| class == name).map(|id| id as u16);
-        let ground_as = |name: &String| match name.as_str() {
-            "road_line" => id("road"),
-            name => id(name).filter(|_| GROUND.contains(&name)),
+        // Lane markings lie on the road; a bridge is a body.
+        let ground_as = |name: &String| match Ground::of(name)? {
+            Ground::Bridge => None,
+            _ if name == "road_line" => id("road"),
+            _ => id(name),
         };
         let ground_as = classes.iter().map(ground_as).collect();
         Self { edge, classes, ground_as, ground: HashMap::new(), solid: HashMap::new() }

@@ -17,7 +17,7 @@ use super::ExportError;
 use container::{Container, Kind};
 use frustum::Frustum;
 use lidar_cast::geom::{Pose, TriangleSoup};
-use sightline_scene::scene::Scene;
+use sightline_scene::scene::{PartOwner, Scene};
 use sightline_scene::vehicle::{Placement, SensorPose, Sensors};
 
 /// Takes ISO 8855 to glTF: x, y, z, w. A third of a turn about (1, 1, 1), backwards.
@@ -128,23 +128,24 @@ impl Writer<'_> {
     /// Static world, actors, ego body: a node each that has triangles.
     fn parts(&mut self) -> Result<Vec<usize>, ExportError> {
         let scene = self.view.scene;
-        let (tracks, last) = (scene.tracks(), scene.part_count() - 1);
+        let tracks = scene.tracks();
         let mut nodes = Vec::new();
         for (part, pose) in scene.part_poses(self.view.frame).iter().enumerate() {
             if scene.part_triangles(part) == 0 {
                 continue;
             }
-            let node = if part == 0 {
-                let children = self.world(&scene.part(0))?;
-                json!({ "name": "static", "children": children })
-            } else if part == last {
-                json!({ "name": "ego body", "mesh": self.shape("ego body", &scene.part(part))? })
-            } else {
-                let (track, number) = (&tracks[part - 1], part - 1);
-                let kind = track.kind.name();
-                let mesh = self.shape(&format!("{kind} {number}"), &scene.part(part))?;
-                let name = format!("actor {number} {}", track.name);
-                json!({ "name": name.trim_end(), "mesh": mesh, "extras": { "kind": kind } })
+            let soup = scene.part(part);
+            let node = match scene.owner(part) {
+                PartOwner::World => json!({ "name": "static", "children": self.world(&soup)? }),
+                PartOwner::Ego => {
+                    json!({ "name": "ego body", "mesh": self.shape("ego body", &soup)? })
+                }
+                PartOwner::Actor(actor) => {
+                    let kind = tracks[actor].kind.name();
+                    let mesh = self.shape(&format!("{kind} {actor}"), &soup)?;
+                    let name = format!("actor {actor} {}", tracks[actor].name);
+                    json!({ "name": name.trim_end(), "mesh": mesh, "extras": { "kind": kind } })
+                }
             };
             nodes.push(self.out.node(placed(pose, node)));
         }

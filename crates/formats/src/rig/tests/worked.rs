@@ -7,7 +7,9 @@ use super::{read, source};
 use crate::rig::{
     Fan, ImportSettings, Models, Mounting, Rig, RigFormat, RigLidar, Source, export, import_texts,
 };
-use sightline_scene::vehicle::{Lidar, SensorPose};
+use sightline_scene::vehicle::{
+    Lidar, Phase, Response, SensorName, SensorPose, Ties, Vehicle, VehicleSensor,
+};
 
 const POSE: SensorPose = SensorPose::from_values([0.6, -0.4, 2.8, -0.3, 0.1, -0.5]);
 
@@ -165,26 +167,44 @@ fn table(elevations: &[f64], offset: f64, azimuth: Option<[f64; 2]>) -> Lidar {
     }
 }
 
+/// Models of a vehicle with one LiDAR without a name, which sees nothing within half a metre.
+fn models(lidar: Lidar) -> Models {
+    let response = Response { min_range: 0.5, ..Response::usual(lidar.range()) };
+    let (name, phase) = (SensorName::NONE, Phase::Locked(0.0));
+    Models::from(&Vehicle {
+        name: String::new(),
+        sensors: vec![VehicleSensor { name, lidar, phase, price: 0.0, response }],
+        mounts: Vec::new(),
+        min_distance: 0.0,
+        keep_out: Vec::new(),
+        ties: Ties::default(),
+        require: Vec::new(),
+        notes: Vec::new(),
+    })
+}
+
 #[test]
 fn what_a_format_cannot_say_is_said() {
     let warnings = |sensor, format, models: &Models| {
         export(&worked(sensor), format, &Mounting::default(), models).unwrap().warnings.join("\n")
     };
     let none = Models::default();
-    let even = Models::from(table(&[-9.0, 0.0], 0.0, None));
+    let even = models(table(&[-9.0, 0.0], 0.0, None));
     assert!(warnings(Some("VLP-16"), RigFormat::Carla, &none).contains("--sensor lidar_0=VLP-16"));
     assert_eq!(warnings(None, RigFormat::Carla, &even), "");
     let uneven = warnings(Some("VLS-128"), RigFormat::CarlaObjects, &even);
     assert!(uneven.contains("even steps only") && uneven.contains("VLS-128"), "{uneven}");
-    let uneven = Models::from(table(&[-9.0, -8.0, 0.0], 0.0, None));
+    let uneven = models(table(&[-9.0, -8.0, 0.0], 0.0, None));
     for format in [RigFormat::Carla, RigFormat::Sdf] {
         assert!(warnings(None, format, &uneven).contains("of the scene's sensor are uneven"));
         assert!(warnings(None, format, &none).contains("--scene"));
     }
-    let aside = Models::from(table(&[-9.0, 0.0], 0.0, Some([0.0, 90.0])));
+    let aside = models(table(&[-9.0, 0.0], 0.0, Some([0.0, 90.0])));
     assert!(warnings(None, RigFormat::Carla, &aside).contains("both sides of straight ahead"));
     assert_eq!(warnings(None, RigFormat::Urdf, &aside), "");
-    let list = Models::from(Lidar::Directions { directions: vec![[1.0, 0.0, 0.0]], range: 9.0 });
+    let urdf = export(&worked(None), RigFormat::Urdf, &Mounting::default(), &aside).unwrap();
+    assert!(urdf.files[0].text.contains("<range><min>0.5</min>"), "{}", urdf.files[0].text);
+    let list = models(Lidar::Directions { directions: vec![[1.0, 0.0, 0.0]], range: 9.0 });
     assert!(warnings(None, RigFormat::Urdf, &list).contains("list of directions"));
     assert!(warnings(Some("VLP-16"), RigFormat::Autoware, &none).contains("--optical-height"));
     assert_eq!(warnings(Some("VLP-16"), RigFormat::Urdf, &none), "");

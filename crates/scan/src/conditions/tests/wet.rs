@@ -1,7 +1,7 @@
 //! Wet ground: Fresnel's equations and the power that is left.
 
 use crate::conditions::fresnel::mirrored;
-use crate::conditions::{WetGround, is_ground};
+use crate::conditions::{WetGround, holds_water};
 
 #[test]
 fn water_mirrors_as_fresnel_says() {
@@ -51,6 +51,8 @@ fn dry_ground_is_clean_and_water_only_takes() {
 
 #[test]
 fn water_stands_on_roads_and_not_on_grass() {
-    assert!(["road", "road_line", "sidewalk", "ground", "parking"].into_iter().all(is_ground));
-    assert!(!["terrain", "vegetation", "building", "bridge", "vehicle"].into_iter().any(is_ground));
+    assert!(["road", "lane-marking", "sidewalk", "ground", "parking"].into_iter().all(holds_water));
+    assert!(
+        !["terrain", "vegetation", "building", "bridge", "vehicle"].into_iter().any(holds_water)
+    );
 }

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::*;
+use crate::vehicle::Ties;
 
 mod errors;
 #[cfg(feature = "mesh")]
@@ -52,10 +53,14 @@ fn the_small_form_is_read() {
     assert_eq!(scene.detection_among(scene.classes()), [9]);
     // The classes of a P-SOG count, whatever the scene calls its own.
     assert_eq!(scene.detection_among(&["road".into(), "car".into()]), [1]);
-    let mount = scene.mount().unwrap();
-    assert_eq!((mount.roll, mount.pitch, mount.yaw), ([-0.3, 0.3], [0.0; 2], [0.0; 2]));
-    assert_eq!((mount.min_distance, mount.lidars), (0.2, 4));
-    assert_eq!((mount.keep_out.len(), mount.equal_height, mount.symmetric), (0, false, false));
+    let vehicle = scene.vehicle();
+    let [mount] = &vehicle.mounts[..] else { panic!("{vehicle:?}") };
+    assert_eq!(
+        (&mount.region.lower[3..], &mount.region.upper[3..]),
+        (&[-0.3, 0.0, 0.0][..], &[0.3, 0.0, 0.0][..])
+    );
+    assert_eq!((vehicle.min_distance, mount.count), (0.2, [4; 2]));
+    assert_eq!((vehicle.keep_out.len(), vehicle.ties), (0, Ties::default()));
     let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range } =
         scene.lidars()[0]
     else {
@@ -282,6 +287,17 @@ fn meshes_are_scaled_turned_and_mapped_to_classes() {
 }
 
 #[test]
+fn ground_is_road_soil_and_what_else_lies_flat() {
+    let ground = |class: &&str| Ground::of(class).is_some();
+    let found: Vec<&str> = DEFAULT_CLASSES.into_iter().filter(ground).collect();
+    let want = ["road_line", "road", "sidewalk", "ground", "bridge", "rail_track", "terrain"];
+    assert_eq!(found, want);
+    assert_eq!(Ground::of("lane-marking"), Some(Ground::Road));
+    let classes = ["car", "terrain"].map(str::to_owned);
+    assert_eq!(Ground::among(&classes), [false, true]);
+}
+
+#[test]
 fn further_rules_narrow_the_mount_and_are_checked_like_its_own() {
     let scene = || Scene::from_json(SMALL, Path::new(""), "s.json").unwrap();
     let rules = |fixed: &[(&str, f64)], symmetric| MountRules {
@@ -291,14 +307,13 @@ fn further_rules_narrow_the_mount_and_are_checked_like_its_own() {
     };
     let narrowed = scene().with_rules(&rules(&[("z", 2.5), ("roll", 0.0)], true), "s.json");
     let scene_before = scene();
-    let (old, narrowed) = (scene_before.mount().unwrap(), narrowed.unwrap());
-    let new = narrowed.mount().unwrap();
-    assert_eq!((new.min, new.max), ([-0.6, -0.6, 2.5], [0.6, 0.6, 2.5]));
-    assert_eq!(
-        (new.roll, new.yaw, new.equal_height, new.symmetric),
-        ([0.0; 2], [0.0; 2], true, true)
-    );
-    assert_eq!((new.lidars, new.min_distance), (old.lidars, old.min_distance));
+    let (old, narrowed) = (scene_before.vehicle(), narrowed.unwrap());
+    let new = narrowed.vehicle();
+    let region = &new.mounts[0].region;
+    assert_eq!(region.lower, [-0.6, -0.6, 2.5, 0.0, 0.0, 0.0]);
+    assert_eq!(region.upper, [0.6, 0.6, 2.5, 0.0, 0.0, 0.0]);
+    assert_eq!(new.ties, Ties { equal_height: true, symmetric: true });
+    assert_eq!((new.mounts[0].count, new.min_distance), (old.mounts[0].count, old.min_distance));
     for (fixed, wanted) in [
         (("z", 3.0), "mount.z: 3 is not within the mount, which runs from 2.2 to 2.8"),
         (("roll", f64::NAN), "mount.roll: NaN is not within the mount"),

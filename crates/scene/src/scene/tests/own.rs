@@ -59,7 +59,7 @@ fn own_scenes_surround_a_moving_ego() {
             };
             let [lo, hi] = bounds(&with.vertices[outside.vertices.len()..]);
             assert!(
-                (hi[2] as f64) < scene.mount().unwrap().min[2] && lo[2] >= 0.0,
+                (hi[2] as f64) < scene.vehicle().corners()[0][2] && lo[2] >= 0.0,
                 "{name}: {lo:?} {hi:?}"
             );
             assert!((0..2).all(|i| lo[i] > -2.5 && hi[i] < 2.5), "{name}: {lo:?} {hi:?}");

@@ -28,12 +28,12 @@ fn with(vehicle: &str) -> String {
 #[test]
 fn a_vehicle_brings_sensors_mounts_and_body() {
     let scene = read(&with(VEHICLE)).unwrap();
-    let vehicle = scene.vehicle().unwrap();
+    let vehicle = scene.vehicle();
     assert_eq!((vehicle.name.as_str(), vehicle.min_distance), ("van", 0.3));
     let phases: Vec<Phase> = vehicle.sensors.iter().map(|sensor| sensor.phase).collect();
     assert_eq!(phases, [Phase::Free, Phase::Locked(0.1)]);
     let chosen = read(&with(&VEHICLE.replace("\"phase\": 0.1", "\"phase\": [0, 0.1]"))).unwrap();
-    assert_eq!(chosen.vehicle().unwrap().sensors[1].phase, Phase::Between(0.0, 0.1));
+    assert_eq!(chosen.vehicle().sensors[1].phase, Phase::Between(0.0, 0.1));
     let models = scene.sensors().unwrap();
     assert_eq!((models.table(0).directions().len(), models.table(1).directions().len()), (240, 63));
     assert_eq!(models.longest_range(), 80.0);
@@ -55,9 +55,28 @@ fn a_vehicle_brings_sensors_mounts_and_body() {
 }
 
 #[test]
+fn a_lidar_and_a_mount_are_a_vehicle_of_one_model_on_one_mount() {
+    let scene = read(&full(BOX, "")).unwrap();
+    let written = r#"{ "sensors": [{ "name": "a", "phase": 0,
+            "lidar": { "channels": 16, "fov": [-24.8, 2.0], "azimuth_steps": 250, "range": 100 } }],
+        "mounts": [{ "name": "mount", "min": [-0.6, -0.6, 2.2], "max": [0.6, 0.6, 2.8], "roll": [-0.3, 0.3], "count": 4 }],
+        "min_distance": 0.2 }"#;
+    let written = read(&with(written)).unwrap();
+    let (nameless, written) = (scene.vehicle(), written.vehicle());
+    assert!(nameless.is_nameless() && !written.is_nameless());
+    let (mut named, name) = (nameless.clone(), written.sensors[0].name);
+    named.sensors[0].name = name;
+    named.mounts[0].sensors = vec![name];
+    assert_eq!(&named, written);
+    let on_it = [SensorPose::at(0.0, 0.0, 2.5)];
+    assert_eq!(nameless.mount_names(&on_it), [None]);
+    assert_eq!(written.mount_names(&on_it), [Some("mount")]);
+}
+
+#[test]
 fn placements_keep_the_rules_of_a_vehicle_in_any_order() {
     let scene = read(&with(VEHICLE)).unwrap();
-    let vehicle = scene.vehicle().unwrap();
+    let vehicle = scene.vehicle();
     let [spinning, solid] = ["spinning", "solid"].map(|name| SensorName::new(name).unwrap());
     let rules = vehicle.constraints(&vec![(0, spinning), (1, solid), (1, solid)]);
     let side = |x: f64, sensor| SensorPose {
@@ -98,14 +117,14 @@ fn a_vehicle_file_takes_the_place_of_what_a_scene_says() {
     std::fs::write(&scene, full(BOX, "")).unwrap();
     std::fs::write(&vehicle, VEHICLE).unwrap();
     let given = Scene::read_with(&scene, Some(&vehicle)).unwrap();
-    assert_eq!(given.vehicle().unwrap().name, "van");
+    assert_eq!(given.vehicle().name, "van");
     assert!(given.files().contains(&vehicle));
     assert_eq!(given.frame(0, EgoBody::Include).faces.len(), 24);
     std::fs::write(&scene, with("\"van.json\"")).unwrap();
     let named = Scene::read(&scene).unwrap();
     assert_eq!(named.vehicle(), given.vehicle());
     std::fs::write(&vehicle, VEHICLE.replace("\"name\": \"van\", ", "")).unwrap();
-    assert_eq!(Scene::read(&scene).unwrap().vehicle().unwrap().name, "van", "after its file");
+    assert_eq!(Scene::read(&scene).unwrap().vehicle().name, "van", "after its file");
 }
 
 #[test]
