@@ -246,3 +246,133 @@ fn wrong_targets_are_one_sentence_each() {
     let told = fails(dir.path(), &["study", "targets", "rigs.json"]);
     assert!(told.contains("rigs.json: there is neither a scene nor a vehicle"), "{told}");
 }
+
+/// The cart in an empty yard, with rules on targets.
+fn ruled(dir: &Path, require: Value) {
+    vehicle(dir, json!([]));
+    let path = dir.join("cart.json");
+    let mut cart: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    cart["require"] = require;
+    fs::write(path, cart.to_string()).unwrap();
+    street(dir);
+}
+
+#[test]
+fn rules_on_targets_are_shares_of_their_places() {
+    let dir = TempDir::new().unwrap();
+    let rule = |more: Value| {
+        let mut rule = json!({ "target": "car", "from": 10, "within": 15, "share": 0.9 });
+        rule.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        rule
+    };
+    // `half` sees ±90°: 12 of 24 steps of 15° from −180° to 165° and both ends, and the ends of a half turn.
+    ruled(
+        dir.path(),
+        json!([
+            rule(json!({ "name": "ahead", "bearing": [-60, 60] })),
+            rule(json!({ "name": "round" })),
+            rule(json!({ "name": "one lost", "bearing": [-60, 60], "without_any_one": true })),
+            rule(
+                json!({ "name": "many beams", "bearing": [0, 0], "beams": 100, "target": "tyre" })
+            ),
+        ]),
+    );
+    let lidar = |yaw: f64| json!({ "x": 0, "y": 0, "z": 1, "yaw": yaw, "sensor": "half" });
+    let rigs = json!({ "placements": [
+        { "name": "single", "lidars": [lidar(0.0)] },
+        { "name": "twice", "lidars": [lidar(0.0), lidar(0.0)] },
+        { "name": "opposite", "lidars": [lidar(0.0), lidar(std::f64::consts::PI)] } ] });
+    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+    let found = ok(dir.path(), &["score", "street.json", "rigs.json", "--backend", "cpu"]);
+    let shares = |k: usize| -> Vec<(f64, bool)> {
+        let list = found["scores"][k]["requirements"].as_array().unwrap();
+        list.iter().map(|r| (r["found"].as_f64().unwrap(), r["met"] == true)).collect()
+    };
+    let single = shares(0);
+    assert_eq!((single[0], single[2]), ((1.0, true), (0.0, false)), "nothing is left of one");
+    // A car at the edge of the half turn is met by the half of it that is inside.
+    assert!((0.5..0.6).contains(&single[1].0) && !single[1].1, "{single:?}");
+    assert_eq!(single[3], (0.0, false));
+    let twice = shares(1);
+    assert_eq!((twice[0], twice[2]), ((1.0, true), (1.0, true)));
+    let opposite = shares(2);
+    assert_eq!((opposite[1], opposite[2].1), ((1.0, true), false));
+    let names = &found["scores"][0]["requirements"];
+    assert_eq!((&names[0]["name"], &names[0]["required"]), (&json!("ahead"), &json!(0.9)));
+}
+
+#[test]
+fn a_search_meets_a_rule_that_gain_alone_does_not_and_says_so_where_it_cannot() {
+    let dir = TempDir::new().unwrap();
+    let rule = |share: f64, beams: u64| json!([{ "target": "adult", "within": 15, "bearing": [100, 260], "share": share, "beams": beams }]);
+    ruled(dir.path(), rule(0.9, 5));
+    let args = |out: &'static str| {
+        vec![
+            "optimize",
+            "street.json",
+            "--backend",
+            "cpu",
+            "--evaluations",
+            "60",
+            "--seed",
+            "2",
+            "--objective",
+            "information_gain",
+            "--out",
+            out,
+            "--format",
+            "json",
+        ]
+    };
+    let output = sightline(dir.path(), &args("met"));
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let requirement = &found["best"]["scores"]["requirements"][0];
+    assert_eq!(
+        (output.status.code(), &requirement["met"]),
+        (Some(0), &json!(true)),
+        "{requirement}"
+    );
+    assert_eq!(requirement["name"], "adult to 15 m");
+    // No rig puts 100 beams on an adult at 15 m: the run ends with 1, its page begins with what is not met.
+    ruled(dir.path(), rule(1.0, 100));
+    let output = sightline(dir.path(), &args("unmet"));
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let page = fs::read_to_string(dir.path().join("unmet/report.html")).unwrap();
+    assert!(page.contains("NOT MET: adult to 15 m: "), "the page begins with it");
+}
+
+#[test]
+fn wrong_rules_are_refused_with_their_place() {
+    let dir = TempDir::new().unwrap();
+    let told = |rule: Value| {
+        ruled(dir.path(), json!([rule]));
+        fails(dir.path(), &["score", "street.json", "rigs.json"])
+    };
+    let cases = [
+        (json!({ "target": "chidl", "within": 10, "share": 1 }), "`child`"),
+        (json!({ "target": "none.json", "within": 10, "share": 1 }), "none.json"),
+        (json!({ "target": "car", "share": 1 }), "within"),
+        (json!({ "target": "car", "within": 10, "share": 95 }), "require[0].share"),
+        (json!({ "target": "car", "within": -1, "share": 1 }), "require[0].within"),
+        (json!({ "target": "car", "within": 10, "from": 20, "share": 1 }), "require[0].within"),
+        (
+            json!({ "target": "car", "within": 10, "bearing": [60, -60], "share": 1 }),
+            "require[0].bearing",
+        ),
+        (json!({ "target": "car", "within": 10, "beams": 0, "share": 1 }), "require[0].beams"),
+        (
+            json!({ "target": "car", "within": 10, "share": 1, "min": [0, 0, 0] }),
+            "leave the box out",
+        ),
+        (json!({ "name": "box", "share": 1 }), "`target`"),
+        (
+            json!({ "name": "box", "min": [0, 0, 0], "max": [1, 1, 1], "share": 1, "beams": 3 }),
+            "beams",
+        ),
+    ];
+    for (rule, word) in cases {
+        let told = told(rule.clone());
+        let has_place = told.contains("cart.json") || word == "none.json";
+        assert!(told.contains(word) && has_place, "{rule}: {told}");
+    }
+}

@@ -166,8 +166,8 @@ fn what_must_be_seen_changes_what_is_bought() {
     let found = ok(dir.path(), &optimize("3", "one"));
     let lidar = &found["best"]["placement"]["lidars"][0];
     assert!(sensors(&found) == ["solid"] && lidar["y"].as_f64().unwrap() > 0.0, "{lidar}");
-    let seen = &found["best"]["scores"]["required"][0];
-    assert!(seen["share"].as_f64().unwrap() >= 0.5, "{seen}");
+    let seen = &found["best"]["scores"]["requirements"][0];
+    assert!(seen["found"].as_f64().unwrap() >= 0.5 && seen["met"] == true, "{seen}");
 }
 
 #[cfg(feature = "gpu")]

@@ -51,6 +51,7 @@ fn vehicle(require: Vec<Requirement>) -> Vehicle {
         notes: Vec::new(),
         ties: Default::default(),
         require,
+        targets: Vec::new(),
     }
 }
 

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use crate::internals::{Spacing, record_text};
 use crate::job::JobFiles;
-use crate::runs::Error;
 use crate::runs::optimize::{NewRun, OptimizeRequest, Start, optimize};
+use crate::runs::{Error, Watcher};
 use crate::scan::conditions::in_words;
+use crate::score::Seen;
 use crate::search::{FrameChoice, Method, Settings};
 use crate::vehicle::{MountRules, SensorPose};
 
@@ -128,7 +129,9 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         (Some(found), Format::Json) => outln!("{}", found.record.json())?,
         (Some(found), Format::Text) => out!("{}", record_text(&found.record, &found.folder))?,
     }
-    Ok(terminal.exit())
+    let best = found.and_then(|found| found.record.best);
+    let is_met = best.is_none_or(|best| best.scores.required.iter().all(Seen::is_met));
+    Ok(if terminal.goes_on() && !is_met { Exit::CheckFailed } else { terminal.exit() })
 }
 
 fn new_run(args: &Args) -> NewRun {

@@ -282,8 +282,8 @@ fn tell_equipment(vehicle: &Vehicle, found: &Equipped, observer: &mut dyn Observ
     observer.on(&Event::Note(&words));
     if found.missing > 0.0 {
         observer.on(&Event::Note(&format!(
-            "what must be seen is not seen: {:.1} % is missing with the sensors chosen, over few frames; raise \
-             --budget, or lower a `share`",
+            "first estimate, over few frames: the sensors chosen are {:.1} points short of what is required; the search \
+             tries to close it",
             100.0 * found.missing
         )));
     }

@@ -53,7 +53,7 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
                 text += &format!("\n{}\n", phases.words);
             }
             for seen in &best.scores.required {
-                text += &format!("  must be seen: {seen}\n");
+                text += &format!("  requirement: {seen}\n");
             }
             for bound in &record.active_bounds {
                 text += &format!("  active: {bound}\n");

@@ -55,10 +55,10 @@ pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &st
         .scores
         .required
         .iter()
-        .filter(|seen| seen.share < seen.least)
-        .map(|seen| format!(" What must be seen is not: {seen}."))
+        .filter(|seen| !seen.is_met())
+        .map(|seen| format!("{seen}. "))
         .collect();
-    format!("{}{against}{share}{} {guards}", blind_in_words(best), lacking.concat())
+    format!("{}{}{against}{share} {guards}", lacking.concat(), blind_in_words(best))
 }
 
 /// Sectors that a placement does not see, a sentence; empty where it sees a car all round, or nobody looked.

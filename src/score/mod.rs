@@ -10,6 +10,7 @@ pub(crate) mod over_scenes;
 pub(crate) mod ranking;
 pub(crate) mod standing;
 
+use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
 
 use crate::problem::{Content, Entropy, Tally};
@@ -87,8 +88,8 @@ pub struct Scores {
     pub detection: Option<TaskScores>,
     /// Share of the information that only this LiDAR gains, by LiDAR.
     pub unique_share: Vec<f64>,
-    /// What must be seen, and how much of it is.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    /// What must be seen, areas and then targets, and how much of it is.
+    #[serde(rename = "requirements", skip_serializing_if = "Vec::is_empty")]
     pub required: Vec<Seen>,
     /// Distances at which targets are met; `None` where it was not looked for, or beams end at nothing.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -123,27 +124,42 @@ fn map_of_counts<S: Serializer>(
     serializer.collect_map(counts.iter().map(|(name, count)| (name, Count(*count))))
 }
 
-/// An area of which a share must be seen.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+/// An area or a target of which a share must be seen. In JSON `name`, `required`, `found` and `met`.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Seen {
     /// Name on the vehicle.
     pub name: String,
-    /// Share of its voxels that beams pass, a mean over frames.
+    /// Share of an area's voxels that beams pass, a mean over frames; of a target's places at which enough beams meet it.
     pub share: f64,
     /// Least share.
     pub least: f64,
 }
 
+impl Seen {
+    /// True if enough is seen.
+    pub fn is_met(&self) -> bool {
+        self.share >= self.least
+    }
+}
+
+impl Serialize for Seen {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut object = serializer.serialize_struct("Seen", 4)?;
+        object.serialize_field("name", &self.name)?;
+        object.serialize_field("required", &self.least)?;
+        object.serialize_field("found", &self.share)?;
+        object.serialize_field("met", &self.is_met())?;
+        object.end()
+    }
+}
+
 impl std::fmt::Display for Seen {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { name, share, least } = self;
-        let is = if share < least { "too little of" } else { "of" };
-        write!(
-            f,
-            "{:.1} % {is} {name}, at least {:.1} % is asked for",
-            100.0 * share,
-            100.0 * least
-        )
+        let not = if self.is_met() { "" } else { "NOT MET: " };
+        // Rounded down, so that what is not met never reads as met.
+        let found = (1e3 * share + 1e-9).floor() / 10.0;
+        write!(f, "{not}{name}: {found:.1} % seen, {:.1} % required", 100.0 * least)
     }
 }
 

@@ -11,7 +11,7 @@ use super::evaluator::Evaluator;
 use crate::engine::BackendError;
 use crate::problem::{Content, KINDS, Tally};
 use crate::score::{Needed, Objective};
-use crate::targets::{CarBeams, CarSight};
+use crate::targets::{Sight, SightBeams};
 use crate::vehicle::{PoseGrid, UnknownSensor};
 
 /// Fixed-point sum by which the worth of one unit is found: a power of two, and large, so that it is as
@@ -22,21 +22,21 @@ const UNITS: u64 = 1 << 40;
 pub struct Atlases {
     /// At least one.
     each: Vec<Atlas>,
-    /// Sight of a car, where the search looks, and the beams of every pose held so far.
-    sight: Option<Arc<CarSight>>,
-    cars: HashMap<u32, CarBeams>,
+    /// Targets that a search looks for, and the beams on them of every pose held so far.
+    sight: Option<Arc<Sight>>,
+    targets: HashMap<u32, SightBeams>,
 }
 
-/// Union of held poses: coverage in each scene, and beams on a car where the search looks.
+/// Union of held poses: coverage in each scene, and the poses themselves.
 #[derive(Debug, Clone, Default)]
 pub struct Unions {
     each: Vec<Union>,
-    cars: CarBeams,
+    poses: Vec<u32>,
 }
 
 impl From<Atlas> for Atlases {
     fn from(atlas: Atlas) -> Self {
-        Self { each: vec![atlas], sight: None, cars: HashMap::new() }
+        Self { each: vec![atlas], sight: None, targets: HashMap::new() }
     }
 }
 
@@ -51,7 +51,7 @@ impl Atlases {
         let mut each: Vec<Atlas> = evaluator.members().map(|(member, _)| atlas(member)).collect();
         let capacity = each.iter().map(Atlas::capacity).min().unwrap_or(0);
         each.iter_mut().for_each(|atlas| atlas.limit(capacity));
-        Self { each, sight: evaluator.sight().cloned(), cars: HashMap::new() }
+        Self { each, sight: evaluator.sight().cloned(), targets: HashMap::new() }
     }
 
     /// Like [`Atlas::forget_beyond`], all together.
@@ -89,12 +89,12 @@ impl Atlases {
         pairs.try_for_each(|(atlas, backend)| atlas.hold(&mut **backend, poses))?;
         let Some(sight) = &self.sight else { return Ok(()) };
         let mut new: Vec<u32> =
-            poses.iter().copied().filter(|pose| !self.cars.contains_key(pose)).collect();
+            poses.iter().copied().filter(|pose| !self.targets.contains_key(pose)).collect();
         new.sort_unstable();
         new.dedup();
         let grid = self.each[0].grid();
         let beams = new.par_iter().map(|&pose| Ok((pose, sight.beams(&grid.pose(pose))?)));
-        self.cars.extend(beams.collect::<Result<Vec<_>, UnknownSensor>>()?);
+        self.targets.extend(beams.collect::<Result<Vec<_>, UnknownSensor>>()?);
         Ok(())
     }
 
@@ -106,19 +106,29 @@ impl Atlases {
         unions.each.resize_with(self.each.len(), Union::default);
         let each = self.each.iter().zip(&mut unions.each);
         each.for_each(|(atlas, union)| atlas.union(poses, union));
-        unions.cars = CarBeams::default();
-        poses.iter().filter_map(|pose| self.cars.get(pose)).for_each(|car| unions.cars.add(car));
+        unions.poses = poses.to_vec();
     }
 
-    /// True if a car must be seen all round.
-    pub(super) fn watches_cars(&self) -> bool {
+    /// True if a search looks for targets.
+    pub(super) fn has_sight(&self) -> bool {
         self.sight.is_some()
     }
 
-    /// Share of beams on a car that a union and one more held pose miss.
-    pub(super) fn car_missing_with(&self, unions: &Unions, pose: u32) -> f64 {
-        let Some(car) = self.cars.get(&pose) else { return unions.cars.missing() };
-        unions.cars.missing_with(car)
+    /// True if targets must be met.
+    pub(super) fn has_target_rules(&self) -> bool {
+        self.sight.as_ref().is_some_and(|sight| sight.has_rules())
+    }
+
+    /// Shares that a union and one more held pose, if any, lack: beams on a car all round, and places of the rules on
+    /// targets.
+    pub(super) fn unmet_with(&self, unions: &Unions, pose: Option<u32>) -> [f64; 2] {
+        let Some(sight) = &self.sight else { return [0.0; 2] };
+        let poses = unions.poses.iter().copied().chain(pose);
+        let each: Vec<&SightBeams> = poses.filter_map(|pose| self.targets.get(&pose)).collect();
+        let mut all = SightBeams::default();
+        each.iter().for_each(|beams| all.add(beams));
+        let rules = if sight.has_rules() { sight.rules_missing(&each) } else { 0.0 };
+        [sight.car_missing(&all).unwrap_or(0.0), rules]
     }
 
     /// The objective of unions and one held pose more, over all scenes; `None` where it does not exist.

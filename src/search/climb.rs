@@ -69,7 +69,7 @@ impl GridSearch {
         go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<GridPlacement, SearchError> {
         // What must be seen and is not may only be won back step by step.
-        if !self.has_areas() {
+        if !self.has_requirements() {
             let end = self.ascend(evaluator, start, moves, Check::Nothing, go_on)?;
             if self.standing(evaluator, &end)?.is_sound() {
                 return Ok(end);

@@ -11,16 +11,16 @@ use super::seat::Seat;
 use super::suite::{Member, Suite};
 use crate::engine::{Backend, BackendError, CpuBackend, EngineChoice, open};
 use crate::problem::{Problem, Tally};
-use crate::score::{Objective, Scores, totals};
-use crate::targets::CarSight;
+use crate::score::{Objective, Scores, Seen, totals};
+use crate::targets::{Sight, SightBeams};
 use crate::vehicle::{Constraints, Placement, UnknownSensor};
 
 /// Scores placements on an engine for each scene; most have one scene.
 pub struct Evaluator {
     /// At least one.
     seats: Vec<Seat>,
-    /// Sight of a car, where a search looks for it.
-    sight: Option<Arc<CarSight>>,
+    /// Targets that must be met, and a car all round where a search looks for it.
+    sight: Option<Arc<Sight>>,
 }
 
 /// The scores of a placement in one of several scenes.
@@ -41,11 +41,42 @@ pub struct Judged {
     pub by_scene: Vec<SceneScores>,
 }
 
+/// Beams that a car lacks, where a search looks, and the rules on targets.
+fn met(sight: &Sight, placement: &Placement) -> Result<(Option<f64>, Vec<Seen>), UnknownSensor> {
+    let each = placement.lidars.iter().map(|lidar| sight.beams(lidar));
+    let each = each.collect::<Result<Vec<_>, _>>()?;
+    let mut all = SightBeams::default();
+    each.iter().for_each(|beams| all.add(beams));
+    let rules = sight.rules_met(&each.iter().collect::<Vec<_>>());
+    let seen = rules.iter().map(|met| Seen {
+        name: met.rule.name.clone(),
+        share: met.share,
+        least: met.rule.share,
+    });
+    Ok((sight.car_missing(&all), seen.collect()))
+}
+
 fn scores_of(judged: Vec<Judged>) -> Vec<Scores> {
     judged.into_iter().map(|judged| judged.scores).collect()
 }
 
+/// Targets that the rules of the first scene's vehicle name, and a car all round if `watches_cars`.
+fn sight_of(seats: &[Seat], watches_cars: bool) -> Option<Arc<Sight>> {
+    let member = &seats.first()?.member;
+    let sight = match member.is_mirrored() {
+        // The mirror image of a mirror image is the scene as it is.
+        true => Sight::of(&member.problem().mirrored(), watches_cars),
+        false => Sight::of(member.problem(), watches_cars),
+    };
+    sight.map(Arc::new)
+}
+
 impl Evaluator {
+    fn of_seats(seats: Vec<Seat>) -> Self {
+        let sight = sight_of(&seats, false);
+        Self { seats, sight }
+    }
+
     /// An evaluator on the CPU, with half of the free memory for work buffers.
     pub fn on_cpu(problem: impl Into<Arc<Problem>>) -> Self {
         let problem = problem.into();
@@ -59,7 +90,7 @@ impl Evaluator {
         let memory = EngineChoice::cpu().memory_budget();
         let seat = |member: &Member| Seat::new(member.clone(), backend, memory);
         let seats = Suite::from(problem).members().first().map(seat).into_iter().collect();
-        Self { seats, sight: None }
+        Self::of_seats(seats)
     }
 
     /// An evaluator of all members of a suite on the CPU, within about `memory` bytes.
@@ -69,7 +100,7 @@ impl Evaluator {
             let engine = CpuBackend::new(member.problem().task().clone(), share);
             Seat::new(member.clone(), Box::new(engine), share)
         };
-        Self { seats: suite.members().iter().map(seat).collect(), sight: None }
+        Self::of_seats(suite.members().iter().map(seat).collect())
     }
 
     /// Opens an engine for each member of a suite, and hands out what the first opening has to say.
@@ -93,24 +124,19 @@ impl Evaluator {
             }
             seats.push(Seat::new(member.clone(), opened.engine, choice.memory_budget()));
         }
-        Ok((Self { seats, sight: None }, notes))
+        Ok((Self::of_seats(seats), notes))
     }
 
     /// A copy that scores sight of a car all round, too: for a search by an objective that must not win by looking
     /// away.
     #[must_use]
     pub(super) fn watching_cars(self, objective: &Objective) -> Self {
-        let member = &self.seats[0].member;
-        let sight = match objective.weighs_place() {
-            true if member.is_mirrored() => CarSight::of(&member.problem().mirrored()),
-            true => CarSight::of(member.problem()),
-            false => None,
-        };
-        Self { sight: sight.map(Arc::new), ..self }
+        let sight = sight_of(&self.seats, objective.weighs_place());
+        Self { sight, ..self }
     }
 
-    /// Sight of a car, where a search looks for it.
-    pub(super) fn sight(&self) -> Option<&Arc<CarSight>> {
+    /// Targets that a search looks for.
+    pub(super) fn sight(&self) -> Option<&Arc<Sight>> {
         self.sight.as_ref()
     }
 
@@ -285,10 +311,9 @@ impl Evaluator {
         placements: &[Placement],
         by_member: &[Vec<Scores>],
     ) -> Result<Vec<Judged>, UnknownSensor> {
-        let sight = self.sight.as_ref();
-        let missing =
-            |placement: &Placement| sight.map(|sight| sight.missing(&placement.lidars)).transpose();
-        let missing = placements.par_iter().map(missing).collect::<Result<Vec<_>, _>>()?;
+        let sight = self.sight.as_deref();
+        let of = |placement: &Placement| sight.map(|sight| met(sight, placement)).transpose();
+        let met = placements.par_iter().map(of).collect::<Result<Vec<_>, _>>()?;
         let judged = |index: usize| {
             let seats = self.seats.iter().zip(by_member);
             let scenes: Vec<_> = seats
@@ -303,8 +328,12 @@ impl Evaluator {
             };
             let by_scene =
                 if scenes.len() > 1 { scenes.iter().map(of_scene).collect() } else { vec![] };
-            let car_missing = missing[index];
-            Judged { scores: Scores { car_missing, ..Scores::over_scenes(&scenes) }, by_scene }
+            let mut scores = Scores::over_scenes(&scenes);
+            if let Some((car_missing, rules)) = &met[index] {
+                scores.car_missing = *car_missing;
+                scores.required.extend(rules.iter().cloned());
+            }
+            Judged { scores, by_scene }
         };
         Ok((0..placements.len()).map(judged).collect())
     }

@@ -241,36 +241,37 @@ impl GridSearch {
     pub(super) fn value_with(&self, unions: &Unions, pose: u32) -> f64 {
         let value = self.atlas.value_with(&self.objective, unions, pose);
         let mut value = value.unwrap_or(f64::NEG_INFINITY);
-        if self.penalty > 0.0 {
+        if self.penalty > 0.0 && self.atlas.has_areas() {
             value -= self.penalty * self.atlas.missing_with(unions, Some(pose));
         }
-        if self.blind > 0.0 {
-            value -= self.blind * self.atlas.car_missing_with(unions, pose);
+        if self.atlas.has_sight() && (self.blind > 0.0 || self.penalty > 0.0) {
+            let [car, rules] = self.atlas.unmet_with(unions, Some(pose));
+            value -= self.blind * car + self.penalty * rules;
         }
         value
     }
 
-    /// True if anything must be seen.
-    pub(super) fn has_areas(&self) -> bool {
-        self.atlas.has_areas()
+    /// True if anything must be seen, an area or a target.
+    pub(super) fn has_requirements(&self) -> bool {
+        self.atlas.has_areas() || self.atlas.has_target_rules()
     }
 
     /// From now on what must be seen comes first: each share that is missing takes `penalty` times it off the
     /// objective.
     pub(super) fn require(&mut self, penalty: f64) {
-        self.penalty = if self.has_areas() { penalty } else { 0.0 };
+        self.penalty = if self.has_requirements() { penalty } else { 0.0 };
     }
 
     /// From now on a car that is not seen all round takes so much off the objective, where the evaluator looks.
     pub(super) fn watch_cars(&mut self, blind: f64) {
-        self.blind = if self.atlas.watches_cars() { blind } else { 0.0 };
+        self.blind = if self.atlas.has_sight() { blind } else { 0.0 };
     }
 
     /// Share that held poses miss of what must be seen, over all areas.
     pub(super) fn missing(&self, poses: &[u32]) -> f64 {
         let mut unions = Unions::default();
         self.atlas.union(poses, &mut unions);
-        self.atlas.missing_with(&unions, None)
+        self.atlas.missing_with(&unions, None) + self.atlas.unmet_with(&unions, None)[1]
     }
 
     /// The objective of held poses, 0 for none, less what is not seen of what must be.

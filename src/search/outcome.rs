@@ -60,7 +60,7 @@ impl Scored {
     pub(crate) fn reasons(&self) -> Vec<String> {
         let guards = self.scores.guards.iter().filter(|guard| guard.is_doubt());
         let guards = guards.map(ToString::to_string);
-        let lacking = self.scores.required.iter().filter(|seen| seen.share < seen.least);
+        let lacking = self.scores.required.iter().filter(|seen| !seen.is_met());
         let broken = self.violations.iter().cloned();
         guards.chain(broken).chain(lacking.map(ToString::to_string)).collect()
     }

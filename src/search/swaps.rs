@@ -104,7 +104,7 @@ fn grid_search(
     let atlas = Atlases::new(evaluator, &grid, objective.needed(), settings.memory);
     let mut search = GridSearch::new(atlas, objective.clone(), evaluator);
     search.watch_cars(CAR_WEIGHT);
-    let required = search.has_areas();
+    let required = search.has_requirements();
     if let Some(poses) = starts.iter().filter(|_| required).find_map(|start| search.start_of(start))
     {
         let scale = search.value(evaluator, &poses)?.abs();

@@ -1,100 +1,189 @@
-//! Sight of a car all round, as a number that a search can raise: no placement should win by looking away.
+//! Sight of targets as numbers that a search can raise: rules of the vehicle, and a car all round, so that no placement
+//! wins by looking away.
 
-use serde::{Deserialize, Serialize};
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::beams::{Standing, TargetSite};
 use super::card::{CARD_BEAMS, card_targets, position};
 use crate::problem::Problem;
 use crate::scene::Target;
-use crate::vehicle::{SensorPose, UnknownSensor};
-
-/// Bearings that a car stands at.
-const BEARINGS: usize = 24;
-/// Distances that it stands at, metres: those between which a sector must not lose it.
-const DISTANCES: [f64; 8] = [5.0, 7.5, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0];
+use crate::vehicle::{SensorPose, TargetRule, UnknownSensor};
 
 /// Worth of the beams that a car all round lacks, in the unit of a near gain: one that is seen nowhere takes 1 off.
 /// docs/targets.md has the trials of other weights.
 pub const CAR_WEIGHT: f64 = 1.0;
 
-/// Places of a car all round a vehicle on level ground.
+/// Bearings that a car stands at.
+const BEARINGS: usize = 24;
+/// Distances that it stands at, metres: those between which a sector must not lose it.
+const DISTANCES: [f64; 8] = [5.0, 7.5, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0];
+/// Degrees between bearings of a rule at most, and metres between its distances at most.
+const RULE_DEGREES: f64 = 7.5;
+const RULE_METRES: f64 = 2.5;
+/// Share by which a search asks for more than a rule: it searches over places that others lie between.
+const MARGIN: f64 = 0.01;
+/// Worth of beams beyond their number at places that are not met: less than that of a place.
+const PARTIAL: f64 = 0.1;
+
+/// Places of targets around a vehicle on level ground.
 #[derive(Debug)]
-pub struct CarSight {
+pub struct Sight {
     site: TargetSite,
-    car: Arc<Target>,
-    places: Vec<[f64; 3]>,
+    /// Targets and their positions, group after group.
+    places: Vec<(Arc<Target>, [f64; 3])>,
+    /// Places of the car all round; empty where a search does not look.
+    car: Range<usize>,
+    rules: Vec<(TargetRule, Range<usize>)>,
+    /// Beams that count at each place.
+    enough: Vec<u8>,
 }
 
-/// Beams of a LiDAR on the car at each place, counted up to five.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct CarBeams(Box<[u8]>);
+/// Beams of a LiDAR at each place, counted as far as they matter.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct SightBeams(Box<[u8]>);
 
-impl CarBeams {
+impl SightBeams {
     /// Adds the beams of another LiDAR.
     pub fn add(&mut self, other: &Self) {
         if self.0.is_empty() {
             *self = other.clone();
             return;
         }
-        for (sum, beams) in self.0.iter_mut().zip(&other.0) {
-            *sum = (*sum + beams).min(CARD_BEAMS as u8);
-        }
-    }
-
-    /// Beams that are missing, as a share: 0 where five meet the car at every place, 1 where none does anywhere.
-    ///
-    /// Falls with every LiDAR by less the more there are, as a gain rises: it is submodular.
-    pub fn missing(&self) -> f64 {
-        share(self.0.iter().map(|&beams| u32::from(beams)).sum(), self.0.len())
-    }
-
-    /// The share that is missing with the beams of another LiDAR.
-    pub fn missing_with(&self, other: &Self) -> f64 {
-        if self.0.is_empty() {
-            return other.missing();
-        }
-        let both = self.0.iter().zip(&other.0).map(|(a, b)| u32::from(a + b).min(CARD_BEAMS));
-        share(both.sum(), self.0.len())
+        self.0.iter_mut().zip(&other.0).for_each(|(sum, beams)| *sum = sum.saturating_add(*beams));
     }
 }
 
-/// Share of five beams at each place that is missing.
-fn share(beams: u32, places: usize) -> f64 {
-    if places == 0 { 1.0 } else { 1.0 - f64::from(beams) / (f64::from(CARD_BEAMS) * places as f64) }
+/// A rule, and the share of its places that is met.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RuleMet<'a> {
+    /// The rule.
+    pub rule: &'a TargetRule,
+    /// Share of its places at which enough beams meet the target; of a rule that must hold without any one LiDAR the
+    /// least over them.
+    pub share: f64,
 }
 
-impl CarSight {
-    /// Sight of a problem's vehicle; `None` where beams end at nothing, so that nothing is known of a body.
-    pub fn of(problem: &Problem) -> Option<Self> {
-        let car = card_targets().first().filter(|_| problem.ends_at_hits())?.clone();
+/// Places of a rule: every 7.5° or less between its bearings, every 2.5 m or less between its distances.
+fn places_of(rule: &TargetRule) -> Vec<[f64; 3]> {
+    let [from, to] = rule.bearings;
+    let is_round = to - from >= 360.0;
+    let turns = (((to - from) / RULE_DEGREES).ceil() as usize).max(1);
+    let bearings = (0..turns + usize::from(!is_round && to > from))
+        .map(|k| from + (to - from) * k as f64 / turns as f64);
+    let steps = (((rule.within - rule.from) / RULE_METRES).ceil() as usize).max(1);
+    let distances = |k: usize| rule.from + (rule.within - rule.from) * k as f64 / steps as f64;
+    let count = steps + usize::from(rule.within > rule.from);
+    bearings.flat_map(|b| (0..count).map(move |k| position(distances(k), b))).collect()
+}
+
+impl Sight {
+    /// Sight of a problem's vehicle, of its rules and, if `watches_cars`, of a car all round; `None` where there is nothing
+    /// to look for, or beams end at nothing, so that nothing is known of a body.
+    pub fn of(problem: &Problem, watches_cars: bool) -> Option<Self> {
+        let is_needed = watches_cars || !problem.target_rules().is_empty();
+        if !is_needed || !problem.ends_at_hits() {
+            return None;
+        }
         let site = TargetSite::of(problem);
-        let step = 360.0 / BEARINGS as f64;
-        let all = (0..BEARINGS).flat_map(|b| DISTANCES.map(|d| position(d, step * b as f64)));
-        let places = all.filter(|&at| site.has_room(&car, at)).collect();
-        Some(Self { site, car, places })
+        let (mut places, mut enough, mut rules) = (Vec::new(), Vec::new(), Vec::new());
+        let mut group = |target: &Arc<Target>, at: Vec<[f64; 3]>, beams: u32| {
+            let begin = places.len();
+            let free = at.into_iter().filter(|&at| site.has_room(target, at));
+            places.extend(free.map(|at| (target.clone(), at)));
+            enough.resize(places.len(), beams.min(u32::from(u8::MAX)) as u8);
+            begin..places.len()
+        };
+        let car = match card_targets().first().filter(|_| watches_cars) {
+            Some(car) => {
+                let step = 360.0 / BEARINGS as f64;
+                let round =
+                    (0..BEARINGS).flat_map(|b| DISTANCES.map(|d| position(d, step * b as f64)));
+                group(car, round.collect(), CARD_BEAMS)
+            }
+            None => 0..0,
+        };
+        for rule in problem.target_rules() {
+            let range = group(&rule.target, places_of(rule), rule.beams);
+            rules.push((rule.clone(), range));
+        }
+        Some(Self { site, places, car, rules, enough })
     }
 
     /// Beams of a LiDAR.
     ///
     /// # Errors
     /// A model that the vehicle does not have.
-    pub fn beams(&self, lidar: &SensorPose) -> Result<CarBeams, UnknownSensor> {
-        let standing = |&at: &[f64; 3]| Standing { target: &self.car, at };
-        let standing: Vec<Standing<'_>> = self.places.iter().map(standing).collect();
-        let beams = self.site.beams(lidar, &standing, CARD_BEAMS)?;
-        Ok(CarBeams(beams.into_iter().map(|beams| beams as u8).collect()))
+    pub fn beams(&self, lidar: &SensorPose) -> Result<SightBeams, UnknownSensor> {
+        let standing = self.places.iter().map(|(target, at)| Standing { target, at: *at });
+        let standing: Vec<Standing<'_>> = standing.collect();
+        let most = self.enough.iter().copied().max().unwrap_or(0);
+        let beams = self.site.beams(lidar, &standing, u32::from(most))?;
+        let capped = beams.iter().zip(&self.enough).map(|(&beams, &cap)| beams.min(cap.into()));
+        Ok(SightBeams(capped.map(|beams| beams as u8).collect()))
     }
 
-    /// Share of beams that LiDARs together miss; see [`CarBeams::missing`].
-    ///
-    /// # Errors
-    /// A model that the vehicle does not have.
-    pub fn missing(&self, lidars: &[SensorPose]) -> Result<f64, UnknownSensor> {
-        let mut all = CarBeams::default();
-        for lidar in lidars {
-            all.add(&self.beams(lidar)?);
-        }
-        Ok(all.missing())
+    /// Beams on a car all round that are missing, as a share: 0 where five meet it at every place, 1 where none does
+    /// anywhere, `None` where a search does not look. Falls with every LiDAR by less the more there are: 1 less it is
+    /// submodular.
+    pub fn car_missing(&self, all: &SightBeams) -> Option<f64> {
+        let places = self.car.clone();
+        (!places.is_empty()).then(|| 1.0 - self.soft(all, places))
+    }
+
+    /// Beams at some places as a share of those that count.
+    fn soft(&self, all: &SightBeams, places: Range<usize>) -> f64 {
+        let wanted: u32 = self.enough[places.clone()].iter().map(|&beams| u32::from(beams)).sum();
+        let of = |place: usize| all.0.get(place).copied().unwrap_or(0).min(self.enough[place]);
+        let met: u32 = places.map(|place| u32::from(of(place))).sum();
+        f64::from(met) / f64::from(wanted.max(1))
+    }
+
+    /// Share of some places at which enough beams meet the target; 1 where there is no place.
+    fn hard(&self, all: &SightBeams, places: Range<usize>) -> f64 {
+        let count = places.len();
+        let met = |place: &usize| all.0.get(*place).is_some_and(|b| *b >= self.enough[*place]);
+        if count == 0 { 1.0 } else { places.filter(met).count() as f64 / count as f64 }
+    }
+
+    /// Sum of the beams of LiDARs, but one.
+    fn sum_without(each: &[&SightBeams], lidar: Option<usize>) -> SightBeams {
+        let mut sum = SightBeams::default();
+        let kept = each.iter().enumerate().filter(|(k, _)| Some(*k) != lidar);
+        kept.for_each(|(_, beams)| sum.add(beams));
+        sum
+    }
+
+    /// Every rule with its share, for the beams of each LiDAR.
+    pub fn rules_met(&self, each: &[&SightBeams]) -> Vec<RuleMet<'_>> {
+        let all = Self::sum_without(each, None);
+        let share = |(rule, places): &(TargetRule, Range<usize>)| match rule.without_any_one {
+            false => self.hard(&all, places.clone()),
+            true => {
+                let less = (0..each.len()).map(|k| Self::sum_without(each, Some(k)));
+                less.map(|sum| self.hard(&sum, places.clone())).fold(1.0, f64::min)
+            }
+        };
+        self.rules.iter().map(|of| RuleMet { rule: &of.0, share: share(of) }).collect()
+    }
+
+    /// True if there are rules.
+    pub fn has_rules(&self) -> bool {
+        !self.rules.is_empty()
+    }
+
+    /// Share that the rules lack, over all of them, for a search that goes step by step: a rule that is not met lacks a
+    /// little less with every beam.
+    pub fn rules_missing(&self, each: &[&SightBeams]) -> f64 {
+        let met = self.rules_met(each);
+        let all = Self::sum_without(each, None);
+        let lacks = |((rule, places), met): (&(TargetRule, Range<usize>), &RuleMet<'_>)| {
+            let least = if rule.share > 0.0 { (rule.share + MARGIN).min(1.0) } else { 0.0 };
+            if met.share >= least {
+                return 0.0;
+            }
+            least - met.share + PARTIAL * (1.0 - self.soft(&all, places.clone()))
+        };
+        self.rules.iter().zip(&met).map(lacks).sum()
     }
 }

@@ -194,7 +194,9 @@ impl Problem {
         let world = if frames.is_empty() { World::default() } else { make_world(far)? };
         let task = Task::new(*roi, content, sensors, world, ends_at_hits).numbered(frames);
         let body = Frame::from(Arc::new(Bvh::build(&scene.part(scene.body_part()), far)));
-        Ok(Self { body, ..Self::from(task).with_constraints(scene.constraints()) })
+        let target_rules = scene.vehicle().targets.clone().into();
+        let problem = Self::from(task).with_constraints(scene.constraints());
+        Ok(Self { body, target_rules, ..problem })
     }
 }
 

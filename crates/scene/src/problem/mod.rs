@@ -13,7 +13,7 @@ pub use assemble::{content_of, world_of, world_of_parts};
 use std::ops::Deref;
 use std::sync::Arc;
 
-use crate::vehicle::{Constraints, Sensors};
+use crate::vehicle::{Constraints, Sensors, TargetRule};
 use lidar_cast::memory::OutOfMemory;
 
 /// Error of parts that make no problem.
@@ -55,6 +55,8 @@ pub struct Problem {
     constraints: Constraints,
     /// Own body alone, in the ego frame.
     body: Frame,
+    /// Targets that must be met.
+    target_rules: Arc<[TargetRule]>,
 }
 
 impl Deref for Problem {
@@ -69,7 +71,7 @@ impl From<Task> for Problem {
     /// A problem without rules of a mount.
     fn from(task: Task) -> Self {
         let (constraints, body) = (Constraints::default(), Frame::default());
-        Self { task: Arc::new(task), constraints, body }
+        Self { task: Arc::new(task), constraints, body, target_rules: [].into() }
     }
 }
 
@@ -87,6 +89,11 @@ impl Problem {
     /// Own body alone, in the ego frame; without triangles where the scene has no body.
     pub fn body(&self) -> &Frame {
         &self.body
+    }
+
+    /// Targets that must be met.
+    pub fn target_rules(&self) -> &[TargetRule] {
+        &self.target_rules
     }
 
     /// A copy with other rules of the mount.

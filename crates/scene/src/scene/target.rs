@@ -97,21 +97,26 @@ impl Target {
     /// # Errors
     /// No such preset and no such file; any [`DescriptionError`] of the file.
     pub fn named(text: &str) -> Result<Self, DescriptionError> {
+        Self::named_at(&Place::top("target"), Path::new(""), text)
+    }
+
+    /// Like [`Self::named`], with target files relative to a folder; an error names the place of the text.
+    pub(crate) fn named_at(at: &Place, dir: &Path, text: &str) -> Result<Self, DescriptionError> {
         if let Some(preset) = preset_targets().iter().find(|preset| preset.name == text) {
             return Ok(preset.clone());
         }
-        let path = Path::new(text);
-        if path.extension().is_none() && !path.exists() {
-            let known = || preset_targets().iter().map(|preset| preset.name.as_str());
-            return Err(DescriptionError::UnknownName {
-                at: Box::new(Place::top("target")),
-                kind: "preset or file of a target",
-                name: text.to_owned(),
-                nearest: nearest(text, known()),
-                known: known().map(str::to_owned).collect(),
-            });
+        let file = dir.join(text);
+        if Path::new(text).extension().is_some() || file.exists() {
+            return Self::read(&file);
         }
-        Self::read(path)
+        let known = || preset_targets().iter().map(|preset| preset.name.as_str());
+        Err(DescriptionError::UnknownName {
+            at: Box::new(at.clone()),
+            kind: "preset or file of a target",
+            name: text.to_owned(),
+            nearest: nearest(text, known()),
+            known: known().map(str::to_owned).collect(),
+        })
     }
 
     /// Reads a target file.

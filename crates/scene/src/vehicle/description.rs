@@ -159,10 +159,17 @@ pub enum CountDescription {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RequirementDescription {
-    pub name: String,
-    pub min: [f64; 3],
-    pub max: [f64; 3],
+    pub name: Option<String>,
+    pub min: Option<[f64; 3]>,
+    pub max: Option<[f64; 3]>,
     #[serde(default)]
     pub without: Vec<KeepOutDescription>,
+    pub target: Option<String>,
+    pub from: Option<f64>,
+    pub within: Option<f64>,
+    pub bearing: Option<[f64; 2]>,
+    pub beams: Option<u64>,
     pub share: f64,
+    #[serde(default)]
+    pub without_any_one: bool,
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::{
     Constraints, Lidar, MAX_LIDARS, Phase, Region, Requirement, Response, SensorError, SensorModel,
-    SensorName, Sensors, Slot, Ties,
+    SensorName, Sensors, Slot, TargetRule, Ties,
 };
 use sightline_files::Note;
 
@@ -52,6 +52,8 @@ pub struct Vehicle {
     pub ties: Ties,
     /// What must be seen.
     pub require: Vec<Requirement>,
+    /// Targets that must be met.
+    pub targets: Vec<TargetRule>,
     /// Sentences about the file and the sensor files that it names.
     pub notes: Vec<Note>,
 }

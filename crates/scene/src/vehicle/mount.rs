@@ -58,6 +58,7 @@ impl Vehicle {
             keep_out,
             ties,
             require: Vec::new(),
+            targets: Vec::new(),
             notes: Vec::new(),
         };
         vehicle.check_room(&at)?;

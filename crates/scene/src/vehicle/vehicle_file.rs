@@ -16,7 +16,7 @@ use super::mount::{keep_out_boxes, least_distance};
 use super::mounting::mounting;
 use super::ties::{check_pairs, level};
 use super::{MAX_LIDARS, Phase, SensorName, Ties};
-use super::{Requirement, response};
+use super::{Requirement, TargetRule, response};
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{self, DescriptionError, FileKind, Place};
@@ -95,11 +95,14 @@ impl Vehicle {
             mirror_meshes(&mut mounts);
             check_pairs(at, &mounts)?;
         }
-        let require = vehicle.require.iter().enumerate();
-        let require = require.map(|(i, r)| requirement(&at.key("require").item(i), r));
-        let require = require.collect::<Result<_, _>>()?;
+        let (require, targets, read) =
+            requirements(&at.key("require"), &vehicle.require, dir, &mut notes)?;
+        files.extend(read);
         let name = name.unwrap_or_else(|| stem.to_owned());
-        Ok((Self { name, sensors, mounts, min_distance, keep_out, ties, require, notes }, files))
+        Ok((
+            Self { name, sensors, mounts, min_distance, keep_out, ties, require, targets, notes },
+            files,
+        ))
     }
 }
 
@@ -196,16 +199,58 @@ fn phase_between(at: &Place, [from, to]: [f64; 2]) -> Result<Phase, DescriptionE
     Ok(Phase::Between(from, to))
 }
 
-fn requirement(
-    at: &Place,
-    required: &RequirementDescription,
-) -> Result<Requirement, DescriptionError> {
-    let name = check::text(&at.key("name"), required.name.clone())?;
-    let inside = KeepOutDescription { min: required.min, max: required.max };
+/// An area of the vehicle's surroundings that beams must pass.
+fn area(at: &Place, required: &RequirementDescription) -> Result<Requirement, DescriptionError> {
+    let missing = |key, mend: &str| DescriptionError::Missing {
+        at: Box::new(at.clone()),
+        key,
+        mend: mend.to_owned(),
+    };
+    let name = required.name.clone().ok_or_else(|| missing("name", "name the area"))?;
+    let name = check::text(&at.key("name"), name)?;
+    let corner = "give the corners of a box, or a `target`";
+    let min = required.min.ok_or_else(|| missing("min", corner))?;
+    let max = required.max.ok_or_else(|| missing("max", corner))?;
+    for (key, there) in [
+        ("within", required.within.is_some()),
+        ("from", required.from.is_some()),
+        ("bearing", required.bearing.is_some()),
+        ("beams", required.beams.is_some()),
+        ("without_any_one", required.without_any_one),
+    ] {
+        if there {
+            let mend = "it is of a `target`; a box has none".to_owned();
+            return Err(DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend });
+        }
+    }
+    let inside = KeepOutDescription { min, max };
     let inside = keep_out_boxes(at, std::slice::from_ref(&inside))?[0];
     let without = keep_out_boxes(&at.key("without"), &required.without)?;
-    if !(0.0..=1.0).contains(&required.share) {
-        return Err(bad(&at.key("share"), required.share, "a share from 0 to 1"));
-    }
     Ok(Requirement { name, inside, without, share: required.share })
+}
+
+/// Areas that must be seen, targets that must be met, and the files of these.
+fn requirements(
+    at: &Place,
+    list: &[RequirementDescription],
+    dir: &Path,
+    notes: &mut Vec<Note>,
+) -> Result<(Vec<Requirement>, Vec<TargetRule>, Vec<PathBuf>), DescriptionError> {
+    let (mut areas, mut rules, mut files) = (Vec::new(), Vec::new(), Vec::new());
+    for (i, required) in list.iter().enumerate() {
+        let at = at.item(i);
+        if !(0.0..=1.0).contains(&required.share) {
+            return Err(bad(&at.key("share"), required.share, "a share from 0 to 1"));
+        }
+        match &required.target {
+            None => areas.push(area(&at, required)?),
+            Some(target) => {
+                let rule = TargetRule::new(&at, required, target, dir)?;
+                notes.extend(rule.target.notes.iter().cloned());
+                files.extend(rule.target.files.iter().cloned());
+                rules.push(rule);
+            }
+        }
+    }
+    Ok((areas, rules, files))
 }

@@ -179,6 +179,7 @@ fn models(lidar: Lidar) -> Models {
         keep_out: Vec::new(),
         ties: Ties::default(),
         require: Vec::new(),
+        targets: Vec::new(),
         notes: Vec::new(),
     })
 }
