@@ -70,8 +70,25 @@ impl Atlases {
     /// # Errors
     /// See [`Atlas::hold`].
     pub fn hold(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<(), BackendError> {
-        let mut pairs = self.each.iter_mut().zip(evaluator.backends_mut());
-        pairs.try_for_each(|(atlas, backend)| atlas.hold(&mut **backend, poses))
+        self.hold_while(evaluator, poses, &mut |_| true).map(drop)
+    }
+
+    /// Like [`Atlas::hold_while`], in every scene.
+    ///
+    /// # Errors
+    /// See [`Atlas::hold`].
+    pub(super) fn hold_while(
+        &mut self,
+        evaluator: &mut Evaluator,
+        poses: &[u32],
+        go_on: &mut dyn FnMut(u64) -> bool,
+    ) -> Result<bool, BackendError> {
+        for (atlas, backend) in self.each.iter_mut().zip(evaluator.backends_mut()) {
+            if !atlas.hold_while(&mut **backend, poses, go_on)? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// The unions of held poses, one a scene.

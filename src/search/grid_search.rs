@@ -1,18 +1,16 @@
-//! Placements whose LiDARs stand on poses of a grid: their objective from the pose atlas, greedy choice.
+//! Placements whose LiDARs stand on poses of a grid: rules they keep, poses to hold, greedy choice, guards.
 
 use std::cmp::Ordering;
 use std::collections::HashMap;
 
 use glam::DVec3;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::atlases::Atlases;
 use super::error::SearchError;
 use super::evaluator::Evaluator;
-use crate::problem::KINDS;
+use super::seat::FRAMES_AT_ONCE;
 use crate::score::{Objective, Standing};
-use crate::search::atlas::Union;
 use crate::vehicle::{Constraints, Placement, PoseGrid};
 
 /// Stale gains that lazy greedy looks at again at once: enough to keep every core busy.
@@ -54,8 +52,10 @@ pub struct GridSearch {
     pub(super) objective: Objective,
     pub(super) constraints: Constraints,
     pub(super) evaluations: u64,
+    /// Poses cast beyond which no LiDAR of a climb takes another turn.
+    most_casts: u64,
     /// What a share that must be seen and is not takes off the objective; 0 where nothing must be seen.
-    penalty: f64,
+    pub(super) penalty: f64,
     /// Placements whose rules and guards were looked at, which takes a cast of all their LiDARs.
     looked_at: HashMap<Vec<u32>, Standing>,
 }
@@ -90,6 +90,7 @@ impl GridSearch {
             objective,
             constraints: evaluator.constraints().clone(),
             evaluations: 0,
+            most_casts: u64::MAX,
             penalty: 0.0,
             looked_at: HashMap::new(),
         }
@@ -98,6 +99,17 @@ impl GridSearch {
     /// Drops the rules that tie LiDARs together: a bound over more placements bounds them, too.
     pub fn untie(&mut self) {
         self.constraints = self.constraints.untied();
+    }
+
+    /// Lets climbs begin turns only while fewer than so many poses are cast.
+    pub(super) fn limit_casts(&mut self, casts: u64) {
+        self.most_casts = casts;
+    }
+
+    /// True if a climb may begin another turn: poses may still be cast, and `go_on`, which is told how many are, agrees.
+    pub(super) fn may_turn(&self, go_on: &mut dyn FnMut(u64) -> bool) -> bool {
+        let cast = self.atlas.poses_cast();
+        cast < self.most_casts && go_on(cast)
     }
 
     /// The atlas that it reads of each scene.
@@ -137,8 +149,11 @@ impl GridSearch {
         Ok(self.atlas.hold(evaluator, poses)?)
     }
 
-    /// Like [`Self::hold`], some poses after others; `go_on` is asked in between, with the number of poses cast. Returns
-    /// the poses that are held then, in the order given: all, where `go_on` never says no.
+    /// Like [`Self::hold`], some poses after others; `go_on` is asked in between and after every [`CASTS_AT_ONCE`]
+    /// casts, with the number of poses cast. Returns the poses that are held then, in the order given: all, where
+    /// `go_on` never says no.
+    ///
+    /// [`CASTS_AT_ONCE`]: super::atlas::CASTS_AT_ONCE
     ///
     /// # Errors
     /// See [`Self::hold`].
@@ -153,9 +168,10 @@ impl GridSearch {
         for chunk in 0..chunks {
             // Each chunk is spread over the whole grid: those that are held first stand for all.
             let some: Vec<u32> = poses.iter().skip(chunk).step_by(chunks).copied().collect();
-            self.hold(evaluator, &some)?;
-            if !go_on(self.atlas.poses_cast()) && chunk + 1 < chunks {
-                let held = (0..poses.len()).filter(|at| at % chunks <= chunk);
+            let is_held = self.atlas.hold_while(evaluator, &some, go_on)?;
+            if !is_held || (!go_on(self.atlas.poses_cast()) && chunk + 1 < chunks) {
+                let held = chunk + usize::from(is_held);
+                let held = (0..poses.len()).filter(|at| at % chunks < held);
                 return Ok(held.map(|at| poses[at]).collect());
             }
         }
@@ -189,101 +205,6 @@ impl GridSearch {
         let (lidars_by_kind, least) =
             (grid.lidars_by_kind().to_vec(), self.constraints.min_distance - SLACK);
         Places { positions, clear, kinds, lidars_by_kind, least }
-    }
-
-    /// The objective of held poses and one candidate more, for each candidate; `−∞` where it does not
-    /// exist.
-    pub(super) fn values_with(&mut self, poses: &[u32], candidates: &[u32]) -> Vec<(u32, f64)> {
-        let mut union = Vec::new();
-        self.atlas.union(poses, &mut union);
-        self.evaluations += candidates.len() as u64;
-        candidates.par_iter().map(|&pose| (pose, self.value_with(&union, pose))).collect()
-    }
-
-    /// The same of one or two candidates more.
-    pub(super) fn values_with_groups(
-        &mut self,
-        poses: &[u32],
-        groups: &[(u32, Option<u32>)],
-    ) -> Vec<f64> {
-        let mut union = Vec::new();
-        self.atlas.union(poses, &mut union);
-        self.evaluations += groups.len() as u64;
-        let value = |&(one, other): &(u32, Option<u32>)| match other {
-            None => self.value_with(&union, one),
-            Some(other) => {
-                let mut both = Vec::new();
-                self.atlas.union(&[poses, &[one]].concat(), &mut both);
-                self.value_with(&both, other)
-            }
-        };
-        groups.par_iter().map(value).collect()
-    }
-
-    /// The objective of each of some sets of poses and one pose of the grid more, `[sets][poses]`; `−∞` where
-    /// it does not exist. All poses are held; the bitmap of each is read once for all sets.
-    pub(super) fn values_beside(&mut self, sets: &[&[u32]]) -> Vec<Vec<f64>> {
-        let poses = self.atlas.grid().len();
-        self.evaluations += u64::from(poses) * sets.len() as u64;
-        let mut unions = vec![Vec::new(); sets.len()];
-        unions.iter_mut().zip(sets).for_each(|(union, set)| self.atlas.union(set, union));
-        let of_pose = |pose: u32| -> Vec<f64> {
-            unions.iter().map(|union| self.value_with(union, pose)).collect()
-        };
-        let by_pose: Vec<Vec<f64>> = (0..poses).into_par_iter().map(of_pose).collect();
-        let of_set = |set: usize| by_pose.iter().map(|values| values[set]).collect();
-        (0..sets.len()).map(of_set).collect()
-    }
-
-    /// The objective of a union in each scene and one held pose more; `−∞` where it does not exist.
-    pub(super) fn value_with(&self, unions: &[Union], pose: u32) -> f64 {
-        let value = self.atlas.value_with(&self.objective, unions, pose);
-        let value = value.unwrap_or(f64::NEG_INFINITY);
-        match self.penalty > 0.0 {
-            true => value - self.penalty * self.atlas.missing_with(unions, Some(pose)),
-            false => value,
-        }
-    }
-
-    /// True if anything must be seen.
-    pub(super) fn has_areas(&self) -> bool {
-        self.atlas.has_areas()
-    }
-
-    /// From now on what must be seen comes first: each share that is missing takes `penalty` times it off the
-    /// objective.
-    pub(super) fn require(&mut self, penalty: f64) {
-        self.penalty = if self.has_areas() { penalty } else { 0.0 };
-    }
-
-    /// Share that held poses miss of what must be seen, over all areas.
-    pub(super) fn missing(&self, poses: &[u32]) -> f64 {
-        let mut unions = Vec::new();
-        self.atlas.union(poses, &mut unions);
-        self.atlas.missing_with(&unions, None)
-    }
-
-    /// The objective of held poses, 0 for none, less what is not seen of what must be.
-    pub(super) fn held_value(&mut self, poses: &[u32]) -> f64 {
-        let Some((&last, others)) = poses.split_last() else {
-            return -self.penalty * self.missing(poses);
-        };
-        self.values_with(others, &[last])[0].1
-    }
-
-    /// See [`Atlases::worth_units`].
-    pub(super) fn worth_units(&self) -> Vec<[f64; KINDS]> {
-        self.atlas.worth_units(&self.objective)
-    }
-
-    /// The objective of a placement.
-    ///
-    /// # Errors
-    /// See [`Self::hold`].
-    pub fn value(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<f64, SearchError> {
-        let Some((&last, others)) = poses.split_last() else { return Ok(f64::NEG_INFINITY) };
-        self.hold(evaluator, poses)?;
-        Ok(self.values_with(others, &[last])[0].1)
     }
 
     /// LiDAR after LiDAR, the candidate that makes the objective largest; `None` where no candidate
@@ -343,18 +264,33 @@ impl GridSearch {
         evaluator: &mut Evaluator,
         placement: &GridPlacement,
     ) -> Result<Standing, SearchError> {
+        let standing = self.standing_while(evaluator, placement, &mut |_| true)?;
+        Ok(standing.expect("nobody stops it"))
+    }
+
+    /// Like [`Self::standing`]; over more than [`FRAMES_AT_ONCE`] frames `None` once `go_on`, which is asked every few
+    /// frames, says no.
+    pub(super) fn standing_while(
+        &mut self,
+        evaluator: &mut Evaluator,
+        placement: &GridPlacement,
+        go_on: &mut dyn FnMut(u64) -> bool,
+    ) -> Result<Option<Standing>, SearchError> {
         if let Some(&known) = self.looked_at.get(&placement.poses) {
-            return Ok(Standing { value: Some(placement.value), ..known });
+            return Ok(Some(Standing { value: Some(placement.value), ..known }));
         }
-        let scored = placement.placement(self.atlas.grid(), "standing");
-        let scores = evaluator.scores(&[scored])?.remove(0);
+        let scored = [placement.placement(self.atlas.grid(), "standing")];
+        let (cast, is_few) = (self.atlas.poses_cast(), evaluator.frame_count() <= FRAMES_AT_ONCE);
+        let scores = evaluator.scores_while(&scored, &mut || is_few || go_on(cast))?;
+        let Some(scores) = scores.map(|mut scores| scores.remove(0)) else { return Ok(None) };
         let (violation, guards) = (scores.missing(), scores.guards.len());
         let standing = Standing { violation, guards, value: Some(placement.value) };
         self.looked_at.insert(placement.poses.clone(), standing);
-        Ok(standing)
+        Ok(Some(standing))
     }
 
-    /// The better of two placements, the first of equal ones.
+    /// The better of two placements, the first of equal ones; the first, too, once `go_on`, which is asked as by
+    /// [`Self::standing_while`], says no.
     ///
     /// # Errors
     /// See [`Self::hold`].
@@ -363,8 +299,10 @@ impl GridSearch {
         evaluator: &mut Evaluator,
         first: GridPlacement,
         second: GridPlacement,
+        go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<GridPlacement, SearchError> {
-        let [a, b] = [self.standing(evaluator, &first)?, self.standing(evaluator, &second)?];
-        Ok(if b.beats(&a) { second } else { first })
+        let Some(a) = self.standing_while(evaluator, &first, go_on)? else { return Ok(first) };
+        let b = self.standing_while(evaluator, &second, go_on)?;
+        Ok(if b.is_some_and(|b| b.beats(&a)) { second } else { first })
     }
 }
