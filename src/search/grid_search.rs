@@ -149,11 +149,9 @@ impl GridSearch {
         Ok(self.atlas.hold(evaluator, poses)?)
     }
 
-    /// Like [`Self::hold`], some poses after others; `go_on` is asked in between and after every [`CASTS_AT_ONCE`]
-    /// casts, with the number of poses cast. Returns the poses that are held then, in the order given: all, where
+    /// Like [`Self::hold`], some poses after others; `go_on` is asked in between and after every 2048 casts of a pose in
+    /// a frame, with the number of poses cast. Returns the poses that are held then, in the order given: all, where
     /// `go_on` never says no.
-    ///
-    /// [`CASTS_AT_ONCE`]: super::atlas::CASTS_AT_ONCE
     ///
     /// # Errors
     /// See [`Self::hold`].
