@@ -115,7 +115,7 @@ fn left_over(dir: &Path) -> Vec<String> {
 fn every_long_command_ends_soon_when_it_is_interrupted() {
     let dir = tempfile::tempdir().unwrap();
     write_inputs(dir.path());
-    let mut latest = (Duration::ZERO, String::new());
+    let (mut latest, mut ended) = ((Duration::ZERO, String::new()), Vec::new());
     for (index, line) in COMMANDS.iter().enumerate() {
         for (turn, moment) in MOMENTS.iter().enumerate() {
             let signal = ["-INT", "-TERM"][(index + turn) % 2];
@@ -131,12 +131,17 @@ fn every_long_command_ends_soon_when_it_is_interrupted() {
             assert!(late < HANGS, "{line}: {late:?} after {signal} at {after:?}");
             assert_eq!(left_over(dir.path()), [""; 0], "{line} after {signal} at {after:?}");
             latest = latest.max((late, (*line).to_owned()));
+            if said.contains("before a place to stop") {
+                ended.push(format!("{line} after {signal} at {after:?}"));
+            }
             for name in ["out", "out.jsonl", "out.jsonl.partial"] {
                 let path = dir.path().join(name);
                 let _ = fs::remove_dir_all(&path).or_else(|_| fs::remove_file(&path));
             }
         }
     }
+    // A command finds a place to stop by itself; one on a busy machine may not.
+    assert!(ended.len() <= COMMANDS.len() / 2, "ended with the process: {ended:#?}");
     println!("latest end: {:?} after the signal, {}", latest.0, latest.1);
 }
 

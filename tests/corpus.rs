@@ -29,6 +29,8 @@ static MEMORY: PeakAlloc = PeakAlloc;
 
 /// Mutations of each reader's seeds in an ordinary run.
 const MUTATIONS: u64 = 5000;
+/// Mutations after which a long run says how far it is.
+const PROGRESS: u64 = 50_000;
 /// Memory that a reader may take whatever it reads, in bytes.
 const BASE: usize = 1 << 20;
 /// Memory that it may take for each byte it is given: an element of two bytes becomes a struct of
@@ -164,7 +166,11 @@ fn readers_survive_their_corpus_and_its_mutations() {
         let seeds: Vec<Vec<u8>> = seeds.into_iter().map(|(_, bytes)| bytes).collect();
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(index as u64);
+        let began = Instant::now();
         for number in 0..mutations {
+            if number > 0 && number.is_multiple_of(PROGRESS) {
+                eprintln!("{}: {number} mutations in {:.0?}", reader.name, began.elapsed());
+            }
             let bytes = mutated(&seeds, &mut rng);
             if let Some(fault) = attempt(reader, folder.path(), &bytes) {
                 let kept = keep(&bytes);

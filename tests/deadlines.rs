@@ -10,9 +10,9 @@ use sightline::problem::Problem;
 use sightline::problem::Task;
 use sightline::psog::Roi;
 use sightline::search::{
-    Event, FrameChoice, Method, Outcome, Phase, Run, Settings, State, Stopped, TimeLimit,
+    Event, FrameChoice, Method, Outcome, Phase, Run, Settings, State, Stopped, TimeLimit, Work,
 };
-use sightline::vehicle::{BeamTable, Constraints};
+use sightline::vehicle::{BeamTable, Constraints, Placement, SensorPose};
 
 use crate::common::{random_content, random_soup};
 use crate::optimize::{bits, finish, loaded, settings};
@@ -22,13 +22,17 @@ const FRAMES: usize = 40;
 /// Most that a run is confirmed over where the time is over, by the same measure.
 const FEW: usize = 32;
 
-/// Frames that differ, and a mount of two LiDARs.
 fn problem() -> Arc<Problem> {
+    problem_over(FRAMES, 60)
+}
+
+/// Frames that differ, of so many triangles, and a mount of two LiDARs.
+fn problem_over(frames: usize, triangles: usize) -> Arc<Problem> {
     let roi = Roi::new([-6.0, -5.0, -3.25], [1.0; 3], [12, 10, 7]).unwrap();
     let channels: Vec<(f64, f64)> = (0..4).map(|k| (-30.0 + 15.0 * f64::from(k), 0.3)).collect();
     let table = BeamTable::spinning(&channels, 24, 12.0).unwrap();
-    let tree = |frame| Arc::new(Bvh::build(&random_soup(40 + frame as u64, 60, 6.0), 12.0));
-    let frames: Vec<Arc<Bvh>> = (0..FRAMES).map(tree).collect();
+    let tree = |frame| Arc::new(Bvh::build(&random_soup(40 + frame as u64, triangles, 6.0), 12.0));
+    let frames: Vec<Arc<Bvh>> = (0..frames).map(tree).collect();
     let rules =
         Constraints::in_box([-2.0, -2.0, -1.0, -0.3, 0.0, 0.0], [2.0, 2.0, 1.0, 0.3, 0.0, 0.0], 2);
     let problem = Problem::from(Task::new(roi, random_content(9, &roi), table, frames, true));
@@ -113,4 +117,27 @@ fn a_run_that_is_told_to_stop_begins_little_more() {
         assert!(cut > 2, "{way}: {cut} runs were too short for all frames");
         assert!(phases.iter().any(|phase| *phase != Phase::Frames), "{way}: {phases:?}");
     }
+}
+
+#[test]
+fn swaps_alone_that_are_cut_at_their_first_pose_go_on_over_few_frames() {
+    let problem = problem_over(1100, 4);
+    let spacing = Some(Spacing { metres: 2.0, radians: 0.3 });
+    let at = |x: f64| SensorPose::at(x, 0.0, 0.0);
+    let baselines = vec![Placement { name: "given".into(), lidars: vec![at(-2.0), at(2.0)] }];
+    let (method, frames) = (Method::Swaps, FrameChoice::All);
+    let settings = Settings { method, frames, delta: spacing, baselines, ..settings() };
+    let (mut swaps, mut notes) = (0, Vec::new());
+    let (_, outcome) = finish(Run::new(problem, &settings).unwrap(), &mut |event| {
+        match event {
+            Event::Progress { work: Work::Swaps, .. } => swaps += 1,
+            Event::Note(note) => notes.push((*note).to_owned()),
+            _ => {}
+        }
+        swaps == 0
+    });
+    assert_eq!(outcome.stopped, Stopped::Interrupted);
+    assert!(outcome.best.is_some(), "{notes:?}");
+    assert!(notes.iter().any(|note| note.contains("of 1100 frames, spread evenly")), "{notes:?}");
+    assert!(swaps < 60, "{swaps} questions after the first");
 }

@@ -125,7 +125,10 @@ fn a_climb_ends_where_no_swap_gains() {
         let (mut search, mut evaluator) = search(&problem, &rules, objective);
         let start = [0, 17, 35];
         let from = search.value(&mut evaluator, &start).unwrap();
-        let top = search.climb(&mut evaluator, &start, &[Moves::Anywhere], &mut |_| true).unwrap();
+        let top = search
+            .climb(&mut evaluator, &start, &[Moves::Anywhere], &mut |_| true)
+            .unwrap()
+            .unwrap();
         assert!(top.value >= from, "{objective}");
         let placement = top.placement(search.atlas().grid(), "top");
         assert!(rules.violations(&placement).is_empty());
@@ -145,8 +148,10 @@ fn a_climb_ends_where_no_swap_gains() {
                 assert!(value <= top.value || guarded, "{objective}: {value} after {}", top.value);
             }
         }
-        let stopped =
-            search.climb(&mut evaluator, &start, &[Moves::Around(1)], &mut |_| false).unwrap();
+        let stopped = search
+            .climb(&mut evaluator, &start, &[Moves::Around(1)], &mut |_| false)
+            .unwrap()
+            .unwrap();
         assert_eq!(stopped.poses, start);
     }
 }
@@ -206,7 +211,8 @@ fn a_climb_keeps_ties_and_leaves_boxes_free() {
             let from = search.start_of(&start).expect("it keeps the rules");
             let least = search.value(&mut evaluator, &from).unwrap();
             for moves in [Moves::Along(1), Moves::Around(1), Moves::Anywhere] {
-                let top = search.climb(&mut evaluator, &from, &[moves], &mut |_| true).unwrap();
+                let top =
+                    search.climb(&mut evaluator, &from, &[moves], &mut |_| true).unwrap().unwrap();
                 let placement = top.placement(search.atlas().grid(), "top");
                 assert_eq!(rules.violations(&placement), [], "{rules:?}");
                 let scores = evaluator.scores(&[placement]).unwrap().remove(0);

@@ -266,12 +266,14 @@ fn a_climb_ends_without_a_violated_guard() {
         !tempted.standing(&mut evaluator, &blind).unwrap().is_sound(),
         "{name}: M-SOG is not tempted"
     );
-    let top =
-        tempted.climb(&mut evaluator, &start.poses, &[Moves::Anywhere], &mut |_| true).unwrap();
+    let top = tempted
+        .climb(&mut evaluator, &start.poses, &[Moves::Anywhere], &mut |_| true)
+        .unwrap()
+        .unwrap();
     assert!(tempted.standing(&mut evaluator, &top).unwrap().is_sound(), "{name}: {top:?}");
     assert!(blind.value > top.value, "{name}: blindness does not pay");
     for pair in [[&blind, &top], [&top, &blind]] {
         let [a, b] = pair.map(GridPlacement::clone);
-        assert_eq!(tempted.preferred(&mut evaluator, a, b).unwrap(), top, "{name}");
+        assert_eq!(tempted.preferred(&mut evaluator, a, b, &mut |_| true).unwrap(), top, "{name}");
     }
 }

@@ -169,6 +169,13 @@ fn program_and_library_pose_one_problem_in_weather_and_in_mirrored_scenes() {
         files.read().unwrap().score(&placements).unwrap()
     };
     assert_ne!(score(&files), score(&clear), "fog of 8 m hides walls");
+    let members = |files: &JobFiles| {
+        let evaluator = files.read().unwrap().evaluator(|_| {}).unwrap().0;
+        evaluator.members().map(|(member, _)| member.is_mirrored()).collect::<Vec<bool>>()
+    };
+    let plain = JobFiles { mirror: false, ..files.clone() };
+    assert_eq!((members(&files).len(), members(&plain)), (4, vec![false; 2]));
+    assert_eq!(members(&files).iter().filter(|mirrored| **mirrored).count(), 2);
 }
 
 #[test]

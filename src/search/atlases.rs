@@ -85,9 +85,25 @@ impl Atlases {
     /// # Errors
     /// See [`Atlas::hold`].
     pub fn hold(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<(), BackendError> {
-        let mut pairs = self.each.iter_mut().zip(evaluator.backends_mut());
-        pairs.try_for_each(|(atlas, backend)| atlas.hold(&mut **backend, poses))?;
-        let Some(sight) = &self.sight else { return Ok(()) };
+        self.hold_while(evaluator, poses, &mut |_| true).map(drop)
+    }
+
+    /// Like [`Atlas::hold_while`], in every scene.
+    ///
+    /// # Errors
+    /// See [`Atlas::hold`].
+    pub(super) fn hold_while(
+        &mut self,
+        evaluator: &mut Evaluator,
+        poses: &[u32],
+        go_on: &mut dyn FnMut(u64) -> bool,
+    ) -> Result<bool, BackendError> {
+        for (atlas, backend) in self.each.iter_mut().zip(evaluator.backends_mut()) {
+            if !atlas.hold_while(&mut **backend, poses, go_on)? {
+                return Ok(false);
+            }
+        }
+        let Some(sight) = &self.sight else { return Ok(true) };
         let mut new: Vec<u32> =
             poses.iter().copied().filter(|pose| !self.targets.contains_key(pose)).collect();
         new.sort_unstable();
@@ -95,7 +111,7 @@ impl Atlases {
         let grid = self.each[0].grid();
         let beams = new.par_iter().map(|&pose| Ok((pose, sight.beams(&grid.pose(pose))?)));
         self.targets.extend(beams.collect::<Result<Vec<_>, UnknownSensor>>()?);
-        Ok(())
+        Ok(true)
     }
 
     /// The union of held poses.

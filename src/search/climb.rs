@@ -39,6 +39,16 @@ enum Turn {
     Height,
 }
 
+/// End of a turn.
+enum Swap {
+    /// A better placement, and its standing where swaps are checked.
+    To(GridPlacement, Option<Standing>),
+    /// None is better.
+    Stay,
+    /// The climb is to end; nothing is known of the turn.
+    Cut,
+}
+
 /// What a climb asks the guards about.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Check {
@@ -56,8 +66,11 @@ impl GridSearch {
     ///
     /// The end violates no guard, so that the climb cannot game the objective, unless `start` violates one and
     /// no swap leads to a placement that does not. Guards take a cast of the whole placement, so they are asked
-    /// at the end alone; where one speaks there, the climb is done again and each swap checked. `go_on` is
-    /// asked before each LiDAR, with the poses that the atlas has cast so far.
+    /// at the end alone; where one speaks there, the climb is done again and each swap checked.
+    ///
+    /// `go_on` is asked before each turn, and within one as by [`Self::hold_while`] and after every few candidates, with
+    /// the poses that the atlas has cast so far. Once it says no the turn under way counts for nothing, and the climb
+    /// ends where that turn began, with no look at guards; `None` where not even the start was cast.
     ///
     /// # Errors
     /// See [`Self::hold`].
@@ -67,18 +80,21 @@ impl GridSearch {
         start: &[u32],
         moves: &[Moves],
         go_on: &mut dyn FnMut(u64) -> bool,
-    ) -> Result<GridPlacement, SearchError> {
+    ) -> Result<Option<GridPlacement>, SearchError> {
         // What must be seen and is not may only be won back step by step.
         if !self.has_requirements() {
-            let end = self.ascend(evaluator, start, moves, Check::Nothing, go_on)?;
-            if self.standing(evaluator, &end)?.is_sound() {
-                return Ok(end);
+            let Some(end) = self.ascend(evaluator, start, moves, Check::Nothing, go_on)? else {
+                return Ok(None);
+            };
+            let standing = self.standing_while(evaluator, &end, go_on)?;
+            if standing.is_none_or(|standing| standing.is_sound()) {
+                return Ok(Some(end));
             }
         }
         self.ascend(evaluator, start, moves, Check::EachSwap, go_on)
     }
 
-    /// A climb whose swaps are checked or not.
+    /// A climb whose swaps are checked or not; `go_on` and `None` as of [`Self::climb`].
     ///
     /// # Errors
     /// See [`Self::hold`].
@@ -89,33 +105,36 @@ impl GridSearch {
         moves: &[Moves],
         check: Check,
         go_on: &mut dyn FnMut(u64) -> bool,
-    ) -> Result<GridPlacement, SearchError> {
-        let value = self.value(evaluator, start)?;
+    ) -> Result<Option<GridPlacement>, SearchError> {
+        let Some(value) = self.value_while(evaluator, start, go_on)? else { return Ok(None) };
         let mut here = GridPlacement { poses: start.to_vec(), value };
         let mut held = match check {
             Check::Nothing => None,
-            Check::EachSwap => Some(self.standing(evaluator, &here)?),
+            Check::EachSwap => match self.standing_while(evaluator, &here, go_on)? {
+                None => return Ok(Some(here)),
+                known => known,
+            },
         };
         let is_sound = held.is_none_or(|held| held.is_sound());
         let mut least = if is_sound { here.value } else { f64::NEG_INFINITY };
         let turns = self.turns(start);
         for &moves in moves {
             let (mut settled, mut turn) = (0, 0);
-            while settled < turns.len() && go_on(self.atlas.poses_cast()) {
-                let swap =
-                    self.best_swap(evaluator, &here.poses, turns[turn], moves, (least, held))?;
-                match swap {
-                    Some((better, standing)) => {
+            while settled < turns.len() && self.may_turn(go_on) {
+                let from = (&here.poses[..], turns[turn], moves);
+                match self.best_swap(evaluator, from, (least, held), go_on)? {
+                    Swap::Cut => return Ok(Some(here)),
+                    Swap::To(better, standing) => {
                         (least, held) = (better.value, standing);
                         here = better;
                         settled = 0;
                     }
-                    None => settled += 1,
+                    Swap::Stay => settled += 1,
                 }
                 turn = (turn + 1) % turns.len();
             }
         }
-        Ok(here)
+        Ok(Some(here))
     }
 
     /// Turns of a placement: each LiDAR, or mirrored pair (by its first), and the height of all.
@@ -240,21 +259,17 @@ impl GridSearch {
     fn best_swap(
         &mut self,
         evaluator: &mut Evaluator,
-        here: &[u32],
-        turn: Turn,
-        moves: Moves,
+        (here, turn, moves): (&[u32], Turn, Moves),
         (least, held): (f64, Option<Standing>),
-    ) -> Result<Option<(GridPlacement, Option<Standing>)>, SearchError> {
-        let moved = match turn {
-            Turn::Lidar(_) => 1,
-            Turn::Pair(_) => 2,
-            Turn::Height => here.len(),
-        };
-        let room = self.atlas.capacity().saturating_sub(here.len() - moved) / moved;
+        go_on: &mut dyn FnMut(u64) -> bool,
+    ) -> Result<Swap, SearchError> {
         let candidates = self.candidates(here, turn, moves);
         let mut better = Vec::new();
-        for some in candidates.chunks(room.max(1)) {
-            self.hold(evaluator, &some.concat())?;
+        for (index, some) in candidates.chunks(self.at_once(here, turn)).enumerate() {
+            let is_cut = index > 0 && !go_on(self.atlas.poses_cast());
+            if is_cut || !self.holds_while(evaluator, &some.concat(), go_on)? {
+                return Ok(Swap::Cut);
+            }
             let values = self.values_of(some, turn);
             let placements = some.iter().zip(values).filter(|(_, value)| *value > least);
             better.extend(placements.map(|(p, value)| GridPlacement { poses: p.clone(), value }));
@@ -262,16 +277,29 @@ impl GridSearch {
         // Stable: of equal ones the one with the lower number of a pose.
         better.sort_by(|a, b| b.value.total_cmp(&a.value));
         let Some(held) = held else {
-            return Ok(better.into_iter().next().map(|best| (best, None)));
+            return Ok(better.into_iter().next().map_or(Swap::Stay, |best| Swap::To(best, None)));
         };
         for placement in better.into_iter().take(OFFERS) {
-            let standing = self.standing(evaluator, &placement)?;
+            let Some(standing) = self.standing_while(evaluator, &placement, go_on)? else {
+                return Ok(Swap::Cut);
+            };
             // What must be seen and is not may be won back step by step.
             if standing.is_sound() || standing.violation < held.violation {
-                return Ok(Some((placement, Some(standing))));
+                return Ok(Swap::To(placement, Some(standing)));
             }
         }
-        Ok(None)
+        Ok(Swap::Stay)
+    }
+
+    /// Candidates of a turn that are looked at between two questions whether to go on: no more than fit into the atlas.
+    fn at_once(&self, here: &[u32], turn: Turn) -> usize {
+        let moved = match turn {
+            Turn::Lidar(_) => 1,
+            Turn::Pair(_) => 2,
+            Turn::Height => here.len(),
+        };
+        let room = self.atlas.capacity().saturating_sub(here.len() - moved) / moved;
+        self.poses_at_once(moved).min(room).max(1)
     }
 }
 

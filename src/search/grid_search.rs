@@ -1,16 +1,15 @@
-//! Placements whose LiDARs stand on poses of a grid: their objective from the pose atlas, greedy choice.
+//! Placements whose LiDARs stand on poses of a grid: rules they keep, poses to hold, greedy choice, guards.
 
 use std::cmp::Ordering;
 use std::collections::HashMap;
 
 use glam::DVec3;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::atlases::{Atlases, Unions};
+use super::atlases::Atlases;
 use super::error::SearchError;
 use super::evaluator::Evaluator;
-use crate::problem::KINDS;
+use super::seat::FRAMES_AT_ONCE;
 use crate::score::{Objective, Standing};
 use crate::vehicle::{Constraints, Placement, PoseGrid};
 
@@ -53,10 +52,12 @@ pub struct GridSearch {
     pub(super) objective: Objective,
     pub(super) constraints: Constraints,
     pub(super) evaluations: u64,
+    /// Poses cast beyond which no LiDAR of a climb takes another turn.
+    most_casts: u64,
     /// What a share that must be seen and is not takes off the objective; 0 where nothing must be seen.
-    penalty: f64,
+    pub(super) penalty: f64,
     /// What a car that is not seen anywhere takes off the objective; 0 where the search does not look.
-    blind: f64,
+    pub(super) blind: f64,
     /// Placements whose rules and guards were looked at, which takes a cast of all their LiDARs.
     looked_at: HashMap<Vec<u32>, Standing>,
 }
@@ -91,6 +92,7 @@ impl GridSearch {
             objective,
             constraints: evaluator.constraints().clone(),
             evaluations: 0,
+            most_casts: u64::MAX,
             penalty: 0.0,
             blind: 0.0,
             looked_at: HashMap::new(),
@@ -100,6 +102,17 @@ impl GridSearch {
     /// Drops the rules that tie LiDARs together: a bound over more placements bounds them, too.
     pub fn untie(&mut self) {
         self.constraints = self.constraints.untied();
+    }
+
+    /// Lets climbs begin turns only while fewer than so many poses are cast.
+    pub(super) fn limit_casts(&mut self, casts: u64) {
+        self.most_casts = casts;
+    }
+
+    /// True if a climb may begin another turn: poses may still be cast, and `go_on`, which is told how many are, agrees.
+    pub(super) fn may_turn(&self, go_on: &mut dyn FnMut(u64) -> bool) -> bool {
+        let cast = self.atlas.poses_cast();
+        cast < self.most_casts && go_on(cast)
     }
 
     /// The atlas that it reads of each scene.
@@ -139,8 +152,9 @@ impl GridSearch {
         Ok(self.atlas.hold(evaluator, poses)?)
     }
 
-    /// Like [`Self::hold`], some poses after others; `go_on` is asked in between, with the number of poses cast. Returns
-    /// the poses that are held then, in the order given: all, where `go_on` never says no.
+    /// Like [`Self::hold`], some poses after others; `go_on` is asked in between and after every 2048 casts of a pose in
+    /// a frame, with the number of poses cast. Returns the poses that are held then, in the order given: all, where
+    /// `go_on` never says no.
     ///
     /// # Errors
     /// See [`Self::hold`].
@@ -155,9 +169,10 @@ impl GridSearch {
         for chunk in 0..chunks {
             // Each chunk is spread over the whole grid: those that are held first stand for all.
             let some: Vec<u32> = poses.iter().skip(chunk).step_by(chunks).copied().collect();
-            self.hold(evaluator, &some)?;
-            if !go_on(self.atlas.poses_cast()) && chunk + 1 < chunks {
-                let held = (0..poses.len()).filter(|at| at % chunks <= chunk);
+            let is_held = self.atlas.hold_while(evaluator, &some, go_on)?;
+            if !is_held || (!go_on(self.atlas.poses_cast()) && chunk + 1 < chunks) {
+                let held = chunk + usize::from(is_held);
+                let held = (0..poses.len()).filter(|at| at % chunks < held);
                 return Ok(held.map(|at| poses[at]).collect());
             }
         }
@@ -191,110 +206,6 @@ impl GridSearch {
         let (lidars_by_kind, least) =
             (grid.lidars_by_kind().to_vec(), self.constraints.min_distance - SLACK);
         Places { positions, clear, kinds, lidars_by_kind, least }
-    }
-
-    /// The objective of held poses and one candidate more, for each candidate; `−∞` where it does not
-    /// exist.
-    pub(super) fn values_with(&mut self, poses: &[u32], candidates: &[u32]) -> Vec<(u32, f64)> {
-        let mut union = Unions::default();
-        self.atlas.union(poses, &mut union);
-        self.evaluations += candidates.len() as u64;
-        candidates.par_iter().map(|&pose| (pose, self.value_with(&union, pose))).collect()
-    }
-
-    /// The same of one or two candidates more.
-    pub(super) fn values_with_groups(
-        &mut self,
-        poses: &[u32],
-        groups: &[(u32, Option<u32>)],
-    ) -> Vec<f64> {
-        let mut union = Unions::default();
-        self.atlas.union(poses, &mut union);
-        self.evaluations += groups.len() as u64;
-        let value = |&(one, other): &(u32, Option<u32>)| match other {
-            None => self.value_with(&union, one),
-            Some(other) => {
-                let mut both = Unions::default();
-                self.atlas.union(&[poses, &[one]].concat(), &mut both);
-                self.value_with(&both, other)
-            }
-        };
-        groups.par_iter().map(value).collect()
-    }
-
-    /// The objective of each of some sets of poses and one pose of the grid more, `[sets][poses]`; `−∞` where
-    /// it does not exist. All poses are held; the bitmap of each is read once for all sets.
-    pub(super) fn values_beside(&mut self, sets: &[&[u32]]) -> Vec<Vec<f64>> {
-        let poses = self.atlas.grid().len();
-        self.evaluations += u64::from(poses) * sets.len() as u64;
-        let mut unions = vec![Unions::default(); sets.len()];
-        unions.iter_mut().zip(sets).for_each(|(union, set)| self.atlas.union(set, union));
-        let of_pose = |pose: u32| -> Vec<f64> {
-            unions.iter().map(|union| self.value_with(union, pose)).collect()
-        };
-        let by_pose: Vec<Vec<f64>> = (0..poses).into_par_iter().map(of_pose).collect();
-        let of_set = |set: usize| by_pose.iter().map(|values| values[set]).collect();
-        (0..sets.len()).map(of_set).collect()
-    }
-
-    /// The objective of a union in each scene and one held pose more; `−∞` where it does not exist.
-    pub(super) fn value_with(&self, unions: &Unions, pose: u32) -> f64 {
-        let value = self.atlas.value_with(&self.objective, unions, pose);
-        let mut value = value.unwrap_or(f64::NEG_INFINITY);
-        if self.penalty > 0.0 && self.atlas.has_areas() {
-            value -= self.penalty * self.atlas.missing_with(unions, Some(pose));
-        }
-        if self.atlas.has_sight() && (self.blind > 0.0 || self.penalty > 0.0) {
-            let [car, rules] = self.atlas.unmet_with(unions, Some(pose));
-            value -= self.blind * car + self.penalty * rules;
-        }
-        value
-    }
-
-    /// True if anything must be seen, an area or a target.
-    pub(super) fn has_requirements(&self) -> bool {
-        self.atlas.has_areas() || self.atlas.has_target_rules()
-    }
-
-    /// From now on what must be seen comes first: each share that is missing takes `penalty` times it off the
-    /// objective.
-    pub(super) fn require(&mut self, penalty: f64) {
-        self.penalty = if self.has_requirements() { penalty } else { 0.0 };
-    }
-
-    /// From now on a car that is not seen all round takes so much off the objective, where the evaluator looks.
-    pub(super) fn watch_cars(&mut self, blind: f64) {
-        self.blind = if self.atlas.has_sight() { blind } else { 0.0 };
-    }
-
-    /// Share that held poses miss of what must be seen, over all areas.
-    pub(super) fn missing(&self, poses: &[u32]) -> f64 {
-        let mut unions = Unions::default();
-        self.atlas.union(poses, &mut unions);
-        self.atlas.missing_with(&unions, None) + self.atlas.unmet_with(&unions, None)[1]
-    }
-
-    /// The objective of held poses, 0 for none, less what is not seen of what must be.
-    pub(super) fn held_value(&mut self, poses: &[u32]) -> f64 {
-        let Some((&last, others)) = poses.split_last() else {
-            return -self.penalty * self.missing(poses) - self.blind;
-        };
-        self.values_with(others, &[last])[0].1
-    }
-
-    /// See [`Atlases::worth_units`].
-    pub(super) fn worth_units(&self) -> Vec<[f64; KINDS]> {
-        self.atlas.worth_units(&self.objective)
-    }
-
-    /// The objective of a placement.
-    ///
-    /// # Errors
-    /// See [`Self::hold`].
-    pub fn value(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<f64, SearchError> {
-        let Some((&last, others)) = poses.split_last() else { return Ok(f64::NEG_INFINITY) };
-        self.hold(evaluator, poses)?;
-        Ok(self.values_with(others, &[last])[0].1)
     }
 
     /// LiDAR after LiDAR, the candidate that makes the objective largest; `None` where no candidate
@@ -354,18 +265,33 @@ impl GridSearch {
         evaluator: &mut Evaluator,
         placement: &GridPlacement,
     ) -> Result<Standing, SearchError> {
+        let standing = self.standing_while(evaluator, placement, &mut |_| true)?;
+        Ok(standing.expect("nobody stops it"))
+    }
+
+    /// Like [`Self::standing`]; over more than [`FRAMES_AT_ONCE`] frames `None` once `go_on`, which is asked every few
+    /// frames, says no.
+    pub(super) fn standing_while(
+        &mut self,
+        evaluator: &mut Evaluator,
+        placement: &GridPlacement,
+        go_on: &mut dyn FnMut(u64) -> bool,
+    ) -> Result<Option<Standing>, SearchError> {
         if let Some(&known) = self.looked_at.get(&placement.poses) {
-            return Ok(Standing { value: Some(placement.value), ..known });
+            return Ok(Some(Standing { value: Some(placement.value), ..known }));
         }
-        let scored = placement.placement(self.atlas.grid(), "standing");
-        let scores = evaluator.scores(&[scored])?.remove(0);
+        let scored = [placement.placement(self.atlas.grid(), "standing")];
+        let (cast, is_few) = (self.atlas.poses_cast(), evaluator.frame_count() <= FRAMES_AT_ONCE);
+        let scores = evaluator.scores_while(&scored, &mut || is_few || go_on(cast))?;
+        let Some(scores) = scores.map(|mut scores| scores.remove(0)) else { return Ok(None) };
         let (violation, guards) = (scores.missing(), scores.guards.len());
         let standing = Standing { violation, guards, value: Some(placement.value), blind: 0.0 };
         self.looked_at.insert(placement.poses.clone(), standing);
-        Ok(standing)
+        Ok(Some(standing))
     }
 
-    /// The better of two placements, the first of equal ones.
+    /// The better of two placements, the first of equal ones; the first, too, once `go_on`, which is asked as by
+    /// [`Self::standing_while`], says no.
     ///
     /// # Errors
     /// See [`Self::hold`].
@@ -374,8 +300,10 @@ impl GridSearch {
         evaluator: &mut Evaluator,
         first: GridPlacement,
         second: GridPlacement,
+        go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<GridPlacement, SearchError> {
-        let [a, b] = [self.standing(evaluator, &first)?, self.standing(evaluator, &second)?];
-        Ok(if b.beats(&a) { second } else { first })
+        let Some(a) = self.standing_while(evaluator, &first, go_on)? else { return Ok(first) };
+        let b = self.standing_while(evaluator, &second, go_on)?;
+        Ok(if b.is_some_and(|b| b.beats(&a)) { second } else { first })
     }
 }

@@ -11,7 +11,7 @@
 //! | `evaluator`, `seat` | scores of placements: over all scenes, and in one on its engine |
 //! | `generations` | CMA-ES over the free pose fields |
 //! | `pilot`, `levels`, `on_demand` | few frames that stand for all, and when more are needed |
-//! | `atlas`, `atlases`, `grid_search`, `climb`, `swaps` | placements on a grid of poses |
+//! | `atlas`, `atlases`, `grid_search`, `grid_values`, `climb`, `swaps` | placements on a grid of poses |
 //! | `equip` | models and numbers of sensors under a budget; what must be seen |
 //! | `phases` | what a result is worth at phases that the search has not seen |
 //! | `bound` | how much better than the result another placement could be |
@@ -28,6 +28,7 @@ mod evaluator;
 mod findings;
 pub(crate) mod generations;
 pub(crate) mod grid_search;
+mod grid_values;
 pub(crate) mod levels;
 mod observer;
 mod on_demand;

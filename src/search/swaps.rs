@@ -126,10 +126,11 @@ impl Ends {
         search: &mut GridSearch,
         evaluator: &mut Evaluator,
         end: GridPlacement,
+        go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<(), SearchError> {
         self.all.push(end.clone());
         self.best = Some(match self.best.take() {
-            Some(best) => search.preferred(evaluator, best, end)?,
+            Some(best) => search.preferred(evaluator, best, end, go_on)?,
             None => end,
         });
         Ok(())
@@ -145,8 +146,8 @@ impl Ends {
 /// gains; then moves one LiDAR of the best anywhere at random and climbs from there, again and again,
 /// while poses may be cast (iterated local search).
 ///
-/// `None` where no start, moved to the grid, keeps the rules of the mount. `go_on` is asked before each
-/// LiDAR, with the poses cast so far.
+/// `None` where no start, moved to the grid, keeps the rules of the mount. `go_on` is asked as by
+/// [`GridSearch::climb`]; once it says no the best end so far is the result, `None` where there is none.
 ///
 /// # Errors
 /// A spacing that gives no grid, or from the backend.
@@ -159,21 +160,19 @@ pub fn swap_from(
 ) -> Result<Option<Swapped>, SearchError> {
     let mut search = grid_search(evaluator, objective, settings, starts)?;
     search.atlas.forget_beyond(AMPLE_POSES, AMPLE_BYTES);
-    let mut go_on = |cast: u64| cast < settings.casts && go_on(cast);
+    search.limit_casts(settings.casts);
     let mut ends = Ends::default();
     for start in starts {
         let Some(poses) = search.start_of(start) else { continue };
-        let top = search.climb(evaluator, &poses, &MOVES, &mut go_on)?;
-        ends.add(&mut search, evaluator, top)?;
+        let Some(top) = search.climb(evaluator, &poses, &MOVES, go_on)? else { break };
+        ends.add(&mut search, evaluator, top, go_on)?;
     }
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
     for _ in 0..RANDOM_MOVES {
-        let Some(held) = ends.best.as_ref().filter(|_| go_on(search.atlas().poses_cast())) else {
-            break;
-        };
+        let Some(held) = ends.best.as_ref().filter(|_| search.may_turn(go_on)) else { break };
         let poses = search.kicked(&held.poses, &mut rng);
-        let top = search.climb(evaluator, &poses, &MOVES, &mut go_on)?;
-        ends.add(&mut search, evaluator, top)?;
+        let Some(top) = search.climb(evaluator, &poses, &MOVES, go_on)? else { break };
+        ends.add(&mut search, evaluator, top, go_on)?;
     }
     Ok(ends.swapped(&search))
 }
@@ -203,8 +202,8 @@ pub fn swap_anywhere(
             if !ends.all.is_empty() && !go_on(search.atlas().poses_cast()) {
                 break;
             }
-            let value = search.value(evaluator, &poses)?;
-            ends.add(&mut search, evaluator, GridPlacement { poses, value })?;
+            let Some(value) = search.value_while(evaluator, &poses, go_on)? else { break };
+            ends.add(&mut search, evaluator, GridPlacement { poses, value }, go_on)?;
         }
         first.extend(ends.best.map(|best| best.poses));
     } else {
@@ -216,8 +215,8 @@ pub fn swap_anywhere(
     first.extend(starts.iter().filter_map(|start| search.start_of(start)));
     let mut ends = Ends::default();
     for start in first {
-        let top = search.climb(evaluator, &start, &[Moves::Anywhere], go_on)?;
-        ends.add(&mut search, evaluator, top)?;
+        let Some(top) = search.climb(evaluator, &start, &[Moves::Anywhere], go_on)? else { break };
+        ends.add(&mut search, evaluator, top, go_on)?;
     }
     Ok(ends.swapped(&search))
 }

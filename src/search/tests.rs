@@ -1,8 +1,13 @@
-//! Scores in parts: the bits of scores at once, and no part more once it is told to stop.
+//! Work in parts: the bits of work at once, and no part more once it is told to stop.
 
 use std::sync::Arc;
 
+use super::atlas::POSES_AT_ONCE;
+use super::atlases::Atlases;
+use super::bound::{Effort, GainBound, GridSample, bound_gain};
+use super::climb::Moves;
 use super::evaluator::Evaluator;
+use super::grid_search::{GridPlacement, GridSearch};
 use super::on_demand::FramesOnDemand;
 use super::pilot::{Known, Pilot};
 use super::settings::Settings;
@@ -11,15 +16,20 @@ use crate::bvh::Bvh;
 use crate::geom::TriangleSoup;
 use crate::problem::{Content, OccupiedVoxel, Problem, Task};
 use crate::psog::Roi;
-use crate::vehicle::{BeamTable, Constraints, Placement, SensorPose};
+use crate::score::Objective;
+use crate::vehicle::{BeamTable, Constraints, Placement, PoseGrid, SensorPose, Spacing};
 
 /// Memory of an evaluator.
 const MEMORY: u64 = 1 << 28;
 /// Frames that differ, and those that are equal to the first.
 const FRAMES: [usize; 2] = [70, 5];
 
-/// A wall that stands elsewhere in each frame; beams end before the far voxels.
 fn problem() -> Arc<Problem> {
+    problem_over(FRAMES)
+}
+
+/// A wall that stands elsewhere in each frame; beams end before the far voxels.
+fn problem_over(frames: [usize; 2]) -> Arc<Problem> {
     let roi = Roi::new([-6.0, -5.0, -2.0], [0.5; 3], [24, 20, 8]).unwrap();
     let channels: Vec<(f64, f64)> = (0..5).map(|k| (-20.0 + 10.0 * f64::from(k), 0.3)).collect();
     let table = BeamTable::spinning(&channels, 30, 5.0).unwrap();
@@ -29,8 +39,8 @@ fn problem() -> Arc<Problem> {
         let (faces, face_class) = (vec![[0, 1, 2]], vec![0]);
         Arc::new(Bvh::build(&TriangleSoup { vertices, faces, face_class }, 12.0))
     };
-    let mut trees: Vec<Arc<Bvh>> = (0..FRAMES[0]).map(tree).collect();
-    (0..FRAMES[1]).for_each(|_| trees.push(trees[0].clone()));
+    let mut trees: Vec<Arc<Bvh>> = (0..frames[0]).map(tree).collect();
+    (0..frames[1]).for_each(|_| trees.push(trees[0].clone()));
     let voxel = |index: u32| OccupiedVoxel { index, entropy: [1 + index % 7; 4] };
     let occupied: Vec<OccupiedVoxel> =
         (0..roi.voxel_count() as u32).step_by(3).map(voxel).collect();
@@ -108,4 +118,101 @@ fn a_pilot_stops_where_it_is_told_to() {
     }
     let whole = Pilot::new(&suite, placements, MEMORY, &mut |done| done < frames);
     assert!(whole.unwrap().is_some());
+}
+
+/// A search over frames of [`problem_over`] on a grid of so many metres.
+fn search_over(frames: [usize; 2], metres: f64) -> (GridSearch, Evaluator) {
+    let suite = Suite::from(problem_over(frames));
+    let evaluator = Evaluator::suite_on_cpu(&suite, MEMORY);
+    let spacing = Spacing { metres, radians: 0.1 };
+    let grid = PoseGrid::new(suite.constraints(), spacing).unwrap();
+    let objective: Objective = "information_gain".parse().unwrap();
+    let atlases = Atlases::new(&evaluator, &grid, objective.needed(), MEMORY);
+    (GridSearch::new(atlases, objective, &evaluator), evaluator)
+}
+
+/// Poses that a climb starts from.
+const START: [u32; 2] = [3, 50];
+
+/// The end of a climb that is told to stop at a question, and the poses cast at each question.
+fn climbed(
+    search: &mut GridSearch,
+    evaluator: &mut Evaluator,
+    last: usize,
+) -> (GridPlacement, Vec<u64>) {
+    let mut asked = Vec::new();
+    let mut go_on = |cast| {
+        asked.push(cast);
+        asked.len() < last
+    };
+    let end = search.climb(evaluator, &START, &[Moves::Anywhere], &mut go_on).unwrap();
+    (end.expect("the start takes few casts"), asked)
+}
+
+#[test]
+fn a_climb_that_is_told_to_stop_ends_where_its_turn_began() {
+    let (mut search, mut evaluator) = search_over(FRAMES, 0.25);
+    let (top, questions) = climbed(&mut search, &mut evaluator, usize::MAX);
+    let most = questions.windows(2).map(|pair| pair[1] - pair[0]).max();
+    assert!(most <= Some(POSES_AT_ONCE as u64), "poses cast with no question: {questions:?}");
+    assert_eq!(search.atlas().poses_cast(), 405, "a turn casts the whole grid");
+    let (mut values, second) = (Vec::new(), questions.iter().position(|&cast| cast == 405));
+    let second = 1 + second.expect("the second turn begins");
+    for last in [1, 2, second - 1, second] {
+        let (mut search, mut evaluator) = search_over(FRAMES, 0.25);
+        let (end, asked) = climbed(&mut search, &mut evaluator, last);
+        // The guards of the end are asked about once more.
+        assert!((last..=last + 1).contains(&asked.len()), "{asked:?}");
+        assert_eq!(asked[..last], questions[..last]);
+        assert_eq!(search.atlas().poses_cast(), asked[last - 1], "cast after question {last}");
+        let again = search.value(&mut evaluator, &end.poses).unwrap();
+        assert_eq!(end.value, again, "of the placement itself");
+        assert_eq!(end.poses == START, last < second, "told to stop at question {last}");
+        values.push(end.value);
+        if last == 2 {
+            let (whole, _) = climbed(&mut search, &mut evaluator, usize::MAX);
+            assert_eq!(whole, top, "on from a cut at question {last}");
+        }
+    }
+    assert!(values[3] > values[0], "the first turn gains: {values:?}");
+}
+
+#[test]
+fn a_bound_that_is_told_to_stop_is_one() {
+    let bound = |last: usize| -> (GainBound, usize) {
+        let (mut search, mut evaluator) = search_over([3, 2], 0.5);
+        let found = [START[0], START[1]];
+        let value = search.value(&mut evaluator, &found).unwrap();
+        let found = GridPlacement { poses: found.to_vec(), value };
+        let mut asked = 0;
+        let mut go_on = |_| {
+            asked += 1;
+            asked < last
+        };
+        let effort = Effort::of(1000);
+        let bound = bound_gain(&mut search, &mut evaluator, &found, &effort, &mut go_on).unwrap();
+        (bound, asked)
+    };
+    let (whole, questions) = bound(usize::MAX);
+    assert!(questions > 60, "{questions} questions");
+    let mut uppers = Vec::new();
+    for last in (1..40).chain([questions / 2, questions - 1]) {
+        let (cut, asked) = bound(last);
+        // Each split tried, the last one and the sets are asked about once more.
+        assert!((last..last + 4).contains(&asked), "{asked} questions, stopped at {last}");
+        assert!(cut.upper >= whole.best.value, "{cut:?} beside {whole:?}");
+        uppers.push(cut.upper);
+    }
+    assert!(uppers[0] > whole.upper, "the first is cut short: {uppers:?}");
+}
+
+#[test]
+fn nothing_is_begun_over_more_frames_than_are_cast_between_questions() {
+    let (mut search, mut evaluator) = search_over([1100, 0], 0.5);
+    let end = search.climb(&mut evaluator, &START, &[Moves::Anywhere], &mut |_| false).unwrap();
+    assert_eq!(end, None);
+    let sample = GridSample::draw(&mut search, &mut evaluator, 2, 1, &|| false).unwrap();
+    assert_eq!((sample.placements().count(), sample.lipschitz()), (0, None));
+    assert_eq!(search.hold_while(&mut evaluator, &[1, 2, 3], &mut |_| false).unwrap(), [1]);
+    assert_eq!(search.atlas().poses_cast(), 1);
 }

@@ -117,6 +117,14 @@ mod tests {
             });
             (rows.unwrap().len(), count.get())
         };
+        // The end of a case that was cut short is no error; that of one that was not is.
+        let failed = |questions: u32| {
+            let patience = Patience(Cell::new(questions));
+            let rows = Cases::new(&mut Vec::new(), &patience)
+                .each(names(), |(), _| Err(StudyError::SeveralScenes));
+            rows.map(|rows| rows.len()).ok()
+        };
+        assert_eq!([failed(2), failed(3)], [Some(0), None]);
         let mut known = Vec::new();
         // Two questions a case: the fourth is asked after `b` was measured, and answered with no.
         assert_eq!(run(&mut known, 4), (1, 2.0));

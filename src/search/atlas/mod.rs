@@ -4,26 +4,29 @@
 //! The sums over a union are those that a [`Backend`] gives for the placement, to the bit.
 
 mod areas;
+mod casting;
 mod order;
 mod sparse;
 
 use std::collections::{HashMap, HashSet};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use crate::cover::BitOrder;
 use crate::engine::{Backend, BackendError};
-use crate::memory;
 use crate::problem::{KINDS, Problem, Tally};
 use crate::score::Needed;
-use crate::vehicle::{PoseGrid, SensorPose};
+use crate::vehicle::PoseGrid;
 use areas::AreaBits;
+use casting::Pace;
 use order::{LevelOrder, ToLevels};
 use sparse::Sparse;
 
 /// Poses cast at once: enough to keep every core busy, few enough for their bitmaps to fit anywhere.
-const POSES_AT_ONCE: usize = 32;
+pub(crate) const POSES_AT_ONCE: usize = 32;
+/// Casts, of a pose in a frame, between two questions whether to go on.
+pub(crate) const CASTS_AT_ONCE: usize = 2048;
 /// Words of a union that are put together at a time: they stay in the first-level cache for all poses.
 const UNION_WORDS: usize = 2048;
 
@@ -166,6 +169,20 @@ impl Atlas {
     /// # Errors
     /// More poses than [`Self::capacity`], or from the backend.
     pub fn hold(&mut self, backend: &mut dyn Backend, poses: &[u32]) -> Result<(), BackendError> {
+        self.hold_while(backend, poses, &mut |_| true).map(drop)
+    }
+
+    /// Like [`Self::hold`], and asks `go_on` after every [`CASTS_AT_ONCE`] casts, with [`Self::poses_cast`]. False once
+    /// it says no: poses that were being cast are then not held.
+    ///
+    /// # Errors
+    /// See [`Self::hold`].
+    pub(crate) fn hold_while(
+        &mut self,
+        backend: &mut dyn Backend,
+        poses: &[u32],
+        go_on: &mut dyn FnMut(u64) -> bool,
+    ) -> Result<bool, BackendError> {
         self.clock += 1;
         let mut missing = Vec::new();
         for &pose in poses {
@@ -177,15 +194,16 @@ impl Atlas {
         missing.sort_unstable();
         missing.dedup();
         self.make_room(missing.len())?;
+        let mut pace = Pace::new(go_on);
         for some in missing.chunks(POSES_AT_ONCE) {
-            let pages = self.cast(backend, some)?;
+            let Some(pages) = self.cast(backend, some, &mut pace)? else { return Ok(false) };
             self.cast.extend(some);
             self.pages.extend(some.iter().copied().zip(pages));
         }
         if let Some((poses, bytes)) = self.ample.filter(|_| !missing.is_empty()) {
             self.forget(poses, bytes);
         }
-        Ok(())
+        Ok(true)
     }
 
     /// Lets idle pages go, those used longest ago first, until no more than enough bytes or pages are left.
@@ -222,84 +240,6 @@ impl Atlas {
             self.pages.remove(pose);
         }
         Ok(())
-    }
-
-    /// The pages of poses.
-    fn cast(
-        &mut self,
-        backend: &mut dyn Backend,
-        numbers: &[u32],
-    ) -> Result<Vec<Page>, BackendError> {
-        let mut poses: Vec<_> = numbers.iter().map(|&number| self.grid.pose(number)).collect();
-        if self.mirrored {
-            poses.iter_mut().for_each(|pose| *pose = pose.mirrored());
-        }
-        let (frames, each, used) = (self.problem.frame_count(), self.order.words(), self.clock);
-        memory::check("bitmaps of sensor poses", (numbers.len() * self.page_bytes()) as u64)?;
-        // By the threads that fill them: the first touch of new memory takes as long as the copy.
-        let area_words = self.areas.words();
-        let page = |_| Page {
-            occupied: vec![0; frames * each].into(),
-            empty: vec![],
-            areas: vec![0; frames * area_words].into(),
-            used,
-        };
-        let mut pages: Vec<Page> = numbers.par_iter().map(page).collect();
-        for frame in 0..frames {
-            let equal = self.problem.first_equal(frame);
-            if equal < frame {
-                for page in &mut pages {
-                    page.occupied.copy_within(equal * each..(equal + 1) * each, frame * each);
-                    page.empty.extend(page.empty.get(equal).cloned());
-                    let areas = equal * area_words..(equal + 1) * area_words;
-                    page.areas.copy_within(areas, frame * area_words);
-                }
-                continue;
-            }
-            self.cast_frame(backend, &poses, frame, &mut pages)?;
-        }
-        Ok(pages)
-    }
-
-    /// Writes the coverage of each pose in one frame into its page.
-    fn cast_frame(
-        &mut self,
-        backend: &mut dyn Backend,
-        poses: &[SensorPose],
-        frame: usize,
-        pages: &mut [Page],
-    ) -> Result<(), BackendError> {
-        let order = backend.order();
-        if self.to_levels.as_ref().is_none_or(|to_levels| to_levels.from != order) {
-            self.to_levels = Some(ToLevels::new(&self.order, self.problem.content(), order));
-        }
-        let Some(to_levels) = &self.to_levels else { return Ok(()) };
-        let empty_order = *self.empty_order.get_or_insert(order);
-        let (areas, each, area_words) = (&self.areas, self.order.words(), self.areas.words());
-        let counts_all = self.empty_words > 0;
-        let pages: Vec<Mutex<&mut Page>> = pages.iter_mut().map(Mutex::new).collect();
-        backend.each_bitmap(poses, frame, &|pose, from, bitmap| {
-            let Ok(mut page) = pages[pose].lock() else { return };
-            // Another engine takes over from a device that is lost, and hands out all poses again.
-            let bitmap = from.convert(bitmap, &order);
-            let occupied = &mut page.occupied[frame * each..(frame + 1) * each];
-            occupied.fill(0);
-            to_levels.reorder(&bitmap, occupied);
-            let seen = &mut page.areas[frame * area_words..(frame + 1) * area_words];
-            seen.fill(0);
-            areas.take(order, &bitmap, seen);
-            if counts_all {
-                let empty = to_levels.empty(&bitmap);
-                let sparse = if order == empty_order {
-                    Sparse::new(empty)
-                } else {
-                    let empty: Vec<u64> = empty.collect();
-                    Sparse::new(order.convert(&empty, &empty_order).iter().copied())
-                };
-                page.empty.truncate(frame);
-                page.empty.push(Arc::new(sparse));
-            }
-        })
     }
 
     /// Covered ones among the occupied voxels of a held pose, a bit each: frame after frame, in the

@@ -1,5 +1,6 @@
 //! A bound on the information gain of every placement on a grid.
 
+use std::cell::RefCell;
 use std::collections::BinaryHeap;
 
 use serde::{Deserialize, Serialize};
@@ -85,7 +86,8 @@ impl Effort {
 /// The bound holds for other objectives only if they are such gains too, see
 /// [`crate::score::Objective::is_information_gain`].
 ///
-/// `go_on` is asked before each set, with the number of sets looked at; a bound that it ends is valid, too.
+/// `go_on` is asked before each set and while overlaps of pairs are added up, with the number of sets looked at; a bound
+/// that it ends is valid, too.
 ///
 /// # Errors
 /// See [`GridSearch::hold`].
@@ -107,17 +109,18 @@ pub fn bound_gain(
     let (units, places) = (search.worth_units(), search.places());
     let open = || Open { heap: BinaryHeap::new(), lidars, floor: found.value };
     let words = effort.pair_words;
-    let mut root_of =
-        |pairs: &PairBound, nodes: u64| by_pairs(pairs, &places, open(), nodes, &mut || go_on(0));
+    let asked = RefCell::new(go_on);
+    let ask = || (asked.borrow_mut())(0);
+    let root_of = |pairs: &PairBound, nodes: u64| by_pairs(pairs, &places, open(), nodes, &ask);
     let (pairs, chosen_by) =
-        PairBound::tightest(search.atlas(), lidars, &units, &typical, words, |pairs| {
+        PairBound::tightest(search.atlas(), lidars, &units, &typical, words, &ask, |pairs| {
             root_of(pairs, effort.pair_nodes(pairs) / CHOOSING)
         });
     let by_pairs = root_of(&pairs, effort.pair_nodes(&pairs)).min(chosen_by);
     let upper_at_root = beside.min(by_pairs).max(found.value);
     let mut tree =
         Tree { search, pairs: &pairs, places: &places, open: open(), best: found.clone() };
-    let looked_at = tree.branch(effort, go_on);
+    let looked_at = tree.branch(effort, &mut **asked.borrow_mut());
     let Tree { open, best, .. } = tree;
     let left = open.upper();
     let upper = left.min(upper_at_root).max(best.value);
@@ -142,7 +145,7 @@ fn by_pairs(
     places: &Places,
     mut open: Open,
     most: u64,
-    go_on: &mut dyn FnMut() -> bool,
+    go_on: &dyn Fn() -> bool,
 ) -> f64 {
     open.push_unsorted(root(pairs));
     let mut looked_at = 1;
@@ -187,8 +190,11 @@ impl Tree<'_> {
                 if waiting.is_empty() {
                     break;
                 }
-                looked_at += waiting.len() as u64;
-                self.make_exact(std::mem::take(&mut waiting));
+                let nodes = waiting.len() as u64;
+                if !self.make_exact(std::mem::take(&mut waiting), &mut || go_on(looked_at)) {
+                    break;
+                }
+                looked_at += nodes;
                 continue;
             };
             let left = lidars - node.chosen.len();
@@ -212,16 +218,20 @@ impl Tree<'_> {
         looked_at
     }
 
-    /// Puts the gains of candidates in the place of bounds.
-    fn make_exact(&mut self, nodes: Vec<Node>) {
+    /// Puts the gains of candidates in the place of bounds. False once `go_on` says no; the bounds then stay.
+    fn make_exact(&mut self, nodes: Vec<Node>, go_on: &mut dyn FnMut() -> bool) -> bool {
         let sets: Vec<&[u32]> = nodes.iter().map(|node| &node.chosen[..]).collect();
-        let values = self.search.values_beside(&sets);
+        let Some(values) = self.search.values_beside(&sets, go_on) else {
+            nodes.into_iter().for_each(|node| self.open.push(node));
+            return false;
+        };
         for (node, values) in nodes.into_iter().zip(values) {
             let value = self.search.held_value(&node.chosen);
             let left = node.candidates[node.next..].iter();
             let values = left.map(|&(pose, _)| (pose, values[pose as usize])).collect();
             self.open.push_unsorted(exact(node.chosen, value, values, node.bound));
         }
+        true
     }
 
     /// A set that lacks one sensor: candidates come by falling gain, so the first is the best.

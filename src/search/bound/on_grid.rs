@@ -122,15 +122,18 @@ fn gain(
     let effort = Effort::of(settings.evaluations);
     let total = effort.sets;
     let mut go_on = |done: u64| watch.tell(&Event::Progress { work: Work::Bounds, done, total });
+    let late = || Ok(Err("no bound was computed: the time was over before".into()));
     if search.hold_while(evaluator, &all, &mut |_| go_on(0))?.len() < all.len() {
-        return Ok(Err("no bound was computed: the time was over before".into()));
+        return late();
     }
     let Some(greedy) = search.greedy(evaluator, &all)? else {
         return Ok(Err("no placement on the grid keeps the distance asked for".into()));
     };
     let anywhere = [Moves::Anywhere];
-    let top =
-        search.ascend(evaluator, &greedy.poses, &anywhere, Check::Nothing, &mut |_| go_on(0))?;
+    let ask = &mut |_| go_on(0);
+    let Some(top) = search.ascend(evaluator, &greedy.poses, &anywhere, Check::Nothing, ask)? else {
+        return late();
+    };
     if !top.value.is_finite() {
         return Ok(Err("no bound was computed: no placement on the grid has a value".into()));
     }

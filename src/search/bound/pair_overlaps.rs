@@ -53,13 +53,15 @@ impl PairBound {
     /// At most `most_words` words of bitmaps are read for the overlaps: voxels of later groups then count
     /// without them. The worth of a voxel is `units` of its
     /// scene × its entropies. The bound holds whatever poses are `typical`; it
-    /// is tight if good placements are made of poses like them.
+    /// is tight if good placements are made of poses like them. `go_on` is asked while the voxels are grouped and
+    /// the overlaps added up; once it says no the splits so far are all that were tried.
     pub fn tightest(
         atlas: &Atlases,
         lidars: usize,
         units: &[[f64; KINDS]],
         typical: &[u32],
         most_words: u64,
+        go_on: &dyn Fn() -> bool,
         mut bound_of: impl FnMut(&Self) -> f64,
     ) -> (Self, f64) {
         let poses = atlas.grid().len();
@@ -67,9 +69,13 @@ impl PairBound {
         let (worths, unit) = integer_worths(atlas, units);
         let each = 1.0 / (lidars.max(2) - 1) as f64;
         let shares = SHARES.map(|share| share * each);
-        let columns = Columns::new(atlas, poses, &worths, &shares, typical);
-        let groups = columns.groups();
         let scaled = |sum: u64| unit * sum as f64;
+        let Some(columns) = Columns::new(atlas, poses, &worths, &shares, typical, go_on) else {
+            let frames = 64 * atlas.occupied_of(0).len() / worths.len().max(1);
+            let all = scaled(frames as u64 * worths.iter().map(|&w| u64::from(w)).sum::<u64>());
+            return (Self { poses: n, base: all, singles: vec![0.0; n], overlaps: vec![] }, all);
+        };
+        let groups = columns.groups();
         let base = columns.rest + groups.iter().map(|group| group.total).sum::<u64>();
         let mut now =
             Self { poses: n, base: scaled(base), singles: vec![0.0; n], overlaps: vec![] };
@@ -86,7 +92,9 @@ impl PairBound {
             now.singles = singles.iter().map(|&sum| scaled(sum)).collect();
             words += columns.group_words(index) * (n * n / 2) as u64;
             if words <= most_words && !overlaps.is_empty() {
-                columns.add_overlaps(index, &mut overlaps);
+                if !columns.add_overlaps(index, &mut overlaps, go_on) {
+                    break;
+                }
                 now.overlaps = overlaps.iter().map(|sum| unit * sum).collect();
             }
             let bound = bound_of(&now);

@@ -46,8 +46,9 @@ impl GridSample {
     /// Samples placements on the grid of a search, each with one neighbour a step along one pose field away.
     ///
     /// Ties between LiDARs are left out: random poses never keep them.
-    /// Placements that break another rule of the mount are drawn again, but not for ever, and none once `go_on` says
-    /// no: the sample may be smaller than asked for, and is empty where nothing may vary.
+    /// Placements that break another rule of the mount are drawn again, but not for ever, and none once `go_on`, which
+    /// is asked before each pair but the first and as by [`GridSearch::hold_while`], says no: the sample may be smaller
+    /// than asked for, and is empty where nothing may vary or no pair was cast in time.
     ///
     /// # Errors
     /// See [`GridSearch::hold`].
@@ -66,7 +67,7 @@ impl GridSample {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut pairs = Vec::new();
         for _ in 0..100 * samples {
-            // At least one pair: a few casts, and the findings have something to go by.
+            // One pair in any case, where that is a few casts: the findings have something to go by.
             if pairs.len() == 2 * samples || (!pairs.is_empty() && !go_on()) {
                 break;
             }
@@ -87,7 +88,9 @@ impl GridSample {
             };
             let keeps = |poses| constraints.violations(&placed(poses)).is_empty();
             if pair.iter().all(keeps) {
-                search.hold(evaluator, &pair.concat())?;
+                if !search.holds_while(evaluator, &pair.concat(), &mut |_| go_on())? {
+                    break;
+                }
                 for poses in &pair {
                     let value = Some(search.value(evaluator, poses)?);
                     pairs.push((placed(poses), value.filter(|value| value.is_finite())));

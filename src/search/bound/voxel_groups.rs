@@ -16,6 +16,10 @@ const ROWS: usize = 8;
 /// Words of a bitmap that are read at once: those of all rows together fit into the smallest cache.
 const WORDS: usize = 256;
 
+/// Words of bitmaps that are compared between two questions whether to go on: less than a second's, and few in the tests of
+/// this crate.
+const WORDS_AT_ONCE: u64 = if cfg!(test) { 1 << 12 } else { 1 << 30 };
+
 /// The columns of a maximum coverage problem: every voxel of every frame that some pose covers, in
 /// groups by the share of some typical poses that cover it.
 pub(in crate::search) struct Columns {
@@ -73,14 +77,15 @@ impl Columns {
     /// The columns of held poses `0..poses`. `worths` holds the worth of each bit, of a frame where all
     /// frames have the same; a column
     /// joins the first group whose entry of `shares`, rising, is not below the share of the `typical`
-    /// poses that cover it.
+    /// poses that cover it. `None` once `go_on`, which is asked after each pass over the columns, says no.
     pub fn new(
         atlas: &Atlases,
         poses: u32,
         worths: &[u32],
         shares: &[f64],
         typical: &[u32],
-    ) -> Self {
+        go_on: &dyn Fn() -> bool,
+    ) -> Option<Self> {
         let pages: Vec<_> = (0..poses).map(|pose| atlas.occupied_of(pose)).collect();
         let pages: Vec<&[u64]> = pages.iter().map(|page| &**page).collect();
         let covered = any(&pages);
@@ -99,7 +104,13 @@ impl Columns {
                 None => rest += u64::from(worth),
             }
         }
+        if !go_on() {
+            return None;
+        }
         sorted.par_sort_unstable();
+        if !go_on() {
+            return None;
+        }
         let mut places = Places::none(counts.len());
         let none = || Group { levels: vec![], singles: vec![0; poses as usize], total: 0 };
         let mut groups: Vec<Group> = shares.iter().map(|_| none()).collect();
@@ -131,7 +142,7 @@ impl Columns {
             rest,
         };
         columns.fill(&pages, &places);
-        columns
+        Some(columns)
     }
 
     /// Sets the bits of the poses, and sums up what each covers alone.
@@ -172,13 +183,38 @@ impl Columns {
     }
 
     /// Adds to `[poses × poses]` at most what both poses of each pair cover in a group, and at least
-    /// that less the spread of the worths; the diagonal stays.
-    pub fn add_overlaps(&self, group: usize, overlaps: &mut [f64]) {
+    /// that less the spread of the worths; the diagonal stays. False once `go_on`, which is asked after every
+    /// [`WORDS_AT_ONCE`] words, says no: only some pairs are added then.
+    pub fn add_overlaps(
+        &self,
+        group: usize,
+        overlaps: &mut [f64],
+        go_on: &dyn Fn() -> bool,
+    ) -> bool {
+        let n = self.poses;
+        let block_words = self.group_words(group).saturating_mul((ROWS * n) as u64).max(1);
+        let blocks = (WORDS_AT_ONCE / block_words).max(rayon::current_num_threads() as u64);
+        for (some, rows) in overlaps.chunks_mut(blocks as usize * ROWS * n).enumerate() {
+            if some > 0 && !go_on() {
+                return false;
+            }
+            self.add_rows(group, some * blocks as usize * ROWS, rows);
+        }
+        for i in 0..n {
+            for j in 0..i {
+                overlaps[i * n + j] = overlaps[j * n + i];
+            }
+        }
+        true
+    }
+
+    /// Adds to the rows of a matrix of overlaps from `start` on, right of the diagonal.
+    fn add_rows(&self, group: usize, start: usize, rows: &mut [f64]) {
         let levels = &self.groups[group].levels;
         let n = self.poses;
         let map = |pose: usize| &self.bitmaps[pose * self.words..(pose + 1) * self.words];
-        overlaps.par_chunks_mut(ROWS * n).enumerate().for_each(|(block, rows)| {
-            let first = block * ROWS;
+        rows.par_chunks_mut(ROWS * n).enumerate().for_each(|(block, rows)| {
+            let first = start + block * ROWS;
             let last = first + rows.len() / n;
             let mut sums = vec![0u64; rows.len()];
             let alike = |a: &Level, b: &Level| b.words.end - a.words.start <= WORDS;
@@ -196,11 +232,6 @@ impl Columns {
                 *to += sum as f64;
             }
         });
-        for i in 0..n {
-            for j in 0..i {
-                overlaps[i * n + j] = overlaps[j * n + i];
-            }
-        }
     }
 }
 

@@ -19,10 +19,11 @@ impl Run {
         let best = self.state.generations.best().map(|best| &best.placement);
         let mut starts: Vec<Placement> =
             self.state.chosen.as_ref().or(best).cloned().into_iter().collect();
+        let has_result = !starts.is_empty();
         starts.extend(self.best_baseline(watch)?);
         if watch.is_over() && self.heeds_time() {
             self.cut(watch);
-            if !starts.is_empty() {
+            if has_result {
                 self.state.phase = Phase::Bounds;
                 return Ok(());
             }
@@ -53,6 +54,11 @@ impl Run {
         };
         if watch.is_over() {
             self.cut(watch);
+            if swaps.is_none() && !has_result && self.frames().len() > FRAMES_AT_ONCE {
+                // Once more, over few frames: a run ends with something.
+                self.hurry(watch);
+                return Ok(());
+            }
         }
         self.state.swaps = swaps;
         self.state.phase = Phase::Bounds;

@@ -151,6 +151,49 @@ fn objects_become_shapes_of_their_class_and_size() {
     assert!(notes.iter().any(|n| n.contains("are left out: 1 of the type none")), "{notes:?}");
 }
 
+/// A bay whose lines are given is those lines; one without any is counted.
+#[test]
+fn a_parking_space_is_what_its_lines_enclose() {
+    let bay = |id: u32, inside: &str| {
+        format!(
+            r#"<object id="{id}" name="bay" type="parkingSpace" s="60" t="8" zOffset="0" hdg="0" length="5" width="2.5"
+            height="0">{inside}</object>"#
+        )
+    };
+    let lines = r#"<markings><marking side="left" weight="standard" width="0.1" color="white" zOffset="0.005"
+        spaceLength="0" lineLength="5" startOffset="0" stopOffset="0"/></markings>"#;
+    let (count, paint) = (|n: &Network| (n.marks.len(), n.shapes.len()), bay(1, lines));
+    let bare = network(&road("RHT", "", "", ""));
+    let marked = network(&road("RHT", "", "", &format!("<objects>{paint}</objects>")));
+    let both = format!("<objects>{paint}{}</objects>", bay(2, ""));
+    let both = network(&road("RHT", "", "", &both));
+    assert!(marked.marks.len() > bare.marks.len() && marked.shapes.is_empty());
+    assert_eq!(count(&both), count(&marked));
+    let told = |network: &Network| {
+        network.notes.iter().filter(|note| note.text().contains("parking spaces have no")).count()
+    };
+    assert_eq!([told(&bare), told(&marked), told(&both)], [0, 0, 1]);
+}
+
+/// A crosswalk of lines is those lines; one without any is paint of its size, on the road.
+#[test]
+fn a_crosswalk_is_painted_once() {
+    let crossing = |inside: &str| {
+        let text = format!(
+            r#"<objects><object id="1" name="zebra" type="crosswalk" s="90" t="0" zOffset="0" hdg="0" length="3"
+            width="7" height="0.01">{inside}</object></objects>"#
+        );
+        network(&road("RHT", "", "", &text))
+    };
+    let plain = crossing("");
+    assert_eq!(plain.shapes.len(), 1);
+    assert!(plain.shapes[0].class == class::ROAD_LINE && !plain.shapes[0].solid);
+    let lines = r#"<markings><marking side="left" weight="standard" width="0.5" color="white" zOffset="0.005"
+        spaceLength="0" lineLength="3" startOffset="0" stopOffset="0"/></markings>"#;
+    let lined = crossing(lines);
+    assert!(lined.shapes.is_empty() && lined.marks.len() > plain.marks.len());
+}
+
 #[test]
 fn signals_stand_where_the_map_says_or_are_counted() {
     let signals = r#"<signals>

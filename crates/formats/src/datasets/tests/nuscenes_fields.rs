@@ -23,6 +23,13 @@ fn said(folder: &Path) -> Vec<String> {
     scenes[0].notes().iter().map(|note| note.to_string().replace(&dir, "DIR")).collect()
 }
 
+/// Adds fields to every row of a table.
+fn add(folder: &Path, table: &str, fields: &str) {
+    let path = folder.join(format!("v1.0-mini/{table}.json"));
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(path, text.replace("{\n", &format!("{{\n{fields},\n"))).unwrap();
+}
+
 #[test]
 fn fields_of_nuscenes_are_all_known() {
     let folder = tempfile::tempdir().unwrap();
@@ -34,11 +41,7 @@ fn fields_of_nuscenes_are_all_known() {
 fn fields_of_others_are_named_once_a_table() {
     let folder = tempfile::tempdir().unwrap();
     written(folder.path());
-    let add = |table: &str, fields: &str| {
-        let path = folder.path().join(format!("v1.0-mini/{table}.json"));
-        let text = std::fs::read_to_string(&path).unwrap();
-        std::fs::write(path, text.replace("{\n", &format!("{{\n{fields},\n"))).unwrap();
-    };
+    let add = |table: &str, fields: &str| add(folder.path(), table, fields);
     add("ego_pose", "\"geocoordinate\": {\"x\": [1, 2]}, \"acceleration\": null");
     add("sample_annotation", "\"velocity\": [1.0, 0.0]");
     // `velocity` is known in no table, `height` in that of pictures alone.
@@ -54,4 +57,25 @@ fn fields_of_others_are_named_once_a_table() {
         sentence("sample_annotation", "`velocity`"),
     ];
     assert_eq!(said, wanted);
+}
+
+#[test]
+fn few_names_are_told_and_only_the_head_of_a_long_one() {
+    let folder = tempfile::tempdir().unwrap();
+    written(folder.path());
+    let fields: Vec<String> = (0..30).map(|k| format!("\"{}{k:02}\": 0", "x".repeat(50))).collect();
+    add(folder.path(), "scene", &format!("{}, \"a\": 0", fields.join(", ")));
+    let many: Vec<String> = (0..30).map(|k| format!("\"n{k:02}\": 0")).collect();
+    add(folder.path(), "sample", &many.join(", "));
+    let mut said = said(folder.path());
+    said.sort();
+    let names: Vec<String> = (0..8).map(|k| format!("`n{k:02}`")).collect();
+    assert!(
+        said[0].starts_with(&format!("DIR/v1.0-mini/sample.json: {}: not", names.join(", "))),
+        "{said:?}"
+    );
+    assert!(
+        said[1].starts_with(&format!("DIR/v1.0-mini/scene.json: `a`, `{}`: not", "x".repeat(40))),
+        "{said:?}"
+    );
 }

@@ -110,3 +110,18 @@ fn a_base_beside_the_lidar_is_gone_back_to() {
     let found = matrix(&imported.rig.lidars[0].pose);
     assert!(difference(&product(&matrix(&base), &found), &matrix(&lidar)) < 1e-14);
 }
+
+/// Names of a nested model begin with its own: frames of the outer model that have such a name are others.
+#[test]
+fn frames_of_a_nested_model_are_its_own() {
+    let link = "<link name='body'/><frame name='mast'><pose>0 0 9 0 0 0</pose></frame>";
+    let lidar = "<link name='top'><sensor name='lidar' type='gpu_lidar'><pose relative_to='mast'>0 0 0.5 0 0 0</pose>\
+                 </sensor></link><frame name='mast' attached_to='foot'><pose>1 0 2 0 0 0</pose></frame>\
+                 <link name='foot'><pose>0 3 0 0 0 0</pose></link>";
+    let inner = format!("<model name='head'><pose>0 0 10 0 0 0</pose>{lidar}</model>");
+    let text = format!("<sdf><model name='m'><link name='base_link'/>{link}{inner}</model></sdf>");
+    let rig = read(&text).unwrap().rig;
+    assert_eq!(rig.lidars.len(), 1);
+    let found = rig.lidars[0].pose.position();
+    assert!((found - glam::DVec3::new(1.0, 3.0, 12.5)).length() < 1e-12, "{found}");
+}

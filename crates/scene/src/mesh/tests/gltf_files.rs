@@ -4,6 +4,23 @@ use glam::DVec3;
 
 use crate::mesh::*;
 
+/// Bytes as a data URI.
+fn data_uri(bytes: &[u8]) -> String {
+    let four = |c: &[u8]| {
+        let mut bits = [0; 3];
+        bits[..c.len()].copy_from_slice(c);
+        let n = u32::from_be_bytes([0, bits[0], bits[1], bits[2]]);
+        let code = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+        let digit = |i: usize| {
+            let value = code[(n >> (18 - 6 * i)) as usize & 63] as char;
+            if i <= c.len() { value } else { '=' }
+        };
+        (0..4).map(digit).collect::<String>()
+    };
+    let base64: String = bytes.chunks(3).map(four).collect();
+    format!("data:application/octet-stream;base64,{base64}")
+}
+
 /// A glTF with one triangle under two nodes, its buffer as a data URI.
 pub(super) fn triangle_gltf(index: u8, byte_length: usize, count: usize) -> String {
     let mut data = Vec::new();
@@ -11,20 +28,7 @@ pub(super) fn triangle_gltf(index: u8, byte_length: usize, count: usize) -> Stri
         data.extend(v.to_le_bytes());
     }
     data.extend([0, 1, index, 0]);
-    let base64: String = data
-        .chunks(3)
-        .map(|c| {
-            let mut bits = [0; 3];
-            bits[..c.len()].copy_from_slice(c);
-            let n = u32::from_be_bytes([0, bits[0], bits[1], bits[2]]);
-            let code = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-            let digit = |i: usize| {
-                let value = code[(n >> (18 - 6 * i)) as usize & 63] as char;
-                if i <= c.len() { value } else { '=' }
-            };
-            (0..4).map(digit).collect::<String>()
-        })
-        .collect();
+    let uri = data_uri(&data);
     format!(
         r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],
         "nodes":[{{"translation":[10,0,0],"children":[1]}},{{"mesh":0,"scale":[2,2,2]}}],
@@ -36,7 +40,7 @@ pub(super) fn triangle_gltf(index: u8, byte_length: usize, count: usize) -> Stri
         "bufferViews":[{{"buffer":0,"byteOffset":0,"byteLength":36}},
           {{"buffer":0,"byteOffset":36,"byteLength":4}}],
         "buffers":[{{"byteLength":{byte_length},
-          "uri":"data:application/octet-stream;base64,{base64}"}}]}}"#
+          "uri":"{uri}"}}]}}"#
     )
 }
 
@@ -132,6 +136,33 @@ fn gltf_parts_stand_where_the_format_puts_them() {
         doubts.len() == 2 && doubts[0].contains("ACME_unknown") && doubts[1].starts_with("1 nodes"),
         "{doubts:?}"
     );
+}
+
+/// Inverse bind matrices move a vertex before its joints do.
+#[test]
+fn a_skin_is_bound_where_its_matrices_say() {
+    let mut data = Vec::new();
+    for moved in [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]] {
+        let matrix = glam::Mat4::from_translation(moved.into()).to_cols_array();
+        data.extend(matrix.into_iter().flat_map(f32::to_le_bytes));
+    }
+    let mesh = kinds_gltf(|json| {
+        let (buffer, view) = (
+            json["buffers"].as_array().unwrap().len(),
+            json["bufferViews"].as_array().unwrap().len(),
+        );
+        let push = |json: &mut serde_json::Value, key: &str, value| {
+            json[key].as_array_mut().unwrap().push(value)
+        };
+        push(json, "buffers", serde_json::json!({ "byteLength": 128, "uri": data_uri(&data) }));
+        push(json, "bufferViews", serde_json::json!({ "buffer": buffer, "byteLength": 128 }));
+        json["accessors"][6]["bufferView"] = view.into();
+    });
+    // The vertex (0, 0, 0): 128/255 of (1, 2 + 1, 3) and 127/255 of (−4, 2 · 5, 6).
+    let (one, two) = (128.0 / 255.0, 127.0 / 255.0);
+    let wanted = DVec3::new(one - 4.0 * two, 3.0 * one + 10.0 * two, 3.0 * one + 6.0 * two);
+    let found = mesh.unwrap().vertices[12];
+    assert!((found - wanted).abs().max_element() < 1e-6, "{found} is not {wanted}");
 }
 
 #[test]

@@ -1,0 +1,161 @@
+//! Objectives of placements on a grid, from what an atlas holds of their poses.
+
+use rayon::prelude::*;
+
+use super::error::SearchError;
+use super::evaluator::Evaluator;
+use super::grid_search::GridSearch;
+use crate::problem::KINDS;
+use crate::search::atlas::POSES_AT_ONCE;
+use crate::search::atlases::Unions;
+
+/// Bytes of bitmaps that are read between two questions whether to go on: less than a second's, and few in the tests of
+/// this crate.
+const BYTES_AT_ONCE: usize = if cfg!(test) { 1 << 12 } else { 1 << 30 };
+
+impl GridSearch {
+    /// The objective of held poses and one candidate more, for each candidate; `−∞` where it does not
+    /// exist.
+    pub(super) fn values_with(&mut self, poses: &[u32], candidates: &[u32]) -> Vec<(u32, f64)> {
+        let mut union = Unions::default();
+        self.atlas.union(poses, &mut union);
+        self.evaluations += candidates.len() as u64;
+        candidates.par_iter().map(|&pose| (pose, self.value_with(&union, pose))).collect()
+    }
+
+    /// The same of one or two candidates more.
+    pub(super) fn values_with_groups(
+        &mut self,
+        poses: &[u32],
+        groups: &[(u32, Option<u32>)],
+    ) -> Vec<f64> {
+        let mut union = Unions::default();
+        self.atlas.union(poses, &mut union);
+        self.evaluations += groups.len() as u64;
+        let value = |&(one, other): &(u32, Option<u32>)| match other {
+            None => self.value_with(&union, one),
+            Some(other) => {
+                let mut both = Unions::default();
+                self.atlas.union(&[poses, &[one]].concat(), &mut both);
+                self.value_with(&both, other)
+            }
+        };
+        groups.par_iter().map(value).collect()
+    }
+
+    /// The objective of each of some sets of poses and one pose of the grid more, `[sets][poses]`; `−∞` where
+    /// it does not exist. All poses are held; the bitmap of each is read once for all sets. `None` once `go_on`,
+    /// which is asked after every [`BYTES_AT_ONCE`], says no.
+    pub(super) fn values_beside(
+        &mut self,
+        sets: &[&[u32]],
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Option<Vec<Vec<f64>>> {
+        let mut unions = vec![Unions::default(); sets.len()];
+        unions.iter_mut().zip(sets).for_each(|(union, set)| self.atlas.union(set, union));
+        let mut by_set = vec![Vec::new(); sets.len()];
+        let (poses, at_once) = (self.atlas.grid().len(), self.poses_at_once(sets.len()) as u32);
+        for first in (0..poses).step_by(at_once as usize) {
+            if first > 0 && !go_on() {
+                return None;
+            }
+            let some = first..first.saturating_add(at_once).min(poses);
+            self.evaluations += some.len() as u64 * sets.len() as u64;
+            let of_pose = |pose: u32| -> Vec<f64> {
+                unions.iter().map(|union| self.value_with(union, pose)).collect()
+            };
+            let by_pose: Vec<Vec<f64>> = some.into_par_iter().map(of_pose).collect();
+            for (set, values) in by_set.iter_mut().enumerate() {
+                values.extend(by_pose.iter().map(|values| values[set]));
+            }
+        }
+        Some(by_set)
+    }
+
+    /// Poses that are looked at between two questions whether to go on, each so many times.
+    pub(super) fn poses_at_once(&self, times: usize) -> usize {
+        let quick = BYTES_AT_ONCE / (times * self.atlas.page_bytes()).max(1);
+        quick.clamp(POSES_AT_ONCE, u32::MAX as usize)
+    }
+
+    /// The objective of a union in each scene and one held pose more; `−∞` where it does not exist.
+    pub(super) fn value_with(&self, unions: &Unions, pose: u32) -> f64 {
+        let value = self.atlas.value_with(&self.objective, unions, pose);
+        let mut value = value.unwrap_or(f64::NEG_INFINITY);
+        if self.penalty > 0.0 && self.atlas.has_areas() {
+            value -= self.penalty * self.atlas.missing_with(unions, Some(pose));
+        }
+        if self.atlas.has_sight() && (self.blind > 0.0 || self.penalty > 0.0) {
+            let [car, rules] = self.atlas.unmet_with(unions, Some(pose));
+            value -= self.blind * car + self.penalty * rules;
+        }
+        value
+    }
+
+    /// True if anything must be seen, an area or a target.
+    pub(super) fn has_requirements(&self) -> bool {
+        self.atlas.has_areas() || self.atlas.has_target_rules()
+    }
+
+    /// From now on what must be seen comes first: each share that is missing takes `penalty` times it off the
+    /// objective.
+    pub(super) fn require(&mut self, penalty: f64) {
+        self.penalty = if self.has_requirements() { penalty } else { 0.0 };
+    }
+
+    /// From now on a car that is not seen all round takes so much off the objective, where the evaluator looks.
+    pub(super) fn watch_cars(&mut self, blind: f64) {
+        self.blind = if self.atlas.has_sight() { blind } else { 0.0 };
+    }
+
+    /// Share that held poses miss of what must be seen, over all areas and targets.
+    pub(super) fn missing(&self, poses: &[u32]) -> f64 {
+        let mut unions = Unions::default();
+        self.atlas.union(poses, &mut unions);
+        self.atlas.missing_with(&unions, None) + self.atlas.unmet_with(&unions, None)[1]
+    }
+
+    /// The objective of held poses, 0 for none, less what is not seen of what must be.
+    pub(super) fn held_value(&mut self, poses: &[u32]) -> f64 {
+        let Some((&last, others)) = poses.split_last() else {
+            return -self.penalty * self.missing(poses) - self.blind;
+        };
+        self.values_with(others, &[last])[0].1
+    }
+
+    /// See [`Atlases::worth_units`].
+    pub(super) fn worth_units(&self) -> Vec<[f64; KINDS]> {
+        self.atlas.worth_units(&self.objective)
+    }
+
+    /// The objective of a placement.
+    ///
+    /// # Errors
+    /// See [`Self::hold`].
+    pub fn value(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<f64, SearchError> {
+        let Some((&last, others)) = poses.split_last() else { return Ok(f64::NEG_INFINITY) };
+        self.hold(evaluator, poses)?;
+        Ok(self.values_with(others, &[last])[0].1)
+    }
+
+    /// Like [`Self::hold`]; false once `go_on`, which is asked as by [`Self::hold_while`], says no.
+    pub(super) fn holds_while(
+        &mut self,
+        evaluator: &mut Evaluator,
+        poses: &[u32],
+        go_on: &mut dyn FnMut(u64) -> bool,
+    ) -> Result<bool, SearchError> {
+        Ok(self.atlas.hold_while(evaluator, poses, go_on)?)
+    }
+
+    /// Like [`Self::value`]; `None` once `go_on`, which is asked as by [`Self::hold_while`], says no.
+    pub(super) fn value_while(
+        &mut self,
+        evaluator: &mut Evaluator,
+        poses: &[u32],
+        go_on: &mut dyn FnMut(u64) -> bool,
+    ) -> Result<Option<f64>, SearchError> {
+        let is_held = self.holds_while(evaluator, poses, go_on)?;
+        is_held.then(|| self.value(evaluator, poses)).transpose()
+    }
+}
