@@ -26,7 +26,7 @@ pub fn align_columns(rows: &[Vec<String>]) -> String {
     text
 }
 
-/// A table of placements, the guards of each below its row.
+/// A table of placements, the requirements and guards of each below its row.
 pub fn scores_text(all: &[Scores]) -> String {
     let columns = ScoreColumn::shown(all);
     let cells = |scores| columns.iter().map(|column| column.cell(scores)).collect();
@@ -37,6 +37,9 @@ pub fn scores_text(all: &[Scores]) -> String {
     let mut text = format!("{}\n", lines.next().unwrap_or_default());
     for (line, scores) in lines.zip(all) {
         text += &format!("{line}\n");
+        for seen in &scores.required {
+            text += &format!("  {} {seen}\n", if seen.is_met() { "+" } else { "!" });
+        }
         for guard in &scores.guards {
             text += &format!("  ! {guard}\n");
         }

@@ -78,6 +78,15 @@ pub struct TargetTable {
     pub detections: Vec<Detection>,
 }
 
+/// Targets in one frame, and the beams on each that stands, `[standing][lidars]`.
+struct InFrame<'a> {
+    /// Number of the frame in the scene; `None` on level ground.
+    number: Option<usize>,
+    /// By place; `None` where there is no free ground.
+    standing: Vec<Option<Standing<'a>>>,
+    beams: Vec<Vec<u32>>,
+}
+
 impl TargetTable {
     /// A copy whose rows name a scene.
     #[must_use]
@@ -120,7 +129,7 @@ impl TargetQuestion {
         let standing: Vec<Option<Standing<'_>>> = standing.collect();
         let there: Vec<Standing<'_>> = standing.iter().flatten().copied().collect();
         let beams = site.beams_by_lidar(&placement.lidars, &there)?;
-        Ok(self.table(site, placement, &[(None, standing, beams)]))
+        Ok(self.table(site, placement, &[InFrame { number: None, standing, beams }]))
     }
 
     /// The table of a placement in a scene: in each of some frames each target stands alone on the ground below its
@@ -149,7 +158,7 @@ impl TargetQuestion {
             let there: Vec<Standing<'_>> = standing.iter().flatten().copied().collect();
             let poses = batch.ego_from_sensors(frame);
             let beams = site.beams_in_scene(&placement.lidars, &poses, &hits, &there)?;
-            frames.push((Some(problem.number_of(frame)), standing, beams));
+            frames.push(InFrame { number: Some(problem.number_of(frame)), standing, beams });
         }
         Ok(self.table(site, placement, &frames))
     }
@@ -158,16 +167,16 @@ impl TargetQuestion {
         &self,
         site: &TargetSite,
         placement: &Placement,
-        frames: &[(Option<usize>, Vec<Option<Standing<'_>>>, Vec<Vec<u32>>)],
+        frames: &[InFrame<'_>],
     ) -> TargetTable {
         let mut table = TargetTable::default();
-        let mut by_frame: Vec<_> = frames.iter().map(|(.., beams)| beams.iter()).collect();
+        let mut by_frame: Vec<_> = frames.iter().map(|of| of.beams.iter()).collect();
         let mut detected = Vec::new();
         for (place, (target, bearing, distance)) in self.places().enumerate() {
             // Frames in which the target can stand, and in which enough beams meet it.
             let [mut stands, mut met] = [0, 0];
             let overlaps = !site.has_room(target, position(distance, bearing));
-            for ((frame, standing, _), beams) in frames.iter().zip(&mut by_frame) {
+            for (InFrame { number, standing, .. }, beams) in frames.iter().zip(&mut by_frame) {
                 let by_lidar = standing[place].and_then(|_| beams.next());
                 let beams = by_lidar.map(|by_lidar| by_lidar.iter().sum::<u32>());
                 let counts = beams.filter(|_| !overlaps);
@@ -179,7 +188,7 @@ impl TargetQuestion {
                     target: target.name.clone(),
                     distance,
                     bearing,
-                    frame: *frame,
+                    frame: *number,
                     beams,
                     by_lidar: by_lidar.cloned().unwrap_or_default(),
                     overlaps,

@@ -95,9 +95,10 @@ impl Vehicle {
             mirror_meshes(&mut mounts);
             check_pairs(at, &mounts)?;
         }
-        let (require, targets, read) =
-            requirements(&at.key("require"), &vehicle.require, dir, &mut notes)?;
+        let Required { areas: require, targets, files: read, notes: told } =
+            Required::new(&at.key("require"), &vehicle.require, dir)?;
         files.extend(read);
+        notes.extend(told);
         let name = name.unwrap_or_else(|| stem.to_owned());
         Ok((
             Self { name, sensors, mounts, min_distance, keep_out, ties, require, targets, notes },
@@ -229,28 +230,38 @@ fn area(at: &Place, required: &RequirementDescription) -> Result<Requirement, De
     Ok(Requirement { name, inside, without, share: required.share })
 }
 
-/// Areas that must be seen, targets that must be met, and the files of these.
-fn requirements(
-    at: &Place,
-    list: &[RequirementDescription],
-    dir: &Path,
-    notes: &mut Vec<Note>,
-) -> Result<(Vec<Requirement>, Vec<TargetRule>, Vec<PathBuf>), DescriptionError> {
-    let (mut areas, mut rules, mut files) = (Vec::new(), Vec::new(), Vec::new());
-    for (i, required) in list.iter().enumerate() {
-        let at = at.item(i);
-        if !(0.0..=1.0).contains(&required.share) {
-            return Err(bad(&at.key("share"), required.share, "a share from 0 to 1"));
-        }
-        match &required.target {
-            None => areas.push(area(&at, required)?),
-            Some(target) => {
-                let rule = TargetRule::new(&at, required, target, dir)?;
-                notes.extend(rule.target.notes.iter().cloned());
-                files.extend(rule.target.files.iter().cloned());
-                rules.push(rule);
+/// What a vehicle's `require` holds.
+#[derive(Default)]
+struct Required {
+    areas: Vec<Requirement>,
+    targets: Vec<TargetRule>,
+    /// Target files and their meshes.
+    files: Vec<PathBuf>,
+    notes: Vec<Note>,
+}
+
+impl Required {
+    fn new(
+        at: &Place,
+        list: &[RequirementDescription],
+        dir: &Path,
+    ) -> Result<Self, DescriptionError> {
+        let mut all = Self::default();
+        for (i, required) in list.iter().enumerate() {
+            let at = at.item(i);
+            if !(0.0..=1.0).contains(&required.share) {
+                return Err(bad(&at.key("share"), required.share, "a share from 0 to 1"));
+            }
+            match &required.target {
+                None => all.areas.push(area(&at, required)?),
+                Some(target) => {
+                    let rule = TargetRule::new(&at, required, target, dir)?;
+                    all.notes.extend(rule.target.notes.iter().cloned());
+                    all.files.extend(rule.target.files.iter().cloned());
+                    all.targets.push(rule);
+                }
             }
         }
+        Ok(all)
     }
-    Ok((areas, rules, files))
 }
