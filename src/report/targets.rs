@@ -110,11 +110,18 @@ pub(super) fn range_card_rows(card: &RangeCard) -> Vec<Vec<String>> {
     std::iter::once(titles.collect()).chain((0..bearings).map(row)).collect()
 }
 
+/// Metres at the outer circle of a plot: the farthest detection, rounded up to whole circles of 5 m.
+fn farthest(all: &[Met<'_>]) -> f64 {
+    let step = 5.0 * RINGS as f64;
+    let most = all.iter().flat_map(|one| one.runs).map(|run| run[1]).fold(0.0, f64::max);
+    (most / step).ceil().max(1.0) * step
+}
+
 /// The card of a placement as a polar plot.
 pub(super) fn range_card_svg(name: &str, card: &RangeCard) -> String {
     let names: Vec<&str> = card.targets.iter().map(|target| &*target.target).collect();
-    let farthest = card.distances.last().copied().unwrap_or(1.0);
-    let body = panel(name, &of_card(card), &names, farthest);
+    let all = of_card(card);
+    let body = panel(name, &all, &names, farthest(&all));
     let body = html! { (body) (legend(&names, PANEL + TITLE)) };
     page(
         [PANEL, PANEL + TITLE + legend_height(&names)],
@@ -155,7 +162,8 @@ pub fn targets_text(table: &TargetTable) -> String {
 pub fn targets_svg(question: &TargetQuestion, table: &TargetTable) -> String {
     let panels = by_placement(table);
     let names: Vec<&str> = question.targets.iter().map(|target| &*target.name).collect();
-    let farthest = question.distances.last().copied().unwrap_or(1.0);
+    let all: Vec<Met<'_>> = panels.iter().flat_map(|of| of_detections(of)).collect();
+    let farthest = farthest(&all);
     let columns = panels.len().clamp(1, COLUMNS);
     let rows = panels.len().div_ceil(columns).max(1);
     let [width, height] = [columns as f64 * PANEL, rows as f64 * (PANEL + TITLE)];
@@ -213,17 +221,18 @@ fn panel(heading: &str, all: &[Met<'_>], names: &[&str], farthest: f64) -> Marku
         text x="12" y="20" font-weight="600" { (heading) }
         text x="12" y="37" fill=(SOFT) { "metres from the vehicle's origin; front is up" }
         @for ring in 1..=RINGS {
-            @let metres = farthest * ring as f64 / RINGS as f64;
-            circle cx=(px(middle[0])) cy=(px(middle[1])) r=(px(metres * scale)) fill="none" stroke=(FAINT) {}
-            text x=(px(middle[0] + 3.0)) y=(px(middle[1] - metres * scale - 3.0)) font-size="11" fill=(SOFT) {
-                (trimmed(metres, 1))
-            }
+            circle cx=(px(middle[0])) cy=(px(middle[1])) r=(px(RADIUS * ring as f64 / RINGS as f64)) fill="none"
+                stroke=(FAINT) {}
         }
         @for one in all {
             @for run in one.runs {
                 @let (index, outline) = wedge(one, run);
                 polygon points=(outline) fill=(COLOURS[index % COLOURS.len()]) fill-opacity=".85" {}
             }
+        }
+        @for ring in 1..=RINGS {
+            @let share = ring as f64 / RINGS as f64;
+            text x=(px(middle[0] + 3.0)) y=(px(middle[1] - RADIUS * share - 3.0)) font-size="11" fill=(SOFT) { (trimmed(farthest * share, 1)) }
         }
         polygon points=(corners([(middle[0], middle[1] - 8.0), (middle[0] + 5.0, middle[1] + 6.0),
             (middle[0] - 5.0, middle[1] + 6.0)])) fill=(INK) {}

@@ -95,7 +95,7 @@ pub struct Scores {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range_card: Option<RangeCard>,
     /// Beams that a car all round at 5 to 50 m lacks of five, as a share; `None` where a search does not look. See
-    /// [`crate::targets::CarSight`].
+    /// [`crate::targets::Sight`].
     #[serde(skip)]
     pub car_missing: Option<f64>,
     /// Why the scores should not be believed; empty when nothing speaks against them.

@@ -122,7 +122,9 @@ fn range_card(subject: &Subject<'_>) -> Markup {
                 (card.beams) " beams or more end at it, the own body in the way. Bearings count to the left from \
                  straight ahead."
             }
-            (parts::figure(&range_card_svg(&best.placement.name, card), "Distances at which targets are met"))
+            div.polar {
+                (parts::figure(&range_card_svg(&best.placement.name, card), "Distances at which targets are met"))
+            }
             (parts::table("Metres at which a target is met", &titles, &rows[1..].iter().map(cells).collect::<Vec<_>>()))
         }
     }
