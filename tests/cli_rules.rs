@@ -168,7 +168,9 @@ fn a_target_ends_the_search_once_it_holds_over_all_frames() {
         assert_eq!(run["stopped"], "target: a placement reached the score that was wanted");
         assert!(run["evaluations"].as_u64().unwrap() < 120);
         assert!(run["best"]["objective"].as_f64().unwrap() >= 0.9 * best);
-        assert_eq!(run["best"]["scores"]["guards"], json!([]));
+        // Two LiDARs of a few beams lose a car far away, which speaks against no score.
+        let guards = run["best"]["scores"]["guards"].as_array().unwrap();
+        assert!(guards.iter().all(|guard| guard.as_str().unwrap().starts_with("blind_sector")));
         let again = ok(dir.path(), &["optimize", "--resume", out, "--backend", "cpu"]);
         assert_eq!((&again["best"], &again["stopped"]), (&run["best"], &run["stopped"]));
     }

@@ -228,7 +228,8 @@ fn searches_over_many_frames_end_soon_after_their_time() {
     let most = Duration::from_secs(LIMIT) + (4 * unit).max(Duration::from_secs(15));
     for line in LIMITED {
         let (status, _, said) = limited(line, LIMIT, most);
-        assert!(status.success(), "{line}: {said}");
+        // 1: what the vehicle requires is not met in the time.
+        assert!(matches!(status.code(), Some(0 | 1)), "{line}: {said}");
         let result = fs::read_to_string(dir.path().join("out/result.json")).unwrap();
         let result: Value = serde_json::from_str(&result).unwrap();
         let stopped = result["stopped"].as_str().unwrap();

@@ -292,6 +292,11 @@ fn rules_on_targets_are_shares_of_their_places() {
     assert_eq!((single[0], single[2]), ((1.0, true), (0.0, false)), "nothing is left of one");
     // A car at the edge of the half turn is met by the half of it that is inside.
     assert!((0.5..0.6).contains(&single[1].0) && !single[1].1, "{single:?}");
+    let missing = |rule: usize| found["scores"][0]["requirements"][rule]["missing"].clone();
+    assert_eq!(missing(0), Value::Null);
+    let round = missing(1).as_str().unwrap().to_owned();
+    assert!(round.starts_with("missing at 10 to 15 m between -180° and "), "{round}");
+    assert_eq!(missing(2), "missing at 10 to 15 m between -60° and 60° without LiDAR 0");
     assert_eq!(single[3], (0.0, false));
     let twice = shares(1);
     assert_eq!((twice[0], twice[2]), ((1.0, true), (1.0, true)));
@@ -375,4 +380,43 @@ fn wrong_rules_are_refused_with_their_place() {
         let has_place = told.contains("cart.json") || word == "none.json";
         assert!(told.contains(word) && has_place, "{rule}: {told}");
     }
+}
+
+#[test]
+fn own_rigs_lose_each_lidar_in_turn() {
+    let dir = TempDir::new().unwrap();
+    let ahead = json!({ "name": "ahead", "target": "car", "from": 10, "within": 15, "bearing": [-60, 60], "share": 0.9 });
+    ruled(dir.path(), json!([ahead]));
+    let lidar = |yaw: f64| json!({ "x": 0, "y": 0, "z": 1, "yaw": yaw, "sensor": "half" });
+    let rigs = json!({ "placements": [
+        { "name": "both", "lidars": [lidar(0.0), lidar(std::f64::consts::PI)] },
+        { "name": "twice", "lidars": [lidar(0.0), lidar(0.0), lidar(std::f64::consts::PI)] } ] });
+    fs::write(dir.path().join("own.json"), rigs.to_string()).unwrap();
+    let args = ["study", "loss", "street.json", "own.json", "--backend", "cpu", "--out", "lost"];
+    let found = ok(dir.path(), &args);
+    let columns = found["columns"].as_array().unwrap();
+    assert_eq!(columns.len(), 8, "{columns:?}");
+    let values =
+        |row: usize| -> Vec<Value> { found["rows"][row]["values"].as_array().unwrap().clone() };
+    // One of two: nothing ahead, or nothing behind but what the half turns share.
+    let both = values(0);
+    assert_eq!((&both[2], &both[6]), (&json!(1.0), &Value::Null));
+    assert!(both[3].as_f64().unwrap() > 150.0, "{both:?}");
+    // Without the first of two that look alike nothing changes.
+    let twice = values(1);
+    assert_eq!((&twice[0], &twice[2]), (&twice[4], &json!(0.0)));
+    let notes = found["notes"].to_string();
+    let lost =
+        "both without LiDAR 0: NOT MET: ahead: 0.0 % seen, 90.0 % required, missing at 10 to 15 m";
+    assert!(notes.contains(lost), "{notes}");
+    assert!(
+        notes.contains("both without LiDAR 1: left and behind and right (75° to -75°)"),
+        "{notes}"
+    );
+    assert!(!notes.contains("twice without LiDAR 0"), "{notes}");
+    let told = fails(dir.path(), &["study", "lidars", "street.json", "own.json"]);
+    assert!(
+        told.contains("own.json: holds placements, which `study lidars` does not take"),
+        "{told}"
+    );
 }

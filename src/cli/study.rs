@@ -67,6 +67,7 @@ impl clap::Args for Command {
   sightline study lidars scenes/highway.json
   sightline study channels scenes/highway.json --sensor velodyne_vlp_32c.json --sensor os1_64.json
   sightline study loss scenes/highway.json scenes/residential.json
+  sightline study loss scenes/highway.json scenes/placements.json --frames 2
   sightline study regions scenes/residential.json --box crossing:10,-5,0,30,5,2
   sightline study nearfield scenes/highway.json --out near.svg
   sightline study targets scenes/placements.json --vehicle scenes/vehicles/car.json
@@ -78,7 +79,8 @@ pub struct Args {
     /// What to study
     #[arg(value_parser = kinds())]
     kind: Kind,
-    /// Scene files: `transfer` looks at all together, every other kind at one after the other
+    /// Scene files: `transfer` looks at all together, every other kind at one after the other; `loss` takes a file of own
+    /// rigs behind them
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
     /// Folder for the study, of several scenes one in it for each [default: studies/SCENE-KIND]

@@ -272,14 +272,7 @@ impl Job {
         &self,
         all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
     ) -> Result<(), JobError> {
-        let site = self.target_site()?;
-        for (placement, scores) in all {
-            let card = site.as_ref().map(|site| RangeCard::new(site, &placement.lidars));
-            scores.range_card = card.transpose().map_err(BackendError::from)?;
-            let blind = scores.range_card.iter().flat_map(|card| &card.blind);
-            scores.guards.extend(blind.copied().map(Guard::BlindSector));
-        }
-        Ok(())
+        Ok(add_range_cards(&*self.problem()?, all)?)
     }
 
     /// Sensors and body of the first scene's vehicle, for beams on targets; `None` where beams end at nothing.
@@ -314,6 +307,11 @@ impl Job {
                 let guards = self_hits(scene, member.problem(), engine, placement)?;
                 judged.by_scene[index].scores.guards.extend(guards);
             }
+            // Sectors of a mirror image are those of its scene, on the other side.
+            if !member.is_mirrored() {
+                let by_scene = judged.iter_mut().map(|judged| &mut judged.by_scene[index].scores);
+                add_range_cards(member.problem(), placements.iter().zip(by_scene))?;
+            }
         }
         Ok(())
     }
@@ -325,4 +323,22 @@ impl Job {
             None => source.into(),
         }
     }
+}
+
+/// Range cards of placements of a problem's vehicle, and their blind sectors as guards; nothing where beams end at
+/// nothing.
+fn add_range_cards<'a>(
+    problem: &Problem,
+    all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
+) -> Result<(), BackendError> {
+    if !problem.ends_at_hits() {
+        return Ok(());
+    }
+    let site = TargetSite::of(problem);
+    for (placement, scores) in all {
+        let card = RangeCard::new(&site, &placement.lidars)?;
+        scores.guards.extend(card.blind.iter().copied().map(Guard::BlindSector));
+        scores.range_card = Some(card);
+    }
+    Ok(())
 }

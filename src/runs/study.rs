@@ -6,20 +6,23 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::inputs::note_repeated;
+use super::given::Given;
+use super::inputs::Files;
 use super::{Bar, Computing, Error, GRACE, Watcher, opening};
 use crate::files::{self, Input, RunDir, holds_run, is_forced, safe_names};
 use crate::report::study::study_plot;
 use crate::scan::conditions::{Condition, in_words};
 use crate::scene::Scene;
 use crate::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, study};
+use crate::vehicle::read_placements;
 
 /// A study of scene files.
 #[derive(Debug, Clone)]
 pub struct StudyRequest {
     /// What to study.
     pub kind: Kind,
-    /// Scene files: `transfer` looks at all together, every other kind at one after the other.
+    /// Scene files: `transfer` looks at all together, every other kind at one after the other; for `loss` a file of
+    /// placements among them.
     pub scenes: Vec<PathBuf>,
     /// Folder; of several scenes one in it for each.
     pub out: Option<PathBuf>,
@@ -54,16 +57,21 @@ pub fn study_scenes(
     mut each: impl FnMut(&Table, &Path) -> Result<(), Error>,
 ) -> Result<Vec<Table>, Error> {
     let _session = files::Session::begin();
-    note_repeated(&request.scenes, computing.watcher);
+    let Files { scenes: paths, placements } = Files::sort(&request.scenes, computing.watcher)?;
     let settings = settings(request, computing)?;
+    if let Some(file) = placements.as_deref().filter(|_| request.kind != Kind::Loss) {
+        let (file, kind) = (file.display(), request.kind.name());
+        return Err(Error::Usage(format!(
+            "{file}: holds placements, which `study {kind}` does not take; `loss`, `nearfield` and `targets` do"
+        )));
+    }
     computing.watcher.listen(GRACE);
     // What needs several scenes looks at them together; all other kinds at one after the other.
-    let together = request.kind == Kind::Transfer || request.scenes.len() == 1;
+    let together = request.kind == Kind::Transfer || paths.len() == 1;
     if together {
-        request.kind.check_scenes(request.scenes.len())?;
+        request.kind.check_scenes(paths.len())?;
     }
-    let paths = &request.scenes;
-    let each_of: Vec<&[PathBuf]> = if together { vec![paths] } else { paths.chunks(1).collect() };
+    let each_of: Vec<&[PathBuf]> = if together { vec![&paths] } else { paths.chunks(1).collect() };
     let stem = |scenes: &&[PathBuf]| {
         scenes[0].file_stem().unwrap_or_default().to_string_lossy().into_owned()
     };
@@ -75,7 +83,8 @@ pub fn study_scenes(
             Some(out) => out.join(name),
             None => PathBuf::from("studies").join(format!("{name}-{}", request.kind.name())),
         };
-        let found = of_scenes(request, scenes, &settings, &folder, computing)?;
+        let given = placements.as_deref();
+        let found = of_scenes(request, (scenes, given), &settings, &folder, computing)?;
         each(&found, &folder)?;
         tables.push(found);
         if !computing.watcher.goes_on() {
@@ -96,6 +105,7 @@ fn settings(request: &StudyRequest, computing: &Computing<'_>) -> Result<StudySe
         seed: request.seed,
         sensors: request.sensors.clone(),
         regions: request.regions.clone(),
+        placements: Vec::new(),
         conditions: request.conditions.clone(),
         engine: computing.engine.clone(),
     })
@@ -104,7 +114,7 @@ fn settings(request: &StudyRequest, computing: &Computing<'_>) -> Result<StudySe
 /// The study of one scene, or of several together, in its folder.
 fn of_scenes(
     request: &StudyRequest,
-    paths: &[PathBuf],
+    (paths, placements): (&[PathBuf], Option<&Path>),
     settings: &StudySettings,
     folder: &Path,
     computing: &Computing<'_>,
@@ -113,8 +123,16 @@ fn of_scenes(
     let files = opening::files(paths, &request.conditions, request.frames, computing);
     let job = opening::job(&files, computing)?.job;
     let scenes = job.scenes();
-    let read = scenes.iter().map(|scene| &**scene.scene());
-    let recorded = recorded(request, paths, settings, read)?;
+    let mut settings = settings.clone();
+    if let Some(file) = placements {
+        settings.placements = read_placements(file)?;
+        Given::in_problem(file, &*job.problem()?, computing).all(&mut settings.placements)?;
+    }
+    let (settings, read) = (&settings, scenes.iter().map(|scene| &**scene.scene()));
+    let mut recorded = recorded(request, paths, settings, read)?;
+    if let Some(file) = placements {
+        recorded.inputs.push(Input::read(file)?);
+    }
     let (dir, mut known) = open_folder(folder, &recorded)?;
     let session = Session {
         dir: &dir,

@@ -124,7 +124,8 @@ fn map_of_counts<S: Serializer>(
     serializer.collect_map(counts.iter().map(|(name, count)| (name, Count(*count))))
 }
 
-/// An area or a target of which a share must be seen. In JSON `name`, `required`, `found` and `met`.
+/// An area or a target of which a share must be seen. In JSON `name`, `required`, `found`, `met`, and
+/// `missing` where it is known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Seen {
     /// Name on the vehicle.
@@ -133,6 +134,8 @@ pub struct Seen {
     pub share: f64,
     /// Least share.
     pub least: f64,
+    /// Where a target that is not met lacks beams, in words.
+    pub missing: Option<String>,
 }
 
 impl Seen {
@@ -144,22 +147,27 @@ impl Seen {
 
 impl Serialize for Seen {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut object = serializer.serialize_struct("Seen", 4)?;
+        let mut object = serializer.serialize_struct("Seen", 5)?;
         object.serialize_field("name", &self.name)?;
         object.serialize_field("required", &self.least)?;
         object.serialize_field("found", &self.share)?;
         object.serialize_field("met", &self.is_met())?;
+        match &self.missing {
+            Some(missing) => object.serialize_field("missing", missing)?,
+            None => object.skip_field("missing")?,
+        }
         object.end()
     }
 }
 
 impl std::fmt::Display for Seen {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { name, share, least } = self;
+        let Self { name, share, least, missing } = self;
         let not = if self.is_met() { "" } else { "NOT MET: " };
         // Rounded down, so that what is not met never reads as met.
         let found = (1e3 * share + 1e-9).floor() / 10.0;
-        write!(f, "{not}{name}: {found:.1} % seen, {:.1} % required", 100.0 * least)
+        write!(f, "{not}{name}: {found:.1} % seen, {:.1} % required", 100.0 * least)?;
+        missing.iter().try_for_each(|missing| write!(f, ", {missing}"))
     }
 }
 
@@ -170,6 +178,7 @@ fn required(tally: &Tally, content: &Content, frames: usize) -> Vec<Seen> {
         name: area.required.name.clone(),
         share: count as f64 / (frames as u64 * area.voxels).max(1) as f64,
         least: area.required.share,
+        missing: None,
     });
     seen.collect()
 }

@@ -12,7 +12,7 @@ use super::suite::{Member, Suite};
 use crate::engine::{Backend, BackendError, CpuBackend, EngineChoice, open};
 use crate::problem::{Problem, Tally};
 use crate::score::{Objective, Scores, Seen, totals};
-use crate::targets::{Sight, SightBeams};
+use crate::targets::{RuleMet, Sight, SightBeams};
 use crate::vehicle::{Constraints, Placement, UnknownSensor};
 
 /// Scores placements on an engine for each scene; most have one scene.
@@ -41,6 +41,13 @@ pub struct Judged {
     pub by_scene: Vec<SceneScores>,
 }
 
+/// Bearings and distances at which a rule that is not met lacks its target, and the LiDAR that is lost then.
+fn missing_in_words(met: &RuleMet<'_>) -> Option<String> {
+    let missing = met.missing.filter(|_| met.share < met.rule.share)?;
+    let without = met.without.map(|lidar| format!(" without LiDAR {lidar}")).unwrap_or_default();
+    Some(format!("{missing}{without}"))
+}
+
 /// Beams that a car lacks, where a search looks, and the rules on targets.
 fn met(sight: &Sight, placement: &Placement) -> Result<(Option<f64>, Vec<Seen>), UnknownSensor> {
     let each = placement.lidars.iter().map(|lidar| sight.beams(lidar));
@@ -52,6 +59,7 @@ fn met(sight: &Sight, placement: &Placement) -> Result<(Option<f64>, Vec<Seen>),
         name: met.rule.name.clone(),
         share: met.share,
         least: met.rule.share,
+        missing: missing_in_words(met),
     });
     Ok((sight.car_missing(&all), seen.collect()))
 }
@@ -326,12 +334,13 @@ impl Evaluator {
                 scene: scene.to_owned(),
                 scores: scores.clone(),
             };
-            let by_scene =
+            let mut by_scene =
                 if scenes.len() > 1 { scenes.iter().map(of_scene).collect() } else { vec![] };
             let mut scores = Scores::over_scenes(&scenes);
             if let Some((car_missing, rules)) = &met[index] {
                 scores.car_missing = *car_missing;
-                scores.required.extend(rules.iter().cloned());
+                let own = by_scene.iter_mut().map(|of: &mut SceneScores| &mut of.scores);
+                own.chain([&mut scores]).for_each(|of| of.required.extend(rules.iter().cloned()));
             }
             Judged { scores, by_scene }
         };

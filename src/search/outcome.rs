@@ -82,6 +82,12 @@ impl Scored {
         Self::yardstick(baselines).or_else(best)
     }
 
+    /// A copy without what only a search asks about.
+    pub(super) fn settled(mut self) -> Self {
+        self.scores.car_missing = None;
+        self
+    }
+
     /// Its standing among placements that keep the rules of the mount.
     pub(super) fn standing(&self) -> Standing {
         let guards = self.scores.guards.iter().filter(|guard| guard.is_doubt()).count();

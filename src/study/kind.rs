@@ -66,7 +66,7 @@ impl Kind {
         (
             Self::Loss,
             "loss",
-            "Each LiDAR lost in turn, and the placement that is best after the worst loss",
+            "Each LiDAR lost in turn: of own rigs (a file of placements) requirements that fail and blind sectors, else the placement that is best after the worst loss",
         ),
         (Self::Transfer, "transfer", "A placement optimized on one scene, scored on the others"),
         (

@@ -1,6 +1,7 @@
 //! A scene of a study: jobs, searches and scores that differ in one thing from case to case.
 
 use super::{StudyError, StudyObserver, StudySettings};
+use crate::engine::BackendError;
 use crate::job::{Job, JobScene};
 use crate::psog::{PsogError, Roi};
 use crate::scan::conditions::{in_words, under};
@@ -8,6 +9,7 @@ use crate::scan::scan_scene;
 use crate::scene::{PsogSource, Scene};
 use crate::score::{Objective, Scores};
 use crate::search::{Evaluator, Event, Settings, optimize};
+use crate::targets::RangeCard;
 use crate::vehicle::{Constraints, Placement, Sensors, table_7};
 
 /// The job that all cases of a study in one scene vary.
@@ -65,6 +67,16 @@ impl<'a> StudyScene<'a> {
     /// An evaluator of the scene as it is.
     pub(super) fn evaluator(&self) -> Result<Evaluator, StudyError> {
         self.open(&self.job)
+    }
+
+    /// Range cards of placements; empty where beams end at nothing.
+    pub(super) fn range_cards(
+        &self,
+        placements: &[Placement],
+    ) -> Result<Vec<RangeCard>, StudyError> {
+        let Some(site) = self.job.target_site()? else { return Ok(Vec::new()) };
+        let cards = placements.iter().map(|placement| RangeCard::new(&site, &placement.lidars));
+        Ok(cards.collect::<Result<_, _>>().map_err(BackendError::from)?)
     }
 
     /// An evaluator with other rules of the mount, over the same trees.

@@ -6,6 +6,7 @@ use super::region::Region;
 use crate::engine::EngineChoice;
 use crate::scan::conditions::Condition;
 use crate::score::Objective;
+use crate::vehicle::Placement;
 
 /// Settings of a study: with its scenes they decide about every number.
 #[derive(Debug, Clone)]
@@ -26,7 +27,9 @@ pub struct StudySettings {
     pub sensors: Vec<PathBuf>,
     /// Regions to look at beside the standard ones.
     pub regions: Vec<Region>,
-    /// Weather and faults, in the mode `physical`.
+    /// Own rigs to look at, for [`Kind::Loss`](super::Kind::Loss), in place of placements that are searched.
+    pub placements: Vec<Placement>,
+    /// Weather and faults.
     pub conditions: Vec<Condition>,
     /// Which engine computes; every engine gives the same bits.
     pub engine: EngineChoice,
@@ -43,6 +46,7 @@ impl Default for StudySettings {
             seed: 1,
             sensors: Vec::new(),
             regions: Vec::new(),
+            placements: Vec::new(),
             conditions: Vec::new(),
             engine: EngineChoice::cpu(),
         }

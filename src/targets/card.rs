@@ -68,6 +68,14 @@ pub struct BlindSector {
 }
 
 impl BlindSector {
+    /// Width in degrees; 360 all round.
+    pub fn degrees(&self) -> f64 {
+        match self.bearings {
+            [-180.0, 180.0] => 360.0,
+            [from, to] => (to - from).rem_euclid(360.0),
+        }
+    }
+
     /// The four directions that a sector holds, in words: `ahead and left`.
     fn sides(&self) -> String {
         let [from, to] = self.bearings;

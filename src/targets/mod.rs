@@ -26,5 +26,5 @@ mod tests;
 pub use beams::{Receiving, Standing, TargetSite};
 pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges};
 pub use places::GroundBelow;
-pub use sight::{CAR_WEIGHT, RuleMet, Sight, SightBeams};
+pub use sight::{CAR_WEIGHT, Missing, RuleMet, Sight, SightBeams};
 pub use table::{Detection, TargetQuestion, TargetRow, TargetTable};

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::beams::{Standing, TargetSite};
 use super::card::{CARD_BEAMS, card_targets, position};
+use crate::maths;
 use crate::problem::Problem;
 use crate::scene::Target;
 use crate::vehicle::{SensorPose, TargetRule, UnknownSensor};
@@ -62,6 +63,26 @@ pub struct RuleMet<'a> {
     /// Share of its places at which enough beams meet the target; of a rule that must hold without any one LiDAR the
     /// least over them.
     pub share: f64,
+    /// LiDAR whose loss leaves least, of a rule that must hold without any one.
+    pub without: Option<usize>,
+    /// Places that are not met; `None` where all are.
+    pub missing: Option<Missing>,
+}
+
+/// Smallest range of bearings and distances around places that are not met.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Missing {
+    /// First and last bearing, degrees counter-clockwise from straight ahead.
+    pub bearings: [f64; 2],
+    /// Nearest and farthest distance, metres.
+    pub distances: [f64; 2],
+}
+
+impl std::fmt::Display for Missing {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let ([from, to], [near, far]) = (self.bearings, self.distances);
+        write!(f, "missing at {near:.0} to {far:.0} m between {from:.0}° and {to:.0}°")
+    }
 }
 
 /// Places of a rule: every 7.5° or less between its bearings, every 2.5 m or less between its distances.
@@ -154,17 +175,56 @@ impl Sight {
         sum
     }
 
+    /// Least share of a rule's places, and the LiDAR whose loss leaves it; all LiDARs where none is to be lost.
+    fn least(
+        &self,
+        each: &[&SightBeams],
+        (rule, places): &(TargetRule, Range<usize>),
+    ) -> (f64, Option<usize>) {
+        let share =
+            |lost: Option<usize>| (self.hard(&Self::sum_without(each, lost), places.clone()), lost);
+        let lost = (0..each.len()).map(Some).filter(|_| rule.without_any_one);
+        // The first of equal ones.
+        let least = lost.map(share).reduce(|a, b| if b.0 < a.0 { b } else { a });
+        least.unwrap_or_else(|| share(None))
+    }
+
     /// Every rule with its share, for the beams of each LiDAR.
     pub fn rules_met(&self, each: &[&SightBeams]) -> Vec<RuleMet<'_>> {
-        let all = Self::sum_without(each, None);
-        let share = |(rule, places): &(TargetRule, Range<usize>)| match rule.without_any_one {
-            false => self.hard(&all, places.clone()),
-            true => {
-                let less = (0..each.len()).map(|k| Self::sum_without(each, Some(k)));
-                less.map(|sum| self.hard(&sum, places.clone())).fold(1.0, f64::min)
-            }
-        };
-        self.rules.iter().map(|of| RuleMet { rule: &of.0, share: share(of) }).collect()
+        let mut all = Vec::new();
+        for of in &self.rules {
+            let (share, without) = self.least(each, of);
+            let missing = self.missing(&Self::sum_without(each, without), of);
+            all.push(RuleMet { rule: &of.0, share, without, missing });
+        }
+        all
+    }
+
+    /// Bearings and distances around the places of a rule that are not met.
+    fn missing(
+        &self,
+        all: &SightBeams,
+        (rule, places): &(TargetRule, Range<usize>),
+    ) -> Option<Missing> {
+        let unmet = places
+            .clone()
+            .filter(|&place| all.0.get(place).is_none_or(|&beams| beams < self.enough[place]));
+        unmet.fold(None, |range: Option<Missing>, place| {
+            let [x, y, _] = self.places[place].1;
+            // Bearings count from the rule's first one on, so that a range may cross ±180°.
+            let turned = maths::atan2(y, x).to_degrees() - rule.bearings[0];
+            // Rounding must not turn the first bearing into the last.
+            let bearing = rule.bearings[0] + (turned + 1e-6).rem_euclid(360.0) - 1e-6;
+            let distance = maths::hypot(x, y);
+            let widened = |range: [f64; 2], value: f64| [range[0].min(value), range[1].max(value)];
+            Some(match range {
+                None => Missing { bearings: [bearing; 2], distances: [distance; 2] },
+                Some(Missing { bearings, distances }) => Missing {
+                    bearings: widened(bearings, bearing),
+                    distances: widened(distances, distance),
+                },
+            })
+        })
     }
 
     /// True if there are rules.
@@ -175,15 +235,16 @@ impl Sight {
     /// Share that the rules lack, over all of them, for a search that goes step by step: a rule that is not met lacks a
     /// little less with every beam.
     pub fn rules_missing(&self, each: &[&SightBeams]) -> f64 {
-        let met = self.rules_met(each);
         let all = Self::sum_without(each, None);
-        let lacks = |((rule, places), met): (&(TargetRule, Range<usize>), &RuleMet<'_>)| {
+        let lacks = |of: &(TargetRule, Range<usize>)| {
+            let (rule, places) = of;
             let least = if rule.share > 0.0 { (rule.share + MARGIN).min(1.0) } else { 0.0 };
-            if met.share >= least {
+            let (share, _) = self.least(each, of);
+            if share >= least {
                 return 0.0;
             }
-            least - met.share + PARTIAL * (1.0 - self.soft(&all, places.clone()))
+            least - share + PARTIAL * (1.0 - self.soft(&all, places.clone()))
         };
-        self.rules.iter().zip(&met).map(lacks).sum()
+        self.rules.iter().map(lacks).sum()
     }
 }

@@ -86,8 +86,8 @@ impl Run {
                 .as_ref()
                 .map(|best| active_bounds(&best.placement, constraints))
                 .unwrap_or_default(),
-            best,
-            baselines,
+            best: best.map(Scored::settled),
+            baselines: baselines.into_iter().map(Scored::settled).collect(),
             methods,
             certificate,
             spread,

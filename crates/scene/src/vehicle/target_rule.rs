@@ -66,7 +66,7 @@ impl TargetRule {
         let within = required.within.ok_or_else(|| {
             missing("within", "say up to which distance, `\"within\": 40` for example")
         })?;
-        let from = required.from.unwrap_or(FROM.min(within));
+        let from = required.from.unwrap_or(FROM.min(within.max(0.0)));
         if !(0.0..=FARTHEST).contains(&from) {
             return Err(bad(&at.key("from"), from, format!("metres from 0 to {FARTHEST}")));
         }
