@@ -14,7 +14,7 @@ pub(super) struct Fires {
     /// Beams that follow each other in a channel, and channels; one of a list of directions.
     pub columns: usize,
     pub channels: usize,
-    /// Of one firing, but perhaps for the last.
+    /// Beams of one firing; the last firing may have fewer.
     size: usize,
     /// True if the columns make one whole turn.
     turns: bool,

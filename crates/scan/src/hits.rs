@@ -13,7 +13,7 @@ use sightline_scene::vehicle::{Placement, SensorPose, UnknownSensor};
 /// Beams that are cast in one batch: sensors that share directions are cast together.
 const BEAMS_TOGETHER: usize = 16 << 20;
 
-/// What memory is asked for.
+/// Name of the allocation in errors.
 const BEAMS: &str = "hits of all beams cast at once";
 /// Bytes of a beam in all columns.
 const BEAM_BYTES: u64 = 40;

@@ -30,8 +30,7 @@ const OUTSIDE: u32 = u32::MAX;
 /// The ego body is left out, as data sets leave out the points on it. Every hit is a labelled point
 /// and votes for its class in its voxel.
 ///
-/// What does not move is cast once for each place where the scanner stands, and actors are cast on top of
-/// that for each frame.
+/// Static geometry is cast once for each scanner position. Actors are cast on top of it for each frame.
 ///
 /// `go_on` is asked before each band of rings of the frames that are scanned together, and after the last, with
 /// the number of frames that are done. A no ends the scan, unless all frames are done.

@@ -12,7 +12,7 @@ use sightline_scene::vehicle::SensorModel;
 
 /// Rays that a beam is made of where its middle is not enough: the middle, and a ring of six on its rim.
 pub(super) const RAYS: usize = 7;
-/// Those on the rim.
+/// Rays on the rim.
 pub(super) const RING: usize = RAYS - 1;
 /// Share of the beam's power in the middle; the ring has the rest.
 const MIDDLE: f64 = 0.4;

@@ -18,7 +18,7 @@ use sightline_scene::vehicle::Echoes;
 const STRONG: f64 = 9.0;
 const MOST_NOISE: f64 = 3.0;
 
-/// What receives the echoes of a LiDAR in a frame.
+/// Turns the hits of one LiDAR in a frame into returns.
 pub(super) struct Receiver<'a> {
     pub sweeper: &'a Sweeper,
     pub sweep: &'a Sweep,
@@ -135,7 +135,7 @@ impl Receiver<'_> {
         }
     }
 
-    /// What a share of the beam's power brings back from a surface.
+    /// Echo of a surface that gets `share` of the beam's power.
     fn echo(&self, surface: &Surface, ray: u8, share: f64) -> Echo {
         let (range, incidence) = (f64::from(surface.t), f64::from(surface.incidence));
         let (class, instance) = (surface.class, surface.instance);

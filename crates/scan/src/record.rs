@@ -19,7 +19,7 @@ pub const EGO_INSTANCE: u16 = u16::MAX;
 /// of a tight box, where rounding would decide.
 pub const BOX_MARGIN: f64 = 0.005;
 
-/// What a beam came back as.
+/// Outcome of a beam: the source of its point, or why there is none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Status {
@@ -56,8 +56,8 @@ pub struct Return {
     /// Where it came from, in the ego frame at the scan's time, metres: the sensor's motion since is made up
     /// for. Not a number where there is no point.
     pub position: [f32; 3],
-    /// The same as a sensor sees it that does not know that it moved: its distance along the beam of a
-    /// sensor that stands where it stood at the scan's time.
+    /// Position without motion compensation: `range` metres along the beam of a sensor that still stands where
+    /// it stood at the scan's time.
     pub raw: [f32; 3],
     /// Metres along the beam; not a number where there is no point.
     pub range: f32,
@@ -79,7 +79,7 @@ pub struct Return {
     pub instance: u16,
     /// Cosine of the angle of incidence on the surface, 0 to 1; 0 if none.
     pub incidence: f32,
-    /// What came back.
+    /// Source of the point, or why there is none.
     pub status: Status,
 }
 
@@ -113,7 +113,7 @@ pub struct ScanLidar {
     pub model: String,
     /// Takes its frame to that of the ego.
     pub ego_from_sensor: Pose,
-    /// The same without its phase: how it is mounted, in all frames alike.
+    /// Mount pose without the sensor's phase: constant over all frames.
     pub ego_from_mount: Pose,
     /// Channels; 1 of a list of directions.
     pub channels: u32,
@@ -162,7 +162,7 @@ impl Scan {
                 let point = DVec3::from(point.map(f64::from));
                 box_from_ego.apply(point).abs().cmple(half).all()
             };
-            // What lies outside of the sphere around the box need not be turned.
+            // Points outside the box's bounding sphere are dropped before the costlier turn into its frame.
             let reach = (half.length() + 1e-3) as f32;
             let middle = tracked.ego_from_box.translation.as_vec3().to_array();
             let clusters = clusters.iter().filter(|cluster| cluster.is_within(reach, middle));

@@ -9,7 +9,7 @@ use sightline_scene::scene::Reflectances;
 const DARK_SHARE: f64 = 0.3;
 const DARK: f64 = 0.05;
 const BRIGHT: f64 = 0.3;
-/// Of a class that nothing is known of.
+/// Reflectance of a class that is in no table.
 const UNKNOWN: f64 = 0.3;
 
 /// Medians of the remission of an HDL-64E at 5 to 15 m in eight labelled frames of SemanticKITTI (987 000
@@ -56,7 +56,7 @@ pub(super) struct Reflectance {
 }
 
 impl Reflectance {
-    /// Of classes, and what the scene says of them and of its actors.
+    /// Table values of `classes`, overridden by the scene's values for classes and actors.
     pub fn new(classes: &[String], said: &Reflectances) -> Self {
         let mixed = classes.iter().map(|class| MIXED.contains(&class.as_str())).collect();
         let of = |(id, class): (usize, &String)| {
@@ -73,8 +73,8 @@ impl Reflectance {
         Self { by_class, mixed, by_actor: said.actors.clone() }
     }
 
-    /// From 0 to 1, of an object of a class; objects keep theirs through all frames of a seed. What stands in the
-    /// static world is no object, and has the mean of its class.
+    /// Reflectance of an object, 0 to 1; the same in all frames of a seed. Surfaces of the static world have the mean
+    /// of their class.
     pub fn of(&self, class: u16, instance: u16, seed: u64) -> f64 {
         let actor = usize::from(instance).checked_sub(1).and_then(|actor| self.by_actor.get(actor));
         if let Some(&Some(reflectance)) = actor {

@@ -71,8 +71,8 @@ pub(super) fn table(rings: &[Ring], range: f64) -> Result<BeamTable, SensorError
     BeamTable::spinning(&channels, rings.first().map_or(0, |ring| ring.azimuth_steps), range)
 }
 
-/// What a scanner looks at: level ground `height` below it, up to `top` above that ground and `reach`
-/// away, in metres.
+/// Space that a scanner must resolve: level ground `height` below it, up to `top` above the ground and
+/// `reach` away, in metres.
 struct View {
     height: f64,
     top: f64,

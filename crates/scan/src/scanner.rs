@@ -31,7 +31,7 @@ const BEAMS_A_TASK: usize = 2048;
 pub struct Scanning {
     /// Geometry alone: every beam returns from what it meets, at once, without error; conditions are refused.
     pub ideal: bool,
-    /// Of all that is left to chance.
+    /// Seed of all random draws.
     pub seed: u64,
     /// Weather and faults.
     pub conditions: Vec<Condition>,
@@ -39,8 +39,8 @@ pub struct Scanning {
 
 /// A rig in a scene, ready to scan any frame of it.
 ///
-/// What is left to chance depends on seed, frame, LiDAR and beam alone: frames come out the same in any
-/// order and on any number of threads.
+/// Random draws depend only on seed, frame, LiDAR and beam. Frames come out bit-equal in any order and on any
+/// number of threads.
 pub struct Scanner<'a> {
     scene: &'a Scene,
     name: Arc<str>,

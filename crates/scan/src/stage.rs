@@ -1,4 +1,4 @@
-//! What the frames of a scan share: trees, faces, spheres around parts; and how all of it moves in a frame.
+//! The moving scene shared by all frames of a scan: trees, faces and bounding spheres of parts, and their motion.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -31,7 +31,7 @@ pub(super) struct Thing {
     faces: Vec<Face>,
 }
 
-/// What a beam needs to know of a face.
+/// Normal and class of one triangle.
 #[derive(Debug, Clone, Copy)]
 struct Face {
     /// Unit normal in the thing's frame, zero of a face without area.
@@ -39,7 +39,7 @@ struct Face {
     class: u16,
 }
 
-/// What all scans of a scene share, whatever the frame and the placement: trees and faces of its parts.
+/// Rigid parts of a scene with their trees and faces: shared by all scans, frames and placements.
 #[derive(Debug)]
 pub struct Stage {
     pub(super) things: Vec<Thing>,
@@ -68,7 +68,7 @@ impl Stage {
         }
     }
 
-    /// Of trees that there are already, one for each part of the scene that is not empty.
+    /// Reuses the trees of `instances`: one for each part of the scene that has triangles.
     pub(super) fn of<'i>(scene: &Scene, instances: impl Iterator<Item = &'i Instance>) -> Self {
         let full = scene.parts(EgoBody::Include).filter(|&part| scene.part_triangles(part) > 0);
         let classes = scene.face_classes(EgoBody::Include);
@@ -240,8 +240,8 @@ pub(super) enum Seen {
 }
 
 impl Seen {
-    /// Of a thing in a sweep that ends `last` of the way to the next frame; `ego_from_sensor` stands still. Beams
-    /// point up to `wide` radians beside the azimuth that they are asked for by.
+    /// Azimuths that see `thing` in a sweep that ends `last` of the way to the next frame; `ego_from_sensor` is fixed.
+    /// Beams point up to `wide` radians beside their nominal azimuth.
     ///
     /// The thing's sphere moves in the sensor's frame; all of its way lies in a sphere around its middle
     /// position, larger by the farthest that the ends are from there, and half as much again for the curve.

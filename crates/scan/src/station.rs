@@ -27,11 +27,11 @@ pub(super) struct Station {
     poses: Vec<Pose>,
     /// Metres that the sensor sees, and the angle that its beams are wide.
     reach: [f32; 2],
-    /// Of things within reach; known once single beams or a device ask for them.
+    /// Poses of the things within reach; filled once single beams or a device ask for them.
     standings: OnceLock<Vec<(u32, Standing)>>,
 }
 
-/// What a beam meets.
+/// Surface point where a beam ends.
 #[derive(Debug, Clone, Copy, Zeroable)]
 pub(super) struct Surface {
     /// Metres; as far as the range goes where it meets nothing.
@@ -46,14 +46,14 @@ pub(super) struct Surface {
     pub position: Vec3,
 }
 
-/// What lies between two neighbouring beams, as one of them sees it.
+/// Depth edge between two neighbouring beams, seen by one of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Edge {
     /// No edge.
     None,
-    /// The end of its own surface, behind which the other sees.
+    /// The beam's own surface ends, and the neighbour sees past it.
     InFront,
-    /// The end of the other's surface, behind which it sees.
+    /// The neighbour's surface ends, and the beam sees past it.
     Behind,
 }
 

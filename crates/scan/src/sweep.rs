@@ -43,7 +43,7 @@ pub(super) struct Sweep {
     pub surfaces: Vec<Surface>,
     /// By firing; one where all fire at once.
     stations: Vec<Station>,
-    /// What the rims of all beams meet, in the order in which they fire; none where that is not known yet.
+    /// Hits of the six rim rays of every beam, in firing order; `None` until they are cast.
     pub rims: Option<Vec<[Hit; RING]>>,
 }
 

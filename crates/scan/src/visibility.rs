@@ -1,4 +1,4 @@
-//! What of a beam comes back through weather, for scores: the beams that do not cover nothing.
+//! Per-beam visibility in weather, for scoring. A beam that does not return covers no voxel.
 
 use std::sync::{Arc, Mutex};
 
@@ -55,22 +55,22 @@ pub enum VisibilityError {
 pub struct Visibility {
     optics: Optics,
     stage: Stage,
-    /// Of the models so far.
+    /// Cached reach tables, one for each pair of response and range seen so far.
     reaches: Mutex<Vec<Reach>>,
 }
 
-/// What decides about a beam beside what it meets.
+/// Response and random numbers of one beam.
 struct Beam<'a> {
     response: &'a Response,
     chance: Chance,
-    /// Of the draw.
+    /// Seed of the draw.
     seed: u64,
 }
 
-/// Response and range of a model, and how far the target is seen, by the draw that decides.
+/// A model's response, its range, and the reach of [`TARGET`] in metres by detection draw.
 type Reach = (Response, f32, Arc<[f32]>);
 
-/// A scene's problem under conditions; as it is under none.
+/// The problem under weather and faults; unchanged if `conditions` is empty.
 ///
 /// # Errors
 /// Beams that end at nothing, a condition given twice.
@@ -87,7 +87,7 @@ pub fn in_conditions(
 }
 
 impl Visibility {
-    /// Of a scene's problem under conditions.
+    /// Visibility of the scene's beams under `conditions`.
     ///
     /// # Errors
     /// Beams that end at nothing, a condition given twice.
@@ -104,7 +104,7 @@ impl Visibility {
         Ok(Arc::new(Self { stage: Stage::of(scene, first), optics, reaches: Mutex::default() }))
     }
 
-    /// How far the target is seen by a model, by the draw that decides.
+    /// Metres up to which [`TARGET`] is detected in air without snow or rain, by detection draw.
     fn reaches(&self, response: &Response, range: f32) -> Arc<[f32]> {
         let mut known = self.reaches.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         if let Some((.., found)) = known.iter().find(|(r, far, _)| r == response && *far == range) {
@@ -142,8 +142,8 @@ impl Visibility {
             && range >= response.min_range
     }
 
-    /// How far a beam that meets nothing up to a range would see the target, where `reaches` says it for air
-    /// in which nothing falls.
+    /// Metres that a beam without a hit covers, at most `range`. `reaches` holds the distances for air without snow
+    /// or rain.
     fn far(&self, beam: &Beam<'_>, reaches: &[f32], range: f32) -> f32 {
         let draw = beam.chance.draw(Purpose::Detection, 0);
         if self.is_wrong(beam) {
@@ -161,8 +161,7 @@ impl Visibility {
         self.optics.weather.fog.as_ref().map_or(0.0, |fog| fog.soft_power(range))
     }
 
-    /// What snow and rain do to a beam that goes as far as a range, with the stronger of their flakes; fog takes
-    /// its share of the flake's echo.
+    /// Light that passes snow and rain up to `range`, and the strongest of their echoes, dimmed by fog on its way.
     fn fallen(&self, beam: &Beam<'_>, range: f64) -> Fallen {
         let mut all = Fallen { passed: 1.0, flake: None };
         for (falling, purpose, _) in self.optics.weather.falls() {

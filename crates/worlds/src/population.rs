@@ -113,7 +113,7 @@ impl Settings<'_> {
         ends.chain(starts.map(|(l, _)| l.centre.at(0.0))).collect()
     }
 
-    /// What does not depend on the ego: parked vehicles and people.
+    /// Places parked vehicles and people, which do not depend on the ego.
     fn around(&self, line: &Line, start: f64, end: f64, rng: &mut ChaCha8Rng) -> Population {
         let mut people = Population::default();
         people.scene.frames = self.frames;

@@ -1,4 +1,4 @@
-//! What stands beside the road: trees, lamps, signs, lights, rails, benches, bins and goods.
+//! Roadside objects: trees, lamps, signs, lights, rails, benches, bins and goods.
 
 use lidar_cast::maths;
 

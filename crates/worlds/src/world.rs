@@ -138,7 +138,7 @@ pub fn read_opendrive(path: &Path) -> Result<String, WorldError> {
     String::from_utf8(bytes).map_err(|error| failed(invalid(error)))
 }
 
-/// What the step of one kind may draw into.
+/// Parts of the world that one drawing step reads and fills.
 struct Draw<'a> {
     network: &'a Network,
     terrain: &'a Terrain,

@@ -13,7 +13,7 @@ const BETWEEN_TRIES: Duration = Duration::from_millis(50);
 pub struct Missing(Vec<PathBuf>);
 
 impl Missing {
-    /// Of a folder that is there.
+    /// Empty list, for a folder that exists: nothing is removed at the end.
     pub fn none() -> Self {
         Self(Vec::new())
     }

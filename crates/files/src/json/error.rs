@@ -80,7 +80,7 @@ pub enum DescriptionError {
         file: String,
         /// Kind of file.
         found: FileKind,
-        /// What was asked for.
+        /// Kind of file expected there.
         wanted: FileKind,
     },
     /// A number, name or list that the place does not allow.
@@ -198,7 +198,7 @@ pub enum DescriptionError {
 }
 
 impl DescriptionError {
-    /// The same fault in a file that is named at a place.
+    /// Wraps the fault of a file with the place that names the file.
     pub fn of_file(self, at: Place) -> Self {
         Self::InFile { at: Box::new(at), source: Box::new(self) }
     }
@@ -211,7 +211,7 @@ fn listed(keys: &[&str], none: &str) -> String {
     keys.iter().map(|k| format!("`{k}`")).collect::<Vec<_>>().join(", ")
 }
 
-/// What follows an unknown name: the name that was meant, or all that are known.
+/// End of an error about an unknown name: the nearest known name, or the list of known ones.
 pub fn did_you_mean(nearest: &Option<String>, known: &[String]) -> String {
     match nearest {
         Some(name) => format!("; did you mean `{name}`?"),

@@ -1,4 +1,4 @@
-//! What a file of this program is, by its keys: files are mistaken for one another on the command line.
+//! Kind of a JSON file by its keys, to explain a file given in the wrong place on the command line.
 
 use std::fmt;
 

@@ -1,4 +1,4 @@
-//! What the labelled road says of a sequence: how far it lies below the LiDAR, and whether it is upright.
+//! Checks of a sequence by its labelled road: LiDAR height above the road, and whether the vehicle is upright.
 
 use glam::{DVec3, Vec3};
 

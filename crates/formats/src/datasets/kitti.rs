@@ -126,7 +126,7 @@ impl KittiSequence {
         Ok(())
     }
 
-    /// The same recorded with the LiDAR upright at another height above the ground, metres.
+    /// The sequence with the LiDAR upright at `height` metres above the ground.
     ///
     /// # Errors
     /// A height that is not finite.

@@ -22,7 +22,7 @@ pub(super) struct About {
     dataset: u32,
     pub complete: bool,
     settings: DatasetSettings,
-    /// What each scene is called in the data set, and what it is for.
+    /// Name and split of each scene in the data set.
     called: Vec<Called>,
     scenes: Vec<SceneFacts>,
 }
@@ -93,7 +93,7 @@ impl About {
         }
     }
 
-    /// What of the settings, the scenes' files left aside, is another in a data set that was begun before.
+    /// Names of the settings that differ from the existing data set; scene files are compared elsewhere.
     fn difference(&self, found: &Self) -> Option<String> {
         let others = others(&self.settings.compared(), &found.settings.compared());
         let difference = if !others.is_empty() {

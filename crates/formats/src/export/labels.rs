@@ -1,4 +1,4 @@
-//! What our classes and kinds of actors are called by SemanticKITTI and nuScenes lidarseg.
+//! Labels of SemanticKITTI and nuScenes lidarseg for classes and kinds of actors.
 
 use std::collections::HashMap;
 
@@ -15,7 +15,7 @@ pub(super) const MOVES: f64 = 0.3;
 pub(super) struct Label {
     /// Id in `semantic-kitti.yaml`.
     pub kitti: u16,
-    /// The same in motion.
+    /// Id in `semantic-kitti.yaml` for a moving thing.
     pub kitti_moving: u16,
     /// Index of the category of nuScenes lidarseg.
     pub nuscenes: u8,

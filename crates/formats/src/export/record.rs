@@ -1,4 +1,4 @@
-//! What is kept of a frame until the tables are made: a small file a frame.
+//! Record of one frame: a small file that is kept until the tables are made.
 
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};

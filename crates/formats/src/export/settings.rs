@@ -1,4 +1,4 @@
-//! What decides the bytes of a data set.
+//! Settings that fix the bytes of a data set.
 
 use std::str::FromStr;
 
@@ -41,7 +41,7 @@ impl FromStr for Layout {
     }
 }
 
-/// What a scene is for.
+/// Split of a data set that a scene belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Split {
@@ -92,11 +92,11 @@ pub struct SceneFacts {
     pub classes: Vec<String>,
     /// Numbers of the frames to write, rising.
     pub frames: Vec<usize>,
-    /// What it is for; `None` leaves that to the shares and the seed.
+    /// Split; `None` draws it by the shares and the seed.
     pub split: Option<Split>,
 }
 
-/// What decides the bytes of a data set, beside the scans.
+/// Settings that fix the bytes of a data set, together with the scans.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DatasetSettings {
     /// Format.

@@ -96,7 +96,7 @@ pub(super) fn read_list(
     Ok(())
 }
 
-/// What an entry says that it is. Notes name the keys of a LiDAR that a placement does not keep.
+/// Content of an entry by its type. Notes name the LiDAR keys that a placement does not keep.
 pub(super) fn holds(fields: &Fields, frames: &mut Frames) -> Result<Holds, RigError> {
     if !fields.text("type")?.starts_with("sensor.lidar") {
         return Ok(Holds::Other);

@@ -259,7 +259,7 @@ pub enum RigError {
         /// Frames of the second.
         after: Vec<String>,
     },
-    /// As many frame names as LiDARs are wanted.
+    /// The number of frame names differs from the number of LiDARs.
     #[error("{given} names are given for {lidars} LiDARs; give one --frame for each")]
     FrameCount {
         /// Names given.

@@ -8,7 +8,7 @@ use sightline_files::Note;
 use sightline_files::json::Place;
 use sightline_scene::vehicle::SensorPose;
 
-/// What a file says of a frame.
+/// Content of a frame, as far as the file states it.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Holds {
     /// A LiDAR, of a model that may be named.

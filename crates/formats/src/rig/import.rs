@@ -39,7 +39,7 @@ const FOOTPRINT: &str = "base_footprint";
 pub struct ImportSettings {
     /// Format; told by content where it is `None`.
     pub format: Option<RigFormat>,
-    /// Name of the rig; that of the file, or `rig`, where it is `None`. Of placements, the one to read.
+    /// Name of the rig; `None`: the file's, or `rig`. A file of placements: the name of the one to read.
     pub name: Option<String>,
     /// Frame of the vehicle, `BASE_LINK` where it is `None`.
     pub base_frame: Option<String>,

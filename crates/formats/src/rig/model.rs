@@ -65,7 +65,7 @@ impl Rig {
     pub fn validate(&self) -> Result<(), RigError> {
         self.placement().validate()?;
         let mut names = HashSet::from([BASE_LINK]);
-        // What no XML holds, in escapes or not.
+        // Characters that XML cannot hold, escaped or not.
         let unwritable = |c: char| c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}');
         for RigLidar { frame, sensor, .. } in &self.lidars {
             if let Some(name) = sensor

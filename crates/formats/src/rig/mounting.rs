@@ -6,7 +6,7 @@ use super::angles::{compose, up};
 use super::known;
 use sightline_scene::vehicle::SensorPose;
 
-/// What lies between the frames of a file and the optical centres in the ego frame.
+/// Offsets from the frames of a file to the optical centres in the ego frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mounting {
     /// Position of `base_link` in the ego frame, in metres; its axes are those of the ego frame.

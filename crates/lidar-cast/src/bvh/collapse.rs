@@ -40,12 +40,12 @@ pub(super) struct Cuts<'a, const WIDTH: usize> {
     pub(super) below: Vec<Below>,
     /// Row of each binary node in `places`; [`BLOCK`] for those that are blocks or lie in one.
     rows: Vec<u32>,
-    /// Of the k + 1 places that a subtree takes how many are its left half's; 0: it takes one, as a node of its own. The
-    /// last number is for its own children.
+    /// `places[k]`: slots for the left child if the subtree gets k + 1 slots; 0 keeps the subtree as one child. The last
+    /// entry splits the slots of its own wide node.
     places: Vec<[u8; WIDTH]>,
 }
 
-/// The row of what is no wide node.
+/// Row of a binary node that is a block or lies in one.
 const BLOCK: u32 = u32::MAX;
 
 impl<'a, const WIDTH: usize> Cuts<'a, WIDTH> {

@@ -118,7 +118,7 @@ impl Caster {
     /// Replaces the hits of one sensor, in the order of the table's directions, by closer ones in some
     /// trees, and by equally close ones of a lower face; a hit of nothing is as far as it says.
     ///
-    /// What a sensor does not see costs next to nothing: bounds of a tree's first boxes.
+    /// A tree out of the sensor's sight costs little: a test of its root node's boxes.
     pub fn closer_hits(&self, parts: &[Part<'_>], hits: &mut [Hit]) {
         let (walked, alone) = self.sorted(parts);
         if let Some(walk) = &self.walk {

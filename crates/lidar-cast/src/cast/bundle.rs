@@ -80,8 +80,8 @@ pub fn closer_hits_of_beams<'a>(
     }
 }
 
-/// The same for rays around the first of `directions`, none farther from it than `width` radians, which go
-/// down together.
+/// Closest hits of a ray bundle: `N` rays within `width` radians around `directions[0]`, which descend
+/// together. Replaces hits as [`closer_hits_of_beams`] does.
 pub fn closer_hits_of_bundle<'a, const N: usize>(
     targets: impl Iterator<Item = Target<'a>>,
     directions: &[[f32; 3]; N],

@@ -42,8 +42,8 @@ pub struct WalkScratch {
     along_y: Vec<u32>,
 }
 
-/// Marks the voxels that one sensor's beams traverse in the order of [`BitOrder::rows`]:
-/// [`super::cover_voxels`] with sixteen beams of about the same length in lockstep. The same voxels.
+/// Marks the voxels that one sensor's beams traverse, in the order of [`BitOrder::rows`].
+/// Sixteen beams of similar length go in lockstep; the voxels equal those of [`super::cover_voxels`].
 ///
 /// `hits` is `[directions]`; `bitmap` is zero and holds all voxels.
 pub fn cover_sensor(

@@ -68,7 +68,7 @@ pub enum BackendError {
     Device {
         /// Adapter as reported.
         adapter: String,
-        /// What was being done.
+        /// Step that failed, such as "being opened".
         stage: &'static str,
         /// From the driver.
         message: String,

@@ -50,7 +50,7 @@ impl EngineChoice {
 
 /// An engine, and what its opening has to say.
 pub struct Opened {
-    /// What computes.
+    /// CPU or GPU engine, ready to score.
     pub engine: Box<dyn Backend>,
     /// Sentences for the user: which device, and why not another.
     pub notes: Vec<String>,

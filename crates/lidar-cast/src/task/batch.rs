@@ -94,7 +94,7 @@ impl<'a> SensorBatch<'a> {
         self.models.iter().zip(&self.sensors).map(pose).collect()
     }
 
-    /// The same in the grid of voxels, rounded.
+    /// Converts sensor-to-ego poses to `f32` device poses with their places in the voxel grid.
     pub fn in_grid(&self, ego_from_sensors: &[Pose]) -> Vec<DevicePose> {
         let roi = self.task.roi();
         ego_from_sensors.iter().map(|pose| DevicePose::new(pose, roi)).collect()

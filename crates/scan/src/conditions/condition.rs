@@ -135,7 +135,7 @@ impl fmt::Display for Condition {
 }
 
 impl Serialize for Condition {
-    /// As it is written.
+    /// A string as on the command line, such as `fog:mor=50`.
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
     }

@@ -27,7 +27,7 @@ pub use wet::{WetGround, holds_water};
 use super::Status;
 use super::chance::Purpose;
 
-/// What a beam meets on its way besides surfaces, and what the sensor makes of it; nothing by default.
+/// Weather and sensor faults of a scan; clear air by default.
 #[derive(Debug, Clone, Default)]
 pub struct Weather {
     /// Fog in the air.

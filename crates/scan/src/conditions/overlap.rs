@@ -17,7 +17,7 @@ pub(super) fn swell(phase: f64) -> f64 {
     if phase > 0.0 && phase < 1.0 { (std::f64::consts::PI * phase).sin().powi(2) } else { 0.0 }
 }
 
-/// What a flake's echo and that of a target make together.
+/// Sum of a flake's echo and a target's echo.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Joined {
     /// Two echoes with peaks of their own.

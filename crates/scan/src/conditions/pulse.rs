@@ -1,4 +1,4 @@
-//! What fog sends back of a pulse: the integral of Rasshofer et al. 2011 over the pulse's length.
+//! Pulse echo of fog: the integral of Rasshofer et al. 2011 over the pulse's length.
 
 use lidar_cast::maths;
 use std::f64::consts::TAU;

@@ -1,4 +1,4 @@
-//! What comes back of a pulse: power, threshold, noise, edges, weather.
+//! Echoes of a pulse: power, threshold, noise, edges, weather.
 
 use super::{bits, ideal, scan, scene};
 use crate::conditions::Condition;

@@ -83,7 +83,7 @@ const LARGEST_SHARE: f64 = (1u64 << 31) as f64;
 const NEAR: f64 = 10.0;
 /// Steps of the weight of distance: voxels of few entropies keep few weights, which an atlas sums up faster.
 const STEPS: f64 = 8.0;
-/// What all near ground is worth, as a share of all information: its own entropy is low, since it hardly changes.
+/// Share of all information given to near ground: its own entropy is low, since it hardly changes.
 const GROUND_SHARE: f64 = 0.25;
 
 /// Writes the information of [`Entropy::Near`], in the unit in which the largest is 2³¹:
@@ -172,8 +172,8 @@ impl Problem {
         })
     }
 
-    /// As [`Self::on_grid_of`], in a world of those frames that is made with trees for hits up to the metres that
-    /// `make_world` gets; without frames there is no world.
+    /// Like [`Self::on_grid_of`], in the world that `make_world` returns for those frames; its argument is the longest
+    /// range in metres. Without frames there is no world.
     pub fn in_world(
         psog: &Psog,
         scene: &Scene,

@@ -97,7 +97,7 @@ struct Actor {
     motion: Motion,
 }
 
-/// What has triangles, and how it moves.
+/// Triangles of the world, the actors and the ego's body, with their motion.
 struct Things {
     world: Solid,
     actors: Vec<Actor>,
@@ -286,7 +286,7 @@ impl Scene {
         &self.files
     }
 
-    /// What the scene says of how much light its surfaces send back.
+    /// Reflectances that the scene file states, by class and by actor.
     pub fn reflectances(&self) -> &Reflectances {
         &self.reflectances
     }

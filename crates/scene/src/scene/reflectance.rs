@@ -1,4 +1,4 @@
-//! What a scene says of how much light its surfaces send back.
+//! Reflectances in a scene file: shares of light, 0 to 1, that its surfaces send back.
 
 use super::classes::Classes;
 use super::description::{ActorDescription, Dictionary};

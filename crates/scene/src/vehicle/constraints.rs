@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::mirror::{SLACK, pairs};
 use super::{Placement, Region, SensorName, SensorPose};
 
-/// What a placement must keep: a region and a model for each LiDAR, distances, keep-out boxes, ties.
+/// Rules for a placement: a region and a model for each LiDAR, distances, keep-out boxes, ties.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Constraints {
     /// One a LiDAR of a placement.
@@ -22,7 +22,7 @@ pub struct Constraints {
     pub first: SensorName,
 }
 
-/// What one LiDAR of a placement may be.
+/// Region, model and phase allowed to one LiDAR of a placement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Slot {
     /// Where it may stand.
@@ -55,7 +55,7 @@ impl Constraints {
         self.slots.len()
     }
 
-    /// The same for another number of LiDARs, each like the first.
+    /// A copy with `lidars` slots, each equal to the first.
     pub fn with_lidars(&self, lidars: usize) -> Self {
         let slots = self.slots.first().map(|slot| vec![slot.clone(); lidars]);
         Self { slots: slots.unwrap_or_default(), ..self.clone() }

@@ -1,4 +1,4 @@
-//! What in a placement is most likely not meant: degrees, millimetres, a place beside the mount.
+//! Warnings about likely slips in a placement: degrees, millimetres, a sensor beside the mount.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;

@@ -20,7 +20,7 @@ pub struct VehicleSensor {
     pub phase: Phase,
     /// Price of one, in any currency.
     pub price: f64,
-    /// What it makes of what its beams meet.
+    /// Echo model: rated range, noise, beam divergence, echoes kept.
     pub response: Response,
 }
 
@@ -50,9 +50,9 @@ pub struct Vehicle {
     pub keep_out: Vec<[[f64; 3]; 2]>,
     /// Rules that tie LiDARs together.
     pub ties: Ties,
-    /// What must be seen.
+    /// Areas with a required coverage.
     pub require: Vec<Requirement>,
-    /// Targets that must be met.
+    /// Targets that beams must hit at a share of places.
     pub targets: Vec<TargetRule>,
     /// Sentences about the file and the sensor files that it names.
     pub notes: Vec<Note>,

@@ -62,7 +62,7 @@ impl Lidar {
 #[derive(Debug)]
 pub struct Described {
     pub(crate) lidar: Lidar,
-    /// What the sensor file says of ranges and errors.
+    /// Ranges, noise and rate stated by the sensor file.
     pub measures: Measures,
     /// Sentences about the description and the sensor file.
     pub notes: Vec<Note>,

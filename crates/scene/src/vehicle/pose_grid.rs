@@ -18,7 +18,7 @@ const MAX_POSES: u64 = 1 << 31;
 pub struct Spacing {
     /// Along x, y and z, in metres.
     pub metres: f64,
-    /// Of roll, pitch and yaw, in radians.
+    /// Step of roll, pitch and yaw, in radians.
     pub radians: f64,
 }
 

@@ -26,7 +26,7 @@ pub struct Region {
     pub upper: [f64; 6],
     /// Corners of a patch in the plane of two of its axes; empty: the whole box.
     pub outline: Outline,
-    /// What sensors stand on, where it is not flat.
+    /// Curved surface that sensors stand on; `None` where the region is flat.
     pub surface: Option<Arc<Surface>>,
 }
 

@@ -38,13 +38,13 @@ pub struct Surface {
 pub(super) enum Image {
     /// None that is known.
     None,
-    /// The same.
+    /// Symmetric: the surface itself.
     Itself,
     /// Another one, which it was made of.
     Of(Arc<Surface>),
 }
 
-// No number of a surface is NaN. That equality is one of values lets pointers to one surface be compared first.
+// Total equality, since no number of a surface is NaN. It lets pointers to one surface be compared first.
 impl Eq for Surface {}
 
 /// A triangle of a surface, in the region's frame.

@@ -1,4 +1,4 @@
-//! Whether the mounts of a vehicle leave room for the rules that tie its LiDARs together.
+//! Checks that the mounts of a vehicle leave room for the rules that tie its LiDARs together.
 
 use std::sync::Arc;
 

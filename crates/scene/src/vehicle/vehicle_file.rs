@@ -230,7 +230,7 @@ fn area(at: &Place, required: &RequirementDescription) -> Result<Requirement, De
     Ok(Requirement { name, inside, without, share: required.share })
 }
 
-/// What a vehicle's `require` holds.
+/// Content of a vehicle's `require`: areas and targets.
 #[derive(Default)]
 struct Required {
     areas: Vec<Requirement>,

@@ -1,8 +1,8 @@
 //! A scene from a labelled sequence: plates of ground, boxes of what stands, actors on their tracks.
 //!
-//! The world of the scene is that of the data set, moved so that the ego starts at its origin. What no
-//! beam reached is not there, slopes are stairs of 0.1 m, and a tile has one height. The ego's body is
-//! unknown, and so is left out.
+//! The world of the scene is the data set's, moved so that the ego starts at its origin. Space that no beam
+//! reached is empty, slopes are stairs of 0.1 m, and a tile has one height. The ego's body is unknown, and so
+//! is left out.
 
 mod actors;
 mod ground;

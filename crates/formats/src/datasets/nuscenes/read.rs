@@ -295,7 +295,7 @@ fn tracks(
         };
         poses.sort_by_key(|pose| pose.frame);
         poses.dedup_by_key(|pose| pose.frame);
-        // What does not vote is no thing to drive around.
+        // Boxes of a category without a class are no obstacles, and are left out.
         if let Some(class) = found.class {
             let (name, kind) = (name.clone(), found.kind);
             let track = BoxTrack { name, kind, class, size, poses };

@@ -247,7 +247,7 @@ fn poses(folder: &Path, text: &str) {
     std::fs::write(folder.join("poses.csv"), text).unwrap();
 }
 
-/// What is done to good scans, and how the answer begins.
+/// Faults planted in good scans, and how each error begins.
 const SPOILT: [(Spoil, &str); 17] = [
     (
         |d| poses(d, &POSES.replace("2.4,0", "2,4,0")),

@@ -118,7 +118,7 @@ fn all_34_ids_are_known_and_no_other() {
 }
 
 type Spoil = fn(&Path);
-/// What is done to a good sequence, and how the answer begins.
+/// Faults planted in a good sequence, and how each error begins.
 const SPOILT: [(Spoil, &str); 18] = [
     (
         |d| std::fs::write(d.join("calib.txt"), format!("{CALIB}{CALIB}")).unwrap(),

@@ -23,7 +23,7 @@ use sightline_scene::vehicle::{Placement, SensorPose, Sensors};
 /// Takes ISO 8855 to glTF: x, y, z, w. A third of a turn about (1, 1, 1), backwards.
 const GLTF_FROM_ISO: [f64; 4] = [-0.5, -0.5, -0.5, 0.5];
 
-/// What a file shows.
+/// Content of a glTF file: a frame of a scene, rigs, points.
 #[derive(Debug, Clone, Copy)]
 pub struct GltfView<'a> {
     /// The world, its actors and the ego's body.

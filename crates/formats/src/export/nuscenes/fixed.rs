@@ -1,4 +1,4 @@
-//! What every nuScenes set has: categories, attributes, visibilities.
+//! Tables that every nuScenes set has: categories, attributes, visibilities.
 
 /// Categories; the index is the label of lidarseg, and none may be left out.
 pub(super) use crate::datasets::NUSCENES_CATEGORIES as CATEGORIES;

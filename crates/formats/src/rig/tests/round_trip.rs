@@ -1,4 +1,4 @@
-//! What is written is read again, for every format and seeded random rigs.
+//! Exported rigs import unchanged, for every format and seeded random rigs.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI};

@@ -73,7 +73,7 @@ per_target! {
         edges(local, whole, out, seen);
     }
 
-    /// The same for an eye that moves: planes of edges with their margins.
+    /// Rectangles of a block's triangles for a moving eye, and edge planes with margins for its motion.
     fn outlines(
         grid: &Grid, window: &Window, eye: &Eye, block: &Block16, out: &mut Rects, seen: &mut Seen
     ) {
@@ -238,7 +238,7 @@ per_target! {
         seen.doubt = store(doubt);
     }
 
-    /// What [`rows`] needs of the edges of a block.
+    /// Precomputes azimuth spans and slopes of a block's edges for [`rows`].
     fn prepare_rows(seen: &mut Seen) {
         let [from, to] = [load(&seen.azimuths[0]), load(&seen.azimuths[1])];
         for k in 0..3 {

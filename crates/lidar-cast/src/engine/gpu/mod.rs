@@ -87,7 +87,7 @@ impl GpuBackend {
         self.kernels = Kernels::rewritten(rewrite);
     }
 
-    /// Whether the device is a program on the host.
+    /// True if the device is a software renderer on the CPU.
     pub fn is_software(&self) -> bool {
         self.device.is_software()
     }
