@@ -3,7 +3,7 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `guard` | what a command reads, and what its outputs must not replace |
+//! | `guard` | inputs of a command, and the outputs that must not replace them |
 //! | `inside` | references of one file to another |
 //! | `names` | names that become files and folders |
 //! | `place` | where paths lead |

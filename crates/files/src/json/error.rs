@@ -73,7 +73,7 @@ pub enum DescriptionError {
         /// Version or lack of one, in words.
         found: String,
     },
-    /// A file of another kind than the one that was asked for.
+    /// A file of another kind than expected.
     #[error("{file}: is {found}, where {wanted} belongs; give it {}", .found.place())]
     OtherKind {
         /// The file.
@@ -144,7 +144,7 @@ pub enum DescriptionError {
         at: Box<Place>,
         /// Things counted.
         what: &'static str,
-        /// Number asked for.
+        /// Requested number.
         count: u64,
         /// Largest number allowed.
         limit: u64,

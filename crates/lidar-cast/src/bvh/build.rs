@@ -33,7 +33,7 @@ impl Item {
     }
 }
 
-/// Boxes of a range of triangles, of their middles, and what a node of them says.
+/// Bounds of a range of triangles and of their centres.
 #[derive(Clone, Copy)]
 struct Extent {
     bounds: Aabb,

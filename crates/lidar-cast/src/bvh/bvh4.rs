@@ -1,6 +1,6 @@
 //! The tree that devices walk: four children a node of 64 bytes, their boxes in steps of one byte.
 //!
-//! Half of what four boxes take in `f32`: a GPU waits for what it loads, not for what it computes.
+//! Boxes take half their size in `f32`: a GPU waits for memory, not for arithmetic.
 //! (Ylitie, Karras, Laine: "Efficient incoherent ray traversal on GPUs through compressed wide BVHs",
 //! HPG 2017; departures: four children instead of eight, triangles as children instead of ranges.)
 //!

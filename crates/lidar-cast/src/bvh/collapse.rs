@@ -52,7 +52,7 @@ impl<'a, const WIDTH: usize> Cuts<'a, WIDTH> {
     pub(super) fn new(nodes: &'a [Node]) -> Self {
         let (below, rows) = (Below::all(nodes), vec![BLOCK; nodes.len()]);
         let mut cuts = Self { nodes, below, rows, places: Vec::new() };
-        // By row: least sum of areas for k + 1 places.
+        // Row by row: least sum of areas for k + 1 places.
         let mut least: Vec<[f32; WIDTH]> = Vec::new();
         // Children come after their parents.
         for (index, node) in nodes.iter().enumerate().rev() {
@@ -136,7 +136,7 @@ mod tests {
         Bvh::build(&soup, 1.0)
     }
 
-    /// Sum of the areas of the wide nodes, and what lies in their children that are blocks.
+    /// Sum of the areas of the wide nodes; collects the blocks among their children.
     fn walked(cuts: &Cuts<'_, WIDTH>, from: usize, blocks: &mut Vec<usize>) -> f64 {
         let children = cuts.children(from);
         assert!(children.len() <= WIDTH);

@@ -141,8 +141,7 @@ impl UnknownSensor {
     }
 }
 
-/// Models of a vehicle, at least one, and the seed of what is left to chance: free phases, and what the air lets
-/// through.
+/// Models of a vehicle, at least one, and the seed of random draws: free phases, and beams lost in weather.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensors {
     models: Arc<[SensorModel]>,
@@ -172,7 +171,7 @@ impl Sensors {
         Self { models: models.into(), ..self.clone() }
     }
 
-    /// A copy with another draw of what is left to chance.
+    /// A copy with another seed.
     pub fn with_seed(&self, seed: u64) -> Self {
         Self { seed, ..self.clone() }
     }
@@ -186,7 +185,7 @@ impl Sensors {
         Self { models: self.models.iter().map(image).collect(), ..self.clone() }
     }
 
-    /// The seed of what is left to chance.
+    /// Seed of random draws.
     pub fn seed(&self) -> u64 {
         self.seed
     }
@@ -239,8 +238,8 @@ impl Sensors {
         Ok(())
     }
 
-    /// Names the first model in LiDARs without a name, where the vehicle has several. For placements that the
-    /// program makes: those of files must name their own.
+    /// Names the first model in LiDARs without a name, where the vehicle has several. Only for placements that
+    /// the program makes: placements in files must name their models.
     ///
     /// Returns whether any was named.
     pub fn name_first(&self, placements: &mut [Placement]) -> bool {
@@ -300,8 +299,7 @@ impl Sensors {
     }
 
     /// Sensor-to-ego transform of a sensor of a model in a frame: its pose after a turn by the phase,
-    /// R = Rz(yaw)·Ry(pitch)·Rx(roll)·Rz(phase). The phase is that of the pose where it has one, else that of
-    /// the model.
+    /// R = Rz(yaw)·Ry(pitch)·Rx(roll)·Rz(phase). The pose's phase counts; without one, the model's.
     pub fn ego_from_sensor(&self, model: usize, pose: &SensorPose, frame: usize) -> Pose {
         let rest = pose.ego_from_sensor();
         let phase = match (pose.phase, self.models[model].phase) {

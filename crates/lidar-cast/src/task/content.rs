@@ -3,7 +3,7 @@
 use super::{KINDS, OccupiedVoxel};
 use crate::grid::Roi;
 
-/// A part of space around the vehicle of which a share must be seen.
+/// A part of space around the vehicle with a required coverage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Requirement {
     /// Name on the vehicle.
@@ -136,8 +136,8 @@ impl Content {
         &self.occupied
     }
 
-    /// Linear indices of the voxels in which a class occurs in at least one frame, rising; behind the
-    /// classes, those of each area.
+    /// Linear indices of the voxels in which a class occurs in at least one frame, rising. Ids past the
+    /// classes name areas.
     pub fn voxels_of_class(&self, class: usize) -> &[u32] {
         let range = self.class_starts[class] as usize..self.class_starts[class + 1] as usize;
         &self.class_voxels[range]

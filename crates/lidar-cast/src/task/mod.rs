@@ -47,10 +47,10 @@ pub struct Modelled {
     pub triangles: u64,
     /// Bytes of entropies and classes, which only occupied voxels have.
     pub voxel_bytes: u64,
-    /// Bytes of what one sensor covers in one frame: a bit a voxel, the empty ones included, since
-    /// covered voxels are counted.
+    /// Bytes of one sensor's coverage in one frame: a bit a voxel, empty ones included, since covered
+    /// voxels are counted.
     pub bitmap_bytes: u64,
-    /// Bytes of triangles and trees, each thing once, and of what says where they stand.
+    /// Bytes of triangles and trees, each thing once, and of their poses in the frames.
     pub tree_bytes: u64,
 }
 
@@ -198,7 +198,7 @@ impl Task {
         self.numbers.get(frame).copied().unwrap_or(frame)
     }
 
-    /// Range in metres with which nothing is out of sight: what the guards compare with.
+    /// Range in metres that reaches all of the grid: the longest sensor's, or twice the grid's diagonal.
     pub fn far_range(&self) -> f32 {
         Self::far_range_of(&self.roi, self.sensors.longest_range())
     }
@@ -214,8 +214,7 @@ impl Task {
         if self.ends_at_hits { self.world.frames().len() } else { 1 }
     }
 
-    /// The first frame whose geometry is that of `frame`, with sensors at the same phases: what is covered
-    /// in one is covered in both.
+    /// First frame with the geometry of `frame` and sensors at equal phases: both frames have equal coverage.
     ///
     /// # Panics
     /// A frame that does not exist.

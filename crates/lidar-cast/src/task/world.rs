@@ -20,7 +20,7 @@ pub struct Instance {
     pub tree: Arc<Bvh>,
     /// Takes its frame to the ego frame.
     pub ego_from_instance: Pose,
-    /// Number of its first triangle among those of the frame.
+    /// Number of its first triangle in the frame.
     pub first_prim: u32,
 }
 
@@ -58,7 +58,7 @@ impl Frame {
         Self { instances: instances.into_iter().filter(filled).collect() }
     }
 
-    /// In the order of their triangles.
+    /// Instances in the order of their triangles.
     pub fn instances(&self) -> &[Instance] {
         &self.instances
     }
@@ -70,7 +70,7 @@ impl Frame {
 }
 
 impl From<Arc<Bvh>> for Frame {
-    /// A tree whose frame is that of the ego.
+    /// A frame with one tree, in the ego frame.
     fn from(tree: Arc<Bvh>) -> Self {
         Self::new([Instance { tree, ego_from_instance: Pose::IDENTITY, first_prim: 0 }])
     }

@@ -111,7 +111,7 @@ per_target! {
         ]
     }
 
-    /// Length of a vector from below, less what rounding and motion may add.
+    /// Lower bound of a vector's length: rounding and motion are subtracted.
     fn distance(v: [V; 3], eye: &Eye) -> V {
         let square = max(dot(v, v), splat(1e-30));
         fma(mul(square, rsqrt(square)), splat(0.9998), splat(-2.0 * eye.pad - eye.moved))

@@ -14,7 +14,7 @@ use crate::task::DevicePose;
 pub(super) struct Swept<'a> {
     pub(super) grid: &'a Grid,
     pub(super) window: Window,
-    /// In the middle of the window.
+    /// Eye in the middle of the window.
     pub(super) eye: Eye,
     pub(super) tree: &'a Bvh16,
     /// One for each step; none for one whose beams do not meet the tree.
@@ -38,7 +38,7 @@ pub(super) type Middles = [Vec<f32>; 3];
 /// Rows of a triangle that are looked at together.
 const ROWS: usize = 64;
 
-/// Working memory: the beams of a window, and what is left of the tree.
+/// Working memory: the beams of a window, and the stack of tree nodes still to visit.
 pub(super) struct Sweeping {
     /// Step by step and channel by channel, as their rays.
     pub(super) packets: Vec<Packet>,

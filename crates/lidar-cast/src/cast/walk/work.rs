@@ -1,4 +1,4 @@
-//! Working memory of a walk: a window's beams, what is left of the tree, and the tests to be done.
+//! Working memory of a walk: a window's beams, nodes still to visit, and listed hit tests.
 
 use bytemuck::{Zeroable, zeroed_box};
 

@@ -21,7 +21,7 @@ pub(super) struct Sizes {
     pub(super) instances: u64,
     /// Partial sums of one placement.
     pub(super) partials: u64,
-    /// Totals of one placement: covered voxels, then those of each class.
+    /// Totals of one placement: covered voxels, then covered voxels by class.
     pub(super) totals: u64,
 }
 
@@ -180,7 +180,7 @@ pub(super) struct WorkBuffers {
 }
 
 impl WorkBuffers {
-    /// Room for a chunk of so many sensors and placements.
+    /// Buffers for `sensors` sensors and `placements` placements.
     pub(super) fn new(
         device: &Device,
         sizes: &Sizes,

@@ -35,7 +35,7 @@ pub(super) struct Chunk<'a> {
 /// The sensors of a chunk in a frame.
 pub(super) struct Standing {
     pub(super) ego_from_sensors: Vec<Pose>,
-    /// In the grid of voxels.
+    /// Poses in the grid of voxels.
     pub(super) poses: Vec<DevicePose>,
     /// Sensors whose beams the host covers.
     pub(super) covered_by_host: Vec<usize>,

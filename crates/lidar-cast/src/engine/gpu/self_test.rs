@@ -1,5 +1,5 @@
-//! A table of arithmetic, and what a device's answers to it say: whether it keeps the bits that the kernels need, and
-//! which of Vulkan's freedoms it uses.
+//! Arithmetic self-test of a device: whether it keeps the bits that the kernels need, and which of Vulkan's freedoms
+//! it uses.
 
 use serde::Serialize;
 
