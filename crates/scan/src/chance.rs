@@ -1,4 +1,4 @@
-//! Numbers by chance that depend on what they are for alone, not on the order in which they are drawn.
+//! Random numbers that depend only on their purpose and beam, not on the order of the draws.
 
 use lidar_cast::chance::mixed;
 use lidar_cast::maths;

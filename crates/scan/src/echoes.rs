@@ -8,7 +8,7 @@ use super::rays::RAYS;
 pub(super) struct Echo {
     /// Metres.
     pub range: f64,
-    /// In the unit of ρ·cos θ / r².
+    /// Power in the unit of ρ·cos θ / r².
     pub power: f64,
     /// The beam's ray that brings most of it back from a surface; `None` of the medium.
     pub ray: Option<u8>,

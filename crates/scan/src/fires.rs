@@ -1,4 +1,4 @@
-//! In which order the beams of a sensor fire, and which of them lie side by side.
+//! Firing order of a sensor's beams, and neighbours among them.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -32,7 +32,7 @@ struct Azimuths {
     wide: f64,
 }
 
-/// A beam among those of its sensor.
+/// Position of one beam in its sensor's pattern.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place {
     /// Number in the table.

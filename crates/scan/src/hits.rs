@@ -79,7 +79,7 @@ impl BeamHits {
         Ok(columns)
     }
 
-    /// No beams, and room for so many.
+    /// No beams yet, and memory for `beams` of them.
     fn with_room(beams: usize) -> Result<Self, OutOfMemory> {
         memory::check(BEAMS, beams as u64 * BEAM_BYTES)?;
         Ok(Self {
@@ -121,7 +121,7 @@ impl BeamHits {
         self.distance.iter().filter(|t| t.is_finite()).count()
     }
 
-    /// Where beams hit, in the ego frame, with the class of what they hit.
+    /// Positions of hits in the ego frame, each with the class of its surface.
     pub fn points(&self) -> impl Iterator<Item = (u16, [f32; 3])> {
         let beams = self.origin.chunks_exact(3).zip(self.direction.chunks_exact(3));
         let beams = beams.zip(self.distance.iter().zip(&self.class));

@@ -47,11 +47,11 @@ const MIXED: [&str; 3] = ["vehicle", "car", "moving-car"];
 /// Reflectance of the classes of a scene.
 #[derive(Debug, Clone)]
 pub(super) struct Reflectance {
-    /// By class; none where objects differ.
+    /// Reflectance by class; `None` where objects of a class differ.
     by_class: Vec<Option<f64>>,
     /// One for each class: whether objects differ, unless the scene says otherwise.
     mixed: Vec<bool>,
-    /// By actor, where the scene says it.
+    /// Reflectance by actor, where the scene states it.
     by_actor: Vec<Option<f64>>,
 }
 
@@ -97,7 +97,7 @@ impl Reflectance {
     }
 }
 
-/// A number from 0 to 1 that an object keeps; none of what is no object.
+/// A random number from 0 to 1 that an object keeps; `None` for static surfaces.
 pub(super) fn draw(instance: u16, seed: u64) -> Option<f64> {
     let chance = Chance::new(seed, 0, 0, u32::from(instance));
     (instance != NO_INSTANCE).then(|| chance.draw(Purpose::Object, 0))

@@ -174,7 +174,7 @@ impl Thing {
 /// How everything moves in a frame.
 pub(super) struct Motions {
     pub(super) ego: Glide,
-    /// Transform of each thing: takes the frame of its owner to that of the world.
+    /// Pose of each thing's owner: takes the owner's frame to the world's.
     owners: Vec<Glide>,
     /// Position of each thing in the frame of its owner.
     origins: Vec<DVec3>,
@@ -205,8 +205,7 @@ impl Motions {
         self.owners.iter().zip(&self.ego_things).all(still)
     }
 
-    /// Takes a thing's frame to that of the world a share of the way to the next frame; none of what stands
-    /// still in the ego frame.
+    /// Pose of a thing in the world, `share` of the way to the next frame; `None` for the ego's own body.
     pub fn world_from_thing(&self, thing: usize, share: f64) -> Option<Pose> {
         (!self.ego_things[thing]).then(|| {
             let mut pose = self.owners[thing].at(share);
@@ -215,12 +214,12 @@ impl Motions {
         })
     }
 
-    /// Takes a thing's frame to that of the ego, where it stands still.
+    /// Pose of the ego's body in the ego frame.
     pub fn ego_from_body(&self, thing: usize) -> Pose {
         Pose { translation: self.origins[thing], ..Pose::IDENTITY }
     }
 
-    /// Takes a thing's frame to that of the ego at the same moment.
+    /// Pose of a thing in the ego frame at the same moment.
     fn ego_from_thing(&self, thing: usize, share: f64) -> Pose {
         let world_from_thing = self.world_from_thing(thing, share);
         world_from_thing.map_or_else(
@@ -235,7 +234,7 @@ impl Motions {
 pub(super) enum Seen {
     Never,
     Always,
-    /// Around that of a unit vector, as far as angles have at least such a cosine.
+    /// Azimuths around a unit vector, whose cosine to it is at least the number.
     Around(DVec2, f64),
 }
 

@@ -1,4 +1,4 @@
-//! Where a sensor is when some of its beams fire, and what they meet from there.
+//! Sensor position when a group of beams fires, and the surfaces that they meet.
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -17,9 +17,9 @@ use sightline_scene::problem::DevicePose;
 /// distance.
 const APART: f32 = 0.05;
 const APART_SHARE: f32 = 0.002;
-/// Where the sensor is when some beams fire, and what it may see then.
+/// Sensor position when a group of beams fires, and the things in sight of them.
 pub(super) struct Station {
-    /// Takes the sensor's frame, as it is now, to that of the ego at the frame's time.
+    /// Takes the sensor's frame at that moment to the ego frame at the frame's time.
     pub start_from_sensor: Pose,
     /// Numbers on the stage of the things that it may see, ascending.
     numbers: Vec<u32>,
@@ -200,7 +200,7 @@ impl<'a> Faces<'a> {
 pub(super) struct SeenFace {
     class: u16,
     instance: u16,
-    /// In the sensor's frame.
+    /// Unit normal in the sensor's frame.
     normal: DVec3,
 }
 

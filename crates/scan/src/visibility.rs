@@ -231,7 +231,7 @@ impl Air for Visibility {
     }
 }
 
-/// Farthest that [`TARGET`] is seen up to `range` metres, by what is left of the light: its power falls with distance.
+/// Farthest range up to `range` metres at which [`TARGET`] is detected; fog and falling snow dim it.
 fn reach(response: &Response, optics: &Optics, range: f64, fallen: &Fallen, draw: f64) -> f64 {
     let flake = fallen.flake.map_or(0.0, |flake| flake.power);
     let seen = |r: f64| {

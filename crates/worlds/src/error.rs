@@ -17,7 +17,7 @@ pub enum WorldError {
     Xml {
         /// Name of the file.
         file: String,
-        /// The line, the limit, and what to do.
+        /// The line, the limit, and a remedy.
         what: String,
     },
     /// An element of the document that cannot be read.
@@ -27,7 +27,7 @@ pub enum WorldError {
         file: String,
         /// Line, road or junction, and element.
         place: String,
-        /// Fault with it, and what to do.
+        /// The fault, and a remedy.
         what: String,
     },
     /// A part of the map that would be missing.

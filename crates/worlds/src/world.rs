@@ -99,11 +99,11 @@ pub fn generate(kind: Kind, seed: u64, frames: usize) -> Result<World, WorldErro
 
 /// Makes a town on the roads of an OpenDRIVE document; `file` names it in errors.
 ///
-/// Coordinates are those of the document. Houses, trees, lamps and signs stand along its roads,
+/// Coordinates are the document's. Houses, trees, lamps and signs stand along its roads,
 /// vehicles drive on its lanes, and the ego follows one of them for 100 m or more by lot.
 ///
 /// # Errors
-/// What [`WorldError`] lists.
+/// See [`WorldError`].
 pub fn import_opendrive(
     text: &str,
     file: &str,

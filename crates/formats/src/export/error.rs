@@ -37,7 +37,7 @@ pub enum ExportError {
     /// Nothing to write.
     #[error("a data set needs at least one scene")]
     NoScenes,
-    /// A scene of which nothing would be written.
+    /// A scene without frames to write.
     #[error(
         "the scene `{scene}` has no frames to write; name at least one, or leave the scene out"
     )]
@@ -192,7 +192,7 @@ pub enum ExportError {
     OtherFile {
         /// Folder of the data set.
         path: PathBuf,
-        /// Name of the file and what became of it.
+        /// Name of the file and its change.
         change: String,
     },
     /// A scan that was not announced.

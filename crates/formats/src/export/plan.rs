@@ -1,4 +1,4 @@
-//! Which scene is for what, and what the format calls it.
+//! Split of each scene, and its name in the format.
 
 use super::folder::{ABOUT, INCOMPLETE};
 use super::nuscenes::scene_names;

@@ -101,7 +101,7 @@ pub struct SceneFacts {
 pub struct DatasetSettings {
     /// Format.
     pub layout: Layout,
-    /// nuScenes: of so many frames one is a keyframe with boxes and labels, the others are sweeps.
+    /// nuScenes: every n-th frame is a keyframe with boxes and labels, the others are sweeps.
     pub keyframe_every: usize,
     /// nuScenes: rows of six cameras without pictures, which mmdetection3d asks for.
     pub camera_stubs: bool,
@@ -109,7 +109,7 @@ pub struct DatasetSettings {
     pub each_lidar: bool,
     /// Shares of the scenes.
     pub splits: Splits,
-    /// Seed of what is left to chance: which scene is for what.
+    /// Seed of random draws: the split of each scene.
     pub seed: u64,
     /// Classes of the scenes that are to count as others, by name.
     pub map: Vec<(String, String)>,

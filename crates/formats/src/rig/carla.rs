@@ -181,7 +181,7 @@ pub(super) fn attributes(fan: Option<Fan>) -> Map<String, Value> {
         attributes.insert(HORIZONTAL.to_owned(), written(fan.horizontal()).into());
         attributes.insert("rotation_frequency".to_owned(), Fan::RATE.into());
     }
-    // By default CARLA loses 45 % of the points by chance, and more by intensity.
+    // CARLA's defaults lose 45 % of the points by chance, and more by intensity.
     for key in [
         "dropoff_general_rate",
         "dropoff_intensity_limit",

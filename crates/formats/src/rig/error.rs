@@ -104,7 +104,7 @@ pub enum RigError {
     UnknownFrame {
         /// The file, or the first of several.
         file: String,
-        /// The frame as asked for.
+        /// The requested frame.
         frame: String,
         /// Frames that there are.
         known: Vec<String>,
@@ -241,7 +241,7 @@ pub enum RigError {
     PickPlacement {
         /// The file.
         file: String,
-        /// The name asked for, if any.
+        /// The requested name, if any.
         name: Option<String>,
         /// Placements that there are.
         known: Vec<String>,

@@ -24,7 +24,7 @@ pub struct Exported {
     pub warnings: Vec<String>,
 }
 
-/// Writes a rig. `models` are those of its vehicle or scene, whose beams the simulators' formats carry.
+/// Writes a rig. `models` are its vehicle's or scene's: the simulators' formats carry their beams.
 ///
 /// # Errors
 /// A rig that no placement could be, or a format that is read only.

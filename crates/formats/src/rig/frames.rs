@@ -1,4 +1,4 @@
-//! Frames that hang on frames: chains, and what a chain comes to.
+//! Frame tree: parent links, and their composition into one transform.
 
 use std::collections::{HashMap, HashSet};
 
@@ -44,7 +44,7 @@ pub(super) struct Frames {
     moving: HashMap<String, String>,
     /// Name that the files give the rig.
     pub(super) name: Option<String>,
-    /// Names of what is no LiDAR and has no frame.
+    /// Names of entries that are no LiDARs and have no frame.
     pub(super) left_out: Vec<String>,
     /// Notes for the user of the reading.
     pub(super) notes: Vec<Note>,

@@ -13,7 +13,7 @@ const MAX_FRAME: usize = 128;
 /// The LiDARs of one vehicle.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rig {
-    /// Name as that of a placement: 1 to 64 letters, digits, `.`, `_`, `-`.
+    /// Name of the placement: 1 to 64 letters, digits, `.`, `_`, `-`.
     pub name: String,
     /// 1 to 16 LiDARs, in the order of the file.
     pub lidars: Vec<RigLidar>,

@@ -40,8 +40,8 @@ pub(super) struct Cuts<'a, const WIDTH: usize> {
     pub(super) below: Vec<Below>,
     /// Row of each binary node in `places`; [`BLOCK`] for those that are blocks or lie in one.
     rows: Vec<u32>,
-    /// `places[k]`: slots for the left child if the subtree gets k + 1 slots; 0 keeps the subtree as one child. The last
-    /// entry splits the slots of its own wide node.
+    /// `places[k]`: slots for the left child if the subtree gets k + 1 slots; 0 keeps the subtree as one child.
+    /// The last entry splits the slots of its own wide node.
     places: Vec<[u8; WIDTH]>,
 }
 

@@ -18,7 +18,7 @@ const MOST_KEYS: usize = 2;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Condition {
     kind: Kind,
-    /// In the order of its keys.
+    /// Values in the order of the kind's keys.
     values: [f64; MOST_KEYS],
 }
 

@@ -30,8 +30,8 @@ pub struct Fog {
 }
 
 impl Fog {
-    /// Fog of a meteorological optical range in metres, infinite in clear air, which sends back `gain` times what
-    /// the usual calibration says.
+    /// Fog of a meteorological optical range in metres, infinite in clear air. `gain` multiplies its calibrated
+    /// backscatter.
     pub fn new(optical_range: f64, gain: f64) -> Self {
         let alpha = CONTRAST / optical_range;
         let backscatter = |alpha: f64| BACKSCATTER * alpha / CONTRAST;

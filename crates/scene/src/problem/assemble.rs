@@ -137,7 +137,7 @@ impl Problem {
         let bounds = scene.roi();
         let roi = psog.roi();
         let same = |a: [f64; 3], b: [f64; 3]| {
-            // Half a thousandth of a voxel: what decimals in two files may differ by.
+            // Half a thousandth of a voxel: decimals in two files may differ by it.
             (0..3).all(|k| (a[k] - b[k]).abs() <= 5e-4 * bounds.voxel[k])
         };
         if roi.shape() != bounds.shape
@@ -202,9 +202,9 @@ impl Problem {
 
 /// Bytes a triangle while a tree is built: soup, items of the builder, triangle, nodes, blocks.
 const TREE_BYTES: u64 = 300;
-/// Triangles whose memory is not asked for: asking takes longer than building their tree.
+/// Triangles below which memory is not checked: the check takes longer than building the tree.
 const FEW: u64 = 1 << 12;
-/// Instances in all frames from which on memory is asked for.
+/// Instances in all frames from which on memory is checked.
 const MANY: u64 = 1 << 16;
 
 /// The world of some frames of a scene, with trees for hits up to `far` metres away: each part of the

@@ -15,8 +15,8 @@ pub struct FrameVotes {
     /// `voxel << 32 | class << 16 | votes`, so that sorting groups voxels and, in them, classes. One pair
     /// of voxel and class may be listed several times.
     entries: Vec<u64>,
-    /// Entries that may still grow, each where its voxel and class put it: points that are near each
-    /// other follow one another, and what is added up need not be sorted. None until the first vote.
+    /// Entries that may still grow, each at a place hashed from voxel and class. Points near each other
+    /// follow one another, and merged votes need no sorting. None until the first vote.
     recent: Vec<u64>,
     outside: u64,
 }

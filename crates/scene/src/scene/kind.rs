@@ -51,7 +51,7 @@ impl ActorKind {
         Self::NAMES.iter().find(|(kind, _)| *kind == self).map_or("other", |(_, name)| name)
     }
 
-    /// The kind of an actor whose first triangle has `class`: as written, or what the class suggests.
+    /// The kind of an actor whose first triangle has `class`: as written, or guessed from the class.
     pub(super) fn read(
         at: &Place,
         written: Option<&str>,

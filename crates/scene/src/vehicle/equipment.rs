@@ -1,5 +1,4 @@
-//! A vehicle as it is built: sensor models with prices, mounts that hold some of them, rules, and what must be
-//! seen.
+//! A vehicle as built: sensor models with prices, mounts that hold some of them, rules, and required coverage.
 
 use std::sync::Arc;
 
@@ -24,7 +23,7 @@ pub struct VehicleSensor {
     pub response: Response,
 }
 
-/// A mount: a region and what it may hold.
+/// A mount: a region, and the models and number of sensors that it may hold.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VehicleMount {
     /// Where sensors stand.
@@ -58,7 +57,7 @@ pub struct Vehicle {
     pub notes: Vec<Note>,
 }
 
-/// Number of a mount and a model for each LiDAR: what a rig is made of, before it has poses.
+/// Mount number and model of each LiDAR: a rig before it has poses.
 pub type Equipment = Vec<(usize, SensorName)>;
 
 impl Vehicle {
@@ -112,8 +111,8 @@ impl Vehicle {
         first.unwrap_or_default()
     }
 
-    /// The fullest equipment, at most [`MAX_LIDARS`] sensors: what the mounts must hold first, then what else
-    /// they may, each mount's models in turn.
+    /// The fullest equipment, at most [`MAX_LIDARS`] sensors: each mount's least number first, then the others
+    /// that fit, each mount's models in turn.
     pub fn fullest(&self) -> Equipment {
         let of = |k: usize, sensors: std::ops::Range<usize>| {
             let models = &self.mounts[k].sensors;

@@ -210,7 +210,7 @@ mod tests {
     fn what_lies_beside_the_outline_or_the_bounds_is_outside() {
         let region = side();
         let outside = |fields| region.outside(&region.pose(fields, SensorName::default()));
-        // In the box, beyond the sloping edge from (0.5, 0) to (0, 0.4).
+        // A point in the box, beyond the sloping edge from (0.5, 0) to (0, 0.4).
         let found = outside([0.0, 0.4, 0.3, 0.0, 0.0, 0.0]);
         let want = (0.4 * 0.4 + 0.5 * 0.3 - 0.2) / 0.4_f64.hypot(0.5);
         assert_eq!(found.len(), 1);

@@ -58,11 +58,11 @@ pub(super) struct Facet {
 /// Where a sensor stands on a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Foot {
-    /// In the region's frame.
+    /// Position in the region's frame.
     pub point: DVec3,
     /// Outward unit normal there, in the region's frame.
     pub normal: DVec3,
-    /// Metres in the plane from the point that was asked for; 0 over a triangle.
+    /// Metres in the plane from the requested point; 0 over a triangle.
     pub off: f64,
 }
 
@@ -140,7 +140,7 @@ impl Surface {
         }
     }
 
-    /// In the region's frame.
+    /// Triangles in the region's frame.
     pub(super) fn facets(&self) -> impl Iterator<Item = &Facet> {
         self.facets.iter()
     }

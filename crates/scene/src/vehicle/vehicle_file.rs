@@ -40,7 +40,7 @@ impl Vehicle {
     /// Reads a vehicle file; its body is left to the scenes that name it.
     ///
     /// # Errors
-    /// Any [`DescriptionError`]; each names the file, the place in it and what to change.
+    /// Any [`DescriptionError`]; each names the file, the place in it and a remedy.
     pub fn read(path: &Path) -> Result<Self, DescriptionError> {
         let dir = path.parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();

@@ -1,4 +1,4 @@
-//! Generated kinds: what each promises, for several seeds.
+//! Promises of each generated kind of world, for several seeds.
 
 use std::collections::BTreeSet;
 

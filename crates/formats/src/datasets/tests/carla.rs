@@ -219,7 +219,7 @@ fn the_road_tells_the_version_of_the_tags() {
     assert!(
         high.notes().iter().any(|note| note.is_doubt() && note.text().contains("2.40 m below it"))
     );
-    // Nothing speaks for either version.
+    // No evidence for either version.
     for frame in [7, 8] {
         let points = [(3.0, 0.0, -1.0, 0, 9)];
         std::fs::write(dir.path().join(format!("{frame}.bin")), records(&points)).unwrap();

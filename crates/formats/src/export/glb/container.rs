@@ -64,7 +64,7 @@ impl Container {
         add(&mut self.meshes, json!({ "name": name, "primitives": primitives }))
     }
 
-    /// The material of a name, made where it is first asked for; colour in linear light.
+    /// Material of a name, made on first use; colour in linear light.
     pub fn material(&mut self, name: &str, colour: [f64; 4]) -> usize {
         if let Some(&known) = self.named.get(name) {
             return known;

@@ -94,7 +94,7 @@ mod tests {
 
     use super::*;
 
-    /// The angles that a sensor was made of, not what its directions say.
+    /// Frusta span the angles that the sensor was made from, not the rounded directions.
     #[test]
     fn a_frustum_spans_what_the_sensor_was_made_of() {
         let turning = BeamTable::spinning(&[(-25.0, 0.0), (5.0, 0.0)], 250, 100.0).unwrap();

@@ -20,7 +20,7 @@ pub(super) const ATTRIBUTES: [&str; 8] = [
     "pedestrian.moving",
 ];
 
-/// Attribute of an actor; those of other categories have none.
+/// Attribute of an actor; `None` for categories without attributes.
 pub(super) fn attribute(category: u8, moves: bool) -> Option<&'static str> {
     let name = CATEGORIES.get(usize::from(category))?;
     Some(match *name {

@@ -1,4 +1,4 @@
-//! Mounts on patches of meshes: where sensors stand, how they rest, and what is wrong with such a mount.
+//! Mounts on patches of meshes: where sensors stand, how they rest, and errors of bad mounts.
 
 use std::path::Path;
 
@@ -244,7 +244,7 @@ fn mirrored_pairs_stand_on_a_roof_that_is_about_its_own_image() {
         let mount = format!(r#"{{ "name": "roof", {ROOF}, "count": {count} }}"#);
         let scene = van_with(&mount, symmetric, &data).unwrap();
         check_pairs(&scene, count);
-        // The left half is that of the mesh, whose diagonals all run one way.
+        // The left half equals the mesh; the right half mirrors it, though the mesh's diagonals all run one way.
         let (own, mesh) = (&scene.constraints().slots[0].region, roof());
         let name = SensorName::default();
         let point = own.pose([0.2, 0.3, 0.0, 0.0, 0.0, 0.0], name);

@@ -298,7 +298,7 @@ fn real_beams(
     Ok(Beams::Channels(channels))
 }
 
-/// Columns of a turn: as stated, or those of a mode such as `1024x10`.
+/// Columns of a turn: as stated, or read from a mode such as `1024x10`.
 fn steps(
     at: &Place,
     facts: &Facts,

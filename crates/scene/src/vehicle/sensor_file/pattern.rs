@@ -135,7 +135,7 @@ impl fmt::Display for SensorFormat {
 }
 
 impl SensorPattern {
-    /// A pattern of which nothing is known but its beams.
+    /// A pattern with beams and no other facts.
     pub fn new(format: SensorFormat, beams: Beams) -> Self {
         Self {
             format,
