@@ -4,8 +4,8 @@ use super::NO_INSTANCE;
 use super::chance::{Chance, Purpose};
 use sightline_scene::scene::Reflectances;
 
-/// Share of the objects of a mixed class that are dark, and what dark and other ones reflect: car paint that
-/// mirrors the beam away beside paint that scatters it.
+/// Mixed classes, such as vehicles: share of dark objects, their reflectance, and the reflectance of all others. Some
+/// car paint mirrors the beam away, other paint scatters it.
 const DARK_SHARE: f64 = 0.3;
 const DARK: f64 = 0.05;
 const BRIGHT: f64 = 0.3;

@@ -41,16 +41,14 @@ pub enum VisibilityError {
     Condition(#[from] conditions::ConditionError),
 }
 
-/// Weather and faults as scores see them.
+/// Weather and faults for scoring.
 ///
-/// A beam that meets a surface comes back with the probability that a scan gives it, and then covers what it
-/// covers in clear air; otherwise it covers nothing. A beam that meets nothing covers as far as a target of
-/// 30 % would be seen, behind whatever snow and rain take on the whole of its way; nothing if crosstalk hits it. Which
-/// beams come back is drawn once for each frame, model and beam, so that a voxel is weighted with the probability
-/// that a beam tells of it, in whole beams: all engines have the same bits, and neighbouring placements the same
-/// luck. So have the beams of one number of all LiDARs of a model: where two of them meet in a voxel, both tell
-/// of it or neither. Other seeds of the problem's sensors are other draws, also of which vehicles are dark, and
-/// the mean over them is the expectation.
+/// A beam that meets a surface returns with the probability of a scan, and then covers its voxels as in clear air;
+/// otherwise it covers nothing. A beam that meets nothing covers as far as it would see a target of 30 %, behind all
+/// snow and rain on its way; nothing if crosstalk hits it. One draw for each frame, model and beam number decides, so
+/// that voxels are weighted by probability, in whole beams: all engines have equal bits, neighbouring placements equal
+/// luck. LiDARs of one model share the draws: where two beams of one number meet in a voxel, both return or neither.
+/// Other seeds give other draws, also of dark vehicles; their mean is the expectation.
 #[derive(Debug)]
 pub struct Visibility {
     optics: Optics,

@@ -297,8 +297,8 @@ pub fn sync_disk(folder: &Path) {
     sync_folder(folder);
 }
 
-/// Checks that an output could be written at `path` before long work begins: it is no input that was read by now, and no
-/// file that exists, unless `--force` was given. Removes what killed processes had begun beside it.
+/// Checks, before long work, that an output could be written at `path`: it is no input read so far, and no existing
+/// file unless `--force` was given. Removes temporary files of killed processes beside it.
 ///
 /// # Errors
 /// Such a file; a folder that is missing or cannot be written into.

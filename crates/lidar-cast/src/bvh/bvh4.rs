@@ -136,7 +136,7 @@ fn steps_of([low, high]: [f32; 2], corner: f32, step: f32) -> [u32; 2] {
     [first, last]
 }
 
-/// The smallest power of two of which [`STEPS`] reach from one side to the other.
+/// Smallest power of two, [`STEPS`] times which reaches from one side to the other.
 fn step_over(low: f32, high: f32) -> f32 {
     let step = ((high - low) / STEPS as f32).max(f32::MIN_POSITIVE);
     // Without its fraction bits a number is the power of two at or below.

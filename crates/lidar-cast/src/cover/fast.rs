@@ -195,7 +195,7 @@ fn kinds([ix, iy, iz]: [&[f32]; 3], stop: &[f32], scale: f32, kinds: &mut [u16])
     }
 }
 
-/// Sorts the beams by kind, those of one kind in the order of the table.
+/// Sorts the beams by kind; within a kind they keep the order of the table.
 fn sort(scratch: &mut WalkScratch) {
     let mut next = [[0_u32; SORT_PARTS]; WAYS * LENGTHS];
     let length = scratch.kind.len().div_ceil(SORT_PARTS).max(1);

@@ -217,8 +217,8 @@ impl CpuBackend {
         kept
     }
 
-    /// Adds one placement's sums in one frame to its tally; returns the time of covering and that of
-    /// both together.
+    /// Adds one placement's sums in one frame to its tally. Returns two durations: covering alone, and covering
+    /// with the sums.
     fn add(
         &self,
         standing: &Standing<'_>,
@@ -247,7 +247,7 @@ impl CpuBackend {
     }
 }
 
-/// Closest hits of a batch in a frame, those of each model by its caster.
+/// Closest hits of a batch in a frame; each model's beams are cast by the model's caster.
 fn cast(
     casters: &[Caster],
     batch: &SensorBatch<'_>,

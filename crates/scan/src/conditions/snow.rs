@@ -46,7 +46,7 @@ pub struct Falling {
 pub struct Flake {
     /// Metres along the beam.
     pub range: f64,
-    /// In the unit of ρ·cos θ / r², after what nearer flakes take.
+    /// Power in the unit of ρ·cos θ / r², behind nearer flakes.
     pub power: f64,
 }
 
@@ -203,7 +203,7 @@ impl<'a> Fall<'a> {
         let share = 3.0 * self.arrived / self.scale;
         let is_flake = share < 1.0;
         if !is_flake || self.len == MOST {
-            // No flakes are left; or so many were in the way that the rest is haze.
+            // No flakes are left; or the limit of drawn flakes is reached, and the rest is haze.
             self.x = if is_flake { self.x } else { 0.0 };
             return false;
         }

@@ -88,8 +88,8 @@ const GROUND_SHARE: f64 = 0.25;
 
 /// Writes the information of [`Entropy::Near`], in the unit in which the largest is 2³¹:
 /// H(v) e(v) / Σ H e + ¼ / G if v is one of the G voxels of near ground, with e = 10 m / max(10 m, d), rounded to
-/// eighths and at least one, d from the origin of the ego frame to the voxel's middle in plan; ground is what a class
-/// of ground is commonest in (of equally common ones the first), near what has d ≤ 10 m.
+/// eighths, at least one eighth. d is the distance in plan from the ego origin to the voxel's middle. Ground voxels
+/// have a class of ground as their commonest class (ties: the first); near ones have d ≤ 10 m.
 fn weigh_by_distance(occupied: &mut [OccupiedVoxel], psog: &Psog) {
     let (roi, names) = (psog.roi(), psog.classes());
     let (min, edge) = (roi.min(), roi.voxel());

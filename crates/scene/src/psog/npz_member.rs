@@ -27,7 +27,7 @@ pub enum PsogFileError {
     /// A member that no P-SOG has.
     #[error("{}: `{member}` is not an array of a P-SOG, which holds {}; leave it out", path.display(), ARRAYS.join(", "))]
     Unknown { path: PathBuf, member: String },
-    /// An array that is not what the contract wants.
+    /// A missing or faulty array.
     #[error("{}: array `{array}` {fault}", path.display())]
     Array { path: PathBuf, array: &'static str, fault: ArrayFault },
     /// The numbers break a rule of the P-SOG.

@@ -14,7 +14,7 @@ const MOST_TOUCHED: usize = 32;
 /// Share of a triangle by which a point may lie beside it and still counts as on it.
 const ON_EDGE: f64 = 1e-9;
 
-/// Triangles over the plane of two axes of a region, each point of which has one height along the third.
+/// Triangles over the plane of two axes of a region; each point has one height along the third axis.
 ///
 /// Where triangles lie one above the other, the outermost counts. A point over none of them is moved to the
 /// nearest one that is, so that every point of the plane has a foot on the surface.

@@ -63,7 +63,7 @@ pub(super) struct Beams {
     pub(super) prim: [i32; ROOM],
 }
 
-/// Listed tests, and those of them in which a beam passes between the edges: the test, then a bit for
+/// Listed tests; `inside` keeps the ones in which a beam passes between the edges: the test, then a bit for
 /// each beam that may and each that surely does.
 pub(super) struct Tests {
     pub(super) words: [i32; TESTS],
