@@ -16,9 +16,9 @@ pub(super) enum Origin {
 /// A point to evaluate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidate {
-    /// In the search space.
+    /// Coordinates in the search space.
     pub(super) x: DVector<f64>,
-    /// In the caller's space.
+    /// Coordinates in the caller's space.
     pub(super) point: Vec<f64>,
     pub(super) origin: Origin,
     /// ‖C^(−1/2) (x − m)/σ‖² = ‖z‖² of a sample; 0 of other origins.

@@ -5,7 +5,7 @@ pub(crate) const MAX_POPULATION: usize = 1_000_000;
 /// Largest count of generations or evaluations of a saved search: far beyond any run, far below overflow.
 pub(crate) const MOST_COUNTED: u64 = 1 << 53;
 
-/// Why a search cannot start, or go on with what it was given.
+/// Bad input: the search cannot start, or cannot go on.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[non_exhaustive]
 pub enum CmaError {

@@ -26,7 +26,7 @@ pub enum RestartStrategy {
     Bipop,
 }
 
-/// Settings of [`Restarts`] beside those of its instances.
+/// Settings of [`Restarts`]; [`Cma`]'s options hold for its instances.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RestartOptions {
     /// Rule for the next instance.
@@ -77,7 +77,7 @@ struct Spent {
     instances: u32,
 }
 
-/// CMA-ES with restarts: a new instance follows each stopped one. The interface is that of [`Cma`].
+/// CMA-ES with restarts: a new instance follows each stopped one. The interface equals [`Cma`]'s.
 ///
 /// Target and budget of the options hold for all instances together, and nothing else ends the search.
 /// The first instance is the [`Cma`] of the same options. Later ones depend on the seed alone: equal
@@ -251,7 +251,7 @@ impl Restarts {
     /// Like [`Cma::tell`], for the running instance; another one follows where it stops.
     ///
     /// # Errors
-    /// Candidates or costs of another number than were asked for.
+    /// The number of candidates or costs differs from the last `ask`.
     pub fn tell(&mut self, candidates: &[Candidate], costs: &[f64]) -> Result<(), CmaError> {
         self.tell_ranked(candidates, costs, costs)
     }
@@ -259,7 +259,7 @@ impl Restarts {
     /// Like [`Cma::tell_ranked`], for the running instance; another one follows where it stops.
     ///
     /// # Errors
-    /// Candidates, ranks or costs of another number than were asked for.
+    /// The number of candidates, ranks or costs differs from the last `ask`.
     pub fn tell_ranked(
         &mut self,
         candidates: &[Candidate],

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::{Serialize, Serializer};
 
-/// A sentence about an input, with the file, the place in it, and what to do.
+/// A sentence about an input: the file, the place in it, and a remedy.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Note {
     text: String,
@@ -27,7 +27,7 @@ impl Note {
         &self.text
     }
 
-    /// True if the input is likely not what its author means.
+    /// True if the input is likely a slip of its author.
     pub fn is_doubt(&self) -> bool {
         self.is_doubt
     }

@@ -11,7 +11,7 @@ pub const AXIS_LIMIT: u32 = 1 << 24;
 /// Longest edge of a voxel, in metres.
 pub const EDGE_LIMIT: f64 = 1e6;
 
-/// Error of a voxel grid. Field names (`roi_min`, `voxel`, `shape`) are those of the P-SOG file.
+/// Error of a voxel grid. Field names (`roi_min`, `voxel`, `shape`) match the P-SOG file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages name every field

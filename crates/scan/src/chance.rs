@@ -1,9 +1,9 @@
-//! Numbers by chance that depend on what they are for alone, not on the order in which they are drawn.
+//! Random numbers that depend only on their purpose and beam, not on the order of the draws.
 
 use lidar_cast::chance::mixed;
 use lidar_cast::maths;
 
-/// What a number is drawn for; numbers of different purposes have nothing to do with each other.
+/// Use of a random number; draws for different purposes are independent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Purpose {
@@ -17,7 +17,7 @@ pub enum Purpose {
     Snow,
     /// Another sensor's pulse that a beam takes for its own, and the time of that pulse.
     Crosstalk,
-    /// What an object is like.
+    /// Paint of an object: dark or bright.
     Object,
     /// Drops in a beam.
     Rain,
@@ -30,7 +30,7 @@ pub struct Chance {
 }
 
 impl Chance {
-    /// Of a beam of a LiDAR in a frame.
+    /// Random numbers of one beam of a LiDAR in a frame.
     pub fn new(seed: u64, frame: u32, lidar: u32, beam: u32) -> Self {
         let state = mixed(seed ^ 0x5ca9_0000_0000_0000);
         let state = mixed(state ^ (u64::from(frame) << 32 | u64::from(lidar)));

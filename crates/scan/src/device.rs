@@ -5,7 +5,7 @@ use std::sync::{Mutex, OnceLock};
 use lidar_cast::bvh::Hit;
 use lidar_cast::cast::{Firing, FiringCaster};
 
-/// What casts in place of the host; nothing at first.
+/// GPU that casts rays in place of the CPU; none by default.
 #[derive(Default)]
 pub(super) struct Device {
     caster: Option<Mutex<Box<dyn FiringCaster>>>,

@@ -8,7 +8,7 @@ use super::rays::RAYS;
 pub(super) struct Echo {
     /// Metres.
     pub range: f64,
-    /// In the unit of ρ·cos θ / r².
+    /// Power in the unit of ρ·cos θ / r².
     pub power: f64,
     /// The beam's ray that brings most of it back from a surface; `None` of the medium.
     pub ray: Option<u8>,
@@ -18,7 +18,7 @@ pub(super) struct Echo {
 impl Echo {
     const NONE: Self = Self { range: 0.0, power: 0.0, ray: None, status: Status::Miss };
 
-    /// Of fog, snow or rain.
+    /// Echo of fog, snow or rain.
     pub fn of_medium(range: f64, power: f64, status: Status) -> Self {
         Self { range, power, ray: None, status }
     }

@@ -1,4 +1,4 @@
-//! In which order the beams of a sensor fire, and which of them lie side by side.
+//! Firing order of a sensor's beams, and neighbours among them.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -14,7 +14,7 @@ pub(super) struct Fires {
     /// Beams that follow each other in a channel, and channels; one of a list of directions.
     pub columns: usize,
     pub channels: usize,
-    /// Of one firing, but perhaps for the last.
+    /// Beams of one firing; the last firing may have fewer.
     size: usize,
     /// True if the columns make one whole turn.
     turns: bool,
@@ -32,7 +32,7 @@ struct Azimuths {
     wide: f64,
 }
 
-/// A beam among those of its sensor.
+/// Position of one beam in its sensor's pattern.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place {
     /// Number in the table.

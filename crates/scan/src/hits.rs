@@ -13,7 +13,7 @@ use sightline_scene::vehicle::{Placement, SensorPose, UnknownSensor};
 /// Beams that are cast in one batch: sensors that share directions are cast together.
 const BEAMS_TOGETHER: usize = 16 << 20;
 
-/// What memory is asked for.
+/// Name of the allocation in errors.
 const BEAMS: &str = "hits of all beams cast at once";
 /// Bytes of a beam in all columns.
 const BEAM_BYTES: u64 = 40;
@@ -79,7 +79,7 @@ impl BeamHits {
         Ok(columns)
     }
 
-    /// No beams, and room for so many.
+    /// No beams yet, and memory for `beams` of them.
     fn with_room(beams: usize) -> Result<Self, OutOfMemory> {
         memory::check(BEAMS, beams as u64 * BEAM_BYTES)?;
         Ok(Self {
@@ -121,7 +121,7 @@ impl BeamHits {
         self.distance.iter().filter(|t| t.is_finite()).count()
     }
 
-    /// Where beams hit, in the ego frame, with the class of what they hit.
+    /// Positions of hits in the ego frame, each with the class of its surface.
     pub fn points(&self) -> impl Iterator<Item = (u16, [f32; 3])> {
         let beams = self.origin.chunks_exact(3).zip(self.direction.chunks_exact(3));
         let beams = beams.zip(self.distance.iter().zip(&self.class));

@@ -12,7 +12,7 @@ const SAMPLES: usize = 6;
 /// Metres before a sample point within which nothing stands in its way.
 const FREE: f64 = 0.01;
 
-/// A LiDAR and what stands around it.
+/// A LiDAR and the things around it.
 pub(super) struct Eye<'a> {
     pub ego_from_sensor: Pose,
     /// Metres.
@@ -35,8 +35,8 @@ impl Eye<'_> {
     }
 }
 
-/// Share of a box's hull that a rig sees, 0 to 1, by area: of the points on those of its faces that face a LiDAR, those
-/// that one of these LiDARs sees.
+/// Share of a box's hull that a rig sees, 0 to 1, by area. Counted are points on faces that face some LiDAR: a point
+/// is seen if one of these LiDARs sees it.
 pub(super) fn seen_share(stage: &Stage, eyes: &[Eye<'_>], tracked: &TrackedBox) -> f32 {
     let (half, own) = (tracked.size / 2.0, tracked.instance);
     let box_from_ego = tracked.ego_from_box.inverse();

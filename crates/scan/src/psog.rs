@@ -15,7 +15,7 @@ use sightline_scene::psog::{BuildReport, FrameVotes, Psog, PsogBuilder, PsogErro
 use sightline_scene::scene::{EgoBody, ScanSettings, Scene};
 use sightline_scene::vehicle::BeamTable;
 
-/// Frames that are scanned together: neighbours share the scans of what does not move.
+/// Frames that are scanned together: they share the scans of static geometry.
 const FRAMES_TOGETHER: usize = 32;
 /// Beams whose voxels are looked up at once.
 const LANES: usize = 32;
@@ -30,8 +30,7 @@ const OUTSIDE: u32 = u32::MAX;
 /// The ego body is left out, as data sets leave out the points on it. Every hit is a labelled point
 /// and votes for its class in its voxel.
 ///
-/// What does not move is cast once for each place where the scanner stands, and actors are cast on top of
-/// that for each frame.
+/// Static geometry is cast once for each scanner position. Actors are cast on top of it for each frame.
 ///
 /// `go_on` is asked before each band of rings of the frames that are scanned together, and after the last, with
 /// the number of frames that are done. A no ends the scan, unless all frames are done.
@@ -69,7 +68,7 @@ pub fn scan_scene(
 struct Scanner<'a> {
     scene: &'a Scene,
     world: World,
-    /// By triangle.
+    /// Class of each triangle.
     classes: Vec<u16>,
     roi: &'a Roi,
     settings: &'a ScanSettings,
@@ -116,7 +115,7 @@ impl Scanner<'_> {
         self.world.frames()[frame].instances().split_at(fixed)
     }
 
-    /// Takes the scanner's frame to that of the ego, where the scanner stands above it.
+    /// Scanner pose in the ego frame of its stand: `height` metres above the origin.
     fn head(&self) -> Pose {
         let translation = DVec3::new(0.0, 0.0, self.settings.height);
         Pose { rotation: DMat3::IDENTITY, translation }
@@ -159,7 +158,7 @@ impl Scanner<'_> {
     }
 }
 
-/// Trees with the poses that lead to them; `pose` takes the scanner's frame to that of the ego.
+/// Trees with their sensor poses; `pose` takes the scanner's frame to the ego's.
 fn parts<'a>(instances: &'a [Instance], pose: &Pose) -> Vec<Part<'a>> {
     let part = |instance: &'a Instance| Part {
         bvh: &instance.tree,

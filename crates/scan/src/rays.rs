@@ -12,7 +12,7 @@ use sightline_scene::vehicle::SensorModel;
 
 /// Rays that a beam is made of where its middle is not enough: the middle, and a ring of six on its rim.
 pub(super) const RAYS: usize = 7;
-/// Those on the rim.
+/// Rays on the rim.
 pub(super) const RING: usize = RAYS - 1;
 /// Share of the beam's power in the middle; the ring has the rest.
 const MIDDLE: f64 = 0.4;
@@ -23,7 +23,7 @@ pub(super) fn ray_share(ray: usize) -> f64 {
 }
 
 /// Middle and rim of each beam of a sensor, in the order in which beams fire: lane 0 is the middle, the next six are
-/// on the rim, what is left repeats the middle.
+/// on the rim, all others repeat the middle.
 pub(super) fn rays_of(model: &SensorModel, fires: &Fires) -> Vec<Rays> {
     let [across, along] = model.response.divergence.map(|width| width / 2.0);
     let ray = |k: usize| {

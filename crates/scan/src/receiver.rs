@@ -1,4 +1,4 @@
-//! From what a beam meets to what the sensor reports: power, threshold, noise, echoes.
+//! From the surfaces that a beam meets to the returns that the sensor reports: power, threshold, noise, echoes.
 
 use glam::{DVec3, Vec3};
 
@@ -18,7 +18,7 @@ use sightline_scene::vehicle::Echoes;
 const STRONG: f64 = 9.0;
 const MOST_NOISE: f64 = 3.0;
 
-/// What receives the echoes of a LiDAR in a frame.
+/// Turns the hits of one LiDAR in a frame into returns.
 pub(super) struct Receiver<'a> {
     pub sweeper: &'a Sweeper,
     pub sweep: &'a Sweep,
@@ -130,12 +130,12 @@ impl Receiver<'_> {
         if let [only] = echoes.as_mut_slice()
             && rays.iter().all(Surface::is_hit)
         {
-            // All of the beam meets what lies around its middle: the echo comes from there.
+            // The whole beam meets surfaces close to its centre hit: the echo gets the centre's range.
             (only.range, only.ray) = (f64::from(rays[0].t), Some(0));
         }
     }
 
-    /// What a share of the beam's power brings back from a surface.
+    /// Echo of a surface that gets `share` of the beam's power.
     fn echo(&self, surface: &Surface, ray: u8, share: f64) -> Echo {
         let (range, incidence) = (f64::from(surface.t), f64::from(surface.incidence));
         let (class, instance) = (surface.class, surface.instance);
@@ -143,7 +143,7 @@ impl Receiver<'_> {
         Echo { range, power, ray: Some(ray), status: Status::Hit }
     }
 
-    /// Echoes of fog, snow and rain, and what the last two take from the surfaces.
+    /// Adds echoes of fog, snow and rain, and dims the surfaces behind snow and rain.
     fn weather(&self, chance: &Chance, surface: &Surface, echoes: &mut EchoList) {
         let model = self.sweeper.model();
         let target = if surface.is_hit() { f64::from(surface.t) } else { f64::INFINITY };

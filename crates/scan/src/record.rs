@@ -1,4 +1,4 @@
-//! One scan: what every beam of a rig came back with in a frame, and the boxes that stood around it.
+//! One scan: the return of every beam of a rig in a frame, and the boxes of actors around it.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use sightline_scene::scene::ActorKind;
 
 /// Class of a beam that met no surface.
 pub const NO_CLASS: u16 = u16::MAX;
-/// Instance of what is no actor.
+/// Instance of static surfaces.
 pub const NO_INSTANCE: u16 = 0;
 /// Instance of the ego vehicle's own body.
 pub const EGO_INSTANCE: u16 = u16::MAX;
@@ -19,7 +19,7 @@ pub const EGO_INSTANCE: u16 = u16::MAX;
 /// of a tight box, where rounding would decide.
 pub const BOX_MARGIN: f64 = 0.005;
 
-/// What a beam came back as.
+/// Outcome of a beam: the source of its point, or why there is none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Status {
@@ -27,7 +27,7 @@ pub enum Status {
     Hit = 0,
     /// Not at all: it met nothing within range.
     Miss = 1,
-    /// Not at all: what came back was too weak.
+    /// No point: the echo was too weak.
     Lost = 2,
     /// Not at all: thrown away, although it was strong enough.
     Dropped = 3,
@@ -50,14 +50,14 @@ impl Status {
     }
 }
 
-/// A beam and what came back; ordered by LiDAR, channel, column, a second return after its first.
+/// One return of a beam; ordered by LiDAR, channel, column, a second return after its first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Return {
     /// Where it came from, in the ego frame at the scan's time, metres: the sensor's motion since is made up
     /// for. Not a number where there is no point.
     pub position: [f32; 3],
-    /// The same as a sensor sees it that does not know that it moved: its distance along the beam of a
-    /// sensor that stands where it stood at the scan's time.
+    /// Position without motion compensation: `range` metres along the beam of a sensor that still stands where
+    /// it stood at the scan's time.
     pub raw: [f32; 3],
     /// Metres along the beam; not a number where there is no point.
     pub range: f32,
@@ -79,7 +79,7 @@ pub struct Return {
     pub instance: u16,
     /// Cosine of the angle of incidence on the surface, 0 to 1; 0 if none.
     pub incidence: f32,
-    /// What came back.
+    /// Source of the point, or why there is none.
     pub status: Status,
 }
 
@@ -98,9 +98,9 @@ pub struct TrackedBox {
     pub ego_from_box: Pose,
     /// Extents along its x, y and z in metres.
     pub size: DVec3,
-    /// In the world frame, metres a second.
+    /// Velocity in the world frame, metres a second.
     pub velocity: DVec3,
-    /// Points of the scan that lie in it, whatever they are of; within [`BOX_MARGIN`] of it they count.
+    /// Points of the scan in the box, on any surface; points within [`BOX_MARGIN`] of it count.
     pub points: u32,
     /// Share of its hull that the rig sees, 0 to 1; none before [`Scanner::look_at_boxes`](super::Scanner::look_at_boxes).
     pub visible: Option<f32>,
@@ -111,9 +111,9 @@ pub struct TrackedBox {
 pub struct ScanLidar {
     /// Name of its model; may be empty.
     pub model: String,
-    /// Takes its frame to that of the ego.
+    /// Sensor pose: takes its frame to the ego frame.
     pub ego_from_sensor: Pose,
-    /// The same without its phase: how it is mounted, in all frames alike.
+    /// Mount pose without the sensor's phase: constant over all frames.
     pub ego_from_mount: Pose,
     /// Channels; 1 of a list of directions.
     pub channels: u32,
@@ -134,9 +134,9 @@ pub struct Scan {
     pub time: f64,
     /// Class names; the index is the class.
     pub classes: Arc<[String]>,
-    /// In the order of the placement.
+    /// LiDARs in the order of the placement.
     pub lidars: Vec<ScanLidar>,
-    /// Takes the ego frame to that of the world.
+    /// Ego pose: takes the ego frame to the world frame.
     pub world_from_ego: Pose,
     /// Every beam.
     pub returns: Vec<Return>,
@@ -162,7 +162,7 @@ impl Scan {
                 let point = DVec3::from(point.map(f64::from));
                 box_from_ego.apply(point).abs().cmple(half).all()
             };
-            // What lies outside of the sphere around the box need not be turned.
+            // Points outside the box's bounding sphere are dropped before the costlier turn into its frame.
             let reach = (half.length() + 1e-3) as f32;
             let middle = tracked.ego_from_box.translation.as_vec3().to_array();
             let clusters = clusters.iter().filter(|cluster| cluster.is_within(reach, middle));

@@ -4,12 +4,12 @@ use super::NO_INSTANCE;
 use super::chance::{Chance, Purpose};
 use sightline_scene::scene::Reflectances;
 
-/// Share of the objects of a mixed class that are dark, and what dark and other ones reflect: car paint that
-/// mirrors the beam away beside paint that scatters it.
+/// Mixed classes, such as vehicles: share of dark objects, their reflectance, and the reflectance of all others. Some
+/// car paint mirrors the beam away, other paint scatters it.
 const DARK_SHARE: f64 = 0.3;
 const DARK: f64 = 0.05;
 const BRIGHT: f64 = 0.3;
-/// Of a class that nothing is known of.
+/// Reflectance of a class that is in no table.
 const UNKNOWN: f64 = 0.3;
 
 /// Medians of the remission of an HDL-64E at 5 to 15 m in eight labelled frames of SemanticKITTI (987 000
@@ -47,16 +47,16 @@ const MIXED: [&str; 3] = ["vehicle", "car", "moving-car"];
 /// Reflectance of the classes of a scene.
 #[derive(Debug, Clone)]
 pub(super) struct Reflectance {
-    /// By class; none where objects differ.
+    /// Reflectance by class; `None` where objects of a class differ.
     by_class: Vec<Option<f64>>,
     /// One for each class: whether objects differ, unless the scene says otherwise.
     mixed: Vec<bool>,
-    /// By actor, where the scene says it.
+    /// Reflectance by actor, where the scene states it.
     by_actor: Vec<Option<f64>>,
 }
 
 impl Reflectance {
-    /// Of classes, and what the scene says of them and of its actors.
+    /// Table values of `classes`, overridden by the scene's values for classes and actors.
     pub fn new(classes: &[String], said: &Reflectances) -> Self {
         let mixed = classes.iter().map(|class| MIXED.contains(&class.as_str())).collect();
         let of = |(id, class): (usize, &String)| {
@@ -73,8 +73,8 @@ impl Reflectance {
         Self { by_class, mixed, by_actor: said.actors.clone() }
     }
 
-    /// From 0 to 1, of an object of a class; objects keep theirs through all frames of a seed. What stands in the
-    /// static world is no object, and has the mean of its class.
+    /// Reflectance of an object, 0 to 1; the same in all frames of a seed. Surfaces of the static world have the mean
+    /// of their class.
     pub fn of(&self, class: u16, instance: u16, seed: u64) -> f64 {
         let actor = usize::from(instance).checked_sub(1).and_then(|actor| self.by_actor.get(actor));
         if let Some(&Some(reflectance)) = actor {
@@ -97,7 +97,7 @@ impl Reflectance {
     }
 }
 
-/// A number from 0 to 1 that an object keeps; none of what is no object.
+/// A random number from 0 to 1 that an object keeps; `None` for static surfaces.
 pub(super) fn draw(instance: u16, seed: u64) -> Option<f64> {
     let chance = Chance::new(seed, 0, 0, u32::from(instance));
     (instance != NO_INSTANCE).then(|| chance.draw(Purpose::Object, 0))

@@ -14,7 +14,7 @@ use lidar_cast::cast::{Left, Target, all_hit, closer_hits_of_bundle};
 /// A beam whose middle is enough.
 const NONE: u32 = u32::MAX;
 
-/// What the rims of beams meet in a frame.
+/// Hits of the beams' rim rays in one frame.
 pub(super) struct Rims<'r> {
     turn: Turn<'r>,
     /// None where the sweep knows the rims of all beams.
@@ -29,8 +29,8 @@ struct Cast {
 }
 
 impl<'r> Rims<'r> {
-    /// What the rims of those beams meet whose middles are not enough: that see an edge, but for those that
-    /// see nothing nearer beside it and meet one triangle with all of their rays. None where beams have no width.
+    /// Casts rim rays for beams at an edge, unless the beam sees the nearer surface and all its rays surely hit
+    /// one triangle. `None` if beams have no width.
     pub fn meet(
         sweeper: &'r Sweeper,
         stage: &'r Stage,
@@ -52,7 +52,7 @@ impl<'r> Rims<'r> {
         Some(Self { turn, cast })
     }
 
-    /// What the rim of a beam meets; none where the middle is enough.
+    /// Hits of a beam's rim rays; `None` if its centre ray is enough.
     fn hits(&self, place: &Place) -> Option<&[Hit; RING]> {
         match (&self.cast, &self.turn.sweep.rims) {
             (Some(Cast { places, hits }), _) => hits.get(places[place.fired] as usize),
@@ -61,7 +61,7 @@ impl<'r> Rims<'r> {
         }
     }
 
-    /// What the rays of a beam meet, the middle one as it is known; none where the middle is enough.
+    /// Surfaces met by a beam's seven rays, the known centre ray first; `None` if the centre ray is enough.
     pub fn rays(&self, place: &Place) -> Option<[Surface; RAYS]> {
         let hits = self.hits(place)?;
         let Turn { sweeper, stage, sweep, .. } = self.turn;
@@ -78,7 +78,7 @@ impl<'r> Rims<'r> {
     }
 }
 
-/// What beams have met in a frame.
+/// Centre hits of a frame's beams, and the means to cast more rays.
 #[derive(Clone, Copy)]
 struct Turn<'a> {
     sweeper: &'a Sweeper,
@@ -88,7 +88,7 @@ struct Turn<'a> {
 }
 
 impl Turn<'_> {
-    /// What the rims of wanted beams meet, which come in the order in which they fire.
+    /// Casts the rim rays of `wanted` beams, which come in firing order.
     fn cast(&self, wanted: &[Place]) -> Vec<[Hit; RING]> {
         let Turn { sweeper, stage, device, sweep } = *self;
         let firings: Vec<&[Place]> = wanted.chunk_by(|a, b| a.firing == b.firing).collect();

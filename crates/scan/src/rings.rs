@@ -38,7 +38,7 @@ impl Rings {
         let step = (spacing / reach).max(TAU / MAX_STEPS);
         let all_around = (TAU / step).ceil();
         let ring = |(elevation, extent): (f64, f64)| {
-            // In quarters of an octave, so that rings side by side go into one table.
+            // Steps of a quarter octave, so that rings side by side go into one table.
             let quarters = (4.0 * maths::log2(reach / extent)).floor().clamp(0.0, 32.0);
             let spaced = (all_around * maths::exp2(-quarters / 4.0)).ceil() as u32;
             Ring { elevation, azimuth_steps: settings.azimuth_steps.unwrap_or(spaced) }
@@ -71,8 +71,8 @@ pub(super) fn table(rings: &[Ring], range: f64) -> Result<BeamTable, SensorError
     BeamTable::spinning(&channels, rings.first().map_or(0, |ring| ring.azimuth_steps), range)
 }
 
-/// What a scanner looks at: level ground `height` below it, up to `top` above that ground and `reach`
-/// away, in metres.
+/// Space that a scanner must resolve: level ground `height` below it, up to `top` above the ground and
+/// `reach` away, in metres.
 struct View {
     height: f64,
     top: f64,
@@ -87,8 +87,8 @@ impl View {
         if extent > 0.0 { extent.min(self.reach) } else { self.reach }
     }
 
-    /// Elevations whose rings lie `spacing` apart on the ground, and on what stands there: each with its
-    /// extent, rising, no two farther apart than `step` at the horizon.
+    /// Elevations whose rings lie `spacing` apart on the ground and on things there: each with its extent,
+    /// rising, no two farther apart than `step` at the horizon.
     ///
     /// Evenly spaced channels leave gaps on far ground that no voxel of a usual size bridges: at 40 m and
     /// from 2.8 m up, one degree is 10 m. A wall farther away than the scanner is high is met at least as

@@ -23,15 +23,15 @@ use lidar_cast::memory;
 use sightline_scene::scene::{Scene, Track};
 use sightline_scene::vehicle::{Placement, Sensors, UnknownSensor};
 
-/// Beams of one parallel task: what they met lies in the second cache.
+/// Beams of one parallel task: its hits fit into the second-level cache.
 const BEAMS_A_TASK: usize = 2048;
 
 /// How a rig is to scan.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Scanning {
-    /// Geometry alone: every beam returns from what it meets, at once, without error; conditions are refused.
+    /// Geometry alone: every beam returns from its first surface, at once, without error; conditions are refused.
     pub ideal: bool,
-    /// Of all that is left to chance.
+    /// Seed of all random draws.
     pub seed: u64,
     /// Weather and faults.
     pub conditions: Vec<Condition>,
@@ -39,8 +39,8 @@ pub struct Scanning {
 
 /// A rig in a scene, ready to scan any frame of it.
 ///
-/// What is left to chance depends on seed, frame, LiDAR and beam alone: frames come out the same in any
-/// order and on any number of threads.
+/// Random draws depend only on seed, frame, LiDAR and beam. Frames come out bit-equal in any order and on any
+/// number of threads.
 pub struct Scanner<'a> {
     scene: &'a Scene,
     name: Arc<str>,
@@ -91,8 +91,7 @@ fn bytes_of_a_scan(sensors: &Sensors, placement: &Placement) -> Result<u64, Unkn
 }
 
 impl<'a> Scanner<'a> {
-    /// Finds what would keep [`Self::new`] from making a scanner, before any work is done: all but memory for
-    /// the trees.
+    /// Finds every reason for which [`Self::new`] would fail, except memory for the trees, before any work is done.
     ///
     /// # Errors
     /// See [`Self::new`].
@@ -129,7 +128,7 @@ impl<'a> Scanner<'a> {
         Self::made(Arc::new(Stage::new(scene)?), scene, placement, scanning)
     }
 
-    /// Scans with trees of the scene that there are already, of which several placements share one set.
+    /// Makes a scanner with existing trees of the scene, which several placements share.
     ///
     /// # Errors
     /// See [`Self::check`].
@@ -176,11 +175,11 @@ impl<'a> Scanner<'a> {
         })
     }
 
-    /// Lets the engine that was asked for cast all rays from now on, and says in words which it is. Scans have the same
-    /// bits on all; the host casts again once a device fails.
+    /// Lets the requested engine cast all rays from now on, and returns its name in a sentence. Scans have the same
+    /// bits on all engines; the host casts again once a device fails.
     ///
     /// # Errors
-    /// The device asked for is missing or fails.
+    /// The requested device is missing or fails.
     pub fn cast_on(&mut self, choice: &EngineChoice) -> Result<Option<String>, BackendError> {
         let opened = open_caster(&self.trees(), choice)?;
         if let Some(caster) = opened.caster {

@@ -1,4 +1,4 @@
-//! What the frames of a scan share: trees, faces, spheres around parts; and how all of it moves in a frame.
+//! The moving scene shared by all frames of a scan: trees, faces and bounding spheres of parts, and their motion.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -31,7 +31,7 @@ pub(super) struct Thing {
     faces: Vec<Face>,
 }
 
-/// What a beam needs to know of a face.
+/// Normal and class of one triangle.
 #[derive(Debug, Clone, Copy)]
 struct Face {
     /// Unit normal in the thing's frame, zero of a face without area.
@@ -39,7 +39,7 @@ struct Face {
     class: u16,
 }
 
-/// What all scans of a scene share, whatever the frame and the placement: trees and faces of its parts.
+/// Rigid parts of a scene with their trees and faces: shared by all scans, frames and placements.
 #[derive(Debug)]
 pub struct Stage {
     pub(super) things: Vec<Thing>,
@@ -68,7 +68,7 @@ impl Stage {
         }
     }
 
-    /// Of trees that there are already, one for each part of the scene that is not empty.
+    /// Reuses the trees of `instances`: one for each part of the scene that has triangles.
     pub(super) fn of<'i>(scene: &Scene, instances: impl Iterator<Item = &'i Instance>) -> Self {
         let full = scene.parts(EgoBody::Include).filter(|&part| scene.part_triangles(part) > 0);
         let classes = scene.face_classes(EgoBody::Include);
@@ -174,7 +174,7 @@ impl Thing {
 /// How everything moves in a frame.
 pub(super) struct Motions {
     pub(super) ego: Glide,
-    /// Transform of each thing: takes the frame of its owner to that of the world.
+    /// Pose of each thing's owner: takes the owner's frame to the world's.
     owners: Vec<Glide>,
     /// Position of each thing in the frame of its owner.
     origins: Vec<DVec3>,
@@ -205,8 +205,7 @@ impl Motions {
         self.owners.iter().zip(&self.ego_things).all(still)
     }
 
-    /// Takes a thing's frame to that of the world a share of the way to the next frame; none of what stands
-    /// still in the ego frame.
+    /// Pose of a thing in the world, `share` of the way to the next frame; `None` for the ego's own body.
     pub fn world_from_thing(&self, thing: usize, share: f64) -> Option<Pose> {
         (!self.ego_things[thing]).then(|| {
             let mut pose = self.owners[thing].at(share);
@@ -215,12 +214,12 @@ impl Motions {
         })
     }
 
-    /// Takes a thing's frame to that of the ego, where it stands still.
+    /// Pose of the ego's body in the ego frame.
     pub fn ego_from_body(&self, thing: usize) -> Pose {
         Pose { translation: self.origins[thing], ..Pose::IDENTITY }
     }
 
-    /// Takes a thing's frame to that of the ego at the same moment.
+    /// Pose of a thing in the ego frame at the same moment.
     fn ego_from_thing(&self, thing: usize, share: f64) -> Pose {
         let world_from_thing = self.world_from_thing(thing, share);
         world_from_thing.map_or_else(
@@ -235,13 +234,13 @@ impl Motions {
 pub(super) enum Seen {
     Never,
     Always,
-    /// Around that of a unit vector, as far as angles have at least such a cosine.
+    /// Azimuths around a unit vector, whose cosine to it is at least the number.
     Around(DVec2, f64),
 }
 
 impl Seen {
-    /// Of a thing in a sweep that ends `last` of the way to the next frame; `ego_from_sensor` stands still. Beams
-    /// point up to `wide` radians beside the azimuth that they are asked for by.
+    /// Azimuths that see `thing` in a sweep that ends `last` of the way to the next frame; `ego_from_sensor` is fixed.
+    /// Beams point up to `wide` radians beside their nominal azimuth.
     ///
     /// The thing's sphere moves in the sensor's frame; all of its way lies in a sphere around its middle
     /// position, larger by the farthest that the ends are from there, and half as much again for the curve.

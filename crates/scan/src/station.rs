@@ -1,4 +1,4 @@
-//! Where a sensor is when some of its beams fire, and what they meet from there.
+//! Sensor position when a group of beams fires, and the surfaces that they meet.
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -17,9 +17,9 @@ use sightline_scene::problem::DevicePose;
 /// distance.
 const APART: f32 = 0.05;
 const APART_SHARE: f32 = 0.002;
-/// Where the sensor is when some beams fire, and what it may see then.
+/// Sensor position when a group of beams fires, and the things in sight of them.
 pub(super) struct Station {
-    /// Takes the sensor's frame, as it is now, to that of the ego at the frame's time.
+    /// Takes the sensor's frame at that moment to the ego frame at the frame's time.
     pub start_from_sensor: Pose,
     /// Numbers on the stage of the things that it may see, ascending.
     numbers: Vec<u32>,
@@ -27,11 +27,11 @@ pub(super) struct Station {
     poses: Vec<Pose>,
     /// Metres that the sensor sees, and the angle that its beams are wide.
     reach: [f32; 2],
-    /// Of things within reach; known once single beams or a device ask for them.
+    /// Poses of the things within reach; filled once single beams or a device ask for them.
     standings: OnceLock<Vec<(u32, Standing)>>,
 }
 
-/// What a beam meets.
+/// Surface point where a beam ends.
 #[derive(Debug, Clone, Copy, Zeroable)]
 pub(super) struct Surface {
     /// Metres; as far as the range goes where it meets nothing.
@@ -46,14 +46,14 @@ pub(super) struct Surface {
     pub position: Vec3,
 }
 
-/// What lies between two neighbouring beams, as one of them sees it.
+/// Depth edge between two neighbouring beams, seen by one of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Edge {
     /// No edge.
     None,
-    /// The end of its own surface, behind which the other sees.
+    /// The beam's own surface ends, and the neighbour sees past it.
     InFront,
-    /// The end of the other's surface, behind which it sees.
+    /// The neighbour's surface ends, and the beam sees past it.
     Behind,
 }
 
@@ -200,7 +200,7 @@ impl<'a> Faces<'a> {
 pub(super) struct SeenFace {
     class: u16,
     instance: u16,
-    /// In the sensor's frame.
+    /// Unit normal in the sensor's frame.
     normal: DVec3,
 }
 

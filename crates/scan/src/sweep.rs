@@ -26,7 +26,7 @@ pub(super) const BYTES_OF_A_SWEEP: u64 = (size_of::<Surface>() + size_of::<[Hit;
 /// A sensor model, ready to be swept.
 pub(super) struct Sweeper {
     model: SensorModel,
-    /// Casts all beams at once, where that is asked for.
+    /// Casts all beams at once; built on first use.
     whole: OnceLock<Caster>,
     pub(super) fires: Fires,
     /// Middle and rim of each beam, in the order in which beams fire; the middle alone of beams without width.
@@ -39,11 +39,11 @@ pub(super) struct Sweeper {
 
 /// A LiDAR's beams of a frame.
 pub(super) struct Sweep {
-    /// By beam, in the order in which they fire.
+    /// Surface of each beam, in firing order.
     pub surfaces: Vec<Surface>,
-    /// By firing; one where all fire at once.
+    /// One station for each firing; a single one where all beams fire at once.
     stations: Vec<Station>,
-    /// What the rims of all beams meet, in the order in which they fire; none where that is not known yet.
+    /// Hits of the six rim rays of every beam, in firing order; `None` until they are cast.
     pub rims: Option<Vec<[Hit; RING]>>,
 }
 
@@ -216,7 +216,7 @@ impl Sweeper {
         })
     }
 
-    /// Where the sensor is when each of its columns fires, and what that may see.
+    /// Stations of all firings: the sensor's pose, and the things in sight at its azimuth.
     fn stations(
         &self,
         stage: &Stage,

@@ -1,4 +1,4 @@
-//! What of a beam comes back through weather, for scores: the beams that do not cover nothing.
+//! Per-beam visibility in weather, for scoring. A beam that does not return covers no voxel.
 
 use std::sync::{Arc, Mutex};
 
@@ -41,36 +41,34 @@ pub enum VisibilityError {
     Condition(#[from] conditions::ConditionError),
 }
 
-/// Weather and faults as scores see them.
+/// Weather and faults for scoring.
 ///
-/// A beam that meets a surface comes back with the probability that a scan gives it, and then covers what it
-/// covers in clear air; otherwise it covers nothing. A beam that meets nothing covers as far as a target of
-/// 30 % would be seen, behind whatever snow and rain take on the whole of its way; nothing if crosstalk hits it. Which
-/// beams come back is drawn once for each frame, model and beam, so that a voxel is weighted with the probability
-/// that a beam tells of it, in whole beams: all engines have the same bits, and neighbouring placements the same
-/// luck. So have the beams of one number of all LiDARs of a model: where two of them meet in a voxel, both tell
-/// of it or neither. Other seeds of the problem's sensors are other draws, also of which vehicles are dark, and
-/// the mean over them is the expectation.
+/// A beam that meets a surface returns with the probability of a scan, and then covers its voxels as in clear air;
+/// otherwise it covers nothing. A beam that meets nothing covers as far as it would see a target of 30 %, behind all
+/// snow and rain on its way; nothing if crosstalk hits it. One draw for each frame, model and beam number decides, so
+/// that voxels are weighted by probability, in whole beams: all engines have equal bits, neighbouring placements equal
+/// luck. LiDARs of one model share the draws: where two beams of one number meet in a voxel, both return or neither.
+/// Other seeds give other draws, also of dark vehicles; their mean is the expectation.
 #[derive(Debug)]
 pub struct Visibility {
     optics: Optics,
     stage: Stage,
-    /// Of the models so far.
+    /// Cached reach tables, one for each pair of response and range seen so far.
     reaches: Mutex<Vec<Reach>>,
 }
 
-/// What decides about a beam beside what it meets.
+/// Response and random numbers of one beam.
 struct Beam<'a> {
     response: &'a Response,
     chance: Chance,
-    /// Of the draw.
+    /// Seed of the draw.
     seed: u64,
 }
 
-/// Response and range of a model, and how far the target is seen, by the draw that decides.
+/// A model's response, its range, and the reach of [`TARGET`] in metres by detection draw.
 type Reach = (Response, f32, Arc<[f32]>);
 
-/// A scene's problem under conditions; as it is under none.
+/// The problem under weather and faults; unchanged if `conditions` is empty.
 ///
 /// # Errors
 /// Beams that end at nothing, a condition given twice.
@@ -87,7 +85,7 @@ pub fn in_conditions(
 }
 
 impl Visibility {
-    /// Of a scene's problem under conditions.
+    /// Visibility of the scene's beams under `conditions`.
     ///
     /// # Errors
     /// Beams that end at nothing, a condition given twice.
@@ -104,7 +102,7 @@ impl Visibility {
         Ok(Arc::new(Self { stage: Stage::of(scene, first), optics, reaches: Mutex::default() }))
     }
 
-    /// How far the target is seen by a model, by the draw that decides.
+    /// Metres up to which [`TARGET`] is detected in air without snow or rain, by detection draw.
     fn reaches(&self, response: &Response, range: f32) -> Arc<[f32]> {
         let mut known = self.reaches.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         if let Some((.., found)) = known.iter().find(|(r, far, _)| r == response && *far == range) {
@@ -142,8 +140,8 @@ impl Visibility {
             && range >= response.min_range
     }
 
-    /// How far a beam that meets nothing up to a range would see the target, where `reaches` says it for air
-    /// in which nothing falls.
+    /// Metres that a beam without a hit covers, at most `range`. `reaches` holds the distances for air without snow
+    /// or rain.
     fn far(&self, beam: &Beam<'_>, reaches: &[f32], range: f32) -> f32 {
         let draw = beam.chance.draw(Purpose::Detection, 0);
         if self.is_wrong(beam) {
@@ -161,8 +159,7 @@ impl Visibility {
         self.optics.weather.fog.as_ref().map_or(0.0, |fog| fog.soft_power(range))
     }
 
-    /// What snow and rain do to a beam that goes as far as a range, with the stronger of their flakes; fog takes
-    /// its share of the flake's echo.
+    /// Light that passes snow and rain up to `range`, and the strongest of their echoes, dimmed by fog on its way.
     fn fallen(&self, beam: &Beam<'_>, range: f64) -> Fallen {
         let mut all = Fallen { passed: 1.0, flake: None };
         for (falling, purpose, _) in self.optics.weather.falls() {
@@ -232,7 +229,7 @@ impl Air for Visibility {
     }
 }
 
-/// Farthest that [`TARGET`] is seen up to `range` metres, by what is left of the light: its power falls with distance.
+/// Farthest range up to `range` metres at which [`TARGET`] is detected; fog and falling snow dim it.
 fn reach(response: &Response, optics: &Optics, range: f64, fallen: &Fallen, draw: f64) -> f64 {
     let flake = fallen.flake.map_or(0.0, |flake| flake.power);
     let seen = |r: f64| {

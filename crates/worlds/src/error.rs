@@ -9,7 +9,7 @@ pub enum WorldError {
     OpenDrive {
         /// Name of the file.
         file: String,
-        /// What the reader says.
+        /// Error of the OpenDRIVE reader.
         source: Box<xodr::ImportError>,
     },
     /// The XML is too deep or too wide to be read.
@@ -17,7 +17,7 @@ pub enum WorldError {
     Xml {
         /// Name of the file.
         file: String,
-        /// The line, the limit, and what to do.
+        /// The line, the limit, and a remedy.
         what: String,
     },
     /// An element of the document that cannot be read.
@@ -27,7 +27,7 @@ pub enum WorldError {
         file: String,
         /// Line, road or junction, and element.
         place: String,
-        /// Fault with it, and what to do.
+        /// The fault, and a remedy.
         what: String,
     },
     /// A part of the map that would be missing.
@@ -35,7 +35,7 @@ pub enum WorldError {
     Part {
         /// Name of the file.
         file: String,
-        /// What the reader says.
+        /// Fault of the part, from the reader.
         what: String,
     },
     /// The file cannot be read at all.
@@ -43,7 +43,7 @@ pub enum WorldError {
     File {
         /// Name of the file.
         file: String,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// A compressed file.
@@ -79,7 +79,7 @@ pub enum WorldError {
     TooLarge {
         /// Name of the file.
         file: String,
-        /// What there is too much of.
+        /// Quantity that exceeds the limit, in words.
         what: &'static str,
         /// How much there is.
         value: f64,

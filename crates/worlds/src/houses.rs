@@ -1,4 +1,4 @@
-//! Houses along the edges of streets: walls, roofs, bays and what stands in front of them.
+//! Houses along the edges of streets: walls, roofs, bays and things in front of them.
 
 use glam::DVec2;
 use rand::RngExt;
@@ -14,7 +14,7 @@ use super::surfaces::Terrain;
 /// Metres of a storey.
 const STOREY: f64 = 3.0;
 
-/// Places where the houses of one network stand, and what is drawn there.
+/// Draws the houses of one network into a model.
 pub struct Houses<'a> {
     pub style: &'a Style,
     pub terrain: &'a Terrain,

@@ -69,7 +69,7 @@ impl Line {
         chord.truncate().normalize_or(DVec2::X)
     }
 
-    /// The same line from its end to its start.
+    /// The line with its points in reverse order.
     pub fn reversed(&self) -> Self {
         Self::new(self.points.iter().rev().copied())
     }

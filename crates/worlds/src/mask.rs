@@ -1,4 +1,4 @@
-//! What stands where, on a grid of half metres kept in tiles.
+//! Ground occupancy: roads, walks, houses and things on a 0.5 m grid, kept in tiles.
 
 use std::collections::BTreeMap;
 

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use super::line::Line;
 use sightline_files::Note;
 
-/// What a strip of the network is for.
+/// Use of a strip of the road network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Use {
     /// Paved, for vehicles that drive, stop or park.

@@ -14,7 +14,7 @@ use super::traffic::{Scene, Stand, Track, stand_on, way};
 const NEAR: f64 = 95.0;
 /// Metres that the ego keeps from where roads end, if it can.
 const FROM_END: f64 = 70.0;
-/// Least metres of an ego's way beyond what it drives.
+/// Least metres of an ego's way beyond the part that it drives.
 const WAY: f64 = 100.0;
 
 /// An actor: the model that it has, and its track's number in the scene.
@@ -113,7 +113,7 @@ impl Settings<'_> {
         ends.chain(starts.map(|(l, _)| l.centre.at(0.0))).collect()
     }
 
-    /// What does not depend on the ego: parked vehicles and people.
+    /// Places parked vehicles and people, which do not depend on the ego.
     fn around(&self, line: &Line, start: f64, end: f64, rng: &mut ChaCha8Rng) -> Population {
         let mut people = Population::default();
         people.scene.frames = self.frames;

@@ -15,7 +15,7 @@ use sightline_scene::scene::DEFAULT_CLASSES;
 impl World {
     /// The scene of this world, whose static triangles lie in the file `mesh` beside it.
     ///
-    /// Region, LiDAR and mount are those of the own scenes, the LiDAR with 720 azimuth steps.
+    /// Region, LiDAR and mount equal those of the example scenes; the LiDAR has 720 azimuth steps.
     pub fn scene(&self, name: &str, mesh: &str) -> Value {
         let used: BTreeSet<usize> = self.people.actors.iter().map(|a| a.model).collect();
         let models = used.iter().map(|&m| &self.people.models[m]);

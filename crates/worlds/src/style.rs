@@ -1,6 +1,6 @@
-//! What kinds of world there are, and how each is furnished.
+//! Kinds of generated worlds, and how each is furnished.
 
-/// What a generated world is.
+/// Kind of a generated world.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Kind {
     /// A street through a town, with side streets.

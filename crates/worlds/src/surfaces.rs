@@ -94,7 +94,7 @@ pub fn shapes(shapes: &[Shape], mask: &mut Mask, model: &mut Model) {
     }
 }
 
-/// The quads of a strip, those of no area left out by the model.
+/// Quads of a strip; the model leaves out those without area.
 fn quads(strip: &Strip) -> impl Iterator<Item = [DVec3; 4]> {
     let pairs = strip.left.windows(2).zip(strip.right.windows(2));
     pairs.map(|(l, r)| [l[0], l[1], r[1], r[0]])
@@ -157,7 +157,7 @@ impl Terrain {
         Self { low, cell, size, heights }
     }
 
-    /// Height of the ground at a place; beyond the grid that of its border.
+    /// Height of the ground at a place; outside the grid, the height of its border.
     pub fn height(&self, p: DVec2) -> f64 {
         let at = (p - self.low) / self.cell;
         let clamp = |v: f64, n: usize| v.clamp(0.0, n as f64 - 1.001);
@@ -183,7 +183,7 @@ impl Terrain {
     }
 }
 
-/// Known heights as they are, a little lower; between them those of their neighbours, smoothed.
+/// Known heights, a little lowered; gaps are filled from neighbours and smoothed.
 fn blended(below: &[f64], [n, m]: [usize; 2]) -> Vec<f64> {
     let around = |k: usize| {
         let (i, j) = (k / m, k % m);

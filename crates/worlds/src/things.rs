@@ -1,4 +1,4 @@
-//! What stands beside the road: trees, lamps, signs, lights, rails, benches, bins and goods.
+//! Roadside objects: trees, lamps, signs, lights, rails, benches, bins and goods.
 
 use lidar_cast::maths;
 
@@ -15,7 +15,7 @@ use super::network::{KERB, Network, Post, Street, Use};
 use super::style::Style;
 use super::surfaces::Terrain;
 
-/// Places of the things of one network, and what is drawn there.
+/// Draws the roadside objects of one network into a model.
 pub struct Things<'a> {
     pub style: &'a Style,
     pub terrain: &'a Terrain,
@@ -86,7 +86,7 @@ impl Things<'_> {
                 let lamps = if self.style.lamps > 0.0 { 6.0 / self.style.lamps } else { 0.0 };
                 match self.rng.random_range(0.0..1.0) {
                     r if r < trees && walk > 1.5 => self.tree(foot, 1.0),
-                    // Lots are drawn for what the map has itself, too: all else stays where it is.
+                    // Objects of the map itself use up random numbers too, so that all others stay in place.
                     r if r < trees + lamps => {
                         let height = self.rng.random_range(5.0..9.0);
                         if !self.of_map.near(class::POLE, p) {

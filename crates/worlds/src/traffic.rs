@@ -128,7 +128,7 @@ impl Scene {
         fits
     }
 
-    /// Drives along `way` from `start` metres at `speed`, slower in bends and behind what is in the way.
+    /// Drives along `way` from `start` metres at `speed`, slower in bends and behind obstacles.
     pub fn drive(&self, way: &Line, start: f64, speed: f64, rate: f64, size: [f64; 3]) -> Track {
         let mut track = Track { size, stands: Vec::new(), ahead: Vec::new() };
         let (mut s, mut v) = (start, speed.min(bend_speed(way, start)));

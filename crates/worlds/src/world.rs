@@ -99,11 +99,11 @@ pub fn generate(kind: Kind, seed: u64, frames: usize) -> Result<World, WorldErro
 
 /// Makes a town on the roads of an OpenDRIVE document; `file` names it in errors.
 ///
-/// Coordinates are those of the document. Houses, trees, lamps and signs stand along its roads,
+/// Coordinates are the document's. Houses, trees, lamps and signs stand along its roads,
 /// vehicles drive on its lanes, and the ego follows one of them for 100 m or more by lot.
 ///
 /// # Errors
-/// What [`WorldError`] lists.
+/// See [`WorldError`].
 pub fn import_opendrive(
     text: &str,
     file: &str,
@@ -138,7 +138,7 @@ pub fn read_opendrive(path: &Path) -> Result<String, WorldError> {
     String::from_utf8(bytes).map_err(|error| failed(invalid(error)))
 }
 
-/// What the step of one kind may draw into.
+/// Parts of the world that one drawing step reads and fills.
 struct Draw<'a> {
     network: &'a Network,
     terrain: &'a Terrain,

@@ -37,7 +37,7 @@ impl Cma {
 
     /// Moves the best point onto the bounds near it, for the next generation to evaluate.
     ///
-    /// The same point never comes twice in a row. A clipped point in the worse half doubles the
+    /// No clipped point comes twice in a row. A clipped point in the worse half doubles the
     /// generations until the next one, up to [`LONGEST_PAUSE`]; one in the better half ends the pause.
     fn clip_next(&mut self, candidates: &[Candidate], order: &[usize]) {
         let Some(space) = &self.space else { return };

@@ -13,7 +13,7 @@ const BETWEEN_TRIES: Duration = Duration::from_millis(50);
 pub struct Missing(Vec<PathBuf>);
 
 impl Missing {
-    /// Of a folder that is there.
+    /// Empty list, for a folder that exists: nothing is removed at the end.
     pub fn none() -> Self {
         Self(Vec::new())
     }
@@ -81,8 +81,8 @@ pub fn is_empty(path: &Path) -> Result<(), FileError> {
     }
 }
 
-/// Makes a folder and checks that files can be written into it, before long work begins. Removes what killed processes
-/// had begun in it.
+/// Makes a folder and checks that files can be written into it, before long work begins. Removes temporary files of
+/// killed processes.
 pub fn shared_folder(path: &Path) -> Result<(), FileError> {
     if path.exists() && !path.is_dir() {
         let message = "is a file where a folder is wanted; name another place";

@@ -110,7 +110,7 @@ fn plain(meta: &Metadata) -> Result<()> {
     }
 }
 
-/// Reads an input of at most so many bytes.
+/// Reads an input of at most `most` bytes.
 ///
 /// # Errors
 /// See [`open`]; a file that is larger, which is not read.
@@ -141,7 +141,7 @@ fn read_all(file: File, most: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Remembers a file as an input that is opened elsewhere or later.
+/// Records a file as an input that another function opens.
 pub fn will_read(path: &Path) {
     let mut guard = guard();
     if guard.sessions == 0 {
@@ -277,7 +277,7 @@ pub fn remove_temporaries() {
     }
 }
 
-/// Removes what processes that are no more had begun to write into a folder.
+/// Removes temporary files that ended processes left in a folder.
 pub fn sweep(folder: &Path) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     for entry in entries.flatten() {

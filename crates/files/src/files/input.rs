@@ -36,7 +36,7 @@ impl Input {
         Ok(Self { file: file.to_owned(), sha256 })
     }
 
-    /// Several files, such as those of a scene, as they are now.
+    /// Paths and SHA-256 digests of several files, such as a scene's.
     pub fn of(files: &[PathBuf]) -> Result<Vec<Self>, FileError> {
         files.iter().map(|file| Self::read(file)).collect()
     }
@@ -50,7 +50,7 @@ impl Input {
         Ok(Self::of(files)?.into_iter().map(name).collect())
     }
 
-    /// The first of these files that differs from those of an earlier time, in the order of both, in words.
+    /// First file that differs between `before` and `now`, in words.
     pub fn change(before: &[Self], now: &[Self]) -> Option<String> {
         let name = |input: &Self| input.file.display().to_string();
         let pairs = before.iter().zip(now);

@@ -3,7 +3,7 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `guard` | what a command reads, and what its outputs must not replace |
+//! | `guard` | inputs of a command, and the outputs that must not replace them |
 //! | `inside` | references of one file to another |
 //! | `names` | names that become files and folders |
 //! | `place` | where paths lead |
@@ -94,7 +94,7 @@ impl FileError {
     }
 }
 
-/// The same error without the place of a temporary file, which `tempfile` adds: the user has never named it.
+/// Removes from an error the temporary path that `tempfile` adds: the user has never named it.
 fn without_place(source: std::io::Error) -> std::io::Error {
     let text = source.to_string();
     match text.split_once(" at path \"") {

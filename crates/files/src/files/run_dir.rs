@@ -1,4 +1,4 @@
-//! The folder of a run that can go on after an interruption: `checkpoint.json` and what stands beside it.
+//! Folder of a run that can go on after an interruption: `checkpoint.json` and its other files.
 
 use std::fs::File;
 use std::io::Write;
@@ -60,7 +60,7 @@ struct Head {
 }
 
 impl<S: Serialize + DeserializeOwned> RunDir<S> {
-    /// Makes the folder asked for, which must be new or empty unless `--force` is given, or the first of `runs/NAME`,
+    /// Makes the requested folder, which must be new or empty unless `--force` is given, or the first of `runs/NAME`,
     /// `runs/NAME-2`, … that does not exist.
     pub fn create(
         command: &'static str,

@@ -17,7 +17,7 @@ enum Output {
     Named,
     /// One of many files of a folder, whose disk is synchronized once by [`sync_disk`].
     OneOfMany,
-    /// In a folder that the command holds: replaces what was there before.
+    /// A folder that the command holds: existing files are replaced.
     Own,
 }
 
@@ -79,8 +79,8 @@ fn write_as<E: From<FileError>>(
     }
 }
 
-/// Writes two files of one folder, of which the second names the first. Both are on the disk before either takes its
-/// place, and an old second file is never beside a new first one, whenever the process ends.
+/// Writes two files of one folder; the second names the first. Both are on the disk before either takes its place, and
+/// an old second file is never beside a new first one, whenever the process ends.
 ///
 /// # Errors
 /// See [`write_whole`]. Then both places are as they were before.
@@ -281,7 +281,7 @@ fn on_disk(file: &File) -> std::io::Result<()> {
     }
 }
 
-/// Waits until the disk knows the names in a folder, where that can be asked for.
+/// Waits until the disk has the names in a folder, where the system can tell.
 fn sync_folder(folder: &Path) {
     if cfg!(unix) {
         let _ = File::open(folder).and_then(|folder| folder.sync_all());
@@ -297,8 +297,8 @@ pub fn sync_disk(folder: &Path) {
     sync_folder(folder);
 }
 
-/// Checks that an output could be written at `path` before long work begins: it is no input that was read by now, and no
-/// file that exists, unless `--force` was given. Removes what killed processes had begun beside it.
+/// Checks, before long work, that an output could be written at `path`: it is no input read so far, and no existing
+/// file unless `--force` was given. Removes temporary files of killed processes beside it.
 ///
 /// # Errors
 /// Such a file; a folder that is missing or cannot be written into.

@@ -73,14 +73,14 @@ pub enum DescriptionError {
         /// Version or lack of one, in words.
         found: String,
     },
-    /// A file of another kind than the one that was asked for.
+    /// A file of another kind than expected.
     #[error("{file}: is {found}, where {wanted} belongs; give it {}", .found.place())]
     OtherKind {
         /// The file.
         file: String,
         /// Kind of file.
         found: FileKind,
-        /// What was asked for.
+        /// Kind of file expected there.
         wanted: FileKind,
     },
     /// A number, name or list that the place does not allow.
@@ -144,7 +144,7 @@ pub enum DescriptionError {
         at: Box<Place>,
         /// Things counted.
         what: &'static str,
-        /// Number asked for.
+        /// Requested number.
         count: u64,
         /// Largest number allowed.
         limit: u64,
@@ -198,7 +198,7 @@ pub enum DescriptionError {
 }
 
 impl DescriptionError {
-    /// The same fault in a file that is named at a place.
+    /// Wraps the fault of a file with the place that names the file.
     pub fn of_file(self, at: Place) -> Self {
         Self::InFile { at: Box::new(at), source: Box::new(self) }
     }
@@ -211,7 +211,7 @@ fn listed(keys: &[&str], none: &str) -> String {
     keys.iter().map(|k| format!("`{k}`")).collect::<Vec<_>>().join(", ")
 }
 
-/// What follows an unknown name: the name that was meant, or all that are known.
+/// End of an error about an unknown name: the nearest known name, or the list of known ones.
 pub fn did_you_mean(nearest: &Option<String>, known: &[String]) -> String {
     match nearest {
         Some(name) => format!("; did you mean `{name}`?"),

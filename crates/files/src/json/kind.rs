@@ -1,4 +1,4 @@
-//! What a file of this program is, by its keys: files are mistaken for one another on the command line.
+//! Kind of a JSON file by its keys, to explain a file given in the wrong place on the command line.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use serde::de::IgnoredAny;
 /// Kinds of files that a user writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileKind {
-    /// A region of interest, and what is in it.
+    /// A region of interest and its content.
     Scene,
     /// Sensors and mounts.
     Vehicle,
@@ -21,7 +21,7 @@ pub enum FileKind {
 impl FileKind {
     /// The kind of a text, if it is JSON and its keys tell it.
     pub fn of(text: &str) -> Option<Self> {
-        /// Keys that files of one kind have alone, or that those of the kinds before them lack.
+        /// Keys that only one kind of file has, or that the kinds before it lack.
         #[derive(Deserialize)]
         struct Keys {
             roi: Option<IgnoredAny>,

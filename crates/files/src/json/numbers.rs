@@ -9,7 +9,7 @@ const SMALLEST: f64 = 5e-10;
 /// Significant digits of a difference between rigs.
 const DIGITS: usize = 9;
 
-/// Metres or radians to nine decimals; no −0, and 0 for what rounding errors leave.
+/// Rounds metres or radians to nine decimals; −0 and rounding noise become 0.
 pub fn written(value: f64) -> f64 {
     if value.abs() < SMALLEST {
         return 0.0;
@@ -25,7 +25,7 @@ fn nine_digits(value: f64) -> f64 {
     format!("{value:.0$e}", DIGITS - 1).parse().unwrap_or(value)
 }
 
-/// A number with so many decimals, without the sign of a −0.
+/// A number with `decimals` decimals, without the sign of a −0.
 pub fn fixed(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     match text.strip_prefix('-') {

@@ -37,7 +37,7 @@ impl Quantity {
     }
 }
 
-/// Value of a scalar under a key of `quantity`; `None` where nobody says what the key holds.
+/// Value of a scalar under a key of `quantity`, which is `None` if the key's quantity is unknown.
 ///
 /// # Errors
 /// A tag that is not known, or that does not fit the text or the key; in words.

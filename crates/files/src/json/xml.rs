@@ -7,7 +7,7 @@ const MAX_NAMESPACES: usize = 64;
 /// Deepest element: readers recurse into elements.
 const MAX_DEPTH: usize = 128;
 
-/// Refuses what an XML library takes more than linear time or stack for.
+/// Refuses constructs that an XML library takes more than linear time or stack for.
 pub fn check_xml(text: &str) -> Result<(), String> {
     let (mut rest, mut depth, mut namespaces) = (text, 0_usize, 0);
     while let Some(at) = rest.find('<') {

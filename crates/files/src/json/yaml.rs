@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 use super::scalar::{self, Quantity, shown};
 use super::{DescriptionError, Place, plain_words};
 
-/// Most bytes of a YAML file; those of vendors have 40 000.
+/// Most bytes of a YAML file; vendors' files have 40 000.
 const MAX_YAML: usize = 1 << 20;
 /// Deepest lists and objects in each other.
 const MAX_DEPTH: usize = 64;

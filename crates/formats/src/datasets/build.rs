@@ -31,10 +31,10 @@ impl PsogOptions {
 
 /// Builds a P-SOG from labelled sequences that have the same classes.
 ///
-/// The dense points of frame t are its own scan and those of the other frames of its window,
+/// The dense points of frame t are its own scan and the scans of the other frames of its window,
 /// moved through the sensor's poses into the ego frame of t. Each votes in the voxel of its hit
-/// ([`Roi::voxel_of_hit`]), seen from where its own sensor stood. Points of moving objects vote only
-/// in their own frame (elsewhere they would smear), and ignored labels never.
+/// ([`Roi::voxel_of_hit`]), seen from where its own sensor stood. Points of moving objects vote only in
+/// their own frame, since they would smear in others; ignored labels never vote.
 ///
 /// # Errors
 /// See [`DatasetError`].
@@ -85,7 +85,7 @@ fn add(
     Ok(())
 }
 
-/// The voting points of a scan in the sensor frame: those of things at rest, then the moving ones.
+/// The voting points of a scan in the sensor frame: points of things at rest, then of moving things.
 struct Scan {
     points: Vec<([f32; 3], u16)>,
     at_rest: usize,

@@ -57,7 +57,7 @@ pub enum DatasetError {
     /// A frame without a pose.
     #[error("{} has {poses} poses, none for frame {frame}; line n + 1 is the pose of frame n", path.display())]
     NoPose { path: PathBuf, frame: u32, poses: usize },
-    /// A frame was asked for that is not there.
+    /// A requested frame does not exist.
     #[error("{} has no frame {frame}; it has {have:?}", path.display())]
     NoFrame { path: PathBuf, frame: u32, have: Vec<u32> },
     /// The LiDAR height is unusable.
@@ -77,7 +77,7 @@ pub enum DatasetError {
     /// A scene that the set does not have.
     #[error("{}: no scene is called {name:?}; it has {}", path.display(), listed(known))]
     NoScene { path: PathBuf, name: String, known: Vec<String> },
-    /// A scene that is asked for twice.
+    /// A scene is named twice.
     #[error("the scene {name:?} is named twice; its scans count once, so name it once")]
     SceneTwice { name: String },
     /// Tables of several versions, or of none.

@@ -1,4 +1,4 @@
-//! What the labelled road says of a sequence: how far it lies below the LiDAR, and whether it is upright.
+//! Checks of a sequence by its labelled road: LiDAR height above the road, and whether the vehicle is upright.
 
 use glam::{DVec3, Vec3};
 
@@ -10,7 +10,7 @@ use sightline_scene::scene::Ground;
 
 /// Within this radius of the LiDAR the road tells its height, metres.
 pub(super) const NEAR: f64 = 10.0;
-/// Fewest points of a road that speak against a number.
+/// Fewest points of a road that may contradict a stated height.
 const LEAST_POINTS: usize = 10;
 /// Scans that are looked at for a road.
 const MOST_SCANS: usize = 10;
@@ -46,7 +46,7 @@ impl Road {
         })
     }
 
-    /// True if it has enough points to speak against a number.
+    /// True if it has enough points to contradict a stated height.
     pub fn is_sure(&self) -> bool {
         self.points >= LEAST_POINTS
     }
@@ -80,7 +80,7 @@ pub(super) fn road(sequence: &dyn LabelledSequence) -> Result<Option<(u32, Road)
 /// sideways or by leaps. `option` names the option that gives the LiDAR's height, where there is one.
 ///
 /// # Errors
-/// Those of reading the first scans.
+/// Errors of reading the first scans.
 pub(super) fn doubts(
     sequence: &dyn LabelledSequence,
     option: Option<&str>,

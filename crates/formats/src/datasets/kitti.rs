@@ -13,7 +13,7 @@ use sightline_files::Note;
 
 /// Height of the KITTI car's LiDAR above the ground, in metres.
 pub const KITTI_LIDAR_HEIGHT: f64 = 1.73;
-/// Metres within which the depth of a road is that of KITTI's car: on sequence 00 it is 1.79 to 1.83 m.
+/// Metres within which a road's depth counts as KITTI's height: on sequence 00 it is 1.79 to 1.83 m.
 const SAME_HEIGHT: f64 = 0.15;
 /// Lines of `calib.txt` beside `Tr`, which LiDAR scans do not need.
 const CALIB_PASSED: [&str; 8] =
@@ -90,7 +90,7 @@ impl KittiSequence {
     /// [`KITTI_LIDAR_HEIGHT`] by more than 0.15 m.
     ///
     /// # Errors
-    /// Like [`Self::open`], those of reading the first scans, and a height that is not finite.
+    /// Like [`Self::open`]; first scans that cannot be read; a height that is not finite.
     pub fn open_at(folder: &Path, height: Option<f64>) -> Result<Self, DatasetError> {
         let mut sequence = Self::open(folder)?;
         match height {
@@ -102,7 +102,7 @@ impl KittiSequence {
         Ok(sequence)
     }
 
-    /// Takes the road's depth below the LiDAR where it speaks against KITTI's height.
+    /// Takes the road's depth below the LiDAR where it contradicts KITTI's height.
     fn take_height_of_road(&mut self) -> Result<(), DatasetError> {
         let Some((frame, road)) = ground::road(self)?.filter(|(_, road)| road.is_sure()) else {
             self.notes.push(Note::fact(format!(
@@ -126,7 +126,7 @@ impl KittiSequence {
         Ok(())
     }
 
-    /// The same recorded with the LiDAR upright at another height above the ground, metres.
+    /// The sequence with the LiDAR upright at `height` metres above the ground.
     ///
     /// # Errors
     /// A height that is not finite.

@@ -29,8 +29,8 @@ pub const KITTI_CLASSES: [&str; 19] = [
 /// does not define.
 ///
 /// Follows the benchmark's own folding of its 34 ids: buses, trains and trams are other vehicles,
-/// lane markings are road, moving things belong to the class of the thing, and what is unlabelled,
-/// an outlier, or some other structure or object does not vote.
+/// lane markings are road, moving things belong to the class of the thing. Unlabelled points, outliers,
+/// other structures and other objects do not vote.
 pub fn kitti_label(id: u16) -> Option<PointLabel> {
     let class = match id {
         0 | 1 | 52 | 99 => None, // unlabelled, outlier, other structure, other object

@@ -1,19 +1,19 @@
 //! Labelled scans of public data sets, to P-SOGs and to scenes of boxes.
 //!
 //! A data set is a reader: it lists frames, says where the sensor stood, and reads points with labels
-//! ([`LabelledSequence`]). What follows is the same for all of them: [`build_psog`] votes, [`to_scene`]
-//! makes plates, boxes and tracks.
+//! ([`LabelledSequence`]). All later steps take any reader: [`build_psog`] votes, [`to_scene`] makes plates, boxes
+//! and tracks.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `sequence` | what every data set says of its scans |
+//! | `sequence` | the interface of all data sets: frames, poses, labelled points |
 //! | `build` | a P-SOG from sequences |
 //! | `kitti`, `kitti_labels` | the SemanticKITTI layout |
 //! | `nuscenes` | nuScenes with lidarseg: tables, categories, boxes |
 //! | `carla` | scans of CARLA's semantic LiDAR with a table of poses |
 //! | `import` | a scene from a sequence |
 //! | `files` | whole files of records |
-//! | `ground` | the labelled road: heights, and what speaks against poses |
+//! | `ground` | height of the labelled road; warnings about poses |
 
 mod build;
 mod carla;

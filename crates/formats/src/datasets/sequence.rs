@@ -1,4 +1,4 @@
-//! What every data set says of its scans: frames, poses, labelled points, things that move.
+//! Interface of all data sets: frames, poses, labelled points, things that move.
 
 use super::DatasetError;
 use lidar_cast::geom::Pose;

@@ -1,4 +1,4 @@
-//! `dataset.json`: what a data set folder holds, and whether it is the one that is to be gone on with.
+//! `dataset.json`: content of a data set folder, and whether it is the one to be continued.
 
 use std::path::Path;
 
@@ -22,7 +22,7 @@ pub(super) struct About {
     dataset: u32,
     pub complete: bool,
     settings: DatasetSettings,
-    /// What each scene is called in the data set, and what it is for.
+    /// Name and split of each scene in the data set.
     called: Vec<Called>,
     scenes: Vec<SceneFacts>,
 }
@@ -74,7 +74,7 @@ impl About {
             Ok(entries) => entries,
         };
         if !dir.join(ABOUT).is_file() {
-            // A run that ended before it could say what it makes leaves the hidden folder alone.
+            // A run that ended before it wrote `dataset.json` leaves only the hidden folder.
             let foreign = entries.any(|entry| entry.is_ok_and(|entry| entry.file_name() != HIDDEN));
             return if foreign {
                 Err(ExportError::Foreign { path: dir.to_owned() })
@@ -93,7 +93,7 @@ impl About {
         }
     }
 
-    /// What of the settings, the scenes' files left aside, is another in a data set that was begun before.
+    /// Names of the settings that differ from the existing data set; scene files are not compared.
     fn difference(&self, found: &Self) -> Option<String> {
         let others = others(&self.settings.compared(), &found.settings.compared());
         let difference = if !others.is_empty() {

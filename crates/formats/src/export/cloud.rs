@@ -10,7 +10,7 @@ use sightline_scan::{Return, Scan, ScanLidar};
 pub(super) enum Source {
     /// All LiDARs as one.
     Merged,
-    /// That of a number.
+    /// One LiDAR, by its number in the rig.
     Lidar(usize),
 }
 

@@ -115,7 +115,7 @@ impl Dataset {
         if !known {
             set.folder.put_json(ABOUT, &about)?;
         } else if set.missing().1.is_some() {
-            // Frames of a whole set may be gone since; what it was begun with stays as it was written.
+            // Frames of a complete set may be gone since; its first description stays as it was written.
             let mut begun = About::read(dir)?;
             begun.complete = false;
             set.folder.put_json(ABOUT, &begun)?;
@@ -160,14 +160,14 @@ impl Dataset {
         self.folder.has(scene, frame)
     }
 
-    /// True if what is written of a frame says how much of each box is seen.
+    /// True if the frame's tables state how much of each box is seen: keyframes of nuScenes.
     pub(super) fn tells_visibility(&self, scene: usize, frame: usize) -> bool {
         let frames = self.scenes.get(scene).map_or(&[][..], |scene| &scene.frames);
         let keyframe = |at: usize| at.is_multiple_of(self.settings.keyframe_every);
         self.settings.layout == Layout::Nuscenes && frames.binary_search(&frame).is_ok_and(keyframe)
     }
 
-    /// Writes a scan of the scene of a number; what was there of that frame is replaced.
+    /// Writes a scan of a scene, by its number; replaces files of that frame.
     ///
     /// # Errors
     /// A scan that was not announced, a full disk.

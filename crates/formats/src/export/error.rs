@@ -37,7 +37,7 @@ pub enum ExportError {
     /// Nothing to write.
     #[error("a data set needs at least one scene")]
     NoScenes,
-    /// A scene of which nothing would be written.
+    /// A scene without frames to write.
     #[error(
         "the scene `{scene}` has no frames to write; name at least one, or leave the scene out"
     )]
@@ -74,7 +74,7 @@ pub enum ExportError {
     FolderName {
         /// Name of the scene.
         scene: String,
-        /// What is in the way.
+        /// Reason why the name does not fit.
         unfit: &'static str,
     },
     /// A class that the format has no label for.
@@ -96,7 +96,7 @@ pub enum ExportError {
     UnknownTarget {
         /// Name of the class that is mapped.
         class: String,
-        /// What it is mapped to.
+        /// Class that it is mapped to.
         to: String,
     },
     /// A class that is mapped more than once.
@@ -104,9 +104,9 @@ pub enum ExportError {
     MappedTwice {
         /// Name of the class.
         class: String,
-        /// What it is mapped to.
+        /// Class of the first mapping.
         first: String,
-        /// What it is mapped to again.
+        /// Class of the second mapping.
         second: String,
     },
     /// A mapping of a class that is nowhere.
@@ -114,7 +114,7 @@ pub enum ExportError {
     UnknownClass {
         /// Name of the class that is mapped.
         class: String,
-        /// What it is mapped to.
+        /// Class that it is mapped to.
         to: String,
         /// Most similar class of the scenes, if one is similar.
         nearest: Option<String>,
@@ -159,7 +159,7 @@ pub enum ExportError {
         /// Where the records would be.
         path: PathBuf,
     },
-    /// What says what the folder holds says nothing.
+    /// The description of the data set cannot be parsed.
     #[error("{}: cannot be read ({why}); put it back as it was, or name another folder", path.display())]
     About {
         /// The file.
@@ -181,7 +181,7 @@ pub enum ExportError {
     OtherSettings {
         /// Folder of the data set.
         path: PathBuf,
-        /// What differs.
+        /// Names of the settings that differ.
         difference: String,
     },
     /// A file of the scenes is not as it was when the folder was begun.
@@ -192,7 +192,7 @@ pub enum ExportError {
     OtherFile {
         /// Folder of the data set.
         path: PathBuf,
-        /// Name of the file and what became of it.
+        /// Name of the file and its change.
         change: String,
     },
     /// A scan that was not announced.

@@ -1,4 +1,4 @@
-//! The folder of a data set: files that come into it whole, records of frames, what stands in it.
+//! The folder of a data set: files that arrive whole, records of frames, and a list of its content.
 
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Seek, SeekFrom, Write};
@@ -11,9 +11,9 @@ use super::ExportError;
 use super::record::{FrameRecord, Written};
 use sightline_files::files::{self, Temporary};
 
-/// Says what the folder holds, and whether it is whole.
+/// States the folder's content, and whether it is complete.
 pub(super) const ABOUT: &str = "dataset.json";
-/// Stands in the folder as long as it is not whole.
+/// Marks the folder as incomplete while it exists.
 pub(super) const INCOMPLETE: &str = "INCOMPLETE.txt";
 /// Records and files that are being written: hidden, because loaders list the other folders.
 pub(super) const HIDDEN: &str = ".sightline";
@@ -39,10 +39,10 @@ pub(super) struct Staged {
 }
 
 impl Folder {
-    /// To read what is there, if anything is.
+    /// Opens the folder for reading; it need not exist.
     ///
     /// # Errors
-    /// Records elsewhere: a link would lead whoever takes away files to those of others.
+    /// The hidden folder is a link or a file: cleaning up behind a link would delete other users' files.
     pub fn at(root: &Path) -> Result<Self, ExportError> {
         let hidden = root.join(HIDDEN);
         match std::fs::symlink_metadata(&hidden) {
@@ -51,7 +51,7 @@ impl Folder {
         }
     }
 
-    /// Makes the folder if there is none; takes away what runs that were killed had begun in it.
+    /// Makes the folder if there is none; removes temporary files of killed runs.
     ///
     /// # Errors
     /// See [`Self::at`], and a place that cannot be written.
@@ -145,7 +145,7 @@ impl Folder {
         serde_json::from_slice(&text).map_err(ExportError::json(&path))
     }
 
-    /// Checks that the disk holds `need` more bytes, where the system says what is free.
+    /// Checks that the disk holds `need` more bytes, where the system reports its free space.
     pub fn check_space(&self, need: u64) -> Result<(), ExportError> {
         #[cfg(unix)]
         if let Ok(disk) = rustix::fs::statvfs(&self.root) {

@@ -1,8 +1,8 @@
 //! SemanticKITTI: sequences of clouds and labels, poses, calibration, lists for mmdetection3d.
 //!
-//! Points lie in the frame of one LiDAR in the middle of all (x forward, y left, z up). `Tr` is the
-//! identity, so that poses are those of the LiDAR, counted from the first frame as KITTI does. Each LiDAR
-//! by itself is a data set of its own, `lidar_0` and on.
+//! Points lie in the frame of one LiDAR in the middle of all (x forward, y left, z up). `Tr` is the identity, so that
+//! poses are this LiDAR's, counted from the first frame as in KITTI. Each LiDAR by itself is a data set of its own,
+//! `lidar_0` and on.
 
 use std::io::Write;
 
@@ -64,7 +64,7 @@ pub(super) fn write(
     Ok(FrameRecord { files, ..FrameRecord::new(scan, boxes) })
 }
 
-/// Writes what stands beside the clouds.
+/// Writes poses, calibration, times and lists beside the clouds.
 pub(super) fn finish(
     folder: &Folder,
     scenes: &[SceneFacts],

@@ -1,4 +1,4 @@
-//! What our classes and kinds of actors are called by SemanticKITTI and nuScenes lidarseg.
+//! Labels of SemanticKITTI and nuScenes lidarseg for classes and kinds of actors.
 
 use std::collections::HashMap;
 
@@ -15,7 +15,7 @@ pub(super) const MOVES: f64 = 0.3;
 pub(super) struct Label {
     /// Id in `semantic-kitti.yaml`.
     pub kitti: u16,
-    /// The same in motion.
+    /// Id in `semantic-kitti.yaml` for a moving thing.
     pub kitti_moving: u16,
     /// Index of the category of nuScenes lidarseg.
     pub nuscenes: u8,
@@ -34,8 +34,7 @@ const NOISE: Label = still(0, 0);
 /// Own body: an outlier of SemanticKITTI.
 const EGO: Label = still(1, 31);
 
-/// Classes of scenes by name: the 21 of a scene that lists none, those of SemanticKITTI, and what
-/// scenes commonly call actors.
+/// Classes of scenes by name: the 21 default classes, SemanticKITTI's, and common names of actors in scenes.
 const CLASSES: [(&str, Label); 58] = [
     ("building", still(50, 28)),
     ("fence", still(51, 28)),
@@ -170,7 +169,7 @@ pub(super) fn of_classes(
 /// Labels of the points of a scan.
 pub(super) struct Labels<'a> {
     classes: &'a [Label],
-    /// By instance: label of its kind, whether it moves.
+    /// Label of its kind, and whether it moves, by instance.
     actors: Vec<Option<(Option<Label>, bool)>>,
 }
 

@@ -1,8 +1,8 @@
 //! Scans as data sets that public loaders read: SemanticKITTI, nuScenes with lidarseg, arrays of NumPy.
 //!
-//! A [`Dataset`] is a folder that grows scan by scan. Every frame is written whole, its record last, into
-//! the hidden folder `.sightline`; what a loader needs beside the frames is made of the records by
-//! [`Dataset::finish`], so that memory does not grow with the frames and a run that was ended goes on.
+//! A [`Dataset`] is a folder that grows scan by scan. Every frame is written whole, its record last, into the hidden
+//! folder `.sightline`. [`Dataset::finish`] makes the loaders' other files from the records, so that memory does not
+//! grow with the frames, and a run that was ended goes on.
 //!
 //! [`Glb`] shows one frame with its rigs in any viewer of glTF.
 

@@ -23,14 +23,14 @@ impl<W: Write> Pickle<W> {
         self.0.write_all(&number.to_le_bytes())
     }
 
-    /// A list of what `items` writes.
+    /// Writes a list with the items of `items`.
     pub fn list(&mut self, items: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
         self.0.write_all(b"](")?;
         items(self)?;
         self.0.write_all(b"e")
     }
 
-    /// A dictionary of what `pairs` writes: key, value, key, value.
+    /// Writes a dictionary with the pairs of `pairs`: key, value, key, value.
     pub fn dict(&mut self, pairs: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
         self.0.write_all(b"}(")?;
         pairs(self)?;

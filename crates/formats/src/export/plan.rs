@@ -1,4 +1,4 @@
-//! Which scene is for what, and what the format calls it.
+//! Split of each scene, and its name in the format.
 
 use super::folder::{ABOUT, INCOMPLETE};
 use super::nuscenes::scene_names;
@@ -10,7 +10,7 @@ use sightline_files::files::safe_name;
 const SEQUENCES: [&[usize]; 3] =
     [&[0, 1, 2, 3, 4, 5, 6, 7, 9, 10], &[8], &[11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21]];
 
-/// What a scene is called in the data set, in the order of the scenes.
+/// Split and name of a scene in the data set.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Planned {
     pub split: Split,

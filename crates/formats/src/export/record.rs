@@ -1,4 +1,4 @@
-//! What is kept of a frame until the tables are made: a small file a frame.
+//! Record of one frame: a small file that is kept until the tables are made.
 
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
@@ -80,7 +80,7 @@ pub(super) struct FrameRecord {
 }
 
 impl FrameRecord {
-    /// Without files; categories and points are those of `boxes`, in order.
+    /// A record without files. `boxes` holds category and points of each box, in order.
     pub fn new(scan: &Scan, boxes: Vec<(u8, u32)>) -> Self {
         let lidars = scan.lidars.iter().map(|lidar| LidarRecord {
             model: lidar.model.clone(),

@@ -9,8 +9,7 @@ use sightline_scan::{Scan, Scanner};
 
 /// Scans those frames of a scene, by its number in the data set, that the set lacks.
 ///
-/// `watch` is shown every scan once it is written; what it returns says whether to go on. Returns whether
-/// all frames are there.
+/// `watch` gets every scan once it is written; it returns `false` to stop. Returns true if all frames are there.
 ///
 /// # Errors
 /// See [`Dataset::write`].

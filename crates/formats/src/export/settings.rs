@@ -1,4 +1,4 @@
-//! What decides the bytes of a data set.
+//! Settings that fix the bytes of a data set.
 
 use std::str::FromStr;
 
@@ -41,7 +41,7 @@ impl FromStr for Layout {
     }
 }
 
-/// What a scene is for.
+/// Split of a data set that a scene belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Split {
@@ -92,16 +92,16 @@ pub struct SceneFacts {
     pub classes: Vec<String>,
     /// Numbers of the frames to write, rising.
     pub frames: Vec<usize>,
-    /// What it is for; `None` leaves that to the shares and the seed.
+    /// Split; `None` draws it by the shares and the seed.
     pub split: Option<Split>,
 }
 
-/// What decides the bytes of a data set, beside the scans.
+/// Settings that fix the bytes of a data set, together with the scans.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DatasetSettings {
     /// Format.
     pub layout: Layout,
-    /// nuScenes: of so many frames one is a keyframe with boxes and labels, the others are sweeps.
+    /// nuScenes: every n-th frame is a keyframe with boxes and labels, the others are sweeps.
     pub keyframe_every: usize,
     /// nuScenes: rows of six cameras without pictures, which mmdetection3d asks for.
     pub camera_stubs: bool,
@@ -109,7 +109,7 @@ pub struct DatasetSettings {
     pub each_lidar: bool,
     /// Shares of the scenes.
     pub splits: Splits,
-    /// Seed of what is left to chance: which scene is for what.
+    /// Seed of random draws: the split of each scene.
     pub seed: u64,
     /// Classes of the scenes that are to count as others, by name.
     pub map: Vec<(String, String)>,

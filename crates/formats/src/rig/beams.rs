@@ -25,9 +25,9 @@ struct Model {
 
 /// Beams of a LiDAR, as far as they are known.
 pub(super) enum Beams<'a> {
-    /// By a vehicle.
+    /// Beams from a vehicle.
     Given(&'a Lidar, f64),
-    /// By the name of the sensor.
+    /// Fan of a sensor known by name.
     Known(Fan),
     /// A sensor known by name, whose channels are uneven.
     Uneven,

@@ -96,7 +96,7 @@ pub(super) fn read_list(
     Ok(())
 }
 
-/// What an entry says that it is. Notes name the keys of a LiDAR that a placement does not keep.
+/// Content of an entry by its type. Notes name the LiDAR keys that a placement does not keep.
 pub(super) fn holds(fields: &Fields, frames: &mut Frames) -> Result<Holds, RigError> {
     if !fields.text("type")?.starts_with("sensor.lidar") {
         return Ok(Holds::Other);
@@ -181,7 +181,7 @@ pub(super) fn attributes(fan: Option<Fan>) -> Map<String, Value> {
         attributes.insert(HORIZONTAL.to_owned(), written(fan.horizontal()).into());
         attributes.insert("rotation_frequency".to_owned(), Fan::RATE.into());
     }
-    // By default CARLA loses 45 % of the points by chance, and more by intensity.
+    // CARLA's defaults lose 45 % of the points by chance, and more by intensity.
     for key in [
         "dropoff_general_rate",
         "dropoff_intensity_limit",

@@ -60,7 +60,7 @@ pub(super) fn write(
 ) -> Value {
     let sensor = |lidar: &RigLidar| {
         let pose = turned(mounting.to_base(&lidar.pose), f64::to_degrees);
-        // The bridge gives CARLA every other key of a sensor, of which CARLA refuses those that it does not know.
+        // The bridge passes every other key of a sensor to CARLA, which refuses unknown keys.
         let spawn_point: Map<String, Value> = fields::numbers(&pose).collect();
         let mut sensor = Map::new();
         sensor.insert("type".to_owned(), carla::LIDAR.into());

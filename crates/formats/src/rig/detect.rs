@@ -50,7 +50,7 @@ pub(super) fn format_of(source: &Source) -> Result<RigFormat, RigError> {
 /// Refuses program source: only running it tells its sensors.
 ///
 /// # Errors
-/// A file that is named as a Python program, or whose lines begin as those of one do.
+/// A file named as a Python program, or with lines that begin like Python's.
 pub(super) fn refuse_program(source: &Source) -> Result<(), RigError> {
     let named = source.file.ends_with(".py");
     let starts = ["import ", "from ", "def ", "class ", "#!/usr/bin/env python", "@"];

@@ -104,7 +104,7 @@ pub enum RigError {
     UnknownFrame {
         /// The file, or the first of several.
         file: String,
-        /// The frame as asked for.
+        /// The requested frame.
         frame: String,
         /// Frames that there are.
         known: Vec<String>,
@@ -241,7 +241,7 @@ pub enum RigError {
     PickPlacement {
         /// The file.
         file: String,
-        /// The name asked for, if any.
+        /// The requested name, if any.
         name: Option<String>,
         /// Placements that there are.
         known: Vec<String>,
@@ -259,7 +259,7 @@ pub enum RigError {
         /// Frames of the second.
         after: Vec<String>,
     },
-    /// As many frame names as LiDARs are wanted.
+    /// The number of frame names differs from the number of LiDARs.
     #[error("{given} names are given for {lidars} LiDARs; give one --frame for each")]
     FrameCount {
         /// Names given.

@@ -20,11 +20,11 @@ const LEADERBOARD_RADIUS: f64 = 3.0;
 pub struct Exported {
     /// One file, or the two of Autoware.
     pub files: Vec<NamedText>,
-    /// What the format cannot say, in sentences.
+    /// Sentences about parts of the rig that the format cannot hold.
     pub warnings: Vec<String>,
 }
 
-/// Writes a rig. `models` are those of its vehicle or scene, whose beams the simulators' formats carry.
+/// Writes a rig. `models` are its vehicle's or scene's: the simulators' formats carry their beams.
 ///
 /// # Errors
 /// A rig that no placement could be, or a format that is read only.
@@ -80,7 +80,7 @@ pub fn export(
     Ok(Exported { files, warnings })
 }
 
-/// What a format without a place for phases loses.
+/// Warning about phases that the format has no place for.
 fn lost_phases(rig: &Rig, format: RigFormat) -> Option<String> {
     let phased: Vec<&str> =
         rig.lidars.iter().filter(|l| l.pose.phase.is_some()).map(|l| l.frame.as_str()).collect();
@@ -124,7 +124,7 @@ fn simulator(format: RigFormat) -> Option<&'static str> {
     }
 }
 
-/// What a simulator cannot be told of a LiDAR's beams.
+/// Warning about a LiDAR whose beams a simulator cannot reproduce.
 fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<String> {
     let frame = &lidar.frame;
     let of = lidar.sensor.as_deref().unwrap_or("the scene's sensor");
@@ -157,7 +157,7 @@ fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<Stri
     Some(format!("`{frame}`: {said}"))
 }
 
-/// What a format without a place for models loses.
+/// Warning about model names that the format has no place for.
 fn lost_models(rig: &Rig, format: RigFormat) -> Option<String> {
     let (what, kept) = match format {
         RigFormat::Autoware => (
@@ -178,7 +178,7 @@ fn lost_models(rig: &Rig, format: RigFormat) -> Option<String> {
     })
 }
 
-/// What CARLA's leaderboard would refuse.
+/// Warnings about limits of CARLA's leaderboard: number of LiDARs, distance from the vehicle's origin.
 fn leaderboard(rig: &Rig, mounting: &Mounting) -> Vec<String> {
     let mut warnings = Vec::new();
     if rig.lidars.len() > LEADERBOARD_LIDARS {

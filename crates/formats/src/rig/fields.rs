@@ -19,7 +19,7 @@ pub(super) fn named(pose: &SensorPose) -> impl Iterator<Item = (&'static str, f6
     all.map(|(key, value)| (key, written(value)))
 }
 
-/// The same for JSON.
+/// Pose and phase as JSON keys and numbers.
 pub(super) fn numbers(pose: &SensorPose) -> impl Iterator<Item = (String, Value)> {
     named(pose).map(|(key, value)| (key.to_owned(), value.into()))
 }

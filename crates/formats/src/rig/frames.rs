@@ -1,4 +1,4 @@
-//! Frames that hang on frames: chains, and what a chain comes to.
+//! Frame tree: parent links, and their composition into one transform.
 
 use std::collections::{HashMap, HashSet};
 
@@ -8,7 +8,7 @@ use sightline_files::Note;
 use sightline_files::json::Place;
 use sightline_scene::vehicle::SensorPose;
 
-/// What a file says of a frame.
+/// Content of a frame, as far as the file states it.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Holds {
     /// A LiDAR, of a model that may be named.
@@ -44,7 +44,7 @@ pub(super) struct Frames {
     moving: HashMap<String, String>,
     /// Name that the files give the rig.
     pub(super) name: Option<String>,
-    /// Names of what is no LiDAR and has no frame.
+    /// Names of entries that are no LiDARs and have no frame.
     pub(super) left_out: Vec<String>,
     /// Notes for the user of the reading.
     pub(super) notes: Vec<Note>,

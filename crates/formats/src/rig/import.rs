@@ -39,13 +39,13 @@ const FOOTPRINT: &str = "base_footprint";
 pub struct ImportSettings {
     /// Format; told by content where it is `None`.
     pub format: Option<RigFormat>,
-    /// Name of the rig; that of the file, or `rig`, where it is `None`. Of placements, the one to read.
+    /// Name of the rig; `None`: the file's, or `rig`. A file of placements: the name of the one to read.
     pub name: Option<String>,
     /// Frame of the vehicle, `BASE_LINK` where it is `None`.
     pub base_frame: Option<String>,
     /// Frames that are LiDARs; told by type or name where there are none.
     pub frames: Vec<String>,
-    /// Sensor by frame, before what the files say.
+    /// Sensor by frame; it wins over the files.
     pub sensors: BTreeMap<String, String>,
     /// Where `base_link` and the optical centres are.
     pub mounting: Mounting,
@@ -164,7 +164,7 @@ fn rig_of(
             unknown.join(", ")
         )));
     }
-    // A robot's name may be one that no placement may bear; one that was asked for is an error.
+    // A robot's name may be unfit for a placement and is replaced; an unfit requested name is an error.
     if settings.name.is_none() && rig.validate().is_err() {
         rig.name = UNNAMED.to_owned();
     }
@@ -279,13 +279,13 @@ fn rounded(metres: f64) -> f64 {
     (metres * 1e6).round() / 1e6
 }
 
-/// True if the name of a frame of which nothing is said is that of a LiDAR.
+/// True if a frame without other facts has the name of a LiDAR.
 fn is_named_lidar(frame: &Frame) -> bool {
     let name = frame.name.to_lowercase();
     frame.holds == Holds::Unsaid && WORDS.iter().any(|word| name.contains(word))
 }
 
-/// Frames that are LiDARs by what the files say; where those say nothing, by name.
+/// Frames that the files call LiDARs; if there are none, frames with names of LiDARs.
 fn lidars(frames: &Frames) -> Vec<&Frame> {
     let said = |frame: &&Frame| matches!(frame.holds, Holds::Lidar { .. });
     let said: Vec<&Frame> = frames.all().iter().filter(said).collect();
@@ -297,7 +297,7 @@ fn lidars(frames: &Frames) -> Vec<&Frame> {
     let feet: HashSet<&str> = named.iter().map(|frame| frame.parent.as_str()).collect();
     let stands_on_none = |frame: &&Frame| !feet.contains(frame.name.as_str());
     let upper: Vec<&Frame> = named.iter().copied().filter(stands_on_none).collect();
-    // All of them feet: a loop, of which the chain will tell.
+    // Feet only: a loop, which the chain reports.
     if upper.is_empty() { named } else { upper }
 }
 

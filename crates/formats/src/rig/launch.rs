@@ -16,7 +16,7 @@ use sightline_scene::vehicle::SensorPose;
 
 /// Program of `tf2_ros` that publishes a transform.
 const PUBLISHER: &str = "static_transform_publisher";
-/// In the place of a flag that the publisher does not know, in words.
+/// Known flags, named in the error about an unknown one.
 const UNKNOWN_FLAG: &str =
     "--x, --y, --z, --roll, --pitch, --yaw, --qx, --qy, --qz, --qw, --frame-id or --child-frame-id";
 /// Flags that take a value. The publisher refuses others.
@@ -34,7 +34,7 @@ const FLAGS: [&str; 12] = [
     "--frame-id",
     "--child-frame-id",
 ];
-/// Begins what a node tells ROS itself.
+/// First of the arguments that a node passes to ROS itself.
 const ROS_ARGS: &str = "--ros-args";
 
 /// Longest value of an argument once others are put into it.
@@ -177,13 +177,13 @@ impl Launch<'_> {
     fn include(&mut self, node: Node) -> Result<(), RigError> {
         let at = xml::place(node, self.file);
         let name = xml::attribute(node, "file", &at)?;
-        // A package stands elsewhere on each machine, so its part stays as written.
+        // A package has another path on each machine, so its part stays as written.
         let resolved = self.resolved(name, &at);
         self.included.insert(resolved.unwrap_or_else(|_| name.to_owned()));
         Ok(())
     }
 
-    /// Sentences on what was passed over.
+    /// Sentences on skipped parts of the file.
     fn notes(self) -> impl Iterator<Item = Note> {
         let listed = |names: BTreeSet<String>, quote: &str| {
             let names: Vec<String> = names.iter().map(|n| format!("{quote}{n}{quote}")).collect();
@@ -262,7 +262,7 @@ fn publisher(words: Vec<String>, at: Place) -> Result<Frame, RigError> {
     Ok(Frame { name, parent, pose: pose(&given, &at)?, holds: Holds::Unsaid, at })
 }
 
-/// The transform of flags; what is not given is 0; angles and a quaternion exclude each other.
+/// Transform from flags; a missing flag is 0; angles and a quaternion exclude each other.
 fn pose(given: &HashMap<&str, &str>, at: &Place) -> Result<SensorPose, RigError> {
     let value = |flag: &str, other: f64| match given.get(flag) {
         Some(text) => number(&at.key(flag), text),

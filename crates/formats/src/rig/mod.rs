@@ -1,7 +1,7 @@
 //! Rigs in the formats of other programs: the LiDARs of one vehicle, read, written and compared.
 //!
-//! A [`Rig`] holds optical centres in the ego frame. What a file holds instead (the foot of a sensor, a
-//! frame on a frame, degrees, a left-handed frame, another origin) is converted in this room alone.
+//! A [`Rig`] holds optical centres in the ego frame. Other conventions of files (the foot of a sensor, nested
+//! frames, degrees, a left-handed frame, another origin) are converted in this module only.
 
 mod angles;
 mod autoware;

@@ -13,7 +13,7 @@ const MAX_FRAME: usize = 128;
 /// The LiDARs of one vehicle.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rig {
-    /// Name as that of a placement: 1 to 64 letters, digits, `.`, `_`, `-`.
+    /// Name of the placement: 1 to 64 letters, digits, `.`, `_`, `-`.
     pub name: String,
     /// 1 to 16 LiDARs, in the order of the file.
     pub lidars: Vec<RigLidar>,
@@ -65,7 +65,7 @@ impl Rig {
     pub fn validate(&self) -> Result<(), RigError> {
         self.placement().validate()?;
         let mut names = HashSet::from([BASE_LINK]);
-        // What no XML holds, in escapes or not.
+        // Characters that XML cannot hold, escaped or not.
         let unwritable = |c: char| c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}');
         for RigLidar { frame, sensor, .. } in &self.lidars {
             if let Some(name) = sensor

@@ -6,10 +6,10 @@ use super::angles::{compose, up};
 use super::known;
 use sightline_scene::vehicle::SensorPose;
 
-/// What lies between the frames of a file and the optical centres in the ego frame.
+/// Offsets from the frames of a file to the optical centres in the ego frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mounting {
-    /// Position of `base_link` in the ego frame, in metres; its axes are those of the ego frame.
+    /// Position of `base_link` in the ego frame, in metres; its axes are the ego frame's.
     pub base_link: [f64; 3],
     /// Optical centre above the foot along the sensor's own z, in metres, by frame or sensor.
     pub optical_heights: BTreeMap<String, f64>,

@@ -20,8 +20,8 @@ pub(super) fn is_lidar(sensor: Node) -> bool {
     sensor.attribute("type").is_some_and(|kind| LIDARS.contains(&kind))
 }
 
-/// Notes a `<sensor>` whose pose is `optical` in the frame `link`. Of a LiDAR named `FRAME-MODEL`, as
-/// Velodyne's own description has it, the model is read, and the phase of an attribute of ours.
+/// Adds a LiDAR for a `<sensor>` whose pose in the frame `link` is `optical`. Reads its model from a name
+/// `FRAME-MODEL`, as in Velodyne's description, and its phase from this program's own attribute.
 pub(super) fn add_sensor(
     frames: &mut Frames,
     sensor: Node,
@@ -80,7 +80,7 @@ pub(super) fn sensor_element(
     )
 }
 
-/// What the root element needs for those of a rig: the namespace, where a LiDAR has a phase.
+/// Declaration of the XML namespace for phases; empty if no LiDAR of the rig has one.
 pub(super) fn namespace(rig: &Rig) -> String {
     let phased = rig.lidars.iter().any(|lidar| lidar.pose.phase.is_some());
     if phased { format!(" xmlns:{PREFIX}=\"{OWN}\"") } else { String::new() }

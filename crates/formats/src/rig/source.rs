@@ -48,7 +48,7 @@ impl Source {
         Ok(Self { file, text })
     }
 
-    /// The text as one document of YAML, of which JSON is a part.
+    /// The text as one YAML document; JSON is YAML, too.
     pub(super) fn yaml(&self) -> Result<Document, RigError> {
         Ok(parse_yaml(&self.text, &self.file, quantity)?)
     }

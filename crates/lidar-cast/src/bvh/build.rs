@@ -33,7 +33,7 @@ impl Item {
     }
 }
 
-/// Boxes of a range of triangles, of their middles, and what a node of them says.
+/// Bounds of a range of triangles and of their centres.
 #[derive(Clone, Copy)]
 struct Extent {
     bounds: Aabb,
@@ -276,7 +276,7 @@ fn best_split(items: &mut [Item], aside: &mut [Item], extent: &Extent) -> Option
     Some(below)
 }
 
-/// What a half of `count` triangles costs to meet, of a node of `all`.
+/// Cost weight of a child with `count` of its parent's `all` triangles: `count`, in whole blocks if `all` exceeds one.
 ///
 /// The walk sees a block's sixteen triangles at once, however many there are: halves are counted in whole blocks as long as
 /// there is more than one, so that blocks become full (13 of 16 triangles in place of 11, and a fifth fewer blocks).

@@ -1,6 +1,6 @@
 //! The tree that devices walk: four children a node of 64 bytes, their boxes in steps of one byte.
 //!
-//! Half of what four boxes take in `f32`: a GPU waits for what it loads, not for what it computes.
+//! Boxes take half their size in `f32`: a GPU waits for memory, not for arithmetic.
 //! (Ylitie, Karras, Laine: "Efficient incoherent ray traversal on GPUs through compressed wide BVHs",
 //! HPG 2017; departures: four children instead of eight, triangles as children instead of ranges.)
 //!
@@ -136,7 +136,7 @@ fn steps_of([low, high]: [f32; 2], corner: f32, step: f32) -> [u32; 2] {
     [first, last]
 }
 
-/// The smallest power of two of which [`STEPS`] reach from one side to the other.
+/// Smallest power of two, [`STEPS`] times which reaches from one side to the other.
 fn step_over(low: f32, high: f32) -> f32 {
     let step = ((high - low) / STEPS as f32).max(f32::MIN_POSITIVE);
     // Without its fraction bits a number is the power of two at or below.

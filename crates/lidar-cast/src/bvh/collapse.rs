@@ -40,19 +40,19 @@ pub(super) struct Cuts<'a, const WIDTH: usize> {
     pub(super) below: Vec<Below>,
     /// Row of each binary node in `places`; [`BLOCK`] for those that are blocks or lie in one.
     rows: Vec<u32>,
-    /// Of the k + 1 places that a subtree takes how many are its left half's; 0: it takes one, as a node of its own. The
-    /// last number is for its own children.
+    /// `places[k]`: slots for the left child if the subtree gets k + 1 slots; 0 keeps the subtree as one child.
+    /// The last entry splits the slots of its own wide node.
     places: Vec<[u8; WIDTH]>,
 }
 
-/// The row of what is no wide node.
+/// Row of a binary node that is a block or lies in one.
 const BLOCK: u32 = u32::MAX;
 
 impl<'a, const WIDTH: usize> Cuts<'a, WIDTH> {
     pub(super) fn new(nodes: &'a [Node]) -> Self {
         let (below, rows) = (Below::all(nodes), vec![BLOCK; nodes.len()]);
         let mut cuts = Self { nodes, below, rows, places: Vec::new() };
-        // By row: least sum of areas for k + 1 places.
+        // Row by row: least sum of areas for k + 1 places.
         let mut least: Vec<[f32; WIDTH]> = Vec::new();
         // Children come after their parents.
         for (index, node) in nodes.iter().enumerate().rev() {
@@ -136,7 +136,7 @@ mod tests {
         Bvh::build(&soup, 1.0)
     }
 
-    /// Sum of the areas of the wide nodes, and what lies in their children that are blocks.
+    /// Sum of the areas of the wide nodes; collects the blocks among their children.
     fn walked(cuts: &Cuts<'_, WIDTH>, from: usize, blocks: &mut Vec<usize>) -> f64 {
         let children = cuts.children(from);
         assert!(children.len() <= WIDTH);

@@ -31,7 +31,7 @@ impl Hit {
         Self { t: t_max, prim: NO_HIT }
     }
 
-    /// Nothing comes back; what is known of the beam ends after `t` metres.
+    /// A beam that does not return; its known part ends after `t` metres.
     pub fn ended(t: f32) -> Self {
         Self { t, prim: ENDED }
     }

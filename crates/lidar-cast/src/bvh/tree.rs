@@ -13,11 +13,11 @@ pub struct Bvh {
     pub triangles: Vec<Triangle>,
     /// Metres by which each triangle's box is grown; see [`Bvh::build`].
     pub pad: f32,
-    /// The same tree, sixteen wide.
+    /// The triangles again in a tree of sixteen-wide nodes, for packets of beams.
     pub bvh16: Bvh16,
 }
 
-/// What [`Bvh::validate`] found broken.
+/// Defect found by [`Bvh::validate`].
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum BvhError {

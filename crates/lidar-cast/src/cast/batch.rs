@@ -106,7 +106,7 @@ impl Caster {
             Some(walk) if few => {
                 rows.par_iter_mut().for_each(|row| walk.cast(&row.walked, true, row.hits))
             }
-            // Window after window: what one sensor meets there lies in the cache when the next one comes.
+            // Window by window: tree nodes that one sensor meets stay in the cache for the next sensor.
             Some(walk) => (0..walk.windows()).for_each(|window| {
                 rows.par_iter_mut().for_each(|row| walk.cast_in(window, &row.walked, row.hits));
             }),
@@ -118,7 +118,7 @@ impl Caster {
     /// Replaces the hits of one sensor, in the order of the table's directions, by closer ones in some
     /// trees, and by equally close ones of a lower face; a hit of nothing is as far as it says.
     ///
-    /// What a sensor does not see costs next to nothing: bounds of a tree's first boxes.
+    /// A tree out of the sensor's sight costs little: a test of its root node's boxes.
     pub fn closer_hits(&self, parts: &[Part<'_>], hits: &mut [Hit]) {
         let (walked, alone) = self.sorted(parts);
         if let Some(walk) = &self.walk {
@@ -140,7 +140,7 @@ impl Caster {
     }
 }
 
-/// The farthest of some hits, those of nothing included, in metres.
+/// Largest `t` of some hits in metres, misses included.
 fn farthest(hits: &[Hit]) -> f32 {
     hits.iter().map(|hit| hit.t).fold(0.0, f32::max)
 }

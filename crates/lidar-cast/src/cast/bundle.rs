@@ -61,8 +61,8 @@ pub struct Target<'a> {
     pub standing: &'a Standing,
 }
 
-/// Replaces the hits of beams by closer ones in some trees, and by equally close ones of a lower face: what
-/// [`super::Caster::closer_hits`] does, beam by beam, for a few directions of the sensor's frame.
+/// Closest hits of a few beams, cast one by one: closer hits in some trees replace those known, and so do equally
+/// close hits of a lower face. [`super::Caster::closer_hits`] does it for all beams of a sensor.
 pub fn closer_hits_of_beams<'a>(
     targets: impl Iterator<Item = Target<'a>>,
     directions: impl Iterator<Item = [f32; 3]> + Clone,
@@ -80,8 +80,8 @@ pub fn closer_hits_of_beams<'a>(
     }
 }
 
-/// The same for rays around the first of `directions`, none farther from it than `width` radians, which go
-/// down together.
+/// Closest hits of a ray bundle: `N` rays within `width` radians around `directions[0]`, which descend
+/// together. Replaces hits as [`closer_hits_of_beams`] does.
 pub fn closer_hits_of_bundle<'a, const N: usize>(
     targets: impl Iterator<Item = Target<'a>>,
     directions: &[[f32; 3]; N],

@@ -1,4 +1,4 @@
-//! Rays that leave one place at the same moment, many such groups at once: what a device casts for scans.
+//! Groups of rays that leave one place at one moment: the batches that a device casts for scans.
 
 use super::bundle::Target;
 use crate::bvh::{Hit, Ray};

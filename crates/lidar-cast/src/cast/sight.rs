@@ -8,7 +8,7 @@ use crate::task::{DevicePose, beam_origin};
 /// Rounding of a hit test in units of 2⁻²⁰ of the largest number that enters it, with room: each of the
 /// roundings of a pose, a direction, a plane's distance and a quotient is 2⁻²⁴ of such a number.
 const SLACK: f64 = 8.0;
-/// The same for (c·d)², as a share of c².
+/// Rounding of (c·d)², as a share of c².
 const SQUARE_SLACK: f64 = 1.0 / (1 << 18) as f64;
 
 /// A sphere around all triangles of a tree, in the frame of a sensor.
@@ -66,8 +66,8 @@ impl Sight {
         along < -self.radius || along - self.radius > t || along * along < self.least_square
     }
 
-    /// The same for all that lies within an angle in radians around a beam, a small one: the sphere grows by
-    /// what the angle spans at its far side.
+    /// Sphere for rays within `angle` radians around a beam (a small angle): the radius grows by the
+    /// arc at its far side.
     pub fn widened(&self, angle: f32) -> Self {
         let center = DVec3::from(self.center.map(f64::from));
         let (far, radius) = (center.length(), f64::from(self.radius));

@@ -168,7 +168,7 @@ pub struct Ranks {
 }
 
 impl Ranks {
-    /// Of voxels of which each is listed once, by linear index.
+    /// Ranks `voxels`: linear indices, each listed once.
     pub fn new(order: &BitOrder, voxels: impl IndexedParallelIterator<Item = u32>) -> Self {
         let bits: Vec<u32> = voxels.map(|voxel| order.bit_of(voxel)).collect();
         let bitmap = order.bitmap(bits.iter().copied());

@@ -42,8 +42,8 @@ pub struct WalkScratch {
     along_y: Vec<u32>,
 }
 
-/// Marks the voxels that one sensor's beams traverse in the order of [`BitOrder::rows`]:
-/// [`super::cover_voxels`] with sixteen beams of about the same length in lockstep. The same voxels.
+/// Marks the voxels that one sensor's beams traverse, in the order of [`BitOrder::rows`].
+/// Sixteen beams of similar length go in lockstep; the voxels equal those of [`super::cover_voxels`].
 ///
 /// `hits` is `[directions]`; `bitmap` is zero and holds all voxels.
 pub fn cover_sensor(
@@ -195,7 +195,7 @@ fn kinds([ix, iy, iz]: [&[f32]; 3], stop: &[f32], scale: f32, kinds: &mut [u16])
     }
 }
 
-/// Sorts the beams by kind, those of one kind in the order of the table.
+/// Sorts the beams by kind; within a kind they keep the order of the table.
 fn sort(scratch: &mut WalkScratch) {
     let mut next = [[0_u32; SORT_PARTS]; WAYS * LENGTHS];
     let length = scratch.kind.len().div_ceil(SORT_PARTS).max(1);

@@ -23,7 +23,7 @@ pub struct ChunkLimits {
 }
 
 impl ChunkLimits {
-    /// Limits from bytes: the smallest of several (what, bytes a sensor, bytes allowed).
+    /// Limits from bytes: the smallest of several (name, bytes a sensor, bytes allowed).
     ///
     /// # Errors
     /// `lidars` sensors, one placement, do not fit somewhere.

@@ -1,6 +1,6 @@
 //! The CPU: every stage as a plain function, and a fast one beside it that gives the same bits.
 //!
-//! | reference, to be read | fast, what [`CpuBackend`] runs |
+//! | reference, to be read | fast, run by [`CpuBackend`] |
 //! |---|---|
 //! | [`cast_frame_closest`](crate::cast::cast_frame_closest): a beam at a time | [`Caster`]: all beams of a sensor at once |
 //! | [`cover_voxels`]: a voxel at a time | [`cover_sensor`]: sixteen beams in lockstep, a row of voxels at a time |
@@ -69,7 +69,7 @@ impl<T: Default> Pool<T> {
 /// Sensors of a chunk in one frame.
 struct Standing<'a> {
     batch: &'a SensorBatch<'a>,
-    /// In the grid of voxels.
+    /// Poses in the grid of voxels.
     poses: Vec<DevicePose>,
     frame: usize,
     /// Equal frames that it stands for.
@@ -208,7 +208,7 @@ impl CpuBackend {
         bitmaps.enumerate().for_each(cover);
     }
 
-    /// Bitmaps of at least so many sensors, all zero; to be put back zero.
+    /// At least `sensors` bitmaps, all zero; the caller returns them zeroed.
     fn zero_bitmaps(&self, sensors: usize) -> Vec<u64> {
         let mut kept = self.bitmaps.take();
         if kept.len() < sensors * self.order.words() {
@@ -217,8 +217,8 @@ impl CpuBackend {
         kept
     }
 
-    /// Adds one placement's sums in one frame to its tally; returns the time of covering and that of
-    /// both together.
+    /// Adds one placement's sums in one frame to its tally. Returns two durations: covering alone, and covering
+    /// with the sums.
     fn add(
         &self,
         standing: &Standing<'_>,
@@ -247,7 +247,7 @@ impl CpuBackend {
     }
 }
 
-/// Closest hits of a batch in a frame, those of each model by its caster.
+/// Closest hits of a batch in a frame; each model's beams are cast by the model's caster.
 fn cast(
     casters: &[Caster],
     batch: &SensorBatch<'_>,

@@ -53,7 +53,7 @@ impl Failover {
         }
     }
 
-    /// Lets the CPU take placements too large for the device, for a device that nobody asked for.
+    /// Lets the CPU take placements too large for the device, if `--backend auto` chose the device.
     pub fn cpu_for_too_large(mut self) -> Self {
         self.takes_too_large = true;
         self

@@ -57,10 +57,10 @@ pub enum BackendError {
     /// The host has no memory for a buffer.
     #[error(transparent)]
     OutOfMemory(#[from] OutOfMemory),
-    /// No Vulkan device, or none of the name asked for.
+    /// No Vulkan device, or none with the requested name.
     #[error("no Vulkan device{}; install a driver or use --backend cpu", named(.name))]
     NoDevice {
-        /// The name asked for, if any.
+        /// Requested name, if any.
         name: Option<String>,
     },
     /// The device refused a request or failed at it.
@@ -68,7 +68,7 @@ pub enum BackendError {
     Device {
         /// Adapter as reported.
         adapter: String,
-        /// What was being done.
+        /// Step that failed, such as "being opened".
         stage: &'static str,
         /// From the driver.
         message: String,
@@ -171,7 +171,7 @@ pub trait Backend: Send {
     /// Wall time spent in each stage since the backend was made.
     fn times(&self) -> StageTimes;
 
-    /// Devices lost since the backend was made, and what took over, in words; mostly none.
+    /// Sentences on devices lost since the backend was made, and on their replacements; mostly none.
     fn changes(&self) -> &[String] {
         &[]
     }

@@ -1,4 +1,4 @@
-//! From a task to the engine that was asked for.
+//! Opens the engine that the user requested for a task.
 
 use std::sync::Arc;
 
@@ -25,14 +25,14 @@ pub enum EngineKind {
     Cpu,
 }
 
-/// The engine asked for.
+/// Requested engine.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct EngineChoice {
     /// Which engine.
     pub kind: EngineKind,
     /// Part of the name of the Vulkan device to take.
     pub adapter: Option<String>,
-    /// Bytes that work buffers may take; `None` takes half of what is free.
+    /// Bytes that work buffers may take; `None` takes half of the free memory.
     pub memory: Option<u64>,
 }
 
@@ -48,19 +48,18 @@ impl EngineChoice {
     }
 }
 
-/// An engine, and what its opening has to say.
+/// An open engine, and sentences about it.
 pub struct Opened {
-    /// What computes.
+    /// CPU or GPU engine, ready to score.
     pub engine: Box<dyn Backend>,
     /// Sentences for the user: which device, and why not another.
     pub notes: Vec<String>,
 }
 
-/// Opens the engine asked for; a device that is lost while it computes is replaced, and `on_change` is
-/// told.
+/// Opens the requested engine. A device lost while it computes is replaced, and `on_change` gets a sentence.
 ///
 /// # Errors
-/// No such device, or one that cannot hold the task, where it was asked for.
+/// The requested device is missing, or cannot hold the task.
 pub fn open(
     task: &Arc<Task>,
     choice: &EngineChoice,
@@ -78,7 +77,7 @@ pub fn open(
                 }
             }
         }
-        // A device asked for is not silently replaced by the CPU.
+        // A requested device is not silently replaced by the CPU.
         _ => device::asked_for(task, choice, on_change)?,
     };
     notes.push(format!("computing on {}: {}", engine.name(), engine.adapter()));
@@ -94,11 +93,11 @@ pub struct OpenedCaster {
     pub note: Option<String>,
 }
 
-/// Opens the device that was asked for, for the rays of a scanner among some trees. All that comes after the cast is
-/// the host's, and scans have the same bits on all.
+/// Opens the requested device for the rays of a scanner among some trees. Later steps run on the host, so scans have
+/// equal bits on all devices.
 ///
 /// # Errors
-/// The device asked for is missing or fails.
+/// The requested device is missing or fails.
 pub fn open_caster(
     trees: &[&Arc<Bvh>],
     choice: &EngineChoice,
@@ -167,7 +166,7 @@ mod device {
             .map_err(|error| format!("computing on the CPU: {error}"))
     }
 
-    /// The device asked for.
+    /// Requested device.
     pub(super) fn asked_for(
         task: &Arc<Task>,
         choice: &EngineChoice,

@@ -1,6 +1,6 @@
 //! Triangle soups.
 
-/// Triangles with one semantic class each, in the ego frame or in that of a part, in metres.
+/// Triangles with one semantic class each, in the ego frame or a part's own frame, in metres.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TriangleSoup {
     /// Corner positions `[V]`.

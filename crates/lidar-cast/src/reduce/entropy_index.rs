@@ -77,7 +77,7 @@ impl EntropyIndex {
 
 /// Adds the sums over the voxels that the sensors of one placement cover, and clears their bitmaps.
 ///
-/// `bitmaps` is `[sensors × words]`. The same sums as [`super::reduce()`].
+/// `bitmaps` is `[sensors × words]`. The sums equal those of [`super::reduce()`] bit for bit.
 pub fn take_sums(bitmaps: &mut [u64], words: usize, index: &EntropyIndex, tally: &mut Tally) {
     let mut maps: Vec<&mut [u64]> = bitmaps.chunks_exact_mut(words).collect();
     for (block, first) in (0..words).step_by(BLOCK).enumerate() {

@@ -10,22 +10,20 @@ use crate::chance::mixed;
 use crate::geom::Pose;
 use crate::nearest::nearest;
 
-/// Where in its turn a spinning sensor fires: an angle about its own axis, added to every azimuth.
+/// Start angle of a spinning sensor: radians about its own axis, added to every azimuth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Phase {
-    /// The same in every frame, in radians: sensors are locked to each other.
+    /// One fixed angle in radians for all frames: the sensors are locked to each other.
     Locked(f64),
-    /// Another one in every frame, by chance: sensors turn as they please.
+    /// A random angle in every frame: the sensors spin freely.
     Free,
-    /// The same in every frame, each LiDAR's own: an angle from the first to the second, in radians, that
-    /// a search chooses.
+    /// A fixed angle for all frames, chosen by a search for each LiDAR. Bounds in radians: lowest, highest.
     Between(f64, f64),
 }
 
 impl Phase {
-    /// The turn of a sensor whose pose names none, in radians; 0 where it differs from frame to frame. Of
-    /// a range the angle nearest to 0.
+    /// Phase in radians of a sensor whose pose gives none: 0 if free, else the allowed angle nearest to 0.
     pub fn at_rest(self) -> f64 {
         match self {
             Self::Locked(phase) => phase,
@@ -34,7 +32,7 @@ impl Phase {
         }
     }
 
-    /// As a mirror at the plane y = 0 shows it: angles count the other way.
+    /// Phase mirrored at the plane y = 0: the angle changes sign, and bounds swap.
     fn mirrored(self) -> Self {
         match self {
             Self::Locked(phase) => Self::Locked(0.0 - phase),
@@ -55,7 +53,7 @@ pub struct SensorModel {
     pub phase: Phase,
     /// Price of one, in any currency.
     pub price: f64,
-    /// What it makes of what its beams meet.
+    /// Echo model: rated range, noise, beam divergence, echoes kept.
     pub response: Response,
 }
 
@@ -72,7 +70,7 @@ impl SensorModel {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("there is no sensor `{name}`; {}the vehicle has {known}", meant(.nearest))]
 pub struct UnknownSensor {
-    /// As the placement names it.
+    /// Name written in the placement.
     pub name: SensorName,
     /// The most similar of the vehicle's names, if one is similar.
     pub nearest: Option<String>,
@@ -143,8 +141,7 @@ impl UnknownSensor {
     }
 }
 
-/// Models of a vehicle, at least one, and the seed of what is left to chance: free phases, and what the air lets
-/// through.
+/// Models of a vehicle, at least one, and the seed of random draws: free phases, and beams lost in weather.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensors {
     models: Arc<[SensorModel]>,
@@ -174,12 +171,12 @@ impl Sensors {
         Self { models: models.into(), ..self.clone() }
     }
 
-    /// A copy with another draw of what is left to chance.
+    /// A copy with another seed.
     pub fn with_seed(&self, seed: u64) -> Self {
         Self { seed, ..self.clone() }
     }
 
-    /// The same as a mirror at the plane y = 0 shows them: beams, and phases that turn the other way.
+    /// Sensors mirrored at the plane y = 0: beam tables and phases.
     pub fn mirrored(&self) -> Self {
         let image = |model: &SensorModel| {
             let (table, phase) = (model.table.mirrored(), model.phase.mirrored());
@@ -188,7 +185,7 @@ impl Sensors {
         Self { models: self.models.iter().map(image).collect(), ..self.clone() }
     }
 
-    /// The seed of what is left to chance.
+    /// Seed of random draws.
     pub fn seed(&self) -> u64 {
         self.seed
     }
@@ -224,8 +221,7 @@ impl Sensors {
         self.models.iter().map(|model| model.name).collect()
     }
 
-    /// Checks that the vehicle has the model of every LiDAR. Of a vehicle with several models each LiDAR must
-    /// name its own.
+    /// Checks that the vehicle has the model of every LiDAR. With several models, each LiDAR must name its own.
     ///
     /// # Errors
     /// The first LiDAR whose model is not known.
@@ -242,8 +238,8 @@ impl Sensors {
         Ok(())
     }
 
-    /// Names the first model in LiDARs without a name, where the vehicle has several. For placements that the
-    /// program makes: those of files must name their own.
+    /// Names the first model in LiDARs without a name, where the vehicle has several. Only for placements that
+    /// the program makes: placements in files must name their models.
     ///
     /// Returns whether any was named.
     pub fn name_first(&self, placements: &mut [Placement]) -> bool {
@@ -303,8 +299,7 @@ impl Sensors {
     }
 
     /// Sensor-to-ego transform of a sensor of a model in a frame: its pose after a turn by the phase,
-    /// R = Rz(yaw)·Ry(pitch)·Rx(roll)·Rz(phase). The phase is that of the pose where it has one, else that of
-    /// the model.
+    /// R = Rz(yaw)·Ry(pitch)·Rx(roll)·Rz(phase). The pose's phase counts; without one, the model's.
     pub fn ego_from_sensor(&self, model: usize, pose: &SensorPose, frame: usize) -> Pose {
         let rest = pose.ego_from_sensor();
         let phase = match (pose.phase, self.models[model].phase) {

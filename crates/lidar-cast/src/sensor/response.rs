@@ -1,4 +1,4 @@
-//! How a sensor model measures: what comes back of a pulse, how far off its distance is, how wide its beam.
+//! Measurement model of a sensor: echo power and threshold, range error, beam width.
 
 use serde::Serialize;
 

@@ -52,7 +52,7 @@ impl<'a> SensorBatch<'a> {
         self.starts[self.len()]
     }
 
-    /// Beams of a sensor among those of all.
+    /// Range of a sensor's beams in the batch.
     pub fn beams_of(&self, sensor: usize) -> Range<usize> {
         self.starts[sensor]..self.starts[sensor + 1]
     }
@@ -62,7 +62,7 @@ impl<'a> SensorBatch<'a> {
         self.starts.partition_point(|&start| start <= beam) - 1
     }
 
-    /// Seed of what is left to chance.
+    /// Seed of random draws.
     pub fn seed(&self) -> u64 {
         self.task.sensors().seed()
     }
@@ -94,7 +94,7 @@ impl<'a> SensorBatch<'a> {
         self.models.iter().zip(&self.sensors).map(pose).collect()
     }
 
-    /// The same in the grid of voxels, rounded.
+    /// Converts sensor-to-ego poses to `f32` device poses with their places in the voxel grid.
     pub fn in_grid(&self, ego_from_sensors: &[Pose]) -> Vec<DevicePose> {
         let roi = self.task.roi();
         ego_from_sensors.iter().map(|pose| DevicePose::new(pose, roi)).collect()

@@ -1,9 +1,9 @@
-//! What covering a voxel is worth, and what must be covered.
+//! Voxel information: entropies and classes of occupied voxels, and areas with a required coverage.
 
 use super::{KINDS, OccupiedVoxel};
 use crate::grid::Roi;
 
-/// A part of space around the vehicle of which a share must be seen.
+/// A part of space around the vehicle with a required coverage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Requirement {
     /// Name on the vehicle.
@@ -33,16 +33,16 @@ impl Requirement {
     }
 }
 
-/// What must be seen, and its voxels.
+/// A required area and its number of voxels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Area {
-    /// As the vehicle says.
+    /// Requirement from the vehicle file.
     pub required: Requirement,
     /// Number of its voxels.
     pub voxels: u64,
 }
 
-/// What covering a voxel is worth: the occupied voxels of a P-SOG with their entropies and classes.
+/// Information in the voxels: occupied voxels of a P-SOG with their entropies and classes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Content {
     classes: Vec<String>,
@@ -79,7 +79,7 @@ impl Content {
         Self { classes, occupied, class_voxels, class_starts, areas, entropy_total, has_detection }
     }
 
-    /// The same, and what must be seen: the voxels whose middle lies in each area.
+    /// Adds required areas: each is the set of voxels whose centres lie in it.
     pub fn with_areas(mut self, roi: &Roi, required: &[Requirement]) -> Self {
         let ([_, ny, nz], min, voxel) = (roi.shape(), roi.min(), roi.voxel());
         let middle = |k: usize, i: u32| min[k] + (f64::from(i) + 0.5) * voxel[k];
@@ -116,7 +116,7 @@ impl Content {
         content.with_areas(roi, &mirrored)
     }
 
-    /// What must be seen.
+    /// Areas with a required coverage.
     pub fn areas(&self) -> &[Area] {
         &self.areas
     }
@@ -136,8 +136,8 @@ impl Content {
         &self.occupied
     }
 
-    /// Linear indices of the voxels in which a class occurs in at least one frame, rising; behind the
-    /// classes, those of each area.
+    /// Linear indices of the voxels in which a class occurs in at least one frame, rising. Ids past the
+    /// classes name areas.
     pub fn voxels_of_class(&self, class: usize) -> &[u32] {
         let range = self.class_starts[class] as usize..self.class_starts[class + 1] as usize;
         &self.class_voxels[range]

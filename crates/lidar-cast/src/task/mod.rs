@@ -35,23 +35,22 @@ pub fn spread(count: usize, wanted: Option<u32>) -> Vec<usize> {
 pub struct Modelled {
     /// Voxels of the region of interest.
     pub voxels: u64,
-    /// Those that are occupied in some frame of the P-SOG: nothing is stored of the others.
+    /// Voxels occupied in some frame of the P-SOG; empty ones have no stored data.
     pub occupied_voxels: u64,
-    /// Those of them that have an entropy above 0.
+    /// Occupied voxels with an entropy above 0.
     pub informative_voxels: u64,
     /// Frames that beams are cast into.
     pub frames: usize,
-    /// Those of them whose geometry differs from that of every earlier one: the others are not cast
-    /// again.
+    /// Frames whose geometry differs from every earlier frame's. Repeats are not cast again.
     pub distinct_frames: usize,
     /// Triangles of a frame, a mean.
     pub triangles: u64,
     /// Bytes of entropies and classes, which only occupied voxels have.
     pub voxel_bytes: u64,
-    /// Bytes of what one sensor covers in one frame: a bit a voxel, the empty ones included, since
-    /// covered voxels are counted.
+    /// Bytes of one sensor's coverage in one frame: a bit a voxel, empty ones included, since covered
+    /// voxels are counted.
     pub bitmap_bytes: u64,
-    /// Bytes of triangles and trees, each thing once, and of what says where they stand.
+    /// Bytes of triangles and trees, each thing once, and of their poses in the frames.
     pub tree_bytes: u64,
 }
 
@@ -89,15 +88,15 @@ pub struct Task {
     /// Number of each frame in the scene, which free phases depend on.
     numbers: Vec<usize>,
     ends_at_hits: bool,
-    /// What keeps beams from coming back, if anything.
+    /// Weather or crosstalk that keeps beams from returning; `None` in clear air.
     air: Option<Arc<dyn Air>>,
 }
 
-/// What keeps beams from coming back.
+/// Weather or crosstalk that keeps beams from returning.
 pub trait Air: std::fmt::Debug + Send + Sync {
-    /// Ends beams early: `hits` are those of a batch's sensors, which stand at `ego_from_sensors` in a frame
-    /// that the scene knows by its number. What is left to chance depends on the batch's seed, the number, the
-    /// sensor's model and the beam alone.
+    /// Shortens the beams of a batch in frame `number`; `hits` belong to its sensors at
+    /// `ego_from_sensors`.
+    /// Random draws depend only on the batch's seed, `number`, the sensor's model and the beam.
     fn dim(
         &self,
         batch: &SensorBatch<'_>,
@@ -138,17 +137,17 @@ impl Task {
         Self { content: content.into(), ..self }
     }
 
-    /// The same in air that keeps beams from coming back: they then cover less.
+    /// A copy in weather or crosstalk: beams that do not return cover less.
     pub fn in_air(self, air: Arc<dyn Air>) -> Self {
         Self { air: Some(air), ..self }
     }
 
-    /// What keeps beams from coming back, if anything.
+    /// Weather or crosstalk that keeps beams from returning; `None` in clear air.
     pub fn air(&self) -> Option<&dyn Air> {
         self.air.as_deref()
     }
 
-    /// The same where areas must be seen.
+    /// A copy whose content also counts the voxels of required areas.
     pub fn with_areas(self, required: &[Requirement]) -> Self {
         let content = Content::clone(&self.content).with_areas(&self.roi, required);
         Self { content: Arc::new(content), ..self }
@@ -159,7 +158,7 @@ impl Task {
         Self { numbers: frames.to_vec(), ..self }
     }
 
-    /// The same over some of its frames, with the same trees and content.
+    /// A copy over some of its frames; trees and content are shared.
     ///
     /// # Panics
     /// A frame that does not exist.
@@ -184,7 +183,7 @@ impl Task {
         &self.roi
     }
 
-    /// What they are worth.
+    /// Entropies, classes and required areas of the voxels.
     pub fn content(&self) -> &Content {
         &self.content
     }
@@ -199,7 +198,7 @@ impl Task {
         self.numbers.get(frame).copied().unwrap_or(frame)
     }
 
-    /// Range in metres with which nothing is out of sight: what the guards compare with.
+    /// Range in metres that reaches all of the grid: the longest sensor's, or twice the grid's diagonal.
     pub fn far_range(&self) -> f32 {
         Self::far_range_of(&self.roi, self.sensors.longest_range())
     }
@@ -215,8 +214,7 @@ impl Task {
         if self.ends_at_hits { self.world.frames().len() } else { 1 }
     }
 
-    /// The first frame whose geometry is that of `frame`, with sensors at the same phases: what is covered
-    /// in one is covered in both.
+    /// First frame with the geometry of `frame` and sensors at equal phases: both frames have equal coverage.
     ///
     /// # Panics
     /// A frame that does not exist.

@@ -15,7 +15,7 @@ pub const NO_CROSSING: f32 = 1e20;
 const TINY_COORDINATE: f64 = 1e-12;
 /// Grid coordinates stay convertible to `i32`.
 const MAX_COORDINATE: f64 = 1e9;
-/// One sensor as the kernels read it, 64 bytes: in the ego frame, or in that of an instance.
+/// One sensor as the kernels read it, 64 bytes: in the ego frame, or in an instance's frame.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct DevicePose {

@@ -16,7 +16,7 @@ pub struct Tally {
     pub covered_nonzero: u64,
     /// Σ of the information of covered voxels, by kind, in the units of [`super::OccupiedVoxel::entropy`].
     pub entropy: [u64; KINDS],
-    /// Covered voxels in which a class occurs in at least one frame, by class id; then those of each area.
+    /// Covered voxels in which a class occurs in at least one frame, by class id; then covered voxels by area.
     pub by_class: Vec<u64>,
     /// Σ H (all classes) over the voxels that only this LiDAR covers, by LiDAR.
     pub unique: Vec<u64>,

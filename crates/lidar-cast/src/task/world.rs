@@ -3,8 +3,8 @@
 //! A tree lies in the frame of its thing and is built once. A frame lists instances: a tree, the pose
 //! that takes it to the ego frame, and the number of its first triangle. To cast a sensor's beams into
 //! an instance, instance_from_sensor = ego_from_instance⁻¹ ∘ ego_from_sensor is evaluated in `f64` and
-//! rounded once to a [`DevicePose`]; the beams are then those of that pose among the tree's triangles. Of
-//! all instances the closest hit counts, and of equal distances the lowest triangle of the frame.
+//! rounded once to a [`DevicePose`], which takes the beams into the tree's frame. The closest hit over all
+//! instances counts; ties go to the lowest triangle index of the frame.
 
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ pub struct Instance {
     pub tree: Arc<Bvh>,
     /// Takes its frame to the ego frame.
     pub ego_from_instance: Pose,
-    /// Number of its first triangle among those of the frame.
+    /// Number of its first triangle in the frame.
     pub first_prim: u32,
 }
 
@@ -30,14 +30,14 @@ impl Instance {
         DevicePose::from(&self.pose_from(ego_from_sensor))
     }
 
-    /// The same, not rounded.
+    /// Sensor-to-tree pose in `f64`, before rounding.
     pub fn pose_from(&self, ego_from_sensor: &Pose) -> Pose {
         self.ego_from_instance.inverse().compose(ego_from_sensor)
     }
 }
 
 impl PartialEq for Instance {
-    /// The same tree, not an equal one.
+    /// Trees are compared by pointer: an equal copy counts as different.
     fn eq(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.tree, &other.tree)
             && (self.first_prim, self.ego_from_instance)
@@ -45,7 +45,7 @@ impl PartialEq for Instance {
     }
 }
 
-/// What beams are cast into: things and where they stand, in the order of their triangles.
+/// Rigid things that beams hit in one frame, in the order of their triangles.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Frame {
     instances: Vec<Instance>,
@@ -58,7 +58,7 @@ impl Frame {
         Self { instances: instances.into_iter().filter(filled).collect() }
     }
 
-    /// In the order of their triangles.
+    /// Instances in the order of their triangles.
     pub fn instances(&self) -> &[Instance] {
         &self.instances
     }
@@ -70,7 +70,7 @@ impl Frame {
 }
 
 impl From<Arc<Bvh>> for Frame {
-    /// A tree whose frame is that of the ego.
+    /// A frame with one tree, in the ego frame.
     fn from(tree: Arc<Bvh>) -> Self {
         Self::new([Instance { tree, ego_from_instance: Pose::IDENTITY, first_prim: 0 }])
     }

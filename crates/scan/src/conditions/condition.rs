@@ -18,7 +18,7 @@ const MOST_KEYS: usize = 2;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Condition {
     kind: Kind,
-    /// In the order of its keys.
+    /// Values in the order of the kind's keys.
     values: [f64; MOST_KEYS],
 }
 
@@ -135,7 +135,7 @@ impl fmt::Display for Condition {
 }
 
 impl Serialize for Condition {
-    /// As it is written.
+    /// A string as on the command line, such as `fog:mor=50`.
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
     }

@@ -1,4 +1,4 @@
-//! Faults of the sensor and of what it looks at: motion left in, pulses of others, dark vehicles.
+//! Faults of the sensor and of targets: motion left in, pulses of other sensors, dark vehicles.
 
 /// Reflectance of a vehicle that mirrors the beam away.
 const DARK: f64 = 0.05;
@@ -38,8 +38,8 @@ impl Crosstalk {
         self.share
     }
 
-    /// Range that a return at `range` metres seems to have, evenly from the sensor's `least` on, by `u` from 0 to
-    /// below 1: what comes later than the own echo is not waited for.
+    /// Apparent range of a return at `range` metres: uniform from the sensor's `least` on, by `u` from 0 to below 1.
+    /// Pulses later than the own echo are not waited for.
     pub fn false_range(&self, least: f64, range: f64, u: f64) -> f64 {
         least + u * (range - least).max(0.0)
     }

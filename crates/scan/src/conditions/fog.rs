@@ -7,8 +7,8 @@ use lidar_cast::maths;
 const CONTRAST: f64 = 2.995_732_273_553_991;
 /// Backscatter of fog whose optical range is 1 m, in 1/sr (Rasshofer et al. 2011).
 const BACKSCATTER: f64 = 0.046;
-/// What the gain is fixed by: a target of that reflectance in fog of that extinction is as bright as the fog at
-/// that many metres, as in the fog simulation that Robo3D builds on.
+/// Calibration of the gain, as in the fog simulation that Robo3D builds on: in fog of this extinction (1/m) a target
+/// of this reflectance is as bright as the fog at this range (metres).
 const GAIN_REFLECTANCE: f64 = 0.3;
 const GAIN_EXTINCTION: f64 = 0.06;
 const GAIN_RANGE: f64 = 36.0;
@@ -30,8 +30,8 @@ pub struct Fog {
 }
 
 impl Fog {
-    /// Fog of a meteorological optical range in metres, infinite in clear air, which sends back `gain` times what
-    /// the usual calibration says.
+    /// Fog of a meteorological optical range in metres, infinite in clear air. `gain` multiplies its calibrated
+    /// backscatter.
     pub fn new(optical_range: f64, gain: f64) -> Self {
         let alpha = CONTRAST / optical_range;
         let backscatter = |alpha: f64| BACKSCATTER * alpha / CONTRAST;

@@ -4,9 +4,9 @@
 const AIR: f64 = 1.0003;
 const WATER: f64 = 1.33;
 
-/// Shares of the power that water mirrors, polarized across the plane of incidence (s) and in it (p), of light
-/// that comes from the air at an angle of that cosine (Fresnel's equations). What is not mirrored passes; the way
-/// out of the water along the refracted angle has the same shares.
+/// Shares of light that water mirrors, by Fresnel's equations: polarized across the plane of incidence (s) and in
+/// it (p). `cos` is the cosine of the angle of incidence in air. The rest passes; light that leaves the water along the
+/// refracted angle has equal shares.
 pub(super) fn mirrored(cos: f64) -> [f64; 2] {
     let cos = cos.clamp(0.0, 1.0);
     let sin = (1.0 - cos * cos).sqrt() * AIR / WATER;

@@ -27,7 +27,7 @@ pub use wet::{WetGround, holds_water};
 use super::Status;
 use super::chance::Purpose;
 
-/// What a beam meets on its way besides surfaces, and what the sensor makes of it; nothing by default.
+/// Weather and sensor faults of a scan; clear air by default.
 #[derive(Debug, Clone, Default)]
 pub struct Weather {
     /// Fog in the air.
@@ -51,7 +51,7 @@ pub fn in_words(conditions: &[Condition]) -> Vec<String> {
     conditions.iter().map(Condition::to_string).collect()
 }
 
-/// Conditions in words, behind those for what was computed under them; nothing in clear air.
+/// Words to append to a result: `, under fog:…`; empty in clear air.
 pub fn under(conditions: &[String]) -> String {
     match conditions {
         [] => String::new(),
@@ -60,7 +60,7 @@ pub fn under(conditions: &[String]) -> String {
 }
 
 impl Weather {
-    /// Whatever falls in it: what it is drawn for, and the status of its echoes.
+    /// Snow and rain, each with the purpose of its draws and the status of its echoes.
     pub fn falls(&self) -> impl Iterator<Item = (&Falling, Purpose, Status)> {
         let snow = self.snow.iter().map(|snow| (snow, Purpose::Snow, Status::Snow));
         snow.chain(self.rain.iter().map(|rain| (rain, Purpose::Rain, Status::Rain)))

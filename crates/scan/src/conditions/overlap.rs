@@ -8,7 +8,7 @@ use super::pulse::LIGHT;
 
 /// cτ of the snow, τ = 10 ns: the length of a pulse's echo in metres.
 pub(super) const LENGTH: f64 = LIGHT * 10e-9;
-/// Metres by which the peak of an echo must miss a target to be that of the snow before it.
+/// Metres between peak and target from which on an echo belongs to the snow before it.
 pub(super) const APART: f64 = 0.2;
 
 /// The echo of a unit pulse by its phase, from 0 where it begins to 1 where it ends.
@@ -17,7 +17,7 @@ pub(super) fn swell(phase: f64) -> f64 {
     if phase > 0.0 && phase < 1.0 { (std::f64::consts::PI * phase).sin().powi(2) } else { 0.0 }
 }
 
-/// What a flake's echo and that of a target make together.
+/// Sum of a flake's echo and a target's echo.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Joined {
     /// Two echoes with peaks of their own.
@@ -29,7 +29,7 @@ pub enum Joined {
 }
 
 impl Flake {
-    /// Joins the echo with that of a target.
+    /// Adds the flake's echo and a target's echo.
     ///
     /// P₁·sin²(πx/L) + P₂·sin²(π(x − δ)/L) has one peak where |δ| < L/2, in the part where both are on: with φ = 2πδ/L
     /// that is ½(P₁ + P₂ + |P₁ + P₂·e^(−iφ)|), at L·ψ/2π behind the first's, tan ψ = P₂·sin φ/(P₁ + P₂·cos φ). Where

@@ -1,4 +1,4 @@
-//! What fog sends back of a pulse: the integral of Rasshofer et al. 2011 over the pulse's length.
+//! Pulse echo of fog: the integral of Rasshofer et al. 2011 over the pulse's length.
 
 use lidar_cast::maths;
 use std::f64::consts::TAU;
@@ -86,7 +86,7 @@ impl Sums {
     }
 }
 
-/// Peak for fog of an extinction in 1/m before a target so many metres off.
+/// Peak for fog of an extinction in 1/m before a target at `target` metres.
 pub(super) fn peak(alpha: f64, target: f64) -> Peak {
     Sums::new(alpha).peak(target)
 }
@@ -103,7 +103,7 @@ impl Peaks {
         Self(places.map(|k| sums.peak(BLIND + k as f64 / COARSE)).collect())
     }
 
-    /// For a target so many metres off; infinite if there is none.
+    /// Peak before a target at `target` metres; infinite if there is none.
     pub fn before(&self, target: f64) -> Peak {
         let last = self.0.len() - 1;
         let place = ((target - BLIND) * COARSE).max(0.0);

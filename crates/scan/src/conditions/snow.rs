@@ -28,8 +28,8 @@ const MOST: usize = 12;
 ///
 /// Flakes are a Poisson process in space. One whose cross-section is smaller than the beam's takes its share
 /// s = D²/(h·v·r²) of the light once its centre is in the cone; a larger one takes all of it, once the beam's
-/// axis meets it. Either way a metre of air takes n·π/4·⟨D²⟩ of the light on the mean. What comes back of a flake
-/// is ρ·s·ξ(r)/r², ξ the overlap of beam and receiver near the sensor.
+/// axis meets it. Either way a metre of air takes n·π/4·⟨D²⟩ of the light on the mean. A flake's echo has power
+/// ρ·s·ξ(r)/r², ξ the overlap of beam and receiver near the sensor.
 ///
 /// Flakes are drawn by falling echo, not by distance: the number of flakes with echoes above p is Poisson of
 /// a mean that has a closed form, so that the strongest comes from one number, and a beam costs the same however
@@ -46,11 +46,11 @@ pub struct Falling {
 pub struct Flake {
     /// Metres along the beam.
     pub range: f64,
-    /// In the unit of ρ·cos θ / r², after what nearer flakes take.
+    /// Power in the unit of ρ·cos θ / r², behind nearer flakes.
     pub power: f64,
 }
 
-/// What snow or rain does to a beam.
+/// Effect of snow or rain on one beam.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fallen {
     /// Share of the light that goes as far as the beam does; a flake shades the way out and the way back
@@ -69,7 +69,7 @@ struct Drawn {
 }
 
 impl Drawn {
-    /// What comes back of it by its reflectance.
+    /// Echo power of the flake, in the unit of ρ·cos θ / r².
     fn power(&self, reflectance: f64) -> f64 {
         reflectance * self.share * overlap(self.range)
             / (self.range * self.range).max(f64::MIN_POSITIVE)
@@ -92,7 +92,7 @@ impl Falling {
         self.balls.map_or(0.0, |balls| balls.extinction())
     }
 
-    /// What it does to a beam of a divergence (full widths across and along, radians) that goes `reach` metres.
+    /// Draws the flakes in a beam of `divergence` (full widths across and along, radians) up to `reach` metres.
     /// `draw` gives numbers from 0 to below 1.
     pub fn beam(&self, divergence: [f64; 2], reach: f64, mut draw: impl FnMut() -> f64) -> Fallen {
         let Some(balls) = &self.balls else { return Fallen { passed: 1.0, flake: None } };
@@ -203,7 +203,7 @@ impl<'a> Fall<'a> {
         let share = 3.0 * self.arrived / self.scale;
         let is_flake = share < 1.0;
         if !is_flake || self.len == MOST {
-            // No flakes are left; or so many were in the way that the rest is haze.
+            // No flakes are left; or the limit of drawn flakes is reached, and the rest is haze.
             self.x = if is_flake { self.x } else { 0.0 };
             return false;
         }
@@ -218,7 +218,7 @@ impl<'a> Fall<'a> {
         if across <= 1.0 {
             self.add(Some(Drawn { range, share: across * across }));
         }
-        // What is left is weaker than this flake would be in full view.
+        // Every flake not drawn yet is weaker than this one would be in full view.
         self.strongest < nominal
     }
 

@@ -17,7 +17,7 @@ pub(super) struct Tables {
     threshold: Vec<f64>,
     /// P(5/2, w²) by w.
     gamma: Vec<f64>,
-    /// By P, where in its table to begin to look for it.
+    /// Start of the search in `gamma`, by P.
     guide: Vec<u16>,
     /// ∫₀¹ P(3, x·t²) dt by √x.
     mean_share: Vec<f64>,

@@ -24,7 +24,7 @@ impl Kind {
     pub const ALL: [Self; 7] =
         [Self::Fog, Self::Wet, Self::Snow, Self::Rain, Self::Blur, Self::Crosstalk, Self::Echo];
 
-    /// As the user writes it.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Fog => "fog",

@@ -24,7 +24,7 @@ impl WetGround {
         Self { film: (water / FULL_FILM).min(1.0) }
     }
 
-    /// What the ground reflects at an angle of incidence, so that the power is that · cos θ / r² as of dry ground.
+    /// Reflectance ρ′ of wet ground at an angle of incidence; the echo's power stays ρ′·cos θ / r².
     ///
     /// (1 − f)·ρ + f·½(t_s + t_p), the film's share f, with light that is not polarized.
     pub fn reflectance(&self, reflectance: f64, cos: f64) -> f64 {

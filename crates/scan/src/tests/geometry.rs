@@ -34,7 +34,7 @@ const STREET: &str = r#"
     "ego": { "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0.3], "size": [4, 1.8, 1.3] } }],
              "poses": [{ "x": 0, "y": -2.5 }, { "x": 2, "y": -2.4, "yaw": 0.1 }, { "x": 4, "y": -2.1, "yaw": 0.15 }] }"#;
 const SPINNING: &str = r#"{ "channels": 12, "fov": [-25, 10], "azimuth_steps": 90, "range": 60 }"#;
-/// No width, no noise, a threshold far off: what is left is the motion.
+/// No width, no noise, no threshold in reach: only motion remains.
 const EXACT: &str = r#"{ "divergence": [0, 0], "noise": 0, "rated_range": 10000, "rate": 8 }"#;
 
 fn poses() -> [SensorPose; 2] {
@@ -320,7 +320,7 @@ fn alone(bvh: &Bvh, pose: &DevicePose, direction: [f32; 3]) -> Hit {
 #[test]
 fn azimuth_steps_that_go_down_together_give_the_bits_of_the_reference() {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
-    // In the second, coordinates are too large for angles.
+    // Coordinates of the second tree are too large for angles.
     let trees = [crowd(&mut rng, None), crowd(&mut rng, Some(2e7))];
     let channels = |count: usize, offset: f64| -> Vec<(f64, f64)> {
         let channel = |k: usize| (60.0 - 120.0 * k as f64 / count as f64, (k % 3) as f64 * offset);

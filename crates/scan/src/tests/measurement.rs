@@ -1,4 +1,4 @@
-//! What comes back of a pulse: power, threshold, noise, edges, weather.
+//! Echoes of a pulse: power, threshold, noise, edges, weather.
 
 use super::{bits, ideal, scan, scene};
 use crate::conditions::Condition;
@@ -51,7 +51,7 @@ fn a_target_at_the_rated_range_of_its_reflectance_is_seen_half_of_the_time() {
 
 #[test]
 fn a_scene_says_what_its_surfaces_reflect() {
-    // Limits follow the square root of what a surface reflects, a tenth of it at the rated range.
+    // Limits follow the square root of the reflectance, which is a tenth at the rated range.
     let response = r#"{ "rated_range": 30, "divergence": [0, 0], "softness": 0 }"#;
     let seen = |said: &str, own: &str, distance: f64| {
         let actor = format!(
@@ -177,7 +177,7 @@ fn fog_takes_dark_targets_first_and_no_fog_changes_no_byte() {
         .to_vec();
     assert!(hits.windows(2).all(|pair| pair[1] <= pair[0]), "{hits:?}");
     assert!(hits[0] == 1.0 && hits[4] == 0.0, "{hits:?}");
-    // The fog itself is seen by a sensor that sees far: its echo is as weak as that of a target of 0.3 at 36 m.
+    // A sensor that sees far sees the fog itself: its echo is as weak as a target's of reflectance 0.3 at 36 m.
     let dense = at_wall(40.0, r#"{ "rated_range": 300 }"#, &["fog:mor=20"]);
     let fog = dense.returns.iter().filter(|beam| beam.status == Status::Fog);
     let mut count = 0;

@@ -101,7 +101,7 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
 /// Farthest that the length of a quaternion may be from 1.
 const UNIT: f32 = 1e-3;
 
-/// Checks what the crate's validation indexes with before it checks it.
+/// Checks accessor indices, since the crate's validation indexes with them unchecked.
 fn check_attributes(json: &gltf::json::Root) -> Result<(), Fault> {
     let accessors = json.accessors.len();
     for (i, mesh) in json.meshes.iter().enumerate() {

@@ -10,7 +10,7 @@ use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{DescriptionError, Place};
 
-/// Axes, a scale and a pose: what a description says about a mesh beside its file.
+/// Axes, scale and pose of a mesh, from the description that names its file.
 pub struct Placing {
     /// Axes that the description names.
     axes: Option<Axes>,

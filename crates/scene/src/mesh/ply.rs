@@ -7,7 +7,7 @@ use super::polygon::Cutter;
 use super::raw::{Fault, RawMesh};
 use sightline_files::Note;
 
-/// Properties of vertices and faces that are passed over in silence: looks, normals, and what scanners measured.
+/// Properties of vertices and faces that are skipped without a note: looks, normals, measurements of scanners.
 const PASSED: [&str; 40] = [
     "nx",
     "ny",

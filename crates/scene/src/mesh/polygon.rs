@@ -93,7 +93,7 @@ impl Cutter {
         })
     }
 
-    /// Notes polygons that are not what their author means.
+    /// Notes polygons that are likely slips of their author.
     pub fn notes(&self, mesh: &mut RawMesh) {
         let (crossed, first) = self.crossed;
         if crossed > 0 {

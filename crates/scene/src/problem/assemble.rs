@@ -83,13 +83,13 @@ const LARGEST_SHARE: f64 = (1u64 << 31) as f64;
 const NEAR: f64 = 10.0;
 /// Steps of the weight of distance: voxels of few entropies keep few weights, which an atlas sums up faster.
 const STEPS: f64 = 8.0;
-/// What all near ground is worth, as a share of all information: its own entropy is low, since it hardly changes.
+/// Share of all information given to near ground: its own entropy is low, since it hardly changes.
 const GROUND_SHARE: f64 = 0.25;
 
 /// Writes the information of [`Entropy::Near`], in the unit in which the largest is 2³¹:
 /// H(v) e(v) / Σ H e + ¼ / G if v is one of the G voxels of near ground, with e = 10 m / max(10 m, d), rounded to
-/// eighths and at least one, d from the origin of the ego frame to the voxel's middle in plan; ground is what a class
-/// of ground is commonest in (of equally common ones the first), near what has d ≤ 10 m.
+/// eighths, at least one eighth. d is the distance in plan from the ego origin to the voxel's middle. Ground voxels
+/// have a class of ground as their commonest class (ties: the first); near ones have d ≤ 10 m.
 fn weigh_by_distance(occupied: &mut [OccupiedVoxel], psog: &Psog) {
     let (roi, names) = (psog.roi(), psog.classes());
     let (min, edge) = (roi.min(), roi.voxel());
@@ -137,7 +137,7 @@ impl Problem {
         let bounds = scene.roi();
         let roi = psog.roi();
         let same = |a: [f64; 3], b: [f64; 3]| {
-            // Half a thousandth of a voxel: what decimals in two files may differ by.
+            // Half a thousandth of a voxel: decimals in two files may differ by it.
             (0..3).all(|k| (a[k] - b[k]).abs() <= 5e-4 * bounds.voxel[k])
         };
         if roi.shape() != bounds.shape
@@ -172,8 +172,8 @@ impl Problem {
         })
     }
 
-    /// As [`Self::on_grid_of`], in a world of those frames that is made with trees for hits up to the metres that
-    /// `make_world` gets; without frames there is no world.
+    /// Like [`Self::on_grid_of`], in the world that `make_world` returns for those frames; its argument is the longest
+    /// range in metres. Without frames there is no world.
     pub fn in_world(
         psog: &Psog,
         scene: &Scene,
@@ -202,9 +202,9 @@ impl Problem {
 
 /// Bytes a triangle while a tree is built: soup, items of the builder, triangle, nodes, blocks.
 const TREE_BYTES: u64 = 300;
-/// Triangles whose memory is not asked for: asking takes longer than building their tree.
+/// Triangles below which memory is not checked: the check takes longer than building the tree.
 const FEW: u64 = 1 << 12;
-/// Instances in all frames from which on memory is asked for.
+/// Instances in all frames from which on memory is checked.
 const MANY: u64 = 1 << 16;
 
 /// The world of some frames of a scene, with trees for hits up to `far` metres away: each part of the

@@ -70,8 +70,8 @@ impl EntropyTable {
         classes + self.term(self.frames - occupied)
     }
 
-    /// Entropy in nats of a voxel that one class holds in so many frames and another in so many, together at
-    /// most T.
+    /// Entropy in nats of a voxel that one class holds in `one` frames and another in `other` frames, together
+    /// at most T.
     pub fn entropy_of_two(&self, one: u32, other: u32) -> f64 {
         self.term(one) + self.term(other) + self.term(self.frames - one - other)
     }

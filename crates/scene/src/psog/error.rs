@@ -5,8 +5,7 @@ use lidar_cast::memory::OutOfMemory;
 
 /// Why a grid, a P-SOG or a vote was refused.
 ///
-/// Field names (`roi_min`, `voxel`, `shape`, `frames`, `classes`, `index`, `counts`) are those of
-/// the P-SOG file.
+/// Field names (`roi_min`, `voxel`, `shape`, `frames`, `classes`, `index`, `counts`) match the P-SOG file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages name every field
@@ -18,7 +17,7 @@ pub enum PsogError {
     #[error(transparent)]
     OutOfMemory(#[from] OutOfMemory),
 
-    /// A scan of a scene that was told to stop, after so many of its frames.
+    /// A scan of a scene that was stopped after `done` of its frames.
     #[error(
         "stopped after {done} of {frames} frames were scanned for the P-SOG; nothing of it is kept, give it more time"
     )]

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{BuildReport, EntropyKind, EntropyTable, Psog};
 
-/// What a P-SOG holds, for people and for JSON.
+/// Sums of a P-SOG, printed or written as JSON.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PsogInfo {
     /// Lower corner, metres.
@@ -41,7 +41,7 @@ pub struct PsogInfo {
     pub tie_share: Option<f64>,
 }
 
-/// What one class contributes.
+/// Voxels and entropy of one class.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ClassEntropy {
     /// Class name.

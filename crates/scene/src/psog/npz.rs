@@ -27,7 +27,7 @@ const CLASS_BYTES: u64 = 1 << 24;
 /// Either byte order and C or Fortran order are read; any other departure is an error.
 ///
 /// # Errors
-/// See [`PsogFileError`]; each names the file, the array and what to change.
+/// See [`PsogFileError`]; each names the file, the array and a remedy.
 pub fn read_psog(path: &Path) -> Result<Psog, PsogFileError> {
     let invalid = |fault: PsogError| PsogFileError::Value { path: path.to_owned(), fault };
     let mut archive = Archive::open(path)?;

@@ -1,4 +1,4 @@
-//! One array of an `.npz` archive: found, checked against what is wanted, read.
+//! One array of an `.npz` archive: found, checked against the expected type and shape, read.
 
 use std::fs::File;
 use std::io::{BufReader, Read as _};
@@ -27,7 +27,7 @@ pub enum PsogFileError {
     /// A member that no P-SOG has.
     #[error("{}: `{member}` is not an array of a P-SOG, which holds {}; leave it out", path.display(), ARRAYS.join(", "))]
     Unknown { path: PathBuf, member: String },
-    /// An array that is not what the contract wants.
+    /// A missing or faulty array.
     #[error("{}: array `{array}` {fault}", path.display())]
     Array { path: PathBuf, array: &'static str, fault: ArrayFault },
     /// The numbers break a rule of the P-SOG.
@@ -163,7 +163,7 @@ impl Archive {
     /// Reads one array in C order. `shape` answers a wrong shape with the wanted one. `value` sees each
     /// element as it arrives, with its position, and may refuse it.
     ///
-    /// Memory grows with the data that really arrives, never with what a header promises.
+    /// Memory grows with the data that really arrives, never with the size that a header promises.
     pub fn read<T: Element>(
         &mut self,
         array: &'static str,

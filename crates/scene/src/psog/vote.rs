@@ -12,11 +12,11 @@ const RECENT: usize = 16384;
 /// The labelled points of one frame as votes: each point votes for its class in its voxel.
 #[derive(Debug, Clone, Default)]
 pub struct FrameVotes {
-    /// `voxel << 32 | class << 16 | votes`, so that sorting groups voxels and, in them, classes. The same
-    /// voxel and class may be listed several times.
+    /// `voxel << 32 | class << 16 | votes`, so that sorting groups voxels and, in them, classes. One pair
+    /// of voxel and class may be listed several times.
     entries: Vec<u64>,
-    /// Entries that may still grow, each where its voxel and class put it: points that are near each
-    /// other follow one another, and what is added up need not be sorted. None until the first vote.
+    /// Entries that may still grow, each at a place hashed from voxel and class. Points near each other
+    /// follow one another, and merged votes need no sorting. None until the first vote.
     recent: Vec<u64>,
     outside: u64,
 }
@@ -91,7 +91,7 @@ pub struct BuildReport {
     pub frames: u64,
     /// Voxels that got a class, each counted once a frame.
     pub voxels_voted: u64,
-    /// Those of them in which two or more classes had most votes; the lowest class id won.
+    /// Voted voxels in which two or more classes had most votes; the lowest class id won.
     pub ties: u64,
     /// Points that voted.
     pub points_in: u64,

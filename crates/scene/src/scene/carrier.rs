@@ -1,4 +1,4 @@
-//! The vehicle of a scene: its own, that of a file, or one made of the scene's `lidar` and `mount`.
+//! The vehicle of a scene: inline, from a file, or made of the scene's `lidar` and `mount`.
 
 use std::path::{Path, PathBuf};
 

@@ -29,7 +29,7 @@ pub const DEFAULT_CLASSES: [&str; 21] = [
     "terrain",
 ];
 
-/// Ground, by what it is made of.
+/// Ground by its material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ground {
     /// Road and its markings.

@@ -1,4 +1,4 @@
-//! The scene file as it is written: what serde reads before anything is checked.
+//! The scene file as written: serde's types, before any check.
 //!
 //! Keys, units and defaults are explained in `scenes/README.md`.
 

@@ -247,7 +247,7 @@ fn far_mounts(scene: &Scene) -> Vec<String> {
     far.collect()
 }
 
-/// A doubt about voxels of which fewer than two fill the region.
+/// A doubt about voxels so large that fewer than two fill the region.
 fn voxels(scene: &Scene) -> Option<String> {
     let roi = &scene.roi;
     if let Some(axis) = (0..3).find(|&i| roi.voxel[i] > LARGEST_VOXEL) {

@@ -1,4 +1,4 @@
-//! What an actor is, finer than its class: what a detector is asked to find.
+//! Kinds of actors, finer than classes: a detector is trained to find them.
 
 use sightline_files::json::check::bad;
 use sightline_files::json::{DescriptionError, Place};
@@ -14,7 +14,7 @@ pub enum ActorKind {
     Truck,
     /// Bus or tram.
     Bus,
-    /// What a truck or a car pulls.
+    /// Trailer behind a truck or a car.
     Trailer,
     /// Excavator, crane, forklift and the like.
     Construction,
@@ -51,7 +51,7 @@ impl ActorKind {
         Self::NAMES.iter().find(|(kind, _)| *kind == self).map_or("other", |(_, name)| name)
     }
 
-    /// The kind of an actor whose first triangle has `class`: as written, or what the class suggests.
+    /// The kind of an actor whose first triangle has `class`: as written, or guessed from the class.
     pub(super) fn read(
         at: &Place,
         written: Option<&str>,

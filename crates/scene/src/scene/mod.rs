@@ -68,17 +68,17 @@ pub struct Scene {
     classes: Classes,
     roi: RoiBounds,
     vehicle: Vehicle,
-    /// Models once they are asked for: many beams take their time.
+    /// Sensor models, built on first use: many beams take their time.
     sensors: OnceLock<Sensors>,
     coverage: Coverage,
     psog: PsogSource,
     frames: usize,
     /// Frames a second.
     rate: f64,
-    /// In the world frame.
+    /// Static triangles in the world frame.
     world: Solid,
     actors: Vec<Actor>,
-    /// In the ego frame.
+    /// Triangles of the ego's body in the ego frame.
     body: Solid,
     ego: Motion,
     /// Transform of each part, in the frame of its owner; see [`Scene::part`].
@@ -97,7 +97,7 @@ struct Actor {
     motion: Motion,
 }
 
-/// What has triangles, and how it moves.
+/// Triangles of the world, the actors and the ego's body, with their motion.
 struct Things {
     world: Solid,
     actors: Vec<Actor>,
@@ -286,7 +286,7 @@ impl Scene {
         &self.files
     }
 
-    /// What the scene says of how much light its surfaces send back.
+    /// Reflectances that the scene file states, by class and by actor.
     pub fn reflectances(&self) -> &Reflectances {
         &self.reflectances
     }
@@ -319,9 +319,8 @@ impl Scene {
 
     /// Triangles of frame `t` in the ego frame, in metres.
     ///
-    /// Order: static world, actors as listed, ego body; face ids are the same in every frame. The plain
-    /// description, as large as the scene: what casts takes [`Scene::part`] once and
-    /// [`Scene::part_poses`] a frame.
+    /// Order: static world, actors as listed, ego body; face ids are the same in every frame. The copy
+    /// is as large as the scene: engines take [`Scene::part`] once and [`Scene::part_poses`] a frame.
     ///
     /// # Panics
     ///

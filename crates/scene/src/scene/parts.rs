@@ -1,8 +1,8 @@
 //! The rigid parts of a scene, each in a frame of its own, and where they stand in each frame.
 //!
-//! In the order of [`Scene::frame`]: static world, actors as listed, ego body. The static world's frame
-//! has its origin in the middle of the ego's way, an actor's in the middle of its box, both rounded to
-//! whole metres: coordinates are moved there in `f64` before they are rounded to `f32`.
+//! Parts come in the order of [`Scene::frame`]: static world, actors as listed, ego body. The static world's frame has
+//! its origin in the middle of the ego's way, an actor's in the middle of its box, both rounded to whole metres:
+//! coordinates are moved there in `f64` before they are rounded to `f32`.
 
 use std::ops::Range;
 

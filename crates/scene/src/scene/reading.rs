@@ -16,7 +16,7 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// Any [`DescriptionError`]; each names the file, the place in it and what to change.
+    /// Any [`DescriptionError`]; each names the file, the place in it and a remedy.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, DescriptionError> {
         Self::read_with(path, None)
     }
@@ -95,7 +95,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Puts the parts of a scene together, and reads what is left of its description.
+    /// Assembles the scene: checks motion, coverage, P-SOG source and reflectances.
     fn of_parts(
         top: &Place,
         scene: SceneDescription,
@@ -145,7 +145,7 @@ impl Scene {
     }
 }
 
-/// World, actors and ego body of a scene; their files and notes go to those of the carrier.
+/// World, actors and ego body of a scene; their files and notes are added to the carrier.
 fn things(
     top: &Place,
     scene: &SceneDescription,
@@ -168,7 +168,7 @@ fn things(
     Ok(things)
 }
 
-/// The name given, or that of the scene's file without its ending.
+/// Stated name, or the file name without its ending.
 fn name_of(top: &Place, given: Option<String>) -> Result<String, DescriptionError> {
     let given = given.filter(|name| !name.trim().is_empty());
     let given = given.map(|name| check::text(&top.key("name"), name)).transpose()?;

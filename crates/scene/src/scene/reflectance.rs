@@ -1,4 +1,4 @@
-//! What a scene says of how much light its surfaces send back.
+//! Reflectances in a scene file: shares of light, 0 to 1, that its surfaces send back.
 
 use super::classes::Classes;
 use super::description::{ActorDescription, Dictionary};
@@ -8,9 +8,9 @@ use sightline_files::json::{DescriptionError, Place};
 /// Reflectances that a scene states, from 0 to 1, of a surface that faces the sensor.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Reflectances {
-    /// By class id; `None` leaves a class to what is usual for it.
+    /// Reflectance by class id; `None` leaves the class at its usual value.
     pub classes: Vec<Option<f64>>,
-    /// By actor, as listed; `None` leaves an actor to its classes.
+    /// Reflectance by actor, as listed; `None` leaves the actor at its classes' values.
     pub actors: Vec<Option<f64>>,
 }
 

@@ -11,7 +11,7 @@ use sightline_files::json::{DescriptionError, Place};
 /// A pose for every frame.
 #[derive(Debug, Clone)]
 pub enum Motion {
-    /// The same pose in all frames.
+    /// No motion: one pose for all frames.
     Still,
     /// One pose a frame.
     Poses(Vec<Pose>),

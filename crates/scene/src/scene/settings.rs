@@ -94,7 +94,7 @@ impl RoiBounds {
 pub enum Coverage {
     /// Every voxel up to the range of the LiDAR.
     Through,
-    /// Every voxel up to and including that of the first surface.
+    /// Every voxel up to the first surface, its voxel included.
     FirstHit,
 }
 

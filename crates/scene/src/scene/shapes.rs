@@ -85,7 +85,7 @@ impl<'a> Builder<'a> {
         self.nested_list(at, list, 0)
     }
 
-    /// The triangles of an actor, of which there must be some; notes an actor without area.
+    /// Triangles of an actor; an empty list is an error, an actor without area a note.
     pub fn actor(
         &mut self,
         at: &Place,

@@ -109,7 +109,7 @@ mod tests {
         corners(solid).map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0).sum()
     }
 
-    /// By the divergence theorem; positive only if the faces point outwards.
+    /// Volume by the divergence theorem; positive only if the faces point outwards.
     fn volume(solid: &Solid) -> f64 {
         corners(solid).map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
     }

@@ -22,7 +22,7 @@ use sightline_files::json::{self, DescriptionError, FileKind, Place, nearest};
 const MAX_FILE: u64 = 64 << 20;
 /// Largest target along any axis, in metres.
 const MOST_METRES: f64 = 100.0;
-/// Reflectance of a target that does not say: that of the sensors' rated ranges.
+/// Reflectance of a target that states none: sensors' rated ranges hold for it.
 const RATED_REFLECTANCE: f64 = 0.1;
 /// Metres by which a target may stand off its origin or the ground before a note says so.
 const OFF_CENTRE: f64 = 1e-3;
@@ -180,7 +180,7 @@ impl Target {
     }
 }
 
-/// Lengths are those of coordinates in `f32`: digits beyond a micrometre say nothing.
+/// Rounds a length to micrometres: finer digits of `f32` coordinates are noise.
 fn to_micrometres(metres: f64) -> f64 {
     (metres * 1e6).round() / 1e6
 }

@@ -8,7 +8,7 @@ use lidar_cast::geom::Glide;
 /// An actor as a box on its way.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Track {
-    /// Name in the scene file; may be empty, and may be that of others too.
+    /// Name in the scene file; may be empty, and several may share it.
     pub name: String,
     /// Kind of file.
     pub kind: ActorKind,

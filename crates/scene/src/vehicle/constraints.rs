@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::mirror::{SLACK, pairs};
 use super::{Placement, Region, SensorName, SensorPose};
 
-/// What a placement must keep: a region and a model for each LiDAR, distances, keep-out boxes, ties.
+/// Rules for a placement: a region and a model for each LiDAR, distances, keep-out boxes, ties.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Constraints {
     /// One a LiDAR of a placement.
@@ -15,22 +15,22 @@ pub struct Constraints {
     /// Lower and upper corners of the boxes in the ego frame that LiDARs keep out of, in metres; faces are
     /// allowed.
     pub keep_out: Vec<[[f64; 3]; 2]>,
-    /// Rules that tie the LiDARs of a placement together; with mirrored pairs, those of a pair are neighbours and
-    /// come first.
+    /// Rules that tie the LiDARs of a placement together. Mirrored pairs come first, the two LiDARs of a
+    /// pair side by side.
     pub ties: Ties,
-    /// The model that LiDARs are of which name none.
+    /// Model of LiDARs that name none.
     pub first: SensorName,
 }
 
-/// What one LiDAR of a placement may be.
+/// Region, model and phase allowed to one LiDAR of a placement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Slot {
     /// Where it may stand.
     pub region: Arc<Region>,
     /// Its model; none: the vehicle's first.
     pub sensor: SensorName,
-    /// Angles in radians, from the first to the second, at one of which it is locked, where that is left to
-    /// the search.
+    /// Bounds in radians, lowest and highest, of the phase at which the search locks it; `None` where the
+    /// search leaves the phase alone.
     pub phase: Option<[f64; 2]>,
 }
 
@@ -55,7 +55,7 @@ impl Constraints {
         self.slots.len()
     }
 
-    /// The same for another number of LiDARs, each like the first.
+    /// A copy with `lidars` slots, each equal to the first.
     pub fn with_lidars(&self, lidars: usize) -> Self {
         let slots = self.slots.first().map(|slot| vec![slot.clone(); lidars]);
         Self { slots: slots.unwrap_or_default(), ..self.clone() }
@@ -218,7 +218,7 @@ impl Constraints {
         let mut chosen = vec![None; lidars.len()];
         let mut order: Vec<usize> = (0..lidars.len()).collect();
         order.sort_by(|&a, &b| in_order(&lidars[a], &lidars[b]));
-        // LiDARs that stand in a region come first; the others take what is left.
+        // LiDARs that stand in a region come first; the others take the remaining slots.
         for must_fit in [true, false] {
             for &lidar in &order {
                 let pose = &lidars[lidar];

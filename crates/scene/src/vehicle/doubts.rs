@@ -1,4 +1,4 @@
-//! What in a placement is most likely not meant: degrees, millimetres, a place beside the mount.
+//! Warnings about likely slips in a placement: degrees, millimetres, a sensor beside the mount.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -31,7 +31,7 @@ fn in_degrees(angle: f64) -> Option<String> {
     is_whole.then(|| format!("rad is {:.0}°", angle.to_degrees()))
 }
 
-/// A doubt about angles that a file states in radians; `what` names them.
+/// A doubt about angles that a file states in radians; `what` names the angles.
 pub fn of_angles(what: &str, angles: &[f64]) -> Option<String> {
     let angle = angles.iter().find(|angle| is_degrees(**angle))?;
     Some(format!("{what} is {angle} rad; degrees? {angle}° are {:.4} rad", angle.to_radians()))
@@ -72,7 +72,7 @@ pub fn of_lidar(who: &str, lidar: &Lidar) -> Vec<String> {
     doubts
 }
 
-/// Looks for what is most likely not meant in placements. None of it is an error: a placement is taken as it is.
+/// Looks for likely slips in placements. None of them is an error: a placement is taken as it is.
 #[derive(Debug, Clone, Default)]
 pub struct Doubts {
     /// Where sensors may stand, each once; empty where that is nobody's matter.
@@ -80,7 +80,7 @@ pub struct Doubts {
 }
 
 impl Doubts {
-    /// About units alone: of placements whose other rules are told elsewhere.
+    /// Checks units only, for placements whose other rules the caller checks.
     pub fn of_units() -> Self {
         Self::default()
     }

@@ -1,5 +1,4 @@
-//! A vehicle as it is built: sensor models with prices, mounts that hold some of them, rules, and what must be
-//! seen.
+//! A vehicle as built: sensor models with prices, mounts that hold some of them, rules, and required coverage.
 
 use std::sync::Arc;
 
@@ -20,11 +19,11 @@ pub struct VehicleSensor {
     pub phase: Phase,
     /// Price of one, in any currency.
     pub price: f64,
-    /// What it makes of what its beams meet.
+    /// Echo model: rated range, noise, beam divergence, echoes kept.
     pub response: Response,
 }
 
-/// A mount: a region and what it may hold.
+/// A mount: a region, and the models and number of sensors that it may hold.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VehicleMount {
     /// Where sensors stand.
@@ -50,15 +49,15 @@ pub struct Vehicle {
     pub keep_out: Vec<[[f64; 3]; 2]>,
     /// Rules that tie LiDARs together.
     pub ties: Ties,
-    /// What must be seen.
+    /// Areas with a required coverage.
     pub require: Vec<Requirement>,
-    /// Targets that must be met.
+    /// Targets that beams must hit at a share of places.
     pub targets: Vec<TargetRule>,
     /// Sentences about the file and the sensor files that it names.
     pub notes: Vec<Note>,
 }
 
-/// Number of a mount and a model for each LiDAR: what a rig is made of, before it has poses.
+/// Mount number and model of each LiDAR: a rig before it has poses.
 pub type Equipment = Vec<(usize, SensorName)>;
 
 impl Vehicle {
@@ -112,8 +111,8 @@ impl Vehicle {
         first.unwrap_or_default()
     }
 
-    /// The fullest equipment, at most [`MAX_LIDARS`] sensors: what the mounts must hold first, then what else
-    /// they may, each mount's models in turn.
+    /// The fullest equipment, at most [`MAX_LIDARS`] sensors: each mount's least number first, then the others
+    /// that fit, each mount's models in turn.
     pub fn fullest(&self) -> Equipment {
         let of = |k: usize, sensors: std::ops::Range<usize>| {
             let models = &self.mounts[k].sensors;

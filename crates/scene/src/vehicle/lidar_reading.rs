@@ -16,7 +16,7 @@ const MAX_STEPS: u64 = 100_000;
 impl Lidar {
     /// Reads a LiDAR from a sensor file of any of the formats of [`sensor_file::read`].
     ///
-    /// `azimuth_steps` a turn, for channels, of which only a window counts where the file states one; `range` in
+    /// `azimuth_steps` a turn, for channels: a window in the file keeps only the steps inside it. `range` in
     /// metres.
     ///
     /// # Errors
@@ -37,7 +37,7 @@ impl Lidar {
         }
     }
 
-    /// Reads a LiDAR from JSON text: what a scene has under `lidar`.
+    /// Reads a LiDAR from JSON text, the value of a scene's `lidar`.
     ///
     /// File names are relative to `dir`; messages call the text `name_for_errors`. Returns the LiDAR and the sentences on
     /// it and on its sensor file: facts and doubts.
@@ -62,7 +62,7 @@ impl Lidar {
 #[derive(Debug)]
 pub struct Described {
     pub(crate) lidar: Lidar,
-    /// What the sensor file says of ranges and errors.
+    /// Ranges, noise and rate stated by the sensor file.
     pub measures: Measures,
     /// Sentences about the description and the sensor file.
     pub notes: Vec<Note>,
@@ -117,7 +117,7 @@ impl Described {
         Self { lidar, measures: Measures::default(), notes: Vec::new() }
     }
 
-    /// Beams of a sensor file. Numbers of the description count; the file's own fill what it leaves out.
+    /// Beams of a sensor file. Numbers of the description count; the file fills the gaps.
     fn of_pattern(
         at: &Place,
         lidar: &LidarDescription,
@@ -140,7 +140,7 @@ impl Described {
             Beams::Channels(channels) => lists(channels),
         };
         let lidar = if let Some(sector) = lidar.azimuth {
-            // Columns that a file states are those of a turn.
+            // Columns stated by a file are columns of a whole turn.
             let steps = lidar.azimuth_steps.ok_or_else(|| no_steps(at))?;
             notes.extend(pattern.azimuth.filter(|stated| *stated != sector).map(|stated| {
                 let at = at.key("azimuth");

@@ -37,7 +37,7 @@ pub(super) fn mirror_meshes(mounts: &mut [VehicleMount]) {
     }
 }
 
-/// True if the outermost point at every corner of one patch, mirrored, is that of the other, and the other way round.
+/// True if each patch, mirrored, lies on the other: tested at the outermost points of all corners.
 fn are_images(a: &Region, b: &Region) -> bool {
     let on = |from: &Region, to: &Region| {
         let parts = from.surface.as_ref().zip(from.ego_from_region);
@@ -102,7 +102,7 @@ impl Facet {
         Self { corners: self.corners.map(flipped), normals: self.normals.map(flipped) }
     }
 
-    /// In the frame that a pose leads to.
+    /// Moved into the frame that a pose leads to.
     fn moved(&self, pose: &Pose) -> Self {
         Self {
             corners: self.corners.map(|corner| pose.apply(corner)),

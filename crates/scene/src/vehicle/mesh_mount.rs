@@ -126,7 +126,7 @@ pub(super) fn cut(facet: &Facet, [low, high]: [[f64; 3]; 2]) -> Vec<Facet> {
     fan.map(|ring| Facet { corners: ring.map(|c| c.0), normals: ring.map(|c| c.1) }).collect()
 }
 
-/// The region of facets in the ego frame: heights over the plane of their mean normal; else what is wanted.
+/// The region of facets in the ego frame: heights over the plane of their mean normal. The error is a wish in words.
 pub(super) fn assembled(facets: Vec<Facet>) -> Result<Region, &'static str> {
     // Twice the vector of each area, outward as the normals are.
     let areas = facets.iter().map(|facet| {

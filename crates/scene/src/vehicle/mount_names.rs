@@ -8,8 +8,8 @@ use super::{Constraints, Placement, Region, SensorPose, Vehicle};
 const SLACK: f64 = 2e-3;
 
 impl Constraints {
-    /// Mount of each LiDAR of a placement: that of its slot where it stands there, else one that holds it, else none. Empty
-    /// where there is one mount, which has no name of its own.
+    /// Mount of each LiDAR of a placement: its slot's if it stands there, else one that holds it, else `None`. Empty if
+    /// there is one mount, which has no name of its own.
     pub fn mount_names(&self, placement: &Placement) -> Vec<Option<&str>> {
         let own = |region: &Region| region.name != Region::default().name;
         if !self.slots.iter().any(|slot| own(&slot.region)) {

@@ -1,4 +1,4 @@
-//! Mirrored pairs over several mounts: which region is the image of which, and LiDARs in the order of pairs.
+//! Mirrored pairs over several mounts: mirror images among the regions, and LiDARs in the order of pairs.
 
 use super::mirror::{MIRRORED, pairs};
 use super::{Constraints, Outline, Region, SensorPose, Slot};
@@ -95,7 +95,7 @@ impl Constraints {
         self.slots[first] == self.slots[first + 1]
     }
 
-    /// LiDARs in the order of the slots, those of a pair side by side where the rules want pairs; `None` where
+    /// LiDARs in the order of the slots, the two of a pair side by side where the rules want pairs; `None` where
     /// a slot has none, or a pair is none.
     pub fn ordered(&self, lidars: &[SensorPose]) -> Option<Vec<SensorPose>> {
         let lidars = match self.kinds().len() {

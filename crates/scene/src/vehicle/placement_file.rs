@@ -233,7 +233,7 @@ fn is_open_file(path: &Path) -> bool {
 }
 
 impl PlacementReader {
-    /// Opens a file; parses a document at once, lines as they are asked for.
+    /// Opens a file; parses a document at once, lines one by one on demand.
     ///
     /// # Errors
     /// The file cannot be opened, or is no JSON of the expected form.

@@ -18,7 +18,7 @@ const MAX_POSES: u64 = 1 << 31;
 pub struct Spacing {
     /// Along x, y and z, in metres.
     pub metres: f64,
-    /// Of roll, pitch and yaw, in radians.
+    /// Step of roll, pitch and yaw, in radians.
     pub radians: f64,
 }
 
@@ -156,7 +156,7 @@ impl PoseGrid {
         self.part(number).pose(number)
     }
 
-    /// Number of the pose nearest to `pose` along each field, among those of one LiDAR.
+    /// Number of the pose nearest to `pose` along each field, among the poses of one LiDAR.
     pub fn nearest(&self, lidar: usize, pose: &SensorPose) -> u32 {
         self.parts[self.part_of_lidar[lidar]].nearest(pose)
     }
@@ -241,11 +241,11 @@ impl PoseGrid {
 /// Where the mirror images of a part's poses are.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Image {
-    /// Nowhere: none are asked for.
+    /// No mirror images are needed.
     None,
-    /// Among its own poses.
+    /// Mirror images are among its own poses.
     Itself,
-    /// Among those of an earlier part.
+    /// Mirror images are among the poses of an earlier part.
     Of(usize),
 }
 

@@ -26,7 +26,7 @@ pub struct Region {
     pub upper: [f64; 6],
     /// Corners of a patch in the plane of two of its axes; empty: the whole box.
     pub outline: Outline,
-    /// What sensors stand on, where it is not flat.
+    /// Curved surface that sensors stand on; `None` where the region is flat.
     pub surface: Option<Arc<Surface>>,
 }
 
@@ -210,7 +210,7 @@ mod tests {
     fn what_lies_beside_the_outline_or_the_bounds_is_outside() {
         let region = side();
         let outside = |fields| region.outside(&region.pose(fields, SensorName::default()));
-        // In the box, beyond the sloping edge from (0.5, 0) to (0, 0.4).
+        // A point in the box, beyond the sloping edge from (0.5, 0) to (0, 0.4).
         let found = outside([0.0, 0.4, 0.3, 0.0, 0.0, 0.0]);
         let want = (0.4 * 0.4 + 0.5 * 0.3 - 0.2) / 0.4_f64.hypot(0.5);
         assert_eq!(found.len(), 1);

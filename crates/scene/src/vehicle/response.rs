@@ -21,8 +21,8 @@ pub fn stated(range: f64, measures: &Measures) -> Response {
     }
 }
 
-/// Reads the `response` of a sensor model whose beams go `range` metres. Its numbers count, those of the sensor
-/// file where it has none; numbers of both that differ are notes.
+/// Reads the `response` of a sensor model whose beams go `range` metres. Its numbers count, then the sensor
+/// file's; differences between the two are notes.
 pub(super) fn read(
     at: &Place,
     written: Option<&ResponseDescription>,

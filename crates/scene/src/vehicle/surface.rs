@@ -14,7 +14,7 @@ const MOST_TOUCHED: usize = 32;
 /// Share of a triangle by which a point may lie beside it and still counts as on it.
 const ON_EDGE: f64 = 1e-9;
 
-/// Triangles over the plane of two axes of a region, each point of which has one height along the third.
+/// Triangles over the plane of two axes of a region; each point has one height along the third axis.
 ///
 /// Where triangles lie one above the other, the outermost counts. A point over none of them is moved to the
 /// nearest one that is, so that every point of the plane has a foot on the surface.
@@ -38,13 +38,13 @@ pub struct Surface {
 pub(super) enum Image {
     /// None that is known.
     None,
-    /// The same.
+    /// Symmetric: the surface itself.
     Itself,
     /// Another one, which it was made of.
     Of(Arc<Surface>),
 }
 
-// No number of a surface is NaN. That equality is one of values lets pointers to one surface be compared first.
+// Total equality, since no number of a surface is NaN. It lets pointers to one surface be compared first.
 impl Eq for Surface {}
 
 /// A triangle of a surface, in the region's frame.
@@ -58,11 +58,11 @@ pub(super) struct Facet {
 /// Where a sensor stands on a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Foot {
-    /// In the region's frame.
+    /// Position in the region's frame.
     pub point: DVec3,
     /// Outward unit normal there, in the region's frame.
     pub normal: DVec3,
-    /// Metres in the plane from the point that was asked for; 0 over a triangle.
+    /// Metres in the plane from the requested point; 0 over a triangle.
     pub off: f64,
 }
 
@@ -140,7 +140,7 @@ impl Surface {
         }
     }
 
-    /// In the region's frame.
+    /// Triangles in the region's frame.
     pub(super) fn facets(&self) -> impl Iterator<Item = &Facet> {
         self.facets.iter()
     }

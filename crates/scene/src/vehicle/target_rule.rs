@@ -1,4 +1,4 @@
-//! Rules on targets: what a rig must detect, how far away and where.
+//! Rules on targets: distance and bearings at which a rig must detect them.
 
 use std::path::Path;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! Whether the mounts of a vehicle leave room for the rules that tie its LiDARs together.
+//! Checks that the mounts of a vehicle leave room for the rules that tie its LiDARs together.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use sightline_files::json::{DescriptionError, Place};
 /// Mounts of one height: each is cut to the heights that all have.
 ///
 /// # Errors
-/// A patch of a mesh, or several mounts of which one is no box, or without a height in common.
+/// A patch of a mesh; several mounts, unless all are boxes with a height in common.
 pub(super) fn level(at: &Place, mounts: &mut [VehicleMount]) -> Result<(), DescriptionError> {
     let at = at.key("equal_height");
     if let Some(mount) = mounts.iter().find(|mount| mount.region.surface.is_some()) {

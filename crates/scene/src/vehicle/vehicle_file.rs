@@ -40,7 +40,7 @@ impl Vehicle {
     /// Reads a vehicle file; its body is left to the scenes that name it.
     ///
     /// # Errors
-    /// Any [`DescriptionError`]; each names the file, the place in it and what to change.
+    /// Any [`DescriptionError`]; each names the file, the place in it and a remedy.
     pub fn read(path: &Path) -> Result<Self, DescriptionError> {
         let dir = path.parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -230,7 +230,7 @@ fn area(at: &Place, required: &RequirementDescription) -> Result<Requirement, De
     Ok(Requirement { name, inside, without, share: required.share })
 }
 
-/// What a vehicle's `require` holds.
+/// Content of a vehicle's `require`: areas and targets.
 #[derive(Default)]
 struct Required {
     areas: Vec<Requirement>,

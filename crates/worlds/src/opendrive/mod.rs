@@ -25,7 +25,7 @@ use sightline_files::Note;
 pub const MAX_FILE: u64 = 128 << 20;
 /// Most points of lanes and paint.
 const MAX_POINTS: usize = 8_000_000;
-/// Most metres of road, and widest lane: what a town may have, with trees and houses along all of it.
+/// Limits of a town with trees and houses along all roads: metres of road, metres of lane width.
 const MAX_LENGTH: f64 = 60_000.0;
 const MAX_WIDTH: f64 = 60.0;
 /// Most signs and lights that are taken over.
@@ -95,7 +95,7 @@ pub fn network(text: &str, file: &str) -> Result<Network, WorldError> {
     Ok(network)
 }
 
-/// Refuses what a world cannot hold before it is made.
+/// Refuses documents too large for a world, before it is made.
 fn check(roads: &RoadNetwork, file: &str) -> Result<(), WorldError> {
     let large = |what, value: f64, most: f64| WorldError::TooLarge {
         file: file.to_owned(),
@@ -137,7 +137,7 @@ fn used(kind: LaneType) -> Option<Use> {
     })
 }
 
-/// The map of a document: its lanes, where each is from, and what the document says beside their geometry.
+/// The map of a document: its lanes, their origins, and the document's facts beside geometry.
 struct Map<'a> {
     roads: &'a RoadNetwork,
     document: &'a Document,

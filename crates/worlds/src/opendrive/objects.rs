@@ -92,7 +92,7 @@ pub(super) fn add(
             }
             continue;
         };
-        // A bay is what its lines enclose, and no paint itself.
+        // A bay is the area inside its lines, and no paint itself.
         if painted(object.kind) && (marked || object.kind == ObjectType::ParkingSpace) {
             bays += usize::from(!marked);
             continue;

@@ -1,4 +1,4 @@
-//! Generated kinds: what each promises, for several seeds.
+//! Promises of each generated kind of world, for several seeds.
 
 use std::collections::BTreeSet;
 
@@ -129,7 +129,7 @@ fn seeds_lay_out_worlds_anew_and_repeat_themselves() {
         let [a, again, b] = [3, 3, 4].map(|seed| generate(kind, seed, 12).unwrap());
         assert_eq!(a.mesh(), again.mesh(), "{}", kind.name());
         assert_eq!(a.scene("w", "w.ply"), again.scene("w", "w.ply"), "{}", kind.name());
-        // Of the lanes' points of one world, those with one of the other within a metre.
+        // Counts lane points of world `a` within one metre of a lane point of world `b`.
         let points = |w: &World| w.lanes().flatten().collect::<Vec<DVec2>>();
         let (mine, others) = (points(&a), points(&b));
         let near = |p: &DVec2| others.iter().any(|q| q.distance(*p) < 1.0);

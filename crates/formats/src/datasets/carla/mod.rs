@@ -174,7 +174,7 @@ impl CarlaSequence {
                     is_road.get(record.tag as usize) == Some(&true)
                         && maths::hypot(x, y) <= ground::NEAR
                 });
-                // Tags that the version lacks speak against it.
+                // A version is out if the scan has tags that it lacks.
                 let known = records.iter().all(|record| (record.tag as usize) < is_road.len());
                 Road::of(near.map(|record| 0.0 - f64::from(record.xyz[2])).collect())
                     .filter(|_| known)
@@ -239,7 +239,7 @@ impl LabelledSequence for CarlaSequence {
         Ok(self.frame(frame)?.1.world_from_sensor)
     }
 
-    /// Boxes around the points of each actor; see `tracks.rs` for what they cannot know.
+    /// Boxes around the points of each actor; `tracks.rs` lists their limits.
     fn tracks(&self) -> Result<Vec<BoxTrack>, DatasetError> {
         let mut seen: BTreeMap<u32, Seen> = BTreeMap::new();
         for (&frame, (path, stood)) in &self.frames {
@@ -271,7 +271,7 @@ impl LabelledSequence for CarlaSequence {
     }
 }
 
-/// The version whose road lies clearly below that of the other one: a road is the lowest surface near a car.
+/// The version whose road lies clearly lower than the other's: a road is the lowest surface near a car.
 fn deeper(old: Option<Road>, new: Option<Road>) -> Option<CarlaTags> {
     match old?.depth - new?.depth {
         more if more > LOWER => Some(CarlaTags::Until0913),

@@ -1,6 +1,6 @@
 //! Boxes around CARLA's actors, from their points: CARLA's scans number the actors and say no more.
 //!
-//! A box is what was seen of its actor. Sides that no beam reached are not in it, so it may be too short,
+//! A box holds the visible points of its actor. Sides that no beam reached are not in it, so it may be too short,
 //! and its middle lies nearer to the LiDAR than the actor's.
 
 use std::collections::BTreeMap;
@@ -51,8 +51,8 @@ fn middle(points: &[DVec3]) -> DVec2 {
     points.iter().map(|point| point.truncate()).sum::<DVec2>() / points.len().max(1) as f64
 }
 
-/// Heading in each frame: along the way from the frame before to the one after, where that is a step; else
-/// the last one known, or the first to come; of what never moves the longest axis of its first points.
+/// Heading in each frame: along the way from the frame before to the one after, where that is a step; else the
+/// last one known, or the first to come. An actor that never moves heads along the longest axis of its first points.
 fn headings(middles: &[DVec2], first: &[DVec3]) -> Vec<f64> {
     let last = middles.len() - 1;
     let step = |k: usize| middles[(k + 1).min(last)] - middles[k.saturating_sub(1)];

@@ -97,7 +97,7 @@ impl<'a> Cells<'a> {
     }
 }
 
-/// The class with most points of each place, the lowest of equal ones, with its points and what hangs on it.
+/// Majority class of each place (ties: lowest id), with its point count and payload.
 fn most<K: Ord, V>(counted: impl Iterator<Item = (K, u16, u32, V)>) -> BTreeMap<K, (u16, u32, V)> {
     let mut best: BTreeMap<K, (u16, u32, V)> = BTreeMap::new();
     for (place, class, points, value) in counted {

@@ -1,8 +1,8 @@
-//! A scene from a labelled sequence: plates of ground, boxes of what stands, actors on their tracks.
+//! A scene from a labelled sequence: plates of ground, boxes of static things, actors on their tracks.
 //!
-//! The world of the scene is that of the data set, moved so that the ego starts at its origin. What no
-//! beam reached is not there, slopes are stairs of 0.1 m, and a tile has one height. The ego's body is
-//! unknown, and so is left out.
+//! The world of the scene is the data set's, moved so that the ego starts at its origin. Space that no beam
+//! reached is empty, slopes are stairs of 0.1 m, and a tile has one height. The ego's body is unknown, and so
+//! is left out.
 
 mod actors;
 mod ground;
@@ -41,7 +41,7 @@ impl Default for ImportOptions {
     }
 }
 
-/// A scene and what it holds.
+/// A scene file and counts of its parts.
 #[derive(Debug, Clone)]
 pub struct Imported {
     /// The scene file.
@@ -54,12 +54,11 @@ pub struct Imported {
     pub actors: usize,
 }
 
-/// Makes a scene of a labelled sequence. Region, LiDAR and mount are those of the own scenes, the mount above
-/// where the recording sensor stood: to be edited.
+/// Makes a scene of a labelled sequence. Region, LiDAR and mount are placeholders to be edited: the example scenes'
+/// own, the mount above the recording sensor's place.
 ///
 /// # Errors
-/// Those of reading the sequence, a cell of another size than 0.05 to 10 m, more plates and boxes than are
-/// of use.
+/// The sequence cannot be read; a cell is not from 0.05 to 10 m; there are more plates and boxes than are of use.
 pub fn to_scene(
     sequence: &dyn LabelledSequence,
     options: &ImportOptions,

@@ -14,7 +14,7 @@ pub(super) struct Category {
     pub kind: ActorKind,
 }
 
-/// Name in nuScenes, class of a scene, kind. What a vehicle's or person's points vote for is the class alone.
+/// Name in nuScenes, class in a scene, kind of actor. Points vote for the class; the kind does not count.
 const NUSCENES: [(&str, &str, ActorKind); 32] = [
     ("noise", "", ActorKind::Other),
     ("animal", "dynamic", ActorKind::Animal),

@@ -82,7 +82,7 @@ fn rate(times: &[f64]) -> Option<f64> {
     Some((rate * 1000.0).round() / 1000.0).filter(|rate| *rate > 0.0 && *rate <= 1000.0)
 }
 
-/// A doubt about times that are no microseconds, or of which two are the same.
+/// A doubt about keyframe times that are not in microseconds, or two of which are equal.
 fn times_doubted(tables: &Tables, scene: &str, times: &[f64]) -> Option<Note> {
     let fault = match rate(times) {
         _ if times.len() < 2 => return None,
@@ -97,7 +97,7 @@ fn times_doubted(tables: &Tables, scene: &str, times: &[f64]) -> Option<Note> {
     )))
 }
 
-/// Token and name of the scenes, in the order asked for or that of the table.
+/// Token and name of the scenes, in the requested order or the table's.
 fn scenes(tables: &Tables, names: &[String]) -> Result<Vec<(String, String)>, DatasetError> {
     if let Some(k) = (1..names.len()).find(|&k| names[..k].contains(&names[k])) {
         return Err(DatasetError::SceneTwice { name: names[k].clone() });
@@ -162,7 +162,7 @@ type ByToken = HashMap<String, (String, Category)>;
 /// Categories by their label and by their token.
 fn categories(tables: &Tables) -> Result<(Labels, ByToken), DatasetError> {
     let (mut labels, mut by_token) = (vec![None; 256], HashMap::new());
-    // Sets of Place3D keep the categories of points apart from those of boxes.
+    // Sets of Place3D have one table of categories for points and another for boxes.
     let apart = Some(LIDARSEG_CATEGORIES).filter(|name| tables.path(name).exists());
     for table in ["category"].into_iter().chain(apart) {
         let mut here: HashSet<u8> = HashSet::new();
@@ -295,7 +295,7 @@ fn tracks(
         };
         poses.sort_by_key(|pose| pose.frame);
         poses.dedup_by_key(|pose| pose.frame);
-        // What does not vote is no thing to drive around.
+        // Boxes of a category without a class are no obstacles, and are left out.
         if let Some(class) = found.class {
             let (name, kind) = (name.clone(), found.kind);
             let track = BoxTrack { name, kind, class, size, poses };

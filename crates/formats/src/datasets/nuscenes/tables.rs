@@ -1,4 +1,4 @@
-//! Tables of nuScenes, read row by row: those of the whole set are larger than memory should be.
+//! Tables of nuScenes, read row by row: the whole set's tables are too large to hold in memory.
 
 use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, HashSet};
@@ -188,7 +188,7 @@ impl Tables {
         })
     }
 
-    /// Reads a table and keeps what `keep` makes of its rows.
+    /// Reads a table row by row; `keep` takes each row.
     pub(super) fn rows<R: for<'de> Deserialize<'de>>(
         &self,
         name: &str,

@@ -219,7 +219,7 @@ fn the_road_tells_the_version_of_the_tags() {
     assert!(
         high.notes().iter().any(|note| note.is_doubt() && note.text().contains("2.40 m below it"))
     );
-    // Nothing speaks for either version.
+    // No evidence for either version.
     for frame in [7, 8] {
         let points = [(3.0, 0.0, -1.0, 0, 9)];
         std::fs::write(dir.path().join(format!("{frame}.bin")), records(&points)).unwrap();
@@ -247,7 +247,7 @@ fn poses(folder: &Path, text: &str) {
     std::fs::write(folder.join("poses.csv"), text).unwrap();
 }
 
-/// What is done to good scans, and how the answer begins.
+/// Faults planted in good scans, and how each error begins.
 const SPOILT: [(Spoil, &str); 17] = [
     (
         |d| poses(d, &POSES.replace("2.4,0", "2,4,0")),

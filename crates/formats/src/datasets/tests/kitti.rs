@@ -83,7 +83,7 @@ fn frames_merge_at_rest_points_only() {
     assert_eq!(at(0, -3), pole, "frame 2, from 0");
     assert_eq!(at(2, -3), car, "moving, frame 0");
     assert_eq!(at(1, 1), car, "moving, frame 2; the unlabelled point of frame 0 did not vote");
-    // In frame 2 at (0.25, 1.0005), seen from frame 0's LiDAR at (0.2, 2.2): pushed down over y = 1.
+    // Frame 2's point at (0.25, 1.0005), seen from frame 0's LiDAR at (0.2, 2.2): pushed down over y = 1.
     assert_eq!((at(0, 0), at(0, 1)), (pole, None), "each scan keeps its own origin");
     assert_eq!(at(1, 0), pole);
     assert_eq!(psog.index().len(), 8, "no moving point in the other frame");
@@ -118,7 +118,7 @@ fn all_34_ids_are_known_and_no_other() {
 }
 
 type Spoil = fn(&Path);
-/// What is done to a good sequence, and how the answer begins.
+/// Faults planted in a good sequence, and how each error begins.
 const SPOILT: [(Spoil, &str); 18] = [
     (
         |d| std::fs::write(d.join("calib.txt"), format!("{CALIB}{CALIB}")).unwrap(),
@@ -231,7 +231,7 @@ fn the_labelled_road_tells_the_height() {
     // KITTI's own road lies up to a decimetre off.
     let own = with_road(1.8);
     assert_eq!((height(&open(own.path(), None)), open(own.path(), None).notes()), (1.73, &[][..]));
-    // A height that is given or written counts, and a road that speaks against it is a doubt.
+    // A given or written height counts; a road that contradicts it is a doubt.
     let given = open(low.path(), Some(1.9));
     assert_eq!(height(&given), 1.9);
     assert!(given.notes()[0].is_doubt() && given.notes()[0].text().contains("0.80 m below it"));

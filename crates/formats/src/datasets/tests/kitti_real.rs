@@ -58,9 +58,9 @@ fn golden_counts_of_one_frame() {
     assert_eq!(psog.entropy_total(EntropyKind::Segmentation), 0.0);
 }
 
-/// As above for frames 0, 3, 6, 9, each merged from all four through LiDAR poses Tr⁻¹·P·Tr
-/// (rotations made orthonormal from their first two columns), moving labels only in their own
-/// frame; the entropies are NumPy's, in f64.
+/// Golden counts of frames 0, 3, 6, 9 by the rule of `golden_counts_of_one_frame`. Each is merged from all four
+/// through LiDAR poses Tr⁻¹·P·Tr (rotations made orthonormal from their first two columns), moving labels only
+/// in their own frame; the entropies are NumPy's, in f64.
 #[test]
 #[cfg_attr(not(has_kitti), ignore = "needs SemanticKITTI in ../shared/data or SIGHTLINE_DATA")]
 fn golden_counts_of_four_merged_frames() {

@@ -224,7 +224,7 @@ fn edit(folder: &Path, table: &str, from: &str, to: &str) {
     std::fs::write(path, text.replacen(from, to, 1)).unwrap();
 }
 
-/// What is done to a good set, and how the answer begins.
+/// Faults planted in a good set, and how each error begins.
 const SPOILT: [(Spoil, &str); 23] = [
     (
         |d| std::fs::remove_file(d.join("v1.0-mini/scene.json")).unwrap(),

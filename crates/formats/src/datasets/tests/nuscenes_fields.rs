@@ -44,7 +44,7 @@ fn fields_of_others_are_named_once_a_table() {
     let add = |table: &str, fields: &str| add(folder.path(), table, fields);
     add("ego_pose", "\"geocoordinate\": {\"x\": [1, 2]}, \"acceleration\": null");
     add("sample_annotation", "\"velocity\": [1.0, 0.0]");
-    // `velocity` is known in no table, `height` in that of pictures alone.
+    // `velocity` is known in no table, `height` only in the table of pictures.
     add("calibrated_sensor", "\"height\": 2");
     let mut said = said(folder.path());
     said.sort();

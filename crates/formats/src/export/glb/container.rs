@@ -16,7 +16,7 @@ const UNSIGNED_INT: u32 = 5125;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
-/// What the vertices of a primitive make.
+/// Mode of a glTF primitive.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Kind {
     Points = 0,
@@ -64,7 +64,7 @@ impl Container {
         add(&mut self.meshes, json!({ "name": name, "primitives": primitives }))
     }
 
-    /// The material of a name, made where it is first asked for; colour in linear light.
+    /// Material of a name, made on first use; colour in linear light.
     pub fn material(&mut self, name: &str, colour: [f64; 4]) -> usize {
         if let Some(&known) = self.named.get(name) {
             return known;
@@ -137,7 +137,7 @@ impl Container {
         let mut document = json!({
             "asset": { "version": "2.0",
                        "generator": concat!("sightline ", env!("CARGO_PKG_VERSION")),
-                       // The same word as the key `axes` of a mesh in a scene file.
+                       // Value of the key `axes` for this mesh in a scene file.
                        "extras": { "axes": "z-forward" } },
             "scene": 0,
             "scenes": [{ "name": scene, "nodes": [root] }],

@@ -1,4 +1,4 @@
-//! What a LiDAR sees, as lines: the sector of its azimuths between its lowest and its highest beam.
+//! Field of view of a LiDAR, as lines: the sector of its azimuths between its lowest and its highest beam.
 
 use std::f64::consts::TAU;
 
@@ -74,7 +74,7 @@ fn steps(from: f64, to: f64, step: f64) -> impl Iterator<Item = f64> {
     (0..=count as usize).map(move |k| from + (to - from) * k as f64 / count)
 }
 
-/// What rising azimuths span: all but their widest gap.
+/// Sector that rising azimuths span: the whole turn without their widest gap.
 fn sector(azimuths: &[f64]) -> [f64; 2] {
     let (Some(&first), Some(&last)) = (azimuths.first(), azimuths.last()) else {
         return [0.0, TAU];
@@ -94,7 +94,7 @@ mod tests {
 
     use super::*;
 
-    /// The angles that a sensor was made of, not what its directions say.
+    /// Frusta span the angles that the sensor was made from, not the rounded directions.
     #[test]
     fn a_frustum_spans_what_the_sensor_was_made_of() {
         let turning = BeamTable::spinning(&[(-25.0, 0.0), (5.0, 0.0)], 250, 100.0).unwrap();

@@ -1,7 +1,7 @@
 //! A frame of a scene with its rigs as one binary glTF file: meshes by class, actors, LiDARs, frusta, points.
 //!
-//! All numbers are those of the ego frame (ISO 8855: x forward, y left, z up, metres): one root node turns
-//! it into glTF's own (x left, y up, z forward), by a rotation whose four numbers are exact.
+//! Coordinates are in the ego frame (ISO 8855: x forward, y left, z up, metres). One root node turns it into glTF's
+//! own frame (x left, y up, z forward), by a rotation whose four numbers are exact.
 
 mod colour;
 mod container;
@@ -23,7 +23,7 @@ use sightline_scene::vehicle::{Placement, SensorPose, Sensors};
 /// Takes ISO 8855 to glTF: x, y, z, w. A third of a turn about (1, 1, 1), backwards.
 const GLTF_FROM_ISO: [f64; 4] = [-0.5, -0.5, -0.5, 0.5];
 
-/// What a file shows.
+/// Content of a glTF file: a frame of a scene, rigs, points.
 #[derive(Debug, Clone, Copy)]
 pub struct GltfView<'a> {
     /// The world, its actors and the ego's body.
@@ -164,7 +164,7 @@ impl Writer<'_> {
         Ok(nodes)
     }
 
-    /// The mesh of a thing, a primitive for each of its classes; that of an equal thing before it.
+    /// Mesh of a thing, a primitive for each of its classes; equal things share one mesh.
     fn shape(&mut self, name: &str, soup: &TriangleSoup) -> Result<usize, ExportError> {
         let mut key = bytemuck::cast_slice(&soup.vertices).to_vec();
         key.extend_from_slice(bytemuck::cast_slice(&soup.faces));
@@ -192,7 +192,7 @@ impl Writer<'_> {
         Ok(Kind::Triangles.primitive(positions, Some(indices), material))
     }
 
-    /// A node for each placement, with a node for each LiDAR and in it one for what it sees.
+    /// A node for each placement, in it a node for each LiDAR, in it a node for its frustum.
     fn rigs(&mut self) -> Result<Vec<usize>, ExportError> {
         let placements = self.view.placements;
         if placements.is_empty() {

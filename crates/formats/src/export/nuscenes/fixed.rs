@@ -1,4 +1,4 @@
-//! What every nuScenes set has: categories, attributes, visibilities.
+//! Tables that every nuScenes set has: categories, attributes, visibilities.
 
 /// Categories; the index is the label of lidarseg, and none may be left out.
 pub(super) use crate::datasets::NUSCENES_CATEGORIES as CATEGORIES;
@@ -20,7 +20,7 @@ pub(super) const ATTRIBUTES: [&str; 8] = [
     "pedestrian.moving",
 ];
 
-/// Attribute of an actor; those of other categories have none.
+/// Attribute of an actor; `None` for categories without attributes.
 pub(super) fn attribute(category: u8, moves: bool) -> Option<&'static str> {
     let name = CATEGORIES.get(usize::from(category))?;
     Some(match *name {

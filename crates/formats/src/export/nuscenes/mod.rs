@@ -29,7 +29,7 @@ const FULL: f32 = 255.0;
 /// Microseconds at which the first scene begins; scenes lie apart by their number.
 const EPOCH: i64 = 1_532_402_927_000_000;
 
-/// What is written of which data set.
+/// Settings of a data set and the scene that is being written.
 pub(super) struct About<'a> {
     pub settings: &'a DatasetSettings,
     pub planned: &'a Planned,

@@ -137,7 +137,7 @@ const TEST: Ranges = &[
     (1026, 1043),
 ];
 
-/// The version that a scene of a split belongs to, of a set with so many scenes of each split.
+/// Version of the set for scenes of a split; `counts` is the number of scenes by split.
 pub(super) fn version(counts: [usize; 3], split: Split) -> &'static str {
     match split {
         Split::Test => "v1.0-test",
@@ -151,7 +151,7 @@ fn is_mini([train, val, _]: [usize; 3]) -> bool {
     train <= MINI[0].len() && val <= MINI[1].len()
 }
 
-/// Names of scenes for each split, of a set with so many scenes of each.
+/// Names of scenes for each split; `counts` is the number of scenes by split.
 pub(in crate::export) fn scene_names(counts: [usize; 3]) -> [Vec<String>; 3] {
     let name = |number: u16| format!("scene-{number:04}");
     let all = |ranges: Ranges| ranges.iter().flat_map(|&(a, b)| a..=b).map(name).collect();

@@ -1,4 +1,4 @@
-//! Rigs compared: moves, turns, and what is no mirror image.
+//! Rigs compared: moves, turns, and equal rolls, which are no mirror image.
 
 use std::f64::consts::PI;
 

@@ -1,4 +1,4 @@
-//! Tests of rigs: what is written is read again, worked poses, real files, faults.
+//! Tests of rigs: round trips, worked poses, real files, faults.
 
 mod chains;
 mod comparison;

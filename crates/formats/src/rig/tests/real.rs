@@ -56,7 +56,7 @@ const AFTER: [[f64; 6]; 4] = [
         -1.624_260_789_409_822_2,
     ],
 ];
-/// Optical centres before, of a VLS-128 on the top and a VLP-16 elsewhere.
+/// Optical centres before: a VLS-128 on the top, VLP-16s at the other three places.
 const CENTRES: [[f64; 3]; 4] = [
     [-0.383_083_438_069_356_74, -0.000_753_933_340_059_720_7, 1.659_134_369_001_978_4],
     [0.900_993_361_339_174_7, 2.997_947_904_774_13e-5, 2.066_102_529_713_171],

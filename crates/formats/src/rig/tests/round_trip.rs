@@ -1,4 +1,4 @@
-//! What is written is read again, for every format and seeded random rigs.
+//! Exported rigs import unchanged, for every format and seeded random rigs.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -69,7 +69,7 @@ fn kept(format: RigFormat, lidar: &RigLidar) -> Option<String> {
     }
 }
 
-/// Reads what was written, told what the format cannot say: sensors of feet without a model.
+/// Exports a rig and imports it again. Options give the sensors that the format lacks; `told`: the format, too.
 fn again(rig: &Rig, format: RigFormat, mounting: &Mounting, told: bool) -> Rig {
     let exported = export(rig, format, mounting, &Models::default()).unwrap();
     let told_lost = exported.warnings.iter().filter(|words| words.contains("phases of ")).count();

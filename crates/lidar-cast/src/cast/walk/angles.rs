@@ -17,7 +17,7 @@ pub(super) struct Eye {
     pub(super) origin: [f32; 3],
     /// The axes of the sensor frame in the frame of the tree.
     pub(super) axes: [[f32; 3]; 3],
-    /// What a distance may be off by, in metres.
+    /// Error bound of distances, in metres: the pad of the tree's boxes.
     pub(super) pad: f32,
     /// No hit farther than this counts.
     pub(super) farthest: f32,
@@ -111,7 +111,7 @@ per_target! {
         ]
     }
 
-    /// Length of a vector from below, less what rounding and motion may add.
+    /// Lower bound of a vector's length: rounding and motion are subtracted.
     fn distance(v: [V; 3], eye: &Eye) -> V {
         let square = max(dot(v, v), splat(1e-30));
         fma(mul(square, rsqrt(square)), splat(0.9998), splat(-2.0 * eye.pad - eye.moved))
@@ -119,8 +119,8 @@ per_target! {
 
     /// Tangents and azimuths, from and to, as rows and columns of a window.
     ///
-    /// Tangents may be off by 2.5e-4 of themselves and 1e-5, azimuths as `ColumnScale` allows. Those of
-    /// `whole` are all around and at all heights.
+    /// Errors allowed: tangents 2.5e-4 of themselves plus 1e-5, azimuths as in `ColumnScale`.
+    /// Triangles in `whole` get all rows and all columns.
     fn rects(
         grid: &Grid, window: &Window, valid: u16, whole: M,
         tangents: [V; 2], azimuths: [V; 2], rects: &mut Rects

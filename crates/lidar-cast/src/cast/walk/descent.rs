@@ -113,7 +113,7 @@ per_target! {
     }
 }
 
-/// The root with the rectangle around those of its children; none where no child is seen.
+/// Root entry: the rectangle around its children's rectangles; `None` if no child is seen.
 pub(super) fn around(rects: &Rects) -> Option<Entry> {
     let seen = || (0..W).filter(|i| rects.seen >> i & 1 != 0);
     let least = |all: &[i32; W]| seen().map(|i| all[i] as u16).min();

@@ -14,9 +14,9 @@ pub(super) const BEAMS: usize = 1 << 15;
 pub(super) const ROOM: usize = BEAMS + W;
 /// Cells of the table that turns tangents to rows.
 pub(super) const CELLS: usize = 2048;
-/// Narrowest cell: half of one is more than what an estimated [`measure`] is off.
+/// Narrowest cell: half of it exceeds the error of an estimated [`measure`].
 const NARROWEST: f64 = 2e-4;
-/// By how much azimuths of boxes and triangles may be off, in radians.
+/// Error bound of azimuths of boxes and triangles, in radians.
 const AZIMUTH_ERROR: f64 = 2e-4;
 
 /// Numbers of the beams of a window: `[axis][row × columns + column]`.

@@ -16,7 +16,7 @@ use crate::bvh::{Hit, Ray};
 const CUT_VECTORS: i32 = 4;
 const LANES: [i32; W] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 
-/// What all tests of a walk share.
+/// Inputs shared by all hit tests of one walk.
 pub(super) struct Scene<'a> {
     pub(super) grid: &'a Grid,
     pub(super) window: Window,

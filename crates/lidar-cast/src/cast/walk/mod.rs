@@ -95,7 +95,7 @@ impl Walk {
         }
     }
 
-    /// The same in one window alone.
+    /// Casts one window's beams on the calling thread: closer hits replace those in `hits`.
     pub(super) fn cast_in(&self, window: usize, parts: &[Part<'_>], hits: &mut [Hit]) {
         if !parts.is_empty() {
             let window = &self.grid.windows[window];

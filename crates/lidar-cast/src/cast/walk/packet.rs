@@ -25,7 +25,7 @@ const MIXED: usize = 3;
 pub(super) struct Packet {
     pub(super) t: Lane,
     pub(super) prim: [u32; RAYS],
-    /// In the frame of the part that it is aimed at, as is the next.
+    /// Directions and shears in the frame of the part that the packet is aimed at.
     direction: [Lane; 3],
     shear: [Lane; 2],
     /// Axis along which all rays go farthest, or [`MIXED`].

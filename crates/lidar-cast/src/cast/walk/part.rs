@@ -1,4 +1,4 @@
-//! What is walked: a tree, and where the sensor stands in its frame.
+//! Input of a walk: a tree, and the sensor's pose in the tree's frame.
 
 use crate::bvh::Bvh;
 use crate::task::DevicePose;

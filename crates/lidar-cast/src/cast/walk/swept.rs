@@ -10,11 +10,11 @@ use super::work::{Entry, STACK, some};
 use crate::bvh::bvh16::{BLOCK, Bvh16};
 use crate::task::DevicePose;
 
-/// What all tests of a window with a tree share.
+/// Inputs shared by all tests of one tree in one window of a turning sensor.
 pub(super) struct Swept<'a> {
     pub(super) grid: &'a Grid,
     pub(super) window: Window,
-    /// In the middle of the window.
+    /// Eye in the middle of the window.
     pub(super) eye: Eye,
     pub(super) tree: &'a Bvh16,
     /// One for each step; none for one whose beams do not meet the tree.
@@ -38,7 +38,7 @@ pub(super) type Middles = [Vec<f32>; 3];
 /// Rows of a triangle that are looked at together.
 const ROWS: usize = 64;
 
-/// Working memory: the beams of a window, and what is left of the tree.
+/// Working memory: the beams of a window, and the stack of tree nodes still to visit.
 pub(super) struct Sweeping {
     /// Step by step and channel by channel, as their rays.
     pub(super) packets: Vec<Packet>,
@@ -71,7 +71,7 @@ per_target! {
         let Some(root) = around(&work.rects) else { return };
         let across = |[first, last]: [u16; 2]| usize::from(last - first) + 1;
         if across(root.columns) == window.columns && across(root.rows) == swept.channels.len() {
-            // What all beams see is met by most: they are turned in the order in which they lie in memory.
+            // The tree fills the window, so most beams meet it: turn all rays at once, in memory order.
             aim_all(swept, work);
         }
         work.stack[0] = root;
@@ -113,7 +113,7 @@ per_target! {
         }
     }
 
-    /// The same for up to sixteen columns.
+    /// Tests a triangle with one tile of the window: at most `ROWS` rows by sixteen columns.
     fn meet_some(
         swept: &Swept<'_>, work: &mut Sweeping, block: usize, slot: usize,
         [first, last]: [usize; 2], [from, to]: [usize; 2]

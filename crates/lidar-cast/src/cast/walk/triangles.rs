@@ -1,4 +1,4 @@
-//! The beams that may hit the sixteen triangles of a block, and what their tests need.
+//! Cuts the sixteen triangles of a block down to the beams that may hit them.
 
 use super::angles::{Eye, Rects};
 use super::grid::{Grid, Window};
@@ -56,7 +56,7 @@ impl Seen {
 per_target! {
     use super::{angles};
 
-    /// Rectangles of a block's triangles, and what the tests need of them.
+    /// Rectangles of a block's triangles, and edge planes for the hit tests.
     fn triangles(
         grid: &Grid, window: &Window, eye: &Eye, block: &Block16, out: &mut Rects, seen: &mut Seen
     ) {
@@ -73,7 +73,7 @@ per_target! {
         edges(local, whole, out, seen);
     }
 
-    /// The same for an eye that moves: planes of edges with their margins.
+    /// Rectangles of a block's triangles for a moving eye, and edge planes with margins for its motion.
     fn outlines(
         grid: &Grid, window: &Window, eye: &Eye, block: &Block16, out: &mut Rects, seen: &mut Seen
     ) {
@@ -101,7 +101,7 @@ per_target! {
         let (moved, turned) = (splat(eye.moved), splat(eye.turned));
         let doubt = mul(mul(far, splat(6e-6)), fma(far, turned, moved));
         let doubt = add(doubt, load(&seen.doubt));
-        // Six times the volume from the eye to the triangle, and what it may be off by.
+        // Six times the volume from the eye to the triangle, and its error bound.
         let volume = abs(dot(n[0], local[0]));
         let unsure = mul(mul(far, lengths[0]), splat(4e-6));
         let unsure = fma(mul(all, moved), splat(1.02), unsure);
@@ -238,7 +238,7 @@ per_target! {
         seen.doubt = store(doubt);
     }
 
-    /// What [`rows`] needs of the edges of a block.
+    /// Precomputes azimuth spans and slopes of a block's edges for [`rows`].
     fn prepare_rows(seen: &mut Seen) {
         let [from, to] = [load(&seen.azimuths[0]), load(&seen.azimuths[1])];
         for k in 0..3 {

@@ -1,4 +1,4 @@
-//! Working memory of a walk: a window's beams, what is left of the tree, and the tests to be done.
+//! Working memory of a walk: a window's beams, nodes still to visit, and listed hit tests.
 
 use bytemuck::{Zeroable, zeroed_box};
 
@@ -63,7 +63,7 @@ pub(super) struct Beams {
     pub(super) prim: [i32; ROOM],
 }
 
-/// Listed tests, and those of them in which a beam passes between the edges: the test, then a bit for
+/// Listed tests; `inside` keeps the ones in which a beam passes between the edges: the test, then a bit for
 /// each beam that may and each that surely does.
 pub(super) struct Tests {
     pub(super) words: [i32; TESTS],

@@ -19,8 +19,7 @@ pub struct AdapterSummary {
     pub max_buffer: u64,
     /// Most invocations of a workgroup.
     pub max_workgroup: u32,
-    /// Whether `--backend auto` takes this device: the best one, if it is hardware. It is opened only if it passes its
-    /// self-test.
+    /// True if `--backend auto` takes this device: the best one, if it is hardware. It must still pass its self-test.
     pub auto: bool,
 }
 

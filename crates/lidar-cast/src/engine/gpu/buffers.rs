@@ -21,7 +21,7 @@ pub(super) struct Sizes {
     pub(super) instances: u64,
     /// Partial sums of one placement.
     pub(super) partials: u64,
-    /// Totals of one placement: covered voxels, then those of each class.
+    /// Totals of one placement: covered voxels, then covered voxels by class.
     pub(super) totals: u64,
 }
 
@@ -53,11 +53,11 @@ pub(super) fn occupied_workgroups(task: &Task) -> u32 {
 
 /// The task on the device.
 pub(super) struct SceneBuffers {
-    /// Of all sensor models, one after the other.
+    /// Beam directions of all sensor models, model after model.
     pub(super) directions: wgpu::Buffer,
     /// First direction of each model.
     pub(super) first_directions: Vec<u32>,
-    /// Of all trees; see [`crate::bvh::Bvh4`].
+    /// BVH nodes of all trees, tree after tree; see [`crate::bvh::Bvh4`].
     pub(super) nodes: wgpu::Buffer,
     pub(super) triangles: wgpu::Buffer,
     /// Number of each tree's root among the nodes, by the address of the tree.
@@ -92,7 +92,7 @@ impl SceneBuffers {
     }
 }
 
-/// The same content with bit numbers in place of linear indices, rising.
+/// Content with brick-order bit numbers in place of linear voxel indices, sorted.
 fn in_bricks(content: &Content, order: &BitOrder) -> Content {
     let moved =
         |voxel: &OccupiedVoxel| OccupiedVoxel { index: order.bit_of(voxel.index), ..*voxel };
@@ -180,7 +180,7 @@ pub(super) struct WorkBuffers {
 }
 
 impl WorkBuffers {
-    /// Room for a chunk of so many sensors and placements.
+    /// Buffers for `sensors` sensors and `placements` placements.
     pub(super) fn new(
         device: &Device,
         sizes: &Sizes,
@@ -209,7 +209,7 @@ impl WorkBuffers {
         })
     }
 
-    /// Whether a chunk of so many sensors and placements fits.
+    /// True if the buffers hold a chunk of `sensors` sensors and `placements` placements.
     pub(super) fn hold(&self, sensors: usize, placements: usize) -> bool {
         sensors <= self.sensors && placements <= self.placements
     }

@@ -19,7 +19,7 @@ pub(super) struct Batch<'a> {
     pub(super) frames: &'a [usize],
     /// Metres; none: each sensor model's own.
     pub(super) range: Option<f32>,
-    /// Whether the reductions run, or bitmaps are read.
+    /// True: run the reductions. False: read the bitmaps back.
     pub(super) sums: bool,
 }
 
@@ -35,7 +35,7 @@ pub(super) struct Chunk<'a> {
 /// The sensors of a chunk in a frame.
 pub(super) struct Standing {
     pub(super) ego_from_sensors: Vec<Pose>,
-    /// In the grid of voxels.
+    /// Poses in the grid of voxels.
     pub(super) poses: Vec<DevicePose>,
     /// Sensors whose beams the host covers.
     pub(super) covered_by_host: Vec<usize>,
@@ -108,8 +108,8 @@ impl<'a> Chunk<'a> {
 /// Voxel edges in metres whose crossings are normal numbers for any beam in the grid: see the kernel.
 const EDGES: RangeInclusive<f64> = 1.0 / (1_u64 << 60) as f64..=(1_u64 << 60) as f64;
 
-/// Whether `cover_voxels` covers the beams of a sensor: one in the grid, no axis is long, and no crossing overflows or
-/// is denormal.
+/// True if `cover_voxels` may run for a sensor: it stands in the grid, no axis is long, and no voxel crossing overflows
+/// or is denormal.
 fn is_covered(pose: &DevicePose, roi: &Roi) -> bool {
     let mut axes = roi.shape().into_iter().zip(pose.in_grid);
     axes.all(|(n, p)| n < LONG_AXIS && (0.0..n as f32).contains(&p))

@@ -64,7 +64,7 @@ impl Device {
         Ok(Self { device, queue, adapter, software, failure, staging })
     }
 
-    /// Whether the device is a program on the host.
+    /// True if the device is a software renderer on the CPU.
     pub(super) fn is_software(&self) -> bool {
         self.software
     }

@@ -153,7 +153,7 @@ fn finish_by_host(firings: &[Firing<'_>], range: f32, hits: &mut [Hit]) {
 }
 
 impl Work {
-    /// All buffers, in the order of the fields, with room for so many bytes.
+    /// All buffers, in the order of the fields, with the given sizes in bytes.
     fn with_room(
         &mut self,
         device: &Device,

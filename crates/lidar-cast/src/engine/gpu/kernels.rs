@@ -77,7 +77,7 @@ impl Kernels {
                 module: &module,
                 entry_point: Some(name),
                 compilation_options: wgpu::PipelineCompilationOptions {
-                    // The kernel that has much of it sets what it reads.
+                    // `cast_closest` uses much of this memory, and writes every word before it reads it.
                     zero_initialize_workgroup_memory: name != "cast_closest",
                     ..Default::default()
                 },

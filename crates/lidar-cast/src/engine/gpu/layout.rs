@@ -67,17 +67,17 @@ pub(super) struct Uniforms {
     pub(super) spare: [u32; 2],
 }
 
-/// The beams of a sensor, and what it sees, 32 bytes.
+/// The beams of a sensor, and its instances, 32 bytes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub(super) struct Sensor {
     /// Its first instance, and the end of its instances.
     pub(super) first_instance: u32,
     pub(super) end_instance: u32,
-    /// First of its model's directions among those of all models, and their number.
+    /// First of its model's directions in the table of all models, and their number.
     pub(super) first_direction: u32,
     pub(super) direction_count: u32,
-    /// Its first beam among those of the chunk.
+    /// Its first beam in the chunk.
     pub(super) first_beam: u32,
     /// Farthest return in metres.
     pub(super) range: f32,

@@ -87,13 +87,13 @@ impl GpuBackend {
         self.kernels = Kernels::rewritten(rewrite);
     }
 
-    /// Whether the device is a program on the host.
+    /// True if the device is a software renderer on the CPU.
     pub fn is_software(&self) -> bool {
         self.device.is_software()
     }
 
-    /// Ends the device after so many more batches of placements, as a driver reset would; every call
-    /// after that is an error. For tests and drills.
+    /// Ends the device after `batches` more batches of placements, as a driver reset would; every later call is an
+    /// error. For tests and drills.
     #[doc(hidden)]
     pub fn lose_device_after(&mut self, batches: u32) {
         self.doomed = Some(batches);

@@ -231,8 +231,8 @@ impl<'a> Pipeline<'a> {
         Ok(hits)
     }
 
-    /// Lets air end beams early: what it does is one function of the host for all engines, so that hits keep
-    /// their bits. Returns the hits by sensor that are left.
+    /// Lets weather end beams early, by one host function for all engines, so that hits keep their bits. Returns
+    /// the remaining hits by sensor.
     fn dim(
         &self,
         air: &dyn Air,
@@ -254,7 +254,7 @@ impl<'a> Pipeline<'a> {
         self.device.read("read-back", &self.work.hits, size_of::<Hit>() as u64 * beams)
     }
 
-    /// Hands over the covering and what follows it.
+    /// Queues the covering and all later kernels.
     fn cover(
         &self,
         chunk: &Rc<Chunk<'a>>,

@@ -1,5 +1,5 @@
-//! A table of arithmetic, and what a device's answers to it say: whether it keeps the bits that the kernels need, and
-//! which of Vulkan's freedoms it uses.
+//! Arithmetic self-test of a device: whether it keeps the bits that the kernels need, and which of Vulkan's freedoms
+//! it uses.
 
 use serde::Serialize;
 
@@ -83,7 +83,7 @@ pub struct WrongAnswer {
 /// A device's answers.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SelfTest {
-    /// Whether every answer that kernels depend on is right.
+    /// True if every answer that kernels depend on is right.
     pub passed: bool,
     /// Cases that kernels depend on.
     pub cases: usize,
@@ -91,13 +91,13 @@ pub struct SelfTest {
     pub wrong: usize,
     /// The first wrong answers.
     pub examples: Vec<WrongAnswer>,
-    /// Whether it merges a product and a sum into one rounding.
+    /// True if it fuses a·b + c into one rounding.
     pub fuses: bool,
-    /// Whether it reorders sums.
+    /// True if it reorders sums.
     pub reorders: bool,
-    /// Whether its own division is correctly rounded.
+    /// True if its native division is correctly rounded.
     pub divides_exactly: bool,
-    /// Whether denormal products become zero.
+    /// True if it flushes denormal products to zero.
     pub flushes_denormals: bool,
 }
 
@@ -158,7 +158,7 @@ pub(super) fn cases() -> Vec<Case> {
     cases
 }
 
-/// Whether operands, result and all between are zero or normal, as they are in the kernels; freedoms are shown by any.
+/// True if the results of a case are zero or normal, as in the kernels; operations without an arm always pass.
 fn in_range(operation: usize, words: [u32; 3]) -> bool {
     let [a, b, c] = words.map(f32::from_bits);
     let fits = |x: f32| x == 0.0 || x.is_normal();
@@ -196,7 +196,7 @@ fn expected(operation: usize, words: [u32; 3]) -> u32 {
     float.to_bits()
 }
 
-/// Whether an answer is right; zeros of either sign are equal, and no kernel tells them apart.
+/// True if an answer has the expected bits; +0 equals −0, since no kernel tells them apart.
 fn right(operation: usize, got: u32, want: u32) -> bool {
     let zeros = operation != COMPARE && operation != TO_WORD && got << 1 == 0 && want << 1 == 0;
     got == want || zeros

@@ -1,4 +1,4 @@
-//! Tallies of a batch from what the reductions wrote, added up on the host.
+//! Adds up the reductions' results on the host, into tallies of a batch.
 
 use std::ops::Range;
 

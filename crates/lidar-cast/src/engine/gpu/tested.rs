@@ -15,7 +15,7 @@ use crate::engine::BackendError;
 /// A device, and how it computes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TestedAdapter {
-    /// As reported by its driver; `auto` only if it passed.
+    /// Device facts from its driver. `auto` stays true only if the self-test passed.
     #[serde(flatten)]
     pub summary: AdapterSummary,
     /// Its answers to a table of arithmetic; none where it could not be asked.

@@ -18,7 +18,7 @@ pub(super) fn ks(sample: &mut [f64], cumulative: impl Fn(f64) -> f64) -> f64 {
     sample.iter().enumerate().map(gap).fold(0.0, f64::max)
 }
 
-/// Numbers from 0 to below 1, not those of the program.
+/// Random numbers from 0 to below 1 by another generator than the program's.
 pub(super) fn uniform(seed: u64) -> impl FnMut() -> f64 {
     use rand::{RngExt, SeedableRng};
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);

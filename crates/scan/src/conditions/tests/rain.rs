@@ -75,7 +75,7 @@ fn strongest(rate: f64, reach: f64, draw: &mut impl FnMut() -> f64) -> f64 {
             return most;
         }
         let (range, diameter) = (reach * draw().cbrt(), -mean * (1.0 - draw()).ln());
-        // What a lidar ratio S sends back of the extinction 2·πD²/4, by what a white target of that area does.
+        // Backscatter of a drop's extinction 2·πD²/4 by a lidar ratio S, relative to a white target of that area.
         let share = 2.0 * diameter * diameter / (WIDE[0] * WIDE[1] * range * range);
         let seen = ((range - 0.9) / 0.1).clamp(0.0, 1.0);
         if share < 1.0 {

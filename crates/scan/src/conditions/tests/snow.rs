@@ -80,7 +80,7 @@ fn the_light_that_passes_is_that_of_the_extinction() {
     }
 }
 
-/// A beam of which every flake is drawn: those in the cone, and those larger than the beam that its axis meets.
+/// Brute force: draws every flake in the cone, and every flake larger than the beam that its axis meets.
 fn brute(balls: &Balls, reach: f64, draw: &mut impl FnMut() -> f64) -> Fallen {
     let number = balls.volume / (PI / 6.0 * 6.0 * balls.mean.powi(3));
     let mut flakes = Vec::new();

@@ -10,7 +10,7 @@ fn water_mirrors_as_fresnel_says() {
     let brewster = (1.33_f64 / 1.0003).atan();
     assert!((brewster.to_degrees() - 53.06).abs() < 0.01);
     assert!(mirrored(brewster.cos())[1] < 1e-20);
-    // What passes, from the amplitudes that pass: T = (n₂ cos θ₂ / n₁ cos θ₁)·t².
+    // Transmitted share from the amplitudes: T = (n₂ cos θ₂ / n₁ cos θ₁)·t².
     for degrees in 0..90 {
         let cos = f64::from(degrees).to_radians().cos();
         let (n1, n2) = (1.0003, 1.33);

@@ -34,7 +34,7 @@ fn bad_settings_are_named_with_their_place_and_mend() {
     }));
 }
 
-/// Bad entries of `static`, beside shapes of which `loop` contains itself.
+/// Bad entries of `static`, beside named shapes; the shape `loop` contains itself.
 #[test]
 fn bad_shapes_are_named_with_their_place_and_mend() {
     check(records(include_str!("bad_shapes.txt")).map(|[_, shape, expected]| {

@@ -1,4 +1,4 @@
-//! Mounts on patches of meshes: where sensors stand, how they rest, and what is wrong with such a mount.
+//! Mounts on patches of meshes: where sensors stand, how they rest, and errors of bad mounts.
 
 use std::path::Path;
 
@@ -98,7 +98,7 @@ fn poses_on_a_mesh_are_found_again_and_others_moved_to_it() {
     assert_eq!(region.outside(&beside), []);
     let floating = SensorPose { z: beside.z + 0.3, ..beside };
     let found = region.outside(&floating);
-    // As the mean normal leans a little, so does the foot, and the normal there.
+    // The mean normal leans a little, so the foot and its normal lean too.
     assert!(found[0].0 == "z" && (found[0].1 - 0.1).abs() < 1e-3, "{found:?}");
     let found = region.outside(&SensorPose { y: 0.75, ..beside });
     assert!(found.iter().any(|(field, by)| *field == "x" && (by - 0.2).abs() < 0.02), "{found:?}");
@@ -244,7 +244,7 @@ fn mirrored_pairs_stand_on_a_roof_that_is_about_its_own_image() {
         let mount = format!(r#"{{ "name": "roof", {ROOF}, "count": {count} }}"#);
         let scene = van_with(&mount, symmetric, &data).unwrap();
         check_pairs(&scene, count);
-        // The left half is that of the mesh, whose diagonals all run one way.
+        // The left half equals the mesh; the right half mirrors it, though the mesh's diagonals all run one way.
         let (own, mesh) = (&scene.constraints().slots[0].region, roof());
         let name = SensorName::default();
         let point = own.pose([0.2, 0.3, 0.0, 0.0, 0.0, 0.0], name);
@@ -253,7 +253,7 @@ fn mirrored_pairs_stand_on_a_roof_that_is_about_its_own_image() {
         let point = point.mirrored();
         assert!(mesh.fields(&point)[2].abs() < 0.002 && own.fields(&point)[2].abs() < 1e-9);
     }
-    // What lies below the roof counts for nothing.
+    // Surfaces below the roof are ignored.
     let dir = tempfile::tempdir().unwrap();
     let layers = |u: f64, v: f64| {
         let y: f64 = 1.2 * v - 0.6;

@@ -1,4 +1,4 @@
-//! Sensor files that a scene or a vehicle names: their own numbers, and the scene's where both speak.
+//! Sensor files that a scene or a vehicle names: the scene's numbers win over the file's.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ const PROFILE: &str = r#"{ "profile": { "scanType": "rotary", "nearRangeM": 0.5,
     "reportRateBaseHz": 20480, "startAzimuthDeg": -45, "endAzimuthDeg": 45,
     "emitterStates": [{ "azimuthDeg": [0, 0], "elevationDeg": [-15, 15] }] } }"#;
 
-/// A scene whose vehicle or LiDAR is described by `lidar` and what stands beside it.
+/// A scene whose JSON holds `carrier`: its vehicle or its LiDAR.
 fn scene(carrier: &str) -> Scene {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("p.json"), PROFILE).unwrap();

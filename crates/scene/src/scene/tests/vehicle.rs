@@ -1,4 +1,4 @@
-//! Vehicles in scenes: inline, in a file, in place of what the scene says; and what is wrong with them.
+//! Vehicles in scenes: inline, in a file, in place of the scene's LiDAR and mount; and their errors.
 
 use glam::DVec3;
 

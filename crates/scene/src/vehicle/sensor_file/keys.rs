@@ -10,7 +10,7 @@ use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, Visitor};
 use sightline_files::Note;
 use sightline_files::json::Place;
 
-/// Keys beside those of a struct (`#[serde(flatten)]`); their values are not kept.
+/// Unknown keys of a struct (`#[serde(flatten)]`); their values are not kept.
 pub(super) type Rest = BTreeMap<Key, IgnoredAny>;
 
 /// The start of a key: YAML repeats a long one by an alias of two letters.

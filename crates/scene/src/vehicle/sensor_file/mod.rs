@@ -1,4 +1,4 @@
-//! Sensor files of the vendors, told apart by what they hold.
+//! Sensor files of the vendors, told apart by content.
 
 mod csv;
 mod hesai;

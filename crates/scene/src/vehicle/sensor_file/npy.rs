@@ -10,7 +10,7 @@ use sightline_files::npy::{read_header, transpose};
 /// First bytes of an array.
 const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// True if bytes begin as those of an array do.
+/// True if bytes begin with the magic of a NumPy array.
 pub(super) fn is_npy(bytes: &[u8]) -> bool {
     bytes.starts_with(MAGIC)
 }

@@ -182,7 +182,7 @@ fn beams_of(at: &Place, file: &mut Metadata) -> Result<(Place, Beam, Vec<Note>),
     Ok((nested_at, nested, notes))
 }
 
-/// What the file says beside the angles. Parts that no beam depends on may be broken.
+/// Reads all but the angles: windows, origin, model, firmware. Broken parts that no beam depends on become notes.
 fn facts(at: &Place, file: Metadata, beam: &Beam, list: &Place) -> Result<Facts, DescriptionError> {
     let mut facts = Facts::default();
     let notes = &mut facts.notes;
@@ -298,7 +298,7 @@ fn real_beams(
     Ok(Beams::Channels(channels))
 }
 
-/// Columns of a turn: as stated, or those of a mode such as `1024x10`.
+/// Columns of a turn: as stated, or read from a mode such as `1024x10`.
 fn steps(
     at: &Place,
     facts: &Facts,
@@ -356,7 +356,7 @@ fn window(
     Ok(window.map(|window| window.azimuths(steps)))
 }
 
-/// What one origin for all beams leaves out.
+/// Notes on beam origins in the file that one common origin ignores.
 fn offsets_dropped(facts: &Facts) -> Vec<Note> {
     let mut notes = Vec::new();
     if let Some(mm) = facts.origin.filter(|mm| *mm != 0.0) {

@@ -1,4 +1,4 @@
-//! What a sensor file gives, whoever wrote it: beams and facts, in the frame and signs of this library.
+//! Content of a sensor file of any vendor: beams and facts, in the frame and signs of this library.
 
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
@@ -135,7 +135,7 @@ impl fmt::Display for SensorFormat {
 }
 
 impl SensorPattern {
-    /// A pattern of which nothing is known but its beams.
+    /// A pattern with beams and no other facts.
     pub fn new(format: SensorFormat, beams: Beams) -> Self {
         Self {
             format,

@@ -101,7 +101,7 @@ fn quantity(_: &str, key: &str) -> Option<Quantity> {
     }
 }
 
-/// What one origin for all lasers leaves out.
+/// Note on laser origins in the file that one common origin ignores.
 fn dropped_origins(lasers: &[Laser]) -> Option<Note> {
     let span = |of: fn(&Laser) -> f64| {
         let values = || lasers.iter().map(|laser| 1000.0 * of(laser));

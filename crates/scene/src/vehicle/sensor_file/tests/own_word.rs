@@ -173,7 +173,7 @@ fn counts_of_tables_and_lasers_fit() {
     assert!(!said.contains("dist_correction"));
 }
 
-/// What `sensor info --format json` writes of a sensor with a window is read again.
+/// Output of `sensor info --format json` for a sensor with a window is read back.
 #[test]
 fn facts_are_a_table() {
     let facts = r#"{"elevation_deg": [-5, 5], "azimuth_steps": 360, "azimuth_window": [-45, 45], "range": 80,

@@ -1,4 +1,4 @@
-//! A small file of each format, and what is wrong with others.
+//! A small file of each format, and errors of broken ones.
 
 use super::super::{Beams, SensorFormat, SensorPattern, parse};
 use super::{message, read};
