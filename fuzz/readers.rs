@@ -17,7 +17,7 @@ use sightline::datasets::{
 use sightline::internals::RunDir;
 use sightline::psog::{Psog, Roi, read_psog, write_psog};
 use sightline::rig::{ImportSettings, Models, Mounting, RigFormat, Source, export, import_texts};
-use sightline::scene::{EgoBody, Scene};
+use sightline::scene::{EgoBody, Scene, Target};
 use sightline::search::{Event, Run, State, Suite, TimeLimit};
 use sightline::vehicle::read_placements;
 use sightline::vehicle::sensor_file::{self as sensors, Beams};
@@ -36,10 +36,11 @@ pub struct Reader {
 }
 
 /// All readers of outside bytes.
-pub const READERS: [Reader; 27] = [
+pub const READERS: [Reader; 28] = [
     Reader { name: "scene_json", read: scene_json },
     Reader { name: "sensor_file", read: sensor_file },
     Reader { name: "vehicle_json", read: vehicle_json },
+    Reader { name: "target_json", read: target_json },
     Reader { name: "placements_json", read: placements_json },
     Reader { name: "placements_jsonl", read: placements_jsonl },
     Reader { name: "psog_npz", read: psog_npz },
@@ -334,6 +335,20 @@ fn scene_with(lidar: &str, more: &str) -> String {
             "mount": {{ "min": [0, 0, 1], "max": [0, 0, 1], "lidars": 1 }},
             "psog": {{ "file": "none.npz" }} }}"#
     )
+}
+
+/// Target files: what is read has an extent and stands around its middle.
+pub fn target_json(folder: &Path, bytes: &[u8]) {
+    let file = folder.join("target.json");
+    if fs::write(&file, bytes).is_err() {
+        return;
+    }
+    if let Ok(target) = Target::read(&file) {
+        let [low, high] = target.corners;
+        assert!(target.size.iter().all(|side| (0.0..=100.0).contains(side)));
+        assert!((0..2).all(|k| (low[k] + high[k]).abs() <= 1e-3 && low[k] <= high[k]));
+        assert!(!target.tree.triangles.is_empty());
+    }
 }
 
 /// A vehicle file of a scene without anything else; of its files only the mesh `roof.obj` exists.
