@@ -49,10 +49,10 @@ enum Swap {
     Cut,
 }
 
-/// What a climb asks the guards about.
+/// When a climb asks the guards about its swaps.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Check {
-    /// A bound on all placements bounds those that violate a guard, too.
+    /// Never: the caller checks the end, or needs a bound, which bounds placements that violate a guard, too.
     Nothing,
     EachSwap,
 }
@@ -81,7 +81,7 @@ impl GridSearch {
         moves: &[Moves],
         go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<Option<GridPlacement>, SearchError> {
-        // What must be seen and is not may only be won back step by step.
+        // Requirements need a check of each swap: a missing share may only be won back step by step.
         if !self.has_requirements() {
             let Some(end) = self.ascend(evaluator, start, moves, Check::Nothing, go_on)? else {
                 return Ok(None);
@@ -254,8 +254,8 @@ impl GridSearch {
         candidates.par_iter().map_init(Unions::default, value).collect()
     }
 
-    /// The best placement of a turn that beats `least`; where the standing before it is known one that violates
-    /// no guard, with its own.
+    /// Best placement of a turn that beats `least`. Where `held`, the standing before the turn, is known, the result is
+    /// sound or breaks the rules by less, and comes with its own standing.
     fn best_swap(
         &mut self,
         evaluator: &mut Evaluator,
@@ -283,7 +283,7 @@ impl GridSearch {
             let Some(standing) = self.standing_while(evaluator, &placement, go_on)? else {
                 return Ok(Swap::Cut);
             };
-            // What must be seen and is not may be won back step by step.
+            // A swap that is not sound counts if less is missing: requirements may be won back step by step.
             if standing.is_sound() || standing.violation < held.violation {
                 return Ok(Swap::To(placement, Some(standing)));
             }
@@ -291,7 +291,7 @@ impl GridSearch {
         Ok(Swap::Stay)
     }
 
-    /// Candidates of a turn that are looked at between two questions whether to go on: no more than fit into the atlas.
+    /// Candidates of a turn between two calls of `go_on`: no more than fit into the atlas.
     fn at_once(&self, here: &[u32], turn: Turn) -> usize {
         let moved = match turn {
             Turn::Lidar(_) => 1,
@@ -303,12 +303,12 @@ impl GridSearch {
     }
 }
 
-/// The poses but those of some LiDARs.
+/// Copy of the poses without some LiDARs.
 fn without(poses: &[u32], lidars: Range<usize>) -> Vec<u32> {
     [&poses[..lidars.start], &poses[lidars.end..]].concat()
 }
 
-/// The poses with some LiDARs moved.
+/// Copy of the poses with some LiDARs moved.
 fn with(poses: &[u32], moved: &[(usize, u32)]) -> Vec<u32> {
     let mut poses = poses.to_vec();
     moved.iter().for_each(|&(lidar, pose)| poses[lidar] = pose);

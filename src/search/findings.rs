@@ -7,7 +7,7 @@ use crate::vehicle::Placement;
 /// Numbers that describe a layout, by name.
 type Descriptor = (&'static str, fn(&Placement) -> f64);
 
-/// What the paper's "intuitive interpretation" speaks of; the first is the null model.
+/// Properties of the paper's "intuitive interpretation"; the first, mean height, is the null model.
 const DESCRIPTORS: [Descriptor; 4] = [
     ("mean height", mean_height),
     ("height spread", |p| deviation(p.lidars.iter().map(|l| l.z))),
@@ -20,7 +20,7 @@ const DESCRIPTORS: [Descriptor; 4] = [
     ("mean |roll|", |p| p.lidars.iter().map(|l| l.roll.abs()).sum::<f64>() / p.lidars.len() as f64),
 ];
 
-/// Standard deviation of all the values there are.
+/// Standard deviation, with all values as the population.
 fn deviation(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let count = values.clone().count() as f64;
     let mean = values.clone().sum::<f64>() / count;

@@ -82,7 +82,7 @@ pub struct Best {
     pub generation: u64,
 }
 
-/// What one generation gave.
+/// Result of one generation.
 pub struct Generation {
     /// Its line of the history.
     pub record: GenerationRecord,

@@ -15,23 +15,23 @@ use crate::vehicle::{Constraints, Placement, PoseGrid};
 
 /// Stale gains that lazy greedy looks at again at once: enough to keep every core busy.
 const LAZY_BLOCK: usize = 64;
-/// Poses that are cast between two looks at the time.
+/// Most poses cast between two looks at the time.
 const HELD_AT_ONCE: usize = 256;
-/// Poses × frames that are cast at once there at most.
+/// Most casts, poses × frames, between two looks at the time.
 const HELD_FRAMES: usize = 2048;
 
 /// Slack of the least distance, as in [`Constraints::violations`].
 const SLACK: f64 = 1e-9;
 
-/// Where the poses of a grid stand.
+/// Positions and kinds of a grid's poses, for many questions of [`GridSearch::fits`].
 pub(super) struct Places {
     positions: Vec<DVec3>,
-    /// True if each is outside of every box that is kept free.
+    /// True for each pose outside of every box that is kept free.
     clear: Vec<bool>,
     /// Kind of slot of each pose, and the LiDARs of each kind.
     kinds: Vec<usize>,
     lidars_by_kind: Vec<usize>,
-    /// Least distance of two LiDARs.
+    /// Least distance between two LiDARs, in metres.
     least: f64,
 }
 
@@ -54,9 +54,9 @@ pub struct GridSearch {
     pub(super) evaluations: u64,
     /// Poses cast beyond which no LiDAR of a climb takes another turn.
     most_casts: u64,
-    /// What a share that must be seen and is not takes off the objective; 0 where nothing must be seen.
+    /// Penalty for a missing share of 1, taken off the objective; 0 without requirements.
     pub(super) penalty: f64,
-    /// What a car that is not seen anywhere takes off the objective; 0 where the search does not look.
+    /// Penalty for a car that no beam meets, taken off the objective; 0 where the search does not look for cars.
     pub(super) blind: f64,
     /// Placements whose rules and guards were looked at, which takes a cast of all their LiDARs.
     looked_at: HashMap<Vec<u32>, Standing>,
@@ -196,7 +196,7 @@ impl GridSearch {
         apart && has_place && self.constraints.is_clear(&pose_itself)
     }
 
-    /// Where each pose of the grid stands, for many questions of [`Self::fits`].
+    /// Positions and kinds of all poses of the grid, for many questions of [`Self::fits`].
     pub(super) fn places(&self) -> Places {
         let grid = self.atlas.grid();
         let poses = (0..grid.len()).map(|pose| grid.pose(pose));

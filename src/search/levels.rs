@@ -206,7 +206,7 @@ impl<'a> Choice<'a> {
     }
 }
 
-/// The one of least error, of equal ones the first, with that error.
+/// Item of least error, the first of equal ones, with that error.
 fn first_of<T: Sync>(some: &[T], error: impl Fn(&T) -> Option<f64> + Sync) -> Option<(f64, &T)> {
     let errors: Vec<f64> = some.par_iter().map(|one| error(one).unwrap_or(f64::INFINITY)).collect();
     errors.into_iter().zip(some).min_by(|a, b| a.0.total_cmp(&b.0))
@@ -238,7 +238,7 @@ impl Set {
 /// reference is known.
 fn scatter(reference: &[Option<f64>], values: Vec<Option<f64>>) -> Option<f64> {
     let known = reference.iter().zip(values).filter(|(r, _)| r.is_some_and(|r| r != 0.0));
-    // What has a reference and no value is as far off as can be.
+    // A placement with a reference and no value counts as ratio 0: it is as far off as can be.
     let ratios: Vec<f64> =
         known.filter_map(|(r, value)| Some(value.unwrap_or(0.0) / (*r)?)).collect();
     let squares: f64 = ratios.iter().map(|q| q * q).sum();
@@ -249,7 +249,7 @@ fn scatter(reference: &[Option<f64>], values: Vec<Option<f64>>) -> Option<f64> {
 
 /// Ways to take `size` of `count`; more than [`ALL_SETS`] where they are too many to count.
 fn sets(count: usize, size: usize) -> u64 {
-    // As many as ways to leave the others out: up to the half each factor makes the number larger.
+    // C(n, k) = C(n, n − k) for the smaller of both: up to n / 2 each factor makes the number larger.
     let fewer = size.min(count - size) as u64;
     (0..fewer).fold(1, |ways: u64, k| ways.saturating_mul(count as u64 - k) / (k + 1))
 }
@@ -319,7 +319,7 @@ mod tests {
         assert!(close(scatter(&some(&[-1.0, -2.0, -5.0]), some(&[-3.0, -6.0, -15.0])), 0.0));
         // Ratios 1 and 2: a = 3 / 5 leaves 2 / 5 and 1 / 5, whose mean square is 1 / 10.
         assert!(close(scatter(&some(&[2.0, 3.0]), some(&[2.0, 6.0])), 0.1_f64.sqrt()));
-        // Ratios 1 and 0: a = 1 leaves 0 and 1. What has no reference does not count.
+        // Ratios 1 and 0: a = 1 leaves 0 and 1. Placements without a reference, or with 0, do not count.
         let reference = [Some(2.0), Some(3.0), None, Some(0.0)];
         let values = vec![Some(2.0), None, Some(9.0), Some(9.0)];
         assert!(close(scatter(&reference, values), 0.5_f64.sqrt()));

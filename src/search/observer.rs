@@ -1,4 +1,4 @@
-//! What a run tells while it goes on, and how it is asked to stop.
+//! Events of a run, and the observer that may stop it.
 
 use std::fmt;
 use std::time::Instant;
@@ -20,19 +20,19 @@ impl<F: FnMut(&Event) -> bool> Observer for F {
     }
 }
 
-/// What happens in a run.
+/// An event of a run.
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub enum Event<'a> {
-    /// Nothing new: whether the run is to go on.
+    /// Nothing new; asks only whether to go on.
     Asks,
     /// A sentence for the user: the engine taken, frames added, a layout left out, a device lost.
     Note(&'a str),
     /// A generation is scored.
     Generation(&'a GenerationRecord),
-    /// So much of some work is done.
+    /// A step of some work is done.
     Progress {
-        /// Which work.
+        /// Kind of work.
         work: Work,
         /// Steps done.
         done: u64,
@@ -92,19 +92,19 @@ impl<'a> Watch<'a> {
         Self { observer, deadline: None, interrupted }
     }
 
-    /// A watch that is over at a deadline, too.
+    /// A watch that also ends at a deadline.
     pub(super) fn until(observer: &'a mut dyn Observer, deadline: Option<Instant>) -> Self {
         Self { observer, deadline, interrupted: false }
     }
 
-    /// Tells an event; false where the run is to end, by the observer's word or the deadline.
+    /// Passes an event to the observer; false once the observer or the deadline ends the run.
     pub(super) fn tell(&mut self, event: &Event) -> bool {
         let goes_on = self.observer.on(event);
         self.interrupted |= !goes_on;
         !self.is_over()
     }
 
-    /// True if the run is to go on, by the observer's word and the deadline.
+    /// True unless the observer or the deadline ends the run.
     pub(super) fn goes_on(&mut self) -> bool {
         self.tell(&Event::Asks)
     }

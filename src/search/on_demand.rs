@@ -309,8 +309,8 @@ impl FramesOnDemand {
         Some(confirmed[best].0.placement.clone())
     }
 
-    /// What was used, saved and risked by a search of so many evaluations, whose swaps cast so many sensor
-    /// poses of `lidars` a placement.
+    /// Frames used, saved and risked by a search of `evaluations` placements, whose swaps cast `poses_swapped`
+    /// sensor poses, `lidars` of them a placement.
     pub fn used(&self, evaluations: u64, poses_swapped: u64, lidars: usize) -> FramesUsed {
         let all = self.levels[self.levels.len() - 1].len();
         let swapped = poses_swapped.div_ceil(lidars.max(1) as u64);

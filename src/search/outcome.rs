@@ -1,4 +1,4 @@
-//! What a run has come to.
+//! Outcome of a run: scored placements, methods, wall times, and why it stopped.
 
 use std::cmp::Ordering;
 use std::fmt;
@@ -72,7 +72,7 @@ impl Scored {
         valued.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, baseline)| baseline)
     }
 
-    /// The yardstick, or where none keeps all rules the best of those that do not.
+    /// The yardstick; if no baseline is honest, the best of all.
     pub(super) fn rival(baselines: &[Self]) -> Option<&Self> {
         let best = || {
             baselines
@@ -90,7 +90,7 @@ impl Scored {
     }
 }
 
-/// What one way of searching has found.
+/// Result of one search method.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MethodRecord {
     /// `cma-es` or `swaps`.
@@ -170,7 +170,7 @@ pub struct SearchTimes {
     pub scored: u64,
 }
 
-/// What a run has come to.
+/// Everything that a run found.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Outcome {
@@ -178,7 +178,7 @@ pub struct Outcome {
     pub best: Option<Scored>,
     /// Layouts to compare with.
     pub baselines: Vec<Scored>,
-    /// What each way of searching found, and which one gave the result.
+    /// Result of each method, and which one won.
     pub methods: Vec<MethodRecord>,
     /// How much better than the result another placement could be; `None` without a result, or where
     /// the run ended before its bounds.
@@ -186,8 +186,8 @@ pub struct Outcome {
     /// Tells whether the gain over the best baseline is more than the scenes' own spread; `None` for one scene,
     /// which cannot say, or without a baseline.
     pub spread: Option<GainSpread>,
-    /// What result and best baseline are worth at phases that the search has not seen; `None` where all
-    /// phases are locked.
+    /// Objectives of result and best baseline at random draws that the search has not seen; `None` if
+    /// nothing is random, or the time was over.
     pub phases: Option<PhaseCheck>,
     /// How properties of layouts go with the objective, over random placements on the grid.
     pub findings: Vec<Finding>,

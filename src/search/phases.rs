@@ -1,4 +1,4 @@
-//! What a result is worth at azimuth phases, and in weather, that the search has not seen.
+//! Check of a result at draws of azimuth phases and weather that the search has not seen.
 
 use serde::Serialize;
 
@@ -21,7 +21,7 @@ pub struct PhaseCheck {
     pub ours: Vec<f64>,
     /// Objective of the best baseline, by draw; empty without one.
     pub theirs: Vec<f64>,
-    /// In a sentence.
+    /// The check in a sentence.
     pub words: String,
 }
 
@@ -43,12 +43,12 @@ impl Suite {
         self.members().iter().any(free)
     }
 
-    /// True if beams come back by chance: through weather, or past faults.
+    /// True if weather or faults decide by chance which beams return.
     pub fn has_weather(&self) -> bool {
         self.members().iter().any(|member| member.problem().air().is_some())
     }
 
-    /// True if scores are those of one draw: of phases, or of the beams that come back.
+    /// True if scores depend on a random draw, of phases or of returning beams.
     pub(super) fn is_left_to_chance(&self) -> bool {
         self.has_free_phase() || self.has_weather()
     }

@@ -1,4 +1,4 @@
-//! What decides about a run of [`optimize`](super::optimize), beside the problem.
+//! Settings of a run of [`optimize`](super::optimize).
 
 use std::time::{Duration, Instant};
 
@@ -25,12 +25,12 @@ pub enum Method {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FrameChoice {
-    /// As few as keep the ranking, and more when they no longer tell the best apart.
+    /// The fewest that keep the ranking of placements, and more once they no longer tell the best apart.
     #[default]
     OnDemand,
     /// All.
     All,
-    /// So many, spread evenly from the first on.
+    /// This many, spread evenly from the first on.
     Count(u32),
 }
 
@@ -86,12 +86,12 @@ impl TimeLimit {
     }
 }
 
-/// What decides about a run.
+/// Settings of a run: objective, method, budget, frames, and layouts to start from.
 ///
-/// Equal settings give equal results on every engine, but for [`Self::time`].
+/// Equal settings give equal results on every engine, unless [`Self::time`] cuts the run short.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// What is maximized.
+    /// Score, or weighted sum of scores, to maximize.
     pub objective: Objective,
     /// How placements are searched.
     pub method: Method,
@@ -116,7 +116,7 @@ pub struct Settings {
     /// Limit of wall time; no part of a saved state.
     #[serde(skip)]
     pub time: Option<TimeLimit>,
-    /// Which engine computes; no part of a saved state, since every engine gives the same bits.
+    /// Engine that computes; no part of a saved state, since every engine gives the same bits.
     #[serde(skip, default = "EngineChoice::cpu")]
     pub engine: EngineChoice,
 }

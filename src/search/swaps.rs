@@ -33,10 +33,10 @@ const DRAWN: usize = 64;
 const AMPLE_POSES: usize = 256;
 const AMPLE_BYTES: u64 = 192 << 20;
 
-/// What all that must be seen is worth in swaps, in starts: a hundredth of it as much as all of a start.
+/// Penalty for a missing share of 1, as a multiple of a start's objective: a missing hundredth costs all of it.
 const MISSING: f64 = 100.0;
 
-/// What decides about swaps, beside problem and starts.
+/// Settings of swaps: grid, limits and seed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SwapSettings {
     /// Grid of the sensor poses.
@@ -49,7 +49,7 @@ pub struct SwapSettings {
     pub seed: u64,
 }
 
-/// What swaps have found.
+/// Result of swaps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Swapped {
     /// The best placement, on the grid.

@@ -1,9 +1,9 @@
-//! What must be seen, as bits of the voxels of its areas.
+//! Required areas as bits, one for each voxel of each area.
 
 use crate::cover::BitOrder;
 use crate::problem::Content;
 
-/// Share by which more than the least is asked for: a few frames stand for all.
+/// Extra share asked for beyond the least, because a few frames stand for all.
 const MARGIN: f64 = 0.01;
 
 /// Voxels of all areas of a problem, area after area.
@@ -12,7 +12,7 @@ pub(super) struct AreaBits {
     voxels: Vec<u32>,
     /// First bit of each area and the end.
     starts: Vec<usize>,
-    /// Least share of each area.
+    /// Least share of each area, with the margin.
     shares: Vec<f64>,
 }
 
@@ -41,7 +41,7 @@ impl AreaBits {
         }
     }
 
-    /// Share that is missing in bits of several frames, over all areas.
+    /// Missing share in bits of several frames, summed over areas.
     pub(super) fn missing(&self, bits: &[u64]) -> f64 {
         let words = self.words();
         if words == 0 {

@@ -12,28 +12,28 @@ const MOST_POSES: usize = 3000;
 
 /// Bounds on what sets of sensors cover, from what single poses cover and what pairs have in common.
 ///
-/// Of a tree over the sensors, those that cover a voxel and the edges between them are a forest: they
-/// are at least one more than its edges. So the worth of a union is at most the sum over its sensors
-/// less the overlaps along the edges of any tree (Hunter 1976). It is as well at most the worth of all
-/// voxels. Each voxel counts in one of the two ways: in the second if many poses cover it.
+/// Take a tree over the sensors. The sensors that cover a voxel and the edges between them form a forest, so they are
+/// at least one more than its edges. The worth of a union is therefore at most the sum over its sensors less the
+/// overlaps along the edges of any tree (Hunter 1976). It is also at most the worth of all voxels. Each voxel counts
+/// in one of the two ways: in the second if many poses cover it.
 #[derive(Debug, Clone)]
 pub(in crate::search) struct PairBound {
     poses: usize,
-    /// Worth of the voxels that count whatever the sensors are.
+    /// Worth of the voxels that count in full, whatever the sensors are.
     pub base: f64,
-    /// What each pose covers of the others.
+    /// Worth of the other voxels that each pose covers.
     singles: Vec<f64>,
-    /// What each two poses cover of them, `[poses × poses]`, not above; empty where it was too much.
+    /// Worth of the other voxels that two poses share, or less, `[poses × poses]`; empty where it costs too much.
     overlaps: Vec<f64>,
 }
 
 impl PairBound {
-    /// True if it knows more than what single poses cover.
+    /// True if it knows overlaps, not single poses alone.
     pub fn has_overlaps(&self) -> bool {
         !self.overlaps.is_empty()
     }
 
-    /// What a pose adds at most to a set of sensors, the bound beside all of them being `added`.
+    /// Most worth that a pose adds to a set with `beside` in it; `added` is the bound without that overlap.
     pub fn added(&self, pose: u32, beside: u32, added: f64) -> f64 {
         if self.overlaps.is_empty() {
             return added;
@@ -42,7 +42,7 @@ impl PairBound {
         added.min(self.singles[pose as usize] - overlap)
     }
 
-    /// What each pose covers.
+    /// (pose, worth of the voxels outside `base` that it covers).
     pub fn singles(&self) -> Vec<(u32, f64)> {
         self.singles.iter().enumerate().map(|(pose, &single)| (pose as u32, single)).collect()
     }
@@ -108,7 +108,7 @@ impl PairBound {
     }
 }
 
-/// Worth of each bit of a frame as an integer, not below, and its unit.
+/// Worth of each bit of a frame as an integer, rounded up, and its unit.
 fn integer_worths(atlas: &Atlases, units: &[[f64; KINDS]]) -> (Vec<u32>, f64) {
     let worths = atlas.worths();
     let value = |(worth, scene): &([u32; KINDS], usize)| {

@@ -124,7 +124,7 @@ impl Run {
         Ok(Some(found))
     }
 
-    /// What the result and the best baseline are worth at phases that the search has not seen.
+    /// Objectives of the result and the best baseline at draws that the search has not seen.
     fn phase_check(
         &self,
         best: Option<&Scored>,
