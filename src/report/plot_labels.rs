@@ -48,7 +48,7 @@ impl Named {
         Self { area, points, places, list }
     }
 
-    /// What stands under the chart from the left of the area on, line by line; `None` where the words stand beside their points.
+    /// Lines under the chart, from the left of the area on; `None` where the words stand beside their points.
     pub fn list(&self) -> Option<&[String]> {
         self.list.as_deref()
     }
@@ -87,7 +87,7 @@ fn lines(text: &str, letters: usize) -> Vec<String> {
     lines
 }
 
-/// Where the words of a point begin.
+/// Position at which the words of a point begin.
 fn beside((x, y): (f64, f64)) -> (f64, f64) {
     (x + 7.0, y - 7.0)
 }

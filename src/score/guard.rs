@@ -43,7 +43,7 @@ pub enum Guard {
     FewHits {
         /// Share of the beams that hit.
         hit_share: f64,
-        /// The same of the reference layout.
+        /// Share of the reference layout's beams that hit.
         reference: f64,
     },
     /// A class that the reference layout sees is hardly covered.
@@ -78,13 +78,13 @@ pub enum Guard {
     InScene {
         /// Name of the scene.
         scene: String,
-        /// What speaks against the placement there.
+        /// Guard that is violated in the scene.
         guard: Box<Guard>,
     },
 }
 
 impl Guard {
-    /// True for a reason not to believe the scores; false for a fact about the rig, a sector that it does not see.
+    /// True for a reason not to believe the scores; false for a fact about the rig: a sector that it does not see.
     pub fn is_doubt(&self) -> bool {
         !matches!(self, Self::BlindSector(_))
     }
@@ -150,7 +150,7 @@ impl Serialize for Guard {
     }
 }
 
-/// The layout that guards compare with: what anybody would build without a search.
+/// Layout that guards compare with, as anybody would build it without a search.
 ///
 /// One LiDAR sits in the middle of the mount's top; several stand level on the top's edge, evenly
 /// around it, the first one front left. `models` are those of the LiDARs.

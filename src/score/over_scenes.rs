@@ -44,7 +44,7 @@ impl TaskScores {
 }
 
 impl Tasks {
-    /// Those of several scenes, each with its [`totals`]; those of a single one as they are.
+    /// Tasks over several scenes, each given with its [`totals`]; a single scene's tasks are returned unchanged.
     pub(super) fn over_scenes(scenes: &[(Self, [f64; 2])]) -> Self {
         if let [(tasks, _)] = scenes {
             return *tasks;

@@ -1,4 +1,4 @@
-//! The search: convergence, what goes with the score, and how the run was made.
+//! The search: convergence, properties that go with the score, and how the run was made.
 
 use maud::{Markup, html};
 
@@ -23,7 +23,7 @@ pub(super) fn search(run: &RunRecord, figures: &Figures) -> Markup {
     }
 }
 
-/// What the lines of the convergence are taken over.
+/// Frames that the lines of the convergence are taken over.
 fn steps(run: &RunRecord) -> Markup {
     let steps = run.fidelity.as_ref().map_or(&[][..], |frames| &frames.steps);
     let steps = steps_of_generations(steps, run.generations);

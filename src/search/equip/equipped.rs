@@ -22,7 +22,7 @@ pub struct Equipped {
 }
 
 impl Equipped {
-    /// Settings that start from the chosen sensors; `plainly` makes [`Self::plain`] the only baseline.
+    /// Settings that start from the chosen sensors; with `plainly` a plain layout of them is the only baseline.
     pub fn begin(&self, settings: Settings, constraints: &Constraints, plainly: bool) -> Settings {
         let mut settings = settings;
         if plainly {
