@@ -21,13 +21,13 @@ const BACKENDS: [(&str, EngineKind); 3] =
 /// How a scene is to be scored.
 #[derive(Clone, Default)]
 pub struct Options {
-    /// In place of the scene's own.
+    /// P-SOG in place of the scene's own.
     pub psog: Option<Arc<Psog>>,
-    /// So many frames, spread evenly; all if `None`.
+    /// Number of frames, spread evenly; all if `None`.
     pub frames: Option<u32>,
     /// Weather and faults.
     pub conditions: Vec<Condition>,
-    /// What computes.
+    /// Engine that computes.
     pub engine: EngineChoice,
 }
 

@@ -211,7 +211,7 @@ pub fn search<'py>(
     }
 }
 
-/// What a scene, or a list of at least one, was built from.
+/// The built scenes of a `Scene`, or of a list of at least one.
 fn scenes_of(given: &Bound<'_, PyAny>) -> PyResult<Vec<Arc<Built>>> {
     Ok(given_scenes(given)?.iter().map(|scene| scene.get().built.clone()).collect())
 }
@@ -228,7 +228,7 @@ fn given_scenes<'py>(given: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PySce
     })
 }
 
-/// What a search has come to, and the signal or the callback's exception that ended it.
+/// Outcome of a search, and the signal or the callback's exception that ended it.
 type Ended = (Option<(Found, Vec<String>)>, Option<PyErr>);
 
 /// Searches on a thread of its own. After Ctrl-C, or an exception of the callback, the search ends its generation and

@@ -58,7 +58,7 @@ pub enum ChartError {
         "{random} random placements are more than the {most} that a chart ranks; ask for fewer"
     )]
     TooMany {
-        /// As asked.
+        /// Number that was asked for.
         random: u32,
         /// The largest number.
         most: u32,
@@ -99,8 +99,8 @@ pub enum ChartError {
 }
 
 impl ChartError {
-    /// Whether the other settings can still be measured: a device that fails at one setting, or an atlas
-    /// that is too large, does not take the others along.
+    /// True if the other settings can still be measured: a device failed at one setting, or an atlas was too large
+    /// for it.
     pub(super) fn spares_others(&self, setting: &Setting) -> bool {
         matches!(
             self,

@@ -9,7 +9,7 @@ use crate::audit::{AUDIT_FRAMES, AUDIT_PARTS, Audit, AuditEvent, audit};
 use crate::score::Objective;
 use crate::vehicle::{Placement, read_placements};
 
-/// What is to be audited.
+/// Files and settings of an audit.
 #[derive(Debug, Clone, Default)]
 pub struct AuditRequest {
     /// Scene files, and placements to start from; without them Table 7 of the paper.

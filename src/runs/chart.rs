@@ -37,16 +37,16 @@ pub struct ChartRequest {
     pub full: bool,
     /// No voxels finer than those of each scene.
     pub quick: bool,
-    /// Of the random placements and of the bootstrap.
+    /// Seed of the random placements and of the bootstrap.
     pub seed: u64,
 }
 
 /// The chart of a scene.
 #[derive(Debug)]
 pub struct Charted {
-    /// What was measured.
+    /// Measured settings, and the one to take.
     pub chart: Chart,
-    /// Where it was written.
+    /// Folder that holds it.
     pub folder: PathBuf,
     /// All of `chart.json`.
     pub answer: Value,
@@ -85,7 +85,7 @@ pub fn chart_scenes(
     Ok((count, charts))
 }
 
-/// All that a chart goes on from.
+/// Checkpoint of a chart.
 #[derive(Clone, Serialize, Deserialize)]
 struct Saved {
     scene: PathBuf,
@@ -98,7 +98,7 @@ struct Saved {
 struct Begun {
     saved: Saved,
     resumed: Option<RunDir<Saved>>,
-    /// Where a new folder is to be, if it was said.
+    /// Path of a new folder, if one was given.
     out: Option<PathBuf>,
     /// Name of the scene among those of the command.
     name: String,
@@ -106,7 +106,7 @@ struct Begun {
     placements: Option<PathBuf>,
 }
 
-/// The charts that are asked for, one a scene.
+/// Charts of the request, one a scene.
 fn begun(request: &ChartRequest, computing: &Computing<'_>) -> Result<Vec<Begun>, Error> {
     if let Some(folder) = &request.resume {
         let (dir, saved) = RunDir::<Saved>::resume("chart", folder)?;

@@ -17,7 +17,7 @@ use crate::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, study
 /// A study of scene files.
 #[derive(Debug, Clone)]
 pub struct StudyRequest {
-    /// What to study.
+    /// Question of the study.
     pub kind: Kind,
     /// Scene files: `transfer` looks at all together, every other kind at one after the other.
     pub scenes: Vec<PathBuf>,
@@ -37,7 +37,7 @@ pub struct StudyRequest {
     pub regions: Vec<Region>,
     /// Edge of a voxel in metres; that of [`StudySettings`] if none.
     pub voxel: Option<f64>,
-    /// Of all randomness.
+    /// Seed of all randomness.
     pub seed: u64,
     /// Weather and faults.
     pub conditions: Vec<Condition>,
@@ -57,7 +57,7 @@ pub fn study_scenes(
     note_repeated(&request.scenes, computing.watcher);
     let settings = settings(request, computing)?;
     computing.watcher.listen(GRACE);
-    // What needs several scenes looks at them together; all other kinds at one after the other.
+    // A kind that needs several scenes takes them together; any other kind takes one after the other.
     let together = request.kind == Kind::Transfer || request.scenes.len() == 1;
     if together {
         request.kind.check_scenes(request.scenes.len())?;
@@ -135,7 +135,7 @@ fn of_scenes(
     Ok(found)
 }
 
-/// All that decides about the numbers of a study, and the files that it reads.
+/// Files of a study, and the settings that decide about its numbers.
 struct Recorded {
     settings: Value,
     inputs: Vec<Input>,
@@ -173,7 +173,7 @@ struct Session<'a> {
     watcher: &'a dyn Watcher,
     done: Cell<u64>,
     cases: Cell<u64>,
-    /// Whether the engine was named: engines are opened again and again.
+    /// True once the engine was named: engines are opened again and again.
     is_named: Cell<bool>,
     /// Why the rows could not be written, which ends the study.
     failed: RefCell<Option<Error>>,

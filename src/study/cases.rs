@@ -17,7 +17,7 @@ pub trait StudyObserver {
     /// Called after each case, measured or known from before.
     fn done(&self) {}
 
-    /// Whether to go on; asked often. A case under way when this says no is dropped.
+    /// Asked often; `false` stops the study and drops the case under way.
     fn goes_on(&self) -> bool {
         true
     }

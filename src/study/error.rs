@@ -16,7 +16,7 @@ pub enum StudyError {
     /// No study of that name.
     #[error("`{name}` is no study; there are {known}")]
     NoKind {
-        /// As given.
+        /// Name that was given.
         name: String,
         /// The names there are.
         known: String,

@@ -25,7 +25,7 @@ pub enum Drawing {
         columns: Vec<usize>,
         /// Title of the y axis.
         y_title: String,
-        /// Whether the points of a series are joined: the cases are steps of one quantity.
+        /// True if the points of a series are joined, because the cases are steps of one quantity.
         line: bool,
     },
     /// Columns along x, a series for each case.
