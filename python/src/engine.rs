@@ -1,4 +1,4 @@
-//! A scene with what is built from it once: P-SOG, problem, engine.
+//! A scene and all that is built from it once: P-SOG, problem, engine.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -18,7 +18,7 @@ use crate::psogs::PyPsog;
 const BACKENDS: [(&str, EngineKind); 3] =
     [("auto", EngineKind::Auto), ("cpu", EngineKind::Cpu), ("gpu", EngineKind::Gpu)];
 
-/// How a scene is to be scored.
+/// Settings for scoring a scene.
 #[derive(Clone, Default)]
 pub struct Options {
     /// P-SOG in place of the scene's own.
@@ -187,8 +187,8 @@ pub fn score(
     Ok(scores)
 }
 
-/// Adds the guard `self_hit` to the scores of placements of a job: where it is asked for, else for as few of them as the
-/// program looks at.
+/// Adds the guard `self_hit` to the scores of placements of a job: if `asked` says so, else for up to
+/// [`FEW_PLACEMENTS`].
 pub fn guard(
     job: &Job,
     evaluator: &mut Evaluator,

@@ -37,14 +37,14 @@ const SAMPLE_BYTES: usize = 256;
 /// Placements that are drawn between two looks whether to stop.
 const DRAWN_TOGETHER: usize = 4096;
 
-/// Where a scene comes from.
+/// File or text that a scene is read from.
 #[derive(Clone)]
 enum Source {
     File { path: PathBuf, vehicle: Option<PathBuf> },
     Text { text: String, folder: PathBuf },
 }
 
-/// A scene, ready to be scored; what scoring needs is built when it is first needed, and kept.
+/// A scene, ready to be scored; P-SOG, problem and engine are built when they are first needed, and kept.
 ///
 /// `poses` of the methods is an array `[N, L, 6]` (or `[L, 6]` for one placement), a `Placement`, or a list of them;
 /// `sensors` names the model of each LiDAR of an array, `phases` `[L]` or `[N, L]` locks them at angles in radians (`NaN`: as
@@ -92,7 +92,7 @@ impl PyScene {
         Self::new(py, scene, Source::File { path, vehicle }, options)
     }
 
-    /// A scene from what a scene file holds; files that it names are relative to `folder`. Options as of `load`.
+    /// A scene from the dict of a scene file; files that it names are relative to `folder`. Options as for `load`.
     #[staticmethod]
     #[pyo3(signature = (scene, *, folder = PathBuf::from("."), psog = None, frames = None,
         conditions = Vec::new(), backend = "auto", adapter = None, memory = None))]

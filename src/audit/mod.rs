@@ -70,7 +70,7 @@ pub const AUDIT_PARTS: u64 = 4;
 /// Tries to fool the scores of a job in one scene, and ranks `honest` placements by its objective under changes of
 /// the model.
 ///
-/// `tell` is told how it goes on.
+/// `tell` is called with notes and finished parts.
 ///
 /// # Errors
 /// No placement, several scenes, a P-SOG that does not fit the scene, or from the backend.

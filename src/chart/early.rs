@@ -50,7 +50,7 @@ pub struct Skipped {
     pub left: Left,
 }
 
-/// How far settings are measured, given those before them.
+/// Rule on how far a setting is measured, given the settings before it.
 ///
 /// Settings come in order of their effort, the reference first: the finest setting in `f32`. One is measured to the end
 /// unless it cannot be the advice: it swaps too many pairs, or another one keeps the ranking for clearly less time. The

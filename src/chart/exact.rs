@@ -58,7 +58,7 @@ impl Exact {
     /// The scorer of a scene at a setting.
     ///
     /// # Errors
-    /// As [`World::psog`].
+    /// See [`World::psog`].
     pub(super) fn new(world: &mut World, fidelity: &Fidelity) -> Result<Self, ChartError> {
         let psog = world.psog(fidelity.voxel)?;
         let scene = world.scene();

@@ -146,8 +146,7 @@ fn areas<'a>(triangles: impl Iterator<Item = &'a [DVec3; 3]>) -> Vec<f64> {
     grown.collect()
 }
 
-/// Where the ray enters the box, if that is somewhere in 0 ≤ t ≤ `limit`; rounding and 0 · ∞ only add
-/// visits.
+/// Entry of the ray into the box, if it is somewhere in 0 ≤ t ≤ `limit`; rounding and 0 · ∞ only add visits.
 fn enter(node: &Node, origin: DVec3, inverse: DVec3, limit: f64) -> Option<f64> {
     let (mut enter, mut leave) = (0.0_f64, limit);
     for axis in 0..3 {

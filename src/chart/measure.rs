@@ -63,7 +63,7 @@ pub struct Measured {
 /// Reason to leave a setting, from its scores and seconds a placement so far.
 type Leaves<'a> = dyn Fn(&[Option<f64>], f64) -> Option<Left> + 'a;
 
-/// How far a setting is measured.
+/// Limits of a measurement.
 pub(super) struct Extent<'a> {
     /// Called with the number of placements just scored; `false` drops the setting under way.
     pub(super) goes_on: &'a dyn Fn(usize) -> bool,

@@ -62,7 +62,7 @@ impl Default for ChartSettings {
     }
 }
 
-/// All that an interrupted chart goes on from.
+/// Checkpoint of a chart.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ChartState {
     /// Median seconds a placement of the setting whose time all others are divided by; `None` at first.

@@ -126,7 +126,7 @@ impl Setting {
         let voxels: f64 =
             scene.roi().shape.map(f64::from).iter().product::<f64>() / (voxel * voxel * voxel);
         let walk = METRES_A_CAST / (voxel * scene.roi().voxel[0]);
-        // Nothing ends a beam that runs through.
+        // A beam that runs through ends at nothing.
         let beam = if through { THROUGH * walk } else { 1.0 + walk };
         let slower = if self.engine == Engine::F64 { SLOWER_IN_F64 } else { 1.0 };
         f64::from(frames) * (beams * beam + voxels / VOXELS_A_CAST) * slower
@@ -237,8 +237,7 @@ impl Settings {
     }
 }
 
-/// Edges of voxels to try as multiples of the scene's own, rising; what cannot be tried is added to
-/// `left_out`.
+/// Edges of voxels to try as multiples of the scene's own, rising; adds to `left_out` why others cannot be tried.
 fn voxel_factors(scene: &Scene, finest: Option<f64>, left_out: &mut Vec<String>) -> Vec<f64> {
     if matches!(scene.psog_source(), PsogSource::File(_)) {
         left_out.push(

@@ -33,7 +33,7 @@ pub use scene::JobScene;
 use scene::{Frames, Worth};
 pub use search::{Found, JobRun, JobState, JobStep};
 
-/// Where should the LiDARs of a vehicle go, in one scene or several?
+/// The main job: poses for the LiDARs of a vehicle, in one scene or several.
 #[derive(Debug, Clone)]
 pub struct Job {
     /// At least one.
@@ -97,7 +97,7 @@ impl Job {
         self.with(|scene| scene.conditions = conditions.to_vec())
     }
 
-    /// So many frames of each scene, spread evenly from the first on; all if `None`.
+    /// Takes `frames` frames of each scene, spread evenly from the first on; all if `None`.
     #[must_use]
     pub fn frames(self, frames: Option<u32>) -> Self {
         self.with(|scene| scene.frames = Frames::Spread(frames))
@@ -221,11 +221,11 @@ impl Job {
         Ok(if self.mirror { suite.with_mirror_images() } else { suite })
     }
 
-    /// Opens an engine for each scene and mirror image; returns sentences for the user, too: which device, and why
-    /// not another. `on_change` is told of a device that is lost later.
+    /// Opens an engine for each scene and mirror image; returns notes for the user, too: the device, and why not
+    /// another. `on_change` is called with a sentence on each device that is lost later.
     ///
     /// # Errors
-    /// See [`Self::suite`]; no such device, or one that cannot hold the problem, where it was asked for.
+    /// See [`Self::suite`]; the chosen device is missing, or cannot hold the problem.
     pub fn evaluator(
         &self,
         on_change: impl Fn(&str) + Clone + Send + 'static,

@@ -41,7 +41,7 @@ pub(super) enum Worth {
 /// Frames that beams are cast into.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Frames {
-    /// So many, spread evenly from the first on; all if `None`.
+    /// This many, spread evenly from the first on; all if `None`.
     Spread(Option<u32>),
     /// One by its number.
     One(usize),

@@ -48,7 +48,7 @@ pub fn convergence_svg(
     plot.svg_with(&levels, &changes)
 }
 
-/// The steps that generations follow, of which there are so many: the last one may be for the swaps alone.
+/// Steps that the generations follow; a last step for the swaps alone is left out.
 pub(super) fn steps_of_generations(steps: &[(u64, u32)], generations: u64) -> Vec<(u64, u32)> {
     steps.iter().copied().filter(|(generation, _)| *generation < generations).collect()
 }

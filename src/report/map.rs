@@ -34,7 +34,7 @@ pub struct InformationMap {
 }
 
 impl InformationMap {
-    /// The map of what a placement gains, over a few frames spread evenly.
+    /// The map of a placement's gain, over a few frames spread evenly.
     ///
     /// # Errors
     /// See [`Backend::bitmaps`].
@@ -178,7 +178,7 @@ impl InformationMap {
     }
 }
 
-/// Grey for what is unseen to red for what is gained, darker for more information.
+/// Colour of a cell: grey for unseen to red for gained, darker for more information.
 fn rgb(information: u32, share: u32) -> String {
     let depth = 0.25 + 0.75 * f64::from(information) / f64::from(STEPS);
     let share = f64::from(share) / f64::from(STEPS);

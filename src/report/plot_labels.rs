@@ -15,7 +15,7 @@ pub(super) struct Named {
     points: Vec<(f64, f64)>,
     /// Points with their words; those in one place share them.
     places: Vec<((f64, f64), String)>,
-    /// Lines of what the numbers stand for, where the words have no room.
+    /// Lines that explain the numbers, where the words have no room.
     list: Option<Vec<String>>,
 }
 
@@ -70,7 +70,7 @@ impl Named {
     }
 }
 
-/// A text in lines of at most so many letters, those after the first set in.
+/// A text in lines of at most `letters` letters; lines after the first are set in.
 fn lines(text: &str, letters: usize) -> Vec<String> {
     let length = |text: &str| text.chars().count();
     let mut lines: Vec<String> = Vec::new();

@@ -56,7 +56,7 @@ pub struct RunRecord {
     pub backend: String,
     /// Device as reported.
     pub adapter: String,
-    /// Devices lost during the run, and what took over, in words.
+    /// Devices lost during the run and their replacements, in words.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub backend_changes: Vec<String>,
     /// Threads of the CPU backend.
@@ -68,7 +68,7 @@ pub struct RunRecord {
     /// Weather and faults that it was maximized under, as they are written; empty in clear air.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub conditions: Vec<String>,
-    /// How much of the scene the scores below are taken over.
+    /// Size of the model that the scores below are taken over.
     pub modelled: Modelled,
     /// Frames that the search averaged over.
     pub search_frames: usize,
@@ -83,7 +83,7 @@ pub struct RunRecord {
     pub ended: Vec<String>,
     /// Layouts of `--inject` that were not used.
     pub left_out: Vec<LeftOut>,
-    /// Which models stand on which mounts of a vehicle, and what they cost together, in words.
+    /// Models on each mount of a vehicle, and their price together, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub equipment: Option<String>,
     /// Rules that every placement of the search keeps, in words.
@@ -106,11 +106,11 @@ pub struct RunRecord {
     /// random.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub phases: Option<PhaseCheck>,
-    /// How much better than the result another placement could be; `None` without a result.
+    /// Bounds on how much better than the result another placement could be; `None` without a result.
     pub certificate: Option<Certificate>,
     /// Result of each search method, and which one won.
     pub methods: Vec<MethodRecord>,
-    /// How properties of layouts go with the objective, over random placements on the grid.
+    /// Correlations of layout properties with the objective, over random placements on the grid.
     pub findings: Vec<Finding>,
     /// Frames that `--fidelity auto` used, saved and risked; `None` where the frames were given.
     pub fidelity: Option<FramesUsed>,
@@ -134,7 +134,7 @@ pub struct SceneRecord {
     pub mirrored: bool,
     /// Frames that the scores average over.
     pub frames: usize,
-    /// How much of it they are taken over.
+    /// Size of the model that they are taken over.
     pub modelled: Modelled,
 }
 

@@ -19,7 +19,7 @@ pub enum ScoreColumn {
     Gain,
     /// Information gain in per cent of the information that the scene holds.
     GainShare,
-    /// Share of the information that is gained where what is near counts for more, in per cent.
+    /// Share of the information gained where near voxels weigh more, in per cent.
     NearGain,
     /// Ground within 10 m of the body that is seen, in per cent.
     NearField,

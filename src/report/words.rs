@@ -5,11 +5,11 @@ use crate::json::spoken;
 use crate::score::Guard;
 use crate::search::Scored;
 
-/// The result of a run against the best baselines, by the objective and by information gain, and the
-/// guards that speak against it.
+/// The result of a run against the best baselines, by the objective and by information gain, and the guards that it
+/// violates.
 ///
-/// A baseline counts if it keeps the rules of the mount and no guard speaks against it. A result that
-/// gains less information than one of those is never called better without that being said.
+/// A baseline counts if it keeps the rules of the mount and violates no guard. A result that gains less information
+/// than such a baseline is never called better without saying so.
 pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> String {
     let Some(best) = best else {
         return format!(
@@ -119,8 +119,8 @@ fn against(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) 
 /// Name of the objective that is the information gain itself.
 const GAIN: &str = "information_gain";
 
-/// How two values compare: a share of the second and the word for above or below, or the word for equal.
-/// A value of 0 has no shares.
+/// Words that compare two values: the difference as a share of `theirs` with `above` or `below`, or `equal`. No share
+/// is given where `theirs` is 0.
 fn compare(ours: f64, theirs: f64, [above, below, equal]: [&str; 3]) -> String {
     if ours == theirs {
         return equal.to_owned();

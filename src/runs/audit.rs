@@ -20,10 +20,10 @@ pub struct AuditRequest {
     pub frames: Option<u32>,
 }
 
-/// Audits scene after scene; `each` is told of every one.
+/// Audits scene after scene, and calls `each` with every result.
 ///
 /// # Errors
-/// Files that cannot be read, as of [`audit`] and of `each`.
+/// Files that cannot be read, errors of [`audit`] and of `each`.
 pub fn audit_scenes(
     request: &AuditRequest,
     computing: &Computing<'_>,

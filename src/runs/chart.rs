@@ -29,7 +29,7 @@ pub struct ChartRequest {
     pub objective: String,
     /// Random placements that are ranked, too.
     pub random: u32,
-    /// How much worse the best placement of a coarser setting may be, as a share of the score.
+    /// Largest loss by the best placement of a coarser setting, as a share of the score.
     pub tolerance: f64,
     /// Edge of the finest voxels in metres.
     pub finest: Option<f64>,
@@ -52,11 +52,11 @@ pub struct Charted {
     pub answer: Value,
 }
 
-/// Makes the charts, one a scene, until the watcher stops them; `each` is told of every one. Returns how many were
-/// asked for, and those that were made.
+/// Makes the charts, one a scene, until the watcher stops them, and calls `each` with every one. Returns the number of
+/// charts in the request, and the charts that were made.
 ///
 /// # Errors
-/// Files that cannot be read or written, as of [`chart`] and of `each`.
+/// Files that cannot be read or written, errors of [`chart`] and of `each`.
 pub fn chart_scenes(
     request: &ChartRequest,
     computing: &Computing<'_>,

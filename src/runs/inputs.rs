@@ -1,4 +1,4 @@
-//! Which of the files given are scenes, and which one holds placements.
+//! Sorts the files of a command into scenes and placements.
 
 use std::path::{Path, PathBuf};
 

@@ -100,7 +100,7 @@ pub trait Bar: Sync {
     fn say(&self, _words: String) {}
 }
 
-/// Says nothing and never stops.
+/// A watcher and a bar that show nothing and never stop.
 pub struct Silent;
 
 impl Watcher for Silent {}
@@ -110,9 +110,9 @@ impl Bar for Silent {}
 /// Engine, vehicle, sensor models and watcher of a command.
 #[derive(Clone)]
 pub struct Computing<'a> {
-    /// The engine asked for.
+    /// Engine to use.
     pub engine: EngineChoice,
-    /// Vehicle file in place of what scenes say.
+    /// Vehicle file in place of the scenes' own.
     pub vehicle: Option<PathBuf>,
     /// Models of LiDARs that placements of files leave without a name.
     pub sensors: Vec<SensorChoice>,

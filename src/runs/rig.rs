@@ -110,7 +110,7 @@ fn write_files(exported: &Exported, out: &Path) -> Result<(), Error> {
         }
         files => {
             shared_folder(out)?;
-            // None is written unless all can be.
+            // Checks all files first, so that none is written unless all can be.
             let place = |file: &NamedText| out.join(safe_name(&file.name));
             files.iter().try_for_each(|file| writable_file(&place(file)))?;
             files.iter().try_for_each(|file| write(&place(file), &file.text))

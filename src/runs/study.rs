@@ -43,11 +43,11 @@ pub struct StudyRequest {
     pub conditions: Vec<Condition>,
 }
 
-/// Makes the study, a folder for each scene or one for all together, until the watcher stops it; `each` is told of
+/// Makes the study, a folder for each scene or one for all together, until the watcher stops it. Calls `each` with
 /// every table and its folder.
 ///
 /// # Errors
-/// Files that cannot be read or written, a folder with another study, as of [`study`] and of `each`.
+/// Files that cannot be read or written, a folder with another study, errors of [`study`] and of `each`.
 pub fn study_scenes(
     request: &StudyRequest,
     computing: &Computing<'_>,
@@ -220,7 +220,7 @@ impl Session<'_> {
     }
 }
 
-/// All that decides about the numbers of a study of some scenes in their files.
+/// Files of a study of some scenes, and the settings that decide about its numbers.
 fn recorded<'s>(
     request: &StudyRequest,
     paths: &[PathBuf],

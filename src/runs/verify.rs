@@ -53,14 +53,14 @@ pub struct Verified {
     /// Weather and faults, as they are written.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub conditions: Vec<String>,
-    /// All that was compared.
+    /// Result of the comparisons.
     #[serde(flatten)]
     pub found: Verification,
     /// Time that it took.
     pub seconds: f64,
 }
 
-/// Verifies scene after scene; `each` is told of every one.
+/// Verifies scene after scene, and calls `each` with every result.
 ///
 /// # Errors
 /// The CPU in place of a device, files that cannot be read, numbers of placements beside a file of them, no device, and
@@ -119,7 +119,7 @@ impl VerifyRequest {
     }
 }
 
-/// Name of a scene, and what is verified in it.
+/// Verifies one scene; returns its name, too.
 fn of_scene(
     path: &Path,
     given: Option<(&Path, &[Placement])>,

@@ -26,7 +26,7 @@ pub struct ViewRequest {
     pub out: PathBuf,
     /// Weather and faults.
     pub conditions: Vec<Condition>,
-    /// How the page is made again, which stands on it.
+    /// Command that makes the page again, which stands on it.
     pub command: String,
 }
 

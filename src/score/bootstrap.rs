@@ -1,4 +1,4 @@
-//! How sure a mean over scenes is: a bootstrap over scenes, and over the frames of each.
+//! Confidence of a mean over scenes: a bootstrap over scenes, and over the frames of each.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

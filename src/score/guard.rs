@@ -13,9 +13,9 @@ use crate::vehicle::{Constraints, Placement, Region, SensorName, SensorPose, Slo
 const LEAST_INFORMATION: f64 = 0.5;
 /// Hit share below this share of the reference layout's is too little.
 const LEAST_HITS: f64 = 0.5;
-/// A class covered below this share of what the reference layout covers is neglected.
+/// A class covered below this share of the reference layout's coverage is neglected.
 const LEAST_OF_CLASS: f64 = 0.1;
-/// Classes of fewer covered voxels a frame in the reference layout are left to chance.
+/// Classes with fewer covered voxels a frame in the reference layout are not judged: their counts are chance.
 const COUNTABLE_VOXELS: f64 = 20.0;
 /// A placement that loses more than this share of its information to its sensors' range.
 const MOST_OUT_OF_RANGE: f64 = 0.01;
@@ -26,7 +26,7 @@ const LEAST_UNIQUE: f64 = 0.01;
 pub const MOST_SELF_HITS: f64 = 0.25;
 
 /// A reason not to believe a placement's scores, or not to build it: literal M-SOG is perfect for sensors that see only
-/// what never changes.
+/// voxels that never change.
 ///
 /// Printed as `name: sentence`.
 #[derive(Debug, Clone, PartialEq)]

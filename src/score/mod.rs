@@ -47,7 +47,7 @@ pub struct TaskScores {
     pub information_gain_share: Option<f64>,
 }
 
-/// All that is known about one placement.
+/// Scores, counts and guards of one placement.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Scores {
     /// Name of the placement.
@@ -226,7 +226,7 @@ impl Scores {
         CAR_WEIGHT * self.car_missing.unwrap_or(0.0)
     }
 
-    /// Share that is missing of what must be seen, over all areas.
+    /// Missing share of the requirements, summed over areas and targets.
     pub fn missing(&self) -> f64 {
         self.required.iter().map(|seen| (seen.least - seen.share).max(0.0)).sum()
     }

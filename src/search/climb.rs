@@ -20,9 +20,9 @@ const FEW_POSES: usize = 4096;
 /// Poses that a climb may move a LiDAR to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Moves {
-    /// Up to so many steps along one pose field.
+    /// At most this many steps along one pose field.
     Along(u32),
-    /// Up to so many steps along every field at once.
+    /// At most this many steps along every field at once.
     Around(u32),
     /// Anywhere on the grid.
     Anywhere,
@@ -43,7 +43,7 @@ enum Turn {
 enum Swap {
     /// A better placement, and its standing where swaps are checked.
     To(GridPlacement, Option<Standing>),
-    /// None is better.
+    /// No placement is better.
     Stay,
     /// The climb is to end; nothing is known of the turn.
     Cut,
@@ -94,7 +94,7 @@ impl GridSearch {
         self.ascend(evaluator, start, moves, Check::EachSwap, go_on)
     }
 
-    /// A climb whose swaps are checked or not; `go_on` and `None` as of [`Self::climb`].
+    /// A climb that checks its swaps by `check`; `go_on` and `None` work as in [`Self::climb`].
     ///
     /// # Errors
     /// See [`Self::hold`].
@@ -155,7 +155,7 @@ impl GridSearch {
         turns
     }
 
-    /// The placement after one random turn: a LiDAR, or what is tied to it, moved anywhere.
+    /// The placement after one random turn, which moves a LiDAR, and those tied to it, anywhere.
     pub(super) fn kicked(&self, poses: &[u32], rng: &mut impl Rng) -> Vec<u32> {
         let turns = self.turns(poses);
         let turn = turns[rng.random_range(0..turns.len())];

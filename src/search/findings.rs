@@ -1,4 +1,4 @@
-//! How properties of layouts go with the objective, beside the null model of mean height.
+//! Correlation of layout properties with the objective, beside the null model of mean height.
 
 use crate::maths;
 use crate::score::{mean_height, spearman};
@@ -27,7 +27,7 @@ fn deviation(values: impl Iterator<Item = f64> + Clone) -> f64 {
     (values.map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt()
 }
 
-/// How one property of a layout goes with the score, over a sample of placements.
+/// Correlation of one layout property with the score, over a sample of placements.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Finding {
     /// Name of the property.
@@ -38,8 +38,7 @@ pub struct Finding {
     pub beside_height: Option<f64>,
 }
 
-/// Correlations of layout and score over a sample, each beside the null model: what mean height alone
-/// says.
+/// Rank correlations of layout properties with the score over a sample, also with mean height held fixed.
 pub fn findings(sample: &[(Placement, f64)]) -> Vec<Finding> {
     let scores: Vec<f64> = sample.iter().map(|(_, score)| *score).collect();
     let of = |describe: fn(&Placement) -> f64| -> Vec<f64> {

@@ -104,12 +104,12 @@ impl GridSearch {
         self.constraints = self.constraints.untied();
     }
 
-    /// Lets climbs begin turns only while fewer than so many poses are cast.
+    /// Lets climbs begin turns only while fewer than `casts` poses are cast.
     pub(super) fn limit_casts(&mut self, casts: u64) {
         self.most_casts = casts;
     }
 
-    /// True if a climb may begin another turn: poses may still be cast, and `go_on`, which is told how many are, agrees.
+    /// True if a climb may begin another turn: casts are left, and `go_on`, called with the poses cast, agrees.
     pub(super) fn may_turn(&self, go_on: &mut dyn FnMut(u64) -> bool) -> bool {
         let cast = self.atlas.poses_cast();
         cast < self.most_casts && go_on(cast)
@@ -211,10 +211,9 @@ impl GridSearch {
     /// LiDAR after LiDAR, the candidate that makes the objective largest; `None` where no candidate
     /// fits any more.
     ///
-    /// For an information gain this reaches at least 1 − 1/e of the best placement of these
-    /// candidates where no distance is asked for (Nemhauser, Wolsey, Fisher 1978). Gains then only
-    /// shrink as sensors join, so that old ones are bounds and most are not looked at again
-    /// (Minoux 1978); the result is the same.
+    /// For an information gain this reaches at least 1 − 1/e of the best placement of these candidates where LiDARs
+    /// need no least distance (Nemhauser, Wolsey, Fisher 1978). Gains then only shrink as sensors join. Old gains are
+    /// bounds, so most are not computed again (Minoux 1978); the result is the same.
     ///
     /// # Errors
     /// See [`Self::hold`].
@@ -250,7 +249,7 @@ impl GridSearch {
             placement.poses.push(pose);
             placement.value += gain;
         }
-        // In the order of the slots.
+        // Poses in the order of the slots.
         placement.poses.sort_by_key(|&pose| self.atlas.grid().kind(pose));
         placement.value = self.value(evaluator, &placement.poses)?;
         Ok(Some(placement))

@@ -1,4 +1,4 @@
-//! Objectives of placements on a grid, from what an atlas holds of their poses.
+//! Objectives of placements on a grid, from the bitmaps of an atlas.
 
 use rayon::prelude::*;
 

@@ -87,7 +87,7 @@ pub struct FramesUsed {
     pub finalists: usize,
     /// Largest loss that a check saw, as a share of the best score.
     pub worst_loss_seen: f64,
-    /// All of it in a sentence.
+    /// These facts in a sentence.
     pub words: String,
 }
 
@@ -98,7 +98,7 @@ pub struct WorkByPurpose {
     pub levels: u64,
     /// By the generations.
     pub search: u64,
-    /// By the swaps: sensor poses, as so many whole placements.
+    /// By the swaps: sensor poses, counted as whole placements.
     pub swaps: u64,
     /// To check and to confirm.
     pub confirm: u64,
@@ -107,7 +107,7 @@ pub struct WorkByPurpose {
 }
 
 impl FramesOnDemand {
-    /// Looks whether loaded levels are of so many frames.
+    /// Checks that loaded levels fit a suite of `frames` frames.
     pub fn check(&self, frames: usize) -> Result<(), String> {
         let PlacementFrames { levels: chosen, search, confirm } = self.work;
         let parts = [

@@ -14,7 +14,7 @@ pub(super) const DRAWS: u64 = 8;
 /// Two-sided 95 % of Student's distribution with [`DRAWS`] − 1 degrees of freedom.
 const STUDENT: f64 = 2.365;
 
-/// The objective of a result and of the best baseline over several draws of what is left to chance.
+/// Objectives of a result and of the best baseline over several random draws.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PhaseCheck {
     /// Objective of the result, by draw.

@@ -8,7 +8,7 @@ use crate::engine::EngineChoice;
 use crate::score::Objective;
 use crate::vehicle::{Placement, Spacing, table_7};
 
-/// How placements are searched.
+/// Method of a search.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
@@ -21,7 +21,7 @@ pub enum Method {
     Swaps,
 }
 
-/// Over which frames placements are searched; the result is always confirmed over all of them.
+/// Frames over which placements are searched; the result is always confirmed over all frames.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FrameChoice {
@@ -93,7 +93,7 @@ impl TimeLimit {
 pub struct Settings {
     /// Score, or weighted sum of scores, to maximize.
     pub objective: Objective,
-    /// How placements are searched.
+    /// Method of the search.
     pub method: Method,
     /// Placements that the generations evaluate; the swaps then cast one and a half times as many sensor
     /// poses as those did.
@@ -105,7 +105,7 @@ pub struct Settings {
     pub delta: Option<Spacing>,
     /// Seed of all randomness.
     pub seed: u64,
-    /// Over which frames placements are searched.
+    /// Frames over which placements are searched.
     pub frames: FrameChoice,
     /// Layouts to compare with, and to start from where the mount allows them.
     pub baselines: Vec<Placement>,

@@ -40,8 +40,8 @@ impl Member {
         self.mirrored
     }
 
-    /// Placements as an engine of [`Self::problem`] is to see them: mirrored for a mirror image, in which a
-    /// placement scores what the mirrored one does in the scene as it is.
+    /// Placements as [`Self::problem`] needs them: mirrored for a mirror image. Its scores are then those of the
+    /// mirrored placements in the scene itself.
     pub(crate) fn seen<'a>(&self, placements: &'a [Placement]) -> Cow<'a, [Placement]> {
         if self.mirrored {
             placements.iter().map(Placement::mirrored).collect()
@@ -151,7 +151,7 @@ impl Suite {
         self.members.iter().map(|member| member.problem.frame_count()).sum()
     }
 
-    /// How much of all scenes is modelled: mirror images add frames alone.
+    /// Size of the model over all scenes; mirror images add frames alone.
     pub fn modelled(&self) -> Modelled {
         let mut all = self.members[0].problem.modelled();
         let mut triangles = all.triangles * all.frames as u64;

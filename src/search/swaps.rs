@@ -14,7 +14,7 @@ use crate::score::Objective;
 use crate::targets::CAR_WEIGHT;
 use crate::vehicle::{Placement, PoseGrid, Spacing};
 
-/// Grid of the swaps where nothing else is said: that of the published placements.
+/// Default grid of the swaps: the spacing of the published placements.
 pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
 /// Moves of a climb: up to three steps along one pose field, then a step along several at once.
 const MOVES: [Moves; 2] = [Moves::Along(3), Moves::Around(1)];
@@ -181,7 +181,7 @@ pub fn swap_from(
 /// tie the LiDARs together the best of some random placements stands in for greedy, which takes one LiDAR
 /// after another and so does not keep them.
 ///
-/// `None` and `go_on` as of [`swap_from`]; the settings' `casts` count for nothing.
+/// `None` and `go_on` work as in [`swap_from`]; the settings' `casts` are ignored.
 ///
 /// # Errors
 /// See [`swap_from`].

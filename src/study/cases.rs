@@ -41,7 +41,7 @@ impl<'a> Cases<'a> {
         Self { known, observer }
     }
 
-    /// Says how many cases there will be.
+    /// Announces the number of cases.
     pub(super) fn expect(&self, cases: usize) {
         self.observer.begins(cases);
     }
@@ -95,7 +95,7 @@ mod tests {
 
     use super::*;
 
-    /// Says stop after some questions.
+    /// Stops after some questions.
     struct Patience(Cell<u32>);
 
     impl StudyObserver for Patience {

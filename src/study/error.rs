@@ -88,7 +88,7 @@ pub enum StudyError {
         cases: &'static str,
         /// The name.
         name: String,
-        /// How to tell them apart.
+        /// Way to tell them apart.
         mend: &'static str,
     },
     /// A job, or a part of it, that cannot be posed, scored or searched.

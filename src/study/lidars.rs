@@ -75,8 +75,8 @@ fn with_one_more(scene: &StudyScene, before: &Placement) -> Vec<Placement> {
     corners.collect()
 }
 
-/// Where a curve of falling gains bends most: the point farthest above the line from the first to the
-/// last, after both axes are scaled to [0, 1]. `None` with fewer than three points or without rise.
+/// Index at which a curve of falling gains bends most: the point farthest above the line from the first to the last,
+/// after both axes are scaled to [0, 1]. `None` with fewer than three points or without rise.
 fn knee(values: &[f64]) -> Option<usize> {
     let (first, last) = (*values.first()?, *values.last()?);
     if values.len() < 3 || last <= first {

@@ -1,4 +1,4 @@
-//! Which sensor: numbers of channels over one field of view, and sensors from files.
+//! Sensors: numbers of channels over one field of view, and models from files.
 
 use super::cases::Cases;
 use super::columns::{self, SCORES, check_distinct, made_large};
@@ -12,7 +12,7 @@ use crate::vehicle::{Lidar, Placement};
 /// Channels that are compared over the scene's own field of view.
 const CHANNELS: [u32; 4] = [16, 32, 64, 128];
 
-/// Ground within 10 m and within 3 m that is seen: what crowding channels at the horizon costs.
+/// Ground within 10 m and within 3 m that is seen: the cost of crowding channels at the horizon.
 const NEAR_COLUMNS: [&str; 2] = ["near %", "3 m %"];
 
 /// Powers by which the elevations of the scene's own number of channels are crowded at the horizon.

@@ -28,7 +28,7 @@ pub struct StudySettings {
     pub regions: Vec<Region>,
     /// Weather and faults, in the mode `physical`.
     pub conditions: Vec<Condition>,
-    /// Which engine computes; every engine gives the same bits.
+    /// Engine that computes; every engine gives the same bits.
     pub engine: EngineChoice,
 }
 

@@ -16,7 +16,7 @@ pub struct Row {
     pub placement: Option<Placement>,
 }
 
-/// How a table is best drawn; columns are counted from the first value on.
+/// Best drawing of a table; columns are counted from the first value on.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Drawing {
     /// Cases along x, a series for each of these columns.
@@ -64,7 +64,7 @@ pub struct Table {
     pub rows: Vec<Row>,
     /// Sentences on how to read the numbers.
     pub notes: Vec<String>,
-    /// How to draw it.
+    /// Drawing that suits it.
     #[serde(skip)]
     pub drawing: Drawing,
 }

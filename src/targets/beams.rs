@@ -40,8 +40,8 @@ pub struct Standing<'a> {
     pub at: [f64; 3],
 }
 
-/// Light that must come back for a beam to count: ρ·cos θ / r² less what the air takes, at least the power of a return
-/// that the sensor sees half of the time.
+/// Light that must return for a beam to count: ρ·cos θ / r² less the loss in air, at least the power of a return that
+/// the sensor sees half of the time.
 #[derive(Debug, Clone, Default)]
 pub struct Receiving {
     /// Fog, snow and rain on the way.
@@ -243,7 +243,7 @@ impl Looking<'_> {
         receiving.sees(&self.model.response, reflectance, f64::from(cosine), metres)
     }
 
-    /// True if nothing else ends a beam before so many metres.
+    /// True if nothing else ends a beam within `metres`.
     fn reaches(&self, beam: usize, metres: f32) -> bool {
         let ends = match &self.ends {
             Ends::Hits(hits) => end_of(&hits[beam]),

@@ -10,7 +10,7 @@ use crate::problem::{Problem, SensorBatch};
 use crate::scene::Target;
 use crate::vehicle::{Placement, UnknownSensor};
 
-/// Targets, their places, and what counts as detected.
+/// Targets, their places, and the rule for a detection.
 #[derive(Debug, Clone)]
 pub struct TargetQuestion {
     /// At least one.

@@ -22,7 +22,7 @@ const TIE_TOLERANCE: f64 = 1e-4;
 /// of `f32` there.
 const ROUNDING: f64 = 1.0 / (1 << 22) as f64;
 
-/// How one beam of the reference compares with brute force in `f64`.
+/// Comparison of one beam of the reference with brute force in `f64`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]

@@ -1,4 +1,4 @@
-//! The drawings of a page, and what is computed for them.
+//! The drawings of a page, and the data computed for them.
 
 use std::sync::Arc;
 

@@ -2,7 +2,7 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `figures` | the drawings, and what is computed for them |
+//! | `figures` | the drawings, and the data computed for them |
 //! | `subject` | subject of a page, and the command that makes it again |
 //! | `stage` | the first screen: result in a sentence, 3-D view |
 //! | `scores` | result against baselines, guards, scene by scene |
@@ -40,7 +40,7 @@ pub fn view_html(subject: &Subject<'_>, figures: &Figures) -> String {
     page(subject, figures, None).into_string()
 }
 
-/// Nothing is loaded or sent: styles, scripts and pictures stand in the page.
+/// Policy that loads and sends nothing: styles, scripts and pictures are part of the page.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; \
                       base-uri 'none'; form-action 'none'";
 

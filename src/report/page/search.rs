@@ -7,7 +7,7 @@ use super::parts::{figure, table, text};
 use crate::report::convergence::steps_of_generations;
 use crate::report::{RunRecord, certificate_in_words, methods_in_words, optional};
 
-/// All about how the result was found.
+/// Section of the page on how the result was found.
 pub(super) fn search(run: &RunRecord, figures: &Figures) -> Markup {
     html! {
         section aria-labelledby="search" {
@@ -77,7 +77,7 @@ fn findings(run: &RunRecord) -> Markup {
     }
 }
 
-/// How the run was made, a line each.
+/// Facts of how the run was made, a line each.
 fn facts(run: &RunRecord) -> Markup {
     let times = &run.timings;
     let facts = [

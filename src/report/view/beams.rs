@@ -19,7 +19,7 @@ pub struct Beams {
 }
 
 impl Beams {
-    /// The beams of a placement in some frames of one of so many `scenes` of a page.
+    /// The beams of a placement in some frames of a scene, on a page with `scenes` scenes.
     pub fn new(
         problem: &Problem,
         engine: &mut dyn Backend,

@@ -29,7 +29,7 @@ const VOXEL_BYTES: usize = 1_500_000;
 /// Most voxels that are drawn of all scenes of a page.
 const VOXELS: usize = 60_000;
 
-/// All that the 3-D view of a placement in one scene shows.
+/// Data that the 3-D view of a placement shows in one scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ViewData {
     scene: String,

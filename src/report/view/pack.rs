@@ -26,7 +26,7 @@ impl Bytes {
     }
 }
 
-/// A value as one of so many steps between two ends.
+/// Position of a value between two ends, in `steps` steps.
 fn step(value: f64, [low, high]: [f64; 2], steps: f64) -> f64 {
     ((value - low) / (high - low).max(1e-9) * steps).round().clamp(0.0, steps)
 }

@@ -23,7 +23,7 @@ pub struct Things {
 }
 
 impl Things {
-    /// The things of a scene, on a page with so many of them, and where they stand in some of its frames.
+    /// The things of a scene and their poses in some of its frames, on a page with `scenes` scenes.
     pub fn new(scene: &Scene, frames: &[usize], scenes: usize) -> Self {
         let mut shapes: Vec<TriangleSoup> = Vec::new();
         let mut shape_of = Vec::new();

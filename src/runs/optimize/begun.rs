@@ -26,7 +26,7 @@ pub(super) struct Begun {
     pub inject: Option<PathBuf>,
 }
 
-/// All that a checkpoint holds.
+/// Content of a checkpoint.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Saved {
     pub begun: Begun,

@@ -166,7 +166,7 @@ impl Sitting<'_> {
         Ok(Some(*outcome))
     }
 
-    /// Nothing found is an error, unless the search was stopped before its end.
+    /// A search without a result is an error, unless it was stopped before its end.
     fn check(&self, record: &RunRecord) -> Result<(), Error> {
         if record.best.is_some() || !self.computing.watcher.goes_on() {
             return Ok(());

@@ -36,7 +36,7 @@ pub struct NewRun {
     pub out: Option<PathBuf>,
     /// Score to maximize, in place of the settings' objective.
     pub objective: Option<String>,
-    /// How to search.
+    /// Settings of the search.
     pub settings: Settings,
     /// Placements to compare with, in place of Table 7 of the paper.
     pub baselines: Option<PathBuf>,

@@ -53,8 +53,8 @@ pub struct Scanned {
 /// Scans every placement in every scene; `None` if the watcher stopped it: the next call goes on.
 ///
 /// # Errors
-/// Files that cannot be read or written, placements of one name, as of [`Scanner::on`], of [`Dataset::create`] and of
-/// the engine.
+/// Files that cannot be read or written, placements of one name, errors of [`Scanner::on`], of [`Dataset::create`] and
+/// of the engine.
 pub fn scan(
     request: &ScanRequest,
     computing: &Computing<'_>,
@@ -71,7 +71,7 @@ pub fn scan(
         placements.into_iter().unzip();
     let read = |path: &PathBuf| opening::read(path, computing.vehicle.as_deref(), watcher);
     let scenes = request.scenes.iter().map(read).collect::<Result<Vec<Scene>, Error>>()?;
-    // All that may be wrong is found before anything is written.
+    // Mistakes are found before anything is written.
     for (file, placement) in files_given.into_iter().zip(&mut placements) {
         for (k, scene) in scenes.iter().enumerate() {
             // Scenes of a data set share the vehicle: once is enough.

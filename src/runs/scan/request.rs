@@ -23,7 +23,7 @@ pub struct ScanRequest {
     pub out: PathBuf,
     /// Format.
     pub layout: Layout,
-    /// How a rig scans.
+    /// Ideal beams or real ones, seed, weather and faults.
     pub scanning: Scanning,
     /// First frames of each scene alone; all if none.
     pub frames: Option<u32>,

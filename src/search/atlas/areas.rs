@@ -3,7 +3,7 @@
 use crate::cover::BitOrder;
 use crate::problem::Content;
 
-/// Extra share asked for beyond the least, because a few frames stand for all.
+/// Extra share required beyond the least, because a few frames stand for all.
 const MARGIN: f64 = 0.01;
 
 /// Voxels of all areas of a problem, area after area.
@@ -93,7 +93,7 @@ mod tests {
         let mut bits = vec![0; 4];
         areas.take(order, &seen, &mut bits[..2]);
         assert_eq!(bits.iter().map(|word| word.count_ones()).sum::<u32>(), 30);
-        // In one of two frames: a sixth, with a hundredth more asked for.
+        // Seen in one of two frames: a sixth; the margin requires a hundredth more.
         let want = (0.51 - 1.0 / 6.0) + (0.25 - 1.0 / 6.0);
         assert!((areas.missing(&bits) - want).abs() < 1e-12);
         assert!((areas.missing(&[0; 4]) - 0.76).abs() < 1e-12);

@@ -121,7 +121,7 @@ impl Atlas {
         self
     }
 
-    /// Holds no more than so many poses.
+    /// Limits the held poses to `capacity`.
     pub(crate) fn limit(&mut self, capacity: usize) {
         self.capacity = self.capacity.min(capacity);
     }

@@ -1,4 +1,4 @@
-//! How far from the best possible placement a result can be, in numbers and words.
+//! Bounds on how far a result is from the best placement, in numbers and words.
 
 use serde::Serialize;
 

@@ -10,7 +10,7 @@ const SHARES: [f64; 7] = [0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2];
 /// Poses of which all pairs are remembered, at most: some hundred MiB.
 const MOST_POSES: usize = 3000;
 
-/// Bounds on what sets of sensors cover, from what single poses cover and what pairs have in common.
+/// Bounds on the worth that sets of sensors cover, from single poses and from the overlaps of pairs.
 ///
 /// Take a tree over the sensors. The sensors that cover a voxel and the edges between them form a forest, so they are
 /// at least one more than its edges. The worth of a union is therefore at most the sum over its sensors less the
@@ -47,14 +47,12 @@ impl PairBound {
         self.singles.iter().enumerate().map(|(pose, &single)| (pose as u32, single)).collect()
     }
 
-    /// The bound with the split of the voxels that `bound_of` likes best, of those tried, and its
-    /// value.
+    /// The bound with the split of the voxels that `bound_of` likes best, of those tried, and its value.
     ///
-    /// At most `most_words` words of bitmaps are read for the overlaps: voxels of later groups then count
-    /// without them. The worth of a voxel is `units` of its
-    /// scene × its entropies. The bound holds whatever poses are `typical`; it
-    /// is tight if good placements are made of poses like them. `go_on` is asked while the voxels are grouped and
-    /// the overlaps added up; once it says no the splits so far are all that were tried.
+    /// At most `most_words` words of bitmaps are read for the overlaps: voxels of later groups then count without them.
+    /// The worth of a voxel is `units` of its scene × its entropies. The bound holds for any `typical` poses; it is
+    /// tight if good placements are made of poses like them. `go_on` is asked while the voxels are grouped and the
+    /// overlaps added up; once it says no the splits so far are all that were tried.
     pub fn tightest(
         atlas: &Atlases,
         lidars: usize,

@@ -31,7 +31,7 @@ const WIDER: f64 = 1.25;
 const REQUIRED: f64 = 1e3;
 /// Most rounds of exchanges.
 const ROUNDS: usize = 20;
-/// Poses that are cast at once, so that progress is told in between.
+/// Poses cast at once; progress is reported in between.
 const CAST: usize = 32;
 
 /// A sensor on the grid.
@@ -55,17 +55,16 @@ impl Group {
     }
 }
 
-/// How far a choice of equipment is: all that it goes on from, beside scenes, vehicle and budget. Poses are cast
-/// anew.
+/// Checkpoint of a choice of equipment, for one set of scenes, vehicle and budget. Poses are cast anew.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Choosing {
-    /// Poses at which climbs have ended: that of gain, then that of gain for the money.
+    /// Poses at which climbs have ended: the climb by gain, then the climb by gain for the money.
     ends: Vec<Vec<u32>>,
     climb: Option<Climb>,
 }
 
 impl Choosing {
-    /// True if all of its poses are on a grid of so many.
+    /// True if all of its poses are on a grid of `poses` poses.
     pub(super) fn fits(&self, poses: u32) -> bool {
         let climbing = self.climb.iter().map(|climb| &climb.poses);
         let is_rig =
@@ -122,7 +121,7 @@ pub(super) struct Equip {
     in_pairs: bool,
 }
 
-/// Tells how many rounds of exchanges are done; false where the choice is to end.
+/// Reports the finished rounds of exchanges; false where the choice is to end.
 fn tell(watch: &mut Watch, done: usize) -> bool {
     let (work, done, total) = (Work::Exchanges, done as u64, 2 * ROUNDS as u64);
     watch.tell(&Event::Progress { work, done, total })
@@ -131,7 +130,7 @@ fn tell(watch: &mut Watch, done: usize) -> bool {
 /// Rules with a slot for every sensor that a mount could hold, of each model; mount and model of each kind.
 fn every_kind(vehicle: &Vehicle) -> (Constraints, Vec<(usize, SensorName)>) {
     let constraints = vehicle.every_kind();
-    // In the order in which the constraints have sorted them.
+    // Kinds in the order in which the constraints have sorted them.
     let of_kind = constraints.kinds().into_iter().map(|(slot, _)| {
         let mount = vehicle.mounts.iter().position(|mount| mount.region == slot.region);
         (mount.unwrap_or(0), slot.sensor)

@@ -11,7 +11,7 @@ use crate::search::pilot::Known;
 use crate::search::settings::{FrameChoice, Method};
 use crate::vehicle::Placement;
 
-/// Placements that are confirmed at once at most, so that progress is told in between.
+/// Most placements confirmed at once; progress is reported in between.
 const CONFIRMED_AT_ONCE: usize = 4;
 
 impl Run {

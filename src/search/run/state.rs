@@ -1,4 +1,4 @@
-//! The state of a run as a value, and beside it what only lives as long as the process.
+//! The state of a run as a value, and beside it the engines and caches of the process.
 
 use std::borrow::Cow;
 
@@ -24,7 +24,7 @@ use crate::vehicle::{MAX_LIDARS, Placement, PoseGrid};
 
 /// Largest population of a loaded state.
 const MOST_POPULATION: usize = 1_000_000;
-/// Draw of what is left to chance with which placements are confirmed; the search has the draw 0.
+/// Random draw with which placements are confirmed; the search has draw 0.
 pub(super) const CONFIRMING: u64 = 1;
 /// Frames of each scene that a run takes, spread evenly, where there is no time for more.
 const FEW_FRAMES: u32 = 4;
@@ -47,7 +47,7 @@ pub enum Phase {
     Confirm,
 }
 
-/// All that a run goes on from, beside problem, engine and time limit.
+/// Checkpoint of a run: all that it needs beside problem, engine and time limit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct State {
     pub(super) phase: Phase,
@@ -241,8 +241,8 @@ impl Run {
         self.sitting.out_of_time |= !watch.is_interrupted();
     }
 
-    /// True if there are so many frames that a run that is to end does not score over all of them; over fewer it
-    /// scores whatever the time.
+    /// True if a run that is to end does not score over all frames, because there are many; over few frames it scores
+    /// whatever the time.
     pub(super) fn heeds_time(&self) -> bool {
         self.sitting.hurried.is_none() && self.suite.frame_count() > FRAMES_AT_ONCE
     }
@@ -317,7 +317,7 @@ impl Run {
                 true => self.suite.clone(),
                 false => self.suite.over(&frames),
             };
-            // Lost devices are told after each step, from the engines' own lists.
+            // Lost devices are noted after each step, from the engines' own lists.
             let (evaluator, notes) = Evaluator::open(&suite, &self.state.settings.engine, |_| {})?;
             if !self.sitting.named {
                 notes.iter().for_each(|note| watch.note(note));
@@ -330,7 +330,7 @@ impl Run {
         Ok(self.sitting.evaluator.as_mut().expect("opened above"))
     }
 
-    /// Frames of the bounds: those that the search began with, which stand for all, or those that were asked for.
+    /// Frames of the bounds: the first level, which stands for all; without levels, the frames of the search.
     pub(super) fn frames_of_bounds(&self) -> Vec<usize> {
         self.state.levels.as_ref().map_or_else(|| self.frames(), |levels| levels.first().to_vec())
     }
