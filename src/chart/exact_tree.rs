@@ -8,7 +8,7 @@ use crate::geom::TriangleSoup;
 const LEAF: usize = 2;
 /// Depth from which on ranges are halved by count, so that no input makes the recursion deep.
 const HALVING_DEPTH: usize = 40;
-/// Metres by which rounding may move where a ray enters or leaves a box.
+/// Metres by which rounding may move the entry or exit of a ray at a box.
 const SLACK: f64 = 1e-9;
 
 /// Triangles under a tree by surface area, all in `f64`; shares no code with [`crate::bvh`].
@@ -46,7 +46,7 @@ impl ExactTree {
         let inverse = direction.recip();
         let mut best = None;
         let mut limit = range;
-        // Nodes to visit and where the ray enters them, the nearest last.
+        // Nodes to visit and the ray's entry into them, the nearest last.
         let mut stack = Vec::with_capacity(64);
         let enters = |index: usize, limit: f64| enter(&self.nodes[index], origin, inverse, limit);
         if !self.nodes.is_empty() {

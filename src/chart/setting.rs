@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::scene::{Coverage, PsogSource, Scene};
 use crate::vehicle::Lidar;
 
-/// Voxel edges in metres between which settings stay, beside the scene's own.
+/// Least and largest voxel edge of a setting in metres, beside the scene's own edge.
 const EDGES: [f64; 2] = [0.1, 0.8];
 /// Fewest azimuth steps that are left of a turn.
 const FEWEST_STEPS: u32 = 16;
@@ -118,7 +118,7 @@ fn round(metres: f64) -> f64 {
 }
 
 impl Setting {
-    /// About how long a placement takes on the CPU, from its beams and voxels: in beams of one LiDAR that are cast.
+    /// Estimated time of a placement on the CPU from its beams and voxels, in beams of one LiDAR that are cast.
     pub fn effort(&self, scene: &Scene) -> f64 {
         let Fidelity { voxel, azimuth, frames, through, .. } = self.fidelity;
         let most = scene.lidars().iter().map(|lidar| lidar.beam_count()).max().unwrap_or(0);

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::{Engine, Measured, RankingError, Setting};
 
-/// A measured setting and how it compares with the reference.
+/// A measured setting, and its errors against the reference.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rated {
     /// Cost and scores.

@@ -44,7 +44,7 @@ pub struct Job {
     budget: Option<f64>,
     /// Objective, seed, engine and length of the search.
     settings: Settings,
-    /// A vehicle's result is compared with its own sensors put up plainly, not with [`Settings::baselines`].
+    /// True if a vehicle's result is compared with a plain layout of its own sensors, not with [`Settings::baselines`].
     is_plain: bool,
 }
 
@@ -72,20 +72,20 @@ impl Job {
         self
     }
 
-    /// A P-SOG in place of that of each scene, on the scene's grid.
+    /// A P-SOG in place of each scene's own, on the scene's grid.
     #[must_use]
     pub fn psog(self, psog: impl Into<Arc<Psog>>) -> Self {
         let psog = Arc::new(OnceLock::from(psog.into()));
         self.with(|scene| (scene.psog, scene.worth) = (psog.clone(), Worth::OwnGrid))
     }
 
-    /// A P-SOG in place of that of each scene, on whatever grid it has.
+    /// A P-SOG in place of each scene's own, on whatever grid it has.
     #[must_use]
     pub fn on_grid_of(self, psog: impl Into<Arc<Psog>>) -> Self {
         self.psog(psog).with(|scene| scene.worth = Worth::OtherGrid)
     }
 
-    /// Geometry alone, without P-SOGs: no voxel is worth anything.
+    /// Geometry alone, without P-SOGs: no voxel holds information.
     #[must_use]
     pub fn geometry_alone(self) -> Self {
         self.with(|scene| scene.worth = Worth::Nothing)

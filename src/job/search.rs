@@ -234,7 +234,7 @@ impl JobRun<'_> {
         Ok(())
     }
 
-    /// The state to go on from; of a search whose time ended while sensors were chosen that before the end of the
+    /// Checkpoint of the search. If the time ended while sensors were chosen, it is the state before the end of that
     /// choice.
     pub fn state(&self) -> JobState {
         match &self.run {

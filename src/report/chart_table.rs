@@ -7,7 +7,7 @@ use maud::{Markup, html};
 use super::svg::{ACCENT, INK, SOFT, px, trimmed};
 use crate::chart::{Engine, Rated, Setting, Skipped};
 
-/// Titles of the table's columns, and where each begins or, from the second on, ends.
+/// Titles of the table's columns with their x in pixels: the first begins there, the others end there.
 const COLUMNS: [(&str, f64); 8] = [
     ("setting", 50.0),
     ("time", 430.0),

@@ -1,4 +1,4 @@
-//! Charts as tables: the settings of a scene, and the one to take in each of several.
+//! Tables of charts: the settings of a scene, and the setting to take in each of several.
 
 use super::chart_table::seconds;
 use super::chart_words::chart_words;

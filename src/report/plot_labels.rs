@@ -20,8 +20,8 @@ pub(super) struct Named {
 }
 
 impl Named {
-    /// Words by the number of their point, of points in pixels, in an area (left, right, top, bottom) of a drawing of
-    /// some width.
+    /// Words beside points: `labels` are (number of a point, words), `points` pixels, `area` (left, right, top, bottom)
+    /// within a drawing of `width`.
     pub fn new<'a>(
         points: &[(f64, f64)],
         labels: impl Iterator<Item = (usize, &'a str)>,

@@ -42,7 +42,7 @@ pub struct RunTimes {
 pub struct RunRecord {
     /// Version of the program.
     pub sightline: &'static str,
-    /// Name of the scene; of several all names.
+    /// Name of the scene; all names where there are several.
     pub scene: String,
     /// Each of several scenes, and their mirror images; empty where there is one.
     #[serde(skip_serializing_if = "Vec::is_empty")]

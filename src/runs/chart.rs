@@ -1,4 +1,4 @@
-//! Cost against accuracy in folders of their own, one a scene, gone on with after an interruption.
+//! Cost against accuracy, in one folder a scene that can be resumed.
 
 use std::cell::RefCell;
 use std::path::PathBuf;
@@ -21,7 +21,7 @@ use crate::vehicle::{read_placements, table_7};
 pub struct ChartRequest {
     /// Scene files, and placements to rank; without them Table 7 of the paper.
     pub files: Vec<PathBuf>,
-    /// Folder; of several scenes one in it for each.
+    /// Folder; several scenes get a folder each inside it.
     pub out: Option<PathBuf>,
     /// Folder of an interrupted chart, in place of files.
     pub resume: Option<PathBuf>,

@@ -94,7 +94,7 @@ pub fn psog(
     let is_late = || time.is_some_and(|time| Instant::now() >= time.deadline());
     let scanned = scene.psog(|done| {
         bar.set(done as u64, frames);
-        // A search scores as many whatever the time.
+        // A search, too, scores this few frames whatever the time.
         watcher.goes_on() && (frames <= FRAMES_AT_ONCE as u64 || !is_late())
     });
     scanned.map_err(|error| match error {
@@ -189,7 +189,7 @@ pub fn note_conditions(conditions: &[String], watcher: &dyn Watcher) {
         conditions.map(|condition| condition.kind()).partition(|kind| *kind == Kind::Blur);
     if !blur.is_empty() {
         let scores = match others.is_empty() {
-            // Any condition has scores ask the sensor's response, which has its say in clear air, too.
+            // Any condition makes scores use the sensor's response, which matters in clear air, too.
             true => {
                 "those of clear air under the sensor's own response, as with fog:mor=inf; without a condition \
                  every beam counts that meets something"

@@ -1,4 +1,4 @@
-//! Questions that take many runs, in folders of their own, gone on with after an interruption.
+//! Questions that take many runs, in folders of their own that can be resumed.
 
 use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
@@ -21,13 +21,13 @@ pub struct StudyRequest {
     pub kind: Kind,
     /// Scene files: `transfer` looks at all together, every other kind at one after the other.
     pub scenes: Vec<PathBuf>,
-    /// Folder; of several scenes one in it for each.
+    /// Folder; several scenes get a folder each inside it.
     pub out: Option<PathBuf>,
     /// Score to maximize where placements are searched.
     pub objective: String,
     /// Placements that each search evaluates before swaps.
     pub evaluations: u64,
-    /// Frames to average over; those of [`StudySettings`] if none.
+    /// Frames to average over; the default of [`StudySettings`] if none.
     pub frames: Option<u32>,
     /// Random placements, where the study draws some.
     pub random: u32,
@@ -35,7 +35,7 @@ pub struct StudyRequest {
     pub sensors: Vec<PathBuf>,
     /// Further regions.
     pub regions: Vec<Region>,
-    /// Edge of a voxel in metres; that of [`StudySettings`] if none.
+    /// Edge of a voxel in metres; the default of [`StudySettings`] if none.
     pub voxel: Option<f64>,
     /// Seed of all randomness.
     pub seed: u64,

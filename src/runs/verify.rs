@@ -150,7 +150,7 @@ fn of_scene(
     Ok((job.scene().name().to_owned(), found.map_err(needs_device)?))
 }
 
-/// Elsewhere the CPU stands in for a device that is missing or fails; here it cannot.
+/// The error of a missing or failed device: elsewhere the CPU takes over, here it cannot.
 fn needs_device(error: BackendError) -> Error {
     match error {
         BackendError::NoDevice { name } => {

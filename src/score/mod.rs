@@ -98,7 +98,7 @@ pub struct Scores {
     /// not look. See [`crate::targets::Sight`].
     #[serde(skip)]
     pub car_missing: Option<f64>,
-    /// Reasons not to believe the scores; empty without doubts.
+    /// Violated guards: doubts about the scores, and blind sectors; empty if there are none.
     pub guards: Vec<Guard>,
 }
 

@@ -12,7 +12,7 @@ use super::{Objective, Scores};
 /// of equal standings counts as the better, everywhere.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Standing {
-    /// Sum of the broken rules' amounts, in m and rad; 0 where all are kept.
+    /// Broken rules of the mount in m and rad, or missing shares of requirements, summed; 0 where all are kept.
     pub violation: f64,
     /// Guards that are violated.
     pub guards: usize,

@@ -3,7 +3,7 @@
 use super::{Row, StudyError};
 use crate::vehicle::Placement;
 
-/// Sees a study go on, and may stop it.
+/// Observer of a study, which may stop it.
 pub trait StudyObserver {
     /// Called before the first case with the number of cases.
     fn begins(&self, _cases: usize) {}
@@ -117,7 +117,7 @@ mod tests {
             });
             (rows.unwrap().len(), count.get())
         };
-        // The end of a case that was cut short is no error; that of one that was not is.
+        // A case that is cut short fails without an error; a whole case that fails is an error.
         let failed = |questions: u32| {
             let patience = Patience(Cell::new(questions));
             let rows = Cases::new(&mut Vec::new(), &patience)

@@ -1,4 +1,4 @@
-//! The table that a study ends in, and how it is best drawn.
+//! The table of a study, and its best drawing.
 
 use serde::{Deserialize, Serialize};
 

@@ -6,7 +6,7 @@ use crate::search::Scored;
 /// Subject of a page, whether it was searched for or given.
 #[derive(Debug, Clone)]
 pub struct Subject<'a> {
-    /// Name of the scene; of several all names.
+    /// Name of the scene; all names where there are several.
     pub scene: &'a str,
     /// Each of several scenes.
     pub scenes: &'a [SceneRecord],

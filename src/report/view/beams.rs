@@ -4,7 +4,7 @@ use crate::engine::{Backend, BackendError};
 use crate::problem::{Problem, SensorBatch};
 use crate::vehicle::Placement;
 
-/// Most beams of a LiDAR that are drawn on a page, over its scenes: of more, every second, third and so on.
+/// Most beams of a LiDAR drawn on a page, over its scenes; of more, every second, third and so on is drawn.
 const BEAMS: usize = 1200;
 
 /// Ends of beams in the ego frame, metres; beams that hit nothing are left out where beams end at hits.
@@ -14,7 +14,7 @@ pub struct Beams {
     pub ends: Vec<Vec<Vec<[f32; 3]>>>,
     /// Largest step over the LiDARs: one in `every` beams is drawn.
     pub every: usize,
-    /// No end has a coordinate beyond it.
+    /// Upper bound on the coordinates of all ends.
     pub reach: f32,
 }
 

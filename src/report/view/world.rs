@@ -1,4 +1,4 @@
-//! Shapes of a scene once, in few enough triangles, and where each thing stands by frame.
+//! Shapes of a scene once, in few enough triangles, and the pose of each thing by frame.
 
 use crate::chart::simplify::merge_vertices;
 use crate::geom::TriangleSoup;
@@ -68,8 +68,8 @@ fn count(shapes: &[TriangleSoup]) -> usize {
     shapes.iter().map(|shape| shape.faces.len()).sum()
 }
 
-/// The shapes with corners merged in ever larger cells until the triangles are few enough, and without those
-/// for which the largest do not do.
+/// The shapes with corners merged in ever larger cells until the triangles are few enough. Triangles beyond `most` even
+/// then are dropped.
 fn few(mut shapes: Vec<TriangleSoup>, most: usize) -> Vec<TriangleSoup> {
     let mut cell = CELLS[0];
     while count(&shapes) > most && cell < CELLS[1] {

@@ -1,4 +1,4 @@
-//! A search in a run folder: begun or gone on with, saved on the way, recorded at its end.
+//! A search in a run folder: begun or resumed, saved on the way, recorded at its end.
 
 mod bars;
 mod begun;

@@ -1,4 +1,4 @@
-//! Labelled scans of placements, written as data sets, gone on with after an interruption.
+//! Labelled scans of placements, written as data sets that can be resumed.
 
 mod gltf;
 mod request;
