@@ -14,7 +14,7 @@ use crate::arguments::room_for;
 use crate::errors::{bad, raised};
 use crate::psogs::PyPsog;
 
-/// Engines by the words of Python.
+/// Engines by their names in Python.
 const BACKENDS: [(&str, EngineKind); 3] =
     [("auto", EngineKind::Auto), ("cpu", EngineKind::Cpu), ("gpu", EngineKind::Gpu)];
 
@@ -32,7 +32,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// From the words of Python.
+    /// From arguments in Python.
     pub fn new(
         psog: Option<Arc<Psog>>,
         frames: Option<u32>,
@@ -49,7 +49,7 @@ impl Options {
         Ok(Self { psog, frames, conditions, engine: EngineChoice { kind, adapter, memory } })
     }
 
-    /// Puts the words of Python that these come from into `words`.
+    /// Puts the Python arguments that these come from into `words`.
     pub fn put(&self, words: &Bound<'_, PyDict>) -> PyResult<()> {
         let conditions: Vec<String> = self.conditions.iter().map(Condition::to_string).collect();
         let backend = BACKENDS.iter().find(|(_, kind)| *kind == self.engine.kind);

@@ -221,7 +221,7 @@ fn from_array(
 
 /// All placements of a `.json` or `.jsonl` file.
 ///
-/// Raises `OSError` for a file that cannot be read, `ValueError` for one that names the placement that is wrong.
+/// Raises `OSError` for a file that cannot be read, `ValueError` that names a wrong placement.
 #[pyfunction(name = "read_placements")]
 pub fn read(path: PathBuf) -> PyResult<Vec<PyPlacement>> {
     Ok(read_placements(&path).map_err(raised)?.into_iter().map(PyPlacement).collect())

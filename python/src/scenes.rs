@@ -347,8 +347,8 @@ impl PyScene {
         Ok(columns)
     }
 
-    /// Closest hits of `rays` `[N, 6]`, origin and direction in the ego frame, in one frame: `t_hit` `[N]` f32 in lengths of the
-    /// direction, `inf` for none; `primitive_ids` and `class_ids` as of `cast`.
+    /// Closest hits of `rays` `[N, 6]`, origin and direction in the ego frame, in one frame: `t_hit` `[N]` f32 in
+    /// lengths of the direction, `inf` for none; `primitive_ids` and `class_ids` as in `cast`.
     #[pyo3(signature = (rays, *, frame = 0))]
     fn cast_rays<'py>(
         &self,
@@ -407,9 +407,9 @@ impl PyScene {
         ScanIterator::begin(self.built.clone(), placement, &conditions, ideal, seed, frames, misses)
     }
 
-    /// Compares hits, voxels and sums of the scene's engine with the CPU reference, bit by bit, and `sample` beams of the
-    /// reference with brute force in f64, over `frames` frames: what `sightline verify --format json` prints. Placements are
-    /// those of Table 7, `random` and `hostile` ones unless given.
+    /// Compares hits, voxels and sums of the scene's engine with the CPU reference, bit by bit, and `sample` beams of
+    /// the reference with brute force in f64, over `frames` frames. Returns the output of `sightline verify --format
+    /// json`. Placements are Table 7, `random` and `hostile` ones unless given.
     #[pyo3(signature = (poses = None, *, sensors = None, phases = None, frames = 1, random = 200, hostile = 50,
         sample = 20_000, seed = 1))]
     #[allow(clippy::too_many_arguments)]

@@ -64,13 +64,13 @@ impl GridSearch {
     /// LiDARs that the rules tie move together: a mirrored pair as one, and where all are to stand at
     /// one height a LiDAR stays at it, and all change it at once. `start` must keep the rules.
     ///
-    /// The end violates no guard, so that the climb cannot game the objective, unless `start` violates one and
-    /// no swap leads to a placement that does not. Guards take a cast of the whole placement, so they are asked
-    /// at the end alone; where one speaks there, the climb is done again and each swap checked.
+    /// The end violates no guard, so that the climb cannot game the objective, unless `start` violates one and no swap
+    /// leads to a placement that does not. Guards take a cast of the whole placement, so they are asked at the end
+    /// alone. If one is violated there, the climb is done again and each swap is checked.
     ///
-    /// `go_on` is asked before each turn, and within one as by [`Self::hold_while`] and after every few candidates, with
-    /// the poses that the atlas has cast so far. Once it says no the turn under way counts for nothing, and the climb
-    /// ends where that turn began, with no look at guards; `None` where not even the start was cast.
+    /// `go_on` is asked before each turn, after every few candidates and as by [`Self::hold_while`], with the poses
+    /// cast so far. Once it says no, the turn under way does not count and the climb ends where that turn began,
+    /// without a look at guards; `None` where not even the start was cast.
     ///
     /// # Errors
     /// See [`Self::hold`].
@@ -274,7 +274,7 @@ impl GridSearch {
             let placements = some.iter().zip(values).filter(|(_, value)| *value > least);
             better.extend(placements.map(|(p, value)| GridPlacement { poses: p.clone(), value }));
         }
-        // Stable: of equal ones the one with the lower number of a pose.
+        // Stable: of equal placements the one with the lower number of a pose comes first.
         better.sort_by(|a, b| b.value.total_cmp(&a.value));
         let Some(held) = held else {
             return Ok(better.into_iter().next().map_or(Swap::Stay, |best| Swap::To(best, None)));

@@ -6,10 +6,10 @@ use super::pilot::Pilot;
 use crate::problem::Tally;
 use crate::score::Objective;
 
-/// Sets of frames that are all tried; of larger ones the best is looked for by exchanging frames.
+/// Most sets of frames that are all tried; among more sets the best is found by exchanging frames.
 const ALL_SETS: u64 = 4000;
 
-/// Some frames, and how well their score stands for that over all.
+/// Some frames, and the error of ranking by them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Level {
     /// Frames in rising order, numbered through all scenes.
@@ -61,7 +61,7 @@ struct Choice<'a> {
     reference: Vec<Option<f64>>,
 }
 
-/// Frames with their sums: those of a set with one frame more or less are then a step away, not a sum over it.
+/// Frames with their sums, so that a set with one frame more or less is a step away, not a sum over it.
 #[derive(Clone)]
 struct Set {
     /// In rising order.
@@ -327,8 +327,8 @@ mod tests {
 
     #[test]
     fn an_exchange_leaves_the_best_smaller_set() {
-        // By how much the first of two placements gains more in each frame. Frames 0 and 1 balance each
-        // other, but nothing balances them and two more; frames 2 to 5 balance each other.
+        // Gain of the first of two placements over the second, in each frame. Frames 0 and 1 balance each other, but
+        // nothing balances them and two more; frames 2 to 5 balance each other.
         let more = [&[-1, 1, 5, 5, 5, -15][..], &[1000; 16], &[-2000; 8]].concat();
         let gains: Vec<[u64; 2]> = more.iter().map(|d| [(10_000 + d) as u64, 10_000]).collect();
         let rows: Vec<&[u64]> = gains.iter().map(|row| &row[..]).collect();
@@ -357,7 +357,7 @@ mod tests {
         }
         assert!(levels[3].error < levels[0].error, "{levels:?}");
         assert_eq!((sets(24, 4), subsets(5, 2).len()), (10626, 10));
-        // Nearly all of many: as few sets as of the rest, and none is begun that cannot be whole.
+        // Nearly all of many: as few sets as for the frames left out, and no set is begun that cannot be completed.
         assert_eq!((sets(33, 32), sets(66, 64), subsets(33, 32).len()), (33, 2145, 33));
         assert!([(140, 64), (360, 128), (1000, 512)].iter().all(|&(n, k)| sets(n, k) > ALL_SETS));
     }

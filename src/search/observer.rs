@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::generations::GenerationRecord;
 
-/// Sees a run go on, and may stop it.
+/// Observer of a run, which may stop it.
 ///
 /// Every closure from an [`Event`] to `bool` is one: `&mut |_: &Event| true` lets a run go on in silence.
 pub trait Observer {
@@ -45,7 +45,7 @@ pub enum Event<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Work {
-    /// Frames looked at for the choice of those that the search begins with.
+    /// Frames looked at for the choice of the search's first frames.
     Frames,
     /// Sensor poses cast for the choice of equipment.
     Equipment,
@@ -80,7 +80,7 @@ impl fmt::Display for Work {
     }
 }
 
-/// An observer with a deadline; remembers that it was told to stop.
+/// An observer with a deadline, which remembers an interruption.
 pub(super) struct Watch<'a> {
     observer: &'a mut dyn Observer,
     pub(super) deadline: Option<Instant>,

@@ -42,7 +42,7 @@ struct Finalist {
     confirmed: Option<Standing>,
 }
 
-/// The levels of frames, where a search stands among them, and its finalists.
+/// Levels of frames, the present one, and the finalists.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct FramesOnDemand {
     /// Frames of each level, numbered through all scenes, ever more; the last is all of them.
@@ -159,12 +159,12 @@ impl FramesOnDemand {
         Ok(Some((Self { work, ..Self::over(levels, errors) }, known)))
     }
 
-    /// A search over the frames `few`, which nobody has compared with all: there was no time to.
+    /// A search over the frames `few`, taken without a comparison with all: there was no time.
     pub fn hurried(few: Vec<usize>, all: usize) -> Self {
         Self::over(vec![few, (0..all).collect()], vec![None; 2])
     }
 
-    /// At the first of some levels.
+    /// A search at the first of some levels.
     fn over(levels: Vec<Vec<usize>>, errors: Vec<Option<f64>>) -> Self {
         let steps = vec![(0, levels[0].len() as u32)];
         let (at, finalists, worst_loss) = (0, Vec::new(), 0.0);

@@ -25,7 +25,7 @@ pub struct PhaseCheck {
     pub words: String,
 }
 
-/// Mean, and how far to both sides its 95 % interval reaches.
+/// Mean, and half the width of its 95 % interval.
 fn interval(values: &[f64]) -> [f64; 2] {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;

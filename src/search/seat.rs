@@ -31,7 +31,7 @@ pub(super) struct Seat {
     pub backend: Box<dyn Backend>,
     /// Bytes of work buffers on the host.
     memory: u64,
-    /// Tallies of the reference layout by number of LiDARs; see [`crate::score::Guard`].
+    /// Tallies of reference layouts by the models of their LiDARs; see [`crate::score::Guard`].
     references: BTreeMap<Vec<SensorName>, Tally>,
 }
 

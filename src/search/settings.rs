@@ -39,7 +39,7 @@ pub enum FrameChoice {
 pub struct TimeLimit {
     /// When it began to run.
     pub start: Instant,
-    /// After which the run ends; generations end after two fifths of it. Where there are many frames, they are chosen
+    /// Time after which the run ends. Generations end after two fifths of it. With many frames, the frames are chosen
     /// within the first fifth, finalists of the generations are confirmed in the third, and the result in the last.
     /// Scoring the result over few frames comes on top.
     pub length: Duration,
@@ -60,27 +60,27 @@ impl TimeLimit {
         Self { start: Instant::now(), length }
     }
 
-    /// When the search has to end.
+    /// Time at which the search has to end.
     pub fn deadline(&self) -> Instant {
         self.start + self.length
     }
 
-    /// When the frames of the search have to be chosen.
+    /// Time at which the frames of the search have to be chosen.
     pub(super) fn frames_deadline(&self) -> Instant {
         self.start + self.length.mul_f64(FRAMES_SHARE)
     }
 
-    /// When the finalists of the generations have to be confirmed over many frames.
+    /// Time at which the finalists of the generations have to be confirmed over many frames.
     pub(super) fn finalists_deadline(&self) -> Instant {
         self.start + self.length.mul_f64(FINALISTS_SHARE)
     }
 
-    /// When the search has to end where the result is confirmed over many frames.
+    /// Time at which the search has to end where the result is confirmed over many frames.
     pub(super) fn search_deadline(&self) -> Instant {
         self.start + self.length.mul_f64(SEARCH_SHARE)
     }
 
-    /// When the generations have to end.
+    /// Time at which the generations have to end.
     pub(super) fn generations_deadline(&self) -> Instant {
         self.start + self.length.mul_f64(GENERATIONS_SHARE)
     }

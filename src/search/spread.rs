@@ -36,7 +36,7 @@ impl Gain {
     }
 }
 
-/// The gain of a result over the best baseline, as a share of all there is in each scene, over several scenes.
+/// Gain of a result over the best baseline in several scenes, as shares of each scene's information.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GainSpread {
     /// Name of the baseline.

@@ -51,7 +51,7 @@ impl Member {
     }
 }
 
-/// The problems that a placement is judged by together: one vehicle in one scene or several.
+/// Problems that a placement is scored in together: one vehicle in one scene or several.
 ///
 /// Frames are numbered through all members.
 #[derive(Debug, Clone)]
@@ -79,7 +79,7 @@ impl From<Problem> for Suite {
 }
 
 impl Suite {
-    /// Several scenes by name; of equal names the later ones get a number.
+    /// Several scenes by name; later scenes of an equal name get a number.
     ///
     /// # Errors
     /// No scene; one with another LiDAR or other rules of the mount than the first; of several, one in which

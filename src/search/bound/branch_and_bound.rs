@@ -175,7 +175,7 @@ struct Tree<'a> {
 }
 
 impl Tree<'_> {
-    /// Branches until the effort is spent, or nothing is left; how many sets were looked at.
+    /// Branches until the effort is spent or nothing is left; returns the number of sets looked at.
     fn branch(&mut self, effort: &Effort, go_on: &mut dyn FnMut(u64) -> bool) -> u64 {
         let (mut looked_at, mut cheaply) = (1, 0);
         self.open.push_unsorted(root(self.pairs));

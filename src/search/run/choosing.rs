@@ -1,4 +1,4 @@
-//! Frames: which ones the search begins with, and when it goes on over more.
+//! Frames: the first frames of a search, and its steps to more.
 
 use super::state::{Phase, Run};
 use crate::score::Scores;
@@ -125,7 +125,7 @@ impl Run {
         Ok(true)
     }
 
-    /// Scores over the frames of [`Self::confirming`], told a few placements at a time; `None` where the run is to end before that.
+    /// Scores over the frames of [`Self::confirming`], with progress in between; `None` where the run is to end before.
     pub(super) fn judged_over_all(
         &mut self,
         placements: &[Placement],
