@@ -16,7 +16,7 @@ use crate::errors::bad;
 
 /// Longest value in a message, in characters.
 const LONGEST: usize = 60;
-/// Most placements and beams of a call: a zero too many is told, not computed for days.
+/// Most placements and beams of a call: a zero too many is an error, not days of work.
 const MOST: i128 = 1_000_000_000;
 /// Most threads for each core.
 const THREADS_A_CORE: i128 = 8;
@@ -231,7 +231,7 @@ fn maybe_real(
     real(what, given, wanted, is_allowed).map(Some)
 }
 
-/// Raises what is no matter of the argument's value, such as Ctrl-C or a lack of memory.
+/// Raises an error that does not depend on the argument's value, such as Ctrl-C or a lack of memory.
 pub fn or_raised(py: Python<'_>, error: PyErr) -> PyResult<()> {
     let of_value = error.is_instance_of::<PyTypeError>(py)
         || error.is_instance_of::<PyValueError>(py)

@@ -20,7 +20,7 @@ const MOST_BYTES: usize = 8;
 /// Axes that an array may have: those of NumPy before 2.
 const MOST_AXES: usize = 32;
 
-/// An array of numbers of any real type as one of `T`; `wanted` says in words what is wanted.
+/// An array of numbers of any real type as one of `T`; `wanted` describes the required shape in words.
 ///
 /// Aligned arrays of that type come without a copy, however they are strided; others are converted.
 pub fn numbers<'py, T: Element>(
@@ -68,7 +68,7 @@ pub fn wholes<T: Element + TryFrom<i128>>(
     values.map(|values| (values, shape))
 }
 
-/// Where the element of number `n` in C order stands in an array.
+/// Index in an array of the element of number `n` in C order.
 fn place(mut n: usize, shape: &[usize]) -> Vec<usize> {
     let mut place = vec![0; shape.len()];
     for (at, &length) in place.iter_mut().zip(shape).rev() {

@@ -1,4 +1,4 @@
-//! A scene with what is built from it once: P-SOG, problem, engine.
+//! A scene and all that is built from it once: P-SOG, problem, engine.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -14,25 +14,25 @@ use crate::arguments::room_for;
 use crate::errors::{bad, raised};
 use crate::psogs::PyPsog;
 
-/// Engines by the words of Python.
+/// Engines by their names in Python.
 const BACKENDS: [(&str, EngineKind); 3] =
     [("auto", EngineKind::Auto), ("cpu", EngineKind::Cpu), ("gpu", EngineKind::Gpu)];
 
-/// How a scene is to be scored.
+/// Settings for scoring a scene.
 #[derive(Clone, Default)]
 pub struct Options {
-    /// In place of the scene's own.
+    /// P-SOG in place of the scene's own.
     pub psog: Option<Arc<Psog>>,
-    /// So many frames, spread evenly; all if `None`.
+    /// Number of frames, spread evenly; all if `None`.
     pub frames: Option<u32>,
     /// Weather and faults.
     pub conditions: Vec<Condition>,
-    /// What computes.
+    /// Engine that computes.
     pub engine: EngineChoice,
 }
 
 impl Options {
-    /// From the words of Python.
+    /// From arguments in Python.
     pub fn new(
         psog: Option<Arc<Psog>>,
         frames: Option<u32>,
@@ -49,7 +49,7 @@ impl Options {
         Ok(Self { psog, frames, conditions, engine: EngineChoice { kind, adapter, memory } })
     }
 
-    /// Puts the words of Python that these come from into `words`.
+    /// Puts the Python arguments that these come from into `words`.
     pub fn put(&self, words: &Bound<'_, PyDict>) -> PyResult<()> {
         let conditions: Vec<String> = self.conditions.iter().map(Condition::to_string).collect();
         let backend = BACKENDS.iter().find(|(_, kind)| *kind == self.engine.kind);
@@ -187,8 +187,8 @@ pub fn score(
     Ok(scores)
 }
 
-/// Adds the guard `self_hit` to the scores of placements of a job: where it is asked for, else for as few of them as the
-/// program looks at.
+/// Adds the guard `self_hit` to the scores of placements of a job: if `asked` says so, else for up to
+/// [`FEW_PLACEMENTS`].
 pub fn guard(
     job: &Job,
     evaluator: &mut Evaluator,

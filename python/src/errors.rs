@@ -38,10 +38,10 @@ create_exception!(
     "A likely mistake in a file or in poses, such as millimetres in place of metres."
 );
 
-/// Doubts about placements of a call at most: of a million placements in degrees, the first say enough.
+/// Most doubts about placements that a call warns of: of a million placements in degrees, the first say enough.
 const MOST_WARNINGS: usize = 3;
 
-/// Warns the caller's line in Python of the first placements that are most likely not meant.
+/// Warns the caller's line in Python of the first placements that are likely mistakes.
 pub fn warn_of_placements(py: Python<'_>, doubts: impl Iterator<Item = String>) -> PyResult<()> {
     doubts.take(MOST_WARNINGS).try_for_each(|doubt| warn(py, &Note::doubt(doubt)))
 }

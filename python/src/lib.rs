@@ -6,8 +6,8 @@
 //! | `arrays`, `json` | conversions |
 //! | `errors` | exceptions |
 //! | `wait` | long work without the GIL, with Ctrl-C |
-//! | `sensors`, `placements`, `psogs`, `rigs`, `scenes` | what the user holds |
-//! | `engine` | what is built once from a scene |
+//! | `sensors`, `placements`, `psogs`, `rigs`, `scenes` | objects of the user |
+//! | `engine` | P-SOG, problem and engine of a scene, built once |
 //! | `columns` | scores as arrays |
 //! | `scans` | scans as an iterator |
 //! | `search` | suites and `optimize` |
@@ -36,7 +36,7 @@ use pyo3::prelude::*;
 use errors::bad;
 use sightline::internals::Sentence;
 
-/// Where memory that nobody can do without is refused, the process ends with a sentence instead of a crash.
+/// Allocator that ends the process with a sentence instead of a crash where indispensable memory is refused.
 #[global_allocator]
 static ALLOCATOR: Sentence = Sentence;
 
@@ -46,7 +46,7 @@ fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
     py.detach(|| sightline::cli::run(arguments).code())
 }
 
-/// Lets the CPU engine use so many threads, up to 8 for each core; to be called before anything is computed.
+/// Lets the CPU engine use `count` threads, up to 8 for each core; to be called before anything is computed.
 #[pyfunction]
 fn set_threads(#[pyo3(from_py_with = arguments::threads)] count: usize) -> PyResult<()> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(count);

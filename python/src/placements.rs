@@ -16,7 +16,7 @@ use crate::json::to_python;
 /// Bytes that the name of a placement takes.
 const NAME_BYTES: usize = 32;
 
-/// What an array of poses has to be, in words.
+/// Required shape of an array of poses, in words.
 const WANTED: &str =
     "[N, L, 6], or [L, 6] for one placement: x, y, z in metres, roll, pitch, yaw in radians";
 
@@ -78,7 +78,7 @@ impl PyPlacement {
         column(py, phases.collect())
     }
 
-    /// What a placement file holds of it.
+    /// The placement as a dict, with the keys of a placement file.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         to_python(py, &self.0)
     }
@@ -221,7 +221,7 @@ fn from_array(
 
 /// All placements of a `.json` or `.jsonl` file.
 ///
-/// Raises `OSError` for a file that cannot be read, `ValueError` for one that names the placement that is wrong.
+/// Raises `OSError` for a file that cannot be read, `ValueError` that names a wrong placement.
 #[pyfunction(name = "read_placements")]
 pub fn read(path: PathBuf) -> PyResult<Vec<PyPlacement>> {
     Ok(read_placements(&path).map_err(raised)?.into_iter().map(PyPlacement).collect())

@@ -22,7 +22,7 @@ use crate::errors::{bad, raised};
 use crate::json::to_python;
 use crate::wait::interruptible;
 
-/// What a region has to be, in words.
+/// Required shape of a region, in words.
 const CORNERS: &str = "[2, 3]: the lower and the upper corner, metres";
 /// Bytes of a labelled point, read and then merged.
 const POINT_BYTES: usize = 64;
@@ -196,7 +196,7 @@ impl PyPsog {
         Ok(Self(Arc::new(self.0.merge(&other.0).map_err(raised)?)))
     }
 
-    /// What `sightline psog info` prints.
+    /// The facts that `sightline psog info` prints.
     fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         to_python(py, &PsogInfo::new(&self.0, None))
     }

@@ -30,8 +30,8 @@ const MODELS: &str = "a dict of texts: the frame of a LiDAR and its model";
 /// The LiDARs of one vehicle, by the names of their frames.
 ///
 /// `frames` names them, `poses` is `[L, 6]`: x, y, z in metres, roll, pitch, yaw in radians, in the ego frame. `sensors` is
-/// the model of each where it is known. `left_out` names what is no LiDAR, `notes` says what was read otherwise than it
-/// stands there.
+/// the model of each where it is known. `left_out` names sensors that are no LiDAR, `notes` says which values were read
+/// otherwise than written.
 #[pyclass(name = "Rig", module = "sightline", frozen)]
 pub struct PyRig {
     rig: Rig,
@@ -45,7 +45,7 @@ impl PyRig {
     /// `yaw` in degrees, left-handed with y to the right.
     ///
     /// Numbers may be texts, as attributes of CARLA are. `models` gives LiDARs their models by `id`; `base_link` `[3]` is
-    /// CARLA's origin of the vehicle in the ego frame, metres. Raises `ValueError` with index and key of what is wrong.
+    /// CARLA's origin of the vehicle in the ego frame, metres. Raises `ValueError` with index and key of a wrong value.
     #[staticmethod]
     #[pyo3(signature = (sensors, *, name = None, models = None, base_link = None))]
     fn from_carla(
@@ -66,8 +66,8 @@ impl PyRig {
 
     /// From a file of another program, or a folder of its files; `docs/formats/rigs.md` lists the formats.
     ///
-    /// `format` names one, which else is told by what the file holds; `frames` picks LiDARs by name. Raises `OSError` for
-    /// files that cannot be read, `ValueError` with the place of what is wrong.
+    /// `format` names one; otherwise the file's content tells it. `frames` picks LiDARs by name. Raises `OSError` for
+    /// files that cannot be read, `ValueError` with the place of a wrong value.
     #[staticmethod]
     #[pyo3(signature = (path, *, format = None, name = None, frames = None, models = None, base_link = None))]
     fn load(
@@ -116,13 +116,13 @@ impl PyRig {
         self.rig.lidars.iter().map(|lidar| lidar.sensor.as_deref()).collect()
     }
 
-    /// Names of what is no LiDAR.
+    /// Names of sensors that are no LiDAR.
     #[getter]
     fn left_out(&self) -> Vec<&str> {
         self.left_out.iter().map(String::as_str).collect()
     }
 
-    /// Sentences on what was read: facts and doubts.
+    /// Sentences on the file that was read: facts and doubts.
     #[getter]
     fn notes(&self) -> Vec<&str> {
         self.notes.iter().map(String::as_str).collect()

@@ -37,14 +37,14 @@ const SAMPLE_BYTES: usize = 256;
 /// Placements that are drawn between two looks whether to stop.
 const DRAWN_TOGETHER: usize = 4096;
 
-/// Where a scene comes from.
+/// File or text that a scene is read from.
 #[derive(Clone)]
 enum Source {
     File { path: PathBuf, vehicle: Option<PathBuf> },
     Text { text: String, folder: PathBuf },
 }
 
-/// A scene, ready to be scored; what scoring needs is built when it is first needed, and kept.
+/// A scene, ready to be scored; P-SOG, problem and engine are built when they are first needed, and kept.
 ///
 /// `poses` of the methods is an array `[N, L, 6]` (or `[L, 6]` for one placement), a `Placement`, or a list of them;
 /// `sensors` names the model of each LiDAR of an array, `phases` `[L]` or `[N, L]` locks them at angles in radians (`NaN`: as
@@ -92,7 +92,7 @@ impl PyScene {
         Self::new(py, scene, Source::File { path, vehicle }, options)
     }
 
-    /// A scene from what a scene file holds; files that it names are relative to `folder`. Options as of `load`.
+    /// A scene from the dict of a scene file; files that it names are relative to `folder`. Options as for `load`.
     #[staticmethod]
     #[pyo3(signature = (scene, *, folder = PathBuf::from("."), psog = None, frames = None,
         conditions = Vec::new(), backend = "auto", adapter = None, memory = None))]
@@ -347,8 +347,8 @@ impl PyScene {
         Ok(columns)
     }
 
-    /// Closest hits of `rays` `[N, 6]`, origin and direction in the ego frame, in one frame: `t_hit` `[N]` f32 in lengths of the
-    /// direction, `inf` for none; `primitive_ids` and `class_ids` as of `cast`.
+    /// Closest hits of `rays` `[N, 6]`, origin and direction in the ego frame, in one frame: `t_hit` `[N]` f32 in
+    /// lengths of the direction, `inf` for none; `primitive_ids` and `class_ids` as in `cast`.
     #[pyo3(signature = (rays, *, frame = 0))]
     fn cast_rays<'py>(
         &self,
@@ -407,9 +407,9 @@ impl PyScene {
         ScanIterator::begin(self.built.clone(), placement, &conditions, ideal, seed, frames, misses)
     }
 
-    /// Compares hits, voxels and sums of the scene's engine with the CPU reference, bit by bit, and `sample` beams of the
-    /// reference with brute force in f64, over `frames` frames: what `sightline verify --format json` prints. Placements are
-    /// those of Table 7, `random` and `hostile` ones unless given.
+    /// Compares hits, voxels and sums of the scene's engine with the CPU reference, bit by bit, and `sample` beams of
+    /// the reference with brute force in f64, over `frames` frames. Returns the output of `sightline verify --format
+    /// json`. Placements are Table 7, `random` and `hostile` ones unless given.
     #[pyo3(signature = (poses = None, *, sensors = None, phases = None, frames = 1, random = 200, hostile = 50,
         sample = 20_000, seed = 1))]
     #[allow(clippy::too_many_arguments)]

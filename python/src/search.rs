@@ -49,8 +49,8 @@ impl PySuite {
         self.scenes.iter().map(|built| built.scene.name()).collect()
     }
 
-    /// Scores over all scenes: the mean of the scenes' shares of information. `poses` as of `Scene`. Up to 64 placements
-    /// are looked at for the guard `self_hit`, as in the program.
+    /// Scores over all scenes: the mean of the scenes' shares of information. `poses` as for `Scene`. Up to 64
+    /// placements are looked at for the guard `self_hit`, as in the program.
     #[pyo3(signature = (poses, *, sensors = None, phases = None))]
     fn score<'py>(
         &self,
@@ -211,7 +211,7 @@ pub fn search<'py>(
     }
 }
 
-/// What a scene, or a list of at least one, was built from.
+/// The built scenes of a `Scene`, or of a list of at least one.
 fn scenes_of(given: &Bound<'_, PyAny>) -> PyResult<Vec<Arc<Built>>> {
     Ok(given_scenes(given)?.iter().map(|scene| scene.get().built.clone()).collect())
 }
@@ -228,11 +228,11 @@ fn given_scenes<'py>(given: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PySce
     })
 }
 
-/// What a search has come to, and the signal or the callback's exception that ended it.
+/// Outcome of a search, and the signal or the callback's exception that ended it.
 type Ended = (Option<(Found, Vec<String>)>, Option<PyErr>);
 
 /// Searches on a thread of its own. After Ctrl-C, or an exception of the callback, the search ends its generation and
-/// confirms what it has; after a second one it is left alone.
+/// confirms its best so far; after a second one it is left alone.
 fn beside(py: Python<'_>, asked: Asked, callback: Option<Py<PyAny>>) -> PyResult<Ended> {
     let stop = Arc::new(AtomicBool::new(false));
     let failed: Arc<Mutex<Option<PyErr>>> = Arc::default();

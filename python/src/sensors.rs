@@ -63,8 +63,8 @@ impl PySensor {
         Self::from_text(py, &lidar.to_string(), Path::new(""), &path.display().to_string())
     }
 
-    /// From what a scene has under `lidar`, as `{"channels": 16, "fov": [-24.8, 2], "azimuth_steps": 250, "range": 100}`;
-    /// files that it names are relative to `folder`.
+    /// From a dict as a scene has it under `lidar`, such as `{"channels": 16, "fov": [-24.8, 2], "azimuth_steps": 250,
+    /// "range": 100}`; files that it names are relative to `folder`.
     #[staticmethod]
     #[pyo3(signature = (lidar, *, folder = None))]
     fn from_dict(lidar: &Bound<'_, PyAny>, folder: Option<PathBuf>) -> PyResult<Self> {

@@ -39,8 +39,8 @@ pub fn wait<T: Send>(py: Python<'_>, receiver: &Mutex<Receiver<T>>) -> PyResult<
     }
 }
 
-/// Runs `work` on a thread of its own and waits for it; it is told to stop when a signal raises, and goes on in the
-/// background until it looks.
+/// Runs `work` on a thread of its own and waits for it. A signal that raises sets the flag that `work` gets; `work`
+/// goes on in the background until it looks at the flag.
 ///
 /// # Errors
 /// Like [`wait`]; a panic of `work`.

@@ -31,7 +31,7 @@ const TOLERANCE: (f64, f64) = (1e-3, 0.1 * std::f64::consts::PI / 180.0);
 /// Ranges in metres to which the visibility is cut.
 const VISIBILITIES: [f32; 3] = [10.0, 20.0, 40.0];
 
-/// Frames that an audit averages over where nothing is said.
+/// Frames that an audit averages over by default.
 pub const AUDIT_FRAMES: u32 = 2;
 
 /// Result of an audit.
@@ -41,8 +41,8 @@ pub struct Audit {
     pub scene: String,
     /// The objective that ranks.
     pub objective: String,
-    /// Scores of the honest placement that the attempts are compared with: of those without a violated
-    /// guard the first that is best by the objective.
+    /// Scores of the base, which attempts are compared with: the honest placement that is best by the objective, among
+    /// those without a violated guard if there are any.
     pub base: Scores,
     /// Attempts to look better than the base while seeing less.
     pub trials: Vec<Trial>,
@@ -51,7 +51,7 @@ pub struct Audit {
     /// Spearman's rank correlation of the objective with mean height alone over the honest placements;
     /// `None` where either is constant.
     pub ranking_against_mean_height: Option<f64>,
-    /// Whether no score was fooled without a guard that says so.
+    /// True if no trial fooled a score without a guard that says so.
     pub passed: bool,
 }
 
@@ -70,7 +70,7 @@ pub const AUDIT_PARTS: u64 = 4;
 /// Tries to fool the scores of a job in one scene, and ranks `honest` placements by its objective under changes of
 /// the model.
 ///
-/// `tell` is told how it goes on.
+/// `tell` is called with notes and finished parts.
 ///
 /// # Errors
 /// No placement, several scenes, a P-SOG that does not fit the scene, or from the backend.
@@ -124,7 +124,7 @@ pub fn audit(
 /// Draws of free phases that the ranking is tried with.
 const PHASE_DRAWS: u64 = 3;
 
-/// The same LiDARs with the phases of their models.
+/// Copy of the placements whose LiDARs have no phases of their own, so that the models' phases hold.
 fn without_phases(placements: &[Placement]) -> Vec<Placement> {
     let mut freed = placements.to_vec();
     freed.iter_mut().flat_map(|p| &mut p.lidars).for_each(|pose| pose.phase = None);
@@ -166,7 +166,7 @@ fn mounted(
     }
     let mut turned = ranking.honest().to_vec();
     for pose in turned.iter_mut().flat_map(|placement| &mut placement.lidars) {
-        // Of listed directions, a turn by their number.
+        // Half an azimuth step; listed directions have a mean step of 360° / their number.
         pose.yaw += 0.5 * lidars[sensors.number(pose)?].azimuth_step().to_radians();
     }
     let phase = evaluator.scores(&turned)?;

@@ -1,4 +1,4 @@
-//! What a change of the model does to the ranking of honest placements.
+//! Effect of a change of the model on the ranking of honest placements.
 
 use serde::Serialize;
 
@@ -15,11 +15,11 @@ pub struct Stability {
     pub base: Scores,
     /// Largest |after − before| / |before| of the objective over placements and draws.
     pub worst_relative_change: f64,
-    /// Median of the same.
+    /// Median of these relative changes.
     pub median_relative_change: f64,
     /// Lowest Kendall's τ-b of a draw with the unchanged ranking; `None` where either is constant.
     pub kendall_tau: Option<f64>,
-    /// Median of the same.
+    /// Median of Kendall's τ-b over the draws.
     pub median_kendall_tau: Option<f64>,
     /// Spearman's rank correlation of the changed ranking with mean height alone.
     pub ranking_against_mean_height: Option<f64>,

@@ -35,7 +35,7 @@ pub struct Trial {
     pub scores: Scores,
     /// Names of the scores that rank the attempt above the base.
     pub fooled: Vec<&'static str>,
-    /// Whether it fooled a score, and whether a guard noticed.
+    /// Fooled, caught by a guard, or not fooled.
     pub verdict: Verdict,
 }
 

@@ -1,4 +1,4 @@
-//! The same scene seen through other models of it: fewer frames, other counts, another grid.
+//! Changed models of one scene: fewer frames, other counts, another grid.
 
 use std::sync::Arc;
 

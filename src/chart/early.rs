@@ -1,4 +1,4 @@
-//! Settings that a chart leaves early, or does not begin: those that cannot become its advice.
+//! Settings that a chart leaves early, or does not begin, since they cannot become its advice.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,11 +8,11 @@ use super::{Engine, MOST_SWAPPED, Measured, RankingError, Setting};
 
 /// Placements after which the pairs that a setting swaps may decide against it.
 const ENOUGH: usize = 24;
-/// Times that a setting may take as long as one that keeps the ranking: after a few placements, and after [`ENOUGH`].
+/// Most seconds of a setting as a multiple of one that keeps the ranking: after a few placements, and after [`ENOUGH`].
 /// Both leave room for a busy machine.
 const SLOWER: [f64; 2] = [3.0, 1.5];
-/// Efforts of a setting that keeps the ranking, from which on another one is not begun. Efforts come from counts of
-/// beams and voxels and are mostly right within a factor of 1.5; see [`Setting::effort`].
+/// Effort from which on a setting is not begun, as a multiple of one that keeps the ranking. Efforts come from counts
+/// of beams and voxels and are mostly right within a factor of 1.5; see [`Setting::effort`].
 pub(super) const DEARER: f64 = 2.0;
 
 /// Reason for which a setting was not measured with all placements.
@@ -50,7 +50,7 @@ pub struct Skipped {
     pub left: Left,
 }
 
-/// How far settings are measured, given those before them.
+/// Rule on how far a setting is measured, given the settings before it.
 ///
 /// Settings come in order of their effort, the reference first: the finest setting in `f32`. One is measured to the end
 /// unless it cannot be the advice: it swaps too many pairs, or another one keeps the ranking for clearly less time. The
@@ -190,7 +190,7 @@ mod tests {
         rule
     }
 
-    /// Why and after how many placements a setting is left that takes `seconds`.
+    /// Reason and number of placements at which a setting that takes `seconds` is left.
     fn left(rule: &Rule, scores: &[Option<f64>], seconds: f64) -> Option<(usize, Left)> {
         let so_far = (8..=scores.len()).step_by(8).chain([scores.len()]);
         so_far.into_iter().find_map(|n| Some((n, rule.leaves(&scores[..n], seconds)?)))

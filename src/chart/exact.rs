@@ -41,7 +41,7 @@ pub(super) struct Exact {
     occupied: Vec<(u64, [f64; KINDS])>,
 }
 
-/// The parts of a scene where they stand in a frame, in the ego frame.
+/// The parts of a scene in their poses of a frame, in the ego frame.
 fn standing(parts: &[TriangleSoup], scene: &Scene, t: usize) -> TriangleSoup {
     let mut soup = TriangleSoup::default();
     for (part, pose) in parts.iter().zip(scene.part_poses(t)) {
@@ -58,7 +58,7 @@ impl Exact {
     /// The scorer of a scene at a setting.
     ///
     /// # Errors
-    /// As [`World::psog`].
+    /// See [`World::psog`].
     pub(super) fn new(world: &mut World, fidelity: &Fidelity) -> Result<Self, ChartError> {
         let psog = world.psog(fidelity.voxel)?;
         let scene = world.scene();
@@ -146,8 +146,7 @@ impl Exact {
         (all / self.frame_count()) as u64
     }
 
-    /// Marks the voxels that the beams of a sensor of a model traverse in a frame, up to and including that of their
-    /// hit.
+    /// Marks the voxels that the beams of a LiDAR traverse in a frame, up to and including the voxel of their hit.
     fn cover(&self, pose: &SensorPose, model: usize, frame: usize, bitmap: &mut [u64]) {
         let pose = self.sensors.ego_from_sensor(model, pose, self.numbers[frame]);
         let (tree, range) = (self.frames.get(frame), self.ranges[model]);

@@ -8,7 +8,7 @@ use crate::geom::TriangleSoup;
 const LEAF: usize = 2;
 /// Depth from which on ranges are halved by count, so that no input makes the recursion deep.
 const HALVING_DEPTH: usize = 40;
-/// Metres by which rounding may move where a ray enters or leaves a box.
+/// Metres by which rounding may move the entry or exit of a ray at a box.
 const SLACK: f64 = 1e-9;
 
 /// Triangles under a tree by surface area, all in `f64`; shares no code with [`crate::bvh`].
@@ -46,7 +46,7 @@ impl ExactTree {
         let inverse = direction.recip();
         let mut best = None;
         let mut limit = range;
-        // Nodes to visit and where the ray enters them, the nearest last.
+        // Nodes to visit and the ray's entry into them, the nearest last.
         let mut stack = Vec::with_capacity(64);
         let enters = |index: usize, limit: f64| enter(&self.nodes[index], origin, inverse, limit);
         if !self.nodes.is_empty() {
@@ -146,8 +146,7 @@ fn areas<'a>(triangles: impl Iterator<Item = &'a [DVec3; 3]>) -> Vec<f64> {
     grown.collect()
 }
 
-/// Where the ray enters the box, if that is somewhere in 0 ≤ t ≤ `limit`; rounding and 0 · ∞ only add
-/// visits.
+/// Entry of the ray into the box, if it is somewhere in 0 ≤ t ≤ `limit`; rounding and 0 · ∞ only add visits.
 fn enter(node: &Node, origin: DVec3, inverse: DVec3, limit: f64) -> Option<f64> {
     let (mut enter, mut leave) = (0.0_f64, limit);
     for axis in 0..3 {

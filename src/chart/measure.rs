@@ -36,20 +36,19 @@ pub struct Measured {
     /// The setting.
     #[serde(rename = "rung")]
     pub setting: Setting,
-    /// Wall time of a placement in seconds, all threads at work: the median of repeats, each divided by
-    /// a run of the unit (a fixed setting) just before it, times the unit's median, so that a machine that
-    /// is slower for a while changes both. Of an atlas with every pose held.
+    /// Wall time of a placement in seconds, all threads at work; for an atlas with every pose held. Median of
+    /// repeats, each divided by a run of the unit (a fixed setting) just before it, times the unit's median: a
+    /// machine that is slower for a while changes both.
     pub seconds: f64,
     /// Least and most of these repeats.
     pub spread: [f64; 2],
-    /// Bytes of scene, P-SOG and the work buffers of one placement; of an atlas, with its poses'
-    /// bitmaps.
+    /// Bytes of scene, P-SOG and the work buffers of one placement; for an atlas also of its poses' bitmaps.
     pub bytes: u64,
     /// Beams of one placement over all frames.
     pub beams: u64,
     /// Triangles, a mean over frames.
     pub triangles: u64,
-    /// Of an atlas, the cost of casting a pose, once; `seconds` is with every pose cast.
+    /// Cost of casting a pose of an atlas, once; `seconds` is with every pose cast. `None` for other engines.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose: Option<PoseCost>,
     /// Repeats of the timing; 0 where the scoring of the placements was timed instead, eight at a time.
@@ -64,9 +63,9 @@ pub struct Measured {
 /// Reason to leave a setting, from its scores and seconds a placement so far.
 type Leaves<'a> = dyn Fn(&[Option<f64>], f64) -> Option<Left> + 'a;
 
-/// How far a setting is measured.
+/// Limits of a measurement.
 pub(super) struct Extent<'a> {
-    /// Called with the number of placements just scored: whether to go on. A setting under way is dropped.
+    /// Called with the number of placements just scored; `false` drops the setting under way.
     pub(super) goes_on: &'a dyn Fn(usize) -> bool,
     /// Reason to leave a setting under way.
     pub(super) leaves: &'a Leaves<'a>,
@@ -142,10 +141,10 @@ impl Bench {
         Scorer::new(world, setting, objective, engine, placements)
     }
 
-    /// The score of the first placement alone: another one than before tells of a changed scene.
+    /// The score of the first placement alone; one that differs from before tells of a changed scene.
     ///
     /// # Errors
-    /// As [`Self::measure`].
+    /// See [`Self::measure`].
     pub(super) fn first_score(&mut self, setting: &Setting) -> Result<Option<f64>, ChartError> {
         let mut scorer = self.scorer(setting)?;
         let tallies = scorer.tallies(&self.placements[..1])?;
@@ -154,8 +153,8 @@ impl Bench {
 
     /// Measures one setting as far as `extent` says; `None` where that says stop.
     ///
-    /// Of a GPU setting whose equal on the CPU is in `done`, a few placements are scored; where their
-    /// scores are equal to the last bit, those of the CPU stand for both.
+    /// For a GPU setting whose equal on the CPU is in `done`, a few placements are scored. Where their scores are equal
+    /// to the last bit, the CPU's scores stand for both.
     ///
     /// # Errors
     /// The setting does not fit the scene, or the backend failed.

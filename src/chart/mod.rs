@@ -1,10 +1,10 @@
-//! How much of a scene has to be modelled: settings from fine to coarse, their cost, and the distance of
-//! their scores and rankings from those of the finest one in `f64`.
+//! Fidelity of a scene's model: settings from fine to coarse, their cost, and the distance of their scores and rankings
+//! from those of the finest one in `f64`.
 //!
 //! | file | holds |
 //! |---|---|
 //! | `run` | the chart: every setting measured in turn; settings, state, observer |
-//! | `setting` | a setting, and all that a scene allows |
+//! | `setting` | a setting, and the settings that a scene allows |
 //! | `world` | the problem that a scene poses at a setting |
 //! | `simplify` | triangles merged below a size |
 //! | `exact`, `exact_tree` | the finest setting: casting, coverage and sums in `f64` |

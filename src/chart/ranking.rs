@@ -1,4 +1,4 @@
-//! How far the scores and the ranking of a setting are from those of the reference.
+//! Errors of a setting's scores and ranking against the reference.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -20,19 +20,19 @@ pub struct Interval {
     pub high: f64,
 }
 
-/// How far a setting's scores and ranking are from those of the reference.
+/// Errors of a setting's scores and ranking against the reference.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct RankingError {
     /// Largest |score − reference| / |reference|.
     pub score_largest: f64,
-    /// Median of the same.
+    /// Median of |score − reference| / |reference|.
     pub score_median: f64,
     /// Kendall's τ-b of the two rankings; `None` where one of them is constant.
     pub tau: Option<Interval>,
     /// Loss by taking the setting's best placement: (best − its reference score) / |best|.
     pub regret: Interval,
-    /// Of the pairs whose reference scores are farther apart than the tolerance, as a share of |best|, the
-    /// share that changes places; a pair that the setting scores alike counts as half of one.
+    /// Share that changes places of the pairs whose reference scores are farther apart than the tolerance, a share of
+    /// |best|; a pair that the setting scores alike counts as half of one.
     pub swapped: Interval,
 }
 
@@ -163,10 +163,10 @@ mod tests {
         assert!(tau.low < tau.value && tau.value < tau.high, "{tau:?}");
         assert_eq!((error.regret.low, error.regret.high), (0.0, 1.0));
         assert_eq!(error.swapped.value, 1.0 / 6.0);
-        // That pair lies 100 % of the best apart; four of the six lie farther.
+        // The swapped pair lies 100 % of the best apart; four of the six pairs lie farther apart.
         let tolerant = RankingError::new(&reference, &swapped, 1.0, 1).unwrap();
         assert_eq!((tolerant.swapped.value, tolerant.swapped.high), (0.0, 0.0));
-        // Of the four pairs more than 150 % apart one changes places, and one is scored alike.
+        // Four pairs lie more than 150 % apart: one changes places, and one is scored alike.
         let mixed = some(&[-2.0, -4.0, -1.0, -4.0]);
         let error = RankingError::new(&reference, &mixed, 1.5, 1).unwrap();
         assert_eq!(error.swapped.value, 1.5 / 4.0);

@@ -62,7 +62,7 @@ impl Default for ChartSettings {
     }
 }
 
-/// All that an interrupted chart goes on from.
+/// Checkpoint of a chart.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ChartState {
     /// Median seconds a placement of the setting whose time all others are divided by; `None` at first.
@@ -89,11 +89,11 @@ pub struct ChartRow {
     pub beams: u64,
     /// Triangles, a mean over frames.
     pub triangles: u64,
-    /// Of an atlas, the cost of a pose.
+    /// Cost of casting a pose of an atlas; `None` for other engines.
     pub pose: Option<PoseCost>,
     /// Against the reference.
     pub error: RankingError,
-    /// Whether its scores have the same meaning as the reference's; only rankings compare otherwise.
+    /// True if its scores mean the same as the reference's; otherwise only rankings compare.
     pub same_quantity: bool,
     /// No other setting that was measured to the end is cheaper and ranks at least as well.
     pub on_front: bool,
@@ -167,8 +167,7 @@ pub trait ChartObserver {
     /// Called after each setting, with the state to go on from.
     fn measured(&self, _state: &ChartState) {}
 
-    /// Whether to go on; asked after every few placements. A setting under way when this says no is
-    /// dropped.
+    /// Asked after every few placements; `false` stops the chart and drops the setting under way.
     fn goes_on(&self) -> bool {
         true
     }
@@ -237,7 +236,7 @@ pub fn chart(
     })
 }
 
-/// Edge of the finest voxels; refuses settings that the scene does not allow.
+/// Edge of the finest voxels. Refuses settings that the scene does not allow.
 fn finest(scene: &Scene, psog: &Psog, settings: &ChartSettings) -> Result<Option<f64>, ChartError> {
     let objective = &settings.objective;
     if objective.needs_detection() && scene.detection_among(psog.classes()).is_empty() {
@@ -261,7 +260,7 @@ fn finest(scene: &Scene, psog: &Psog, settings: &ChartSettings) -> Result<Option
     }
 }
 
-/// Why the GPU is not measured, if it is not: the engine asked for is the CPU, or turns out to be it.
+/// Why the GPU is not measured; `None` if it is. Either the CPU was chosen, or no GPU was found.
 fn why_no_gpu(bench: &mut Bench, choice: &EngineChoice) -> Result<Option<String>, ChartError> {
     match choice.kind {
         EngineKind::Cpu => return Ok(Some("--backend cpu".to_owned())),
@@ -290,7 +289,7 @@ fn check_resumed(
     if same { Ok(()) } else { Err(ChartError::OtherState) }
 }
 
-/// How far a chart came.
+/// Progress of a chart.
 struct Progress {
     /// Settings that are missing because the observer said stop.
     missing: usize,

@@ -19,8 +19,8 @@ pub(super) const BATCH: usize = 8;
 /// Bytes of bitmaps that an atlas keeps at most.
 const ATLAS_BYTES: u64 = 2 << 30;
 
-/// Poses of a grid nearest to those of a placement, each of its LiDAR's model; without one where no mount may hold the
-/// model.
+/// Poses of a grid nearest to a placement's, each of its LiDAR's model. LiDARs of a model that no mount may hold are
+/// left out.
 fn poses_of(
     sensors: &Sensors,
     grid: &PoseGrid,
@@ -34,7 +34,7 @@ fn poses_of(
     Ok(poses.into_iter().flatten().collect())
 }
 
-/// Refuses a placement that the poses of a grid cannot stand for.
+/// Refuses a placement with a model that no pose of the grid has.
 fn check_places(
     sensors: &Sensors,
     grid: &PoseGrid,

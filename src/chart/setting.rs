@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::scene::{Coverage, PsogSource, Scene};
 use crate::vehicle::Lidar;
 
-/// Voxel edges in metres between which settings stay, beside the scene's own.
+/// Least and largest voxel edge of a setting in metres, beside the scene's own edge.
 const EDGES: [f64; 2] = [0.1, 0.8];
 /// Fewest azimuth steps that are left of a turn.
 const FEWEST_STEPS: u32 = 16;
@@ -22,16 +22,16 @@ const SLOWER_IN_F64: f64 = 3.0;
 /// Slack for edges that decimals cannot give exactly.
 const SLACK: f64 = 1e-9;
 
-/// How much of a scene is modelled.
+/// Detail in which a scene is modelled.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Fidelity {
     /// Edge of a voxel as a multiple of the scene's own.
     pub voxel: f64,
-    /// Azimuth steps are divided by this; of a list of n directions ⌈n / azimuth⌉ are cast, evenly.
+    /// Divisor of the azimuth steps; of a list of n directions ⌈n / azimuth⌉ are cast, evenly.
     pub azimuth: u32,
     /// Frames that are cast into, spread evenly from the first on.
     pub frames: u32,
-    /// Whether beams run through surfaces.
+    /// True if beams run through surfaces.
     pub through: bool,
     /// Edge of the cells within which vertices are merged, as a multiple of the voxel's; 0 keeps
     /// every triangle.
@@ -57,16 +57,16 @@ pub enum Engine {
 /// One setting: a fidelity and an engine.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Setting {
-    /// How much of the scene is modelled.
+    /// Detail in which the scene is modelled.
     pub fidelity: Fidelity,
-    /// Which arithmetic computes it, where.
+    /// Arithmetic and device that compute it.
     pub engine: Engine,
 }
 
 /// Settings from fine to coarse.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// The finest in `f64` comes first, the same in `f32` next.
+    /// Setting after setting: the finest in `f64` first, then the finest in `f32`.
     pub all: Vec<Setting>,
     /// Why settings are missing, one sentence each.
     pub left_out: Vec<String>,
@@ -80,7 +80,7 @@ impl Fidelity {
         Self { voxel: 1.0, azimuth: 1, frames, through, detail: 0.0 }
     }
 
-    /// Whether this models no more than `other` in any respect.
+    /// True if this models no more than `other` in any respect.
     pub fn is_within(&self, other: &Self) -> bool {
         self.voxel >= other.voxel
             && self.azimuth >= other.azimuth
@@ -89,8 +89,8 @@ impl Fidelity {
             && self.detail >= other.detail
     }
 
-    /// Whether a score has the same meaning as at `other`: another voxel size, another sensor and
-    /// another kind of coverage change the quantity itself, and only rankings compare.
+    /// True if a score means the same as at `other`. Another voxel size, sensor or kind of coverage changes the
+    /// quantity itself, and only rankings compare.
     pub fn same_quantity(&self, other: &Self) -> bool {
         self.voxel == other.voxel && self.azimuth == other.azimuth && self.through == other.through
     }
@@ -118,7 +118,7 @@ fn round(metres: f64) -> f64 {
 }
 
 impl Setting {
-    /// About how long a placement takes on the CPU, from its beams and voxels: in beams of one LiDAR that are cast.
+    /// Estimated time of a placement on the CPU from its beams and voxels, in beams of one LiDAR that are cast.
     pub fn effort(&self, scene: &Scene) -> f64 {
         let Fidelity { voxel, azimuth, frames, through, .. } = self.fidelity;
         let most = scene.lidars().iter().map(|lidar| lidar.beam_count()).max().unwrap_or(0);
@@ -126,7 +126,7 @@ impl Setting {
         let voxels: f64 =
             scene.roi().shape.map(f64::from).iter().product::<f64>() / (voxel * voxel * voxel);
         let walk = METRES_A_CAST / (voxel * scene.roi().voxel[0]);
-        // Nothing ends a beam that runs through.
+        // A beam that runs through ends at nothing.
         let beam = if through { THROUGH * walk } else { 1.0 + walk };
         let slower = if self.engine == Engine::F64 { SLOWER_IN_F64 } else { 1.0 };
         f64::from(frames) * (beams * beam + voxels / VOXELS_A_CAST) * slower
@@ -237,8 +237,7 @@ impl Settings {
     }
 }
 
-/// Edges of voxels to try as multiples of the scene's own, rising; what cannot be tried is added to
-/// `left_out`.
+/// Edges of voxels to try as multiples of the scene's own, rising; adds to `left_out` why others cannot be tried.
 fn voxel_factors(scene: &Scene, finest: Option<f64>, left_out: &mut Vec<String>) -> Vec<f64> {
     if matches!(scene.psog_source(), PsogSource::File(_)) {
         left_out.push(

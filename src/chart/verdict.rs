@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::{Engine, Measured, RankingError, Setting};
 
-/// A measured setting and how it compares with the reference.
+/// A measured setting, and its errors against the reference.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rated {
     /// Cost and scores.
@@ -21,14 +21,14 @@ pub struct Rated {
 pub struct Verdict {
     /// Position in the list of settings.
     pub setting: usize,
-    /// How many times as long the finest setting takes in `f64`, where that was measured.
+    /// Seconds of the finest setting in `f64` as a multiple of this setting's, where that was measured.
     pub saves_over_f64: Option<f64>,
-    /// How many times as long the finest setting takes in `f32`, where that was measured.
+    /// Seconds of the finest setting in `f32` as a multiple of this setting's, where that was measured.
     pub saves_over_f32: Option<f64>,
 }
 
-/// Of the pairs farther apart than the tolerance, the largest share that may change places in a ranking
-/// that counts as kept.
+/// Largest share of the pairs farther apart than the tolerance that may change places in a ranking that counts as
+/// kept.
 pub const MOST_SWAPPED: f64 = 0.05;
 
 /// Compares every setting with the first, which is the reference; scores within `tolerance` of the best
@@ -74,9 +74,9 @@ pub fn pareto(rated: &[Rated]) -> Vec<usize> {
     order
 }
 
-/// The cheapest setting that keeps the ranking: up to the upper ends of the intervals, its top-1 regret
-/// stays within `tolerance`, and of the pairs farther apart at most [`MOST_SWAPPED`] change places. The
-/// reference itself always does; a warm atlas and a setting that was left early do not count. `None` of an empty list.
+/// The cheapest setting that keeps the ranking. Up to the upper ends of the intervals, its top-1 regret stays within
+/// `tolerance`, and at most [`MOST_SWAPPED`] of the pairs farther apart change places. The reference itself always
+/// does; a warm atlas and a setting that was left early do not count. `None` of an empty list.
 pub fn cheapest(rated: &[Rated], tolerance: f64) -> Option<Verdict> {
     let reference = rated.first()?;
     let seconds = |i: usize| rated[i].measured.seconds;

@@ -58,7 +58,7 @@ pub enum ChartError {
         "{random} random placements are more than the {most} that a chart ranks; ask for fewer"
     )]
     TooMany {
-        /// As asked.
+        /// Number that was given.
         random: u32,
         /// The largest number.
         most: u32,
@@ -82,7 +82,7 @@ pub enum ChartError {
         "--finest {finest}: is coarser than the scene's own voxels of {edge} m; give at most that"
     )]
     Coarser {
-        /// Edge asked for, in metres.
+        /// Edge that was given, in metres.
         finest: f64,
         /// The scene's own edge, in metres.
         edge: f64,
@@ -99,8 +99,8 @@ pub enum ChartError {
 }
 
 impl ChartError {
-    /// Whether the other settings can still be measured: a device that fails at one setting, or an atlas
-    /// that is too large, does not take the others along.
+    /// True if the other settings can still be measured: a device failed at one setting, or an atlas was too large
+    /// for it.
     pub(super) fn spares_others(&self, setting: &Setting) -> bool {
         matches!(
             self,
@@ -130,9 +130,9 @@ impl World {
 
     /// The P-SOG with voxels of `factor` times the scene's own edge, built on first use.
     ///
-    /// Where the scene leaves the spacing of the scans to the voxels, as many points fall on a voxel's
-    /// width at every size; where it sets numbers, scans for smaller voxels are denser by the same
-    /// factor, and for larger ones they stay as they are.
+    /// If the scene leaves the spacing of the scans to the voxels, as many points fall on a voxel's width at every
+    /// size. If it sets numbers, scans for smaller voxels are denser by the same factor, and scans for larger ones stay
+    /// as they are.
     ///
     /// # Errors
     /// The scene's P-SOG is a file, or the grid has too many voxels.

@@ -1,4 +1,4 @@
-//! A job as its files and options say it: what a checkpoint keeps, and a run is repeated from.
+//! Files and options of a job, as a checkpoint keeps them and a run is repeated from them.
 
 use std::path::{Path, PathBuf};
 

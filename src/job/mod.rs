@@ -33,7 +33,7 @@ pub use scene::JobScene;
 use scene::{Frames, Worth};
 pub use search::{Found, JobRun, JobState, JobStep};
 
-/// Where should the LiDARs of a vehicle go, in one scene or several?
+/// The main job: poses for the LiDARs of a vehicle, in one scene or several.
 #[derive(Debug, Clone)]
 pub struct Job {
     /// At least one.
@@ -44,7 +44,7 @@ pub struct Job {
     budget: Option<f64>,
     /// Objective, seed, engine and length of the search.
     settings: Settings,
-    /// A vehicle's result is compared with its own sensors put up plainly, not with [`Settings::baselines`].
+    /// True if a vehicle's result is compared with a plain layout of its own sensors, not with [`Settings::baselines`].
     is_plain: bool,
 }
 
@@ -72,20 +72,20 @@ impl Job {
         self
     }
 
-    /// A P-SOG in place of that of each scene, on the scene's grid.
+    /// A P-SOG in place of each scene's own, on the scene's grid.
     #[must_use]
     pub fn psog(self, psog: impl Into<Arc<Psog>>) -> Self {
         let psog = Arc::new(OnceLock::from(psog.into()));
         self.with(|scene| (scene.psog, scene.worth) = (psog.clone(), Worth::OwnGrid))
     }
 
-    /// A P-SOG in place of that of each scene, on whatever grid it has.
+    /// A P-SOG in place of each scene's own, on whatever grid it has.
     #[must_use]
     pub fn on_grid_of(self, psog: impl Into<Arc<Psog>>) -> Self {
         self.psog(psog).with(|scene| scene.worth = Worth::OtherGrid)
     }
 
-    /// Geometry alone, without P-SOGs: no voxel is worth anything.
+    /// Geometry alone, without P-SOGs: no voxel holds information.
     #[must_use]
     pub fn geometry_alone(self) -> Self {
         self.with(|scene| scene.worth = Worth::Nothing)
@@ -97,7 +97,7 @@ impl Job {
         self.with(|scene| scene.conditions = conditions.to_vec())
     }
 
-    /// So many frames of each scene, spread evenly from the first on; all if `None`.
+    /// Takes `frames` frames of each scene, spread evenly from the first on; all if `None`.
     #[must_use]
     pub fn frames(self, frames: Option<u32>) -> Self {
         self.with(|scene| scene.frames = Frames::Spread(frames))
@@ -221,11 +221,11 @@ impl Job {
         Ok(if self.mirror { suite.with_mirror_images() } else { suite })
     }
 
-    /// Opens an engine for each scene and mirror image; returns sentences for the user, too: which device, and why
-    /// not another. `on_change` is told of a device that is lost later.
+    /// Opens an engine for each scene and mirror image; returns notes for the user, too: the device, and why not
+    /// another. `on_change` is called with a sentence on each device that is lost later.
     ///
     /// # Errors
-    /// See [`Self::suite`]; no such device, or one that cannot hold the problem, where it was asked for.
+    /// See [`Self::suite`]; the chosen device is missing, or cannot hold the problem.
     pub fn evaluator(
         &self,
         on_change: impl Fn(&str) + Clone + Send + 'static,

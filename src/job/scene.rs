@@ -27,7 +27,7 @@ pub struct JobScene {
     problem: OnceLock<Arc<Problem>>,
 }
 
-/// Which voxels are worth something.
+/// Voxels that hold information.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Worth {
     /// Voxels of a P-SOG on the scene's own grid.
@@ -41,7 +41,7 @@ pub(super) enum Worth {
 /// Frames that beams are cast into.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Frames {
-    /// So many, spread evenly from the first on; all if `None`.
+    /// This many, spread evenly from the first on; all if `None`.
     Spread(Option<u32>),
     /// One by its number.
     One(usize),
@@ -147,7 +147,7 @@ impl JobScene {
         Ok(self.problem.get_or_init(|| problem).clone())
     }
 
-    /// The one way from a scene to its problem.
+    /// Makes the problem of the scene; no other code does.
     fn posed(&self) -> Result<Problem, JobError> {
         let (scene, frames, sensors) = (&*self.scene, self.frame_numbers(), self.models()?);
         let problem = match self.worth {

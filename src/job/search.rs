@@ -10,7 +10,7 @@ use crate::search::{
 };
 use crate::vehicle::{SensorName, Vehicle};
 
-/// All that a search of a job goes on from, beside the job itself: a value that is saved and read again.
+/// Checkpoint of a job's search, beside the job itself: a value that is saved and read again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct JobState {
     /// Sensors of the vehicle, once they are chosen.
@@ -20,7 +20,7 @@ pub struct JobState {
     course: Course,
 }
 
-/// Where a search stands.
+/// Current step of a search.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Course {
@@ -234,7 +234,7 @@ impl JobRun<'_> {
         Ok(())
     }
 
-    /// The state to go on from; of a search whose time ended while sensors were chosen that before the end of the
+    /// Checkpoint of the search. If the time ended while sensors were chosen, it is the state before the end of that
     /// choice.
     pub fn state(&self) -> JobState {
         match &self.run {
@@ -276,7 +276,7 @@ impl JobRun<'_> {
     }
 }
 
-/// Says which sensors were chosen, and whether they miss a part of what must be seen.
+/// Notes the chosen sensors, and how far they miss the requirements.
 fn tell_equipment(vehicle: &Vehicle, found: &Equipped, observer: &mut dyn Observer) {
     let words = format!("equipment: {}", found.words_with_price(vehicle));
     observer.on(&Event::Note(&words));

@@ -1,4 +1,4 @@
-//! What the beams of a placement end at, and the ground near the vehicle that they see.
+//! Ground near the vehicle that a placement sees, and the surfaces that its beams end at.
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ pub const CLOSE: f64 = 0.5;
 /// Longest side of a body in metres.
 const MOST_BODY: f64 = 50.0;
 
-/// All about the near field of a scene that is fixed while placements vary.
+/// Near field of a scene, as far as it is the same for every placement.
 pub struct NearSite {
     problem: Arc<Problem>,
     footprint: Footprint,
@@ -33,7 +33,7 @@ pub struct NearSite {
     frames: Vec<(usize, u64, Vec<bool>)>,
 }
 
-/// What the beams of a LiDAR end at, as shares of all; a mean over frames.
+/// Shares of a LiDAR's beams by the surface that they end at; means over frames.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct BeamShares {
     /// Surfaces of the ground's classes.
@@ -49,17 +49,17 @@ pub struct BeamShares {
 /// The near field of a placement.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct NearField {
-    /// Of the placement.
+    /// Name of the placement.
     pub name: String,
     /// Share of the ground cells within 10 m that are seen.
     pub near_field: f64,
-    /// The same within 3 m; `None` where none of them is ground.
+    /// Share of the ground cells within 3 m that are seen; `None` where no cell there is ground.
     pub ring: Option<f64>,
     /// Square metres of ground within 10 m that are not seen.
     pub blind_area: f64,
-    /// The zone around the body before the nearest ground seen.
+    /// Blind zone: ground between the body and the nearest ground seen.
     pub zone: BlindZone,
-    /// What beams end at, by LiDAR.
+    /// Shares of beams by the surface they end at, for each LiDAR.
     pub beams: Vec<BeamShares>,
     /// Every pole of the preset.
     pub poles: Vec<Pole>,

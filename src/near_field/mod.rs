@@ -1,4 +1,4 @@
-//! The ground, the poles and the own body near a vehicle: what no score of voxels sees.
+//! The ground, the poles and the own body near a vehicle, which no score of voxels sees.
 //!
 //! To the letter:
 //!
@@ -23,7 +23,7 @@
 //! |---|---|
 //! | `footprint` | the outline of the body |
 //! | `ground` | cells, and which of them are ground |
-//! | `look` | what beams end at, cells seen, shares: the whole of a placement |
+//! | `look` | ends of beams, cells seen, and their shares: the near field of a placement |
 //! | `zone` | the blind zone |
 //! | `poles` | the preset of poles, and the beams on each |
 //! | `self_hit` | the guard of placements that look at the own vehicle |

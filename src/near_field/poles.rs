@@ -23,7 +23,7 @@ use crate::problem::{Frame, SensorBatch};
 pub const POLE_HEIGHT: f64 = 0.8;
 /// Radius of a pole in metres.
 pub const POLE_RADIUS: f64 = 0.15;
-/// Beams from which on a pole is seen.
+/// Least beams on a pole that is seen.
 pub const POLE_BEAMS: u32 = 5;
 
 /// A rule that says where something must be seen.

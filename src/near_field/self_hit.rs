@@ -6,8 +6,7 @@ use crate::scene::{EgoBody, Scene};
 use crate::score::{Guard, MOST_SELF_HITS};
 use crate::vehicle::Placement;
 
-/// Placements up to which the guard is looked for where scores are asked for and nothing is said of it: it takes
-/// casts of its own.
+/// Most placements for which scores include the guard by default: it takes casts of its own.
 pub const FEW_PLACEMENTS: usize = 64;
 
 /// Share of each LiDAR's beams that end at the own body in the first frame of a problem of the scene;

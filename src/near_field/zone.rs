@@ -1,4 +1,4 @@
-//! The blind zone around the own vehicle: the ground nearer than the nearest that is seen.
+//! The blind zone: ground between the own vehicle and the nearest ground that is seen.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -13,7 +13,7 @@ use super::{Footprint, footprint::polygon_area};
 /// Directions that the blind zone is measured in.
 pub const DIRECTIONS: usize = 72;
 
-/// What lies nearer to the own body than the nearest ground seen.
+/// Ground between the own body and the nearest ground seen, by direction.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BlindZone {
     /// By direction, counter-clockwise from straight ahead: metres from the outline to the nearest cell
@@ -23,8 +23,8 @@ pub struct BlindZone {
     pub polygon: Vec<[f64; 2]>,
     /// Square metres between the zone's outline and the body's.
     pub area: f64,
-    /// Depth before the front edge, metres: of all lanes one cell wide in the body's width, the one whose nearest cell
-    /// seen is farthest; `None` where a lane has none within 10 m, so that the zone does not end.
+    /// Depth ahead of the front edge, metres: the largest over lanes one cell wide, each up to its nearest cell seen;
+    /// `None` where a lane has none within 10 m, so that the zone does not end.
     pub ahead: Option<f64>,
     /// Depth behind the rear edge.
     pub behind: Option<f64>,

@@ -10,13 +10,13 @@ const RESAMPLES: usize = 10_000;
 /// A result against one baseline.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Against<'a> {
-    /// Value of the baseline.
+    /// Name of the baseline.
     pub name: &'a str,
-    /// Share that the baseline gains.
+    /// Gain of the baseline, as a share.
     pub gain: f64,
-    /// What the result gains more.
+    /// Gain of the result less that of the baseline.
     pub difference: f64,
-    /// Interval of that over the scenes, mirror images counting with the scene they show; `None` for one.
+    /// 95 % interval of the difference over scenes, mirror images counting with their scene; `None` for one scene.
     pub interval: Option<Interval>,
 }
 

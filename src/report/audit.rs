@@ -5,7 +5,7 @@ use super::text::{align_columns, numbered};
 use crate::audit::{Audit, Verdict};
 use crate::score::Scores;
 
-/// A row a scene: what each attempt came to, and the least that the ranking kept under changes.
+/// A row a scene: attempts caught and fooled, and the least Kendall's τ under changes.
 pub fn audits_text(all: &[Audit]) -> String {
     let titles = ["scene", "base", "caught", "fooled", "least τ", "verdict"];
     let mut rows = vec![titles.map(str::to_owned).to_vec()];
@@ -81,7 +81,7 @@ fn cells(name: &str, scores: &Scores) -> Vec<String> {
     std::iter::once(name.to_owned()).chain(values).collect()
 }
 
-/// Names of the guards that speak against a placement.
+/// Names of the guards that a placement violates.
 fn guard_names(scores: &Scores) -> String {
     let guards = scores.guards.iter().map(ToString::to_string);
     let mut names: Vec<_> = guards.filter_map(|g| g.split(':').next().map(str::to_owned)).collect();

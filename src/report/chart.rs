@@ -13,7 +13,7 @@ const WIDTH: f64 = 1000.0;
 const ROW: f64 = 19.0;
 /// Left, right, top and bottom of the plot area.
 const AREA: [f64; 4] = [76.0, 976.0, 62.0, 490.0];
-/// Where the titles of the table stand.
+/// Height of the table's titles, in pixels from the top.
 const TABLE: f64 = 600.0;
 
 /// Cost against ranking error of every setting, both logarithmic; the Pareto front, the setting to take

@@ -7,7 +7,7 @@ use maud::{Markup, html};
 use super::svg::{ACCENT, INK, SOFT, px, trimmed};
 use crate::chart::{Engine, Rated, Setting, Skipped};
 
-/// Titles of the table's columns, and where each begins or, from the second on, ends.
+/// Titles of the table's columns with their x in pixels: the first begins there, the others end there.
 const COLUMNS: [(&str, f64); 8] = [
     ("setting", 50.0),
     ("time", 430.0),
@@ -82,8 +82,8 @@ fn cells(rated: &[Rated], i: usize, number: usize, edge: f64) -> [String; 8] {
     ]
 }
 
-/// One line a setting: what it is, its cost and its error; of a setting that was left early, over its first placements,
-/// and why. Settings that were not begun come last.
+/// One line a setting: its description, cost and error. A setting that was left early has the errors over its first
+/// placements, and the reason. Settings that were not begun come last.
 pub fn fidelity_csv(rated: &[Rated], skipped: &[Skipped], edge: f64) -> String {
     let mut csv = "setting,engine,voxel_m,azimuth_divisor,frames,coverage,merged_m,seconds,seconds_low,\
                    seconds_high,bytes,beams,triangles,score_error_median,score_error_largest,tau,tau_low,\

@@ -1,4 +1,4 @@
-//! Charts as tables: the settings of a scene, and the one to take in each of several.
+//! Tables of charts: the settings of a scene, and the setting to take in each of several.
 
 use super::chart_table::seconds;
 use super::chart_words::chart_words;
@@ -21,8 +21,8 @@ const TITLES: [&str; 12] = [
     "front",
 ];
 
-/// The table of one scene's settings, and what it means: the reference, the front and the setting to take, or all of a
-/// full chart.
+/// The table of one scene's settings, with sentences on it: the reference, the front and the setting to take, or all
+/// of a full chart.
 pub fn chart_text(found: &Chart) -> String {
     let rows = found.rows();
     let mut text = format!(

@@ -42,7 +42,7 @@ pub fn chart_words(chart: &Chart) -> Vec<String> {
     [Some(kept), Some(saved), checked(chart)].into_iter().flatten().collect()
 }
 
-/// How far the reference is from the f64 scorer, where the reference is in `f32`.
+/// Sentence on the distance of the reference in `f32` from the f64 scorer.
 fn checked(chart: &Chart) -> Option<String> {
     let exact = chart.rated.iter().skip(1).find(|r| r.measured.setting.engine == Engine::F64)?;
     let off = exact.error.score_largest;

@@ -5,9 +5,9 @@ use super::{Axis, Plot, Series};
 use crate::search::GenerationRecord;
 use crate::search::Scored;
 
-/// The best and the median objective against evaluations; the baselines and the result, which swaps may
-/// have found after the generations, as lines across; a line upwards where the search goes on over another number of
-/// frames, of which `steps` has generation and number, the start first.
+/// The best and the median objective against evaluations. Baselines and result are lines across, since swaps may find
+/// the result after the generations. An upright line marks each change of frames in `steps`, (generation, frames), the
+/// start first.
 pub fn convergence_svg(
     history: &[GenerationRecord],
     objective: &str,
@@ -48,7 +48,7 @@ pub fn convergence_svg(
     plot.svg_with(&levels, &changes)
 }
 
-/// The steps that generations follow, of which there are so many: the last one may be for the swaps alone.
+/// Steps that the generations follow; a last step for the swaps alone is left out.
 pub(super) fn steps_of_generations(steps: &[(u64, u32)], generations: u64) -> Vec<(u64, u32)> {
     steps.iter().copied().filter(|(generation, _)| *generation < generations).collect()
 }

@@ -1,4 +1,4 @@
-//! Map of the information of a scene seen from above, and how much of it a placement gains.
+//! Map of the information of a scene seen from above, and of the part that a placement gains.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -17,10 +17,10 @@ const CELLS: u32 = 160;
 const FRAMES: u32 = 4;
 /// Pixels of the longer side of the map.
 const SIZE: f64 = 640.0;
-/// Steps of each of the two colour scales: how much information, and how much of it is gained.
+/// Steps of each of the two colour scales: information, and the share of it that is gained.
 const STEPS: u32 = 6;
 
-/// Information of a scene seen from above: nats in each column of voxels, and how many are gained.
+/// Information of a scene seen from above: nats in each column of voxels, and the nats that are gained.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InformationMap {
     cells: [u32; 2],
@@ -34,7 +34,7 @@ pub struct InformationMap {
 }
 
 impl InformationMap {
-    /// The map of what a placement gains, over a few frames spread evenly.
+    /// The map of a placement's gain, over a few frames spread evenly.
     ///
     /// # Errors
     /// See [`Backend::bitmaps`].
@@ -85,7 +85,7 @@ impl InformationMap {
         (i * u64::from(self.cells[1]) + j) as usize
     }
 
-    /// Adds the voxels covered in one of `frames` frames; `covers` says it of a linear index.
+    /// Adds the voxels covered in one of `frames` frames; `covers` is true for the linear index of a covered voxel.
     pub fn add_frame(
         &mut self,
         roi: &Roi,
@@ -164,7 +164,7 @@ impl InformationMap {
         }
     }
 
-    /// (information step, gained step) of a cell; `None` where nothing is to be learnt.
+    /// (information step, gained step) of a cell; `None` where no information is.
     fn colour(&self, i: u32, j: u32, most: f64) -> Option<(u32, u32)> {
         let cell = (i * self.cells[1] + j) as usize;
         let total = self.total[cell];
@@ -178,7 +178,7 @@ impl InformationMap {
     }
 }
 
-/// Grey for what is unseen to red for what is gained, darker for more information.
+/// Colour of a cell: grey for unseen to red for gained, darker for more information.
 fn rgb(information: u32, share: u32) -> String {
     let depth = 0.25 + 0.75 * f64::from(information) / f64::from(STEPS);
     let share = f64::from(share) / f64::from(STEPS);

@@ -1,23 +1,23 @@
-//! What a run leaves behind: JSON for programs, SVG charts and an HTML page for people.
+//! Reports of runs: JSON for programs, SVG charts and an HTML page for people.
 //!
 //! | file | holds |
 //! |---|---|
 //! | `record` | all of `result.json` |
-//! | `words`, `record_text` | the findings of a run as sentences, all that it found as text |
+//! | `words`, `record_text` | the findings of a run as sentences, all findings as text |
 //! | `by_scene` | gains in each of several scenes |
 //! | `table` | columns of scores |
 //! | `svg` | parts of every drawing: page, colours, axes |
 //! | `plot`, `plot_labels`, `convergence`, `study` | plain charts of some series |
-//! | `sensor`, `sensor_svg` | what a sensor file holds |
+//! | `sensor`, `sensor_svg` | facts of a sensor file |
 //! | `chart`, `chart_labels`, `chart_table`, `chart_text`, `chart_words` | cost against ranking error |
-//! | `audit`, `verification`, `psog`, `rig` | what these found or hold, as text |
-//! | `near_field` | what is seen of the ground near the vehicle |
+//! | `audit`, `verification`, `psog`, `rig` | results of these commands as text |
+//! | `near_field` | ground near the vehicle that placements see |
 //! | `targets` | distances at which targets are met, by bearing |
-//! | `placement`, `map` | a placement on its vehicle, and what it sees from above |
+//! | `placement`, `map` | a placement on its vehicle, and the information that it gains from above |
 //! | `table`, `text` | the one table of scores, tables as text |
 //! | `against` | the result against every baseline, with intervals |
 //! | `word` | a text as one word of a shell |
-//! | `view` | what a page shows in 3-D |
+//! | `view` | the 3-D view of a page |
 //! | `page` | the page |
 
 pub(crate) mod against;

@@ -21,7 +21,7 @@ struct Views {
 }
 
 impl Views {
-    /// Views that show the mount, and of the vehicle what is near it.
+    /// Views that show the mount and the vehicle near it.
     fn new(constraints: &Constraints, body: &[[[f32; 3]; 3]]) -> Self {
         let [low, high] = constraints.corners();
         // Half a car beyond the mount is enough to see where things are.

@@ -33,7 +33,7 @@ fn cut(text: &str, most: usize) -> String {
     text.chars().take(most - 1).chain(['…']).collect()
 }
 
-/// What stands along the x axis.
+/// Kind of the x axis.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Axis {
     /// Names at equal distances; the points of a series come in their order.
@@ -64,7 +64,7 @@ pub struct Plot {
     pub x_title: String,
     /// Over the y axis.
     pub y_title: String,
-    /// What stands along x.
+    /// Kind of the x axis.
     pub x: Axis,
     /// At most eight are told apart by colour.
     pub series: Vec<Series>,

@@ -15,13 +15,13 @@ pub(super) struct Named {
     points: Vec<(f64, f64)>,
     /// Points with their words; those in one place share them.
     places: Vec<((f64, f64), String)>,
-    /// Lines of what the numbers stand for, where the words have no room.
+    /// Lines that explain the numbers, where the words have no room.
     list: Option<Vec<String>>,
 }
 
 impl Named {
-    /// Words by the number of their point, of points in pixels, in an area (left, right, top, bottom) of a drawing of
-    /// some width.
+    /// Words beside points: `labels` are (number of a point, words), `points` pixels, `area` (left, right, top, bottom)
+    /// within a drawing of `width`.
     pub fn new<'a>(
         points: &[(f64, f64)],
         labels: impl Iterator<Item = (usize, &'a str)>,
@@ -48,7 +48,7 @@ impl Named {
         Self { area, points, places, list }
     }
 
-    /// What stands under the chart from the left of the area on, line by line; `None` where the words stand beside their points.
+    /// Lines under the chart, from the left of the area on; `None` where the words stand beside their points.
     pub fn list(&self) -> Option<&[String]> {
         self.list.as_deref()
     }
@@ -70,7 +70,7 @@ impl Named {
     }
 }
 
-/// A text in lines of at most so many letters, those after the first set in.
+/// A text in lines of at most `letters` letters; lines after the first are set in.
 fn lines(text: &str, letters: usize) -> Vec<String> {
     let length = |text: &str| text.chars().count();
     let mut lines: Vec<String> = Vec::new();
@@ -87,7 +87,7 @@ fn lines(text: &str, letters: usize) -> Vec<String> {
     lines
 }
 
-/// Where the words of a point begin.
+/// Position at which the words of a point begin.
 fn beside((x, y): (f64, f64)) -> (f64, f64) {
     (x + 7.0, y - 7.0)
 }

@@ -1,4 +1,4 @@
-//! What a P-SOG holds, as text.
+//! Facts of a P-SOG as text.
 
 use super::text::align_columns;
 use crate::psog::PsogInfo;

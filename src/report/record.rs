@@ -18,7 +18,7 @@ pub struct RunTimes {
     pub build: f64,
     /// The search.
     pub search: f64,
-    /// Generations of the search, without what choosing other frames took.
+    /// Generations of the search, without going to other frames.
     pub generations: f64,
     /// Generations without scoring: asking, telling, ranking, writing the checkpoint.
     pub bookkeeping: f64,
@@ -42,7 +42,7 @@ pub struct RunTimes {
 pub struct RunRecord {
     /// Version of the program.
     pub sightline: &'static str,
-    /// Name of the scene; of several all names.
+    /// Name of the scene; all names where there are several.
     pub scene: String,
     /// Each of several scenes, and their mirror images; empty where there is one.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -56,7 +56,7 @@ pub struct RunRecord {
     pub backend: String,
     /// Device as reported.
     pub adapter: String,
-    /// Devices lost during the run, and what took over, in words.
+    /// Devices lost during the run and their replacements, in words.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub backend_changes: Vec<String>,
     /// Threads of the CPU backend.
@@ -68,22 +68,22 @@ pub struct RunRecord {
     /// Weather and faults that it was maximized under, as they are written; empty in clear air.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub conditions: Vec<String>,
-    /// How much of the scene the scores below are taken over.
+    /// Size of the model that the scores below are taken over.
     pub modelled: Modelled,
     /// Frames that the search averaged over.
     pub search_frames: usize,
     /// Frames that the scores below average over.
     pub frames: usize,
-    /// Frames that result and baselines are scored over; `stopped` says so where these are not all.
+    /// Frames that result and baselines are scored over; `stopped` tells where these are not all.
     #[serde(skip)]
     pub confirmed_frames: usize,
-    /// Why the search ended: a name, and after a colon what it means.
+    /// Why the search ended: a name, and after a colon its meaning.
     pub stopped: String,
     /// Instances of the CMA-ES that ended before it, and why, in words.
     pub ended: Vec<String>,
     /// Layouts of `--inject` that were not used.
     pub left_out: Vec<LeftOut>,
-    /// Which models stand on which mounts of a vehicle, and what they cost together, in words.
+    /// Models on each mount of a vehicle, and their price together, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub equipment: Option<String>,
     /// Rules that every placement of the search keeps, in words.
@@ -99,20 +99,20 @@ pub struct RunRecord {
     pub mounts: Vec<Option<String>>,
     /// Hand-made layouts to compare with.
     pub baselines: Vec<Scored>,
-    /// Tells whether the gain over the best baseline is more than the scenes' own spread; `None` for one scene.
+    /// Gain over the best baseline beside the scenes' own spread; `None` for one scene, or without a baseline.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spread: Option<GainSpread>,
-    /// What result and best baseline are worth at phases that the search has not seen; `None` where all
-    /// phases are locked.
+    /// Objectives of result and best baseline at random draws that the search has not seen; `None` if nothing is
+    /// random.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub phases: Option<PhaseCheck>,
-    /// How much better than the result another placement could be; `None` without a result.
+    /// Bounds on how much better than the result another placement could be; `None` without a result.
     pub certificate: Option<Certificate>,
-    /// What each way of searching found, and which one gave the result.
+    /// Result of each search method, and which one won.
     pub methods: Vec<MethodRecord>,
-    /// How properties of layouts go with the objective, over random placements on the grid.
+    /// Correlations of layout properties with the objective, over random placements on the grid.
     pub findings: Vec<Finding>,
-    /// What `--fidelity auto` used, saved and risked; `None` where the frames were given.
+    /// Frames that `--fidelity auto` used, saved and risked; `None` where the frames were given.
     pub fidelity: Option<FramesUsed>,
     /// Pose fields of the result that lie on a bound of the mount, and other rules that it just keeps,
     /// in words.
@@ -134,7 +134,7 @@ pub struct SceneRecord {
     pub mirrored: bool,
     /// Frames that the scores average over.
     pub frames: usize,
-    /// How much of it they are taken over.
+    /// Size of the model that they are taken over.
     pub modelled: Modelled,
 }
 
@@ -152,13 +152,13 @@ impl SceneRecord {
     }
 }
 
-/// What a record holds beside the outcome.
+/// Parts of a record that the outcome does not hold.
 pub struct RunContext<'a> {
     /// Name of the scene where there is one; several are named by the suite.
     pub scene: &'a str,
     /// Every setting that decides about the result.
     pub settings: Value,
-    /// As [`RunRecord::command`].
+    /// See [`RunRecord::command`].
     pub command: String,
     /// The scenes over all frames.
     pub suite: &'a Suite,
@@ -234,7 +234,7 @@ impl RunRecord {
     }
 }
 
-/// Reason for which a run has ended, and over how many frames its result is scored where these are not all.
+/// Why a run has ended, and over how many frames its result is scored where these are not all.
 fn stopped(stopped: Stopped, confirmed: usize, frames: usize) -> String {
     match confirmed < frames {
         true => format!(

@@ -1,4 +1,4 @@
-//! A run's result as text: in words first, the table after.
+//! The result of a run as text: words first, then the table.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use super::words::{
 };
 use crate::scan::conditions::under;
 
-/// What a run has found and left in its folder, in words first and the table after.
+/// Result of a run and its folder as text: words first, then the table.
 pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     let mut text = String::new();
     let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();

@@ -1,4 +1,4 @@
-//! What a sensor file holds: facts for programs, and the same as text.
+//! Facts of a sensor file, for programs and as text.
 
 use serde::Serialize;
 
@@ -12,7 +12,7 @@ const ROWS: f64 = 18.0;
 /// Characters of its longest bar.
 const BAR: usize = 40;
 
-/// Facts of a sensor, angles in degrees. Those of channels can be read again as a sensor file.
+/// Facts of a sensor, angles in degrees. Facts of channels can be read again as a sensor file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SensorFacts {
     /// Format of the file.
@@ -68,7 +68,7 @@ pub(super) fn bands(elevations: &[f64]) -> (f64, Vec<(f64, usize)>) {
     let raw = ((high - low) / ROWS).max(0.1);
     let widths = [0.1, 0.2, 0.5, 1.0, 2.0, 2.5, 5.0, 10.0];
     let width = widths.into_iter().find(|width| *width >= raw).unwrap_or(20.0);
-    // What lies on the border of two bands belongs to the upper one, rounded or not.
+    // An elevation on the border of two bands belongs to the upper one, rounded or not.
     let band = |e: f64| (e / width + 1e-9).floor() as i64;
     let mut counts: Vec<usize> = vec![0; (band(high) - band(low) + 1) as usize];
     elevations.iter().for_each(|&e| counts[(band(e) - band(low)) as usize] += 1);

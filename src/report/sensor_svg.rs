@@ -1,4 +1,4 @@
-//! The beams of a sensor as a drawing: azimuth × elevation, and how many there are by elevation.
+//! The beams of a sensor as a drawing: azimuth × elevation, and counts by elevation.
 
 use maud::{Markup, html};
 
@@ -70,7 +70,7 @@ pub fn sensor_svg(pattern: &SensorPattern, facts: &SensorFacts) -> String {
     page(ALL, &title, &body)
 }
 
-/// Beams to draw: of channels those near the azimuth 0, since the pattern repeats; else all, thinned.
+/// Beams to draw: channels near azimuth 0 alone, since the pattern repeats; listed directions all, thinned.
 fn dots(beams: &Beams, angles: &[[f64; 2]], steps: Option<u32>) -> Dots {
     if let Beams::Directions(_) = beams {
         let every = angles.len().div_ceil(DOTS).max(1);

@@ -3,7 +3,7 @@
 use super::{Axis, Plot, Series};
 use crate::study::{Drawing, Row, Table};
 
-/// Draws a table as its study says.
+/// Draws a table by its `drawing`.
 pub fn study_plot(table: &Table) -> Plot {
     let number = |row: &Row, column: usize| row.values[column].unwrap_or(f64::NAN);
     let rows = || table.rows.iter();

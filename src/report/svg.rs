@@ -65,7 +65,7 @@ pub(super) fn scale(value: f64, from: (f64, f64), to: (f64, f64)) -> f64 {
 
 /// A place on an axis; without a text it gets a faint line alone.
 pub(super) struct Tick {
-    /// In the unit of the axis, before any logarithm.
+    /// Value in the unit of the axis, before any logarithm.
     pub value: f64,
     pub text: Option<String>,
 }

@@ -19,7 +19,7 @@ pub enum ScoreColumn {
     Gain,
     /// Information gain in per cent of the information that the scene holds.
     GainShare,
-    /// Share of the information that is gained where what is near counts for more, in per cent.
+    /// Share of the information gained where near voxels weigh more, in per cent.
     NearGain,
     /// Ground within 10 m of the body that is seen, in per cent.
     NearField,
@@ -50,13 +50,13 @@ impl ScoreColumn {
     pub const METRICS: [Self; 6] =
         [Self::Gain, Self::NearGain, Self::MSog, Self::MSogScaled, Self::Detection, Self::SMig];
 
-    /// The columns of some scores: every one but the near field where nobody looked for it.
+    /// Columns to show of some scores: all, the near field only where it was looked for.
     pub fn shown<'a>(all: impl IntoIterator<Item = &'a Scores>) -> Vec<Self> {
         let looked = all.into_iter().any(|scores| scores.near_field.is_some());
         Self::ALL.into_iter().filter(|column| looked || *column != Self::NearField).collect()
     }
 
-    /// The share by which results are argued where an objective was maximized: the near gain by itself, the gain else.
+    /// Share that results are compared by where an objective was maximized: the near gain for itself, else the gain.
     pub fn argued(objective: &str) -> Self {
         if objective == NEAR_GAIN { Self::NearGain } else { Self::GainShare }
     }

@@ -1,15 +1,15 @@
-//! A run's findings as sentences: result against baselines, ways of searching, certificate.
+//! Findings of a run as sentences: result against baselines, search methods, certificate.
 
 use super::RunRecord;
 use crate::json::spoken;
 use crate::score::Guard;
 use crate::search::Scored;
 
-/// The result of a run against the best baselines, by the objective and by information gain, and the
-/// guards that speak against it.
+/// The result of a run against the best baselines, by the objective and by information gain, and the guards that it
+/// violates.
 ///
-/// A baseline counts if it keeps the rules of the mount and no guard speaks against it. A result that
-/// gains less information than one of those is never called better without that being said.
+/// A baseline counts if it keeps the rules of the mount and violates no guard. A result that gains less information
+/// than such a baseline is never called better without saying so.
 pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> String {
     let Some(best) = best else {
         return format!(
@@ -20,7 +20,7 @@ pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> 
     judged("The placement found", best, baselines, objective)
 }
 
-/// The same of a placement that `subject` names, whether it was searched for or given.
+/// Like [`verdict`], for a placement that `subject` names, whether searched for or given.
 pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) -> String {
     let against = against(subject, best, baselines, objective).unwrap_or_else(|| {
         let lidars = best.placement.lidars.len();
@@ -61,7 +61,7 @@ pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &st
     format!("{}{}{against}{share} {guards}", lacking.concat(), blind_in_words(best))
 }
 
-/// Sectors that a placement does not see, a sentence; empty where it sees a car all round, or nobody looked.
+/// Sentence on sectors that a placement does not see; empty where it sees a car all round, or nobody looked.
 fn blind_in_words(placement: &Scored) -> String {
     let card = placement.scores.range_card.as_ref();
     let blind: Vec<String> =
@@ -119,8 +119,8 @@ fn against(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) 
 /// Name of the objective that is the information gain itself.
 const GAIN: &str = "information_gain";
 
-/// How two values compare: a share of the second and the word for above or below, or the word for equal.
-/// A value of 0 has no shares.
+/// Words that compare two values: the difference as a share of `theirs` with `above` or `below`, or `equal`. No share
+/// is given where `theirs` is 0.
 fn compare(ours: f64, theirs: f64, [above, below, equal]: [&str; 3]) -> String {
     if ours == theirs {
         return equal.to_owned();
@@ -135,8 +135,8 @@ fn compare(ours: f64, theirs: f64, [above, below, equal]: [&str; 3]) -> String {
     }
 }
 
-/// Tells whether the gain over the best baseline is more than the scenes' own spread; `None` where there is nothing to
-/// compare.
+/// Sentence that compares the gain over the best baseline with the spread between scenes; `None` where there is nothing
+/// to compare.
 pub fn spread_in_words(run: &RunRecord) -> Option<String> {
     if let Some(spread) = &run.spread {
         return Some(spread.words.clone());
@@ -148,7 +148,7 @@ pub fn spread_in_words(run: &RunRecord) -> Option<String> {
     ))
 }
 
-/// Value that each way of searching reached, and which one gave the result.
+/// Objective that each search method reached, and which method gave the result.
 pub fn methods_in_words(run: &RunRecord) -> String {
     let each = run.methods.iter().map(|m| {
         let value = m.objective.map_or("nothing".into(), spoken);

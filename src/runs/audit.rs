@@ -9,7 +9,7 @@ use crate::audit::{AUDIT_FRAMES, AUDIT_PARTS, Audit, AuditEvent, audit};
 use crate::score::Objective;
 use crate::vehicle::{Placement, read_placements};
 
-/// What is to be audited.
+/// Files and settings of an audit.
 #[derive(Debug, Clone, Default)]
 pub struct AuditRequest {
     /// Scene files, and placements to start from; without them Table 7 of the paper.
@@ -20,10 +20,10 @@ pub struct AuditRequest {
     pub frames: Option<u32>,
 }
 
-/// Audits scene after scene; `each` is told of every one.
+/// Audits scene after scene, and calls `each` with every result.
 ///
 /// # Errors
-/// Files that cannot be read, as of [`audit`] and of `each`.
+/// Files that cannot be read, errors of [`audit`] and of `each`.
 pub fn audit_scenes(
     request: &AuditRequest,
     computing: &Computing<'_>,

@@ -31,7 +31,7 @@ pub struct CastRequest {
     pub frame: u32,
 }
 
-/// What beams have hit.
+/// Summary of a cast: device, beams, hits and times.
 #[derive(Debug, Serialize)]
 pub struct CastSummary {
     /// Name of the scene.
@@ -56,7 +56,7 @@ pub struct CastSummary {
     pub timings: Value,
 }
 
-/// Casts all beams of placements in one frame, and writes the hits where that is asked for.
+/// Casts all beams of placements in one frame, and writes the hits where the request names a file.
 ///
 /// # Errors
 /// Files that cannot be read or written, a scene without geometry or without the frame, more beams than memory holds.

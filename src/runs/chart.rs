@@ -1,4 +1,4 @@
-//! Cost against accuracy in folders of their own, one a scene, gone on with after an interruption.
+//! Cost against accuracy, in one folder a scene that can be resumed.
 
 use std::cell::RefCell;
 use std::path::PathBuf;
@@ -21,7 +21,7 @@ use crate::vehicle::{read_placements, table_7};
 pub struct ChartRequest {
     /// Scene files, and placements to rank; without them Table 7 of the paper.
     pub files: Vec<PathBuf>,
-    /// Folder; of several scenes one in it for each.
+    /// Folder; several scenes get a folder each inside it.
     pub out: Option<PathBuf>,
     /// Folder of an interrupted chart, in place of files.
     pub resume: Option<PathBuf>,
@@ -29,7 +29,7 @@ pub struct ChartRequest {
     pub objective: String,
     /// Random placements that are ranked, too.
     pub random: u32,
-    /// How much worse the best placement of a coarser setting may be, as a share of the score.
+    /// Largest loss by the best placement of a coarser setting, as a share of the score.
     pub tolerance: f64,
     /// Edge of the finest voxels in metres.
     pub finest: Option<f64>,
@@ -37,26 +37,26 @@ pub struct ChartRequest {
     pub full: bool,
     /// No voxels finer than those of each scene.
     pub quick: bool,
-    /// Of the random placements and of the bootstrap.
+    /// Seed of the random placements and of the bootstrap.
     pub seed: u64,
 }
 
 /// The chart of a scene.
 #[derive(Debug)]
 pub struct Charted {
-    /// What was measured.
+    /// Measured settings, and the one to take.
     pub chart: Chart,
-    /// Where it was written.
+    /// Folder that holds it.
     pub folder: PathBuf,
     /// All of `chart.json`.
     pub answer: Value,
 }
 
-/// Makes the charts, one a scene, until the watcher stops them; `each` is told of every one. Returns how many were
-/// asked for, and those that were made.
+/// Makes the charts, one a scene, until the watcher stops them, and calls `each` with every one. Returns the number of
+/// charts in the request, and the charts that were made.
 ///
 /// # Errors
-/// Files that cannot be read or written, as of [`chart`] and of `each`.
+/// Files that cannot be read or written, errors of [`chart`] and of `each`.
 pub fn chart_scenes(
     request: &ChartRequest,
     computing: &Computing<'_>,
@@ -85,7 +85,7 @@ pub fn chart_scenes(
     Ok((count, charts))
 }
 
-/// All that a chart goes on from.
+/// Checkpoint of a chart.
 #[derive(Clone, Serialize, Deserialize)]
 struct Saved {
     scene: PathBuf,
@@ -98,7 +98,7 @@ struct Saved {
 struct Begun {
     saved: Saved,
     resumed: Option<RunDir<Saved>>,
-    /// Where a new folder is to be, if it was said.
+    /// Path of a new folder, if one was given.
     out: Option<PathBuf>,
     /// Name of the scene among those of the command.
     name: String,
@@ -106,7 +106,7 @@ struct Begun {
     placements: Option<PathBuf>,
 }
 
-/// The charts that are asked for, one a scene.
+/// Charts of the request, one a scene.
 fn begun(request: &ChartRequest, computing: &Computing<'_>) -> Result<Vec<Begun>, Error> {
     if let Some(folder) = &request.resume {
         let (dir, saved) = RunDir::<Saved>::resume("chart", folder)?;

@@ -1,5 +1,5 @@
-//! Placements of a file beside the scene that they are for: sensors that the vehicle lacks are errors, what is most
-//! likely not meant is told.
+//! Checks of a file's placements against their scene: sensors that the vehicle lacks are errors, likely mistakes are
+//! noted.
 
 use std::path::{Path, PathBuf};
 
@@ -11,10 +11,10 @@ use crate::vehicle::{
     name_lidars, table_7,
 };
 
-/// Doubts that are told: of a million placements in degrees, the first say enough.
+/// Most doubts that are noted: of a million placements in degrees the first few say enough.
 const MOST_TOLD: u64 = 3;
 
-/// Looks at the placements of a file.
+/// Checks the placements of a file.
 pub struct Given<'a> {
     file: PathBuf,
     sensors: Sensors,
@@ -25,7 +25,7 @@ pub struct Given<'a> {
 }
 
 impl<'a> Given<'a> {
-    /// Of placements that are taken as they are, by the sensors and mounts of a vehicle.
+    /// Checks placements against the sensors and mounts of a vehicle.
     pub fn new(
         file: &Path,
         sensors: &Sensors,
@@ -37,18 +37,18 @@ impl<'a> Given<'a> {
         Self { file, sensors, doubts, choices, watcher, found: 0 }
     }
 
-    /// The same by a problem.
+    /// Checks placements against the sensors and mounts of a problem.
     pub fn in_problem(file: &Path, problem: &Problem, computing: &Computing<'a>) -> Self {
         Self::new(file, problem.sensors(), problem.constraints(), computing)
     }
 
-    /// The same where what a placement breaks of the mount's rules is told elsewhere.
+    /// Leaves out doubts about the mount's rules, which the search reports; units are still checked.
     #[must_use]
     pub fn ruled(self) -> Self {
         Self { doubts: Doubts::of_units(), ..self }
     }
 
-    /// Names LiDARs by `--sensor`, and looks at some placements.
+    /// Names LiDARs by `--sensor`, and checks some placements.
     ///
     /// # Errors
     /// A sensor that the vehicle does not have, or none where it has several.
@@ -71,7 +71,7 @@ impl<'a> Given<'a> {
         Ok(())
     }
 
-    /// Says of how many more there is doubt than was told.
+    /// Notes how many more doubts there are than were noted.
     pub fn finish(&self) {
         if self.found > MOST_TOLD {
             let (more, file) = (self.found - MOST_TOLD, self.file.display());
@@ -79,10 +79,10 @@ impl<'a> Given<'a> {
         }
     }
 
-    /// Looks at all placements there are.
+    /// Checks all placements.
     ///
     /// # Errors
-    /// As [`Self::look`].
+    /// See [`Self::look`].
     pub fn all<'p>(
         mut self,
         placements: impl IntoIterator<Item = &'p mut Placement>,
@@ -96,14 +96,14 @@ impl<'a> Given<'a> {
 /// The layouts of Table 7 of the paper. See [`name_published`] for their models.
 ///
 /// # Errors
-/// As [`name_published`].
+/// See [`name_published`].
 pub fn published(sensors: &Sensors, computing: &Computing<'_>) -> Result<Vec<Placement>, Error> {
     let mut layouts = table_7();
     name_published(&mut layouts, sensors, computing)?;
     Ok(layouts)
 }
 
-/// Names the models of layouts of the paper: by `--sensor`, else the first of several models, which is told.
+/// Names the models of layouts of the paper: by `--sensor`, else the first of several models, which is noted.
 ///
 /// # Errors
 /// A model of `--sensor` that the vehicle does not have.

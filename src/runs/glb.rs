@@ -1,4 +1,4 @@
-//! A frame with its rigs as a file for viewers of glTF, where one is asked for.
+//! A frame with its rigs as a file for viewers of glTF, if a file is given.
 
 use std::path::Path;
 

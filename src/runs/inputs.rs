@@ -1,4 +1,4 @@
-//! Which of the files given are scenes, and which one holds placements.
+//! Sorts the files of a command into scenes and placements.
 
 use std::path::{Path, PathBuf};
 
@@ -40,11 +40,11 @@ impl Files {
         Ok(Self { scenes, placements: placements.into_iter().next() })
     }
 
-    /// As [`Self::sort`], for a command that needs placements: where no file is one of them by its look the
-    /// last is taken for it, whose own fault then is told.
+    /// Like [`Self::sort`], for a command that needs placements. If no file looks like placements, the last one is
+    /// taken for them, so that its own fault is reported.
     ///
     /// # Errors
-    /// As of [`Self::sort`], and a single file.
+    /// See [`Self::sort`]; a single file is an error, too.
     pub fn with_placements(
         files: &[PathBuf],
         watcher: &dyn Watcher,

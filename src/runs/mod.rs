@@ -1,13 +1,13 @@
-//! Work on files: what each command of the program does with scenes, placements and folders, for any caller.
+//! Work on files: each command of the program as a function of scenes, placements and folders, for any caller.
 //!
-//! A request is plain data, a [`Watcher`] is told what is going on and may ask to stop, and an answer is plain data or
-//! a folder. Nothing here prints or reads arguments; the program's commands parse, call and print.
+//! A request is plain data. A [`Watcher`] hears of progress and may ask to stop. An answer is plain data or a folder.
+//! Nothing here prints or reads arguments; the program's commands parse, call and print.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `inputs` | which of the files given are scenes, names of placements behind a colon |
+//! | `inputs` | sorts files into scenes and placements, names of placements behind a colon |
 //! | `opening` | from files to jobs and evaluators |
-//! | `given` | placements of a file: sensors that the vehicle lacks, and what is most likely not meant |
+//! | `given` | checks of a file's placements: unknown sensors, likely mistakes |
 //! | `glb` | a frame with its rigs as binary glTF |
 //! | `score` | scores of a batch: as a stream in one scene, with their mean in several |
 //! | `optimize` | a search in a run folder: begun, saved, resumed, recorded |
@@ -48,15 +48,15 @@ use crate::Note;
 use crate::engine::EngineChoice;
 use crate::vehicle::SensorChoice;
 
-/// Time after a wish to stop for work that has a result to write, such as the page of a search.
+/// Time after a stop request for work that has a result to write, such as the page of a search.
 const GRACE: Duration = Duration::from_secs(20);
 
-/// Who is told of work under way, and may end it. Every part is optional.
+/// Listener of work under way, which may end it. Every part is optional.
 pub trait Watcher: Sync {
-    /// A sentence that is of interest by default.
+    /// Hears a sentence that is shown by default.
     fn note(&self, _sentence: &str) {}
 
-    /// A sentence about an input.
+    /// Hears a sentence about an input.
     ///
     /// # Errors
     /// A doubt, where doubts are refused (`--strict`).
@@ -65,7 +65,7 @@ pub trait Watcher: Sync {
         Ok(())
     }
 
-    /// A sentence for who wants to know more.
+    /// Hears a sentence for users who want more detail.
     fn detail(&self, _sentence: &str) {}
 
     /// [`Self::note`] for engines, which outlive the call that opens them.
@@ -73,55 +73,55 @@ pub trait Watcher: Sync {
         Arc::new(|_| {})
     }
 
-    /// Work of so many steps begins; it ends when the bar is dropped. Without a unit only its share is of interest.
+    /// Begins a bar of `total` steps, which ends when it is dropped. Without a unit only its share is of interest.
     fn bar(&self, _total: u64, _unit: Option<&str>) -> Box<dyn Bar> {
         Box::new(Silent)
     }
 
-    /// Work begins that can be interrupted without loss: from now on it asks [`Self::goes_on`] for a wish to stop. Work
-    /// that still runs `grace` after such a wish may be ended with the process.
+    /// Enables Ctrl-C: from here on [`Self::goes_on`] may return `false`. Work that still runs `grace` after a stop
+    /// request may be ended with the process.
     fn listen(&self, _grace: Duration) {}
 
-    /// Whether the work is to go on.
+    /// `false` once the work is to stop.
     fn goes_on(&self) -> bool {
         true
     }
 }
 
-/// How far some work is.
+/// Progress of some work.
 pub trait Bar: Sync {
-    /// So many more steps are done.
+    /// Adds finished steps.
     fn advance(&self, _steps: u64) {}
 
-    /// So many steps of a total are done.
+    /// Sets the finished steps, and the total.
     fn set(&self, _done: u64, _total: u64) {}
 
-    /// What is being done.
+    /// Shows words beside the progress.
     fn say(&self, _words: String) {}
 }
 
-/// Says nothing and never stops.
+/// A watcher and a bar that show nothing and never stop.
 pub struct Silent;
 
 impl Watcher for Silent {}
 
 impl Bar for Silent {}
 
-/// What computes, for which vehicle, and who is told.
+/// Engine, vehicle, sensor models and watcher of a command.
 #[derive(Clone)]
 pub struct Computing<'a> {
-    /// The engine asked for.
+    /// Engine to use.
     pub engine: EngineChoice,
-    /// Vehicle file in place of what scenes say.
+    /// Vehicle file in place of the scenes' own.
     pub vehicle: Option<PathBuf>,
     /// Models of LiDARs that placements of files leave without a name.
     pub sensors: Vec<SensorChoice>,
-    /// Who is told.
+    /// Hears of progress, and may stop the work.
     pub watcher: &'a dyn Watcher,
 }
 
 impl Computing<'_> {
-    /// The best engine there is, the vehicle of each scene, and nobody who is told.
+    /// The best engine there is, the vehicle of each scene, and a silent watcher.
     pub fn silent() -> Computing<'static> {
         Computing {
             engine: EngineChoice::default(),

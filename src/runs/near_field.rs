@@ -1,4 +1,4 @@
-//! What placements see of the ground and of poles near the vehicle, of files.
+//! Near fields of placements in a scene file: the ground and the poles near the vehicle that they see.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -26,7 +26,7 @@ pub struct NearFieldRequest {
     pub out: Option<PathBuf>,
     /// Frames to average over; all if none.
     pub frames: Option<u32>,
-    /// Weather and faults: what beams that do not come back end at is not seen.
+    /// Weather and faults. Ground that only lost beams reach counts as unseen.
     pub conditions: Vec<Condition>,
 }
 
@@ -44,11 +44,11 @@ pub struct NearFields {
     pub footprint: Footprint,
     /// Ground within 10 m in m², mean of the frames.
     pub ground_area: f64,
-    /// Of each placement, in order.
+    /// Near field of each placement, in order.
     pub near_fields: Vec<NearField>,
 }
 
-/// Looks at the near field of each placement, and draws it where that is asked for.
+/// Looks at the near field of each placement, and draws it where the request names a file.
 ///
 /// # Errors
 /// Files that cannot be read or written, a scene without geometry or own body, a condition given twice.

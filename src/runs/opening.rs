@@ -1,4 +1,4 @@
-//! From files to jobs and evaluators, with what is said on the way.
+//! Jobs and evaluators from files, with notes on the way.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -30,7 +30,7 @@ pub struct Loaded {
     pub times: LoadTimes,
 }
 
-/// A scene on its way into a job: reads it, and says what in it is most likely not meant.
+/// Reads a scene file for a job, and notes likely mistakes in it.
 pub fn read(path: &Path, vehicle: Option<&Path>, watcher: &dyn Watcher) -> Result<Scene, Error> {
     told(Scene::read_with(path, vehicle)?, watcher)
 }
@@ -94,7 +94,7 @@ pub fn psog(
     let is_late = || time.is_some_and(|time| Instant::now() >= time.deadline());
     let scanned = scene.psog(|done| {
         bar.set(done as u64, frames);
-        // A search scores as many whatever the time.
+        // A search, too, scores this few frames whatever the time.
         watcher.goes_on() && (frames <= FRAMES_AT_ONCE as u64 || !is_late())
     });
     scanned.map_err(|error| match error {
@@ -103,7 +103,7 @@ pub fn psog(
     })
 }
 
-/// The error of a scan for a P-SOG, with what stopped it.
+/// The error of a scan for a P-SOG, with the reason for a stop.
 pub fn stopped(
     error: PsogError,
     place: &str,
@@ -126,7 +126,7 @@ pub fn stopped(
     }
 }
 
-/// Says where no voxel changes from frame to frame.
+/// Notes a P-SOG in which no voxel changes from frame to frame.
 fn note_psog(psog: &Psog, watcher: &dyn Watcher) {
     let same = |&count: &u16| count == 0 || u32::from(count) == psog.frames();
     if psog.counts().iter().all(same) {
@@ -139,7 +139,7 @@ fn note_psog(psog: &Psog, watcher: &dyn Watcher) {
 }
 
 impl Loaded {
-    /// Poses the job, and says what its scenes are.
+    /// Poses the job, and tells the size of its scenes as detail.
     pub fn suite(&mut self, computing: &Computing<'_>) -> Result<Suite, Error> {
         let (start, watcher) = (Instant::now(), computing.watcher);
         let suite = self.job.suite()?;
@@ -157,7 +157,7 @@ impl Loaded {
         Ok(suite)
     }
 
-    /// Poses the job and opens an engine for each scene; says which one that is.
+    /// Poses the job and opens an engine for each scene; notes its device.
     pub fn evaluator(&mut self, computing: &Computing<'_>) -> Result<Evaluator, Error> {
         self.suite(computing)?;
         let (start, watcher) = (Instant::now(), computing.watcher);
@@ -169,7 +169,7 @@ impl Loaded {
     }
 }
 
-/// Reads a scene for its geometry alone: its P-SOG is not needed and stays empty. `mend` says what to add to a scene
+/// Reads a scene for its geometry alone: its P-SOG is not needed and stays empty. `mend` names parts to add to a scene
 /// without geometry.
 pub fn geometry(path: &Path, mend: &str, computing: &Computing<'_>) -> Result<Scene, Error> {
     let scene = read(path, computing.vehicle.as_deref(), computing.watcher)?;
@@ -182,14 +182,14 @@ pub fn geometry(path: &Path, mend: &str, computing: &Computing<'_>) -> Result<Sc
     Ok(scene)
 }
 
-/// Says what scores are where a condition moves points alone.
+/// Notes the meaning of scores under a condition that moves points alone.
 pub fn note_conditions(conditions: &[String], watcher: &dyn Watcher) {
     let conditions = conditions.iter().filter_map(|text| text.parse::<Condition>().ok());
     let (blur, others): (Vec<Kind>, Vec<Kind>) =
         conditions.map(|condition| condition.kind()).partition(|kind| *kind == Kind::Blur);
     if !blur.is_empty() {
         let scores = match others.is_empty() {
-            // Any condition has scores ask the sensor's response, which has its say in clear air, too.
+            // Any condition makes scores use the sensor's response, which matters in clear air, too.
             true => {
                 "those of clear air under the sensor's own response, as with fog:mor=inf; without a condition \
                  every beam counts that meets something"
@@ -202,7 +202,7 @@ pub fn note_conditions(conditions: &[String], watcher: &dyn Watcher) {
     }
 }
 
-/// Says where `--frames` asks for more than there are.
+/// Notes that `--frames` is larger than the number of frames.
 pub fn note_frames(scene: &Scene, wanted: Option<u32>, watcher: &dyn Watcher) {
     let count = scene.frame_count();
     if let Some(wanted) = wanted.filter(|wanted| *wanted as usize > count) {
@@ -210,7 +210,7 @@ pub fn note_frames(scene: &Scene, wanted: Option<u32>, watcher: &dyn Watcher) {
     }
 }
 
-/// Says where scenes have other classes than the first: no score but the counts by class compares them.
+/// Notes scenes with other classes than the first, which only the counts by class depend on.
 fn note_classes(suite: &Suite, watcher: &dyn Watcher) {
     let Some((first, others)) = suite.members().split_first() else { return };
     let classes_of = |member: &Member| member.problem().content().classes().to_vec();

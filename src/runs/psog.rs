@@ -17,7 +17,7 @@ pub const PAPER_REGION: [[f64; 3]; 2] = [[-40.0, -40.0, -0.5], [40.0, 40.0, 5.5]
 /// Voxel of the paper's segmentation task, in metres.
 pub const PAPER_VOXEL: [f64; 3] = [0.1; 3];
 
-/// What a P-SOG is built from.
+/// Data that a P-SOG is built from.
 #[derive(Debug, Clone)]
 pub enum Source {
     /// The geometry of a scene file.
@@ -29,9 +29,9 @@ pub enum Source {
 /// Labelled scans, and the grid that their P-SOG is to have.
 #[derive(Debug, Clone)]
 pub struct Scans {
-    /// Where they lie.
+    /// Data set that holds them.
     pub set: DataSet,
-    /// Only so many frames before and after are merged into each; all if none.
+    /// Frames merged into each one, before and after it; all if none.
     pub window: Option<u32>,
     /// Lower and upper corner of the region, metres.
     pub region: [[f64; 3]; 2],
@@ -78,7 +78,7 @@ pub struct CarlaScans {
 }
 
 impl CarlaScans {
-    /// Opens the scans, and says how high their LiDAR stands.
+    /// Opens the scans, and notes the height of their LiDAR.
     pub(super) fn open(&self, watcher: &dyn Watcher) -> Result<CarlaSequence, Error> {
         let sequence =
             CarlaSequence::open(&self.folder, &self.poses, self.tags, self.lidar_height)?;
@@ -159,7 +159,7 @@ fn of_scans(scans: &Scans, watcher: &dyn Watcher) -> Result<(Psog, BuildReport),
     Ok(built)
 }
 
-/// Tells what the reader of a sequence has to say.
+/// Passes the notes of a sequence's reader on.
 pub(super) fn tell_notes(
     sequence: &dyn LabelledSequence,
     watcher: &dyn Watcher,
@@ -167,7 +167,7 @@ pub(super) fn tell_notes(
     sequence.notes().iter().try_for_each(|note| watcher.tell(note))
 }
 
-/// Says where no voxel holds ground: the scans were most likely placed at a wrong height.
+/// Notes that no voxel holds ground: the scans were most likely placed at a wrong height.
 fn note_ground(psog: &Psog, watcher: &dyn Watcher) {
     let is_ground = Ground::among(psog.classes());
     let holds = |row: &[u16]| row.iter().zip(&is_ground).any(|(&count, &is)| is && count > 0);

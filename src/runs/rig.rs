@@ -34,14 +34,14 @@ pub struct ExportRequest {
     pub scene: Option<PathBuf>,
     /// Vehicle file in place of what the scene says.
     pub vehicle: Option<PathBuf>,
-    /// What lies between frames and optical centres.
+    /// Offsets between frames and optical centres.
     pub mounting: Mounting,
 }
 
 /// Writes a placement in the format of another program; returns its text where no file is given.
 ///
 /// # Errors
-/// Files that cannot be read or written, names that do not fit the rig, what the format cannot say.
+/// Files that cannot be read or written, names that do not fit the rig, a rig that the format cannot express.
 pub fn export_file(
     request: &ExportRequest,
     watcher: &dyn Watcher,
@@ -110,7 +110,7 @@ fn write_files(exported: &Exported, out: &Path) -> Result<(), Error> {
         }
         files => {
             shared_folder(out)?;
-            // None is written unless all can be.
+            // Checks all files first, so that none is written unless all can be.
             let place = |file: &NamedText| out.join(safe_name(&file.name));
             files.iter().try_for_each(|file| writable_file(&place(file)))?;
             files.iter().try_for_each(|file| write(&place(file), &file.text))
@@ -144,7 +144,7 @@ pub fn import_files(
     Ok(None)
 }
 
-/// Says what was left out and what should be known.
+/// Notes the frames that were left out, and doubts.
 fn say(imported: &Imported, watcher: &dyn Watcher) -> Result<(), Error> {
     let left_out = &imported.left_out;
     if !left_out.is_empty() {

@@ -1,4 +1,4 @@
-//! Questions that take many runs, in folders of their own, gone on with after an interruption.
+//! Questions that take many runs, in folders of their own that can be resumed.
 
 use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
@@ -19,18 +19,18 @@ use crate::vehicle::read_placements;
 /// A study of scene files.
 #[derive(Debug, Clone)]
 pub struct StudyRequest {
-    /// What to study.
+    /// Question of the study.
     pub kind: Kind,
     /// Scene files: `transfer` looks at all together, every other kind at one after the other; for `loss` a file of
     /// placements among them.
     pub scenes: Vec<PathBuf>,
-    /// Folder; of several scenes one in it for each.
+    /// Folder; several scenes get a folder each inside it.
     pub out: Option<PathBuf>,
     /// Score to maximize where placements are searched.
     pub objective: String,
     /// Placements that each search evaluates before swaps.
     pub evaluations: u64,
-    /// Frames to average over; those of [`StudySettings`] if none.
+    /// Frames to average over; the default of [`StudySettings`] if none.
     pub frames: Option<u32>,
     /// Random placements, where the study draws some.
     pub random: u32,
@@ -38,19 +38,19 @@ pub struct StudyRequest {
     pub sensors: Vec<PathBuf>,
     /// Further regions.
     pub regions: Vec<Region>,
-    /// Edge of a voxel in metres; that of [`StudySettings`] if none.
+    /// Edge of a voxel in metres; the default of [`StudySettings`] if none.
     pub voxel: Option<f64>,
-    /// Of all randomness.
+    /// Seed of all randomness.
     pub seed: u64,
     /// Weather and faults.
     pub conditions: Vec<Condition>,
 }
 
-/// Makes the study, a folder for each scene or one for all together, until the watcher stops it; `each` is told of
+/// Makes the study, a folder for each scene or one for all together, until the watcher stops it. Calls `each` with
 /// every table and its folder.
 ///
 /// # Errors
-/// Files that cannot be read or written, a folder with another study, as of [`study`] and of `each`.
+/// Files that cannot be read or written, a folder with another study, errors of [`study`] and of `each`.
 pub fn study_scenes(
     request: &StudyRequest,
     computing: &Computing<'_>,
@@ -66,7 +66,7 @@ pub fn study_scenes(
         )));
     }
     computing.watcher.listen(GRACE);
-    // What needs several scenes looks at them together; all other kinds at one after the other.
+    // A kind that needs several scenes takes them together; any other kind takes one after the other.
     let together = request.kind == Kind::Transfer || paths.len() == 1;
     if together {
         request.kind.check_scenes(paths.len())?;
@@ -153,7 +153,7 @@ fn of_scenes(
     Ok(found)
 }
 
-/// All that decides about the numbers of a study, and the files that it reads.
+/// Files of a study, and the settings that decide about its numbers.
 struct Recorded {
     settings: Value,
     inputs: Vec<Input>,
@@ -191,7 +191,7 @@ struct Session<'a> {
     watcher: &'a dyn Watcher,
     done: Cell<u64>,
     cases: Cell<u64>,
-    /// Whether the engine was named: engines are opened again and again.
+    /// True once the engine was named: engines are opened again and again.
     is_named: Cell<bool>,
     /// Why the rows could not be written, which ends the study.
     failed: RefCell<Option<Error>>,
@@ -238,7 +238,7 @@ impl Session<'_> {
     }
 }
 
-/// All that decides about the numbers of a study of some scenes in their files.
+/// Files of a study of some scenes, and the settings that decide about its numbers.
 fn recorded<'s>(
     request: &StudyRequest,
     paths: &[PathBuf],

@@ -29,7 +29,7 @@ pub struct TargetsRequest {
     pub distances: Vec<f64>,
     /// Degrees counter-clockwise from straight ahead.
     pub bearings: Vec<f64>,
-    /// Beams from which on a frame counts.
+    /// Least beams on a target for a frame to count.
     pub beams: u32,
     /// Frames to look at in each scene, spread evenly.
     pub frames: u32,
@@ -43,12 +43,12 @@ pub struct TargetsRequest {
     pub out: Option<PathBuf>,
 }
 
-/// Beams on targets, and what the numbers mean.
+/// Beams on targets, and the settings behind the numbers.
 #[derive(Debug, Serialize)]
 pub struct TargetsFound {
     /// Targets with their dimensions and where these are from.
     pub targets: Vec<Target>,
-    /// Beams from which on a frame counts.
+    /// Least beams on a target for a frame to count.
     pub beams: u32,
     /// Frames that must count for a detection.
     pub of_frames: usize,

@@ -16,9 +16,9 @@ use crate::verify::compare::compared_frames;
 use crate::verify::placements::usual_placements;
 use crate::verify::{Verification, verify};
 
-/// Random placements where nothing else is said.
+/// Random placements by default.
 const RANDOM: usize = 200;
-/// Hostile ones.
+/// Hostile placements by default.
 const HOSTILE: usize = 50;
 
 /// Most random placements, and most hostile ones.
@@ -26,26 +26,26 @@ const MOST_PLACEMENTS: usize = 100_000;
 /// Most beams of the sample: each is held until all are explained.
 const MOST_BEAMS: u64 = 10_000_000;
 
-/// What is to be verified.
+/// Files and settings of a verification.
 #[derive(Debug, Clone)]
 pub struct VerifyRequest {
     /// Scene files, and placements; without them usual and hostile ones.
     pub files: Vec<PathBuf>,
     /// Frames to compare.
     pub frames: u32,
-    /// Random placements, 200 if none is said.
+    /// Random placements; 200 if none is given.
     pub random: Option<usize>,
-    /// Hostile placements, 50 if none is said.
+    /// Hostile placements; 50 if none is given.
     pub hostile: Option<usize>,
     /// Beams of the CPU reference that are compared with brute force in `f64`.
     pub sample: u64,
-    /// Of the random placements and the sample.
+    /// Seed of random and hostile placements, and of the sample.
     pub seed: u64,
     /// Weather and faults under which covered voxels and sums are compared; hits are those of clear air.
     pub conditions: Vec<Condition>,
 }
 
-/// What was found in a scene.
+/// Result of a verification in one scene.
 #[derive(Debug, Serialize)]
 pub struct Verified {
     /// Name of the scene.
@@ -53,18 +53,18 @@ pub struct Verified {
     /// Weather and faults, as they are written.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub conditions: Vec<String>,
-    /// All that was compared.
+    /// Result of the comparisons.
     #[serde(flatten)]
     pub found: Verification,
     /// Time that it took.
     pub seconds: f64,
 }
 
-/// Verifies scene after scene; `each` is told of every one.
+/// Verifies scene after scene, and calls `each` with every result.
 ///
 /// # Errors
 /// The CPU in place of a device, files that cannot be read, numbers of placements beside a file of them, no device, and
-/// as of `each`.
+/// errors of `each`.
 pub fn verify_scenes(
     request: &VerifyRequest,
     computing: &Computing<'_>,
@@ -119,7 +119,7 @@ impl VerifyRequest {
     }
 }
 
-/// Name of a scene, and what is verified in it.
+/// Verifies one scene; returns its name, too.
 fn of_scene(
     path: &Path,
     given: Option<(&Path, &[Placement])>,
@@ -150,7 +150,7 @@ fn of_scene(
     Ok((job.scene().name().to_owned(), found.map_err(needs_device)?))
 }
 
-/// Elsewhere the CPU stands in for a device that is missing or fails; here it cannot.
+/// The error of a missing or failed device: elsewhere the CPU takes over, here it cannot.
 fn needs_device(error: BackendError) -> Error {
     match error {
         BackendError::NoDevice { name } => {

@@ -1,4 +1,4 @@
-//! The page of a search about a placement that was not searched for.
+//! The page about a placement that was not searched for.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ pub struct ViewRequest {
     pub out: PathBuf,
     /// Weather and faults.
     pub conditions: Vec<Condition>,
-    /// How the page is made again, which stands on it.
+    /// Command that makes the page again, which stands on it.
     pub command: String,
 }
 
@@ -60,7 +60,7 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Erro
         true => published(problem.sensors(), computing)?,
         false => rivals.into_iter().flat_map(|(_, placements)| placements).collect(),
     };
-    // The one shown is none of those to compare with.
+    // The placement shown is not compared with itself.
     let baselines: Vec<Placement> =
         baselines.into_iter().filter(|baseline| baseline != shown).collect();
     let out = &request.out;

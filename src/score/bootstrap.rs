@@ -1,4 +1,4 @@
-//! How sure a mean over scenes is: a bootstrap over scenes, and over the frames of each.
+//! Confidence of a mean over scenes: a bootstrap over scenes, and over the frames of each.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -22,7 +22,7 @@ pub struct Interval {
 /// `resamples` times as many scenes are drawn with replacement, and of each of them as many of its frames
 /// (a bootstrap in two stages: Davison and Hinkley 1997, section 3.8). Equal seeds give equal bits.
 ///
-/// `None` where a scene has no frame, or nothing is to be drawn.
+/// `None` where a scene has no frame, or there is no scene or no resample to draw.
 pub fn bootstrap(values: &[Vec<f64>], resamples: usize, seed: u64) -> Option<Interval> {
     if values.is_empty() || resamples == 0 || values.iter().any(Vec::is_empty) {
         return None;
@@ -65,7 +65,7 @@ mod tests {
         // Two scenes of one frame: their means are 0, ½ or 1, one in four at each end.
         let two = bootstrap(&[vec![0.0], vec![1.0]], 2000, 1).unwrap();
         assert_eq!(two, Interval { mean: 0.5, low: 0.0, high: 1.0 });
-        // What is the same everywhere has no spread; scenes count the same, whatever their frames.
+        // Equal values have no spread; each scene counts the same, whatever its number of frames.
         let same = bootstrap(&[vec![0.25; 3], vec![0.25]], 500, 1).unwrap();
         assert_eq!(same, Interval { mean: 0.25, low: 0.25, high: 0.25 });
         let uneven = bootstrap(&[vec![1.0; 9], vec![0.0]], 500, 1).unwrap();

@@ -13,9 +13,9 @@ use crate::vehicle::{Constraints, Placement, Region, SensorName, SensorPose, Slo
 const LEAST_INFORMATION: f64 = 0.5;
 /// Hit share below this share of the reference layout's is too little.
 const LEAST_HITS: f64 = 0.5;
-/// A class covered below this share of what the reference layout covers is neglected.
+/// A class covered below this share of the reference layout's coverage is neglected.
 const LEAST_OF_CLASS: f64 = 0.1;
-/// Classes of fewer covered voxels a frame in the reference layout are left to chance.
+/// Classes with fewer covered voxels a frame in the reference layout are not judged: their counts are chance.
 const COUNTABLE_VOXELS: f64 = 20.0;
 /// A placement that loses more than this share of its information to its sensors' range.
 const MOST_OUT_OF_RANGE: f64 = 0.01;
@@ -26,7 +26,7 @@ const LEAST_UNIQUE: f64 = 0.01;
 pub const MOST_SELF_HITS: f64 = 0.25;
 
 /// A reason not to believe a placement's scores, or not to build it: literal M-SOG is perfect for sensors that see only
-/// what never changes.
+/// voxels that never change.
 ///
 /// Printed as `name: sentence`.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,7 +43,7 @@ pub enum Guard {
     FewHits {
         /// Share of the beams that hit.
         hit_share: f64,
-        /// The same of the reference layout.
+        /// Share of the reference layout's beams that hit.
         reference: f64,
     },
     /// A class that the reference layout sees is hardly covered.
@@ -78,13 +78,13 @@ pub enum Guard {
     InScene {
         /// Name of the scene.
         scene: String,
-        /// What speaks against the placement there.
+        /// Guard that is violated in the scene.
         guard: Box<Guard>,
     },
 }
 
 impl Guard {
-    /// True for a reason not to believe the scores; false for a fact about the rig, a sector that it does not see.
+    /// True for a reason not to believe the scores; false for a fact about the rig: a sector that it does not see.
     pub fn is_doubt(&self) -> bool {
         !matches!(self, Self::BlindSector(_))
     }
@@ -150,7 +150,7 @@ impl Serialize for Guard {
     }
 }
 
-/// The layout that guards compare with: what anybody would build without a search.
+/// Layout that guards compare with, as anybody would build it without a search.
 ///
 /// One LiDAR sits in the middle of the mount's top; several stand level on the top's edge, evenly
 /// around it, the first one front left. `models` are those of the LiDARs.

@@ -28,7 +28,7 @@ pub(crate) use over_scenes::totals;
 pub(crate) use ranking::{kendall_tau, mean_height, spearman};
 pub(crate) use standing::Standing;
 
-/// Scores of one task: how the classes are told apart decides what a voxel's entropy is.
+/// Scores of one task, segmentation or detection, which tell classes apart differently.
 ///
 /// `None` where nothing is covered.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
@@ -47,26 +47,26 @@ pub struct TaskScores {
     pub information_gain_share: Option<f64>,
 }
 
-/// All that is known about one placement.
+/// Scores, counts and guards of one placement.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Scores {
-    /// Of the placement.
+    /// Name of the placement.
     pub name: String,
     /// Segmentation: every class for itself.
     #[serde(flatten)]
     pub segmentation: TaskScores,
     /// −Σ H over covered voxels with H that of "occupied or not" (S-MIG, Hu et al. 2022).
     pub s_mig: Option<f64>,
-    /// Share that is gained of Σ H(v) · 10 m / max(10 m, d(v)) over all voxels (the factor in eighths), and of a
-    /// quarter as much for all voxels of ground within 10 m, d from the origin of the ego frame in plan: what is near
-    /// matters sooner, and ground near the vehicle has hardly any entropy. From 0 to 1; `None` where nothing is covered
-    /// or known. Chosen by what learners recognize, see `docs/evidence.md`.
+    /// Share gained of two sums: Σ H(v) · 10 m / max(10 m, d(v)) over all voxels (the factor in eighths), and a quarter
+    /// as much for all voxels of ground within 10 m; d from the origin of the ego frame in plan. Near things matter
+    /// sooner, and ground near the vehicle has hardly any entropy. From 0 to 1; `None` where nothing is covered or
+    /// known. Chosen by what learners recognize, see `docs/evidence.md`.
     pub near_gain: Option<f64>,
     /// Share of the ground within 10 m of the own body with a hit close by, as
     /// [`crate::near_field::NearField::near_field`]; `None` where it was not looked for: it takes casts of its own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near_field: Option<f64>,
-    /// The same within 3 m.
+    /// Share of the ground within 3 m of the own body with a hit close by; `None` where it was not looked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near_ring: Option<f64>,
     /// Σ H over covered voxels, in nats; the information gain by its other name.
@@ -88,17 +88,17 @@ pub struct Scores {
     pub detection: Option<TaskScores>,
     /// Share of the information that only this LiDAR gains, by LiDAR.
     pub unique_share: Vec<f64>,
-    /// What must be seen, areas and then targets, and how much of it is.
+    /// Requirements on areas, then on targets, each with the share that is seen.
     #[serde(rename = "requirements", skip_serializing_if = "Vec::is_empty")]
     pub required: Vec<Seen>,
-    /// Distances at which targets are met; `None` where it was not looked for, or beams end at nothing.
+    /// Distances of detection by target and bearing; `None` where not computed, or where beams end at nothing.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range_card: Option<RangeCard>,
-    /// Beams that a car all round at 5 to 50 m lacks of five, as a share; `None` where a search does not look. See
-    /// [`crate::targets::Sight`].
+    /// Share of missing beams on cars all round at 5 to 50 m, where five beams are enough; `None` where a search does
+    /// not look. See [`crate::targets::Sight`].
     #[serde(skip)]
     pub car_missing: Option<f64>,
-    /// Why the scores should not be believed; empty when nothing speaks against them.
+    /// Violated guards: doubts about the scores, and blind sectors; empty if there are none.
     pub guards: Vec<Guard>,
 }
 
@@ -164,7 +164,7 @@ impl std::fmt::Display for Seen {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { name, share, least, missing } = self;
         let not = if self.is_met() { "" } else { "NOT MET: " };
-        // Rounded down, so that what is not met never reads as met.
+        // Rounded down, so that a requirement that is not met never reads as met.
         let found = (1e3 * share + 1e-9).floor() / 10.0;
         write!(f, "{not}{name}: {found:.1} % seen, {:.1} % required", 100.0 * least)?;
         missing.iter().try_for_each(|missing| write!(f, ", {missing}"))
@@ -230,12 +230,12 @@ impl Scores {
         }
     }
 
-    /// Worth that a search takes off for a car that is not seen all round; 0 where it does not look.
+    /// Penalty of a search for a car that is not seen all round; 0 where it does not look.
     pub fn blindness(&self) -> f64 {
         CAR_WEIGHT * self.car_missing.unwrap_or(0.0)
     }
 
-    /// Share that is missing of what must be seen, over all areas.
+    /// Missing share of the requirements, summed over areas and targets.
     pub fn missing(&self) -> f64 {
         self.required.iter().map(|seen| (seen.least - seen.share).max(0.0)).sum()
     }

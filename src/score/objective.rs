@@ -1,4 +1,4 @@
-//! What a search maximizes: one score, or a weighted sum of several, by name.
+//! Objective of a search: one score, or a weighted sum of several, by name.
 
 use std::str::FromStr;
 
@@ -16,7 +16,7 @@ struct Metric {
     of: Getter,
 }
 
-/// From all scores and those of the task.
+/// Reads a value from the scores of all tasks and of one task.
 type Getter = fn(&Tasks, &TaskScores) -> Option<f64>;
 
 /// Name of the default objective.
@@ -36,7 +36,7 @@ const METRICS: [(&str, Getter); 8] = [
 
 const DETECTION: &str = "detection.";
 
-/// Scores that are of all classes together: segmentation and detection have no values of their own.
+/// Scores of all classes together: segmentation and detection have no values of their own.
 const OF_NO_TASK: [&str; 2] = ["near_gain", "s_mig"];
 
 /// Weighted sum of scores, as `m_sog_scaled` or `0.5*m_sog_scaled + 0.5*detection.m_sog_scaled`.
@@ -77,7 +77,7 @@ pub enum ObjectiveError {
     },
 }
 
-/// What an objective depends on of the sums over covered voxels, beside the number of occupied ones.
+/// Sums over covered voxels that an objective needs, beside the number of occupied ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Needed {
     /// True if empty voxels count.
@@ -94,9 +94,9 @@ impl Needed {
 }
 
 impl Default for Objective {
-    /// The near gain: of all scores, what it puts first loses least of what learned models get from a
-    /// placement (`docs/evidence.md`). A gain like the information gain: monotone in the set of sensors,
-    /// comparable between any number and kind of them, with a bound on every other placement.
+    /// The near gain: placements that it ranks first lose least of what learned models get from a placement, among all
+    /// scores (`docs/evidence.md`). Like the information gain it is monotone in the set of sensors, comparable between
+    /// any number and kind of them, and comes with a bound on every other placement.
     fn default() -> Self {
         let (name, of) = METRICS[0];
         let metric = Metric { name, detection: false, of };
@@ -201,7 +201,7 @@ impl Objective {
         })
     }
 
-    /// True if it has a value for a placement that covers all there is: where it has none, no placement has one.
+    /// True if a placement that covers every voxel has a value; if that one has none, no placement has one.
     pub fn exists_in(&self, content: &Content) -> bool {
         let occupied = content.occupied().len() as u64;
         let all = Tally {
@@ -232,15 +232,15 @@ impl Objective {
         }
     }
 
-    /// True if the objective grows with a gain and nothing else: a positive multiple of a sum over covered
-    /// voxels, monotone and submodular in the set of sensors.
+    /// True if the objective is a positive multiple of gains alone: a sum over covered voxels, monotone and submodular
+    /// in the set of sensors.
     pub fn is_information_gain(&self) -> bool {
         const GAINS: [&str; 3] = ["information_gain", "information_gain_share", NEAR_GAIN];
         let gain = |metric: &Metric| GAINS.contains(&metric.name);
         self.terms.iter().all(|(weight, metric)| *weight > 0.0 && gain(metric))
     }
 
-    /// True if what a voxel counts depends on where it is.
+    /// True if the weight of a voxel depends on its position.
     pub fn weighs_place(&self) -> bool {
         self.terms.iter().any(|(_, metric)| metric.name == NEAR_GAIN)
     }

@@ -44,7 +44,7 @@ impl TaskScores {
 }
 
 impl Tasks {
-    /// Those of several scenes, each with its [`totals`]; those of a single one as they are.
+    /// Tasks over several scenes, each given with its [`totals`]; a single scene's tasks are returned unchanged.
     pub(super) fn over_scenes(scenes: &[(Self, [f64; 2])]) -> Self {
         if let [(tasks, _)] = scenes {
             return *tasks;
@@ -188,7 +188,7 @@ mod tests {
         assert!(mean.guards[0].to_string().ends_with("(in small)"), "{}", mean.guards[0]);
         // One scene alone is as it was.
         assert_eq!(Scores::over_scenes(&both[..1]), large);
-        // Where nothing is covered nothing is gained, but a mean over covered voxels does not exist.
+        // A scene where nothing is covered has no gain, but a mean over covered voxels does not exist.
         let blind = Scores { segmentation: TaskScores::default(), ..Scores::default() };
         let none = ("blind", &blind, [100.0, 0.0]);
         let mean = Scores::over_scenes(&[both[0], none]).segmentation;

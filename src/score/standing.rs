@@ -6,20 +6,19 @@ use serde::{Deserialize, Serialize};
 
 use super::{Objective, Scores};
 
-/// How good a placement is.
+/// Rank of a placement.
 ///
-/// Placements that keep the rules of the mount come before those that do not, and these by how much
-/// they break them; then those that violate fewer guards; then those of larger objective. Of equal
-/// standings the first one counts as the better, everywhere.
+/// A smaller violation of the mount's rules comes first, then fewer violated guards, then a larger worth. The first
+/// of equal standings counts as the better, everywhere.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Standing {
-    /// Sum of the broken rules' amounts, in m and rad; 0 where all are kept.
+    /// Broken rules of the mount in m and rad, or missing shares of requirements, summed; 0 where all are kept.
     pub violation: f64,
     /// Guards that are violated.
     pub guards: usize,
     /// The objective; `None` where it does not exist.
     pub value: Option<f64>,
-    /// Worth that is taken off the objective for a car that is not seen all round; 0 where a search does not look.
+    /// Penalty for a car that is not seen all round, in the objective's unit; 0 where a search does not look.
     #[serde(default)]
     pub blind: f64,
 }
@@ -45,7 +44,7 @@ impl Standing {
         self.violation == 0.0 && self.guards == 0
     }
 
-    /// The objective less what blindness takes off it.
+    /// The objective less the penalty for cars that are not seen.
     pub fn worth(&self) -> Option<f64> {
         self.value.map(|value| value - self.blind)
     }
@@ -59,7 +58,7 @@ impl Standing {
             .then(value(other).total_cmp(&value(self)))
     }
 
-    /// True if it comes before another: an equal one does not.
+    /// True if it ranks before another; false for equal ones.
     pub fn beats(&self, other: &Self) -> bool {
         self.compare(other) == Ordering::Less
     }

@@ -18,7 +18,7 @@ use crate::vehicle::{PoseGrid, UnknownSensor};
 /// exact as the objective's own factors.
 const UNITS: u64 = 1 << 40;
 
-/// What the poses of a grid cover in each scene; all hold the same poses.
+/// One [`Atlas`] per scene over one grid of poses; all hold the same poses.
 pub struct Atlases {
     /// At least one.
     each: Vec<Atlas>,
@@ -41,7 +41,7 @@ impl From<Atlas> for Atlases {
 }
 
 impl Atlases {
-    /// Empty ones of the evaluator's scenes that hold at most about `bytes` together; see [`Atlas::new`].
+    /// Empty atlases of the evaluator's scenes that hold at most about `bytes` together; see [`Atlas::new`].
     pub fn new(evaluator: &Evaluator, grid: &PoseGrid, needed: Needed, bytes: u64) -> Self {
         let share = bytes / evaluator.members().len().max(1) as u64;
         let atlas = |member: &super::suite::Member| {
@@ -54,7 +54,7 @@ impl Atlases {
         Self { each, sight: evaluator.sight().cloned(), targets: HashMap::new() }
     }
 
-    /// Like [`Atlas::forget_beyond`], all together.
+    /// Like [`Atlas::forget_beyond`], for all scenes together.
     pub(super) fn forget_beyond(&mut self, poses: usize, bytes: u64) {
         let share = bytes / self.each.len().max(1) as u64;
         self.each.iter_mut().for_each(|atlas| atlas.forget_beyond(poses, share));
@@ -130,7 +130,7 @@ impl Atlases {
         self.sight.is_some()
     }
 
-    /// True if targets must be met.
+    /// True if the vehicle has requirements on targets.
     pub(super) fn has_target_rules(&self) -> bool {
         self.sight.as_ref().is_some_and(|sight| sight.has_rules())
     }
@@ -159,12 +159,12 @@ impl Atlases {
         )
     }
 
-    /// True if anything must be seen.
+    /// True if the vehicle has requirements on areas.
     pub(super) fn has_areas(&self) -> bool {
         self.each.iter().any(Atlas::has_areas)
     }
 
-    /// Share that unions and one more held pose, if any, miss of what must be seen, a mean over scenes.
+    /// Share that unions, and one more held pose if any, miss of required areas; a mean over scenes.
     pub(super) fn missing_with(&self, unions: &Unions, pose: Option<u32>) -> f64 {
         let each = self.each.iter().zip(&unions.each);
         each.map(|(atlas, union)| atlas.missing_with(union, pose)).sum::<f64>()

@@ -20,9 +20,9 @@ const FEW_POSES: usize = 4096;
 /// Poses that a climb may move a LiDAR to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Moves {
-    /// Up to so many steps along one pose field.
+    /// At most this many steps along one pose field.
     Along(u32),
-    /// Up to so many steps along every field at once.
+    /// At most this many steps along every field at once.
     Around(u32),
     /// Anywhere on the grid.
     Anywhere,
@@ -43,16 +43,16 @@ enum Turn {
 enum Swap {
     /// A better placement, and its standing where swaps are checked.
     To(GridPlacement, Option<Standing>),
-    /// None is better.
+    /// No placement is better.
     Stay,
     /// The climb is to end; nothing is known of the turn.
     Cut,
 }
 
-/// What a climb asks the guards about.
+/// When a climb asks the guards about its swaps.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Check {
-    /// A bound on all placements bounds those that violate a guard, too.
+    /// Never: the caller checks the end, or needs a bound, which bounds placements that violate a guard, too.
     Nothing,
     EachSwap,
 }
@@ -64,13 +64,13 @@ impl GridSearch {
     /// LiDARs that the rules tie move together: a mirrored pair as one, and where all are to stand at
     /// one height a LiDAR stays at it, and all change it at once. `start` must keep the rules.
     ///
-    /// The end violates no guard, so that the climb cannot game the objective, unless `start` violates one and
-    /// no swap leads to a placement that does not. Guards take a cast of the whole placement, so they are asked
-    /// at the end alone; where one speaks there, the climb is done again and each swap checked.
+    /// The end violates no guard, so that the climb cannot game the objective, unless `start` violates one and no swap
+    /// leads to a placement that does not. Guards take a cast of the whole placement, so they are asked at the end
+    /// alone. If one is violated there, the climb is done again and each swap is checked.
     ///
-    /// `go_on` is asked before each turn, and within one as by [`Self::hold_while`] and after every few candidates, with
-    /// the poses that the atlas has cast so far. Once it says no the turn under way counts for nothing, and the climb
-    /// ends where that turn began, with no look at guards; `None` where not even the start was cast.
+    /// `go_on` is asked before each turn, after every few candidates and as by [`Self::hold_while`], with the poses
+    /// cast so far. Once it says no, the turn under way does not count and the climb ends where that turn began,
+    /// without a look at guards; `None` where not even the start was cast.
     ///
     /// # Errors
     /// See [`Self::hold`].
@@ -81,7 +81,7 @@ impl GridSearch {
         moves: &[Moves],
         go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<Option<GridPlacement>, SearchError> {
-        // What must be seen and is not may only be won back step by step.
+        // Requirements need a check of each swap: a missing share may only be won back step by step.
         if !self.has_requirements() {
             let Some(end) = self.ascend(evaluator, start, moves, Check::Nothing, go_on)? else {
                 return Ok(None);
@@ -94,7 +94,7 @@ impl GridSearch {
         self.ascend(evaluator, start, moves, Check::EachSwap, go_on)
     }
 
-    /// A climb whose swaps are checked or not; `go_on` and `None` as of [`Self::climb`].
+    /// A climb that checks its swaps by `check`; `go_on` and `None` work as in [`Self::climb`].
     ///
     /// # Errors
     /// See [`Self::hold`].
@@ -155,7 +155,7 @@ impl GridSearch {
         turns
     }
 
-    /// The placement after one random turn: a LiDAR, or what is tied to it, moved anywhere.
+    /// The placement after one random turn, which moves a LiDAR, and those tied to it, anywhere.
     pub(super) fn kicked(&self, poses: &[u32], rng: &mut impl Rng) -> Vec<u32> {
         let turns = self.turns(poses);
         let turn = turns[rng.random_range(0..turns.len())];
@@ -254,8 +254,8 @@ impl GridSearch {
         candidates.par_iter().map_init(Unions::default, value).collect()
     }
 
-    /// The best placement of a turn that beats `least`; where the standing before it is known one that violates
-    /// no guard, with its own.
+    /// Best placement of a turn that beats `least`. Where `held`, the standing before the turn, is known, the result is
+    /// sound or breaks the rules by less, and comes with its own standing.
     fn best_swap(
         &mut self,
         evaluator: &mut Evaluator,
@@ -274,7 +274,7 @@ impl GridSearch {
             let placements = some.iter().zip(values).filter(|(_, value)| *value > least);
             better.extend(placements.map(|(p, value)| GridPlacement { poses: p.clone(), value }));
         }
-        // Stable: of equal ones the one with the lower number of a pose.
+        // Stable: of equal placements the one with the lower number of a pose comes first.
         better.sort_by(|a, b| b.value.total_cmp(&a.value));
         let Some(held) = held else {
             return Ok(better.into_iter().next().map_or(Swap::Stay, |best| Swap::To(best, None)));
@@ -283,7 +283,7 @@ impl GridSearch {
             let Some(standing) = self.standing_while(evaluator, &placement, go_on)? else {
                 return Ok(Swap::Cut);
             };
-            // What must be seen and is not may be won back step by step.
+            // A swap that is not sound counts if less is missing: requirements may be won back step by step.
             if standing.is_sound() || standing.violation < held.violation {
                 return Ok(Swap::To(placement, Some(standing)));
             }
@@ -291,7 +291,7 @@ impl GridSearch {
         Ok(Swap::Stay)
     }
 
-    /// Candidates of a turn that are looked at between two questions whether to go on: no more than fit into the atlas.
+    /// Candidates of a turn between two calls of `go_on`: no more than fit into the atlas.
     fn at_once(&self, here: &[u32], turn: Turn) -> usize {
         let moved = match turn {
             Turn::Lidar(_) => 1,
@@ -303,12 +303,12 @@ impl GridSearch {
     }
 }
 
-/// The poses but those of some LiDARs.
+/// Copy of the poses without some LiDARs.
 fn without(poses: &[u32], lidars: Range<usize>) -> Vec<u32> {
     [&poses[..lidars.start], &poses[lidars.end..]].concat()
 }
 
-/// The poses with some LiDARs moved.
+/// Copy of the poses with some LiDARs moved.
 fn with(poses: &[u32], moved: &[(usize, u32)]) -> Vec<u32> {
     let mut poses = poses.to_vec();
     moved.iter().for_each(|&(lidar, pose)| poses[lidar] = pose);

@@ -35,9 +35,9 @@ pub struct SceneScores {
 /// The scores of a placement over all scenes, see [`Scores::over_scenes`], and in each of several.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judged {
-    /// Over all scenes.
+    /// Scores over all scenes.
     pub scores: Scores,
-    /// In each of several, mirror images included; empty where there is one.
+    /// Scores in each of several scenes, mirror images included; empty where there is one.
     pub by_scene: Vec<SceneScores>,
 }
 
@@ -48,7 +48,7 @@ fn missing_in_words(met: &RuleMet<'_>) -> Option<String> {
     Some(format!("{missing}{without}"))
 }
 
-/// Beams that a car lacks, where a search looks, and the rules on targets.
+/// Share of beams on a car that are missing, if a search looks, and the results of the rules on targets.
 fn met(sight: &Sight, placement: &Placement) -> Result<(Option<f64>, Vec<Seen>), UnknownSensor> {
     let each = placement.lidars.iter().map(|lidar| sight.beams(lidar));
     let each = each.collect::<Result<Vec<_>, _>>()?;
@@ -111,7 +111,7 @@ impl Evaluator {
         Self::of_seats(suite.members().iter().map(seat).collect())
     }
 
-    /// Opens an engine for each member of a suite, and hands out what the first opening has to say.
+    /// Opens an engine for each member of a suite; returns the notes of the first opening, too.
     ///
     /// # Errors
     /// See [`open`].
@@ -173,12 +173,12 @@ impl Evaluator {
         self.problem().constraints()
     }
 
-    /// The engine; of several scenes that of the first.
+    /// The engine; with several scenes, the engine of the first.
     pub fn backend(&self) -> &dyn Backend {
         &*self.seats[0].backend
     }
 
-    /// The engine, for single stages; of several scenes that of the first.
+    /// The engine, for single stages; with several scenes, the engine of the first.
     pub fn backend_mut(&mut self) -> &mut dyn Backend {
         &mut *self.seats[0].backend
     }
@@ -197,7 +197,7 @@ impl Evaluator {
         self.seats.iter_mut().map(|seat| &mut seat.backend)
     }
 
-    /// Devices lost since the engines were opened, and what took over, in words.
+    /// Devices lost since the engines were opened and their replacements, in words.
     pub fn changes(&self) -> Vec<String> {
         self.seats.iter().flat_map(|seat| seat.backend.changes().iter().cloned()).collect()
     }
@@ -253,8 +253,8 @@ impl Evaluator {
         self.judged_at(placements, None)
     }
 
-    /// Like [`Self::judged`], to the same bits, of placements of which the tallies of some are `known`; `None` once
-    /// `go_on`, which is asked before every few placements and, on the host, frames, says no.
+    /// Like [`Self::judged`], to the same bits, with tallies that are already `known`; `None` once `go_on`, which is
+    /// asked before every few placements and, on the host, frames, says no.
     ///
     /// # Errors
     /// See [`Backend::tally`].

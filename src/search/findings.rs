@@ -1,4 +1,4 @@
-//! How properties of layouts go with the objective, beside the null model of mean height.
+//! Correlation of layout properties with the objective, beside the null model of mean height.
 
 use crate::maths;
 use crate::score::{mean_height, spearman};
@@ -7,7 +7,7 @@ use crate::vehicle::Placement;
 /// Numbers that describe a layout, by name.
 type Descriptor = (&'static str, fn(&Placement) -> f64);
 
-/// What the paper's "intuitive interpretation" speaks of; the first is the null model.
+/// Properties of the paper's "intuitive interpretation"; the first, mean height, is the null model.
 const DESCRIPTORS: [Descriptor; 4] = [
     ("mean height", mean_height),
     ("height spread", |p| deviation(p.lidars.iter().map(|l| l.z))),
@@ -20,14 +20,14 @@ const DESCRIPTORS: [Descriptor; 4] = [
     ("mean |roll|", |p| p.lidars.iter().map(|l| l.roll.abs()).sum::<f64>() / p.lidars.len() as f64),
 ];
 
-/// Standard deviation of all the values there are.
+/// Standard deviation, with all values as the population.
 fn deviation(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let count = values.clone().count() as f64;
     let mean = values.clone().sum::<f64>() / count;
     (values.map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt()
 }
 
-/// How one property of a layout goes with the score, over a sample of placements.
+/// Correlation of one layout property with the score, over a sample of placements.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Finding {
     /// Name of the property.
@@ -38,8 +38,7 @@ pub struct Finding {
     pub beside_height: Option<f64>,
 }
 
-/// Correlations of layout and score over a sample, each beside the null model: what mean height alone
-/// says.
+/// Rank correlations of layout properties with the score over a sample, also with mean height held fixed.
 pub fn findings(sample: &[(Placement, f64)]) -> Vec<Finding> {
     let scores: Vec<f64> = sample.iter().map(|(_, score)| *score).collect();
     let of = |describe: fn(&Placement) -> f64| -> Vec<f64> {

@@ -33,8 +33,8 @@ pub struct GenerationRecord {
     pub generation: u64,
     /// Placements evaluated so far.
     pub evaluations: u64,
-    /// Best objective of this generation among placements that keep every rule, less what a car that is not seen all
-    /// round takes off; larger is better.
+    /// Best objective of this generation among placements that keep every rule, less the penalty for cars that are not
+    /// seen all round; larger is better.
     pub best: Option<f64>,
     /// Median of this generation over all that were scored, as for `best`.
     pub median: Option<f64>,
@@ -82,7 +82,7 @@ pub struct Best {
     pub generation: u64,
 }
 
-/// What one generation gave.
+/// Result of one generation.
 pub struct Generation {
     /// Its line of the history.
     pub record: GenerationRecord,
@@ -98,7 +98,7 @@ pub struct Generation {
 /// order within a placement means nothing: layouts to start from and the best placement are put into
 /// one order, so that layouts that differ by it alone are one point.
 ///
-/// It saves and loads whole: a loaded search goes on to the same bits.
+/// Saved and loaded whole: a loaded search continues to the same bits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Generations {
     cma: Option<Restarts>,

@@ -15,23 +15,23 @@ use crate::vehicle::{Constraints, Placement, PoseGrid};
 
 /// Stale gains that lazy greedy looks at again at once: enough to keep every core busy.
 const LAZY_BLOCK: usize = 64;
-/// Poses that are cast between two looks at the time.
+/// Most poses cast between two looks at the time.
 const HELD_AT_ONCE: usize = 256;
-/// Poses × frames that are cast at once there at most.
+/// Most casts, poses × frames, between two looks at the time.
 const HELD_FRAMES: usize = 2048;
 
 /// Slack of the least distance, as in [`Constraints::violations`].
 const SLACK: f64 = 1e-9;
 
-/// Where the poses of a grid stand.
+/// Positions and kinds of a grid's poses, for many questions of [`GridSearch::fits`].
 pub(super) struct Places {
     positions: Vec<DVec3>,
-    /// True if each is outside of every box that is kept free.
+    /// True for each pose outside of every box that is kept free.
     clear: Vec<bool>,
     /// Kind of slot of each pose, and the LiDARs of each kind.
     kinds: Vec<usize>,
     lidars_by_kind: Vec<usize>,
-    /// Least distance of two LiDARs.
+    /// Least distance between two LiDARs, in metres.
     least: f64,
 }
 
@@ -54,9 +54,9 @@ pub struct GridSearch {
     pub(super) evaluations: u64,
     /// Poses cast beyond which no LiDAR of a climb takes another turn.
     most_casts: u64,
-    /// What a share that must be seen and is not takes off the objective; 0 where nothing must be seen.
+    /// Penalty for a missing share of 1, taken off the objective; 0 without requirements.
     pub(super) penalty: f64,
-    /// What a car that is not seen anywhere takes off the objective; 0 where the search does not look.
+    /// Penalty for a car that no beam meets, taken off the objective; 0 where the search does not look for cars.
     pub(super) blind: f64,
     /// Placements whose rules and guards were looked at, which takes a cast of all their LiDARs.
     looked_at: HashMap<Vec<u32>, Standing>,
@@ -104,12 +104,12 @@ impl GridSearch {
         self.constraints = self.constraints.untied();
     }
 
-    /// Lets climbs begin turns only while fewer than so many poses are cast.
+    /// Lets climbs begin turns only while fewer than `casts` poses are cast.
     pub(super) fn limit_casts(&mut self, casts: u64) {
         self.most_casts = casts;
     }
 
-    /// True if a climb may begin another turn: poses may still be cast, and `go_on`, which is told how many are, agrees.
+    /// True if a climb may begin another turn: casts are left, and `go_on`, called with the poses cast, agrees.
     pub(super) fn may_turn(&self, go_on: &mut dyn FnMut(u64) -> bool) -> bool {
         let cast = self.atlas.poses_cast();
         cast < self.most_casts && go_on(cast)
@@ -196,7 +196,7 @@ impl GridSearch {
         apart && has_place && self.constraints.is_clear(&pose_itself)
     }
 
-    /// Where each pose of the grid stands, for many questions of [`Self::fits`].
+    /// Positions and kinds of all poses of the grid, for many questions of [`Self::fits`].
     pub(super) fn places(&self) -> Places {
         let grid = self.atlas.grid();
         let poses = (0..grid.len()).map(|pose| grid.pose(pose));
@@ -211,10 +211,9 @@ impl GridSearch {
     /// LiDAR after LiDAR, the candidate that makes the objective largest; `None` where no candidate
     /// fits any more.
     ///
-    /// For an information gain this reaches at least 1 − 1/e of the best placement of these
-    /// candidates where no distance is asked for (Nemhauser, Wolsey, Fisher 1978). Gains then only
-    /// shrink as sensors join, so that old ones are bounds and most are not looked at again
-    /// (Minoux 1978); the result is the same.
+    /// For an information gain this reaches at least 1 − 1/e of the best placement of these candidates where LiDARs
+    /// need no least distance (Nemhauser, Wolsey, Fisher 1978). Gains then only shrink as sensors join. Old gains are
+    /// bounds, so most are not computed again (Minoux 1978); the result is the same.
     ///
     /// # Errors
     /// See [`Self::hold`].
@@ -250,7 +249,7 @@ impl GridSearch {
             placement.poses.push(pose);
             placement.value += gain;
         }
-        // In the order of the slots.
+        // Poses in the order of the slots.
         placement.poses.sort_by_key(|&pose| self.atlas.grid().kind(pose));
         placement.value = self.value(evaluator, &placement.poses)?;
         Ok(Some(placement))

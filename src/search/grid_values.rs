@@ -1,4 +1,4 @@
-//! Objectives of placements on a grid, from what an atlas holds of their poses.
+//! Objectives of placements on a grid, from the bitmaps of an atlas.
 
 use rayon::prelude::*;
 
@@ -23,7 +23,7 @@ impl GridSearch {
         candidates.par_iter().map(|&pose| (pose, self.value_with(&union, pose))).collect()
     }
 
-    /// The same of one or two candidates more.
+    /// Like [`Self::values_with`], for groups of one or two candidates.
     pub(super) fn values_with_groups(
         &mut self,
         poses: &[u32],
@@ -72,7 +72,7 @@ impl GridSearch {
         Some(by_set)
     }
 
-    /// Poses that are looked at between two questions whether to go on, each so many times.
+    /// Poses looked at between two calls of `go_on`, where each is looked at `times` times.
     pub(super) fn poses_at_once(&self, times: usize) -> usize {
         let quick = BYTES_AT_ONCE / (times * self.atlas.page_bytes()).max(1);
         quick.clamp(POSES_AT_ONCE, u32::MAX as usize)
@@ -92,30 +92,29 @@ impl GridSearch {
         value
     }
 
-    /// True if anything must be seen, an area or a target.
+    /// True if the vehicle has a requirement, on an area or on a target.
     pub(super) fn has_requirements(&self) -> bool {
         self.atlas.has_areas() || self.atlas.has_target_rules()
     }
 
-    /// From now on what must be seen comes first: each share that is missing takes `penalty` times it off the
-    /// objective.
+    /// Puts requirements first from now on: `penalty` times each missing share is taken off the objective.
     pub(super) fn require(&mut self, penalty: f64) {
         self.penalty = if self.has_requirements() { penalty } else { 0.0 };
     }
 
-    /// From now on a car that is not seen all round takes so much off the objective, where the evaluator looks.
+    /// Takes `blind` off the objective from now on for a car that no beam meets, where the evaluator looks for cars.
     pub(super) fn watch_cars(&mut self, blind: f64) {
         self.blind = if self.atlas.has_sight() { blind } else { 0.0 };
     }
 
-    /// Share that held poses miss of what must be seen, over all areas and targets.
+    /// Share that held poses miss of the requirements, summed over areas and targets.
     pub(super) fn missing(&self, poses: &[u32]) -> f64 {
         let mut unions = Unions::default();
         self.atlas.union(poses, &mut unions);
         self.atlas.missing_with(&unions, None) + self.atlas.unmet_with(&unions, None)[1]
     }
 
-    /// The objective of held poses, 0 for none, less what is not seen of what must be.
+    /// The objective of held poses, 0 for none, less the penalties for missing shares and unseen cars.
     pub(super) fn held_value(&mut self, poses: &[u32]) -> f64 {
         let Some((&last, others)) = poses.split_last() else {
             return -self.penalty * self.missing(poses) - self.blind;

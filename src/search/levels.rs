@@ -6,17 +6,16 @@ use super::pilot::Pilot;
 use crate::problem::Tally;
 use crate::score::Objective;
 
-/// Sets of frames that are all tried; of larger ones the best is looked for by exchanging frames.
+/// Most sets of frames that are all tried; among more sets the best is found by exchanging frames.
 const ALL_SETS: u64 = 4000;
 
-/// Some frames, and how well their score stands for that over all.
+/// Some frames, and the error of ranking by them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Level {
     /// Frames in rising order, numbered through all scenes.
     pub frames: Vec<usize>,
-    /// Root mean square over the placements of 1 − a · score / score over all frames, with the a that
-    /// makes it least: what is left when the one is taken for the other in a ranking. `None` where no
-    /// placement has a score.
+    /// Root mean square over the placements of 1 − a · score / score over all frames, with the a that makes it least:
+    /// the error of ranking by these frames. `None` where no placement has a score.
     pub error: Option<f64>,
 }
 
@@ -62,7 +61,7 @@ struct Choice<'a> {
     reference: Vec<Option<f64>>,
 }
 
-/// Frames with their sums: those of a set with one frame more or less are then a step away, not a sum over it.
+/// Frames with their sums, so that a set with one frame more or less is a step away, not a sum over it.
 #[derive(Clone)]
 struct Set {
     /// In rising order.
@@ -206,7 +205,7 @@ impl<'a> Choice<'a> {
     }
 }
 
-/// The one of least error, of equal ones the first, with that error.
+/// Item of least error, the first of equal ones, with that error.
 fn first_of<T: Sync>(some: &[T], error: impl Fn(&T) -> Option<f64> + Sync) -> Option<(f64, &T)> {
     let errors: Vec<f64> = some.par_iter().map(|one| error(one).unwrap_or(f64::INFINITY)).collect();
     errors.into_iter().zip(some).min_by(|a, b| a.0.total_cmp(&b.0))
@@ -238,7 +237,7 @@ impl Set {
 /// reference is known.
 fn scatter(reference: &[Option<f64>], values: Vec<Option<f64>>) -> Option<f64> {
     let known = reference.iter().zip(values).filter(|(r, _)| r.is_some_and(|r| r != 0.0));
-    // What has a reference and no value is as far off as can be.
+    // A placement with a reference and no value counts as ratio 0: it is as far off as can be.
     let ratios: Vec<f64> =
         known.filter_map(|(r, value)| Some(value.unwrap_or(0.0) / (*r)?)).collect();
     let squares: f64 = ratios.iter().map(|q| q * q).sum();
@@ -249,7 +248,7 @@ fn scatter(reference: &[Option<f64>], values: Vec<Option<f64>>) -> Option<f64> {
 
 /// Ways to take `size` of `count`; more than [`ALL_SETS`] where they are too many to count.
 fn sets(count: usize, size: usize) -> u64 {
-    // As many as ways to leave the others out: up to the half each factor makes the number larger.
+    // C(n, k) = C(n, n − k) for the smaller of both: up to n / 2 each factor makes the number larger.
     let fewer = size.min(count - size) as u64;
     (0..fewer).fold(1, |ways: u64, k| ways.saturating_mul(count as u64 - k) / (k + 1))
 }
@@ -319,7 +318,7 @@ mod tests {
         assert!(close(scatter(&some(&[-1.0, -2.0, -5.0]), some(&[-3.0, -6.0, -15.0])), 0.0));
         // Ratios 1 and 2: a = 3 / 5 leaves 2 / 5 and 1 / 5, whose mean square is 1 / 10.
         assert!(close(scatter(&some(&[2.0, 3.0]), some(&[2.0, 6.0])), 0.1_f64.sqrt()));
-        // Ratios 1 and 0: a = 1 leaves 0 and 1. What has no reference does not count.
+        // Ratios 1 and 0: a = 1 leaves 0 and 1. Placements without a reference, or with 0, do not count.
         let reference = [Some(2.0), Some(3.0), None, Some(0.0)];
         let values = vec![Some(2.0), None, Some(9.0), Some(9.0)];
         assert!(close(scatter(&reference, values), 0.5_f64.sqrt()));
@@ -328,8 +327,8 @@ mod tests {
 
     #[test]
     fn an_exchange_leaves_the_best_smaller_set() {
-        // By how much the first of two placements gains more in each frame. Frames 0 and 1 balance each
-        // other, but nothing balances them and two more; frames 2 to 5 balance each other.
+        // Gain of the first of two placements over the second, in each frame. Frames 0 and 1 balance each other, but
+        // nothing balances them and two more; frames 2 to 5 balance each other.
         let more = [&[-1, 1, 5, 5, 5, -15][..], &[1000; 16], &[-2000; 8]].concat();
         let gains: Vec<[u64; 2]> = more.iter().map(|d| [(10_000 + d) as u64, 10_000]).collect();
         let rows: Vec<&[u64]> = gains.iter().map(|row| &row[..]).collect();
@@ -358,7 +357,7 @@ mod tests {
         }
         assert!(levels[3].error < levels[0].error, "{levels:?}");
         assert_eq!((sets(24, 4), subsets(5, 2).len()), (10626, 10));
-        // Nearly all of many: as few sets as of the rest, and none is begun that cannot be whole.
+        // Nearly all of many: as few sets as for the frames left out, and no set is begun that cannot be completed.
         assert_eq!((sets(33, 32), sets(66, 64), subsets(33, 32).len()), (33, 2145, 33));
         assert!([(140, 64), (360, 128), (1000, 512)].iter().all(|&(n, k)| sets(n, k) > ALL_SETS));
     }

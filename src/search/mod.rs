@@ -1,22 +1,22 @@
 //! The search for the best placement, and how good its result is.
 //!
 //! [`optimize`] is the main job: frames on demand, CMA-ES, swaps on a grid of sensor poses, finalists
-//! confirmed over all frames, bounds. [`Run`] is the same step by step.
+//! confirmed over all frames, bounds. [`Run`] does the job step by step.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `settings`, `observer`, `outcome`, `error` | what goes into a run, and what comes out of it |
+//! | `settings`, `observer`, `outcome`, `error` | settings, events, results and errors of a run |
 //! | `run` | the run as a machine of a few states |
 //! | `suite` | the scenes of a run, and their mirror images |
 //! | `evaluator`, `seat` | scores of placements: over all scenes, and in one on its engine |
 //! | `generations` | CMA-ES over the free pose fields |
 //! | `pilot`, `levels`, `on_demand` | few frames that stand for all, and when more are needed |
 //! | `atlas`, `atlases`, `grid_search`, `grid_values`, `climb`, `swaps` | placements on a grid of poses |
-//! | `equip` | models and numbers of sensors under a budget; what must be seen |
-//! | `phases` | what a result is worth at phases that the search has not seen |
-//! | `bound` | how much better than the result another placement could be |
-//! | `spread` | whether a gain over several scenes is more than their spread |
-//! | `findings`, `rules` | what goes with the objective; the rules of the mount in words |
+//! | `equip` | models and numbers of sensors under a budget; requirements |
+//! | `phases` | check of a result at draws of phases that the search has not seen |
+//! | `bound` | bounds on how much better than the result another placement could be |
+//! | `spread` | gain over the best baseline beside the spread between scenes |
+//! | `findings`, `rules` | layout properties that go with the objective; the rules of the mount in words |
 
 pub(crate) mod atlas;
 pub(crate) mod atlases;

@@ -1,11 +1,11 @@
-//! What a run tells while it goes on, and how it is asked to stop.
+//! Events of a run, and the observer that may stop it.
 
 use std::fmt;
 use std::time::Instant;
 
 use super::generations::GenerationRecord;
 
-/// Sees a run go on, and may stop it.
+/// Observer of a run, which may stop it.
 ///
 /// Every closure from an [`Event`] to `bool` is one: `&mut |_: &Event| true` lets a run go on in silence.
 pub trait Observer {
@@ -20,19 +20,19 @@ impl<F: FnMut(&Event) -> bool> Observer for F {
     }
 }
 
-/// What happens in a run.
+/// An event of a run.
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub enum Event<'a> {
-    /// Nothing new: whether the run is to go on.
+    /// Nothing new; asks only whether to go on.
     Asks,
     /// A sentence for the user: the engine taken, frames added, a layout left out, a device lost.
     Note(&'a str),
     /// A generation is scored.
     Generation(&'a GenerationRecord),
-    /// So much of some work is done.
+    /// A step of some work is done.
     Progress {
-        /// Which work.
+        /// Kind of work.
         work: Work,
         /// Steps done.
         done: u64,
@@ -45,7 +45,7 @@ pub enum Event<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Work {
-    /// Frames looked at for the choice of those that the search begins with.
+    /// Frames looked at for the choice of the search's first frames.
     Frames,
     /// Sensor poses cast for the choice of equipment.
     Equipment,
@@ -80,7 +80,7 @@ impl fmt::Display for Work {
     }
 }
 
-/// An observer with a deadline; remembers that it was told to stop.
+/// An observer with a deadline, which remembers an interruption.
 pub(super) struct Watch<'a> {
     observer: &'a mut dyn Observer,
     pub(super) deadline: Option<Instant>,
@@ -92,19 +92,19 @@ impl<'a> Watch<'a> {
         Self { observer, deadline: None, interrupted }
     }
 
-    /// A watch that is over at a deadline, too.
+    /// A watch that also ends at a deadline.
     pub(super) fn until(observer: &'a mut dyn Observer, deadline: Option<Instant>) -> Self {
         Self { observer, deadline, interrupted: false }
     }
 
-    /// Tells an event; false where the run is to end, by the observer's word or the deadline.
+    /// Passes an event to the observer; false once the observer or the deadline ends the run.
     pub(super) fn tell(&mut self, event: &Event) -> bool {
         let goes_on = self.observer.on(event);
         self.interrupted |= !goes_on;
         !self.is_over()
     }
 
-    /// True if the run is to go on, by the observer's word and the deadline.
+    /// True unless the observer or the deadline ends the run.
     pub(super) fn goes_on(&mut self) -> bool {
         self.tell(&Event::Asks)
     }

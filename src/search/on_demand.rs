@@ -42,7 +42,7 @@ struct Finalist {
     confirmed: Option<Standing>,
 }
 
-/// The levels of frames, where a search stands among them, and its finalists.
+/// Levels of frames, the present one, and the finalists.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct FramesOnDemand {
     /// Frames of each level, numbered through all scenes, ever more; the last is all of them.
@@ -87,7 +87,7 @@ pub struct FramesUsed {
     pub finalists: usize,
     /// Largest loss that a check saw, as a share of the best score.
     pub worst_loss_seen: f64,
-    /// All of it in a sentence.
+    /// These facts in a sentence.
     pub words: String,
 }
 
@@ -98,7 +98,7 @@ pub struct WorkByPurpose {
     pub levels: u64,
     /// By the generations.
     pub search: u64,
-    /// By the swaps: sensor poses, as so many whole placements.
+    /// By the swaps: sensor poses, counted as whole placements.
     pub swaps: u64,
     /// To check and to confirm.
     pub confirm: u64,
@@ -107,7 +107,7 @@ pub struct WorkByPurpose {
 }
 
 impl FramesOnDemand {
-    /// Looks whether loaded levels are of so many frames.
+    /// Checks that loaded levels fit a suite of `frames` frames.
     pub fn check(&self, frames: usize) -> Result<(), String> {
         let PlacementFrames { levels: chosen, search, confirm } = self.work;
         let parts = [
@@ -159,12 +159,12 @@ impl FramesOnDemand {
         Ok(Some((Self { work, ..Self::over(levels, errors) }, known)))
     }
 
-    /// A search over the frames `few`, which nobody has compared with all: there was no time to.
+    /// A search over the frames `few`, taken without a comparison with all: there was no time.
     pub fn hurried(few: Vec<usize>, all: usize) -> Self {
         Self::over(vec![few, (0..all).collect()], vec![None; 2])
     }
 
-    /// At the first of some levels.
+    /// A search at the first of some levels.
     fn over(levels: Vec<Vec<usize>>, errors: Vec<Option<f64>>) -> Self {
         let steps = vec![(0, levels[0].len() as u32)];
         let (at, finalists, worst_loss) = (0, Vec::new(), 0.0);
@@ -309,8 +309,8 @@ impl FramesOnDemand {
         Some(confirmed[best].0.placement.clone())
     }
 
-    /// What was used, saved and risked by a search of so many evaluations, whose swaps cast so many sensor
-    /// poses of `lidars` a placement.
+    /// Frames used, saved and risked by a search of `evaluations` placements, whose swaps cast `poses_swapped`
+    /// sensor poses, `lidars` of them a placement.
     pub fn used(&self, evaluations: u64, poses_swapped: u64, lidars: usize) -> FramesUsed {
         let all = self.levels[self.levels.len() - 1].len();
         let swapped = poses_swapped.div_ceil(lidars.max(1) as u64);

@@ -1,4 +1,4 @@
-//! What a run has come to.
+//! Outcome of a run: scored placements, methods, wall times, and why it stopped.
 
 use std::cmp::Ordering;
 use std::fmt;
@@ -48,15 +48,14 @@ impl Scored {
         }
     }
 
-    /// True if it keeps every rule of the mount and no guard speaks against it: only then is it a baseline to
-    /// compare with.
+    /// True if it keeps every rule of the mount, raises no doubt of a guard and meets all requirements: only then is it
+    /// a baseline to compare with.
     pub(crate) fn is_honest(&self) -> bool {
         let doubted = self.scores.guards.iter().any(Guard::is_doubt);
         self.violations.is_empty() && !doubted && self.scores.missing() == 0.0
     }
 
-    /// Guards that speak against it, rules of the mount that it breaks, and what must be seen and is not, in words; none
-    /// if it is honest.
+    /// Doubts of guards, broken rules of the mount and unmet requirements, in words; none if it is honest.
     pub(crate) fn reasons(&self) -> Vec<String> {
         let guards = self.scores.guards.iter().filter(|guard| guard.is_doubt());
         let guards = guards.map(ToString::to_string);
@@ -72,7 +71,7 @@ impl Scored {
         valued.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, baseline)| baseline)
     }
 
-    /// The yardstick, or where none keeps all rules the best of those that do not.
+    /// The yardstick; if no baseline is honest, the best of all.
     pub(super) fn rival(baselines: &[Self]) -> Option<&Self> {
         let best = || {
             baselines
@@ -96,7 +95,7 @@ impl Scored {
     }
 }
 
-/// What one way of searching has found.
+/// Result of one search method.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MethodRecord {
     /// `cma-es` or `swaps`.
@@ -176,7 +175,7 @@ pub struct SearchTimes {
     pub scored: u64,
 }
 
-/// What a run has come to.
+/// Everything that a run found.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Outcome {
@@ -184,18 +183,18 @@ pub struct Outcome {
     pub best: Option<Scored>,
     /// Layouts to compare with.
     pub baselines: Vec<Scored>,
-    /// What each way of searching found, and which one gave the result.
+    /// Result of each method, and which one won.
     pub methods: Vec<MethodRecord>,
-    /// How much better than the result another placement could be; `None` without a result, or where
+    /// Bounds on how much better than the result another placement could be; `None` without a result, or where
     /// the run ended before its bounds.
     pub certificate: Option<Certificate>,
-    /// Tells whether the gain over the best baseline is more than the scenes' own spread; `None` for one scene,
-    /// which cannot say, or without a baseline.
+    /// Gain over the best baseline beside the spread between scenes; `None` for one scene, or without a
+    /// baseline.
     pub spread: Option<GainSpread>,
-    /// What result and best baseline are worth at phases that the search has not seen; `None` where all
-    /// phases are locked.
+    /// Objectives of result and best baseline at random draws that the search has not seen; `None` if
+    /// nothing is random, or the time was over.
     pub phases: Option<PhaseCheck>,
-    /// How properties of layouts go with the objective, over random placements on the grid.
+    /// Correlations of layout properties with the objective, over random placements on the grid.
     pub findings: Vec<Finding>,
     /// Frames that were used, saved and risked; `None` where they were given.
     pub frames_used: Option<FramesUsed>,
@@ -220,7 +219,7 @@ pub struct Outcome {
     pub backend: String,
     /// Device as reported.
     pub adapter: String,
-    /// Devices lost during the run, and what took over, in words.
+    /// Devices lost during the run and their replacements, in words.
     pub backend_changes: Vec<String>,
     /// Wall times of this sitting.
     pub times: SearchTimes,

@@ -1,4 +1,4 @@
-//! What a result is worth at azimuth phases, and in weather, that the search has not seen.
+//! Check of a result at draws of azimuth phases and weather that the search has not seen.
 
 use serde::Serialize;
 
@@ -14,18 +14,18 @@ pub(super) const DRAWS: u64 = 8;
 /// Two-sided 95 % of Student's distribution with [`DRAWS`] − 1 degrees of freedom.
 const STUDENT: f64 = 2.365;
 
-/// The objective of a result and of the best baseline over several draws of what is left to chance.
+/// Objectives of a result and of the best baseline over several random draws.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PhaseCheck {
     /// Objective of the result, by draw.
     pub ours: Vec<f64>,
     /// Objective of the best baseline, by draw; empty without one.
     pub theirs: Vec<f64>,
-    /// In a sentence.
+    /// The check in a sentence.
     pub words: String,
 }
 
-/// Mean, and how far to both sides its 95 % interval reaches.
+/// Mean, and half the width of its 95 % interval.
 fn interval(values: &[f64]) -> [f64; 2] {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
@@ -43,12 +43,12 @@ impl Suite {
         self.members().iter().any(free)
     }
 
-    /// True if beams come back by chance: through weather, or past faults.
+    /// True if weather or faults decide by chance which beams return.
     pub fn has_weather(&self) -> bool {
         self.members().iter().any(|member| member.problem().air().is_some())
     }
 
-    /// True if scores are those of one draw: of phases, or of the beams that come back.
+    /// True if scores depend on a random draw, of phases or of returning beams.
     pub(super) fn is_left_to_chance(&self) -> bool {
         self.has_free_phase() || self.has_weather()
     }

@@ -1,4 +1,4 @@
-//! A few placements scored frame by frame: what frames are chosen by, and what a gain's spread is taken from.
+//! A few placements scored frame by frame, for the choice of frames and the spread of a gain.
 
 use super::suite::{Member, Suite};
 use crate::engine::{BackendError, CpuBackend};

@@ -1,4 +1,4 @@
-//! The rules of a mount in words, and those that a result just keeps.
+//! The rules of a mount in words, and the rules that a result just keeps.
 
 use crate::vehicle::{Constraints, Placement, SensorPose};
 
@@ -45,13 +45,13 @@ pub(super) fn active_bounds(placement: &Placement, constraints: &Constraints) ->
     for (lidar, pose) in placement.lidars.iter().enumerate() {
         let Some(slot) = constraints.slots.get(lidar) else { continue };
         let fields = slot.region.fields(pose);
-        // Fields of a patch are those of its own frame.
+        // Fields of a patch are in the patch's own frame.
         let of = match slot.region.ego_from_region {
             Some(_) => format!(" along `{}`", slot.region.name),
             None => String::new(),
         };
         for k in slot.region.free_fields() {
-            // Bounds of a patch are computed: a nanometre more or less says nothing.
+            // Bounds of a patch are computed: a nanometre more or less is rounding.
             let said = |bound: f64| (bound * 1e9).round() / 1e9;
             let (low, high) = (said(slot.region.lower[k]), said(slot.region.upper[k]));
             let (field, value) = (SensorPose::FIELDS[k], fields[k]);

@@ -21,7 +21,7 @@ const HOST_AT_ONCE: usize = 64;
 /// Placements × frames that a device scores there.
 const DEVICE_AT_ONCE: usize = 1 << 14;
 
-/// Tallies of placements over all frames, with beams of so many metres; `None` where the run is to end before.
+/// Tallies placements over all frames, with beams of a range in metres; `None` where the run is to end before.
 type TallyOf<'a> = dyn FnMut(&mut Seat, &[Placement], Option<f32>) -> Result<Option<Vec<Tally>>, BackendError>
     + 'a;
 
@@ -31,7 +31,7 @@ pub(super) struct Seat {
     pub backend: Box<dyn Backend>,
     /// Bytes of work buffers on the host.
     memory: u64,
-    /// Tallies of the reference layout by number of LiDARs; see [`crate::score::Guard`].
+    /// Tallies of reference layouts by the models of their LiDARs; see [`crate::score::Guard`].
     references: BTreeMap<Vec<SensorName>, Tally>,
 }
 
@@ -104,8 +104,8 @@ impl Seat {
         Ok(scores.expect("nobody stops a tally at once"))
     }
 
-    /// Like [`Self::scores`], to the same bits, of placements of which some tallies over all frames are `known`; `None`
-    /// once `go_on`, which is asked before every few placements and frames, says no.
+    /// Like [`Self::scores`], to the same bits, with tallies over all frames that are already `known`; `None` once
+    /// `go_on`, which is asked before every few placements and frames, says no.
     pub fn scores_while(
         &mut self,
         placements: &[Placement],

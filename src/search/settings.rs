@@ -1,4 +1,4 @@
-//! What decides about a run of [`optimize`](super::optimize), beside the problem.
+//! Settings of a run of [`optimize`](super::optimize).
 
 use std::time::{Duration, Instant};
 
@@ -8,7 +8,7 @@ use crate::engine::EngineChoice;
 use crate::score::Objective;
 use crate::vehicle::{Placement, Spacing, table_7};
 
-/// How placements are searched.
+/// Method of a search.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
@@ -21,16 +21,16 @@ pub enum Method {
     Swaps,
 }
 
-/// Over which frames placements are searched; the result is always confirmed over all of them.
+/// Frames over which placements are searched; the result is always confirmed over all frames.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FrameChoice {
-    /// As few as keep the ranking, and more when they no longer tell the best apart.
+    /// The fewest that keep the ranking of placements, and more once they no longer tell the best apart.
     #[default]
     OnDemand,
     /// All.
     All,
-    /// So many, spread evenly from the first on.
+    /// This many, spread evenly from the first on.
     Count(u32),
 }
 
@@ -39,7 +39,7 @@ pub enum FrameChoice {
 pub struct TimeLimit {
     /// When it began to run.
     pub start: Instant,
-    /// After which the run ends; generations end after two fifths of it. Where there are many frames, they are chosen
+    /// Time after which the run ends. Generations end after two fifths of it. With many frames, the frames are chosen
     /// within the first fifth, finalists of the generations are confirmed in the third, and the result in the last.
     /// Scoring the result over few frames comes on top.
     pub length: Duration,
@@ -60,40 +60,40 @@ impl TimeLimit {
         Self { start: Instant::now(), length }
     }
 
-    /// When the search has to end.
+    /// Time at which the search has to end.
     pub fn deadline(&self) -> Instant {
         self.start + self.length
     }
 
-    /// When the frames of the search have to be chosen.
+    /// Time at which the frames of the search have to be chosen.
     pub(super) fn frames_deadline(&self) -> Instant {
         self.start + self.length.mul_f64(FRAMES_SHARE)
     }
 
-    /// When the finalists of the generations have to be confirmed over many frames.
+    /// Time at which the finalists of the generations have to be confirmed over many frames.
     pub(super) fn finalists_deadline(&self) -> Instant {
         self.start + self.length.mul_f64(FINALISTS_SHARE)
     }
 
-    /// When the search has to end where the result is confirmed over many frames.
+    /// Time at which the search has to end where the result is confirmed over many frames.
     pub(super) fn search_deadline(&self) -> Instant {
         self.start + self.length.mul_f64(SEARCH_SHARE)
     }
 
-    /// When the generations have to end.
+    /// Time at which the generations have to end.
     pub(super) fn generations_deadline(&self) -> Instant {
         self.start + self.length.mul_f64(GENERATIONS_SHARE)
     }
 }
 
-/// What decides about a run.
+/// Settings of a run: objective, method, budget, frames, and layouts to start from.
 ///
-/// Equal settings give equal results on every engine, but for [`Self::time`].
+/// Equal settings give equal results on every engine, unless [`Self::time`] cuts the run short.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// What is maximized.
+    /// Score, or weighted sum of scores, to maximize.
     pub objective: Objective,
-    /// How placements are searched.
+    /// Method of the search.
     pub method: Method,
     /// Placements that the generations evaluate; the swaps then cast one and a half times as many sensor
     /// poses as those did.
@@ -105,7 +105,7 @@ pub struct Settings {
     pub delta: Option<Spacing>,
     /// Seed of all randomness.
     pub seed: u64,
-    /// Over which frames placements are searched.
+    /// Frames over which placements are searched.
     pub frames: FrameChoice,
     /// Layouts to compare with, and to start from where the mount allows them.
     pub baselines: Vec<Placement>,
@@ -116,7 +116,7 @@ pub struct Settings {
     /// Limit of wall time; no part of a saved state.
     #[serde(skip)]
     pub time: Option<TimeLimit>,
-    /// Which engine computes; no part of a saved state, since every engine gives the same bits.
+    /// Engine that computes; no part of a saved state, since every engine gives the same bits.
     #[serde(skip, default = "EngineChoice::cpu")]
     pub engine: EngineChoice,
 }

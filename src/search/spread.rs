@@ -1,4 +1,4 @@
-//! Whether a result gains more than the best baseline by more than the scenes differ among themselves.
+//! Gain of a result over the best baseline, beside the spread of that gain between scenes.
 
 use serde::Serialize;
 
@@ -36,12 +36,12 @@ impl Gain {
     }
 }
 
-/// The gain of a result over the best baseline, as a share of all there is in each scene, over several scenes.
+/// Gain of a result over the best baseline in several scenes, as shares of each scene's information.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GainSpread {
     /// Name of the baseline.
     pub baseline: String,
-    /// What is compared.
+    /// The gain that is compared.
     pub gain: Gain,
     /// Scenes, mirror images not counted.
     pub scenes: usize,
@@ -53,7 +53,7 @@ pub struct GainSpread {
     pub resamples: usize,
     /// Seed of the draws.
     pub seed: u64,
-    /// What it means, in a sentence.
+    /// The result in a sentence.
     pub words: String,
 }
 

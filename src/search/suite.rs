@@ -12,25 +12,25 @@ use crate::vehicle::{Constraints, Placement};
 #[derive(Debug, Clone)]
 pub struct Member {
     name: String,
-    /// With mirrored sensors where the scene is mirrored: its world is that of the scene as it is.
+    /// Problem of the scene; for a mirror image it has the scene's world and mirrored sensors.
     problem: Arc<Problem>,
-    /// Number of the scene; a mirror image has that of its original.
+    /// Number of the scene; a mirror image has the number of its original.
     scene: usize,
     mirrored: bool,
 }
 
 impl Member {
-    /// Name of the scene; a mirror image is called so.
+    /// Name of the scene; for a mirror image with `mirrored` behind it.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// What an engine computes: with mirrored sensors for a mirror image.
+    /// Problem that an engine computes: the scene's own, or with mirrored sensors for a mirror image.
     pub fn problem(&self) -> &Arc<Problem> {
         &self.problem
     }
 
-    /// Number of the scene, from 0; a mirror image has that of its original.
+    /// Number of the scene, from 0; a mirror image has the number of its original.
     pub fn scene(&self) -> usize {
         self.scene
     }
@@ -40,8 +40,8 @@ impl Member {
         self.mirrored
     }
 
-    /// Placements as an engine of [`Self::problem`] is to see them: mirrored for a mirror image, in which a
-    /// placement scores what the mirrored one does in the scene as it is.
+    /// Placements as [`Self::problem`] needs them: mirrored for a mirror image. Its scores are then those of the
+    /// mirrored placements in the scene itself.
     pub(crate) fn seen<'a>(&self, placements: &'a [Placement]) -> Cow<'a, [Placement]> {
         if self.mirrored {
             placements.iter().map(Placement::mirrored).collect()
@@ -51,7 +51,7 @@ impl Member {
     }
 }
 
-/// The problems that a placement is judged by together: one vehicle in one scene or several.
+/// Problems that a placement is scored in together: one vehicle in one scene or several.
 ///
 /// Frames are numbered through all members.
 #[derive(Debug, Clone)]
@@ -79,7 +79,7 @@ impl From<Problem> for Suite {
 }
 
 impl Suite {
-    /// Several scenes by name; of equal names the later ones get a number.
+    /// Several scenes by name; later scenes of an equal name get a number.
     ///
     /// # Errors
     /// No scene; one with another LiDAR or other rules of the mount than the first; of several, one in which
@@ -111,7 +111,7 @@ impl Suite {
         Ok(Self { members })
     }
 
-    /// The same and the mirror image of each scene behind it.
+    /// Copy of the suite in which each scene is followed by its mirror image.
     #[must_use]
     pub fn with_mirror_images(&self) -> Self {
         let both = |member: &Member| {
@@ -151,7 +151,7 @@ impl Suite {
         self.members.iter().map(|member| member.problem.frame_count()).sum()
     }
 
-    /// How much of all scenes is modelled: mirror images add frames alone.
+    /// Size of the model over all scenes; mirror images add frames alone.
     pub fn modelled(&self) -> Modelled {
         let mut all = self.members[0].problem.modelled();
         let mut triangles = all.triangles * all.frames as u64;
@@ -172,7 +172,7 @@ impl Suite {
         Modelled { triangles: triangles / all.frames.max(1) as u64, ..all }
     }
 
-    /// So many frames of each member, spread evenly; all where nothing is said.
+    /// Numbers of `wanted` frames of each member, spread evenly; all frames for `None`.
     pub fn spread(&self, wanted: Option<u32>) -> Vec<usize> {
         let ranges = self.frame_ranges().into_iter();
         ranges.flat_map(|r| spread(r.len(), wanted).into_iter().map(move |f| r.start + f)).collect()
@@ -189,7 +189,7 @@ impl Suite {
         self.members.iter().map(range).collect()
     }
 
-    /// The same at another draw of what is left to chance: free phases, and what the air lets through.
+    /// Copy with another random draw: `seed` sets free phases and which beams return through weather.
     #[must_use]
     pub fn with_draw(&self, seed: u64) -> Self {
         let drawn = |member: &Member| {
@@ -210,7 +210,7 @@ impl Suite {
         Self { members: self.members.iter().map(changed).collect() }
     }
 
-    /// The same over some of the frames; a member without any of them is left out.
+    /// Copy over some of the frames; a member without any of them is left out.
     ///
     /// # Panics
     /// A frame that does not exist.

@@ -14,7 +14,7 @@ use crate::score::Objective;
 use crate::targets::CAR_WEIGHT;
 use crate::vehicle::{Placement, PoseGrid, Spacing};
 
-/// Grid of the swaps where nothing else is said: that of the published placements.
+/// Default grid of the swaps: the spacing of the published placements.
 pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
 /// Moves of a climb: up to three steps along one pose field, then a step along several at once.
 const MOVES: [Moves; 2] = [Moves::Along(3), Moves::Around(1)];
@@ -33,10 +33,10 @@ const DRAWN: usize = 64;
 const AMPLE_POSES: usize = 256;
 const AMPLE_BYTES: u64 = 192 << 20;
 
-/// What all that must be seen is worth in swaps, in starts: a hundredth of it as much as all of a start.
+/// Penalty for a missing share of 1, as a multiple of a start's objective: a missing hundredth costs all of it.
 const MISSING: f64 = 100.0;
 
-/// What decides about swaps, beside problem and starts.
+/// Settings of swaps: grid, limits and seed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SwapSettings {
     /// Grid of the sensor poses.
@@ -49,7 +49,7 @@ pub struct SwapSettings {
     pub seed: u64,
 }
 
-/// What swaps have found.
+/// Result of swaps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Swapped {
     /// The best placement, on the grid.
@@ -181,7 +181,7 @@ pub fn swap_from(
 /// tie the LiDARs together the best of some random placements stands in for greedy, which takes one LiDAR
 /// after another and so does not keep them.
 ///
-/// `None` and `go_on` as of [`swap_from`]; the settings' `casts` count for nothing.
+/// `None` and `go_on` work as in [`swap_from`]; the settings' `casts` are ignored.
 ///
 /// # Errors
 /// See [`swap_from`].

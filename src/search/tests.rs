@@ -1,4 +1,4 @@
-//! Work in parts: the bits of work at once, and no part more once it is told to stop.
+//! Work in parts: the bits of work at once, and no further part after a stop.
 
 use std::sync::Arc;
 
@@ -120,7 +120,7 @@ fn a_pilot_stops_where_it_is_told_to() {
     assert!(whole.unwrap().is_some());
 }
 
-/// A search over frames of [`problem_over`] on a grid of so many metres.
+/// A search over frames of [`problem_over`] on a grid spaced `metres` apart.
 fn search_over(frames: [usize; 2], metres: f64) -> (GridSearch, Evaluator) {
     let suite = Suite::from(problem_over(frames));
     let evaluator = Evaluator::suite_on_cpu(&suite, MEMORY);
@@ -134,7 +134,7 @@ fn search_over(frames: [usize; 2], metres: f64) -> (GridSearch, Evaluator) {
 /// Poses that a climb starts from.
 const START: [u32; 2] = [3, 50];
 
-/// The end of a climb that is told to stop at a question, and the poses cast at each question.
+/// End of a climb that is stopped at a question, and the poses cast at each question.
 fn climbed(
     search: &mut GridSearch,
     evaluator: &mut Evaluator,

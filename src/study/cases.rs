@@ -3,7 +3,7 @@
 use super::{Row, StudyError};
 use crate::vehicle::Placement;
 
-/// Sees a study go on, and may stop it.
+/// Observer of a study, which may stop it.
 pub trait StudyObserver {
     /// Called before the first case with the number of cases.
     fn begins(&self, _cases: usize) {}
@@ -17,7 +17,7 @@ pub trait StudyObserver {
     /// Called after each case, measured or known from before.
     fn done(&self) {}
 
-    /// Whether to go on; asked often. A case under way when this says no is dropped.
+    /// Asked often; `false` stops the study and drops the case under way.
     fn goes_on(&self) -> bool {
         true
     }
@@ -41,7 +41,7 @@ impl<'a> Cases<'a> {
         Self { known, observer }
     }
 
-    /// Says how many cases there will be.
+    /// Announces the number of cases.
     pub(super) fn expect(&self, cases: usize) {
         self.observer.begins(cases);
     }
@@ -95,7 +95,7 @@ mod tests {
 
     use super::*;
 
-    /// Says stop after some questions.
+    /// Stops after some questions.
     struct Patience(Cell<u32>);
 
     impl StudyObserver for Patience {
@@ -117,7 +117,7 @@ mod tests {
             });
             (rows.unwrap().len(), count.get())
         };
-        // The end of a case that was cut short is no error; that of one that was not is.
+        // A case that is cut short fails without an error; a whole case that fails is an error.
         let failed = |questions: u32| {
             let patience = Patience(Cell::new(questions));
             let rows = Cases::new(&mut Vec::new(), &patience)

@@ -12,7 +12,7 @@ use crate::search::Evaluator;
 pub(super) const SCORES: [&str; 6] =
     ["gain %", "near gain %", "M-SOG/N ×1e-6", "detection ×1e-6", "covered", "guards violated"];
 
-/// Which of [`SCORES`] searches for an objective make large, and a study draws; the gain where it is none of them.
+/// Column of [`SCORES`] that searches for an objective make large; the gain where it is none of them.
 pub(super) fn made_large(objective: &Objective) -> usize {
     match objective.to_string().as_str() {
         NEAR_GAIN => 1,
@@ -49,7 +49,7 @@ pub(super) fn numbers(rows: &[Row], column: usize) -> Vec<f64> {
     rows.iter().map(|row| row.values.get(column).copied().flatten().unwrap_or(f64::NAN)).collect()
 }
 
-/// Refuses names used twice: cases are told apart by them, and would share their numbers.
+/// Refuses names used twice: cases are known by name, and would share their numbers.
 pub(super) fn check_distinct<'a>(
     names: impl IntoIterator<Item = &'a str>,
     cases: &'static str,

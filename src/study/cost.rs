@@ -1,4 +1,4 @@
-//! What sensors are worth their price: the front of what is gained against what it costs.
+//! Sensors against their price: the front of gain and cost.
 
 use super::cases::Cases;
 use super::columns::{self, SCORES, made_large};

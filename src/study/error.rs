@@ -16,7 +16,7 @@ pub enum StudyError {
     /// No study of that name.
     #[error("`{name}` is no study; there are {known}")]
     NoKind {
-        /// As given.
+        /// Name that was given.
         name: String,
         /// The names there are.
         known: String,
@@ -88,7 +88,7 @@ pub enum StudyError {
         cases: &'static str,
         /// The name.
         name: String,
-        /// How to tell them apart.
+        /// Way to tell them apart.
         mend: &'static str,
     },
     /// A job, or a part of it, that cannot be posed, scored or searched.

@@ -1,4 +1,4 @@
-//! How high: all LiDARs at one height, against free heights.
+//! Height: all LiDARs at one height, against free heights.
 
 use super::cases::Cases;
 use super::columns::{self, SCORES, made_large};

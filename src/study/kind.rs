@@ -1,4 +1,4 @@
-//! The questions that studies answer.
+//! Questions that studies answer.
 
 use std::str::FromStr;
 
@@ -10,7 +10,7 @@ use super::StudyError;
 pub enum Kind {
     /// One to eight LiDARs.
     Lidars,
-    /// What a vehicle's sensors gain for their price.
+    /// Gain of a vehicle's sensors for their price.
     Cost,
     /// Numbers of channels, and real sensors.
     Channels,
@@ -76,7 +76,7 @@ impl Kind {
         ),
     ];
 
-    /// The name by which it is asked for.
+    /// The name that selects it on the command line.
     pub fn name(self) -> &'static str {
         let found = Self::ALL.iter().find(|(kind, ..)| *kind == self);
         found.map_or("", |(_, name, _)| name)

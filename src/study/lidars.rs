@@ -1,4 +1,4 @@
-//! How many LiDARs: the best placement of each number, and the gain of each one more.
+//! Number of LiDARs: the best placement of each number, and the gain of each one more.
 
 use super::cases::Cases;
 use super::columns::{self, SCORES, made_large};
@@ -8,7 +8,7 @@ use crate::vehicle::Placement;
 
 /// Numbers of LiDARs that are compared.
 const LIDARS: std::ops::RangeInclusive<usize> = 1..=8;
-/// Those of [`SCORES`] that grow with every LiDAR: the gain and the near gain.
+/// Columns of [`SCORES`] that grow with every LiDAR: the gain and the near gain.
 const GAINS: [usize; 2] = [0, 1];
 
 pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
@@ -26,7 +26,7 @@ pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
         let values = columns::values(&score(&mut evaluator, &best)?);
         Ok((values, Some(best)))
     })?;
-    // Of both gains, each beside its own column, and of the one that the searches make large the knee.
+    // Each gain gets a column of its increments beside it; the knee is taken of the gain that the searches maximize.
     let gains = GAINS.map(|gain| columns::numbers(&rows, gain));
     for (k, row) in rows.iter_mut().enumerate() {
         row.values.resize(SCORES.len(), None);
@@ -75,8 +75,8 @@ fn with_one_more(scene: &StudyScene, before: &Placement) -> Vec<Placement> {
     corners.collect()
 }
 
-/// Where a curve of falling gains bends most: the point farthest above the line from the first to the
-/// last, after both axes are scaled to [0, 1]. `None` with fewer than three points or without rise.
+/// Index at which a curve of falling gains bends most: the point farthest above the line from the first to the last,
+/// after both axes are scaled to [0, 1]. `None` with fewer than three points or without rise.
 fn knee(values: &[f64]) -> Option<usize> {
     let (first, last) = (*values.first()?, *values.last()?);
     if values.len() < 3 || last <= first {

@@ -1,10 +1,9 @@
-//! The same study of several scenes as one table: means of the numbers that compare.
+//! Mean of one study over several scenes: a table of the numbers that compare across them.
 
 use super::{Row, Table};
 
-/// Means over the tables of one kind of study, a table a scene: of the cases that all of them have, and of the
-/// columns that compare across scenes, which a gain in nats does not. A case without a number in one scene has
-/// none.
+/// Means over the tables of one kind of study, a table a scene. Keeps the cases that all tables have, and the columns
+/// that compare across scenes; a gain in nats does not. A case without a number in one scene has no mean.
 ///
 /// `None` where nothing compares.
 pub fn mean_over_scenes(tables: &[Table]) -> Option<Table> {
@@ -37,7 +36,7 @@ pub fn mean_over_scenes(tables: &[Table]) -> Option<Table> {
     (!rows.is_empty()).then_some(Table { title, columns: titles, rows, notes, drawing })
 }
 
-/// Whether the numbers of a column compare across scenes: all but a gain in nats.
+/// True if the numbers of a column compare across scenes: all but a gain in nats.
 fn compares(title: &str) -> bool {
     !title.contains("nats") && (title.contains("share") || !title.contains("information_gain"))
 }

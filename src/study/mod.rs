@@ -5,7 +5,7 @@
 //! | `scene` | problems, searches and scores of one scene, shared by its cases |
 //! | `cases` | the cases, measured once and kept by name; the observer |
 //! | `table`, `mean` | the result, and the mean of several scenes |
-//! | `lidars`, `cost`, `sensors`, `height` | how many LiDARs, for what money, of which kind, how high |
+//! | `lidars`, `cost`, `sensors`, `height` | number, price, model and height of LiDARs |
 //! | `random`, `tasks`, `regions`, `loss` | placements of one scene against each other |
 //! | `voxels`, `transfer`, `published` | other voxels, other scenes, the published results |
 

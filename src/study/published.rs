@@ -37,7 +37,7 @@ const METRICS: [Metric; 10] = [
     ("detection.information_gain", |s| s.detection?.information_gain),
 ];
 
-/// Tasks of [`PUBLISHED`], each with its column and the placement that "Ours" stands for.
+/// Tasks of [`PUBLISHED`], each with its column and the name of its "Ours" in Table 7.
 const TASKS: [(&str, usize, &str); 3] =
     [("mIoU", 0, "Ours-seg"), ("car mAP", 1, "Ours-det"), ("pedestrian mAP", 2, "Ours-det")];
 

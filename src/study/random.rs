@@ -47,7 +47,7 @@ pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
     Ok(Table::new(title, ["placement", &objective], rows, notes, drawing))
 }
 
-/// The objective of a placement against which no guard speaks.
+/// The objective of a placement that violates no guard.
 fn unguarded(scene: &StudyScene, scores: &Scores) -> Option<f64> {
     scene.settings.objective.value(scores).filter(|_| scores.guards.is_empty())
 }

@@ -49,7 +49,7 @@ impl Region {
         Self { name: name.to_owned(), extent: Extent::Box(min, max) }
     }
 
-    /// Whether a point of the ego frame lies in it; lower ends belong to it, upper ends do not.
+    /// True if a point of the ego frame lies in the region; lower ends belong to it, upper ends do not.
     pub(super) fn holds(&self, point: [f64; 3]) -> bool {
         let [x, y, _] = point;
         match &self.extent {

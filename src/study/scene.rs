@@ -115,7 +115,7 @@ impl<'a> StudyScene<'a> {
         self.optimize_from(evaluator, &self.settings.objective, &self.published)
     }
 
-    /// As [`Self::optimize`], for another objective and from other starts.
+    /// Like [`Self::optimize`], for another objective and from other starts.
     pub(super) fn optimize_from(
         &self,
         evaluator: &Evaluator,
@@ -135,7 +135,7 @@ impl<'a> StudyScene<'a> {
         Ok(outcome.best.map(|best| best.placement))
     }
 
-    /// Whether nobody has asked to stop.
+    /// False once the observer wants to stop.
     pub(super) fn goes_on(&self) -> bool {
         self.observer.goes_on()
     }

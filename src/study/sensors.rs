@@ -1,4 +1,4 @@
-//! Which sensor: numbers of channels over one field of view, and sensors from files.
+//! Sensors: numbers of channels over one field of view, and models from files.
 
 use super::cases::Cases;
 use super::columns::{self, SCORES, check_distinct, made_large};
@@ -12,14 +12,14 @@ use crate::vehicle::{Lidar, Placement};
 /// Channels that are compared over the scene's own field of view.
 const CHANNELS: [u32; 4] = [16, 32, 64, 128];
 
-/// Ground within 10 m and within 3 m that is seen: what crowding channels at the horizon costs.
+/// Ground within 10 m and within 3 m that is seen: the cost of crowding channels at the horizon.
 const NEAR_COLUMNS: [&str; 2] = ["near %", "3 m %"];
 
 /// Powers by which the elevations of the scene's own number of channels are crowded at the horizon.
 const CROWDED: [f64; 3] = [1.25, 1.5, 2.0];
 
-/// An elevation in degrees, drawn to the horizon: of the way from there to the end of the field of view the
-/// share x becomes x^power. The ends stay where they are.
+/// An elevation in degrees, drawn to the horizon: a share x of the way from there to the end of the field of view
+/// becomes x^power. The ends stay where they are.
 fn crowded(elevation: f64, [low, high]: [f64; 2], power: f64) -> f64 {
     let end = if elevation < 0.0 { low } else { high };
     end * maths::pow(elevation / end, power)
@@ -79,7 +79,7 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
     for path in &scene.settings.sensors {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let mut lidar = Lidar::from_sensor_file(path, *azimuth_steps, *range)?;
-        // A file's own window stays.
+        // A window set in the file is kept.
         if let Lidar::Spinning { azimuth: sector @ None, .. } = &mut lidar {
             *sector = *azimuth;
         }

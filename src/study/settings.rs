@@ -31,7 +31,7 @@ pub struct StudySettings {
     pub placements: Vec<Placement>,
     /// Weather and faults.
     pub conditions: Vec<Condition>,
-    /// Which engine computes; every engine gives the same bits.
+    /// Engine that computes; every engine gives the same bits.
     pub engine: EngineChoice,
 }
 

@@ -1,4 +1,4 @@
-//! The table that a study ends in, and how it is best drawn.
+//! The table of a study, and its best drawing.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +16,7 @@ pub struct Row {
     pub placement: Option<Placement>,
 }
 
-/// How a table is best drawn; columns are counted from the first value on.
+/// Best drawing of a table; columns are counted from the first value on.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Drawing {
     /// Cases along x, a series for each of these columns.
@@ -25,7 +25,7 @@ pub enum Drawing {
         columns: Vec<usize>,
         /// Title of the y axis.
         y_title: String,
-        /// Whether the points of a series are joined: the cases are steps of one quantity.
+        /// True if the points of a series are joined, because the cases are steps of one quantity.
         line: bool,
     },
     /// Columns along x, a series for each case.
@@ -64,7 +64,7 @@ pub struct Table {
     pub rows: Vec<Row>,
     /// Sentences on how to read the numbers.
     pub notes: Vec<String>,
-    /// How to draw it.
+    /// Drawing that suits it.
     #[serde(skip)]
     pub drawing: Drawing,
 }

@@ -52,8 +52,8 @@ pub(super) fn tasks(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stud
     Ok(Table::new(title, columns, rows, notes, drawing))
 }
 
-/// Whether each point is beaten by none: no other is as good in both numbers and better in one. A point
-/// without numbers is not on the front.
+/// True for each point on the front: no other is as good in both numbers and better in one. A point without numbers
+/// is not on the front.
 fn front(points: &[(f64, f64)]) -> Vec<bool> {
     let beaten = |a: &(f64, f64)| points.iter().any(|b| b.0 >= a.0 && b.1 >= a.1 && b != a);
     points.iter().map(|point| !point.0.is_nan() && !beaten(point)).collect()

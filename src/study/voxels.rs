@@ -1,4 +1,4 @@
-//! Voxel sizes: whether they change the ranking of the published placements.
+//! Voxel sizes: their effect on the ranking of the published placements.
 
 use super::cases::Cases;
 use super::scene::StudyScene;

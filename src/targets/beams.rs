@@ -1,4 +1,4 @@
-//! Beams of a placement on targets: those whose closest hit is the target, the own body in the way.
+//! Beams of a placement whose closest hit is a target, with the own body in the way.
 
 use std::cell::RefCell;
 use std::f64::consts::PI;
@@ -17,7 +17,7 @@ use crate::scan::conditions::Weather;
 use crate::scene::{Scene, Target};
 use crate::vehicle::{Response, SensorError, SensorModel, SensorPose, Sensors, UnknownSensor};
 
-/// Sensor models and own body of a vehicle: all that decides about beams on targets on level ground.
+/// Sensor models and own body of a vehicle, for beams on targets on level ground.
 #[derive(Debug, Clone)]
 pub struct TargetSite {
     sensors: Sensors,
@@ -26,12 +26,12 @@ pub struct TargetSite {
     body: Frame,
     /// Lower and upper corner of the body in plan, metres.
     bounds: Option<[[f64; 2]; 2]>,
-    /// `None` counts beams whatever comes back.
+    /// Light that must return for a beam to count; `None` counts every beam.
     receiving: Option<Receiving>,
 }
 
-/// A target where it stands: the middle of its box in plan and the height of its ground, in the ego frame, metres. Its
-/// own axis lies along x.
+/// A target in place: the middle of its box in plan and the height of its ground, in the ego frame, metres. Its own
+/// axis lies along x.
 #[derive(Debug, Clone, Copy)]
 pub struct Standing<'a> {
     /// The target.
@@ -40,8 +40,8 @@ pub struct Standing<'a> {
     pub at: [f64; 3],
 }
 
-/// Light that must come back for a beam to count: ρ·cos θ / r² less what the air takes, at least the power of a return
-/// that the sensor sees half of the time.
+/// Light that must return for a beam to count: ρ·cos θ / r² less the loss in air, at least the power of a return that
+/// the sensor sees half of the time.
 #[derive(Debug, Clone, Default)]
 pub struct Receiving {
     /// Fog, snow and rain on the way.
@@ -49,7 +49,7 @@ pub struct Receiving {
 }
 
 impl Receiving {
-    /// True if the sensor sees a surface of a reflectance half of the time or more, at metres and a cosine of incidence.
+    /// True if the sensor sees a surface at least half of the time, by its reflectance, cosine of incidence and metres.
     fn sees(&self, response: &Response, reflectance: f64, cosine: f64, metres: f64) -> bool {
         let fog = self.weather.fog.as_ref().map_or(1.0, |fog| fog.attenuation(metres));
         let falls = self.weather.falls();
@@ -68,7 +68,7 @@ struct Looking<'a> {
     receiving: Option<&'a Receiving>,
 }
 
-/// Metres at which beams end at something else than a target.
+/// Metres at which beams end at anything but a target.
 enum Ends<'a> {
     /// At the own body: looked up on demand, NaN where it has not been.
     Body { body: &'a Frame, known: RefCell<Vec<f32>> },
@@ -84,7 +84,7 @@ impl TargetSite {
         Self { sensors, finders, body, bounds, receiving: None }
     }
 
-    /// Models and own body of a problem; in a mirror image of a scene that would be of another vehicle.
+    /// Models and own body of a problem; a problem of a mirror image would give another vehicle's.
     pub fn of(problem: &Problem) -> Self {
         Self::new(problem.sensors().clone(), problem.body().clone())
     }
@@ -243,7 +243,7 @@ impl Looking<'_> {
         receiving.sees(&self.model.response, reflectance, f64::from(cosine), metres)
     }
 
-    /// True if nothing else ends a beam before so many metres.
+    /// True if nothing else ends a beam within `metres`.
     fn reaches(&self, beam: usize, metres: f32) -> bool {
         let ends = match &self.ends {
             Ends::Hits(hits) => end_of(&hits[beam]),

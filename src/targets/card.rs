@@ -10,13 +10,13 @@ use crate::maths;
 use crate::scene::{Target, preset_targets};
 use crate::vehicle::{SensorPose, UnknownSensor};
 
-/// Beams from which on a target is met.
+/// Least beams on a target that is met.
 pub const CARD_BEAMS: u32 = 5;
 /// Presets on a card. The first is the one that sectors are blind to.
 const TARGETS: [&str; 3] = ["car", "adult", "tyre"];
 /// Bearings on a card, counter-clockwise from straight ahead.
 const BEARINGS: usize = 16;
-/// Bearings that sectors are looked at in: three a bearing of the card.
+/// Bearings at which sectors are tested: three a bearing of the card.
 const FINE: usize = 3 * BEARINGS;
 /// Fine bearings to either side of a sector's middle: 15°.
 const HALF_SECTOR: usize = 2;
@@ -28,7 +28,7 @@ const FARTHEST: f64 = 200.0;
 /// Distances at which targets are met, by bearing; on level ground without a scene, phases at 0.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RangeCard {
-    /// Beams from which on a target is met.
+    /// Least beams on a target that is met.
     pub beams: u32,
     /// Distances that were looked at, from the ego origin to the target's middle, metres.
     pub distances: Vec<f64>,
@@ -133,7 +133,7 @@ pub(super) fn card_targets() -> &'static [Arc<Target>] {
     })
 }
 
-/// One of all places of a card: number of its target, fine bearing, number of its distance.
+/// A place of a card: number of its target, fine bearing, number of its distance.
 struct Place {
     target: usize,
     bearing: usize,

@@ -11,20 +11,20 @@ use crate::problem::Problem;
 use crate::scene::Target;
 use crate::vehicle::{SensorPose, TargetRule, UnknownSensor};
 
-/// Worth of the beams that a car all round lacks, in the unit of a near gain: one that is seen nowhere takes 1 off.
-/// docs/targets.md has the trials of other weights.
+/// Penalty for a car that is seen nowhere, in the unit of a near gain. docs/targets.md has the trials of other
+/// weights.
 pub const CAR_WEIGHT: f64 = 1.0;
 
-/// Bearings that a car stands at.
+/// Bearings of the car.
 const BEARINGS: usize = 24;
-/// Distances that it stands at, metres: those between which a sector must not lose it.
+/// Distances of the car, metres: between them a sector must not lose it.
 const DISTANCES: [f64; 8] = [5.0, 7.5, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0];
 /// Degrees between bearings of a rule at most, and metres between its distances at most.
 const RULE_DEGREES: f64 = 7.5;
 const RULE_METRES: f64 = 2.5;
-/// Share by which a search asks for more than a rule: it searches over places that others lie between.
+/// Extra share that a search requires beyond a rule, since other places lie between the tested ones.
 const MARGIN: f64 = 0.01;
-/// Worth of beams beyond their number at places that are not met: less than that of a place.
+/// Weight of single beams at places that are not met, where a met place weighs 1.
 const PARTIAL: f64 = 0.1;
 
 /// Places of targets around a vehicle on level ground.
@@ -60,8 +60,8 @@ impl SightBeams {
 pub struct RuleMet<'a> {
     /// The rule.
     pub rule: &'a TargetRule,
-    /// Share of its places at which enough beams meet the target; of a rule that must hold without any one LiDAR the
-    /// least over them.
+    /// Share of its places at which enough beams meet the target. For a rule that must hold without any one LiDAR, the
+    /// least share over the LiDARs left out.
     pub share: f64,
     /// LiDAR whose loss leaves least, of a rule that must hold without any one.
     pub without: Option<usize>,
@@ -99,7 +99,7 @@ fn places_of(rule: &TargetRule) -> Vec<[f64; 3]> {
 }
 
 impl Sight {
-    /// Sight of a problem's vehicle, of its rules and, if `watches_cars`, of a car all round; `None` where there is nothing
+    /// Sight of a problem's vehicle: its rules and, if `watches_cars`, a car all round. `None` where there is nothing
     /// to look for, or beams end at nothing, so that nothing is known of a body.
     pub fn of(problem: &Problem, watches_cars: bool) -> Option<Self> {
         let is_needed = watches_cars || !problem.target_rules().is_empty();
@@ -144,15 +144,15 @@ impl Sight {
         Ok(SightBeams(capped.map(|beams| beams as u8).collect()))
     }
 
-    /// Beams on a car all round that are missing, as a share: 0 where five meet it at every place, 1 where none does
-    /// anywhere, `None` where a search does not look. Falls with every LiDAR by less the more there are: 1 less it is
+    /// Missing share of beams on a car all round: 0 where five meet it at every place, 1 where none meets it anywhere,
+    /// `None` where a search does not look. Each LiDAR lowers it, by less the more there are: 1 less the share is
     /// submodular.
     pub fn car_missing(&self, all: &SightBeams) -> Option<f64> {
         let places = self.car.clone();
         (!places.is_empty()).then(|| 1.0 - self.soft(all, places))
     }
 
-    /// Beams at some places as a share of those that count.
+    /// Beams at some places as a share of the beams that count there.
     fn soft(&self, all: &SightBeams, places: Range<usize>) -> f64 {
         let wanted: u32 = self.enough[places.clone()].iter().map(|&beams| u32::from(beams)).sum();
         let of = |place: usize| all.0.get(place).copied().unwrap_or(0).min(self.enough[place]);
@@ -167,7 +167,7 @@ impl Sight {
         if count == 0 { 1.0 } else { places.filter(met).count() as f64 / count as f64 }
     }
 
-    /// Sum of the beams of LiDARs, but one.
+    /// Sum of the beams of all LiDARs but one.
     fn sum_without(each: &[&SightBeams], lidar: Option<usize>) -> SightBeams {
         let mut sum = SightBeams::default();
         let kept = each.iter().enumerate().filter(|(k, _)| Some(*k) != lidar);
@@ -232,8 +232,8 @@ impl Sight {
         !self.rules.is_empty()
     }
 
-    /// Share that the rules lack, over all of them, for a search that goes step by step: a rule that is not met lacks a
-    /// little less with every beam.
+    /// Missing share of the rules, summed, for a search that goes step by step: each beam lowers it a little for a rule
+    /// that is not met.
     pub fn rules_missing(&self, each: &[&SightBeams]) -> f64 {
         let all = Self::sum_without(each, None);
         let lacks = |of: &(TargetRule, Range<usize>)| {

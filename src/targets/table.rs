@@ -10,7 +10,7 @@ use crate::problem::{Problem, SensorBatch};
 use crate::scene::Target;
 use crate::vehicle::{Placement, UnknownSensor};
 
-/// Targets, their places, and what counts as detected.
+/// Targets, their places, and the rule for a detection.
 #[derive(Debug, Clone)]
 pub struct TargetQuestion {
     /// At least one.
@@ -19,9 +19,9 @@ pub struct TargetQuestion {
     pub distances: Vec<f64>,
     /// Degrees counter-clockwise from straight ahead.
     pub bearings: Vec<f64>,
-    /// Beams from which on a frame counts.
+    /// Least beams on the target for a frame to count.
     pub beams: u32,
-    /// Frames that must count for a detection; all of those in which the target can stand, where these are fewer.
+    /// Frames that must count for a detection; all frames in which the target can stand, where these are fewer.
     pub of_frames: usize,
 }
 
@@ -44,7 +44,7 @@ pub struct TargetRow {
     pub frame: Option<usize>,
     /// Beams that meet the target first; `None` where there is no free ground for it in the scene.
     pub beams: Option<u32>,
-    /// The same by LiDAR; empty where there is no free ground.
+    /// Beams of each LiDAR that meet the target first; empty where there is no free ground.
     pub by_lidar: Vec<u32>,
     /// True where the target overlaps the own body, so that it counts for no detection.
     #[serde(skip_serializing_if = "std::ops::Not::not")]

@@ -12,7 +12,7 @@ use crate::vehicle::{Placement, SensorPose};
 /// Placements whose beams are cast in one batch, about as many as a search casts.
 const CAST_TOGETHER: usize = 32;
 
-/// How often two engines gave different bits.
+/// Counts of different bits between two engines.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Differences {
     /// Beams cast by both.

@@ -1,5 +1,5 @@
-//! Whether an engine agrees with the CPU reference to the bit, and the reference with `f64` arithmetic it
-//! shares nothing with.
+//! Checks that an engine agrees with the CPU reference to the bit, and that the reference agrees with independent
+//! arithmetic in `f64`.
 
 pub(crate) mod compare;
 pub(crate) mod oracle;

@@ -18,16 +18,16 @@ use crate::vehicle::{Placement, UnknownSensor};
 pub const EDGE_TOLERANCE: f64 = 5e-4;
 /// Distances closer than this count as a tie, in metres and as a share of the distance.
 const TIE_TOLERANCE: f64 = 1e-4;
-/// What both grow by a metre that the sensor is away from the origin of a tree's frame: twice the spacing of
-/// `f32` there.
+/// Growth of both tolerances with each metre between the sensor and the origin of a tree's frame: twice the spacing
+/// of `f32` there.
 const ROUNDING: f64 = 1.0 / (1 << 22) as f64;
 
-/// How one beam of the reference compares with brute force in `f64`.
+/// Comparison of one beam of the reference with brute force in `f64`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Explanation {
-    /// The same triangle at the same distance.
+    /// Both find one triangle at one distance, or both find none.
     Same,
     /// The two triangles are equally far, or one is at the very end of the range or where the beam starts.
     Tie,

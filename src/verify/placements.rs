@@ -1,4 +1,4 @@
-//! Poses that methods fail at.
+//! Poses that are hard for numerical methods.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -7,7 +7,7 @@ use crate::problem::Problem;
 use crate::psog::Roi;
 use crate::vehicle::{Placement, SensorPose, random_placements, table_7};
 
-/// What is compared unless placements are given: Table 7 of the paper, random ones from the mount, and hostile ones.
+/// Default placements of a verification: Table 7 of the paper, random ones from the mount, and hostile ones.
 pub fn usual_placements(
     problem: &Problem,
     random: usize,

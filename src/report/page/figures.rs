@@ -1,4 +1,4 @@
-//! The drawings of a page, and what is computed for them.
+//! The drawings of a page, and the data computed for them.
 
 use std::sync::Arc;
 
@@ -18,13 +18,13 @@ use crate::report::RunRecord;
 /// Frames that the near field is taken over.
 const NEAR_FRAMES: u32 = 4;
 
-/// Figures computed of a placement for its page, beyond its scores.
+/// Figures that are computed of a placement for its page, beyond its scores.
 pub struct Looks {
-    /// What it gains, from above, in each scene by name.
+    /// Information that the placement gains, seen from above, by name of the scene.
     maps: Vec<(String, InformationMap)>,
-    /// It in each scene, in 3-D.
+    /// 3-D view of the placement in each scene.
     views: Vec<ViewData>,
-    /// Ground near the vehicle in the first scene that it and the best baseline see, or why there is none.
+    /// Ground near the vehicle in the first scene that placement and best baseline see, or why there is none.
     near: Result<Near, String>,
 }
 

@@ -1,4 +1,4 @@
-//! Where the gain comes from: by class and by distance.
+//! Gain by class and by distance.
 
 use maud::{Markup, html};
 

@@ -1,4 +1,4 @@
-//! The placement: its drawing, its poses, and what each LiDAR gives.
+//! The placement: its drawing, its poses, and the gain of each LiDAR.
 
 use maud::{Markup, html};
 
@@ -13,7 +13,7 @@ use crate::vehicle::millimetres;
 /// Titles of poses in small units.
 const SMALL: [&str; 7] = ["LiDAR", "x mm", "y mm", "z mm", "roll °", "pitch °", "yaw °"];
 
-/// Poses of the result, and what each LiDAR gains alone and what only it gains.
+/// Poses of the result, and for each LiDAR its gain alone and the gain that only it has.
 pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Markup {
     let Some(best) = subject.result else { return html! {} };
     let poses = &best.placement.lidars;
@@ -55,7 +55,7 @@ pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunR
     }
 }
 
-/// Gain of each LiDAR alone, and what would be lost without it.
+/// Gain of each LiDAR alone, and the loss without it.
 fn each_lidar(subject: &Subject<'_>, figures: &Figures) -> Markup {
     let unique = subject.result.map_or(&[][..], |best| &best.scores.unique_share);
     let gains = figures.views.first().map(|view| view.gains());

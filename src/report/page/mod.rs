@@ -2,14 +2,14 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `figures` | the drawings, and what is computed for them |
-//! | `subject` | what a page is about, and the command that makes it again |
+//! | `figures` | the drawings, and the data computed for them |
+//! | `subject` | subject of a page, and the command that makes it again |
 //! | `stage` | the first screen: result in a sentence, 3-D view |
 //! | `scores` | result against baselines, guards, scene by scene |
-//! | `layout` | poses of the result, and what each LiDAR gives |
+//! | `layout` | poses of the result, and the gain of each LiDAR |
 //! | `gains` | gain by class and by distance |
 //! | `search` | convergence, findings, how the run was made |
-//! | `repeat` | that command, and every setting |
+//! | `repeat` | the command that makes the page again, and every setting |
 //! | `parts` | tables and bars |
 
 mod figures;
@@ -35,12 +35,12 @@ pub fn report_html(run: &RunRecord, figures: &Figures) -> String {
     page(&Subject::of(run), figures, Some(run)).into_string()
 }
 
-/// The same page of a placement that was not searched for.
+/// The page of a placement that was not searched for.
 pub fn view_html(subject: &Subject<'_>, figures: &Figures) -> String {
     page(subject, figures, None).into_string()
 }
 
-/// Nothing is loaded or sent: styles, scripts and pictures stand in the page.
+/// Policy that loads and sends nothing: styles, scripts and pictures are part of the page.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; \
                       base-uri 'none'; form-action 'none'";
 
@@ -98,7 +98,7 @@ fn unbroken(words: &str) -> Markup {
     }
 }
 
-/// Distances at which targets are met, and what the result is blind to.
+/// Distances of detection, and the sectors in which the result is blind.
 fn range_card(subject: &Subject<'_>) -> Markup {
     let Some((best, card)) =
         subject.result.and_then(|best| Some((best, best.scores.range_card.as_ref()?)))

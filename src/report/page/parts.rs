@@ -2,7 +2,7 @@
 
 use maud::{Markup, PreEscaped, html};
 
-/// A drawing that may be wider than the page; what it shows in words is its label.
+/// A drawing that may be wider than the page; `label` tells in words what it shows.
 pub(super) fn figure(svg: &str, label: &str) -> Markup {
     html! { figure.wide tabindex="0" role="group" aria-label=(label) { (PreEscaped(svg)) } }
 }

@@ -1,4 +1,4 @@
-//! How to repeat a run: its command and its settings.
+//! The command and the settings that repeat a run.
 
 use maud::{Markup, html};
 
@@ -24,7 +24,7 @@ pub(super) fn repeat(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup {
     }
 }
 
-/// How close a repeated run comes to this one.
+/// Sentence on how close a repeated run comes to this one.
 fn promise(run: &RunRecord) -> String {
     let mut words =
         format!("Needed: sightline {}, the same files and the same backend. ", run.sightline);

@@ -68,11 +68,11 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
     }
 }
 
-/// What the near gain is.
+/// Meaning of the near gain.
 pub(super) const NEAR_GAIN: &str = "the information gained where what is farther than 10 m from the vehicle counts for \
                                     less, by its distance, and the ground within 10 m for a fifth by itself";
 
-/// What speaks against the result and the baselines.
+/// Violated guards and broken rules of the result and the baselines.
 pub(super) fn guards(subject: &Subject<'_>) -> Markup {
     let all = subject.result.iter().copied().chain(subject.baselines);
     let spoken: Vec<(&Scored, Vec<String>)> =

@@ -1,4 +1,4 @@
-//! The search: convergence, what goes with the score, and how the run was made.
+//! The search: convergence, properties that go with the score, and how the run was made.
 
 use maud::{Markup, html};
 
@@ -7,7 +7,7 @@ use super::parts::{figure, table, text};
 use crate::report::convergence::steps_of_generations;
 use crate::report::{RunRecord, certificate_in_words, methods_in_words, optional};
 
-/// All about how the result was found.
+/// Section of the page on how the result was found.
 pub(super) fn search(run: &RunRecord, figures: &Figures) -> Markup {
     html! {
         section aria-labelledby="search" {
@@ -23,7 +23,7 @@ pub(super) fn search(run: &RunRecord, figures: &Figures) -> Markup {
     }
 }
 
-/// What the lines of the convergence are taken over.
+/// Frames that the lines of the convergence are taken over.
 fn steps(run: &RunRecord) -> Markup {
     let steps = run.fidelity.as_ref().map_or(&[][..], |frames| &frames.steps);
     let steps = steps_of_generations(steps, run.generations);
@@ -77,7 +77,7 @@ fn findings(run: &RunRecord) -> Markup {
     }
 }
 
-/// How the run was made, a line each.
+/// Facts of how the run was made, a line each.
 fn facts(run: &RunRecord) -> Markup {
     let times = &run.timings;
     let facts = [

@@ -6,7 +6,7 @@ use crate::search::Scored;
 /// Subject of a page, whether it was searched for or given.
 #[derive(Debug, Clone)]
 pub struct Subject<'a> {
-    /// Name of the scene; of several all names.
+    /// Name of the scene; all names where there are several.
     pub scene: &'a str,
     /// Each of several scenes.
     pub scenes: &'a [SceneRecord],
@@ -16,7 +16,7 @@ pub struct Subject<'a> {
     pub conditions: &'a [String],
     /// The result in sentences, the first of which heads the page.
     pub verdict: String,
-    /// What the page is about; `None` where a search found nothing.
+    /// The placement of the page; `None` where a search found nothing.
     pub result: Option<&'a Scored>,
     /// Layouts to compare with.
     pub baselines: &'a [Scored],
@@ -53,7 +53,7 @@ impl<'a> Subject<'a> {
         Self { scene, scenes, objective, conditions, verdict, result, baselines, command }
     }
 
-    /// The same under weather and faults.
+    /// The subject with weather and faults that it holds for.
     #[must_use]
     pub fn under(self, conditions: &'a [String]) -> Self {
         Self { conditions, ..self }

@@ -1,25 +1,25 @@
-//! Where the beams of each LiDAR end, by frame.
+//! Ends of the beams of each LiDAR, by frame.
 
 use crate::engine::{Backend, BackendError};
 use crate::problem::{Problem, SensorBatch};
 use crate::vehicle::Placement;
 
-/// Most beams of a LiDAR that are drawn on a page, over its scenes: of more, every second, third and so on.
+/// Most beams of a LiDAR drawn on a page, over its scenes; of more, every second, third and so on is drawn.
 const BEAMS: usize = 1200;
 
-/// The ends of beams in the ego frame, metres; what hits nothing is left out where beams end at hits.
+/// Ends of beams in the ego frame, metres; beams that hit nothing are left out where beams end at hits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Beams {
     /// `[frames][lidars]`.
     pub ends: Vec<Vec<Vec<[f32; 3]>>>,
-    /// Of how many beams of a LiDAR one is drawn, the most over the LiDARs.
+    /// Largest step over the LiDARs: one in `every` beams is drawn.
     pub every: usize,
-    /// No end has a coordinate beyond it.
+    /// Upper bound on the coordinates of all ends.
     pub reach: f32,
 }
 
 impl Beams {
-    /// The beams of a placement in some frames of one of so many `scenes` of a page.
+    /// The beams of a placement in some frames of a scene, on a page with `scenes` scenes.
     pub fn new(
         problem: &Problem,
         engine: &mut dyn Backend,

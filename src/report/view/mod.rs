@@ -1,10 +1,10 @@
-//! What the 3-D view of a page shows: things, voxels and beams of one scene, as plain data.
+//! The 3-D view of a page: things, voxels and beams of one scene, as plain data.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `world` | shapes once, and where each thing stands by frame |
+//! | `world` | shapes once, and the pose of each thing by frame |
 //! | `sight` | voxels with information, and which layouts see them |
-//! | `beams` | where the beams of each LiDAR end |
+//! | `beams` | ends of the beams of each LiDAR |
 //! | `pack` | all of it as one JSON header and one run of bytes |
 //! | `view.js`, `gl.js` | the view itself, in the page |
 
@@ -29,7 +29,7 @@ const VOXEL_BYTES: usize = 1_500_000;
 /// Most voxels that are drawn of all scenes of a page.
 const VOXELS: usize = 60_000;
 
-/// All that the 3-D view of a placement in one scene shows.
+/// Data that the 3-D view of a placement shows in one scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ViewData {
     scene: String,
@@ -45,8 +45,8 @@ pub struct ViewData {
 }
 
 impl ViewData {
-    /// What `placement` sees in a scene whose problem is over all of its frames, and what each of `baselines`
-    /// sees. The page has room for `scenes` of them.
+    /// View of `placement` and `baselines` in a scene whose problem is over all of its frames. A page holds
+    /// `scenes` views, which share its room.
     ///
     /// # Errors
     /// See [`Backend::bitmaps`] and [`Backend::hits`].
@@ -85,12 +85,12 @@ impl ViewData {
         &self.frames
     }
 
-    /// What the layouts gain, by class and by distance.
+    /// Nats that the layouts gain, by class and by distance.
     pub fn gains(&self) -> &Gains {
         &self.sight.gains
     }
 
-    /// What of the scene is not in the view, a sentence each.
+    /// Sentences on frames, things and voxels that the view leaves out.
     pub fn left_out(&self) -> Vec<String> {
         let (shown, all) = (self.frames.len(), self.frame_count);
         let frames =

@@ -12,7 +12,7 @@ use crate::geom::TriangleSoup;
 struct Bytes(Vec<u8>);
 
 impl Bytes {
-    /// Appends an array, and says where it lies: its type in JavaScript, its first byte, its length.
+    /// Appends an array; returns its type in JavaScript, its first byte and its length.
     fn put<T: NoUninit>(&mut self, kind: &str, values: &[T]) -> Value {
         let (from, bytes) = (self.0.len(), bytemuck::cast_slice(values));
         self.0.extend_from_slice(bytes);
@@ -26,7 +26,7 @@ impl Bytes {
     }
 }
 
-/// A value as one of so many steps between two ends.
+/// Position of a value between two ends, in `steps` steps.
 fn step(value: f64, [low, high]: [f64; 2], steps: f64) -> f64 {
     ((value - low) / (high - low).max(1e-9) * steps).round().clamp(0.0, steps)
 }

@@ -1,4 +1,4 @@
-//! The voxels that hold information, which layouts see them, and what that comes to by class and distance.
+//! Voxels that hold information, the layouts that see them, and gains by class and distance.
 
 use rayon::prelude::*;
 
@@ -24,7 +24,7 @@ pub struct Part {
     pub gained: Vec<f64>,
 }
 
-/// What a placement and its baselines gain, over the frames shown.
+/// Nats that a placement and its baselines gain, over the frames shown.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gains {
     /// By class, most information first; a voxel of several classes counts with the rarest of them.
@@ -50,7 +50,7 @@ pub struct Drawn {
     pub class: u16,
 }
 
-/// What is seen of the voxels that hold most information.
+/// Voxels that hold most information, and the layouts that see them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sight {
     /// Voxels drawn, most information first.
@@ -59,7 +59,7 @@ pub struct Sight {
     pub masks: Vec<Vec<u16>>,
     /// Share of the frames in which a layout sees it, `[placement and baselines][voxels]`.
     pub shares: Vec<Vec<f64>>,
-    /// Of all voxels, drawn or not.
+    /// Gains over all voxels, drawn or not.
     pub gains: Gains,
     /// Voxels that hold information, and nats of those drawn.
     of: (usize, f64),
@@ -73,7 +73,7 @@ struct Voxel {
 }
 
 impl Sight {
-    /// What is seen of the `most` voxels with most information in the frames `shown`.
+    /// Looks at the `most` voxels with most information, in the frames `shown`.
     pub fn new(
         problem: &Problem,
         engine: &mut dyn Backend,
@@ -141,7 +141,7 @@ fn layouts<'a>(
     std::iter::once(placement).chain(baselines).map(|layout| &layout.lidars[..])
 }
 
-/// Where voxels stand in the bitmaps of an engine.
+/// Bits of voxels in the bitmaps of an engine.
 #[derive(Default)]
 struct Places {
     order: Option<BitOrder>,
@@ -163,7 +163,7 @@ impl Places {
     }
 }
 
-/// Which LiDARs cover some voxels in a frame.
+/// LiDARs that cover some voxels in a frame.
 struct Marks<'a> {
     bitmaps: Bitmaps,
     places: &'a Places,
@@ -238,7 +238,7 @@ fn informative(roi: &Roi, content: &Content) -> Vec<Voxel> {
 }
 
 impl Gains {
-    /// What there is to gain.
+    /// Totals by class and distance, before any layout is added.
     fn new(problem: &Problem, voxels: &[Voxel], frames: usize) -> Self {
         let part = |name: String| Part { name, total: 0.0, gained: Vec::new() };
         let ring = |ring: usize| match ring + 1 {

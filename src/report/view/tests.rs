@@ -55,7 +55,7 @@ fn gains_by_class_and_by_distance_add_up_to_the_scores() {
             assert!((sum - want).abs() < 1e-6 * want, "{sum} is not {want}");
         }
     }
-    // Without what only the other LiDAR reaches, a LiDAR's own is left.
+    // A LiDAR's own gain is the whole gain without the part that only the other LiDAR reaches.
     let gained = gains.gained();
     for (alone, other) in gains.alone.iter().zip(scores[0].unique_share.iter().rev()) {
         assert!((alone - gained * (1.0 - other)).abs() < 1e-6 * gained, "{alone}, {other}");

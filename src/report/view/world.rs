@@ -1,4 +1,4 @@
-//! Shapes of a scene once, in few enough triangles, and where each thing stands by frame.
+//! Shapes of a scene once, in few enough triangles, and the pose of each thing by frame.
 
 use crate::chart::simplify::merge_vertices;
 use crate::geom::TriangleSoup;
@@ -23,7 +23,7 @@ pub struct Things {
 }
 
 impl Things {
-    /// The things of a scene, on a page with so many of them, and where they stand in some of its frames.
+    /// The things of a scene and their poses in some of its frames, on a page with `scenes` scenes.
     pub fn new(scene: &Scene, frames: &[usize], scenes: usize) -> Self {
         let mut shapes: Vec<TriangleSoup> = Vec::new();
         let mut shape_of = Vec::new();
@@ -68,8 +68,8 @@ fn count(shapes: &[TriangleSoup]) -> usize {
     shapes.iter().map(|shape| shape.faces.len()).sum()
 }
 
-/// The shapes with corners merged in ever larger cells until the triangles are few enough, and without those
-/// for which the largest do not do.
+/// The shapes with corners merged in ever larger cells until the triangles are few enough. Triangles beyond `most` even
+/// then are dropped.
 fn few(mut shapes: Vec<TriangleSoup>, most: usize) -> Vec<TriangleSoup> {
     let mut cell = CELLS[0];
     while count(&shapes) > most && cell < CELLS[1] {

@@ -1,4 +1,4 @@
-//! Files and options that a run was begun with, and all that its checkpoint holds.
+//! Files and options that a run was begun with, and the content of its checkpoint.
 
 use std::path::PathBuf;
 
@@ -26,7 +26,7 @@ pub(super) struct Begun {
     pub inject: Option<PathBuf>,
 }
 
-/// All that a checkpoint holds.
+/// Content of a checkpoint.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Saved {
     pub begun: Begun,
@@ -35,7 +35,7 @@ pub(super) struct Saved {
 }
 
 impl Begun {
-    /// Name of the run's folder where none is given.
+    /// Default name of the run's folder.
     pub fn folder(&self) -> String {
         let stem = self.files.scene.file_stem().unwrap_or_default().to_string_lossy();
         match self.files.more_scenes.len() {

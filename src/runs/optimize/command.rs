@@ -9,7 +9,7 @@ use crate::report::word::word;
 use crate::search::{FrameChoice, Settings};
 use crate::vehicle::MountRules;
 
-/// The command line that files and settings of a run come from; `max_seconds` where they ended it.
+/// The command line of a run's files and settings; with `max_seconds` where time ended the run.
 pub(super) fn command(begun: &Begun, settings: &Settings, max_seconds: Option<f64>) -> String {
     let path = |path: &Path| path.to_string_lossy().into_owned();
     let mut words = vec!["sightline".to_owned(), "optimize".to_owned()];

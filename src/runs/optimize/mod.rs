@@ -1,4 +1,4 @@
-//! A search in a run folder: begun or gone on with, saved on the way, recorded at its end.
+//! A search in a run folder: begun or resumed, saved on the way, recorded at its end.
 
 mod bars;
 mod begun;
@@ -23,7 +23,7 @@ use bars::Bars;
 use begun::{Begun, Saved};
 use record::{BETWEEN_CHECKPOINTS, Sitting, finish, read_spent, save};
 
-/// What a run has found.
+/// Record and folder of a finished search.
 #[derive(Debug)]
 pub struct Optimized {
     /// All of `result.json`.
@@ -32,7 +32,7 @@ pub struct Optimized {
     pub folder: PathBuf,
 }
 
-/// Searches in a run folder until the end or until the watcher stops it; nothing if that was while a vehicle's sensors
+/// Searches in a run folder until the end or until the watcher stops it; `None` if it stopped while a vehicle's sensors
 /// were chosen.
 ///
 /// # Errors
@@ -112,7 +112,7 @@ fn begin<'a>(
 /// Checks that some placement can have a value.
 fn check_value(begun: &Begun, job: &Job) -> Result<(), Error> {
     let (objective, suite) = (&job.settings().objective, job.suite()?);
-    // What lacks a detection target is said by the search.
+    // A missing detection target is reported by the search.
     let exists = |content: &Content| {
         objective.exists_in(content) || objective.needs_detection() && !content.has_detection()
     };
@@ -166,7 +166,7 @@ impl Sitting<'_> {
         Ok(Some(*outcome))
     }
 
-    /// Nothing found is an error, unless the search was stopped before its end.
+    /// A search without a result is an error, unless it was stopped before its end.
     fn check(&self, record: &RunRecord) -> Result<(), Error> {
         if record.best.is_some() || !self.computing.watcher.goes_on() {
             return Ok(());
@@ -188,7 +188,7 @@ impl Sitting<'_> {
         }))
     }
 
-    /// Writes the result in the first scene where that is asked for.
+    /// Writes the result in the first scene where the request names a file.
     fn write_gltf(&self, record: &RunRecord) -> Result<(), Error> {
         let Some(best) = &record.best else { return Ok(()) };
         let (scene, placements) = (&**self.job.scene(), std::slice::from_ref(&best.placement));

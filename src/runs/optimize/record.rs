@@ -1,4 +1,4 @@
-//! What a run leaves in its folder.
+//! Files that a run leaves in its folder: checkpoint, times, record, charts and page.
 
 use std::time::{Duration, Instant};
 
@@ -26,7 +26,7 @@ pub(super) struct Sitting<'a> {
     pub(super) run: JobRun<'a>,
     /// Seconds until the search could begin.
     pub(super) times: LoadTimes,
-    /// Of earlier sittings.
+    /// Times of earlier sittings.
     pub(super) earlier: Spent,
     pub(super) start: Instant,
 }
@@ -35,11 +35,11 @@ pub(super) struct Sitting<'a> {
 /// where generations are quick.
 pub(super) const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(1);
 
-/// File of the times of earlier sittings. Not in the checkpoint: that is the same bytes however often a
-/// run was interrupted.
+/// File of the times of earlier sittings. The checkpoint does not hold them: it is the same bytes however often a run
+/// was interrupted.
 const TIMES: &str = "times.json";
 
-/// What all sittings of a run have taken together.
+/// Work and wall times of all sittings of a run.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub(super) struct Spent {
     /// Placements × frames that the generations scored.
@@ -56,7 +56,7 @@ pub(super) fn read_spent(folder: &RunDir<Saved>) -> Spent {
 }
 
 impl Sitting<'_> {
-    /// What all sittings have taken up to now.
+    /// Work and wall times of all sittings up to now.
     fn spent(&self) -> Spent {
         let now = self.run.run().map(Run::times).unwrap_or_default();
         let Spent { searched, seconds, times } = self.earlier;
@@ -94,7 +94,7 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
     let (folder, suite, job) = (&sitting.folder, sitting.run.suite(), sitting.job);
     let spent = sitting.spent();
     let settings = sitting.run.run().map_or(job.settings(), |run| run.state().settings());
-    // A limit that did not end the run decides nothing.
+    // A limit that did not end the run does not matter.
     let limit = sitting.request.max_seconds.filter(|_| outcome.stopped == Stopped::Time);
     let mut settled =
         settings_json(&sitting.begun, sitting.run.equipped(), settings, &outcome.left_out);

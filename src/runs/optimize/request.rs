@@ -1,4 +1,4 @@
-//! What is asked of a search in a run folder.
+//! Request of a search in a run folder.
 
 use std::path::PathBuf;
 
@@ -8,22 +8,22 @@ use crate::search::Settings;
 /// A search to begin or to go on with.
 #[derive(Debug, Clone)]
 pub struct OptimizeRequest {
-    /// Which.
+    /// A new run, or one to go on with.
     pub start: Start,
     /// Seconds from the start after which the search ends.
     pub max_seconds: Option<f64>,
-    /// Frames that were asked for, of which more than a scene has are worth a note.
+    /// Frames given; more than a scene has are worth a note.
     pub frames: Option<u32>,
     /// File for the first scene with the result, as binary glTF.
     pub gltf: Option<PathBuf>,
 }
 
-/// Where a search starts.
+/// Start of a search.
 #[derive(Debug, Clone)]
 pub enum Start {
-    /// At its beginning.
+    /// A new run.
     New(Box<NewRun>),
-    /// Where the run in a folder stopped, to the same bytes that it would have given.
+    /// Folder of a stopped run, which goes on to the same bytes that it would have given.
     Resume(PathBuf),
 }
 
@@ -34,9 +34,9 @@ pub struct NewRun {
     pub files: JobFiles,
     /// Folder of the run; `runs/SCENE`, numbered, if none.
     pub out: Option<PathBuf>,
-    /// Score to maximize, in place of that of the settings.
+    /// Score to maximize, in place of the settings' objective.
     pub objective: Option<String>,
-    /// How to search.
+    /// Settings of the search.
     pub settings: Settings,
     /// Placements to compare with, in place of Table 7 of the paper.
     pub baselines: Option<PathBuf>,

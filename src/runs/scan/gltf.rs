@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use crate::vehicle::Placement;
 
 impl ScanRequest {
-    /// Checks that what `--gltf` is to show is one frame of one scene, and its file.
+    /// Checks that `--gltf` shows one frame of one scene, and that its file can be written.
     pub(super) fn check_gltf(
         &self,
         scenes: &[Scene],

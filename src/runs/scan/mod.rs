@@ -1,4 +1,4 @@
-//! Labelled scans of placements, written as data sets, gone on with after an interruption.
+//! Labelled scans of placements, written as data sets that can be resumed.
 
 mod gltf;
 mod request;
@@ -21,8 +21,8 @@ use crate::vehicle::Placement;
 pub use request::ScanRequest;
 use request::placements;
 
-/// Time after a wish to stop: trees are built and large frames cast without a look at it, and a frame that is not yet in
-/// its place is written by the same command later.
+/// Time after a stop request: trees and large frames are finished without a look at it, and a frame that is not in
+/// its place by then is written by the same command later.
 const GRACE: Duration = Duration::from_millis(1500);
 
 /// The data set of one placement.
@@ -50,11 +50,11 @@ pub struct Scanned {
     pub threads: usize,
 }
 
-/// Scans every placement in every scene; nothing if the watcher stopped it, whose next call goes on.
+/// Scans every placement in every scene; `None` if the watcher stopped it: the next call goes on.
 ///
 /// # Errors
-/// Files that cannot be read or written, placements of one name, as of [`Scanner::on`], of [`Dataset::create`] and of
-/// the engine.
+/// Files that cannot be read or written, placements of one name, errors of [`Scanner::on`], of [`Dataset::create`] and
+/// of the engine.
 pub fn scan(
     request: &ScanRequest,
     computing: &Computing<'_>,
@@ -71,7 +71,7 @@ pub fn scan(
         placements.into_iter().unzip();
     let read = |path: &PathBuf| opening::read(path, computing.vehicle.as_deref(), watcher);
     let scenes = request.scenes.iter().map(read).collect::<Result<Vec<Scene>, Error>>()?;
-    // All that may be wrong is found before anything is written.
+    // Mistakes are found before anything is written.
     for (file, placement) in files_given.into_iter().zip(&mut placements) {
         for (k, scene) in scenes.iter().enumerate() {
             // Scenes of a data set share the vehicle: once is enough.
@@ -136,14 +136,14 @@ struct Plan<'a> {
     missing: usize,
 }
 
-/// What placement after placement shares.
+/// State that the scans of all placements share.
 struct Work<'a> {
     request: &'a ScanRequest,
     computing: &'a Computing<'a>,
     scenes: &'a [Scene],
-    /// Trees of each scene, as long as another scan is to come.
+    /// Trees of each scene, kept while another scan needs them.
     stages: Vec<Option<Arc<Stage>>>,
-    /// Whether it was said which engine casts.
+    /// True once the engine that casts was named.
     told: bool,
 }
 
@@ -173,7 +173,7 @@ impl<'a> Work<'a> {
         let points_now = match self.frames_of(plan, &dataset, again) {
             Ok(Some(points)) => points,
             ended => {
-                // Of an error that ended the run, the first is told.
+                // An error that ended the run comes before one of `say_missing`.
                 let said = dataset.say_missing();
                 ended?;
                 return said.map(|()| None).map_err(Error::from);
@@ -199,8 +199,8 @@ impl<'a> Work<'a> {
         }))
     }
 
-    /// Writes the frames that a data set lacks, and counts their points; `None` if it was interrupted. Which engine
-    /// casts is said the first time.
+    /// Writes the frames that a data set lacks, and counts their points; `None` if it was interrupted. Names the engine
+    /// the first time.
     fn frames_of(
         &mut self,
         plan: &Plan<'_>,

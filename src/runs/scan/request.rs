@@ -1,4 +1,4 @@
-//! What scans are asked for, and what that makes of a data set.
+//! Request of scans, and the settings of its data sets.
 
 use std::path::{Path, PathBuf};
 
@@ -23,17 +23,17 @@ pub struct ScanRequest {
     pub out: PathBuf,
     /// Format.
     pub layout: Layout,
-    /// How a rig scans.
+    /// Ideal beams or real ones, seed, weather and faults.
     pub scanning: Scanning,
     /// First frames of each scene alone; all if none.
     pub frames: Option<u32>,
     /// Shares of the scenes for training, validation and tests.
     pub splits: Splits,
-    /// nuScenes: of so many frames one is a keyframe.
+    /// nuScenes: one in this many frames is a keyframe.
     pub keyframe_every: usize,
     /// nuScenes: rows of cameras without pictures.
     pub camera_stubs: bool,
-    /// Whether each LiDAR has a cloud of its own, too.
+    /// True if each LiDAR gets a cloud of its own, too.
     pub each_lidar: bool,
     /// Classes that count as another, as `lamp=pole`.
     pub map: Vec<String>,
@@ -53,7 +53,7 @@ impl ScanRequest {
         }
     }
 
-    /// What decides the bytes of the set of a placement.
+    /// Settings that decide the bytes of a placement's data set.
     pub(super) fn settings(
         &self,
         placement: &Placement,

@@ -11,16 +11,16 @@ use crate::runs::{Error, Watcher};
 use crate::scene::Scene;
 use crate::worlds::{import_opendrive, read_opendrive};
 
-/// What a scene is made of.
+/// Source of a scene: a map, or labelled scans.
 #[derive(Debug, Clone)]
 pub enum Origin {
     /// Roads and lanes of an OpenDRIVE file; all that it does not say comes from the seed.
     OpenDrive {
-        /// `.xodr`; one that is compressed is refused with the command that unpacks it.
+        /// `.xodr`; a compressed file is refused with the command that unpacks it.
         file: PathBuf,
-        /// Of all that the map does not say.
+        /// Seed of everything that the map does not say.
         seed: u64,
-        /// A tenth of a second apart.
+        /// Frames, a tenth of a second apart.
         frames: usize,
     },
     /// Scans of nuScenes with lidarseg.

@@ -1,4 +1,4 @@
-//! What scenes hold, counted.
+//! Counts of scene files: frames, triangles, actors, voxels, hits.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -19,16 +19,16 @@ use crate::vehicle::{Placement, SensorPose};
 const RANGES: [f32; 5] = [5.0, 10.0, 20.0, 40.0, f32::INFINITY];
 const RANGE_NAMES: [&str; 5] = ["0–5 m", "5–10 m", "10–20 m", "20–40 m", "over 40 m"];
 
-/// What one scene holds.
+/// Counts of one scene.
 #[derive(Debug, Serialize)]
 pub struct SceneCounts {
     /// Name of the scene.
     pub name: String,
     /// Its frames.
     pub frames: usize,
-    /// Of a frame, the ego's body among them.
+    /// Triangles of the first frame, the ego's body included.
     pub triangles: usize,
-    /// By kind.
+    /// Actors by kind.
     pub actors: BTreeMap<String, usize>,
     /// Metres between the ego's first and last place.
     pub ego_way: f64,
@@ -44,7 +44,7 @@ pub struct SceneCounts {
     pub hits_by_range: [f64; 5],
 }
 
-/// Counts what a scene file holds.
+/// Counts frames, triangles, actors, voxels and hits of a scene file.
 ///
 /// # Errors
 /// A file that cannot be read, a scene without geometry.

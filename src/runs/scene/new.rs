@@ -10,7 +10,7 @@ use crate::runs::{Error, Watcher};
 use crate::scene::street;
 use crate::worlds::{Kind, generate, mesh_shape};
 
-/// Makes a world of a kind from a seed, with so many frames, and writes it to `out`.
+/// Makes a world of a kind from a seed, with `frames` frames, and writes it to `out`.
 ///
 /// # Errors
 /// Files that cannot be written, a world that cannot be made.
@@ -26,7 +26,7 @@ pub fn new_world(
     target.write(world.mesh(), &world.scene(&target.name(), &target.mesh_name()), watcher)
 }
 
-/// Makes a plain crossing of exactly so many triangles, for timings, and writes it to `out`.
+/// Makes a plain crossing of exactly `triangles` triangles, for timings, and writes it to `out`.
 ///
 /// # Errors
 /// Files that cannot be written.

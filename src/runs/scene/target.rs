@@ -46,7 +46,7 @@ impl<'a> Target<'a> {
         Ok(target)
     }
 
-    /// Refuses a mesh that is there and is not that of the scene in the place of the new one.
+    /// Refuses to replace a mesh that the scene at `out` does not name.
     fn check_mesh(&self) -> Result<(), Error> {
         let named = |text: String| text.contains(&Value::from(self.mesh_name()).to_string());
         if !self.mesh.exists() || !self.out.exists() {
@@ -58,7 +58,7 @@ impl<'a> Target<'a> {
         }
     }
 
-    /// Refuses a mesh without a scene, but for the new one itself: a run that was killed left it.
+    /// Refuses to replace a mesh without a scene, unless it equals the new one: a killed run left that.
     fn check_mesh_without_scene(&self, soup: &TriangleSoup) -> Result<(), Error> {
         if self.out.exists() || !self.mesh.exists() {
             return Ok(());
@@ -80,7 +80,7 @@ impl<'a> Target<'a> {
         ))
     }
 
-    /// Name of the scene: that of its file.
+    /// Name of the scene, taken from its file.
     pub fn name(&self) -> String {
         self.out.file_stem().unwrap_or_default().to_string_lossy().into_owned()
     }

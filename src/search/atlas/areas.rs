@@ -1,9 +1,9 @@
-//! What must be seen, as bits of the voxels of its areas.
+//! Required areas as bits, one for each voxel of each area.
 
 use crate::cover::BitOrder;
 use crate::problem::Content;
 
-/// Share by which more than the least is asked for: a few frames stand for all.
+/// Extra share required beyond the least, because a few frames stand for all.
 const MARGIN: f64 = 0.01;
 
 /// Voxels of all areas of a problem, area after area.
@@ -12,7 +12,7 @@ pub(super) struct AreaBits {
     voxels: Vec<u32>,
     /// First bit of each area and the end.
     starts: Vec<usize>,
-    /// Least share of each area.
+    /// Least share of each area, with the margin.
     shares: Vec<f64>,
 }
 
@@ -41,7 +41,7 @@ impl AreaBits {
         }
     }
 
-    /// Share that is missing in bits of several frames, over all areas.
+    /// Missing share in bits of several frames, summed over areas.
     pub(super) fn missing(&self, bits: &[u64]) -> f64 {
         let words = self.words();
         if words == 0 {
@@ -93,7 +93,7 @@ mod tests {
         let mut bits = vec![0; 4];
         areas.take(order, &seen, &mut bits[..2]);
         assert_eq!(bits.iter().map(|word| word.count_ones()).sum::<u32>(), 30);
-        // In one of two frames: a sixth, with a hundredth more asked for.
+        // Seen in one of two frames: a sixth; the margin requires a hundredth more.
         let want = (0.51 - 1.0 / 6.0) + (0.25 - 1.0 / 6.0);
         assert!((areas.missing(&bits) - want).abs() < 1e-12);
         assert!((areas.missing(&[0; 4]) - 0.76).abs() < 1e-12);

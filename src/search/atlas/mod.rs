@@ -25,7 +25,7 @@ use sparse::Sparse;
 
 /// Poses cast at once: enough to keep every core busy, few enough for their bitmaps to fit anywhere.
 pub(crate) const POSES_AT_ONCE: usize = 32;
-/// Casts, of a pose in a frame, between two questions whether to go on.
+/// Casts, of a pose in a frame, between two calls of `go_on`.
 pub(crate) const CASTS_AT_ONCE: usize = 2048;
 /// Words of a union that are put together at a time: they stay in the first-level cache for all poses.
 const UNION_WORDS: usize = 2048;
@@ -36,16 +36,16 @@ pub struct Atlas {
     grid: PoseGrid,
     order: LevelOrder,
     areas: AreaBits,
-    /// From the order of the engine that cast last.
+    /// Map to level order from the bit order of the engine that cast last.
     to_levels: Option<ToLevels>,
-    /// The order in which empty voxels are kept: that of the engine that cast first.
+    /// Bit order in which empty voxels are kept: that of the engine that cast first.
     empty_order: Option<BitOrder>,
     /// Words of a bitmap of all voxels in any engine's order, 0 where their number does not matter.
     empty_words: usize,
     pages: HashMap<u32, Page>,
     /// Pages held at most.
     capacity: usize,
-    /// Pages and bytes of them beyond which those go that were used longest ago.
+    /// Limits of pages and bytes; beyond both, pages used longest ago are dropped.
     ample: Option<(usize, u64)>,
     /// Counts requests; pages remember the last one that asked for them.
     clock: u64,
@@ -55,13 +55,13 @@ pub struct Atlas {
     mirrored: bool,
 }
 
-/// What one pose covers.
+/// Voxels that one pose covers, as bitmaps.
 struct Page {
     /// Occupied voxels in level order, frame after frame.
     occupied: Box<[u64]>,
-    /// The others in each frame; none where their number does not matter.
+    /// Empty voxels, one bitmap a frame; no bitmap where their number does not matter.
     empty: Vec<Arc<Sparse>>,
-    /// Voxels of areas that must be seen, frame after frame.
+    /// Voxels of required areas, frame after frame.
     areas: Box<[u64]>,
     used: u64,
 }
@@ -76,7 +76,7 @@ impl Page {
 /// The union of some sensors' coverage, to which others are added.
 #[derive(Debug, Clone, Default)]
 pub struct Union {
-    /// As of a page.
+    /// Occupied voxels, laid out as in a `Page`.
     occupied: Vec<u64>,
     empty: Vec<u64>,
     /// Bits set in `empty`.
@@ -114,20 +114,20 @@ impl Atlas {
         }
     }
 
-    /// The same for the problem of a mirror image, see [`Problem::mirrored`]: its poses stand mirrored.
+    /// Makes this the atlas of a mirror image, in which poses stand mirrored; see [`Problem::mirrored`].
     #[must_use]
     pub fn of_mirror_image(mut self, mirrored: bool) -> Self {
         self.mirrored = mirrored;
         self
     }
 
-    /// Holds no more than so many poses.
+    /// Limits the held poses to `capacity`.
     pub(crate) fn limit(&mut self, capacity: usize) {
         self.capacity = self.capacity.min(capacity);
     }
 
-    /// Lets poses go that were used longest ago once there are more than so many, and more than about so many
-    /// bytes of them: for a search that looks at a few at a time and seldom comes back to old ones.
+    /// Drops poses used longest ago once there are more than `poses` and more than about `bytes` bytes of them. Fits a
+    /// search that looks at a few poses at a time and seldom comes back to old ones.
     pub fn forget_beyond(&mut self, poses: usize, bytes: u64) {
         self.ample = Some((poses, bytes));
     }
@@ -142,7 +142,7 @@ impl Atlas {
         &self.grid
     }
 
-    /// What the poses see.
+    /// The problem in which the poses are cast.
     pub fn problem(&self) -> &Problem {
         &self.problem
     }
@@ -158,13 +158,13 @@ impl Atlas {
         8 * self.problem.frame_count() * words
     }
 
-    /// Poses cast so far. Those that were dropped and cast again count once, or what a search may cast would
+    /// Distinct poses cast so far. A pose that is dropped and cast again counts once, so that a limit of casts does not
     /// depend on memory.
     pub fn poses_cast(&self) -> u64 {
         self.cast.len() as u64
     }
 
-    /// Makes sure that `poses` are held; those used longest ago go where room is needed.
+    /// Makes sure that `poses` are held; drops those used longest ago where room is needed.
     ///
     /// # Errors
     /// More poses than [`Self::capacity`], or from the backend.
@@ -206,7 +206,7 @@ impl Atlas {
         Ok(true)
     }
 
-    /// Lets idle pages go, those used longest ago first, until no more than enough bytes or pages are left.
+    /// Drops idle pages, those used longest ago first, until the pages or the bytes left are few enough.
     fn forget(&mut self, enough_pages: usize, enough_bytes: u64) {
         let mut bytes: u64 = self.pages.values().map(Page::bytes).sum();
         let now = self.clock;
@@ -242,8 +242,7 @@ impl Atlas {
         Ok(())
     }
 
-    /// Covered ones among the occupied voxels of a held pose, a bit each: frame after frame, in the
-    /// order of [`Self::worths`].
+    /// Occupied voxels that a held pose covers, a bit each: frame after frame, in the order of [`Self::worths`].
     ///
     /// # Panics
     /// The pose is not held.
@@ -294,14 +293,14 @@ impl Atlas {
         }
     }
 
-    /// Share that a union and one more held pose, if any, miss of what must be seen, over all areas.
+    /// Share that a union, and one more held pose if any, miss of required areas, summed over areas.
     pub(crate) fn missing_with(&self, union: &Union, pose: Option<u32>) -> f64 {
         let Some(pose) = pose else { return self.areas.missing(&union.areas) };
         let both = union.areas.iter().zip(&self.page(pose).areas).map(|(a, b)| a | b);
         self.areas.missing(&both.collect::<Vec<u64>>())
     }
 
-    /// True if anything must be seen.
+    /// True if the problem has required areas.
     pub(crate) fn has_areas(&self) -> bool {
         self.areas.words() > 0
     }
@@ -333,7 +332,7 @@ impl Atlas {
 }
 
 impl Drop for Atlas {
-    /// By all threads: there are gigabytes to hand back.
+    /// Frees pages on all threads: there are gigabytes of them.
     fn drop(&mut self) {
         std::mem::take(&mut self.pages).into_par_iter().for_each(drop);
     }

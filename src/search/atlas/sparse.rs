@@ -39,7 +39,7 @@ impl Sparse {
         self.visit(|at, word| bitmap[at] |= word);
     }
 
-    /// How many of its bits are not set in `bitmap`.
+    /// Number of its bits that are not set in `bitmap`.
     pub fn count_beyond(&self, bitmap: &[u64]) -> u64 {
         count_beyond(self, bitmap)
     }

@@ -22,13 +22,13 @@ const PAIR_CANDIDATES: u64 = 1 << 14;
 const MOST_CANDIDATES: u64 = 1 << 27;
 /// Sets that are split between two looks at the time.
 const SPLITS_AT_ONCE: u64 = 64;
-/// A split of the voxels is chosen with one in so many of the candidates.
+/// One in this many candidates is spent on choosing a split of the voxels.
 const CHOOSING: u64 = 8;
 /// Words of bitmaps that are read for the overlaps of pairs for each evaluation of a search.
 const PAIR_WORDS: u64 = 1 << 25;
 /// Sets of sensors whose gains are looked at together: each bitmap is then read once for all.
 const AT_ONCE: usize = 8;
-/// The best one of so many poses is typical of those in good placements.
+/// One in this many poses, the best ones, is typical of poses in good placements.
 const TYPICAL: usize = 4;
 
 /// Bound on the information gain of every placement on a grid.
@@ -60,7 +60,7 @@ pub struct Effort {
 }
 
 impl Effort {
-    /// Work that goes with a search of so many evaluations.
+    /// Work allowed for a search of `evaluations` evaluations.
     pub fn of(evaluations: u64) -> Self {
         let sets = evaluations.saturating_mul(SETS) / 100;
         Self {
@@ -128,8 +128,8 @@ pub fn bound_gain(
     Ok(GainBound { poses, best, upper, upper_at_root, nodes: looked_at, proven })
 }
 
-/// A bound from one placement: its value, and what the best poses gain beside it. Poses that do not fit
-/// beside it count too, since they may stand in another.
+/// A bound from one placement: its value, and the gains of the best poses beside it. Poses that do not fit beside it
+/// count too, since they may stand in another placement.
 fn beside(search: &mut GridSearch, found: &GridPlacement, all: &[u32]) -> f64 {
     let lidars = search.lidars();
     let mut gains = search.values_with(&found.poses, all);
@@ -175,7 +175,7 @@ struct Tree<'a> {
 }
 
 impl Tree<'_> {
-    /// Branches until the effort is spent, or nothing is left; how many sets were looked at.
+    /// Branches until the effort is spent or nothing is left; returns the number of sets looked at.
     fn branch(&mut self, effort: &Effort, go_on: &mut dyn FnMut(u64) -> bool) -> u64 {
         let (mut looked_at, mut cheaply) = (1, 0);
         self.open.push_unsorted(root(self.pairs));

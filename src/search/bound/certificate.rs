@@ -1,4 +1,4 @@
-//! How far from the best possible placement a result can be, in numbers and words.
+//! Bounds on how far a result is from the best placement, in numbers and words.
 
 use serde::Serialize;
 
@@ -6,16 +6,16 @@ use super::branch_and_bound::GainBound;
 use super::sample::LipschitzBound;
 use crate::json::spoken;
 
-/// What is known about how much better than the result another placement could be.
+/// Bounds on how much better than the result another placement could be.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Certificate {
     /// The paper's bound; `None` where nothing could be sampled.
     pub lipschitz: Option<LipschitzBound>,
-    /// What it means.
+    /// `lipschitz` in words.
     pub lipschitz_says: String,
     /// The bound on the grid; `None` for objectives that have none, or where it was not computed.
     pub gain: Option<GainBound>,
-    /// What it means.
+    /// `gain` in words, or why there is no bound.
     pub gain_says: String,
 }
 

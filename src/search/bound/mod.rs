@@ -1,4 +1,4 @@
-//! How good a result is: sampled and proven upper bounds on what the mount allows.
+//! Upper bounds, sampled and proven, on the objective of every placement that the mount allows.
 
 mod branch_and_bound;
 mod certificate;

@@ -14,7 +14,7 @@ use crate::search::settings::Settings;
 use crate::search::swaps::SWAP_SPACING;
 use crate::vehicle::{Constraints, PoseGrid, Spacing};
 
-/// Grid of the bound on the gain where nothing else is said: every pose of it is cast.
+/// Default grid of the bound on the gain; every pose of it is cast.
 const COARSE_SPACING: Spacing = Spacing { metres: 0.2, radians: 0.2 };
 /// Factor by which that grid is widened until its poses are no more than the swaps cast.
 const WIDER: f64 = 1.5;

@@ -12,11 +12,11 @@ pub(super) const ROUNDING: f64 = 1e-12;
 #[derive(Debug, Clone)]
 pub(super) struct Node {
     pub chosen: Vec<u32>,
-    /// What the set covers; not below it where `exact` is false.
+    /// Worth that the set covers; an upper bound of it where `exact` is false.
     pub value: f64,
-    /// (pose, what it adds at most) from the first that was not taken yet on.
+    /// (pose, most worth that it adds); an extension takes `candidates[next]` or a later one first.
     pub candidates: Vec<(u32, f64)>,
-    /// True if they fall, as those of a set that is handed out do.
+    /// True if the candidates are sorted, the largest addition first.
     pub sorted: bool,
     pub next: usize,
     /// No extension is above this.
@@ -36,7 +36,7 @@ impl Node {
         true
     }
 
-    /// Forgets candidates that stay below `floor` even beside the best of the others.
+    /// Drops candidates that stay below `floor` even beside the best of the others.
     fn drop_below(&mut self, floor: f64, lidars: usize) {
         let others = lidars - self.chosen.len() - 1;
         let rest = &self.candidates[self.next..];
@@ -46,11 +46,11 @@ impl Node {
         self.candidates.shrink_to_fit();
     }
 
-    /// Both of a node whose candidates come in any order: most are never extended, so that they are sorted when
-    /// they are. False if no extension is above `floor`.
+    /// [`Self::tighten`] and [`Self::drop_below`] for candidates in any order, which are sorted only if the node is
+    /// extended: most never are. False if no extension is above `floor`.
     fn cut(&mut self, floor: f64, lidars: usize) -> bool {
         let wanted = lidars - self.chosen.len();
-        // The largest so many, falling.
+        // The `wanted` largest additions, falling.
         let mut top = [f64::NEG_INFINITY; MAX_LIDARS];
         let top = &mut top[..wanted];
         for &(_, added) in &self.candidates {

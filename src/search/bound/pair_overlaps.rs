@@ -10,30 +10,30 @@ const SHARES: [f64; 7] = [0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2];
 /// Poses of which all pairs are remembered, at most: some hundred MiB.
 const MOST_POSES: usize = 3000;
 
-/// Bounds on what sets of sensors cover, from what single poses cover and what pairs have in common.
+/// Bounds on the worth that sets of sensors cover, from single poses and from the overlaps of pairs.
 ///
-/// Of a tree over the sensors, those that cover a voxel and the edges between them are a forest: they
-/// are at least one more than its edges. So the worth of a union is at most the sum over its sensors
-/// less the overlaps along the edges of any tree (Hunter 1976). It is as well at most the worth of all
-/// voxels. Each voxel counts in one of the two ways: in the second if many poses cover it.
+/// Take a tree over the sensors. The sensors that cover a voxel and the edges between them form a forest, so they are
+/// at least one more than its edges. The worth of a union is therefore at most the sum over its sensors less the
+/// overlaps along the edges of any tree (Hunter 1976). It is also at most the worth of all voxels. Each voxel counts
+/// in one of the two ways: in the second if many poses cover it.
 #[derive(Debug, Clone)]
 pub(in crate::search) struct PairBound {
     poses: usize,
-    /// Worth of the voxels that count whatever the sensors are.
+    /// Worth of the voxels that count in full, whatever the sensors are.
     pub base: f64,
-    /// What each pose covers of the others.
+    /// Worth of the other voxels that each pose covers.
     singles: Vec<f64>,
-    /// What each two poses cover of them, `[poses × poses]`, not above; empty where it was too much.
+    /// Worth of the other voxels that two poses share, or less, `[poses × poses]`; empty where it costs too much.
     overlaps: Vec<f64>,
 }
 
 impl PairBound {
-    /// True if it knows more than what single poses cover.
+    /// True if it knows overlaps, not single poses alone.
     pub fn has_overlaps(&self) -> bool {
         !self.overlaps.is_empty()
     }
 
-    /// What a pose adds at most to a set of sensors, the bound beside all of them being `added`.
+    /// Most worth that a pose adds to a set with `beside` in it; `added` is the bound without that overlap.
     pub fn added(&self, pose: u32, beside: u32, added: f64) -> f64 {
         if self.overlaps.is_empty() {
             return added;
@@ -42,19 +42,17 @@ impl PairBound {
         added.min(self.singles[pose as usize] - overlap)
     }
 
-    /// What each pose covers.
+    /// (pose, worth of the voxels outside `base` that it covers).
     pub fn singles(&self) -> Vec<(u32, f64)> {
         self.singles.iter().enumerate().map(|(pose, &single)| (pose as u32, single)).collect()
     }
 
-    /// The bound with the split of the voxels that `bound_of` likes best, of those tried, and its
-    /// value.
+    /// The bound with the split of the voxels that `bound_of` likes best, of those tried, and its value.
     ///
-    /// At most `most_words` words of bitmaps are read for the overlaps: voxels of later groups then count
-    /// without them. The worth of a voxel is `units` of its
-    /// scene × its entropies. The bound holds whatever poses are `typical`; it
-    /// is tight if good placements are made of poses like them. `go_on` is asked while the voxels are grouped and
-    /// the overlaps added up; once it says no the splits so far are all that were tried.
+    /// At most `most_words` words of bitmaps are read for the overlaps: voxels of later groups then count without them.
+    /// The worth of a voxel is `units` of its scene × its entropies. The bound holds for any `typical` poses; it is
+    /// tight if good placements are made of poses like them. `go_on` is asked while the voxels are grouped and the
+    /// overlaps added up; once it says no the splits so far are all that were tried.
     pub fn tightest(
         atlas: &Atlases,
         lidars: usize,
@@ -108,7 +106,7 @@ impl PairBound {
     }
 }
 
-/// Worth of each bit of a frame as an integer, not below, and its unit.
+/// Worth of each bit of a frame as an integer, rounded up, and its unit.
 fn integer_worths(atlas: &Atlases, units: &[[f64; KINDS]]) -> (Vec<u32>, f64) {
     let worths = atlas.worths();
     let value = |(worth, scene): &([u32; KINDS], usize)| {

@@ -37,7 +37,7 @@ impl GridSample {
         self.pairs.iter().map(|(placement, _)| placement)
     }
 
-    /// Looks whether a loaded sample is one: its placements come in pairs.
+    /// Checks that the placements of a loaded sample come in pairs.
     pub fn check(&self) -> Result<(), String> {
         let is_whole = self.pairs.len().is_multiple_of(2) && self.delta.is_finite();
         is_whole.then_some(()).ok_or_else(|| "sampled placements do not come in pairs".to_owned())
@@ -48,7 +48,7 @@ impl GridSample {
     /// Ties between LiDARs are left out: random poses never keep them.
     /// Placements that break another rule of the mount are drawn again, but not for ever, and none once `go_on`, which
     /// is asked before each pair but the first and as by [`GridSearch::hold_while`], says no: the sample may be smaller
-    /// than asked for, and is empty where nothing may vary or no pair was cast in time.
+    /// than `samples`, and is empty where nothing may vary or no pair was cast in time.
     ///
     /// # Errors
     /// See [`GridSearch::hold`].

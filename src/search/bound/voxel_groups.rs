@@ -47,7 +47,7 @@ struct Level {
     least: u64,
 }
 
-/// Where a column of the atlas went.
+/// Bit, group and worth of a column of the atlas.
 #[derive(Clone, Copy, Default)]
 struct Place {
     bit: u32,
@@ -55,7 +55,7 @@ struct Place {
     worth: u32,
 }
 
-/// The places of the columns that are in a group.
+/// Bits, groups and worths of the columns that are in a group.
 struct Places {
     /// A bit for each column of the atlas.
     grouped: Vec<u64>,
@@ -74,9 +74,8 @@ impl Places {
 }
 
 impl Columns {
-    /// The columns of held poses `0..poses`. `worths` holds the worth of each bit, of a frame where all
-    /// frames have the same; a column
-    /// joins the first group whose entry of `shares`, rising, is not below the share of the `typical`
+    /// The columns of held poses `0..poses`. `worths` holds the worth of each bit, of one frame where all frames are
+    /// alike. A column joins the first group whose entry of `shares`, rising, is not below the share of the `typical`
     /// poses that cover it. `None` once `go_on`, which is asked after each pass over the columns, says no.
     pub fn new(
         atlas: &Atlases,
@@ -182,9 +181,9 @@ impl Columns {
         self.groups[group].levels.iter().map(|level| level.words.len() as u64).sum()
     }
 
-    /// Adds to `[poses × poses]` at most what both poses of each pair cover in a group, and at least
-    /// that less the spread of the worths; the diagonal stays. False once `go_on`, which is asked after every
-    /// [`WORDS_AT_ONCE`] words, says no: only some pairs are added then.
+    /// Adds to `[poses × poses]` a lower bound on the worth that two poses both cover in a group, too low by at most
+    /// the spread of the worths; the diagonal stays. False once `go_on`, which is asked after every [`WORDS_AT_ONCE`]
+    /// words, says no: only some pairs are added then.
     pub fn add_overlaps(
         &self,
         group: usize,

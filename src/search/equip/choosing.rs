@@ -26,12 +26,12 @@ const POSES: u32 = 1200;
 const SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
 /// Factor by which a grid with too many poses is widened.
 const WIDER: f64 = 1.25;
-/// Worth of an area that must be seen, against the largest gain of a single sensor: what must be seen comes
+/// Penalty for a missing share of 1, as a multiple of the largest gain of a single sensor: requirements come
 /// first.
 const REQUIRED: f64 = 1e3;
 /// Most rounds of exchanges.
 const ROUNDS: usize = 20;
-/// Poses that are cast at once, so that progress is told in between.
+/// Poses cast at once; progress is reported in between.
 const CAST: usize = 32;
 
 /// A sensor on the grid.
@@ -42,7 +42,7 @@ struct Choice {
     sensor: SensorName,
 }
 
-/// What is added at once: a sensor, and its mirror image where the rules want pairs.
+/// Sensors added together: one, and its mirror image where the rules want pairs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Group {
     one: Choice,
@@ -55,17 +55,16 @@ impl Group {
     }
 }
 
-/// How far a choice of equipment is: all that it goes on from, beside scenes, vehicle and budget. Poses are cast
-/// anew.
+/// Checkpoint of a choice of equipment, for one set of scenes, vehicle and budget. Poses are cast anew.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Choosing {
-    /// Poses at which climbs have ended: that of gain, then that of gain for the money.
+    /// Poses at which climbs have ended: the climb by gain, then the climb by gain for the money.
     ends: Vec<Vec<u32>>,
     climb: Option<Climb>,
 }
 
 impl Choosing {
-    /// True if all of its poses are on a grid of so many.
+    /// True if all of its poses are on a grid of `poses` poses.
     pub(super) fn fits(&self, poses: u32) -> bool {
         let climbing = self.climb.iter().map(|climb| &climb.poses);
         let is_rig =
@@ -84,7 +83,7 @@ struct Climb {
     index: usize,
 }
 
-/// What a step of a choice gave.
+/// Result of one step of a choice.
 #[derive(Debug, Clone, PartialEq)]
 pub enum EquipStep {
     /// It goes on.
@@ -97,7 +96,7 @@ pub enum EquipStep {
     Done(Equipped),
 }
 
-/// What opening a search for equipment gave.
+/// Result of opening a search for equipment.
 pub(super) enum Opened {
     /// The search, all poses cast.
     Open(Box<Equip>),
@@ -112,7 +111,7 @@ pub(super) struct Equip {
     vehicle: Vehicle,
     pub(super) budget: f64,
     grid: GridSearch,
-    /// Where the poses of the grid stand.
+    /// Positions and kinds of the grid's poses.
     places: Places,
     /// Mount and model of each kind of pose.
     kinds: Vec<(usize, SensorName)>,
@@ -122,16 +121,16 @@ pub(super) struct Equip {
     in_pairs: bool,
 }
 
-/// Tells how many rounds of exchanges are done; false where the choice is to end.
+/// Reports the finished rounds of exchanges; false where the choice is to end.
 fn tell(watch: &mut Watch, done: usize) -> bool {
     let (work, done, total) = (Work::Exchanges, done as u64, 2 * ROUNDS as u64);
     watch.tell(&Event::Progress { work, done, total })
 }
 
-/// Rules with a slot for each sensor that a mount could hold of each model, and mount and model by kind.
+/// Rules with a slot for every sensor that a mount could hold, of each model; mount and model of each kind.
 fn every_kind(vehicle: &Vehicle) -> (Constraints, Vec<(usize, SensorName)>) {
     let constraints = vehicle.every_kind();
-    // In the order in which the constraints have sorted them.
+    // Kinds in the order in which the constraints have sorted them.
     let of_kind = constraints.kinds().into_iter().map(|(slot, _)| {
         let mount = vehicle.mounts.iter().position(|mount| mount.region == slot.region);
         (mount.unwrap_or(0), slot.sensor)
@@ -150,7 +149,7 @@ impl Equip {
         watch: &mut Watch,
     ) -> Result<Opened, SearchError> {
         let (vehicle, (constraints, kinds)) = (vehicle.clone(), every_kind(vehicle));
-        // What is chosen are models and mounts: the search that follows chooses phases.
+        // The choice is between models and mounts: phases are left to the search that follows.
         let constraints = constraints.without_phases();
         let suite = suite.over(&suite.spread(Some(FRAMES))).with_constraints(&constraints.untied());
         let mut spacing = SPACING;
@@ -247,14 +246,14 @@ impl Equip {
         self.equipped(best.map_or(&[], |best| &ends[best]))
     }
 
-    /// Ends a choice before its end: nothing after Ctrl-C, the best equipment so far where the time is over.
+    /// Ends a choice early: without a result after Ctrl-C, with the best equipment so far where the time is over.
     fn cut(&mut self, state: &Choosing, grown: Vec<Choice>, watch: &mut Watch) -> EquipStep {
         if watch.is_interrupted() {
             return EquipStep::Stopped;
         }
         let mut ends = state.ends.clone();
         ends.extend(state.climb.iter().map(|climb| climb.poses.clone()));
-        // Sensors that mounts must hold come first: an end without them is no equipment.
+        // Ends that hold the least count on each mount come first: others are no equipment.
         let (whole, part): (Vec<_>, Vec<_>) = ends
             .into_iter()
             .chain([Self::poses(&self.filled(grown))])
@@ -262,7 +261,7 @@ impl Equip {
         EquipStep::OutOfTime(self.better(if whole.is_empty() { &part } else { &whole }))
     }
 
-    /// The sensors chosen, and the first that fit for mounts that must hold more.
+    /// `chosen`, and for mounts that must hold more the cheapest sensors that fit.
     fn filled(&self, mut chosen: Vec<Choice>) -> Vec<Choice> {
         while !self.keeps_counts(&chosen) {
             let lacks = |mount: usize| {
@@ -308,13 +307,13 @@ impl Equip {
         chosen.iter().map(|choice| self.vehicle.price(choice.sensor)).sum()
     }
 
-    /// Gain, less what is not seen of what must be, as one submodular number.
+    /// Gain less the penalties for missing requirements, as one submodular number.
     fn worth(&mut self, chosen: &[Choice]) -> f64 {
         let poses = Self::poses(chosen);
         self.grid.held_value(&poses)
     }
 
-    /// Sensors added until none is left that adds anything, or that a mount must hold; fewer where the watch is over.
+    /// Adds sensors until no mount lacks one and none adds anything; stops early where the watch is over.
     fn grown(
         &mut self,
         mut chosen: Vec<Choice>,
@@ -336,8 +335,8 @@ impl Equip {
         chosen
     }
 
-    /// Takes a climb's next sensor off, with its image, and adds what gains most; kept where that gains. False
-    /// where the watch is over before that; the climb is then as it was.
+    /// Takes a climb's next sensor off, with its image, and refills by gain; keeps the change if the worth grows. False
+    /// where the watch is over before that; the climb is then unchanged.
     fn exchange(&mut self, climb: &mut Climb, done: usize, watch: &mut Watch) -> bool {
         let chosen = self.choices(&climb.poses);
         let held = self.worth(&chosen);
@@ -369,7 +368,7 @@ impl Equip {
         sorted.sort_by_key(|choice| choice.pose);
         let poses = Self::poses(&sorted);
         let missing = self.grid.missing(&poses);
-        // The objective alone.
+        // Value without penalties.
         self.grid.require(0.0);
         self.grid.watch_cars(0.0);
         let value = self.grid.held_value(&poses);

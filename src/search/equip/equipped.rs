@@ -1,4 +1,4 @@
-//! What a vehicle carries: the outcome of a choice of equipment.
+//! Equipment of a vehicle: the outcome of choosing models and mounts.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +6,7 @@ use crate::score::reference_layout;
 use crate::search::settings::Settings;
 use crate::vehicle::{Constraints, Equipment, Placement, SensorName, Vehicle};
 
-/// What a vehicle carries, and where on the coarse grid.
+/// Chosen sensors of a vehicle, and their poses on the coarse grid.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Equipped {
     /// Number of a mount and a model for each LiDAR.
@@ -17,12 +17,12 @@ pub struct Equipped {
     pub cost: f64,
     /// Objective over the few frames.
     pub value: f64,
-    /// Share that is missing of what must be seen, over all areas.
+    /// Missing share of the requirements, summed over areas and targets.
     pub missing: f64,
 }
 
 impl Equipped {
-    /// Settings that start from the sensors chosen; where `plainly`, they compare with the same sensors put up plainly.
+    /// Settings that start from the chosen sensors; with `plainly` a plain layout of them is the only baseline.
     pub fn begin(&self, settings: Settings, constraints: &Constraints, plainly: bool) -> Settings {
         let mut settings = settings;
         if plainly {
@@ -32,7 +32,7 @@ impl Equipped {
         settings
     }
 
-    /// The same sensors put up plainly: in the middle of their mounts, or evenly around it, looking straight.
+    /// Baseline `plain`: the chosen sensors in the middle of their mounts, or level and evenly around their edges.
     fn plain(&self, constraints: &Constraints) -> Placement {
         let models: Vec<SensorName> = self.equipment.iter().map(|(_, sensor)| *sensor).collect();
         Placement { name: "plain".into(), ..reference_layout(constraints, &models) }

@@ -1,10 +1,9 @@
-//! The equipment of a vehicle: which models stand on which mounts, and how many, for the money.
+//! The equipment of a vehicle: models and numbers of sensors on each mount, for the money.
 //!
-//! Poses of every model on every mount lie on one coarse grid, each cast once into a few frames. The
-//! information gain and what must be seen are both submodular in the set of sensors, so sensors are added one by
-//! one, the best first, once by what each adds and once by what it adds for its price; then single sensors are
-//! exchanged, moved, dropped or added while that gains. Where it stands is a value, a [`Choosing`], from which it
-//! goes on to the same equipment.
+//! Poses of every model on every mount lie on one coarse grid, each cast once into a few frames. The information gain
+//! and the requirements are both submodular in the set of sensors. So sensors are added one by one, the best first:
+//! once by gain, and once by gain for the price. Then single sensors are exchanged, moved, dropped or added while
+//! that gains. A [`Choosing`] is the checkpoint from which a choice continues to the same equipment.
 
 mod choosing;
 mod equipped;
@@ -94,7 +93,7 @@ impl Equipping {
         self
     }
 
-    /// Where it stands.
+    /// Checkpoint of the choice.
     pub fn state(&self) -> &Choosing {
         &self.state
     }

@@ -1,4 +1,4 @@
-//! Frames: which ones the search begins with, and when it goes on over more.
+//! Frames: the first frames of a search, and its steps to more.
 
 use super::state::{Phase, Run};
 use crate::score::Scores;
@@ -11,7 +11,7 @@ use crate::search::pilot::Known;
 use crate::search::settings::{FrameChoice, Method};
 use crate::vehicle::Placement;
 
-/// Placements that are confirmed at once at most, so that progress is told in between.
+/// Most placements confirmed at once; progress is reported in between.
 const CONFIRMED_AT_ONCE: usize = 4;
 
 impl Run {
@@ -125,7 +125,7 @@ impl Run {
         Ok(true)
     }
 
-    /// Scores over the frames of [`Self::confirming`], told a few placements at a time; `None` where the run is to end before that.
+    /// Scores over the frames of [`Self::confirming`], with progress in between; `None` where the run is to end before.
     pub(super) fn judged_over_all(
         &mut self,
         placements: &[Placement],

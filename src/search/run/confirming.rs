@@ -1,4 +1,4 @@
-//! The last step: what each method found over all frames, the better of them, and the outcome.
+//! The last step: the result of each method over all frames, the better of them, and the outcome.
 
 use std::borrow::Cow;
 
@@ -35,8 +35,7 @@ enum Found {
 }
 
 impl Run {
-    /// Scores what each method found, and the baselines: over all frames, or where the run is to end before that over
-    /// few.
+    /// Scores the result of each method and the baselines: over all frames, or over few where the run is to end before.
     pub(super) fn confirm(&mut self, watch: &mut Watch) -> Result<Outcome, SearchError> {
         if let Some(outcome) = self.confirmed(watch)? {
             return Ok(outcome);
@@ -124,7 +123,7 @@ impl Run {
         Ok(Some(found))
     }
 
-    /// What the result and the best baseline are worth at phases that the search has not seen.
+    /// Objectives of the result and the best baseline at draws that the search has not seen.
     fn phase_check(
         &self,
         best: Option<&Scored>,
@@ -172,8 +171,7 @@ impl Run {
         if broken(&written) > broken(placement) { placement.clone() } else { written }
     }
 
-    /// The best of the ends of the swaps; over fewer frames than all these are told apart too badly to take
-    /// the first.
+    /// The best of the ends of the swaps. Fewer frames than all tell the ends apart too badly to take the first.
     fn found_by_swaps(&mut self, watch: &mut Watch) -> Result<Found, SearchError> {
         let Some(swaps) = self.state.swaps.clone() else { return Ok(Found::Nothing) };
         let mut ends = vec![swaps.placement];

@@ -10,7 +10,7 @@ use crate::search::settings::Settings;
 use crate::search::suite::Suite;
 
 /// Searches the placement that makes the objective largest: frames on demand, CMA-ES, swaps, finalists
-/// confirmed over all frames, a bound on what any other placement could reach.
+/// confirmed over all frames, a bound on the objective of every other placement.
 ///
 /// `scenes` is a problem over all frames of its scene, or a [`Suite`] of several whose mean is maximized; its
 /// constraints are the rules that every candidate keeps.

@@ -7,11 +7,11 @@
 //! | [`Finalists`](Phase::Finalists) | scores the best of the generations over all frames; goes to the frames of the swaps | `Swaps`, or `Confirm` once the target is reached |
 //! | [`Swaps`](Phase::Swaps) | moves single LiDARs on a grid of poses | `Bounds` |
 //! | [`Bounds`](Phase::Bounds) | samples the grid, bounds the gain of every placement on it | `Confirm` |
-//! | [`Confirm`](Phase::Confirm) | scores what each method found, and the baselines, over all frames | the [`Outcome`](super::Outcome) |
+//! | [`Confirm`](Phase::Confirm) | scores the result of each method, and the baselines, over all frames | the [`Outcome`](super::Outcome) |
 //!
 //! A [`State`] that was saved after any step and resumed gives the bits of a run that never stopped.
-//! Where time or an interruption cut a phase short the run goes on to its outcome, but its state stays that
-//! before the cut: a resumed run does the phase anew.
+//! If time or an interruption cuts a phase short, the run goes on to its outcome, but its state stays that before
+//! the cut: a resumed run does the phase anew.
 //!
 //! `state` holds the value and the run around it; `choosing`, `generating`, `on_grid` and `confirming` hold
 //! the steps; `machine` puts them together.

@@ -37,7 +37,7 @@ impl Run {
             memory: self.memory() / 2,
             seed: settings.seed,
         };
-        // Where no candidate of the generations kept the rules, greedy may find one that does.
+        // Greedy may find a placement that keeps the rules where no candidate of the generations did.
         let anywhere = settings.method == Method::Swaps || starts.is_empty();
         let grid = PoseGrid::new(self.suite.constraints(), on_grid.spacing)?;
         let total = if anywhere { u64::from(grid.len()) } else { on_grid.casts };

@@ -1,4 +1,4 @@
-//! The state of a run as a value, and beside it what only lives as long as the process.
+//! The state of a run as a value, and beside it the engines and caches of the process.
 
 use std::borrow::Cow;
 
@@ -24,12 +24,12 @@ use crate::vehicle::{MAX_LIDARS, Placement, PoseGrid};
 
 /// Largest population of a loaded state.
 const MOST_POPULATION: usize = 1_000_000;
-/// Draw of what is left to chance with which placements are confirmed; the search has the draw 0.
+/// Random draw with which placements are confirmed; the search has draw 0.
 pub(super) const CONFIRMING: u64 = 1;
 /// Frames of each scene that a run takes, spread evenly, where there is no time for more.
 const FEW_FRAMES: u32 = 4;
 
-/// Where a run stands.
+/// Current step of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Phase {
@@ -47,7 +47,7 @@ pub enum Phase {
     Confirm,
 }
 
-/// All that a run goes on from, beside problem, engine and time limit.
+/// Checkpoint of a run: all that it needs beside problem, engine and time limit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct State {
     pub(super) phase: Phase,
@@ -63,7 +63,7 @@ pub struct State {
 }
 
 impl State {
-    /// Where the run stands.
+    /// Current step of the run.
     pub fn phase(&self) -> Phase {
         self.phase
     }
@@ -130,11 +130,11 @@ impl State {
 /// Engines, and scores that need not be computed twice in one process.
 #[derive(Default)]
 pub(super) struct Sitting {
-    /// Over the frames of the search, or of the bounds: one engine at a time, or a device would hold a scene twice.
+    /// Engine over the frames of the search, or of the bounds: one at a time, or a device would hold a scene twice.
     pub evaluator: Option<Evaluator>,
     /// Frames of that engine.
     pub frames: Vec<usize>,
-    /// Over all frames, where the search is over fewer.
+    /// Engine over all frames, where the search is over fewer.
     pub over_all: Option<Evaluator>,
     /// Frames that result and baselines are scored over where there was no time for all.
     pub hurried: Option<Vec<usize>>,
@@ -144,9 +144,9 @@ pub(super) struct Sitting {
     pub baselines: Option<Vec<Scored>>,
     /// Generations of this sitting.
     pub generations: u64,
-    /// Devices lost, in words; of engines that are closed.
+    /// Devices lost in engines that are closed, in words.
     pub changes: Vec<String>,
-    /// Of the open engine, those that were told.
+    /// Lost devices of the open engine that the user has been told of.
     pub told: usize,
     /// True if the engine was named to the user.
     pub named: bool,
@@ -229,20 +229,20 @@ impl Run {
         self.state.settings.objective.clone()
     }
 
-    /// Keeps the state as it is now for [`Self::state`]: the phase is not going to end as it should.
+    /// Snapshots the state for [`Self::state`] before a phase is aborted.
     pub(super) fn cut(&mut self, watch: &Watch) {
         self.cut_at(self.state.clone(), watch);
     }
 
-    /// Keeps a state for [`Self::state`], in which the run was before the phase that is not going to end as it should.
+    /// Snapshots `before`, the state before the phase that is aborted, for [`Self::state`].
     pub(super) fn cut_at(&mut self, before: State, watch: &Watch) {
         self.before_cut.get_or_insert(before);
         self.sitting.interrupted |= watch.is_interrupted();
         self.sitting.out_of_time |= !watch.is_interrupted();
     }
 
-    /// True if there are so many frames that a run that is to end does not score over all of them; over fewer it
-    /// scores whatever the time.
+    /// True if a run that is to end does not score over all frames, because there are many; over few frames it scores
+    /// whatever the time.
     pub(super) fn heeds_time(&self) -> bool {
         self.sitting.hurried.is_none() && self.suite.frame_count() > FRAMES_AT_ONCE
     }
@@ -317,7 +317,7 @@ impl Run {
                 true => self.suite.clone(),
                 false => self.suite.over(&frames),
             };
-            // Lost devices are told after each step, from the engines' own lists.
+            // Lost devices are noted after each step, from the engines' own lists.
             let (evaluator, notes) = Evaluator::open(&suite, &self.state.settings.engine, |_| {})?;
             if !self.sitting.named {
                 notes.iter().for_each(|note| watch.note(note));
@@ -330,7 +330,7 @@ impl Run {
         Ok(self.sitting.evaluator.as_mut().expect("opened above"))
     }
 
-    /// Frames of the bounds: those that the search began with, which stand for all, or those that were asked for.
+    /// Frames of the bounds: the first level, which stands for all; without levels, the frames of the search.
     pub(super) fn frames_of_bounds(&self) -> Vec<usize> {
         self.state.levels.as_ref().map_or_else(|| self.frames(), |levels| levels.first().to_vec())
     }
@@ -352,7 +352,7 @@ impl Run {
         }
         if self.sitting.over_all.is_none() {
             let (memory, suite) = (self.memory(), self.confirming());
-            // What is found must not live on lucky phases or lucky beams.
+            // Confirmed at another draw: a result must not live on lucky phases or lucky beams.
             let evaluator = match suite.is_left_to_chance() {
                 true => Evaluator::suite_on_cpu(&suite.with_draw(CONFIRMING), memory),
                 false => Evaluator::suite_on_cpu(&suite, memory),

@@ -1,4 +1,4 @@
-//! Sensors that may be added to those chosen: groups that the price, the counts of mounts and the distances allow.
+//! Sensors that may join those chosen: groups that the price, the counts of mounts and the distances allow.
 
 use super::*;
 
@@ -9,8 +9,8 @@ fn count_on(mount: usize, chosen: &[Choice], group: &Group) -> usize {
 }
 
 impl Equip {
-    /// What may come beside those chosen: room on the mounts, apart from the others, and money left for what
-    /// other mounts must hold.
+    /// Groups that may join `chosen`: with room on the mounts, far enough from the others, and money left for the
+    /// sensors that other mounts must hold.
     pub(super) fn candidates(&self, chosen: &[Choice]) -> Vec<Group> {
         if chosen.len() >= MAX_LIDARS {
             return Vec::new();
@@ -45,7 +45,7 @@ impl Equip {
         found
     }
 
-    /// What the mounts must hold beyond those chosen and a group: its price, and how many sensors.
+    /// Price and number of the sensors that mounts still lack beside `chosen` and `group`, in the cheapest models.
     fn owed(&self, chosen: &[Choice], group: &Group, cheapest: &Equipment) -> (f64, usize) {
         let mounts = self.vehicle.mounts.iter().enumerate();
         let owed = mounts.map(|(mount, of)| {
@@ -57,8 +57,8 @@ impl Equip {
         owed.fold((0.0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1))
     }
 
-    /// True if the mounts of a group hold it beside those chosen. Of pairs, one sensor of a kind may be odd, and
-    /// what a mount must hold beyond that has to come in pairs.
+    /// True if the mounts of a group hold it beside `chosen`. Where pairs are wanted one sensor of a kind may be
+    /// odd, and the others that a mount must hold come in pairs.
     fn has_room(&self, chosen: &[Choice], group: &Group) -> bool {
         let holds = |choice: Choice| {
             let count = self.vehicle.mounts[choice.mount].count;
@@ -80,7 +80,7 @@ impl Equip {
         group.choices().all(holds)
     }
 
-    /// The candidate with the largest rating of what it adds and its price.
+    /// The group with the largest `rating` of (added worth, price), and the worth it adds.
     pub(super) fn best_beside(
         &mut self,
         chosen: &[Choice],
