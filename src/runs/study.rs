@@ -7,13 +7,14 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::given::Given;
-use super::inputs::Files;
+use super::inputs::{Files, note_repeated};
 use super::{Bar, Computing, Error, GRACE, Watcher, opening};
 use crate::files::{self, Input, RunDir, holds_run, is_forced, safe_names};
 use crate::report::study::study_plot;
 use crate::scan::conditions::{Condition, in_words};
 use crate::scene::Scene;
 use crate::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, study};
+use crate::vehicle::placement_file::holds_placements;
 use crate::vehicle::read_placements;
 
 /// A study of scene files.
@@ -57,14 +58,11 @@ pub fn study_scenes(
     mut each: impl FnMut(&Table, &Path) -> Result<(), Error>,
 ) -> Result<Vec<Table>, Error> {
     let _session = files::Session::begin();
-    let Files { scenes: paths, placements } = Files::sort(&request.scenes, computing.watcher)?;
+    let Files { scenes: paths, placements } = match request.kind {
+        Kind::Loss => Files::sort(&request.scenes, computing.watcher)?,
+        kind => only_scenes(kind, &request.scenes, computing.watcher)?,
+    };
     let settings = settings(request, computing)?;
-    if let Some(file) = placements.as_deref().filter(|_| request.kind != Kind::Loss) {
-        let (file, kind) = (file.display(), request.kind.name());
-        return Err(Error::Usage(format!(
-            "{file}: holds placements, which `study {kind}` does not take; `loss`, `nearfield` and `targets` do"
-        )));
-    }
     computing.watcher.listen(GRACE);
     // A kind that needs several scenes takes them together; any other kind takes one after the other.
     let together = request.kind == Kind::Transfer || paths.len() == 1;
@@ -92,6 +90,18 @@ pub fn study_scenes(
         }
     }
     Ok(tables)
+}
+
+/// Scenes of a study that takes no placements.
+fn only_scenes(kind: Kind, files: &[PathBuf], watcher: &dyn Watcher) -> Result<Files, Error> {
+    if let Some(file) = files.iter().find(|file| files.len() > 1 && holds_placements(file)) {
+        let (file, kind) = (file.display(), kind.name());
+        return Err(Error::Usage(format!(
+            "{file}: holds placements, which `study {kind}` does not take; `loss`, `nearfield` and `targets` do"
+        )));
+    }
+    note_repeated(files, watcher);
+    Ok(Files { scenes: files.to_vec(), placements: None })
 }
 
 fn settings(request: &StudyRequest, computing: &Computing<'_>) -> Result<StudySettings, Error> {
