@@ -236,8 +236,7 @@ impl Looking<'_> {
     /// True if enough light comes back from a hit.
     fn is_seen(&self, target: &Target, hit: &Hit, direction: Vec3) -> bool {
         let Some(receiving) = self.receiving else { return true };
-        let of_hit = target.tree.triangles.iter().find(|triangle| triangle.prim == hit.prim);
-        let normal = of_hit.map_or(Vec3::Z, |triangle| Vec3::from(triangle.normal));
+        let normal = Vec3::from(target.normals[hit.prim as usize]);
         let cosine = normal.normalize_or_zero().dot(direction).abs();
         let (reflectance, metres) = (target.reflectance, f64::from(hit.t));
         receiving.sees(&self.model.response, reflectance, f64::from(cosine), metres)

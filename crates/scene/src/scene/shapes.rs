@@ -32,8 +32,9 @@ pub struct Builder<'a> {
     meshes: HashMap<PathBuf, Rc<RawMesh>>,
     /// Named shapes already built: a copy costs its triangles alone.
     built: HashMap<&'a str, Rc<Solid>>,
-    /// Triangles built so far, named shapes included.
+    /// Triangles built so far, named shapes included, and the most there may be.
     triangles: u64,
+    most: u64,
     notes: Vec<Note>,
 }
 
@@ -47,7 +48,23 @@ impl<'a> Builder<'a> {
         let named_at = top.key("shapes");
         let (meshes, built) = (HashMap::new(), HashMap::new());
         let by_name = named.0.iter().enumerate().map(|(i, (name, _))| (name.as_str(), i)).collect();
-        Self { classes, named, by_name, named_at, dir, meshes, built, triangles: 0, notes: vec![] }
+        Self {
+            classes,
+            named,
+            by_name,
+            named_at,
+            dir,
+            meshes,
+            built,
+            triangles: 0,
+            most: MAX_TRIANGLES,
+            notes: vec![],
+        }
+    }
+
+    /// A builder of at most so many triangles.
+    pub fn limited(self, most: u64) -> Self {
+        Self { most, ..self }
     }
 
     /// The files of all meshes, in alphabetical order.
@@ -150,12 +167,12 @@ impl<'a> Builder<'a> {
             None => Rc::new(self.single(at, shape)?),
         };
         self.triangles += solid.faces.len() as u64 * copies.len() as u64;
-        if self.triangles > MAX_TRIANGLES {
+        if self.triangles > self.most {
             return Err(DescriptionError::TooMany {
                 at: Box::new(at.clone()),
                 what: "triangles",
                 count: self.triangles,
-                limit: MAX_TRIANGLES,
+                limit: self.most,
                 mend: "take fewer copies or a coarser mesh",
             });
         }

@@ -20,6 +20,8 @@ use sightline_files::json::{self, DescriptionError, FileKind, Place, nearest};
 
 /// Largest target file, in bytes.
 const MAX_FILE: u64 = 64 << 20;
+/// Most triangles of a target: each beam near it is tested against its tree.
+const MOST_TRIANGLES: u64 = 200_000;
 /// Largest target along any axis, in metres.
 const MOST_METRES: f64 = 100.0;
 /// Reflectance of a target that states none: sensors' rated ranges hold for it.
@@ -51,6 +53,9 @@ pub struct Target {
     /// Triangles with the middle of that box at x = y = 0 and the ground at z = 0, metres.
     #[serde(skip)]
     pub tree: Arc<Bvh>,
+    /// Normal of each triangle, by its number.
+    #[serde(skip)]
+    pub normals: Arc<[[f32; 3]]>,
     /// Likely mistakes in the file, a sentence each.
     #[serde(skip)]
     pub notes: Vec<Note>,
@@ -154,7 +159,7 @@ impl Target {
             shape.class.get_or_insert_with(|| CLASS.to_owned());
         }
         let (classes, named) = (Classes::new(&at, None, None)?, Dictionary::default());
-        let mut builder = Builder::new(&at, &classes, &named, dir);
+        let mut builder = Builder::new(&at, &classes, &named, dir).limited(MOST_TRIANGLES);
         let solid = builder.list(&at.key("shapes"), &shapes)?;
         let (files, mut notes) = (builder.files(), builder.notes());
         let mut soup = TriangleSoup::default();
@@ -166,6 +171,9 @@ impl Target {
         for vertex in &mut soup.vertices {
             *vertex = moved(vertex.map(f64::from)).map(|v| v as f32);
         }
+        let tree = Arc::new(Bvh::build(&soup, FAR));
+        let mut normals = vec![[0.0; 3]; soup.faces.len()];
+        tree.triangles.iter().for_each(|of| normals[of.prim as usize] = of.normal);
         Ok(Self {
             name,
             size: [0, 1, 2].map(|k| to_micrometres(high[k] - low[k])),
@@ -173,7 +181,8 @@ impl Target {
             reflectance,
             source,
             corners: [moved(low), moved(high)],
-            tree: Arc::new(Bvh::build(&soup, FAR)),
+            tree,
+            normals: normals.into(),
             notes,
             files,
         })
@@ -260,6 +269,13 @@ mod tests {
             (target(cube, r#", "reflectance": 0"#), "reflectance"),
             (target(cube, r#", "reflectance": 10"#), "reflectance"),
             (target(cube, r#", "colour": 1"#), "colour"),
+            (
+                target(
+                    &cube.replace("}}", r#"}, "repeat": {"count": 20000, "step": [0, 0, 0]}}"#),
+                    "",
+                ),
+                "200000",
+            ),
             (target(r#"{"box": {"foot": [0, 0, 0], "size": [1, 0, 1]}}"#, ""), "size"),
             (target(r#"{"box": {"foot": [0, 0, 0], "size": [900, 1, 1]}}"#, ""), "millimetres"),
             (r#"{"sightline": 1, "roi": {}}"#.to_owned(), "a scene"),
