@@ -26,7 +26,7 @@ pub fn align_columns(rows: &[Vec<String>]) -> String {
     text
 }
 
-/// A table of placements, the requirements and guards of each below its row.
+/// A table of placements, below each its requirements (+ met, ! not), doubts (!) and blind sectors (*).
 pub fn scores_text(all: &[Scores]) -> String {
     let columns = ScoreColumn::shown(all);
     let cells = |scores| columns.iter().map(|column| column.cell(scores)).collect();
@@ -41,7 +41,7 @@ pub fn scores_text(all: &[Scores]) -> String {
             text += &format!("  {} {seen}\n", if seen.is_met() { "+" } else { "!" });
         }
         for guard in &scores.guards {
-            text += &format!("  ! {guard}\n");
+            text += &format!("  {} {guard}\n", if guard.is_doubt() { "!" } else { "*" });
         }
     }
     text
