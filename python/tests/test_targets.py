@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +12,14 @@ import pytest
 
 import sightline
 from sightline import Scene
-from test_scores import program
 
 CAR = "scenes/vehicles/car.json"
+
+
+def program(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "sightline", *arguments], capture_output=True, text=True, timeout=300
+    )
 
 
 def rigs(folder: Path) -> tuple[Path, sightline.Placement]:
