@@ -22,6 +22,15 @@ def program(*arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+def with_body(folder: Path) -> str:
+    """The car of the examples with a body, which hides targets here and in the program alike."""
+    car = json.loads(Path(CAR).read_text())
+    car["body"] = [{"class": "vehicle", "box": {"foot": [0, 0, 0], "size": [4.2, 1.8, 1.6]}}]
+    file = folder / "car.json"
+    file.write_text(json.dumps(car))
+    return str(file)
+
+
 def rigs(folder: Path) -> tuple[Path, sightline.Placement]:
     lidars = [
         {"x": 0.0, "y": 0.3, "z": 1.9, "sensor": "spinning-32"},
@@ -33,13 +42,13 @@ def rigs(folder: Path) -> tuple[Path, sightline.Placement]:
 
 
 def test_beams_on_targets_are_those_of_the_program(tmp_path: Path) -> None:
-    file, rig = rigs(tmp_path)
-    scene = Scene.load("scenes/urban-crossing.json", vehicle=CAR, backend="cpu", frames=1)
+    (file, rig), car = rigs(tmp_path), with_body(tmp_path)
+    scene = Scene.load("scenes/urban-crossing.json", vehicle=car, backend="cpu", frames=1)
     distances, bearings, targets = [8.0, 20.0, 40.0], [0.0, 135.0], ["car", "tyre"]
     beams = scene.beams_on(rig, targets, distances, bearings)
     assert beams.shape == (2, 2, 3, 2) and beams.dtype == np.uint32
     done = program(
-        "study", "targets", str(file), "--vehicle", CAR, "--target", "car", "--target", "tyre",
+        "study", "targets", str(file), "--vehicle", car, "--target", "car", "--target", "tyre",
         "--distances", "8,20,40", "--bearings", "0,135", "--format", "json",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

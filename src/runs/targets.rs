@@ -80,6 +80,12 @@ pub fn targets(request: &TargetsRequest, computing: &Computing<'_>) -> Result<Ta
         let scene = Scene::level_ground(vehicle)?;
         scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
         let site = TargetSite::of_vehicle(&scene)?.receiving(receiving.clone());
+        if !site.has_body() {
+            let vehicle = vehicle.display();
+            watcher.note(&format!(
+                "{vehicle}: has no `body`, so that nothing stands in the way of a beam"
+            ));
+        }
         let given = Given::new(&file, site.sensors(), &scene.constraints(), computing);
         given.all(&mut placements)?;
         let bar = watcher.bar(placements.len() as u64, Some("placements"));
