@@ -337,7 +337,7 @@ fn scene_with(lidar: &str, more: &str) -> String {
     )
 }
 
-/// Target files: what is read has an extent and stands around its middle.
+/// Target files. An accepted target has an extent, and its box lies around its middle.
 pub fn target_json(folder: &Path, bytes: &[u8]) {
     let file = folder.join("target.json");
     if fs::write(&file, bytes).is_err() {

@@ -349,6 +349,13 @@ fn a_search_meets_a_rule_that_gain_alone_does_not_and_says_so_where_it_cannot() 
 #[test]
 fn wrong_rules_are_refused_with_their_place() {
     let dir = TempDir::new().unwrap();
+    // Where beams end at nothing no target is met: that is said, not passed over.
+    ruled(dir.path(), json!([{ "target": "car", "within": 10, "share": 1 }]));
+    let path = dir.path().join("street.json");
+    let street = fs::read_to_string(&path).unwrap().replace("first-hit", "through");
+    fs::write(&path, street).unwrap();
+    let through = fails(dir.path(), &["score", "street.json", "rigs.json"]);
+    assert!(through.contains("requires `car to 10 m`, and beams end at nothing"), "{through}");
     let told = |rule: Value| {
         ruled(dir.path(), json!([rule]));
         fails(dir.path(), &["score", "street.json", "rigs.json"])

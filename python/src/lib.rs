@@ -25,6 +25,7 @@ mod scans;
 mod scenes;
 mod search;
 mod sensors;
+mod targets;
 mod wait;
 
 use std::error::Error;

@@ -10,8 +10,7 @@ use pyo3::types::{PyDict, PyTuple};
 use sightline::engine::cast_rays;
 use sightline::internals::{Input, draws, usual_placements};
 use sightline::scan::BeamHits;
-use sightline::scene::{EgoBody, Target};
-use sightline::targets::{RangeCard, TargetQuestion};
+use sightline::scene::EgoBody;
 use sightline::verify::verify;
 use sightline::{Placement, Scene, SensorPose, engine};
 
@@ -25,6 +24,7 @@ use crate::placements::{placement_bytes, placements_in};
 use crate::psogs::PyPsog;
 use crate::scans::ScanIterator;
 use crate::sensors::PySensor;
+use crate::targets::target_question;
 use crate::wait::interruptible;
 
 /// Metres within which rays of callers hit.
@@ -248,11 +248,7 @@ impl PyScene {
     ) -> PyResult<Bound<'py, PyAny>> {
         let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
         let built = self.built.clone();
-        let card = interruptible(py, move |_| {
-            let site = built.job.target_site().map_err(raised)?;
-            let card = site.map(|site| RangeCard::new(&site, &placement.lidars)).transpose();
-            card.map_err(|unknown| bad(unknown.to_string()))
-        })??;
+        let card = interruptible(py, move |_| built.range_card(&placement))??;
         to_python(py, &card)
     }
 
@@ -273,24 +269,15 @@ impl PyScene {
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<u32>>> {
         let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
-        let named = |name: &String| Target::named(name).map_err(|error| bad(error.to_string()));
-        let targets = targets.iter().map(named).collect::<PyResult<Vec<_>>>()?;
-        if !distances.iter().chain(&bearings).all(|number| number.is_finite()) {
-            return Err(bad("distances and bearings: give finite numbers".to_owned()));
-        }
-        let shape = [targets.len(), bearings.len(), distances.len(), placement.lidars.len()];
+        let question = target_question(&targets, distances, bearings)?;
+        let shape = [
+            question.targets.len(),
+            question.bearings.len(),
+            question.distances.len(),
+            placement.lidars.len(),
+        ];
         let built = self.built.clone();
-        let beams = interruptible(py, move |_| {
-            let site = built.job.target_site().map_err(raised)?;
-            let site = site.ok_or_else(|| {
-                bad("beams end at nothing in this scene; give it geometry and a body".to_owned())
-            })?;
-            let (beams, of_frames) = (1, 1);
-            let question = TargetQuestion { targets, distances, bearings, beams, of_frames };
-            let table = question.on_level_ground(&site, &placement);
-            table.map_err(|unknown| bad(unknown.to_string()))
-        })??;
-        let beams: Vec<u32> = beams.rows.into_iter().flat_map(|row| row.by_lidar).collect();
+        let beams = interruptible(py, move |_| built.beams_on(&question, &placement))??;
         shaped(py, beams, &shape)
     }
 

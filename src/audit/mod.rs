@@ -138,12 +138,11 @@ fn trials(
     base: &Placement,
     scores: &Scores,
 ) -> Result<Vec<Trial>, AuditError> {
-    let mut trials = Vec::new();
-    for (name, placement) in gaming_placements(base) {
-        let mut attempt = evaluator.scores(std::slice::from_ref(&placement))?.remove(0);
-        job.add_range_cards([(&placement, &mut attempt)])?;
-        trials.push(Trial::new(name, scores, attempt));
-    }
+    let (names, placements): (Vec<_>, Vec<_>) = gaming_placements(base).into_iter().unzip();
+    let mut attempts = evaluator.scores(&placements)?;
+    job.add_range_cards(placements.iter().zip(&mut attempts))?;
+    let trial = |(name, attempt)| Trial::new(name, scores, attempt);
+    let mut trials: Vec<Trial> = names.into_iter().zip(attempts).map(trial).collect();
     for metres in VISIBILITIES {
         let attempt = evaluator.scores_at(std::slice::from_ref(base), Some(metres))?.remove(0);
         trials.push(Trial::new(&format!("visibility cut to {metres} m"), scores, attempt));

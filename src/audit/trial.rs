@@ -81,7 +81,7 @@ pub fn gaming_placements(base: &Placement) -> Vec<(&'static str, Placement)> {
     let spread = |i: usize| 0.15 * (i as f64 - 1.5);
     let inside = |i: usize, z: f64| SensorPose { x: spread(i), y: 0.0, z, ..SensorPose::default() };
     let turned = |pose: SensorPose, roll: f64| SensorPose { roll, ..pose };
-    // About the sensor's own axes, and about those of the vehicle.
+    // Turns about the sensor's own y axis, and about the vehicle's x axis.
     let tipped = |pose: SensorPose, pitch: f64| {
         let own = Pose::new(DVec3::ZERO, 0.0, pitch, 0.0);
         with_rotation(pose, &pose.ego_from_sensor().compose(&own))
@@ -136,6 +136,7 @@ pub fn jittered(placement: &Placement, metres: f64, radians: f64, seed: u64) -> 
 mod tests {
     use super::*;
     use crate::problem::{Content, Tally};
+    use crate::targets::BlindSector;
 
     fn scores(covered: u64, gain: u64, reference: Option<&Tally>) -> Scores {
         let content = Content::new(vec!["a".into()], vec![], &[vec![]], false);
@@ -152,6 +153,14 @@ mod tests {
         assert_eq!(blind.fooled, ["m_sog", "m_sog_scaled"]);
         assert_eq!(blind.verdict, Verdict::Caught);
         assert_eq!(Trial::new("blind", &base, scores(100, 5, None)).verdict, Verdict::Fooled);
+        // As much information, and more of it near: only the car that is lost speaks against it.
+        let sector = BlindSector { bearings: [-15.0, 15.0], distances: [25.0, 50.0] };
+        let near =
+            |near_gain, guards| Scores { near_gain: Some(near_gain), guards, ..base.clone() };
+        let lost = || vec![Guard::BlindSector(sector)];
+        let (seeing, away) = (near(0.5, Vec::new()), near(0.6, lost()));
+        assert_eq!(Trial::new("away", &seeing, away.clone()).verdict, Verdict::Caught);
+        assert_eq!(Trial::new("as blind", &near(0.5, lost()), away).verdict, Verdict::NotFooled);
         let worse = Trial::new("worse", &base, scores(90, 49, None));
         assert_eq!((worse.fooled.len(), worse.verdict), (0, Verdict::NotFooled));
     }

@@ -307,7 +307,7 @@ impl Job {
                 let guards = self_hits(scene, member.problem(), engine, placement)?;
                 judged.by_scene[index].scores.guards.extend(guards);
             }
-            // Sectors of a mirror image are those of its scene, on the other side.
+            // A mirror image has the sectors of its scene on the other side.
             if !member.is_mirrored() {
                 let by_scene = judged.iter_mut().map(|judged| &mut judged.by_scene[index].scores);
                 add_range_cards(member.problem(), placements.iter().zip(by_scene))?;

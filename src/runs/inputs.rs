@@ -21,6 +21,22 @@ impl Files {
     /// # Errors
     /// Two files of placements, or placements without a scene.
     pub fn sort(files: &[PathBuf], watcher: &dyn Watcher) -> Result<Self, Error> {
+        let sorted = Self::told_apart(files)?;
+        if let ([], Some(only)) = (&sorted.scenes[..], &sorted.placements) {
+            return Err(Error::Usage(format!(
+                "{}: holds placements; give a scene to score them in before it",
+                only.display()
+            )));
+        }
+        note_repeated(&sorted.scenes, watcher);
+        Ok(sorted)
+    }
+
+    /// Like [`Self::sort`], for a command that may do without a scene.
+    ///
+    /// # Errors
+    /// Two files of placements.
+    pub fn told_apart(files: &[PathBuf]) -> Result<Self, Error> {
         let (placements, scenes): (Vec<PathBuf>, Vec<PathBuf>) =
             files.iter().cloned().partition(|file| holds_placements(file));
         if let [first, second, ..] = &placements[..] {
@@ -30,13 +46,6 @@ impl Files {
                 second.display()
             )));
         }
-        if let ([], Some(only)) = (&scenes[..], placements.first()) {
-            return Err(Error::Usage(format!(
-                "{}: holds placements; give a scene to score them in before it",
-                only.display()
-            )));
-        }
-        note_repeated(&scenes, watcher);
         Ok(Self { scenes, placements: placements.into_iter().next() })
     }
 

@@ -1,11 +1,12 @@
 //! Beams on targets at range: of placements on level ground, or in scenes.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
 use super::given::Given;
+use super::inputs::Files;
 use super::opening::{self, LoadTimes, Loaded};
 use super::{Computing, Error, GRACE};
 use crate::engine::BackendError;
@@ -15,8 +16,7 @@ use crate::report::targets::targets_svg;
 use crate::scan::conditions::{Condition, Kind, in_words, weather};
 use crate::scene::{Scene, Target};
 use crate::targets::{GroundBelow, Receiving, TargetQuestion, TargetSite, TargetTable};
-use crate::vehicle::placement_file::holds_placements;
-use crate::vehicle::read_placements;
+use crate::vehicle::{Placement, read_placements};
 
 /// Placements, targets and their places.
 #[derive(Debug, Clone)]
@@ -73,47 +73,27 @@ pub fn targets(request: &TargetsRequest, computing: &Computing<'_>) -> Result<Ta
     if let Some(file) = &request.out {
         writable_file(file)?;
     }
-    let mut placements = read_placements(&file)?;
+    let placements = read_placements(&file)?;
     let mut table = TargetTable::default();
     watcher.listen(GRACE);
     if let Some(vehicle) = computing.vehicle.as_deref().filter(|_| scenes.is_empty()) {
-        let scene = Scene::level_ground(vehicle)?;
-        scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
-        let site = TargetSite::of_vehicle(&scene)?.receiving(receiving.clone());
-        if !site.has_body() {
-            let vehicle = vehicle.display();
-            watcher.note(&format!(
-                "{vehicle}: has no `body`, so that nothing stands in the way of a beam"
-            ));
-        }
-        let given = Given::new(&file, site.sensors(), &scene.constraints(), computing);
-        given.all(&mut placements)?;
-        let bar = watcher.bar(placements.len() as u64, Some("placements"));
-        for placement in placements.iter().take_while(|_| watcher.goes_on()) {
-            let found = question.on_level_ground(&site, placement);
-            table.append(found.map_err(BackendError::from)?);
-            bar.advance(1);
-        }
+        table = on_level_ground(
+            &question,
+            receiving.clone(),
+            vehicle,
+            (&file, &placements),
+            computing,
+        )?;
     }
-    for path in &scenes {
-        let scene = opening::geometry(path, "static shapes and actors", computing)?;
-        opening::note_frames(&scene, Some(request.frames), watcher);
-        let ground = GroundBelow::new(&scene);
-        let job = Job::new(scene).geometry_alone().frames(Some(request.frames));
-        let job = job.engine(computing.engine.clone());
-        let mut loaded = Loaded { job, times: LoadTimes::default() };
-        let mut evaluator = loaded.evaluator(computing)?;
-        let problem = evaluator.shared_problem();
-        let mut placements = placements.clone();
-        Given::in_problem(&file, &problem, computing).all(&mut placements)?;
-        let site = TargetSite::of(&problem).receiving(receiving.clone());
-        let bar = watcher.bar(placements.len() as u64, Some("placements"));
-        for placement in placements.iter().take_while(|_| watcher.goes_on()) {
-            let (engine, place) = (evaluator.backend_mut(), (&*problem, &ground));
-            let found = question.in_scene(&site, place, engine, placement)?;
-            table.append(found.of_scene(loaded.job.scene().name()));
-            bar.advance(1);
-        }
+    for scene in &scenes {
+        let given = (&*file, &*placements);
+        table.append(in_scene(
+            &question,
+            receiving.clone(),
+            (scene, request.frames),
+            given,
+            computing,
+        )?);
     }
     if let Some(file) = &request.out {
         let svg = targets_svg(&question, &table);
@@ -124,19 +104,68 @@ pub fn targets(request: &TargetsRequest, computing: &Computing<'_>) -> Result<Ta
     Ok(TargetsFound { targets, beams, of_frames, conditions, table })
 }
 
+/// Table of placements of a file on level ground, with the vehicle of another.
+fn on_level_ground(
+    question: &TargetQuestion,
+    receiving: Option<Receiving>,
+    vehicle: &Path,
+    (file, placements): (&Path, &[Placement]),
+    computing: &Computing<'_>,
+) -> Result<TargetTable, Error> {
+    let (watcher, mut placements) = (computing.watcher, placements.to_vec());
+    let scene = Scene::level_ground(vehicle)?;
+    scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
+    let site = TargetSite::of_vehicle(&scene)?.receiving(receiving);
+    if !site.has_body() {
+        let vehicle = vehicle.display();
+        watcher.note(&format!(
+            "{vehicle}: has no `body`, so that nothing stands in the way of a beam"
+        ));
+    }
+    Given::new(file, site.sensors(), &scene.constraints(), computing).all(&mut placements)?;
+    let bar = watcher.bar(placements.len() as u64, Some("placements"));
+    let mut table = TargetTable::default();
+    for placement in placements.iter().take_while(|_| watcher.goes_on()) {
+        let found = question.on_level_ground(&site, placement);
+        table.append(found.map_err(BackendError::from)?);
+        bar.advance(1);
+    }
+    Ok(table)
+}
+
+/// Table of placements of a file in a scene, over some of its frames.
+fn in_scene(
+    question: &TargetQuestion,
+    receiving: Option<Receiving>,
+    (path, frames): (&Path, u32),
+    (file, placements): (&Path, &[Placement]),
+    computing: &Computing<'_>,
+) -> Result<TargetTable, Error> {
+    let (watcher, mut placements) = (computing.watcher, placements.to_vec());
+    let scene = opening::geometry(path, "static shapes and actors", computing)?;
+    opening::note_frames(&scene, Some(frames), watcher);
+    let ground = GroundBelow::new(&scene);
+    let job = Job::new(scene).geometry_alone().frames(Some(frames));
+    let job = job.engine(computing.engine.clone());
+    let mut loaded = Loaded { job, times: LoadTimes::default() };
+    let mut evaluator = loaded.evaluator(computing)?;
+    let problem = evaluator.shared_problem();
+    Given::in_problem(file, &problem, computing).all(&mut placements)?;
+    let site = TargetSite::of(&problem).receiving(receiving);
+    let bar = watcher.bar(placements.len() as u64, Some("placements"));
+    let mut table = TargetTable::default();
+    for placement in placements.iter().take_while(|_| watcher.goes_on()) {
+        let place = (&*problem, &ground);
+        table.append(question.in_scene(&site, place, evaluator.backend_mut(), placement)?);
+        bar.advance(1);
+    }
+    Ok(table.of_scene(loaded.job.scene().name()))
+}
+
 /// Scenes, and the file of placements.
 fn sorted(files: &[PathBuf], computing: &Computing<'_>) -> Result<(Vec<PathBuf>, PathBuf), Error> {
-    let (held, mut scenes): (Vec<PathBuf>, Vec<PathBuf>) =
-        files.iter().cloned().partition(|file| holds_placements(file));
-    let placements = match &held[..] {
-        [] => scenes.pop(),
-        [only] => Some(only.clone()),
-        [first, second, ..] => {
-            let (first, second) = (first.display(), second.display());
-            let told = format!("{first} and {second}: both hold placements; give one such file");
-            return Err(Error::Usage(told));
-        }
-    };
+    let Files { mut scenes, placements } = Files::told_apart(files)?;
+    let placements = placements.or_else(|| scenes.pop());
     let placements = placements
         .ok_or_else(|| Error::Usage("give a file of placements to look at".to_owned()))?;
     if scenes.is_empty() && computing.vehicle.is_none() {

@@ -89,9 +89,12 @@ impl Losses {
         let without: Vec<Placement> =
             without.into_iter().filter(|left| !left.lidars.is_empty()).collect();
         let (whole, left) = (score(evaluator, rig)?, evaluator.scores(&without)?);
-        let card = scene.range_cards(std::slice::from_ref(rig))?;
-        let cards = scene.range_cards(&without)?;
-        let known = card.first().map(|card| card.blind.clone()).unwrap_or_default();
+        let all: Vec<Placement> = std::iter::once(rig).chain(&without).cloned().collect();
+        let cards = scene.range_cards(&all)?;
+        let (known, cards) = match cards.split_first() {
+            Some((whole, cards)) => (&whole.blind[..], cards),
+            None => (&[][..], &[][..]),
+        };
         let new = |card: &RangeCard| {
             let new = card.blind.iter().filter(|sector| !known.contains(sector));
             new.map(BlindSector::to_string).collect()

@@ -194,7 +194,11 @@ impl Problem {
         let world = if frames.is_empty() { World::default() } else { make_world(far)? };
         let task = Task::new(*roi, content, sensors, world, ends_at_hits).numbered(frames);
         let body = Frame::from(Arc::new(Bvh::build(&scene.part(scene.body_part()), far)));
-        let target_rules = scene.vehicle().targets.clone().into();
+        let rules = &scene.vehicle().targets;
+        if let Some(rule) = rules.first().filter(|_| !task.ends_at_hits()) {
+            return Err(ProblemError::TargetWithoutHits { name: rule.name.clone() });
+        }
+        let target_rules = rules.clone().into();
         let problem = Self::from(task).with_constraints(scene.constraints());
         Ok(Self { body, target_rules, ..problem })
     }

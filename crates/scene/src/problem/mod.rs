@@ -42,6 +42,15 @@ pub enum ProblemError {
         /// Name on the vehicle.
         name: String,
     },
+    /// Targets must be met where beams end at nothing.
+    #[error(
+        "the vehicle requires `{name}`, and beams end at nothing in this scene; give the scene geometry and \
+         \"coverage\": \"first-hit\", or leave the target out of `require`"
+    )]
+    TargetWithoutHits {
+        /// Name of the first rule on a target.
+        name: String,
+    },
     /// The trees do not fit into memory.
     #[error(transparent)]
     OutOfMemory(#[from] OutOfMemory),
