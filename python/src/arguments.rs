@@ -7,11 +7,13 @@ use std::ops::RangeInclusive;
 use lidar_cast::memory;
 use pyo3::PyClass;
 use pyo3::exceptions::{
-    PyArithmeticError, PyAttributeError, PyMemoryError, PyTypeError, PyValueError,
+    PyArithmeticError, PyAttributeError, PyBufferError, PyLookupError, PyMemoryError,
+    PyNotImplementedError, PyTypeError, PyValueError,
 };
 use pyo3::prelude::*;
-use pyo3::types::PyString;
+use pyo3::types::{PyBool, PyString};
 
+use crate::arrays::MOST_BYTES;
 use crate::errors::bad;
 
 /// Longest value in a message, in characters.
@@ -137,7 +139,8 @@ pub fn listed<'py, T: PyClass>(
     items.collect::<PyResult<_>>().map(Some)
 }
 
-fn texts(what: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+/// A list of texts.
+pub fn texts(what: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     // A text is a list of letters in Python.
     let letters = given.is_instance_of::<PyString>();
     let length = given.len().ok().filter(|_| !letters);
@@ -156,6 +159,22 @@ fn texts(what: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
         }
     }
     Ok(texts)
+}
+
+/// Entries of a list, as many as it says it has.
+pub fn entries<'py>(
+    what: &str,
+    given: &Bound<'py, PyAny>,
+    wanted: &str,
+) -> PyResult<Vec<Bound<'py, PyAny>>> {
+    let found = given.len().and_then(|length| {
+        room_for("lists", length, size_of::<Bound<'_, PyAny>>())?;
+        (0..length).map(|k| given.get_item(k)).collect()
+    });
+    found.or_else(|error| {
+        or_raised(given.py(), error)?;
+        Err(bad(format!("{what}: is {}; give {wanted}", shown(given))))
+    })
 }
 
 /// A whole number in `allowed`: an `int`, or a float without a fraction; no `bool`.
@@ -186,11 +205,36 @@ pub fn whole_of_float(value: f64) -> Option<i128> {
     (value.fract() == 0.0 && value.abs() < 1.7e38).then_some(value as i128)
 }
 
+/// True for one number of a real type: no truth value, text, or array with axes.
+///
+/// Python takes truth values for whole numbers; NumPy takes texts, and arrays of one element, for numbers.
+fn is_one_number(given: &Bound<'_, PyAny>) -> PyResult<bool> {
+    if given.is_instance_of::<PyBool>() {
+        return Ok(false);
+    }
+    let Some(dtype) = given.getattr_opt("dtype")? else { return Ok(true) };
+    let has_no_axes = match given.getattr_opt("ndim")? {
+        Some(axes) => axes.eq(0)?,
+        None => true,
+    };
+    // PyTorch names its types; NumPy has a letter for their kind. A `long double` is rounded where it is read.
+    let is_real = match dtype.getattr_opt("kind")? {
+        Some(kind) => {
+            let bytes = dtype.getattr("itemsize")?.extract::<usize>()?;
+            bytes <= MOST_BYTES && ["i", "u", "f"].iter().any(|real| kind.eq(real).unwrap_or(false))
+        }
+        None => {
+            let name = dtype.str()?;
+            let name = name.to_string_lossy();
+            !name.contains("bool") && !name.contains("complex")
+        }
+    };
+    Ok(has_no_axes && is_real)
+}
+
 /// The whole number that an object stands for; `None` where it stands for none.
 fn exact(given: &Bound<'_, PyAny>) -> PyResult<Option<i128>> {
-    // Truth values are whole numbers in Python, and no counts; NumPy and PyTorch have their own.
-    let kind = given.getattr("dtype").unwrap_or_else(|_| given.get_type().into_any());
-    if kind.str().is_ok_and(|kind| kind.to_string_lossy().contains("bool")) {
+    if !is_one_number(given)? {
         return Ok(None);
     }
     match given.extract::<i128>() {
@@ -210,8 +254,8 @@ pub fn real(
     wanted: &str,
     is_allowed: fn(f64) -> bool,
 ) -> PyResult<f64> {
-    let value = match given.extract::<f64>() {
-        Ok(value) => Some(value),
+    let value = match is_one_number(given)?.then(|| given.extract::<f64>()).transpose() {
+        Ok(value) => value,
         Err(error) => or_raised(given.py(), error).map(|()| None)?,
     };
     value
@@ -236,7 +280,11 @@ pub fn or_raised(py: Python<'_>, error: PyErr) -> PyResult<()> {
     let of_value = error.is_instance_of::<PyTypeError>(py)
         || error.is_instance_of::<PyValueError>(py)
         || error.is_instance_of::<PyArithmeticError>(py)
-        || error.is_instance_of::<PyAttributeError>(py);
+        || error.is_instance_of::<PyAttributeError>(py)
+        || error.is_instance_of::<PyLookupError>(py)
+        || error.is_instance_of::<PyBufferError>(py)
+        // Views of memory of several axes have no rows to give.
+        || error.is_instance_of::<PyNotImplementedError>(py);
     if of_value { Ok(()) } else { Err(error) }
 }
 

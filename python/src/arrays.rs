@@ -16,7 +16,7 @@ use crate::errors::bad;
 /// Bytes that an element of a Python list takes, at least: a pointer, a number, and its copy in an array.
 const LISTED_BYTES: usize = 40;
 /// Bytes of the largest number that is taken.
-const MOST_BYTES: usize = 8;
+pub const MOST_BYTES: usize = 8;
 /// Axes that an array may have: those of NumPy before 2.
 const MOST_AXES: usize = 32;
 

@@ -16,7 +16,7 @@ use sightline::internals::{EntropyKind, FileError, to_nats, write_whole};
 use sightline::psog::{PsogError, PsogInfo, Roi, read_psog, write_psog};
 use sightline::scan::NO_CLASS;
 
-use crate::arguments::{self, room_for};
+use crate::arguments::{self, entries, room_for};
 use crate::arrays::{column, few_numbers, matrix, numbers, rows, shape_in_words, wholes};
 use crate::errors::{bad, raised};
 use crate::json::to_python;
@@ -110,13 +110,19 @@ impl PyPsog {
         #[pyo3(from_py_with = arguments::window)] window: Option<u32>,
         #[pyo3(from_py_with = arguments::moving)] moving: Option<Vec<String>>,
     ) -> PyResult<Self> {
-        let [count, labelled_frames, posed] = [points, labels, poses].map(|list| list.len());
-        let (count, labelled_frames, posed) = (count?, labelled_frames?, posed?);
-        if count != labelled_frames || count != posed {
+        // Lengths first: an entry of a long list takes memory.
+        let [count, labelled_frames, posed] = [points, labels, poses].map(|list| list.len().ok());
+        if let (Some(count), Some(labelled_frames), Some(posed)) = (count, labelled_frames, posed)
+            && (count != labelled_frames || count != posed)
+        {
             return Err(bad(format!(
                 "points, labels and poses: are lists of {count}, {labelled_frames} and {posed} frames; give one entry a frame in each",
             )));
         }
+        let wanted = "a list with an entry a frame";
+        let points = entries("points", points, wanted)?;
+        let labels = entries("labels", labels, wanted)?;
+        let poses = entries("poses", poses, wanted)?;
         if classes.len() >= usize::from(NO_CLASS) {
             return Err(bad(format!("classes: are {}; give fewer than {NO_CLASS}", classes.len())));
         }
@@ -130,9 +136,9 @@ impl PyPsog {
         let grid =
             Roi::from_bounds(lower, upper, edges).map_err(PsogError::from).map_err(raised)?;
         let mut frames = Vec::new();
-        for t in 0..count {
-            let scan = labelled(t, &points.get_item(t)?, &labels.get_item(t)?, &moves)?;
-            frames.push((scan, pose(t, &poses.get_item(t)?)?));
+        for t in 0..points.len() {
+            let scan = labelled(t, &points[t], &labels[t], &moves)?;
+            frames.push((scan, pose(t, &poses[t])?));
         }
         let recording = Recording { classes, frames };
         let options = PsogOptions { window, ..PsogOptions::new(grid) };

@@ -262,14 +262,14 @@ impl PyScene {
         &self,
         py: Python<'py>,
         poses: &Bound<'py, PyAny>,
-        targets: Vec<String>,
-        distances: Vec<f64>,
-        bearings: Vec<f64>,
+        targets: &Bound<'py, PyAny>,
+        distances: &Bound<'py, PyAny>,
+        bearings: &Bound<'py, PyAny>,
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<u32>>> {
         let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
-        let question = target_question(&targets, distances, bearings)?;
+        let question = target_question(targets, distances, bearings)?;
         let shape = [
             question.targets.len(),
             question.bearings.len(),

@@ -1,25 +1,55 @@
 //! Beams on targets and range cards of a scene's vehicle.
 
+use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
 use sightline::Placement;
 use sightline::scene::Target;
-use sightline::targets::{RangeCard, TargetQuestion};
+use sightline::targets::{RangeCard, TargetQuestion, TargetRow, is_bearing, is_distance};
 
+use crate::arguments::{self, room_for};
+use crate::arrays::{numbers, shape_in_words};
 use crate::engine::Built;
 use crate::errors::{bad, raised};
 
-/// Targets by preset or file, at finite distances in metres and bearings in degrees.
+/// Bytes of a row of a table, with its names and the beams of each LiDAR.
+const ROW_BYTES: usize = size_of::<TargetRow>() + 128;
+
+/// Targets by preset or file, at distances in metres and bearings in degrees.
 pub fn target_question(
-    targets: &[String],
-    distances: Vec<f64>,
-    bearings: Vec<f64>,
+    targets: &Bound<'_, PyAny>,
+    distances: &Bound<'_, PyAny>,
+    bearings: &Bound<'_, PyAny>,
 ) -> PyResult<TargetQuestion> {
     let named = |name: &String| Target::named(name).map_err(|error| bad(error.to_string()));
+    let targets = arguments::texts("targets", targets)?;
     let targets = targets.iter().map(named).collect::<PyResult<Vec<_>>>()?;
-    if !distances.iter().chain(&bearings).all(|number| number.is_finite()) {
-        return Err(bad("distances and bearings: give finite numbers".to_owned()));
-    }
+    let above_0 = "metres above 0 and up to 1000";
+    let distances = row("distances", distances, above_0, is_distance)?;
+    let bearings = row("bearings", bearings, "degrees from -360 to 360", is_bearing)?;
+    let rows = [targets.len(), bearings.len(), distances.len()];
+    let rows = rows.into_iter().fold(1, usize::saturating_mul);
+    room_for("beams on targets", rows, ROW_BYTES)?;
     Ok(TargetQuestion { targets, distances, bearings, beams: 1, of_frames: 1 })
+}
+
+/// Numbers in a row that `is_allowed`.
+fn row(
+    what: &str,
+    given: &Bound<'_, PyAny>,
+    allowed: &str,
+    is_allowed: fn(f64) -> bool,
+) -> PyResult<Vec<f64>> {
+    let wanted = format!("[N] {allowed}");
+    let array = numbers::<f64>(what, given, &wanted)?;
+    let values: Vec<f64> = array.as_array().iter().copied().collect();
+    if array.ndim() != 1 {
+        let shape = shape_in_words(array.shape());
+        return Err(bad(format!("{what}: has the shape {shape}; give {wanted}")));
+    }
+    match values.iter().position(|value| !is_allowed(*value)) {
+        Some(at) => Err(bad(format!("{what}[{at}]: is {}; give {allowed}", values[at]))),
+        None => Ok(values),
+    }
 }
 
 impl Built {

@@ -57,7 +57,7 @@ def test_beams_on_targets_are_those_of_the_program(tmp_path: Path) -> None:
     assert beams[0].min() > 0 and beams[0].sum() > beams[1].sum()
     with pytest.raises(ValueError, match="did you mean `child`"):
         scene.beams_on(rig, ["chidl"], distances, bearings)
-    with pytest.raises(ValueError, match="finite"):
+    with pytest.raises(ValueError, match=r"^distances\[0\]: is NaN; give metres above 0"):
         scene.beams_on(rig, targets, [np.nan], bearings)
 
 

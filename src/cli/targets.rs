@@ -8,6 +8,7 @@ use crate::internals::targets_text;
 use crate::runs::Error;
 use crate::runs::targets::{TargetsRequest, targets};
 use crate::scan::conditions::under;
+use crate::targets::{is_bearing, is_distance};
 
 use super::args::{Compute, Conditions, Format, Named};
 use super::exit::Exit;
@@ -70,12 +71,12 @@ fn usual_distances() -> Vec<f64> {
 }
 
 fn distance(text: &str) -> Result<f64, String> {
-    let found = text.trim().parse().ok().filter(|v: &f64| *v > 0.0 && *v <= 1000.0);
+    let found = text.trim().parse().ok().filter(|metres| is_distance(*metres));
     found.ok_or("give metres above 0 and up to 1000, as 10,20,30".to_owned())
 }
 
 fn bearing(text: &str) -> Result<f64, String> {
-    let found = text.trim().parse().ok().filter(|v: &f64| v.abs() <= 360.0);
+    let found = text.trim().parse().ok().filter(|degrees| is_bearing(*degrees));
     found.ok_or("give degrees from -360 to 360, as 0,90,180".to_owned())
 }
 

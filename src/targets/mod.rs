@@ -27,4 +27,4 @@ pub use beams::{Receiving, Standing, TargetSite};
 pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges};
 pub use places::GroundBelow;
 pub use sight::{CAR_WEIGHT, Missing, RuleMet, Sight, SightBeams};
-pub use table::{Detection, TargetQuestion, TargetRow, TargetTable};
+pub use table::{Detection, TargetQuestion, TargetRow, TargetTable, is_bearing, is_distance};

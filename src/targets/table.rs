@@ -25,6 +25,16 @@ pub struct TargetQuestion {
     pub of_frames: usize,
 }
 
+/// True for a distance that a question may have, metres.
+pub fn is_distance(metres: f64) -> bool {
+    metres > 0.0 && metres <= 1000.0
+}
+
+/// True for a bearing that a question may have, degrees.
+pub fn is_bearing(degrees: f64) -> bool {
+    degrees.abs() <= 360.0
+}
+
 /// Beams of a placement on a target at one place.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TargetRow {
