@@ -272,16 +272,15 @@ impl Job {
         &self,
         all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
     ) -> Result<(), JobError> {
-        Ok(add_range_cards(&*self.problem()?, all)?)
+        Ok(add_range_cards(self.target_site()?, all)?)
     }
 
     /// Sensors and body of the first scene's vehicle, for beams on targets; `None` where beams end at nothing.
     ///
     /// # Errors
     /// See [`Self::problem`].
-    pub fn target_site(&self) -> Result<Option<TargetSite>, JobError> {
-        let problem = self.problem()?;
-        Ok(problem.ends_at_hits().then(|| TargetSite::of(&problem)))
+    pub fn target_site(&self) -> Result<Option<&TargetSite>, JobError> {
+        self.scenes[0].target_site()
     }
 
     /// Adds the guard `self_hit` to scores over all scenes, and to those in each of several by its own body.
@@ -302,15 +301,15 @@ impl Job {
         let several = if self.suite()?.is_single() { 0 } else { evaluator.members().len() };
         for index in 0..several {
             let (member, engine) = evaluator.member_mut(index);
-            let scene = self.scenes[member.scene()].scene();
+            let scene = &self.scenes[member.scene()];
             for (placement, judged) in member.seen(placements).iter().zip(judged.iter_mut()) {
-                let guards = self_hits(scene, member.problem(), engine, placement)?;
+                let guards = self_hits(scene.scene(), member.problem(), engine, placement)?;
                 judged.by_scene[index].scores.guards.extend(guards);
             }
             // A mirror image has the sectors of its scene on the other side.
             if !member.is_mirrored() {
                 let by_scene = judged.iter_mut().map(|judged| &mut judged.by_scene[index].scores);
-                add_range_cards(member.problem(), placements.iter().zip(by_scene))?;
+                add_range_cards(scene.target_site()?, placements.iter().zip(by_scene))?;
             }
         }
         Ok(())
@@ -325,18 +324,14 @@ impl Job {
     }
 }
 
-/// Range cards of placements of a problem's vehicle, and their blind sectors as guards; nothing where beams end at
-/// nothing.
+/// Range cards of placements on a site, and their blind sectors as guards; nothing where there is no site.
 fn add_range_cards<'a>(
-    problem: &Problem,
+    site: Option<&TargetSite>,
     all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
 ) -> Result<(), BackendError> {
-    if !problem.ends_at_hits() {
-        return Ok(());
-    }
-    let site = TargetSite::of(problem);
+    let Some(site) = site else { return Ok(()) };
     for (placement, scores) in all {
-        let card = RangeCard::new(&site, &placement.lidars)?;
+        let card = RangeCard::new(site, &placement.lidars)?;
         scores.guards.extend(card.blind.iter().copied().map(Guard::BlindSector));
         scores.range_card = Some(card);
     }

@@ -8,6 +8,7 @@ use crate::psog::{Psog, read_psog};
 use crate::scan::conditions::{Condition, in_words};
 use crate::scan::{in_conditions, scan_scene};
 use crate::scene::{PsogSource, Scene};
+use crate::targets::TargetSite;
 use crate::vehicle::{Constraints, Sensors};
 
 /// One scene of a [`Job`](super::Job), with all that decides about its problem.
@@ -25,6 +26,8 @@ pub struct JobScene {
     constraints: Option<Constraints>,
     pub(super) draw: u64,
     problem: OnceLock<Arc<Problem>>,
+    /// Sensors and body for beams on targets, made on first use; copies of this scene share it.
+    site: Arc<OnceLock<TargetSite>>,
 }
 
 /// Voxels that hold information.
@@ -59,6 +62,7 @@ impl From<Arc<Scene>> for JobScene {
             constraints: None,
             draw: 0,
             problem: OnceLock::new(),
+            site: Arc::default(),
         }
     }
 }
@@ -72,7 +76,7 @@ impl From<Scene> for JobScene {
 impl JobScene {
     /// The scene with other settings; its problem is made anew.
     pub(super) fn with(mut self, change: impl FnOnce(&mut Self)) -> Self {
-        self.problem = OnceLock::new();
+        (self.problem, self.site) = (OnceLock::new(), Arc::default());
         change(&mut self);
         self
     }
@@ -132,6 +136,15 @@ impl JobScene {
         }
         let psog = Arc::new(psog_of(&self.scene, go_on)?);
         Ok(self.psog.get_or_init(|| psog).clone())
+    }
+
+    /// Sensors and body of the vehicle, for beams on targets, made on first use; `None` where beams end at nothing.
+    ///
+    /// # Errors
+    /// See [`Self::problem`].
+    pub fn target_site(&self) -> Result<Option<&TargetSite>, JobError> {
+        let problem = self.problem()?;
+        Ok(problem.ends_at_hits().then(|| self.site.get_or_init(|| TargetSite::of(&problem))))
     }
 
     /// The problem, made on first use.

@@ -1,7 +1,7 @@
 //! Beams of a placement whose closest hit is a target, with the own body in the way.
 
-use std::cell::RefCell;
 use std::f64::consts::PI;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use glam::{DVec3, Vec3};
@@ -16,6 +16,9 @@ use crate::problem::{DevicePose, Frame, Problem, beam_direction, beam_origin};
 use crate::scan::conditions::Weather;
 use crate::scene::{Scene, Target};
 use crate::vehicle::{Response, SensorError, SensorModel, SensorPose, Sensors, UnknownSensor};
+
+/// Places of targets that a thread takes at once.
+const PLACES_AT_ONCE: usize = 64;
 
 /// Sensor models and own body of a vehicle, for beams on targets on level ground.
 #[derive(Debug, Clone)]
@@ -70,8 +73,8 @@ struct Looking<'a> {
 
 /// Metres at which beams end at anything but a target.
 enum Ends<'a> {
-    /// At the own body: looked up on demand, NaN where it has not been.
-    Body { body: &'a Frame, known: RefCell<Vec<f32>> },
+    /// At the own body: looked up on demand. Bits of metres, those of NaN where it has not been.
+    Body { body: &'a Frame, known: Vec<AtomicU32> },
     /// At hits that are known.
     Hits(&'a [Hit]),
 }
@@ -123,11 +126,30 @@ impl TargetSite {
         standing: &[Standing<'_>],
         enough: u32,
     ) -> Result<Vec<u32>, UnknownSensor> {
-        let model = self.sensors.number(lidar)?;
-        let known = RefCell::new(vec![f32::NAN; self.sensors.table(model).directions().len()]);
-        let pose = self.at_rest(model, lidar);
-        let looking = self.looking(model, pose, Ends::Body { body: &self.body, known });
+        let looking = self.looking_out(lidar)?;
         Ok(standing.iter().map(|standing| looking.beams(standing, enough)).collect())
+    }
+
+    /// True for each of some targets, each alone on its ground, that at least `enough` beams of a placement meet.
+    ///
+    /// # Errors
+    /// A model that the vehicle does not have.
+    pub fn met(
+        &self,
+        lidars: &[SensorPose],
+        standing: &[Standing<'_>],
+        enough: u32,
+    ) -> Result<Vec<bool>, UnknownSensor> {
+        let looking = lidars.iter().map(|lidar| self.looking_out(lidar));
+        let looking = looking.collect::<Result<Vec<_>, _>>()?;
+        let is_met = |standing: &Standing<'_>| {
+            let mut left = enough;
+            looking.iter().any(|lidar| {
+                left -= lidar.beams(standing, left).min(left);
+                left == 0
+            })
+        };
+        Ok(standing.par_iter().with_min_len(PLACES_AT_ONCE).map(is_met).collect())
     }
 
     /// Beams of each LiDAR of a placement on each of some targets, `[targets][lidars]`; see [`Self::beams`].
@@ -168,6 +190,15 @@ impl TargetSite {
     fn at_rest(&self, model: usize, lidar: &SensorPose) -> Pose {
         let phase = lidar.phase.unwrap_or_else(|| self.sensors.models()[model].phase.at_rest());
         self.sensors.ego_from_sensor(model, &SensorPose { phase: Some(phase), ..*lidar }, 0)
+    }
+
+    /// A LiDAR on the vehicle, nothing else around it.
+    fn looking_out(&self, lidar: &SensorPose) -> Result<Looking<'_>, UnknownSensor> {
+        let model = self.sensors.number(lidar)?;
+        let beams = self.sensors.table(model).directions().len();
+        let known = (0..beams).map(|_| AtomicU32::new(f32::NAN.to_bits())).collect();
+        let pose = self.at_rest(model, lidar);
+        Ok(self.looking(model, pose, Ends::Body { body: &self.body, known }))
     }
 
     fn looking<'a>(&'a self, model: usize, ego_from_sensor: Pose, ends: Ends<'a>) -> Looking<'a> {
@@ -252,14 +283,15 @@ impl Looking<'_> {
         let ends = match &self.ends {
             Ends::Hits(hits) => end_of(&hits[beam]),
             Ends::Body { body, known } => {
-                let mut known = known.borrow_mut();
-                if known[beam].is_nan() {
+                let mut end = f32::from_bits(known[beam].load(Ordering::Relaxed));
+                if end.is_nan() {
                     let table = &self.model.table;
                     let (direction, range) = (table.directions()[beam], table.range());
-                    known[beam] =
-                        end_of(&closest_hit_in(body, &self.ego_from_sensor, direction, range));
+                    end = end_of(&closest_hit_in(body, &self.ego_from_sensor, direction, range));
+                    // Two threads that both look it up find the same bits.
+                    known[beam].store(end.to_bits(), Ordering::Relaxed);
                 }
-                known[beam]
+                end
             }
         };
         metres < ends

@@ -2,7 +2,6 @@
 
 use std::sync::{Arc, OnceLock};
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::beams::{Standing, TargetSite};
@@ -165,15 +164,11 @@ impl RangeCard {
                 at: position(distances[place.distance], degrees(place.bearing)),
             })
             .collect();
-        let mut beams = vec![0_u32; places.len()];
-        let of_lidar = lidars.par_iter().map(|lidar| site.beams(lidar, &standing, CARD_BEAMS));
-        for of_lidar in of_lidar.collect::<Result<Vec<_>, _>>()? {
-            beams.iter_mut().zip(of_lidar).for_each(|(sum, count)| *sum += count);
-        }
+        let is_met = site.met(lidars, &standing, CARD_BEAMS)?;
         // `None` where the own vehicle stands.
         let mut met = vec![vec![vec![None; distances.len()]; FINE]; targets.len()];
-        for (place, beams) in places.iter().zip(&beams) {
-            met[place.target][place.bearing][place.distance] = Some(*beams >= CARD_BEAMS);
+        for (place, is_met) in places.iter().zip(is_met) {
+            met[place.target][place.bearing][place.distance] = Some(is_met);
         }
         let of_target = |(target, met): (&Arc<Target>, &Vec<Vec<Option<bool>>>)| TargetRanges {
             target: target.name.clone(),

@@ -74,11 +74,15 @@ impl BeamFinder {
         let mut rows: Vec<usize> = (first..=last).collect();
         let level = row(elevation);
         rows.sort_by_key(|row| row.abs_diff(level));
+        // Cells of a row lie one after the other: one run of beams, or two where columns go past the last one.
+        let first = begin % COLUMNS;
+        let end = first + columns;
+        let runs = [first..end.min(COLUMNS), 0..end.saturating_sub(COLUMNS)];
         for row in rows {
-            for column in (begin..begin + columns).map(|column| column % COLUMNS) {
-                let cell = row * COLUMNS + column;
-                let beams = self.starts[cell] as usize..self.starts[cell + 1] as usize;
-                if !self.beams[beams].iter().all(|&beam| go_on(beam as usize)) {
+            for run in &runs {
+                let [from, to] = [run.start, run.end].map(|k| self.starts[row * COLUMNS + k]);
+                let beams = &self.beams[from as usize..to as usize];
+                if !beams.iter().all(|&beam| go_on(beam as usize)) {
                     return;
                 }
             }
