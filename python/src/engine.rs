@@ -200,7 +200,7 @@ pub fn guard(
         return Ok(());
     }
     let all = placements.iter().zip(scores);
-    job.add_self_hits(evaluator.backend_mut(), all).map_err(raised)
+    job.look_closely(evaluator.backend_mut(), all).map_err(raised)
 }
 
 /// Adds the near field to the scores of placements in a scene.

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use crate::engine::{EngineChoice, EngineKind};
+use crate::job::Tolerance;
 use crate::runs::Computing;
 use crate::scan::conditions::Condition;
 use crate::threads;
@@ -58,6 +59,15 @@ pub struct Conditions {
     /// beams that do not come back cover and see nothing
     #[arg(long, value_name = "NAME[:KEY=VALUE,…]")]
     pub condition: Vec<Condition>,
+}
+
+/// Mounting of the LiDARs.
+#[derive(Args, Debug, Clone, Copy)]
+pub struct Mounting {
+    /// Most by which a LiDAR's mounting is off: each coordinate and each angle, to either side; 0 for none. Each
+    /// requirement is looked at in 200 copies mounted so: one that fewer than 95 % of them meet is met on paper only
+    #[arg(long, value_name = "LENGTH,ANGLE", default_value_t = Tolerance::default())]
+    pub tolerance: Tolerance,
 }
 
 /// Value of `--backend`.

@@ -11,7 +11,9 @@ use crate::score::Seen;
 use crate::search::{FrameChoice, Method, Settings};
 use crate::vehicle::{MountRules, SensorPose};
 
-use super::args::{Compute, Conditions, Format, Named, at_least_one, finite, parse_seconds, whole};
+use super::args::{
+    Compute, Conditions, Format, Mounting, Named, at_least_one, finite, parse_seconds, whole,
+};
 use super::exit::Exit;
 use super::glb::Gltf;
 
@@ -97,6 +99,8 @@ pub struct Args {
     #[arg(long, value_name = "PRICE", conflicts_with = "resume", value_parser = finite)]
     budget: Option<f64>,
     #[command(flatten)]
+    mounting: Mounting,
+    #[command(flatten)]
     conditions: Conditions,
     /// How to print the result
     #[arg(long, value_enum, default_value_t = Format::Text)]
@@ -153,6 +157,7 @@ fn new_run(args: &Args) -> NewRun {
         mirror: args.mirror,
         rules: args.rules.for_mount(),
         budget: args.budget,
+        tolerance: Some(args.mounting.tolerance),
         conditions: in_words(&args.conditions.condition),
         ..JobFiles::new(&args.scenes, args.compute.vehicle.as_deref())
     };

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::runs::score::{ScoreRequest, score};
 
-use super::args::{Compute, Conditions, Format, Named, whole};
+use super::args::{Compute, Conditions, Format, Mounting, Named, whole};
 use super::exit::Exit;
 use super::output::unless_closed;
 use crate::runs::Error;
@@ -44,6 +44,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole::<u64>)]
     draw: u64,
     #[command(flatten)]
+    mounting: Mounting,
+    #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
     named: Named,
@@ -62,6 +64,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         frames: args.frames,
         near_field: args.near_field,
         draw: args.draw,
+        tolerance: args.mounting.tolerance,
         conditions: args.conditions.condition.clone(),
     };
     let computing = args.named.computing(&args.compute, &terminal);

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::{Job, JobError, JobScene};
+use super::{Job, JobError, JobScene, Tolerance};
 use crate::scan::conditions::Condition;
 use crate::scene::Scene;
 use crate::vehicle::MountRules;
@@ -29,6 +29,9 @@ pub struct JobFiles {
     /// Most that the sensors may cost.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget: Option<f64>,
+    /// Mounting tolerance within which requirements are to hold.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tolerance: Option<Tolerance>,
     /// Weather and faults, as they are written: `fog:mor=50`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub conditions: Vec<String>,
@@ -72,7 +75,7 @@ impl JobFiles {
         let conditions = conditions.collect::<Result<Vec<Condition>, _>>()?;
         let job = Job::join(scenes.into_iter().map(Job::new))?;
         let job = job.conditions(&conditions).frames(self.frames);
-        Ok(job.mirrored(self.mirror).budget(self.budget))
+        Ok(job.mirrored(self.mirror).budget(self.budget).tolerance(self.tolerance))
     }
 
     /// The job, its scenes read.

@@ -5,6 +5,7 @@
 //! | `scene` | one scene of a job: P-SOG, frames, sensors and weather, and the problem that these pose |
 //! | `search` | the search of a job step by step: sensors for the money, placements, own body |
 //! | `files` | a job as its files and options say it, to be saved and repeated |
+//! | `tolerance` | requirements in copies that are mounted a little off |
 //! | `error` | why a job cannot be posed or searched |
 //!
 //! Program, Python module, studies, chart and audit hold a [`Job`] and take nothing of this chain apart.
@@ -13,6 +14,7 @@ mod error;
 mod files;
 mod scene;
 mod search;
+mod tolerance;
 
 use std::sync::{Arc, OnceLock};
 
@@ -32,6 +34,7 @@ pub use files::JobFiles;
 pub use scene::JobScene;
 use scene::{Frames, Worth};
 pub use search::{Found, JobRun, JobState, JobStep};
+pub use tolerance::{COPIES, Tolerance};
 
 /// The main job: poses for the LiDARs of a vehicle, in one scene or several.
 #[derive(Debug, Clone)]
@@ -42,6 +45,8 @@ pub struct Job {
     mirror: bool,
     /// Most that the sensors of the vehicle may cost; `None` sets no limit.
     budget: Option<f64>,
+    /// Mounting within which requirements are to hold; `None` does not look.
+    tolerance: Option<Tolerance>,
     /// Objective, seed, engine and length of the search.
     settings: Settings,
     /// True if a vehicle's result is compared with a plain layout of its own sensors, not with [`Settings::baselines`].
@@ -52,7 +57,7 @@ impl Job {
     /// A job in one scene: its own vehicle, all frames, clear air, the default search.
     pub fn new(scene: impl Into<JobScene>) -> Self {
         let (scenes, settings) = (vec![scene.into()], Settings::default());
-        Self { scenes, mirror: false, budget: None, settings, is_plain: true }
+        Self { scenes, mirror: false, budget: None, tolerance: None, settings, is_plain: true }
     }
 
     /// A job over the scenes of several jobs, each with its own frames and weather; their mean is maximized.
@@ -138,6 +143,12 @@ impl Job {
     #[must_use]
     pub fn budget(self, budget: Option<f64>) -> Self {
         Self { budget, ..self }
+    }
+
+    /// Mounting tolerance within which requirements are to hold; `None` does not look.
+    #[must_use]
+    pub fn tolerance(self, tolerance: Option<Tolerance>) -> Self {
+        Self { tolerance, ..self }
     }
 
     /// Length and method of the search, with its objective, seed and engine.
@@ -242,16 +253,17 @@ impl Job {
         let (mut evaluator, _) = self.evaluator(|_| {})?;
         let mut judged = evaluator.judged(placements)?;
         if placements.len() <= FEW_PLACEMENTS {
-            self.add_self_hits_by_scene(&mut evaluator, placements, &mut judged)?;
+            self.look_closely_by_scene(&mut evaluator, placements, &mut judged)?;
         }
         Ok(judged)
     }
 
-    /// Adds the guard `self_hit` and range cards to scores, by the first scene, whose own body all scenes share.
+    /// Adds the guard `self_hit`, range cards and how requirements hold to scores, by the first scene, whose own body all
+    /// scenes share.
     ///
     /// # Errors
     /// An engine that fails, a sensor that the vehicle does not have.
-    pub fn add_self_hits<'a>(
+    pub fn look_closely<'a>(
         &self,
         engine: &mut dyn Backend,
         all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
@@ -261,6 +273,7 @@ impl Job {
         for (placement, scores) in &mut all {
             scores.guards.extend(self_hits(self.scene(), &problem, engine, placement)?);
         }
+        self.add_holds(&mut all)?;
         self.add_range_cards(all)
     }
 
@@ -286,18 +299,15 @@ impl Job {
     /// Adds the guard `self_hit` to scores over all scenes, and to those in each of several by its own body.
     ///
     /// # Errors
-    /// See [`Self::add_self_hits`].
-    pub fn add_self_hits_by_scene(
+    /// See [`Self::look_closely`].
+    pub fn look_closely_by_scene(
         &self,
         evaluator: &mut Evaluator,
         placements: &[Placement],
         judged: &mut [Judged],
     ) -> Result<(), JobError> {
         let all = placements.iter().zip(judged.iter_mut());
-        self.add_self_hits(
-            evaluator.backend_mut(),
-            all.map(|(p, judged)| (p, &mut judged.scores)),
-        )?;
+        self.look_closely(evaluator.backend_mut(), all.map(|(p, judged)| (p, &mut judged.scores)))?;
         let several = if self.suite()?.is_single() { 0 } else { evaluator.members().len() };
         for index in 0..several {
             let (member, engine) = evaluator.member_mut(index);

@@ -110,7 +110,10 @@ impl Job {
     /// # Errors
     /// See [`Self::begin`]; [`JobError::OtherState`] for a state of another vehicle or of other scenes.
     pub fn resume(&self, state: JobState) -> Result<JobRun<'_>, JobError> {
-        let (suite, vehicle) = (self.suite()?, self.scene().vehicle());
+        let margin = self.tolerance.map_or(0.0, |tolerance| tolerance.margin());
+        let suite = self.suite()?;
+        let suite = if margin > 0.0 { suite.with_margin(margin) } else { suite };
+        let vehicle = self.scene().vehicle();
         if vehicle.is_nameless() && self.budget.is_some() {
             return Err(JobError::NoPrices);
         }
@@ -160,8 +163,12 @@ impl JobRun<'_> {
         let problem = self.job.problem()?;
         let mut engine = open(problem.task(), &EngineChoice::cpu(), |_| {})?.engine;
         let all = outcome.best.iter_mut().chain(&mut outcome.baselines);
+        let all = all.map(|scored| {
+            scored.require(&problem);
+            scored
+        });
         let all = all.map(|Scored { placement, scores, .. }| (&*placement, scores));
-        self.job.add_self_hits(&mut *engine, all)?;
+        self.job.look_closely(&mut *engine, all)?;
         Ok(JobStep::Done(Box::new(outcome)))
     }
 

@@ -55,6 +55,9 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
             for seen in &best.scores.required {
                 text += &format!("  requirement: {seen}\n");
             }
+            if let Some(words) = best.scores.holds_in_words() {
+                text += &format!("  {words}\n");
+            }
             for bound in &record.active_bounds {
                 text += &format!("  active: {bound}\n");
             }

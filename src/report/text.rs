@@ -40,6 +40,9 @@ pub fn scores_text(all: &[Scores]) -> String {
         for seen in &scores.required {
             text += &format!("  {} {seen}\n", if seen.is_met() { "+" } else { "!" });
         }
+        if let Some(words) = scores.holds_in_words() {
+            text += &format!("  * {words}\n");
+        }
         for guard in &scores.guards {
             text += &format!("  {} {guard}\n", if guard.is_doubt() { "!" } else { "*" });
         }

@@ -199,6 +199,7 @@ mod tests {
             detection: None,
             unique_share: vec![1.0],
             required: Vec::new(),
+            requirements_hold_in: None,
             range_card: None,
             car_missing: None,
             guards: Vec::new(),

@@ -88,7 +88,7 @@ fn page(
     let scored = scored.map(|(p, judged)| Scored::new(p, judged, &objective, suite.constraints()));
     let mut scored: Vec<Scored> = scored.collect();
     let all = scored.iter_mut().map(|Scored { placement, scores, .. }| (&*placement, scores));
-    job.add_self_hits(evaluator.backend_mut(), all)?;
+    job.look_closely(evaluator.backend_mut(), all)?;
     let (result, baselines) = (&scored[0], &scored[1..]);
     let looks = Looks::new(job, suite, shown, baselines)?;
     let figures = Figures::new(Some(result), suite.constraints(), &job.scene().body(), Some(looks));

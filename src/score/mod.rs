@@ -91,6 +91,9 @@ pub struct Scores {
     /// Requirements on areas, then on targets, each with the share that is seen.
     #[serde(rename = "requirements", skip_serializing_if = "Vec::is_empty")]
     pub required: Vec<Seen>,
+    /// Share of copies within the mounting tolerance that still meet all requirements; `None` where not looked at.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub requirements_hold_in: Option<f64>,
     /// Distances of detection by target and bearing; `None` where not computed, or where beams end at nothing.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range_card: Option<RangeCard>,
@@ -124,8 +127,11 @@ fn map_of_counts<S: Serializer>(
     serializer.collect_map(counts.iter().map(|(name, count)| (name, Count(*count))))
 }
 
-/// An area or a target of which a share must be seen. In JSON `name`, `required`, `found`, `met`, and
-/// `missing` where it is known.
+/// Least share of copies within the mounting tolerance that must meet a requirement; below, it is met on paper only.
+pub const HOLDS: f64 = 0.95;
+
+/// An area or a target of which a share must be seen. In JSON `name`, `required`, `found`, `met`, and `missing` and
+/// `holds_in` where they are known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Seen {
     /// Name on the vehicle.
@@ -136,6 +142,8 @@ pub struct Seen {
     pub least: f64,
     /// Where a target that is not met lacks beams, in words.
     pub missing: Option<String>,
+    /// Share of copies within the mounting tolerance that still meet it; `None` where not looked at.
+    pub holds_in: Option<f64>,
 }
 
 impl Seen {
@@ -147,7 +155,7 @@ impl Seen {
 
 impl Serialize for Seen {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut object = serializer.serialize_struct("Seen", 5)?;
+        let mut object = serializer.serialize_struct("Seen", 6)?;
         object.serialize_field("name", &self.name)?;
         object.serialize_field("required", &self.least)?;
         object.serialize_field("found", &self.share)?;
@@ -156,18 +164,25 @@ impl Serialize for Seen {
             Some(missing) => object.serialize_field("missing", missing)?,
             None => object.skip_field("missing")?,
         }
+        match &self.holds_in {
+            Some(share) => object.serialize_field("holds_in", share)?,
+            None => object.skip_field("holds_in")?,
+        }
         object.end()
     }
 }
 
 impl std::fmt::Display for Seen {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { name, share, least, missing } = self;
+        let Self { name, share, least, missing, holds_in } = self;
         let not = if self.is_met() { "" } else { "NOT MET: " };
         // Rounded down, so that a requirement that is not met never reads as met.
         let found = (1e3 * share + 1e-9).floor() / 10.0;
         write!(f, "{not}{name}: {found:.1} % seen, {:.1} % required", 100.0 * least)?;
-        missing.iter().try_for_each(|missing| write!(f, ", {missing}"))
+        missing.iter().try_for_each(|missing| write!(f, ", {missing}"))?;
+        let Some(holds) = holds_in.filter(|_| self.is_met()) else { return Ok(()) };
+        let paper = if holds < HOLDS { "ON PAPER ONLY, " } else { "" };
+        write!(f, ", {paper}met by {:.0} % of copies mounted within the tolerance", 100.0 * holds)
     }
 }
 
@@ -179,6 +194,7 @@ fn required(tally: &Tally, content: &Content, frames: usize) -> Vec<Seen> {
         share: count as f64 / (frames as u64 * area.voxels).max(1) as f64,
         least: area.required.share,
         missing: None,
+        holds_in: None,
     });
     seen.collect()
 }
@@ -224,6 +240,7 @@ impl Scores {
                 .map(|&u| if gained == 0 { 0.0 } else { u as f64 / gained as f64 })
                 .collect(),
             required: required(tally, content, frames),
+            requirements_hold_in: None,
             range_card: None,
             car_missing: None,
             guards: guards_of(tally, content, has_hits, frames, reference),
@@ -233,6 +250,16 @@ impl Scores {
     /// Penalty of a search for a car that is not seen all round; 0 where it does not look.
     pub fn blindness(&self) -> f64 {
         CAR_WEIGHT * self.car_missing.unwrap_or(0.0)
+    }
+
+    /// Sentence on copies within the mounting tolerance that meet all of several requirements; `None` of one, or where not
+    /// looked at.
+    pub fn holds_in_words(&self) -> Option<String> {
+        let share = self.requirements_hold_in.filter(|_| self.required.len() > 1)?;
+        Some(format!(
+            "all requirements: met by {:.0} % of copies mounted within the tolerance",
+            100.0 * share
+        ))
     }
 
     /// Missing share of the requirements, summed over areas and targets.

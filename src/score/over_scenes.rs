@@ -102,6 +102,7 @@ impl Scores {
             detection,
             unique_share: (0..first.unique_share.len()).map(unique).collect(),
             required: required(scenes),
+            requirements_hold_in: None,
             range_card: None,
             car_missing: None,
             guards: guards(scenes),

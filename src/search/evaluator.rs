@@ -60,6 +60,7 @@ fn met(sight: &Sight, placement: &Placement) -> Result<(Option<f64>, Vec<Seen>),
         share: met.share,
         least: met.rule.share,
         missing: missing_in_words(met),
+        holds_in: None,
     });
     Ok((sight.car_missing(&all), seen.collect()))
 }

@@ -45,6 +45,7 @@ pub(crate) mod swaps;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use atlas::AreaBits;
 pub use bound::{Certificate, GainBound};
 pub use equip::{Choosing, EquipStep, Equipped, Equipping, cost_front};
 pub use error::SearchError;

@@ -189,6 +189,11 @@ impl Sight {
         least.unwrap_or_else(|| share(None))
     }
 
+    /// The share of every rule, as [`Self::rules_met`] has it.
+    pub fn shares(&self, each: &[&SightBeams]) -> Vec<f64> {
+        self.rules.iter().map(|of| self.least(each, of).0).collect()
+    }
+
     /// Every rule with its share, for the beams of each LiDAR.
     pub fn rules_met(&self, each: &[&SightBeams]) -> Vec<RuleMet<'_>> {
         let mut all = Vec::new();

@@ -20,6 +20,7 @@ pub(super) fn command(begun: &Begun, settings: &Settings, max_seconds: Option<f6
     let number = |value: Option<f64>| value.map(|value| value.to_string());
     give("vehicle", begun.files.vehicle.as_deref().map(path));
     give("budget", number(begun.files.budget));
+    give("tolerance", begun.files.tolerance.map(|tolerance| tolerance.to_string()));
     give("objective", Some(settings.objective.to_string()));
     give("method", json!(settings.method).as_str().map(str::to_owned));
     give("seed", Some(settings.seed.to_string()));

@@ -206,6 +206,7 @@ fn digest(request: &ScoreRequest, scene: &Scene, placements: &Path) -> Result<St
         "frames": request.frames,
         "near_field": request.near_field,
         "draw": request.draw,
+        "tolerance": request.tolerance,
         "conditions": in_words(&request.conditions),
         "coverage": request.coverage_out.is_some(),
     });

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::files::{safe_name, write_many, write_npy, write_own, write_whole};
+use crate::job::Tolerance;
 use crate::runs::Error;
 use crate::scan::conditions::Condition;
 use crate::vehicle::Placement;
@@ -30,6 +31,8 @@ pub struct ScoreRequest {
     pub near_field: bool,
     /// Draw of what is left to chance; other than 0 takes one scene.
     pub draw: u64,
+    /// Mounting tolerance within which requirements are to hold.
+    pub tolerance: Tolerance,
     /// Weather and faults.
     pub conditions: Vec<Condition>,
 }

@@ -35,6 +35,7 @@ pub(super) fn score(
     let mut loaded = opening::job(&files, computing)?;
     let evaluator = loaded.evaluator(computing)?;
     let Loaded { job, times } = loaded;
+    let job = job.tolerance(Some(request.tolerance));
     computing.watcher.listen(GRACE);
     if let Some(file) = &request.out {
         writable_file(file)?;
@@ -57,7 +58,7 @@ pub(super) fn score(
     }
     drop(bar);
     if placements.len() <= FEW_PLACEMENTS {
-        job.add_self_hits_by_scene(&mut batch.evaluator, &placements, &mut batch.judged)?;
+        job.look_closely_by_scene(&mut batch.evaluator, &placements, &mut batch.judged)?;
     }
     if request.near_field {
         batch.add_near_fields(&job, &placements)?;

@@ -38,7 +38,8 @@ pub(super) fn score(
     let scenes = [scene.to_owned()];
     let files = opening::files(&scenes, &request.conditions, request.frames, computing);
     let Loaded { job, times } = opening::job(&files, computing)?;
-    let mut loaded = Loaded { job: job.draw(request.draw), times };
+    let mut loaded =
+        Loaded { job: job.draw(request.draw).tolerance(Some(request.tolerance)), times };
     let evaluator = loaded.evaluator(computing)?;
     let Loaded { job, times } = loaded;
     let scene = job.scene().clone();
@@ -160,7 +161,7 @@ impl Scoring<'_> {
         let mut scores = self.evaluator.scores(&block)?;
         if self.count == 0 && block.len() <= FEW_PLACEMENTS && self.reader.peek().is_none() {
             let all = block.iter().zip(&mut scores);
-            self.job.add_self_hits(self.evaluator.backend_mut(), all)?;
+            self.job.look_closely(self.evaluator.backend_mut(), all)?;
         }
         if let Some(site) = &self.near {
             site.score(self.evaluator.backend_mut(), block.iter().zip(&mut scores))?;

@@ -7,34 +7,35 @@ use crate::problem::Content;
 const MARGIN: f64 = 0.01;
 
 /// Voxels of all areas of a problem, area after area.
-pub(super) struct AreaBits {
+pub struct AreaBits {
     /// Linear indices.
     voxels: Vec<u32>,
     /// First bit of each area and the end.
     starts: Vec<usize>,
     /// Least share of each area, with the margin.
-    shares: Vec<f64>,
+    least: Vec<f64>,
 }
 
 impl AreaBits {
-    pub(super) fn new(content: &Content) -> Self {
+    /// Areas of a problem.
+    pub fn new(content: &Content) -> Self {
         let (mut voxels, mut starts) = (Vec::new(), vec![0]);
         for set in content.classes().len()..content.set_count() {
             voxels.extend_from_slice(content.voxels_of_class(set));
             starts.push(voxels.len());
         }
         let asked = |share: f64| if share > 0.0 { (share + MARGIN).min(1.0) } else { 0.0 };
-        let shares = content.areas().iter().map(|area| asked(area.required.share)).collect();
-        Self { voxels, starts, shares }
+        let least = content.areas().iter().map(|area| asked(area.required.share)).collect();
+        Self { voxels, starts, least }
     }
 
     /// Words of one frame.
-    pub(super) fn words(&self) -> usize {
+    pub fn words(&self) -> usize {
         self.voxels.len().div_ceil(64)
     }
 
     /// Sets the bits of the voxels that a bitmap holds.
-    pub(super) fn take(&self, from: BitOrder, bitmap: &[u64], out: &mut [u64]) {
+    pub fn take(&self, from: BitOrder, bitmap: &[u64], out: &mut [u64]) {
         for (k, &voxel) in self.voxels.iter().enumerate() {
             let bit = from.bit_of(voxel) as usize;
             out[k / 64] |= (bitmap[bit / 64] >> (bit % 64) & 1) << (k % 64);
@@ -43,18 +44,23 @@ impl AreaBits {
 
     /// Missing share in bits of several frames, summed over areas.
     pub(super) fn missing(&self, bits: &[u64]) -> f64 {
+        let found = self.shares(bits);
+        self.least.iter().zip(found).map(|(least, share)| (least - share).max(0.0)).sum()
+    }
+
+    /// Share of each area in bits of several frames; 0 of one without voxels.
+    pub fn shares(&self, bits: &[u64]) -> Vec<f64> {
         let words = self.words();
         if words == 0 {
-            return self.shares.iter().sum();
+            return vec![0.0; self.least.len()];
         }
         let frames = bits.len() / words;
-        let area = |(range, least): (&[usize], &f64)| {
+        let area = |range: &[usize]| {
             let count = |words: &[u64]| ones_below(words, range[1]) - ones_below(words, range[0]);
             let all: u64 = bits.chunks(words).map(count).sum();
-            let share = all as f64 / (frames * (range[1] - range[0])).max(1) as f64;
-            (least - share).max(0.0)
+            all as f64 / (frames * (range[1] - range[0])).max(1) as f64
         };
-        self.starts.windows(2).zip(&self.shares).map(area).sum()
+        self.starts.windows(2).map(area).collect()
     }
 }
 

@@ -18,7 +18,7 @@ use crate::engine::{Backend, BackendError};
 use crate::problem::{KINDS, Problem, Tally};
 use crate::score::Needed;
 use crate::vehicle::PoseGrid;
-use areas::AreaBits;
+pub(crate) use areas::AreaBits;
 use casting::Pace;
 use order::{LevelOrder, ToLevels};
 use sparse::Sparse;
