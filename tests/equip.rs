@@ -5,7 +5,8 @@ use std::sync::Arc;
 use sightline::engine::EngineChoice;
 use sightline::problem::Problem;
 use sightline::search::{
-    Choosing, EquipStep, Equipped, Equipping, Event, Observer, SearchError, Work, cost_front,
+    Choosing, EquipStep, Equipped, Equipping, Event, Limits, Observer, SearchError, Work,
+    cost_front,
 };
 use sightline::vehicle::{
     Phase, Region, Requirement, Response, SensorName, Vehicle, VehicleMount, VehicleSensor,
@@ -83,7 +84,8 @@ fn watched(
     engine: &EngineChoice,
     observer: &mut dyn Observer,
 ) -> Result<Option<Equipped>, SearchError> {
-    let opened = Equipping::open(suite, vehicle, objective, budget, engine, None, observer)?;
+    let opened =
+        Equipping::open(suite, vehicle, objective, Limits::budget(budget), engine, None, observer)?;
     let Some(mut choice) = opened else { return Ok(None) };
     loop {
         match choice.step(observer) {
@@ -143,7 +145,15 @@ fn a_choice_that_is_saved_after_any_step_goes_on_to_the_same_equipment() {
     let mut steps = 0;
     loop {
         // Nothing lives on from step to step but the text of the state.
-        let opened = Equipping::open(&suite, &vehicle, &objective, 14.0, &engine, None, silent);
+        let opened = Equipping::open(
+            &suite,
+            &vehicle,
+            &objective,
+            Limits::budget(14.0),
+            &engine,
+            None,
+            silent,
+        );
         let mut choice = opened.unwrap().expect("nobody stops it").with_state(state.clone());
         assert_eq!(*choice.state(), state);
         match choice.step(silent) {
@@ -157,7 +167,8 @@ fn a_choice_that_is_saved_after_any_step_goes_on_to_the_same_equipment() {
     assert!(steps > 6, "{steps} steps");
     // One of another vehicle begins anew.
     let far: Choosing = serde_json::from_str(r#"{ "ends": [[4000000]], "climb": null }"#).unwrap();
-    let opened = Equipping::open(&suite, &vehicle, &objective, 14.0, &engine, None, silent);
+    let opened =
+        Equipping::open(&suite, &vehicle, &objective, Limits::budget(14.0), &engine, None, silent);
     assert_eq!(*opened.unwrap().unwrap().with_state(far).state(), Choosing::default());
 }
 

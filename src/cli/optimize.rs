@@ -98,6 +98,10 @@ pub struct Args {
     /// numbers are chosen for the money
     #[arg(long, value_name = "PRICE", conflicts_with = "resume", value_parser = finite)]
     budget: Option<f64>,
+    /// Take the fewest sensors of a vehicle that meet all of its requirements, of those the cheapest, and of their
+    /// placements the best
+    #[arg(long, conflicts_with = "resume")]
+    fewest: bool,
     #[command(flatten)]
     mounting: Mounting,
     #[command(flatten)]
@@ -157,6 +161,7 @@ fn new_run(args: &Args) -> NewRun {
         mirror: args.mirror,
         rules: args.rules.for_mount(),
         budget: args.budget,
+        fewest: args.fewest,
         tolerance: Some(args.mounting.tolerance),
         conditions: in_words(&args.conditions.condition),
         ..JobFiles::new(&args.scenes, args.compute.vehicle.as_deref())

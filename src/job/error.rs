@@ -67,6 +67,12 @@ pub enum JobError {
          with one)"
     )]
     NoPrices,
+    /// The fewest sensors for nothing.
+    #[error(
+        "--fewest: the vehicle requires nothing, so that no sensor would be needed; write what it must see under \
+         `require` in a vehicle file, and give it with --vehicle"
+    )]
+    NothingRequired,
     /// A saved search that was begun with another vehicle or other scenes.
     #[error("{why}")]
     OtherState {

@@ -29,6 +29,9 @@ pub struct JobFiles {
     /// Most that the sensors may cost.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget: Option<f64>,
+    /// The fewest sensors that meet all requirements, then the cheapest.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub fewest: bool,
     /// Mounting tolerance within which requirements are to hold.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<Tolerance>,
@@ -75,7 +78,11 @@ impl JobFiles {
         let conditions = conditions.collect::<Result<Vec<Condition>, _>>()?;
         let job = Job::join(scenes.into_iter().map(Job::new))?;
         let job = job.conditions(&conditions).frames(self.frames);
-        Ok(job.mirrored(self.mirror).budget(self.budget).tolerance(self.tolerance))
+        Ok(job
+            .mirrored(self.mirror)
+            .budget(self.budget)
+            .fewest(self.fewest)
+            .tolerance(self.tolerance))
     }
 
     /// The job, its scenes read.

@@ -5,12 +5,14 @@
 //! | `scene` | one scene of a job: P-SOG, frames, sensors and weather, and the problem that these pose |
 //! | `search` | the search of a job step by step: sensors for the money, placements, own body |
 //! | `files` | a job as its files and options say it, to be saved and repeated |
+//! | `fewest` | how few sensors meet the requirements, step by step |
 //! | `tolerance` | requirements in copies that are mounted a little off |
 //! | `error` | why a job cannot be posed or searched |
 //!
 //! Program, Python module, studies, chart and audit hold a [`Job`] and take nothing of this chain apart.
 
 mod error;
+mod fewest;
 mod files;
 mod scene;
 mod search;
@@ -45,6 +47,8 @@ pub struct Job {
     mirror: bool,
     /// Most that the sensors of the vehicle may cost; `None` sets no limit.
     budget: Option<f64>,
+    /// The fewest sensors that meet all requirements, then the cheapest.
+    fewest: bool,
     /// Mounting within which requirements are to hold; `None` does not look.
     tolerance: Option<Tolerance>,
     /// Objective, seed, engine and length of the search.
@@ -57,7 +61,15 @@ impl Job {
     /// A job in one scene: its own vehicle, all frames, clear air, the default search.
     pub fn new(scene: impl Into<JobScene>) -> Self {
         let (scenes, settings) = (vec![scene.into()], Settings::default());
-        Self { scenes, mirror: false, budget: None, tolerance: None, settings, is_plain: true }
+        Self {
+            scenes,
+            mirror: false,
+            budget: None,
+            fewest: false,
+            tolerance: None,
+            settings,
+            is_plain: true,
+        }
     }
 
     /// A job over the scenes of several jobs, each with its own frames and weather; their mean is maximized.
@@ -143,6 +155,13 @@ impl Job {
     #[must_use]
     pub fn budget(self, budget: Option<f64>) -> Self {
         Self { budget, ..self }
+    }
+
+    /// Takes the fewest sensors of the vehicle that meet all requirements, of those the cheapest, and of their placements
+    /// the best.
+    #[must_use]
+    pub fn fewest(self, fewest: bool) -> Self {
+        Self { fewest, ..self }
     }
 
     /// Mounting tolerance within which requirements are to hold; `None` does not look.

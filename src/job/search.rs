@@ -2,13 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::fewest::{Fewest, Next};
 use super::{Job, JobError};
 use crate::engine::{EngineChoice, open};
 use crate::search::{
-    Choosing, EquipStep, Equipped, Equipping, Event, Observer, Outcome, Run, Scored, Settings,
-    State, Suite, TimeLimit,
+    Choosing, EquipStep, Equipped, Equipping, Event, Limits, Observer, Outcome, Run, Scored,
+    Settings, State, Suite, TimeLimit,
 };
-use crate::vehicle::{SensorName, Vehicle};
+use crate::vehicle::{MAX_LIDARS, SensorName, Vehicle};
 
 /// Checkpoint of a job's search, beside the job itself: a value that is saved and read again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -16,6 +17,9 @@ pub struct JobState {
     /// Sensors of the vehicle, once they are chosen.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     equipped: Option<Equipped>,
+    /// Choice of the fewest sensors; `None` where the money decides alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    fewest: Option<Fewest>,
     #[serde(flatten)]
     course: Course,
 }
@@ -99,10 +103,20 @@ impl Job {
     /// # Errors
     /// See [`Self::suite`]; a budget without prices, settings that a scene does not allow.
     pub fn begin(&self) -> Result<JobRun<'_>, JobError> {
+        let least = self.scene().vehicle().cheapest().len();
+        let fewest = self.fewest.then(|| Fewest::new(self.most_money(), least));
+        self.resume(JobState { equipped: None, fewest, course: self.equipping() })
+    }
+
+    /// A choice of sensors at its beginning.
+    fn equipping(&self) -> Course {
         let (settings, plainly) = (self.settings.clone(), self.is_plain);
-        let wanted = Wanted { choosing: Choosing::default(), settings, plainly };
-        let course = Course::Equipping(Box::new(wanted));
-        self.resume(JobState { equipped: None, course })
+        Course::Equipping(Box::new(Wanted { choosing: Choosing::default(), settings, plainly }))
+    }
+
+    /// Most that the sensors may cost; infinite without a limit.
+    fn most_money(&self) -> f64 {
+        self.budget.unwrap_or(f64::INFINITY)
     }
 
     /// Goes on from a state of this job's search, to the same bits as if it had never stopped.
@@ -110,12 +124,14 @@ impl Job {
     /// # Errors
     /// See [`Self::begin`]; [`JobError::OtherState`] for a state of another vehicle or of other scenes.
     pub fn resume(&self, state: JobState) -> Result<JobRun<'_>, JobError> {
-        let margin = self.tolerance.map_or(0.0, |tolerance| tolerance.margin());
-        let suite = self.suite()?;
-        let suite = if margin > 0.0 { suite.with_margin(margin) } else { suite };
-        let vehicle = self.scene().vehicle();
+        let (suite, vehicle) = (self.suite()?, self.scene().vehicle());
         if vehicle.is_nameless() && self.budget.is_some() {
             return Err(JobError::NoPrices);
+        }
+        let problem = self.problem()?;
+        let requires = !problem.content().areas().is_empty() || !problem.target_rules().is_empty();
+        if self.fewest && !requires {
+            return Err(JobError::NothingRequired);
         }
         let mut run =
             JobRun { job: self, vehicle, suite, state, equipping: None, run: None, is_late: false };
@@ -160,16 +176,39 @@ impl JobRun<'_> {
     pub fn step(&mut self, observer: &mut dyn Observer) -> Result<JobStep, JobError> {
         let Some(run) = &mut self.run else { return self.equip(observer) };
         let Some(mut outcome) = run.step(observer)? else { return Ok(JobStep::On) };
+        if self.takes_one_more(&outcome, observer) {
+            return Ok(JobStep::On);
+        }
         let problem = self.job.problem()?;
         let mut engine = open(problem.task(), &EngineChoice::cpu(), |_| {})?.engine;
         let all = outcome.best.iter_mut().chain(&mut outcome.baselines);
-        let all = all.map(|scored| {
-            scored.require(&problem);
-            scored
-        });
         let all = all.map(|Scored { placement, scores, .. }| (&*placement, scores));
         self.job.look_closely(&mut *engine, all)?;
         Ok(JobStep::Done(Box::new(outcome)))
+    }
+
+    /// Begins anew with one sensor more, if the fewest are wanted, the placements found do not meet the requirements, and
+    /// the search has come to its own end.
+    fn takes_one_more(&mut self, outcome: &Outcome, observer: &mut dyn Observer) -> bool {
+        if self.state.fewest.is_none() {
+            return false;
+        }
+        let is_met = outcome.best.as_ref().is_some_and(|best| best.scores.missing() <= 0.0);
+        let most = self.vehicle.every_kind().lidars().min(MAX_LIDARS);
+        let sensors = self.state.equipped.as_ref().map_or(0, |held| held.equipment.len());
+        if is_met || outcome.stopped.is_unfinished() || self.is_late || sensors >= most {
+            return false;
+        }
+        let words = format!(
+            "no placement of {sensors} sensor(s) was found that meets all requirements; one more is allowed"
+        );
+        observer.on(&Event::Note(&words));
+        let more = Fewest::new(self.job.most_money(), sensors + 1);
+        self.state = JobState { equipped: None, fewest: Some(more), course: self.job.equipping() };
+        let constraints = self.vehicle.every_kind();
+        self.suite = self.suite.with_constraints(&constraints);
+        (self.run, self.equipping) = (None, None);
+        true
     }
 
     /// Goes on with the choice of sensors.
@@ -179,7 +218,8 @@ impl JobRun<'_> {
         };
         let vehicle = self.vehicle;
         let settings = &self.job.settings;
-        let budget = self.job.budget.unwrap_or(f64::INFINITY);
+        let limits = Limits::budget(self.job.most_money());
+        let limits = self.state.fewest.as_ref().map_or(limits, |fewest| fewest.limits);
         let choice = match &mut self.equipping {
             Some(choice) => choice,
             none => {
@@ -189,7 +229,7 @@ impl JobRun<'_> {
                     &self.suite,
                     vehicle,
                     objective,
-                    budget,
+                    limits,
                     engine,
                     deadline,
                     observer,
@@ -203,7 +243,28 @@ impl JobRun<'_> {
         let found = match step {
             EquipStep::On => return Ok(JobStep::On),
             EquipStep::Stopped => return Ok(JobStep::Stopped),
-            EquipStep::Done(found) => found,
+            EquipStep::Done(found) => match &mut self.state.fewest {
+                None => found,
+                Some(fewest) => {
+                    let sensors = fewest.limits.sensors;
+                    let cheapest = vehicle.cost(&vehicle.cheapest());
+                    let most = vehicle.every_kind().lidars().min(MAX_LIDARS);
+                    let is_met = found.missing <= 0.0;
+                    match fewest.next(found, most, cheapest) {
+                        Next::Take(found) => *found,
+                        Next::Again(limits) => {
+                            if !is_met && limits.sensors > sensors {
+                                observer.on(&Event::Note(&format!(
+                                    "no equipment of {sensors} sensor(s) was found that meets all requirements"
+                                )));
+                            }
+                            choice.again(limits);
+                            wanted.choosing = Choosing::default();
+                            return Ok(JobStep::On);
+                        }
+                    }
+                }
+            },
             EquipStep::OutOfTime(found) => {
                 self.is_late = true;
                 found
@@ -247,9 +308,10 @@ impl JobRun<'_> {
         match &self.run {
             Some(run) if !self.is_late => JobState {
                 equipped: self.state.equipped.clone(),
+                fewest: self.state.fewest.clone(),
                 course: Course::Run(Box::new(run.state().clone())),
             },
-            Some(_) => JobState { equipped: None, course: self.state.course.clone() },
+            Some(_) => JobState { equipped: None, ..self.state.clone() },
             None => self.state.clone(),
         }
     }

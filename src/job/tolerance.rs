@@ -22,9 +22,6 @@ pub const COPIES: usize = 200;
 const POSES: usize = 16;
 /// Frames of each scene over which areas are looked at, spread evenly.
 const FRAMES: u32 = 4;
-/// Share beyond a requirement that a search aims at for the usual tolerance; it grows with the tolerance.
-const MARGIN: f64 = 0.02;
-const MOST_MARGIN: f64 = 0.1;
 /// Seed of the moves: every placement is moved alike.
 const SEED: u64 = 0x746f_6c65;
 
@@ -94,13 +91,6 @@ impl fmt::Display for Tolerance {
 }
 
 impl Tolerance {
-    /// Share beyond a requirement that a search aims at, so that copies within the tolerance meet it.
-    pub(super) fn margin(&self) -> f64 {
-        let usual = Self::default();
-        let of_usual = (self.metres / usual.metres).max(self.radians / usual.radians);
-        (MARGIN * of_usual).min(MOST_MARGIN)
-    }
-
     /// Poses of a LiDAR within the tolerance, the first as it is.
     fn poses(&self, pose: &SensorPose, rng: &mut ChaCha8Rng) -> Vec<SensorPose> {
         let mut off = |most: f64| most * rng.random_range(-1.0..=1.0);

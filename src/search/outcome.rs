@@ -12,7 +12,6 @@ use super::generations::{GenerationRecord, GenerationsStop};
 use super::on_demand::FramesUsed;
 use super::phases::PhaseCheck;
 use super::spread::GainSpread;
-use crate::problem::Problem;
 use crate::score::{Guard, Objective, Scores, Standing};
 use crate::vehicle::{Constraints, Placement};
 
@@ -46,20 +45,6 @@ impl Scored {
             placement: placement.clone(),
             scores: judged.scores,
             by_scene: judged.by_scene,
-        }
-    }
-
-    /// Judges shares by the requirements of a problem, without the margin that a search has aimed at.
-    pub(crate) fn require(&mut self, problem: &Problem) {
-        let areas = problem.content().areas().iter().map(|area| area.required.share);
-        let least: Vec<f64> =
-            areas.chain(problem.target_rules().iter().map(|rule| rule.share)).collect();
-        let by_scene = self.by_scene.iter_mut().map(|of| &mut of.scores);
-        for scores in by_scene.chain([&mut self.scores]) {
-            for (seen, &least) in scores.required.iter_mut().zip(&least) {
-                seen.least = least;
-                seen.missing = seen.missing.take().filter(|_| seen.share < least);
-            }
         }
     }
 

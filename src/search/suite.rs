@@ -210,16 +210,6 @@ impl Suite {
         Self { members: self.members.iter().map(changed).collect() }
     }
 
-    /// A copy whose requirements ask for `margin` more of their share.
-    #[must_use]
-    pub fn with_margin(&self, margin: f64) -> Self {
-        let changed = |member: &Member| {
-            let problem = Problem::clone(&member.problem).with_margin(margin);
-            Member { problem: Arc::new(problem), ..member.clone() }
-        };
-        Self { members: self.members.iter().map(changed).collect() }
-    }
-
     /// Copy over some of the frames; a member without any of them is left out.
     ///
     /// # Panics

@@ -45,6 +45,7 @@ pub(super) fn command(begun: &Begun, settings: &Settings, max_seconds: Option<f6
     give("inject", begun.inject.as_deref().map(path));
     let flags = [
         ("mirror", begun.files.mirror),
+        ("fewest", begun.files.fewest),
         ("symmetric", *symmetric),
         ("equal-height", *equal_height),
     ];

@@ -34,6 +34,36 @@ const ROUNDS: usize = 20;
 /// Poses cast at once; progress is reported in between.
 const CAST: usize = 32;
 
+/// Most that the sensors of a vehicle may cost, and how many there may be.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Limits {
+    /// In the currency of the prices; infinite for no limit.
+    #[serde(with = "finite_or_null")]
+    pub budget: f64,
+    /// At most this many sensors.
+    pub sensors: usize,
+}
+
+impl Limits {
+    /// A budget, and as many sensors as a placement may have.
+    pub fn budget(budget: f64) -> Self {
+        Self { budget, sensors: MAX_LIDARS }
+    }
+}
+
+/// An infinite number as null, which JSON has no word for.
+mod finite_or_null {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        Some(*value).filter(|value| value.is_finite()).serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+        Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
+    }
+}
+
 /// A sensor on the grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Choice {
@@ -109,7 +139,8 @@ pub(super) enum Opened {
 /// The search for equipment.
 pub(super) struct Equip {
     vehicle: Vehicle,
-    pub(super) budget: f64,
+    /// Most that the sensors may cost, and most sensors.
+    pub(super) limits: Limits,
     grid: GridSearch,
     /// Positions and kinds of the grid's poses.
     places: Places,
@@ -144,7 +175,7 @@ impl Equip {
         suite: &Suite,
         vehicle: &Vehicle,
         objective: &Objective,
-        budget: f64,
+        limits: Limits,
         engine: &EngineChoice,
         watch: &mut Watch,
     ) -> Result<Opened, SearchError> {
@@ -194,7 +225,7 @@ impl Equip {
         grid.require(penalty);
         grid.watch_cars(CAR_WEIGHT);
         let (in_pairs, places) = (constraints.ties.symmetric, grid.places());
-        Ok(Opened::Open(Box::new(Self { vehicle, budget, grid, places, kinds, penalty, in_pairs })))
+        Ok(Opened::Open(Box::new(Self { vehicle, limits, grid, places, kinds, penalty, in_pairs })))
     }
 
     /// The equipment from the beginning; `None` where the observer stops the choice.

@@ -8,7 +8,7 @@
 mod choosing;
 mod equipped;
 
-pub use choosing::{Choosing, EquipStep};
+pub use choosing::{Choosing, EquipStep, Limits};
 pub use equipped::Equipped;
 
 use choosing::{Equip, FRAMES, Opened};
@@ -53,15 +53,15 @@ impl Equipping {
         suite: &Suite,
         vehicle: &Vehicle,
         objective: &Objective,
-        budget: f64,
+        limits: Limits,
         engine: &EngineChoice,
         deadline: Option<Instant>,
         observer: &mut dyn Observer,
     ) -> Result<Option<Self>, SearchError> {
         let cheapest = vehicle.cheapest();
         let (least, state) = (vehicle.cost(&cheapest), Choosing::default());
-        if least > budget {
-            return Err(SearchError::Budget { budget, least });
+        if least > limits.budget {
+            return Err(SearchError::Budget { budget: limits.budget, least });
         }
         if !objective.is_information_gain() {
             if vehicle.has_choice() {
@@ -71,7 +71,7 @@ impl Equipping {
             return Ok(Some(Self { search, state, deadline }));
         }
         let mut watch = Watch::until(observer, deadline);
-        let search = match Equip::open(suite, vehicle, objective, budget, engine, &mut watch)? {
+        let search = match Equip::open(suite, vehicle, objective, limits, engine, &mut watch)? {
             Opened::Open(search) => Search::Open(search),
             Opened::Stopped => return Ok(None),
             Opened::OutOfTime => Search::OutOfTime(plain(suite, vehicle, objective, engine)?),
@@ -96,6 +96,14 @@ impl Equipping {
     /// Checkpoint of the choice.
     pub fn state(&self) -> &Choosing {
         &self.state
+    }
+
+    /// Begins another choice among the same poses, under other limits.
+    pub fn again(&mut self, limits: Limits) {
+        self.state = Choosing::default();
+        if let Search::Open(search) = &mut self.search {
+            search.limits = limits;
+        }
     }
 
     /// Exchanges one sensor, or begins or ends a climb.
@@ -155,13 +163,14 @@ pub fn cost_front(
     }
     let silent = &mut |_: &Event| true;
     let mut watch = Watch::new(silent, false);
-    let search = Equip::open(suite, vehicle, objective, f64::INFINITY, engine, &mut watch)?;
+    let search =
+        Equip::open(suite, vehicle, objective, Limits::budget(f64::INFINITY), engine, &mut watch)?;
     let Opened::Open(mut search) = search else { return Ok(Vec::new()) };
     let least = vehicle.cost(&vehicle.cheapest());
     let Some(most) = search.best(&mut watch) else { return Ok(Vec::new()) };
     let mut front = Vec::new();
     for step in 0..BUDGETS {
-        search.budget = least + (most.cost - least) * f64::from(step) / f64::from(BUDGETS);
+        search.limits.budget = least + (most.cost - least) * f64::from(step) / f64::from(BUDGETS);
         front.extend(search.best(&mut watch));
     }
     front.push(most);

@@ -56,11 +56,6 @@ pub struct Content {
     has_detection: bool,
 }
 
-/// A required share and `margin` more, at most 1; 0 requires nothing and stays.
-pub fn raised(share: f64, margin: f64) -> f64 {
-    if share > 0.0 { (share + margin).min(1.0) } else { share }
-}
-
 impl Content {
     /// From occupied voxels in rising order and, for each class, the voxels in which it occurs.
     pub fn new(
@@ -124,15 +119,6 @@ impl Content {
     /// Areas with a required coverage.
     pub fn areas(&self) -> &[Area] {
         &self.areas
-    }
-
-    /// A copy whose areas require `margin` more of their share.
-    #[must_use]
-    pub fn with_margin(mut self, margin: f64) -> Self {
-        self.areas.iter_mut().for_each(|area| {
-            area.required.share = raised(area.required.share, margin);
-        });
-        self
     }
 
     /// Sets of voxels whose covered ones are counted: classes, then areas.

@@ -9,7 +9,7 @@ mod world;
 
 pub use batch::SensorBatch;
 pub use beam::{beam_direction, beam_origin};
-pub use content::{Area, Content, Requirement, raised};
+pub use content::{Area, Content, Requirement};
 pub use pose::{DevicePose, Entropy, HIT_PUSH, KINDS, NO_CROSSING, OccupiedVoxel, TINY_COMPONENT};
 pub use tally::{StageTimes, Tally};
 pub use world::{Frame, Instance, World};

@@ -15,7 +15,6 @@ use std::sync::Arc;
 
 use crate::vehicle::{Constraints, Sensors, TargetRule};
 use lidar_cast::memory::OutOfMemory;
-use lidar_cast::task::raised;
 
 /// Error of parts that make no problem.
 #[derive(Debug, thiserror::Error, PartialEq)]
@@ -119,15 +118,6 @@ impl Problem {
     /// A copy with other information in its voxels.
     pub fn with_content(self, content: impl Into<Arc<Content>>) -> Self {
         self.changed(|task| task.with_content(content))
-    }
-
-    /// A copy whose requirements ask for `margin` more of their share.
-    pub fn with_margin(self, margin: f64) -> Self {
-        let raise =
-            |rule: &TargetRule| TargetRule { share: raised(rule.share, margin), ..rule.clone() };
-        let target_rules = self.target_rules.iter().map(raise).collect();
-        let content = Content::clone(self.content()).with_margin(margin);
-        Self { target_rules, ..self.with_content(content) }
     }
 
     /// A copy with areas that must be seen.

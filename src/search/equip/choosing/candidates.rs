@@ -12,7 +12,8 @@ impl Equip {
     /// Groups that may join `chosen`: with room on the mounts, far enough from the others, and money left for the
     /// sensors that other mounts must hold.
     pub(super) fn candidates(&self, chosen: &[Choice]) -> Vec<Group> {
-        if chosen.len() >= MAX_LIDARS {
+        let most = self.limits.sensors.min(MAX_LIDARS);
+        if chosen.len() >= most {
             return Vec::new();
         }
         let (poses, places) = (Self::poses(chosen), &self.places);
@@ -30,10 +31,10 @@ impl Equip {
             let group = Group { one, image };
             let (reserve, sensors) = self.owed(chosen, &group, &cheapest);
             let price: f64 = group.choices().map(|choice| self.vehicle.price(choice.sensor)).sum();
-            let affordable = spent + price + reserve <= self.budget * (1.0 + 1e-12);
+            let affordable = spent + price + reserve <= self.limits.budget * (1.0 + 1e-12);
             let after = chosen.len() + group.choices().count() + sensors;
             if affordable
-                && after <= MAX_LIDARS
+                && after <= most
                 && self.has_room(chosen, &group)
                 && places.fits(pose, &poses)
                 && image

@@ -1,0 +1,91 @@
+//! How few sensors of a vehicle meet its requirements: first their number, then their price.
+
+use serde::{Deserialize, Serialize};
+
+use crate::search::{Equipped, Limits};
+
+/// Share by which the next price is less than one that is met.
+const LESS: f64 = 1e-9;
+
+/// State of a choice of the fewest sensors.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Fewest {
+    /// Limits of the choice under way.
+    pub limits: Limits,
+    /// Equipment with the fewest sensors so far that meets the requirements; the choice now looks for a cheaper one.
+    held: Option<Equipped>,
+}
+
+/// What follows a choice.
+pub(super) enum Next {
+    /// Another choice under other limits.
+    Again(Limits),
+    /// The equipment, and whether it meets the requirements on the coarse grid.
+    Take(Box<Equipped>),
+}
+
+impl Fewest {
+    /// A choice that begins with `least` sensors.
+    pub fn new(budget: f64, least: usize) -> Self {
+        Self { limits: Limits { budget, sensors: least.max(1) }, held: None }
+    }
+
+    /// Looks at the result of a choice under [`Self::limits`]: with requirements missing, one sensor more is allowed, up to
+    /// `most`; with all met, a cheaper choice is looked for, no cheaper than `cheapest`.
+    pub fn next(&mut self, found: Equipped, most: usize, cheapest: f64) -> Next {
+        let is_met = found.missing <= 0.0;
+        match (&self.held, is_met) {
+            (None, false) if self.limits.sensors < most => {
+                self.limits.sensors += 1;
+                Next::Again(self.limits)
+            }
+            (None, false) => Next::Take(Box::new(found)),
+            (Some(held), false) => Next::Take(Box::new(held.clone())),
+            (_, true) => {
+                let is_cheapest = found.cost <= cheapest;
+                self.limits.budget = found.cost * (1.0 - LESS);
+                self.held = Some(found.clone());
+                if is_cheapest { Next::Take(Box::new(found)) } else { Next::Again(self.limits) }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::Placement;
+
+    fn found(sensors: usize, cost: f64, missing: f64) -> Equipped {
+        let placement = Placement { name: "x".to_owned(), lidars: vec![] };
+        let equipment = vec![(0, crate::vehicle::SensorName::NONE); sensors];
+        Equipped { equipment, placement, cost, value: 0.0, missing }
+    }
+
+    #[test]
+    fn the_number_grows_until_all_is_met_and_then_the_price_falls() {
+        let mut fewest = Fewest::new(f64::INFINITY, 0);
+        assert_eq!(fewest.limits.sensors, 1);
+        assert!(
+            matches!(fewest.next(found(1, 5.0, 0.2), 4, 1.0), Next::Again(l) if l.sensors == 2)
+        );
+        let again = fewest.next(found(2, 9.0, 0.0), 4, 1.0);
+        assert!(
+            matches!(again, Next::Again(l) if l.sensors == 2 && l.budget < 9.0 && l.budget > 8.9)
+        );
+        assert!(
+            matches!(fewest.next(found(2, 7.0, 0.0), 4, 1.0), Next::Again(l) if l.budget < 7.0)
+        );
+        // The next cheaper one misses something: the one held is taken.
+        assert!(matches!(fewest.next(found(2, 6.0, 0.1), 4, 1.0), Next::Take(e) if e.cost == 7.0));
+    }
+
+    #[test]
+    fn the_last_choice_is_taken_where_nothing_is_ever_met() {
+        let mut fewest = Fewest::new(10.0, 2);
+        assert!(matches!(fewest.next(found(2, 5.0, 0.2), 3, 1.0), Next::Again(_)));
+        assert!(
+            matches!(fewest.next(found(3, 5.0, 0.1), 3, 1.0), Next::Take(e) if e.missing == 0.1)
+        );
+    }
+}
