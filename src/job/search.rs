@@ -190,20 +190,18 @@ impl JobRun<'_> {
     /// Begins anew with one sensor more, if the fewest are wanted, the placements found do not meet the requirements, and
     /// the search has come to its own end.
     fn takes_one_more(&mut self, outcome: &Outcome, observer: &mut dyn Observer) -> bool {
-        if self.state.fewest.is_none() {
-            return false;
-        }
+        let Some(fewest) = &self.state.fewest else { return false };
+        let allowed = fewest.limits.sensors;
         let is_met = outcome.best.as_ref().is_some_and(|best| best.scores.missing() <= 0.0);
         let most = self.vehicle.every_kind().lidars().min(MAX_LIDARS);
-        let sensors = self.state.equipped.as_ref().map_or(0, |held| held.equipment.len());
-        if is_met || outcome.stopped.is_unfinished() || self.is_late || sensors >= most {
+        if is_met || outcome.stopped.is_unfinished() || self.is_late || allowed >= most {
             return false;
         }
         let words = format!(
-            "no placement of {sensors} sensor(s) was found that meets all requirements; one more is allowed"
+            "no placement of {allowed} sensor(s) was found that meets all requirements; one more is allowed"
         );
         observer.on(&Event::Note(&words));
-        let more = Fewest::new(self.job.most_money(), sensors + 1);
+        let more = Fewest::new(self.job.most_money(), allowed + 1);
         self.state = JobState { equipped: None, fewest: Some(more), course: self.job.equipping() };
         let constraints = self.vehicle.every_kind();
         self.suite = self.suite.with_constraints(&constraints);

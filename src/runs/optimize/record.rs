@@ -15,6 +15,7 @@ use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html
 use crate::runs::opening::LoadTimes;
 use crate::runs::{Computing, Error};
 use crate::search::{Equipped, FrameChoice, LeftOut, Outcome, Run, Scored, Settings, Stopped};
+use crate::vehicle::{Placement, SensorName, SensorPose};
 
 /// One run of the program on a run folder.
 pub(super) struct Sitting<'a> {
@@ -89,6 +90,18 @@ pub(super) fn save(sitting: &Sitting) -> Result<(), Error> {
     Ok(sitting.folder.write_json(TIMES, &sitting.spent())?)
 }
 
+/// A placement as a file lists it, with the price of its sensors on a vehicle that has prices.
+fn priced(job: &Job, placement: &Placement) -> Value {
+    let (mut listed, vehicle) = (json!(placement), job.scene().vehicle());
+    if !vehicle.is_nameless() {
+        let first = vehicle.sensors.first().map_or(SensorName::NONE, |sensor| sensor.name);
+        let model = |lidar: &SensorPose| if lidar.sensor.is_none() { first } else { lidar.sensor };
+        let price: f64 = placement.lidars.iter().map(|lidar| vehicle.price(model(lidar))).sum();
+        listed["price"] = json!(price);
+    }
+    listed
+}
+
 /// Writes result, charts and page, and hands out the record.
 pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, Error> {
     let (folder, suite, job) = (&sitting.folder, sitting.run.suite(), sitting.job);
@@ -129,8 +142,9 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
     record.timings = spent.times;
     folder.write_json(TIMES, &spent)?;
     folder.write_json("result.json", &record.json())?;
-    let found = record.best.iter().chain(&record.baselines).map(|scored| &scored.placement);
-    folder.write_json("placements.json", &json!({ "placements": found.collect::<Vec<_>>() }))?;
+    let found = record.best.iter().chain(&record.baselines);
+    let found: Vec<Value> = found.map(|scored| priced(job, &scored.placement)).collect();
+    folder.write_json("placements.json", &json!({ "placements": found }))?;
     if let Some(figure) = &figures.convergence {
         folder.write_text("convergence.svg", figure)?;
     }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use super::{ForeignLidar, Placement, PlacementError};
+use super::{ForeignLidar, Placement, PlacementError, SensorPose};
 use sightline_files::files;
 use sightline_files::json::{FileKind, did_you_mean, nearest, plain_words, unknown_key};
 
@@ -175,7 +175,23 @@ fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, P
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PlacementFile {
-    placements: Vec<Placement>,
+    placements: Vec<ListedPlacement>,
+}
+
+/// A placement as files list it: `sightline optimize` writes the price of its sensors beside it, which is not read.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ListedPlacement {
+    name: String,
+    lidars: Vec<SensorPose>,
+    #[serde(rename = "price", default)]
+    _price: Option<f64>,
+}
+
+impl From<ListedPlacement> for Placement {
+    fn from(ListedPlacement { name, lidars, .. }: ListedPlacement) -> Self {
+        Self { name, lidars }
+    }
 }
 
 /// Iterator over the checked placements of a file, in order; `-` is stdin.
@@ -189,7 +205,7 @@ pub struct PlacementReader {
 }
 
 enum Source {
-    Whole(std::vec::IntoIter<Placement>),
+    Whole(std::vec::IntoIter<ListedPlacement>),
     Lines { reader: Box<dyn BufRead>, line: u64 },
 }
 
@@ -265,7 +281,7 @@ impl PlacementReader {
 
     fn next_placement(&mut self) -> Option<Result<Placement, PlacementFileError>> {
         let (placement, line) = match &mut self.source {
-            Source::Whole(rest) => (rest.next()?, None),
+            Source::Whole(rest) => (rest.next()?.into(), None),
             Source::Lines { reader, line } => match next_line(reader, line, &self.path)? {
                 Ok(placement) => (placement, Some(*line)),
                 Err(error) => return Some(Err(error)),
@@ -336,7 +352,8 @@ fn next_line(
             }
         };
         if !text.trim_ascii().is_empty() {
-            return Some(parse(text, *line, path));
+            let listed: Result<ListedPlacement, _> = parse(text, *line, path);
+            return Some(listed.map(Placement::from));
         }
     }
 }

@@ -1,0 +1,120 @@
+//! Requirements from outside: copies within the mounting tolerance, and the fewest sensors that meet them.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{fails, ok, sightline};
+
+/// A street whose vehicle may carry up to four LiDARs on a mast: `half` looks ±90° around its front, `narrow` ±30°.
+fn street(dir: &Path, require: Value) {
+    let model = |name: &str, price: u32, side: u32| {
+        json!({ "name": name, "price": price, "lidar": { "channels": 32, "fov": [-24, 4],
+            "azimuth": [-(side as i32), side], "azimuth_steps": 2 * side, "range": 60 } })
+    };
+    let vehicle = json!({ "sightline": 1, "name": "cart", "body": [],
+        "sensors": [model("half", 3, 90), model("narrow", 1, 30)],
+        "mounts": [{ "name": "mast", "min": [-0.5, -0.5, 1], "max": [0.5, 0.5, 1.5], "yaw": [-3.15, 3.15],
+            "sensors": ["half", "narrow"], "count": [0, 4] }], "require": require });
+    fs::write(dir.join("cart.json"), vehicle.to_string()).unwrap();
+    let scene = json!({ "sightline": 1, "name": "street", "vehicle": "cart.json", "frames": 4,
+        "roi": { "min": [-16, -16, -0.5], "max": [16, 16, 3.5], "voxel": [0.5, 0.5, 0.5] },
+        "static": [{ "class": "ground", "plane": { "min": [-40, -40], "max": [40, 40], "z": 0 } }],
+        "actors": [{ "name": "crate", "kind": "car",
+            "parts": [{ "class": "vehicle", "box": { "min": [-1, -1, 0], "max": [1, 1, 2] } }],
+            "poses": [{ "x": 8, "y": 0 }, { "x": 9, "y": 2 }, { "x": 10, "y": 3 }, { "x": 7, "y": -4 }] }] });
+    fs::write(dir.join("street.json"), scene.to_string()).unwrap();
+}
+
+fn car(bearing: [i32; 2], share: f64) -> Value {
+    json!({ "name": format!("car {bearing:?}"), "target": "car", "from": 10, "within": 15, "bearing": bearing,
+        "share": share })
+}
+
+#[test]
+fn a_requirement_that_copies_within_the_tolerance_break_is_met_on_paper_only() {
+    let dir = TempDir::new().unwrap();
+    let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
+    let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar], "price": 3 }] });
+    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+    let score = |require: Value, more: &[&str]| {
+        street(dir.path(), require);
+        let args = [&["score", "street.json", "rigs.json", "--backend", "cpu"], more].concat();
+        ok(dir.path(), &args)["scores"][0].clone()
+    };
+    // All round a half turn sees about half: just the share that it sees is required in the second run.
+    let found = score(json!([car([-180, 180], 0.1)]), &[]);
+    let share = found["requirements"][0]["found"].as_f64().unwrap();
+    assert!((0.5..0.6).contains(&share), "{found}");
+    let ring = json!({ "name": "ground", "min": [2, -3, -0.3], "max": [6, 3, 0.3], "share": 0.05 });
+    let all = json!([ring, car([-60, 60], 0.9), car([-180, 180], share)]);
+    let found = score(all.clone(), &["--tolerance", "5mm,2deg"]);
+    let holds = |k: usize| found["requirements"][k]["holds_in"].as_f64().unwrap();
+    assert_eq!((holds(0), holds(1)), (1.0, 1.0), "{found}");
+    assert!(holds(2) > 0.1 && holds(2) < 0.95, "{found}");
+    assert_eq!(found["requirements_hold_in"], holds(2));
+    // Voxels on the ground that beams just reach depend on millimetres, too.
+    let edge = json!([{ "name": "ground", "min": [2, -3, -0.3], "max": [6, 3, 0.3],
+        "share": found["requirements"][0]["found"] }]);
+    let found = score(edge, &[]);
+    assert_eq!(found["requirements"][0]["met"], true);
+    assert!(found["requirements"][0]["holds_in"].as_f64().unwrap() < 0.95, "{found}");
+    let plain = score(all, &["--tolerance", "0"]);
+    assert_eq!(plain["requirements"][2].get("holds_in"), None);
+    let args = ["score", "street.json", "rigs.json", "--backend", "cpu", "--tolerance", "5mm,2deg"];
+    let text = String::from_utf8(sightline(dir.path(), &args).stdout).unwrap();
+    assert!(text.contains("required, ON PAPER ONLY, met by "), "{text}");
+    assert!(text.contains("all requirements: met by "), "{text}");
+    let wrong = fails(dir.path(), &["score", "street.json", "rigs.json", "--tolerance", "5"]);
+    assert!(wrong.contains("5mm,0.5deg"), "{wrong}");
+}
+
+#[test]
+fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
+    let dir = TempDir::new().unwrap();
+    let search = |out: &str, require: Value| {
+        street(dir.path(), require);
+        let args = "optimize street.json --fewest --backend cpu --evaluations 30 --seed 3 --format json --out";
+        let args: Vec<&str> = args.split(' ').chain([out]).collect();
+        let output = sightline(dir.path(), &args);
+        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let listed = fs::read_to_string(dir.path().join(out).join("placements.json")).unwrap();
+        let listed: Value = serde_json::from_str(&listed).unwrap();
+        let best = listed["placements"][0].clone();
+        let sensors: Vec<String> = best["lidars"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|l| l["sensor"].as_str().unwrap().to_owned())
+            .collect();
+        (
+            output.status.code(),
+            sensors,
+            best["price"].as_f64().unwrap(),
+            found,
+            String::from_utf8(output.stderr).unwrap(),
+        )
+    };
+    // One narrow sensor is enough ahead, and cheaper than a wide one; all round it takes two wide ones.
+    let (code, sensors, price, ..) = search("ahead", json!([car([-15, 15], 0.95)]));
+    assert_eq!((code, &sensors[..], price), (Some(0), &["narrow".to_owned()][..], 1.0));
+    let (code, sensors, price, _, told) = search("round", json!([car([-180, 180], 0.95)]));
+    assert_eq!((code, sensors.len(), price), (Some(0), 2, 6.0), "{told}");
+    assert!(
+        told.contains("no equipment of 1 sensor(s) was found that meets all requirements"),
+        "{told}"
+    );
+    // What it wrote is a file of placements.
+    let again = ["score", "street.json", "round/placements.json", "--backend", "cpu"];
+    assert_eq!(ok(dir.path(), &again)["scores"][0]["requirements"][0]["met"], true);
+    // What nothing meets: as many as there may be, and exit code 1.
+    let hopeless = json!({ "target": "tyre", "from": 15, "within": 15, "beams": 100, "share": 1 });
+    let (code, sensors, _, found, _) = search("hopeless", json!([hopeless]));
+    assert_eq!((code, sensors.len()), (Some(1), 4));
+    assert_eq!(found["best"]["scores"]["requirements"][0]["met"], false);
+    street(dir.path(), json!([]));
+    let nothing = fails(dir.path(), &["optimize", "street.json", "--fewest"]);
+    assert!(nothing.contains("--fewest: the vehicle requires nothing"), "{nothing}");
+}
