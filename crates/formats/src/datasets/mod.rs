@@ -15,24 +15,22 @@
 //! | `files` | whole files of records |
 //! | `ground` | height of the labelled road; warnings about poses |
 
-mod build;
 mod carla;
 mod error;
 mod files;
 mod ground;
 mod import;
 pub mod kitti;
-pub mod kitti_labels;
 mod nuscenes;
 mod sequence;
 #[cfg(test)]
 mod tests;
 
-pub use build::{PsogOptions, build_psog};
 pub use carla::{CarlaSequence, CarlaTags};
 pub use error::DatasetError;
 pub use import::{ImportOptions, Imported, to_scene};
 pub use kitti::{KITTI_LIDAR_HEIGHT, KittiSequence};
-pub use nuscenes::NUSCENES_CATEGORIES;
-pub use nuscenes::{NuscenesScene, read_nuscenes};
-pub use sequence::{BoxTrack, LabelledScan, LabelledSequence, PointLabel, TrackPose};
+pub use nuscenes::{NUSCENES_CATEGORIES, NuscenesScene, read_nuscenes};
+pub use sequence::{
+    BoxTrack, LabelledScan, LabelledSequence, PointLabel, PsogOptions, TrackPose, build_psog,
+};

@@ -3,8 +3,7 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::about::About;
-use super::folder::{ABOUT, Folder, INCOMPLETE};
+use super::folder::{ABOUT, About, Folder, INCOMPLETE};
 use super::labels::{Label, check_map, of_classes};
 use super::plan::{Planned, plan};
 use super::{DatasetSettings, ExportError, Layout, SceneFacts, kitti, npz, nuscenes};

@@ -4,16 +4,14 @@
 //! poses are this LiDAR's, counted from the first frame as in KITTI. Each LiDAR by itself is a data set of its own,
 //! `lidar_0` and on.
 
-use std::io::Write;
+use std::io::{self, Write};
 
 use glam::DMat3;
 
-use super::cloud::{Mover, Source, mounts};
 use super::folder::{Folder, Staged};
 use super::labels::{Label, Labels};
-use super::pickle::Pickle;
 use super::plan::Planned;
-use super::record::{FrameRecord, LidarRecord, Written};
+use super::record::{FrameRecord, LidarRecord, Mover, Source, Written, mounts};
 use super::{DatasetSettings, ExportError, SceneFacts, Split};
 use crate::datasets::kitti::EGO_FROM_LIDAR;
 use lidar_cast::geom::Pose;
@@ -192,7 +190,7 @@ fn infos(
     staged.end().map(drop)
 }
 
-fn info<W: Write>(p: &mut Pickle<W>, sequence: &str, at: usize) -> std::io::Result<()> {
+fn info<W: Write>(p: &mut Pickle<W>, sequence: &str, at: usize) -> io::Result<()> {
     p.dict(|p| {
         p.text("lidar_points")?;
         p.dict(|p| {
@@ -206,4 +204,45 @@ fn info<W: Write>(p: &mut Pickle<W>, sequence: &str, at: usize) -> std::io::Resu
         p.text("sample_id")?;
         p.text(&format!("{sequence}{at:06}"))
     })
+}
+
+/// A pickle that is being written.
+struct Pickle<W: Write>(W);
+
+impl<W: Write> Pickle<W> {
+    /// Begins with the version.
+    pub fn new(mut out: W) -> io::Result<Self> {
+        out.write_all(b"\x80\x02")?;
+        Ok(Self(out))
+    }
+
+    pub fn text(&mut self, text: &str) -> io::Result<()> {
+        self.0.write_all(b"X")?;
+        self.0.write_all(&(text.len() as u32).to_le_bytes())?;
+        self.0.write_all(text.as_bytes())
+    }
+
+    pub fn number(&mut self, number: i32) -> io::Result<()> {
+        self.0.write_all(b"J")?;
+        self.0.write_all(&number.to_le_bytes())
+    }
+
+    /// Writes a list with the items of `items`.
+    pub fn list(&mut self, items: impl FnOnce(&mut Self) -> io::Result<()>) -> io::Result<()> {
+        self.0.write_all(b"](")?;
+        items(self)?;
+        self.0.write_all(b"e")
+    }
+
+    /// Writes a dictionary with the pairs of `pairs`: key, value, key, value.
+    pub fn dict(&mut self, pairs: impl FnOnce(&mut Self) -> io::Result<()>) -> io::Result<()> {
+        self.0.write_all(b"}(")?;
+        pairs(self)?;
+        self.0.write_all(b"u")
+    }
+
+    pub fn end(mut self) -> io::Result<()> {
+        self.0.write_all(b".")?;
+        self.0.flush()
+    }
 }

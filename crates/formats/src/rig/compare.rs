@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use serde::Serialize;
 
-use super::angles::{tilt, turn};
+use super::frames::{tilt, turn};
 use super::{Rig, RigError, RigLidar};
 use sightline_scene::vehicle::SensorPose;
 

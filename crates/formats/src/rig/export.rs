@@ -4,8 +4,8 @@ use serde_json::Value;
 
 use super::beams::{Beams, Models};
 use super::{
-    Fan, Mounting, NamedText, Rig, RigError, RigFormat, RigLidar, autoware, carla, carla_objects,
-    launch, placements, sdf, urdf,
+    Fan, Mounting, NamedText, Rig, RigError, RigFormat, RigLidar, carla, launch, model, sdf, urdf,
+    yaml,
 };
 
 /// Models of LiDARs beside Autoware's files.
@@ -40,7 +40,7 @@ pub fn export(
     let one = |name: &str, text| vec![NamedText { name: name.to_owned(), text }];
     let files = match format {
         RigFormat::Autoware => {
-            let mut files = autoware::write(rig, mounting);
+            let mut files = yaml::write_autoware(rig, mounting);
             let text = models.document(rig).map(|document| pretty(&document));
             files.extend(text.map(|text| NamedText { name: MODELS_FILE.to_owned(), text }));
             files
@@ -50,9 +50,9 @@ pub fn export(
         RigFormat::Ros2Launch => one("rig.launch.xml", launch::write(rig, mounting)),
         RigFormat::Carla => one("sensors.json", pretty(&carla::write(rig, mounting, fan))),
         RigFormat::CarlaObjects => {
-            one("objects.json", pretty(&carla_objects::write(rig, mounting, fan)))
+            one("objects.json", pretty(&carla::write_objects(rig, mounting, fan)))
         }
-        RigFormat::Json => one("placements.json", pretty(&placements::rig_json(&[rig]))),
+        RigFormat::Json => one("placements.json", pretty(&model::rig_json(&[rig]))),
         RigFormat::Tf | RigFormat::Pandaset => return Err(RigError::ReadOnly { format }),
     };
     let mut warnings = Vec::new();

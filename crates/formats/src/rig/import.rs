@@ -5,12 +5,11 @@ use std::path::PathBuf;
 
 use serde_json::Value;
 
-use super::angles::{IDENTITY, compose, up};
 use super::fields::Fields;
-use super::frames::{Frame, Frames, Holds};
+use super::frames::{Frame, Frames, Holds, IDENTITY, compose, up};
 use super::{
-    BASE_LINK, MODELS_FILE, Mounting, Rig, RigError, RigFormat, RigLidar, Source, autoware, carla,
-    carla_objects, detect, known, launch, pandaset, placements, sdf, sources, tf, urdf,
+    BASE_LINK, MODELS_FILE, Mounting, Rig, RigError, RigFormat, RigLidar, Source, beams, carla,
+    format, launch, model, sdf, sources, urdf, yaml,
 };
 use sightline_files::Note;
 use sightline_files::json::{self, Place};
@@ -102,7 +101,7 @@ pub fn import_texts(sources: &[Source], settings: &ImportSettings) -> Result<Imp
     };
     let format = match settings.format {
         Some(format) => format,
-        None => detect::format_of(first)?,
+        None => format::format_of(first)?,
     };
     if let (Some(second), false) = (sources.get(1), format.holds_feet()) {
         let file = second.file.clone();
@@ -113,7 +112,7 @@ pub fn import_texts(sources: &[Source], settings: &ImportSettings) -> Result<Imp
     }
     let mut frames = Frames::default();
     for source in sources {
-        detect::refuse_program(source)?;
+        format::refuse_program(source)?;
         read(format, source, &mut frames)?;
     }
     rig_of(frames, format, settings, &first.file)
@@ -201,7 +200,7 @@ fn below_ground(rig: &Rig, file: &str) -> Vec<Note> {
 }
 
 fn of_placements(source: &Source, settings: &ImportSettings) -> Result<Imported, RigError> {
-    let mut rig = placements::rig_of(source, settings.name.as_deref())?;
+    let mut rig = model::rig_of(source, settings.name.as_deref())?;
     for lidar in &mut rig.lidars {
         let sensor = settings.sensors.get(&lidar.frame).cloned();
         lidar.sensor = sensor.or(lidar.sensor.take());
@@ -217,14 +216,14 @@ fn of_placements(source: &Source, settings: &ImportSettings) -> Result<Imported,
 
 fn read(format: RigFormat, source: &Source, frames: &mut Frames) -> Result<(), RigError> {
     match format {
-        RigFormat::Autoware => autoware::read(source, frames),
+        RigFormat::Autoware => yaml::read_autoware(source, frames),
         RigFormat::Urdf => urdf::read(source, frames),
         RigFormat::Sdf => sdf::read(source, frames),
         RigFormat::Ros2Launch => launch::read(source, frames),
         RigFormat::Carla => carla::read(source, frames),
-        RigFormat::CarlaObjects => carla_objects::read(source, frames),
-        RigFormat::Tf => tf::read(source, frames),
-        RigFormat::Pandaset => pandaset::read(source, frames),
+        RigFormat::CarlaObjects => carla::read_objects(source, frames),
+        RigFormat::Tf => yaml::read_transforms(source, frames),
+        RigFormat::Pandaset => yaml::read_pandaset(source, frames),
         // Read as a rig, not as frames.
         RigFormat::Json => Ok(()),
     }
@@ -245,7 +244,7 @@ fn base(
         return Err(RigError::UnknownFrame { file, frame, known: frames.names() });
     }
     let own = match format {
-        RigFormat::Pandaset => pandaset::BASE,
+        RigFormat::Pandaset => yaml::PANDASET_BASE,
         RigFormat::Sdf if !frames.mentions(BASE_LINK) => sdf::MODEL,
         _ => return Ok(ground(frames, settings, file)),
     };
@@ -345,7 +344,7 @@ fn lidar(
         _ => (None, None),
     };
     let (name, mounting) = (&frame.name, &settings.mounting);
-    let sensor = settings.sensors.get(name).map(|name| known::usual(name)).or(said);
+    let sensor = settings.sensors.get(name).map(|name| beams::usual(name)).or(said);
     let stands_on_foot =
         || frame.holds == Holds::Unsaid && frames.get(&frame.parent).is_some_and(is_named_lidar);
     let given = mounting.given_height(name, sensor.as_deref());

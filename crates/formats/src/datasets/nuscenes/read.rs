@@ -4,12 +4,11 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
 
-use super::categories::{Category, category, known};
 use super::tables::{
     AnnotationRow, CalibratedRow, CategoryRow, EgoPoseRow, InstanceRow, LIDARSEG_CATEGORIES,
     LidarsegRow, SampleDataRow, SampleRow, SceneRow, SensorRow, Tables,
 };
-use super::{Keyframe, NuscenesScene};
+use super::{Category, Keyframe, NuscenesScene, category, known};
 use crate::datasets::{BoxTrack, DatasetError, TrackPose, ground};
 use lidar_cast::geom::Pose;
 use sightline_files::Note;

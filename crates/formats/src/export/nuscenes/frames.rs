@@ -5,13 +5,11 @@ use std::collections::BTreeMap;
 use glam::DQuat;
 use serde_json::{Value, json};
 
-use super::fixed::{CAMERAS, CATEGORIES, attribute, visibility};
-use super::table::Tables;
+use super::tables::{CAMERAS, CATEGORIES, Tables, attribute, visibility};
 use super::{About, channels, right_forward, token};
-use crate::export::cloud::Source;
 use crate::export::folder::Folder;
 use crate::export::labels::MOVES;
-use crate::export::record::FrameRecord;
+use crate::export::record::{FrameRecord, Source};
 use crate::export::{ExportError, SceneFacts};
 use lidar_cast::geom::Pose;
 use sightline_scan::BOX_MARGIN;

@@ -3,25 +3,20 @@
 //! `LIDAR_TOP` stands in the middle of all LiDARs and holds the points of all; its x axis points right,
 //! its y axis forward, as on the vehicles of nuScenes. Each LiDAR is a channel of its own, `LIDAR_0` and on.
 
-mod fixed;
 mod frames;
-mod names;
-mod table;
 mod tables;
 
 use glam::{DMat3, DVec3};
 use sha2::{Digest, Sha256};
 
-use super::cloud::{Mover, Source, mounts};
 use super::folder::Folder;
 use super::labels::{Label, Labels, of_kind};
 use super::plan::Planned;
-use super::record::FrameRecord;
-use super::{DatasetSettings, ExportError};
+use super::record::{FrameRecord, Mover, Source, mounts};
+use super::{DatasetSettings, ExportError, Split};
 use lidar_cast::geom::Pose;
 use sightline_scan::{BOX_MARGIN, Scan};
 
-pub(super) use names::scene_names;
 pub(super) use tables::finish;
 
 /// Largest intensity.
@@ -39,7 +34,7 @@ pub(super) struct About<'a> {
 
 impl About<'_> {
     fn version(&self) -> &'static str {
-        names::version(self.counts, self.planned.split)
+        version(self.counts, self.planned.split)
     }
 
     fn is_keyframe(&self, at: usize) -> bool {
@@ -122,7 +117,7 @@ pub(super) fn write(
     let category = |tracked: &sightline_scan::TrackedBox| {
         let class = classes.get(usize::from(tracked.class)).copied();
         let label = of_kind(tracked.kind).or(class).map(|label| label.nuscenes);
-        label.filter(|label| fixed::BOXED.contains(label)).unwrap_or(fixed::DEBRIS)
+        label.filter(|label| tables::BOXED.contains(label)).unwrap_or(tables::DEBRIS)
     };
     let boxes = scan.boxes.iter().map(category).zip(inside).collect();
     Ok(FrameRecord { files, ..FrameRecord::new(scan, boxes) })
@@ -153,4 +148,164 @@ fn count(cloud: &[[f32; 5]], ego_from_sensor: &Pose, scan: &Scan) -> Vec<u32> {
         cloud.iter().filter(inside).count() as u32
     };
     scan.boxes.iter().map(in_box).collect()
+}
+
+/// Scenes of v1.0-mini.
+const MINI: [&[u16]; 2] = [&[61, 553, 655, 757, 796, 1077, 1094, 1100], &[103, 916]];
+
+type Ranges = &'static [(u16, u16)];
+
+const TRAIN: Ranges = &[
+    (1, 2),
+    (4, 11),
+    (19, 34),
+    (41, 76),
+    (120, 135),
+    (138, 139),
+    (149, 152),
+    (154, 155),
+    (157, 168),
+    (170, 185),
+    (187, 188),
+    (190, 196),
+    (199, 200),
+    (202, 204),
+    (206, 214),
+    (218, 220),
+    (222, 222),
+    (224, 264),
+    (283, 306),
+    (315, 318),
+    (321, 321),
+    (323, 324),
+    (328, 328),
+    (347, 386),
+    (388, 403),
+    (405, 408),
+    (410, 459),
+    (461, 465),
+    (467, 469),
+    (471, 472),
+    (474, 480),
+    (499, 502),
+    (504, 515),
+    (517, 518),
+    (525, 539),
+    (541, 546),
+    (566, 566),
+    (568, 568),
+    (570, 578),
+    (580, 580),
+    (582, 600),
+    (639, 679),
+    (681, 681),
+    (683, 689),
+    (695, 698),
+    (700, 701),
+    (703, 719),
+    (726, 728),
+    (730, 731),
+    (733, 741),
+    (744, 744),
+    (746, 747),
+    (749, 752),
+    (757, 765),
+    (767, 769),
+    (786, 787),
+    (789, 792),
+    (803, 806),
+    (808, 813),
+    (815, 817),
+    (819, 822),
+    (847, 856),
+    (858, 858),
+    (860, 866),
+    (868, 873),
+    (875, 878),
+    (880, 880),
+    (882, 903),
+    (945, 945),
+    (947, 947),
+    (949, 949),
+    (952, 953),
+    (955, 961),
+    (975, 984),
+    (988, 992),
+    (994, 1025),
+    (1044, 1058),
+    (1074, 1102),
+    (1104, 1110),
+];
+const VAL: Ranges = &[
+    (3, 3),
+    (12, 18),
+    (35, 36),
+    (38, 39),
+    (92, 110),
+    (221, 221),
+    (268, 278),
+    (329, 332),
+    (344, 346),
+    (519, 524),
+    (552, 565),
+    (625, 627),
+    (629, 630),
+    (632, 638),
+    (770, 771),
+    (775, 775),
+    (777, 778),
+    (780, 784),
+    (794, 800),
+    (802, 802),
+    (904, 917),
+    (919, 931),
+    (962, 963),
+    (966, 969),
+    (971, 972),
+    (1059, 1073),
+];
+const TEST: Ranges = &[
+    (77, 91),
+    (111, 119),
+    (140, 140),
+    (142, 148),
+    (265, 266),
+    (279, 282),
+    (307, 314),
+    (333, 343),
+    (481, 498),
+    (547, 551),
+    (601, 604),
+    (606, 624),
+    (827, 831),
+    (833, 842),
+    (844, 846),
+    (932, 933),
+    (935, 943),
+    (1026, 1043),
+];
+
+/// Version of the set for scenes of a split; `counts` is the number of scenes by split.
+fn version(counts: [usize; 3], split: Split) -> &'static str {
+    match split {
+        Split::Test => "v1.0-test",
+        _ if is_mini(counts) => "v1.0-mini",
+        _ => "v1.0-trainval",
+    }
+}
+
+/// True if train and val fit into v1.0-mini.
+fn is_mini([train, val, _]: [usize; 3]) -> bool {
+    train <= MINI[0].len() && val <= MINI[1].len()
+}
+
+/// Names of scenes for each split; `counts` is the number of scenes by split.
+pub(super) fn scene_names(counts: [usize; 3]) -> [Vec<String>; 3] {
+    let name = |number: u16| format!("scene-{number:04}");
+    let all = |ranges: Ranges| ranges.iter().flat_map(|&(a, b)| a..=b).map(name).collect();
+    let [mut train, mut val, test]: [Vec<String>; 3] = [all(TRAIN), all(VAL), all(TEST)];
+    if is_mini(counts) {
+        [train, val] = MINI.map(|list| list.iter().copied().map(name).collect());
+    }
+    [train, val, test]
 }

@@ -3,9 +3,8 @@
 //! Coordinates are in the ego frame (ISO 8855: x forward, y left, z up, metres). One root node turns it into glTF's
 //! own frame (x left, y up, z forward), by a rotation whose four numbers are exact.
 
-mod colour;
 mod container;
-mod frustum;
+mod marks;
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::Write;
@@ -15,8 +14,8 @@ use serde_json::{Value, json};
 
 use super::ExportError;
 use container::{Container, Kind};
-use frustum::Frustum;
 use lidar_cast::geom::{Pose, TriangleSoup};
+use marks::Frustum;
 use sightline_scene::scene::{PartOwner, Scene};
 use sightline_scene::vehicle::{Placement, SensorPose, Sensors};
 
@@ -122,7 +121,7 @@ impl Writer<'_> {
     /// Material of a class.
     fn material(&mut self, class: u16) -> usize {
         let name = self.class(class).to_owned();
-        self.out.material(&name, colour::of_class(&name))
+        self.out.material(&name, marks::of_class(&name))
     }
 
     /// Static world, actors, ego body: a node each that has triangles.
@@ -208,7 +207,7 @@ impl Writer<'_> {
                 if let std::collections::hash_map::Entry::Vacant(slot) = frusta.entry(model) {
                     let frustum = Frustum::of(sensors.table(model));
                     let positions = self.out.positions(&frustum.lines())?;
-                    let material = self.out.material("frustum", colour::FRUSTUM);
+                    let material = self.out.material("frustum", marks::FRUSTUM);
                     let lines = Kind::Lines.primitive(positions, None, material);
                     let name = sensors.models()[model].name;
                     slot.insert((self.out.mesh(&format!("frustum {name}"), vec![lines]), frustum));

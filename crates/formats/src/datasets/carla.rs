@@ -2,10 +2,7 @@
 //!
 //! Points come in the sensor's frame with y to the right; y is mirrored on reading, as are the poses.
 
-mod poses;
-mod records;
-mod tags;
-mod tracks;
+mod frames;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,16 +12,11 @@ use glam::Vec3;
 use super::ground::{self, Road};
 use super::kitti::above_ground;
 use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel};
+use frames::{ActorPoints, Record, Stood, frame_of};
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
-use poses::{Stood, frame_of};
-use records::Record;
 use sightline_files::Note;
-use sightline_scene::scene::DEFAULT_CLASSES;
-pub use tags::CarlaTags;
-use tags::Tag;
-pub(super) use tags::{class_of_name, tag_names};
-use tracks::Seen;
+use sightline_scene::scene::{ActorKind, DEFAULT_CLASSES};
 
 /// Scans that are looked at for a road.
 const MOST_SCANS: usize = 10;
@@ -64,7 +56,7 @@ impl CarlaSequence {
         tags: Option<CarlaTags>,
         lidar_height: Option<f64>,
     ) -> Result<Self, DatasetError> {
-        let (table, mut notes) = poses::read(poses)?;
+        let (table, mut notes) = frames::read_poses(poses)?;
         let mut frames = BTreeMap::new();
         for (frame, scan) in list_scans(folder)? {
             let Some(&stood) = table.get(&frame) else {
@@ -78,7 +70,7 @@ impl CarlaSequence {
         notes.extend((more > 0).then(|| {
             Note::fact(format!("{}: {more} rows belong to no scan; not read.", poses.display()))
         }));
-        notes.extend(poses::backwards(poses, &frames));
+        notes.extend(frames::backwards(poses, &frames));
         let mut sequence = Self {
             folder: folder.to_owned(),
             frames,
@@ -165,7 +157,7 @@ impl CarlaSequence {
             return Err(DatasetError::NoCarlaScans { path: self.folder.clone() });
         }
         for (path, _) in self.frames.values().take(MOST_SCANS) {
-            let records = records::read(path)?;
+            let records = frames::read_points(path)?;
             let roads = [CarlaTags::Until0913, CarlaTags::Since0914].map(|tags| {
                 let is_road: Vec<bool> =
                     tags.names().iter().map(|name| is_road_tag(name)).collect();
@@ -199,7 +191,7 @@ impl CarlaSequence {
             })?;
             Ok((record, found))
         };
-        records::read(path)?.into_iter().enumerate().map(meaning).collect()
+        frames::read_points(path)?.into_iter().enumerate().map(meaning).collect()
     }
 
     fn frame(&self, frame: u32) -> Result<&(PathBuf, Stood), DatasetError> {
@@ -241,7 +233,7 @@ impl LabelledSequence for CarlaSequence {
 
     /// Boxes around the points of each actor; `tracks.rs` lists their limits.
     fn tracks(&self) -> Result<Vec<BoxTrack>, DatasetError> {
-        let mut seen: BTreeMap<u32, Seen> = BTreeMap::new();
+        let mut seen: BTreeMap<u32, ActorPoints> = BTreeMap::new();
         for (&frame, (path, stood)) in &self.frames {
             for (record, meaning) in self.records(path)? {
                 if is_actor(&record, &meaning.1) {
@@ -253,7 +245,7 @@ impl LabelledSequence for CarlaSequence {
                 }
             }
         }
-        Ok(seen.values().filter_map(Seen::track).collect())
+        Ok(seen.values().filter_map(ActorPoints::track).collect())
     }
 
     fn notes(&self) -> &[Note] {
@@ -307,4 +299,86 @@ fn list_scans(folder: &Path) -> Result<Vec<(u32, PathBuf)>, DatasetError> {
     }
     scans.sort();
     Ok(scans)
+}
+
+/// Version of CARLA whose numbers the tags of a scan are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CarlaTags {
+    /// 0.9.10 to 0.9.13: 0 to 22.
+    Until0913,
+    /// 0.9.14 and later: 0 to 28, of CityScapes' order.
+    Since0914,
+}
+
+/// Meaning of a tag: its class, whether boxes are drawn around its things, their kind.
+type Tag = (Option<u16>, bool, ActorKind);
+
+#[rustfmt::skip]
+const UNTIL_0913: [&str; 23] = [
+    "Unlabeled", "Building", "Fence", "Other", "Pedestrian", "Pole", "RoadLine", "Road", "SideWalk",
+    "Vegetation", "Vehicles", "Wall", "TrafficSign", "Sky", "Ground", "Bridge", "RailTrack",
+    "GuardRail", "TrafficLight", "Static", "Dynamic", "Water", "Terrain",
+];
+
+#[rustfmt::skip]
+const SINCE_0914: [&str; 29] = [
+    "Unlabeled", "Roads", "SideWalks", "Building", "Wall", "Fence", "Pole", "TrafficLight",
+    "TrafficSign", "Vegetation", "Terrain", "Sky", "Pedestrian", "Rider", "Car", "Truck", "Bus",
+    "Train", "Motorcycle", "Bicycle", "Static", "Dynamic", "Other", "Water", "RoadLine", "Ground",
+    "Bridge", "RailTrack", "GuardRail",
+];
+
+/// Class and kind of things that move, by the name without the s of a plural.
+const THINGS: [(&str, &str, ActorKind); 9] = [
+    ("pedestrian", "pedestrian", ActorKind::Pedestrian),
+    ("rider", "pedestrian", ActorKind::Pedestrian),
+    ("vehicle", "vehicle", ActorKind::Car),
+    ("car", "vehicle", ActorKind::Car),
+    ("truck", "vehicle", ActorKind::Truck),
+    ("bu", "vehicle", ActorKind::Bus),
+    ("train", "vehicle", ActorKind::Bus),
+    ("motorcycle", "vehicle", ActorKind::Motorcycle),
+    ("bicycle", "vehicle", ActorKind::Bicycle),
+];
+
+impl CarlaTags {
+    /// Names by number.
+    pub(super) fn names(self) -> &'static [&'static str] {
+        match self {
+            Self::Until0913 => &UNTIL_0913,
+            Self::Since0914 => &SINCE_0914,
+        }
+    }
+
+    /// The first version that has these tags.
+    fn version(self) -> &'static str {
+        match self {
+            Self::Until0913 => "0.9.10",
+            Self::Since0914 => "0.9.14",
+        }
+    }
+}
+
+/// Names of all tags, each once.
+pub(super) fn tag_names() -> impl Iterator<Item = &'static str> {
+    let new = SINCE_0914.iter().filter(|name| !UNTIL_0913.contains(name));
+    UNTIL_0913.iter().chain(new).copied()
+}
+
+/// The meaning of a tag's name, however it is spelt: `RoadLine`, `road_line`, and `RoadLines` as sets of
+/// Place3D have it.
+pub(super) fn class_of_name(name: &str) -> Option<Tag> {
+    let plain = |name: &str| -> String {
+        let letters = name.chars().filter(char::is_ascii_alphanumeric).collect::<String>();
+        letters.to_ascii_lowercase().trim_end_matches('s').to_owned()
+    };
+    let name = plain(name);
+    if ["unlabeled", "none", "sky"].contains(&name.as_str()) {
+        return Some((None, false, ActorKind::Other));
+    }
+    let thing = THINGS.iter().find(|(known, ..)| *known == name);
+    let (class, kind) = thing.map_or((&*name, ActorKind::Other), |&(_, class, kind)| (class, kind));
+    let class = DEFAULT_CLASSES.iter().position(|known| plain(known) == class)?;
+    let boxed = ["pedestrian", "vehicle"].contains(&DEFAULT_CLASSES[class]);
+    Some((Some(class as u16), boxed, kind))
 }
