@@ -6,14 +6,13 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `sequence` | the interface of all data sets: frames, poses, labelled points |
-//! | `build` | a P-SOG from sequences |
-//! | `kitti`, `kitti_labels` | the SemanticKITTI layout |
+//! | `sequence` | the interface of all data sets (frames, poses, labelled points), and a P-SOG from them |
+//! | `kitti` | the SemanticKITTI layout |
 //! | `nuscenes` | nuScenes with lidarseg: tables, categories, boxes |
 //! | `carla` | scans of CARLA's semantic LiDAR with a table of poses |
 //! | `import` | a scene from a sequence |
 //! | `files` | whole files of records |
-//! | `ground` | height of the labelled road; warnings about poses |
+//! | `ground` | height of the labelled road, warnings about poses, plates and boxes of a scene |
 
 mod carla;
 mod error;

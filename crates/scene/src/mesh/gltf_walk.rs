@@ -4,8 +4,8 @@ use glam::{DMat4, DQuat, DVec3};
 use gltf::accessor::{Accessor, DataType, Dimensions};
 use gltf::mesh::{Mode, Semantic};
 
-use super::gltf_data::Data;
-use super::raw::{Fault, MOST_TRIANGLES, RawMesh};
+use super::gltf::Data;
+use super::{Fault, MOST_TRIANGLES, RawMesh};
 use sightline_files::Note;
 
 /// Deepest nesting of nodes.

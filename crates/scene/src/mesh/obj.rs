@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 
 use super::polygon::Cutter;
-use super::raw::{Fault, RawMesh};
+use super::{Fault, RawMesh};
 use sightline_files::Note;
 
 /// Statements without a surface of their own, passed over in silence.

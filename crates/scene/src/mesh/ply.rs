@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::ply_file::{Body, Element, Header, Property};
 use super::polygon::Cutter;
-use super::raw::{Fault, RawMesh};
+use super::{Fault, RawMesh};
 use sightline_files::Note;
 
 /// Properties of vertices and faces that are skipped without a note: looks, normals, measurements of scanners.

@@ -1,6 +1,6 @@
 //! The grammar of PLY: a header of elements with properties, and a body of text or of bytes.
 
-use super::raw::Fault;
+use super::Fault;
 
 /// Scalar types, under both of their names.
 #[derive(Debug, Clone, Copy, PartialEq)]

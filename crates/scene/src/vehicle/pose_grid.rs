@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::mirror::{MIRRORED, pairs};
+use super::pairing::{MIRRORED, pairs};
 use super::{Constraints, Placement, Region, SensorName, SensorPose, Slot, Ties};
 
 /// Grid values are rounded to multiples of 1/`DECIMALS`: 0.1 · 3 becomes 0.3.

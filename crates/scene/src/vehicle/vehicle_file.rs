@@ -11,12 +11,10 @@ use super::description::{
 };
 use super::equipment::{Vehicle, VehicleMount, VehicleSensor};
 use super::lidar_reading::Described;
-use super::mesh_mirror::mirror_meshes;
+use super::mesh_mount::mirror_meshes;
 use super::mount::{keep_out_boxes, least_distance};
-use super::mounting::mounting;
-use super::ties::{check_pairs, level};
-use super::{MAX_LIDARS, Phase, SensorName, Ties};
-use super::{Requirement, TargetRule, response};
+use super::mounting::{check_pairs, level, mounting};
+use super::{MAX_LIDARS, Phase, Requirement, SensorName, TargetRule, Ties, lidar};
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{self, DescriptionError, FileKind, Place};
@@ -183,7 +181,7 @@ fn sensor(
         return Err(bad(&at.key("price"), model.price, "a price of 0 or more"));
     }
     let written = model.response.as_ref();
-    let response = response::read(&at.key("response"), written, lidar.range(), &measures, notes)?;
+    let response = lidar::read(&at.key("response"), written, lidar.range(), &measures, notes)?;
     Ok(VehicleSensor { name, lidar, phase, price: model.price, response })
 }
 

@@ -130,7 +130,7 @@ fn gltf_parts_stand_where_the_format_puts_them() {
         near(i, p);
     }
     assert_eq!(mesh.faces[8..], [[16, 17, 18], [18, 17, 19], [20, 21, 22], [20, 22, 23]]);
-    assert_eq!(mesh.axes, Some(raw::Axes::ZForward));
+    assert_eq!(mesh.axes, Some(Axes::ZForward));
     let doubts: Vec<&str> = mesh.notes.iter().filter(|n| n.is_doubt()).map(Note::text).collect();
     assert!(
         doubts.len() == 2 && doubts[0].contains("ACME_unknown") && doubts[1].starts_with("1 nodes"),
@@ -232,7 +232,7 @@ fn gltf_parts_that_cannot_be_read_are_refused_by_name() {
 fn axes_are_those_of_the_description_then_of_the_file_then_of_the_format() {
     let (at, y_up, z_up) = (Place::top("s.json"), [1.0, -3.0, 2.0], [1.0, 2.0, 3.0]);
     let forward = [3.0, 1.0, 2.0];
-    let own = Some(raw::Axes::ZForward);
+    let own = Some(Axes::ZForward);
     let cases = [
         ("a.glb", None, None, y_up, true),
         ("a.glb", None, own, forward, false),

@@ -5,10 +5,9 @@
 
 use serde::Deserialize;
 
-use super::keys::{self, Passed, Rest};
 use super::pattern::{
-    Beams, Channel, MAX_BEAMS, Measures, SensorFormat, SensorPattern, azimuth, channel,
-    check_count, direction, quoted,
+    self, Beams, Channel, MAX_BEAMS, Measures, Passed, Rest, SensorFormat, SensorPattern, azimuth,
+    channel, check_count, direction, quoted,
 };
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
@@ -91,7 +90,7 @@ struct State {
 pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
     let File { name, profile, rest } = json::parse(text, &at.file)?;
     let model = name.map(|name| check::text(&at.key("name"), name)).transpose()?;
-    let top = keys::unknown(at, &rest, PASSED);
+    let top = pattern::unknown(at, &rest, PASSED);
     let at = at.key("profile");
     let list = at.key("emitterStates");
     check_counts(&at, &list, &profile)?;
@@ -108,10 +107,12 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
     pattern.model = model;
     pattern.measures = measures(&at, &profile, &mut pattern.notes)?;
     pattern.notes.extend(top);
-    pattern.notes.extend(keys::unknown(&at, &profile.rest, PASSED));
+    pattern.notes.extend(pattern::unknown(&at, &profile.rest, PASSED));
     let states = profile.emitter_states.iter().enumerate();
     pattern.notes.extend(
-        states.filter_map(|(s, state)| keys::unknown(&list.item(s), &state.rest, PASSED)).take(1),
+        states
+            .filter_map(|(s, state)| pattern::unknown(&list.item(s), &state.rest, PASSED))
+            .take(1),
     );
     let offsets =
         profile.emitter_states.iter().flat_map(|s| s.hor_offset_m.iter().chain(&s.vert_offset_m));

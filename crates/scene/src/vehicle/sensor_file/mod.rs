@@ -1,21 +1,15 @@
 //! Sensor files of the vendors, told apart by content.
 
+mod binary;
 mod csv;
-mod hesai;
 mod isaac;
-mod keys;
-mod livox;
-mod npy;
 mod ouster;
 mod ouster_columns;
 mod pattern;
-mod rgl;
-mod robosense;
 mod table;
-mod velodyne;
-
 #[cfg(test)]
 mod tests;
+mod velodyne;
 
 use std::path::Path;
 
@@ -26,8 +20,7 @@ use sightline_files::json::check::bad;
 use sightline_files::json::{self, DescriptionError, Place, read_limited};
 
 pub(super) use pattern::NARROWEST;
-pub use pattern::{Beams, Channel, Measures, SensorFormat, SensorPattern};
-pub use pattern::{MAX_BEAMS, MAX_CHANNELS};
+pub use pattern::{Beams, Channel, MAX_BEAMS, MAX_CHANNELS, Measures, SensorFormat, SensorPattern};
 
 /// Largest sensor file in bytes; Livox patterns of four seconds have 25 MB.
 const MAX_SENSOR_FILE: u64 = 64 << 20;
@@ -70,8 +63,8 @@ fn parse_any(
     bytes: &[u8],
     window: Option<[f64; 2]>,
 ) -> Result<SensorPattern, DescriptionError> {
-    if npy::is_npy(bytes) {
-        return npy::parse(at, bytes);
+    if binary::is_npy(bytes) {
+        return binary::parse_npy(at, bytes);
     }
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
         return Err(bad(at, "UTF-16 text", "UTF-8 text; save the file as UTF-8"));
@@ -79,7 +72,7 @@ fn parse_any(
     let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
     let text = match std::str::from_utf8(bytes) {
         Ok(text) if !text.contains('\0') => text,
-        _ if rgl::is_rgl(bytes) => return rgl::parse(at, bytes),
+        _ if binary::is_rgl(bytes) => return binary::parse_rgl(at, bytes),
         _ => return Err(unknown(at)),
     };
     if velodyne::is_velodyne(text) {
@@ -92,22 +85,22 @@ fn parse_any(
         return Err(unknown(at));
     };
     if csv::column(&cells, "elevation").is_some() {
-        return hesai::parse(at, text);
+        return csv::parse_hesai(at, text);
     }
     if csv::column(&cells, "zenith").is_some() {
-        return livox::parse(at, text, window);
+        return csv::parse_livox(at, text, window);
     }
     let first = cells.join(",");
     let words = ["elevation", "zenith"].map(|word| first.to_ascii_lowercase().contains(word));
     if words.contains(&true) && first.contains([';', '\t']) {
         let wanted = "a row with commas between its columns; save the table as CSV with commas and decimal points";
-        return Err(bad(&csv::line(at, line), pattern::quoted(&first), wanted));
+        return Err(bad(&csv::at_line(at, line), pattern::quoted(&first), wanted));
     }
     let is_number = |cell: &&str| cell.parse::<f64>().is_ok();
     match (line, cells.len()) {
         _ if !cells.iter().all(is_number) => Err(unknown(at)),
-        (_, 3) => livox::parse(at, text, window),
-        (_, 1 | 2) => robosense::parse(at, text),
+        (_, 3) => csv::parse_livox(at, text, window),
+        (_, 1 | 2) => csv::parse_robosense(at, text),
         _ => Err(unknown(at)),
     }
 }

@@ -3,8 +3,9 @@
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::keys::{self, Passed, Rest};
-use super::pattern::{Measures, SensorFormat, SensorPattern, azimuth, channels_of};
+use super::pattern::{
+    self, Measures, Passed, Rest, SensorFormat, SensorPattern, azimuth, channels_of,
+};
 use sightline_files::Note;
 use sightline_files::json::{self, DescriptionError, Place, check};
 
@@ -76,7 +77,7 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
         noise: within("noise", table.noise, 0.0, 10.0)?,
         rate,
     };
-    let mut notes: Vec<Note> = keys::unknown(at, &table.rest, PASSED).into_iter().collect();
+    let mut notes: Vec<Note> = pattern::unknown(at, &table.rest, PASSED).into_iter().collect();
     // A sentence for people; no program can be sure of its meaning.
     notes.extend(table.azimuth_sign.filter(|_| offsets.iter().any(|offset| *offset != 0.0)).map(|sentence| {
         let sentence: String = sentence.to_string().chars().take(120).collect();

@@ -8,8 +8,9 @@ use std::f64::consts::FRAC_PI_2;
 
 use serde::Deserialize;
 
-use super::keys::{self, Passed, Rest};
-use super::pattern::{Beams, SensorFormat, SensorPattern, channel, check_count};
+use super::pattern::{
+    self, Beams, Passed, Rest, SensorFormat, SensorPattern, channel, check_count,
+};
 use sightline_files::Note;
 use sightline_files::json::check::bad;
 use sightline_files::json::{DescriptionError, Place, Quantity, parse_yaml};
@@ -84,9 +85,9 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
     });
     let beams = Beams::Channels(channels.collect::<Result<_, _>>()?);
     let mut notes: Vec<Note> = dropped_origins(&lasers).into_iter().collect();
-    notes.extend(keys::unknown(at, &document.read::<Rest>()?, PASSED));
+    notes.extend(pattern::unknown(at, &document.read::<Rest>()?, PASSED));
     let lasers = document.read::<Keys>()?.lasers.into_iter().enumerate();
-    let unknown = |(i, keys): (usize, Rest)| keys::unknown(&list.item(i), &keys, PASSED);
+    let unknown = |(i, keys): (usize, Rest)| pattern::unknown(&list.item(i), &keys, PASSED);
     notes.extend(lasers.filter_map(unknown).take(1));
     Ok(SensorPattern { notes, ..SensorPattern::new(SensorFormat::Velodyne, beams) })
 }

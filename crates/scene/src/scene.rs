@@ -6,26 +6,20 @@
 //! `scenes/README.md`. Reading loads every mesh once and keeps the world in `f64`; a frame moves
 //! it into the ego frame and only then rounds it to `f32`, and so does a part with its own frame.
 
-mod angles;
-mod carrier;
 mod classes;
-mod copies;
 mod description;
 mod doubts;
-mod kind;
-mod origins;
 mod parts;
 mod polygon;
-mod primitives;
 mod reading;
-mod reflectance;
 mod route;
 mod settings;
 mod shapes;
 mod solid;
 pub mod street;
 mod target;
-mod tracks;
+#[cfg(test)]
+mod tests;
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -33,9 +27,8 @@ use std::sync::OnceLock;
 use glam::DVec3;
 
 use crate::vehicle::{Constraints, Lidar, MountRules, SensorError, Sensors, Vehicle};
-use carrier::Carrier;
 use classes::Classes;
-use description::{ActorDescription, EgoDescription, SceneDescription, ShapeDescription};
+use description::{ActorDescription, EgoDescription, ShapeDescription};
 use lidar_cast::geom::{Pose, TriangleSoup};
 use route::Motion;
 use shapes::Builder;
@@ -43,17 +36,12 @@ use sightline_files::Note;
 use sightline_files::json::{self, check};
 use solid::Solid;
 
-pub use classes::{DEFAULT_CLASSES, Ground};
-pub use kind::ActorKind;
-pub use parts::PartOwner;
-pub use reflectance::Reflectances;
-pub use settings::RoiBounds;
-pub use settings::{Coverage, PsogSource, ScanSettings};
-pub use sightline_files::json::Place;
-pub use sightline_files::json::{DescriptionError, FileKind};
+pub use classes::{ActorKind, DEFAULT_CLASSES, Ground, Reflectances};
+pub use parts::{PartOwner, Track};
+pub use settings::{Coverage, PsogSource, RoiBounds, ScanSettings};
+pub use sightline_files::json::{DescriptionError, FileKind, Place};
 pub use street::street;
 pub use target::{Target, preset_targets};
-pub use tracks::Track;
 
 /// Largest scene file in bytes; ten million listed directions fit.
 const MAX_FILE: u64 = 1 << 30;
@@ -339,6 +327,3 @@ impl Scene {
         soup
     }
 }
-
-#[cfg(test)]
-mod tests;

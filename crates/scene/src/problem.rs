@@ -2,19 +2,18 @@
 
 mod assemble;
 
-pub use lidar_cast::task::{
-    Air, Area, Content, DevicePose, Entropy, Frame, HIT_PUSH, Instance, KINDS, Modelled,
-    OccupiedVoxel, Requirement, SensorBatch, StageTimes, Tally, Task, World, beam_direction,
-    beam_origin, spread,
-};
-
-pub use assemble::{content_of, world_of, world_of_parts};
-
 use std::ops::Deref;
 use std::sync::Arc;
 
 use crate::vehicle::{Constraints, Sensors, TargetRule};
 use lidar_cast::memory::OutOfMemory;
+
+pub use assemble::{content_of, world_of, world_of_parts};
+pub use lidar_cast::task::{
+    Air, Area, Content, DevicePose, Entropy, Frame, HIT_PUSH, Instance, KINDS, Modelled,
+    OccupiedVoxel, Requirement, SensorBatch, StageTimes, Tally, Task, World, beam_direction,
+    beam_origin, spread,
+};
 
 /// Error of parts that make no problem.
 #[derive(Debug, thiserror::Error, PartialEq)]
