@@ -13,7 +13,7 @@ mod yaml;
 pub use error::DescriptionError;
 pub use error::did_you_mean;
 pub use kind::FileKind;
-pub use lidar_cast::nearest::nearest;
+pub use lidar_cast::sensor::nearest;
 pub use numbers::{fixed, shortened, spoken, written};
 pub use parse::{check_version, parse, plain_words, read_limited, unknown_key};
 pub use place::Place;

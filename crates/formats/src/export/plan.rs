@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::ExportError;
 use super::folder::{ABOUT, INCOMPLETE};
 use super::nuscenes::scene_names;
-use lidar_cast::chance::mixed;
+use lidar_cast::maths::mixed;
 use sightline_files::files::{Input, safe_name};
 
 /// Format of a data set.

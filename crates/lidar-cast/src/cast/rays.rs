@@ -1,12 +1,14 @@
 //! Closest hits of any rays in a frame, for callers who bring their own instead of sensors.
+//!
+//! A [`Firing`] is a group of rays that leave one place at one moment: the batches that a device casts for scans.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::bundle::{Left, descend};
+use super::bundle::{Left, Target, descend};
 use crate::bvh::{Hit, Ray};
 use crate::geom::Pose;
-use crate::task::Frame;
+use crate::task::{Frame, beam_direction, beam_origin};
 
 /// Rays of one parallel task.
 const RAYS_A_TASK: usize = 1024;
@@ -44,6 +46,38 @@ pub fn cast_rays(frame: &Frame, rays: &[[f32; 6]], range: f32) -> Vec<Hit> {
         }
     });
     hits
+}
+
+/// Rays that leave one place at the same moment, and the trees as that place sees them.
+pub struct Firing<'a> {
+    /// Trees that the rays may meet.
+    pub targets: Vec<Target<'a>>,
+    /// Unit directions in the sensor's frame.
+    pub rays: Vec<[f32; 3]>,
+}
+
+/// Casts firings.
+pub trait FiringCaster: Send {
+    /// Closest hit of every ray up to `range`, in order, with the bits of [`Firing::closest_hit`].
+    ///
+    /// # Errors
+    /// What kept the device from it, as a sentence.
+    fn closest_hits(&mut self, firings: &[Firing<'_>], range: f32) -> Result<Vec<Hit>, String>;
+}
+
+impl Firing<'_> {
+    /// The closest hit of a ray of a direction, by the reference's way down each tree.
+    ///
+    /// CPU twin of `shaders/cast_closest.wgsl` where its sensors are firings.
+    pub fn closest_hit(&self, direction: [f32; 3], range: f32) -> Hit {
+        let mut hit = Hit::none(range);
+        for target in &self.targets {
+            let pose = target.standing.pose();
+            let ray = Ray::new(beam_origin(pose), beam_direction(pose, direction), hit.t);
+            target.tree.closer_hit(&ray, target.first_prim, &mut hit);
+        }
+        hit
+    }
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use crate::bvh::bvh16::{BLOCK, Bvh16, Node16};
 const SEARCHED: usize = 48;
 
 per_target! {
-    use super::{angles, boxes, triangles, hits};
+    use super::{angles, triangles, hits};
 
     /// Closest hits of a window's beams, where they are closer than those that `work` holds.
     ///

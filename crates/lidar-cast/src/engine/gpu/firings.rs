@@ -6,7 +6,7 @@ use super::buffers::Trees;
 use super::device::Device;
 use super::kernels::{Kernels, beam_workgroups};
 use super::layout::{Instance, MAX_WORKGROUPS, Sensor, UNFINISHED};
-use super::tested;
+use super::self_test;
 use crate::bvh::{Bvh, Hit};
 use crate::cast::{Firing, FiringCaster};
 use crate::engine::BackendError;
@@ -54,7 +54,7 @@ impl GpuFirings {
         trees: &[&Arc<Bvh>],
         adapter: Option<&str>,
     ) -> Result<Self, BackendError> {
-        let device = tested::open(adapter)?;
+        let device = self_test::open(adapter)?;
         let trees = Trees::new(&device, trees)?;
         let kernels = Kernels::new();
         kernels.compile(&device, |kernel| kernel == "cast_closest");

@@ -1,18 +1,8 @@
 //! All that is fixed while placements vary: frames, voxels and their worth, sensor models.
 
 mod batch;
-mod beam;
 mod content;
-mod pose;
-mod tally;
 mod world;
-
-pub use batch::SensorBatch;
-pub use beam::{beam_direction, beam_origin};
-pub use content::{Area, Content, Requirement};
-pub use pose::{DevicePose, Entropy, HIT_PUSH, KINDS, NO_CROSSING, OccupiedVoxel, TINY_COMPONENT};
-pub use tally::{StageTimes, Tally};
-pub use world::{Frame, Instance, World};
 
 use std::sync::Arc;
 
@@ -23,6 +13,13 @@ use crate::bvh::Hit;
 use crate::geom::Pose;
 use crate::grid::Roi;
 use crate::sensor::Sensors;
+
+pub use batch::{
+    DevicePose, Entropy, HIT_PUSH, KINDS, NO_CROSSING, OccupiedVoxel, SensorBatch, TINY_COMPONENT,
+    beam_direction, beam_origin,
+};
+pub use content::{Area, Content, Requirement, StageTimes, Tally};
+pub use world::{Frame, Instance, World};
 
 /// `wanted` of `count` frames, spread evenly from the first on; all of them if `None`.
 pub fn spread(count: usize, wanted: Option<u32>) -> Vec<usize> {

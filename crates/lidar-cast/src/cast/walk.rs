@@ -1,17 +1,14 @@
 //! One walk a sensor: the beams that a box or triangle can meet are a rectangle of indices.
 //!
-//! `../README.md` names the job of each file.
+//! `README.md` names the job of each file.
 
 mod angles;
-mod boxes;
 mod descent;
 mod firing;
 mod grid;
 mod hits;
 mod ops;
 mod packet;
-mod part;
-mod swept;
 mod triangles;
 mod work;
 
@@ -21,18 +18,17 @@ use multiversion::multiversion;
 use multiversion::target::match_target;
 use rayon::prelude::*;
 
-pub use firing::{FiringWalk, SweptPart};
-pub use packet::{RAYS, Rays};
-pub use part::Part;
-
+use crate::bvh::bvh16::Bvh16;
+use crate::bvh::{Bvh, Hit};
+use crate::sensor::BeamTable;
+use crate::task::DevicePose;
 use angles::Eye;
 use grid::{Directions, Grid, Window};
 use hits::Scene;
 use work::{Beams, Work};
 
-use crate::bvh::Hit;
-use crate::bvh::bvh16::Bvh16;
-use crate::sensor::BeamTable;
+pub use firing::{FiringWalk, SweptPart};
+pub use packet::{RAYS, Rays};
 
 /// Largest coordinate in metres whose products stay far from the largest number.
 const LARGEST: f32 = 1e7;
@@ -198,4 +194,15 @@ fn walk_avx2(scene: &mut Scene<'_>, tree: &Bvh16, work: &mut Work) {
         "x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt" => descent::avx2::walk(scene, tree, work),
         _ => descent::plain::walk(scene, tree, work),
     }
+}
+
+/// A tree, and the sensor's pose in its frame.
+#[derive(Clone, Copy)]
+pub struct Part<'a> {
+    /// The tree.
+    pub bvh: &'a Bvh,
+    /// From the sensor's frame to the tree's.
+    pub pose: DevicePose,
+    /// Added to the index of each face.
+    pub first_prim: u32,
 }

@@ -1,10 +1,9 @@
 //! The GPU backend: everything that touches wgpu.
 //!
 //! A batch goes one way: [`GpuBackend`] cuts it into chunks (`chunk`) that fit the `buffers`, `pipeline` runs
-//! the `kernels` on the `device`, and `sums` adds up the results. `firings` casts the rays of scans with the
+//! the `kernels` on the `device`, and `readback` adds up the results. `firings` casts the rays of scans with the
 //! same kernel and no more.
 
-mod adapters;
 mod buffers;
 mod chunk;
 mod device;
@@ -18,12 +17,6 @@ mod layout;
 mod pipeline;
 mod readback;
 mod self_test;
-mod sums;
-mod tested;
-
-pub use adapters::{AdapterSummary, list_adapters};
-pub use self_test::{SelfTest, WrongAnswer};
-pub use tested::{TestedAdapter, test_adapters};
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -38,10 +31,13 @@ use crate::task::{StageTimes, Tally, Task};
 use buffers::{SceneBuffers, Sizes, WorkBuffers};
 use chunk::Batch;
 use device::Device;
-pub(super) use firings::GpuFirings;
 use kernels::{Kernels, Rewrite};
 use pipeline::{Made, Pipeline};
-use sums::Sums;
+use readback::Sums;
+
+pub use device::{AdapterSummary, list_adapters};
+pub(super) use firings::GpuFirings;
+pub use self_test::{SelfTest, TestedAdapter, WrongAnswer, test_adapters};
 
 /// Bytes of the largest bitmap whose bits have numbers of 32 bits.
 const MOST_BITMAP: u64 = 1 << 29;
@@ -69,7 +65,7 @@ impl GpuBackend {
     /// # Errors
     /// No such device, or one that cannot hold the task.
     pub fn new(task: Arc<Task>, adapter: Option<&str>, memory: u64) -> Result<Self, BackendError> {
-        let device = tested::open(adapter)?;
+        let device = self_test::open(adapter)?;
         let need = 8 * BitOrder::bricks(task.roi()).words() as u64;
         if need > MOST_BITMAP {
             let (what, limit) = ("coverage bitmaps", MOST_BITMAP);

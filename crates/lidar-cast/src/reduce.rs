@@ -1,10 +1,66 @@
-//! Sums over bitmaps, a word of 64 voxels at a time.
+//! Integer sums over covered voxels: the plain reference and the fast copy that gives its bits.
+//!
+//! [`reduce`] takes a voxel at a time and is the specification; [`take_sums`] takes a word of 64 voxels at a time, by an
+//! [`EntropyIndex`]. `README.md` in the folder of this name tells how.
 
 use multiversion::multiversion;
 use rayon::prelude::*;
 
 use crate::cover::{BitOrder, Ranks};
 use crate::task::{Content, Entropy, KINDS, Tally};
+
+/// Sums over the voxels that one placement of `lidars` sensors covers in one frame; `bitmaps` is
+/// `[lidars × words]`. Beams and hits are left at 0.
+///
+/// CPU twin of `shaders/reduce_words.wgsl`, `reduce_occupied.wgsl` and `reduce_classes.wgsl`.
+pub fn reduce(lidars: usize, content: &Content, bitmaps: &[u64]) -> Tally {
+    let maps: Vec<&[u64]> = bitmaps.chunks(bitmaps.len() / lidars.max(1)).collect();
+    let mut tally = Tally::zero(content.set_count(), lidars);
+    reduce_words(&maps, &mut tally);
+    reduce_occupied(&maps, content, &mut tally);
+    reduce_classes(&maps, content, &mut tally);
+    tally
+}
+
+fn reduce_words(maps: &[&[u64]], tally: &mut Tally) {
+    for word in 0..maps[0].len() {
+        let union = maps.iter().fold(0, |or, map| or | map[word]);
+        tally.covered += u64::from(union.count_ones());
+    }
+}
+
+fn reduce_occupied(maps: &[&[u64]], content: &Content, tally: &mut Tally) {
+    for voxel in content.occupied() {
+        let (mut times, mut last) = (0, 0);
+        for (lidar, map) in maps.iter().enumerate() {
+            if is_set(map, voxel.index) {
+                times += 1;
+                last = lidar;
+            }
+        }
+        if times == 0 {
+            continue;
+        }
+        tally.covered_nonzero += 1;
+        for (sum, entropy) in tally.entropy.iter_mut().zip(voxel.entropy) {
+            *sum += u64::from(entropy);
+        }
+        if times == 1 {
+            tally.unique[last] += u64::from(Entropy::Classes.of(&voxel.entropy));
+        }
+    }
+}
+
+fn reduce_classes(maps: &[&[u64]], content: &Content, tally: &mut Tally) {
+    for (class, count) in tally.by_class.iter_mut().enumerate() {
+        let voxels = content.voxels_of_class(class).iter();
+        *count = voxels.filter(|&&v| maps.iter().any(|map| is_set(map, v))).count() as u64;
+    }
+}
+
+fn is_set(map: &[u64], voxel: u32) -> bool {
+    map[voxel as usize >> 6] >> (voxel & 63) & 1 == 1
+}
 
 /// Words of a block, 4 KiB a sensor: its union stays in the first-level cache for all sums.
 const BLOCK: usize = 512;
@@ -48,7 +104,7 @@ impl Words {
 }
 
 /// A [`Content`] by words of the bitmaps: entropies and classes are looked up for the covered voxels
-/// of a word at once, where [`super::reduce()`] asks for one voxel after another.
+/// of a word at once, where [`reduce()`] asks for one voxel after another.
 pub struct EntropyIndex {
     occupied: Words,
     entropy: Vec<[u32; KINDS]>,
@@ -77,7 +133,7 @@ impl EntropyIndex {
 
 /// Adds the sums over the voxels that the sensors of one placement cover, and clears their bitmaps.
 ///
-/// `bitmaps` is `[sensors × words]`. The sums equal those of [`super::reduce()`] bit for bit.
+/// `bitmaps` is `[sensors × words]`. The sums equal those of [`reduce()`] bit for bit.
 pub fn take_sums(bitmaps: &mut [u64], words: usize, index: &EntropyIndex, tally: &mut Tally) {
     let mut maps: Vec<&mut [u64]> = bitmaps.chunks_exact_mut(words).collect();
     for (block, first) in (0..words).step_by(BLOCK).enumerate() {
