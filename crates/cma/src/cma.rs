@@ -9,13 +9,11 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::BoundTransform;
-use crate::candidate::{Candidate, Origin};
-use crate::error::MAX_POPULATION;
-use crate::error::check_length;
-use crate::maths;
+use crate::error::{MAX_POPULATION, check_length};
+use crate::options::{Candidate, Origin};
 use crate::state::{Roots, State};
 use crate::stop::Progress;
-use crate::{CmaError, CmaOptions, Constants, StopReason};
+use crate::{CmaError, CmaOptions, Constants, StopReason, maths};
 
 /// Largest condition number of C whose decomposition is trusted.
 const MAX_CONDITION: f64 = 1e14;

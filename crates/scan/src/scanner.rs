@@ -4,24 +4,22 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::conditions::{self, Condition};
-use super::device::Device;
-use super::error::ScanError;
-use super::fires::Fires;
-use super::hull::{Eye, seen_share};
-use super::optics::Optics;
-use super::receiver::Receiver;
-use super::rim::Rims;
-use super::stage::{Motions, Stage};
-use super::station::Station;
-use super::sweep::{BYTES_OF_A_SWEEP, BYTES_OF_RAYS, Sweeper};
-use super::{EGO_INSTANCE, Return, Scan, ScanLidar, TrackedBox};
+use crate::conditions::{self, Condition, ConditionError};
+use crate::fires::Fires;
+use crate::optics::Optics;
+use crate::receiver::Receiver;
+use crate::record::{Eye, seen_share};
+use crate::rim::Rims;
+use crate::stage::{Motions, Stage};
+use crate::station::Station;
+use crate::sweep::{BYTES_OF_A_SWEEP, BYTES_OF_RAYS, Device, Sweeper};
+use crate::{EGO_INSTANCE, Return, Scan, ScanLidar, TrackedBox};
 use lidar_cast::bvh::Bvh;
-use lidar_cast::engine::{BackendError, EngineChoice, open_caster};
+use lidar_cast::engine::{BackendError, EngineChoice, OutOfMemory, open_caster};
 use lidar_cast::geom::Pose;
 use lidar_cast::memory;
 use sightline_scene::scene::{Scene, Track};
-use sightline_scene::vehicle::{Placement, Sensors, UnknownSensor};
+use sightline_scene::vehicle::{Placement, SensorError, Sensors, UnknownSensor};
 
 /// Beams of one parallel task: its hits fit into the second-level cache.
 const BEAMS_A_TASK: usize = 2048;
@@ -354,4 +352,47 @@ impl<'a> Scanner<'a> {
         let boxes = self.tracks.iter().enumerate().filter(|(_, track)| track.size.length() > 0.0);
         boxes.map(boxed).collect()
     }
+}
+
+/// Why a scene cannot be scanned.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ScanError {
+    /// There is nothing to scan.
+    #[error("the scene `{scene}` has no geometry; a scan needs `static`, `actors` or a body")]
+    NoGeometry {
+        /// Name of the scene.
+        scene: String,
+    },
+    /// Instances are numbers of 16 bits.
+    #[error(
+        "the scene `{scene}` has {actors} actors, a scan tells at most 65534 apart; leave some out"
+    )]
+    TooManyActors {
+        /// Name of the scene.
+        scene: String,
+        /// Actors that it has.
+        actors: usize,
+    },
+    /// A sensor of a model that the vehicle does not have.
+    #[error(transparent)]
+    UnknownSensor(#[from] UnknownSensor),
+    /// A model without beams.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// A condition of an ideal scan.
+    #[error(
+        "the condition `{condition}` acts on beams, of which an ideal scan has the geometry alone; leave out one \
+         of the two"
+    )]
+    Ideal {
+        /// Text as written.
+        condition: String,
+    },
+    /// Conditions that do not go together.
+    #[error(transparent)]
+    Condition(#[from] ConditionError),
+    /// The trees do not fit into memory.
+    #[error(transparent)]
+    OutOfMemory(#[from] OutOfMemory),
 }

@@ -5,14 +5,13 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::error::ScanError;
-use super::{EGO_INSTANCE, NO_INSTANCE};
+use crate::scanner::ScanError;
+use crate::{EGO_INSTANCE, NO_INSTANCE};
 use lidar_cast::bvh::{Bvh, Triangle};
 use lidar_cast::cast::{Part, Standing, SweptPart, Target};
 use lidar_cast::geom::{Glide, Pose};
 use lidar_cast::maths;
-use sightline_scene::problem::world_of;
-use sightline_scene::problem::{DevicePose, Instance};
+use sightline_scene::problem::{DevicePose, Instance, world_of};
 use sightline_scene::scene::{EgoBody, PartOwner, Scene};
 
 /// A rigid part of the scene, not empty.

@@ -7,8 +7,6 @@
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
-mod brought;
-mod error;
 mod fleet;
 mod houses;
 mod kinds;
@@ -22,15 +20,13 @@ mod roads;
 mod scene_file;
 mod style;
 mod surfaces;
+#[cfg(test)]
+#[cfg(feature = "mesh")]
+mod tests;
 mod things;
 mod traffic;
 mod world;
 
-pub use error::WorldError;
 pub use scene_file::{mesh_shape, write_ply};
 pub use style::Kind;
-pub use world::{World, generate, import_opendrive, read_opendrive};
-
-#[cfg(test)]
-#[cfg(feature = "mesh")]
-mod tests;
+pub use world::{World, WorldError, generate, import_opendrive, read_opendrive};

@@ -1,19 +1,17 @@
 //! Roadside objects: trees, lamps, signs, lights, rails, benches, bins and goods.
 
-use lidar_cast::maths;
-
 use glam::{DVec2, DVec3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::brought::Brought;
-use super::houses::fence;
-use super::line::{Line, left_of};
-use super::mask::{HOUSE, Mask, ROAD, THING, WALK};
-use super::model::{Model, Plot, class};
-use super::network::{KERB, Network, Post, Street, Use};
-use super::style::Style;
-use super::surfaces::Terrain;
+use crate::houses::fence;
+use crate::line::{Line, left_of};
+use crate::mask::{Brought, HOUSE, Mask, ROAD, THING, WALK};
+use crate::model::{Model, Plot, class};
+use crate::network::{KERB, Network, Post, Street, Use};
+use crate::style::Style;
+use crate::surfaces::Terrain;
+use lidar_cast::maths;
 
 /// Draws the roadside objects of one network into a model.
 pub struct Things<'a> {

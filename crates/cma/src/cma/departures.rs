@@ -1,8 +1,8 @@
 //! Additions to the tutorial's update: plateaus, floors of the deviations, points on the bounds.
 
 use super::{Cma, MAX_STEP_SIZE};
-use crate::candidate::{Candidate, Origin};
 use crate::maths;
+use crate::options::{Candidate, Origin};
 
 /// Deviations count as on their floor up to this multiple of it.
 const ON_FLOOR: f64 = 2.0;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::FileError;
-use super::place::{folder_of, is_sink, target};
+use super::paths::{folder_of, is_sink, target};
 
 /// Prefix of the files that are being written; the number of their process follows.
 const TEMPORARY: &str = ".sightline-";
@@ -87,7 +87,7 @@ pub fn open(path: &Path) -> Result<File> {
 ///
 /// # Errors
 /// See [`open`].
-pub(super) fn open_own(path: &Path) -> Result<File> {
+fn open_own(path: &Path) -> Result<File> {
     plain(&std::fs::metadata(path)?)?;
     let mut options = File::options();
     options.read(true);
@@ -234,7 +234,7 @@ pub(super) fn claim(path: &Path) -> std::result::Result<(), FileError> {
 }
 
 /// Checks that a file does not exist, unless outputs may replace files.
-pub(super) fn is_new(path: &Path) -> std::result::Result<(), FileError> {
+fn is_new(path: &Path) -> std::result::Result<(), FileError> {
     if overwrites() || !path.exists() {
         return Ok(());
     }

@@ -12,7 +12,7 @@ use serde_json::value::RawValue;
 use sha2::{Digest, Sha256};
 
 use super::folder::{Missing, is_empty, lock_folder};
-use super::{FileError, Input, guard, is_forced, names, read_own, write_own};
+use super::{FileError, Input, guard, is_forced, paths, read_own, write_own};
 
 /// File of the state, in every run folder.
 const CHECKPOINT: &str = "checkpoint.json";
@@ -210,7 +210,7 @@ fn digest(state: &RawValue) -> String {
 
 /// Makes the first of `runs/NAME`, `runs/NAME-2`, … that no other program has made.
 fn free_folder(name: &str) -> Result<(PathBuf, Missing), FileError> {
-    let (runs, name) = (Path::new("runs"), names::safe_name(name));
+    let (runs, name) = (Path::new("runs"), paths::safe_name(name));
     for number in 1..MOST_RUNS {
         let path = match number {
             1 => runs.join(&name),

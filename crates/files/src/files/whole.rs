@@ -8,7 +8,7 @@ use tempfile::{NamedTempFile, TempPath};
 
 use super::FileError;
 use super::guard::{self, Temporary};
-use super::place::{folder_of, is_open_file, is_sink, target};
+use super::paths::{folder_of, is_open_file, is_sink, target};
 
 /// Which files a write may replace, and when the bytes must be on the disk.
 #[derive(Clone, Copy, PartialEq)]

@@ -231,7 +231,7 @@ impl LabelledSequence for CarlaSequence {
         Ok(self.frame(frame)?.1.world_from_sensor)
     }
 
-    /// Boxes around the points of each actor; `tracks.rs` lists their limits.
+    /// Boxes around the points of each actor; `carla/frames.rs` lists their limits.
     fn tracks(&self) -> Result<Vec<BoxTrack>, DatasetError> {
         let mut seen: BTreeMap<u32, ActorPoints> = BTreeMap::new();
         for (&frame, (path, stood)) in &self.frames {

@@ -1,11 +1,13 @@
 //! Falling snow and rain, for each beam: the flakes or drops in its cone, those first whose echoes are strongest.
+//!
+//! [`Balls`] is the law of how many fall and how large they are. Echoes of two targets that come back within a pulse's length of
+//! each other add up.
 
-use lidar_cast::maths;
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
-use super::pulse::overlap;
-use super::snow_law::Balls;
+use super::fog::{LIGHT, overlap};
 use super::snow_tables::TABLES;
+use lidar_cast::maths;
 
 /// Reflectance of a flake, as the snow of Hahner et al. 2022 takes it.
 const FLAKE: f64 = 0.9;
@@ -240,5 +242,105 @@ impl<'a> Fall<'a> {
         let Drawn { range, .. } = self.drawn[best];
         let power = power(best) * self.haze(range);
         (power > 0.0).then_some(Flake { range, power })
+    }
+}
+
+/// Density of snow relative to water.
+const DENSITY: f64 = 0.1;
+
+/// Drops of Marshall and Palmer in a cubic metre and a metre of diameter, and the slope of their number at
+/// 1 mm/h, in 1/m.
+const DROPS: f64 = 8e6;
+const SLOPE: f64 = 4100.0;
+
+/// Flakes or drops in the air: balls whose diameters are exponentially distributed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Balls {
+    /// Mean diameter in metres.
+    pub mean: f64,
+    /// Share of the air's volume that they fill.
+    pub volume: f64,
+}
+
+impl Balls {
+    /// Flakes of Gunn and Marshall 1958, at a rate in millimetres of water an hour and a speed in metres a second; none
+    /// at rate 0, or so few that they are not a number.
+    pub fn flakes(rate: f64, speed: f64) -> Option<Self> {
+        let rain = maths::pow(rate / (487.0 * DENSITY * 0.003 * speed), 1.5);
+        let mean = 10e-3 / (25.5 * maths::pow(rain, -0.48));
+        let volume = rate / (3.6e6 * DENSITY * speed);
+        Self::some(mean, volume)
+    }
+
+    /// Drops of Marshall and Palmer 1948 at a rate in millimetres an hour: N(D) = N₀·e^(−ΛD), N₀ = 8000 m⁻³ mm⁻¹,
+    /// Λ = 4.1·R^(−0.21) mm⁻¹.
+    ///
+    /// A ball stands for the cross-section that its drop takes out of the light: twice the drop's (Q = 2, van de
+    /// Hulst 1957), so that its diameter is √2 of the drop's.
+    pub fn drops(rate: f64) -> Option<Self> {
+        let slope = SLOPE * maths::pow(rate, -0.21);
+        let mean = std::f64::consts::SQRT_2 / slope;
+        Self::some(mean, DROPS / slope * PI * mean.powi(3))
+    }
+
+    fn some(mean: f64, volume: f64) -> Option<Self> {
+        (volume > 0.0 && mean > 0.0).then_some(Self { mean, volume })
+    }
+
+    /// Share of the light that a metre of air takes off a beam: n·π/4·E[D²] with n = volume / (π/6·E[D³]), and
+    /// E[Dᵏ] = k!·mean of the exponential distribution.
+    pub fn extinction(&self) -> f64 {
+        0.5 * self.volume / self.mean
+    }
+
+    /// Balls in a cubic metre.
+    pub fn per_cubic_metre(&self) -> f64 {
+        self.volume / (PI * self.mean.powi(3))
+    }
+}
+
+/// cτ of the snow, τ = 10 ns: the length of a pulse's echo in metres.
+pub(super) const LENGTH: f64 = LIGHT * 10e-9;
+/// Metres between peak and target from which on an echo belongs to the snow before it.
+pub(super) const APART: f64 = 0.2;
+
+/// The echo of a unit pulse by its phase, from 0 where it begins to 1 where it ends.
+#[cfg(test)]
+pub(super) fn swell(phase: f64) -> f64 {
+    if phase > 0.0 && phase < 1.0 { (std::f64::consts::PI * phase).sin().powi(2) } else { 0.0 }
+}
+
+/// Sum of a flake's echo and a target's echo.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Joined {
+    /// Two echoes with peaks of their own.
+    Apart,
+    /// One from the target, of this power.
+    Target(f64),
+    /// One from the snow.
+    Flake(Flake),
+}
+
+impl Flake {
+    /// Adds the flake's echo and a target's echo.
+    ///
+    /// P₁·sin²(πx/L) + P₂·sin²(π(x − δ)/L) has one peak where |δ| < L/2, in the part where both are on: with φ = 2πδ/L
+    /// that is ½(P₁ + P₂ + |P₁ + P₂·e^(−iφ)|), at L·ψ/2π behind the first's, tan ψ = P₂·sin φ/(P₁ + P₂·cos φ). Where
+    /// they are farther apart, each peaks while the other is off. A peak that misses the target by less than 0.2 m is the
+    /// target's, as in the published rule.
+    pub fn join(&self, target: f64, power: f64) -> Joined {
+        let apart = target - self.range;
+        if apart.abs() >= LENGTH / 2.0 {
+            return Joined::Apart;
+        }
+        let (sin, cos) = maths::sin_cos(TAU * apart / LENGTH);
+        let (along, across) = (self.power + power * cos, power * sin);
+        let peak = 0.5 * (self.power + power + maths::hypot(along, across));
+        let range = self.range + LENGTH / TAU * maths::atan2(across, along);
+        if (range - target).abs() < APART {
+            Joined::Target(peak)
+        } else {
+            Joined::Flake(Flake { range, power: peak })
+        }
     }
 }

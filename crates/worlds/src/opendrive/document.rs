@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use roxmltree::Node;
 
-use super::course;
-use crate::error::WorldError;
+use super::doubts;
+use crate::world::WorldError;
 use sightline_files::Note;
 use sightline_files::json::check_xml;
 
@@ -287,7 +287,7 @@ pub(super) fn checked(text: &str, file: &str) -> Result<Document, WorldError> {
             list.join(", ")
         )));
     }
-    document.notes.extend(course::doubts(&xml, file));
+    document.notes.extend(doubts::doubts(&xml, file));
     Ok(document)
 }
 

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use xodr::{Mesh, Object, ObjectType, Point, RoadNetwork};
 
-use crate::error::WorldError;
 use crate::model::class;
 use crate::network::{MARK, Network, Shape};
+use crate::world::WorldError;
 use sightline_files::Note;
 
 /// Farthest coordinate: beyond it the reader's `f32` is coarser than a centimetre.

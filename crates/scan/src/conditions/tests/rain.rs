@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::uniform;
-use crate::conditions::snow_law::Balls;
+use crate::conditions::snow::Balls;
 use crate::conditions::{Fallen, Falling};
 
 const WIDE: [f64; 2] = [3e-3, 1.5e-3];

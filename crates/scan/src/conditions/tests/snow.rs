@@ -3,8 +3,7 @@
 use std::f64::consts::PI;
 
 use super::{ks, uniform};
-use crate::conditions::overlap::{APART, LENGTH, swell};
-use crate::conditions::snow_law::Balls;
+use crate::conditions::snow::{APART, Balls, LENGTH, swell};
 use crate::conditions::{Fallen, Falling, Flake, Joined};
 
 const WIDE: [f64; 2] = [3e-3, 1.5e-3];

@@ -1,9 +1,42 @@
-//! References of one file to another: they stay inside its folder unless the user trusts them.
+//! Paths: where they lead, names that become files and folders, and references of one file to another.
+//!
+//! References stay inside the folder of their file unless the user trusts them.
 
+use std::collections::HashSet;
 use std::path::{Component, Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::FileError;
+
+/// Links that are followed before a path is taken for a loop.
+const MOST_LINKS: usize = 40;
+
+/// Where a path leads when links are followed. The links to open files in `/proc` name no place.
+pub fn target(path: &Path) -> Result<PathBuf, FileError> {
+    let mut at = path.to_owned();
+    for _ in 0..MOST_LINKS {
+        match std::fs::read_link(&at) {
+            Ok(link) if !is_open_file(&at) => at = folder_of(&at).join(link),
+            _ => return Ok(at),
+        }
+    }
+    let message = "a loop of symbolic links; name a file";
+    Err(FileError::io(path)(std::io::Error::other(message)))
+}
+
+pub(super) fn is_open_file(path: &Path) -> bool {
+    path.starts_with("/proc") || path.starts_with("/dev/fd")
+}
+
+pub(super) fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// True if a path names a pipe or a device, which must not be replaced by a file.
+pub fn is_sink(path: &Path) -> bool {
+    is_open_file(path)
+        || std::fs::metadata(path).is_ok_and(|meta| !meta.is_file() && !meta.is_dir())
+}
 
 /// Tells whether references may leave their folder.
 static TRUSTED: AtomicBool = AtomicBool::new(false);
@@ -52,6 +85,39 @@ fn goes_down(reference: &Path) -> bool {
     })
 }
 
+/// Most bytes of a name, so that endings fit into the 255 of file systems.
+const LONGEST: usize = 200;
+/// Names that Windows keeps for devices, with any ending.
+const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
+
+/// A name that no file system takes for a path: letters, digits, `-`, `_` and, inside, `.`.
+pub fn safe_name(name: &str) -> String {
+    let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    let name: String = name.chars().map(plain).collect();
+    let mut name = name.trim_matches('.').to_owned();
+    while name.len() > LONGEST {
+        name.pop();
+    }
+    let stem = name.split('.').next().unwrap_or_default().to_lowercase();
+    let is_port = |port: &str| stem.strip_prefix(port).is_some_and(|n| n.len() == 1);
+    if name.is_empty() || DEVICES.contains(&&*stem) || is_port("com") || is_port("lpt") {
+        name.insert(0, '_');
+    }
+    name
+}
+
+/// A safe name for each name. Later ones get a number where they are equal, also but for their case.
+pub fn safe_names<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<String> {
+    let mut taken = HashSet::new();
+    let free = |name: &str| {
+        let name = safe_name(name);
+        let numbered = (2..).map(|number| format!("{name}-{number}"));
+        let mut all = std::iter::once(name.clone()).chain(numbered);
+        all.find(|name| taken.insert(name.to_lowercase())).unwrap_or(name)
+    };
+    names.into_iter().map(free).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -92,5 +158,29 @@ mod tests {
             assert!(stays_inside(&folder, "link/out.bin").is_err());
             assert!(stays_inside(&folder, "linked.bin").is_err());
         }
+    }
+
+    #[test]
+    fn names_never_leave_their_folder() {
+        for (name, safe) in [
+            ("highway", "highway"),
+            ("a-b_c.d", "a-b_c.d"),
+            ("Straße", "Straße"),
+            ("../../x", "_.._x"),
+            ("/any/where", "_any_where"),
+            ("..", "_"),
+            (".", "_"),
+            ("", "_"),
+            (".hidden", "hidden"),
+            ("x.", "x"),
+            ("nul", "_nul"),
+            ("Com1.txt", "_Com1.txt"),
+            ("com10", "com10"),
+            ("C:\\x\n\0", "C__x__"),
+        ] {
+            assert_eq!(safe_name(name), safe, "{name:?}");
+        }
+        assert!(safe_name(&"é".repeat(500)).len() <= LONGEST);
+        assert_eq!(safe_names(["a", "A", "a-2", "..", "."]), ["a", "A-2", "a-2-2", "_", "_-2"]);
     }
 }

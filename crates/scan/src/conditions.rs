@@ -1,31 +1,20 @@
 //! Weather and faults in scans, computed for each beam.
 
 mod condition;
-mod error;
 mod faults;
 mod fog;
-mod fresnel;
-mod overlap;
-mod pulse;
 mod snow;
-mod snow_law;
 mod snow_tables;
-mod specs;
 #[cfg(test)]
 mod tests;
-mod wet;
 
-pub use condition::Condition;
-pub use error::ConditionError;
-pub use faults::{Crosstalk, IncompleteEcho, MotionBlur};
+use crate::Status;
+use crate::chance::Purpose;
+
+pub use condition::{Condition, ConditionError, Kind};
+pub use faults::{Crosstalk, IncompleteEcho, MotionBlur, WetGround, holds_water};
 pub use fog::Fog;
-pub use overlap::Joined;
-pub use snow::{Fallen, Falling, Flake};
-pub use specs::Kind;
-pub use wet::{WetGround, holds_water};
-
-use super::Status;
-use super::chance::Purpose;
+pub use snow::{Fallen, Falling, Flake, Joined};
 
 /// Weather and sensor faults of a scan; clear air by default.
 #[derive(Debug, Clone, Default)]

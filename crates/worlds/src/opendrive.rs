@@ -3,22 +3,21 @@
 //! The crate `xodr` evaluates reference lines, widths, elevations, superelevations and links in `f64`
 //! and hands them over as lanes of `f32` points; here they become strips and lanes.
 
-mod course;
 mod document;
+mod doubts;
 mod objects;
-mod warnings;
 
 use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
-use lidar_cast::maths;
 use xodr::{Direction, LaneHeight, LaneType, Layer, Provenance, RoadNetwork};
 
-use self::document::Document;
-use self::objects::{MAX_FAR, point};
-use super::error::WorldError;
-use super::line::{Line, left_of};
-use super::network::{KERB, Lane, Network, Plate, Post, Street, Strip, Use};
+use crate::line::{Line, left_of};
+use crate::network::{KERB, Lane, Network, Plate, Post, Street, Strip, Use};
+use crate::world::WorldError;
+use document::Document;
+use lidar_cast::maths;
+use objects::{MAX_FAR, point};
 use sightline_files::Note;
 
 /// Largest file in bytes.
@@ -59,7 +58,7 @@ pub fn network(text: &str, file: &str) -> Result<Network, WorldError> {
     let permanent = |l: &&xodr::Lane| l.layer == Layer::Permanent;
     check(&roads, file)?;
     let mut network = Network { notes: document.notes.clone(), ..Network::default() };
-    network.notes.extend(warnings::notes(&origins.warnings, file)?);
+    network.notes.extend(doubts::notes(&origins.warnings, file)?);
     let map = Map::new(&roads, &origins, &document);
     network.notes.extend(map.lanes_left_out(file));
     let mut lane_of: BTreeMap<usize, usize> = BTreeMap::new();

@@ -4,37 +4,26 @@
 //! | file | holds |
 //! |---|---|
 //! | `guard` | inputs of a command, and the outputs that must not replace them |
-//! | `inside` | references of one file to another |
-//! | `names` | names that become files and folders |
-//! | `place` | where paths lead |
+//! | `paths` | where paths lead, names that become files, references of one file to another |
 //! | `whole` | files that are either whole or not there |
-//! | `folder`, `run_dir` | folders that are locked, and the state of a run in one |
-//! | `input` | files that a run was begun with, by their SHA-256 |
-//! | `arrays` | lists as files |
+//! | `folder`, `run_dir` | folders that are locked, files that a run was begun with, and the state of a run |
 
-mod arrays;
 mod folder;
 mod guard;
-mod input;
-mod inside;
-mod names;
-mod place;
+mod paths;
 mod run_dir;
 mod whole;
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-pub use arrays::{LinePerElement, write_npy};
-pub use folder::shared_folder;
+pub use crate::npy::{LinePerElement, write_npy};
+pub use folder::{Input, shared_folder};
 pub use guard::{
     Session, Temporary, is_forced, is_no_input, open, read, read_own, remove_temporaries, sweep,
     will_read,
 };
-pub use input::Input;
-pub use inside::{stays_inside, trust_paths};
-pub use names::{safe_name, safe_names};
-pub use place::{is_sink, target};
+pub use paths::{is_sink, safe_name, safe_names, stays_inside, target, trust_paths};
 pub use run_dir::{RunDir, holds_run};
 pub use whole::{
     begin_in, sync_disk, writable_file, write_many, write_own, write_pair, write_whole,
