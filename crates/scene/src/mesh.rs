@@ -28,7 +28,7 @@ use sightline_files::json::{DescriptionError, Place, read_limited};
 
 /// Reads the mesh named at `at`; the ending of its name tells the format.
 pub fn load(at: &Place, file: &Path) -> Result<RawMesh, DescriptionError> {
-    let fault = |f: Fault| DescriptionError::Mesh {
+    let fault = |f: MeshFault| DescriptionError::Mesh {
         at: Box::new(at.clone()),
         mesh: file.to_owned(),
         element: f.element,
@@ -36,7 +36,7 @@ pub fn load(at: &Place, file: &Path) -> Result<RawMesh, DescriptionError> {
     };
     let read = reader(&extension(file)).map_err(fault)?;
     let bytes = read_limited(file, MAX_FILE).map_err(|error| match error {
-        DescriptionError::Read { source, .. } => fault(Fault::new(
+        DescriptionError::Read { source, .. } => fault(MeshFault::new(
             "file",
             format!("cannot be read: {source}; name a mesh from the folder of the description"),
         )),
@@ -55,28 +55,28 @@ pub fn load(at: &Place, file: &Path) -> Result<RawMesh, DescriptionError> {
 }
 
 /// Reads the bytes of a mesh file; buffers of a glTF lie in the folder.
-type Reader = fn(&[u8], &Path) -> Result<RawMesh, Fault>;
+type ReadMesh = fn(&[u8], &Path) -> Result<RawMesh, MeshFault>;
 
 /// The reader of files with an extension.
 #[cfg(feature = "mesh")]
-fn reader(extension: &str) -> Result<Reader, Fault> {
+fn reader(extension: &str) -> Result<ReadMesh, MeshFault> {
     match extension {
         "obj" => Ok(|bytes, _| obj::read(bytes)),
         "ply" => Ok(|bytes, _| ply::read(bytes)),
         "gltf" | "glb" => Ok(gltf::read),
-        _ => Err(Fault::new("name", "ends in none of .obj, .ply, .gltf, .glb")),
+        _ => Err(MeshFault::new("name", "ends in none of .obj, .ply, .gltf, .glb")),
     }
 }
 
 #[cfg(not(feature = "mesh"))]
-fn reader(_: &str) -> Result<Reader, Fault> {
-    Err(Fault::new("file", "cannot be read: this build is without the feature `mesh`"))
+fn reader(_: &str) -> Result<ReadMesh, MeshFault> {
+    Err(MeshFault::new("file", "cannot be read: this build is without the feature `mesh`"))
 }
 
 /// Checks for at least one triangle, indices in range, and finite corners.
-fn check_mesh(mesh: &RawMesh) -> Result<(), Fault> {
+fn check_mesh(mesh: &RawMesh) -> Result<(), MeshFault> {
     if mesh.faces.is_empty() {
-        return Err(Fault::new(
+        return Err(MeshFault::new(
             "file",
             "holds no triangle; export its faces, not points or lines alone",
         ));
@@ -86,12 +86,12 @@ fn check_mesh(mesh: &RawMesh) -> Result<(), Fault> {
         for &v in face {
             let Some(corner) = mesh.vertices.get(v as usize) else {
                 let problem = format!("refers to vertex {v}, there are {count}");
-                return Err(Fault::new(format!("face {i}"), problem));
+                return Err(MeshFault::new(format!("face {i}"), problem));
             };
             if !corner.is_finite() {
                 let problem =
                     format!("{} is not a finite position; export it again", exponents(*corner));
-                return Err(Fault::new(format!("vertex {v}"), problem));
+                return Err(MeshFault::new(format!("vertex {v}"), problem));
             }
         }
     }
@@ -105,7 +105,7 @@ fn exponents(v: DVec3) -> String {
 
 /// Directions of a file's axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Axes {
+pub enum MeshAxes {
     /// x forward, y left, z up, as here.
     ZUp,
     /// x forward, y up, z right, as Blender writes a world whose x is forward.
@@ -114,7 +114,7 @@ pub enum Axes {
     ZForward,
 }
 
-impl Axes {
+impl MeshAxes {
     /// Axes by the word for them in a scene file, or in the extras of a glTF asset.
     pub fn of(word: &str) -> Option<Self> {
         match word {
@@ -163,7 +163,7 @@ pub struct RawMesh {
     /// Parts of the file that were passed over.
     pub notes: Vec<Note>,
     /// Axes that the file itself names.
-    axes: Option<Axes>,
+    axes: Option<MeshAxes>,
 }
 
 #[cfg(feature = "mesh")]
@@ -212,13 +212,13 @@ impl RawMesh {
 
 /// Fault of a mesh file and the element that has it.
 #[derive(Debug)]
-struct Fault {
+struct MeshFault {
     /// Line, vertex, face or header entry.
     element: String,
     problem: String,
 }
 
-impl Fault {
+impl MeshFault {
     fn new(element: impl Into<String>, problem: impl Into<String>) -> Self {
         Self { element: element.into(), problem: problem.into() }
     }
@@ -227,7 +227,7 @@ impl Fault {
 /// Axes, scale and pose of a mesh, from the description that names its file.
 pub struct Placing {
     /// Axes that the description names.
-    axes: Option<Axes>,
+    axes: Option<MeshAxes>,
     scale: f64,
     pose: Pose,
 }
@@ -243,7 +243,7 @@ impl Placing {
     ) -> Result<Self, DescriptionError> {
         let axes = axes.map(|word| {
             let wanted = "\"z-up\", \"y-up\" (x forward) or \"z-forward\" (y up, x left)";
-            Axes::of(word).ok_or_else(|| bad(&at.key("axes"), format!("{word:?}"), wanted))
+            MeshAxes::of(word).ok_or_else(|| bad(&at.key("axes"), format!("{word:?}"), wanted))
         });
         let axes = axes.transpose()?;
         let scale = scale.unwrap_or(1.0);
@@ -277,8 +277,8 @@ impl Placing {
         mesh: &RawMesh,
     ) -> Result<Vec<DVec3>, DescriptionError> {
         let axes = self.axes.or(mesh.axes).unwrap_or(match is_gltf(file) {
-            true => Axes::YUp,
-            false => Axes::ZUp,
+            true => MeshAxes::YUp,
+            false => MeshAxes::ZUp,
         });
         let place = |(i, v): (usize, &DVec3)| {
             let v = self.pose.apply(axes.turn(*v) * self.scale);

@@ -86,7 +86,7 @@ struct Actor {
 }
 
 /// Triangles of the world, the actors and the ego's body, with their motion.
-struct Things {
+struct SceneGeometry {
     world: Solid,
     actors: Vec<Actor>,
     body: Solid,
@@ -94,7 +94,7 @@ struct Things {
     ego: Option<Motion>,
 }
 
-impl Things {
+impl SceneGeometry {
     fn new(
         builder: &mut Builder<'_>,
         top: &Place,

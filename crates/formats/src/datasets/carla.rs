@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 
-use super::ground::{self, Road};
+use super::ground::{self, NearRoad};
 use super::kitti::above_ground;
 use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel};
 use frames::{ActorPoints, Record, Stood, frame_of};
@@ -107,9 +107,9 @@ impl CarlaSequence {
 
     /// Takes the version that is given, or the one in which the road of the first scans lies flat below the LiDAR.
     /// Returns the road in that version.
-    fn choose_tags(&mut self, given: Option<CarlaTags>) -> Result<Option<Road>, DatasetError> {
+    fn choose_tags(&mut self, given: Option<CarlaTags>) -> Result<Option<NearRoad>, DatasetError> {
         let [old, new] = self.roads()?;
-        let fits = |road: Option<Road>| {
+        let fits = |road: Option<NearRoad>| {
             road.is_some_and(|road| road.is_sure() && road.depth > 0.0 && road.spread < FLAT)
         };
         let fitting = match (fits(old), fits(new)) {
@@ -122,7 +122,7 @@ impl CarlaSequence {
         let of = |tags: CarlaTags| if tags == CarlaTags::Until0913 { old } else { new };
         let said = |tags: CarlaTags| match of(tags) {
             None => format!("no road in {}", tags.version()),
-            Some(Road { points, depth, spread }) => format!(
+            Some(NearRoad { points, depth, spread }) => format!(
                 "{points} points of road {depth:.2} m below the LiDAR within {spread:.2} m of height in {}",
                 tags.version()
             ),
@@ -152,7 +152,7 @@ impl CarlaSequence {
     }
 
     /// Roads near the LiDAR by either version's tags, in the first scan that has one of them.
-    fn roads(&self) -> Result<[Option<Road>; 2], DatasetError> {
+    fn roads(&self) -> Result<[Option<NearRoad>; 2], DatasetError> {
         if self.frames.is_empty() {
             return Err(DatasetError::NoCarlaScans { path: self.folder.clone() });
         }
@@ -168,7 +168,7 @@ impl CarlaSequence {
                 });
                 // A version is out if the scan has tags that it lacks.
                 let known = records.iter().all(|record| (record.tag as usize) < is_road.len());
-                Road::of(near.map(|record| 0.0 - f64::from(record.xyz[2])).collect())
+                NearRoad::of(near.map(|record| 0.0 - f64::from(record.xyz[2])).collect())
                     .filter(|_| known)
             });
             if roads.iter().any(Option::is_some) {
@@ -264,7 +264,7 @@ impl LabelledSequence for CarlaSequence {
 }
 
 /// The version whose road lies clearly lower than the other's: a road is the lowest surface near a car.
-fn deeper(old: Option<Road>, new: Option<Road>) -> Option<CarlaTags> {
+fn deeper(old: Option<NearRoad>, new: Option<NearRoad>) -> Option<CarlaTags> {
     match old?.depth - new?.depth {
         more if more > LOWER => Some(CarlaTags::Until0913),
         more if more < -LOWER => Some(CarlaTags::Since0914),

@@ -30,7 +30,7 @@ const UPRIGHT: f64 = 0.7;
 
 /// The road near the LiDAR in one scan.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Road {
+pub(super) struct NearRoad {
     /// Its points within [`NEAR`].
     pub points: usize,
     /// Median of their depth below the LiDAR, metres.
@@ -39,7 +39,7 @@ pub(super) struct Road {
     pub spread: f64,
 }
 
-impl Road {
+impl NearRoad {
     /// The road among depths below the LiDAR; `None` of no depth.
     pub fn of(mut depths: Vec<f64>) -> Option<Self> {
         depths.sort_by(f64::total_cmp);
@@ -65,7 +65,9 @@ pub(super) fn is_road(class: &str) -> bool {
 }
 
 /// The road of the first scans that have one, and its frame. `ego_from_sensor` turns points upright.
-pub(super) fn road(sequence: &dyn LabelledSequence) -> Result<Option<(u32, Road)>, DatasetError> {
+pub(super) fn road(
+    sequence: &dyn LabelledSequence,
+) -> Result<Option<(u32, NearRoad)>, DatasetError> {
     let classes = sequence.classes();
     for frame in sequence.frames().into_iter().take(MOST_SCANS) {
         let upright = Pose { translation: DVec3::ZERO, ..sequence.ego_from_sensor(frame)? };
@@ -76,7 +78,7 @@ pub(super) fn road(sequence: &dyn LabelledSequence) -> Result<Option<(u32, Road)
                 is_road(&classes[usize::from(label.class?)]) && maths::hypot(at.x, at.y) <= NEAR;
             is_near.then_some(0.0 - at.z)
         });
-        if let Some(road) = Road::of(near.collect()) {
+        if let Some(road) = NearRoad::of(near.collect()) {
             return Ok(Some((frame, road)));
         }
     }
@@ -168,7 +170,7 @@ const STEP: f64 = 0.1;
 const LEAST_OF_A_TILE: u32 = 2;
 
 /// Points of things at rest, counted by cell.
-pub(super) struct Cells<'a> {
+pub(super) struct PointCells<'a> {
     edge: f64,
     classes: &'a [String],
     /// Class that a ground point of each class counts for; `None` is no ground.
@@ -176,7 +178,7 @@ pub(super) struct Cells<'a> {
     /// Points and the sum of their heights, by tile and class.
     ground: HashMap<([i32; 2], u16), (u32, f64)>,
     /// Points by cell and class.
-    solid: HashMap<(Cell, u16), u32>,
+    solid: HashMap<(CellIndex, u16), u32>,
 }
 
 /// Shapes of a scene and how many of each.
@@ -186,7 +188,7 @@ pub(super) struct Shapes {
     pub boxes: usize,
 }
 
-impl<'a> Cells<'a> {
+impl<'a> PointCells<'a> {
     pub(super) fn new(edge: f64, classes: &'a [String]) -> Self {
         let id = |name: &str| classes.iter().position(|class| class == name).map(|id| id as u16);
         // Lane markings lie on the road; a bridge is a body.
@@ -214,14 +216,14 @@ impl<'a> Cells<'a> {
 
     /// Plates of the ground and boxes of the rest, each of its cell's most frequent class.
     pub(super) fn shapes(self) -> Shapes {
-        let mut plates: BTreeMap<u16, HashSet<Cell>> = BTreeMap::new();
+        let mut plates: BTreeMap<u16, HashSet<CellIndex>> = BTreeMap::new();
         let ground =
             self.ground.iter().map(|(&(tile, class), &(n, height))| (tile, class, n, height));
         for (tile, (class, points, height)) in most(ground) {
             let level = (height / f64::from(points) / STEP).round() as i32;
             plates.entry(class).or_default().insert([tile[0], tile[1], level]);
         }
-        let mut things: BTreeMap<u16, HashSet<Cell>> = BTreeMap::new();
+        let mut things: BTreeMap<u16, HashSet<CellIndex>> = BTreeMap::new();
         for (cell, (class, points, ())) in
             most(self.solid.iter().map(|(&(cell, class), &n)| (cell, class, n, ())))
         {
@@ -229,7 +231,7 @@ impl<'a> Cells<'a> {
                 things.entry(class).or_default().insert(cell);
             }
         }
-        let metres = |cell: Cell| cell.map(|v| rounded(f64::from(v) * self.edge));
+        let metres = |cell: CellIndex| cell.map(|v| rounded(f64::from(v) * self.edge));
         let mut shapes = Vec::new();
         for (class, cells) in plates {
             shapes.extend(merge(cells, &[1, 0]).into_iter().map(|Block { low, high }| {
@@ -264,19 +266,19 @@ fn most<K: Ord, V>(counted: impl Iterator<Item = (K, u16, u32, V)>) -> BTreeMap<
 }
 
 /// Cell numbers along x, y and z.
-type Cell = [i32; 3];
+type CellIndex = [i32; 3];
 
 /// A block of cells from `low` up to and without `high`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Block {
-    pub low: Cell,
-    pub high: Cell,
+    pub low: CellIndex,
+    pub high: CellIndex,
 }
 
 /// Blocks that hold every cell once and nothing else: from the least cell on, each grows along `axes` in
 /// their order as far as whole layers of free cells reach.
-fn merge(mut cells: HashSet<Cell>, axes: &[usize]) -> Vec<Block> {
-    let mut order: Vec<Cell> = cells.iter().copied().collect();
+fn merge(mut cells: HashSet<CellIndex>, axes: &[usize]) -> Vec<Block> {
+    let mut order: Vec<CellIndex> = cells.iter().copied().collect();
     order.sort_unstable();
     let mut blocks = Vec::new();
     for low in order {
@@ -298,13 +300,13 @@ fn merge(mut cells: HashSet<Cell>, axes: &[usize]) -> Vec<Block> {
 }
 
 /// The cells beyond the upper face of a block.
-fn layer(block: &Block, axis: usize) -> impl Iterator<Item = Cell> {
+fn layer(block: &Block, axis: usize) -> impl Iterator<Item = CellIndex> {
     let (mut low, mut high) = (block.low, block.high);
     (low[axis], high[axis]) = (high[axis], high[axis] + 1);
     inside(low, high)
 }
 
-fn inside(low: Cell, high: Cell) -> impl Iterator<Item = Cell> {
+fn inside(low: CellIndex, high: CellIndex) -> impl Iterator<Item = CellIndex> {
     let [x, y, z] = [0, 1, 2].map(|axis| low[axis]..high[axis]);
     x.flat_map(move |i| {
         let z = z.clone();
@@ -339,16 +341,16 @@ mod tests {
             ((state >> 16) % most) as i32
         };
         for axes in [&[1, 0][..], &[2, 1, 0]] {
-            let cells: HashSet<Cell> =
+            let cells: HashSet<CellIndex> =
                 (0..400).map(|_| [random(9), random(9) - 4, random(5)]).collect();
             let blocks = merge(cells.clone(), axes);
-            let held: Vec<Cell> = blocks.iter().flat_map(|b| inside(b.low, b.high)).collect();
+            let held: Vec<CellIndex> = blocks.iter().flat_map(|b| inside(b.low, b.high)).collect();
             assert_eq!(held.len(), cells.len(), "{axes:?}");
             assert_eq!(held.into_iter().collect::<HashSet<_>>(), cells, "{axes:?}");
             assert!(blocks.len() < cells.len(), "{axes:?}");
             assert!(axes.contains(&2) || blocks.iter().all(|b| b.high[2] == b.low[2] + 1));
         }
-        let full: HashSet<Cell> = inside([0, 0, 0], [3, 4, 5]).collect();
+        let full: HashSet<CellIndex> = inside([0, 0, 0], [3, 4, 5]).collect();
         assert_eq!(merge(full, &[2, 1, 0]), [Block { low: [0; 3], high: [3, 4, 5] }]);
     }
 }

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use glam::{DVec3, Vec3};
 use serde_json::{Map, Value, json};
 
-use super::ground::{self, Cells};
+use super::ground::{self, PointCells};
 use super::{BoxTrack, DatasetError, LabelledSequence};
 use lidar_cast::geom::{Glide, Pose};
 use sightline_scene::scene::DEFAULT_CLASSES;
@@ -38,7 +38,7 @@ impl Default for ImportOptions {
 
 /// A scene file and counts of its parts.
 #[derive(Debug, Clone)]
-pub struct Imported {
+pub struct ImportedScene {
     /// The scene file.
     pub scene: Value,
     /// Plates of ground.
@@ -57,7 +57,7 @@ pub struct Imported {
 pub fn to_scene(
     sequence: &dyn LabelledSequence,
     options: &ImportOptions,
-) -> Result<Imported, DatasetError> {
+) -> Result<ImportedScene, DatasetError> {
     let (frames, classes) = (sequence.frames(), sequence.classes());
     if !(0.05..=10.0).contains(&options.cell) {
         return Err(DatasetError::Cell { value: options.cell });
@@ -69,7 +69,7 @@ pub fn to_scene(
     let egos: Vec<Pose> =
         frames.iter().map(|&frame| world_from_ego(sequence, frame)).collect::<Result<_, _>>()?;
     let start = egos.first().map_or(DVec3::ZERO, |ego| ego.translation);
-    let mut cells = Cells::new(options.cell, &classes);
+    let mut cells = PointCells::new(options.cell, &classes);
     for &frame in &frames {
         count(sequence, frame, start, &mut cells)?;
     }
@@ -96,7 +96,7 @@ pub fn to_scene(
     scene["ego"] = json!({ "poses": poses });
     scene["static"] = shapes.into();
     scene["actors"] = actors.into();
-    Ok(Imported { scene, plates, boxes, actors: count })
+    Ok(ImportedScene { scene, plates, boxes, actors: count })
 }
 
 fn world_from_ego(sequence: &dyn LabelledSequence, frame: u32) -> Result<Pose, DatasetError> {
@@ -109,7 +109,7 @@ fn count(
     sequence: &dyn LabelledSequence,
     frame: u32,
     start: DVec3,
-    cells: &mut Cells,
+    cells: &mut PointCells,
 ) -> Result<(), DatasetError> {
     let world_from_sensor = moved(&sequence.world_from_sensor(frame)?, start);
     let scan = sequence.read(frame)?;

@@ -27,7 +27,7 @@ mod tests;
 
 pub use carla::{CarlaSequence, CarlaTags};
 pub use error::DatasetError;
-pub use import::{ImportOptions, Imported, to_scene};
+pub use import::{ImportOptions, ImportedScene, to_scene};
 pub use kitti::{KITTI_LIDAR_HEIGHT, KittiSequence};
 pub use nuscenes::{NUSCENES_CATEGORIES, NuscenesScene, read_nuscenes};
 pub use sequence::{

@@ -168,7 +168,7 @@ fn add(
         scans.retain(|n, _| near(n));
         for n in frames.iter().copied().filter(near) {
             if let Entry::Vacant(slot) = scans.entry(n) {
-                slot.insert(Scan::new(sequence.read(n)?));
+                slot.insert(VotingPoints::new(sequence.read(n)?));
             }
         }
         let ego_from_sensor = sequence.ego_from_sensor(t)?;
@@ -189,12 +189,12 @@ fn add(
 }
 
 /// The voting points of a scan in the sensor frame: points of things at rest, then of moving things.
-struct Scan {
+struct VotingPoints {
     points: Vec<([f32; 3], u16)>,
     at_rest: usize,
 }
 
-impl Scan {
+impl VotingPoints {
     fn new(scan: LabelledScan) -> Self {
         let labelled = || scan.points.iter().zip(&scan.labels);
         let pick = |moving| {

@@ -191,7 +191,7 @@ impl Dataset {
             Layout::Nuscenes => {
                 let counts = super::Split::ALL
                     .map(|split| self.plan.iter().filter(|at| at.split == split).count());
-                let about = nuscenes::About { settings: &self.settings, planned, counts };
+                let about = nuscenes::SceneExport { settings: &self.settings, planned, counts };
                 nuscenes::write(folder, about, at, scan, &self.labels[scene])?
             }
         };

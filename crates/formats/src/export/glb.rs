@@ -13,7 +13,7 @@ use glam::DQuat;
 use serde_json::{Value, json};
 
 use super::ExportError;
-use container::{Container, Kind};
+use container::{Container, PrimitiveMode};
 use lidar_cast::geom::{Pose, TriangleSoup};
 use marks::Frustum;
 use sightline_scene::scene::{PartOwner, Scene};
@@ -188,7 +188,7 @@ impl Writer<'_> {
     ) -> Result<Value, ExportError> {
         let (positions, indices) = (self.out.positions(corners)?, self.out.indices(indices)?);
         let material = self.material(class);
-        Ok(Kind::Triangles.primitive(positions, Some(indices), material))
+        Ok(PrimitiveMode::Triangles.primitive(positions, Some(indices), material))
     }
 
     /// A node for each placement, in it a node for each LiDAR, in it a node for its frustum.
@@ -208,7 +208,7 @@ impl Writer<'_> {
                     let frustum = Frustum::of(sensors.table(model));
                     let positions = self.out.positions(&frustum.lines())?;
                     let material = self.out.material("frustum", marks::FRUSTUM);
-                    let lines = Kind::Lines.primitive(positions, None, material);
+                    let lines = PrimitiveMode::Lines.primitive(positions, None, material);
                     let name = sensors.models()[model].name;
                     slot.insert((self.out.mesh(&format!("frustum {name}"), vec![lines]), frustum));
                 }
@@ -262,8 +262,9 @@ impl Writer<'_> {
             let name = format!("points {}", self.class(class));
             let places: Vec<[f32; 3]> = points.iter().map(|&(_, place)| place).collect();
             let (positions, material) = (self.out.positions(&places)?, self.material(class));
-            let mesh =
-                self.out.mesh(&name, vec![Kind::Points.primitive(positions, None, material)]);
+            let mesh = self
+                .out
+                .mesh(&name, vec![PrimitiveMode::Points.primitive(positions, None, material)]);
             nodes.push(self.out.node(json!({ "name": name, "mesh": mesh })));
         }
         if nodes.is_empty() {

@@ -9,9 +9,9 @@ use std::io::{self, Write};
 use glam::DMat3;
 
 use super::folder::{Folder, Staged};
-use super::labels::{Label, Labels};
+use super::labels::{Label, PointLabels};
 use super::plan::Planned;
-use super::record::{FrameRecord, LidarRecord, Mover, Source, Written, mounts};
+use super::record::{CloudOrigin, FrameRecord, LidarRecord, Mover, Written, mounts};
 use super::{DatasetSettings, ExportError, SceneFacts, Split};
 use crate::datasets::kitti::EGO_FROM_LIDAR;
 use lidar_cast::geom::Pose;
@@ -21,10 +21,10 @@ use sightline_scan::Scan;
 const COLUMNS: i32 = 4;
 
 /// Folder of a source, from the root of the data set.
-fn root_of(source: Source) -> String {
+fn root_of(source: CloudOrigin) -> String {
     match source {
-        Source::Merged => String::new(),
-        Source::Lidar(lidar) => format!("lidar_{lidar}/"),
+        CloudOrigin::Merged => String::new(),
+        CloudOrigin::Lidar(lidar) => format!("lidar_{lidar}/"),
     }
 }
 
@@ -37,13 +37,13 @@ pub(super) fn write(
     classes: &[Label],
     settings: &DatasetSettings,
 ) -> Result<FrameRecord, ExportError> {
-    let labels = Labels::new(classes, &scan.boxes);
+    let labels = PointLabels::new(classes, &scan.boxes);
     let each = settings.each_lidar;
     let mounts = mounts(scan);
     let mut files: Vec<Written> = Vec::new();
     let most = scan.returns.len();
     let (mut cloud, mut ids) = (Vec::<[f32; 4]>::with_capacity(most), Vec::with_capacity(most));
-    for source in Source::all(mounts.len(), each && mounts.len() > 1) {
+    for source in CloudOrigin::all(mounts.len(), each && mounts.len() > 1) {
         let mover = Mover::new(&source.ego_from_sensor(&mounts, DMat3::IDENTITY));
         cloud.clear();
         ids.clear();
@@ -73,7 +73,7 @@ pub(super) fn finish(
     for (number, (scene, planned)) in scenes.iter().zip(plan).enumerate() {
         let first = folder.record(number, scene.frames[0])?;
         lidars = lidars.max(first.lidars.len());
-        let sources = Source::all(first.lidars.len(), each && first.lidars.len() > 1);
+        let sources = CloudOrigin::all(first.lidars.len(), each && first.lidars.len() > 1);
         let begun = sources.map(|source| Sequence::begin(folder, &planned.name, source, &first));
         let mut sequences = begun.collect::<Result<Vec<Sequence>, ExportError>>()?;
         for &frame in &scene.frames {
@@ -82,7 +82,7 @@ pub(super) fn finish(
         }
         sequences.into_iter().try_for_each(Sequence::end)?;
     }
-    for source in Source::all(lidars, each && lidars > 1) {
+    for source in CloudOrigin::all(lidars, each && lidars > 1) {
         for split in Split::ALL {
             infos(folder, scenes, plan, source, split)?;
         }
@@ -90,19 +90,19 @@ pub(super) fn finish(
     Ok(())
 }
 
-fn ego_from_source(record: &FrameRecord, source: Source) -> Pose {
+fn ego_from_source(record: &FrameRecord, source: CloudOrigin) -> Pose {
     let pose = |lidar: &LidarRecord| lidar.ego_from_mount.pose();
     let mounts: Vec<Pose> = record.lidars.iter().map(pose).collect();
     source.ego_from_sensor(&mounts, DMat3::IDENTITY)
 }
 
-fn world_from_source(record: &FrameRecord, source: Source) -> Pose {
+fn world_from_source(record: &FrameRecord, source: CloudOrigin) -> Pose {
     record.world_from_ego.pose().compose(&ego_from_source(record, source))
 }
 
 /// Poses, times, calibration and the LiDAR's place on the vehicle, of a sequence of one source.
 struct Sequence {
-    source: Source,
+    source: CloudOrigin,
     poses: Staged,
     times: Staged,
     /// Pose and time that the others are counted from.
@@ -114,7 +114,7 @@ impl Sequence {
     fn begin(
         folder: &Folder,
         name: &str,
-        source: Source,
+        source: CloudOrigin,
         first: &FrameRecord,
     ) -> Result<Self, ExportError> {
         let place = format!("{}sequences/{name}", root_of(source));
@@ -160,7 +160,7 @@ fn infos(
     folder: &Folder,
     scenes: &[SceneFacts],
     plan: &[Planned],
-    source: Source,
+    source: CloudOrigin,
     split: Split,
 ) -> Result<(), ExportError> {
     let name = format!("{}semantickitti_infos_{}.pkl", root_of(source), split.name());

@@ -10,9 +10,9 @@ use glam::{DMat3, DVec3};
 use sha2::{Digest, Sha256};
 
 use super::folder::Folder;
-use super::labels::{Label, Labels, of_kind};
+use super::labels::{Label, PointLabels, of_kind};
 use super::plan::Planned;
-use super::record::{FrameRecord, Mover, Source, mounts};
+use super::record::{CloudOrigin, FrameRecord, Mover, mounts};
 use super::{DatasetSettings, ExportError, Split};
 use lidar_cast::geom::Pose;
 use sightline_scan::{BOX_MARGIN, Scan};
@@ -25,14 +25,14 @@ const FULL: f32 = 255.0;
 const EPOCH: i64 = 1_532_402_927_000_000;
 
 /// Settings of a data set and the scene that is being written.
-pub(super) struct About<'a> {
+pub(super) struct SceneExport<'a> {
     pub settings: &'a DatasetSettings,
     pub planned: &'a Planned,
     /// Scenes of each split.
     pub counts: [usize; 3],
 }
 
-impl About<'_> {
+impl SceneExport<'_> {
     fn version(&self) -> &'static str {
         version(self.counts, self.planned.split)
     }
@@ -71,10 +71,10 @@ fn token(parts: &[&str]) -> String {
 }
 
 /// Channels of a rig, `LIDAR_TOP` first.
-fn channels(lidars: usize, each: bool) -> impl Iterator<Item = (String, Source)> {
-    Source::all(lidars, each).map(|source| match source {
-        Source::Merged => ("LIDAR_TOP".to_owned(), source),
-        Source::Lidar(lidar) => (format!("LIDAR_{lidar}"), source),
+fn channels(lidars: usize, each: bool) -> impl Iterator<Item = (String, CloudOrigin)> {
+    CloudOrigin::all(lidars, each).map(|source| match source {
+        CloudOrigin::Merged => ("LIDAR_TOP".to_owned(), source),
+        CloudOrigin::Lidar(lidar) => (format!("LIDAR_{lidar}"), source),
     })
 }
 
@@ -86,7 +86,7 @@ fn right_forward() -> DMat3 {
 /// Writes the clouds of a scan, and labels of a keyframe; `at` is its number among the scene's frames.
 pub(super) fn write(
     folder: &Folder,
-    about: About,
+    about: SceneExport,
     at: usize,
     scan: &Scan,
     classes: &[Label],
@@ -98,7 +98,7 @@ pub(super) fn write(
     for (channel, source) in channels(mounts.len(), about.settings.each_lidar) {
         let ego_from_sensor = source.ego_from_sensor(&mounts, right_forward());
         let mover = Mover::new(&ego_from_sensor);
-        let merged = source == Source::Merged;
+        let merged = source == CloudOrigin::Merged;
         let points = scan.points().filter(|point| source.takes(point)).map(|point| {
             let [x, y, z] = mover.position(point);
             let first = if merged { rings[usize::from(point.lidar)] } else { 0 };
@@ -109,7 +109,7 @@ pub(super) fn write(
         files.push(folder.put(&file, bytemuck::cast_slice(&cloud))?);
         if merged && about.is_keyframe(at) {
             inside = count(&cloud, &ego_from_sensor, scan);
-            let labels = Labels::new(classes, &scan.boxes);
+            let labels = PointLabels::new(classes, &scan.boxes);
             let labels: Vec<u8> = scan.points().map(|point| labels.nuscenes(point)).collect();
             files.push(folder.put(&about.lidarseg_file(at), &labels)?);
         }

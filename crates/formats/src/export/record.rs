@@ -159,14 +159,14 @@ pub fn record(
 
 /// Whose points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Source {
+pub(super) enum CloudOrigin {
     /// All LiDARs as one.
     Merged,
     /// One LiDAR, by its number in the rig.
     Lidar(usize),
 }
 
-impl Source {
+impl CloudOrigin {
     /// All sources of a rig: merged first.
     pub fn all(lidars: usize, each: bool) -> impl Iterator<Item = Self> {
         let each = if each { lidars } else { 0 };

@@ -13,10 +13,10 @@ const NEAREST: f64 = 0.01;
 
 /// Models of a vehicle, for LiDARs of a rig. Without any, sensors that this program knows by name.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Models(Vec<Model>);
+pub struct Models(Vec<RigModel>);
 
 #[derive(Debug, Clone, PartialEq)]
-struct Model {
+struct RigModel {
     /// `None` for the `lidar` of a scene.
     name: Option<String>,
     lidar: Lidar,
@@ -24,7 +24,7 @@ struct Model {
 }
 
 /// Beams of a LiDAR, as far as they are known.
-pub(super) enum Beams<'a> {
+pub(super) enum RigBeams<'a> {
     /// Beams from a vehicle.
     Given(&'a Lidar, f64),
     /// Fan of a sensor known by name.
@@ -37,7 +37,7 @@ pub(super) enum Beams<'a> {
 
 impl From<&Vehicle> for Models {
     fn from(vehicle: &Vehicle) -> Self {
-        let model = |of: &sightline_scene::vehicle::VehicleSensor| Model {
+        let model = |of: &sightline_scene::vehicle::VehicleSensor| RigModel {
             name: (!of.name.is_none()).then(|| of.name.to_string()),
             lidar: of.lidar.clone(),
             min_range: of.response.min_range,
@@ -58,26 +58,26 @@ impl Models {
     }
 
     /// Beams of a LiDAR: of its own model, or of the only one where it names none.
-    pub(super) fn of(&self, lidar: &RigLidar) -> Beams<'_> {
+    pub(super) fn of(&self, lidar: &RigLidar) -> RigBeams<'_> {
         let found = match (&lidar.sensor, &self.0[..]) {
             (Some(name), all) => all.iter().find(|model| model.name.as_ref() == Some(name)),
             (None, [only]) => Some(only),
             (None, _) => None,
         };
         match (found, lidar.sensor.as_deref().and_then(fan)) {
-            (Some(model), _) => Beams::Given(&model.lidar, model.min_range),
-            (None, Some(Some(fan))) => Beams::Known(fan),
-            (None, Some(None)) => Beams::Uneven,
-            (None, None) => Beams::Unknown,
+            (Some(model), _) => RigBeams::Given(&model.lidar, model.min_range),
+            (None, Some(Some(fan))) => RigBeams::Known(fan),
+            (None, Some(None)) => RigBeams::Uneven,
+            (None, None) => RigBeams::Unknown,
         }
     }
 
     /// The fan of a LiDAR, even where its channels are not; `None` where it has none or its beams are not known.
     pub(super) fn fan(&self, lidar: &RigLidar) -> Option<Fan> {
         match self.of(lidar) {
-            Beams::Given(lidar, _) => Fan::of(lidar),
-            Beams::Known(fan) => Some(fan),
-            Beams::Uneven | Beams::Unknown => None,
+            RigBeams::Given(lidar, _) => Fan::of(lidar),
+            RigBeams::Known(fan) => Some(fan),
+            RigBeams::Uneven | RigBeams::Unknown => None,
         }
     }
 
@@ -85,7 +85,7 @@ impl Models {
     pub(super) fn gazebo(&self, lidar: &RigLidar, indent: &str) -> String {
         let Some(fan) = self.fan(lidar) else { return String::new() };
         let nearest = match self.of(lidar) {
-            Beams::Given(_, min_range) if min_range > 0.0 => min_range,
+            RigBeams::Given(_, min_range) if min_range > 0.0 => min_range,
             _ => NEAREST,
         };
         let steps = fan.azimuth_steps;
@@ -124,7 +124,7 @@ impl Models {
         if lidars.is_empty() {
             return None;
         }
-        let used = |model: &&Model| {
+        let used = |model: &&RigModel| {
             rig.lidars.iter().any(|lidar| lidar.sensor.is_some() && lidar.sensor == model.name)
         };
         let models = self.0.iter().filter(used);
@@ -158,7 +158,7 @@ const SAME_DEGREES: f64 = 1e-3;
 const TURNS_A_SECOND: f64 = 10.0;
 
 /// Facts known of a sensor by its name.
-struct Known {
+struct KnownSensor {
     name: &'static str,
     /// Optical centre above the foot in metres: `*_base_scan_joint` of Velodyne's description.
     optical_height: f64,
@@ -166,8 +166,8 @@ struct Known {
 }
 
 /// Numbers of Velodyne's data sheets; the VLS-128 has uneven channels.
-const KNOWN: [Known; 2] = [
-    Known {
+const KNOWN: [KnownSensor; 2] = [
+    KnownSensor {
         name: "VLP-16",
         optical_height: 0.0377,
         fan: Some(Fan {
@@ -180,7 +180,7 @@ const KNOWN: [Known; 2] = [
             is_even: true,
         }),
     },
-    Known { name: "VLS-128", optical_height: 0.06611, fan: None },
+    KnownSensor { name: "VLS-128", optical_height: 0.06611, fan: None },
 ];
 
 /// Channels over a vertical field of view, which turn: all that CARLA and Gazebo can be told of a LiDAR.
@@ -254,7 +254,7 @@ pub(super) fn same(a: &str, b: &str) -> bool {
     letters(a) == letters(b)
 }
 
-fn find(name: &str) -> Option<&'static Known> {
+fn find(name: &str) -> Option<&'static KnownSensor> {
     KNOWN.iter().find(|known| same(known.name, name))
 }
 

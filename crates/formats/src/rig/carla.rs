@@ -6,8 +6,8 @@
 use serde_json::{Map, Value, json};
 
 use super::fields::{self, Fields, PHASE, wrong};
-use super::frames::{Frame, Frames, Holds};
-use super::{BASE_LINK, Fan, Mounting, Rig, RigError, RigLidar, Source, beams};
+use super::frames::{FrameTree, Holds, RigFrame};
+use super::{BASE_LINK, Fan, Mounting, Rig, RigError, RigLidar, RigSource, beams};
 use sightline_files::Note;
 use sightline_files::json::{self, Place, written};
 use sightline_scene::vehicle::{SensorPose, of_degrees};
@@ -64,7 +64,7 @@ const PASSED_OVER: [&str; 12] = [
 ];
 
 /// Reads the text of a list.
-pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let document: Value = json::parse(&source.text, &source.file)?;
     read_list(&document, &Place::top(&source.file), frames)
 }
@@ -73,7 +73,7 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
 pub(super) fn read_list(
     document: &Value,
     top: &Place,
-    frames: &mut Frames,
+    frames: &mut FrameTree,
 ) -> Result<(), RigError> {
     let (list, at) = match document.get("sensors") {
         Some(list) => (list, top.key("sensors")),
@@ -97,7 +97,7 @@ pub(super) fn read_list(
 }
 
 /// Content of an entry by its type. Notes name the LiDAR keys that a placement does not keep.
-pub(super) fn holds(fields: &Fields, frames: &mut Frames) -> Result<Holds, RigError> {
+pub(super) fn holds(fields: &Fields, frames: &mut FrameTree) -> Result<Holds, RigError> {
     if !fields.text("type")?.starts_with("sensor.lidar") {
         return Ok(Holds::Other);
     }
@@ -133,7 +133,7 @@ pub(super) fn holds(fields: &Fields, frames: &mut Frames) -> Result<Holds, RigEr
 }
 
 /// Leaves out an entry that is no LiDAR. Cameras and the like may lack a pose, and an `id`.
-fn leave_out(frames: &mut Frames, fields: &Fields) -> Result<(), RigError> {
+fn leave_out(frames: &mut FrameTree, fields: &Fields) -> Result<(), RigError> {
     let name = fields.text("id").or_else(|_| fields.text("type"))?;
     frames.left_out.push(name.to_owned());
     Ok(())
@@ -141,13 +141,13 @@ fn leave_out(frames: &mut Frames, fields: &Fields) -> Result<(), RigError> {
 
 /// Adds an entry to `base_link`, under its `id`.
 fn add(
-    frames: &mut Frames,
+    frames: &mut FrameTree,
     fields: &Fields,
     pose: SensorPose,
     holds: Holds,
 ) -> Result<(), RigError> {
     let (name, at) = (fields.text("id")?.to_owned(), fields.at.clone());
-    frames.add(Frame { name, parent: BASE_LINK.to_owned(), pose, holds, at })
+    frames.add(RigFrame { name, parent: BASE_LINK.to_owned(), pose, holds, at })
 }
 
 /// The list as JSON.
@@ -202,7 +202,7 @@ fn turned(pose: SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
 }
 
 /// Reads the sensors of the only vehicle that has LiDARs.
-pub(super) fn read_objects(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let document: Value = json::parse(&source.text, &source.file)?;
     let top = Fields::of(&document, Place::top(&source.file))?;
     let mut vehicle = None;

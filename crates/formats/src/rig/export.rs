@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::beams::{Beams, Models};
+use super::beams::{Models, RigBeams};
 use super::{
     Fan, Mounting, NamedText, Rig, RigError, RigFormat, RigLidar, carla, launch, model, sdf, urdf,
     yaml,
@@ -105,7 +105,7 @@ fn check_models(rig: &Rig, models: &Models) -> Result<(), RigError> {
             (None, _) if models.count() > 1 => {
                 return Err(RigError::UnnamedModel { frame, known });
             }
-            (Some(sensor), Beams::Unknown) if !known.is_empty() => {
+            (Some(sensor), RigBeams::Unknown) if !known.is_empty() => {
                 let sensor = sensor.clone();
                 return Err(RigError::UnknownModel { frame, sensor, known });
             }
@@ -129,8 +129,8 @@ fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<Stri
     let frame = &lidar.frame;
     let of = lidar.sensor.as_deref().unwrap_or("the scene's sensor");
     let said = match models.of(lidar) {
-        Beams::Known(_) => return None,
-        Beams::Given(given, _) => match Fan::of(given) {
+        RigBeams::Known(_) => return None,
+        RigBeams::Given(given, _) => match Fan::of(given) {
             Some(fan) if !fan.is_even => format!(
                 "{program} casts channels at even steps only, and those of {of} are uneven; only their number, \
                  the lowest and the highest are kept"
@@ -145,11 +145,11 @@ fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<Stri
                  {program} takes its own"
             ),
         },
-        Beams::Uneven => format!(
+        RigBeams::Uneven => format!(
             "{program} casts channels at even steps only, and those of {of} are uneven; its channels and field \
              of view are left out, and {program} takes its own"
         ),
-        Beams::Unknown => format!(
+        RigBeams::Unknown => format!(
             "its beams are not known, so {program} takes its own; name its sensor, and give --vehicle or \
              --scene"
         ),

@@ -74,7 +74,7 @@ impl RigFormat {
 ///
 /// # Errors
 /// XML that does not parse, or a text of no format.
-pub(super) fn format_of(source: &Source) -> Result<RigFormat, RigError> {
+pub(super) fn format_of(source: &RigSource) -> Result<RigFormat, RigError> {
     let text = source.text.as_str();
     refuse_program(source)?;
     let unrecognised = || RigError::Unrecognised { file: source.file.clone() };
@@ -115,7 +115,7 @@ pub(super) fn format_of(source: &Source) -> Result<RigFormat, RigError> {
 ///
 /// # Errors
 /// A file named as a Python program, or with lines that begin like Python's.
-pub(super) fn refuse_program(source: &Source) -> Result<(), RigError> {
+pub(super) fn refuse_program(source: &RigSource) -> Result<(), RigError> {
     let named = source.file.ends_with(".py");
     let starts = ["import ", "from ", "def ", "class ", "#!/usr/bin/env python", "@"];
     let begins = |line: &str| starts.iter().any(|start| line.starts_with(start));
@@ -151,14 +151,14 @@ pub struct NamedText {
 
 /// A text and the file that it is from.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Source {
+pub struct RigSource {
     /// File as the user named it.
     pub file: String,
     /// Its text, without a byte order mark.
     pub text: String,
 }
 
-impl Source {
+impl RigSource {
     /// Reads a file.
     ///
     /// # Errors
@@ -200,7 +200,7 @@ fn quantity(parent: &str, key: &str) -> Option<Quantity> {
 ///
 /// # Errors
 /// A file or folder that cannot be read.
-pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, RigError> {
+pub fn sources(paths: &[PathBuf]) -> Result<Vec<RigSource>, RigError> {
     let mut files = Vec::new();
     for path in paths {
         if !path.is_dir() {
@@ -222,5 +222,5 @@ pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, RigError> {
         inside.sort();
         files.extend(inside);
     }
-    files.iter().map(|file| Source::read(file)).collect()
+    files.iter().map(|file| RigSource::read(file)).collect()
 }

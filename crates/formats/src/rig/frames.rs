@@ -30,7 +30,7 @@ pub(super) enum Holds {
 
 /// A frame and where it hangs.
 #[derive(Debug, Clone)]
-pub(super) struct Frame {
+pub(super) struct RigFrame {
     pub(super) name: String,
     pub(super) parent: String,
     /// `parent_from_frame`.
@@ -41,8 +41,8 @@ pub(super) struct Frame {
 
 /// All frames of a rig's files, in their order.
 #[derive(Debug, Default)]
-pub(super) struct Frames {
-    list: Vec<Frame>,
+pub(super) struct FrameTree {
+    list: Vec<RigFrame>,
     index: HashMap<String, usize>,
     /// Joints that move, in words, by the frame behind each.
     moving: HashMap<String, String>,
@@ -54,14 +54,14 @@ pub(super) struct Frames {
     pub(super) notes: Vec<Note>,
 }
 
-impl Frames {
+impl FrameTree {
     /// Adds a frame.
     ///
     /// # Errors
     /// A frame of this name is there already.
-    pub(super) fn add(&mut self, frame: Frame) -> Result<(), RigError> {
+    pub(super) fn add(&mut self, frame: RigFrame) -> Result<(), RigError> {
         if self.index.contains_key(&frame.name) {
-            let Frame { name, at, .. } = frame;
+            let RigFrame { name, at, .. } = frame;
             return Err(RigError::Twice { at: Box::new(at), frame: name });
         }
         self.index.insert(frame.name.clone(), self.list.len());
@@ -93,15 +93,15 @@ impl Frames {
         way.filter_map(|name| self.moving.get(&name).map(String::as_str)).collect()
     }
 
-    pub(super) fn all(&self) -> &[Frame] {
+    pub(super) fn all(&self) -> &[RigFrame] {
         &self.list
     }
 
-    pub(super) fn get(&self, name: &str) -> Option<&Frame> {
+    pub(super) fn get(&self, name: &str) -> Option<&RigFrame> {
         self.index.get(name).map(|&at| &self.list[at])
     }
 
-    pub(super) fn get_mut(&mut self, name: &str) -> Option<&mut Frame> {
+    pub(super) fn get_mut(&mut self, name: &str) -> Option<&mut RigFrame> {
         self.index.get(name).map(|&at| &mut self.list[at])
     }
 
@@ -131,7 +131,7 @@ impl Frames {
     ///
     /// # Errors
     /// A loop, or no connection.
-    pub(super) fn in_base(&self, base: &str, frame: &Frame) -> Result<SensorPose, RigError> {
+    pub(super) fn in_base(&self, base: &str, frame: &RigFrame) -> Result<SensorPose, RigError> {
         let (pose, end) = self.climb(frame, Some(base))?;
         if end == base {
             return Ok(pose);
@@ -155,7 +155,7 @@ impl Frames {
     /// Pose of a frame in the one at the end of its chain, which is the first called `stop`.
     fn climb<'a>(
         &'a self,
-        frame: &'a Frame,
+        frame: &'a RigFrame,
         stop: Option<&str>,
     ) -> Result<(SensorPose, &'a str), RigError> {
         let (mut pose, mut at) = (IDENTITY, frame.name.as_str());

@@ -6,8 +6,8 @@ use std::fmt::Write;
 use roxmltree::Node;
 
 use super::fields::{self, number, wrong};
-use super::frames::{Frame, Frames, Holds, of_quaternion};
-use super::{BASE_LINK, Mounting, Rig, RigError, Source};
+use super::frames::{FrameTree, Holds, RigFrame, of_quaternion};
+use super::{BASE_LINK, Mounting, Rig, RigError, RigSource};
 use sightline_files::Note;
 use sightline_files::json::{Place, written};
 use sightline_scene::vehicle::SensorPose;
@@ -39,7 +39,7 @@ const ROS_ARGS: &str = "--ros-args";
 const MOST_VALUE: usize = 4096;
 
 /// Reads every publisher of a launch file that its `if` and `unless` leave on.
-pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let document = fields::parse(&source.text, &source.file)?;
     let mut launch = Launch {
         file: &source.file,
@@ -48,11 +48,11 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
         included: BTreeSet::new(),
         nodes: 0,
     };
-    let mut open = vec![Step::Read(document.root_element())];
+    let mut open = vec![LaunchStep::Read(document.root_element())];
     while let Some(step) = open.pop() {
         let node = match step {
-            Step::Read(node) => node,
-            Step::Restore(values) => {
+            LaunchStep::Read(node) => node,
+            LaunchStep::Restore(values) => {
                 launch.values = values;
                 continue;
             }
@@ -63,10 +63,10 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
         match node.tag_name().name() {
             name @ ("launch" | "group") => {
                 if name == "group" && launch.is_scoped(node)? {
-                    open.push(Step::Restore(launch.values.clone()));
+                    open.push(LaunchStep::Restore(launch.values.clone()));
                 }
                 let children: Vec<Node> = node.children().filter(Node::is_element).collect();
-                open.extend(children.into_iter().rev().map(Step::Read));
+                open.extend(children.into_iter().rev().map(LaunchStep::Read));
             }
             "arg" | "let" => launch.argument(node)?,
             "node" => {
@@ -88,7 +88,7 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
 }
 
 /// Work that is left of a launch file.
-enum Step<'a, 'i> {
+enum LaunchStep<'a, 'i> {
     Read(Node<'a, 'i>),
     /// Values from before a group: those that it sets end with it.
     Restore(HashMap<String, String>),
@@ -199,7 +199,7 @@ impl Launch<'_> {
     }
 
     /// The frame of a node that publishes one.
-    fn node(&mut self, node: Node) -> Result<Option<Frame>, RigError> {
+    fn node(&mut self, node: Node) -> Result<Option<RigFrame>, RigError> {
         let at = Place::top(self.file).key("<node>").item(self.nodes);
         self.nodes += 1;
         if node.attribute("exec").or(node.attribute("type")) != Some(PUBLISHER) {
@@ -220,7 +220,7 @@ impl Launch<'_> {
 
 /// The frame of a publisher's arguments: flags, or `x y z yaw pitch roll PARENT CHILD` as before ROS 2
 /// Humble, or that with a quaternion x y z w.
-fn publisher(words: Vec<String>, at: Place) -> Result<Frame, RigError> {
+fn publisher(words: Vec<String>, at: Place) -> Result<RigFrame, RigError> {
     let end = words.iter().position(|word| word == ROS_ARGS).unwrap_or(words.len());
     let words = &words[..end];
     let positional: &[&str] = match words.len() {
@@ -257,7 +257,7 @@ fn publisher(words: Vec<String>, at: Place) -> Result<Frame, RigError> {
         given.get(flag).map(bare).ok_or_else(missing)
     };
     let (name, parent) = (frame("--child-frame-id")?, frame("--frame-id")?);
-    Ok(Frame { name, parent, pose: pose(&given, &at)?, holds: Holds::Unsaid, at })
+    Ok(RigFrame { name, parent, pose: pose(&given, &at)?, holds: Holds::Unsaid, at })
 }
 
 /// Transform from flags; a missing flag is 0; angles and a quaternion exclude each other.

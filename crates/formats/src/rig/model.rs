@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{RigError, Source};
+use super::{RigError, RigSource};
 use sightline_files::json::{self, Place};
 use sightline_scene::vehicle::{
     Placement, SensorName, SensorPose, Vehicle, placement_to_nanometres,
@@ -108,12 +108,12 @@ struct RigFile {
 /// # Errors
 /// A file that cannot be read, or none or several placements to pick from.
 pub fn read_rig(path: &Path, name: Option<&str>) -> Result<Rig, RigError> {
-    rig_of(&Source::read(path)?, name)
+    rig_of(&RigSource::read(path)?, name)
 }
 
 /// Reads one placement of a text, a document or one placement a line.
-pub(super) fn rig_of(source: &Source, name: Option<&str>) -> Result<Rig, RigError> {
-    let Source { file, text } = source;
+pub(super) fn rig_of(source: &RigSource, name: Option<&str>) -> Result<Rig, RigError> {
+    let RigSource { file, text } = source;
     let mut all = if file.ends_with(".jsonl") {
         let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
         let parse = |(number, line)| json::parse(line, &format!("{file}, line {}", number + 1));

@@ -8,8 +8,8 @@ use std::fmt::Write;
 use roxmltree::Node;
 
 use super::fields::{self, PHASE, number, wrong};
-use super::frames::{Frame, Frames, Holds, of_quaternion};
-use super::{BASE_LINK, Models, Mounting, Rig, RigError, RigLidar, Source, beams};
+use super::frames::{FrameTree, Holds, RigFrame, of_quaternion};
+use super::{BASE_LINK, Models, Mounting, Rig, RigError, RigLidar, RigSource, beams};
 use sightline_files::Note;
 use sightline_files::json::written;
 use sightline_scene::vehicle::SensorPose;
@@ -18,7 +18,7 @@ use sightline_scene::vehicle::SensorPose;
 pub(super) const MODEL: &str = "__model__";
 
 /// Reads the links, joints, frames and sensors of the first model, and of the models in it.
-pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let file = &source.file;
     let document = fields::parse(&source.text, file)?;
     let is_outer = |node: &Node| {
@@ -43,7 +43,12 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
 }
 
 /// Reads a model. Names in it begin with `scope`, which is empty or ends with `::`.
-fn read_model(model: Node, scope: &str, file: &str, frames: &mut Frames) -> Result<(), RigError> {
+fn read_model(
+    model: Node,
+    scope: &str,
+    file: &str,
+    frames: &mut FrameTree,
+) -> Result<(), RigError> {
     let scoped = |name: &str| format!("{scope}{name}");
     for node in model.children().filter(Node::is_element) {
         let at = fields::place(node, file);
@@ -76,7 +81,7 @@ fn read_model(model: Node, scope: &str, file: &str, frames: &mut Frames) -> Resu
         let (pose, parent) = pose(node, file, frames)?;
         let parent = scoped(parent.unwrap_or(usual_parent));
         let holds = if kind == "link" { Holds::Unsaid } else { Holds::Other };
-        frames.add(Frame { name: scoped(name), parent, pose, holds, at: at.clone() })?;
+        frames.add(RigFrame { name: scoped(name), parent, pose, holds, at: at.clone() })?;
         match kind {
             "joint" => {
                 let moves = node.attribute("type").filter(|kind| *kind != "fixed");
@@ -88,7 +93,7 @@ fn read_model(model: Node, scope: &str, file: &str, frames: &mut Frames) -> Resu
                 let inner = format!("{}::", scoped(name));
                 let (name, parent) = (format!("{inner}{MODEL}"), scoped(name));
                 let (pose, holds) = (super::frames::IDENTITY, Holds::Other);
-                frames.add(Frame { name, parent, pose, holds, at })?;
+                frames.add(RigFrame { name, parent, pose, holds, at })?;
                 read_model(node, &inner, file, frames)?;
             }
             "link" => read_sensors(node, &scoped(name), scope, file, frames)?,
@@ -104,7 +109,7 @@ fn read_sensors(
     name: &str,
     scope: &str,
     file: &str,
-    frames: &mut Frames,
+    frames: &mut FrameTree,
 ) -> Result<(), RigError> {
     for sensor in link.children().filter(|node| node.has_tag_name("sensor")) {
         let (optical, parent) = pose(sensor, file, frames)?;
@@ -115,7 +120,7 @@ fn read_sensors(
                 let own = sensor.attribute("name").unwrap_or_default();
                 let frame = format!("{name}/{own}");
                 let (parent, holds) = (format!("{scope}{parent}"), Holds::Other);
-                frames.add(Frame { name: frame.clone(), parent, pose: optical, holds, at })?;
+                frames.add(RigFrame { name: frame.clone(), parent, pose: optical, holds, at })?;
                 add_sensor(frames, sensor, &frame, super::frames::IDENTITY, file)?;
             }
             _ => add_sensor(frames, sensor, name, optical, file)?,
@@ -128,7 +133,7 @@ fn read_sensors(
 fn pose<'a>(
     node: Node<'a, '_>,
     file: &str,
-    frames: &mut Frames,
+    frames: &mut FrameTree,
 ) -> Result<(SensorPose, Option<&'a str>), RigError> {
     let Some(element) = fields::child(node, "pose") else {
         return Ok((super::frames::IDENTITY, None));
@@ -206,7 +211,7 @@ fn is_lidar(sensor: Node) -> bool {
 /// Adds a LiDAR for a `<sensor>` whose pose in the frame `link` is `optical`. Reads its model from a name
 /// `FRAME-MODEL`, as in Velodyne's description, and its phase from this program's own attribute.
 pub(super) fn add_sensor(
-    frames: &mut Frames,
+    frames: &mut FrameTree,
     sensor: Node,
     link: &str,
     optical: SensorPose,
@@ -229,7 +234,7 @@ pub(super) fn add_sensor(
             frame.holds = holds;
         }
         // A second LiDAR of a link, or one of the base itself, has a frame of its own.
-        _ if is_lidar(sensor) => frames.add(Frame {
+        _ if is_lidar(sensor) => frames.add(RigFrame {
             name: format!("{link}/{name}"),
             parent: link.to_owned(),
             pose: super::frames::IDENTITY,

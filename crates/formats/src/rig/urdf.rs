@@ -8,9 +8,9 @@ use std::fmt::Write;
 use roxmltree::Node;
 
 use super::fields::{self, wrong};
-use super::frames::{Frame, Frames, Holds, of_quaternion};
+use super::frames::{FrameTree, Holds, RigFrame, of_quaternion};
 use super::sdf::{add_sensor, namespace, sensor_element};
-use super::{BASE_LINK, Models, Mounting, Rig, RigError, Source};
+use super::{BASE_LINK, Models, Mounting, Rig, RigError, RigSource};
 use sightline_files::Note;
 use sightline_files::json::{Place, written};
 use sightline_scene::vehicle::SensorPose;
@@ -35,7 +35,7 @@ const OF_JOINT: [&str; 10] = [
 ];
 
 /// Reads every joint, and the LiDARs that Gazebo is told of.
-pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let file = &source.file;
     let unexpanded = || RigError::Xacro { file: file.clone() };
     let document = fields::parse(&source.text, file).map_err(|error| match error {
@@ -75,7 +75,7 @@ fn is_xacro(node: Node) -> bool {
 fn origin_of<'a, 'i>(
     joint: Node<'a, 'i>,
     at: &Place,
-    frames: &mut Frames,
+    frames: &mut FrameTree,
 ) -> Result<Option<Node<'a, 'i>>, RigError> {
     let elements = joint.children().filter(Node::is_element);
     for element in elements.filter(|element| element.tag_name().namespace().is_none()) {
@@ -101,7 +101,7 @@ fn origin_of<'a, 'i>(
 }
 
 /// Adds the frame of a joint's child.
-fn read_joint(joint: Node, file: &str, frames: &mut Frames) -> Result<(), RigError> {
+fn read_joint(joint: Node, file: &str, frames: &mut FrameTree) -> Result<(), RigError> {
     let at = fields::place(joint, file);
     let link = |key: &str| {
         let missing = || RigError::Missing { at: Box::new(at.clone()), key: format!("<{key}>") };
@@ -134,7 +134,7 @@ fn read_joint(joint: Node, file: &str, frames: &mut Frames) -> Result<(), RigErr
         let joint = joint.attribute("name").unwrap_or_default();
         frames.moves(&name, format!("`{joint}` ({kind})"));
     }
-    frames.add(Frame { name, parent, pose, holds: Holds::Unsaid, at })
+    frames.add(RigFrame { name, parent, pose, holds: Holds::Unsaid, at })
 }
 
 /// A robot of `base_link` and one link a LiDAR.

@@ -6,8 +6,8 @@
 use serde_json::Value;
 
 use super::fields::{self, Fields, wrong};
-use super::frames::{Frame, Frames, Holds, of_quaternion};
-use super::{BASE_LINK, Mounting, NamedText, Rig, RigError, Source};
+use super::frames::{FrameTree, Holds, RigFrame, of_quaternion};
+use super::{BASE_LINK, Mounting, NamedText, Rig, RigError, RigSource};
 use sightline_files::Note;
 use sightline_files::json::Place;
 use sightline_scene::vehicle::SensorPose;
@@ -43,13 +43,13 @@ pub(super) fn holds_frames(document: &Value) -> bool {
 }
 
 /// Reads each frame in each frame of a file.
-pub(super) fn read_autoware(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+pub(super) fn read_autoware(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let document = source.yaml()?;
     let top = Place::top(&source.file);
     read_frames(&document.value, top, frames).map_err(|error| error.at_line(&document))
 }
 
-fn read_frames(document: &Value, top: Place, frames: &mut Frames) -> Result<(), RigError> {
+fn read_frames(document: &Value, top: Place, frames: &mut FrameTree) -> Result<(), RigError> {
     let read: Vec<&str> = SensorPose::FIELDS.into_iter().chain([fields::PHASE]).collect();
     for (parent, children, at) in Fields::of(document, top)?.each() {
         let Some(map) = children.as_object().filter(|map| map.values().any(is_frame)) else {
@@ -64,7 +64,7 @@ fn read_frames(document: &Value, top: Place, frames: &mut Frames) -> Result<(), 
             let fields = Fields::of(value, at.clone())?;
             fields.refuse_others(&read, &AUTOWARE_PASSED)?;
             let (name, parent, pose) = (name.clone(), parent.clone(), fields.six()?);
-            frames.add(Frame { name, parent, pose, holds: Holds::Unsaid, at })?;
+            frames.add(RigFrame { name, parent, pose, holds: Holds::Unsaid, at })?;
         }
     }
     Ok(())
@@ -126,7 +126,7 @@ pub(super) fn holds_transforms(document: &Value) -> bool {
 }
 
 /// Reads the transforms of every document.
-pub(super) fn read_transforms(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+pub(super) fn read_transforms(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     for document in source.documents()? {
         let top = Place::top(&source.file);
         read_message(&document.value, top, frames).map_err(|error| error.at_line(&document))?;
@@ -134,7 +134,7 @@ pub(super) fn read_transforms(source: &Source, frames: &mut Frames) -> Result<()
     Ok(())
 }
 
-fn read_message(message: &Value, at: Place, frames: &mut Frames) -> Result<(), RigError> {
+fn read_message(message: &Value, at: Place, frames: &mut FrameTree) -> Result<(), RigError> {
     if message.get(CHILD).is_some() {
         return add(transform(message, at)?, frames);
     }
@@ -155,13 +155,13 @@ fn read_message(message: &Value, at: Place, frames: &mut Frames) -> Result<(), R
 }
 
 /// Adds a frame; several publishers may send one transform, so the same twice is one.
-fn add(frame: Frame, frames: &mut Frames) -> Result<(), RigError> {
-    let is_same = |old: &Frame| old.parent == frame.parent && old.pose == frame.pose;
+fn add(frame: RigFrame, frames: &mut FrameTree) -> Result<(), RigError> {
+    let is_same = |old: &RigFrame| old.parent == frame.parent && old.pose == frame.pose;
     if frames.get(&frame.name).is_some_and(is_same) { Ok(()) } else { frames.add(frame) }
 }
 
 /// A frame of one transform.
-fn transform(value: &Value, at: Place) -> Result<Frame, RigError> {
+fn transform(value: &Value, at: Place) -> Result<RigFrame, RigError> {
     if value == "..." {
         let wanted = "a transform (`ros2 topic echo --full-length` prints all)";
         return Err(wrong(&at, "...", wanted));
@@ -177,7 +177,7 @@ fn transform(value: &Value, at: Place) -> Result<Frame, RigError> {
         fields.text(key).map(|name| name.strip_prefix('/').unwrap_or(name).to_owned())
     };
     let (name, parent) = (name(&fields, CHILD)?, name(&header, "frame_id")?);
-    Ok(Frame { name, parent, pose, holds: Holds::Unsaid, at })
+    Ok(RigFrame { name, parent, pose, holds: Holds::Unsaid, at })
 }
 
 fn pose(translation: &Fields, rotation: &Fields) -> Result<SensorPose, RigError> {
@@ -204,13 +204,13 @@ pub(super) fn is_pandaset(document: &Value) -> bool {
 }
 
 /// Reads every sensor; all but cameras are LiDARs.
-pub(super) fn read_pandaset(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+pub(super) fn read_pandaset(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let document = source.yaml()?;
     let top = Place::top(&source.file);
     read_sensors(&document.value, top, frames).map_err(|error| error.at_line(&document))
 }
 
-fn read_sensors(document: &Value, top: Place, frames: &mut Frames) -> Result<(), RigError> {
+fn read_sensors(document: &Value, top: Place, frames: &mut FrameTree) -> Result<(), RigError> {
     let top = Fields::of(document, top)?;
     for (key, _, at) in top.each() {
         if key != "sensors" && !PANDASET_PASSED.contains(&key.as_str()) {
@@ -236,7 +236,7 @@ fn read_sensors(document: &Value, top: Place, frames: &mut Frames) -> Result<(),
         // A base in itself would be a loop.
         let parent =
             if name == PANDASET_BASE { "vehicle".to_owned() } else { PANDASET_BASE.to_owned() };
-        frames.add(Frame { name: name.clone(), parent, pose, holds, at })?;
+        frames.add(RigFrame { name: name.clone(), parent, pose, holds, at })?;
     }
     Ok(())
 }

@@ -12,8 +12,8 @@ use gltf::accessor::sparse::IndexType;
 use gltf::accessor::{Accessor, DataType, Dimensions};
 use gltf::buffer::View;
 
-use super::gltf_walk::Walk;
-use super::{Axes, Fault, MAX_FILE, RawMesh};
+use super::gltf_walk::NodeWalk;
+use super::{MAX_FILE, MeshAxes, MeshFault, RawMesh};
 use sightline_files::Note;
 use sightline_files::files::stays_inside;
 use sightline_files::json::read_limited;
@@ -54,13 +54,16 @@ const DATA_URI: GeneralPurpose = GeneralPurpose::new(
 
 /// Reads a glTF; buffers beside it are looked up in `dir`. Points, lines, cameras, lights and textures are passed
 /// over: they have no surface.
-pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
-    let whole = |e: gltf::Error| Fault::new("file", e.to_string());
+pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, MeshFault> {
+    let whole = |e: gltf::Error| MeshFault::new("file", e.to_string());
     // The crate subtracts the 12 bytes of the header from this length unchecked.
     if let Some([b'g', b'l', b'T', b'F', _, _, _, _, length @ ..]) = bytes.first_chunk::<12>()
         && u32::from_le_bytes(*length) < 12
     {
-        return Err(Fault::new("header", "announces a file shorter than itself; export it again"));
+        return Err(MeshFault::new(
+            "header",
+            "announces a file shorter than itself; export it again",
+        ));
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let gltf::Gltf { document, blob } =
@@ -85,8 +88,9 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
     });
     let extras =
         json.asset.extras.as_ref().and_then(|extras| serde_json::from_str(extras.get()).ok());
-    mesh.axes =
-        extras.as_ref().and_then(|extras: &serde_json::Value| Axes::of(extras["axes"].as_str()?));
+    mesh.axes = extras
+        .as_ref()
+        .and_then(|extras: &serde_json::Value| MeshAxes::of(extras["axes"].as_str()?));
     if !json.animations.is_empty() {
         let text = format!(
             "{} animations are not played; nodes stand where the file puts them",
@@ -97,35 +101,35 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
     let document = gltf::Document::from_json(json).map_err(whole)?;
     let buffers = read_buffers(&document, dir, blob, &mut mesh.files)?;
     let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) else {
-        return Err(Fault::new("file", "holds no scene"));
+        return Err(MeshFault::new("file", "holds no scene"));
     };
-    Walk::new(&document, Data::new(buffers), mesh).run(&scene)
+    NodeWalk::new(&document, Data::new(buffers), mesh).run(&scene)
 }
 
 /// Farthest that the length of a quaternion may be from 1.
 const UNIT: f32 = 1e-3;
 
 /// Checks accessor indices, since the crate's validation indexes with them unchecked.
-fn check_attributes(json: &gltf::json::Root) -> Result<(), Fault> {
+fn check_attributes(json: &gltf::json::Root) -> Result<(), MeshFault> {
     let accessors = json.accessors.len();
     for (i, mesh) in json.meshes.iter().enumerate() {
         let mut used = mesh.primitives.iter().flat_map(|p| p.attributes.values());
         if let Some(index) = used.find(|index| index.value() >= accessors) {
             let problem = format!("uses accessor {}, there are {accessors}", index.value());
-            return Err(Fault::new(format!("mesh {i}"), problem));
+            return Err(MeshFault::new(format!("mesh {i}"), problem));
         }
     }
     Ok(())
 }
 
 /// Refuses another version, and nodes whose place is not one: a matrix beside its parts, a rotation that is none.
-fn check_nodes(json: &gltf::json::Root) -> Result<(), Fault> {
+fn check_nodes(json: &gltf::json::Root) -> Result<(), MeshFault> {
     let version = &json.asset.version;
     if !version.starts_with("2.") {
-        return Err(Fault::new("asset", format!("is of version {version:?}; export glTF 2.0")));
+        return Err(MeshFault::new("asset", format!("is of version {version:?}; export glTF 2.0")));
     }
     for (i, node) in json.nodes.iter().enumerate() {
-        let fault = |problem: &str| Err(Fault::new(format!("node {i}"), problem.to_owned()));
+        let fault = |problem: &str| Err(MeshFault::new(format!("node {i}"), problem.to_owned()));
         let parts = node.translation.is_some() || node.rotation.is_some() || node.scale.is_some();
         if node.matrix.is_some() && parts {
             return fault(
@@ -149,11 +153,11 @@ fn read_buffers(
     dir: &Path,
     mut blob: Option<Vec<u8>>,
     files: &mut Vec<PathBuf>,
-) -> Result<Vec<Vec<u8>>, Fault> {
+) -> Result<Vec<Vec<u8>>, MeshFault> {
     let mut buffers: Vec<Vec<u8>> = Vec::new();
     let mut left = MAX_FILE;
     for buffer in document.buffers() {
-        let fault = |problem: String| Fault::new(format!("buffer {}", buffer.index()), problem);
+        let fault = |problem: String| MeshFault::new(format!("buffer {}", buffer.index()), problem);
         let bytes = match buffer.source() {
             gltf::buffer::Source::Bin => {
                 blob.take().ok_or_else(|| fault("has no data and no name of a file".to_owned()))?

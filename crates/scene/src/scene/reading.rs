@@ -115,7 +115,7 @@ impl Scene {
         scene: SceneDescription,
         (name, roi, classes): (String, RoiBounds, Classes),
         carrier: Carrier,
-        things: Things,
+        things: SceneGeometry,
         dir: &Path,
     ) -> Result<Self, DescriptionError> {
         let Carrier { vehicle, mut files, notes, .. } = carrier;
@@ -123,7 +123,7 @@ impl Scene {
         let has_geometry = things.has_geometry();
         let frames = things.frames(top, scene.frames)?;
         let rate = check::rate(&top.key("rate"), scene.rate.unwrap_or(RATE))?;
-        let Things { world, actors, body, ego } = things;
+        let SceneGeometry { world, actors, body, ego } = things;
         let ego = ego.unwrap_or(Motion::Still);
         let mut origins = vec![super::parts::middle_of_way(&top.key("ego"), &ego, frames, &world)?];
         origins.extend(actors.iter().map(|actor| super::parts::middle(&actor.parts)));
@@ -166,11 +166,11 @@ fn things(
     classes: &Classes,
     carrier: &mut Carrier,
     dir: &Path,
-) -> Result<Things, DescriptionError> {
+) -> Result<SceneGeometry, DescriptionError> {
     let mut builder = Builder::new(top, classes, &scene.shapes, dir);
     builder.check_named()?;
     let mut things =
-        Things::new(&mut builder, top, &scene.world, &scene.actors, scene.ego.as_ref())?;
+        SceneGeometry::new(&mut builder, top, &scene.world, &scene.actors, scene.ego.as_ref())?;
     carrier.files.extend(builder.files());
     if let Some(body) = carrier.body.take() {
         let (solid, more, said) = body.build(classes, &scene.shapes)?;
@@ -194,21 +194,21 @@ fn name_of(top: &Place, given: Option<String>) -> Result<String, DescriptionErro
 struct Carrier {
     pub vehicle: Vehicle,
     /// A body that takes the place of the scene's own.
-    pub body: Option<Body>,
+    pub body: Option<VehicleBody>,
     pub files: Vec<PathBuf>,
     /// Sentences about the vehicle and its sensors.
     pub notes: Vec<Note>,
 }
 
 /// Shapes of a vehicle's body.
-struct Body {
+struct VehicleBody {
     pub shapes: Vec<ShapeDescription>,
     pub at: Place,
     /// Where its files are.
     pub dir: PathBuf,
 }
 
-impl Body {
+impl VehicleBody {
     /// The body's triangles, the files that its shapes name, and notes about them.
     pub fn build(
         &self,
@@ -275,7 +275,7 @@ impl Carrier {
         let stem = stem.map_or("vehicle".into(), |stem| stem.to_string_lossy());
         let (vehicle, mut files) = Vehicle::new(&at, vehicle, &stem, dir)?;
         files.extend(file);
-        let body = (!shapes.is_empty()).then(|| Body { shapes, at, dir: dir.to_owned() });
+        let body = (!shapes.is_empty()).then(|| VehicleBody { shapes, at, dir: dir.to_owned() });
         Ok(Self { notes: vehicle.notes.clone(), vehicle, body, files })
     }
 }

@@ -45,10 +45,11 @@ const TABLE_7: &str = include_str!("../../../../scenes/placements.json");
 /// given.
 pub fn table_7() -> Vec<Placement> {
     #[derive(Deserialize)]
-    struct File {
+    struct PublishedFile {
         placements: Vec<Placement>,
     }
-    let file: File = serde_json::from_str(TABLE_7).expect("a test reads the committed file");
+    let file: PublishedFile =
+        serde_json::from_str(TABLE_7).expect("a test reads the committed file");
     file.placements
 }
 

@@ -134,12 +134,12 @@ fn ply(path: &Path, text: &str) -> Result<Vec<Record>, DatasetError> {
 }
 
 /// Place in [`PROPERTIES`] of each column, and the number of points.
-type Header = (Vec<Option<usize>>, u64);
+type PlyColumns = (Vec<Option<usize>>, u64);
 
 /// Reads the header of a PLY; an error has the number of its line, from 0.
 fn header<'a>(
     lines: &mut impl Iterator<Item = (usize, &'a str)>,
-) -> Result<Header, (usize, String)> {
+) -> Result<PlyColumns, (usize, String)> {
     let (mut columns, mut count, mut last) = (Vec::new(), None, 0);
     for (line, text) in lines {
         last = line;
@@ -189,10 +189,10 @@ pub(super) struct Stood {
 }
 
 /// Poses by frame, and notes on the table.
-type Table = (BTreeMap<u32, Stood>, Vec<Note>);
+type PoseTable = (BTreeMap<u32, Stood>, Vec<Note>);
 
 /// Reads the poses by frame. The world is CARLA's with y to the left.
-pub(super) fn read_poses(path: &Path) -> Result<Table, DatasetError> {
+pub(super) fn read_poses(path: &Path) -> Result<PoseTable, DatasetError> {
     let text = files::read_text(path)?;
     let fault = |line: usize, fault: String| DatasetError::Line {
         path: path.to_owned(),

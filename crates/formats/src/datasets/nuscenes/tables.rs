@@ -138,13 +138,13 @@ pub(super) struct AnnotationRow {
 }
 
 /// A row that others name by its token.
-pub(super) trait Row: for<'de> Deserialize<'de> {
+pub(super) trait TokenRow: for<'de> Deserialize<'de> {
     fn token(&self) -> &str;
 }
 
 macro_rules! by_token {
     ($($row:ident . $token:ident),*) => {$(
-        impl Row for $row {
+        impl TokenRow for $row {
             fn token(&self) -> &str {
                 &self.$token
             }
@@ -155,13 +155,13 @@ macro_rules! by_token {
 by_token!(CalibratedRow.token, EgoPoseRow.token, InstanceRow.token, LidarsegRow.sample_data_token);
 
 /// The folder of a version's tables.
-pub(super) struct Tables {
+pub(super) struct SourceTables {
     folder: PathBuf,
     /// Fields that are not known, a sentence a table.
     notes: RefCell<Vec<Note>>,
 }
 
-impl Tables {
+impl SourceTables {
     pub(super) fn new(folder: PathBuf) -> Self {
         Self { folder, notes: RefCell::default() }
     }
@@ -233,7 +233,7 @@ impl Tables {
     }
 
     /// The rows whose token is wanted; `wanted_by` names the table that wants them.
-    pub(super) fn by_token<R: Row>(
+    pub(super) fn by_token<R: TokenRow>(
         &self,
         name: &str,
         wanted: &HashSet<&str>,

@@ -7,7 +7,7 @@ use std::io::Write;
 use serde_json::{Value, json};
 
 use super::frames::scene_rows;
-use super::{About, channels, token};
+use super::{SceneExport, channels, token};
 use crate::export::folder::{Folder, Staged};
 use crate::export::plan::Planned;
 use crate::export::{DatasetSettings, ExportError, SceneFacts, Split, nuscenes};
@@ -38,10 +38,10 @@ pub(in crate::export) fn finish(
         if members.is_empty() {
             continue;
         }
-        let mut tables = Tables::begin(folder, version)?;
+        let mut tables = OutputTables::begin(folder, version)?;
         let mut lidars = 0;
         for &number in &members {
-            let about = About { settings, planned: &plan[number], counts };
+            let about = SceneExport { settings, planned: &plan[number], counts };
             lidars = lidars.max(scene_rows(folder, &about, number, &scenes[number], &mut tables)?);
         }
         fixed_tables(folder, settings, version, lidars, members.iter().map(|&at| &plan[at]))?;
@@ -56,7 +56,7 @@ fn whole(
     name: &str,
     rows: impl IntoIterator<Item = Value>,
 ) -> Result<(), ExportError> {
-    let mut table = Table::begin(folder, version, name)?;
+    let mut table = OutputTable::begin(folder, version, name)?;
     for row in rows {
         table.push(&row)?;
     }
@@ -98,12 +98,12 @@ fn fixed_tables<'a>(
 }
 
 /// A table that is being written.
-pub(super) struct Table {
+pub(super) struct OutputTable {
     staged: Staged,
     empty: bool,
 }
 
-impl Table {
+impl OutputTable {
     pub fn begin(folder: &Folder, version: &str, name: &str) -> Result<Self, ExportError> {
         let staged = folder.begin(&format!("{version}/{name}.json"))?;
         Ok(Self { staged, empty: true })
@@ -125,22 +125,22 @@ impl Table {
 }
 
 /// Tables that grow with scenes and frames.
-pub(super) struct Tables {
-    pub calibrated_sensor: Table,
-    pub ego_pose: Table,
-    pub instance: Table,
-    pub lidarseg: Table,
-    pub log: Table,
-    pub sample: Table,
-    pub sample_annotation: Table,
-    pub sample_data: Table,
-    pub scene: Table,
+pub(super) struct OutputTables {
+    pub calibrated_sensor: OutputTable,
+    pub ego_pose: OutputTable,
+    pub instance: OutputTable,
+    pub lidarseg: OutputTable,
+    pub log: OutputTable,
+    pub sample: OutputTable,
+    pub sample_annotation: OutputTable,
+    pub sample_data: OutputTable,
+    pub scene: OutputTable,
 }
 
-impl Tables {
+impl OutputTables {
     /// Begins all of them.
     pub fn begin(folder: &Folder, version: &str) -> Result<Self, ExportError> {
-        let table = |name: &str| Table::begin(folder, version, name);
+        let table = |name: &str| OutputTable::begin(folder, version, name);
         Ok(Self {
             calibrated_sensor: table("calibrated_sensor")?,
             ego_pose: table("ego_pose")?,

@@ -41,16 +41,16 @@ const PASSED: Passed = &[
 ];
 
 #[derive(Deserialize)]
-struct File {
+struct IsaacFile {
     name: Option<String>,
-    profile: Profile,
+    profile: IsaacProfile,
     #[serde(flatten)]
     rest: Rest,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-struct Profile {
+struct IsaacProfile {
     scan_type: Option<String>,
     rotation_direction: Option<String>,
     near_range_m: Option<f64>,
@@ -69,14 +69,14 @@ struct Profile {
     emitter_state_count: Option<u64>,
     num_rays_per_line: Option<Vec<u64>>,
     #[serde(default)]
-    emitter_states: Vec<State>,
+    emitter_states: Vec<EmitterState>,
     #[serde(flatten)]
     rest: Rest,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-struct State {
+struct EmitterState {
     azimuth_deg: Vec<f64>,
     elevation_deg: Vec<f64>,
     #[serde(default)]
@@ -88,7 +88,7 @@ struct State {
 }
 
 pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
-    let File { name, profile, rest } = json::parse(text, &at.file)?;
+    let IsaacFile { name, profile, rest } = json::parse(text, &at.file)?;
     let model = name.map(|name| check::text(&at.key("name"), name)).transpose()?;
     let top = pattern::unknown(at, &rest, PASSED);
     let at = at.key("profile");
@@ -126,7 +126,7 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
 }
 
 /// Refuses lists of other lengths than each other and than the counts beside them.
-fn check_counts(at: &Place, list: &Place, profile: &Profile) -> Result<(), DescriptionError> {
+fn check_counts(at: &Place, list: &Place, profile: &IsaacProfile) -> Result<(), DescriptionError> {
     let states = &profile.emitter_states;
     if states.is_empty() {
         return Err(bad(list, "a list of 0", "a list of at least one emitter state"));
@@ -164,7 +164,7 @@ fn check_counts(at: &Place, list: &Place, profile: &Profile) -> Result<(), Descr
 }
 
 /// Azimuths between which the sensor measures, in degrees, the smaller first; `None` for a whole turn.
-fn window(at: &Place, profile: &Profile) -> Result<Option<[f64; 2]>, DescriptionError> {
+fn window(at: &Place, profile: &IsaacProfile) -> Result<Option<[f64; 2]>, DescriptionError> {
     let pairs = [
         ("startAzimuthDeg", profile.start_azimuth_deg, "endAzimuthDeg", profile.end_azimuth_deg),
         (
@@ -210,7 +210,7 @@ fn window(at: &Place, profile: &Profile) -> Result<Option<[f64; 2]>, Description
 /// Ranges and errors, checked.
 fn measures(
     at: &Place,
-    profile: &Profile,
+    profile: &IsaacProfile,
     notes: &mut Vec<Note>,
 ) -> Result<Measures, DescriptionError> {
     let within = |key: &str, value: Option<f64>, low: f64, high: f64| match value {
@@ -243,7 +243,7 @@ fn measures(
 fn rotary(
     at: &Place,
     list: &Place,
-    profile: &Profile,
+    profile: &IsaacProfile,
     window: Option<[f64; 2]>,
 ) -> Result<SensorPattern, DescriptionError> {
     let states = profile.emitter_states.len();
@@ -305,7 +305,7 @@ fn rotary(
 /// Emitters of the first state as directions: each scan takes one state.
 fn solid_state(
     list: &Place,
-    profile: &Profile,
+    profile: &IsaacProfile,
     window: Option<[f64; 2]>,
 ) -> Result<SensorPattern, DescriptionError> {
     let (at, state) = (list.item(0), &profile.emitter_states[0]);

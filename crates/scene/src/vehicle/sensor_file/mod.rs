@@ -108,13 +108,13 @@ fn parse_any(
 /// JSON of several owners: one key of each tells them apart.
 fn parse_json(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
     #[derive(Deserialize)]
-    struct Keys {
+    struct VendorKeys {
         elevation_deg: Option<IgnoredAny>,
         beam_altitude_angles: Option<IgnoredAny>,
         beam_intrinsics: Option<IgnoredAny>,
         profile: Option<IgnoredAny>,
     }
-    let keys: Keys = json::parse(text, &at.file)?;
+    let keys: VendorKeys = json::parse(text, &at.file)?;
     if keys.elevation_deg.is_some() {
         table::parse(at, text)
     } else if keys.beam_altitude_angles.is_some() || keys.beam_intrinsics.is_some() {

@@ -6,7 +6,7 @@
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::ouster_columns::{MAX_COLUMNS, Window};
+use super::ouster_columns::{ColumnWindow, MAX_COLUMNS};
 use super::pattern::{
     self, Answer, Beams, Measures, Passed, Rest, SensorFormat, SensorPattern, channels_of, quoted,
 };
@@ -45,7 +45,7 @@ const PASSED: Passed = &[
 
 #[derive(Deserialize)]
 struct Metadata {
-    beam_intrinsics: Option<Answer<Beam>>,
+    beam_intrinsics: Option<Answer<BeamIntrinsics>>,
     sensor_info: Option<Answer<Info>>,
     config_params: Option<Answer<Config>>,
     lidar_data_format: Option<Answer<DataFormat>>,
@@ -66,7 +66,7 @@ struct Metadata {
 }
 
 #[derive(Deserialize)]
-struct Beam {
+struct BeamIntrinsics {
     beam_altitude_angles: Option<Vec<f64>>,
     beam_azimuth_angles: Option<Vec<f64>>,
     lidar_origin_to_beam_origin_mm: Option<Value>,
@@ -154,8 +154,11 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
 }
 
 /// The angles, from one of the two places where they stand.
-fn beams_of(at: &Place, file: &mut Metadata) -> Result<(Place, Beam, Vec<Note>), DescriptionError> {
-    let flat = Beam {
+fn beams_of(
+    at: &Place,
+    file: &mut Metadata,
+) -> Result<(Place, BeamIntrinsics, Vec<Note>), DescriptionError> {
+    let flat = BeamIntrinsics {
         beam_altitude_angles: file.beam_altitude_angles.take(),
         beam_azimuth_angles: file.beam_azimuth_angles.take(),
         lidar_origin_to_beam_origin_mm: file.lidar_origin_to_beam_origin_mm.take(),
@@ -184,7 +187,12 @@ fn beams_of(at: &Place, file: &mut Metadata) -> Result<(Place, Beam, Vec<Note>),
 }
 
 /// Reads all but the angles: windows, origin, model, firmware. Broken parts that no beam depends on become notes.
-fn facts(at: &Place, file: Metadata, beam: &Beam, list: &Place) -> Result<Facts, DescriptionError> {
+fn facts(
+    at: &Place,
+    file: Metadata,
+    beam: &BeamIntrinsics,
+    list: &Place,
+) -> Result<Facts, DescriptionError> {
     let mut facts = Facts::default();
     let notes = &mut facts.notes;
     notes.extend(pattern::unknown(at, &file.rest, PASSED));
@@ -332,12 +340,13 @@ fn window(
     notes: &mut Vec<Note>,
 ) -> Result<Option<[f64; 2]>, DescriptionError> {
     let stated = facts.column_window;
-    let stated = stated.map(|columns| Window::of_columns(&at.key("column_window"), columns, steps));
+    let stated =
+        stated.map(|columns| ColumnWindow::of_columns(&at.key("column_window"), columns, steps));
     // Firmware 1 counts hundredths of a degree, later ones thousandths.
     let unit = if facts.is_firmware_1 { 10.0 } else { 1.0 };
     let of_angles = facts.azimuth_window.map(|angles| angles.map(|angle| unit * angle));
     let of_angles =
-        of_angles.map(|angles| Window::of_angles(&at.key("azimuth_window"), angles, steps));
+        of_angles.map(|angles| ColumnWindow::of_angles(&at.key("azimuth_window"), angles, steps));
     let (stated, of_angles) = (stated.transpose()?, of_angles.transpose()?);
     if let (Some(columns), Some(angles)) = (stated, of_angles)
         && !columns.is_near(&angles, steps)

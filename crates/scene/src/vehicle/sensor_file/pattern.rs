@@ -279,8 +279,8 @@ pub(super) struct Key(String);
 
 impl<'de> Deserialize<'de> for Key {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Start;
-        impl Visitor<'_> for Start {
+        struct KeyVisitor;
+        impl Visitor<'_> for KeyVisitor {
             type Value = Key;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -291,7 +291,7 @@ impl<'de> Deserialize<'de> for Key {
                 Ok(Key(text.chars().take(LONGEST + 1).collect()))
             }
         }
-        deserializer.deserialize_str(Start)
+        deserializer.deserialize_str(KeyVisitor)
     }
 }
 
@@ -359,8 +359,8 @@ impl<T> Answer<T> {
 
 impl<'de, T: Deserialize<'de>> Deserialize<'de> for Answer<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Part<T>(PhantomData<T>);
-        impl<'de, T: Deserialize<'de>> Visitor<'de> for Part<T> {
+        struct AnswerVisitor<T>(PhantomData<T>);
+        impl<'de, T: Deserialize<'de>> Visitor<'de> for AnswerVisitor<T> {
             type Value = Answer<T>;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -375,6 +375,6 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for Answer<T> {
                 T::deserialize(MapAccessDeserializer::new(map)).map(Answer::Read)
             }
         }
-        deserializer.deserialize_any(Part(PhantomData))
+        deserializer.deserialize_any(AnswerVisitor(PhantomData))
     }
 }

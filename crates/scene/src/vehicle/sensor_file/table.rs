@@ -24,7 +24,7 @@ const PASSED: Passed = &[
 
 /// The file; keys beside these are notes.
 #[derive(Deserialize)]
-struct Table {
+struct TableFile {
     name: Option<String>,
     elevation_deg: Vec<f64>,
     azimuth_offset_deg: Option<Vec<f64>>,
@@ -43,7 +43,7 @@ struct Table {
 }
 
 pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
-    let table: Table = json::parse(text, &at.file)?;
+    let table: TableFile = json::parse(text, &at.file)?;
     let elevations = table.elevation_deg;
     let offsets = table.azimuth_offset_deg.unwrap_or_else(|| vec![0.0; elevations.len()]);
     let places = [&at.key("elevation_deg"), &at.key("azimuth_offset_deg")];

@@ -49,7 +49,7 @@ struct Laser {
 /// The keys of the file and of its lasers. A struct that keeps unknown keys would keep their values, too, and
 /// aliases make them large.
 #[derive(Deserialize)]
-struct Keys {
+struct UnreadKeys {
     lasers: Vec<Rest>,
 }
 
@@ -86,7 +86,7 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
     let beams = Beams::Channels(channels.collect::<Result<_, _>>()?);
     let mut notes: Vec<Note> = dropped_origins(&lasers).into_iter().collect();
     notes.extend(pattern::unknown(at, &document.read::<Rest>()?, PASSED));
-    let lasers = document.read::<Keys>()?.lasers.into_iter().enumerate();
+    let lasers = document.read::<UnreadKeys>()?.lasers.into_iter().enumerate();
     let unknown = |(i, keys): (usize, Rest)| pattern::unknown(&list.item(i), &keys, PASSED);
     notes.extend(lasers.filter_map(unknown).take(1));
     Ok(SensorPattern { notes, ..SensorPattern::new(SensorFormat::Velodyne, beams) })
