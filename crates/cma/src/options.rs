@@ -75,7 +75,7 @@ impl CmaOptions {
 
 /// Origin of a candidate.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Origin {
+pub(super) enum CandidateOrigin {
     /// Drawn from the distribution.
     Sampled,
     /// Given by the caller: [`crate::Cma::inject`].
@@ -91,7 +91,7 @@ pub struct Candidate {
     pub(super) x: DVector<f64>,
     /// Coordinates in the caller's space.
     pub(super) point: Vec<f64>,
-    pub(super) origin: Origin,
+    pub(super) origin: CandidateOrigin,
     /// ‖C^(−1/2) (x − m)/σ‖² = ‖z‖² of a sample; 0 of other origins.
     pub(super) length: f64,
 }

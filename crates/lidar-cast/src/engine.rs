@@ -31,7 +31,7 @@ pub use crate::cast::cast_rays;
 pub use crate::memory::{OutOfMemory, available_memory};
 pub use cpu::CpuBackend;
 pub use opening::{
-    EngineChoice, EngineKind, Failover, Opened, OpenedCaster, Reopen, open, open_caster,
+    EngineChoice, EngineKind, Failover, OpenedCaster, OpenedEngine, Reopen, open, open_caster,
 };
 pub use reference::ReferenceBackend;
 

@@ -18,7 +18,7 @@ pub use batch::{
     DevicePose, Entropy, HIT_PUSH, KINDS, NO_CROSSING, OccupiedVoxel, SensorBatch, TINY_COMPONENT,
     beam_direction, beam_origin,
 };
-pub use content::{Area, Content, Requirement, StageTimes, Tally};
+pub use content::{Content, RequiredArea, Requirement, StageTimes, Tally};
 pub use world::{Frame, Instance, World};
 
 /// `wanted` of `count` frames, spread evenly from the first on; all of them if `None`.

@@ -11,7 +11,7 @@ mod tests;
 use crate::Status;
 use crate::chance::Purpose;
 
-pub use condition::{Condition, ConditionError, Kind};
+pub use condition::{Condition, ConditionError, ConditionKind};
 pub use faults::{Crosstalk, IncompleteEcho, MotionBlur, WetGround, holds_water};
 pub use fog::Fog;
 pub use snow::{Fallen, Falling, Flake, Joined};
@@ -69,13 +69,15 @@ pub fn weather(conditions: &[Condition]) -> Result<Weather, ConditionError> {
         }
         let value = |key: &str| condition.value(key).unwrap_or(0.0);
         match kind {
-            Kind::Fog => weather.fog = Some(Fog::new(value("mor"), value("gain"))),
-            Kind::Wet => weather.wet = Some(WetGround::new(value("water"))),
-            Kind::Snow => weather.snow = Some(Falling::snow(value("rate"), value("speed"))),
-            Kind::Rain => weather.rain = Some(Falling::rain(value("rate"))),
-            Kind::Blur => weather.blur = Some(MotionBlur::new(value("share"))),
-            Kind::Crosstalk => weather.crosstalk = Some(Crosstalk::new(value("share"))),
-            Kind::Echo => weather.echo = Some(IncompleteEcho::new(value("ratio"))),
+            ConditionKind::Fog => weather.fog = Some(Fog::new(value("mor"), value("gain"))),
+            ConditionKind::Wet => weather.wet = Some(WetGround::new(value("water"))),
+            ConditionKind::Snow => {
+                weather.snow = Some(Falling::snow(value("rate"), value("speed")))
+            }
+            ConditionKind::Rain => weather.rain = Some(Falling::rain(value("rate"))),
+            ConditionKind::Blur => weather.blur = Some(MotionBlur::new(value("share"))),
+            ConditionKind::Crosstalk => weather.crosstalk = Some(Crosstalk::new(value("share"))),
+            ConditionKind::Echo => weather.echo = Some(IncompleteEcho::new(value("ratio"))),
         }
     }
     Ok(weather)

@@ -4,10 +4,10 @@ use glam::{DVec3, Vec3};
 
 use crate::chance::{Chance, Purpose};
 use crate::conditions::{Flake, Joined};
-use crate::fires::Place;
+use crate::fires::BeamPlace;
 use crate::optics::{Optics, is_seen};
 use crate::rim::{RAYS, Rims, ray_share};
-use crate::station::Surface;
+use crate::station::SurfaceHit;
 use crate::sweep::{Sweep, Sweeper};
 use crate::{NO_CLASS, NO_INSTANCE, Return, Status};
 use sightline_scene::vehicle::Echoes;
@@ -32,7 +32,7 @@ pub(super) struct Receiver<'a> {
 
 impl Receiver<'_> {
     /// Reports the returns of a beam, one at least.
-    pub fn returns(&self, beam: &Place, mut report: impl FnMut(Return)) {
+    pub fn returns(&self, beam: &BeamPlace, mut report: impl FnMut(Return)) {
         let surface = self.sweep.surfaces[beam.fired];
         if self.ideal {
             let reflectance = &self.optics.reflectance;
@@ -94,7 +94,7 @@ impl Receiver<'_> {
     }
 
     /// Echoes of the surfaces that a beam's rays meet; those within a pulse's length are one.
-    fn surfaces(&self, rays: &[Surface], echoes: &mut EchoList) {
+    fn surfaces(&self, rays: &[SurfaceHit], echoes: &mut EchoList) {
         if let [only] = rays {
             if only.is_hit() {
                 echoes.push(self.echo(only, 0, 1.0));
@@ -126,7 +126,7 @@ impl Receiver<'_> {
             }
         }
         if let [only] = echoes.as_mut_slice()
-            && rays.iter().all(Surface::is_hit)
+            && rays.iter().all(SurfaceHit::is_hit)
         {
             // The whole beam meets surfaces close to its centre hit: the echo gets the centre's range.
             (only.range, only.ray) = (f64::from(rays[0].t), Some(0));
@@ -134,7 +134,7 @@ impl Receiver<'_> {
     }
 
     /// Echo of a surface that gets `share` of the beam's power.
-    fn echo(&self, surface: &Surface, ray: u8, share: f64) -> Echo {
+    fn echo(&self, surface: &SurfaceHit, ray: u8, share: f64) -> Echo {
         let (range, incidence) = (f64::from(surface.t), f64::from(surface.incidence));
         let (class, instance) = (surface.class, surface.instance);
         let power = share * self.optics.power(self.seed, class, instance, incidence, range);
@@ -142,7 +142,7 @@ impl Receiver<'_> {
     }
 
     /// Adds echoes of fog, snow and rain, and dims the surfaces behind snow and rain.
-    fn weather(&self, chance: &Chance, surface: &Surface, echoes: &mut EchoList) {
+    fn weather(&self, chance: &Chance, surface: &SurfaceHit, echoes: &mut EchoList) {
         let model = self.sweeper.model();
         let target = if surface.is_hit() { f64::from(surface.t) } else { f64::INFINITY };
         let surfaces = echoes.len();
@@ -165,8 +165,8 @@ impl Receiver<'_> {
     /// A return, with the errors of its measurement; the second is of another surface than the strongest.
     fn measure(
         &self,
-        beam: &Place,
-        rays: &[Surface],
+        beam: &BeamPlace,
+        rays: &[SurfaceHit],
         chance: &Chance,
         echo: &Echo,
         number: u32,
@@ -193,8 +193,8 @@ impl Receiver<'_> {
     /// The record of a return at a range.
     fn record(
         &self,
-        beam: &Place,
-        rays: &[Surface],
+        beam: &BeamPlace,
+        rays: &[SurfaceHit],
         echo: &Echo,
         range: f64,
         intensity: f32,
@@ -222,7 +222,13 @@ impl Receiver<'_> {
     }
 
     /// Where a return at a range comes from, and where it seems to come from if the sensor stood still.
-    fn positions(&self, beam: &Place, rays: &[Surface], echo: &Echo, range: f64) -> (Vec3, Vec3) {
+    fn positions(
+        &self,
+        beam: &BeamPlace,
+        rays: &[SurfaceHit],
+        echo: &Echo,
+        range: f64,
+    ) -> (Vec3, Vec3) {
         let direction = self.sweeper.model().table.directions()[beam.beam].map(f64::from);
         let point = DVec3::from(direction) * range;
         let raw = self.sweep.first().start_from_sensor.apply(point).as_vec3();

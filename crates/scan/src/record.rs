@@ -216,7 +216,7 @@ const SAMPLES: usize = 6;
 const FREE: f64 = 0.01;
 
 /// A LiDAR and the things around it.
-pub(super) struct Eye<'a> {
+pub(super) struct Viewpoint<'a> {
     pub ego_from_sensor: Pose,
     /// Metres.
     pub range: f32,
@@ -224,7 +224,7 @@ pub(super) struct Eye<'a> {
     pub around: Firing<'a>,
 }
 
-impl Eye<'_> {
+impl Viewpoint<'_> {
     /// True if nothing but the actor of a number stands on the straight line to a point of the ego frame.
     fn sees(&self, stage: &Stage, point: DVec3, own: u16) -> bool {
         let at = self.ego_from_sensor.inverse().apply(point);
@@ -240,7 +240,7 @@ impl Eye<'_> {
 
 /// Share of a box's hull that a rig sees, 0 to 1, by area. Counted are points on faces that face some LiDAR: a point
 /// is seen if one of these LiDARs sees it.
-pub(super) fn seen_share(stage: &Stage, eyes: &[Eye<'_>], tracked: &TrackedBox) -> f32 {
+pub(super) fn seen_share(stage: &Stage, eyes: &[Viewpoint<'_>], tracked: &TrackedBox) -> f32 {
     let (half, own) = (tracked.size / 2.0, tracked.instance);
     let box_from_ego = tracked.ego_from_box.inverse();
     let places: Vec<DVec3> =

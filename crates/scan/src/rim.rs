@@ -5,12 +5,12 @@ use std::f64::consts::TAU;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use crate::fires::{Fires, Place};
+use crate::fires::{BeamPlace, Fires};
 use crate::stage::Stage;
-use crate::station::{Edge, Faces, Surface};
-use crate::sweep::{COLUMNS_A_TASK, Device, Sweep, Sweeper};
+use crate::station::{Edge, Faces, SurfaceHit};
+use crate::sweep::{COLUMNS_A_TASK, ScanDevice, Sweep, Sweeper};
 use lidar_cast::bvh::Hit;
-use lidar_cast::cast::{self, Left, Rays, Target, all_hit, closer_hits_of_bundle};
+use lidar_cast::cast::{self, BundleTree, Rays, TraversalStack, all_hit, closer_hits_of_bundle};
 use lidar_cast::maths;
 use sightline_scene::vehicle::SensorModel;
 
@@ -19,13 +19,13 @@ const NONE: u32 = u32::MAX;
 
 /// Hits of the beams' rim rays in one frame.
 pub(super) struct Rims<'r> {
-    turn: Turn<'r>,
+    turn: RimCaster<'r>,
     /// None where the sweep knows the rims of all beams.
-    cast: Option<Cast>,
+    cast: Option<RimHits>,
 }
 
 /// Rims that were cast by themselves.
-struct Cast {
+struct RimHits {
     /// One for each beam, in the order in which they fire, its place among the hits, or [`NONE`].
     places: Vec<u32>,
     hits: Vec<[Hit; RING]>,
@@ -37,44 +37,44 @@ impl<'r> Rims<'r> {
     pub fn meet(
         sweeper: &'r Sweeper,
         stage: &'r Stage,
-        device: &'r Device,
+        device: &'r ScanDevice,
         sweep: &'r Sweep,
     ) -> Option<Self> {
         if sweeper.width <= 0.0 {
             return None;
         }
-        let turn = Turn { sweeper, stage, device, sweep };
+        let turn = RimCaster { sweeper, stage, device, sweep };
         let cast = sweep.rims.is_none().then(|| {
             let all = (0..sweeper.fires.firings()).into_par_iter().with_min_len(COLUMNS_A_TASK);
             let wanted = |firing| sweeper.fires.together(firing).filter(|place| turn.wants(place));
-            let wanted: Vec<Place> = all.flat_map_iter(wanted).collect();
+            let wanted: Vec<BeamPlace> = all.flat_map_iter(wanted).collect();
             let mut places = vec![NONE; sweep.surfaces.len()];
             wanted.iter().zip(0..).for_each(|(place, at)| places[place.fired] = at);
-            Cast { places, hits: turn.cast(&wanted) }
+            RimHits { places, hits: turn.cast(&wanted) }
         });
         Some(Self { turn, cast })
     }
 
     /// Hits of a beam's rim rays; `None` if its centre ray is enough.
-    fn hits(&self, place: &Place) -> Option<&[Hit; RING]> {
+    fn hits(&self, place: &BeamPlace) -> Option<&[Hit; RING]> {
         match (&self.cast, &self.turn.sweep.rims) {
-            (Some(Cast { places, hits }), _) => hits.get(places[place.fired] as usize),
+            (Some(RimHits { places, hits }), _) => hits.get(places[place.fired] as usize),
             (None, Some(rims)) => self.turn.wants(place).then(|| &rims[place.fired]),
             (None, None) => None,
         }
     }
 
     /// Surfaces met by a beam's seven rays, the known centre ray first; `None` if the centre ray is enough.
-    pub fn rays(&self, place: &Place) -> Option<[Surface; RAYS]> {
+    pub fn rays(&self, place: &BeamPlace) -> Option<[SurfaceHit; RAYS]> {
         let hits = self.hits(place)?;
-        let Turn { sweeper, stage, sweep, .. } = self.turn;
+        let RimCaster { sweeper, stage, sweep, .. } = self.turn;
         let rays = &sweeper.rays[place.fired];
         let mut faces = Faces::new(sweep.station(place.firing), stage);
         let mut surfaces = [sweep.surfaces[place.fired]; RAYS];
         for (k, hit) in hits.iter().enumerate() {
             surfaces[k + 1] = match faces.of(hit) {
                 Some(face) => face.met(lane(rays, k + 1), hit).0,
-                None => Surface::none(hit.t),
+                None => SurfaceHit::none(hit.t),
             };
         }
         Some(surfaces)
@@ -83,18 +83,18 @@ impl<'r> Rims<'r> {
 
 /// Centre hits of a frame's beams, and the means to cast more rays.
 #[derive(Clone, Copy)]
-struct Turn<'a> {
+struct RimCaster<'a> {
     sweeper: &'a Sweeper,
     stage: &'a Stage,
-    device: &'a Device,
+    device: &'a ScanDevice,
     sweep: &'a Sweep,
 }
 
-impl Turn<'_> {
+impl RimCaster<'_> {
     /// Casts the rim rays of `wanted` beams, which come in firing order.
-    fn cast(&self, wanted: &[Place]) -> Vec<[Hit; RING]> {
-        let Turn { sweeper, stage, device, sweep } = *self;
-        let firings: Vec<&[Place]> = wanted.chunk_by(|a, b| a.firing == b.firing).collect();
+    fn cast(&self, wanted: &[BeamPlace]) -> Vec<[Hit; RING]> {
+        let RimCaster { sweeper, stage, device, sweep } = *self;
+        let firings: Vec<&[BeamPlace]> = wanted.chunk_by(|a, b| a.firing == b.firing).collect();
         let by_device = || {
             let firings = firings.par_iter().map(|wanted| {
                 let rays = wanted.iter().flat_map(|place| ring(&sweeper.rays[place.fired]));
@@ -107,10 +107,10 @@ impl Turn<'_> {
             return hits.as_chunks().0.to_vec();
         }
         let tasks = firings.par_iter().with_min_len(COLUMNS_A_TASK);
-        let cast = tasks.map_init(Left::new, |left, wanted| {
+        let cast = tasks.map_init(TraversalStack::new, |left, wanted| {
             let station = sweep.station(wanted[0].firing);
-            let targets: Vec<Target<'_>> = station.targets(stage).collect();
-            let bundle = |place: &Place| {
+            let targets: Vec<BundleTree<'_>> = station.targets(stage).collect();
+            let bundle = |place: &BeamPlace| {
                 let rays = &sweeper.rays[place.fired];
                 let rays: [_; RAYS] = std::array::from_fn(|ray| lane(rays, ray));
                 let mut found = [Hit::none(range); RAYS];
@@ -124,8 +124,8 @@ impl Turn<'_> {
     }
 
     /// True if the rim of a beam is looked at.
-    fn wants(&self, place: &Place) -> bool {
-        let Turn { sweeper, stage, sweep, .. } = *self;
+    fn wants(&self, place: &BeamPlace) -> bool {
+        let RimCaster { sweeper, stage, sweep, .. } = *self;
         let (edge, own) = (self.edge(place), &sweep.surfaces[place.fired]);
         if edge != Edge::InFront || !own.is_hit() {
             return edge != Edge::None;
@@ -148,7 +148,7 @@ impl Turn<'_> {
     }
 
     /// The edge between a beam and those beside it; one that it sees behind before one in front.
-    fn edge(&self, place: &Place) -> Edge {
+    fn edge(&self, place: &BeamPlace) -> Edge {
         let surfaces = &self.sweep.surfaces;
         let here = &surfaces[place.fired];
         let edges = self.sweeper.fires.beside(place).map(|at| here.edge_to(&surfaces[at]));
@@ -179,7 +179,7 @@ pub(super) fn rays_of(model: &SensorModel, fires: &Fires) -> Vec<Rays> {
     };
     let ring: [DVec3; RING] = std::array::from_fn(ray);
     let is_wide = across > 0.0 || along > 0.0;
-    let rays = |place: Place| {
+    let rays = |place: BeamPlace| {
         let middle = model.table.directions()[place.beam];
         let mut rays = middle.map(|x| [x; cast::RAYS]);
         if is_wide {

@@ -10,8 +10,8 @@ use lidar_cast::memory::OutOfMemory;
 
 pub use assemble::{content_of, world_of, world_of_parts};
 pub use lidar_cast::task::{
-    Air, Area, Content, DevicePose, Entropy, Frame, HIT_PUSH, Instance, KINDS, Modelled,
-    OccupiedVoxel, Requirement, SensorBatch, StageTimes, Tally, Task, World, beam_direction,
+    Air, Content, DevicePose, Entropy, Frame, HIT_PUSH, Instance, KINDS, Modelled, OccupiedVoxel,
+    RequiredArea, Requirement, SensorBatch, StageTimes, Tally, Task, World, beam_direction,
     beam_origin, spread,
 };
 

@@ -28,5 +28,5 @@ mod traffic;
 mod world;
 
 pub use scene_file::{mesh_shape, write_ply};
-pub use style::Kind;
-pub use world::{World, WorldError, generate, import_opendrive, read_opendrive};
+pub use style::WorldKind;
+pub use world::{GeneratedWorld, WorldError, generate, import_opendrive, read_opendrive};

@@ -195,11 +195,11 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::network::Shape;
+    use crate::network::MapShape;
 
     #[test]
     fn a_pole_takes_the_place_of_one_within_3_m_and_a_rail_of_all_along_it() {
-        let shape = |class, faces| Shape { class, faces, solid: true };
+        let shape = |class, faces| MapShape { class, faces, solid: true };
         let rail = [DVec3::ZERO, DVec3::X * 100.0, DVec3::new(100.0, 0.0, 0.8)];
         let pole = [DVec3::new(1.0, 41.0, 0.0); 3];
         let shapes = vec![shape(class::WALL, vec![rail]), shape(class::POLE, vec![pole])];

@@ -73,7 +73,7 @@ pub fn even_kerb(height: f64) -> Line {
 
 /// A solid, or paint, that the network itself brings.
 #[derive(Debug, Clone)]
-pub struct Shape {
+pub struct MapShape {
     pub class: u16,
     pub faces: Vec<[DVec3; 3]>,
     /// Stands on the ground and keeps other things away.
@@ -108,7 +108,7 @@ pub struct Network {
     /// Painted quads, a few millimetres above the road.
     pub marks: Vec<[DVec3; 4]>,
     pub posts: Vec<Post>,
-    pub shapes: Vec<Shape>,
+    pub shapes: Vec<MapShape>,
     /// Sentences about the map.
     pub notes: Vec<Note>,
 }

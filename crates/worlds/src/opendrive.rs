@@ -15,7 +15,7 @@ use xodr::{Direction, LaneHeight, LaneType, Layer, Provenance, RoadNetwork};
 use crate::line::{Line, left_of};
 use crate::network::{KERB, Lane, Network, Plate, Post, Street, Strip, Use};
 use crate::world::WorldError;
-use document::Document;
+use document::RoadFacts;
 use lidar_cast::maths;
 use objects::{MAX_FAR, point};
 use sightline_files::Note;
@@ -139,12 +139,12 @@ fn used(kind: LaneType) -> Option<Use> {
 /// The map of a document: its lanes, their origins, and the document's facts beside geometry.
 struct Map<'a> {
     roads: &'a RoadNetwork,
-    document: &'a Document,
+    document: &'a RoadFacts,
     origins: BTreeMap<usize, &'a xodr::LaneProvenance>,
 }
 
 impl<'a> Map<'a> {
-    fn new(roads: &'a RoadNetwork, origins: &'a Provenance, document: &'a Document) -> Self {
+    fn new(roads: &'a RoadNetwork, origins: &'a Provenance, document: &'a RoadFacts) -> Self {
         let origins = origins.lanes.iter().map(|origin| (origin.lane.0, origin)).collect();
         Self { roads, document, origins }
     }

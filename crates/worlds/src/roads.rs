@@ -9,7 +9,7 @@ use super::network::{KERB, Lane, MARK, Network, Street, Strip, Use, even_kerb};
 
 /// Cross section of a road, the same to both sides, in metres.
 #[derive(Debug, Clone, Copy)]
-pub struct Profile {
+pub struct CrossSection {
     /// Lanes in each direction.
     pub lanes: usize,
     pub lane_width: f64,
@@ -21,7 +21,7 @@ pub struct Profile {
     pub walk: f64,
 }
 
-impl Profile {
+impl CrossSection {
     fn kerb(&self) -> f64 {
         let lanes = self.lanes as f64 * self.lane_width;
         0.5 * self.median + lanes + self.shoulder + self.parking
@@ -34,12 +34,12 @@ pub struct Road {
     pub from: usize,
     pub to: usize,
     pub line: Line,
-    pub profile: Profile,
+    pub profile: CrossSection,
 }
 
 /// Where roads lead.
 #[derive(Debug, Clone, Default)]
-pub struct Plan {
+pub struct RoadPlan {
     pub nodes: Vec<DVec2>,
     pub roads: Vec<Road>,
 }
@@ -49,7 +49,7 @@ struct Arm {
     /// Away from the junction.
     away: DVec2,
     end: DVec3,
-    profile: Profile,
+    profile: CrossSection,
     /// Lanes into and out of the junction, the innermost first.
     into: Vec<usize>,
     out: Vec<usize>,
@@ -62,7 +62,7 @@ impl Arm {
     }
 }
 
-impl Plan {
+impl RoadPlan {
     /// Adds a node.
     pub fn node(&mut self, at: DVec2) -> usize {
         self.nodes.push(at);
@@ -70,7 +70,7 @@ impl Plan {
     }
 
     /// Adds a road.
-    pub fn road(&mut self, from: usize, to: usize, line: Line, profile: Profile) {
+    pub fn road(&mut self, from: usize, to: usize, line: Line, profile: CrossSection) {
         self.roads.push(Road { from, to, line, profile });
     }
 
@@ -124,7 +124,7 @@ impl Plan {
 }
 
 /// Lanes of a road, forward and backward, the innermost first, with all that is paved.
-fn carriageway(network: &mut Network, line: &Line, profile: &Profile) -> [Vec<usize>; 2] {
+fn carriageway(network: &mut Network, line: &Line, profile: &CrossSection) -> [Vec<usize>; 2] {
     let strip = |used, a: f64, b: f64| {
         let (left, right) = (line.offset(a), line.offset(b));
         Strip { used, left, right, raised: Vec::new() }
@@ -169,7 +169,7 @@ fn carriageway(network: &mut Network, line: &Line, profile: &Profile) -> [Vec<us
 }
 
 /// Side walks of a road, its edges, and the stripes where one crosses it.
-fn walks(network: &mut Network, line: &Line, profile: &Profile, meets: [bool; 2]) {
+fn walks(network: &mut Network, line: &Line, profile: &CrossSection, meets: [bool; 2]) {
     let (kerb, edge) = (profile.kerb(), profile.kerb() + profile.walk);
     let raised = |offset: f64, by: f64| -> Vec<DVec3> {
         line.offset(offset).into_iter().map(|p| p + DVec3::Z * by).collect()

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::mask::{CELL, Mask, ROAD, THING, WALK};
 use super::model::{Model, class};
-use super::network::{Network, Shape, Strip, Use};
+use super::network::{MapShape, Network, Strip, Use};
 
 /// Metres of terrain around the network.
 const MARGIN: f64 = 70.0;
@@ -75,7 +75,7 @@ fn sides(model: &mut Model, q: [DVec3; 4], class: u16) {
 }
 
 /// Draws the shapes of the map, and keeps the ground under solid ones free of other things.
-pub fn shapes(shapes: &[Shape], mask: &mut Mask, model: &mut Model) {
+pub fn shapes(shapes: &[MapShape], mask: &mut Mask, model: &mut Model) {
     for shape in shapes {
         for &[a, b, c] in &shape.faces {
             model.triangle([a, b, c], shape.class);

@@ -28,7 +28,7 @@ pub struct Stand {
 
 /// Something planned: a stand a frame, or one for all.
 #[derive(Debug, Clone)]
-pub struct Track {
+pub struct Trajectory {
     /// Length, width, height.
     pub size: [f64; 3],
     pub stands: Vec<Stand>,
@@ -36,7 +36,7 @@ pub struct Track {
     ahead: Vec<f64>,
 }
 
-impl Track {
+impl Trajectory {
     /// Something at rest.
     pub fn parked(size: [f64; 3], stand: Stand) -> Self {
         Self { size, stands: vec![stand], ahead: vec![0.0] }
@@ -95,15 +95,15 @@ impl Rect {
 
 /// All that has been planned.
 #[derive(Debug, Default)]
-pub struct Scene {
-    pub tracks: Vec<Track>,
+pub struct Traffic {
+    pub tracks: Vec<Trajectory>,
     pub frames: usize,
 }
 
-impl Scene {
+impl Traffic {
     /// True if `track` keeps clear of all others in every frame, and they keep their distance from it.
-    pub fn fits(&self, track: &Track) -> bool {
-        let near = |other: &&Track| {
+    pub fn fits(&self, track: &Trajectory) -> bool {
+        let near = |other: &&Trajectory| {
             let apart = other.stand(0).at - track.stand(0).at;
             apart.length() < 60.0 + 6.0 * (self.frames as f64)
         };
@@ -120,7 +120,7 @@ impl Scene {
     }
 
     /// Adds a track that fits.
-    pub fn add(&mut self, track: Track) -> bool {
+    pub fn add(&mut self, track: Trajectory) -> bool {
         let fits = self.fits(&track);
         if fits {
             self.tracks.push(track);
@@ -129,8 +129,15 @@ impl Scene {
     }
 
     /// Drives along `way` from `start` metres at `speed`, slower in bends and behind obstacles.
-    pub fn drive(&self, way: &Line, start: f64, speed: f64, rate: f64, size: [f64; 3]) -> Track {
-        let mut track = Track { size, stands: Vec::new(), ahead: Vec::new() };
+    pub fn drive(
+        &self,
+        way: &Line,
+        start: f64,
+        speed: f64,
+        rate: f64,
+        size: [f64; 3],
+    ) -> Trajectory {
+        let mut track = Trajectory { size, stands: Vec::new(), ahead: Vec::new() };
         let (mut s, mut v) = (start, speed.min(bend_speed(way, start)));
         for t in 0..self.frames {
             let free = self.free_ahead(way, s, v, t, size);

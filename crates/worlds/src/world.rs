@@ -9,12 +9,12 @@ use rand_chacha::ChaCha8Rng;
 use crate::houses::Houses;
 use crate::line::{Line, left_of};
 use crate::mask::{Brought, HOUSE, ROAD, THING, WALK};
-use crate::model::{Model, Plot, class};
+use crate::model::{GroundRect, Model, class};
 use crate::network::Network;
-use crate::population::{Population, Settings};
-use crate::style::{Kind, Style};
+use crate::population::{Population, PopulationSettings};
+use crate::style::{Style, WorldKind};
 use crate::surfaces::{self, Terrain};
-use crate::things::Things;
+use crate::things::StreetFurniture;
 use crate::{kinds, opendrive};
 use lidar_cast::geom::TriangleSoup;
 use sightline_files::Note;
@@ -24,7 +24,7 @@ pub const RATE: f64 = 10.0;
 
 /// A world: its static triangles, and who moves through it.
 #[derive(Debug)]
-pub struct World {
+pub struct GeneratedWorld {
     /// Everything that stands still.
     pub model: TriangleSoup,
     pub(crate) people: Population,
@@ -35,7 +35,7 @@ pub struct World {
     network: Network,
 }
 
-impl World {
+impl GeneratedWorld {
     /// Triangles of the static world with classes of the default classes, in metres.
     pub fn mesh(&self) -> &TriangleSoup {
         &self.model
@@ -78,7 +78,7 @@ fn lot(seed: u64, step: u64) -> ChaCha8Rng {
 ///
 /// # Errors
 /// No way is long enough for that many frames.
-pub fn generate(kind: Kind, seed: u64, frames: usize) -> Result<World, WorldError> {
+pub fn generate(kind: WorldKind, seed: u64, frames: usize) -> Result<GeneratedWorld, WorldError> {
     let mut rng = lot(seed, kind as u64 + 1);
     let mut network = kinds::plan(kind, &mut rng).network();
     network.lift(kinds::relief(kind, &mut rng));
@@ -88,8 +88,8 @@ pub fn generate(kind: Kind, seed: u64, frames: usize) -> Result<World, WorldErro
     style.vehicles = (style.vehicles as f64 * fill).round() as usize;
     style.pedestrians = (style.pedestrians as f64 * fill).round() as usize;
     furnished(network, style, seed, frames, kind.name(), |draw| match kind {
-        Kind::Highway => bridge(draw, seed),
-        Kind::Yard => rails(draw),
+        WorldKind::Highway => bridge(draw, seed),
+        WorldKind::Yard => rails(draw),
         _ => {}
     })
 }
@@ -106,11 +106,11 @@ pub fn import_opendrive(
     file: &str,
     seed: u64,
     frames: usize,
-) -> Result<World, WorldError> {
+) -> Result<GeneratedWorld, WorldError> {
     let network = opendrive::network(text, file)?;
     let walks = network.streets.iter().filter(|s| s.walks.iter().any(|w| *w > 0.0)).count();
     let town = 2 * walks >= network.streets.len();
-    let style = if town { Kind::Town.style() } else { Kind::Highway.style() };
+    let style = if town { WorldKind::Town.style() } else { WorldKind::Highway.style() };
     let style = Style { trees: 16.0, ..style };
     furnished(network, style, seed, frames, file, |_| {})
 }
@@ -150,8 +150,9 @@ fn furnished(
     frames: usize,
     file: &str,
     special: impl FnOnce(&mut Draw<'_>),
-) -> Result<World, WorldError> {
-    let settings = Settings { network: &network, style: &style, frames: frames.max(1), rate: RATE };
+) -> Result<GeneratedWorld, WorldError> {
+    let settings =
+        PopulationSettings { network: &network, style: &style, frames: frames.max(1), rate: RATE };
     let people = settings.populate(&mut lot(seed, 20)).map_err(|no| WorldError::NoWay {
         file: file.to_owned(),
         wanted: no.wanted,
@@ -172,8 +173,8 @@ fn furnished(
         plots: Vec::new(),
     };
     houses.line(&network);
-    let houses = houses.plots.iter().map(Plot::corners).collect();
-    let mut things = Things {
+    let houses = houses.plots.iter().map(GroundRect::corners).collect();
+    let mut things = StreetFurniture {
         style: &style,
         terrain: &terrain,
         mask: &mut mask,
@@ -191,7 +192,7 @@ fn furnished(
             "{file}: {left_out} signals would stand on the road and are left out; give them the height of a plate over it"
         )));
     }
-    Ok(World { model: model.soup, people, frames: frames.max(1), houses, trees, network })
+    Ok(GeneratedWorld { model: model.soup, people, frames: frames.max(1), houses, trees, network })
 }
 
 /// A bridge across the motorway, and walls against noise.
@@ -203,7 +204,7 @@ fn bridge(draw: &mut Draw<'_>, seed: u64) {
     let (a, b) = (left.at(s), right.at(s / left.length() * right.length()));
     let (middle, across) = ((a + b) * 0.5, (a - b).truncate());
     let half = 0.5 * across.length() + 8.0;
-    let deck = Plot {
+    let deck = GroundRect {
         middle: middle.truncate(),
         ahead: across.normalize_or(DVec2::Y),
         half: DVec2::new(half, 4.5),
@@ -230,7 +231,7 @@ fn bridge(draw: &mut Draw<'_>, seed: u64) {
         let middle = (pair[0] + pair[1]).truncate() * 0.5;
         let ahead = (pair[1] - pair[0]).truncate();
         let half = DVec2::new(0.5 * ahead.length(), 0.12);
-        let panel = Plot { middle, ahead: ahead.normalize_or(DVec2::X), half };
+        let panel = GroundRect { middle, ahead: ahead.normalize_or(DVec2::X), half };
         let z = draw.terrain.height(middle);
         draw.model.block(&panel, [z - 0.3, z + 3.5], class::WALL);
         draw.mask.block(middle, panel.ahead, half, THING);
@@ -251,7 +252,7 @@ fn rails(draw: &mut Draw<'_>) {
         let (at, ahead) = (track.at(s + 0.5), track.heading(s + 0.5));
         let middle = at.truncate();
         let z = draw.terrain.height(middle);
-        let bed = Plot { middle, ahead, half: DVec2::new(0.5, 1.3) };
+        let bed = GroundRect { middle, ahead, half: DVec2::new(0.5, 1.3) };
         if !draw.mask.touches(middle, ahead, bed.half, ROAD | WALK | HOUSE) {
             draw.model.block(
                 &bed.part([-0.25, 0.25], [-1.0, 1.0]),
@@ -259,7 +260,7 @@ fn rails(draw: &mut Draw<'_>) {
                 class::RAIL_TRACK,
             );
             for side in [-0.75, 0.75] {
-                let rail = Plot {
+                let rail = GroundRect {
                     middle: middle + left_of(ahead) * side,
                     ahead,
                     half: DVec2::new(0.5, 0.05),

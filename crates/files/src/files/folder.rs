@@ -16,9 +16,9 @@ use super::{FileError, guard};
 const BETWEEN_TRIES: Duration = Duration::from_millis(50);
 
 /// Folders that are missing before a run makes them; those that are empty at its end go again.
-pub struct Missing(Vec<PathBuf>);
+pub struct MissingFolders(Vec<PathBuf>);
 
-impl Missing {
+impl MissingFolders {
     /// Empty list, for a folder that exists: nothing is removed at the end.
     pub fn none() -> Self {
         Self(Vec::new())
@@ -31,7 +31,7 @@ impl Missing {
     }
 }
 
-impl Drop for Missing {
+impl Drop for MissingFolders {
     fn drop(&mut self) {
         let _ = self.0.iter().try_for_each(std::fs::remove_dir);
     }

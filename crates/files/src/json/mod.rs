@@ -14,4 +14,4 @@ pub use numbers::{fixed, shortened, spoken, written};
 pub use parse::{FileKind, check_version, parse, plain_words, read_limited, unknown_key};
 pub use scalar::Quantity;
 pub use xml::check_xml;
-pub use yaml::{Document, parse_documents, parse_yaml};
+pub use yaml::{YamlDocument, parse_documents, parse_yaml};

@@ -153,7 +153,7 @@ impl FileKind {
     pub fn of(text: &str) -> Option<Self> {
         /// Keys that only one kind of file has, or that the kinds before it lack.
         #[derive(Deserialize)]
-        struct Keys {
+        struct FileKeys {
             roi: Option<IgnoredAny>,
             mounts: Option<IgnoredAny>,
             sensors: Option<IgnoredAny>,
@@ -162,7 +162,7 @@ impl FileKind {
             lidar: Option<IgnoredAny>,
             mount: Option<IgnoredAny>,
         }
-        let keys: Keys = serde_json::from_str(text).ok()?;
+        let keys: FileKeys = serde_json::from_str(text).ok()?;
         let vehicle = keys.mounts.or(keys.sensors);
         let scene = keys.roi.map(|_| Self::Scene);
         let kind = scene.or(vehicle.map(|_| Self::Vehicle));

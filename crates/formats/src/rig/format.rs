@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::fields::{self, PHASE};
 use super::{RigError, yaml};
 use sightline_files::json::{
-    DescriptionError, Document, Place, Quantity, parse_documents, parse_yaml, read_limited,
+    DescriptionError, Place, Quantity, YamlDocument, parse_documents, parse_yaml, read_limited,
 };
 
 /// A format that holds a rig.
@@ -176,12 +176,12 @@ impl RigSource {
     }
 
     /// The text as one YAML document; JSON is YAML, too.
-    pub(super) fn yaml(&self) -> Result<Document, RigError> {
+    pub(super) fn yaml(&self) -> Result<YamlDocument, RigError> {
         Ok(parse_yaml(&self.text, &self.file, quantity)?)
     }
 
     /// All documents of a YAML text that are not empty.
-    pub(super) fn documents(&self) -> Result<Vec<Document>, RigError> {
+    pub(super) fn documents(&self) -> Result<Vec<YamlDocument>, RigError> {
         Ok(parse_documents(&self.text, &self.file, quantity)?)
     }
 }

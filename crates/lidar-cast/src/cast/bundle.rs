@@ -6,7 +6,7 @@
 
 use multiversion::multiversion;
 
-use super::sight::Sight;
+use super::sight::SightSphere;
 use crate::bvh::bvh16::{BLOCK, Block16, Node16, WIDTH};
 use crate::bvh::{Bvh, Hit, Ray, Triangle};
 use crate::geom::Pose;
@@ -19,22 +19,22 @@ const SLACK: f32 = 1e-6;
 const STRETCH: f32 = 1e-6;
 
 /// Parts of a tree that are left to visit, with where they begin; kept from ray to ray.
-pub type Left = Vec<(f32, u32)>;
+pub type TraversalStack = Vec<(f32, u32)>;
 
 /// Where a tree lies for one sensor: the pose that takes the sensor's frame to the tree's, rounded, and
 /// spheres around it that most beams and bundles miss.
 #[derive(Debug, Clone, Copy)]
-pub struct Standing {
+pub struct BundleOrigin {
     pose: DevicePose,
-    sight: Sight,
-    wide: Sight,
+    sight: SightSphere,
+    wide: SightSphere,
 }
 
-impl Standing {
+impl BundleOrigin {
     /// For bundles of rays within `width` radians; none where the tree is empty or out of `range`.
     pub fn new(tree: &Bvh, pose: &Pose, range: f32, width: f32) -> Option<Self> {
         let pose = DevicePose::from(pose);
-        let sight = Sight::new(&pose, tree, range)?;
+        let sight = SightSphere::new(&pose, tree, range)?;
         Some(Self { pose, sight, wide: sight.widened(width) })
     }
 
@@ -45,31 +45,31 @@ impl Standing {
 
     /// The sphere that most beams miss.
     #[cfg(feature = "gpu")]
-    pub fn sight(&self) -> &Sight {
+    pub fn sight(&self) -> &SightSphere {
         &self.sight
     }
 }
 
 /// A tree as one sensor sees it, its faces numbered from `first_prim` on.
 #[derive(Clone, Copy)]
-pub struct Target<'a> {
+pub struct BundleTree<'a> {
     /// The tree.
     pub tree: &'a Bvh,
     /// Added to the index of each face.
     pub first_prim: u32,
     /// Where it lies for the sensor.
-    pub standing: &'a Standing,
+    pub standing: &'a BundleOrigin,
 }
 
 /// Closest hits of a few beams, cast one by one: closer hits in some trees replace those known, and so do equally
 /// close hits of a lower face. [`super::Caster::closer_hits`] does it for all beams of a sensor.
 pub fn closer_hits_of_beams<'a>(
-    targets: impl Iterator<Item = Target<'a>>,
+    targets: impl Iterator<Item = BundleTree<'a>>,
     directions: impl Iterator<Item = [f32; 3]> + Clone,
     hits: &mut [Hit],
-    left: &mut Left,
+    left: &mut TraversalStack,
 ) {
-    for Target { tree, first_prim, standing: Standing { pose, sight, .. } } in targets {
+    for BundleTree { tree, first_prim, standing: BundleOrigin { pose, sight, .. } } in targets {
         let origin = beam_origin(pose);
         for (direction, hit) in directions.clone().zip(&mut *hits) {
             if !sight.misses(direction, hit.t) {
@@ -83,13 +83,13 @@ pub fn closer_hits_of_beams<'a>(
 /// Closest hits of a ray bundle: `N` rays within `width` radians around `directions[0]`, which descend
 /// together. Replaces hits as [`closer_hits_of_beams`] does.
 pub fn closer_hits_of_bundle<'a, const N: usize>(
-    targets: impl Iterator<Item = Target<'a>>,
+    targets: impl Iterator<Item = BundleTree<'a>>,
     directions: &[[f32; 3]; N],
     width: f32,
     hits: &mut [Hit; N],
-    left: &mut Left,
+    left: &mut TraversalStack,
 ) {
-    for Target { tree, first_prim, standing: Standing { pose, wide, .. } } in targets {
+    for BundleTree { tree, first_prim, standing: BundleOrigin { pose, wide, .. } } in targets {
         let farthest = hits.iter().fold(0.0, |t: f32, hit| t.max(hit.t));
         if wide.misses(directions[0], farthest) {
             continue;
@@ -129,7 +129,7 @@ pub(super) fn descend(
     rays: &[Ray],
     width: f32,
     hits: &mut [Hit],
-    left: &mut Left,
+    left: &mut TraversalStack,
 ) {
     let tree = &bvh.bvh16;
     let Some(first) = rays.first().filter(|_| !tree.nodes.is_empty()) else { return };

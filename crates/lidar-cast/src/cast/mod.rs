@@ -11,9 +11,11 @@ mod sight;
 mod walk;
 
 pub use batch::{Caster, Casting};
-pub use bundle::{Left, Standing, Target, all_hit, closer_hits_of_beams, closer_hits_of_bundle};
+pub use bundle::{
+    BundleOrigin, BundleTree, TraversalStack, all_hit, closer_hits_of_beams, closer_hits_of_bundle,
+};
 pub use rays::{Firing, FiringCaster, cast_rays};
 pub use reference::{cast_closest, cast_frame_closest, closest_hit_in};
 #[cfg(feature = "gpu")]
-pub use sight::Sight;
-pub use walk::{FiringWalk, Instructions, Part, RAYS, Rays, SweptPart};
+pub use sight::SightSphere;
+pub use walk::{FiringWalk, Instructions, RAYS, Rays, SweptPart, TreeView};

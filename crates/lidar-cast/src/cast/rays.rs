@@ -5,7 +5,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::bundle::{Left, Target, descend};
+use super::bundle::{BundleTree, TraversalStack, descend};
 use crate::bvh::{Hit, Ray};
 use crate::geom::Pose;
 use crate::task::{Frame, beam_direction, beam_origin};
@@ -25,7 +25,7 @@ pub fn cast_rays(frame: &Frame, rays: &[[f32; 6]], range: f32) -> Vec<Hit> {
     let mut hits = vec![Hit::none(range); rays.len()];
     let tasks = hits.par_chunks_mut(RAYS_A_TASK).zip(rays.par_chunks(RAYS_A_TASK));
     tasks.for_each(|(hits, rays)| {
-        let mut left = Left::new();
+        let mut left = TraversalStack::new();
         for (hit, &[x, y, z, dx, dy, dz]) in hits.iter_mut().zip(rays) {
             let origin = DVec3::new(x.into(), y.into(), z.into());
             let direction = DVec3::new(dx.into(), dy.into(), dz.into());
@@ -51,7 +51,7 @@ pub fn cast_rays(frame: &Frame, rays: &[[f32; 6]], range: f32) -> Vec<Hit> {
 /// Rays that leave one place at the same moment, and the trees as that place sees them.
 pub struct Firing<'a> {
     /// Trees that the rays may meet.
-    pub targets: Vec<Target<'a>>,
+    pub targets: Vec<BundleTree<'a>>,
     /// Unit directions in the sensor's frame.
     pub rays: Vec<[f32; 3]>,
 }

@@ -24,8 +24,8 @@ use crate::sensor::BeamTable;
 use crate::task::DevicePose;
 use angles::Eye;
 use grid::{Directions, Grid, Window};
-use hits::Scene;
-use work::{Beams, Work};
+use hits::WalkInputs;
+use work::{WalkMemory, WindowBeams};
 
 pub use firing::{FiringWalk, SweptPart};
 pub use packet::{RAYS, Rays};
@@ -51,7 +51,7 @@ pub(super) struct Walk {
     grid: Grid,
     instructions: Instructions,
     /// Working memory that no walk uses at the moment.
-    spare: Mutex<Vec<Work>>,
+    spare: Mutex<Vec<WalkMemory>>,
 }
 
 impl Walk {
@@ -60,7 +60,7 @@ impl Walk {
     }
 
     /// True if angles can be computed for a part: its pose turns, and no number is too large.
-    pub(super) fn fits(part: &Part<'_>) -> bool {
+    pub(super) fn fits(part: &TreeView<'_>) -> bool {
         let rows = part.pose.rows;
         let axis = |k: usize| rows.map(|row| row[k]);
         let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -77,7 +77,7 @@ impl Walk {
 
     /// Replaces hits of a sensor by closer ones, and by equally close ones of a lower face. Windows go
     /// side by side where `parallel`.
-    pub(super) fn cast(&self, parts: &[Part<'_>], parallel: bool, hits: &mut [Hit]) {
+    pub(super) fn cast(&self, parts: &[TreeView<'_>], parallel: bool, hits: &mut [Hit]) {
         if parallel && !parts.is_empty() && rayon::current_num_threads() > 1 {
             let before = &*hits;
             let windows = self.grid.windows.par_iter();
@@ -92,7 +92,7 @@ impl Walk {
     }
 
     /// Casts one window's beams on the calling thread: closer hits replace those in `hits`.
-    pub(super) fn cast_in(&self, window: usize, parts: &[Part<'_>], hits: &mut [Hit]) {
+    pub(super) fn cast_in(&self, window: usize, parts: &[TreeView<'_>], hits: &mut [Hit]) {
         if !parts.is_empty() {
             let window = &self.grid.windows[window];
             let work = self.cast_window(window, parts, hits);
@@ -103,9 +103,9 @@ impl Walk {
     fn cast_window(
         &self,
         (window, local): &(Window, Box<Directions>),
-        parts: &[Part<'_>],
+        parts: &[TreeView<'_>],
         hits: &[Hit],
-    ) -> Work {
+    ) -> WalkMemory {
         let mut work = self.take_work();
         self.read(*window, hits, &mut work.beams);
         parts.iter().for_each(|part| self.descend(*window, local, part, &mut work));
@@ -113,14 +113,20 @@ impl Walk {
     }
 
     /// Closer hits of a window's beams in one tree.
-    fn descend(&self, window: Window, local: &Directions, part: &Part<'_>, work: &mut Work) {
+    fn descend(
+        &self,
+        window: Window,
+        local: &Directions,
+        part: &TreeView<'_>,
+        work: &mut WalkMemory,
+    ) {
         let tree = &part.bvh.bvh16;
         if tree.nodes.is_empty() {
             return;
         }
         let eye = Eye::of(part);
         let (grid, blocks, first_prim) = (&self.grid, &tree.blocks, part.first_prim);
-        let mut scene = Scene { grid, window, local, eye, blocks, first_prim };
+        let mut scene = WalkInputs { grid, window, local, eye, blocks, first_prim };
         match self.instructions {
             Instructions::Best => walk(&mut scene, tree, work),
             Instructions::Avx2 => walk_avx2(&mut scene, tree, work),
@@ -128,18 +134,18 @@ impl Walk {
         }
     }
 
-    fn take_work(&self) -> Work {
+    fn take_work(&self) -> WalkMemory {
         self.spare.lock().ok().and_then(|mut spare| spare.pop()).unwrap_or_default()
     }
 
-    fn put_back(&self, work: Work) {
+    fn put_back(&self, work: WalkMemory) {
         if let Ok(mut spare) = self.spare.lock() {
             spare.push(work);
         }
     }
 
     /// Takes the hits of a window.
-    fn read(&self, window: Window, hits: &[Hit], beams: &mut Beams) {
+    fn read(&self, window: Window, hits: &[Hit], beams: &mut WindowBeams) {
         let Window { from, columns } = window;
         if !self.grid.is_full() {
             // No hit is closer than that.
@@ -158,7 +164,7 @@ impl Walk {
     }
 
     /// Gives the hits of a window back.
-    fn write(&self, window: Window, work: Work, hits: &mut [Hit]) {
+    fn write(&self, window: Window, work: WalkMemory, hits: &mut [Hit]) {
         let Window { from, columns } = window;
         let beams = &work.beams;
         for row in 0..self.grid.row_count() {
@@ -178,7 +184,7 @@ impl Walk {
     "x86_64+avx+avx2+fma+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt",
 ))]
-fn walk(scene: &mut Scene<'_>, tree: &Bvh16, work: &mut Work) {
+fn walk(scene: &mut WalkInputs<'_>, tree: &Bvh16, work: &mut WalkMemory) {
     match_target! {
         "x86_64+avx+avx2+fma+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt" => {
             descent::avx512::walk(scene, tree, work)
@@ -189,7 +195,7 @@ fn walk(scene: &mut Scene<'_>, tree: &Bvh16, work: &mut Work) {
 }
 
 #[multiversion(targets("x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt"))]
-fn walk_avx2(scene: &mut Scene<'_>, tree: &Bvh16, work: &mut Work) {
+fn walk_avx2(scene: &mut WalkInputs<'_>, tree: &Bvh16, work: &mut WalkMemory) {
     match_target! {
         "x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt" => descent::avx2::walk(scene, tree, work),
         _ => descent::plain::walk(scene, tree, work),
@@ -198,7 +204,7 @@ fn walk_avx2(scene: &mut Scene<'_>, tree: &Bvh16, work: &mut Work) {
 
 /// A tree, and the sensor's pose in its frame.
 #[derive(Clone, Copy)]
-pub struct Part<'a> {
+pub struct TreeView<'a> {
     /// The tree.
     pub bvh: &'a Bvh,
     /// From the sensor's frame to the tree's.

@@ -6,8 +6,8 @@ use multiversion::multiversion;
 
 use super::BitOrder;
 use super::bit_order::{ROW, row_words};
-use super::lockstep::{NEVER, ROUND, Start, WORD, Way, walk_all};
-use super::reference::{Walk, beam_end, grid_origin};
+use super::lockstep::{BeamStart, NEVER, ROUND, WORD, Way, walk_all};
+use super::reference::{VoxelWalk, beam_end, grid_origin};
 use crate::bvh::{Hit, NO_HIT};
 use crate::grid::Roi;
 use crate::task::{DevicePose, HIT_PUSH, NO_CROSSING, TINY_COMPONENT, beam_direction};
@@ -66,7 +66,7 @@ pub fn cover_sensor(
     }
     let bitmap: &mut [u32] = bytemuck::cast_slice_mut(bitmap);
     scratch.fit(directions.len());
-    let start = Start::new(roi, grid_origin(pose).to_array());
+    let start = BeamStart::new(roi, grid_origin(pose).to_array());
     prepare(pose, directions, roi, hits, range, &start, scratch);
     sort(scratch);
     let mut along_y = std::mem::take(&mut scratch.along_y);
@@ -102,7 +102,8 @@ fn visit_all(
 ) {
     for (index, &direction) in directions.iter().enumerate() {
         let end = beam_end(hits.map(|hits| hits[index]), range);
-        Walk::new(roi, grid_origin(pose), beam_direction(pose, direction)).visit(end, &mut mark);
+        VoxelWalk::new(roi, grid_origin(pose), beam_direction(pose, direction))
+            .visit(end, &mut mark);
     }
 }
 
@@ -128,7 +129,7 @@ fn prepare(
     roi: &Roi,
     hits: Option<&[Hit]>,
     range: f32,
-    start: &Start,
+    start: &BeamStart,
     scratch: &mut WalkScratch,
 ) {
     let beams = directions.len();

@@ -29,11 +29,11 @@ use crate::cover::BitOrder;
 use crate::sensor::{Placement, SensorPose};
 use crate::task::{StageTimes, Tally, Task};
 use buffers::{SceneBuffers, Sizes, WorkBuffers};
-use chunk::Batch;
+use chunk::GpuBatch;
 use device::Device;
 use kernels::{Kernels, Rewrite};
 use pipeline::{Made, Pipeline};
-use readback::Sums;
+use readback::BatchTallies;
 
 pub use device::{AdapterSummary, list_adapters};
 pub(super) use firings::GpuFirings;
@@ -176,8 +176,8 @@ impl Backend for GpuBackend {
         let (frames, weights): (Vec<usize>, Vec<u64>) =
             self.task.distinct_frames().into_iter().unzip();
         let chunks = self.cut(placements)?;
-        let batch = Batch { placements, chunks, frames: &frames, range, sums: true };
-        let mut sums = Sums::new(&self.task, placements, weights.iter().sum())?;
+        let batch = GpuBatch { placements, chunks, frames: &frames, range, sums: true };
+        let mut sums = BatchTallies::new(&self.task, placements, weights.iter().sum())?;
         let times = self.pipeline().run(&batch, |chunk, turn, made| {
             let (own, weight) = (chunk.cut.placements.clone(), weights[turn]);
             match made {
@@ -198,7 +198,8 @@ impl Backend for GpuBackend {
         let (start, range) = (Instant::now(), None);
         let placements = one_by_one(poses);
         let chunks = self.cut(&placements)?;
-        let batch = Batch { placements: &placements, chunks, frames: &[frame], range, sums: false };
+        let batch =
+            GpuBatch { placements: &placements, chunks, frames: &[frame], range, sums: false };
         let hits = self.pipeline().hits(&batch, frame)?;
         self.times.cast += start.elapsed();
         Ok(hits)
@@ -219,7 +220,8 @@ impl Backend for GpuBackend {
         let range = None;
         let placements = one_by_one(poses);
         let chunks = self.cut(&placements)?;
-        let batch = Batch { placements: &placements, chunks, frames: &[frame], range, sums: false };
+        let batch =
+            GpuBatch { placements: &placements, chunks, frames: &[frame], range, sums: false };
         self.pipeline().run(&batch, |chunk, _, made| {
             if let Made::Bitmaps(made) = made {
                 // A placement is a sensor.

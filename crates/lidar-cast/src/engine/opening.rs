@@ -54,7 +54,7 @@ impl EngineChoice {
 }
 
 /// An open engine, and sentences about it.
-pub struct Opened {
+pub struct OpenedEngine {
     /// CPU or GPU engine, ready to score.
     pub engine: Box<dyn Backend>,
     /// Sentences for the user: which device, and why not another.
@@ -69,7 +69,7 @@ pub fn open(
     task: &Arc<Task>,
     choice: &EngineChoice,
     on_change: impl Fn(&str) + Send + 'static,
-) -> Result<Opened, BackendError> {
+) -> Result<OpenedEngine, BackendError> {
     let mut notes = Vec::new();
     let engine = match choice.kind {
         EngineKind::Cpu => cpu(task, choice),
@@ -86,7 +86,7 @@ pub fn open(
         _ => device::asked_for(task, choice, on_change)?,
     };
     notes.push(format!("computing on {}: {}", engine.name(), engine.adapter()));
-    Ok(Opened { engine, notes })
+    Ok(OpenedEngine { engine, notes })
 }
 
 /// Casts the rays of a scanner on a device; nothing where the host casts.

@@ -39,7 +39,7 @@ impl Requirement {
 
 /// A required area and its number of voxels.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Area {
+pub struct RequiredArea {
     /// Requirement from the vehicle file.
     pub required: Requirement,
     /// Number of its voxels.
@@ -55,7 +55,7 @@ pub struct Content {
     class_voxels: Vec<u32>,
     /// Where each class begins in `class_voxels`, then each area, and the end.
     class_starts: Vec<u32>,
-    areas: Vec<Area>,
+    areas: Vec<RequiredArea>,
     entropy_total: [u64; KINDS],
     has_detection: bool,
 }
@@ -103,7 +103,7 @@ impl Content {
                 }
             }
             let voxels = (self.class_voxels.len() - before) as u64;
-            self.areas.push(Area { required: requirement.clone(), voxels });
+            self.areas.push(RequiredArea { required: requirement.clone(), voxels });
             self.class_starts.push(self.class_voxels.len() as u32);
         }
         self
@@ -121,7 +121,7 @@ impl Content {
     }
 
     /// Areas with a required coverage.
-    pub fn areas(&self) -> &[Area] {
+    pub fn areas(&self) -> &[RequiredArea] {
         &self.areas
     }
 

@@ -128,9 +128,9 @@ pub(super) struct Peak {
 
 /// Sums over x of h = e^(−2αx)·ξ(x)/x² and of h·cos kx and h·sin kx, k = 2π/cτ: with sin² = ½(1 − cos) they give the
 /// integral for any R from two places each.
-struct Sums(Vec<[f64; 3]>);
+struct PulseSums(Vec<[f64; 3]>);
 
-impl Sums {
+impl PulseSums {
     fn new(alpha: f64) -> Self {
         let cells = ((FARTHEST - BLIND) * FINE) as usize;
         let mut sums = vec![[0.0; 3]];
@@ -182,7 +182,7 @@ impl Sums {
 
 /// Peak for fog of an extinction in 1/m before a target at `target` metres.
 pub(super) fn peak(alpha: f64, target: f64) -> Peak {
-    Sums::new(alpha).peak(target)
+    PulseSums::new(alpha).peak(target)
 }
 
 /// Peaks by distance of the target, tabulated.
@@ -192,7 +192,7 @@ pub(super) struct Peaks(Vec<Peak>);
 impl Peaks {
     /// For fog of an extinction in 1/m.
     pub fn new(alpha: f64) -> Self {
-        let sums = Sums::new(alpha);
+        let sums = PulseSums::new(alpha);
         let places = 0..=((FARTHEST - BLIND) * COARSE) as usize;
         Self(places.map(|k| sums.peak(BLIND + k as f64 / COARSE)).collect())
     }

@@ -64,13 +64,13 @@ pub struct Fallen {
 
 /// A flake drawn by itself.
 #[derive(Debug, Clone, Copy, Default)]
-struct Drawn {
+struct DrawnFlake {
     range: f64,
     /// Share of the beam's light that it takes.
     share: f64,
 }
 
-impl Drawn {
+impl DrawnFlake {
     /// Echo power of the flake, in the unit of ρ·cos θ / r².
     fn power(&self, reflectance: f64) -> f64 {
         reflectance * self.share * overlap(self.range)
@@ -101,7 +101,7 @@ impl Falling {
         let width = (divergence[0] * divergence[1]).sqrt();
         let blocked = first_block(balls, width, reach, &mut draw);
         let mut fall = Fall::new(balls, self.reflectance, width, blocked.unwrap_or(reach));
-        let last = blocked.map(|range| Drawn { range, share: 1.0 });
+        let last = blocked.map(|range| DrawnFlake { range, share: 1.0 });
         fall.add(last);
         while fall.next(&mut draw) {}
         Fallen { passed: if blocked.is_some() { 0.0 } else { fall.passed() }, flake: fall.best() }
@@ -160,7 +160,7 @@ struct Fall<'a> {
     arrived: f64,
     /// x of the last flake: the rest is below.
     x: f64,
-    drawn: [Drawn; MOST],
+    drawn: [DrawnFlake; MOST],
     len: usize,
     /// Power of the strongest echo so far, shaded by the flakes drawn.
     strongest: f64,
@@ -177,13 +177,13 @@ impl<'a> Fall<'a> {
             scale,
             arrived: 0.0,
             x: f64::INFINITY,
-            drawn: [Drawn::default(); MOST],
+            drawn: [DrawnFlake::default(); MOST],
             len: 0,
             strongest: 0.0,
         }
     }
 
-    fn add(&mut self, flake: Option<Drawn>) {
+    fn add(&mut self, flake: Option<DrawnFlake>) {
         let Some(flake) = flake else { return };
         self.drawn[self.len] = flake;
         self.len += 1;
@@ -218,7 +218,7 @@ impl<'a> Fall<'a> {
             * (self.x * self.balls.mean / (self.width * self.reach.powi(2))).powi(2);
         // Larger flakes than the beam are drawn by themselves.
         if across <= 1.0 {
-            self.add(Some(Drawn { range, share: across * across }));
+            self.add(Some(DrawnFlake { range, share: across * across }));
         }
         // Every flake not drawn yet is weaker than this one would be in full view.
         self.strongest < nominal
@@ -239,7 +239,7 @@ impl<'a> Fall<'a> {
     fn best(&self) -> Option<Flake> {
         let power = |k: usize| self.drawn[k].power(self.reflectance) * self.light_at(k);
         let best = (0..self.len).max_by(|&a, &b| power(a).total_cmp(&power(b)))?;
-        let Drawn { range, .. } = self.drawn[best];
+        let DrawnFlake { range, .. } = self.drawn[best];
         let power = power(best) * self.haze(range);
         (power > 0.0).then_some(Flake { range, power })
     }

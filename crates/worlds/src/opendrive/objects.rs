@@ -6,7 +6,7 @@ use glam::DVec3;
 use xodr::{Mesh, Object, ObjectType, Point, RoadNetwork};
 
 use crate::model::class;
-use crate::network::{MARK, Network, Shape};
+use crate::network::{MARK, MapShape, Network};
 use crate::world::WorldError;
 use sightline_files::Note;
 
@@ -106,7 +106,7 @@ pub(super) fn add(
             let what = "square metres of its objects";
             return Err(WorldError::TooLarge { file: name, what, value: area, most: MAX_AREA });
         }
-        network.shapes.push(Shape {
+        network.shapes.push(MapShape {
             class: class_of(object),
             faces,
             solid: !painted(object.kind) && class_of(object) != class::ROAD,

@@ -1,7 +1,7 @@
 //! Angles of sixteen boxes or triangles, the rectangles of beams that they span, and those that may meet the boxes of
 //! a node.
 
-use super::Part;
+use super::TreeView;
 use super::grid::{CELLS, Grid, Window};
 use super::ops::{W, per_target, three};
 use crate::bvh::bvh16::Node16;
@@ -30,7 +30,7 @@ pub(super) struct Eye {
 
 impl Eye {
     /// A sensor that stands still.
-    pub(super) fn of(part: &Part<'_>) -> Self {
+    pub(super) fn of(part: &TreeView<'_>) -> Self {
         let rows = part.pose.rows;
         Self {
             origin: rows.map(|row| row[3]),

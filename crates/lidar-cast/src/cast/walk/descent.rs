@@ -2,9 +2,9 @@
 
 use super::angles::Rects;
 use super::grid::ROOM;
-use super::hits::Scene;
+use super::hits::WalkInputs;
 use super::ops::{W, per_target};
-use super::work::{BLOCKS, Entry, STACK, Work, some};
+use super::work::{BLOCKS, Entry, STACK, WalkMemory, some};
 use crate::bvh::bvh16::{BLOCK, Bvh16, Node16};
 
 /// Vectors of a rectangle that are searched for a beam which sees far enough; larger ones have one.
@@ -16,7 +16,7 @@ per_target! {
     /// Closest hits of a window's beams, where they are closer than those that `work` holds.
     ///
     /// Directions are computed for the rectangle in which the tree is seen alone.
-    fn walk(scene: &mut Scene<'_>, tree: &Bvh16, work: &mut Work) {
+    fn walk(scene: &mut WalkInputs<'_>, tree: &Bvh16, work: &mut WalkMemory) {
         let columns = scene.window.columns;
         boxes(scene.grid, &scene.window, &scene.eye, &tree.nodes[0], &mut work.rects[0]);
         let Some(root) = around(&work.rects[0]) else { return };

@@ -12,10 +12,10 @@ use super::angles::{Eye, Rects};
 use super::descent::around;
 use super::grid::{BEAMS, Grid, ROOM, Window};
 use super::ops::{W, per_target, three};
-use super::packet::{Packet, RAYS, Rays, Seen};
-use super::triangles::Seen as Outlined;
+use super::packet::{Packet, PacketFace, RAYS, Rays};
+use super::triangles::TriangleView as Outlined;
 use super::work::{Entry, STACK, some};
-use super::{Instructions, LARGEST, Part, Walk};
+use super::{Instructions, LARGEST, TreeView, Walk};
 use crate::bvh::bvh16::{BLOCK, Bvh16};
 use crate::bvh::{Bvh, Hit, Ray};
 use crate::cast::bundle::descend;
@@ -164,7 +164,7 @@ impl FiringWalk {
             }
             (moved, turned) = (moved.max(move_square), turned.max(turn_square));
         }
-        let whole = Part { bvh: part.bvh, pose: *middle, first_prim: part.first_prim };
+        let whole = TreeView { bvh: part.bvh, pose: *middle, first_prim: part.first_prim };
         let (moved, turned) = (1.01 * moved.sqrt(), 1.01 * turned.sqrt() + self.width);
         (Walk::fits(&whole) && moved < LARGEST && turned < 0.5).then(|| Eye {
             moved,
@@ -342,7 +342,7 @@ per_target! {
             columns &= columns - 1;
             let column = from + lane;
             let Some(pose) = &swept.poses[column] else { continue };
-            let seen = Seen::new(block, slot, [pose.rows[0][3], pose.rows[1][3], pose.rows[2][3]]);
+            let seen = PacketFace::new(block, slot, [pose.rows[0][3], pose.rows[1][3], pose.rows[2][3]]);
             let fired = column * swept.channels.len();
             for row in first..=last {
                 if may[(row - first) % ROWS] >> lane & 1 == 0 {

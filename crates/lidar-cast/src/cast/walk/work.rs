@@ -5,7 +5,7 @@ use bytemuck::{Zeroable, zeroed_box};
 use super::angles::Rects;
 use super::grid::{BEAMS, Directions, ROOM};
 use super::ops::W;
-use super::triangles::Seen;
+use super::triangles::TriangleView;
 use crate::bvh::MAX_DEPTH;
 
 /// Entries of the stack: each level leaves at most all children but one behind.
@@ -56,7 +56,7 @@ impl Test {
 /// World directions, their inverses and the best hits of a window's beams.
 #[repr(C)]
 #[derive(Clone, Copy, Zeroable)]
-pub(super) struct Beams {
+pub(super) struct WindowBeams {
     pub(super) direction: Directions,
     pub(super) inverse: Directions,
     pub(super) t: [f32; ROOM],
@@ -72,17 +72,17 @@ pub(super) struct Tests {
 }
 
 /// All of it, kept from sensor to sensor.
-pub(super) struct Work {
-    pub(super) beams: Box<Beams>,
+pub(super) struct WalkMemory {
+    pub(super) beams: Box<WindowBeams>,
     pub(super) stack: Box<[Entry; STACK]>,
     pub(super) tests: Box<Tests>,
     pub(super) rects: [Rects; BLOCKS],
-    pub(super) seen: [Seen; BLOCKS],
+    pub(super) seen: [TriangleView; BLOCKS],
     /// The blocks' indices.
     pub(super) blocks: [usize; BLOCKS],
 }
 
-impl Default for Work {
+impl Default for WalkMemory {
     fn default() -> Self {
         let tests = Tests { words: [0; TESTS], len: 0, inside: [(0, 0, 0); TESTS] };
         Self {
@@ -90,7 +90,7 @@ impl Default for Work {
             stack: Box::new([Entry::default(); STACK]),
             tests: Box::new(tests),
             rects: [Rects::NOTHING; BLOCKS],
-            seen: [Seen::NOTHING; BLOCKS],
+            seen: [TriangleView::NOTHING; BLOCKS],
             blocks: [0; BLOCKS],
         }
     }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::device::Device;
-use super::layout::{ITEMS_PER_WORKGROUP, Instance, PARTIAL_WORDS, Sensor, Uniforms};
+use super::layout::{GpuInstance, ITEMS_PER_WORKGROUP, PARTIAL_WORDS, Sensor, Uniforms};
 use crate::bvh::{Bvh, Bvh4, Hit, QuantizedNode, Triangle};
 use crate::cover::BitOrder;
 use crate::engine::BackendError;
@@ -30,7 +30,7 @@ impl Sizes {
         let directions = task.sensors().most_beams() as u64;
         let has_geometry = task.geometry_frame_count() > 0;
         let instances = task.world().frames().iter().map(|frame| frame.instances().len());
-        let instances = instances.max().unwrap_or(0).max(1) * size_of::<Instance>();
+        let instances = instances.max().unwrap_or(0).max(1) * size_of::<GpuInstance>();
         Self {
             bitmap: 4 * u64::from(bitmap_words(task)),
             hits: if has_geometry { size_of::<Hit>() as u64 * directions } else { 0 },

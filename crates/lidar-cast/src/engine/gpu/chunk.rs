@@ -4,8 +4,8 @@ use std::collections::HashMap;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
-use super::layout::{Instance, LONG_AXIS, Sensor};
-use crate::cast::Sight;
+use super::layout::{GpuInstance, LONG_AXIS, Sensor};
+use crate::cast::SightSphere;
 use crate::engine;
 use crate::geom::Pose;
 use crate::grid::Roi;
@@ -13,7 +13,7 @@ use crate::sensor::{Placement, UnknownSensor};
 use crate::task::{DevicePose, Frame, SensorBatch, Task};
 
 /// Placements in chunks, and the frames that they are evaluated in.
-pub(super) struct Batch<'a> {
+pub(super) struct GpuBatch<'a> {
     pub(super) placements: &'a [Placement],
     pub(super) chunks: Vec<engine::Chunk>,
     pub(super) frames: &'a [usize],
@@ -24,7 +24,7 @@ pub(super) struct Batch<'a> {
 }
 
 /// Placements that lie on the device together.
-pub(super) struct Chunk<'a> {
+pub(super) struct GpuChunk<'a> {
     /// Where they stand in the batch.
     pub(super) cut: engine::Chunk,
     pub(super) batch: SensorBatch<'a>,
@@ -33,7 +33,7 @@ pub(super) struct Chunk<'a> {
 }
 
 /// The sensors of a chunk in a frame.
-pub(super) struct Standing {
+pub(super) struct ChunkSensors {
     pub(super) ego_from_sensors: Vec<Pose>,
     /// Poses in the grid of voxels.
     pub(super) poses: Vec<DevicePose>,
@@ -41,11 +41,11 @@ pub(super) struct Standing {
     pub(super) covered_by_host: Vec<usize>,
 }
 
-impl<'a> Chunk<'a> {
+impl<'a> GpuChunk<'a> {
     /// The chunk of a batch.
     pub(super) fn new(
         task: &'a Task,
-        batch: &Batch<'_>,
+        batch: &GpuBatch<'_>,
         cut: &engine::Chunk,
     ) -> Result<Self, UnknownSensor> {
         let placements = &batch.placements[cut.placements.clone()];
@@ -62,11 +62,11 @@ impl<'a> Chunk<'a> {
     }
 
     /// Where the sensors stand in a frame.
-    pub(super) fn standing(&self, roi: &Roi, frame: usize) -> Standing {
+    pub(super) fn standing(&self, roi: &Roi, frame: usize) -> ChunkSensors {
         let ego_from_sensors = self.batch.ego_from_sensors(frame);
         let poses = self.batch.in_grid(&ego_from_sensors);
         let covered_by_host = (0..poses.len()).filter(|&s| !is_covered(&poses[s], roi)).collect();
-        Standing { ego_from_sensors, poses, covered_by_host }
+        ChunkSensors { ego_from_sensors, poses, covered_by_host }
     }
 
     /// The instances of a frame within the range of each sensor, sensor after sensor, and the sensors; no
@@ -74,20 +74,20 @@ impl<'a> Chunk<'a> {
     /// the first direction of each model.
     pub(super) fn sensors(
         &self,
-        standing: &Standing,
+        standing: &ChunkSensors,
         frame: Option<&Frame>,
         roots: &HashMap<usize, u32>,
         first_directions: &[u32],
-    ) -> (Vec<Instance>, Vec<Sensor>) {
+    ) -> (Vec<GpuInstance>, Vec<Sensor>) {
         let (mut all, mut sensors) = (Vec::new(), Vec::with_capacity(self.batch.len()));
         for (index, ego_from_sensor) in standing.ego_from_sensors.iter().enumerate() {
             let (first_instance, range) = (all.len() as u32, self.batch.range(index));
             let instances = frame.into_iter().flat_map(|frame| frame.instances());
             all.extend(instances.filter_map(|instance| {
                 let pose = instance.pose_of(ego_from_sensor);
-                let sight = Sight::new(&pose, &instance.tree, range)?;
+                let sight = SightSphere::new(&pose, &instance.tree, range)?;
                 let root = roots[&Arc::as_ptr(&instance.tree).addr()];
-                Some(Instance::new(&pose, &sight, &instance.tree, root, instance.first_prim))
+                Some(GpuInstance::new(&pose, &sight, &instance.tree, root, instance.first_prim))
             }));
             let beams = self.batch.beams_of(index);
             sensors.push(Sensor {

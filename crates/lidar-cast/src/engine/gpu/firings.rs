@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::buffers::Trees;
 use super::device::Device;
 use super::kernels::{Kernels, beam_workgroups};
-use super::layout::{Instance, MAX_WORKGROUPS, Sensor, UNFINISHED};
+use super::layout::{GpuInstance, MAX_WORKGROUPS, Sensor, UNFINISHED};
 use super::self_test;
 use crate::bvh::{Bvh, Hit};
 use crate::cast::{Firing, FiringCaster};
@@ -16,12 +16,12 @@ pub(in crate::engine) struct GpuFirings {
     device: Device,
     kernels: Kernels,
     trees: Trees,
-    work: Work,
+    work: FiringBuffers,
 }
 
 /// Buffers of a dispatch, each made again where a larger one is needed.
 #[derive(Default)]
-struct Work {
+struct FiringBuffers {
     instances: Room,
     sensors: Room,
     directions: Room,
@@ -36,7 +36,7 @@ struct Room(Option<wgpu::Buffer>);
 /// Firings as the kernel reads them.
 #[derive(Default)]
 struct Packed {
-    instances: Vec<Instance>,
+    instances: Vec<GpuInstance>,
     sensors: Vec<Sensor>,
     /// Unit directions, the fourth number 0.
     directions: Vec<[f32; 4]>,
@@ -59,7 +59,7 @@ impl GpuFirings {
         let kernels = Kernels::new();
         kernels.compile(&device, |kernel| kernel == "cast_closest");
         device.check("compiling a kernel")?;
-        Ok(Self { device, kernels, trees, work: Work::default() })
+        Ok(Self { device, kernels, trees, work: FiringBuffers::default() })
     }
 
     /// Name and driver of the device.
@@ -72,7 +72,7 @@ impl GpuFirings {
         let most = self.device.max_binding();
         let (mut instances, mut rays) = (0, 0);
         let fits = |firing: &&Firing<'_>| {
-            instances += firing.targets.len() * size_of::<Instance>();
+            instances += firing.targets.len() * size_of::<GpuInstance>();
             rays += firing.rays.len() * size_of::<[f32; 4]>();
             (instances.max(rays) as u64) <= most
         };
@@ -86,7 +86,7 @@ impl GpuFirings {
             packed.instances.extend(firing.targets.iter().map(|target| {
                 let standing = target.standing;
                 let root = self.trees.roots[&std::ptr::from_ref(target.tree).addr()];
-                Instance::new(
+                GpuInstance::new(
                     standing.pose(),
                     standing.sight(),
                     target.tree,
@@ -152,7 +152,7 @@ fn finish_by_host(firings: &[Firing<'_>], range: f32, hits: &mut [Hit]) {
     }
 }
 
-impl Work {
+impl FiringBuffers {
     /// All buffers, in the order of the fields, with the given sizes in bytes.
     fn with_room(
         &mut self,

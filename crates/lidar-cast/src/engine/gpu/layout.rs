@@ -6,7 +6,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::bvh::{Bvh, NO_HIT, TRIANGLE};
-use crate::cast::Sight;
+use crate::cast::SightSphere;
 use crate::sensor::MAX_LIDARS;
 use crate::task::{DevicePose, HIT_PUSH, KINDS, NO_CROSSING, TINY_COMPONENT, beam_origin};
 
@@ -90,7 +90,7 @@ pub(super) struct Sensor {
 /// An instance as one sensor sees it, 80 bytes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub(super) struct Instance {
+pub(super) struct GpuInstance {
     /// Rows of the rotation that turns sensor coordinates into the instance's, each followed by that
     /// coordinate of the sensor (m).
     pub(super) rows: [[f32; 4]; 3],
@@ -107,12 +107,12 @@ pub(super) struct Instance {
     pub(super) first_prim: u32,
 }
 
-impl Instance {
+impl GpuInstance {
     /// A tree, its root among all nodes, as the sensor with a pose in its frame sees it; without a root where
     /// numbers are outside the kernel's range.
     pub(super) fn new(
         pose: &DevicePose,
-        sight: &Sight,
+        sight: &SightSphere,
         tree: &Bvh,
         root: u32,
         first_prim: u32,

@@ -163,12 +163,12 @@ fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
 }
 
 /// Tallies of a batch.
-pub(super) struct Sums {
+pub(super) struct BatchTallies {
     classes: usize,
     pub(super) tallies: Vec<Tally>,
 }
 
-impl Sums {
+impl BatchTallies {
     /// Zero but for the beams, over frames that stand for `frames` in all.
     pub(super) fn new(
         task: &Task,
