@@ -4,12 +4,11 @@ use glam::DVec2;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::line::left_of;
-use super::mask::{HOUSE, Mask, ROAD, THING, WALK};
-use super::model::{GroundRect, Model, class};
-use super::network::{Network, Street};
-use super::style::Style;
-use super::surfaces::Terrain;
+use crate::mask::{HOUSE, Mask, ROAD, THING, WALK};
+use crate::model::{GroundRect, Model, class};
+use crate::network::{Network, Street, left_of};
+use crate::style::Style;
+use crate::surfaces::Terrain;
 
 /// Metres of a storey.
 const STOREY: f64 = 3.0;

@@ -1,13 +1,13 @@
 //! The plans of roads of the generated kinds: where roads run, bend and meet.
 
 use glam::DVec2;
-use lidar_cast::maths;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::line::{Line, curve, left_of};
-use super::roads::{CrossSection, RoadPlan};
-use super::style::WorldKind;
+use crate::network::{Line, curve, left_of};
+use crate::roads::{CrossSection, RoadPlan};
+use crate::style::WorldKind;
+use lidar_cast::maths;
 
 /// Metres between the points of a generated line.
 const STEP: f64 = 2.0;

@@ -10,7 +10,6 @@
 mod fleet;
 mod houses;
 mod kinds;
-mod line;
 mod mask;
 mod model;
 mod network;

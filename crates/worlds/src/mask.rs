@@ -85,7 +85,7 @@ impl Mask {
         let half = half + DVec2::splat(0.36);
         let steps = |h: f64| (2.0 * h / CELL).ceil().max(1.0) as i32;
         let [n, m] = [steps(half.x), steps(half.y)];
-        let left = super::line::left_of(ahead);
+        let left = crate::network::left_of(ahead);
         (0..=n).any(|i| {
             (0..=m).any(|j| {
                 let at = |k: i32, n: i32, h: f64| h * (2.0 * f64::from(k) / f64::from(n) - 1.0);
@@ -97,7 +97,7 @@ impl Mask {
 
     /// Marks a rectangle (middle, unit direction, half sizes).
     pub fn block(&mut self, middle: DVec2, ahead: DVec2, half: DVec2, bits: u8) {
-        let left = super::line::left_of(ahead);
+        let left = crate::network::left_of(ahead);
         let corner = |x: f64, y: f64| (middle + ahead * half.x * x + left * half.y * y).extend(0.0);
         self.fill(
             [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::line::left_of;
+use crate::network::left_of;
 use lidar_cast::geom::TriangleSoup;
 use lidar_cast::maths;
 

@@ -12,8 +12,7 @@ use std::collections::BTreeMap;
 use glam::{DVec2, DVec3};
 use xodr::{Direction, LaneHeight, LaneType, Layer, Provenance, RoadNetwork};
 
-use crate::line::{Line, left_of};
-use crate::network::{KERB, Lane, Network, Plate, Post, Street, Strip, Use};
+use crate::network::{KERB, Lane, Line, Network, Plate, Post, Street, Strip, Use, left_of};
 use crate::world::WorldError;
 use document::RoadFacts;
 use lidar_cast::maths;

@@ -4,11 +4,10 @@ use glam::{DVec2, DVec3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::fleet::{self, ActorModel};
-use super::line::{Line, left_of};
-use super::network::{Network, Street};
-use super::style::Style;
-use super::traffic::{Stand, Traffic, Trajectory, stand_on, way};
+use crate::fleet::{self, ActorModel};
+use crate::network::{Line, Network, Street, left_of};
+use crate::style::Style;
+use crate::traffic::{Stand, Traffic, Trajectory, stand_on, way};
 
 /// Metres from the ego's way within which things move.
 const NEAR: f64 = 95.0;

@@ -4,8 +4,9 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DVec2, DVec3};
 
-use super::line::{Line, curve, left_of};
-use super::network::{KERB, Lane, MARK, Network, Street, Strip, Use, even_kerb};
+use crate::network::{
+    KERB, Lane, Line, MARK, Network, Street, Strip, Use, curve, even_kerb, left_of,
+};
 
 /// Cross section of a road, the same to both sides, in metres.
 #[derive(Debug, Clone, Copy)]

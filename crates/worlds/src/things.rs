@@ -5,10 +5,9 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::houses::fence;
-use crate::line::{Line, left_of};
 use crate::mask::{Brought, HOUSE, Mask, ROAD, THING, WALK};
 use crate::model::{GroundRect, Model, class};
-use crate::network::{KERB, Network, Post, Street, Use};
+use crate::network::{KERB, Line, Network, Post, Street, Use, left_of};
 use crate::style::Style;
 use crate::surfaces::Terrain;
 use lidar_cast::maths;

@@ -1,12 +1,11 @@
 //! Who moves where, frame by frame: each is planned against those planned before and keeps its distance.
 
 use glam::{DVec2, DVec3};
-use lidar_cast::maths;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::line::{Line, left_of};
-use super::network::Network;
+use crate::network::{Line, Network, left_of};
+use lidar_cast::maths;
 
 /// Metres that no two boxes come nearer than.
 const CLEARANCE: f64 = 0.25;

@@ -7,10 +7,9 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use crate::houses::Houses;
-use crate::line::{Line, left_of};
 use crate::mask::{Brought, HOUSE, ROAD, THING, WALK};
 use crate::model::{GroundRect, Model, class};
-use crate::network::Network;
+use crate::network::{Line, Network, left_of};
 use crate::population::{Population, PopulationSettings};
 use crate::style::{Style, WorldKind};
 use crate::surfaces::{self, Terrain};

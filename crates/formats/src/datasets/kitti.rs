@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DVec3};
 
 use super::error::HEIGHT_LIMIT;
-use super::files::{check_count, read_points, read_text, read_units};
+use super::sequence::{check_count, read_points, read_text, read_units};
 use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel, ground};
 use lidar_cast::geom::Pose;
 use sightline_files::Note;

@@ -6,17 +6,15 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `sequence` | the interface of all data sets (frames, poses, labelled points), and a P-SOG from them |
+//! | `sequence` | the interface of all data sets (frames, poses, labelled points), a P-SOG from them, and whole files of records |
 //! | `kitti` | the SemanticKITTI layout |
 //! | `nuscenes` | nuScenes with lidarseg: tables, categories, boxes |
 //! | `carla` | scans of CARLA's semantic LiDAR with a table of poses |
 //! | `import` | a scene from a sequence |
-//! | `files` | whole files of records |
 //! | `ground` | height of the labelled road, warnings about poses, plates and boxes of a scene |
 
 mod carla;
 mod error;
-mod files;
 mod ground;
 mod import;
 pub mod kitti;

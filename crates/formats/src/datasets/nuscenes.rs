@@ -13,7 +13,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 use super::carla::{class_of_name, tag_names};
-use super::files::{check_count, read_points, read_units};
+use super::sequence::{check_count, read_points, read_units};
 use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel};
 use lidar_cast::geom::Pose;
 use sightline_files::Note;

@@ -5,7 +5,6 @@
 
 mod beams;
 mod carla;
-mod compare;
 mod error;
 mod export;
 mod fields;
@@ -22,10 +21,12 @@ mod yaml;
 
 pub use beams::{Fan, Models};
 pub use carla::mirrored;
-pub use compare::{Asymmetry, Comparison, Moved, compare};
 pub use error::RigError;
 pub use export::{Exported, MODELS_FILE, export};
 pub use format::{NamedText, RigFormat, RigSource, sources};
 pub use frames::Mounting;
 pub use import::{ImportSettings, ImportedRig, from_carla_sensors, import, import_texts};
-pub use model::{BASE_LINK, Rig, RigLidar, default_frame, read_rig, rig_json};
+pub use model::{
+    Asymmetry, BASE_LINK, Comparison, Moved, Rig, RigLidar, compare, default_frame, read_rig,
+    rig_json,
+};

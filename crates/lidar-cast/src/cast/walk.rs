@@ -10,7 +10,6 @@ mod hits;
 mod ops;
 mod packet;
 mod triangles;
-mod work;
 
 use std::sync::Mutex;
 
@@ -23,9 +22,9 @@ use crate::bvh::{Bvh, Hit};
 use crate::sensor::BeamTable;
 use crate::task::DevicePose;
 use angles::Eye;
+use descent::{WalkMemory, WindowBeams};
 use grid::{Directions, Grid, Window};
 use hits::WalkInputs;
-use work::{WalkMemory, WindowBeams};
 
 pub use firing::{FiringWalk, SweptPart};
 pub use packet::{RAYS, Rays};

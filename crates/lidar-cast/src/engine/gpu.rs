@@ -1,10 +1,9 @@
 //! The GPU backend: everything that touches wgpu.
 //!
-//! A batch goes one way: [`GpuBackend`] cuts it into chunks (`chunk`) that fit the `buffers`, `pipeline` runs
+//! A batch goes one way: [`GpuBackend`] cuts it into chunks that fit the buffers (`chunk`), `pipeline` runs
 //! the `kernels` on the `device`, and `readback` adds up the results. `firings` casts the rays of scans with the
 //! same kernel and no more.
 
-mod buffers;
 mod chunk;
 mod device;
 #[cfg(test)]
@@ -28,8 +27,7 @@ use crate::bvh::Hit;
 use crate::cover::BitOrder;
 use crate::sensor::{Placement, SensorPose};
 use crate::task::{StageTimes, Tally, Task};
-use buffers::{SceneBuffers, Sizes, WorkBuffers};
-use chunk::GpuBatch;
+use chunk::{GpuBatch, SceneBuffers, Sizes, WorkBuffers};
 use device::Device;
 use kernels::{Kernels, Rewrite};
 use pipeline::{Made, Pipeline};

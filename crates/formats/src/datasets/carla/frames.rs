@@ -12,7 +12,7 @@ use glam::{DMat3, DVec2, DVec3};
 use npyz::{DType, Endianness, TypeChar};
 
 use super::Tag;
-use crate::datasets::{BoxTrack, DatasetError, TrackPose, files};
+use crate::datasets::{BoxTrack, DatasetError, TrackPose, sequence};
 use crate::rig::mirrored;
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
@@ -36,12 +36,12 @@ pub(super) struct Record {
 /// Reads a scan; its name tells its form.
 pub(super) fn read_points(path: &Path) -> Result<Vec<Record>, DatasetError> {
     let records = match path.extension().and_then(|ending| ending.to_str()) {
-        Some("ply") => ply(path, &files::read_text(path)?)?,
-        Some("npy") => array(path, &files::read_bytes(path)?)?,
-        _ => raw(&files::read_units(path, RECORD as u64)?),
+        Some("ply") => ply(path, &sequence::read_text(path)?)?,
+        Some("npy") => array(path, &sequence::read_bytes(path)?)?,
+        _ => raw(&sequence::read_units(path, RECORD as u64)?),
     };
     for (point, record) in records.iter().enumerate() {
-        files::check_finite(path, point, record.xyz)?;
+        sequence::check_finite(path, point, record.xyz)?;
     }
     Ok(records)
 }
@@ -193,7 +193,7 @@ type PoseTable = (BTreeMap<u32, Stood>, Vec<Note>);
 
 /// Reads the poses by frame. The world is CARLA's with y to the left.
 pub(super) fn read_poses(path: &Path) -> Result<PoseTable, DatasetError> {
-    let text = files::read_text(path)?;
+    let text = sequence::read_text(path)?;
     let fault = |line: usize, fault: String| DatasetError::Line {
         path: path.to_owned(),
         line: line + 1,

@@ -11,8 +11,8 @@ use glam::{DMat3, DQuat, DVec3};
 use serde::de::{DeserializeSeed, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-use super::super::{DatasetError, files};
 use super::watched::{Unknown, Watched};
+use crate::datasets::{DatasetError, sequence};
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
 use sightline_files::files::stays_inside;
@@ -195,7 +195,7 @@ impl SourceTables {
         mut keep: impl FnMut(R) -> Result<(), DatasetError>,
     ) -> Result<(), DatasetError> {
         let path = self.path(name);
-        let file = files::open(&path).map_err(|error| match error {
+        let file = sequence::open(&path).map_err(|error| match error {
             DatasetError::Read { path, source } => DatasetError::Table { path, source },
             other => other,
         })?;

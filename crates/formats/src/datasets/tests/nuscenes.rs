@@ -382,7 +382,7 @@ fn boxes_of_a_real_sweep_hold_their_points() {
     let text = text.replace("NaN", "null");
     let boxes: serde_json::Value = serde_json::from_str(&text).unwrap();
     let sweep = "n015-2018-07-24-11-22-45+0800__LIDAR_TOP__1532402927647951.pcd.bin";
-    let points = crate::datasets::files::read_points::<20>(&folder.join(sweep)).unwrap();
+    let points = crate::datasets::sequence::read_points::<20>(&folder.join(sweep)).unwrap();
     assert_eq!(points.len(), 34_688);
     let (mut equal, mut inside, mut declared) = (0, 0, 0);
     let all = boxes["instances"].as_array().unwrap();

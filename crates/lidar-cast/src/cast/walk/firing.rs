@@ -9,12 +9,11 @@ use multiversion::multiversion;
 use multiversion::target::match_target;
 
 use super::angles::{Eye, Rects};
-use super::descent::around;
+use super::descent::{Entry, STACK, around, some};
 use super::grid::{BEAMS, Grid, ROOM, Window};
 use super::ops::{W, per_target, three};
 use super::packet::{Packet, PacketFace, RAYS, Rays};
 use super::triangles::TriangleView as Outlined;
-use super::work::{Entry, STACK, some};
 use super::{Instructions, LARGEST, TreeView, Walk};
 use crate::bvh::bvh16::{BLOCK, Bvh16};
 use crate::bvh::{Bvh, Hit, Ray};

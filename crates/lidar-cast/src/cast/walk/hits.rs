@@ -3,13 +3,13 @@
 use glam::Vec3;
 
 use super::angles::Eye;
-use super::grid::{Directions, Grid, Window};
-use super::ops::{W, per_target, three};
-use super::triangles::TriangleView;
-use super::work::{
+use super::descent::{
     BLOCK_SHIFT, LENGTH_SHIFT, SLOT_SHIFT, TESTS, Test, Tests, WalkMemory, WindowBeams, some,
     some_mut,
 };
+use super::grid::{Directions, Grid, Window};
+use super::ops::{W, per_target, three};
+use super::triangles::TriangleView;
 use crate::bvh::bvh16::Block16;
 use crate::bvh::{Hit, Ray};
 

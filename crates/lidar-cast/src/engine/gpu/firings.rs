@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::buffers::Trees;
+use super::chunk::Trees;
 use super::device::Device;
 use super::kernels::{Kernels, beam_workgroups};
 use super::layout::{GpuInstance, MAX_WORKGROUPS, Sensor, UNFINISHED};

@@ -12,8 +12,9 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::buffers::{SceneBuffers, WorkBuffers, bitmap_words, occupied_workgroups};
-use super::chunk::{ChunkSensors, GpuBatch, GpuChunk};
+use super::chunk::{
+    ChunkSensors, GpuBatch, GpuChunk, SceneBuffers, WorkBuffers, bitmap_words, occupied_workgroups,
+};
 use super::device::Device;
 use super::kernels::{Kernels, beam_workgroups};
 use super::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, UNFINISHED, Uniforms};

@@ -9,7 +9,6 @@ mod pattern;
 mod table;
 #[cfg(test)]
 mod tests;
-mod velodyne;
 
 use std::path::Path;
 
@@ -75,8 +74,8 @@ fn parse_any(
         _ if binary::is_rgl(bytes) => return binary::parse_rgl(at, bytes),
         _ => return Err(unknown(at)),
     };
-    if velodyne::is_velodyne(text) {
-        return velodyne::parse(at, text);
+    if table::is_velodyne(text) {
+        return table::parse_velodyne(at, text);
     }
     if text.trim_ascii_start().starts_with(['{', '[']) || text.trim_ascii().is_empty() {
         return parse_json(at, text);
