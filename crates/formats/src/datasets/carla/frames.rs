@@ -191,37 +191,79 @@ pub(super) struct Stood {
 /// Poses by frame, and notes on the table.
 type PoseTable = (BTreeMap<u32, Stood>, Vec<Note>);
 
+/// Columns of the table that are read, by their titles in the first row.
+struct PoseColumns {
+    /// Titles of the first row.
+    count: usize,
+    /// Frame, or a file whose name ends with it.
+    key: usize,
+    /// Places of [`COLUMNS`].
+    places: [usize; 6],
+    time: Option<usize>,
+}
+
+impl PoseColumns {
+    /// Columns of the first row, and the titles that are not known; the error says what is wrong with the row.
+    fn of(titles: &str) -> Result<(Self, Vec<String>), String> {
+        let titles = titles.to_ascii_lowercase();
+        let titles: Vec<&str> = titles.split(',').map(plain).collect();
+        if let Some(k) =
+            (1..titles.len().min(MOST_COLUMNS)).find(|&k| titles[..k].contains(&titles[k]))
+            && !titles[k].is_empty()
+        {
+            return Err(format!("has two columns {:?}; leave one out", short(titles[k])));
+        }
+        let column = |name: &str| titles.iter().position(|title| *title == name);
+        let wanted = "give a first row with frame (or file), x, y, z, roll, pitch, yaw";
+        let key = column("frame").or(column("file")).ok_or(wanted)?;
+        let mut places = [0; 6];
+        for (place, name) in places.iter_mut().zip(COLUMNS) {
+            *place = column(name).ok_or_else(|| format!("has no column {name}; {wanted}"))?;
+        }
+        let time = column("time").or(column("timestamp"));
+        let known: Vec<usize> = [key].into_iter().chain(places).chain(time).collect();
+        let unknown = (0..titles.len().min(MOST_COLUMNS))
+            .filter(|k| !known.contains(k) && !titles[*k].is_empty());
+        let unknown = unknown.map(|k| format!("`{}`", short(titles[k]))).collect();
+        Ok((Self { count: titles.len(), key, places, time }, unknown))
+    }
+
+    /// Frame and pose of a row; the error says what is wrong with it.
+    fn pose(&self, row: &str) -> Result<(u32, Stood), String> {
+        let cells: Vec<&str> = row.split(',').take(MOST_COLUMNS + 1).map(plain).collect();
+        if cells.iter().skip(self.count).any(|cell| !cell.is_empty()) {
+            let wanted = "more cells than the first row; write decimals with a point, as 1.5";
+            return Err(format!("has {wanted}"));
+        }
+        let cell = |place: usize| cells.get(place).copied().unwrap_or_default();
+        let number = |place: usize| match cell(place).parse::<f64>() {
+            Ok(number) if number.abs() <= MOST => Ok(number),
+            _ => Err(format!("{:?} is no number within ±1e7", short(cell(place)))),
+        };
+        let frame = frame_of(Path::new(cell(self.key))).ok_or_else(|| {
+            let (name, most) = (short(cell(self.key)), u32::MAX);
+            format!("{name:?} ends with no frame number up to {most}")
+        })?;
+        let mut six = [0.0; 6];
+        for (value, place) in six.iter_mut().zip(self.places) {
+            *value = number(place)?;
+        }
+        let pose = mirrored(&SensorPose::from_values(six), f64::to_radians);
+        let time = self.time.map(number).transpose()?;
+        Ok((frame, Stood { world_from_sensor: pose.ego_from_sensor(), time }))
+    }
+}
+
 /// Reads the poses by frame. The world is CARLA's with y to the left.
 pub(super) fn read_poses(path: &Path) -> Result<PoseTable, DatasetError> {
     let text = sequence::read_text(path)?;
-    let fault = |line: usize, fault: String| DatasetError::Line {
-        path: path.to_owned(),
-        line: line + 1,
-        fault,
+    let at = |line: usize| {
+        move |fault: String| DatasetError::Line { path: path.to_owned(), line: line + 1, fault }
     };
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
     let mut rows = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-    let titles = rows.next().map_or("", |(_, line)| line).to_ascii_lowercase();
-    let titles: Vec<&str> = titles.split(',').map(plain).collect();
-    if let Some(k) = (1..titles.len().min(MOST_COLUMNS)).find(|&k| titles[..k].contains(&titles[k]))
-        && !titles[k].is_empty()
-    {
-        return Err(fault(0, format!("has two columns {:?}; leave one out", short(titles[k]))));
-    }
-    let column = |name: &str| titles.iter().position(|title| *title == name);
-    let wanted = || "give a first row with frame (or file), x, y, z, roll, pitch, yaw".to_owned();
-    let key = column("frame").or(column("file")).ok_or_else(|| fault(0, wanted()))?;
-    let mut places = [0; 6];
-    for (place, name) in places.iter_mut().zip(COLUMNS) {
-        *place =
-            column(name).ok_or_else(|| fault(0, format!("has no column {name}; {}", wanted())))?;
-    }
-    let time = column("time").or(column("timestamp"));
-    let known = [key].into_iter().chain(places).chain(time);
-    let known: Vec<usize> = known.collect();
-    let unknown = (0..titles.len().min(MOST_COLUMNS))
-        .filter(|k| !known.contains(k) && !titles[*k].is_empty());
-    let unknown: Vec<String> = unknown.map(|k| format!("`{}`", short(titles[k]))).collect();
+    let titles = rows.next().map_or("", |(_, line)| line);
+    let (columns, unknown) = PoseColumns::of(titles).map_err(at(0))?;
     let text = format!(
         "{}: columns {} are not known here, and not read.",
         path.display(),
@@ -230,31 +272,9 @@ pub(super) fn read_poses(path: &Path) -> Result<PoseTable, DatasetError> {
     let notes = (!unknown.is_empty()).then(|| Note::fact(text)).into_iter().collect();
     let mut poses = BTreeMap::new();
     for (line, text) in rows {
-        let cells: Vec<&str> = text.split(',').take(MOST_COLUMNS + 1).map(plain).collect();
-        if cells.iter().skip(titles.len()).any(|cell| !cell.is_empty()) {
-            let wanted = "more cells than the first row; write decimals with a point, as 1.5";
-            return Err(fault(line, format!("has {wanted}")));
-        }
-        let cell = |place: usize| cells.get(place).copied().unwrap_or_default();
-        let number = |place: usize| match cell(place).parse::<f64>() {
-            Ok(number) if number.abs() <= MOST => Ok(number),
-            _ => Err(fault(line, format!("{:?} is no number within ±1e7", short(cell(place))))),
-        };
-        let frame = frame_of(Path::new(cell(key))).ok_or_else(|| {
-            fault(
-                line,
-                format!("{:?} ends with no frame number up to {}", short(cell(key)), u32::MAX),
-            )
-        })?;
-        let mut six = [0.0; 6];
-        for (value, place) in six.iter_mut().zip(places) {
-            *value = number(place)?;
-        }
-        let pose = mirrored(&SensorPose::from_values(six), f64::to_radians);
-        let time = time.map(number).transpose()?;
-        let stood = Stood { world_from_sensor: pose.ego_from_sensor(), time };
+        let (frame, stood) = columns.pose(text).map_err(at(line))?;
         if poses.insert(frame, stood).is_some() {
-            return Err(fault(line, format!("frame {frame} comes twice; keep one row")));
+            return Err(at(line)(format!("frame {frame} comes twice; keep one row")));
         }
     }
     Ok((poses, notes))
