@@ -135,6 +135,9 @@ impl MeshAxes {
     }
 }
 
+/// Names and unknown statements that a note tells.
+#[cfg(feature = "mesh")]
+const MOST_TOLD: usize = 8;
 /// Largest mesh file or buffer, in bytes.
 const MAX_FILE: u64 = 1 << 30;
 

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 
-use super::ground::{self, NearRoad};
+use super::ground::{self, MOST_SCANS, NearRoad};
 use super::kitti::above_ground;
 use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel};
 use frames::{ActorPoints, Record, Stood, frame_of};
@@ -18,8 +18,6 @@ use lidar_cast::maths;
 use sightline_files::Note;
 use sightline_scene::scene::{ActorKind, DEFAULT_CLASSES};
 
-/// Scans that are looked at for a road.
-const MOST_SCANS: usize = 10;
 /// Metres of height within which the points of a road near the LiDAR lie; house fronts do not.
 const FLAT: f64 = 1.5;
 /// Metres by which one surface lies clearly below another.

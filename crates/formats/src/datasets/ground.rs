@@ -20,7 +20,7 @@ pub(super) const NEAR: f64 = 10.0;
 /// Fewest points of a road that may contradict a stated height.
 const LEAST_POINTS: usize = 10;
 /// Scans that are looked at for a road.
-const MOST_SCANS: usize = 10;
+pub(super) const MOST_SCANS: usize = 10;
 /// Metres by which a road may lie off the ground of the ego frame: it is not flat, and a car sways.
 const OFF: f64 = 0.3;
 /// Longest median step between two frames, metres: half a second at 360 km/h.

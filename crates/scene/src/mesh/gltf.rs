@@ -13,7 +13,7 @@ use gltf::accessor::{Accessor, DataType, Dimensions};
 use gltf::buffer::View;
 
 use super::gltf_walk::NodeWalk;
-use super::{MAX_FILE, MeshAxes, MeshFault, RawMesh};
+use super::{MAX_FILE, MOST_TOLD, MeshAxes, MeshFault, RawMesh};
 use sightline_files::Note;
 use sightline_files::files::stays_inside;
 use sightline_files::json::read_limited;
@@ -43,8 +43,6 @@ const PASSED: [&str; 19] = [
     "VRM",
     "KHR_draco_mesh_compression",
 ];
-/// Names that a note tells.
-const MOST_TOLD: usize = 8;
 
 /// Data in a reference: some exporters leave the padding at its end out.
 const DATA_URI: GeneralPurpose = GeneralPurpose::new(

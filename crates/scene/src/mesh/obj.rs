@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 
 use super::polygon::Cutter;
-use super::{MeshFault, RawMesh};
+use super::{MOST_TOLD, MeshFault, RawMesh};
 use sightline_files::Note;
 
 /// Statements without a surface of their own, passed over in silence.
@@ -62,8 +62,6 @@ const REFUSED: [(&str, &str); 6] = [
 ];
 /// Statements that end in a name or a path, where a backslash at the end continues nothing.
 const NAMED: [&[u8]; 6] = [b"usemtl", b"mtllib", b"usemap", b"maplib", b"g", b"o"];
-/// Unknown statements that are told by name.
-const MOST_TOLD: usize = 8;
 
 /// Reads an OBJ.
 pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshFault> {

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::ply_file::{PlyBody, PlyElement, PlyHeader, Property};
 use super::polygon::Cutter;
-use super::{MeshFault, RawMesh};
+use super::{MOST_TOLD, MeshFault, RawMesh};
 use sightline_files::Note;
 
 /// Properties of vertices and faces that are skipped without a note: looks, normals, measurements of scanners.
@@ -55,8 +55,6 @@ const NO_SURFACE: [&str; 6] =
     ["edge", "camera", "range_grid", "material", "point", "multi_texture_face"];
 /// Parts of a name that may mean classes.
 const CLASS_WORDS: [&str; 5] = ["label", "class", "semantic", "category", "segment"];
-/// Names that a note tells.
-const MOST_TOLD: usize = 8;
 
 /// Reads a PLY.
 pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshFault> {

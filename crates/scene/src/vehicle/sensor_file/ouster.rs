@@ -6,9 +6,10 @@
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::ouster_columns::{ColumnWindow, MAX_COLUMNS};
+use super::ouster_columns::ColumnWindow;
 use super::pattern::{
-    self, Answer, Beams, Measures, Passed, Rest, SensorFormat, SensorPattern, channels_of, quoted,
+    self, Answer, Beams, MAX_COLUMNS, Measures, Passed, Rest, SensorFormat, SensorPattern,
+    channels_of, quoted,
 };
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};

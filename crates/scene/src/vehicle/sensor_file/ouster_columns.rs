@@ -3,8 +3,6 @@
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{DescriptionError, Place};
 
-/// Most columns of a frame.
-pub(super) const MAX_COLUMNS: u64 = 100_000;
 /// A turn in thousandths of a degree.
 const TURN: f64 = 360_000.0;
 

@@ -20,6 +20,8 @@ use sightline_files::json::{DescriptionError, Place};
 pub const MAX_CHANNELS: usize = 1024;
 /// Most beams of one LiDAR.
 pub const MAX_BEAMS: u64 = 10_000_000;
+/// Most columns of a frame.
+pub(super) const MAX_COLUMNS: u64 = 100_000;
 /// Least vertical field of view in degrees that is no doubt.
 pub(in super::super) const NARROWEST: f64 = 1.0;
 /// Finest mean step of elevations in degrees that is no doubt, where all could be radians.

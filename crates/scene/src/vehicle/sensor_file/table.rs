@@ -11,15 +11,13 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::pattern::{
-    self, Beams, Measures, Passed, Rest, SensorFormat, SensorPattern, azimuth, channel,
-    channels_of, check_count,
+    self, Beams, MAX_COLUMNS, Measures, Passed, Rest, SensorFormat, SensorPattern, azimuth,
+    channel, channels_of, check_count,
 };
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{self, DescriptionError, Place, Quantity, parse_yaml};
 
-/// Most columns of a turn.
-const MAX_COLUMNS: u64 = 100_000;
 /// Keys that are passed over.
 const PASSED: Passed = &[
     ("vendor source licence license prod_line lidar_mode", "words for people"),
