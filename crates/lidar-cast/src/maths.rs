@@ -2,7 +2,7 @@
 //!
 //! The C library takes other code where a processor has fused multiplication, and its results differ in the last bit.
 //! `clippy.toml` refuses the methods of `f64` and `f32` that call it. Square roots, rounding and whole powers are exact
-//! or our own code everywhere.
+//! or our own code everywhere. [`mixed`] turns a number into another that looks like chance.
 
 pub use libm::{
     acos, asin, atan, atan2, cbrtf, cos, erf, erfc, exp, exp2, hypot, log as ln, log2, log10, pow,

@@ -1,6 +1,6 @@
 //! Power that surfaces send back, through whatever is in the air and on the ground, and whether it is seen.
 //!
-//! Surfaces send back a share of the light by class and by object.
+//! A surface's share of the light depends on its class and its object.
 
 use crate::NO_INSTANCE;
 use crate::chance::{Chance, Purpose};

@@ -6,7 +6,7 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `sequence` | the interface of all data sets (frames, poses, labelled points), a P-SOG from them, and whole files of records |
+//! | `sequence` | frames, poses and labelled points of any data set; a P-SOG from them; files of records |
 //! | `kitti` | the SemanticKITTI layout |
 //! | `nuscenes` | nuScenes with lidarseg: tables, categories, boxes |
 //! | `carla` | scans of CARLA's semantic LiDAR with a table of poses |

@@ -1,7 +1,8 @@
 //! Rigs in YAML: Autoware's pair of files, static transforms of ROS, and PandaSet's extrinsics.
 //!
-//! In Autoware's files `base_link` holds the sensor kit, and the kit holds the sensors. Transforms are those that
-//! `ros2 topic echo /tf_static` prints, of ROS 1 and ROS 2. PandaSet has quaternions in the frame of the LiDAR on the roof.
+//! - Autoware: `base_link` holds the sensor kit, and the kit holds the sensors.
+//! - Transforms of ROS 1 and ROS 2, as `ros2 topic echo /tf_static` prints them.
+//! - PandaSet's `static_extrinsic_calibration`: quaternions in the frame of the LiDAR on the roof.
 
 use serde_json::Value;
 

@@ -4,8 +4,8 @@
 //! a line is a bundle of rays. Sixteen boxes, or the boxes of sixteen triangles, are tested at once; what is
 //! left goes to `Ray::intersect`, so the bits are those of the reference.
 //!
-//! [`cast_rays`] takes any rays of callers who bring their own instead of sensors. A [`Firing`] is a group of rays that leave
-//! one place at one moment: the batches that a device casts for scans.
+//! [`cast_rays`] takes any rays of callers who bring their own instead of sensors. A [`Firing`] is a group of rays
+//! that leave one place at one moment: the batches that a device casts for scans.
 
 use glam::DVec3;
 use multiversion::multiversion;

@@ -1,7 +1,7 @@
 //! Falling snow and rain, for each beam: the flakes or drops in its cone, those first whose echoes are strongest.
 //!
-//! [`Balls`] is the law of how many fall and how large they are. Echoes of two targets that come back within a pulse's length of
-//! each other add up.
+//! [`Balls`] is the law of how many fall and how large they are. Echoes of two targets that come back within a
+//! pulse's length of each other add up.
 
 use std::f64::consts::{PI, TAU};
 

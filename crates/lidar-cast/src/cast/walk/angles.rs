@@ -1,5 +1,4 @@
-//! Angles of sixteen boxes or triangles, the rectangles of beams that they span, and those that may meet the boxes of
-//! a node.
+//! Angles of sixteen boxes or triangles, and the rectangles of beams that they span.
 
 use super::TreeView;
 use super::grid::{CELLS, Grid, Window};

@@ -1,9 +1,9 @@
 //! A batch on its way through the device: chunk after chunk, frame after frame, one step in flight.
 //!
 //! ```text
-//! Batch ─► Chunk: uploaded ─► cast ─► settle: hits of the beams that the kernel left, by the host
-//!                                ├─► dim: hits that come back through weather, by the host, where there is any
-//!                                └─► cover ─► reduce ─► Pending ─► Made ─► Sums
+//! GpuBatch ─► GpuChunk: uploaded ─► cast ─► settle: hits of the beams that the kernel left, by the host
+//!                                      ├─► dim: hits that come back through weather, by the host, where there is any
+//!                                      └─► cover ─► reduce ─► Pending ─► Made ─► BatchTallies
 //! ```
 //! While the device covers and sums up one step, the host adds up the sums of the step before.
 

@@ -1,10 +1,11 @@
 //! Sensor files of comma-separated numbers, from Hesai, Livox and RoboSense: any line ends, cells in quotes.
 //!
-//! Hesai's angle correction has degrees; offsets count clockwise with the encoder. A version may stand above the titles, and a
-//! SHA-256 below the last channel. Livox's scan patterns do not repeat from frame to frame: seconds and degrees; azimuths
-//! count counter-clockwise, zenith angles down from +z (livox_laser_simulation, livox_points_plugin.cpp). RoboSense's
-//! angles have no titles: degrees; elevations alone, or with azimuth offsets that count clockwise (the driver adds them
-//! to the encoder and takes y = -sin; ros_rslidar, rawdata.cc).
+//! - Hesai's angle correction: degrees; offsets count clockwise with the encoder. A version may stand above the
+//!   titles, and a SHA-256 below the last channel.
+//! - Livox's scan patterns, which do not repeat from frame to frame: seconds and degrees; azimuths count
+//!   counter-clockwise, zenith angles down from +z (livox_laser_simulation, livox_points_plugin.cpp).
+//! - RoboSense's angles of the ROS driver, without titles: degrees; elevations alone, or with azimuth offsets that
+//!   count clockwise (the driver adds them to the encoder and takes y = -sin; ros_rslidar, rawdata.cc).
 
 use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
