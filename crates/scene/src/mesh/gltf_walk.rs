@@ -181,17 +181,8 @@ impl<'a> NodeWalk<'a> {
             return Ok(());
         }
         let accessor = primitive.get(&Semantic::Positions).ok_or("has no positions")?;
-        let (count, corners) =
-            (accessor.count(), primitive.indices().map_or(accessor.count(), |i| i.count()));
-        let triangles = match mode {
-            Mode::Triangles if corners % 3 > 0 => {
-                return Err(format!(
-                    "has {corners} corners, which make no whole triangles; export it again"
-                ));
-            }
-            Mode::Triangles => corners / 3,
-            _ => corners.saturating_sub(2),
-        };
+        let count = accessor.count();
+        let triangles = triangles(mode, primitive.indices().map_or(count, |i| i.count()))?;
         let fits = |have: usize, more: usize, most: usize| {
             more.checked_mul(places.len()).is_some_and(|more| have.saturating_add(more) <= most)
         };
@@ -266,6 +257,17 @@ impl<'a> NodeWalk<'a> {
             return Err(format!("refers to vertex {index}, it has {count}"));
         }
         Ok(indices.into_iter().map(|index| index as u32).collect())
+    }
+}
+
+/// Triangles of a primitive with so many corners.
+fn triangles(mode: Mode, corners: usize) -> Result<usize, String> {
+    match mode {
+        Mode::Triangles if corners % 3 > 0 => {
+            Err(format!("has {corners} corners, which make no whole triangles; export it again"))
+        }
+        Mode::Triangles => Ok(corners / 3),
+        _ => Ok(corners.saturating_sub(2)),
     }
 }
 

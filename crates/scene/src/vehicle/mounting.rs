@@ -9,7 +9,7 @@ use super::description::{CountDescription, MountingDescription};
 use super::equipment::{VehicleMount, VehicleSensor};
 use super::mesh_mount::{self, OFF};
 use super::surface::{is_roof, rest};
-use super::{MAX_LIDARS, Outline, Region};
+use super::{MAX_LIDARS, Outline, Region, SensorName};
 use lidar_cast::geom::{Pose, crossing};
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{DescriptionError, Place};
@@ -49,28 +49,7 @@ pub(super) fn mounting(
             return Err(bad(at, format!("a mount with {found:?}"), wanted));
         }
     };
-    let known = || {
-        let names: Vec<String> = sensors.iter().map(|model| format!("`{}`", model.name)).collect();
-        names.join(", ")
-    };
-    let mut allowed = Vec::new();
-    for (i, name) in mount.sensors.iter().flatten().enumerate() {
-        let found = sensors.iter().find(|model| model.name.as_str() == name);
-        let Some(model) = found else {
-            let wanted = format!("a sensor of this vehicle, which has {}", known());
-            return Err(bad(&at.key("sensors").item(i), format!("`{name}`"), wanted));
-        };
-        if !allowed.contains(&model.name) {
-            allowed.push(model.name);
-        }
-    }
-    if mount.sensors.is_none() {
-        allowed = sensors.iter().map(|model| model.name).collect();
-    }
-    if allowed.is_empty() {
-        let wanted = format!("the models that may stand here, some of {}", known());
-        return Err(bad(&at.key("sensors"), "an empty list", wanted));
-    }
+    let allowed = allowed_models(&at.key("sensors"), mount.sensors.as_deref(), sensors)?;
     let at_count = at.key("count");
     let [least, most] = match mount.count {
         CountDescription::Exactly(count) => [count; 2],
@@ -80,6 +59,37 @@ pub(super) fn mounting(
     let least = check::count(&at_count, least, 0, most as u64)? as usize;
     let region = Arc::new(Region { name, ..region });
     Ok((VehicleMount { region, sensors: allowed, count: [least, most] }, files))
+}
+
+/// Models that a mount may hold: those it names, or all; at least one.
+fn allowed_models(
+    at: &Place,
+    names: Option<&[String]>,
+    sensors: &[VehicleSensor],
+) -> Result<Vec<SensorName>, DescriptionError> {
+    let known = || {
+        let names: Vec<String> = sensors.iter().map(|model| format!("`{}`", model.name)).collect();
+        names.join(", ")
+    };
+    let mut allowed = Vec::new();
+    for (i, name) in names.iter().copied().flatten().enumerate() {
+        let found = sensors.iter().find(|model| model.name.as_str() == name);
+        let Some(model) = found else {
+            let wanted = format!("a sensor of this vehicle, which has {}", known());
+            return Err(bad(&at.item(i), format!("`{name}`"), wanted));
+        };
+        if !allowed.contains(&model.name) {
+            allowed.push(model.name);
+        }
+    }
+    if names.is_none() {
+        allowed = sensors.iter().map(|model| model.name).collect();
+    }
+    if allowed.is_empty() {
+        let wanted = format!("the models that may stand here, some of {}", known());
+        return Err(bad(at, "an empty list", wanted));
+    }
+    Ok(allowed)
 }
 
 /// Ranges of roll, pitch and yaw in radians.

@@ -277,29 +277,31 @@ fn rotary(
             channels.push(channel((&up_at.item(e), up), (&across_at.item(e), offset))?);
         }
     }
-    let azimuth_steps = ticks.map(|ticks| (ticks / states) as u32);
     let mut pattern = SensorPattern::new(SensorFormat::Isaac, Beams::Channels(channels));
-    pattern.azimuth_steps = azimuth_steps;
-    if let Some([from, to]) = window {
-        // Without columns of its own the window ends where the file says.
-        let step = azimuth_steps.map_or(EDGE, |steps| 360.0 / f64::from(steps));
-        let [first, last] =
-            [((from - EDGE) / step).ceil() * step, ((to + EDGE) / step).floor() * step];
-        if last < first {
-            let found = format!("{from} to {to} degrees");
-            return Err(bad(
-                at,
-                found,
-                format!("a window that holds a column, one every {step} degrees"),
-            ));
-        }
-        pattern.azimuth =
-            Some(if last > 360.0 { [first - 360.0, last - 360.0] } else { [first, last] });
-        pattern.notes.push(Note::fact(format!(
-            "The profile measures from {from} to {to} degrees; only columns of this window are cast."
-        )));
+    pattern.azimuth_steps = ticks.map(|ticks| (ticks / states) as u32);
+    if let Some(window) = window {
+        cut(at, &mut pattern, window)?;
     }
     Ok(pattern)
+}
+
+/// Leaves the whole columns of a window in degrees.
+fn cut(at: &Place, pattern: &mut SensorPattern, window: [f64; 2]) -> Result<(), DescriptionError> {
+    let [from, to] = window;
+    // Without columns of its own the window ends where the file says.
+    let step = pattern.azimuth_steps.map_or(EDGE, |steps| 360.0 / f64::from(steps));
+    let [first, last] = [((from - EDGE) / step).ceil() * step, ((to + EDGE) / step).floor() * step];
+    if last < first {
+        let found = format!("{from} to {to} degrees");
+        let wanted = format!("a window that holds a column, one every {step} degrees");
+        return Err(bad(at, found, wanted));
+    }
+    pattern.azimuth =
+        Some(if last > 360.0 { [first - 360.0, last - 360.0] } else { [first, last] });
+    pattern.notes.push(Note::fact(format!(
+        "The profile measures from {from} to {to} degrees; only columns of this window are cast."
+    )));
+    Ok(())
 }
 
 /// Emitters of the first state as directions: each scan takes one state.
