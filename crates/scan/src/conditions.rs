@@ -14,7 +14,7 @@ use crate::chance::Purpose;
 pub use condition::{Condition, ConditionError, ConditionKind};
 pub use faults::{Crosstalk, IncompleteEcho, MotionBlur, WetGround, holds_water};
 pub use fog::Fog;
-pub use snow::{Fallen, Falling, Flake, Joined};
+pub use snow::{FallEffect, Falling, Flake, JoinedEcho};
 
 /// Weather and sensor faults of a scan; clear air by default.
 #[derive(Debug, Clone, Default)]

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use crate::chance::{Chance, Purpose};
-use crate::conditions::{Flake, Joined};
+use crate::conditions::{Flake, JoinedEcho};
 use crate::fires::BeamPlace;
 use crate::optics::{Optics, is_seen};
 use crate::rim::{RAYS, Rims, ray_share};
@@ -252,10 +252,10 @@ fn join(flake: &Flake, status: Status, surfaces: usize, echoes: &mut EchoList) {
         let joined = flake.join(echo.range, echo.power);
         (echo, joined)
     });
-    let near = lit.filter(|(echo, joined)| echo.power > 0.0 && *joined != Joined::Apart);
+    let near = lit.filter(|(echo, joined)| echo.power > 0.0 && *joined != JoinedEcho::Apart);
     match near.max_by(|(a, _), (b, _)| a.power.total_cmp(&b.power)) {
-        Some((echo, Joined::Target(power))) => echo.power = power,
-        Some((echo, Joined::Flake(Flake { range, power }))) => {
+        Some((echo, JoinedEcho::Target(power))) => echo.power = power,
+        Some((echo, JoinedEcho::Flake(Flake { range, power }))) => {
             *echo = Echo::of_medium(range, power, status);
         }
         _ => echoes.push(Echo::of_medium(flake.range, flake.power, status)),

@@ -157,9 +157,9 @@ const NEAR: f64 = 2.0;
 
 /// Cells of [`NEAR`] metres in which a map itself has a thing of a class.
 #[derive(Debug, Default)]
-pub struct Brought(BTreeSet<(u16, [i32; 2])>);
+pub struct MapObjects(BTreeSet<(u16, [i32; 2])>);
 
-impl Brought {
+impl MapObjects {
     /// All posts and shapes of a network; barriers of all kinds are one class.
     pub fn of(network: &Network) -> Self {
         let signs = network.posts.iter().map(|post| (class::TRAFFIC_SIGN, post.foot));
@@ -203,7 +203,7 @@ mod tests {
         let rail = [DVec3::ZERO, DVec3::X * 100.0, DVec3::new(100.0, 0.0, 0.8)];
         let pole = [DVec3::new(1.0, 41.0, 0.0); 3];
         let shapes = vec![shape(class::WALL, vec![rail]), shape(class::POLE, vec![pole])];
-        let of_map = Brought::of(&Network { shapes, ..Network::default() });
+        let of_map = MapObjects::of(&Network { shapes, ..Network::default() });
         let near = |class, x, y| of_map.near(class, DVec2::new(x, y));
         assert!(near(class::POLE, 2.9, 41.0) && near(class::POLE, 1.0, 39.1));
         assert!(!near(class::POLE, 5.1, 41.0) && !near(class::POLE, 1.0, 46.0));

@@ -116,7 +116,7 @@ pub fn curve(a: DVec3, from_a: DVec2, b: DVec3, into_b: DVec2, step: f64) -> Lin
 
 /// Use of a strip of the road network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Use {
+pub enum StripUse {
     /// Paved, for vehicles that drive, stop or park.
     Road,
     /// A side walk, a kerb above the road.
@@ -130,7 +130,7 @@ pub enum Use {
 /// A surface between two edges with as many points each.
 #[derive(Debug, Clone)]
 pub struct Strip {
-    pub used: Use,
+    pub used: StripUse,
     pub left: Vec<DVec3>,
     pub right: Vec<DVec3>,
     /// Metres above the road, left and right at each point; empty where all of it is level with the road.

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use glam::{DVec2, DVec3};
 use xodr::{Direction, LaneHeight, LaneType, Layer, Provenance, RoadNetwork};
 
-use crate::network::{KERB, Lane, Line, Network, Plate, Post, Street, Strip, Use, left_of};
+use crate::network::{KERB, Lane, Line, Network, Plate, Post, Street, Strip, StripUse, left_of};
 use crate::world::WorldError;
 use document::RoadFacts;
 use lidar_cast::maths;
@@ -38,8 +38,8 @@ struct Ribbon {
 
 impl Ribbon {
     /// The strip between the edges; its sides show where it stands higher than the road.
-    fn strip(self, used: Use) -> Strip {
-        let level = used != Use::Walk && self.raised.iter().flatten().all(|up| *up == 0.0);
+    fn strip(self, used: StripUse) -> Strip {
+        let level = used != StripUse::Walk && self.raised.iter().flatten().all(|up| *up == 0.0);
         let raised = if level { Vec::new() } else { self.raised };
         Strip { used, left: self.left, right: self.right, raised }
     }
@@ -125,13 +125,13 @@ fn check(roads: &RoadNetwork, file: &str) -> Result<(), WorldError> {
     Ok(())
 }
 
-fn used(kind: LaneType) -> Option<Use> {
+fn used(kind: LaneType) -> Option<StripUse> {
     Some(match kind {
-        LaneType::Sidewalk => Use::Walk,
-        LaneType::Median => Use::Green,
-        LaneType::Rail => Use::Rail,
+        LaneType::Sidewalk => StripUse::Walk,
+        LaneType::Median => StripUse::Green,
+        LaneType::Rail => StripUse::Rail,
         LaneType::None | LaneType::Unknown => return None,
-        _ => Use::Road,
+        _ => StripUse::Road,
     })
 }
 

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::fleet::{self, ActorModel};
 use crate::network::{Line, Network, Street, left_of};
 use crate::style::Style;
-use crate::traffic::{Stand, Traffic, Trajectory, stand_on, way};
+use crate::traffic::{ActorPose, Traffic, Trajectory, stand_on, way};
 
 /// Metres from the ego's way within which things move.
 const NEAR: f64 = 95.0;
@@ -192,7 +192,7 @@ impl PopulationSettings<'_> {
                 (if reverse { -ahead } else { ahead }).to_angle() + rng.random_range(-0.02..0.02);
             people.add(
                 model,
-                Trajectory::parked(size, Stand { at: at + shift.extend(0.0), yaw, pitch: 0.0 }),
+                Trajectory::parked(size, ActorPose { at: at + shift.extend(0.0), yaw, pitch: 0.0 }),
             );
         }
     }
@@ -231,7 +231,7 @@ impl PopulationSettings<'_> {
         let stand = |t: usize| {
             let s = (from + pace * t as f64 / self.rate).clamp(0.0, line.length());
             let stand = stand_on(line, s, 0.5);
-            Stand { at: line.at(s), pitch: 0.0, ..stand }
+            ActorPose { at: line.at(s), pitch: 0.0, ..stand }
         };
         let stands = (0..self.frames).map(stand).collect();
         people.add(model, Trajectory::walking(people.models[model].size, stands));
@@ -276,7 +276,7 @@ impl PopulationSettings<'_> {
         let yaw = over.to_angle() + rng.random_range(-0.4..0.4);
         people.add(
             model,
-            Trajectory::parked(people.models[model].size, Stand { at, yaw, pitch: 0.0 }),
+            Trajectory::parked(people.models[model].size, ActorPose { at, yaw, pitch: 0.0 }),
         );
     }
 

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use glam::{DVec2, DVec3};
 
 use crate::network::{
-    KERB, Lane, Line, MARK, Network, Street, Strip, Use, curve, even_kerb, left_of,
+    KERB, Lane, Line, MARK, Network, Street, Strip, StripUse, curve, even_kerb, left_of,
 };
 
 /// Cross section of a road, the same to both sides, in metres.
@@ -133,13 +133,13 @@ fn carriageway(network: &mut Network, line: &Line, profile: &CrossSection) -> [V
     let mut lanes = [Vec::new(), Vec::new()];
     let middle = 0.5 * profile.median;
     if middle > 0.0 {
-        network.strips.push(strip(Use::Green, middle, -middle));
+        network.strips.push(strip(StripUse::Green, middle, -middle));
     }
     for (lanes, side) in lanes.iter_mut().zip([-1.0, 1.0]) {
         for i in 0..profile.lanes {
             let inner = middle + i as f64 * profile.lane_width;
             let outer = inner + profile.lane_width;
-            network.strips.push(strip(Use::Road, side * inner, side * outer));
+            network.strips.push(strip(StripUse::Road, side * inner, side * outer));
             let centre = Line::new(line.offset(side * 0.5 * (inner + outer)));
             let centre = if side < 0.0 { centre } else { centre.reversed() };
             lanes.push(network.lanes.len());
@@ -160,7 +160,7 @@ fn carriageway(network: &mut Network, line: &Line, profile: &CrossSection) -> [V
         }
         let lanes_end = middle + profile.lanes as f64 * profile.lane_width;
         if profile.kerb() > lanes_end {
-            network.strips.push(strip(Use::Road, side * lanes_end, side * profile.kerb()));
+            network.strips.push(strip(StripUse::Road, side * lanes_end, side * profile.kerb()));
         }
     }
     if middle == 0.0 {
@@ -179,7 +179,7 @@ fn walks(network: &mut Network, line: &Line, profile: &CrossSection, meets: [boo
         for side in [-1.0, 1.0] {
             let [left, right] = [raised(side * kerb, KERB), raised(side * edge, KERB)];
             let raised = vec![[KERB; 2]; left.len()];
-            network.strips.push(Strip { used: Use::Walk, left, right, raised });
+            network.strips.push(Strip { used: StripUse::Walk, left, right, raised });
         }
         for (meets, at) in meets.into_iter().zip([2.5, line.length() - 2.5]) {
             if meets && line.length() > 20.0 {
@@ -226,13 +226,13 @@ fn junction(network: &mut Network, node: DVec2, arms: &[Arm]) {
             };
             let [left, right] = [raised(&kerb), raised(&outer)];
             let raised = vec![[KERB; 2]; left.len()];
-            network.strips.push(Strip { used: Use::Walk, left, right, raised });
+            network.strips.push(Strip { used: StripUse::Walk, left, right, raised });
         }
         border.extend(kerb);
     }
     border.extend(border.first().copied());
     let right = vec![middle; border.len()];
-    network.strips.push(Strip { used: Use::Road, left: border, right, raised: Vec::new() });
+    network.strips.push(Strip { used: StripUse::Road, left: border, right, raised: Vec::new() });
     for (i, from) in arms.iter().enumerate() {
         for (j, to) in arms.iter().enumerate() {
             if i != j {

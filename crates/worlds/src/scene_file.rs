@@ -6,7 +6,7 @@ use std::io::Write;
 use serde_json::{Value, json};
 
 use super::fleet::{self, BodyPart};
-use super::traffic::{Stand, Trajectory};
+use super::traffic::{ActorPose, Trajectory};
 use super::world::{GeneratedWorld, RATE};
 use lidar_cast::geom::TriangleSoup;
 use lidar_cast::maths;
@@ -67,7 +67,7 @@ fn round(v: f64, places: f64) -> f64 {
 }
 
 fn poses(track: &Trajectory, frames: usize) -> Vec<Value> {
-    let pose = |stand: &Stand| {
+    let pose = |stand: &ActorPose| {
         let [x, y, z] = stand.at.to_array().map(|v| round(v, 1e3));
         let mut pose = json!({ "x": x, "y": y, "z": z, "yaw": round(stand.yaw, 1e4) });
         let pitch = round(stand.pitch, 1e4);

@@ -5,9 +5,9 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::houses::fence;
-use crate::mask::{Brought, HOUSE, Mask, ROAD, THING, WALK};
+use crate::mask::{HOUSE, MapObjects, Mask, ROAD, THING, WALK};
 use crate::model::{GroundRect, Model, class};
-use crate::network::{KERB, Line, Network, Post, Street, Use, left_of};
+use crate::network::{KERB, Line, Network, Post, Street, StripUse, left_of};
 use crate::style::Style;
 use crate::surfaces::Terrain;
 use lidar_cast::maths;
@@ -22,7 +22,7 @@ pub struct StreetFurniture<'a> {
     /// Feet of the trees.
     pub trees: Vec<DVec2>,
     /// Where the map itself has things.
-    pub of_map: Brought,
+    pub of_map: MapObjects,
     /// Signals of the map that would stand on the road.
     pub left_out: usize,
 }
@@ -40,7 +40,7 @@ impl StreetFurniture<'_> {
                 self.behind(street, side);
             }
         }
-        for strip in network.strips.iter().filter(|s| s.used == Use::Green) {
+        for strip in network.strips.iter().filter(|s| s.used == StripUse::Green) {
             let middle = strip.left.iter().zip(&strip.right).map(|(l, r)| (*l + *r) * 0.5);
             self.median(&Line::new(middle));
         }

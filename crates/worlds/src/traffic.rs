@@ -19,7 +19,7 @@ const SIDEWAYS: f64 = 2.2;
 
 /// Where something stands in a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stand {
+pub struct ActorPose {
     pub at: DVec3,
     pub yaw: f64,
     pub pitch: f64,
@@ -30,24 +30,24 @@ pub struct Stand {
 pub struct Trajectory {
     /// Length, width, height.
     pub size: [f64; 3],
-    pub stands: Vec<Stand>,
+    pub stands: Vec<ActorPose>,
     /// Metres kept free ahead in each frame.
     ahead: Vec<f64>,
 }
 
 impl Trajectory {
     /// Something at rest.
-    pub fn parked(size: [f64; 3], stand: Stand) -> Self {
+    pub fn parked(size: [f64; 3], stand: ActorPose) -> Self {
         Self { size, stands: vec![stand], ahead: vec![0.0] }
     }
 
     /// Something that walks at its own speed and keeps nothing free.
-    pub fn walking(size: [f64; 3], stands: Vec<Stand>) -> Self {
+    pub fn walking(size: [f64; 3], stands: Vec<ActorPose>) -> Self {
         Self { size, ahead: vec![0.0; stands.len()], stands }
     }
 
     /// The stand in frame `t`.
-    pub fn stand(&self, t: usize) -> &Stand {
+    pub fn stand(&self, t: usize) -> &ActorPose {
         &self.stands[t.min(self.stands.len() - 1)]
     }
 
@@ -187,14 +187,14 @@ impl Traffic {
 }
 
 /// The stand of a vehicle whose middle is `s` metres along a way: axles on the line, pitch with it.
-pub fn stand_on(way: &Line, s: f64, length: f64) -> Stand {
+pub fn stand_on(way: &Line, s: f64, length: f64) -> ActorPose {
     let (rear, front) = (way.at(s - 0.3 * length), way.at(s + 0.3 * length));
     let chord = front - rear;
     let at = (rear + front) * 0.5;
     let flat = chord.truncate();
     let yaw = if flat.length() > 1e-6 { flat.to_angle() } else { 0.0 };
     // A nose up is a negative pitch about y to the left.
-    Stand { at, yaw, pitch: -maths::atan2(chord.z, flat.length().max(1e-6)) }
+    ActorPose { at, yaw, pitch: -maths::atan2(chord.z, flat.length().max(1e-6)) }
 }
 
 /// Metres a second in the sharpest bend just ahead.

@@ -7,7 +7,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use crate::houses::Houses;
-use crate::mask::{Brought, HOUSE, ROAD, THING, WALK};
+use crate::mask::{HOUSE, MapObjects, ROAD, THING, WALK};
 use crate::model::{GroundRect, Model, class};
 use crate::network::{Line, Network, left_of};
 use crate::population::{Population, PopulationSettings};
@@ -135,7 +135,7 @@ pub fn read_opendrive(path: &Path) -> Result<String, WorldError> {
 }
 
 /// Parts of the world that one drawing step reads and fills.
-struct Draw<'a> {
+struct WorldDraft<'a> {
     network: &'a Network,
     terrain: &'a Terrain,
     mask: &'a mut super::mask::Mask,
@@ -148,7 +148,7 @@ fn furnished(
     seed: u64,
     frames: usize,
     file: &str,
-    special: impl FnOnce(&mut Draw<'_>),
+    special: impl FnOnce(&mut WorldDraft<'_>),
 ) -> Result<GeneratedWorld, WorldError> {
     let settings =
         PopulationSettings { network: &network, style: &style, frames: frames.max(1), rate: RATE };
@@ -162,7 +162,12 @@ fn furnished(
     let (mut mask, terrain) = surfaces::draw(&network, &mut model, open);
     surfaces::pave_gaps(&network, &mut mask, &mut model);
     surfaces::shapes(&network.shapes, &mut mask, &mut model);
-    special(&mut Draw { network: &network, terrain: &terrain, mask: &mut mask, model: &mut model });
+    special(&mut WorldDraft {
+        network: &network,
+        terrain: &terrain,
+        mask: &mut mask,
+        model: &mut model,
+    });
     let mut houses = Houses {
         style: &style,
         terrain: &terrain,
@@ -180,7 +185,7 @@ fn furnished(
         model: &mut model,
         rng: lot(seed, 22),
         trees: Vec::new(),
-        of_map: Brought::of(&network),
+        of_map: MapObjects::of(&network),
         left_out: 0,
     };
     things.furnish(&network);
@@ -195,7 +200,7 @@ fn furnished(
 }
 
 /// A bridge across the motorway, and walls against noise.
-fn bridge(draw: &mut Draw<'_>, seed: u64) {
+fn bridge(draw: &mut WorldDraft<'_>, seed: u64) {
     let Some(street) = draw.network.streets.first() else { return };
     let mut rng = lot(seed, 23);
     let [left, right] = &street.edges;
@@ -238,7 +243,7 @@ fn bridge(draw: &mut Draw<'_>, seed: u64) {
 }
 
 /// A siding beside the main road of a yard: two rails on sleepers.
-fn rails(draw: &mut Draw<'_>) {
+fn rails(draw: &mut WorldDraft<'_>) {
     let streets = draw.network.streets.iter();
     let Some(street) = streets.max_by(|a, b| a.edges[1].length().total_cmp(&b.edges[1].length()))
     else {

@@ -12,7 +12,7 @@ use glam::Vec3;
 use super::ground::{self, MOST_SCANS, NearRoad};
 use super::kitti::above_ground;
 use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel};
-use frames::{ActorPoints, Record, Stood, frame_of};
+use frames::{ActorPoints, Record, TimedPose, frame_of};
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
 use sightline_files::Note;
@@ -31,7 +31,7 @@ type Tagged = (Record, (&'static str, Tag));
 pub struct CarlaSequence {
     folder: PathBuf,
     /// Scan and pose of each frame.
-    frames: BTreeMap<u32, (PathBuf, Stood)>,
+    frames: BTreeMap<u32, (PathBuf, TimedPose)>,
     tags: CarlaTags,
     /// Meaning of each tag, by its number.
     meanings: Vec<(&'static str, Tag)>,
@@ -192,7 +192,7 @@ impl CarlaSequence {
         frames::read_points(path)?.into_iter().enumerate().map(meaning).collect()
     }
 
-    fn frame(&self, frame: u32) -> Result<&(PathBuf, Stood), DatasetError> {
+    fn frame(&self, frame: u32) -> Result<&(PathBuf, TimedPose), DatasetError> {
         self.frames.get(&frame).ok_or_else(|| DatasetError::NoFrame {
             path: self.folder.clone(),
             frame,

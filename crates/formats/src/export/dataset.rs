@@ -25,7 +25,7 @@ pub struct Dataset {
 }
 
 /// Facts known of a data set before anything is written.
-struct Checked {
+struct PreparedDataset {
     about: About,
     plan: Vec<Planned>,
     labels: Vec<Vec<Label>>,
@@ -46,7 +46,7 @@ pub struct Summary {
     pub bytes: u64,
 }
 
-impl Checked {
+impl PreparedDataset {
     fn new(
         dir: &Path,
         settings: &DatasetSettings,
@@ -83,7 +83,7 @@ impl Dataset {
         settings: &DatasetSettings,
         scenes: &[SceneFacts],
     ) -> Result<usize, ExportError> {
-        let folder = Checked::new(dir, settings, scenes)?.folder;
+        let folder = PreparedDataset::new(dir, settings, scenes)?.folder;
         Ok(missing(&folder, scenes).count())
     }
 
@@ -97,7 +97,8 @@ impl Dataset {
         settings: &DatasetSettings,
         scenes: &[SceneFacts],
     ) -> Result<Self, ExportError> {
-        let Checked { about, plan, labels, .. } = Checked::new(dir, settings, scenes)?;
+        let PreparedDataset { about, plan, labels, .. } =
+            PreparedDataset::new(dir, settings, scenes)?;
         let folder = Folder::open(dir)?;
         // The second of two programs that found the folder empty finds the set of the first.
         let _claim = folder.claim();

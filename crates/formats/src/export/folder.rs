@@ -36,7 +36,7 @@ pub(super) struct Folder {
 }
 
 /// A file that is being written; it takes its place when it is done.
-pub(super) struct Staged {
+pub(super) struct StagedFile {
     out: BufWriter<NamedTempFile>,
     _temporary: Temporary,
     place: PathBuf,
@@ -86,12 +86,12 @@ impl Folder {
     }
 
     /// Begins a file, named from the root with `/`.
-    pub fn begin(&self, name: &str) -> Result<Staged, ExportError> {
+    pub fn begin(&self, name: &str) -> Result<StagedFile, ExportError> {
         let place = self.root.join(name);
         let hidden = self.root.join(HIDDEN);
         let (file, temporary) = files::begin_in(&hidden).map_err(ExportError::io(&place))?;
         let out = BufWriter::with_capacity(BUFFER, file);
-        Ok(Staged { out, _temporary: temporary, place, name: name.to_owned() })
+        Ok(StagedFile { out, _temporary: temporary, place, name: name.to_owned() })
     }
 
     /// Writes a file of records of any kind.
@@ -165,7 +165,7 @@ impl Folder {
     }
 }
 
-impl Staged {
+impl StagedFile {
     /// The writer; errors name the place of the file.
     pub fn write<T>(
         &mut self,

@@ -8,7 +8,7 @@ use std::io::{self, Write};
 
 use glam::DMat3;
 
-use super::folder::{Folder, Staged};
+use super::folder::{Folder, StagedFile};
 use super::labels::{Label, PointLabels};
 use super::plan::Planned;
 use super::record::{CloudOrigin, FrameRecord, LidarRecord, Mover, Written, mounts};
@@ -103,8 +103,8 @@ fn world_from_source(record: &FrameRecord, source: CloudOrigin) -> Pose {
 /// Poses, times, calibration and the LiDAR's place on the vehicle, of a sequence of one source.
 struct Sequence {
     source: CloudOrigin,
-    poses: Staged,
-    times: Staged,
+    poses: StagedFile,
+    times: StagedFile,
     /// Pose and time that the others are counted from.
     first_from_world: Pose,
     begin: f64,
@@ -164,7 +164,7 @@ fn infos(
     split: Split,
 ) -> Result<(), ExportError> {
     let name = format!("{}semantickitti_infos_{}.pkl", root_of(source), split.name());
-    let mut staged: Staged = folder.begin(&name)?;
+    let mut staged: StagedFile = folder.begin(&name)?;
     staged.write(|out| {
         let mut pickle = Pickle::new(out)?;
         pickle.dict(|p| {

@@ -6,7 +6,7 @@
 use serde_json::{Map, Value, json};
 
 use super::fields::{self, Fields, PHASE, wrong};
-use super::frames::{FrameTree, Holds, RigFrame};
+use super::frames::{FrameContent, FrameTree, RigFrame};
 use super::{BASE_LINK, Fan, Mounting, Rig, RigError, RigLidar, RigSource, beams};
 use sightline_files::Note;
 use sightline_files::json::{self, Place, written};
@@ -83,7 +83,7 @@ pub(super) fn read_list(
     for (index, sensor) in list.iter().enumerate() {
         let fields = Fields::of(sensor, at.item(index))?;
         let holds = holds(&fields, frames)?;
-        if holds == Holds::Other {
+        if holds == FrameContent::Other {
             leave_out(frames, &fields)?;
             continue;
         }
@@ -97,9 +97,9 @@ pub(super) fn read_list(
 }
 
 /// Content of an entry by its type. Notes name the LiDAR keys that a placement does not keep.
-pub(super) fn holds(fields: &Fields, frames: &mut FrameTree) -> Result<Holds, RigError> {
+pub(super) fn holds(fields: &Fields, frames: &mut FrameTree) -> Result<FrameContent, RigError> {
     if !fields.text("type")?.starts_with("sensor.lidar") {
-        return Ok(Holds::Other);
+        return Ok(FrameContent::Other);
     }
     let angle = if fields.has(HORIZONTAL) { fields.number(HORIZONTAL)? } else { 360.0 };
     let is_whole = angle >= 360.0;
@@ -129,7 +129,7 @@ pub(super) fn holds(fields: &Fields, frames: &mut FrameTree) -> Result<Holds, Ri
     } else {
         None
     };
-    Ok(Holds::Lidar { sensor, optical: None })
+    Ok(FrameContent::Lidar { sensor, optical: None })
 }
 
 /// Leaves out an entry that is no LiDAR. Cameras and the like may lack a pose, and an `id`.
@@ -144,7 +144,7 @@ fn add(
     frames: &mut FrameTree,
     fields: &Fields,
     pose: SensorPose,
-    holds: Holds,
+    holds: FrameContent,
 ) -> Result<(), RigError> {
     let (name, at) = (fields.text("id")?.to_owned(), fields.at.clone());
     frames.add(RigFrame { name, parent: BASE_LINK.to_owned(), pose, holds, at })
@@ -212,7 +212,7 @@ pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Result
         }
         for sensor in items(&object, "sensors")? {
             let holds = holds(&sensor, frames)?;
-            if holds == Holds::Other {
+            if holds == FrameContent::Other {
                 leave_out(frames, &sensor)?;
                 continue;
             }

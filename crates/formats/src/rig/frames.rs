@@ -14,7 +14,7 @@ use sightline_scene::vehicle::SensorPose;
 
 /// Content of a frame, as far as the file states it.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Holds {
+pub(super) enum FrameContent {
     /// A LiDAR, of a model that may be named.
     Lidar {
         /// Model, as the file names it.
@@ -35,7 +35,7 @@ pub(super) struct RigFrame {
     pub(super) parent: String,
     /// `parent_from_frame`.
     pub(super) pose: SensorPose,
-    pub(super) holds: Holds,
+    pub(super) holds: FrameContent,
     pub(super) at: Place,
 }
 

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use serde_json::Value;
 
 use super::fields::Fields;
-use super::frames::{FrameTree, Holds, IDENTITY, RigFrame, compose, up};
+use super::frames::{FrameContent, FrameTree, IDENTITY, RigFrame, compose, up};
 use super::{
     BASE_LINK, MODELS_FILE, Mounting, Rig, RigError, RigFormat, RigLidar, RigSource, beams, carla,
     format, launch, model, sdf, sources, urdf, yaml,
@@ -284,12 +284,12 @@ fn rounded(metres: f64) -> f64 {
 /// True if a frame without other facts has the name of a LiDAR.
 fn is_named_lidar(frame: &RigFrame) -> bool {
     let name = frame.name.to_lowercase();
-    frame.holds == Holds::Unsaid && WORDS.iter().any(|word| name.contains(word))
+    frame.holds == FrameContent::Unsaid && WORDS.iter().any(|word| name.contains(word))
 }
 
 /// Frames that the files call LiDARs; if there are none, frames with names of LiDARs.
 fn lidars(frames: &FrameTree) -> Vec<&RigFrame> {
-    let said = |frame: &&RigFrame| matches!(frame.holds, Holds::Lidar { .. });
+    let said = |frame: &&RigFrame| matches!(frame.holds, FrameContent::Lidar { .. });
     let said: Vec<&RigFrame> = frames.all().iter().filter(said).collect();
     if !said.is_empty() {
         return said;
@@ -343,13 +343,14 @@ fn lidar(
     unknown: &mut Vec<String>,
 ) -> Result<RigLidar, RigError> {
     let (said, optical) = match &frame.holds {
-        Holds::Lidar { sensor, optical } => (sensor.clone(), *optical),
+        FrameContent::Lidar { sensor, optical } => (sensor.clone(), *optical),
         _ => (None, None),
     };
     let (name, mounting) = (&frame.name, &settings.mounting);
     let sensor = settings.sensors.get(name).map(|name| beams::usual(name)).or(said);
-    let stands_on_foot =
-        || frame.holds == Holds::Unsaid && frames.get(&frame.parent).is_some_and(is_named_lidar);
+    let stands_on_foot = || {
+        frame.holds == FrameContent::Unsaid && frames.get(&frame.parent).is_some_and(is_named_lidar)
+    };
     let given = mounting.given_height(name, sensor.as_deref());
     let up_from_foot = match (given, optical) {
         _ if !format.holds_feet() => IDENTITY,

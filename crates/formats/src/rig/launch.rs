@@ -6,7 +6,7 @@ use std::fmt::Write;
 use roxmltree::Node;
 
 use super::fields::{self, number, wrong};
-use super::frames::{FrameTree, Holds, RigFrame, of_quaternion};
+use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
 use super::{BASE_LINK, Mounting, Rig, RigError, RigSource};
 use sightline_files::Note;
 use sightline_files::json::{Place, written};
@@ -257,7 +257,7 @@ fn publisher(words: Vec<String>, at: Place) -> Result<RigFrame, RigError> {
         given.get(flag).map(bare).ok_or_else(missing)
     };
     let (name, parent) = (frame("--child-frame-id")?, frame("--frame-id")?);
-    Ok(RigFrame { name, parent, pose: pose(&given, &at)?, holds: Holds::Unsaid, at })
+    Ok(RigFrame { name, parent, pose: pose(&given, &at)?, holds: FrameContent::Unsaid, at })
 }
 
 /// Transform from flags; a missing flag is 0; angles and a quaternion exclude each other.

@@ -27,6 +27,6 @@ pub use format::{NamedText, RigFormat, RigSource, sources};
 pub use frames::Mounting;
 pub use import::{ImportSettings, ImportedRig, from_carla_sensors, import, import_texts};
 pub use model::{
-    Asymmetry, BASE_LINK, Comparison, Moved, Rig, RigLidar, compare, default_frame, read_rig,
+    Asymmetry, BASE_LINK, Comparison, MovedLidar, Rig, RigLidar, compare, default_frame, read_rig,
     rig_json,
 };

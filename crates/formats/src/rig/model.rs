@@ -162,7 +162,7 @@ const SAME: f64 = 1e-9;
 
 /// A LiDAR before and after.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Moved {
+pub struct MovedLidar {
     /// Its frame, as the first rig calls it.
     pub frame: String,
     /// Distance between the optical centres, in metres.
@@ -194,7 +194,7 @@ pub struct Asymmetry {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
     /// LiDARs in the order of the first rig.
-    pub lidars: Vec<Moved>,
+    pub lidars: Vec<MovedLidar>,
     /// Asymmetry of the first rig.
     pub before: Vec<Asymmetry>,
     /// Asymmetry of the second rig.
@@ -220,7 +220,7 @@ pub fn compare(before: &Rig, after: &Rig) -> Result<Comparison, RigError> {
     };
     let moved = |(a, b): (&RigLidar, &RigLidar)| {
         let [moved, turned, tilted] = difference(&a.pose, &b.pose);
-        Moved { frame: a.frame.clone(), moved, turned, tilted }
+        MovedLidar { frame: a.frame.clone(), moved, turned, tilted }
     };
     Ok(Comparison {
         lidars: pairs.into_iter().map(moved).collect(),

@@ -8,7 +8,7 @@ use std::fmt::Write;
 use roxmltree::Node;
 
 use super::fields::{self, PHASE, number, wrong};
-use super::frames::{FrameTree, Holds, RigFrame, of_quaternion};
+use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
 use super::{BASE_LINK, Models, Mounting, Rig, RigError, RigLidar, RigSource, beams};
 use sightline_files::Note;
 use sightline_files::json::written;
@@ -80,7 +80,7 @@ fn read_model(
         let name = fields::attribute(node, "name", &at)?;
         let (pose, parent) = pose(node, file, frames)?;
         let parent = scoped(parent.unwrap_or(usual_parent));
-        let holds = if kind == "link" { Holds::Unsaid } else { Holds::Other };
+        let holds = if kind == "link" { FrameContent::Unsaid } else { FrameContent::Other };
         frames.add(RigFrame { name: scoped(name), parent, pose, holds, at: at.clone() })?;
         match kind {
             "joint" => {
@@ -92,7 +92,7 @@ fn read_model(
             "model" => {
                 let inner = format!("{}::", scoped(name));
                 let (name, parent) = (format!("{inner}{MODEL}"), scoped(name));
-                let (pose, holds) = (super::frames::IDENTITY, Holds::Other);
+                let (pose, holds) = (super::frames::IDENTITY, FrameContent::Other);
                 frames.add(RigFrame { name, parent, pose, holds, at })?;
                 read_model(node, &inner, file, frames)?;
             }
@@ -119,7 +119,7 @@ fn read_sensors(
                 let at = fields::place(sensor, file);
                 let own = sensor.attribute("name").unwrap_or_default();
                 let frame = format!("{name}/{own}");
-                let (parent, holds) = (format!("{scope}{parent}"), Holds::Other);
+                let (parent, holds) = (format!("{scope}{parent}"), FrameContent::Other);
                 frames.add(RigFrame { name: frame.clone(), parent, pose: optical, holds, at })?;
                 add_sensor(frames, sensor, &frame, super::frames::IDENTITY, file)?;
             }
@@ -225,12 +225,12 @@ pub(super) fn add_sensor(
     let holds = if is_lidar(sensor) {
         let model = name.strip_prefix(link).and_then(|rest| rest.strip_prefix('-'));
         let model = model.filter(|model| !model.is_empty()).map(beams::usual);
-        Holds::Lidar { sensor: model, optical: Some(optical) }
+        FrameContent::Lidar { sensor: model, optical: Some(optical) }
     } else {
-        Holds::Other
+        FrameContent::Other
     };
     match frames.get_mut(link) {
-        Some(frame) if link != BASE_LINK && !matches!(frame.holds, Holds::Lidar { .. }) => {
+        Some(frame) if link != BASE_LINK && !matches!(frame.holds, FrameContent::Lidar { .. }) => {
             frame.holds = holds;
         }
         // A second LiDAR of a link, or one of the base itself, has a frame of its own.

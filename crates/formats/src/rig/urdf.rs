@@ -8,7 +8,7 @@ use std::fmt::Write;
 use roxmltree::Node;
 
 use super::fields::{self, wrong};
-use super::frames::{FrameTree, Holds, RigFrame, of_quaternion};
+use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
 use super::sdf::{add_sensor, namespace, sensor_element};
 use super::{BASE_LINK, Models, Mounting, Rig, RigError, RigSource};
 use sightline_files::Note;
@@ -134,7 +134,7 @@ fn read_joint(joint: Node, file: &str, frames: &mut FrameTree) -> Result<(), Rig
         let joint = joint.attribute("name").unwrap_or_default();
         frames.moves(&name, format!("`{joint}` ({kind})"));
     }
-    frames.add(RigFrame { name, parent, pose, holds: Holds::Unsaid, at })
+    frames.add(RigFrame { name, parent, pose, holds: FrameContent::Unsaid, at })
 }
 
 /// A robot of `base_link` and one link a LiDAR.

@@ -7,7 +7,7 @@
 use serde_json::Value;
 
 use super::fields::{self, Fields, wrong};
-use super::frames::{FrameTree, Holds, RigFrame, of_quaternion};
+use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
 use super::{BASE_LINK, Mounting, NamedText, Rig, RigError, RigSource};
 use sightline_files::Note;
 use sightline_files::json::Place;
@@ -65,7 +65,7 @@ fn read_frames(document: &Value, top: Place, frames: &mut FrameTree) -> Result<(
             let fields = Fields::of(value, at.clone())?;
             fields.refuse_others(&read, &AUTOWARE_PASSED)?;
             let (name, parent, pose) = (name.clone(), parent.clone(), fields.six()?);
-            frames.add(RigFrame { name, parent, pose, holds: Holds::Unsaid, at })?;
+            frames.add(RigFrame { name, parent, pose, holds: FrameContent::Unsaid, at })?;
         }
     }
     Ok(())
@@ -178,7 +178,7 @@ fn transform(value: &Value, at: Place) -> Result<RigFrame, RigError> {
         fields.text(key).map(|name| name.strip_prefix('/').unwrap_or(name).to_owned())
     };
     let (name, parent) = (name(&fields, CHILD)?, name(&header, "frame_id")?);
-    Ok(RigFrame { name, parent, pose, holds: Holds::Unsaid, at })
+    Ok(RigFrame { name, parent, pose, holds: FrameContent::Unsaid, at })
 }
 
 fn pose(translation: &Fields, rotation: &Fields) -> Result<SensorPose, RigError> {
@@ -230,9 +230,9 @@ fn read_sensors(document: &Value, top: Place, frames: &mut FrameTree) -> Result<
         let [qx, qy, qz, qw] = ["x", "y", "z", "w"].map(|key| rotation.number(key));
         let pose = of_quaternion([x?, y?, z?], [qx?, qy?, qz?, qw?], &rotation.at)?;
         let holds = if name.contains("camera") {
-            Holds::Other
+            FrameContent::Other
         } else {
-            Holds::Lidar { sensor: None, optical: None }
+            FrameContent::Lidar { sensor: None, optical: None }
         };
         // A base in itself would be a loop.
         let parent =

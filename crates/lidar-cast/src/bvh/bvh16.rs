@@ -1,6 +1,6 @@
 //! The sixteen-wide tree that a sensor's grid of beams walks, collapsed from the binary one.
 //!
-//! [`Cuts`] tells which nodes of the binary tree become wide nodes, and their children.
+//! [`TreeCuts`] tells which nodes of the binary tree become wide nodes, and their children.
 
 use super::{Node, Triangle};
 
@@ -54,14 +54,14 @@ pub struct Block16 {
 struct Collapse<'a> {
     nodes: &'a [Node],
     triangles: &'a [Triangle],
-    cuts: Cuts<'a, WIDTH>,
+    cuts: TreeCuts<'a, WIDTH>,
     tree: Bvh16,
 }
 
 impl Bvh16 {
-    /// Merges the binary tree's nodes where [`Cuts`] says. A subtree of at most sixteen triangles becomes a block.
+    /// Merges the binary tree's nodes where [`TreeCuts`] says. A subtree of at most sixteen triangles becomes a block.
     pub fn collapse(nodes: &[Node], triangles: &[Triangle]) -> Self {
-        let cuts = Cuts::new(nodes);
+        let cuts = TreeCuts::new(nodes);
         let mut collapse = Collapse { nodes, triangles, cuts, tree: Self::default() };
         if let Some(root) = nodes.first() {
             let sides = root.min.iter().chain(&root.max);
@@ -84,7 +84,7 @@ impl Collapse<'_> {
         for (slot, index) in self.cuts.children(from).into_iter().enumerate() {
             self.tree.nodes[at].set_box(slot, &self.nodes[index]);
             let child = if self.cuts.below[index].count as usize <= WIDTH {
-                let Below { first, count } = self.cuts.below[index];
+                let LeafRange { first, count } = self.cuts.below[index];
                 let (first, count) = (first as usize, count as usize);
                 self.tree.blocks.push(Block16::new(&self.triangles[first..first + count]));
                 BLOCK | (self.tree.blocks.len() - 1) as u32
@@ -147,12 +147,12 @@ impl Block16 {
 
 /// Triangles below a binary node: they are neighbours in leaf order.
 #[derive(Clone, Copy, Default)]
-struct Below {
+struct LeafRange {
     first: u32,
     count: u32,
 }
 
-impl Below {
+impl LeafRange {
     /// One for each node.
     fn all(nodes: &[Node]) -> Vec<Self> {
         let mut below = vec![Self::default(); nodes.len()];
@@ -177,10 +177,10 @@ impl Below {
 /// most `WIDTH` triangles is a block, which takes one place. (Ylitie, Karras, Laine: "Efficient incoherent ray traversal on
 /// GPUs through compressed wide BVHs", HPG 2017; departure: blocks are as large as they can be, so that they cost the same
 /// however the tree is cut.)
-struct Cuts<'a, const WIDTH: usize> {
+struct TreeCuts<'a, const WIDTH: usize> {
     nodes: &'a [Node],
     /// One for each binary node.
-    below: Vec<Below>,
+    below: Vec<LeafRange>,
     /// Row of each binary node in `places`; [`NO_WIDE_NODE`] for those that are blocks or lie in one.
     rows: Vec<u32>,
     /// `places[k]`: slots for the left child if the subtree gets k + 1 slots; 0 keeps the subtree as one child.
@@ -191,9 +191,9 @@ struct Cuts<'a, const WIDTH: usize> {
 /// Row of a binary node that is a block or lies in one.
 const NO_WIDE_NODE: u32 = u32::MAX;
 
-impl<'a, const WIDTH: usize> Cuts<'a, WIDTH> {
+impl<'a, const WIDTH: usize> TreeCuts<'a, WIDTH> {
     fn new(nodes: &'a [Node]) -> Self {
-        let (below, rows) = (Below::all(nodes), vec![NO_WIDE_NODE; nodes.len()]);
+        let (below, rows) = (LeafRange::all(nodes), vec![NO_WIDE_NODE; nodes.len()]);
         let mut cuts = Self { nodes, below, rows, places: Vec::new() };
         // Row by row: least sum of areas for k + 1 places.
         let mut least: Vec<[f32; WIDTH]> = Vec::new();
@@ -255,7 +255,7 @@ fn half_area(node: &Node) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::super::{Bvh, Node};
-    use super::{Below, Bvh16, Cuts, NO_WIDE_NODE, half_area};
+    use super::{Bvh16, LeafRange, NO_WIDE_NODE, TreeCuts, half_area};
     use crate::geom::TriangleSoup;
     use crate::maths::mixed;
 
@@ -309,7 +309,7 @@ mod tests {
     }
 
     /// Sum of the areas of the wide nodes; collects the blocks among their children.
-    fn walked(cuts: &Cuts<'_, WIDTH>, from: usize, blocks: &mut Vec<usize>) -> f64 {
+    fn walked(cuts: &TreeCuts<'_, WIDTH>, from: usize, blocks: &mut Vec<usize>) -> f64 {
         let children = cuts.children(from);
         assert!(children.len() <= WIDTH);
         let mut sum = f64::from(half_area(&cuts.nodes[from]));
@@ -325,7 +325,7 @@ mod tests {
     }
 
     /// The least sum of all ways to say of each binary node whether a wide one begins there.
-    fn least(nodes: &[Node], below: &[Below]) -> f64 {
+    fn least(nodes: &[Node], below: &[LeafRange]) -> f64 {
         let wide: Vec<usize> =
             (1..nodes.len()).filter(|&node| below[node].count as usize > WIDTH).collect();
         assert!(wide.len() < 16);
@@ -360,7 +360,7 @@ mod tests {
     fn wide_nodes_have_the_least_sum_of_areas() {
         for seed in 0..20 {
             let bvh = tree(24, seed, 10.0);
-            let cuts = Cuts::<WIDTH>::new(&bvh.nodes);
+            let cuts = TreeCuts::<WIDTH>::new(&bvh.nodes);
             let below = &cuts.below;
             let mut blocks = Vec::new();
             let found = walked(&cuts, 0, &mut blocks);
@@ -381,7 +381,7 @@ mod tests {
     #[test]
     fn a_tree_of_one_block_is_its_own_child() {
         let bvh = tree(WIDTH as u32, 1, 10.0);
-        let cuts = Cuts::<WIDTH>::new(&bvh.nodes);
+        let cuts = TreeCuts::<WIDTH>::new(&bvh.nodes);
         assert_eq!(cuts.children(0), [0]);
         assert!(cuts.rows.iter().all(|&row| row == NO_WIDE_NODE));
     }
@@ -389,7 +389,7 @@ mod tests {
     #[test]
     fn areas_beyond_all_numbers_are_cut_somewhere() {
         let bvh = tree(60, 3, 1e30);
-        let cuts = Cuts::<WIDTH>::new(&bvh.nodes);
+        let cuts = TreeCuts::<WIDTH>::new(&bvh.nodes);
         let mut blocks = Vec::new();
         walked(&cuts, 0, &mut blocks);
         assert_eq!(blocks.iter().map(|&node| cuts.below[node].count).sum::<u32>(), 60);

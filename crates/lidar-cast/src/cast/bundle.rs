@@ -139,7 +139,8 @@ pub(super) fn descend(
     let tree = &bvh.bvh16;
     let Some(first) = rays.first().filter(|_| !tree.nodes.is_empty()) else { return };
     let largest = tree.largest + first.origin.abs().max_element();
-    let tube = Tube { ray: first, width, slack: SLACK * largest + bvh.pad, around: SLACK + width };
+    let tube =
+        RayBundle { ray: first, width, slack: SLACK * largest + bvh.pad, around: SLACK + width };
     let farthest = |hits: &[Hit]| hits.iter().fold(0.0, |t: f32, hit| t.max(hit.t));
     let mut reach = farthest(hits);
     left.clear();
@@ -182,7 +183,7 @@ pub(super) fn descend(
 }
 
 /// A ray and all that lies within an angle around it.
-struct Tube<'a> {
+struct RayBundle<'a> {
     ray: &'a Ray,
     width: f32,
     /// Metres by which boxes grow for rounding.
@@ -191,7 +192,7 @@ struct Tube<'a> {
     around: f32,
 }
 
-impl Tube<'_> {
+impl RayBundle<'_> {
     /// A bit for each box of a node that begins within `reach`, and where they begin.
     #[inline(always)]
     fn children(&self, node: &Node16, reach: f32, begins: &mut [f32; WIDTH]) -> u16 {

@@ -30,7 +30,7 @@ use crate::task::{StageTimes, Tally, Task};
 use chunk::{GpuBatch, SceneBuffers, Sizes, WorkBuffers};
 use device::Device;
 use kernels::{Kernels, Rewrite};
-use pipeline::{Made, Pipeline};
+use pipeline::{ChunkResult, Pipeline};
 use readback::BatchTallies;
 
 pub use device::{AdapterSummary, list_adapters};
@@ -179,9 +179,11 @@ impl Backend for GpuBackend {
         let times = self.pipeline().run(&batch, |chunk, turn, made| {
             let (own, weight) = (chunk.cut.placements.clone(), weights[turn]);
             match made {
-                Made::Hits(hits) => sums.add_hits(own, &chunk.placements, weight, hits),
-                Made::Sums { totals, partials } => sums.add_sums(own, weight, totals, partials),
-                Made::Bitmaps(_) => {}
+                ChunkResult::Hits(hits) => sums.add_hits(own, &chunk.placements, weight, hits),
+                ChunkResult::Sums { totals, partials } => {
+                    sums.add_sums(own, weight, totals, partials)
+                }
+                ChunkResult::Bitmaps(_) => {}
             }
         })?;
         self.times += times;
@@ -221,7 +223,7 @@ impl Backend for GpuBackend {
         let batch =
             GpuBatch { placements: &placements, chunks, frames: &[frame], range, sums: false };
         self.pipeline().run(&batch, |chunk, _, made| {
-            if let Made::Bitmaps(made) = made {
+            if let ChunkResult::Bitmaps(made) = made {
                 // A placement is a sensor.
                 let first = chunk.cut.placements.start;
                 let of_sensors = made.par_chunks((2 * order.words()).max(1)).enumerate();

@@ -54,7 +54,7 @@ pub struct Flake {
 
 /// Effect of snow or rain on one beam.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fallen {
+pub struct FallEffect {
     /// Share of the light that goes as far as the beam does; a flake shades the way out and the way back
     /// alike, so it counts once.
     pub passed: f64,
@@ -96,15 +96,23 @@ impl Falling {
 
     /// Draws the flakes in a beam of `divergence` (full widths across and along, radians) up to `reach` metres.
     /// `draw` gives numbers from 0 to below 1.
-    pub fn beam(&self, divergence: [f64; 2], reach: f64, mut draw: impl FnMut() -> f64) -> Fallen {
-        let Some(balls) = &self.balls else { return Fallen { passed: 1.0, flake: None } };
+    pub fn beam(
+        &self,
+        divergence: [f64; 2],
+        reach: f64,
+        mut draw: impl FnMut() -> f64,
+    ) -> FallEffect {
+        let Some(balls) = &self.balls else { return FallEffect { passed: 1.0, flake: None } };
         let width = (divergence[0] * divergence[1]).sqrt();
         let blocked = first_block(balls, width, reach, &mut draw);
         let mut fall = Fall::new(balls, self.reflectance, width, blocked.unwrap_or(reach));
         let last = blocked.map(|range| DrawnFlake { range, share: 1.0 });
         fall.add(last);
         while fall.next(&mut draw) {}
-        Fallen { passed: if blocked.is_some() { 0.0 } else { fall.passed() }, flake: fall.best() }
+        FallEffect {
+            passed: if blocked.is_some() { 0.0 } else { fall.passed() },
+            flake: fall.best(),
+        }
     }
 }
 
@@ -312,7 +320,7 @@ pub(super) fn swell(phase: f64) -> f64 {
 
 /// Sum of a flake's echo and a target's echo.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Joined {
+pub enum JoinedEcho {
     /// Two echoes with peaks of their own.
     Apart,
     /// One from the target, of this power.
@@ -328,19 +336,19 @@ impl Flake {
     /// that is ½(P₁ + P₂ + |P₁ + P₂·e^(−iφ)|), at L·ψ/2π behind the first's, tan ψ = P₂·sin φ/(P₁ + P₂·cos φ). Where
     /// they are farther apart, each peaks while the other is off. A peak that misses the target by less than 0.2 m is the
     /// target's, as in the published rule.
-    pub fn join(&self, target: f64, power: f64) -> Joined {
+    pub fn join(&self, target: f64, power: f64) -> JoinedEcho {
         let apart = target - self.range;
         if apart.abs() >= LENGTH / 2.0 {
-            return Joined::Apart;
+            return JoinedEcho::Apart;
         }
         let (sin, cos) = maths::sin_cos(TAU * apart / LENGTH);
         let (along, across) = (self.power + power * cos, power * sin);
         let peak = 0.5 * (self.power + power + maths::hypot(along, across));
         let range = self.range + LENGTH / TAU * maths::atan2(across, along);
         if (range - target).abs() < APART {
-            Joined::Target(peak)
+            JoinedEcho::Target(peak)
         } else {
-            Joined::Flake(Flake { range, power: peak })
+            JoinedEcho::Flake(Flake { range, power: peak })
         }
     }
 }

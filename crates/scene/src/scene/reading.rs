@@ -97,7 +97,7 @@ impl Scene {
         let angles = of_angles(&top, &scene);
         let name = name_of(&top, scene.name.take())?;
         let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
-        let mut carrier = Carrier::new(&top, &mut scene, dir, vehicle)?;
+        let mut carrier = SceneVehicle::new(&top, &mut scene, dir, vehicle)?;
         roi.check_mount(&top.key("mount"), carrier.vehicle.corners())?;
         let classes = std::mem::take(&mut scene.classes);
         let classes = Classes::new(&top, classes, std::mem::take(&mut scene.detection))?;
@@ -114,11 +114,11 @@ impl Scene {
         top: &Place,
         scene: SceneDescription,
         (name, roi, classes): (String, RoiBounds, Classes),
-        carrier: Carrier,
+        carrier: SceneVehicle,
         things: SceneGeometry,
         dir: &Path,
     ) -> Result<Self, DescriptionError> {
-        let Carrier { vehicle, mut files, notes, .. } = carrier;
+        let SceneVehicle { vehicle, mut files, notes, .. } = carrier;
         let reflectances = Reflectances::new(top, &classes, &scene.reflectance, &scene.actors)?;
         let has_geometry = things.has_geometry();
         let frames = things.frames(top, scene.frames)?;
@@ -164,7 +164,7 @@ fn things(
     top: &Place,
     scene: &SceneDescription,
     classes: &Classes,
-    carrier: &mut Carrier,
+    carrier: &mut SceneVehicle,
     dir: &Path,
 ) -> Result<SceneGeometry, DescriptionError> {
     let mut builder = Builder::new(top, classes, &scene.shapes, dir);
@@ -191,7 +191,7 @@ fn name_of(top: &Place, given: Option<String>) -> Result<String, DescriptionErro
 }
 
 /// A scene's vehicle, its body and its files.
-struct Carrier {
+struct SceneVehicle {
     pub vehicle: Vehicle,
     /// A body that takes the place of the scene's own.
     pub body: Option<VehicleBody>,
@@ -223,7 +223,7 @@ impl VehicleBody {
     }
 }
 
-impl Carrier {
+impl SceneVehicle {
     /// From a scene's description, or from the vehicle file given beside it.
     pub fn new(
         top: &Place,

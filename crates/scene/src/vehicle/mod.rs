@@ -32,7 +32,7 @@ pub use lidar_cast::sensor::{
     Response, SensorError, SensorModel, SensorName, SensorPose, Sensors, UnknownSensor,
 };
 pub use lidar_cast::task::Requirement;
-pub use lidar_reading::Described;
+pub use lidar_reading::DescribedLidar;
 pub use mount::MountRules;
 pub use placement_file::{PlacementFileError, PlacementReader, read_placements};
 pub use placements::{

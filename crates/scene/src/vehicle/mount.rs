@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::description::{KeepOutDescription, LidarDescription, MountDescription};
 use super::equipment::{Vehicle, VehicleMount, VehicleSensor};
 use super::lidar::stated;
-use super::lidar_reading::Described;
+use super::lidar_reading::DescribedLidar;
 use super::mounting::{angles, box_of, corners};
 use super::pairing::{MIRRORED, SLACK};
 use super::sensor_file::Measures;
@@ -64,7 +64,8 @@ impl Vehicle {
             notes: Vec::new(),
         };
         vehicle.check_room(&at)?;
-        let Described { lidar, measures, notes } = Described::new(&top.key("lidar"), lidar, dir)?;
+        let DescribedLidar { lidar, measures, notes } =
+            DescribedLidar::new(&top.key("lidar"), lidar, dir)?;
         let phase = Phase::Locked(0.0);
         // Beams are as long as the f32 of the range, and so is the range of a response that nothing states.
         let response = match measures == Measures::default() {

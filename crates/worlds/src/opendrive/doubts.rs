@@ -87,7 +87,7 @@ fn in_degrees(plan: Node) -> Option<String> {
 }
 
 /// How a warning is taken.
-enum Taken {
+enum Severity {
     /// Part of the map would be missing.
     Error,
     /// The map contradicts itself; the library says how it is read.
@@ -96,7 +96,7 @@ enum Taken {
     Passed,
 }
 
-fn taken(warning: &Warning) -> Taken {
+fn taken(warning: &Warning) -> Severity {
     use Warning as W;
     match warning {
         W::RoadSkipped { .. }
@@ -122,7 +122,7 @@ fn taken(warning: &Warning) -> Taken {
         | W::ObjectDropped { .. }
         | W::RepeatDropped { .. }
         | W::SignalDropped { .. }
-        | W::RoadMarkLineDropped { .. } => Taken::Error,
+        | W::RoadMarkLineDropped { .. } => Severity::Error,
         W::NewerThanDeclared { .. }
         | W::SpeedLimitDropped { .. }
         | W::SpeedLimitDisagrees { .. }
@@ -144,8 +144,8 @@ fn taken(warning: &Warning) -> Taken {
         | W::StructureDropped { .. }
         | W::ObjectSurfaceDropped { .. }
         | W::CrgHideIgnored { .. }
-        | W::CrgDropped { .. } => Taken::Passed,
-        _ => Taken::Told,
+        | W::CrgDropped { .. } => Severity::Passed,
+        _ => Severity::Told,
     }
 }
 
@@ -158,11 +158,11 @@ pub(super) fn notes(warnings: &[Warning], file: &str) -> Result<Vec<Note>, World
     let mut seen = Vec::new();
     for warning in warnings {
         match taken(warning) {
-            Taken::Error => {
+            Severity::Error => {
                 return Err(WorldError::Part { file: file.to_owned(), what: warning.to_string() });
             }
-            Taken::Passed => continue,
-            Taken::Told => {}
+            Severity::Passed => continue,
+            Severity::Told => {}
         }
         let kind = discriminant(warning);
         let place = seen.iter().position(|known| *known == kind).unwrap_or_else(|| {

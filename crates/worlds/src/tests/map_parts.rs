@@ -50,7 +50,7 @@ fn a_walk_stands_as_high_as_the_map_says_on_both_sides() {
         (height(0.1, 0.3), 0.1, 0.3),
     ] {
         let network = network(&road("RHT", &walk, "", ""));
-        let walks = network.strips.iter().filter(|s| s.used == crate::network::Use::Walk);
+        let walks = network.strips.iter().filter(|s| s.used == crate::network::StripUse::Walk);
         let edges: Vec<(DVec3, DVec3)> =
             walks.flat_map(|s| s.left.iter().copied().zip(s.right.iter().copied())).collect();
         assert!(edges.len() >= 4);

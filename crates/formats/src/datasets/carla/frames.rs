@@ -182,14 +182,14 @@ const MOST: f64 = 1e7;
 
 /// Where the LiDAR stood.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Stood {
+pub(super) struct TimedPose {
     pub world_from_sensor: Pose,
     /// Seconds.
     pub time: Option<f64>,
 }
 
 /// Poses by frame, and notes on the table.
-type PoseTable = (BTreeMap<u32, Stood>, Vec<Note>);
+type PoseTable = (BTreeMap<u32, TimedPose>, Vec<Note>);
 
 /// Columns of the table that are read, by their titles in the first row.
 struct PoseColumns {
@@ -229,7 +229,7 @@ impl PoseColumns {
     }
 
     /// Frame and pose of a row; the error says what is wrong with it.
-    fn pose(&self, row: &str) -> Result<(u32, Stood), String> {
+    fn pose(&self, row: &str) -> Result<(u32, TimedPose), String> {
         let cells: Vec<&str> = row.split(',').take(MOST_COLUMNS + 1).map(plain).collect();
         if cells.iter().skip(self.count).any(|cell| !cell.is_empty()) {
             let wanted = "more cells than the first row; write decimals with a point, as 1.5";
@@ -250,7 +250,7 @@ impl PoseColumns {
         }
         let pose = mirrored(&SensorPose::from_values(six), f64::to_radians);
         let time = self.time.map(number).transpose()?;
-        Ok((frame, Stood { world_from_sensor: pose.ego_from_sensor(), time }))
+        Ok((frame, TimedPose { world_from_sensor: pose.ego_from_sensor(), time }))
     }
 }
 
@@ -283,7 +283,7 @@ pub(super) fn read_poses(path: &Path) -> Result<PoseTable, DatasetError> {
 /// A doubt about times that do not rise with the frames.
 pub(super) fn backwards(
     path: &Path,
-    frames: &BTreeMap<u32, (std::path::PathBuf, Stood)>,
+    frames: &BTreeMap<u32, (std::path::PathBuf, TimedPose)>,
 ) -> Option<Note> {
     let times: Vec<(u32, f64)> =
         frames.iter().filter_map(|(&frame, (_, stood))| Some((frame, stood.time?))).collect();

@@ -201,7 +201,7 @@ impl SourceTables {
         })?;
         let (mut row, mut refused) = (0, None);
         let (left, unknown) = (Cell::new(MOST_OF_A_ROW), Unknown::default());
-        let each = Each {
+        let each = EachRow {
             row: &mut row,
             refused: &mut refused,
             keep: &mut keep,
@@ -213,7 +213,7 @@ impl SourceTables {
                 unknown: &unknown,
             },
         };
-        let metered = Metered { file: BufReader::new(file), left: &left };
+        let metered = MeteredTable { file: BufReader::new(file), left: &left };
         let mut json = serde_json::Deserializer::from_reader(metered);
         let read = each.deserialize(&mut json).and_then(|()| json.end());
         match (refused, read) {
@@ -284,7 +284,7 @@ impl SourceTables {
 }
 
 /// Visits the rows of a list one by one.
-struct Each<'a, R, F> {
+struct EachRow<'a, R, F> {
     row: &'a mut usize,
     refused: &'a mut Option<DatasetError>,
     keep: &'a mut F,
@@ -293,13 +293,13 @@ struct Each<'a, R, F> {
 }
 
 /// A table that ends with an error where a row is longer than any row is: a text without an end would fill memory.
-struct Metered<'a, R> {
+struct MeteredTable<'a, R> {
     file: R,
     /// Bytes that the row may still take.
     left: &'a Cell<usize>,
 }
 
-impl<R: Read> Read for Metered<'_, R> {
+impl<R: Read> Read for MeteredTable<'_, R> {
     fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
         let most = to.len().min(self.left.get());
         if most == 0 && !to.is_empty() {
@@ -312,7 +312,7 @@ impl<R: Read> Read for Metered<'_, R> {
     }
 }
 
-impl<'de, R, F> DeserializeSeed<'de> for Each<'_, R, F>
+impl<'de, R, F> DeserializeSeed<'de> for EachRow<'_, R, F>
 where
     R: Deserialize<'de>,
     F: FnMut(R) -> Result<(), DatasetError>,
@@ -324,7 +324,7 @@ where
     }
 }
 
-impl<'de, R, F> Visitor<'de> for Each<'_, R, F>
+impl<'de, R, F> Visitor<'de> for EachRow<'_, R, F>
 where
     R: Deserialize<'de>,
     F: FnMut(R) -> Result<(), DatasetError>,

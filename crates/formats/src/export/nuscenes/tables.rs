@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::frames::scene_rows;
 use super::{SceneExport, channels, token};
-use crate::export::folder::{Folder, Staged};
+use crate::export::folder::{Folder, StagedFile};
 use crate::export::plan::Planned;
 use crate::export::{DatasetSettings, ExportError, SceneFacts, Split, nuscenes};
 
@@ -99,7 +99,7 @@ fn fixed_tables<'a>(
 
 /// A table that is being written.
 pub(super) struct OutputTable {
-    staged: Staged,
+    staged: StagedFile,
     empty: bool,
 }
 

@@ -49,7 +49,7 @@ pub struct FiringWalk {
     width: f32,
     instructions: Instructions,
     /// Working memory that no walk uses at the moment.
-    spare: Mutex<Vec<Sweeping>>,
+    spare: Mutex<Vec<SweepMemory>>,
 }
 
 impl FiringWalk {
@@ -127,7 +127,7 @@ impl FiringWalk {
         number: u32,
         part: &SweptPart<'_>,
         rays: &[Rays],
-        work: &mut Sweeping,
+        work: &mut SweepMemory,
         range: f32,
     ) {
         let tree = &part.bvh.bvh16;
@@ -141,8 +141,18 @@ impl FiringWalk {
         };
         let (grid, poses, channels) = (&self.grid, &part.poses[..], &self.channels[..]);
         let (first_prim, middles) = (part.first_prim, &self.middles[window.from / self.together()]);
-        let swept =
-            Swept { grid, window, eye, tree, poses, channels, rays, middles, first_prim, number };
+        let swept = SweptInputs {
+            grid,
+            window,
+            eye,
+            tree,
+            poses,
+            channels,
+            rays,
+            middles,
+            first_prim,
+            number,
+        };
         match self.instructions {
             Instructions::Best => walk(&swept, work),
             Instructions::Avx2 => walk_avx2(&swept, work),
@@ -174,7 +184,7 @@ impl FiringWalk {
     }
 
     /// Packet by packet.
-    fn alone(&self, window: Window, part: &SweptPart<'_>, rays: &[Rays], work: &mut Sweeping) {
+    fn alone(&self, window: Window, part: &SweptPart<'_>, rays: &[Rays], work: &mut SweepMemory) {
         let mut left = Vec::new();
         for (row, &channel) in self.channels.iter().enumerate() {
             for (column, pose) in part.poses.iter().enumerate() {
@@ -202,7 +212,7 @@ impl FiringWalk {
     "x86_64+avx+avx2+fma+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt",
 ))]
-fn walk(swept: &Swept<'_>, work: &mut Sweeping) {
+fn walk(swept: &SweptInputs<'_>, work: &mut SweepMemory) {
     match_target! {
         "x86_64+avx+avx2+fma+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt" => {
             avx512::walk(swept, work)
@@ -213,7 +223,7 @@ fn walk(swept: &Swept<'_>, work: &mut Sweeping) {
 }
 
 #[multiversion(targets("x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt"))]
-fn walk_avx2(swept: &Swept<'_>, work: &mut Sweeping) {
+fn walk_avx2(swept: &SweptInputs<'_>, work: &mut SweepMemory) {
     match_target! {
         "x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt" => avx2::walk(swept, work),
         _ => plain::walk(swept, work),
@@ -221,7 +231,7 @@ fn walk_avx2(swept: &Swept<'_>, work: &mut Sweeping) {
 }
 
 /// Inputs shared by all tests of one tree in one window of a turning sensor.
-pub(super) struct Swept<'a> {
+pub(super) struct SweptInputs<'a> {
     pub(super) grid: &'a Grid,
     window: Window,
     /// Eye in the middle of the window.
@@ -249,7 +259,7 @@ type Middles = [Vec<f32>; 3];
 const ROWS: usize = 64;
 
 /// Working memory: the beams of a window, and the stack of tree nodes still to visit.
-pub(super) struct Sweeping {
+pub(super) struct SweepMemory {
     /// Step by step and channel by channel, as their rays.
     packets: Vec<Packet>,
     /// The farthest best hit of each packet, row by row.
@@ -259,7 +269,7 @@ pub(super) struct Sweeping {
     outlined: Outlined,
 }
 
-impl Default for Sweeping {
+impl Default for SweepMemory {
     fn default() -> Self {
         Self {
             packets: Vec::new(),
@@ -275,8 +285,8 @@ per_target! {
     use super::{angles, descent, packet, triangles};
 
     /// Closest hits of a window's beams, where they are closer than those known.
-    fn walk(swept: &Swept<'_>, work: &mut Sweeping) {
-        let Swept { grid, window, eye, tree, .. } = swept;
+    fn walk(swept: &SweptInputs<'_>, work: &mut SweepMemory) {
+        let SweptInputs { grid, window, eye, tree, .. } = swept;
         boxes(grid, window, eye, &tree.nodes[0], &mut work.rects);
         let Some(root) = around(&work.rects) else { return };
         let across = |[first, last]: [u16; 2]| usize::from(last - first) + 1;
@@ -311,7 +321,7 @@ per_target! {
     }
 
     /// Tests a triangle with those beams of its rectangle that may hit it.
-    fn meet_all(swept: &Swept<'_>, work: &mut Sweeping, block: usize, slot: usize) {
+    fn meet_all(swept: &SweptInputs<'_>, work: &mut SweepMemory, block: usize, slot: usize) {
         let [first, last] = [work.rects.rows[0][slot] as usize, work.rects.rows[1][slot] as usize];
         let [from, to] =
             [work.rects.columns[0][slot] as usize, work.rects.columns[1][slot] as usize];
@@ -325,7 +335,7 @@ per_target! {
 
     /// Tests a triangle with one tile of the window: at most `ROWS` rows by sixteen columns.
     fn meet_some(
-        swept: &Swept<'_>, work: &mut Sweeping, block: usize, slot: usize,
+        swept: &SweptInputs<'_>, work: &mut SweepMemory, block: usize, slot: usize,
         [first, last]: [usize; 2], [from, to]: [usize; 2]
     ) {
         let (block, across) = (&swept.tree.blocks[block], swept.window.columns);
@@ -360,7 +370,7 @@ per_target! {
     }
 
     /// Turns all beams of the window to the frame of the part.
-    fn aim_all(swept: &Swept<'_>, work: &mut Sweeping) {
+    fn aim_all(swept: &SweptInputs<'_>, work: &mut SweepMemory) {
         let channels = swept.channels.len();
         let columns = work.packets.chunks_exact_mut(channels).zip(swept.rays.chunks_exact(channels));
         for ((packets, rays), pose) in columns.zip(swept.poses) {
@@ -372,7 +382,7 @@ per_target! {
     }
 
     /// A bit for each of `more` + 1 beams side by side that may hit a triangle where it counts.
-    fn may_hit(swept: &Swept<'_>, work: &Sweeping, slot: usize, at: usize, more: usize) -> u16 {
+    fn may_hit(swept: &SweptInputs<'_>, work: &SweepMemory, slot: usize, at: usize, more: usize) -> u16 {
         let middles = swept.middles;
         let Some(x) = middles[0][at..].first_chunk() else { return 0 };
         let Some(y) = middles[1][at..].first_chunk() else { return 0 };

@@ -22,20 +22,20 @@ pub(in crate::engine) struct GpuFirings {
 /// Buffers of a dispatch, each made again where a larger one is needed.
 #[derive(Default)]
 struct FiringBuffers {
-    instances: Room,
-    sensors: Room,
-    directions: Room,
-    hits: Room,
-    counters: Room,
+    instances: GrowingBuffer,
+    sensors: GrowingBuffer,
+    directions: GrowingBuffer,
+    hits: GrowingBuffer,
+    counters: GrowingBuffer,
 }
 
 /// A buffer once it is needed.
 #[derive(Default)]
-struct Room(Option<wgpu::Buffer>);
+struct GrowingBuffer(Option<wgpu::Buffer>);
 
 /// Firings as the kernel reads them.
 #[derive(Default)]
-struct Packed {
+struct PackedFirings {
     instances: Vec<GpuInstance>,
     sensors: Vec<Sensor>,
     /// Unit directions, the fourth number 0.
@@ -79,8 +79,8 @@ impl GpuFirings {
         firings.iter().take(MAX_WORKGROUPS as usize).take_while(fits).count().max(1)
     }
 
-    fn pack(&self, firings: &[Firing<'_>], range: f32) -> Packed {
-        let mut packed = Packed::default();
+    fn pack(&self, firings: &[Firing<'_>], range: f32) -> PackedFirings {
+        let mut packed = PackedFirings::default();
         for firing in firings {
             let (first_instance, first) = (packed.instances.len(), packed.directions.len() as u32);
             packed.instances.extend(firing.targets.iter().map(|target| {
@@ -172,7 +172,7 @@ impl FiringBuffers {
     }
 }
 
-impl Room {
+impl GrowingBuffer {
     fn of(
         &mut self,
         device: &Device,

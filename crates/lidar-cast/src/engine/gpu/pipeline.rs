@@ -3,7 +3,7 @@
 //! ```text
 //! GpuBatch ─► GpuChunk: uploaded ─► cast ─► settle: hits of the beams that the kernel left, by the host
 //!                                      ├─► dim: hits that come back through weather, by the host, where there is any
-//!                                      └─► cover ─► reduce ─► Pending ─► Made ─► BatchTallies
+//!                                      └─► cover ─► reduce ─► Pending ─► ChunkResult ─► BatchTallies
 //! ```
 //! While the device covers and sums up one step, the host adds up the sums of the step before.
 
@@ -34,7 +34,7 @@ struct Pending<'a> {
 }
 
 /// Results of a chunk in a frame.
-pub(super) enum Made<'a> {
+pub(super) enum ChunkResult<'a> {
     /// Hits by sensor.
     Hits(&'a [u32]),
     /// Bitmaps by sensor, in bricks.
@@ -72,7 +72,7 @@ impl<'a> Pipeline<'a> {
     pub(super) fn run(
         &self,
         batch: &GpuBatch<'_>,
-        mut take: impl FnMut(&GpuChunk<'_>, usize, Made<'_>),
+        mut take: impl FnMut(&GpuChunk<'_>, usize, ChunkResult<'_>),
     ) -> Result<StageTimes, BackendError> {
         let casts = self.task.ends_at_hits();
         self.compile(casts, batch.sums);
@@ -91,7 +91,7 @@ impl<'a> Pipeline<'a> {
                     if let Some(air) = self.task.air() {
                         hits = self.dim(air, &chunk, &standing, frame)?;
                     }
-                    take(&chunk, turn, Made::Hits(&hits));
+                    take(&chunk, turn, ChunkResult::Hits(&hits));
                     clock.lap(|times| &mut times.cast);
                 }
                 let next = self.cover(&chunk, &standing, turn, batch)?;
@@ -366,15 +366,15 @@ impl<'a> Pipeline<'a> {
         &self,
         step: Pending<'_>,
         clock: &mut Clock,
-        take: &mut impl FnMut(&GpuChunk<'_>, usize, Made<'_>),
+        take: &mut impl FnMut(&GpuChunk<'_>, usize, ChunkResult<'_>),
     ) -> Result<(), BackendError> {
         self.wait(&step, clock)?;
         let Pending { chunk, turn, results, .. } = step;
         self.device.finish(results, |parts| {
             let words = |part: usize| bytemuck::cast_slice(parts[part]);
             let made = match parts {
-                [_] => Made::Bitmaps(words(0)),
-                _ => Made::Sums { totals: words(0), partials: words(1) },
+                [_] => ChunkResult::Bitmaps(words(0)),
+                _ => ChunkResult::Sums { totals: words(0), partials: words(1) },
             };
             take(&chunk, turn, made);
         })?;
