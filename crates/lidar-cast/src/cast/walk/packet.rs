@@ -15,7 +15,7 @@ type RayLanes = [f32; RAYS];
 pub type Rays = [RayLanes; 3];
 
 /// Stands for the part of a packet that was aimed at none.
-pub(super) const NOWHERE: u32 = u32::MAX;
+const NOWHERE: u32 = u32::MAX;
 /// Stands for the axis along which rays go farthest where they differ.
 const MIXED: usize = 3;
 

@@ -26,15 +26,15 @@ pub(super) struct TriangleView {
     /// Lower and upper corner of the bare box, from the origin.
     pub(super) sides: [[[f32; W]; 3]; 2],
     /// Azimuths from and to.
-    pub(super) azimuths: [[f32; W]; 2],
+    azimuths: [[f32; W]; 2],
     /// A bit for each whose rows cannot be cut one by one.
     pub(super) uncut: u16,
     /// For each edge: the normal's azimuth, from the triangle's first and last one; how its plane
     /// rises, −n_z/n_xy; and how uncertain that is.
-    pub(super) begin: [[f32; W]; 3],
-    pub(super) end: [[f32; W]; 3],
-    pub(super) rise: [[f32; W]; 3],
-    pub(super) blur: [[f32; W]; 3],
+    begin: [[f32; W]; 3],
+    end: [[f32; W]; 3],
+    rise: [[f32; W]; 3],
+    blur: [[f32; W]; 3],
 }
 
 impl TriangleView {
