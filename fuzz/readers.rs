@@ -16,7 +16,9 @@ use sightline::datasets::{
 };
 use sightline::internals::RunDir;
 use sightline::psog::{Psog, Roi, read_psog, write_psog};
-use sightline::rig::{ImportSettings, Models, Mounting, RigFormat, Source, export, import_texts};
+use sightline::rig::{
+    ImportSettings, Models, Mounting, RigFormat, RigSource, export, import_texts,
+};
 use sightline::scene::{EgoBody, Scene, Target};
 use sightline::search::{Event, Run, State, Suite, TimeLimit};
 use sightline::vehicle::read_placements;
@@ -461,7 +463,7 @@ fn check_mesh(folder: &Path, name: &str, bytes: &[u8]) {
 fn check_rig(bytes: &[u8], format: Option<RigFormat>) {
     let text = String::from_utf8_lossy(bytes).into_owned();
     let read = |text: String, format, file: &str| {
-        let source = Source { file: file.to_owned(), text };
+        let source = RigSource { file: file.to_owned(), text };
         import_texts(&[source], &ImportSettings { format, ..ImportSettings::default() })
     };
     let _ = said(read(text.clone(), None, "rig"));

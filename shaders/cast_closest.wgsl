@@ -2,7 +2,7 @@
 //
 // CPU twin   crates/lidar-cast/src/cast/reference.rs::cast_frame_closest, over Bvh::closer_hit in the same file (a binary
 //            tree; the hit does not depend on the tree, see crates/lidar-cast/src/bvh/mod.rs); for scans, whose groups of rays that
-//            leave one place are a sensor each, crates/lidar-cast/src/cast/firings.rs::closest_hit
+//            leave one place are a sensor each, crates/lidar-cast/src/cast/bundle.rs::closest_hit
 // Reads      sensors[sensors], instances (those of a sensor one after the other), directions (those of a
 //            model one after the other), nodes (of all trees; every bit in crates/lidar-cast/src/bvh/bvh4.rs), triangles
 // Writes     hits[first_beam + beam], every element; counters[0] += beams out of steps or stack (their

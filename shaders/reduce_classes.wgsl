@@ -1,6 +1,6 @@
 // reduce_classes: counts the covered voxels in which each class occurs.
 //
-// CPU twin   crates/lidar-cast/src/reduce/reference.rs::reduce_classes
+// CPU twin   crates/lidar-cast/src/reduce.rs::reduce_classes
 // Reads      placements[placements], bitmaps[sensors × bitmap_words], class_voxels (bit numbers,
 //            class after class), class_runs (class, first, end: at most ITEMS_PER_WORKGROUP each)
 // Writes     totals[placement × (1 + class_count) + 1 + class] += covered voxels

@@ -1,6 +1,6 @@
 // reduce_occupied: sums the entropies of the occupied voxels that a placement covers.
 //
-// CPU twin   crates/lidar-cast/src/reduce/reference.rs::reduce_occupied
+// CPU twin   crates/lidar-cast/src/reduce.rs::reduce_occupied
 // Reads      placements[placements], bitmaps[sensors × bitmap_words], occupied[occupied_count]
 // Writes     partials[placement × workgroups × PARTIAL_WORDS], every element: word 0 the count of covered
 //            occupied voxels, words 1 + 2k and 2 + 2k the sums of the low and the high 16 bits of sum k

@@ -1,6 +1,6 @@
 // reduce_words: counts the voxels that any sensor of a placement covers.
 //
-// CPU twin   crates/lidar-cast/src/reduce/reference.rs::reduce_words
+// CPU twin   crates/lidar-cast/src/reduce.rs::reduce_words
 // Reads      placements[placements], bitmaps[sensors × bitmap_words]
 // Writes     totals[placement × (1 + class_count)] += covered voxels
 // Dispatch   (ceil(bitmap_words / ITEMS_PER_WORKGROUP), placements)

@@ -115,7 +115,7 @@ pub mod internals {
         shared_folder, target, writable_file, write_npy, write_whole,
     };
     pub use crate::psog::entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, fixed, to_nats};
-    pub use crate::psog::npz_member::ArrayFault;
+    pub use crate::psog::npz::ArrayFault;
     pub use crate::psog::vote::{FrameVotes, PsogBuilder};
     pub use crate::report::audit::{audit_text, audits_text};
     pub use crate::report::by_scene::by_scene;
@@ -161,8 +161,8 @@ pub mod internals {
     pub use crate::search::swaps::{SwapSettings, Swapped, swap_from};
     pub use crate::vehicle::constraints::Ties;
     pub use crate::vehicle::placement_file::{count_placements, holds_placements};
+    pub use crate::vehicle::placements::{draws, random_placements_by_the_rules};
     pub use crate::vehicle::pose_grid::{PoseGrid, PoseGridError, Spacing};
-    pub use crate::vehicle::random::{draws, random_placements_by_the_rules};
     pub use crate::verify::compare::{Differences, compared_frames};
     pub use crate::verify::oracle::{Agreement, EDGE_TOLERANCE, Explanation, explain, explain_in};
     pub use crate::verify::placements::{hostile_placements, usual_placements};

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use lidar_cast::bvh::{Bvh, Hit, NO_HIT, Ray};
-use lidar_cast::cast::{Caster, Casting, Instructions, Part, cast_closest};
+use lidar_cast::cast::{Caster, Casting, Instructions, TreeView, cast_closest};
 use lidar_cast::task::{DevicePose, beam_direction};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -245,11 +245,11 @@ fn hits_are_replaced_where_others_are_closer() {
                     }
                 }
             }
-            let parts: Vec<Part<'_>> = trees
+            let parts: Vec<TreeView<'_>> = trees
                 .iter()
                 .zip(own)
                 .zip(firsts)
-                .map(|((bvh, pose), first_prim)| Part { bvh, pose, first_prim })
+                .map(|((bvh, pose), first_prim)| TreeView { bvh, pose, first_prim })
                 .collect();
             for instructions in ALL {
                 let caster = Caster::by(Casting::Walk, instructions, &table);

@@ -11,7 +11,7 @@ use serde_json::{Map, Value};
 use sightline::Note;
 use sightline::internals::{FileError, write_whole};
 use sightline::rig::{
-    ImportSettings, Imported, Mounting, Rig, RigFormat, RigLidar, from_carla_sensors, import,
+    ImportSettings, ImportedRig, Mounting, Rig, RigFormat, RigLidar, from_carla_sensors, import,
     rig_json,
 };
 use sightline::vehicle::SensorName;
@@ -183,8 +183,8 @@ impl PyRig {
 
 impl PyRig {
     /// Result of reading; warns of every note.
-    fn of(py: Python<'_>, imported: Imported) -> PyResult<Self> {
-        let Imported { rig, left_out, notes, .. } = imported;
+    fn of(py: Python<'_>, imported: ImportedRig) -> PyResult<Self> {
+        let ImportedRig { rig, left_out, notes, .. } = imported;
         warn_of(py, &notes)?;
         Ok(Self { rig, left_out, notes: notes.iter().map(Note::to_string).collect() })
     }

@@ -1,6 +1,6 @@
 // Sensors of a placement, and whether a sensor covers a voxel: shared by the reductions.
 //
-// CPU twin   crates/lidar-cast/src/reduce/reference.rs::is_set; bit b of word w is bit number 32 w + b
+// CPU twin   crates/lidar-cast/src/reduce.rs::is_set; bit b of word w is bit number 32 w + b
 
 struct Sensors {
     first: u32,

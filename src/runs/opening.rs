@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use crate::job::{Job, JobError, JobFiles, JobScene};
 use crate::problem::StageTimes;
 use crate::psog::{Psog, PsogError};
-use crate::scan::conditions::{Condition, Kind};
+use crate::scan::conditions::{Condition, ConditionKind};
 use crate::scene::{PsogSource, Scene};
 use crate::search::{Evaluator, FRAMES_AT_ONCE, Member, Suite, TimeLimit};
 
@@ -185,8 +185,8 @@ pub fn geometry(path: &Path, mend: &str, computing: &Computing<'_>) -> Result<Sc
 /// Notes the meaning of scores under a condition that moves points alone.
 pub fn note_conditions(conditions: &[String], watcher: &dyn Watcher) {
     let conditions = conditions.iter().filter_map(|text| text.parse::<Condition>().ok());
-    let (blur, others): (Vec<Kind>, Vec<Kind>) =
-        conditions.map(|condition| condition.kind()).partition(|kind| *kind == Kind::Blur);
+    let (blur, others): (Vec<ConditionKind>, Vec<ConditionKind>) =
+        conditions.map(|condition| condition.kind()).partition(|kind| *kind == ConditionKind::Blur);
     if !blur.is_empty() {
         let scores = match others.is_empty() {
             // Any condition makes scores use the sensor's response, which matters in clear air, too.

@@ -8,7 +8,7 @@ use super::inputs::file_and_name;
 use super::{Error, Watcher};
 use crate::files::{Session, safe_name, shared_folder, writable_file, write_whole};
 use crate::rig::{
-    Comparison, Exported, ImportSettings, Imported, MODELS_FILE, Models, Mounting, NamedText,
+    Comparison, Exported, ImportSettings, ImportedRig, MODELS_FILE, Models, Mounting, NamedText,
     RigError, RigFormat, compare, default_frame, export, import, read_rig, rig_json,
 };
 use crate::scene::Scene;
@@ -145,7 +145,7 @@ pub fn import_files(
 }
 
 /// Notes the frames that were left out, and doubts.
-fn say(imported: &Imported, watcher: &dyn Watcher) -> Result<(), Error> {
+fn say(imported: &ImportedRig, watcher: &dyn Watcher) -> Result<(), Error> {
     let left_out = &imported.left_out;
     if !left_out.is_empty() {
         let shown = left_out[..left_out.len().min(MOST_LISTED)].join(", ");

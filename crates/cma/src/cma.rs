@@ -9,13 +9,11 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::BoundTransform;
-use crate::candidate::{Candidate, Origin};
-use crate::error::MAX_POPULATION;
-use crate::error::check_length;
-use crate::maths;
-use crate::state::{Roots, State};
-use crate::stop::Progress;
-use crate::{CmaError, CmaOptions, Constants, StopReason};
+use crate::error::{MAX_POPULATION, check_length};
+use crate::options::{Candidate, CandidateOrigin};
+use crate::state::{Roots, SearchDistribution};
+use crate::stop::CostHistory;
+use crate::{CmaError, CmaOptions, Constants, StopReason, maths};
 
 /// Largest condition number of C whose decomposition is trusted.
 const MAX_CONDITION: f64 = 1e14;
@@ -51,7 +49,7 @@ const POLISHED: f64 = 1e-3;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Cma {
     constants: Constants,
-    state: State,
+    state: SearchDistribution,
     seed: u64,
     space: Option<BoundTransform>,
     /// Floors of the standard deviations, in the search space.
@@ -68,7 +66,7 @@ pub struct Cma {
     clip_wait: u32,
     /// Generations that a bad clipped point holds off the next.
     clip_pause: u32,
-    progress: Progress,
+    progress: CostHistory,
     /// Roots of the present C; `None` before the first use and where C does not decompose.
     #[serde(skip)]
     roots: Option<Roots>,
@@ -103,7 +101,7 @@ impl Cma {
         };
         Ok(Self {
             constants: Constants::new(n, population, options.active, options.c_mu_offset),
-            state: State::new(DVector::from_vec(start), step_size),
+            state: SearchDistribution::new(DVector::from_vec(start), step_size),
             seed: options.seed,
             space,
             min_std,
@@ -114,7 +112,7 @@ impl Cma {
             last_clip: None,
             clip_wait: 0,
             clip_pause: 1,
-            progress: Progress::new(&options, n, population),
+            progress: CostHistory::new(&options, n, population),
             roots: None,
         })
     }
@@ -197,8 +195,9 @@ impl Cma {
         }
         let injected = self.waiting.len().min(self.constants.population / 2);
         let mut candidates = Vec::with_capacity(self.constants.population);
-        let given = self.waiting[..injected].iter().map(|point| (point, Origin::Injected));
-        for (point, origin) in given.chain(self.clip.iter().map(|p| (p, Origin::Clipped))) {
+        let given = self.waiting[..injected].iter().map(|point| (point, CandidateOrigin::Injected));
+        for (point, origin) in given.chain(self.clip.iter().map(|p| (p, CandidateOrigin::Clipped)))
+        {
             let x = match &self.space {
                 Some(space) => space.preimage(point),
                 None => point.clone(),
@@ -218,7 +217,7 @@ impl Cma {
         candidates.extend(y.column_iter().zip(z.column_iter()).map(|(y, z)| {
             let x = &self.state.mean + y * self.state.step_size;
             let (point, length) = (self.point_of(x.as_slice()), z.norm_squared());
-            Candidate { point, x, origin: Origin::Sampled, length }
+            Candidate { point, x, origin: CandidateOrigin::Sampled, length }
         }));
         candidates
     }
@@ -257,7 +256,7 @@ impl Cma {
                 return Err(CmaError::WrongCount { name, got, want });
             }
         }
-        let injected = candidates.iter().filter(|c| c.origin == Origin::Injected).count();
+        let injected = candidates.iter().filter(|c| c.origin == CandidateOrigin::Injected).count();
         self.waiting.drain(..injected.min(self.waiting.len()));
         self.progress.note(costs);
         if self.roots.is_none() {
@@ -300,7 +299,7 @@ impl Cma {
         for ((y, x), m) in step.iter_mut().zip(&candidate.x).zip(&self.state.mean) {
             *y = (x - m) * scale;
         }
-        if candidate.origin == Origin::Sampled {
+        if candidate.origin == CandidateOrigin::Sampled {
             return candidate.length;
         }
         let n = self.constants.n as f64;

@@ -5,7 +5,6 @@
 #![doc = include_str!("../README.md")]
 
 mod bounds;
-mod candidate;
 mod cma;
 mod constants;
 mod error;
@@ -17,10 +16,9 @@ mod stop;
 #[cfg(test)]
 mod tests;
 
-pub use candidate::Candidate;
 pub use cma::Cma;
 pub use constants::Constants;
 pub use error::CmaError;
-pub use options::CmaOptions;
+pub use options::{Candidate, CmaOptions};
 pub use restarts::{Ended, RestartOptions, RestartStrategy, Restarts};
 pub use stop::StopReason;

@@ -55,7 +55,7 @@ pub struct Ended {
 
 /// Settings of the next instance.
 #[derive(Debug, Clone, PartialEq)]
-struct Plan {
+struct NextInstance {
     small: bool,
     population: usize,
     step_size: f64,
@@ -65,14 +65,14 @@ struct Plan {
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Instance {
+struct RestartInstance {
     small: bool,
     cma: Cma,
 }
 
 /// Evaluations and instances of one regime.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-struct Spent {
+struct RegimeUsage {
     evaluations: u64,
     instances: u32,
 }
@@ -107,10 +107,10 @@ pub struct Restarts {
     options: CmaOptions,
     restarts: RestartOptions,
     first_population: usize,
-    running: Instance,
+    running: RestartInstance,
     ended: Vec<Ended>,
-    large: Spent,
-    small: Spent,
+    large: RegimeUsage,
+    small: RegimeUsage,
     /// Evaluations of the last stopped large instance.
     last_large: Option<u64>,
     polishing: bool,
@@ -164,10 +164,10 @@ impl Restarts {
             options,
             restarts,
             first_population: first.constants().population,
-            running: Instance { small: false, cma: first },
+            running: RestartInstance { small: false, cma: first },
             ended: Vec::new(),
-            large: Spent::default(),
-            small: Spent::default(),
+            large: RegimeUsage::default(),
+            small: RegimeUsage::default(),
             last_large: None,
             polishing: false,
             evaluations: 0,
@@ -194,12 +194,12 @@ impl Restarts {
         }
         let spent = if plan.small { &mut self.small } else { &mut self.large };
         spent.instances += 1;
-        self.running = Instance { small: plan.small, cma };
+        self.running = RestartInstance { small: plan.small, cma };
         Ok(())
     }
 
     /// Settings of the next instance of a regime.
-    fn plan(&self, small: bool) -> Plan {
+    fn plan(&self, small: bool) -> NextInstance {
         let first = self.first_population;
         let index = u64::from(self.large.instances + self.small.instances);
         let doubled = |times: u32| {
@@ -207,7 +207,7 @@ impl Restarts {
             population.unwrap_or(MAX_POPULATION).min(MAX_POPULATION)
         };
         if index == 0 {
-            return Plan {
+            return NextInstance {
                 small: false,
                 population: first,
                 step_size: self.step_size,
@@ -240,7 +240,7 @@ impl Restarts {
         } else {
             (doubled(self.large.instances), self.step_size, None)
         };
-        Plan { small, population, step_size, mean, seed, budget }
+        NextInstance { small, population, step_size, mean, seed, budget }
     }
 
     /// Candidates of the next generation of the running instance; the same ones until they are told.
@@ -266,7 +266,7 @@ impl Restarts {
         ranks: &[f64],
         costs: &[f64],
     ) -> Result<(), CmaError> {
-        let Instance { small, cma } = &mut self.running;
+        let RestartInstance { small, cma } = &mut self.running;
         cma.tell_ranked(candidates, ranks, costs)?;
         let told = candidates.len() as u64;
         let spent = if *small { &mut self.small } else { &mut self.large };

@@ -15,7 +15,7 @@ const MAX_SWEEPS: usize = 10_000;
 
 /// Search distribution N(mean, σ² C) and its evolution paths.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(super) struct State {
+pub(super) struct SearchDistribution {
     /// Mean m.
     #[serde(deserialize_with = "read_vector")]
     pub(super) mean: DVector<f64>,
@@ -61,7 +61,7 @@ fn read_matrix<'de, D: Deserializer<'de>>(from: D) -> Result<DMatrix<f64>, D::Er
     Ok(DMatrix::from_vec(rows, columns, entries))
 }
 
-impl State {
+impl SearchDistribution {
     /// True if all parts are of `n` variables.
     pub(super) fn is_of(&self, n: usize) -> bool {
         let vectors = [&self.mean, &self.path_sigma, &self.path_c];

@@ -63,7 +63,7 @@ struct Costs {
 
 /// Record of the costs, read by the stop criteria alone: the update reads ranks.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(super) struct Progress {
+pub(super) struct CostHistory {
     target: Option<f64>,
     budget: Option<u64>,
     tolerance: f64,
@@ -80,7 +80,7 @@ pub(super) struct Progress {
     evaluations: u64,
 }
 
-impl Progress {
+impl CostHistory {
     pub(super) fn new(options: &CmaOptions, n: usize, population: usize) -> Self {
         let (n, population) = (n as f64, population as f64);
         let memory = 200.0 + 200.0 * maths::pow(n, 1.5) / population;
@@ -211,9 +211,9 @@ fn falls(past: &VecDeque<Costs>) -> bool {
 mod tests {
     use super::*;
 
-    fn progress() -> Progress {
+    fn progress() -> CostHistory {
         let options = CmaOptions { target: Some(-5.0), budget: Some(4000), ..Default::default() };
-        Progress::new(&options, 2, 4)
+        CostHistory::new(&options, 2, 4)
     }
 
     #[test]
@@ -241,6 +241,6 @@ mod tests {
         progress.note(&[f64::NEG_INFINITY, f64::INFINITY, f64::NAN, 0.0]);
         assert_eq!(progress.stop(), Some(StopReason::Target));
         let text = serde_json::to_string(&progress).unwrap();
-        assert_eq!(serde_json::from_str::<Progress>(&text).unwrap(), progress);
+        assert_eq!(serde_json::from_str::<CostHistory>(&text).unwrap(), progress);
     }
 }

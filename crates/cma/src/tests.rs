@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use serde_json::Value;
 
 use super::*;
-use crate::state::State;
+use crate::state::SearchDistribution;
 
 mod restarts;
 mod robustness;
@@ -66,7 +66,8 @@ fn updates_follow_the_reference_traces() {
         ] {
             assert!(difference(&[got], &[want[name].as_f64().unwrap()]) < 1e-13, "{id}: {name}");
         }
-        let mut state = State::new(vector(&trace["m0"]), trace["sigma0"].as_f64().unwrap());
+        let mut state =
+            SearchDistribution::new(vector(&trace["m0"]), trace["sigma0"].as_f64().unwrap());
         for (g, generation) in trace["generations"].as_array().unwrap().iter().enumerate() {
             let roots = state.roots().unwrap();
             let x: Vec<_> = generation["x"].as_array().unwrap().iter().map(vector).collect();

@@ -1,8 +1,9 @@
-//! Headers of NumPy arrays, bounded before they are parsed.
+//! Lists as files: headers of NumPy arrays, bounded before they are parsed, `.npy`, and JSON with a line an element.
 
-use std::io::Read;
+use std::io::{self, Read, Write};
 
-use npyz::NpyHeader;
+use npyz::{NpyHeader, WriterBuilder};
+use serde_json::ser::Formatter;
 
 /// Reads a header and the number of its bytes. One that is longer or promises more than any file here holds is
 /// refused before it is parsed: the parser trusts both.
@@ -59,4 +60,40 @@ pub fn read_header(reader: &mut impl Read) -> Result<(NpyHeader, usize), String>
 pub fn transpose<T: Copy>(data: &[T], columns: usize) -> Vec<T> {
     let rows = data.len().checked_div(columns).unwrap_or(0);
     (0..data.len()).map(|n| data[n % columns * rows + n / columns]).collect()
+}
+
+/// Writes rising voxel indices as an array `u64[n]` that NumPy loads.
+///
+/// # Errors
+/// Errors of `out`.
+pub fn write_npy(out: impl Write, numbers: Vec<u64>) -> io::Result<()> {
+    let shape = [numbers.len() as u64];
+    let mut array =
+        npyz::WriteOptions::new().default_dtype().shape(&shape).writer(out).begin_nd()?;
+    array.extend(numbers)?;
+    array.finish()
+}
+
+/// Compact JSON with each element of an outer list on a line of its own.
+#[derive(Default)]
+pub struct LinePerElement {
+    /// Lists that are open.
+    depth: u32,
+}
+
+impl Formatter for LinePerElement {
+    fn begin_array<W: ?Sized + Write>(&mut self, out: &mut W) -> io::Result<()> {
+        self.depth += 1;
+        out.write_all(b"[")
+    }
+
+    fn end_array<W: ?Sized + Write>(&mut self, out: &mut W) -> io::Result<()> {
+        self.depth -= 1;
+        out.write_all(if self.depth == 0 { b"\n]" } else { b"]" })
+    }
+
+    fn begin_array_value<W: ?Sized + Write>(&mut self, out: &mut W, first: bool) -> io::Result<()> {
+        out.write_all(if first { b"" } else { b"," })?;
+        out.write_all(if self.depth == 1 { b"\n" } else { b"" })
+    }
 }

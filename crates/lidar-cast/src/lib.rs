@@ -5,7 +5,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`maths`], [`memory`], [`chance`], [`nearest`] | functions of one number, free memory, hashes, similar names |
+//! | [`maths`], [`memory`] | functions of one number, free memory |
 //! | [`geom`] | rigid transforms, boxes, triangle soups |
 //! | [`grid`] | the region of interest and its voxels |
 //! | [`sensor`] | beam tables, sensor models, poses, placements |
@@ -20,14 +20,12 @@
 
 pub mod bvh;
 pub mod cast;
-pub mod chance;
 pub mod cover;
 pub mod engine;
 pub mod geom;
 pub mod grid;
 pub mod maths;
 pub mod memory;
-pub mod nearest;
 pub mod reduce;
 pub mod sensor;
 pub mod task;

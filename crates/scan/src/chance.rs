@@ -1,7 +1,7 @@
 //! Random numbers that depend only on their purpose and beam, not on the order of the draws.
 
-use lidar_cast::chance::mixed;
 use lidar_cast::maths;
+use lidar_cast::maths::mixed;
 
 /// Use of a random number; draws for different purposes are independent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

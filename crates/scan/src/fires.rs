@@ -34,7 +34,7 @@ struct Azimuths {
 
 /// Position of one beam in its sensor's pattern.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct BeamPlace {
     /// Number in the table.
     pub beam: usize,
     pub channel: usize,
@@ -95,12 +95,12 @@ impl Fires {
     }
 
     /// Beams of a firing.
-    pub fn together(&self, firing: usize) -> impl Iterator<Item = Place> + use<> {
+    pub fn together(&self, firing: usize) -> impl Iterator<Item = BeamPlace> + use<> {
         let (first, beams) = (self.before(firing), self.columns * self.channels);
         let (columns, in_grid) = (self.columns, self.azimuths.is_some());
         (first..(first + self.size).min(beams)).map(move |fired| {
             let (channel, column) = if in_grid { (fired - first, firing) } else { (0, fired) };
-            Place { beam: channel * columns + column, channel, column, firing, fired }
+            BeamPlace { beam: channel * columns + column, channel, column, firing, fired }
         })
     }
 
@@ -109,7 +109,7 @@ impl Fires {
         &self,
         channel: usize,
         columns: Range<usize>,
-    ) -> impl Iterator<Item = Place> + use<> {
+    ) -> impl Iterator<Item = BeamPlace> + use<> {
         let Self { columns: all, channels, size, azimuths, .. } = *self;
         columns.map(move |column| {
             let beam = channel * all + column;
@@ -117,15 +117,15 @@ impl Fires {
                 Some(_) => (column, column * channels + channel),
                 None => (beam / size, beam),
             };
-            Place { beam, channel, column, firing, fired }
+            BeamPlace { beam, channel, column, firing, fired }
         })
     }
 
     /// Beams beside a beam in azimuth and in elevation, by their numbers in the order in which they fire: its
     /// neighbours, and where steps are finer than half of its width all that it overlaps and the next.
-    pub fn beside(&self, place: &Place) -> impl Iterator<Item = usize> + use<> {
+    pub fn beside(&self, place: &BeamPlace) -> impl Iterator<Item = usize> + use<> {
         let Self { columns, channels, turns, overlaps, .. } = *self;
-        let Place { channel, column, fired, .. } = *place;
+        let BeamPlace { channel, column, fired, .. } = *place;
         let in_azimuth = (1..=overlaps[0].min(columns - 1)).flat_map(move |step| {
             let (far, round) = (step * channels, (columns - step) * channels);
             let left =

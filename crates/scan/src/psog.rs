@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::rings::{Rings, table};
 use lidar_cast::bvh::Hit;
-use lidar_cast::cast::{Caster, Part};
+use lidar_cast::cast::{Caster, TreeView};
 use lidar_cast::geom::Pose;
 use lidar_cast::grid::HIT_PUSH;
 use sightline_scene::problem::world_of;
@@ -45,7 +45,7 @@ pub fn scan_scene(
 ) -> Result<(Psog, BuildReport), PsogError> {
     let mut builder = PsogBuilder::new(*roi, scene.classes().to_vec())?;
     let frames: Vec<usize> = (0..scene.frame_count()).collect();
-    let scanner = Scanner {
+    let scanner = VirtualScanner {
         scene,
         world: world_of(scene, &frames, settings.range as f32, EgoBody::Exclude)?,
         classes: scene.face_classes(EgoBody::Exclude),
@@ -65,7 +65,7 @@ pub fn scan_scene(
 }
 
 /// All that the frames of a scan share.
-struct Scanner<'a> {
+struct VirtualScanner<'a> {
     scene: &'a Scene,
     world: World,
     /// Class of each triangle.
@@ -81,7 +81,7 @@ struct Band {
     caster: Caster,
 }
 
-impl Scanner<'_> {
+impl VirtualScanner<'_> {
     /// The votes of some frames; `None` once `go_on`, which is asked before each band of rings, says no.
     fn scan(&self, frames: &[usize], go_on: impl Fn() -> bool) -> Option<Vec<FrameVotes>> {
         let mut stands: Vec<usize> = frames.iter().flat_map(|&frame| self.stands(frame)).collect();
@@ -159,8 +159,8 @@ impl Scanner<'_> {
 }
 
 /// Trees with their sensor poses; `pose` takes the scanner's frame to the ego's.
-fn parts<'a>(instances: &'a [Instance], pose: &Pose) -> Vec<Part<'a>> {
-    let part = |instance: &'a Instance| Part {
+fn parts<'a>(instances: &'a [Instance], pose: &Pose) -> Vec<TreeView<'a>> {
+    let part = |instance: &'a Instance| TreeView {
         bvh: &instance.tree,
         pose: instance.pose_of(pose),
         first_prim: instance.first_prim,

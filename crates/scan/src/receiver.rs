@@ -2,16 +2,14 @@
 
 use glam::{DVec3, Vec3};
 
-use super::chance::{Chance, Purpose};
-use super::conditions::{Flake, Joined};
-use super::echoes::{Echo, EchoList};
-use super::fires::Place;
-use super::optics::{Optics, is_seen};
-use super::rays::{RAYS, ray_share};
-use super::rim::Rims;
-use super::station::Surface;
-use super::sweep::{Sweep, Sweeper};
-use super::{NO_CLASS, NO_INSTANCE, Return, Status};
+use crate::chance::{Chance, Purpose};
+use crate::conditions::{Flake, JoinedEcho};
+use crate::fires::BeamPlace;
+use crate::optics::{Optics, is_seen};
+use crate::rim::{RAYS, Rims, ray_share};
+use crate::station::SurfaceHit;
+use crate::sweep::{Sweep, Sweeper};
+use crate::{NO_CLASS, NO_INSTANCE, Return, Status};
 use sightline_scene::vehicle::Echoes;
 
 /// Power in units of the threshold at which the noise begins to grow, and how far it grows.
@@ -34,7 +32,7 @@ pub(super) struct Receiver<'a> {
 
 impl Receiver<'_> {
     /// Reports the returns of a beam, one at least.
-    pub fn returns(&self, beam: &Place, mut report: impl FnMut(Return)) {
+    pub fn returns(&self, beam: &BeamPlace, mut report: impl FnMut(Return)) {
         let surface = self.sweep.surfaces[beam.fired];
         if self.ideal {
             let reflectance = &self.optics.reflectance;
@@ -96,7 +94,7 @@ impl Receiver<'_> {
     }
 
     /// Echoes of the surfaces that a beam's rays meet; those within a pulse's length are one.
-    fn surfaces(&self, rays: &[Surface], echoes: &mut EchoList) {
+    fn surfaces(&self, rays: &[SurfaceHit], echoes: &mut EchoList) {
         if let [only] = rays {
             if only.is_hit() {
                 echoes.push(self.echo(only, 0, 1.0));
@@ -128,7 +126,7 @@ impl Receiver<'_> {
             }
         }
         if let [only] = echoes.as_mut_slice()
-            && rays.iter().all(Surface::is_hit)
+            && rays.iter().all(SurfaceHit::is_hit)
         {
             // The whole beam meets surfaces close to its centre hit: the echo gets the centre's range.
             (only.range, only.ray) = (f64::from(rays[0].t), Some(0));
@@ -136,7 +134,7 @@ impl Receiver<'_> {
     }
 
     /// Echo of a surface that gets `share` of the beam's power.
-    fn echo(&self, surface: &Surface, ray: u8, share: f64) -> Echo {
+    fn echo(&self, surface: &SurfaceHit, ray: u8, share: f64) -> Echo {
         let (range, incidence) = (f64::from(surface.t), f64::from(surface.incidence));
         let (class, instance) = (surface.class, surface.instance);
         let power = share * self.optics.power(self.seed, class, instance, incidence, range);
@@ -144,7 +142,7 @@ impl Receiver<'_> {
     }
 
     /// Adds echoes of fog, snow and rain, and dims the surfaces behind snow and rain.
-    fn weather(&self, chance: &Chance, surface: &Surface, echoes: &mut EchoList) {
+    fn weather(&self, chance: &Chance, surface: &SurfaceHit, echoes: &mut EchoList) {
         let model = self.sweeper.model();
         let target = if surface.is_hit() { f64::from(surface.t) } else { f64::INFINITY };
         let surfaces = echoes.len();
@@ -167,8 +165,8 @@ impl Receiver<'_> {
     /// A return, with the errors of its measurement; the second is of another surface than the strongest.
     fn measure(
         &self,
-        beam: &Place,
-        rays: &[Surface],
+        beam: &BeamPlace,
+        rays: &[SurfaceHit],
         chance: &Chance,
         echo: &Echo,
         number: u32,
@@ -195,8 +193,8 @@ impl Receiver<'_> {
     /// The record of a return at a range.
     fn record(
         &self,
-        beam: &Place,
-        rays: &[Surface],
+        beam: &BeamPlace,
+        rays: &[SurfaceHit],
         echo: &Echo,
         range: f64,
         intensity: f32,
@@ -224,7 +222,13 @@ impl Receiver<'_> {
     }
 
     /// Where a return at a range comes from, and where it seems to come from if the sensor stood still.
-    fn positions(&self, beam: &Place, rays: &[Surface], echo: &Echo, range: f64) -> (Vec3, Vec3) {
+    fn positions(
+        &self,
+        beam: &BeamPlace,
+        rays: &[SurfaceHit],
+        echo: &Echo,
+        range: f64,
+    ) -> (Vec3, Vec3) {
         let direction = self.sweeper.model().table.directions()[beam.beam].map(f64::from);
         let point = DVec3::from(direction) * range;
         let raw = self.sweep.first().start_from_sensor.apply(point).as_vec3();
@@ -248,12 +252,78 @@ fn join(flake: &Flake, status: Status, surfaces: usize, echoes: &mut EchoList) {
         let joined = flake.join(echo.range, echo.power);
         (echo, joined)
     });
-    let near = lit.filter(|(echo, joined)| echo.power > 0.0 && *joined != Joined::Apart);
+    let near = lit.filter(|(echo, joined)| echo.power > 0.0 && *joined != JoinedEcho::Apart);
     match near.max_by(|(a, _), (b, _)| a.power.total_cmp(&b.power)) {
-        Some((echo, Joined::Target(power))) => echo.power = power,
-        Some((echo, Joined::Flake(Flake { range, power }))) => {
+        Some((echo, JoinedEcho::Target(power))) => echo.power = power,
+        Some((echo, JoinedEcho::Flake(Flake { range, power }))) => {
             *echo = Echo::of_medium(range, power, status);
         }
         _ => echoes.push(Echo::of_medium(flake.range, flake.power, status)),
+    }
+}
+
+/// Power that comes back from one distance.
+#[derive(Debug, Clone, Copy)]
+struct Echo {
+    /// Metres.
+    pub range: f64,
+    /// Power in the unit of ρ·cos θ / r².
+    pub power: f64,
+    /// The beam's ray that brings most of it back from a surface; `None` of the medium.
+    pub ray: Option<u8>,
+    pub status: Status,
+}
+
+impl Echo {
+    const NONE: Self = Self { range: 0.0, power: 0.0, ray: None, status: Status::Miss };
+
+    /// Echo of fog, snow or rain.
+    pub fn of_medium(range: f64, power: f64, status: Status) -> Self {
+        Self { range, power, ray: None, status }
+    }
+
+    /// Adds the power of another, and moves to the mean of both by power.
+    pub fn join(&mut self, other: &Self) {
+        let power = self.power + other.power;
+        let share = if power > 0.0 { other.power / power } else { 0.0 };
+        self.range += share * (other.range - self.range);
+        self.power = power;
+    }
+}
+
+/// The echoes of a beam: at most one of each of its rays, one of fog, of snow and of rain each.
+struct EchoList {
+    list: [Echo; RAYS + 3],
+    len: usize,
+}
+
+impl Default for EchoList {
+    fn default() -> Self {
+        Self { list: [Echo::NONE; RAYS + 3], len: 0 }
+    }
+}
+
+impl EchoList {
+    pub fn push(&mut self, echo: Echo) {
+        if let Some(place) = self.list.get_mut(self.len) {
+            *place = echo;
+            self.len += 1;
+        }
+    }
+
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    pub fn last_mut(&mut self) -> Option<&mut Echo> {
+        self.as_mut_slice().last_mut()
+    }
+
+    pub fn as_slice(&self) -> &[Echo] {
+        &self.list[..self.len]
+    }
+
+    pub fn as_mut_slice(&mut self) -> &mut [Echo] {
+        &mut self.list[..self.len]
     }
 }

@@ -1,28 +1,31 @@
-//! The rims of beams, where a beam is wider than the line in its middle.
+//! The rims of beams, where a beam is wider than the line in its middle, and the rays that a beam is made of.
 
+use std::f64::consts::TAU;
+
+use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::device::Device;
-use super::fires::Place;
-use super::rays::{RAYS, RING, lane, ring};
-use super::stage::Stage;
-use super::station::{Edge, Faces, Surface};
-use super::sweep::{COLUMNS_A_TASK, Sweep, Sweeper};
+use crate::fires::{BeamPlace, Fires};
+use crate::stage::Stage;
+use crate::station::{Edge, Faces, SurfaceHit};
+use crate::sweep::{COLUMNS_A_TASK, ScanDevice, Sweep, Sweeper};
 use lidar_cast::bvh::Hit;
-use lidar_cast::cast::{Left, Target, all_hit, closer_hits_of_bundle};
+use lidar_cast::cast::{self, BundleTree, Rays, TraversalStack, all_hit, closer_hits_of_bundle};
+use lidar_cast::maths;
+use sightline_scene::vehicle::SensorModel;
 
 /// A beam whose middle is enough.
 const NONE: u32 = u32::MAX;
 
 /// Hits of the beams' rim rays in one frame.
 pub(super) struct Rims<'r> {
-    turn: Turn<'r>,
+    turn: RimCaster<'r>,
     /// None where the sweep knows the rims of all beams.
-    cast: Option<Cast>,
+    cast: Option<RimHits>,
 }
 
 /// Rims that were cast by themselves.
-struct Cast {
+struct RimHits {
     /// One for each beam, in the order in which they fire, its place among the hits, or [`NONE`].
     places: Vec<u32>,
     hits: Vec<[Hit; RING]>,
@@ -34,44 +37,44 @@ impl<'r> Rims<'r> {
     pub fn meet(
         sweeper: &'r Sweeper,
         stage: &'r Stage,
-        device: &'r Device,
+        device: &'r ScanDevice,
         sweep: &'r Sweep,
     ) -> Option<Self> {
         if sweeper.width <= 0.0 {
             return None;
         }
-        let turn = Turn { sweeper, stage, device, sweep };
+        let turn = RimCaster { sweeper, stage, device, sweep };
         let cast = sweep.rims.is_none().then(|| {
             let all = (0..sweeper.fires.firings()).into_par_iter().with_min_len(COLUMNS_A_TASK);
             let wanted = |firing| sweeper.fires.together(firing).filter(|place| turn.wants(place));
-            let wanted: Vec<Place> = all.flat_map_iter(wanted).collect();
+            let wanted: Vec<BeamPlace> = all.flat_map_iter(wanted).collect();
             let mut places = vec![NONE; sweep.surfaces.len()];
             wanted.iter().zip(0..).for_each(|(place, at)| places[place.fired] = at);
-            Cast { places, hits: turn.cast(&wanted) }
+            RimHits { places, hits: turn.cast(&wanted) }
         });
         Some(Self { turn, cast })
     }
 
     /// Hits of a beam's rim rays; `None` if its centre ray is enough.
-    fn hits(&self, place: &Place) -> Option<&[Hit; RING]> {
+    fn hits(&self, place: &BeamPlace) -> Option<&[Hit; RING]> {
         match (&self.cast, &self.turn.sweep.rims) {
-            (Some(Cast { places, hits }), _) => hits.get(places[place.fired] as usize),
+            (Some(RimHits { places, hits }), _) => hits.get(places[place.fired] as usize),
             (None, Some(rims)) => self.turn.wants(place).then(|| &rims[place.fired]),
             (None, None) => None,
         }
     }
 
     /// Surfaces met by a beam's seven rays, the known centre ray first; `None` if the centre ray is enough.
-    pub fn rays(&self, place: &Place) -> Option<[Surface; RAYS]> {
+    pub fn rays(&self, place: &BeamPlace) -> Option<[SurfaceHit; RAYS]> {
         let hits = self.hits(place)?;
-        let Turn { sweeper, stage, sweep, .. } = self.turn;
+        let RimCaster { sweeper, stage, sweep, .. } = self.turn;
         let rays = &sweeper.rays[place.fired];
         let mut faces = Faces::new(sweep.station(place.firing), stage);
         let mut surfaces = [sweep.surfaces[place.fired]; RAYS];
         for (k, hit) in hits.iter().enumerate() {
             surfaces[k + 1] = match faces.of(hit) {
                 Some(face) => face.met(lane(rays, k + 1), hit).0,
-                None => Surface::none(hit.t),
+                None => SurfaceHit::none(hit.t),
             };
         }
         Some(surfaces)
@@ -80,18 +83,18 @@ impl<'r> Rims<'r> {
 
 /// Centre hits of a frame's beams, and the means to cast more rays.
 #[derive(Clone, Copy)]
-struct Turn<'a> {
+struct RimCaster<'a> {
     sweeper: &'a Sweeper,
     stage: &'a Stage,
-    device: &'a Device,
+    device: &'a ScanDevice,
     sweep: &'a Sweep,
 }
 
-impl Turn<'_> {
+impl RimCaster<'_> {
     /// Casts the rim rays of `wanted` beams, which come in firing order.
-    fn cast(&self, wanted: &[Place]) -> Vec<[Hit; RING]> {
-        let Turn { sweeper, stage, device, sweep } = *self;
-        let firings: Vec<&[Place]> = wanted.chunk_by(|a, b| a.firing == b.firing).collect();
+    fn cast(&self, wanted: &[BeamPlace]) -> Vec<[Hit; RING]> {
+        let RimCaster { sweeper, stage, device, sweep } = *self;
+        let firings: Vec<&[BeamPlace]> = wanted.chunk_by(|a, b| a.firing == b.firing).collect();
         let by_device = || {
             let firings = firings.par_iter().map(|wanted| {
                 let rays = wanted.iter().flat_map(|place| ring(&sweeper.rays[place.fired]));
@@ -104,10 +107,10 @@ impl Turn<'_> {
             return hits.as_chunks().0.to_vec();
         }
         let tasks = firings.par_iter().with_min_len(COLUMNS_A_TASK);
-        let cast = tasks.map_init(Left::new, |left, wanted| {
+        let cast = tasks.map_init(TraversalStack::new, |left, wanted| {
             let station = sweep.station(wanted[0].firing);
-            let targets: Vec<Target<'_>> = station.targets(stage).collect();
-            let bundle = |place: &Place| {
+            let targets: Vec<BundleTree<'_>> = station.targets(stage).collect();
+            let bundle = |place: &BeamPlace| {
                 let rays = &sweeper.rays[place.fired];
                 let rays: [_; RAYS] = std::array::from_fn(|ray| lane(rays, ray));
                 let mut found = [Hit::none(range); RAYS];
@@ -121,8 +124,8 @@ impl Turn<'_> {
     }
 
     /// True if the rim of a beam is looked at.
-    fn wants(&self, place: &Place) -> bool {
-        let Turn { sweeper, stage, sweep, .. } = *self;
+    fn wants(&self, place: &BeamPlace) -> bool {
+        let RimCaster { sweeper, stage, sweep, .. } = *self;
         let (edge, own) = (self.edge(place), &sweep.surfaces[place.fired]);
         if edge != Edge::InFront || !own.is_hit() {
             return edge != Edge::None;
@@ -145,10 +148,66 @@ impl Turn<'_> {
     }
 
     /// The edge between a beam and those beside it; one that it sees behind before one in front.
-    fn edge(&self, place: &Place) -> Edge {
+    fn edge(&self, place: &BeamPlace) -> Edge {
         let surfaces = &self.sweep.surfaces;
         let here = &surfaces[place.fired];
         let edges = self.sweeper.fires.beside(place).map(|at| here.edge_to(&surfaces[at]));
         edges.max().unwrap_or(Edge::None)
     }
+}
+
+/// Rays that a beam is made of where its middle is not enough: the middle, and a ring of six on its rim.
+pub(super) const RAYS: usize = 7;
+/// Rays on the rim.
+pub(super) const RING: usize = RAYS - 1;
+/// Share of the beam's power in the middle; the ring has the rest.
+const MIDDLE: f64 = 0.4;
+
+/// Share of a beam's power that goes with one of its rays.
+pub(super) fn ray_share(ray: usize) -> f64 {
+    if ray == 0 { MIDDLE } else { (1.0 - MIDDLE) / RING as f64 }
+}
+
+/// Middle and rim of each beam of a sensor, in the order in which beams fire: lane 0 is the middle, the next six are
+/// on the rim, all others repeat the middle.
+pub(super) fn rays_of(model: &SensorModel, fires: &Fires) -> Vec<Rays> {
+    let [across, along] = model.response.divergence.map(|width| width / 2.0);
+    let ray = |k: usize| {
+        // Round the ellipse of the half widths.
+        let (sin, cos) = maths::sin_cos(TAU * (k as f64 + 1.5) / RING as f64);
+        DVec3::new(1.0, maths::tan(cos * across), maths::tan(sin * along)).normalize()
+    };
+    let ring: [DVec3; RING] = std::array::from_fn(ray);
+    let is_wide = across > 0.0 || along > 0.0;
+    let rays = |place: BeamPlace| {
+        let middle = model.table.directions()[place.beam];
+        let mut rays = middle.map(|x| [x; cast::RAYS]);
+        if is_wide {
+            let turn = turn(middle);
+            for (k, ray) in ring.iter().enumerate() {
+                let ray = (turn * *ray).as_vec3().to_array();
+                (0..3).for_each(|axis| rays[axis][k + 1] = ray[axis]);
+            }
+        }
+        rays
+    };
+    let firings = (0..fires.firings()).into_par_iter();
+    firings.flat_map_iter(|firing| fires.together(firing).map(rays)).collect()
+}
+
+/// The ray of a lane.
+pub(super) fn lane(rays: &Rays, lane: usize) -> [f32; 3] {
+    [rays[0][lane], rays[1][lane], rays[2][lane]]
+}
+
+/// The rays on the rim.
+fn ring(rays: &Rays) -> [[f32; 3]; RING] {
+    std::array::from_fn(|k| lane(rays, k + 1))
+}
+
+/// Takes +x to a direction: Ry(−elevation), then Rz(azimuth).
+fn turn(direction: [f32; 3]) -> DMat3 {
+    let direction = DVec3::from(direction.map(f64::from));
+    let (azimuth, across) = (maths::atan2(direction.y, direction.x), direction.truncate().length());
+    DMat3::from_rotation_z(azimuth) * DMat3::from_rotation_y(-maths::atan2(direction.z, across))
 }

@@ -4,24 +4,22 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::conditions::{self, Condition};
-use super::device::Device;
-use super::error::ScanError;
-use super::fires::Fires;
-use super::hull::{Eye, seen_share};
-use super::optics::Optics;
-use super::receiver::Receiver;
-use super::rim::Rims;
-use super::stage::{Motions, Stage};
-use super::station::Station;
-use super::sweep::{BYTES_OF_A_SWEEP, BYTES_OF_RAYS, Sweeper};
-use super::{EGO_INSTANCE, Return, Scan, ScanLidar, TrackedBox};
+use crate::conditions::{self, Condition, ConditionError};
+use crate::fires::Fires;
+use crate::optics::Optics;
+use crate::receiver::Receiver;
+use crate::record::{Viewpoint, seen_share};
+use crate::rim::Rims;
+use crate::stage::{Motions, Stage};
+use crate::station::Station;
+use crate::sweep::{BYTES_OF_A_SWEEP, BYTES_OF_RAYS, ScanDevice, Sweeper};
+use crate::{EGO_INSTANCE, Return, Scan, ScanLidar, TrackedBox};
 use lidar_cast::bvh::Bvh;
-use lidar_cast::engine::{BackendError, EngineChoice, open_caster};
+use lidar_cast::engine::{BackendError, EngineChoice, OutOfMemory, open_caster};
 use lidar_cast::geom::Pose;
 use lidar_cast::memory;
 use sightline_scene::scene::{Scene, Track};
-use sightline_scene::vehicle::{Placement, Sensors, UnknownSensor};
+use sightline_scene::vehicle::{Placement, SensorError, Sensors, UnknownSensor};
 
 /// Beams of one parallel task: its hits fit into the second-level cache.
 const BEAMS_A_TASK: usize = 2048;
@@ -52,7 +50,7 @@ pub struct Scanner<'a> {
     sweepers: Vec<Sweeper>,
     stage: Arc<Stage>,
     /// Casts in place of the host.
-    device: Device,
+    device: ScanDevice,
     tracks: Vec<Track>,
     scanning: Scanning,
     optics: Optics,
@@ -60,13 +58,13 @@ pub struct Scanner<'a> {
 
 /// Returns of neighbouring columns of a LiDAR, channel by channel: neighbours in the world, whose surfaces were met
 /// together.
-struct Window {
+struct ColumnReturns {
     returns: Vec<Return>,
     /// Returns of each channel and those before it.
     ends: Vec<usize>,
 }
 
-impl Window {
+impl ColumnReturns {
     fn with_room(channels: usize, columns: usize) -> Self {
         Self { returns: Vec::with_capacity(channels * columns), ends: Vec::with_capacity(channels) }
     }
@@ -166,7 +164,7 @@ impl<'a> Scanner<'a> {
             models,
             sweepers,
             stage,
-            device: Device::default(),
+            device: ScanDevice::default(),
             sensors,
             tracks,
             scanning: scanning.clone(),
@@ -183,7 +181,7 @@ impl<'a> Scanner<'a> {
     pub fn cast_on(&mut self, choice: &EngineChoice) -> Result<Option<String>, BackendError> {
         let opened = open_caster(&self.trees(), choice)?;
         if let Some(caster) = opened.caster {
-            self.device = Device::new(caster);
+            self.device = ScanDevice::new(caster);
         }
         Ok(opened.note)
     }
@@ -199,7 +197,7 @@ impl<'a> Scanner<'a> {
     /// A scanner whose rays `caster` casts, and its number of trees.
     #[cfg(test)]
     pub(super) fn cast_by(&mut self, caster: Box<dyn lidar_cast::cast::FiringCaster>) -> usize {
-        self.device = Device::new(caster);
+        self.device = ScanDevice::new(caster);
         self.trees().len()
     }
 
@@ -234,7 +232,7 @@ impl<'a> Scanner<'a> {
             poses.map(|(pose, &model)| self.sensors.ego_from_sensor(model, pose, frame)).collect();
         let lidars = 0..self.models.len();
         let returns = lidars.into_par_iter().map(|k| self.lidar(k, frame, &motions, &poses[k]));
-        let returns: Vec<Vec<Window>> = returns.collect();
+        let returns: Vec<Vec<ColumnReturns>> = returns.collect();
         let rows = returns.iter().flat_map(|windows| {
             let channels = windows.first().map_or(0, |window| window.ends.len());
             (0..channels).flat_map(move |k| windows.iter().map(move |window| window.row(k)))
@@ -263,12 +261,12 @@ impl<'a> Scanner<'a> {
             Station::new(&motions, all, &lidar.ego_from_sensor, 0.0, [lidar.range, 0.0])
         };
         let stations: Vec<Station> = scan.lidars.iter().map(station).collect();
-        let eye = |(station, lidar): (_, &ScanLidar)| Eye {
+        let eye = |(station, lidar): (_, &ScanLidar)| Viewpoint {
             ego_from_sensor: lidar.ego_from_sensor,
             range: lidar.range,
             around: Station::firing(station, &self.stage, std::iter::empty()),
         };
-        let eyes: Vec<Eye<'_>> = stations.iter().zip(&scan.lidars).map(eye).collect();
+        let eyes: Vec<Viewpoint<'_>> = stations.iter().zip(&scan.lidars).map(eye).collect();
         let look = |tracked: &mut TrackedBox| {
             tracked.visible = Some(seen_share(&self.stage, &eyes, tracked));
         };
@@ -282,7 +280,7 @@ impl<'a> Scanner<'a> {
         frame: usize,
         motions: &Motions,
         ego_from_sensor: &Pose,
-    ) -> Vec<Window> {
+    ) -> Vec<ColumnReturns> {
         let sweeper = &self.sweepers[self.models[lidar]];
         let frame_time = 1.0 / self.scene.rate();
         let rolling = !self.scanning.ideal;
@@ -305,7 +303,7 @@ impl<'a> Scanner<'a> {
         let windows = (0..columns.div_ceil(together)).into_par_iter().map(|window| {
             let from = window * together;
             let columns = from..(from + together).min(columns);
-            let mut window = Window::with_room(channels, columns.len());
+            let mut window = ColumnReturns::with_room(channels, columns.len());
             for channel in 0..channels {
                 for beam in sweeper.fires.in_row(channel, columns.clone()) {
                     receiver.returns(&beam, |found| window.returns.push(found));
@@ -354,4 +352,47 @@ impl<'a> Scanner<'a> {
         let boxes = self.tracks.iter().enumerate().filter(|(_, track)| track.size.length() > 0.0);
         boxes.map(boxed).collect()
     }
+}
+
+/// Why a scene cannot be scanned.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ScanError {
+    /// There is nothing to scan.
+    #[error("the scene `{scene}` has no geometry; a scan needs `static`, `actors` or a body")]
+    NoGeometry {
+        /// Name of the scene.
+        scene: String,
+    },
+    /// Instances are numbers of 16 bits.
+    #[error(
+        "the scene `{scene}` has {actors} actors, a scan tells at most 65534 apart; leave some out"
+    )]
+    TooManyActors {
+        /// Name of the scene.
+        scene: String,
+        /// Actors that it has.
+        actors: usize,
+    },
+    /// A sensor of a model that the vehicle does not have.
+    #[error(transparent)]
+    UnknownSensor(#[from] UnknownSensor),
+    /// A model without beams.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// A condition of an ideal scan.
+    #[error(
+        "the condition `{condition}` acts on beams, of which an ideal scan has the geometry alone; leave out one \
+         of the two"
+    )]
+    Ideal {
+        /// Text as written.
+        condition: String,
+    },
+    /// Conditions that do not go together.
+    #[error(transparent)]
+    Condition(#[from] ConditionError),
+    /// The trees do not fit into memory.
+    #[error(transparent)]
+    OutOfMemory(#[from] OutOfMemory),
 }

@@ -5,14 +5,13 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::error::ScanError;
-use super::{EGO_INSTANCE, NO_INSTANCE};
+use crate::scanner::ScanError;
+use crate::{EGO_INSTANCE, NO_INSTANCE};
 use lidar_cast::bvh::{Bvh, Triangle};
-use lidar_cast::cast::{Part, Standing, SweptPart, Target};
+use lidar_cast::cast::{BundleOrigin, BundleTree, SweptPart, TreeView};
 use lidar_cast::geom::{Glide, Pose};
 use lidar_cast::maths;
-use sightline_scene::problem::world_of;
-use sightline_scene::problem::{DevicePose, Instance};
+use sightline_scene::problem::{DevicePose, Instance, world_of};
 use sightline_scene::scene::{EgoBody, PartOwner, Scene};
 
 /// A rigid part of the scene, not empty.
@@ -147,13 +146,18 @@ impl Thing {
     }
 
     /// Where the tree lies for a sensor whose frame a pose takes to the thing's; none where it sees nothing of it.
-    pub fn standing(&self, thing_from_sensor: &Pose, range: f32, width: f32) -> Option<Standing> {
-        Standing::new(&self.tree, thing_from_sensor, range, width)
+    pub fn standing(
+        &self,
+        thing_from_sensor: &Pose,
+        range: f32,
+        width: f32,
+    ) -> Option<BundleOrigin> {
+        BundleOrigin::new(&self.tree, thing_from_sensor, range, width)
     }
 
     /// The tree where it lies for a sensor.
-    pub fn as_target<'a>(&'a self, standing: &'a Standing) -> Target<'a> {
-        Target { tree: &self.tree, first_prim: self.first_prim, standing }
+    pub fn as_target<'a>(&'a self, standing: &'a BundleOrigin) -> BundleTree<'a> {
+        BundleTree { tree: &self.tree, first_prim: self.first_prim, standing }
     }
 
     /// The tree under poses that take a sensor's frame to the thing's while azimuth steps fire.
@@ -162,8 +166,8 @@ impl Thing {
     }
 
     /// The tree under a pose that takes a sensor's frame to the thing's.
-    pub fn as_part(&self, thing_from_sensor: &Pose) -> Part<'_> {
-        Part {
+    pub fn as_part(&self, thing_from_sensor: &Pose) -> TreeView<'_> {
+        TreeView {
             bvh: &self.tree,
             pose: DevicePose::from(thing_from_sensor),
             first_prim: self.first_prim,
@@ -231,14 +235,14 @@ impl Motions {
 
 /// Azimuths of a sensor among which a thing is seen at some moment of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Seen {
+pub(super) enum AzimuthsInView {
     Never,
     Always,
     /// Azimuths around a unit vector, whose cosine to it is at least the number.
     Around(DVec2, f64),
 }
 
-impl Seen {
+impl AzimuthsInView {
     /// Azimuths that see `thing` in a sweep that ends `last` of the way to the next frame; `ego_from_sensor` is fixed.
     /// Beams point up to `wide` radians beside their nominal azimuth.
     ///

@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 use super::stage::{Motions, Stage};
 use super::{NO_CLASS, NO_INSTANCE};
 use lidar_cast::bvh::{Bvh, Hit, NO_HIT};
-use lidar_cast::cast::{Firing, Part, Standing, SweptPart, Target};
+use lidar_cast::cast::{BundleOrigin, BundleTree, Firing, SweptPart, TreeView};
 use lidar_cast::geom::Pose;
 use sightline_scene::problem::DevicePose;
 
@@ -28,12 +28,12 @@ pub(super) struct Station {
     /// Metres that the sensor sees, and the angle that its beams are wide.
     reach: [f32; 2],
     /// Poses of the things within reach; filled once single beams or a device ask for them.
-    standings: OnceLock<Vec<(u32, Standing)>>,
+    standings: OnceLock<Vec<(u32, BundleOrigin)>>,
 }
 
 /// Surface point where a beam ends.
 #[derive(Debug, Clone, Copy, Zeroable)]
-pub(super) struct Surface {
+pub(super) struct SurfaceHit {
     /// Metres; as far as the range goes where it meets nothing.
     pub t: f32,
     pub prim: u32,
@@ -86,7 +86,7 @@ impl Station {
     }
 
     /// Trees as the sensor sees them, all of its beams together.
-    pub fn parts<'s>(&self, stage: &'s Stage) -> Vec<Part<'s>> {
+    pub fn parts<'s>(&self, stage: &'s Stage) -> Vec<TreeView<'s>> {
         let things = self.numbers.iter().map(|&number| &stage.things[number as usize]);
         things.zip(&self.poses).map(|(thing, pose)| thing.as_part(pose)).collect()
     }
@@ -101,7 +101,7 @@ impl Station {
     }
 
     /// Trees as single beams and bundles see them.
-    pub fn targets<'s>(&'s self, stage: &'s Stage) -> impl Iterator<Item = Target<'s>> {
+    pub fn targets<'s>(&'s self, stage: &'s Stage) -> impl Iterator<Item = BundleTree<'s>> {
         let standing = |(&number, pose): (&u32, &Pose)| {
             let [range, width] = self.reach;
             let standing = stage.things[number as usize].standing(pose, range, width)?;
@@ -182,12 +182,12 @@ impl<'a> Faces<'a> {
     }
 
     /// The surface that a beam of the sensor's frame hits.
-    pub fn surface(&mut self, direction: [f32; 3], hit: &Hit) -> Surface {
+    pub fn surface(&mut self, direction: [f32; 3], hit: &Hit) -> SurfaceHit {
         let start_from_sensor = &self.station.start_from_sensor;
-        let Some(face) = self.of(hit) else { return Surface::none(hit.t) };
+        let Some(face) = self.of(hit) else { return SurfaceHit::none(hit.t) };
         let (surface, normal) = face.met(direction, hit);
         let direction = DVec3::from(direction.map(f64::from));
-        Surface {
+        SurfaceHit {
             normal: (start_from_sensor.rotation * normal).as_vec3(),
             position: start_from_sensor.apply(direction * f64::from(hit.t)).as_vec3(),
             ..surface
@@ -207,12 +207,12 @@ pub(super) struct SeenFace {
 impl SeenFace {
     /// The surface that a ray of the sensor's frame hits, without normal and position in the ego frame, and the
     /// normal in the sensor's.
-    pub(super) fn met(&self, direction: [f32; 3], hit: &Hit) -> (Surface, DVec3) {
+    pub(super) fn met(&self, direction: [f32; 3], hit: &Hit) -> (SurfaceHit, DVec3) {
         let direction = DVec3::from(direction.map(f64::from));
         // Towards the sensor.
         let away = self.normal.dot(direction) > 0.0;
         let normal = if away { -self.normal } else { self.normal };
-        let surface = Surface {
+        let surface = SurfaceHit {
             t: hit.t,
             prim: hit.prim,
             class: self.class,
@@ -225,7 +225,7 @@ impl SeenFace {
     }
 }
 
-impl Surface {
+impl SurfaceHit {
     pub fn is_hit(&self) -> bool {
         self.prim != NO_HIT
     }

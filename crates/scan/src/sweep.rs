@@ -1,18 +1,20 @@
-//! A LiDAR's beams of a frame, each cast from where the sensor is when it fires.
+//! A LiDAR's beams of a frame, each cast from where the sensor is when it fires, on a device until it fails.
 
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock};
 
 use bytemuck::zeroed_vec;
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::device::Device;
-use super::fires::{Fires, Place};
-use super::rays::{RING, lane, rays_of};
-use super::stage::{Motions, Seen, Stage};
-use super::station::{Faces, Station, Surface, swept_parts};
+use crate::fires::{BeamPlace, Fires};
+use crate::rim::{RING, lane, rays_of};
+use crate::stage::{AzimuthsInView, Motions, Stage};
+use crate::station::{Faces, Station, SurfaceHit, swept_parts};
 use lidar_cast::bvh::Hit;
-use lidar_cast::cast::{Caster, FiringWalk, Instructions, Left, Rays, closer_hits_of_beams};
+use lidar_cast::cast::{
+    Caster, Firing, FiringCaster, FiringWalk, Instructions, Rays, TraversalStack,
+    closer_hits_of_beams,
+};
 use lidar_cast::geom::Pose;
 use sightline_scene::vehicle::SensorModel;
 
@@ -21,7 +23,8 @@ pub(super) const COLUMNS_A_TASK: usize = 16;
 /// Bytes of a beam in a [`Sweeper`].
 pub(super) const BYTES_OF_RAYS: u64 = size_of::<Rays>() as u64;
 /// Bytes of a beam in a [`Sweep`].
-pub(super) const BYTES_OF_A_SWEEP: u64 = (size_of::<Surface>() + size_of::<[Hit; RING]>()) as u64;
+pub(super) const BYTES_OF_A_SWEEP: u64 =
+    (size_of::<SurfaceHit>() + size_of::<[Hit; RING]>()) as u64;
 
 /// A sensor model, ready to be swept.
 pub(super) struct Sweeper {
@@ -40,7 +43,7 @@ pub(super) struct Sweeper {
 /// A LiDAR's beams of a frame.
 pub(super) struct Sweep {
     /// Surface of each beam, in firing order.
-    pub surfaces: Vec<Surface>,
+    pub surfaces: Vec<SurfaceHit>,
     /// One station for each firing; a single one where all beams fire at once.
     stations: Vec<Station>,
     /// Hits of the six rim rays of every beam, in firing order; `None` until they are cast.
@@ -86,7 +89,7 @@ impl Sweeper {
     }
 
     /// Seconds from the beginning of a sweep until a beam fires.
-    pub fn time_of(&self, place: &Place) -> f64 {
+    pub fn time_of(&self, place: &BeamPlace) -> f64 {
         place.firing as f64 / (self.fires.firings() as f64 * self.model.response.rate)
     }
 
@@ -95,7 +98,7 @@ impl Sweeper {
     pub fn sweep(
         &self,
         stage: &Stage,
-        device: &Device,
+        device: &ScanDevice,
         motions: &Motions,
         ego_from_sensor: &Pose,
         frame_time: f64,
@@ -116,7 +119,7 @@ impl Sweeper {
                 } else {
                     self.at_once(stage, device, &stations[0])
                 };
-                let mut surfaces = vec![Surface::none(0.0); hits.len()];
+                let mut surfaces = vec![SurfaceHit::none(0.0); hits.len()];
                 let size = self.fires.before(COLUMNS_A_TASK);
                 let tasks = hits.par_chunks(size).zip(surfaces.par_chunks_mut(size)).enumerate();
                 tasks.for_each(|(k, (hits, surfaces))| {
@@ -137,7 +140,7 @@ impl Sweeper {
         let (range, beams) = (self.model.table.range(), self.rays.len());
         let together = walk.together();
         // Zeros take their memory when they are written over, window by window, side by side.
-        let mut surfaces: Vec<Surface> = zeroed_vec(beams);
+        let mut surfaces: Vec<SurfaceHit> = zeroed_vec(beams);
         let mut rims: Vec<[Hit; RING]> = zeroed_vec(beams);
         let size = together * self.fires.channels;
         let windows = surfaces.par_chunks_mut(size).zip(rims.par_chunks_mut(size)).enumerate();
@@ -160,7 +163,7 @@ impl Sweeper {
         stations: &[Station],
         from: usize,
         hits: &[Hit],
-        surfaces: &mut [Surface],
+        surfaces: &mut [SurfaceHit],
     ) {
         let size = self.fires.before(1);
         let rays = &self.rays[self.fires.before(from)..];
@@ -174,7 +177,7 @@ impl Sweeper {
     }
 
     /// Hits of beams that all fire at once, in the order in which they would fire.
-    fn at_once(&self, stage: &Stage, device: &Device, station: &Station) -> Vec<Hit> {
+    fn at_once(&self, stage: &Stage, device: &ScanDevice, station: &Station) -> Vec<Hit> {
         let (range, directions) = (self.model.table.range(), self.model.table.directions());
         let by_device = || vec![station.firing(stage, directions.iter().copied())];
         let hits = device.closest_hits(range, by_device).unwrap_or_else(|| {
@@ -192,7 +195,7 @@ impl Sweeper {
     }
 
     /// Hits of beams that are cast one by one, in the order in which they fire.
-    fn columns(&self, stage: &Stage, device: &Device, stations: &[Station]) -> Vec<Hit> {
+    fn columns(&self, stage: &Stage, device: &ScanDevice, stations: &[Station]) -> Vec<Hit> {
         let size = self.fires.before(1);
         let by_device = || {
             let firings = stations.par_iter().zip(self.rays.par_chunks(size));
@@ -206,7 +209,7 @@ impl Sweeper {
             let mut hits = vec![Hit::none(range); self.rays.len()];
             let columns = hits.par_chunks_mut(size).zip(self.rays.par_chunks(size)).zip(stations);
             columns.with_min_len(COLUMNS_A_TASK).for_each_init(
-                Left::new,
+                TraversalStack::new,
                 |left, ((hits, rays), station)| {
                     let fired = rays.iter().map(|rays| lane(rays, 0));
                     closer_hits_of_beams(station.targets(stage), fired, hits, left);
@@ -228,8 +231,9 @@ impl Sweeper {
         let last = 1.0 / (self.model.response.rate * frame_time);
         let things = stage.things.iter().enumerate();
         let wide = self.fires.wide();
-        let seen = things.map(|(k, t)| Seen::of(motions, k, t, ego_from_sensor, last, range, wide));
-        let seen: Vec<Seen> = seen.collect();
+        let seen = things
+            .map(|(k, t)| AzimuthsInView::of(motions, k, t, ego_from_sensor, last, range, wide));
+        let seen: Vec<AzimuthsInView> = seen.collect();
         let station = |firing: usize| {
             let azimuth = DVec2::from_angle(self.fires.azimuth(firing));
             let visible = (0..seen.len()).filter(|&k| seen[k].at(azimuth));
@@ -237,5 +241,49 @@ impl Sweeper {
             Station::new(motions, visible, ego_from_sensor, share, self.reach())
         };
         (0..firings).into_par_iter().with_min_len(COLUMNS_A_TASK).map(station).collect()
+    }
+}
+
+/// GPU that casts rays in place of the CPU; none by default.
+#[derive(Default)]
+pub(super) struct ScanDevice {
+    caster: Option<Mutex<Box<dyn FiringCaster>>>,
+    /// Why it casts no more.
+    failure: OnceLock<String>,
+}
+
+impl ScanDevice {
+    /// A device at work.
+    pub fn new(caster: Box<dyn FiringCaster>) -> Self {
+        Self { caster: Some(Mutex::new(caster)), failure: OnceLock::new() }
+    }
+
+    /// True if the device casts.
+    pub fn is_at_work(&self) -> bool {
+        self.caster.is_some() && self.failure.get().is_none()
+    }
+
+    /// Why the device casts no more, where it does not.
+    pub fn failure(&self) -> Option<&str> {
+        self.failure.get().map(String::as_str)
+    }
+
+    /// Closest hits of all rays of firings, in order; none where the host has to cast them.
+    ///
+    /// `firings` are put together before the device is taken: a thread that holds the device must not take up other
+    /// tasks of the pool, which may want the device too.
+    pub fn closest_hits<'a>(
+        &self,
+        range: f32,
+        firings: impl FnOnce() -> Vec<Firing<'a>>,
+    ) -> Option<Vec<Hit>> {
+        let caster = self.caster.as_ref().filter(|_| self.failure.get().is_none())?;
+        let firings = firings();
+        // A thread that panicked in the driver leaves the lock poisoned.
+        let found = match caster.lock() {
+            Ok(mut caster) => caster.closest_hits(&firings, range),
+            Err(_) => Err("another thread ended while it held the device".to_owned()),
+        };
+        found.map_err(|why| drop(self.failure.set(why))).ok()
     }
 }

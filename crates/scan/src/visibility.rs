@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::chance::{Chance, Purpose};
-use super::conditions::{self, Condition, Fallen, Flake, Joined};
+use super::conditions::{self, Condition, FallEffect, Flake, JoinedEcho};
 use super::optics::{Optics, is_seen};
 use super::stage::Stage;
 use lidar_cast::bvh::Hit;
@@ -110,7 +110,7 @@ impl Visibility {
         }
         let step = |step: usize| {
             let draw = (step as f64 + 0.5) / STEPS as f64;
-            let clear = Fallen { passed: 1.0, flake: None };
+            let clear = FallEffect { passed: 1.0, flake: None };
             reach(response, &self.optics, f64::from(range), &clear, draw) as f32
         };
         let reaches: Arc<[f32]> = (0..STEPS).map(step).collect();
@@ -127,9 +127,9 @@ impl Visibility {
         let mut other = self.fog(range);
         if let Some(flake) = fallen.flake {
             match flake.join(range, power) {
-                Joined::Apart => other = other.max(flake.power),
-                Joined::Target(peak) => power = peak,
-                Joined::Flake(_) => return false,
+                JoinedEcho::Apart => other = other.max(flake.power),
+                JoinedEcho::Target(peak) => power = peak,
+                JoinedEcho::Flake(_) => return false,
             }
         }
         let hidden = response.echoes == Echoes::Strongest && other > power;
@@ -160,8 +160,8 @@ impl Visibility {
     }
 
     /// Light that passes snow and rain up to `range`, and the strongest of their echoes, dimmed by fog on its way.
-    fn fallen(&self, beam: &Beam<'_>, range: f64) -> Fallen {
-        let mut all = Fallen { passed: 1.0, flake: None };
+    fn fallen(&self, beam: &Beam<'_>, range: f64) -> FallEffect {
+        let mut all = FallEffect { passed: 1.0, flake: None };
         for (falling, purpose, _) in self.optics.weather.falls() {
             let draws = beam.chance.draws(purpose);
             let fallen = falling.beam(beam.response.divergence, range, draws);
@@ -230,7 +230,7 @@ impl Air for Visibility {
 }
 
 /// Farthest range up to `range` metres at which [`TARGET`] is detected; fog and falling snow dim it.
-fn reach(response: &Response, optics: &Optics, range: f64, fallen: &Fallen, draw: f64) -> f64 {
+fn reach(response: &Response, optics: &Optics, range: f64, fallen: &FallEffect, draw: f64) -> f64 {
     let flake = fallen.flake.map_or(0.0, |flake| flake.power);
     let seen = |r: f64| {
         let power = fallen.passed * TARGET / (r * r) * optics.through_fog(r);

@@ -6,17 +6,17 @@ use serde::Serialize;
 
 /// One primitive in the keys of a scene file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Part {
+pub struct BodyPart {
     class: &'static str,
     #[serde(flatten)]
-    solid: Solid,
+    solid: Primitive,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     at: Vec<[f64; 2]>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase")]
-enum Solid {
+enum Primitive {
     Box { foot: [f64; 3], size: [f64; 3] },
     Prism { base: Vec<[f64; 2]>, z: [f64; 2] },
     Cylinder { foot: [f64; 3], radius: f64, height: f64, sides: u32 },
@@ -24,41 +24,41 @@ enum Solid {
 
 /// A shape that several actors share.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Model {
+pub struct ActorModel {
     /// Name among the shapes of the scene.
     pub name: String,
     /// `kind` of the actors that have it.
     pub kind: &'static str,
     /// Length, width, height of the box around it; its middle is above the origin.
     pub size: [f64; 3],
-    pub parts: Vec<Part>,
+    pub parts: Vec<BodyPart>,
 }
 
 fn round(v: f64) -> f64 {
     (v * 1000.0).round() / 1000.0
 }
 
-fn cuboid(class: &'static str, foot: [f64; 3], size: [f64; 3]) -> Part {
-    let solid = Solid::Box { foot: foot.map(round), size: size.map(round) };
-    Part { class, solid, at: Vec::new() }
+fn cuboid(class: &'static str, foot: [f64; 3], size: [f64; 3]) -> BodyPart {
+    let solid = Primitive::Box { foot: foot.map(round), size: size.map(round) };
+    BodyPart { class, solid, at: Vec::new() }
 }
 
-fn prism(class: &'static str, base: &[[f64; 2]], z: [f64; 2]) -> Part {
+fn prism(class: &'static str, base: &[[f64; 2]], z: [f64; 2]) -> BodyPart {
     let base = base.iter().map(|p| p.map(round)).collect();
-    Part { class, solid: Solid::Prism { base, z: z.map(round) }, at: Vec::new() }
+    BodyPart { class, solid: Primitive::Prism { base, z: z.map(round) }, at: Vec::new() }
 }
 
-fn cylinder(class: &'static str, foot: [f64; 3], radius: f64, height: f64) -> Part {
+fn cylinder(class: &'static str, foot: [f64; 3], radius: f64, height: f64) -> BodyPart {
     let [radius, height] = [radius, height].map(round);
-    let solid = Solid::Cylinder { foot: foot.map(round), radius, height, sides: 8 };
-    Part { class, solid, at: Vec::new() }
+    let solid = Primitive::Cylinder { foot: foot.map(round), radius, height, sides: 8 };
+    BodyPart { class, solid, at: Vec::new() }
 }
 
 const VEHICLE: &str = "vehicle";
 const PERSON: &str = "pedestrian";
 
 /// A model of `kind`, of random size within its body's range.
-pub fn model(kind: &'static str, number: usize, rng: &mut ChaCha8Rng) -> Model {
+pub fn model(kind: &'static str, number: usize, rng: &mut ChaCha8Rng) -> ActorModel {
     let mut draw = |[low, high]: [f64; 2]| round(rng.random_range(low..high));
     let (size, parts) = match kind {
         "van" => van(draw([4.6, 6.2]), draw([1.9, 2.1]), draw([2.0, 2.7])),
@@ -70,10 +70,10 @@ pub fn model(kind: &'static str, number: usize, rng: &mut ChaCha8Rng) -> Model {
         "pedestrian" => person(draw([1.45, 1.92]), draw([0.42, 0.58])),
         _ => car(number, draw([3.6, 5.0]), draw([1.68, 1.95]), draw([1.4, 1.82])),
     };
-    Model { name: format!("{kind}-{number}"), kind, size, parts }
+    ActorModel { name: format!("{kind}-{number}"), kind, size, parts }
 }
 
-fn wheels(parts: &mut Vec<Part>, size: [f64; 2], axles: &[f64], radius: f64) {
+fn wheels(parts: &mut Vec<BodyPart>, size: [f64; 2], axles: &[f64], radius: f64) {
     let side = 0.5 * size[1] - 0.12;
     let mut wheel = cuboid(VEHICLE, [0.0; 3], [2.0 * radius, 0.22, 2.0 * radius]);
     let axle = |x: &f64| [[round(x * size[0]), side], [round(x * size[0]), -side]];
@@ -82,7 +82,7 @@ fn wheels(parts: &mut Vec<Part>, size: [f64; 2], axles: &[f64], radius: f64) {
 }
 
 /// Limousine, estate or hatchback, by number.
-fn car(number: usize, length: f64, width: f64, height: f64) -> ([f64; 3], Vec<Part>) {
+fn car(number: usize, length: f64, width: f64, height: f64) -> ([f64; 3], Vec<BodyPart>) {
     let (l, w) = (0.5 * length, 0.5 * width);
     let waist = 0.58 * height;
     let lower = prism(
@@ -111,7 +111,7 @@ fn car(number: usize, length: f64, width: f64, height: f64) -> ([f64; 3], Vec<Pa
     ([length, width, height], parts)
 }
 
-fn van(length: f64, width: f64, height: f64) -> ([f64; 3], Vec<Part>) {
+fn van(length: f64, width: f64, height: f64) -> ([f64; 3], Vec<BodyPart>) {
     let bonnet = 0.9;
     let box_length = length - bonnet;
     let mut parts = vec![
@@ -122,7 +122,7 @@ fn van(length: f64, width: f64, height: f64) -> ([f64; 3], Vec<Part>) {
     ([length, width, height], parts)
 }
 
-fn truck(length: f64, width: f64, height: f64) -> ([f64; 3], Vec<Part>) {
+fn truck(length: f64, width: f64, height: f64) -> ([f64; 3], Vec<BodyPart>) {
     let cab = 2.1;
     let load = length - cab - 0.5;
     let mut parts = vec![
@@ -134,7 +134,7 @@ fn truck(length: f64, width: f64, height: f64) -> ([f64; 3], Vec<Part>) {
     ([length, width, height], parts)
 }
 
-fn bus(length: f64, width: f64, height: f64) -> ([f64; 3], Vec<Part>) {
+fn bus(length: f64, width: f64, height: f64) -> ([f64; 3], Vec<BodyPart>) {
     let mut parts = vec![
         cuboid(VEHICLE, [0.0, 0.0, 0.3], [length, width, height - 0.55]),
         cuboid(VEHICLE, [-0.1 * length, 0.0, height - 0.25], [0.4 * length, 0.7 * width, 0.25]),
@@ -143,7 +143,7 @@ fn bus(length: f64, width: f64, height: f64) -> ([f64; 3], Vec<Part>) {
     ([length, width, height], parts)
 }
 
-fn forklift(length: f64, width: f64, height: f64) -> ([f64; 3], Vec<Part>) {
+fn forklift(length: f64, width: f64, height: f64) -> ([f64; 3], Vec<BodyPart>) {
     let mut parts = vec![
         cuboid(VEHICLE, [-0.12 * length, 0.0, 0.2], [0.56 * length, width, 0.9]),
         cuboid(VEHICLE, [-0.1 * length, 0.0, height - 0.1], [0.35 * length, 0.9 * width, 0.1]),
@@ -155,7 +155,7 @@ fn forklift(length: f64, width: f64, height: f64) -> ([f64; 3], Vec<Part>) {
 }
 
 /// A bicycle or a motorcycle with its rider.
-fn rider(length: f64, width: f64, motor: bool) -> ([f64; 3], Vec<Part>) {
+fn rider(length: f64, width: f64, motor: bool) -> ([f64; 3], Vec<BodyPart>) {
     let wheel = if motor { 0.3 } else { 0.34 };
     let mut tyres =
         cuboid(VEHICLE, [0.0; 3], [2.0 * wheel, if motor { 0.16 } else { 0.05 }, 2.0 * wheel]);
@@ -174,7 +174,7 @@ fn rider(length: f64, width: f64, motor: bool) -> ([f64; 3], Vec<Part>) {
 }
 
 /// A person in the middle of a step.
-fn person(height: f64, width: f64) -> ([f64; 3], Vec<Part>) {
+fn person(height: f64, width: f64) -> ([f64; 3], Vec<BodyPart>) {
     let (leg, head) = (0.48 * height, 0.14 * height);
     let parts = vec![
         cuboid(PERSON, [0.12, 0.11, 0.0], [0.2, 0.15, leg]),
@@ -186,7 +186,7 @@ fn person(height: f64, width: f64) -> ([f64; 3], Vec<Part>) {
 }
 
 /// The ego's own body, a car whose roof leaves room for sensors at 2.2 m.
-pub fn ego() -> (Vec<Part>, [f64; 3]) {
+pub fn ego() -> (Vec<BodyPart>, [f64; 3]) {
     let size = [4.5, 1.8, 1.5];
     let (_, parts) = car(0, size[0], size[1], size[2]);
     (parts, size)

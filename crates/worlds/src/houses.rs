@@ -4,12 +4,11 @@ use glam::DVec2;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::line::left_of;
-use super::mask::{HOUSE, Mask, ROAD, THING, WALK};
-use super::model::{Model, Plot, class};
-use super::network::{Network, Street};
-use super::style::Style;
-use super::surfaces::Terrain;
+use crate::mask::{HOUSE, Mask, ROAD, THING, WALK};
+use crate::model::{GroundRect, Model, class};
+use crate::network::{Network, Street, left_of};
+use crate::style::Style;
+use crate::surfaces::Terrain;
 
 /// Metres of a storey.
 const STOREY: f64 = 3.0;
@@ -22,7 +21,7 @@ pub struct Houses<'a> {
     pub model: &'a mut Model,
     pub rng: ChaCha8Rng,
     /// Ground plans, one a house.
-    pub plots: Vec<Plot>,
+    pub plots: Vec<GroundRect>,
 }
 
 impl Houses<'_> {
@@ -52,7 +51,7 @@ impl Houses<'_> {
             let ahead = edge.heading(middle);
             let outward = if side == 0 { left_of(ahead) } else { -left_of(ahead) };
             let foot = edge.at(middle).truncate();
-            let plot = Plot {
+            let plot = GroundRect {
                 middle: foot + outward * (setback + 0.5 * depth),
                 // Its left is away from the street, so that y = -1 is the front.
                 ahead: -left_of(outward),
@@ -73,7 +72,7 @@ impl Houses<'_> {
         if high > low { self.rng.random_range(low..high) } else { low }
     }
 
-    fn house(&mut self, plot: &Plot) {
+    fn house(&mut self, plot: &GroundRect) {
         let [low, high] = self.style.house.storeys;
         let storeys = f64::from(self.rng.random_range(low..=high));
         let ground = plot.corners().map(|p| self.terrain.height(p));
@@ -94,7 +93,7 @@ impl Houses<'_> {
         if self.rng.random_bool(self.style.house.pitched) {
             let ridge = eaves + part.half.min_element() * self.rng.random_range(0.5..1.0);
             let hip = if self.rng.random_bool(0.3) { 0.4 } else { 0.0 };
-            let roof = Plot { half: part.half * 1.05, ..part };
+            let roof = GroundRect { half: part.half * 1.05, ..part };
             self.model.roof(&roof, [eaves, ridge], hip, class::BUILDING);
         } else {
             self.model.block(
@@ -107,7 +106,7 @@ impl Houses<'_> {
     }
 
     /// Window recesses as bands between piers, bays and a step at the door.
-    fn relief(&mut self, plot: &Plot, level: f64, storeys: f64) {
+    fn relief(&mut self, plot: &GroundRect, level: f64, storeys: f64) {
         let axes = (plot.half.x / 1.6).floor().max(1.0) as u32;
         let pier = 0.18 / plot.half.y;
         let style = self.rng.random_range(0..3);
@@ -148,12 +147,12 @@ impl Houses<'_> {
         }
     }
 
-    fn over_road(&self, plot: &Plot) -> bool {
+    fn over_road(&self, plot: &GroundRect) -> bool {
         self.mask.touches(plot.middle, plot.ahead, plot.half, ROAD)
     }
 
     /// A hedge, a fence or a wall at the edge of a front garden.
-    fn front(&mut self, plot: &Plot, setback: f64) {
+    fn front(&mut self, plot: &GroundRect, setback: f64) {
         if setback < 2.5 {
             return;
         }
@@ -181,7 +180,7 @@ impl Houses<'_> {
 }
 
 /// Posts and two rails along the length of a plot.
-pub fn fence(model: &mut Model, line: &Plot, z: f64, height: f64) {
+pub fn fence(model: &mut Model, line: &GroundRect, z: f64, height: f64) {
     let posts = (2.0 * line.half.x / 1.5).ceil().max(1.0) as u32;
     for k in 0..=posts {
         let at = 2.0 * f64::from(k) / f64::from(posts) - 1.0;

@@ -1,36 +1,36 @@
 //! The plans of roads of the generated kinds: where roads run, bend and meet.
 
 use glam::DVec2;
-use lidar_cast::maths;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::line::{Line, curve, left_of};
-use super::roads::{Plan, Profile};
-use super::style::Kind;
+use crate::network::{Line, curve, left_of};
+use crate::roads::{CrossSection, RoadPlan};
+use crate::style::WorldKind;
+use lidar_cast::maths;
 
 /// Metres between the points of a generated line.
 const STEP: f64 = 2.0;
 
-const STREET: Profile =
-    Profile { lanes: 1, lane_width: 3.4, median: 0.0, parking: 2.3, shoulder: 0.0, walk: 3.0 };
+const STREET: CrossSection =
+    CrossSection { lanes: 1, lane_width: 3.4, median: 0.0, parking: 2.3, shoulder: 0.0, walk: 3.0 };
 
 /// A plan of a kind by lot.
-pub fn plan(kind: Kind, rng: &mut ChaCha8Rng) -> Plan {
+pub fn plan(kind: WorldKind, rng: &mut ChaCha8Rng) -> RoadPlan {
     match kind {
-        Kind::Street => street(rng),
-        Kind::Highway => highway(rng),
-        Kind::Residential => residential(rng),
-        Kind::Yard => yard(rng),
-        Kind::Town => town(rng),
+        WorldKind::Street => street(rng),
+        WorldKind::Highway => highway(rng),
+        WorldKind::Residential => residential(rng),
+        WorldKind::Yard => yard(rng),
+        WorldKind::Town => town(rng),
     }
 }
 
 /// Relief of the ground of a kind: metres up and metres from hill to hill.
-pub fn relief(kind: Kind, rng: &mut ChaCha8Rng) -> impl Fn(f64, f64) -> f64 + use<> {
+pub fn relief(kind: WorldKind, rng: &mut ChaCha8Rng) -> impl Fn(f64, f64) -> f64 + use<> {
     let most = match kind {
-        Kind::Yard => 0.0,
-        Kind::Highway => 2.5,
+        WorldKind::Yard => 0.0,
+        WorldKind::Highway => 2.5,
         _ => 1.5,
     };
     let waves: [[f64; 4]; 2] = [0; 2].map(|_| {
@@ -76,7 +76,7 @@ fn winding(half: f64, pieces: u32, sway: f64, rng: &mut ChaCha8Rng) -> Line {
 }
 
 /// Cuts a line at crossings and adds the pieces and the nodes at the cuts.
-fn cut(plan: &mut Plan, line: &Line, at: &[f64], profile: Profile) -> Vec<usize> {
+fn cut(plan: &mut RoadPlan, line: &Line, at: &[f64], profile: CrossSection) -> Vec<usize> {
     let mut from = (plan.node(line.at(0.0).truncate()), 0.0);
     let mut crossings = Vec::new();
     for &s in at {
@@ -92,11 +92,11 @@ fn cut(plan: &mut Plan, line: &Line, at: &[f64], profile: Profile) -> Vec<usize>
 
 /// A road from a node that leaves in one direction and bends on its way to an open end.
 fn stub(
-    plan: &mut Plan,
+    plan: &mut RoadPlan,
     node: usize,
     out: DVec2,
     length: f64,
-    profile: Profile,
+    profile: CrossSection,
     rng: &mut ChaCha8Rng,
 ) {
     let at = plan.nodes[node];
@@ -114,7 +114,7 @@ fn stub(
 }
 
 /// True if a line, but for its first metres, keeps away from all roads.
-fn clear(plan: &Plan, line: &Line) -> bool {
+fn clear(plan: &RoadPlan, line: &Line) -> bool {
     /// Metres of the line beside its own junction.
     const START: f64 = 40.0;
     /// Metres between the middles of two roads.
@@ -136,15 +136,15 @@ fn places(length: f64, gap: [f64; 2], margin: f64, rng: &mut ChaCha8Rng) -> Vec<
     found
 }
 
-fn street(rng: &mut ChaCha8Rng) -> Plan {
-    let main = Profile {
+fn street(rng: &mut ChaCha8Rng) -> RoadPlan {
+    let main = CrossSection {
         lanes: rng.random_range(1..=2),
         median: if rng.random_bool(0.3) { 3.0 } else { 0.0 },
         parking: if rng.random_bool(0.7) { 2.3 } else { 0.0 },
         walk: rng.random_range(2.2..4.5),
         ..STREET
     };
-    let mut plan = Plan::default();
+    let mut plan = RoadPlan::default();
     let line = winding(190.0, 4, 22.0, rng);
     let at = places(line.length(), [80.0, 140.0], 60.0, rng);
     let nodes = cut(&mut plan, &line, &at, main);
@@ -154,7 +154,7 @@ fn street(rng: &mut ChaCha8Rng) -> Plan {
         let sides = sides[rng.random_range(0..sides.len())];
         for (out, here) in [across, -across].into_iter().zip(sides) {
             if here {
-                let side = Profile { walk: main.walk.min(3.0), ..STREET };
+                let side = CrossSection { walk: main.walk.min(3.0), ..STREET };
                 stub(&mut plan, node, out, rng.random_range(90.0..140.0), side, rng);
             }
         }
@@ -162,8 +162,8 @@ fn street(rng: &mut ChaCha8Rng) -> Plan {
     plan
 }
 
-fn highway(rng: &mut ChaCha8Rng) -> Plan {
-    let profile = Profile {
+fn highway(rng: &mut ChaCha8Rng) -> RoadPlan {
+    let profile = CrossSection {
         lanes: rng.random_range(2..=4),
         lane_width: 3.75,
         median: rng.random_range(2.5..6.0),
@@ -171,20 +171,20 @@ fn highway(rng: &mut ChaCha8Rng) -> Plan {
         shoulder: 2.8,
         walk: 0.0,
     };
-    let mut plan = Plan::default();
+    let mut plan = RoadPlan::default();
     let line = winding(420.0, 3, 45.0, rng);
     cut(&mut plan, &line, &[], profile);
     plan
 }
 
-fn residential(rng: &mut ChaCha8Rng) -> Plan {
-    let profile = Profile {
+fn residential(rng: &mut ChaCha8Rng) -> RoadPlan {
+    let profile = CrossSection {
         lane_width: rng.random_range(2.8..3.2),
         parking: if rng.random_bool(0.7) { 2.1 } else { 0.0 },
         walk: rng.random_range(1.5..2.2),
         ..STREET
     };
-    let mut plan = Plan::default();
+    let mut plan = RoadPlan::default();
     let line = winding(170.0, 5, 30.0, rng);
     let at = places(line.length(), [55.0, 95.0], 45.0, rng);
     let nodes = cut(&mut plan, &line, &at, profile);
@@ -198,10 +198,16 @@ fn residential(rng: &mut ChaCha8Rng) -> Plan {
     plan
 }
 
-fn yard(rng: &mut ChaCha8Rng) -> Plan {
-    let profile =
-        Profile { lanes: 1, lane_width: 4.0, median: 0.0, parking: 3.2, shoulder: 0.5, walk: 0.0 };
-    let mut plan = Plan::default();
+fn yard(rng: &mut ChaCha8Rng) -> RoadPlan {
+    let profile = CrossSection {
+        lanes: 1,
+        lane_width: 4.0,
+        median: 0.0,
+        parking: 3.2,
+        shoulder: 0.5,
+        walk: 0.0,
+    };
+    let mut plan = RoadPlan::default();
     let line = winding(120.0, 2, 8.0, rng);
     let at = places(line.length(), [60.0, 90.0], 50.0, rng);
     let nodes = cut(&mut plan, &line, &at, profile);
@@ -217,7 +223,7 @@ fn yard(rng: &mut ChaCha8Rng) -> Plan {
 }
 
 /// A grid with shifted nodes, some streets left out.
-fn town(rng: &mut ChaCha8Rng) -> Plan {
+fn town(rng: &mut ChaCha8Rng) -> RoadPlan {
     let (columns, rows) = (rng.random_range(2..=3_usize), rng.random_range(2..=3_usize));
     let mut widths = |n: usize| {
         let mut x = vec![0.0];
@@ -226,7 +232,7 @@ fn town(rng: &mut ChaCha8Rng) -> Plan {
         x.into_iter().map(|v| v - middle).collect::<Vec<f64>>()
     };
     let (xs, ys) = (widths(columns), widths(rows));
-    let mut plan = Plan::default();
+    let mut plan = RoadPlan::default();
     let mut nodes = Vec::new();
     for x in &xs {
         for y in &ys {
@@ -239,7 +245,7 @@ fn town(rng: &mut ChaCha8Rng) -> Plan {
     let across = (1..=rows).map(|j| (0..=columns + 1).map(|i| id(i, j)).collect());
     for line in lines.chain(across).collect::<Vec<Vec<usize>>>() {
         let broad = rng.random_bool(0.4);
-        let profile = Profile {
+        let profile = CrossSection {
             lanes: if broad { 2 } else { 1 },
             median: if broad && rng.random_bool(0.5) { 2.5 } else { 0.0 },
             parking: if rng.random_bool(0.6) { 2.3 } else { 0.0 },

@@ -7,12 +7,9 @@
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
-mod brought;
-mod error;
 mod fleet;
 mod houses;
 mod kinds;
-mod line;
 mod mask;
 mod model;
 mod network;
@@ -22,15 +19,13 @@ mod roads;
 mod scene_file;
 mod style;
 mod surfaces;
+#[cfg(test)]
+#[cfg(feature = "mesh")]
+mod tests;
 mod things;
 mod traffic;
 mod world;
 
-pub use error::WorldError;
 pub use scene_file::{mesh_shape, write_ply};
-pub use style::Kind;
-pub use world::{World, generate, import_opendrive, read_opendrive};
-
-#[cfg(test)]
-#[cfg(feature = "mesh")]
-mod tests;
+pub use style::WorldKind;
+pub use world::{GeneratedWorld, WorldError, generate, import_opendrive, read_opendrive};

@@ -1,8 +1,13 @@
-//! Ground occupancy: roads, walks, houses and things on a 0.5 m grid, kept in tiles.
+//! Ground occupancy: roads, walks, houses and things on a 0.5 m grid, kept in tiles, and things that a map itself has.
+//!
+//! None of our poles, signs and barriers stand beside those of the map.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DVec2, DVec3};
+
+use crate::model::class;
+use crate::network::Network;
 
 /// Bits of a cell.
 pub const ROAD: u8 = 1;
@@ -80,7 +85,7 @@ impl Mask {
         let half = half + DVec2::splat(0.36);
         let steps = |h: f64| (2.0 * h / CELL).ceil().max(1.0) as i32;
         let [n, m] = [steps(half.x), steps(half.y)];
-        let left = super::line::left_of(ahead);
+        let left = crate::network::left_of(ahead);
         (0..=n).any(|i| {
             (0..=m).any(|j| {
                 let at = |k: i32, n: i32, h: f64| h * (2.0 * f64::from(k) / f64::from(n) - 1.0);
@@ -92,7 +97,7 @@ impl Mask {
 
     /// Marks a rectangle (middle, unit direction, half sizes).
     pub fn block(&mut self, middle: DVec2, ahead: DVec2, half: DVec2, bits: u8) {
-        let left = super::line::left_of(ahead);
+        let left = crate::network::left_of(ahead);
         let corner = |x: f64, y: f64| (middle + ahead * half.x * x + left * half.y * y).extend(0.0);
         self.fill(
             [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
@@ -145,4 +150,64 @@ fn in_triangle(p: DVec2, a: DVec2, b: DVec2, c: DVec2) -> bool {
     let side = |a: DVec2, b: DVec2| (b - a).perp_dot(p - a);
     let [u, v, w] = [side(a, b), side(b, c), side(c, a)];
     (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0)
+}
+
+/// Edge of a cell in metres: the map's own thing in a cell, or in one beside it, is the thing that ours would be.
+const NEAR: f64 = 2.0;
+
+/// Cells of [`NEAR`] metres in which a map itself has a thing of a class.
+#[derive(Debug, Default)]
+pub struct MapObjects(BTreeSet<(u16, [i32; 2])>);
+
+impl MapObjects {
+    /// All posts and shapes of a network; barriers of all kinds are one class.
+    pub fn of(network: &Network) -> Self {
+        let signs = network.posts.iter().map(|post| (class::TRAFFIC_SIGN, post.foot));
+        let barrier = |class| match class {
+            class::FENCE | class::WALL | class::GUARD_RAIL => class::GUARD_RAIL,
+            other => other,
+        };
+        let shapes = network.shapes.iter().flat_map(|shape| {
+            let class = barrier(shape.class);
+            let edges = shape.faces.iter().flat_map(|[a, b, c]| [(*a, *b), (*b, *c), (*c, *a)]);
+            edges.flat_map(move |(from, to)| {
+                // A rail of one piece is there all along.
+                let pieces = ((to - from).truncate().length() / NEAR).ceil().clamp(1.0, 1e3) as u32;
+                (0..pieces).map(move |k| (class, from.lerp(to, f64::from(k) / f64::from(pieces))))
+            })
+        });
+        Self(signs.chain(shapes).map(|(class, p)| (class, cell(p.truncate()))).collect())
+    }
+
+    /// True if the map has a thing of the class within 2 to 4 m.
+    pub fn near(&self, class: u16, p: DVec2) -> bool {
+        let [x, y] = cell(p);
+        (-1..=1).any(|i| (-1..=1).any(|j| self.0.contains(&(class, [x + i, y + j]))))
+    }
+}
+
+fn cell(p: DVec2) -> [i32; 2] {
+    [(p.x / NEAR).floor() as i32, (p.y / NEAR).floor() as i32]
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::network::MapShape;
+
+    #[test]
+    fn a_pole_takes_the_place_of_one_within_3_m_and_a_rail_of_all_along_it() {
+        let shape = |class, faces| MapShape { class, faces, solid: true };
+        let rail = [DVec3::ZERO, DVec3::X * 100.0, DVec3::new(100.0, 0.0, 0.8)];
+        let pole = [DVec3::new(1.0, 41.0, 0.0); 3];
+        let shapes = vec![shape(class::WALL, vec![rail]), shape(class::POLE, vec![pole])];
+        let of_map = MapObjects::of(&Network { shapes, ..Network::default() });
+        let near = |class, x, y| of_map.near(class, DVec2::new(x, y));
+        assert!(near(class::POLE, 2.9, 41.0) && near(class::POLE, 1.0, 39.1));
+        assert!(!near(class::POLE, 5.1, 41.0) && !near(class::POLE, 1.0, 46.0));
+        assert!(near(class::GUARD_RAIL, 53.0, 1.0) && !near(class::GUARD_RAIL, 53.0, 5.0));
+        assert!(!near(class::POLE, 53.0, 1.0));
+    }
 }

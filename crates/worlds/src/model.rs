@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::line::left_of;
+use crate::network::left_of;
 use lidar_cast::geom::TriangleSoup;
 use lidar_cast::maths;
 
@@ -33,13 +33,13 @@ pub mod class {
 
 /// A rectangle in plan: its middle, the direction of its length, half its length and half its width.
 #[derive(Debug, Clone, Copy)]
-pub struct Plot {
+pub struct GroundRect {
     pub middle: DVec2,
     pub ahead: DVec2,
     pub half: DVec2,
 }
 
-impl Plot {
+impl GroundRect {
     /// The point at (x, y) of the half sizes, each from −1 to 1.
     pub fn at(&self, x: f64, y: f64) -> DVec2 {
         self.middle + self.ahead * (self.half.x * x) + left_of(self.ahead) * (self.half.y * y)
@@ -100,12 +100,12 @@ impl Model {
     }
 
     /// A block on a plot.
-    pub fn block(&mut self, plot: &Plot, z: [f64; 2], class: u16) {
+    pub fn block(&mut self, plot: &GroundRect, z: [f64; 2], class: u16) {
         self.prism(&plot.corners(), z, class);
     }
 
     /// A roof over a plot with its ridge along the plot's length; `hip` moves the ridge's ends in.
-    pub fn roof(&mut self, plot: &Plot, [eaves, ridge]: [f64; 2], hip: f64, class: u16) {
+    pub fn roof(&mut self, plot: &GroundRect, [eaves, ridge]: [f64; 2], hip: f64, class: u16) {
         let [a, b, c, d] = plot.corners().map(|p| p.extend(eaves));
         let [from, to] =
             [plot.at(-1.0 + hip, 0.0), plot.at(1.0 - hip, 0.0)].map(|p| p.extend(ridge));

@@ -4,11 +4,10 @@ use glam::{DVec2, DVec3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::fleet::{self, Model};
-use super::line::{Line, left_of};
-use super::network::{Network, Street};
-use super::style::Style;
-use super::traffic::{Scene, Stand, Track, stand_on, way};
+use crate::fleet::{self, ActorModel};
+use crate::network::{Line, Network, Street, left_of};
+use crate::style::Style;
+use crate::traffic::{ActorPose, Traffic, Trajectory, stand_on, way};
 
 /// Metres from the ego's way within which things move.
 const NEAR: f64 = 95.0;
@@ -19,7 +18,7 @@ const WAY: f64 = 100.0;
 
 /// An actor: the model that it has, and its track's number in the scene.
 #[derive(Debug, Clone, Copy)]
-pub struct Actor {
+pub struct RoadUser {
     pub model: usize,
     pub track: usize,
 }
@@ -27,10 +26,10 @@ pub struct Actor {
 /// Everyone in a world.
 #[derive(Debug, Default)]
 pub struct Population {
-    pub models: Vec<Model>,
-    pub actors: Vec<Actor>,
+    pub models: Vec<ActorModel>,
+    pub actors: Vec<RoadUser>,
     pub ego: usize,
-    pub scene: Scene,
+    pub scene: Traffic,
 }
 
 /// Kinds of models and how many of each are made.
@@ -46,7 +45,7 @@ const MODELS: [(&str, usize); 8] = [
 ];
 
 /// How a population is made.
-pub struct Settings<'a> {
+pub struct PopulationSettings<'a> {
     pub network: &'a Network,
     pub style: &'a Style,
     pub frames: usize,
@@ -61,7 +60,7 @@ pub struct NoWay {
     pub longest: f64,
 }
 
-impl Settings<'_> {
+impl PopulationSettings<'_> {
     /// Populates the surroundings of a way for the ego.
     pub fn populate(&self, rng: &mut ChaCha8Rng) -> Result<Population, NoWay> {
         let seconds = self.frames as f64 / self.rate;
@@ -193,7 +192,7 @@ impl Settings<'_> {
                 (if reverse { -ahead } else { ahead }).to_angle() + rng.random_range(-0.02..0.02);
             people.add(
                 model,
-                Track::parked(size, Stand { at: at + shift.extend(0.0), yaw, pitch: 0.0 }),
+                Trajectory::parked(size, ActorPose { at: at + shift.extend(0.0), yaw, pitch: 0.0 }),
             );
         }
     }
@@ -232,10 +231,10 @@ impl Settings<'_> {
         let stand = |t: usize| {
             let s = (from + pace * t as f64 / self.rate).clamp(0.0, line.length());
             let stand = stand_on(line, s, 0.5);
-            Stand { at: line.at(s), pitch: 0.0, ..stand }
+            ActorPose { at: line.at(s), pitch: 0.0, ..stand }
         };
         let stands = (0..self.frames).map(stand).collect();
-        people.add(model, Track::walking(people.models[model].size, stands));
+        people.add(model, Trajectory::walking(people.models[model].size, stands));
     }
 
     /// A place where one crosses: kerb to kerb across the street, if it has walks on both sides.
@@ -275,7 +274,10 @@ impl Settings<'_> {
         let aside = (left_of(over) * rng.random_range(-1.5..1.5)).extend(0.0);
         let at = (kerb - (over * 0.5).extend(0.0) + aside).truncate().extend(outer.z);
         let yaw = over.to_angle() + rng.random_range(-0.4..0.4);
-        people.add(model, Track::parked(people.models[model].size, Stand { at, yaw, pitch: 0.0 }));
+        people.add(
+            model,
+            Trajectory::parked(people.models[model].size, ActorPose { at, yaw, pitch: 0.0 }),
+        );
     }
 
     /// Vehicles and bicycles on the lanes near the ego's way.
@@ -362,16 +364,16 @@ impl Settings<'_> {
 
 impl Population {
     fn any(&self, kind: &str, rng: &mut ChaCha8Rng) -> usize {
-        let of_kind = |m: &&(usize, &Model)| m.1.kind == kind;
-        let all: Vec<(usize, &Model)> = self.models.iter().enumerate().collect();
+        let of_kind = |m: &&(usize, &ActorModel)| m.1.kind == kind;
+        let all: Vec<(usize, &ActorModel)> = self.models.iter().enumerate().collect();
         let all: Vec<usize> = all.iter().filter(of_kind).map(|m| m.0).collect();
         all[rng.random_range(0..all.len())]
     }
 
-    fn add(&mut self, model: usize, track: Track) -> bool {
+    fn add(&mut self, model: usize, track: Trajectory) -> bool {
         let added = self.scene.add(track);
         if added {
-            self.actors.push(Actor { model, track: self.scene.tracks.len() - 1 });
+            self.actors.push(RoadUser { model, track: self.scene.tracks.len() - 1 });
         }
         added
     }

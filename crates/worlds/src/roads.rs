@@ -4,12 +4,13 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DVec2, DVec3};
 
-use super::line::{Line, curve, left_of};
-use super::network::{KERB, Lane, MARK, Network, Street, Strip, Use, even_kerb};
+use crate::network::{
+    KERB, Lane, Line, MARK, Network, Street, Strip, StripUse, curve, even_kerb, left_of,
+};
 
 /// Cross section of a road, the same to both sides, in metres.
 #[derive(Debug, Clone, Copy)]
-pub struct Profile {
+pub struct CrossSection {
     /// Lanes in each direction.
     pub lanes: usize,
     pub lane_width: f64,
@@ -21,7 +22,7 @@ pub struct Profile {
     pub walk: f64,
 }
 
-impl Profile {
+impl CrossSection {
     fn kerb(&self) -> f64 {
         let lanes = self.lanes as f64 * self.lane_width;
         0.5 * self.median + lanes + self.shoulder + self.parking
@@ -34,12 +35,12 @@ pub struct Road {
     pub from: usize,
     pub to: usize,
     pub line: Line,
-    pub profile: Profile,
+    pub profile: CrossSection,
 }
 
 /// Where roads lead.
 #[derive(Debug, Clone, Default)]
-pub struct Plan {
+pub struct RoadPlan {
     pub nodes: Vec<DVec2>,
     pub roads: Vec<Road>,
 }
@@ -49,7 +50,7 @@ struct Arm {
     /// Away from the junction.
     away: DVec2,
     end: DVec3,
-    profile: Profile,
+    profile: CrossSection,
     /// Lanes into and out of the junction, the innermost first.
     into: Vec<usize>,
     out: Vec<usize>,
@@ -62,7 +63,7 @@ impl Arm {
     }
 }
 
-impl Plan {
+impl RoadPlan {
     /// Adds a node.
     pub fn node(&mut self, at: DVec2) -> usize {
         self.nodes.push(at);
@@ -70,7 +71,7 @@ impl Plan {
     }
 
     /// Adds a road.
-    pub fn road(&mut self, from: usize, to: usize, line: Line, profile: Profile) {
+    pub fn road(&mut self, from: usize, to: usize, line: Line, profile: CrossSection) {
         self.roads.push(Road { from, to, line, profile });
     }
 
@@ -124,7 +125,7 @@ impl Plan {
 }
 
 /// Lanes of a road, forward and backward, the innermost first, with all that is paved.
-fn carriageway(network: &mut Network, line: &Line, profile: &Profile) -> [Vec<usize>; 2] {
+fn carriageway(network: &mut Network, line: &Line, profile: &CrossSection) -> [Vec<usize>; 2] {
     let strip = |used, a: f64, b: f64| {
         let (left, right) = (line.offset(a), line.offset(b));
         Strip { used, left, right, raised: Vec::new() }
@@ -132,13 +133,13 @@ fn carriageway(network: &mut Network, line: &Line, profile: &Profile) -> [Vec<us
     let mut lanes = [Vec::new(), Vec::new()];
     let middle = 0.5 * profile.median;
     if middle > 0.0 {
-        network.strips.push(strip(Use::Green, middle, -middle));
+        network.strips.push(strip(StripUse::Green, middle, -middle));
     }
     for (lanes, side) in lanes.iter_mut().zip([-1.0, 1.0]) {
         for i in 0..profile.lanes {
             let inner = middle + i as f64 * profile.lane_width;
             let outer = inner + profile.lane_width;
-            network.strips.push(strip(Use::Road, side * inner, side * outer));
+            network.strips.push(strip(StripUse::Road, side * inner, side * outer));
             let centre = Line::new(line.offset(side * 0.5 * (inner + outer)));
             let centre = if side < 0.0 { centre } else { centre.reversed() };
             lanes.push(network.lanes.len());
@@ -159,7 +160,7 @@ fn carriageway(network: &mut Network, line: &Line, profile: &Profile) -> [Vec<us
         }
         let lanes_end = middle + profile.lanes as f64 * profile.lane_width;
         if profile.kerb() > lanes_end {
-            network.strips.push(strip(Use::Road, side * lanes_end, side * profile.kerb()));
+            network.strips.push(strip(StripUse::Road, side * lanes_end, side * profile.kerb()));
         }
     }
     if middle == 0.0 {
@@ -169,7 +170,7 @@ fn carriageway(network: &mut Network, line: &Line, profile: &Profile) -> [Vec<us
 }
 
 /// Side walks of a road, its edges, and the stripes where one crosses it.
-fn walks(network: &mut Network, line: &Line, profile: &Profile, meets: [bool; 2]) {
+fn walks(network: &mut Network, line: &Line, profile: &CrossSection, meets: [bool; 2]) {
     let (kerb, edge) = (profile.kerb(), profile.kerb() + profile.walk);
     let raised = |offset: f64, by: f64| -> Vec<DVec3> {
         line.offset(offset).into_iter().map(|p| p + DVec3::Z * by).collect()
@@ -178,7 +179,7 @@ fn walks(network: &mut Network, line: &Line, profile: &Profile, meets: [bool; 2]
         for side in [-1.0, 1.0] {
             let [left, right] = [raised(side * kerb, KERB), raised(side * edge, KERB)];
             let raised = vec![[KERB; 2]; left.len()];
-            network.strips.push(Strip { used: Use::Walk, left, right, raised });
+            network.strips.push(Strip { used: StripUse::Walk, left, right, raised });
         }
         for (meets, at) in meets.into_iter().zip([2.5, line.length() - 2.5]) {
             if meets && line.length() > 20.0 {
@@ -225,13 +226,13 @@ fn junction(network: &mut Network, node: DVec2, arms: &[Arm]) {
             };
             let [left, right] = [raised(&kerb), raised(&outer)];
             let raised = vec![[KERB; 2]; left.len()];
-            network.strips.push(Strip { used: Use::Walk, left, right, raised });
+            network.strips.push(Strip { used: StripUse::Walk, left, right, raised });
         }
         border.extend(kerb);
     }
     border.extend(border.first().copied());
     let right = vec![middle; border.len()];
-    network.strips.push(Strip { used: Use::Road, left: border, right, raised: Vec::new() });
+    network.strips.push(Strip { used: StripUse::Road, left: border, right, raised: Vec::new() });
     for (i, from) in arms.iter().enumerate() {
         for (j, to) in arms.iter().enumerate() {
             if i != j {

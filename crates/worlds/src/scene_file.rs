@@ -5,21 +5,21 @@ use std::io::Write;
 
 use serde_json::{Value, json};
 
-use super::fleet::{self, Part};
-use super::traffic::{Stand, Track};
-use super::world::{RATE, World};
+use super::fleet::{self, BodyPart};
+use super::traffic::{ActorPose, Trajectory};
+use super::world::{GeneratedWorld, RATE};
 use lidar_cast::geom::TriangleSoup;
 use lidar_cast::maths;
 use sightline_scene::scene::DEFAULT_CLASSES;
 
-impl World {
+impl GeneratedWorld {
     /// The scene of this world, whose static triangles lie in the file `mesh` beside it.
     ///
     /// Region, LiDAR and mount equal those of the example scenes; the LiDAR has 720 azimuth steps.
     pub fn scene(&self, name: &str, mesh: &str) -> Value {
         let used: BTreeSet<usize> = self.people.actors.iter().map(|a| a.model).collect();
         let models = used.iter().map(|&m| &self.people.models[m]);
-        let shapes: BTreeMap<&str, &[Part]> =
+        let shapes: BTreeMap<&str, &[BodyPart]> =
             models.map(|m| (m.name.as_str(), m.parts.as_slice())).collect();
         let actors: Vec<Value> = self
             .people
@@ -66,8 +66,8 @@ fn round(v: f64, places: f64) -> f64 {
     (v * places).round() / places
 }
 
-fn poses(track: &Track, frames: usize) -> Vec<Value> {
-    let pose = |stand: &Stand| {
+fn poses(track: &Trajectory, frames: usize) -> Vec<Value> {
+    let pose = |stand: &ActorPose| {
         let [x, y, z] = stand.at.to_array().map(|v| round(v, 1e3));
         let mut pose = json!({ "x": x, "y": y, "z": z, "yaw": round(stand.yaw, 1e4) });
         let pitch = round(stand.pitch, 1e4);
@@ -80,7 +80,7 @@ fn poses(track: &Track, frames: usize) -> Vec<Value> {
 }
 
 /// A parked thing as a route without speed, all others as a pose a frame.
-fn motion(track: &Track, frames: usize) -> (&'static str, Value) {
+fn motion(track: &Trajectory, frames: usize) -> (&'static str, Value) {
     let [stand] = track.stands.as_slice() else { return ("poses", json!(poses(track, frames))) };
     let [x, y, z] = stand.at.to_array().map(|v| round(v, 1e3));
     let (sin, cos) = maths::sin_cos(stand.yaw);

@@ -2,7 +2,7 @@
 
 /// Kind of a generated world.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Kind {
+pub enum WorldKind {
     /// A street through a town, with side streets.
     Street,
     /// A motorway between barriers, under a bridge.
@@ -15,7 +15,7 @@ pub enum Kind {
     Town,
 }
 
-impl Kind {
+impl WorldKind {
     /// All kinds.
     pub const ALL: [Self; 5] =
         [Self::Street, Self::Highway, Self::Residential, Self::Yard, Self::Town];

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::mask::{CELL, Mask, ROAD, THING, WALK};
 use super::model::{Model, class};
-use super::network::{Network, Shape, Strip, Use};
+use super::network::{MapShape, Network, Strip, StripUse};
 
 /// Metres of terrain around the network.
 const MARGIN: f64 = 70.0;
@@ -21,21 +21,21 @@ const SKIRT: f64 = 0.6;
 pub fn draw(network: &Network, model: &mut Model, open: u16) -> (Mask, Terrain) {
     let mut mask = Mask::default();
     for strip in &network.strips {
-        if matches!(strip.used, Use::Road | Use::Rail) {
+        if matches!(strip.used, StripUse::Road | StripUse::Rail) {
             quads(strip).for_each(|q| mask.fill_long(q, ROAD));
         }
     }
-    let walked = |strip: &&Strip| strip.used == Use::Walk;
+    let walked = |strip: &&Strip| strip.used == StripUse::Walk;
     let free = |mask: &Mask, q: &[DVec3; 4]| {
         let middle = (q[0] + q[1] + q[2] + q[3]).truncate() * 0.25;
         mask.get(Mask::cell(middle)) & ROAD == 0
     };
     let terrain = Terrain::under(network);
-    for strip in network.strips.iter().filter(|s| s.used != Use::Walk) {
+    for strip in network.strips.iter().filter(|s| s.used != StripUse::Walk) {
         let class = match strip.used {
-            Use::Green => class::TERRAIN,
-            Use::Rail => class::RAIL_TRACK,
-            Use::Road | Use::Walk => class::ROAD,
+            StripUse::Green => class::TERRAIN,
+            StripUse::Rail => class::RAIL_TRACK,
+            StripUse::Road | StripUse::Walk => class::ROAD,
         };
         quads(strip).for_each(|q| model.quad(q, class));
         if !strip.raised.is_empty() {
@@ -75,7 +75,7 @@ fn sides(model: &mut Model, q: [DVec3; 4], class: u16) {
 }
 
 /// Draws the shapes of the map, and keeps the ground under solid ones free of other things.
-pub fn shapes(shapes: &[Shape], mask: &mut Mask, model: &mut Model) {
+pub fn shapes(shapes: &[MapShape], mask: &mut Mask, model: &mut Model) {
     for shape in shapes {
         for &[a, b, c] in &shape.faces {
             model.triangle([a, b, c], shape.class);
@@ -227,7 +227,7 @@ pub fn pave_gaps(network: &Network, mask: &mut Mask, model: &mut Model) {
     }
     let mut heights = std::collections::BTreeMap::new();
     let coarse = |p: DVec2| [(p.x / 4.0).floor() as i32, (p.y / 4.0).floor() as i32];
-    for strip in network.strips.iter().filter(|s| s.used == Use::Road) {
+    for strip in network.strips.iter().filter(|s| s.used == StripUse::Road) {
         for p in strip.left.iter().chain(&strip.right) {
             heights.entry(coarse(p.truncate())).or_insert(p.z);
         }

@@ -1,22 +1,19 @@
 //! Roadside objects: trees, lamps, signs, lights, rails, benches, bins and goods.
 
-use lidar_cast::maths;
-
 use glam::{DVec2, DVec3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::brought::Brought;
-use super::houses::fence;
-use super::line::{Line, left_of};
-use super::mask::{HOUSE, Mask, ROAD, THING, WALK};
-use super::model::{Model, Plot, class};
-use super::network::{KERB, Network, Post, Street, Use};
-use super::style::Style;
-use super::surfaces::Terrain;
+use crate::houses::fence;
+use crate::mask::{HOUSE, MapObjects, Mask, ROAD, THING, WALK};
+use crate::model::{GroundRect, Model, class};
+use crate::network::{KERB, Line, Network, Post, Street, StripUse, left_of};
+use crate::style::Style;
+use crate::surfaces::Terrain;
+use lidar_cast::maths;
 
 /// Draws the roadside objects of one network into a model.
-pub struct Things<'a> {
+pub struct StreetFurniture<'a> {
     pub style: &'a Style,
     pub terrain: &'a Terrain,
     pub mask: &'a mut Mask,
@@ -25,7 +22,7 @@ pub struct Things<'a> {
     /// Feet of the trees.
     pub trees: Vec<DVec2>,
     /// Where the map itself has things.
-    pub of_map: Brought,
+    pub of_map: MapObjects,
     /// Signals of the map that would stand on the road.
     pub left_out: usize,
 }
@@ -33,7 +30,7 @@ pub struct Things<'a> {
 /// Metres above a road from which a plate hangs over it.
 const OVER_ROAD: f64 = 3.0;
 
-impl Things<'_> {
+impl StreetFurniture<'_> {
     /// Furnishes every street, junction and garden.
     pub fn furnish(&mut self, network: &Network) {
         self.posts(network);
@@ -43,7 +40,7 @@ impl Things<'_> {
                 self.behind(street, side);
             }
         }
-        for strip in network.strips.iter().filter(|s| s.used == Use::Green) {
+        for strip in network.strips.iter().filter(|s| s.used == StripUse::Green) {
             let middle = strip.left.iter().zip(&strip.right).map(|(l, r)| (*l + *r) * 0.5);
             self.median(&Line::new(middle));
         }
@@ -159,7 +156,7 @@ impl Things<'_> {
 
     fn lamp(&mut self, foot: DVec3, over_road: DVec2, height: f64) {
         self.model.pole(foot, 0.08, height, 6, class::POLE);
-        let arm = Plot {
+        let arm = GroundRect {
             middle: foot.truncate() + over_road * 0.8,
             ahead: over_road,
             half: DVec2::new(0.9, 0.08),
@@ -178,7 +175,7 @@ impl Things<'_> {
 
     fn sign(&mut self, foot: DVec3, faces: DVec2, (height, half, round): (f64, f64, bool)) {
         self.model.pole(foot, 0.035, height + 0.6, 5, class::POLE);
-        let board = Plot {
+        let board = GroundRect {
             middle: foot.truncate() - faces * 0.06,
             ahead: faces,
             half: DVec2::new(0.015, half),
@@ -202,13 +199,13 @@ impl Things<'_> {
 
     fn light(&mut self, foot: DVec3, faces: DVec2) {
         self.model.pole(foot, 0.07, 3.6, 6, class::POLE);
-        let board = Plot {
+        let board = GroundRect {
             middle: foot.truncate() + faces * 0.2,
             ahead: faces,
             half: DVec2::new(0.14, 0.16),
         };
         self.model.block(&board, [foot.z + 2.5, foot.z + 3.45], class::TRAFFIC_LIGHT);
-        let button = Plot { half: DVec2::splat(0.1), ..board };
+        let button = GroundRect { half: DVec2::splat(0.1), ..board };
         self.model.block(&button, [foot.z + 1.9, foot.z + 2.3], class::TRAFFIC_LIGHT);
         self.take(foot.truncate(), 0.2);
     }
@@ -254,7 +251,7 @@ impl Things<'_> {
             return;
         }
         let thick = if post.light { 0.14 } else { 0.015 };
-        let board = Plot {
+        let board = GroundRect {
             middle: foot.truncate() + faces * 0.2,
             ahead: faces,
             half: DVec2::new(thick, 0.5 * plate.width),
@@ -289,7 +286,7 @@ impl Things<'_> {
 
     /// A bench, a bin, a box, a shelter.
     fn small(&mut self, foot: DVec3, ahead: DVec2) {
-        let plot = |x: f64, y: f64| Plot {
+        let plot = |x: f64, y: f64| GroundRect {
             middle: foot.truncate(),
             ahead,
             half: DVec2::new(0.5 * x, 0.5 * y),
@@ -320,8 +317,11 @@ impl Things<'_> {
             1 => [12.2, 2.44],
             _ => [1.2, 0.8],
         };
-        let plot =
-            Plot { middle: foot.truncate(), ahead: turned, half: DVec2::new(0.5 * x, 0.5 * y) };
+        let plot = GroundRect {
+            middle: foot.truncate(),
+            ahead: turned,
+            half: DVec2::new(0.5 * x, 0.5 * y),
+        };
         let room = plot.half + 0.5;
         if self.mask.touches(plot.middle, plot.ahead, room, ROAD | WALK | HOUSE | THING) {
             return;
@@ -343,8 +343,11 @@ impl Things<'_> {
             let fence_line = Line::new(edge.offset(out * 9.0));
             for s in (0..(fence_line.length() / 12.0) as u32).map(|k| 12.0 * f64::from(k)) {
                 let middle = fence_line.at(s + 6.0).truncate();
-                let line =
-                    Plot { middle, ahead: fence_line.heading(s + 6.0), half: DVec2::new(6.0, 0.4) };
+                let line = GroundRect {
+                    middle,
+                    ahead: fence_line.heading(s + 6.0),
+                    half: DVec2::new(6.0, 0.4),
+                };
                 if !self.mask.touches(middle, line.ahead, line.half, ROAD | HOUSE) {
                     fence(self.model, &line, self.terrain.height(middle), 2.0);
                 }

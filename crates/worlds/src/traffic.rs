@@ -1,12 +1,11 @@
 //! Who moves where, frame by frame: each is planned against those planned before and keeps its distance.
 
 use glam::{DVec2, DVec3};
-use lidar_cast::maths;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::line::{Line, left_of};
-use super::network::Network;
+use crate::network::{Line, Network, left_of};
+use lidar_cast::maths;
 
 /// Metres that no two boxes come nearer than.
 const CLEARANCE: f64 = 0.25;
@@ -20,7 +19,7 @@ const SIDEWAYS: f64 = 2.2;
 
 /// Where something stands in a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stand {
+pub struct ActorPose {
     pub at: DVec3,
     pub yaw: f64,
     pub pitch: f64,
@@ -28,27 +27,27 @@ pub struct Stand {
 
 /// Something planned: a stand a frame, or one for all.
 #[derive(Debug, Clone)]
-pub struct Track {
+pub struct Trajectory {
     /// Length, width, height.
     pub size: [f64; 3],
-    pub stands: Vec<Stand>,
+    pub stands: Vec<ActorPose>,
     /// Metres kept free ahead in each frame.
     ahead: Vec<f64>,
 }
 
-impl Track {
+impl Trajectory {
     /// Something at rest.
-    pub fn parked(size: [f64; 3], stand: Stand) -> Self {
+    pub fn parked(size: [f64; 3], stand: ActorPose) -> Self {
         Self { size, stands: vec![stand], ahead: vec![0.0] }
     }
 
     /// Something that walks at its own speed and keeps nothing free.
-    pub fn walking(size: [f64; 3], stands: Vec<Stand>) -> Self {
+    pub fn walking(size: [f64; 3], stands: Vec<ActorPose>) -> Self {
         Self { size, ahead: vec![0.0; stands.len()], stands }
     }
 
     /// The stand in frame `t`.
-    pub fn stand(&self, t: usize) -> &Stand {
+    pub fn stand(&self, t: usize) -> &ActorPose {
         &self.stands[t.min(self.stands.len() - 1)]
     }
 
@@ -95,15 +94,15 @@ impl Rect {
 
 /// All that has been planned.
 #[derive(Debug, Default)]
-pub struct Scene {
-    pub tracks: Vec<Track>,
+pub struct Traffic {
+    pub tracks: Vec<Trajectory>,
     pub frames: usize,
 }
 
-impl Scene {
+impl Traffic {
     /// True if `track` keeps clear of all others in every frame, and they keep their distance from it.
-    pub fn fits(&self, track: &Track) -> bool {
-        let near = |other: &&Track| {
+    pub fn fits(&self, track: &Trajectory) -> bool {
+        let near = |other: &&Trajectory| {
             let apart = other.stand(0).at - track.stand(0).at;
             apart.length() < 60.0 + 6.0 * (self.frames as f64)
         };
@@ -120,7 +119,7 @@ impl Scene {
     }
 
     /// Adds a track that fits.
-    pub fn add(&mut self, track: Track) -> bool {
+    pub fn add(&mut self, track: Trajectory) -> bool {
         let fits = self.fits(&track);
         if fits {
             self.tracks.push(track);
@@ -129,8 +128,15 @@ impl Scene {
     }
 
     /// Drives along `way` from `start` metres at `speed`, slower in bends and behind obstacles.
-    pub fn drive(&self, way: &Line, start: f64, speed: f64, rate: f64, size: [f64; 3]) -> Track {
-        let mut track = Track { size, stands: Vec::new(), ahead: Vec::new() };
+    pub fn drive(
+        &self,
+        way: &Line,
+        start: f64,
+        speed: f64,
+        rate: f64,
+        size: [f64; 3],
+    ) -> Trajectory {
+        let mut track = Trajectory { size, stands: Vec::new(), ahead: Vec::new() };
         let (mut s, mut v) = (start, speed.min(bend_speed(way, start)));
         for t in 0..self.frames {
             let free = self.free_ahead(way, s, v, t, size);
@@ -181,14 +187,14 @@ impl Scene {
 }
 
 /// The stand of a vehicle whose middle is `s` metres along a way: axles on the line, pitch with it.
-pub fn stand_on(way: &Line, s: f64, length: f64) -> Stand {
+pub fn stand_on(way: &Line, s: f64, length: f64) -> ActorPose {
     let (rear, front) = (way.at(s - 0.3 * length), way.at(s + 0.3 * length));
     let chord = front - rear;
     let at = (rear + front) * 0.5;
     let flat = chord.truncate();
     let yaw = if flat.length() > 1e-6 { flat.to_angle() } else { 0.0 };
     // A nose up is a negative pitch about y to the left.
-    Stand { at, yaw, pitch: -maths::atan2(chord.z, flat.length().max(1e-6)) }
+    ActorPose { at, yaw, pitch: -maths::atan2(chord.z, flat.length().max(1e-6)) }
 }
 
 /// Metres a second in the sharpest bend just ahead.

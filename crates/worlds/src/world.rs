@@ -1,4 +1,4 @@
-//! From a network to a whole world.
+//! From a network to a whole world, and why one could not be made.
 
 use std::path::Path;
 
@@ -6,19 +6,15 @@ use glam::DVec2;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::brought::Brought;
-use super::error::WorldError;
-use super::houses::Houses;
-use super::kinds;
-use super::line::{Line, left_of};
-use super::mask::{HOUSE, ROAD, THING, WALK};
-use super::model::{Model, Plot, class};
-use super::network::Network;
-use super::opendrive;
-use super::population::{Population, Settings};
-use super::style::{Kind, Style};
-use super::surfaces::{self, Terrain};
-use super::things::Things;
+use crate::houses::Houses;
+use crate::mask::{HOUSE, MapObjects, ROAD, THING, WALK};
+use crate::model::{GroundRect, Model, class};
+use crate::network::{Line, Network, left_of};
+use crate::population::{Population, PopulationSettings};
+use crate::style::{Style, WorldKind};
+use crate::surfaces::{self, Terrain};
+use crate::things::StreetFurniture;
+use crate::{kinds, opendrive};
 use lidar_cast::geom::TriangleSoup;
 use sightline_files::Note;
 
@@ -27,7 +23,7 @@ pub const RATE: f64 = 10.0;
 
 /// A world: its static triangles, and who moves through it.
 #[derive(Debug)]
-pub struct World {
+pub struct GeneratedWorld {
     /// Everything that stands still.
     pub model: TriangleSoup,
     pub(crate) people: Population,
@@ -38,7 +34,7 @@ pub struct World {
     network: Network,
 }
 
-impl World {
+impl GeneratedWorld {
     /// Triangles of the static world with classes of the default classes, in metres.
     pub fn mesh(&self) -> &TriangleSoup {
         &self.model
@@ -81,7 +77,7 @@ fn lot(seed: u64, step: u64) -> ChaCha8Rng {
 ///
 /// # Errors
 /// No way is long enough for that many frames.
-pub fn generate(kind: Kind, seed: u64, frames: usize) -> Result<World, WorldError> {
+pub fn generate(kind: WorldKind, seed: u64, frames: usize) -> Result<GeneratedWorld, WorldError> {
     let mut rng = lot(seed, kind as u64 + 1);
     let mut network = kinds::plan(kind, &mut rng).network();
     network.lift(kinds::relief(kind, &mut rng));
@@ -91,8 +87,8 @@ pub fn generate(kind: Kind, seed: u64, frames: usize) -> Result<World, WorldErro
     style.vehicles = (style.vehicles as f64 * fill).round() as usize;
     style.pedestrians = (style.pedestrians as f64 * fill).round() as usize;
     furnished(network, style, seed, frames, kind.name(), |draw| match kind {
-        Kind::Highway => bridge(draw, seed),
-        Kind::Yard => rails(draw),
+        WorldKind::Highway => bridge(draw, seed),
+        WorldKind::Yard => rails(draw),
         _ => {}
     })
 }
@@ -109,11 +105,11 @@ pub fn import_opendrive(
     file: &str,
     seed: u64,
     frames: usize,
-) -> Result<World, WorldError> {
+) -> Result<GeneratedWorld, WorldError> {
     let network = opendrive::network(text, file)?;
     let walks = network.streets.iter().filter(|s| s.walks.iter().any(|w| *w > 0.0)).count();
     let town = 2 * walks >= network.streets.len();
-    let style = if town { Kind::Town.style() } else { Kind::Highway.style() };
+    let style = if town { WorldKind::Town.style() } else { WorldKind::Highway.style() };
     let style = Style { trees: 16.0, ..style };
     furnished(network, style, seed, frames, file, |_| {})
 }
@@ -139,7 +135,7 @@ pub fn read_opendrive(path: &Path) -> Result<String, WorldError> {
 }
 
 /// Parts of the world that one drawing step reads and fills.
-struct Draw<'a> {
+struct WorldDraft<'a> {
     network: &'a Network,
     terrain: &'a Terrain,
     mask: &'a mut super::mask::Mask,
@@ -152,9 +148,10 @@ fn furnished(
     seed: u64,
     frames: usize,
     file: &str,
-    special: impl FnOnce(&mut Draw<'_>),
-) -> Result<World, WorldError> {
-    let settings = Settings { network: &network, style: &style, frames: frames.max(1), rate: RATE };
+    special: impl FnOnce(&mut WorldDraft<'_>),
+) -> Result<GeneratedWorld, WorldError> {
+    let settings =
+        PopulationSettings { network: &network, style: &style, frames: frames.max(1), rate: RATE };
     let people = settings.populate(&mut lot(seed, 20)).map_err(|no| WorldError::NoWay {
         file: file.to_owned(),
         wanted: no.wanted,
@@ -165,7 +162,12 @@ fn furnished(
     let (mut mask, terrain) = surfaces::draw(&network, &mut model, open);
     surfaces::pave_gaps(&network, &mut mask, &mut model);
     surfaces::shapes(&network.shapes, &mut mask, &mut model);
-    special(&mut Draw { network: &network, terrain: &terrain, mask: &mut mask, model: &mut model });
+    special(&mut WorldDraft {
+        network: &network,
+        terrain: &terrain,
+        mask: &mut mask,
+        model: &mut model,
+    });
     let mut houses = Houses {
         style: &style,
         terrain: &terrain,
@@ -175,15 +177,15 @@ fn furnished(
         plots: Vec::new(),
     };
     houses.line(&network);
-    let houses = houses.plots.iter().map(Plot::corners).collect();
-    let mut things = Things {
+    let houses = houses.plots.iter().map(GroundRect::corners).collect();
+    let mut things = StreetFurniture {
         style: &style,
         terrain: &terrain,
         mask: &mut mask,
         model: &mut model,
         rng: lot(seed, 22),
         trees: Vec::new(),
-        of_map: Brought::of(&network),
+        of_map: MapObjects::of(&network),
         left_out: 0,
     };
     things.furnish(&network);
@@ -194,11 +196,11 @@ fn furnished(
             "{file}: {left_out} signals would stand on the road and are left out; give them the height of a plate over it"
         )));
     }
-    Ok(World { model: model.soup, people, frames: frames.max(1), houses, trees, network })
+    Ok(GeneratedWorld { model: model.soup, people, frames: frames.max(1), houses, trees, network })
 }
 
 /// A bridge across the motorway, and walls against noise.
-fn bridge(draw: &mut Draw<'_>, seed: u64) {
+fn bridge(draw: &mut WorldDraft<'_>, seed: u64) {
     let Some(street) = draw.network.streets.first() else { return };
     let mut rng = lot(seed, 23);
     let [left, right] = &street.edges;
@@ -206,7 +208,7 @@ fn bridge(draw: &mut Draw<'_>, seed: u64) {
     let (a, b) = (left.at(s), right.at(s / left.length() * right.length()));
     let (middle, across) = ((a + b) * 0.5, (a - b).truncate());
     let half = 0.5 * across.length() + 8.0;
-    let deck = Plot {
+    let deck = GroundRect {
         middle: middle.truncate(),
         ahead: across.normalize_or(DVec2::Y),
         half: DVec2::new(half, 4.5),
@@ -233,7 +235,7 @@ fn bridge(draw: &mut Draw<'_>, seed: u64) {
         let middle = (pair[0] + pair[1]).truncate() * 0.5;
         let ahead = (pair[1] - pair[0]).truncate();
         let half = DVec2::new(0.5 * ahead.length(), 0.12);
-        let panel = Plot { middle, ahead: ahead.normalize_or(DVec2::X), half };
+        let panel = GroundRect { middle, ahead: ahead.normalize_or(DVec2::X), half };
         let z = draw.terrain.height(middle);
         draw.model.block(&panel, [z - 0.3, z + 3.5], class::WALL);
         draw.mask.block(middle, panel.ahead, half, THING);
@@ -241,7 +243,7 @@ fn bridge(draw: &mut Draw<'_>, seed: u64) {
 }
 
 /// A siding beside the main road of a yard: two rails on sleepers.
-fn rails(draw: &mut Draw<'_>) {
+fn rails(draw: &mut WorldDraft<'_>) {
     let streets = draw.network.streets.iter();
     let Some(street) = streets.max_by(|a, b| a.edges[1].length().total_cmp(&b.edges[1].length()))
     else {
@@ -254,7 +256,7 @@ fn rails(draw: &mut Draw<'_>) {
         let (at, ahead) = (track.at(s + 0.5), track.heading(s + 0.5));
         let middle = at.truncate();
         let z = draw.terrain.height(middle);
-        let bed = Plot { middle, ahead, half: DVec2::new(0.5, 1.3) };
+        let bed = GroundRect { middle, ahead, half: DVec2::new(0.5, 1.3) };
         if !draw.mask.touches(middle, ahead, bed.half, ROAD | WALK | HOUSE) {
             draw.model.block(
                 &bed.part([-0.25, 0.25], [-1.0, 1.0]),
@@ -262,7 +264,7 @@ fn rails(draw: &mut Draw<'_>) {
                 class::RAIL_TRACK,
             );
             for side in [-0.75, 0.75] {
-                let rail = Plot {
+                let rail = GroundRect {
                     middle: middle + left_of(ahead) * side,
                     ahead,
                     half: DVec2::new(0.5, 0.05),
@@ -276,4 +278,100 @@ fn rails(draw: &mut Draw<'_>) {
     for bed in beds {
         draw.mask.block(bed.middle, bed.ahead, bed.half, THING | HOUSE);
     }
+}
+
+/// Why a world could not be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum WorldError {
+    /// The file cannot be read as OpenDRIVE.
+    #[error("{file}: {source}; give an OpenDRIVE document with at least one road")]
+    OpenDrive {
+        /// Name of the file.
+        file: String,
+        /// Error of the OpenDRIVE reader.
+        source: Box<xodr::ImportError>,
+    },
+    /// The XML is too deep or too wide to be read.
+    #[error("{file}: {what}")]
+    Xml {
+        /// Name of the file.
+        file: String,
+        /// The line, the limit, and a remedy.
+        what: String,
+    },
+    /// An element of the document that cannot be read.
+    #[error("{file}: {place} {what}")]
+    Element {
+        /// Name of the file.
+        file: String,
+        /// Line, road or junction, and element.
+        place: String,
+        /// The fault, and a remedy.
+        what: String,
+    },
+    /// A part of the map that would be missing.
+    #[error("{file}: {what}; correct it, or take it out of the map")]
+    Part {
+        /// Name of the file.
+        file: String,
+        /// Fault of the part, from the reader.
+        what: String,
+    },
+    /// The file cannot be read at all.
+    #[error("{file}: {source}; give an OpenDRIVE file (.xodr)")]
+    File {
+        /// Name of the file.
+        file: String,
+        /// Error of the operating system.
+        source: std::io::Error,
+    },
+    /// A compressed file.
+    #[error("{file}: is compressed; unpack it first: gunzip --keep {file}")]
+    Compressed {
+        /// Name of the file.
+        file: String,
+    },
+    /// No lane in which a vehicle may drive.
+    #[error("{file}: has no lane of the type `driving`; the ego vehicle needs one to drive on")]
+    NoLane {
+        /// Name of the file.
+        file: String,
+    },
+    /// No way long enough for the ego.
+    #[error(
+        "{file}: no sequence of driving lanes is {wanted:.0} m long, the longest tried has \
+         {longest:.0} m; ask for fewer frames or give a larger network"
+    )]
+    NoWay {
+        /// Name of the file.
+        file: String,
+        /// Metres that the ego drives.
+        wanted: f64,
+        /// Metres of the longest way tried.
+        longest: f64,
+    },
+    /// More than a world can hold.
+    #[error(
+        "{file}: the {what} are {value}, a world holds at most {most}; cut a region out of the map, \
+         and move it to the origin"
+    )]
+    TooLarge {
+        /// Name of the file.
+        file: String,
+        /// Quantity that exceeds the limit, in words.
+        what: &'static str,
+        /// How much there is.
+        value: f64,
+        /// The limit.
+        most: f64,
+    },
+    /// A file larger than any map.
+    #[error("{file}: is larger than {most} MiB; cut a region out of the map")]
+    FileTooLarge {
+        /// Name of the file.
+        file: String,
+        /// The limit in MiB.
+        most: u64,
+    },
 }

@@ -51,7 +51,7 @@ enum Kind {
     Town,
 }
 
-impl From<Kind> for worlds::Kind {
+impl From<Kind> for worlds::WorldKind {
     fn from(kind: Kind) -> Self {
         match kind {
             Kind::Street => Self::Street,

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::target::Target;
-use crate::datasets::{ImportOptions, Imported, LabelledSequence, read_nuscenes, to_scene};
+use crate::datasets::{ImportOptions, ImportedScene, LabelledSequence, read_nuscenes, to_scene};
 use crate::files::{FileError, Session, writable_file, write_whole};
 use crate::runs::psog::{CarlaScans, tell_notes};
 use crate::runs::{Error, Watcher};
@@ -92,7 +92,7 @@ fn of_scans(
 ) -> Result<(), Error> {
     writable_file(out)?;
     let imported = to_scene(sequence, &ImportOptions { cell })?;
-    let Imported { scene, plates, boxes, actors } = imported;
+    let ImportedScene { scene, plates, boxes, actors } = imported;
     let text = serde_json::to_string(&scene)
         .map_err(|source| FileError::Json { path: out.to_owned(), source })?;
     // A scene that this program would refuse is not written.

@@ -8,14 +8,14 @@ use super::target::Target;
 use crate::geom::TriangleSoup;
 use crate::runs::{Error, Watcher};
 use crate::scene::street;
-use crate::worlds::{Kind, generate, mesh_shape};
+use crate::worlds::{WorldKind, generate, mesh_shape};
 
 /// Makes a world of a kind from a seed, with `frames` frames, and writes it to `out`.
 ///
 /// # Errors
 /// Files that cannot be written, a world that cannot be made.
 pub fn new_world(
-    kind: Kind,
+    kind: WorldKind,
     seed: u64,
     frames: usize,
     out: &Path,

@@ -1,8 +1,8 @@
 //! Additions to the tutorial's update: plateaus, floors of the deviations, points on the bounds.
 
 use super::{Cma, MAX_STEP_SIZE};
-use crate::candidate::{Candidate, Origin};
 use crate::maths;
+use crate::options::{Candidate, CandidateOrigin};
 
 /// Deviations count as on their floor up to this multiple of it.
 const ON_FLOOR: f64 = 2.0;
@@ -41,7 +41,7 @@ impl Cma {
     /// generations until the next one, up to [`LONGEST_PAUSE`]; one in the better half ends the pause.
     fn clip_next(&mut self, candidates: &[Candidate], order: &[usize]) {
         let Some(space) = &self.space else { return };
-        let rank = order.iter().position(|&i| candidates[i].origin == Origin::Clipped);
+        let rank = order.iter().position(|&i| candidates[i].origin == CandidateOrigin::Clipped);
         self.clip_wait = self.clip_wait.saturating_sub(1);
         if let Some(rank) = rank {
             self.last_clip = self.clip.take();

@@ -7,15 +7,15 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::FileError;
-use super::place::{folder_of, is_sink, target};
+use super::paths::{folder_of, is_sink, target};
 
 /// Prefix of the files that are being written; the number of their process follows.
 const TEMPORARY: &str = ".sightline-";
 
-static GUARD: Mutex<Guard> = Mutex::new(Guard::new());
+static GUARD: Mutex<FileGuard> = Mutex::new(FileGuard::new());
 
 /// Everything that is known of the files of this process.
-struct Guard {
+struct FileGuard {
     /// Commands that run now, each inside the other.
     sessions: usize,
     /// True if the program runs, and with `--force`.
@@ -28,7 +28,7 @@ struct Guard {
     temporaries: BTreeSet<PathBuf>,
 }
 
-impl Guard {
+impl FileGuard {
     const fn new() -> Self {
         Self {
             sessions: 0,
@@ -40,7 +40,7 @@ impl Guard {
     }
 }
 
-fn guard() -> MutexGuard<'static, Guard> {
+fn guard() -> MutexGuard<'static, FileGuard> {
     GUARD.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -68,7 +68,7 @@ impl Drop for Session {
         guard.sessions -= 1;
         if guard.sessions == 0 {
             let temporaries = std::mem::take(&mut guard.temporaries);
-            *guard = Guard { temporaries, ..Guard::new() };
+            *guard = FileGuard { temporaries, ..FileGuard::new() };
         }
     }
 }
@@ -87,7 +87,7 @@ pub fn open(path: &Path) -> Result<File> {
 ///
 /// # Errors
 /// See [`open`].
-pub(super) fn open_own(path: &Path) -> Result<File> {
+fn open_own(path: &Path) -> Result<File> {
     plain(&std::fs::metadata(path)?)?;
     let mut options = File::options();
     options.read(true);
@@ -234,7 +234,7 @@ pub(super) fn claim(path: &Path) -> std::result::Result<(), FileError> {
 }
 
 /// Checks that a file does not exist, unless outputs may replace files.
-pub(super) fn is_new(path: &Path) -> std::result::Result<(), FileError> {
+fn is_new(path: &Path) -> std::result::Result<(), FileError> {
     if overwrites() || !path.exists() {
         return Ok(());
     }

@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use sha2::{Digest, Sha256};
 
-use super::folder::{Missing, is_empty, lock_folder};
-use super::{FileError, Input, guard, is_forced, names, read_own, write_own};
+use super::folder::{MissingFolders, is_empty, lock_folder};
+use super::{FileError, Input, guard, is_forced, paths, read_own, write_own};
 
 /// File of the state, in every run folder.
 const CHECKPOINT: &str = "checkpoint.json";
@@ -35,7 +35,7 @@ pub struct RunDir<S> {
     command: &'static str,
     /// Files that the run was begun with.
     inputs: Vec<Input>,
-    _made: Missing,
+    _made: MissingFolders,
     _lock: Option<File>,
     state: PhantomData<fn(&S)>,
 }
@@ -69,7 +69,7 @@ impl<S: Serialize + DeserializeOwned> RunDir<S> {
         inputs: Vec<Input>,
     ) -> Result<Self, FileError> {
         let (path, made) = match out {
-            Some(path) => (path.to_owned(), Missing::of(path)),
+            Some(path) => (path.to_owned(), MissingFolders::of(path)),
             None => free_folder(name)?,
         };
         let lock = lock_folder(&path, Duration::ZERO)?;
@@ -121,7 +121,7 @@ impl<S: Serialize + DeserializeOwned> RunDir<S> {
             Ok(state) => state,
             Err(error) => return refuse(format!("its state cannot be read: {error}")),
         };
-        let (path, made) = (path.to_owned(), Missing::none());
+        let (path, made) = (path.to_owned(), MissingFolders::none());
         Ok((
             Self {
                 path,
@@ -209,14 +209,14 @@ fn digest(state: &RawValue) -> String {
 }
 
 /// Makes the first of `runs/NAME`, `runs/NAME-2`, … that no other program has made.
-fn free_folder(name: &str) -> Result<(PathBuf, Missing), FileError> {
-    let (runs, name) = (Path::new("runs"), names::safe_name(name));
+fn free_folder(name: &str) -> Result<(PathBuf, MissingFolders), FileError> {
+    let (runs, name) = (Path::new("runs"), paths::safe_name(name));
     for number in 1..MOST_RUNS {
         let path = match number {
             1 => runs.join(&name),
             _ => runs.join(format!("{name}-{number}")),
         };
-        let made = Missing::of(&path);
+        let made = MissingFolders::of(&path);
         std::fs::create_dir_all(runs).map_err(FileError::io(runs))?;
         match std::fs::create_dir(&path) {
             Ok(()) => return Ok((path, made)),

@@ -8,7 +8,7 @@ use tempfile::{NamedTempFile, TempPath};
 
 use super::FileError;
 use super::guard::{self, Temporary};
-use super::place::{folder_of, is_open_file, is_sink, target};
+use super::paths::{folder_of, is_open_file, is_sink, target};
 
 /// Which files a write may replace, and when the bytes must be on the disk.
 #[derive(Clone, Copy, PartialEq)]
@@ -62,8 +62,8 @@ fn write_as<E: From<FileError>>(
 ) -> Result<(), E> {
     let target = target(path)?;
     match written(path, &target, write)? {
-        Begun::Sink(whole) => Ok(pour(whole, &target).map_err(FileError::io(path))?),
-        Begun::Beside(file, temporary) => {
+        PendingFile::Sink(whole) => Ok(pour(whole, &target).map_err(FileError::io(path))?),
+        PendingFile::Beside(file, temporary) => {
             ready(&file, &target, path)?;
             if output != Output::OneOfMany {
                 on_disk(file.as_file()).map_err(FileError::io(path))?;
@@ -91,7 +91,7 @@ pub fn write_pair<E: From<FileError>>(
     let targets = [target(first)?, target(second)?];
     let begun =
         [written(first, &targets[0], write_first)?, written(second, &targets[1], write_second)?];
-    let [Begun::Beside(one, _first), Begun::Beside(two, _second)] = begun else {
+    let [PendingFile::Beside(one, _first), PendingFile::Beside(two, _second)] = begun else {
         let message = "is no regular file; name a file";
         return Err(FileError::io(second)(std::io::Error::other(message)).into());
     };
@@ -166,10 +166,10 @@ fn written<E: From<FileError>>(
     path: &Path,
     target: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>,
-) -> Result<Begun, E> {
+) -> Result<PendingFile, E> {
     let io = |error| FileError::io(path)(error);
     let begun = match is_sink(target) {
-        true => tempfile::tempfile().map(Begun::Sink),
+        true => tempfile::tempfile().map(PendingFile::Sink),
         false => beside(target),
     };
     let mut begun = begun.map_err(io)?;
@@ -190,14 +190,14 @@ fn ready(file: &NamedTempFile, target: &Path, path: &Path) -> Result<(), FileErr
 }
 
 /// A file that is being written.
-enum Begun {
+enum PendingFile {
     /// Its bytes go to a pipe or device.
     Sink(File),
     /// It takes its place in the folder that it is in.
     Beside(NamedTempFile, Temporary),
 }
 
-impl Begun {
+impl PendingFile {
     fn file(&mut self) -> &mut File {
         match self {
             Self::Sink(file) => file,
@@ -207,7 +207,7 @@ impl Begun {
 }
 
 /// Begins a file beside its place. A folder that was taken away since the work began is made anew: the work is worth it.
-fn beside(target: &Path) -> std::io::Result<Begun> {
+fn beside(target: &Path) -> std::io::Result<PendingFile> {
     let folder = folder_of(target);
     let begun = begin_in(folder).or_else(|error| {
         if error.kind() == ErrorKind::NotFound {
@@ -215,7 +215,7 @@ fn beside(target: &Path) -> std::io::Result<Begun> {
         }
         begin_in(folder)
     });
-    begun.map(|(file, temporary)| Begun::Beside(file, temporary))
+    begun.map(|(file, temporary)| PendingFile::Beside(file, temporary))
 }
 
 /// Begins a file in a folder, named after this process and as readable as any new file of the user.

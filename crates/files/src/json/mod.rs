@@ -2,21 +2,16 @@
 
 pub mod check;
 mod error;
-mod kind;
 mod numbers;
 mod parse;
-mod place;
 mod scalar;
 mod xml;
 mod yaml;
 
-pub use error::DescriptionError;
-pub use error::did_you_mean;
-pub use kind::FileKind;
-pub use lidar_cast::nearest::nearest;
+pub use error::{DescriptionError, Place, did_you_mean};
+pub use lidar_cast::sensor::nearest;
 pub use numbers::{fixed, shortened, spoken, written};
-pub use parse::{check_version, parse, plain_words, read_limited, unknown_key};
-pub use place::Place;
+pub use parse::{FileKind, check_version, parse, plain_words, read_limited, unknown_key};
 pub use scalar::Quantity;
 pub use xml::check_xml;
-pub use yaml::{Document, parse_documents, parse_yaml};
+pub use yaml::{YamlDocument, parse_documents, parse_yaml};

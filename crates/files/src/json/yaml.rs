@@ -21,7 +21,7 @@ pub type Quantities = fn(&str, &str) -> Option<Quantity>;
 
 /// A YAML document as JSON: numbers that are not finite stay texts, as do keys that are none.
 #[derive(Debug)]
-pub struct Document {
+pub struct YamlDocument {
     /// The whole document.
     pub value: Value,
     file: String,
@@ -29,7 +29,7 @@ pub struct Document {
     marks: Vec<(u32, u32)>,
 }
 
-impl Document {
+impl YamlDocument {
     /// The document as a `T`, or the key that does not fit, with its line.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T, DescriptionError> {
         serde_path_to_error::deserialize(&self.value).map_err(|error| {
@@ -92,9 +92,9 @@ pub fn parse_yaml(
     text: &str,
     file: &str,
     quantities: Quantities,
-) -> Result<Document, DescriptionError> {
+) -> Result<YamlDocument, DescriptionError> {
     let mut documents = parse_documents(text, file, quantities)?.into_iter();
-    let empty = || Document { value: Value::Null, file: file.to_owned(), marks: Vec::new() };
+    let empty = || YamlDocument { value: Value::Null, file: file.to_owned(), marks: Vec::new() };
     let first = documents.next().unwrap_or_else(empty);
     match documents.next() {
         None => Ok(first),
@@ -115,7 +115,7 @@ pub fn parse_documents(
     text: &str,
     file: &str,
     quantities: Quantities,
-) -> Result<Vec<Document>, DescriptionError> {
+) -> Result<Vec<YamlDocument>, DescriptionError> {
     if text.len() > MAX_YAML {
         return Err(DescriptionError::TooMany {
             at: Box::new(Place::top(file)),
@@ -127,14 +127,15 @@ pub fn parse_documents(
     }
     let (parts, anchors) = parts(text).map_err(|fault| fault.in_file(file))?;
     let budget = REPEATS.0 * text.len() + REPEATS.1;
-    let mut tree = Tree { parts: &parts, anchors: &anchors, quantities, budget, marks: Vec::new() };
+    let mut tree =
+        YamlBuilder { parts: &parts, anchors: &anchors, quantities, budget, marks: Vec::new() };
     let (mut documents, mut next) = (Vec::new(), 0);
     while next < parts.len() {
         let read = tree.value(&mut next, &Spot { parent: "", key: "", depth: 0, repeats: false });
         let value = read.map_err(|fault| fault.in_file(file))?;
         let marks = std::mem::take(&mut tree.marks);
         if !value.is_null() {
-            documents.push(Document { value, file: file.to_owned(), marks });
+            documents.push(YamlDocument { value, file: file.to_owned(), marks });
         }
     }
     Ok(documents)
@@ -142,12 +143,12 @@ pub fn parse_documents(
 
 /// A fault and its place.
 #[derive(Debug)]
-struct Fault {
+struct YamlFault {
     problem: String,
     mark: (u32, u32),
 }
 
-impl Fault {
+impl YamlFault {
     fn in_file(self, file: &str) -> DescriptionError {
         let (at, problem) = (Box::new(Place::top(file)), self.problem);
         let (line, column) = (self.mark.0 as usize, self.mark.1 as usize);
@@ -156,7 +157,7 @@ impl Fault {
 }
 
 /// A part of the text: a scalar, an alias, or an end of a list or object.
-struct Part<'a> {
+struct YamlEvent<'a> {
     event: Event<'a>,
     mark: (u32, u32),
 }
@@ -167,10 +168,10 @@ fn mark(at: Marker) -> (u32, u32) {
 }
 
 /// All parts of a text, and the part that each anchor stands before.
-fn parts(text: &str) -> Result<(Vec<Part<'_>>, Vec<usize>), Fault> {
+fn parts(text: &str) -> Result<(Vec<YamlEvent<'_>>, Vec<usize>), YamlFault> {
     let (mut parts, mut anchors, mut depth) = (Vec::new(), Vec::new(), 0);
     for event in Parser::new_from_str(text) {
-        let (event, Span { start, .. }) = event.map_err(|error| Fault {
+        let (event, Span { start, .. }) = event.map_err(|error| YamlFault {
             problem: format!("is no YAML: {}", error.info()),
             mark: mark(*error.marker()),
         })?;
@@ -190,16 +191,16 @@ fn parts(text: &str) -> Result<(Vec<Part<'_>>, Vec<usize>), Fault> {
             anchors.resize(anchors.len().max(anchor), parts.len());
             anchors[anchor - 1] = parts.len();
         }
-        parts.push(Part { event, mark: mark(start) });
+        parts.push(YamlEvent { event, mark: mark(start) });
     }
     Ok((parts, anchors))
 }
 
-fn too_deep(mark: (u32, u32)) -> Fault {
+fn too_deep(mark: (u32, u32)) -> YamlFault {
     let problem = format!(
         "lists and objects are more than {MAX_DEPTH} deep in each other; simplify the file"
     );
-    Fault { problem, mark }
+    YamlFault { problem, mark }
 }
 
 /// Where a value stands.
@@ -214,8 +215,8 @@ struct Spot<'a> {
 }
 
 /// From parts to values.
-struct Tree<'a> {
-    parts: &'a [Part<'a>],
+struct YamlBuilder<'a> {
+    parts: &'a [YamlEvent<'a>],
     anchors: &'a [usize],
     quantities: Quantities,
     /// Bytes that aliases may still repeat.
@@ -223,13 +224,13 @@ struct Tree<'a> {
     marks: Vec<(u32, u32)>,
 }
 
-impl Tree<'_> {
+impl YamlBuilder<'_> {
     /// The value that begins at the part `next`, which moves behind it.
-    fn value(&mut self, next: &mut usize, spot: &Spot) -> Result<Value, Fault> {
+    fn value(&mut self, next: &mut usize, spot: &Spot) -> Result<Value, YamlFault> {
         let parts = self.parts;
-        let Some(Part { event, mark }) = parts.get(*next) else { return Ok(Value::Null) };
+        let Some(YamlEvent { event, mark }) = parts.get(*next) else { return Ok(Value::Null) };
         *next += 1;
-        let fault = |problem| Fault { problem, mark: *mark };
+        let fault = |problem| YamlFault { problem, mark: *mark };
         let deeper = Spot { depth: spot.depth + 1, ..*spot };
         if deeper.depth > MAX_DEPTH + 1 {
             return Err(too_deep(*mark));
@@ -283,11 +284,11 @@ impl Tree<'_> {
         next: &mut usize,
         spot: &Spot,
         map: &mut Map<String, Value>,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), YamlFault> {
         let parts = self.parts;
         let Some(part) = parts.get(*next) else { return Ok(()) };
         *next += 1;
-        let fault = |problem| Err(Fault { problem, mark: part.mark });
+        let fault = |problem| Err(YamlFault { problem, mark: part.mark });
         let named = match &part.event {
             Event::Alias(anchor) => {
                 self.anchors.get(*anchor - 1).map(|&at| (&parts[at].event, true))
@@ -314,20 +315,25 @@ impl Tree<'_> {
     }
 
     /// The value of an anchor, once more.
-    fn repeated(&mut self, anchor: usize, spot: &Spot, mark: (u32, u32)) -> Result<Value, Fault> {
+    fn repeated(
+        &mut self,
+        anchor: usize,
+        spot: &Spot,
+        mark: (u32, u32),
+    ) -> Result<Value, YamlFault> {
         let Some(mut at) = anchor.checked_sub(1).and_then(|k| self.anchors.get(k)).copied() else {
-            return Err(Fault { problem: "an alias names no anchor".to_owned(), mark });
+            return Err(YamlFault { problem: "an alias names no anchor".to_owned(), mark });
         };
         self.value(&mut at, &Spot { repeats: true, ..*spot })
     }
 
     /// Takes a repeated value from the budget.
-    fn take(&mut self, spot: &Spot, bytes: usize, mark: (u32, u32)) -> Result<(), Fault> {
+    fn take(&mut self, spot: &Spot, bytes: usize, mark: (u32, u32)) -> Result<(), YamlFault> {
         if !spot.repeats {
             return Ok(());
         }
         let left = self.budget.checked_sub(bytes + NODE);
-        self.budget = left.ok_or_else(|| Fault {
+        self.budget = left.ok_or_else(|| YamlFault {
             problem: format!(
                 "aliases repeat more than {} times the bytes of the file; write less of them",
                 REPEATS.0

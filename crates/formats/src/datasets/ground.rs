@@ -1,7 +1,14 @@
-//! Checks of a sequence by its labelled road: LiDAR height above the road, and whether the vehicle is upright.
+//! Ground of a sequence: checks by its labelled road, and its tiles as plates of a scene.
+//!
+//! The road says how high the LiDAR stands and whether the vehicle is upright. For a scene ground tiles become flat
+//! plates, and everything else at rest becomes boxes; occupied cells are joined to few blocks, greedily.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use glam::{DVec3, Vec3};
+use serde_json::{Value, json};
 
+use super::import::rounded;
 use super::{DatasetError, LabelledScan, LabelledSequence};
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
@@ -13,7 +20,7 @@ pub(super) const NEAR: f64 = 10.0;
 /// Fewest points of a road that may contradict a stated height.
 const LEAST_POINTS: usize = 10;
 /// Scans that are looked at for a road.
-const MOST_SCANS: usize = 10;
+pub(super) const MOST_SCANS: usize = 10;
 /// Metres by which a road may lie off the ground of the ego frame: it is not flat, and a car sways.
 const OFF: f64 = 0.3;
 /// Longest median step between two frames, metres: half a second at 360 km/h.
@@ -23,7 +30,7 @@ const UPRIGHT: f64 = 0.7;
 
 /// The road near the LiDAR in one scan.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Road {
+pub(super) struct NearRoad {
     /// Its points within [`NEAR`].
     pub points: usize,
     /// Median of their depth below the LiDAR, metres.
@@ -32,7 +39,7 @@ pub(super) struct Road {
     pub spread: f64,
 }
 
-impl Road {
+impl NearRoad {
     /// The road among depths below the LiDAR; `None` of no depth.
     pub fn of(mut depths: Vec<f64>) -> Option<Self> {
         depths.sort_by(f64::total_cmp);
@@ -58,7 +65,9 @@ pub(super) fn is_road(class: &str) -> bool {
 }
 
 /// The road of the first scans that have one, and its frame. `ego_from_sensor` turns points upright.
-pub(super) fn road(sequence: &dyn LabelledSequence) -> Result<Option<(u32, Road)>, DatasetError> {
+pub(super) fn road(
+    sequence: &dyn LabelledSequence,
+) -> Result<Option<(u32, NearRoad)>, DatasetError> {
     let classes = sequence.classes();
     for frame in sequence.frames().into_iter().take(MOST_SCANS) {
         let upright = Pose { translation: DVec3::ZERO, ..sequence.ego_from_sensor(frame)? };
@@ -69,7 +78,7 @@ pub(super) fn road(sequence: &dyn LabelledSequence) -> Result<Option<(u32, Road)
                 is_road(&classes[usize::from(label.class?)]) && maths::hypot(at.x, at.y) <= NEAR;
             is_near.then_some(0.0 - at.z)
         });
-        if let Some(road) = Road::of(near.collect()) {
+        if let Some(road) = NearRoad::of(near.collect()) {
             return Ok(Some((frame, road)));
         }
     }
@@ -155,6 +164,156 @@ fn sideways(name: &str, egos: &[Pose]) -> Option<Note> {
     (angles.len() >= 5 && (45.0..=135.0).contains(&angle)).then(|| Note::doubt(text))
 }
 
+/// Heights of plates are whole multiples of this, metres.
+const STEP: f64 = 0.1;
+/// Fewest points of a cell that is a thing: single ones are noise.
+const LEAST_OF_A_TILE: u32 = 2;
+
+/// Points of things at rest, counted by cell.
+pub(super) struct PointCells<'a> {
+    edge: f64,
+    classes: &'a [String],
+    /// Class that a ground point of each class counts for; `None` is no ground.
+    ground_as: Vec<Option<u16>>,
+    /// Points and the sum of their heights, by tile and class.
+    ground: HashMap<([i32; 2], u16), (u32, f64)>,
+    /// Points by cell and class.
+    solid: HashMap<(CellIndex, u16), u32>,
+}
+
+/// Shapes of a scene and how many of each.
+pub(super) struct Shapes {
+    pub shapes: Vec<Value>,
+    pub plates: usize,
+    pub boxes: usize,
+}
+
+impl<'a> PointCells<'a> {
+    pub(super) fn new(edge: f64, classes: &'a [String]) -> Self {
+        let id = |name: &str| classes.iter().position(|class| class == name).map(|id| id as u16);
+        // Lane markings lie on the road; a bridge is a body.
+        let ground_as = |name: &String| match Ground::of(name)? {
+            Ground::Bridge => None,
+            _ if name == "road_line" => id("road"),
+            _ => id(name),
+        };
+        let ground_as = classes.iter().map(ground_as).collect();
+        Self { edge, classes, ground_as, ground: HashMap::new(), solid: HashMap::new() }
+    }
+
+    /// Counts a point; its coordinates are few enough cells from the origin.
+    pub(super) fn add(&mut self, point: DVec3, class: u16) {
+        let cell = (point / self.edge).floor().to_array().map(|v| v as i32);
+        match self.ground_as[usize::from(class)] {
+            Some(class) => {
+                let (points, height) = self.ground.entry(([cell[0], cell[1]], class)).or_default();
+                *points += 1;
+                *height += point.z;
+            }
+            None => *self.solid.entry((cell, class)).or_default() += 1,
+        }
+    }
+
+    /// Plates of the ground and boxes of the rest, each of its cell's most frequent class.
+    pub(super) fn shapes(self) -> Shapes {
+        let mut plates: BTreeMap<u16, HashSet<CellIndex>> = BTreeMap::new();
+        let ground =
+            self.ground.iter().map(|(&(tile, class), &(n, height))| (tile, class, n, height));
+        for (tile, (class, points, height)) in most(ground) {
+            let level = (height / f64::from(points) / STEP).round() as i32;
+            plates.entry(class).or_default().insert([tile[0], tile[1], level]);
+        }
+        let mut things: BTreeMap<u16, HashSet<CellIndex>> = BTreeMap::new();
+        for (cell, (class, points, ())) in
+            most(self.solid.iter().map(|(&(cell, class), &n)| (cell, class, n, ())))
+        {
+            if points >= LEAST_OF_A_TILE {
+                things.entry(class).or_default().insert(cell);
+            }
+        }
+        let metres = |cell: CellIndex| cell.map(|v| rounded(f64::from(v) * self.edge));
+        let mut shapes = Vec::new();
+        for (class, cells) in plates {
+            shapes.extend(merge(cells, &[1, 0]).into_iter().map(|Block { low, high }| {
+                let z = rounded(f64::from(low[2]) * STEP);
+                let ([x, y, _], [to_x, to_y, _]) = (metres(low), metres(high));
+                json!({ "class": self.classes[usize::from(class)],
+                        "plane": { "min": [x, y], "max": [to_x, to_y], "z": z } })
+            }));
+        }
+        let plates = shapes.len();
+        for (class, cells) in things {
+            shapes.extend(merge(cells, &[2, 1, 0]).into_iter().map(|Block { low, high }| {
+                json!({ "class": self.classes[usize::from(class)],
+                        "box": { "min": metres(low), "max": metres(high) } })
+            }));
+        }
+        Shapes { plates, boxes: shapes.len() - plates, shapes }
+    }
+}
+
+/// Majority class of each place (ties: lowest id), with its point count and payload.
+fn most<K: Ord, V>(counted: impl Iterator<Item = (K, u16, u32, V)>) -> BTreeMap<K, (u16, u32, V)> {
+    let mut best: BTreeMap<K, (u16, u32, V)> = BTreeMap::new();
+    for (place, class, points, value) in counted {
+        let rank = (points, std::cmp::Reverse(class));
+        match best.get(&place) {
+            Some(&(other, most, _)) if (most, std::cmp::Reverse(other)) >= rank => {}
+            _ => drop(best.insert(place, (class, points, value))),
+        }
+    }
+    best
+}
+
+/// Cell numbers along x, y and z.
+type CellIndex = [i32; 3];
+
+/// A block of cells from `low` up to and without `high`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Block {
+    pub low: CellIndex,
+    pub high: CellIndex,
+}
+
+/// Blocks that hold every cell once and nothing else: from the least cell on, each grows along `axes` in
+/// their order as far as whole layers of free cells reach.
+fn merge(mut cells: HashSet<CellIndex>, axes: &[usize]) -> Vec<Block> {
+    let mut order: Vec<CellIndex> = cells.iter().copied().collect();
+    order.sort_unstable();
+    let mut blocks = Vec::new();
+    for low in order {
+        if !cells.contains(&low) {
+            continue;
+        }
+        let mut block = Block { low, high: low.map(|v| v + 1) };
+        for &axis in axes {
+            while layer(&block, axis).all(|cell| cells.contains(&cell)) {
+                block.high[axis] += 1;
+            }
+        }
+        inside(block.low, block.high).for_each(|cell| {
+            cells.remove(&cell);
+        });
+        blocks.push(block);
+    }
+    blocks
+}
+
+/// The cells beyond the upper face of a block.
+fn layer(block: &Block, axis: usize) -> impl Iterator<Item = CellIndex> {
+    let (mut low, mut high) = (block.low, block.high);
+    (low[axis], high[axis]) = (high[axis], high[axis] + 1);
+    inside(low, high)
+}
+
+fn inside(low: CellIndex, high: CellIndex) -> impl Iterator<Item = CellIndex> {
+    let [x, y, z] = [0, 1, 2].map(|axis| low[axis]..high[axis]);
+    x.flat_map(move |i| {
+        let z = z.clone();
+        y.clone().flat_map(move |j| z.clone().map(move |k| [i, j, k]))
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -171,5 +330,27 @@ mod tests {
         // Every tenth frame of a drive is no leap, nor is one gap.
         assert_eq!(leaps("drive", &[0, 10, 20], &egos), None);
         assert_eq!(leaps("drive", &[0, 1, 2, 3], &[at(0.0), at(1.0), at(2.0), at(400.0)]), None);
+    }
+
+    /// Every cell lies in one block, and no block holds another cell.
+    #[test]
+    fn blocks_are_the_cells() {
+        let mut state = 7_u32;
+        let mut random = |most: u32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            ((state >> 16) % most) as i32
+        };
+        for axes in [&[1, 0][..], &[2, 1, 0]] {
+            let cells: HashSet<CellIndex> =
+                (0..400).map(|_| [random(9), random(9) - 4, random(5)]).collect();
+            let blocks = merge(cells.clone(), axes);
+            let held: Vec<CellIndex> = blocks.iter().flat_map(|b| inside(b.low, b.high)).collect();
+            assert_eq!(held.len(), cells.len(), "{axes:?}");
+            assert_eq!(held.into_iter().collect::<HashSet<_>>(), cells, "{axes:?}");
+            assert!(blocks.len() < cells.len(), "{axes:?}");
+            assert!(axes.contains(&2) || blocks.iter().all(|b| b.high[2] == b.low[2] + 1));
+        }
+        let full: HashSet<CellIndex> = inside([0, 0, 0], [3, 4, 5]).collect();
+        assert_eq!(merge(full, &[2, 1, 0]), [Block { low: [0; 3], high: [3, 4, 5] }]);
     }
 }

@@ -6,33 +6,28 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `sequence` | the interface of all data sets: frames, poses, labelled points |
-//! | `build` | a P-SOG from sequences |
-//! | `kitti`, `kitti_labels` | the SemanticKITTI layout |
+//! | `sequence` | frames, poses and labelled points of any data set; a P-SOG from them; files of records |
+//! | `kitti` | the SemanticKITTI layout |
 //! | `nuscenes` | nuScenes with lidarseg: tables, categories, boxes |
 //! | `carla` | scans of CARLA's semantic LiDAR with a table of poses |
 //! | `import` | a scene from a sequence |
-//! | `files` | whole files of records |
-//! | `ground` | height of the labelled road; warnings about poses |
+//! | `ground` | height of the labelled road, warnings about poses, plates and boxes of a scene |
 
-mod build;
 mod carla;
 mod error;
-mod files;
 mod ground;
 mod import;
 pub mod kitti;
-pub mod kitti_labels;
 mod nuscenes;
 mod sequence;
 #[cfg(test)]
 mod tests;
 
-pub use build::{PsogOptions, build_psog};
 pub use carla::{CarlaSequence, CarlaTags};
 pub use error::DatasetError;
-pub use import::{ImportOptions, Imported, to_scene};
+pub use import::{ImportOptions, ImportedScene, to_scene};
 pub use kitti::{KITTI_LIDAR_HEIGHT, KittiSequence};
-pub use nuscenes::NUSCENES_CATEGORIES;
-pub use nuscenes::{NuscenesScene, read_nuscenes};
-pub use sequence::{BoxTrack, LabelledScan, LabelledSequence, PointLabel, TrackPose};
+pub use nuscenes::{NUSCENES_CATEGORIES, NuscenesScene, read_nuscenes};
+pub use sequence::{
+    BoxTrack, LabelledScan, LabelledSequence, PointLabel, PsogOptions, TrackPose, build_psog,
+};

@@ -1,8 +1,19 @@
-//! Interface of all data sets: frames, poses, labelled points, things that move.
+//! Interface of all data sets (frames, poses, labelled points, things that move), a P-SOG from them, and whole files of
+//! records.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use glam::Vec3;
+use rayon::prelude::*;
 
 use super::DatasetError;
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
+use sightline_scene::psog::{BuildReport, FrameVotes, Psog, PsogBuilder, Roi};
 use sightline_scene::scene::ActorKind;
 
 /// Meaning of a point's label.
@@ -104,4 +115,190 @@ pub trait LabelledSequence {
     /// A frame that is not there, files that are cut short or do not fit each other, a coordinate that is
     /// not finite, an unknown label.
     fn read(&self, frame: u32) -> Result<LabelledScan, DatasetError>;
+}
+
+/// How to build a P-SOG from labelled frames.
+#[derive(Debug, Clone)]
+pub struct PsogOptions {
+    /// The voxel grid, in the ego frame.
+    pub roi: Roi,
+    /// Frames to vote, by number, in each sequence; `None` takes all that have a scan.
+    pub frames: Option<Vec<u32>>,
+    /// Frame t merges the scans of frames t − w ..= t + w; `None` merges all of `frames`.
+    /// Without a window all scans of a sequence are in memory at once (14 bytes a point).
+    pub window: Option<u32>,
+}
+
+impl PsogOptions {
+    /// All frames, all merged.
+    pub fn new(roi: Roi) -> Self {
+        Self { roi, frames: None, window: None }
+    }
+}
+
+/// Builds a P-SOG from labelled sequences that have the same classes.
+///
+/// The dense points of frame t are its own scan and the scans of the other frames of its window,
+/// moved through the sensor's poses into the ego frame of t. Each votes in the voxel of its hit
+/// ([`Roi::voxel_of_hit`]), seen from where its own sensor stood. Points of moving objects vote only in
+/// their own frame, since they would smear in others; ignored labels never vote.
+///
+/// # Errors
+/// See [`DatasetError`].
+pub fn build_psog<S: LabelledSequence>(
+    sequences: &[S],
+    options: &PsogOptions,
+) -> Result<(Psog, BuildReport), DatasetError> {
+    let classes = sequences.first().map(S::classes).unwrap_or_default();
+    let mut builder = PsogBuilder::new(options.roi, classes)?;
+    for sequence in sequences {
+        add(sequence, options, &mut builder)?;
+    }
+    Ok(builder.finish()?)
+}
+
+/// Adds the frames of a sequence.
+fn add(
+    sequence: &impl LabelledSequence,
+    options: &PsogOptions,
+    builder: &mut PsogBuilder,
+) -> Result<(), DatasetError> {
+    let mut frames = options.frames.clone().unwrap_or_else(|| sequence.frames());
+    frames.sort_unstable();
+    frames.dedup();
+    let mut scans = BTreeMap::new();
+    for &t in &frames {
+        let near = |&n: &u32| options.window.is_none_or(|w| n.abs_diff(t) <= w);
+        scans.retain(|n, _| near(n));
+        for n in frames.iter().copied().filter(near) {
+            if let Entry::Vacant(slot) = scans.entry(n) {
+                slot.insert(VotingPoints::new(sequence.read(n)?));
+            }
+        }
+        let ego_from_sensor = sequence.ego_from_sensor(t)?;
+        let ego_from_world = ego_from_sensor.compose(&sequence.world_from_sensor(t)?.inverse());
+        let mut votes = FrameVotes::new();
+        for (&n, scan) in &scans {
+            // Frame t's own points need no pose, and so lose nothing to its rounding.
+            let ego_from_scan = if n == t {
+                ego_from_sensor
+            } else {
+                ego_from_world.compose(&sequence.world_from_sensor(n)?)
+            };
+            scan.vote(&options.roi, &ego_from_scan, n == t, &mut votes);
+        }
+        builder.frame(votes)?;
+    }
+    Ok(())
+}
+
+/// The voting points of a scan in the sensor frame: points of things at rest, then of moving things.
+struct VotingPoints {
+    points: Vec<([f32; 3], u16)>,
+    at_rest: usize,
+}
+
+impl VotingPoints {
+    fn new(scan: LabelledScan) -> Self {
+        let labelled = || scan.points.iter().zip(&scan.labels);
+        let pick = |moving| {
+            labelled()
+                .filter(move |(_, label)| label.moving == moving)
+                .filter_map(|(&point, label)| Some((point, label.class?)))
+        };
+        let mut points: Vec<_> = pick(false).collect();
+        let at_rest = points.len();
+        points.extend(pick(true));
+        points.shrink_to_fit();
+        Self { points, at_rest }
+    }
+
+    fn vote(&self, roi: &Roi, ego_from_sensor: &Pose, own: bool, votes: &mut FrameVotes) {
+        let points = if own { &self.points[..] } else { &self.points[..self.at_rest] };
+        let origin = ego_from_sensor.translation;
+        votes.par_extend(points.par_iter().with_min_len(8192).map(|&(point, class)| {
+            let point = ego_from_sensor.apply(Vec3::from(point).as_dvec3());
+            (roi.voxel_of_hit(origin, point), class)
+        }));
+    }
+}
+
+/// Most bytes of a scan, a list of labels or a table of poses: 16 million points.
+const LARGEST: u64 = 256 << 20;
+
+/// Opens a file; refuses pipes and devices, which may have no end.
+pub(super) fn open(path: &Path) -> Result<File, DatasetError> {
+    let to_read = |source| DatasetError::Read { path: path.to_owned(), source };
+    sightline_files::files::open(path).map_err(to_read)
+}
+
+/// The bytes of a file of at most [`LARGEST`].
+pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, DatasetError> {
+    let mut bytes = Vec::new();
+    let to_read = |source| DatasetError::Read { path: path.to_owned(), source };
+    open(path)?.take(LARGEST + 1).read_to_end(&mut bytes).map_err(to_read)?;
+    if bytes.len() as u64 > LARGEST {
+        return Err(DatasetError::TooLarge { path: path.to_owned(), limit: LARGEST });
+    }
+    Ok(bytes)
+}
+
+/// The bytes of a file that holds records of `unit` bytes.
+pub(super) fn read_units(path: &Path, unit: u64) -> Result<Vec<u8>, DatasetError> {
+    let bytes = read_bytes(path)?;
+    if !(bytes.len() as u64).is_multiple_of(unit) {
+        let (path, bytes) = (path.to_owned(), bytes.len() as u64);
+        return Err(DatasetError::Truncated { path, bytes, unit });
+    }
+    Ok(bytes)
+}
+
+/// The text of a file.
+pub(super) fn read_text(path: &Path) -> Result<String, DatasetError> {
+    String::from_utf8(read_bytes(path)?)
+        .map_err(|_| DatasetError::NotUtf8 { path: path.to_owned() })
+}
+
+/// Little-endian x, y, z at the start of each record of `N` bytes.
+pub(super) fn read_points<const N: usize>(path: &Path) -> Result<Vec<[f32; 3]>, DatasetError> {
+    let bytes = read_units(path, N as u64)?;
+    let mut points = Vec::with_capacity(bytes.len() / N);
+    for (point, record) in bytes.as_chunks::<N>().0.iter().enumerate() {
+        let xyz = [0, 4, 8]
+            .map(|b| f32::from_le_bytes([record[b], record[b + 1], record[b + 2], record[b + 3]]));
+        check_finite(path, point, xyz)?;
+        points.push(xyz);
+    }
+    Ok(points)
+}
+
+/// Refuses a coordinate that is no number.
+pub(super) fn check_finite(path: &Path, point: usize, xyz: [f32; 3]) -> Result<(), DatasetError> {
+    let named = xyz.into_iter().zip(['x', 'y', 'z']);
+    match named.into_iter().find(|(value, _)| !value.is_finite()) {
+        None => Ok(()),
+        Some((value, axis)) => {
+            Err(DatasetError::NotFinite { path: path.to_owned(), point, axis, value })
+        }
+    }
+}
+
+/// Refuses labels that are not one a point of `unit` bytes.
+pub(super) fn check_count(
+    path: PathBuf,
+    labels: usize,
+    scan: &Path,
+    points: usize,
+    unit: usize,
+) -> Result<(), DatasetError> {
+    if labels == points {
+        return Ok(());
+    }
+    let scan = scan.to_owned();
+    let bytes = points * unit;
+    // Points of three to eight columns, where this many bytes belong to each label.
+    match (3..=8).find(|columns| 4 * columns * labels == bytes) {
+        Some(columns) => Err(DatasetError::Columns { path: scan, columns, wanted: unit / 4 }),
+        None => Err(DatasetError::LabelCount { path, labels, scan, points }),
+    }
 }

@@ -3,8 +3,7 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::about::About;
-use super::folder::{ABOUT, Folder, INCOMPLETE};
+use super::folder::{ABOUT, About, Folder, INCOMPLETE};
 use super::labels::{Label, check_map, of_classes};
 use super::plan::{Planned, plan};
 use super::{DatasetSettings, ExportError, Layout, SceneFacts, kitti, npz, nuscenes};
@@ -26,7 +25,7 @@ pub struct Dataset {
 }
 
 /// Facts known of a data set before anything is written.
-struct Checked {
+struct PreparedDataset {
     about: About,
     plan: Vec<Planned>,
     labels: Vec<Vec<Label>>,
@@ -47,7 +46,7 @@ pub struct Summary {
     pub bytes: u64,
 }
 
-impl Checked {
+impl PreparedDataset {
     fn new(
         dir: &Path,
         settings: &DatasetSettings,
@@ -84,7 +83,7 @@ impl Dataset {
         settings: &DatasetSettings,
         scenes: &[SceneFacts],
     ) -> Result<usize, ExportError> {
-        let folder = Checked::new(dir, settings, scenes)?.folder;
+        let folder = PreparedDataset::new(dir, settings, scenes)?.folder;
         Ok(missing(&folder, scenes).count())
     }
 
@@ -98,7 +97,8 @@ impl Dataset {
         settings: &DatasetSettings,
         scenes: &[SceneFacts],
     ) -> Result<Self, ExportError> {
-        let Checked { about, plan, labels, .. } = Checked::new(dir, settings, scenes)?;
+        let PreparedDataset { about, plan, labels, .. } =
+            PreparedDataset::new(dir, settings, scenes)?;
         let folder = Folder::open(dir)?;
         // The second of two programs that found the folder empty finds the set of the first.
         let _claim = folder.claim();
@@ -192,7 +192,7 @@ impl Dataset {
             Layout::Nuscenes => {
                 let counts = super::Split::ALL
                     .map(|split| self.plan.iter().filter(|at| at.split == split).count());
-                let about = nuscenes::About { settings: &self.settings, planned, counts };
+                let about = nuscenes::SceneExport { settings: &self.settings, planned, counts };
                 nuscenes::write(folder, about, at, scan, &self.labels[scene])?
             }
         };

@@ -1,25 +1,30 @@
 //! The folder of a data set: files that arrive whole, records of frames, and a list of its content.
+//!
+//! `dataset.json` says what a folder holds, and so whether it is the data set to be continued.
 
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use tempfile::NamedTempFile;
 
-use super::ExportError;
+use super::plan::Planned;
 use super::record::{FrameRecord, Written};
-use sightline_files::files::{self, Temporary};
+use super::{DatasetSettings, ExportError, SceneFacts, Split};
+use sightline_files::files::{self, FileError, Input, Temporary};
 
 /// States the folder's content, and whether it is complete.
 pub(super) const ABOUT: &str = "dataset.json";
 /// Marks the folder as incomplete while it exists.
 pub(super) const INCOMPLETE: &str = "INCOMPLETE.txt";
 /// Records and files that are being written: hidden, because loaders list the other folders.
-pub(super) const HIDDEN: &str = ".sightline";
+const HIDDEN: &str = ".sightline";
 /// Locked while a program finds out whether the folder is its own.
 const CLAIM: &str = "claim";
-/// Largest record of a frame: one of ten thousand boxes has a few megabytes.
+/// Largest record of a frame (ten thousand boxes have a few megabytes) and largest `dataset.json` (a thousand scenes
+/// have one).
 const MOST_BYTES: u64 = 1 << 28;
 
 /// Bytes that are put together before they are written: arrays of clouds are longer, and are not copied.
@@ -31,7 +36,7 @@ pub(super) struct Folder {
 }
 
 /// A file that is being written; it takes its place when it is done.
-pub(super) struct Staged {
+pub(super) struct StagedFile {
     out: BufWriter<NamedTempFile>,
     _temporary: Temporary,
     place: PathBuf,
@@ -81,12 +86,12 @@ impl Folder {
     }
 
     /// Begins a file, named from the root with `/`.
-    pub fn begin(&self, name: &str) -> Result<Staged, ExportError> {
+    pub fn begin(&self, name: &str) -> Result<StagedFile, ExportError> {
         let place = self.root.join(name);
         let hidden = self.root.join(HIDDEN);
         let (file, temporary) = files::begin_in(&hidden).map_err(ExportError::io(&place))?;
         let out = BufWriter::with_capacity(BUFFER, file);
-        Ok(Staged { out, _temporary: temporary, place, name: name.to_owned() })
+        Ok(StagedFile { out, _temporary: temporary, place, name: name.to_owned() })
     }
 
     /// Writes a file of records of any kind.
@@ -160,7 +165,7 @@ impl Folder {
     }
 }
 
-impl Staged {
+impl StagedFile {
     /// The writer; errors name the place of the file.
     pub fn write<T>(
         &mut self,
@@ -186,4 +191,133 @@ impl Staged {
         }
         Ok(Written { path: name, bytes })
     }
+}
+
+/// Keys of the provenance that hold paths as they were given: recorded, but not compared.
+const PATHS: [&str; 2] = ["scenes", "vehicle"];
+
+/// All of `dataset.json`.
+#[derive(Serialize, Deserialize)]
+pub(super) struct About {
+    dataset: u32,
+    pub complete: bool,
+    settings: DatasetSettings,
+    /// Name and split of each scene in the data set.
+    called: Vec<Called>,
+    scenes: Vec<SceneFacts>,
+}
+
+#[derive(Serialize, Deserialize, PartialEq)]
+struct Called {
+    scene: String,
+    name: String,
+    split: Split,
+}
+
+impl About {
+    /// A data set that is not whole.
+    pub fn new(settings: &DatasetSettings, scenes: &[SceneFacts], plan: &[Planned]) -> Self {
+        let called = scenes.iter().zip(plan).map(|(scene, planned)| Called {
+            scene: scene.name.clone(),
+            name: planned.name.clone(),
+            split: planned.split,
+        });
+        Self {
+            dataset: 1,
+            complete: false,
+            settings: settings.clone(),
+            called: called.collect(),
+            scenes: scenes.to_vec(),
+        }
+    }
+
+    pub fn read(dir: &Path) -> Result<Self, ExportError> {
+        let path = dir.join(ABOUT);
+        let text = files::read_own(&path, MOST_BYTES).map_err(FileError::io(&path))?;
+        serde_json::from_slice(&text).map_err(|why| ExportError::About { path, why })
+    }
+
+    /// True if the folder holds this very data set; an empty one or none holds nothing.
+    ///
+    /// # Errors
+    /// A folder of something else, of other settings, or of scenes whose files have changed since.
+    pub fn is_in(&self, dir: &Path) -> Result<bool, ExportError> {
+        let mut entries = match std::fs::read_dir(dir) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(false),
+            Err(error) => {
+                // For a place below a file, that file is in the way.
+                return Err(match dir.ancestors().find(|place| place.is_file()) {
+                    Some(file) => ExportError::NoFolder { path: file.to_owned() },
+                    None => ExportError::io(dir)(error),
+                });
+            }
+            Ok(entries) => entries,
+        };
+        if !dir.join(ABOUT).is_file() {
+            // A run that ended before it wrote `dataset.json` leaves only the hidden folder.
+            let foreign = entries.any(|entry| entry.is_ok_and(|entry| entry.file_name() != HIDDEN));
+            return if foreign {
+                Err(ExportError::Foreign { path: dir.to_owned() })
+            } else {
+                Ok(false)
+            };
+        }
+        let path = dir.to_owned();
+        let found = Self::read(dir)?;
+        if let Some(difference) = self.difference(&found) {
+            return Err(ExportError::OtherSettings { path, difference });
+        }
+        match Input::change(&found.settings.files, &self.settings.files) {
+            Some(change) => Err(ExportError::OtherFile { path, change }),
+            None => Ok(true),
+        }
+    }
+
+    /// Names of the settings that differ from the existing data set; scene files are not compared.
+    fn difference(&self, found: &Self) -> Option<String> {
+        let others = others(&self.settings.compared(), &found.settings.compared());
+        let difference = if !others.is_empty() {
+            return Some(others.join(", "));
+        } else if self.scenes != found.scenes {
+            "scenes or frames"
+        } else if self.called != found.called || self.dataset != found.dataset {
+            "another version of the program"
+        } else if found.settings.files.is_empty() && !self.settings.files.is_empty() {
+            "an earlier version of the program, which did not record the files of its scenes"
+        } else {
+            return None;
+        };
+        Some(difference.to_owned())
+    }
+}
+
+impl DatasetSettings {
+    /// The settings and the provenance as they are compared, without files and the paths of [`PATHS`]. A provenance
+    /// that is no object is one of the settings.
+    fn compared(&self) -> [Value; 2] {
+        let mut settings = serde_json::json!(self);
+        let mut provenance: Value = serde_json::from_str(&self.provenance).unwrap_or_default();
+        if let Some(keys) = settings.as_object_mut() {
+            keys.retain(|key, _| {
+                key != "files" && (key != "provenance" || !provenance.is_object())
+            });
+        }
+        if let Some(keys) = provenance.as_object_mut() {
+            keys.retain(|key, _| !PATHS.contains(&key.as_str()));
+        }
+        [settings, provenance]
+    }
+}
+
+/// Names of the values that are not alike in both, each once.
+fn others(ours: &[Value; 2], theirs: &[Value; 2]) -> Vec<String> {
+    let mut names = Vec::new();
+    for (a, b) in ours.iter().zip(theirs) {
+        for key in [a, b].into_iter().filter_map(Value::as_object).flat_map(|keys| keys.keys()) {
+            if a.get(key) != b.get(key) && !names.contains(key) {
+                names.push(key.clone());
+            }
+        }
+    }
+    names
 }

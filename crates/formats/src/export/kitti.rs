@@ -4,16 +4,14 @@
 //! poses are this LiDAR's, counted from the first frame as in KITTI. Each LiDAR by itself is a data set of its own,
 //! `lidar_0` and on.
 
-use std::io::Write;
+use std::io::{self, Write};
 
 use glam::DMat3;
 
-use super::cloud::{Mover, Source, mounts};
-use super::folder::{Folder, Staged};
-use super::labels::{Label, Labels};
-use super::pickle::Pickle;
+use super::folder::{Folder, StagedFile};
+use super::labels::{Label, PointLabels};
 use super::plan::Planned;
-use super::record::{FrameRecord, LidarRecord, Written};
+use super::record::{CloudOrigin, FrameRecord, LidarRecord, Mover, Written, mounts};
 use super::{DatasetSettings, ExportError, SceneFacts, Split};
 use crate::datasets::kitti::EGO_FROM_LIDAR;
 use lidar_cast::geom::Pose;
@@ -23,10 +21,10 @@ use sightline_scan::Scan;
 const COLUMNS: i32 = 4;
 
 /// Folder of a source, from the root of the data set.
-fn root_of(source: Source) -> String {
+fn root_of(source: CloudOrigin) -> String {
     match source {
-        Source::Merged => String::new(),
-        Source::Lidar(lidar) => format!("lidar_{lidar}/"),
+        CloudOrigin::Merged => String::new(),
+        CloudOrigin::Lidar(lidar) => format!("lidar_{lidar}/"),
     }
 }
 
@@ -39,13 +37,13 @@ pub(super) fn write(
     classes: &[Label],
     settings: &DatasetSettings,
 ) -> Result<FrameRecord, ExportError> {
-    let labels = Labels::new(classes, &scan.boxes);
+    let labels = PointLabels::new(classes, &scan.boxes);
     let each = settings.each_lidar;
     let mounts = mounts(scan);
     let mut files: Vec<Written> = Vec::new();
     let most = scan.returns.len();
     let (mut cloud, mut ids) = (Vec::<[f32; 4]>::with_capacity(most), Vec::with_capacity(most));
-    for source in Source::all(mounts.len(), each && mounts.len() > 1) {
+    for source in CloudOrigin::all(mounts.len(), each && mounts.len() > 1) {
         let mover = Mover::new(&source.ego_from_sensor(&mounts, DMat3::IDENTITY));
         cloud.clear();
         ids.clear();
@@ -75,7 +73,7 @@ pub(super) fn finish(
     for (number, (scene, planned)) in scenes.iter().zip(plan).enumerate() {
         let first = folder.record(number, scene.frames[0])?;
         lidars = lidars.max(first.lidars.len());
-        let sources = Source::all(first.lidars.len(), each && first.lidars.len() > 1);
+        let sources = CloudOrigin::all(first.lidars.len(), each && first.lidars.len() > 1);
         let begun = sources.map(|source| Sequence::begin(folder, &planned.name, source, &first));
         let mut sequences = begun.collect::<Result<Vec<Sequence>, ExportError>>()?;
         for &frame in &scene.frames {
@@ -84,7 +82,7 @@ pub(super) fn finish(
         }
         sequences.into_iter().try_for_each(Sequence::end)?;
     }
-    for source in Source::all(lidars, each && lidars > 1) {
+    for source in CloudOrigin::all(lidars, each && lidars > 1) {
         for split in Split::ALL {
             infos(folder, scenes, plan, source, split)?;
         }
@@ -92,21 +90,21 @@ pub(super) fn finish(
     Ok(())
 }
 
-fn ego_from_source(record: &FrameRecord, source: Source) -> Pose {
+fn ego_from_source(record: &FrameRecord, source: CloudOrigin) -> Pose {
     let pose = |lidar: &LidarRecord| lidar.ego_from_mount.pose();
     let mounts: Vec<Pose> = record.lidars.iter().map(pose).collect();
     source.ego_from_sensor(&mounts, DMat3::IDENTITY)
 }
 
-fn world_from_source(record: &FrameRecord, source: Source) -> Pose {
+fn world_from_source(record: &FrameRecord, source: CloudOrigin) -> Pose {
     record.world_from_ego.pose().compose(&ego_from_source(record, source))
 }
 
 /// Poses, times, calibration and the LiDAR's place on the vehicle, of a sequence of one source.
 struct Sequence {
-    source: Source,
-    poses: Staged,
-    times: Staged,
+    source: CloudOrigin,
+    poses: StagedFile,
+    times: StagedFile,
     /// Pose and time that the others are counted from.
     first_from_world: Pose,
     begin: f64,
@@ -116,7 +114,7 @@ impl Sequence {
     fn begin(
         folder: &Folder,
         name: &str,
-        source: Source,
+        source: CloudOrigin,
         first: &FrameRecord,
     ) -> Result<Self, ExportError> {
         let place = format!("{}sequences/{name}", root_of(source));
@@ -162,11 +160,11 @@ fn infos(
     folder: &Folder,
     scenes: &[SceneFacts],
     plan: &[Planned],
-    source: Source,
+    source: CloudOrigin,
     split: Split,
 ) -> Result<(), ExportError> {
     let name = format!("{}semantickitti_infos_{}.pkl", root_of(source), split.name());
-    let mut staged: Staged = folder.begin(&name)?;
+    let mut staged: StagedFile = folder.begin(&name)?;
     staged.write(|out| {
         let mut pickle = Pickle::new(out)?;
         pickle.dict(|p| {
@@ -192,7 +190,7 @@ fn infos(
     staged.end().map(drop)
 }
 
-fn info<W: Write>(p: &mut Pickle<W>, sequence: &str, at: usize) -> std::io::Result<()> {
+fn info<W: Write>(p: &mut Pickle<W>, sequence: &str, at: usize) -> io::Result<()> {
     p.dict(|p| {
         p.text("lidar_points")?;
         p.dict(|p| {
@@ -206,4 +204,45 @@ fn info<W: Write>(p: &mut Pickle<W>, sequence: &str, at: usize) -> std::io::Resu
         p.text("sample_id")?;
         p.text(&format!("{sequence}{at:06}"))
     })
+}
+
+/// A pickle that is being written.
+struct Pickle<W: Write>(W);
+
+impl<W: Write> Pickle<W> {
+    /// Begins with the version.
+    pub fn new(mut out: W) -> io::Result<Self> {
+        out.write_all(b"\x80\x02")?;
+        Ok(Self(out))
+    }
+
+    pub fn text(&mut self, text: &str) -> io::Result<()> {
+        self.0.write_all(b"X")?;
+        self.0.write_all(&(text.len() as u32).to_le_bytes())?;
+        self.0.write_all(text.as_bytes())
+    }
+
+    pub fn number(&mut self, number: i32) -> io::Result<()> {
+        self.0.write_all(b"J")?;
+        self.0.write_all(&number.to_le_bytes())
+    }
+
+    /// Writes a list with the items of `items`.
+    pub fn list(&mut self, items: impl FnOnce(&mut Self) -> io::Result<()>) -> io::Result<()> {
+        self.0.write_all(b"](")?;
+        items(self)?;
+        self.0.write_all(b"e")
+    }
+
+    /// Writes a dictionary with the pairs of `pairs`: key, value, key, value.
+    pub fn dict(&mut self, pairs: impl FnOnce(&mut Self) -> io::Result<()>) -> io::Result<()> {
+        self.0.write_all(b"}(")?;
+        pairs(self)?;
+        self.0.write_all(b"u")
+    }
+
+    pub fn end(mut self) -> io::Result<()> {
+        self.0.write_all(b".")?;
+        self.0.flush()
+    }
 }

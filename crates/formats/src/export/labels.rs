@@ -167,13 +167,13 @@ pub(super) fn of_classes(
 }
 
 /// Labels of the points of a scan.
-pub(super) struct Labels<'a> {
+pub(super) struct PointLabels<'a> {
     classes: &'a [Label],
     /// Label of its kind, and whether it moves, by instance.
     actors: Vec<Option<(Option<Label>, bool)>>,
 }
 
-impl<'a> Labels<'a> {
+impl<'a> PointLabels<'a> {
     pub fn new(classes: &'a [Label], boxes: &[TrackedBox]) -> Self {
         let most = boxes.iter().map(|tracked| usize::from(tracked.instance)).max();
         let mut actors = vec![None; most.map_or(0, |most| most + 1)];

@@ -6,8 +6,6 @@
 //!
 //! [`Glb`] shows one frame with its rigs in any viewer of glTF.
 
-mod about;
-mod cloud;
 mod dataset;
 mod error;
 mod folder;
@@ -16,17 +14,14 @@ mod kitti;
 mod labels;
 mod npz;
 mod nuscenes;
-mod pickle;
 mod plan;
 mod record;
-mod recording;
-mod settings;
 #[cfg(test)]
 mod tests;
 
 pub use dataset::{Dataset, Summary};
 pub use error::ExportError;
 pub use glb::{Glb, GltfView};
-pub use recording::record;
-pub use settings::{DatasetSettings, Layout, SceneFacts, Split, Splits};
+pub use plan::{DatasetSettings, Layout, SceneFacts, Split, Splits};
+pub use record::record;
 pub use sightline_files::files::Input;

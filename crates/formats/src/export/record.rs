@@ -1,10 +1,17 @@
-//! Record of one frame: a small file that is kept until the tables are made.
+//! Frames on their way into a data set: scans recorded side by side, points in a frame, and a small file each.
+//!
+//! Several frames are recorded at the same time, as many in memory as there are threads. A frame's record is kept
+//! until the tables are made.
+
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use glam::{DMat3, DVec3};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::{Dataset, ExportError};
 use lidar_cast::geom::Pose;
-use sightline_scan::Scan;
+use sightline_scan::{Return, Scan, ScanLidar, Scanner};
 
 /// A rigid transform: rotation by columns, then translation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -56,7 +63,7 @@ pub(super) struct BoxRecord {
     pub visible: Option<f32>,
 }
 
-pub(super) type DVec3List = [f64; 3];
+type DVec3List = [f64; 3];
 
 /// A file that belongs to a frame, and how long it must be.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -109,5 +116,96 @@ impl FrameRecord {
             points: scan.points().count() as u64,
             files: Vec::new(),
         }
+    }
+}
+
+/// Scans those frames of a scene, by its number in the data set, that the set lacks.
+///
+/// `watch` gets every scan once it is written; it returns `false` to stop. Returns true if all frames are there.
+///
+/// # Errors
+/// See [`Dataset::write`].
+pub fn record(
+    dataset: &Dataset,
+    scene: usize,
+    scanner: &Scanner<'_>,
+    watch: impl Fn(&Scan) -> bool + Sync,
+) -> Result<bool, ExportError> {
+    let frames: Vec<usize> = dataset.missing_of(scene);
+    let (next, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
+    // Each takes the next frame as soon as its own is written, so that none waits for another's files.
+    let takers = (0..rayon::current_num_threads().max(1)).into_par_iter().with_max_len(1);
+    takers.try_for_each(|_| {
+        while !stopped.load(Ordering::Relaxed)
+            && let Some(&frame) = frames.get(next.fetch_add(1, Ordering::Relaxed))
+        {
+            let mut scan = scanner.scan(frame);
+            if dataset.tells_visibility(scene, frame) {
+                scanner.look_at_boxes(&mut scan);
+            }
+            let written = dataset.write(scene, &scan);
+            if written.is_err() || !watch(&scan) {
+                stopped.store(true, Ordering::Relaxed);
+            }
+            written?;
+        }
+        Ok::<(), ExportError>(())
+    })?;
+    match stopped.into_inner() {
+        true => Ok(dataset.missing_of(scene).is_empty()),
+        false => Ok(true),
+    }
+}
+
+/// Whose points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum CloudOrigin {
+    /// All LiDARs as one.
+    Merged,
+    /// One LiDAR, by its number in the rig.
+    Lidar(usize),
+}
+
+impl CloudOrigin {
+    /// All sources of a rig: merged first.
+    pub fn all(lidars: usize, each: bool) -> impl Iterator<Item = Self> {
+        let each = if each { lidars } else { 0 };
+        std::iter::once(Self::Merged).chain((0..each).map(Self::Lidar))
+    }
+
+    pub fn takes(self, point: &Return) -> bool {
+        match self {
+            Self::Merged => true,
+            Self::Lidar(lidar) => usize::from(point.lidar) == lidar,
+        }
+    }
+
+    /// The frame that its points are given in; merged ones in the middle of the LiDARs, turned as `turn`.
+    pub fn ego_from_sensor(self, lidars: &[Pose], turn: DMat3) -> Pose {
+        match self {
+            Self::Lidar(lidar) => lidars.get(lidar).copied().unwrap_or(Pose::IDENTITY),
+            Self::Merged => {
+                let sum: DVec3 = lidars.iter().map(|pose| pose.translation).sum();
+                Pose { rotation: turn, translation: sum / lidars.len().max(1) as f64 }
+            }
+        }
+    }
+}
+
+/// Poses of the LiDARs of a scan, without their phases: one calibration holds for all frames.
+pub(super) fn mounts(scan: &Scan) -> Vec<Pose> {
+    scan.lidars.iter().map(|lidar: &ScanLidar| lidar.ego_from_mount).collect()
+}
+
+/// Takes positions of points from the ego frame to another, rounded once.
+pub(super) struct Mover(Pose);
+
+impl Mover {
+    pub fn new(ego_from_sensor: &Pose) -> Self {
+        Self(ego_from_sensor.inverse())
+    }
+
+    pub fn position(&self, point: &Return) -> [f32; 3] {
+        self.0.apply(DVec3::from(point.position.map(f64::from))).as_vec3().to_array()
     }
 }

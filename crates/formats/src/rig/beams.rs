@@ -1,10 +1,10 @@
-//! Beams of the models that LiDARs of a rig name, in the words of other programs.
+//! Sensor models that LiDARs of a rig name: beams in the words of other programs, optical centres, CARLA's fans.
 
 use std::fmt::Write;
 
 use serde_json::{Value, json};
 
-use super::{Fan, Rig, RigLidar, known};
+use super::{Rig, RigLidar};
 use sightline_files::json::written;
 use sightline_scene::vehicle::{Lidar, Vehicle};
 
@@ -13,10 +13,10 @@ const NEAREST: f64 = 0.01;
 
 /// Models of a vehicle, for LiDARs of a rig. Without any, sensors that this program knows by name.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Models(Vec<Model>);
+pub struct Models(Vec<RigModel>);
 
 #[derive(Debug, Clone, PartialEq)]
-struct Model {
+struct RigModel {
     /// `None` for the `lidar` of a scene.
     name: Option<String>,
     lidar: Lidar,
@@ -24,7 +24,7 @@ struct Model {
 }
 
 /// Beams of a LiDAR, as far as they are known.
-pub(super) enum Beams<'a> {
+pub(super) enum RigBeams<'a> {
     /// Beams from a vehicle.
     Given(&'a Lidar, f64),
     /// Fan of a sensor known by name.
@@ -37,7 +37,7 @@ pub(super) enum Beams<'a> {
 
 impl From<&Vehicle> for Models {
     fn from(vehicle: &Vehicle) -> Self {
-        let model = |of: &sightline_scene::vehicle::VehicleSensor| Model {
+        let model = |of: &sightline_scene::vehicle::VehicleSensor| RigModel {
             name: (!of.name.is_none()).then(|| of.name.to_string()),
             lidar: of.lidar.clone(),
             min_range: of.response.min_range,
@@ -58,26 +58,26 @@ impl Models {
     }
 
     /// Beams of a LiDAR: of its own model, or of the only one where it names none.
-    pub(super) fn of(&self, lidar: &RigLidar) -> Beams<'_> {
+    pub(super) fn of(&self, lidar: &RigLidar) -> RigBeams<'_> {
         let found = match (&lidar.sensor, &self.0[..]) {
             (Some(name), all) => all.iter().find(|model| model.name.as_ref() == Some(name)),
             (None, [only]) => Some(only),
             (None, _) => None,
         };
-        match (found, lidar.sensor.as_deref().and_then(known::fan)) {
-            (Some(model), _) => Beams::Given(&model.lidar, model.min_range),
-            (None, Some(Some(fan))) => Beams::Known(fan),
-            (None, Some(None)) => Beams::Uneven,
-            (None, None) => Beams::Unknown,
+        match (found, lidar.sensor.as_deref().and_then(fan)) {
+            (Some(model), _) => RigBeams::Given(&model.lidar, model.min_range),
+            (None, Some(Some(fan))) => RigBeams::Known(fan),
+            (None, Some(None)) => RigBeams::Uneven,
+            (None, None) => RigBeams::Unknown,
         }
     }
 
     /// The fan of a LiDAR, even where its channels are not; `None` where it has none or its beams are not known.
     pub(super) fn fan(&self, lidar: &RigLidar) -> Option<Fan> {
         match self.of(lidar) {
-            Beams::Given(lidar, _) => Fan::of(lidar),
-            Beams::Known(fan) => Some(fan),
-            Beams::Uneven | Beams::Unknown => None,
+            RigBeams::Given(lidar, _) => Fan::of(lidar),
+            RigBeams::Known(fan) => Some(fan),
+            RigBeams::Uneven | RigBeams::Unknown => None,
         }
     }
 
@@ -85,7 +85,7 @@ impl Models {
     pub(super) fn gazebo(&self, lidar: &RigLidar, indent: &str) -> String {
         let Some(fan) = self.fan(lidar) else { return String::new() };
         let nearest = match self.of(lidar) {
-            Beams::Given(_, min_range) if min_range > 0.0 => min_range,
+            RigBeams::Given(_, min_range) if min_range > 0.0 => min_range,
             _ => NEAREST,
         };
         let steps = fan.azimuth_steps;
@@ -124,7 +124,7 @@ impl Models {
         if lidars.is_empty() {
             return None;
         }
-        let used = |model: &&Model| {
+        let used = |model: &&RigModel| {
             rig.lidars.iter().any(|lidar| lidar.sensor.is_some() && lidar.sensor == model.name)
         };
         let models = self.0.iter().filter(used);
@@ -150,4 +150,137 @@ fn described(lidar: &Lidar) -> Value {
             json!({ "directions": directions, "range": range })
         }
     }
+}
+
+/// Largest difference of two elevations that are told apart, in degrees.
+const SAME_DEGREES: f64 = 1e-3;
+/// Turns a second of a LiDAR that says nothing else.
+const TURNS_A_SECOND: f64 = 10.0;
+
+/// Facts known of a sensor by its name.
+struct KnownSensor {
+    name: &'static str,
+    /// Optical centre above the foot in metres: `*_base_scan_joint` of Velodyne's description.
+    optical_height: f64,
+    fan: Option<Fan>,
+}
+
+/// Numbers of Velodyne's data sheets; the VLS-128 has uneven channels.
+const KNOWN: [KnownSensor; 2] = [
+    KnownSensor {
+        name: "VLP-16",
+        optical_height: 0.0377,
+        fan: Some(Fan {
+            channels: 16,
+            lower: -15.0,
+            upper: 15.0,
+            range: 100.0,
+            azimuth_steps: 1875,
+            azimuth: None,
+            is_even: true,
+        }),
+    },
+    KnownSensor { name: "VLS-128", optical_height: 0.06611, fan: None },
+];
+
+/// Channels over a vertical field of view, which turn: all that CARLA and Gazebo can be told of a LiDAR.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fan {
+    /// Number of channels.
+    pub channels: u32,
+    /// Lowest elevation in degrees.
+    pub lower: f64,
+    /// Highest elevation in degrees.
+    pub upper: f64,
+    /// Range in metres.
+    pub range: f64,
+    /// Azimuth steps of a turn, or of the sector.
+    pub azimuth_steps: u32,
+    /// First and last azimuth in degrees of a LiDAR that looks over a sector.
+    pub azimuth: Option<[f64; 2]>,
+    /// True if the channels are evenly spaced, and all look the same way. The programs cast them so.
+    pub is_even: bool,
+}
+
+impl Fan {
+    /// Turns a second.
+    pub(super) const RATE: f64 = TURNS_A_SECOND;
+
+    /// The fan of a sensor; `None` of one whose beams are a list of directions.
+    pub fn of(lidar: &Lidar) -> Option<Self> {
+        let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range } = lidar
+        else {
+            return None;
+        };
+        let mut sorted = elevations.clone();
+        sorted.sort_by(f64::total_cmp);
+        let (lower, upper) = (*sorted.first()?, *sorted.last()?);
+        let gap = (upper - lower) / (sorted.len().max(2) - 1) as f64;
+        let even = |(k, e): (usize, &f64)| (lower + gap * k as f64 - e).abs() <= SAME_DEGREES;
+        let straight = azimuth_offsets.iter().all(|offset| offset.abs() <= SAME_DEGREES);
+        Some(Self {
+            channels: sorted.len() as u32,
+            lower,
+            upper,
+            range: *range,
+            azimuth_steps: *azimuth_steps,
+            azimuth: *azimuth,
+            is_even: straight && sorted.iter().enumerate().all(even),
+        })
+    }
+
+    /// Beams a second, at ten turns a second.
+    pub fn points_a_second(&self) -> u64 {
+        u64::from(self.channels) * u64::from(self.azimuth_steps) * TURNS_A_SECOND as u64
+    }
+
+    /// Horizontal field of view in degrees.
+    pub fn horizontal(&self) -> f64 {
+        self.azimuth.map_or(360.0, |[from, to]| to - from)
+    }
+
+    /// True if it looks to both sides alike.
+    pub(super) fn is_centred(&self) -> bool {
+        self.azimuth.is_none_or(|[from, to]| (from + to).abs() <= SAME_DEGREES)
+    }
+}
+
+/// True if two names mean one sensor: `VLP16`, `vlp-16` and `VLP 16` do.
+pub(super) fn same(a: &str, b: &str) -> bool {
+    let letters = |name: &str| {
+        let kept = name.chars().filter(|c| c.is_ascii_alphanumeric());
+        kept.map(|c| c.to_ascii_lowercase()).collect::<String>()
+    };
+    letters(a) == letters(b)
+}
+
+fn find(name: &str) -> Option<&'static KnownSensor> {
+    KNOWN.iter().find(|known| same(known.name, name))
+}
+
+/// Optical centre of a sensor above its foot, in metres.
+pub(super) fn optical_height(name: &str) -> Option<f64> {
+    find(name).map(|known| known.optical_height)
+}
+
+/// Fan of a sensor that is known, `Some(None)` where its channels are uneven.
+fn fan(name: &str) -> Option<Option<Fan>> {
+    find(name).map(|known| known.fan)
+}
+
+/// A sensor's name as this program writes it, and any other name as it is.
+pub(super) fn usual(name: &str) -> String {
+    find(name).map_or(name, |known| known.name).to_owned()
+}
+
+/// The known sensor of a fan.
+pub(super) fn of_fan(channels: f64, lower: f64, upper: f64) -> Option<String> {
+    let near = |a: f64, b: f64| (a - b).abs() <= SAME_DEGREES;
+    let fits = |fan: &Fan| {
+        f64::from(fan.channels) == channels && near(fan.lower, lower) && near(fan.upper, upper)
+    };
+    KNOWN
+        .iter()
+        .find(|known| known.fan.as_ref().is_some_and(fits))
+        .map(|known| known.name.to_owned())
 }

@@ -1,19 +1,19 @@
-//! The list that `sensors()` of a CARLA agent returns, as JSON: left-handed, y to the right, in degrees.
+//! CARLA: the list that `sensors()` of an agent returns, and `objects.json` of the ROS bridge.
 //!
-//! With y mirrored, CARLA's own signs of pitch and roll leave roll as it is; y, pitch, yaw and phase change sign.
+//! The list is left-handed, y to the right, in degrees. With y mirrored, CARLA's own signs of pitch and roll leave
+//! roll as it is; y, pitch, yaw and phase change sign. The bridge has the axes of ROS, and angles in degrees.
 
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 use super::fields::{self, Fields, PHASE, wrong};
-use super::frames::{Frame, Frames, Holds};
-use super::{BASE_LINK, Fan, Mounting, Rig, RigError, RigLidar, Source, known};
+use super::frames::{FrameContent, FrameTree, RigFrame};
+use super::{BASE_LINK, Fan, Mounting, Rig, RigError, RigLidar, RigSource, beams};
 use sightline_files::Note;
-use sightline_files::json::written;
-use sightline_files::json::{self, Place};
+use sightline_files::json::{self, Place, written};
 use sightline_scene::vehicle::{SensorPose, of_degrees};
 
 /// Type of the LiDAR that CARLA casts.
-pub(super) const LIDAR: &str = "sensor.lidar.ray_cast";
+const LIDAR: &str = "sensor.lidar.ray_cast";
 /// Attribute of a LiDAR that looks over a part of the turn, in degrees.
 const HORIZONTAL: &str = "horizontal_fov";
 
@@ -64,7 +64,7 @@ const PASSED_OVER: [&str; 12] = [
 ];
 
 /// Reads the text of a list.
-pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let document: Value = json::parse(&source.text, &source.file)?;
     read_list(&document, &Place::top(&source.file), frames)
 }
@@ -73,7 +73,7 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
 pub(super) fn read_list(
     document: &Value,
     top: &Place,
-    frames: &mut Frames,
+    frames: &mut FrameTree,
 ) -> Result<(), RigError> {
     let (list, at) = match document.get("sensors") {
         Some(list) => (list, top.key("sensors")),
@@ -83,7 +83,7 @@ pub(super) fn read_list(
     for (index, sensor) in list.iter().enumerate() {
         let fields = Fields::of(sensor, at.item(index))?;
         let holds = holds(&fields, frames)?;
-        if holds == Holds::Other {
+        if holds == FrameContent::Other {
             leave_out(frames, &fields)?;
             continue;
         }
@@ -97,9 +97,9 @@ pub(super) fn read_list(
 }
 
 /// Content of an entry by its type. Notes name the LiDAR keys that a placement does not keep.
-pub(super) fn holds(fields: &Fields, frames: &mut Frames) -> Result<Holds, RigError> {
+pub(super) fn holds(fields: &Fields, frames: &mut FrameTree) -> Result<FrameContent, RigError> {
     if !fields.text("type")?.starts_with("sensor.lidar") {
-        return Ok(Holds::Other);
+        return Ok(FrameContent::Other);
     }
     let angle = if fields.has(HORIZONTAL) { fields.number(HORIZONTAL)? } else { 360.0 };
     let is_whole = angle >= 360.0;
@@ -125,29 +125,29 @@ pub(super) fn holds(fields: &Fields, frames: &mut Frames) -> Result<Holds, RigEr
     let has_fan = ["channels", "lower_fov", "upper_fov"].iter().all(|key| fields.has(key));
     let sensor = if has_fan && is_whole {
         let number = |key| fields.number(key);
-        known::of_fan(number("channels")?, number("lower_fov")?, number("upper_fov")?)
+        beams::of_fan(number("channels")?, number("lower_fov")?, number("upper_fov")?)
     } else {
         None
     };
-    Ok(Holds::Lidar { sensor, optical: None })
+    Ok(FrameContent::Lidar { sensor, optical: None })
 }
 
 /// Leaves out an entry that is no LiDAR. Cameras and the like may lack a pose, and an `id`.
-pub(super) fn leave_out(frames: &mut Frames, fields: &Fields) -> Result<(), RigError> {
+fn leave_out(frames: &mut FrameTree, fields: &Fields) -> Result<(), RigError> {
     let name = fields.text("id").or_else(|_| fields.text("type"))?;
     frames.left_out.push(name.to_owned());
     Ok(())
 }
 
 /// Adds an entry to `base_link`, under its `id`.
-pub(super) fn add(
-    frames: &mut Frames,
+fn add(
+    frames: &mut FrameTree,
     fields: &Fields,
     pose: SensorPose,
-    holds: Holds,
+    holds: FrameContent,
 ) -> Result<(), RigError> {
     let (name, at) = (fields.text("id")?.to_owned(), fields.at.clone());
-    frames.add(Frame { name, parent: BASE_LINK.to_owned(), pose, holds, at })
+    frames.add(RigFrame { name, parent: BASE_LINK.to_owned(), pose, holds, at })
 }
 
 /// The list as JSON.
@@ -160,7 +160,7 @@ pub(super) fn write(
         let mut entry = Map::new();
         entry.insert("type".to_owned(), LIDAR.into());
         let pose = mirrored(&mounting.to_base(&lidar.pose), f64::to_degrees);
-        entry.extend(fields::numbers(&pose));
+        entry.extend(fields::pose_entries(&pose));
         entry.insert("id".to_owned(), lidar.frame.as_str().into());
         entry.extend(attributes(fan(lidar)));
         Value::Object(entry)
@@ -169,7 +169,7 @@ pub(super) fn write(
 }
 
 /// Attributes of a LiDAR: its fan where it is known, and no beams lost by chance or intensity.
-pub(super) fn attributes(fan: Option<Fan>) -> Map<String, Value> {
+fn attributes(fan: Option<Fan>) -> Map<String, Value> {
     let mut attributes = Map::new();
     if let Some(fan) = fan {
         let points = fan.points_a_second();
@@ -191,4 +191,69 @@ pub(super) fn attributes(fan: Option<Fan>) -> Map<String, Value> {
         attributes.insert(key.to_owned(), 0.0.into());
     }
     attributes
+}
+
+/// Vehicle of the bridge's own example.
+const VEHICLE: &str = "vehicle.tesla.model3";
+
+fn turned(pose: SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
+    let [roll, pitch, yaw] = [pose.roll, pose.pitch, pose.yaw].map(&angle);
+    SensorPose { roll, pitch, yaw, phase: pose.phase.map(angle), ..pose }
+}
+
+/// Reads the sensors of the only vehicle that has LiDARs.
+pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
+    let document: Value = json::parse(&source.text, &source.file)?;
+    let top = Fields::of(&document, Place::top(&source.file))?;
+    let mut vehicle = None;
+    for object in items(&top, "objects")? {
+        if !object.has("sensors") {
+            continue;
+        }
+        for sensor in items(&object, "sensors")? {
+            let holds = holds(&sensor, frames)?;
+            if holds == FrameContent::Other {
+                leave_out(frames, &sensor)?;
+                continue;
+            }
+            if *vehicle.get_or_insert_with(|| object.at.clone()) != object.at {
+                return Err(wrong(
+                    &sensor.at,
+                    "a LiDAR of another vehicle",
+                    "one of the first one",
+                ));
+            }
+            let pose = turned(sensor.inner("spawn_point")?.six_or_level()?, f64::to_radians);
+            add(frames, &sensor, pose, holds)?;
+        }
+    }
+    Ok(())
+}
+
+/// The objects of the list under a key.
+fn items<'a>(fields: &Fields<'a>, key: &str) -> Result<Vec<Fields<'a>>, RigError> {
+    let (value, at) = (fields.value(key)?, fields.at.key(key));
+    let list = value.as_array().ok_or_else(|| wrong(&at, value, "a list"))?;
+    list.iter().enumerate().map(|(index, item)| Fields::of(item, at.item(index))).collect()
+}
+
+/// One vehicle with its LiDARs.
+pub(super) fn write_objects(
+    rig: &Rig,
+    mounting: &Mounting,
+    fan: impl Fn(&RigLidar) -> Option<Fan>,
+) -> Value {
+    let sensor = |lidar: &RigLidar| {
+        let pose = turned(mounting.to_base(&lidar.pose), f64::to_degrees);
+        // The bridge passes every other key of a sensor to CARLA, which refuses unknown keys.
+        let spawn_point: Map<String, Value> = fields::pose_entries(&pose).collect();
+        let mut sensor = Map::new();
+        sensor.insert("type".to_owned(), LIDAR.into());
+        sensor.insert("id".to_owned(), lidar.frame.as_str().into());
+        sensor.insert("spawn_point".to_owned(), spawn_point.into());
+        sensor.extend(attributes(fan(lidar)));
+        Value::Object(sensor)
+    };
+    let sensors: Vec<Value> = rig.lidars.iter().map(sensor).collect();
+    json!({ "objects": [{ "type": VEHICLE, "id": "ego_vehicle", "sensors": sensors }] })
 }

@@ -1,7 +1,7 @@
 //! Why a rig cannot be read or written.
 
 use super::RigFormat;
-use sightline_files::json::{DescriptionError, Document, Place, did_you_mean};
+use sightline_files::json::{DescriptionError, Place, YamlDocument, did_you_mean};
 use sightline_scene::vehicle::PlacementError;
 
 /// Most names that a message lists.
@@ -271,7 +271,7 @@ pub enum RigError {
 
 impl RigError {
     /// The fault with the line of its place in a document.
-    pub(super) fn at_line(self, document: &Document) -> Self {
+    pub(super) fn at_line(self, document: &YamlDocument) -> Self {
         let path = match &self {
             Self::UnknownKey { at, key, .. } => at.key(key).path,
             Self::Missing { at, .. } | Self::Value { at, .. } | Self::Twice { at, .. } => {

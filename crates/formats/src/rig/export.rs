@@ -2,10 +2,10 @@
 
 use serde_json::Value;
 
-use super::beams::{Beams, Models};
+use super::beams::{Models, RigBeams};
 use super::{
-    Fan, Mounting, NamedText, Rig, RigError, RigFormat, RigLidar, autoware, carla, carla_objects,
-    launch, placements, sdf, urdf,
+    Fan, Mounting, NamedText, Rig, RigError, RigFormat, RigLidar, carla, launch, model, sdf, urdf,
+    yaml,
 };
 
 /// Models of LiDARs beside Autoware's files.
@@ -40,7 +40,7 @@ pub fn export(
     let one = |name: &str, text| vec![NamedText { name: name.to_owned(), text }];
     let files = match format {
         RigFormat::Autoware => {
-            let mut files = autoware::write(rig, mounting);
+            let mut files = yaml::write_autoware(rig, mounting);
             let text = models.document(rig).map(|document| pretty(&document));
             files.extend(text.map(|text| NamedText { name: MODELS_FILE.to_owned(), text }));
             files
@@ -50,9 +50,9 @@ pub fn export(
         RigFormat::Ros2Launch => one("rig.launch.xml", launch::write(rig, mounting)),
         RigFormat::Carla => one("sensors.json", pretty(&carla::write(rig, mounting, fan))),
         RigFormat::CarlaObjects => {
-            one("objects.json", pretty(&carla_objects::write(rig, mounting, fan)))
+            one("objects.json", pretty(&carla::write_objects(rig, mounting, fan)))
         }
-        RigFormat::Json => one("placements.json", pretty(&placements::rig_json(&[rig]))),
+        RigFormat::Json => one("placements.json", pretty(&model::rig_json(&[rig]))),
         RigFormat::Tf | RigFormat::Pandaset => return Err(RigError::ReadOnly { format }),
     };
     let mut warnings = Vec::new();
@@ -105,7 +105,7 @@ fn check_models(rig: &Rig, models: &Models) -> Result<(), RigError> {
             (None, _) if models.count() > 1 => {
                 return Err(RigError::UnnamedModel { frame, known });
             }
-            (Some(sensor), Beams::Unknown) if !known.is_empty() => {
+            (Some(sensor), RigBeams::Unknown) if !known.is_empty() => {
                 let sensor = sensor.clone();
                 return Err(RigError::UnknownModel { frame, sensor, known });
             }
@@ -129,8 +129,8 @@ fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<Stri
     let frame = &lidar.frame;
     let of = lidar.sensor.as_deref().unwrap_or("the scene's sensor");
     let said = match models.of(lidar) {
-        Beams::Known(_) => return None,
-        Beams::Given(given, _) => match Fan::of(given) {
+        RigBeams::Known(_) => return None,
+        RigBeams::Given(given, _) => match Fan::of(given) {
             Some(fan) if !fan.is_even => format!(
                 "{program} casts channels at even steps only, and those of {of} are uneven; only their number, \
                  the lowest and the highest are kept"
@@ -145,11 +145,11 @@ fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<Stri
                  {program} takes its own"
             ),
         },
-        Beams::Uneven => format!(
+        RigBeams::Uneven => format!(
             "{program} casts channels at even steps only, and those of {of} are uneven; its channels and field \
              of view are left out, and {program} takes its own"
         ),
-        Beams::Unknown => format!(
+        RigBeams::Unknown => format!(
             "its beams are not known, so {program} takes its own; name its sensor, and give --vehicle or \
              --scene"
         ),

@@ -1,16 +1,20 @@
-//! Frame tree: parent links, and their composition into one transform.
+//! Frame tree: parent links, their composition into one transform in `f64`, and the place of `base_link`.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
-use super::RigError;
-use super::angles::{IDENTITY, compose, inverse};
+use glam::{DMat3, DQuat, DVec3};
+
+use super::fields::wrong;
+use super::{RigError, beams};
+use lidar_cast::geom::Pose;
+use lidar_cast::maths;
 use sightline_files::Note;
 use sightline_files::json::Place;
 use sightline_scene::vehicle::SensorPose;
 
 /// Content of a frame, as far as the file states it.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Holds {
+pub(super) enum FrameContent {
     /// A LiDAR, of a model that may be named.
     Lidar {
         /// Model, as the file names it.
@@ -26,19 +30,19 @@ pub(super) enum Holds {
 
 /// A frame and where it hangs.
 #[derive(Debug, Clone)]
-pub(super) struct Frame {
+pub(super) struct RigFrame {
     pub(super) name: String,
     pub(super) parent: String,
     /// `parent_from_frame`.
     pub(super) pose: SensorPose,
-    pub(super) holds: Holds,
+    pub(super) holds: FrameContent,
     pub(super) at: Place,
 }
 
 /// All frames of a rig's files, in their order.
 #[derive(Debug, Default)]
-pub(super) struct Frames {
-    list: Vec<Frame>,
+pub(super) struct FrameTree {
+    list: Vec<RigFrame>,
     index: HashMap<String, usize>,
     /// Joints that move, in words, by the frame behind each.
     moving: HashMap<String, String>,
@@ -50,14 +54,14 @@ pub(super) struct Frames {
     pub(super) notes: Vec<Note>,
 }
 
-impl Frames {
+impl FrameTree {
     /// Adds a frame.
     ///
     /// # Errors
     /// A frame of this name is there already.
-    pub(super) fn add(&mut self, frame: Frame) -> Result<(), RigError> {
+    pub(super) fn add(&mut self, frame: RigFrame) -> Result<(), RigError> {
         if self.index.contains_key(&frame.name) {
-            let Frame { name, at, .. } = frame;
+            let RigFrame { name, at, .. } = frame;
             return Err(RigError::Twice { at: Box::new(at), frame: name });
         }
         self.index.insert(frame.name.clone(), self.list.len());
@@ -89,15 +93,15 @@ impl Frames {
         way.filter_map(|name| self.moving.get(&name).map(String::as_str)).collect()
     }
 
-    pub(super) fn all(&self) -> &[Frame] {
+    pub(super) fn all(&self) -> &[RigFrame] {
         &self.list
     }
 
-    pub(super) fn get(&self, name: &str) -> Option<&Frame> {
+    pub(super) fn get(&self, name: &str) -> Option<&RigFrame> {
         self.index.get(name).map(|&at| &self.list[at])
     }
 
-    pub(super) fn get_mut(&mut self, name: &str) -> Option<&mut Frame> {
+    pub(super) fn get_mut(&mut self, name: &str) -> Option<&mut RigFrame> {
         self.index.get(name).map(|&at| &mut self.list[at])
     }
 
@@ -127,7 +131,7 @@ impl Frames {
     ///
     /// # Errors
     /// A loop, or no connection.
-    pub(super) fn in_base(&self, base: &str, frame: &Frame) -> Result<SensorPose, RigError> {
+    pub(super) fn in_base(&self, base: &str, frame: &RigFrame) -> Result<SensorPose, RigError> {
         let (pose, end) = self.climb(frame, Some(base))?;
         if end == base {
             return Ok(pose);
@@ -151,7 +155,7 @@ impl Frames {
     /// Pose of a frame in the one at the end of its chain, which is the first called `stop`.
     fn climb<'a>(
         &'a self,
-        frame: &'a Frame,
+        frame: &'a RigFrame,
         stop: Option<&str>,
     ) -> Result<(SensorPose, &'a str), RigError> {
         let (mut pose, mut at) = (IDENTITY, frame.name.as_str());
@@ -170,4 +174,117 @@ impl Frames {
         }
         Err(RigError::Loop { at: Box::new(frame.at.clone()), frames })
     }
+}
+
+/// Offsets from the frames of a file to the optical centres in the ego frame.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Mounting {
+    /// Position of `base_link` in the ego frame, in metres; its axes are the ego frame's.
+    pub base_link: [f64; 3],
+    /// Optical centre above the foot along the sensor's own z, in metres, by frame or sensor.
+    pub optical_heights: BTreeMap<String, f64>,
+}
+
+impl Mounting {
+    /// Height of the optical centre above the foot as given for the frame, for its sensor, or as known.
+    pub fn height(&self, frame: &str, sensor: Option<&str>) -> Option<f64> {
+        let known = || sensor.and_then(beams::optical_height);
+        self.given_height(frame, sensor).or_else(known)
+    }
+
+    /// Height as given for the frame or for its sensor.
+    pub(super) fn given_height(&self, frame: &str, sensor: Option<&str>) -> Option<f64> {
+        let given = |name: &str| {
+            let same = |(key, height): (&String, &f64)| beams::same(key, name).then_some(*height);
+            self.optical_heights.iter().find_map(same)
+        };
+        self.optical_heights.get(frame).copied().or_else(|| sensor.and_then(given))
+    }
+
+    /// Pose in the ego frame of a pose in `base_link`.
+    pub(super) fn to_ego(&self, pose: &SensorPose) -> SensorPose {
+        self.moved(pose, 1.0)
+    }
+
+    /// Pose in `base_link` of a pose in the ego frame.
+    pub(super) fn to_base(&self, pose: &SensorPose) -> SensorPose {
+        self.moved(pose, -1.0)
+    }
+
+    fn moved(&self, pose: &SensorPose, sign: f64) -> SensorPose {
+        let [x, y, z] = self.base_link.map(|v| sign * v);
+        SensorPose { x: pose.x + x, y: pose.y + y, z: pose.z + z, ..*pose }
+    }
+
+    /// Pose of the foot in `base_link`, with the sensor's phase, and height of the optical centre above it.
+    pub(super) fn foot(
+        &self,
+        frame: &str,
+        sensor: Option<&str>,
+        pose: &SensorPose,
+    ) -> (SensorPose, f64) {
+        let height = self.height(frame, sensor).unwrap_or(0.0);
+        let foot = compose(&self.to_base(pose), &up(-height));
+        (SensorPose { phase: pose.phase, ..foot }, height)
+    }
+}
+
+/// The pose that changes nothing.
+pub(super) const IDENTITY: SensorPose = SensorPose::from_values([0.0; 6]);
+
+/// Largest distance of a quaternion's squared length from 1; tf2 leaves out transforms beyond it.
+const LENGTH_TOLERANCE: f64 = 1e-2;
+
+/// Pose of a position and a quaternion x, y, z, w. One of another length than 1 is most likely four other numbers, and an error
+/// at `at`.
+pub(super) fn of_quaternion(
+    position: [f64; 3],
+    xyzw: [f64; 4],
+    at: &Place,
+) -> Result<SensorPose, RigError> {
+    let square: f64 = xyzw.iter().map(|v| v * v).sum();
+    // NaN is within no tolerance.
+    let is_unit = (square - 1.0).abs() <= LENGTH_TOLERANCE;
+    if !is_unit {
+        let length = format!("a quaternion of length {}", square.sqrt());
+        return Err(wrong(at, length, "a quaternion of length 1"));
+    }
+    let rotation = DMat3::from_quat(DQuat::from_array(xyzw).normalize());
+    Ok(SensorPose::from(&Pose { rotation, translation: DVec3::from(position) }))
+}
+
+/// `a_from_c` of `a_from_b` and `b_from_c`. Angles that need no computing stay as written.
+pub(super) fn compose(outer: &SensorPose, inner: &SensorPose) -> SensorPose {
+    let turns = |pose: &SensorPose| [pose.roll, pose.pitch, pose.yaw] != [0.0; 3];
+    let product = outer.ego_from_sensor().compose(&inner.ego_from_sensor());
+    let pose = SensorPose::from(&product);
+    let [roll, pitch, yaw] = match (turns(outer), turns(inner)) {
+        (false, _) => [inner.roll, inner.pitch, inner.yaw],
+        (true, false) => [outer.roll, outer.pitch, outer.yaw],
+        (true, true) => return pose,
+    };
+    SensorPose { roll, pitch, yaw, ..pose }
+}
+
+/// `b_from_a` of `a_from_b`.
+fn inverse(pose: &SensorPose) -> SensorPose {
+    SensorPose::from(&pose.ego_from_sensor().inverse())
+}
+
+/// A point up a sensor's own z, in its frame.
+pub(super) fn up(height: f64) -> SensorPose {
+    SensorPose { z: height, ..IDENTITY }
+}
+
+/// Angle between two rotations, in radians.
+pub(super) fn turn(a: &DMat3, b: &DMat3) -> f64 {
+    // |A − B|² = 8 sin²(angle/2): exact for small angles, where the arc cosine is not.
+    let columns = (0..3).map(|k| a.col(k).distance_squared(b.col(k)));
+    let half_sine = (columns.sum::<f64>() / 8.0).sqrt();
+    2.0 * maths::asin(half_sine.min(1.0))
+}
+
+/// Angle between two directions of unit length, in radians.
+pub(super) fn tilt(a: DVec3, b: DVec3) -> f64 {
+    2.0 * maths::asin((a.distance(b) / 2.0).min(1.0))
 }

@@ -5,12 +5,11 @@ use std::path::PathBuf;
 
 use serde_json::Value;
 
-use super::angles::{IDENTITY, compose, up};
 use super::fields::Fields;
-use super::frames::{Frame, Frames, Holds};
+use super::frames::{FrameContent, FrameTree, IDENTITY, RigFrame, compose, up};
 use super::{
-    BASE_LINK, MODELS_FILE, Mounting, Rig, RigError, RigFormat, RigLidar, Source, autoware, carla,
-    carla_objects, detect, known, launch, pandaset, placements, sdf, sources, tf, urdf,
+    BASE_LINK, MODELS_FILE, Mounting, Rig, RigError, RigFormat, RigLidar, RigSource, beams, carla,
+    format, launch, model, sdf, sources, urdf, yaml,
 };
 use sightline_files::Note;
 use sightline_files::json::{self, Place};
@@ -53,7 +52,7 @@ pub struct ImportSettings {
 
 /// A rig that was read.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Imported {
+pub struct ImportedRig {
     /// The rig.
     pub rig: Rig,
     /// Format that was read.
@@ -68,12 +67,12 @@ pub struct Imported {
 ///
 /// # Errors
 /// Files that cannot be read, or that give no rig.
-pub fn import(paths: &[PathBuf], settings: &ImportSettings) -> Result<Imported, RigError> {
+pub fn import(paths: &[PathBuf], settings: &ImportSettings) -> Result<ImportedRig, RigError> {
     let mut settings = settings.clone();
     let mut notes = Vec::new();
     for file in paths.iter().filter(|path| path.is_dir()).map(|folder| folder.join(MODELS_FILE)) {
         if file.is_file() {
-            notes.push(add_models(&Source::read(&file)?, &mut settings.sensors)?);
+            notes.push(add_models(&RigSource::read(&file)?, &mut settings.sensors)?);
         }
     }
     let mut imported = import_texts(&sources(paths)?, &settings)?;
@@ -82,7 +81,7 @@ pub fn import(paths: &[PathBuf], settings: &ImportSettings) -> Result<Imported, 
 }
 
 /// Adds the models that `rig export` wrote beside files without a place for them, where none is given.
-fn add_models(source: &Source, known: &mut BTreeMap<String, String>) -> Result<Note, RigError> {
+fn add_models(source: &RigSource, known: &mut BTreeMap<String, String>) -> Result<Note, RigError> {
     let document: Value = json::parse(&source.text, &source.file)?;
     let lidars = Fields::of(&document, Place::top(&source.file))?.inner("lidars")?;
     for (frame, _, _) in lidars.each() {
@@ -96,13 +95,16 @@ fn add_models(source: &Source, known: &mut BTreeMap<String, String>) -> Result<N
 ///
 /// # Errors
 /// Texts that give no rig.
-pub fn import_texts(sources: &[Source], settings: &ImportSettings) -> Result<Imported, RigError> {
+pub fn import_texts(
+    sources: &[RigSource],
+    settings: &ImportSettings,
+) -> Result<ImportedRig, RigError> {
     let Some(first) = sources.first() else {
         return Err(RigError::NoLidar { file: "no file".to_owned(), known: Vec::new() });
     };
     let format = match settings.format {
         Some(format) => format,
-        None => detect::format_of(first)?,
+        None => format::format_of(first)?,
     };
     if let (Some(second), false) = (sources.get(1), format.holds_feet()) {
         let file = second.file.clone();
@@ -111,9 +113,9 @@ pub fn import_texts(sources: &[Source], settings: &ImportSettings) -> Result<Imp
     if format == RigFormat::Json {
         return of_placements(first, settings);
     }
-    let mut frames = Frames::default();
+    let mut frames = FrameTree::default();
     for source in sources {
-        detect::refuse_program(source)?;
+        format::refuse_program(source)?;
         read(format, source, &mut frames)?;
     }
     rig_of(frames, format, settings, &first.file)
@@ -127,19 +129,19 @@ pub fn import_texts(sources: &[Source], settings: &ImportSettings) -> Result<Imp
 pub fn from_carla_sensors(
     sensors: &Value,
     settings: &ImportSettings,
-) -> Result<Imported, RigError> {
-    let (name, mut frames) = ("sensors", Frames::default());
+) -> Result<ImportedRig, RigError> {
+    let (name, mut frames) = ("sensors", FrameTree::default());
     carla::read_list(sensors, &Place::top("CARLA").key(name), &mut frames)?;
     rig_of(frames, RigFormat::Carla, settings, name)
 }
 
 /// The rig of frames that were read.
 fn rig_of(
-    mut frames: Frames,
+    mut frames: FrameTree,
     format: RigFormat,
     settings: &ImportSettings,
     file: &str,
-) -> Result<Imported, RigError> {
+) -> Result<ImportedRig, RigError> {
     let base = base(format, &mut frames, settings, file)?;
     let mut notes = std::mem::take(&mut frames.notes);
     let unplaced = std::mem::take(&mut frames.left_out);
@@ -170,11 +172,11 @@ fn rig_of(
     }
     rig.validate()?;
     notes.extend(below_ground(&rig, file));
-    Ok(Imported { rig, format, left_out, notes })
+    Ok(ImportedRig { rig, format, left_out, notes })
 }
 
 /// Doubts of the units of a LiDAR's frame, and of the frames that it hangs on. Each is told once.
-fn doubts(frames: &Frames, lidar: &Frame, base: &str, notes: &mut Vec<Note>) {
+fn doubts(frames: &FrameTree, lidar: &RigFrame, base: &str, notes: &mut Vec<Note>) {
     let mut next = Some(lidar);
     for _ in 0..frames.all().len() {
         let Some(frame) = next.filter(|frame| frame.name != base) else { break };
@@ -200,8 +202,8 @@ fn below_ground(rig: &Rig, file: &str) -> Vec<Note> {
     .collect()
 }
 
-fn of_placements(source: &Source, settings: &ImportSettings) -> Result<Imported, RigError> {
-    let mut rig = placements::rig_of(source, settings.name.as_deref())?;
+fn of_placements(source: &RigSource, settings: &ImportSettings) -> Result<ImportedRig, RigError> {
+    let mut rig = model::rig_of(source, settings.name.as_deref())?;
     for lidar in &mut rig.lidars {
         let sensor = settings.sensors.get(&lidar.frame).cloned();
         lidar.sensor = sensor.or(lidar.sensor.take());
@@ -212,19 +214,19 @@ fn of_placements(source: &Source, settings: &ImportSettings) -> Result<Imported,
         doubts.map(|doubt| Note::doubt(format!("{file}, `{}`: {doubt}", lidar.frame)))
     });
     let notes = units.chain(below_ground(&rig, file)).collect();
-    Ok(Imported { rig, format: RigFormat::Json, left_out: Vec::new(), notes })
+    Ok(ImportedRig { rig, format: RigFormat::Json, left_out: Vec::new(), notes })
 }
 
-fn read(format: RigFormat, source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+fn read(format: RigFormat, source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     match format {
-        RigFormat::Autoware => autoware::read(source, frames),
+        RigFormat::Autoware => yaml::read_autoware(source, frames),
         RigFormat::Urdf => urdf::read(source, frames),
         RigFormat::Sdf => sdf::read(source, frames),
         RigFormat::Ros2Launch => launch::read(source, frames),
         RigFormat::Carla => carla::read(source, frames),
-        RigFormat::CarlaObjects => carla_objects::read(source, frames),
-        RigFormat::Tf => tf::read(source, frames),
-        RigFormat::Pandaset => pandaset::read(source, frames),
+        RigFormat::CarlaObjects => carla::read_objects(source, frames),
+        RigFormat::Tf => yaml::read_transforms(source, frames),
+        RigFormat::Pandaset => yaml::read_pandaset(source, frames),
         // Read as a rig, not as frames.
         RigFormat::Json => Ok(()),
     }
@@ -233,7 +235,7 @@ fn read(format: RigFormat, source: &Source, frames: &mut Frames) -> Result<(), R
 /// The frame that stands for the vehicle.
 fn base(
     format: RigFormat,
-    frames: &mut Frames,
+    frames: &mut FrameTree,
     settings: &ImportSettings,
     file: &str,
 ) -> Result<String, RigError> {
@@ -245,7 +247,7 @@ fn base(
         return Err(RigError::UnknownFrame { file, frame, known: frames.names() });
     }
     let own = match format {
-        RigFormat::Pandaset => pandaset::BASE,
+        RigFormat::Pandaset => yaml::PANDASET_BASE,
         RigFormat::Sdf if !frames.mentions(BASE_LINK) => sdf::MODEL,
         _ => return Ok(ground(frames, settings, file)),
     };
@@ -256,7 +258,7 @@ fn base(
 
 /// `base_link`, or the frame on the ground below it (REP 120) where the files place one and no position of `base_link`
 /// is given: the frame of placements stands on the ground.
-fn ground(frames: &mut Frames, settings: &ImportSettings, file: &str) -> String {
+fn ground(frames: &mut FrameTree, settings: &ImportSettings, file: &str) -> String {
     let names = frames.names();
     let last = |name: &str| name.rsplit(['/', ':']).next() == Some(FOOTPRINT);
     let found = names.iter().find(|name| last(name) || name.ends_with(&format!("_{FOOTPRINT}")));
@@ -280,33 +282,33 @@ fn rounded(metres: f64) -> f64 {
 }
 
 /// True if a frame without other facts has the name of a LiDAR.
-fn is_named_lidar(frame: &Frame) -> bool {
+fn is_named_lidar(frame: &RigFrame) -> bool {
     let name = frame.name.to_lowercase();
-    frame.holds == Holds::Unsaid && WORDS.iter().any(|word| name.contains(word))
+    frame.holds == FrameContent::Unsaid && WORDS.iter().any(|word| name.contains(word))
 }
 
 /// Frames that the files call LiDARs; if there are none, frames with names of LiDARs.
-fn lidars(frames: &Frames) -> Vec<&Frame> {
-    let said = |frame: &&Frame| matches!(frame.holds, Holds::Lidar { .. });
-    let said: Vec<&Frame> = frames.all().iter().filter(said).collect();
+fn lidars(frames: &FrameTree) -> Vec<&RigFrame> {
+    let said = |frame: &&RigFrame| matches!(frame.holds, FrameContent::Lidar { .. });
+    let said: Vec<&RigFrame> = frames.all().iter().filter(said).collect();
     if !said.is_empty() {
         return said;
     }
-    let named: Vec<&Frame> = frames.all().iter().filter(|frame| is_named_lidar(frame)).collect();
+    let named: Vec<&RigFrame> = frames.all().iter().filter(|frame| is_named_lidar(frame)).collect();
     // The foot of a sensor whose own frame stands on it is no second LiDAR.
     let feet: HashSet<&str> = named.iter().map(|frame| frame.parent.as_str()).collect();
-    let stands_on_none = |frame: &&Frame| !feet.contains(frame.name.as_str());
-    let upper: Vec<&Frame> = named.iter().copied().filter(stands_on_none).collect();
+    let stands_on_none = |frame: &&RigFrame| !feet.contains(frame.name.as_str());
+    let upper: Vec<&RigFrame> = named.iter().copied().filter(stands_on_none).collect();
     // Feet only: a loop, which the chain reports.
     if upper.is_empty() { named } else { upper }
 }
 
 /// The LiDARs, and the names of all other frames.
 fn picked<'a>(
-    frames: &'a Frames,
+    frames: &'a FrameTree,
     settings: &ImportSettings,
     file: &str,
-) -> Result<(Vec<&'a Frame>, Vec<String>), RigError> {
+) -> Result<(Vec<&'a RigFrame>, Vec<String>), RigError> {
     let file = file.to_owned();
     let find = |name: &String| {
         let unknown =
@@ -314,7 +316,7 @@ fn picked<'a>(
         frames.get(name).ok_or_else(|| unknown(frames.names()))
     };
     settings.sensors.keys().try_for_each(|name| find(name).map(drop))?;
-    let lidars: Vec<&Frame> = if settings.frames.is_empty() {
+    let lidars: Vec<&RigFrame> = if settings.frames.is_empty() {
         lidars(frames)
     } else {
         settings.frames.iter().map(find).collect::<Result<_, _>>()?
@@ -333,21 +335,22 @@ fn picked<'a>(
 
 /// The LiDAR of a frame. Where nothing tells the height of its optical centre, its name goes into `unknown`.
 fn lidar(
-    frames: &Frames,
-    frame: &Frame,
+    frames: &FrameTree,
+    frame: &RigFrame,
     base: &str,
     format: RigFormat,
     settings: &ImportSettings,
     unknown: &mut Vec<String>,
 ) -> Result<RigLidar, RigError> {
     let (said, optical) = match &frame.holds {
-        Holds::Lidar { sensor, optical } => (sensor.clone(), *optical),
+        FrameContent::Lidar { sensor, optical } => (sensor.clone(), *optical),
         _ => (None, None),
     };
     let (name, mounting) = (&frame.name, &settings.mounting);
-    let sensor = settings.sensors.get(name).map(|name| known::usual(name)).or(said);
-    let stands_on_foot =
-        || frame.holds == Holds::Unsaid && frames.get(&frame.parent).is_some_and(is_named_lidar);
+    let sensor = settings.sensors.get(name).map(|name| beams::usual(name)).or(said);
+    let stands_on_foot = || {
+        frame.holds == FrameContent::Unsaid && frames.get(&frame.parent).is_some_and(is_named_lidar)
+    };
     let given = mounting.given_height(name, sensor.as_deref());
     let up_from_foot = match (given, optical) {
         _ if !format.holds_feet() => IDENTITY,

@@ -5,13 +5,11 @@ use std::fmt::Write;
 
 use roxmltree::Node;
 
-use super::angles::of_quaternion;
-use super::fields::{number, wrong};
-use super::frames::{Frame, Frames, Holds};
-use super::{BASE_LINK, Mounting, Rig, RigError, Source, xml};
+use super::fields::{self, number, wrong};
+use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
+use super::{BASE_LINK, Mounting, Rig, RigError, RigSource};
 use sightline_files::Note;
-use sightline_files::json::Place;
-use sightline_files::json::written;
+use sightline_files::json::{Place, written};
 use sightline_scene::vehicle::SensorPose;
 
 /// Program of `tf2_ros` that publishes a transform.
@@ -41,8 +39,8 @@ const ROS_ARGS: &str = "--ros-args";
 const MOST_VALUE: usize = 4096;
 
 /// Reads every publisher of a launch file that its `if` and `unless` leave on.
-pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
-    let document = xml::parse(&source.text, &source.file)?;
+pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
+    let document = fields::parse(&source.text, &source.file)?;
     let mut launch = Launch {
         file: &source.file,
         values: HashMap::new(),
@@ -50,11 +48,11 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
         included: BTreeSet::new(),
         nodes: 0,
     };
-    let mut open = vec![Step::Read(document.root_element())];
+    let mut open = vec![LaunchStep::Read(document.root_element())];
     while let Some(step) = open.pop() {
         let node = match step {
-            Step::Read(node) => node,
-            Step::Restore(values) => {
+            LaunchStep::Read(node) => node,
+            LaunchStep::Restore(values) => {
                 launch.values = values;
                 continue;
             }
@@ -65,10 +63,10 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
         match node.tag_name().name() {
             name @ ("launch" | "group") => {
                 if name == "group" && launch.is_scoped(node)? {
-                    open.push(Step::Restore(launch.values.clone()));
+                    open.push(LaunchStep::Restore(launch.values.clone()));
                 }
                 let children: Vec<Node> = node.children().filter(Node::is_element).collect();
-                open.extend(children.into_iter().rev().map(Step::Read));
+                open.extend(children.into_iter().rev().map(LaunchStep::Read));
             }
             "arg" | "let" => launch.argument(node)?,
             "node" => {
@@ -90,7 +88,7 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
 }
 
 /// Work that is left of a launch file.
-enum Step<'a, 'i> {
+enum LaunchStep<'a, 'i> {
     Read(Node<'a, 'i>),
     /// Values from before a group: those that it sets end with it.
     Restore(HashMap<String, String>),
@@ -114,7 +112,7 @@ impl Launch<'_> {
     fn is_on(&self, node: Node) -> Result<bool, RigError> {
         for (key, wanted) in [("if", true), ("unless", false)] {
             let Some(text) = node.attribute(key) else { continue };
-            let at = xml::place(node, self.file).key(key);
+            let at = fields::place(node, self.file).key(key);
             if self.truth(text, &at)? != wanted {
                 return Ok(false);
             }
@@ -134,13 +132,13 @@ impl Launch<'_> {
     /// True if the values that a group sets end with it, which they do unless it says otherwise.
     fn is_scoped(&self, group: Node) -> Result<bool, RigError> {
         let Some(text) = group.attribute("scoped") else { return Ok(true) };
-        let at = xml::place(group, self.file).key("scoped");
+        let at = fields::place(group, self.file).key("scoped");
         self.truth(text, &at)
     }
 
     /// Keeps the value of an argument: `value`, or the `default`, which counts where nothing has set one before.
     fn argument(&mut self, node: Node) -> Result<(), RigError> {
-        let at = xml::place(node, self.file);
+        let at = fields::place(node, self.file);
         let is_set = node.attribute("name").is_some_and(|name| self.values.contains_key(name));
         let default = node.attribute("default").filter(|_| !is_set);
         let Some(text) = node.attribute("value").or(default) else {
@@ -175,8 +173,8 @@ impl Launch<'_> {
 
     /// Keeps the name of an included file, as far as it can be told.
     fn include(&mut self, node: Node) -> Result<(), RigError> {
-        let at = xml::place(node, self.file);
-        let name = xml::attribute(node, "file", &at)?;
+        let at = fields::place(node, self.file);
+        let name = fields::attribute(node, "file", &at)?;
         // A package has another path on each machine, so its part stays as written.
         let resolved = self.resolved(name, &at);
         self.included.insert(resolved.unwrap_or_else(|_| name.to_owned()));
@@ -201,13 +199,13 @@ impl Launch<'_> {
     }
 
     /// The frame of a node that publishes one.
-    fn node(&mut self, node: Node) -> Result<Option<Frame>, RigError> {
+    fn node(&mut self, node: Node) -> Result<Option<RigFrame>, RigError> {
         let at = Place::top(self.file).key("<node>").item(self.nodes);
         self.nodes += 1;
         if node.attribute("exec").or(node.attribute("type")) != Some(PUBLISHER) {
             return Ok(None);
         }
-        let args = self.resolved(xml::attribute(node, "args", &at)?, &at)?;
+        let args = self.resolved(fields::attribute(node, "args", &at)?, &at)?;
         let mut words: Vec<String> = args.split_whitespace().map(str::to_owned).collect();
         // `tf` of ROS 1 wants a period in milliseconds behind the two frames.
         let has_period = matches!(words.len(), 9 | 10)
@@ -222,7 +220,7 @@ impl Launch<'_> {
 
 /// The frame of a publisher's arguments: flags, or `x y z yaw pitch roll PARENT CHILD` as before ROS 2
 /// Humble, or that with a quaternion x y z w.
-fn publisher(words: Vec<String>, at: Place) -> Result<Frame, RigError> {
+fn publisher(words: Vec<String>, at: Place) -> Result<RigFrame, RigError> {
     let end = words.iter().position(|word| word == ROS_ARGS).unwrap_or(words.len());
     let words = &words[..end];
     let positional: &[&str] = match words.len() {
@@ -259,7 +257,7 @@ fn publisher(words: Vec<String>, at: Place) -> Result<Frame, RigError> {
         given.get(flag).map(bare).ok_or_else(missing)
     };
     let (name, parent) = (frame("--child-frame-id")?, frame("--frame-id")?);
-    Ok(Frame { name, parent, pose: pose(&given, &at)?, holds: Holds::Unsaid, at })
+    Ok(RigFrame { name, parent, pose: pose(&given, &at)?, holds: FrameContent::Unsaid, at })
 }
 
 /// Transform from flags; a missing flag is 0; angles and a quaternion exclude each other.
@@ -292,7 +290,7 @@ pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
             text,
             "  <node pkg=\"tf2_ros\" exec=\"{PUBLISHER}\"\n        \
              args=\"{numbers}--frame-id {BASE_LINK} --child-frame-id {}\"/>",
-            xml::escape(&lidar.frame)
+            fields::escape(&lidar.frame)
         );
     }
     text + "</launch>\n"

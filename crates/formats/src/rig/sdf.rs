@@ -7,11 +7,9 @@ use std::fmt::Write;
 
 use roxmltree::Node;
 
-use super::angles::of_quaternion;
-use super::fields::wrong;
-use super::frames::{Frame, Frames, Holds};
-use super::simulated::{add_sensor, namespace, sensor_element};
-use super::{BASE_LINK, Models, Mounting, Rig, RigError, Source, xml};
+use super::fields::{self, PHASE, number, wrong};
+use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
+use super::{BASE_LINK, Models, Mounting, Rig, RigError, RigLidar, RigSource, beams};
 use sightline_files::Note;
 use sightline_files::json::written;
 use sightline_scene::vehicle::SensorPose;
@@ -20,15 +18,15 @@ use sightline_scene::vehicle::SensorPose;
 pub(super) const MODEL: &str = "__model__";
 
 /// Reads the links, joints, frames and sensors of the first model, and of the models in it.
-pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let file = &source.file;
-    let document = xml::parse(&source.text, file)?;
+    let document = fields::parse(&source.text, file)?;
     let is_outer = |node: &Node| {
         node.has_tag_name("model") && !node.ancestors().skip(1).any(|a| a.has_tag_name("model"))
     };
     let mut models = document.descendants().filter(is_outer);
     let Some(model) = models.next() else {
-        let at = Box::new(xml::place(document.root_element(), file));
+        let at = Box::new(fields::place(document.root_element(), file));
         return Err(RigError::Missing { at, key: "<model>".to_owned() });
     };
     let name = model.attribute("name").unwrap_or_default();
@@ -45,23 +43,28 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
 }
 
 /// Reads a model. Names in it begin with `scope`, which is empty or ends with `::`.
-fn read_model(model: Node, scope: &str, file: &str, frames: &mut Frames) -> Result<(), RigError> {
+fn read_model(
+    model: Node,
+    scope: &str,
+    file: &str,
+    frames: &mut FrameTree,
+) -> Result<(), RigError> {
     let scoped = |name: &str| format!("{scope}{name}");
     for node in model.children().filter(Node::is_element) {
-        let at = xml::place(node, file);
+        let at = fields::place(node, file);
         let kind = node.tag_name().name();
         let usual_parent = match kind {
             "link" | "model" => MODEL,
             "frame" => node.attribute("attached_to").filter(|to| !to.is_empty()).unwrap_or(MODEL),
             // A joint is a frame at its child, since version 1.7.
-            "joint" => match xml::child(node, "child").and_then(|child| child.text()) {
+            "joint" => match fields::child(node, "child").and_then(|child| child.text()) {
                 Some(child) => child.trim(),
                 None => {
                     return Err(RigError::Missing { at: Box::new(at), key: "<child>".to_owned() });
                 }
             },
             "include" => {
-                let uri = xml::child(node, "uri").and_then(|uri| uri.text()).unwrap_or_default();
+                let uri = fields::child(node, "uri").and_then(|uri| uri.text()).unwrap_or_default();
                 frames.notes.push(Note::doubt(format!(
                     "{file}: <include> of `{}` is not read; a LiDAR in it is missing. Merge it with `gz sdf -p`",
                     uri.trim()
@@ -74,11 +77,11 @@ fn read_model(model: Node, scope: &str, file: &str, frames: &mut Frames) -> Resu
             let (what, mend) = ("has a placement_frame", "give its pose without one");
             return Err(RigError::Unread { at: Box::new(at), what, mend });
         }
-        let name = xml::attribute(node, "name", &at)?;
+        let name = fields::attribute(node, "name", &at)?;
         let (pose, parent) = pose(node, file, frames)?;
         let parent = scoped(parent.unwrap_or(usual_parent));
-        let holds = if kind == "link" { Holds::Unsaid } else { Holds::Other };
-        frames.add(Frame { name: scoped(name), parent, pose, holds, at: at.clone() })?;
+        let holds = if kind == "link" { FrameContent::Unsaid } else { FrameContent::Other };
+        frames.add(RigFrame { name: scoped(name), parent, pose, holds, at: at.clone() })?;
         match kind {
             "joint" => {
                 let moves = node.attribute("type").filter(|kind| *kind != "fixed");
@@ -89,8 +92,8 @@ fn read_model(model: Node, scope: &str, file: &str, frames: &mut Frames) -> Resu
             "model" => {
                 let inner = format!("{}::", scoped(name));
                 let (name, parent) = (format!("{inner}{MODEL}"), scoped(name));
-                let (pose, holds) = (super::angles::IDENTITY, Holds::Other);
-                frames.add(Frame { name, parent, pose, holds, at })?;
+                let (pose, holds) = (super::frames::IDENTITY, FrameContent::Other);
+                frames.add(RigFrame { name, parent, pose, holds, at })?;
                 read_model(node, &inner, file, frames)?;
             }
             "link" => read_sensors(node, &scoped(name), scope, file, frames)?,
@@ -106,19 +109,19 @@ fn read_sensors(
     name: &str,
     scope: &str,
     file: &str,
-    frames: &mut Frames,
+    frames: &mut FrameTree,
 ) -> Result<(), RigError> {
     for sensor in link.children().filter(|node| node.has_tag_name("sensor")) {
         let (optical, parent) = pose(sensor, file, frames)?;
         match parent {
             // Its own pose hangs on another frame than its link.
             Some(parent) if format!("{scope}{parent}") != name => {
-                let at = xml::place(sensor, file);
+                let at = fields::place(sensor, file);
                 let own = sensor.attribute("name").unwrap_or_default();
                 let frame = format!("{name}/{own}");
-                let (parent, holds) = (format!("{scope}{parent}"), Holds::Other);
-                frames.add(Frame { name: frame.clone(), parent, pose: optical, holds, at })?;
-                add_sensor(frames, sensor, &frame, super::angles::IDENTITY, file)?;
+                let (parent, holds) = (format!("{scope}{parent}"), FrameContent::Other);
+                frames.add(RigFrame { name: frame.clone(), parent, pose: optical, holds, at })?;
+                add_sensor(frames, sensor, &frame, super::frames::IDENTITY, file)?;
             }
             _ => add_sensor(frames, sensor, name, optical, file)?,
         }
@@ -130,12 +133,12 @@ fn read_sensors(
 fn pose<'a>(
     node: Node<'a, '_>,
     file: &str,
-    frames: &mut Frames,
+    frames: &mut FrameTree,
 ) -> Result<(SensorPose, Option<&'a str>), RigError> {
-    let Some(element) = xml::child(node, "pose") else {
-        return Ok((super::angles::IDENTITY, None));
+    let Some(element) = fields::child(node, "pose") else {
+        return Ok((super::frames::IDENTITY, None));
     };
-    let at = xml::place(node, file).key("pose");
+    let at = fields::place(node, file).key("pose");
     if node.children().filter(|child| child.has_tag_name("pose")).count() > 1 {
         return Err(wrong(&at, "a second <pose>", "one <pose>"));
     }
@@ -150,13 +153,13 @@ fn pose<'a>(
     let relative_to = named("relative_to").or(old);
     if element.attribute("rotation_format") == Some("quat_xyzw") {
         let wanted = "seven numbers: x y z and a quaternion x y z w";
-        let [x, y, z, qx, qy, qz, qw] = xml::numbers(text, &at, wanted)?;
+        let [x, y, z, qx, qy, qz, qw] = fields::numbers_of_text(text, &at, wanted)?;
         return Ok((of_quaternion([x, y, z], [qx, qy, qz, qw], &at)?, relative_to));
     }
     if let Some(format) = element.attribute("rotation_format").filter(|f| *f != "euler_rpy") {
         return Err(wrong(&at.key("rotation_format"), format, "euler_rpy or quat_xyzw"));
     }
-    let mut pose = xml::six(text, &at)?;
+    let mut pose = fields::pose_of_text(text, &at)?;
     match element.attribute("degrees") {
         None | Some("false" | "0") => {}
         Some("true" | "1") => {
@@ -174,13 +177,13 @@ pub(super) fn write(rig: &Rig, mounting: &Mounting, models: &Models) -> String {
         "<?xml version=\"1.0\"?>\n<sdf version=\"1.9\"{}>\n  <model name=\"{}\">\n    \
          <link name=\"{BASE_LINK}\"/>\n",
         namespace(rig),
-        xml::escape(&rig.name)
+        fields::escape(&rig.name)
     );
     for lidar in &rig.lidars {
         let sensor = lidar.sensor.as_deref();
         let (foot, height) = mounting.foot(&lidar.frame, sensor, &lidar.pose);
         let [x, y, z, roll, pitch, yaw] = foot.values().map(written);
-        let frame = xml::escape(&lidar.frame);
+        let frame = fields::escape(&lidar.frame);
         let _ = write!(
             text,
             "    <link name=\"{frame}\">\n      \
@@ -191,4 +194,82 @@ pub(super) fn write(rig: &Rig, mounting: &Mounting, models: &Models) -> String {
         );
     }
     text + "  </model>\n</sdf>\n"
+}
+
+/// Values of `type` that mean a LiDAR, in the versions of Gazebo.
+const LIDARS: [&str; 4] = ["ray", "gpu_ray", "lidar", "gpu_lidar"];
+
+/// Namespace of attributes that other programs pass over, and the prefix of it that is written.
+const OWN: &str = "urn:sightline";
+const PREFIX: &str = "sightline";
+
+/// True if a `<sensor>` is a LiDAR.
+fn is_lidar(sensor: Node) -> bool {
+    sensor.attribute("type").is_some_and(|kind| LIDARS.contains(&kind))
+}
+
+/// Adds a LiDAR for a `<sensor>` whose pose in the frame `link` is `optical`. Reads its model from a name
+/// `FRAME-MODEL`, as in Velodyne's description, and its phase from this program's own attribute.
+pub(super) fn add_sensor(
+    frames: &mut FrameTree,
+    sensor: Node,
+    link: &str,
+    optical: SensorPose,
+    file: &str,
+) -> Result<(), RigError> {
+    let name = sensor.attribute("name").unwrap_or_default();
+    let phase = sensor.attribute((OWN, PHASE));
+    let place = || fields::place(sensor, file).key(PHASE);
+    let phase = phase.map(|text| number(&place(), text)).transpose()?;
+    let optical = SensorPose { phase, ..optical };
+    let holds = if is_lidar(sensor) {
+        let model = name.strip_prefix(link).and_then(|rest| rest.strip_prefix('-'));
+        let model = model.filter(|model| !model.is_empty()).map(beams::usual);
+        FrameContent::Lidar { sensor: model, optical: Some(optical) }
+    } else {
+        FrameContent::Other
+    };
+    match frames.get_mut(link) {
+        Some(frame) if link != BASE_LINK && !matches!(frame.holds, FrameContent::Lidar { .. }) => {
+            frame.holds = holds;
+        }
+        // A second LiDAR of a link, or one of the base itself, has a frame of its own.
+        _ if is_lidar(sensor) => frames.add(RigFrame {
+            name: format!("{link}/{name}"),
+            parent: link.to_owned(),
+            pose: super::frames::IDENTITY,
+            holds,
+            at: fields::place(sensor, file),
+        })?,
+        _ => {}
+    }
+    Ok(())
+}
+
+/// The element that [`add_sensor`] reads, for a LiDAR `height` metres above its foot.
+pub(super) fn sensor_element(
+    lidar: &RigLidar,
+    height: f64,
+    models: &Models,
+    indent: &str,
+) -> String {
+    let RigLidar { frame, sensor, pose } = lidar;
+    let name = sensor.as_ref().map_or(frame.clone(), |sensor| format!("{frame}-{sensor}"));
+    let phase = pose
+        .phase
+        .map(|phase| format!(" {PREFIX}:{PHASE}=\"{}\"", written(phase)))
+        .unwrap_or_default();
+    format!(
+        "{indent}<sensor name=\"{}\" type=\"gpu_lidar\"{phase}>\n{indent}  <pose>0 0 {} 0 0 0</pose>\n{}\
+         {indent}</sensor>\n",
+        fields::escape(&name),
+        written(height),
+        models.gazebo(lidar, &format!("{indent}  "))
+    )
+}
+
+/// Declaration of the XML namespace for phases; empty if no LiDAR of the rig has one.
+pub(super) fn namespace(rig: &Rig) -> String {
+    let phased = rig.lidars.iter().any(|lidar| lidar.pose.phase.is_some());
+    if phased { format!(" xmlns:{PREFIX}=\"{OWN}\"") } else { String::new() }
 }

@@ -7,11 +7,10 @@ use std::fmt::Write;
 
 use roxmltree::Node;
 
-use super::angles::of_quaternion;
-use super::fields::wrong;
-use super::frames::{Frame, Frames, Holds};
-use super::simulated::{add_sensor, namespace, sensor_element};
-use super::{BASE_LINK, Models, Mounting, Rig, RigError, Source, xml};
+use super::fields::{self, wrong};
+use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
+use super::sdf::{add_sensor, namespace, sensor_element};
+use super::{BASE_LINK, Models, Mounting, Rig, RigError, RigSource};
 use sightline_files::Note;
 use sightline_files::json::{Place, written};
 use sightline_scene::vehicle::SensorPose;
@@ -36,10 +35,10 @@ const OF_JOINT: [&str; 10] = [
 ];
 
 /// Reads every joint, and the LiDARs that Gazebo is told of.
-pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let file = &source.file;
     let unexpanded = || RigError::Xacro { file: file.clone() };
-    let document = xml::parse(&source.text, file).map_err(|error| match error {
+    let document = fields::parse(&source.text, file).map_err(|error| match error {
         // A prefix that no attribute declares is no XML with namespaces.
         RigError::Syntax { .. } if source.text.contains("<xacro:") => unexpanded(),
         error => error,
@@ -55,8 +54,9 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
     for gazebo in robot.children().filter(|node| node.has_tag_name("gazebo")) {
         let Some(link) = gazebo.attribute("reference") else { continue };
         for sensor in gazebo.children().filter(|node| node.has_tag_name("sensor")) {
-            let pose = xml::child(sensor, "pose").and_then(|pose| pose.text()).unwrap_or_default();
-            let optical = xml::six(pose, &xml::place(sensor, file).key("pose"))?;
+            let pose =
+                fields::child(sensor, "pose").and_then(|pose| pose.text()).unwrap_or_default();
+            let optical = fields::pose_of_text(pose, &fields::place(sensor, file).key("pose"))?;
             add_sensor(frames, sensor, link, optical, file)?;
         }
     }
@@ -75,7 +75,7 @@ fn is_xacro(node: Node) -> bool {
 fn origin_of<'a, 'i>(
     joint: Node<'a, 'i>,
     at: &Place,
-    frames: &mut Frames,
+    frames: &mut FrameTree,
 ) -> Result<Option<Node<'a, 'i>>, RigError> {
     let elements = joint.children().filter(Node::is_element);
     for element in elements.filter(|element| element.tag_name().namespace().is_none()) {
@@ -101,21 +101,21 @@ fn origin_of<'a, 'i>(
 }
 
 /// Adds the frame of a joint's child.
-fn read_joint(joint: Node, file: &str, frames: &mut Frames) -> Result<(), RigError> {
-    let at = xml::place(joint, file);
+fn read_joint(joint: Node, file: &str, frames: &mut FrameTree) -> Result<(), RigError> {
+    let at = fields::place(joint, file);
     let link = |key: &str| {
         let missing = || RigError::Missing { at: Box::new(at.clone()), key: format!("<{key}>") };
-        let element = xml::child(joint, key).ok_or_else(missing)?;
-        xml::attribute(element, "link", &at.key(key)).map(str::to_owned)
+        let element = fields::child(joint, key).ok_or_else(missing)?;
+        fields::attribute(element, "link", &at.key(key)).map(str::to_owned)
     };
     let origin = origin_of(joint, &at, frames)?;
     let triple = |key: &str| {
         let text = origin.and_then(|origin| origin.attribute(key));
         text.map_or(Ok([0.0; 3]), |text| {
-            xml::numbers(text, &at.key(&format!("origin.{key}")), "three numbers")
+            fields::numbers_of_text(text, &at.key(&format!("origin.{key}")), "three numbers")
         })
     };
-    let kind = xml::attribute(joint, "type", &at)?;
+    let kind = fields::attribute(joint, "type", &at)?;
     if kind != "fixed" && !MOVING.contains(&kind) {
         let wanted = "fixed, continuous, revolute, prismatic, planar or floating";
         return Err(wrong(&at.key("type"), kind, wanted));
@@ -125,7 +125,7 @@ fn read_joint(joint: Node, file: &str, frames: &mut Frames) -> Result<(), RigErr
         None => SensorPose::from_values([x, y, z, roll, pitch, yaw]),
         Some(text) => {
             let at = at.key("origin").key(QUATERNION);
-            let quaternion = xml::numbers(text, &at, "four numbers: x y z w")?;
+            let quaternion = fields::numbers_of_text(text, &at, "four numbers: x y z w")?;
             of_quaternion([x, y, z], quaternion, &at)?
         }
     };
@@ -134,21 +134,21 @@ fn read_joint(joint: Node, file: &str, frames: &mut Frames) -> Result<(), RigErr
         let joint = joint.attribute("name").unwrap_or_default();
         frames.moves(&name, format!("`{joint}` ({kind})"));
     }
-    frames.add(Frame { name, parent, pose, holds: Holds::Unsaid, at })
+    frames.add(RigFrame { name, parent, pose, holds: FrameContent::Unsaid, at })
 }
 
 /// A robot of `base_link` and one link a LiDAR.
 pub(super) fn write(rig: &Rig, mounting: &Mounting, models: &Models) -> String {
     let mut text = format!(
         "<?xml version=\"1.0\"?>\n<robot name=\"{}\"{}>\n  <link name=\"{BASE_LINK}\"/>\n",
-        xml::escape(&rig.name),
+        fields::escape(&rig.name),
         namespace(rig)
     );
     for lidar in &rig.lidars {
         let sensor = lidar.sensor.as_deref();
         let (foot, height) = mounting.foot(&lidar.frame, sensor, &lidar.pose);
         let [x, y, z, roll, pitch, yaw] = foot.values().map(written);
-        let frame = xml::escape(&lidar.frame);
+        let frame = fields::escape(&lidar.frame);
         let _ = write!(
             text,
             "  <link name=\"{frame}\"/>\n  <joint name=\"{frame}_joint\" type=\"fixed\">\n    \

@@ -35,12 +35,12 @@ impl Item {
 
 /// Bounds of a range of triangles and of their centres.
 #[derive(Clone, Copy)]
-struct Extent {
+struct CentroidBounds {
     bounds: Aabb,
     centroids: Aabb,
 }
 
-impl Extent {
+impl CentroidBounds {
     const EMPTY: Self = Self { bounds: Aabb::EMPTY, centroids: Aabb::EMPTY };
 
     fn of(items: &[Item]) -> Self {
@@ -91,7 +91,7 @@ impl Bvh {
         let nodes = if items.is_empty() {
             Vec::new()
         } else {
-            let extent = Extent::of(&items);
+            let extent = CentroidBounds::of(&items);
             subtree(&mut items, &mut aside, 0, extent, 1)
         };
         drop(aside);
@@ -112,7 +112,7 @@ fn subtree(
     items: &mut [Item],
     aside: &mut [Item],
     first: usize,
-    extent: Extent,
+    extent: CentroidBounds,
     depth: usize,
 ) -> Vec<Node> {
     if items.len() < TASK {
@@ -127,11 +127,11 @@ fn subtree(
     let (aside_below, aside_above) = aside.split_at_mut(middle);
     let (below, above) = rayon::join(
         || {
-            let extent = Extent::of(below);
+            let extent = CentroidBounds::of(below);
             subtree(below, aside_below, first, extent, depth + 1)
         },
         || {
-            let extent = Extent::of(above);
+            let extent = CentroidBounds::of(above);
             subtree(above, aside_above, first + middle, extent, depth + 1)
         },
     );
@@ -139,7 +139,7 @@ fn subtree(
 }
 
 /// A root over two trees: root, their roots, all else of the one, all else of the other.
-fn joined(extent: Extent, below: &[Node], above: &[Node]) -> Vec<Node> {
+fn joined(extent: CentroidBounds, below: &[Node], above: &[Node]) -> Vec<Node> {
     let mut nodes = Vec::with_capacity(1 + below.len() + above.len());
     nodes.push(extent.node(1, 0));
     let moved = |by: usize| {
@@ -164,7 +164,7 @@ fn subdivide(
     items: &mut [Item],
     aside: &mut [Item],
     first: usize,
-    extent: Extent,
+    extent: CentroidBounds,
     depth: usize,
 ) {
     let Some(middle) = split(items, aside, &extent, depth) else {
@@ -175,14 +175,19 @@ fn subdivide(
     nodes[at] = extent.node(left, 0);
     nodes.extend([nodes[at]; 2]);
     let (below, above) = items.split_at_mut(middle);
-    let of_below = Extent::of(below);
+    let of_below = CentroidBounds::of(below);
     subdivide(nodes, left, below, aside, first, of_below, depth + 1);
-    let of_above = Extent::of(above);
+    let of_above = CentroidBounds::of(above);
     subdivide(nodes, left + 1, above, aside, first + middle, of_above, depth + 1);
 }
 
 /// Reorders `items` and returns where to cut them; `None` for a leaf.
-fn split(items: &mut [Item], aside: &mut [Item], extent: &Extent, depth: usize) -> Option<usize> {
+fn split(
+    items: &mut [Item],
+    aside: &mut [Item],
+    extent: &CentroidBounds,
+    depth: usize,
+) -> Option<usize> {
     if items.len() == 1 {
         None
     } else if depth >= HALVING_DEPTH {
@@ -223,8 +228,8 @@ fn bins_of(items: &[Item], centroids: &Aabb) -> Bins {
 }
 
 /// Reorders `items` and returns where to cut them, or `None` where a leaf is cheaper.
-fn best_split(items: &mut [Item], aside: &mut [Item], extent: &Extent) -> Option<usize> {
-    let Extent { bounds, centroids } = extent;
+fn best_split(items: &mut [Item], aside: &mut [Item], extent: &CentroidBounds) -> Option<usize> {
+    let CentroidBounds { bounds, centroids } = extent;
     let spread = centroids.max - centroids.min;
     let bins = bins_of(items, centroids);
     let mut best: Option<(f32, usize, usize)> = None;

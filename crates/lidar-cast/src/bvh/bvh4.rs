@@ -224,8 +224,8 @@ fn half_area(sides: &Sides) -> f32 {
 mod tests {
     use glam::Vec3;
 
+    use super::super::Ray;
     use super::*;
-    use crate::bvh::Ray;
     use crate::geom::TriangleSoup;
 
     /// Lower and upper sides of a child's box, as the kernel finds them.
@@ -344,7 +344,7 @@ mod tests {
             let nodes = Bvh4::new(&bvh).nodes;
             for number in 0..4000 {
                 let share = |salt: u64| {
-                    let bits = crate::chance::mixed(number << 8 | salt) >> 40;
+                    let bits = crate::maths::mixed(number << 8 | salt) >> 40;
                     bits as f32 / (1 << 24) as f32 - 0.5
                 };
                 // Towards a corner of some box, level or along an axis now and then.

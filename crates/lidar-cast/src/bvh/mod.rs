@@ -16,18 +16,11 @@ mod build;
 pub(crate) mod bvh16;
 #[cfg(feature = "gpu")]
 mod bvh4;
-mod collapse;
 mod intersect;
-mod node;
 mod tree;
-
-pub use intersect::{FAR_INVERSE, axes_of};
 
 pub use build::PAD_SHARE;
 #[cfg(feature = "gpu")]
-pub use bvh4::Bvh4;
-#[cfg(feature = "gpu")]
-pub use bvh4::{QuantizedNode, TRIANGLE};
-pub use intersect::{Hit, NO_HIT, Ray, major_axis};
-pub use node::{MAX_DEPTH, Node, Triangle};
-pub use tree::Bvh;
+pub use bvh4::{Bvh4, QuantizedNode, TRIANGLE};
+pub use intersect::{FAR_INVERSE, Hit, NO_HIT, Ray, axes_of, major_axis};
+pub use tree::{Bvh, MAX_DEPTH, Node, Triangle};

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::reference::cast_rows;
-use super::walk::{Instructions, Part, Walk};
+use super::walk::{Instructions, TreeView, Walk};
 use crate::bvh::{Bvh, Hit};
 use crate::geom::Pose;
 use crate::sensor::BeamTable;
@@ -30,23 +30,23 @@ pub struct Caster {
 }
 
 /// A tree, and the pose of each sensor of a batch in its frame.
-struct Level<'a> {
+struct PlacedTree<'a> {
     bvh: &'a Bvh,
     first_prim: u32,
     poses: Vec<DevicePose>,
 }
 
 /// A sensor that is cast by itself: its parts by how their beams go, and its hits.
-struct Row<'p, 'h> {
-    walked: Vec<Part<'p>>,
-    alone: Vec<Part<'p>>,
+struct SensorCast<'p, 'h> {
+    walked: Vec<TreeView<'p>>,
+    alone: Vec<TreeView<'p>>,
     hits: &'h mut [Hit],
 }
 
-impl<'a> Level<'a> {
+impl<'a> PlacedTree<'a> {
     /// The tree with the pose of one sensor.
-    fn part(&self, sensor: usize) -> Part<'a> {
-        Part { bvh: self.bvh, pose: self.poses[sensor], first_prim: self.first_prim }
+    fn part(&self, sensor: usize) -> TreeView<'a> {
+        TreeView { bvh: self.bvh, pose: self.poses[sensor], first_prim: self.first_prim }
     }
 }
 
@@ -73,7 +73,7 @@ impl Caster {
     /// Replaces the hits of many sensors, a row each, by closer ones in a frame; `sensors` lead to the ego
     /// frame, and a hit of nothing is as far as it says.
     pub fn closer_hits_in(&self, sensors: &[Pose], frame: &Frame, rows: Vec<&mut [Hit]>) {
-        let levels = frame.instances().iter().map(|instance| Level {
+        let levels = frame.instances().iter().map(|instance| PlacedTree {
             bvh: &instance.tree,
             first_prim: instance.first_prim,
             poses: sensors.iter().map(|sensor| instance.pose_of(sensor)).collect(),
@@ -84,7 +84,7 @@ impl Caster {
     /// Closest hits of many sensors up to `range` in one tree; `poses` lead to its frame, `hits` becomes
     /// `[poses × directions]`.
     pub fn closest_hits(&self, poses: &[DevicePose], bvh: &Bvh, range: f32, hits: &mut Vec<Hit>) {
-        let level = Level { bvh, first_prim: 0, poses: poses.to_vec() };
+        let level = PlacedTree { bvh, first_prim: 0, poses: poses.to_vec() };
         hits.clear();
         hits.resize(poses.len() * self.table.directions().len(), Hit::none(range));
         self.cast_levels(&[level], self.rows(hits));
@@ -94,14 +94,15 @@ impl Caster {
         hits.chunks_mut(self.table.directions().len()).collect()
     }
 
-    fn cast_levels(&self, levels: &[Level<'_>], rows: Vec<&mut [Hit]>) {
+    fn cast_levels(&self, levels: &[PlacedTree<'_>], rows: Vec<&mut [Hit]>) {
         let few = rows.len() < SENSORS_A_THREAD * rayon::current_num_threads();
         let of_sensor = |(k, hits)| {
-            let parts: Vec<Part<'_>> = levels.iter().map(|level| level.part(k)).collect();
+            let parts: Vec<TreeView<'_>> = levels.iter().map(|level| level.part(k)).collect();
             let (walked, alone) = self.sorted(&parts);
-            Row { walked, alone, hits }
+            SensorCast { walked, alone, hits }
         };
-        let mut rows: Vec<Row<'_, '_>> = rows.into_iter().enumerate().map(of_sensor).collect();
+        let mut rows: Vec<SensorCast<'_, '_>> =
+            rows.into_iter().enumerate().map(of_sensor).collect();
         match &self.walk {
             Some(walk) if few => {
                 rows.par_iter_mut().for_each(|row| walk.cast(&row.walked, true, row.hits))
@@ -119,7 +120,7 @@ impl Caster {
     /// trees, and by equally close ones of a lower face; a hit of nothing is as far as it says.
     ///
     /// A tree out of the sensor's sight costs little: a test of its root node's boxes.
-    pub fn closer_hits(&self, parts: &[Part<'_>], hits: &mut [Hit]) {
+    pub fn closer_hits(&self, parts: &[TreeView<'_>], hits: &mut [Hit]) {
         let (walked, alone) = self.sorted(parts);
         if let Some(walk) = &self.walk {
             walk.cast(&walked, false, hits);
@@ -128,13 +129,13 @@ impl Caster {
     }
 
     /// Parts whose tree all beams walk together, and parts into which each beam is cast alone.
-    fn sorted<'a>(&self, parts: &[Part<'a>]) -> (Vec<Part<'a>>, Vec<Part<'a>>) {
+    fn sorted<'a>(&self, parts: &[TreeView<'a>]) -> (Vec<TreeView<'a>>, Vec<TreeView<'a>>) {
         parts.iter().partition(|part| self.walk.is_some() && Walk::fits(part))
     }
 
-    fn cast_alone(&self, alone: Vec<Part<'_>>, hits: &mut [Hit]) {
+    fn cast_alone(&self, alone: Vec<TreeView<'_>>, hits: &mut [Hit]) {
         let range = farthest(hits);
-        for Part { bvh, pose, first_prim } in alone {
+        for TreeView { bvh, pose, first_prim } in alone {
             cast_rows(vec![(&pose, &mut *hits)], self.table.directions(), bvh, first_prim, range);
         }
     }

@@ -3,14 +3,19 @@
 //! A sensor that moves while it turns fires every column from a place of its own, and a beam that is wider than
 //! a line is a bundle of rays. Sixteen boxes, or the boxes of sixteen triangles, are tested at once; what is
 //! left goes to `Ray::intersect`, so the bits are those of the reference.
+//!
+//! [`cast_rays`] takes any rays of callers who bring their own instead of sensors. A [`Firing`] is a group of rays
+//! that leave one place at one moment: the batches that a device casts for scans.
 
+use glam::DVec3;
 use multiversion::multiversion;
+use rayon::prelude::*;
 
-use super::sight::Sight;
+use super::sight::SightSphere;
 use crate::bvh::bvh16::{BLOCK, Block16, Node16, WIDTH};
 use crate::bvh::{Bvh, Hit, Ray, Triangle};
 use crate::geom::Pose;
-use crate::task::{DevicePose, beam_direction, beam_origin};
+use crate::task::{DevicePose, Frame, beam_direction, beam_origin};
 
 /// Rounding of a box's bounds, as a share of the largest coordinate: 2⁻²³ of each of middle, half extent and
 /// origin, with room.
@@ -19,22 +24,22 @@ const SLACK: f32 = 1e-6;
 const STRETCH: f32 = 1e-6;
 
 /// Parts of a tree that are left to visit, with where they begin; kept from ray to ray.
-pub type Left = Vec<(f32, u32)>;
+pub type TraversalStack = Vec<(f32, u32)>;
 
 /// Where a tree lies for one sensor: the pose that takes the sensor's frame to the tree's, rounded, and
 /// spheres around it that most beams and bundles miss.
 #[derive(Debug, Clone, Copy)]
-pub struct Standing {
+pub struct BundleOrigin {
     pose: DevicePose,
-    sight: Sight,
-    wide: Sight,
+    sight: SightSphere,
+    wide: SightSphere,
 }
 
-impl Standing {
+impl BundleOrigin {
     /// For bundles of rays within `width` radians; none where the tree is empty or out of `range`.
     pub fn new(tree: &Bvh, pose: &Pose, range: f32, width: f32) -> Option<Self> {
         let pose = DevicePose::from(pose);
-        let sight = Sight::new(&pose, tree, range)?;
+        let sight = SightSphere::new(&pose, tree, range)?;
         Some(Self { pose, sight, wide: sight.widened(width) })
     }
 
@@ -45,31 +50,31 @@ impl Standing {
 
     /// The sphere that most beams miss.
     #[cfg(feature = "gpu")]
-    pub fn sight(&self) -> &Sight {
+    pub fn sight(&self) -> &SightSphere {
         &self.sight
     }
 }
 
 /// A tree as one sensor sees it, its faces numbered from `first_prim` on.
 #[derive(Clone, Copy)]
-pub struct Target<'a> {
+pub struct BundleTree<'a> {
     /// The tree.
     pub tree: &'a Bvh,
     /// Added to the index of each face.
     pub first_prim: u32,
     /// Where it lies for the sensor.
-    pub standing: &'a Standing,
+    pub standing: &'a BundleOrigin,
 }
 
 /// Closest hits of a few beams, cast one by one: closer hits in some trees replace those known, and so do equally
 /// close hits of a lower face. [`super::Caster::closer_hits`] does it for all beams of a sensor.
 pub fn closer_hits_of_beams<'a>(
-    targets: impl Iterator<Item = Target<'a>>,
+    targets: impl Iterator<Item = BundleTree<'a>>,
     directions: impl Iterator<Item = [f32; 3]> + Clone,
     hits: &mut [Hit],
-    left: &mut Left,
+    left: &mut TraversalStack,
 ) {
-    for Target { tree, first_prim, standing: Standing { pose, sight, .. } } in targets {
+    for BundleTree { tree, first_prim, standing: BundleOrigin { pose, sight, .. } } in targets {
         let origin = beam_origin(pose);
         for (direction, hit) in directions.clone().zip(&mut *hits) {
             if !sight.misses(direction, hit.t) {
@@ -83,13 +88,13 @@ pub fn closer_hits_of_beams<'a>(
 /// Closest hits of a ray bundle: `N` rays within `width` radians around `directions[0]`, which descend
 /// together. Replaces hits as [`closer_hits_of_beams`] does.
 pub fn closer_hits_of_bundle<'a, const N: usize>(
-    targets: impl Iterator<Item = Target<'a>>,
+    targets: impl Iterator<Item = BundleTree<'a>>,
     directions: &[[f32; 3]; N],
     width: f32,
     hits: &mut [Hit; N],
-    left: &mut Left,
+    left: &mut TraversalStack,
 ) {
-    for Target { tree, first_prim, standing: Standing { pose, wide, .. } } in targets {
+    for BundleTree { tree, first_prim, standing: BundleOrigin { pose, wide, .. } } in targets {
         let farthest = hits.iter().fold(0.0, |t: f32, hit| t.max(hit.t));
         if wide.misses(directions[0], farthest) {
             continue;
@@ -129,12 +134,13 @@ pub(super) fn descend(
     rays: &[Ray],
     width: f32,
     hits: &mut [Hit],
-    left: &mut Left,
+    left: &mut TraversalStack,
 ) {
     let tree = &bvh.bvh16;
     let Some(first) = rays.first().filter(|_| !tree.nodes.is_empty()) else { return };
     let largest = tree.largest + first.origin.abs().max_element();
-    let tube = Tube { ray: first, width, slack: SLACK * largest + bvh.pad, around: SLACK + width };
+    let tube =
+        RayBundle { ray: first, width, slack: SLACK * largest + bvh.pad, around: SLACK + width };
     let farthest = |hits: &[Hit]| hits.iter().fold(0.0, |t: f32, hit| t.max(hit.t));
     let mut reach = farthest(hits);
     left.clear();
@@ -177,7 +183,7 @@ pub(super) fn descend(
 }
 
 /// A ray and all that lies within an angle around it.
-struct Tube<'a> {
+struct RayBundle<'a> {
     ray: &'a Ray,
     width: f32,
     /// Metres by which boxes grow for rounding.
@@ -186,7 +192,7 @@ struct Tube<'a> {
     around: f32,
 }
 
-impl Tube<'_> {
+impl RayBundle<'_> {
     /// A bit for each box of a node that begins within `reach`, and where they begin.
     #[inline(always)]
     fn children(&self, node: &Node16, reach: f32, begins: &mut [f32; WIDTH]) -> u16 {
@@ -244,5 +250,124 @@ impl Tube<'_> {
             seen |= u16::from(meets) << slot;
         }
         seen
+    }
+}
+
+/// Rays of one parallel task.
+const RAYS_A_TASK: usize = 1024;
+
+/// Closest hit of every ray in a frame, in order; `[rays]`.
+///
+/// A ray is its origin and its direction in the ego frame, metres; a hit's `t` counts in lengths of the
+/// direction, so that origin + t · direction is the point, and `range` bounds it in metres. Rays with an origin or a
+/// direction that is not finite, or without a direction, hit nothing. Trees are built for hits up to a distance
+/// (see [`crate::bvh::Bvh::build`]): from farther away rounding may let a ray slip through an edge.
+pub fn cast_rays(frame: &Frame, rays: &[[f32; 6]], range: f32) -> Vec<Hit> {
+    let from_ego: Vec<Pose> =
+        frame.instances().iter().map(|instance| instance.ego_from_instance.inverse()).collect();
+    let mut hits = vec![Hit::none(range); rays.len()];
+    let tasks = hits.par_chunks_mut(RAYS_A_TASK).zip(rays.par_chunks(RAYS_A_TASK));
+    tasks.for_each(|(hits, rays)| {
+        let mut left = TraversalStack::new();
+        for (hit, &[x, y, z, dx, dy, dz]) in hits.iter_mut().zip(rays) {
+            let origin = DVec3::new(x.into(), y.into(), z.into());
+            let direction = DVec3::new(dx.into(), dy.into(), dz.into());
+            let length = direction.length();
+            if !origin.is_finite() || !length.is_finite() || length == 0.0 {
+                continue;
+            }
+            let unit = direction / length;
+            for (instance, from_ego) in frame.instances().iter().zip(&from_ego) {
+                let origin = from_ego.apply(origin).as_vec3();
+                let ray = Ray::new(origin, (from_ego.rotation * unit).as_vec3(), hit.t);
+                let (tree, first) = (&instance.tree, instance.first_prim);
+                descend(tree, first, &[ray], 0.0, std::slice::from_mut(hit), &mut left);
+            }
+            if hit.is_hit() {
+                hit.t = (f64::from(hit.t) / length) as f32;
+            }
+        }
+    });
+    hits
+}
+
+/// Rays that leave one place at the same moment, and the trees as that place sees them.
+pub struct Firing<'a> {
+    /// Trees that the rays may meet.
+    pub targets: Vec<BundleTree<'a>>,
+    /// Unit directions in the sensor's frame.
+    pub rays: Vec<[f32; 3]>,
+}
+
+/// Casts firings.
+pub trait FiringCaster: Send {
+    /// Closest hit of every ray up to `range`, in order, with the bits of [`Firing::closest_hit`].
+    ///
+    /// # Errors
+    /// What kept the device from it, as a sentence.
+    fn closest_hits(&mut self, firings: &[Firing<'_>], range: f32) -> Result<Vec<Hit>, String>;
+}
+
+impl Firing<'_> {
+    /// The closest hit of a ray of a direction, by the reference's way down each tree.
+    ///
+    /// CPU twin of `shaders/cast_closest.wgsl` where its sensors are firings.
+    pub fn closest_hit(&self, direction: [f32; 3], range: f32) -> Hit {
+        let mut hit = Hit::none(range);
+        for target in &self.targets {
+            let pose = target.standing.pose();
+            let ray = Ray::new(beam_origin(pose), beam_direction(pose, direction), hit.t);
+            target.tree.closer_hit(&ray, target.first_prim, &mut hit);
+        }
+        hit
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::FRAC_PI_2;
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::bvh::Bvh;
+    use crate::geom::TriangleSoup;
+    use crate::task::Instance;
+
+    /// The plane x = 2, |y|, |z| ≤ 1, as two triangles, in a thing that is turned by 90° and moved.
+    fn wall() -> Frame {
+        let vertices = vec![[2.0, -1.0, -1.0], [2.0, 1.0, -1.0], [2.0, 1.0, 1.0], [2.0, -1.0, 1.0]];
+        let faces = vec![[0, 1, 2], [0, 2, 3]];
+        let soup = TriangleSoup { vertices, faces, face_class: vec![0, 0] };
+        let tree = Arc::new(Bvh::build(&soup, 100.0));
+        let turned = Pose::new(DVec3::new(0.0, 10.0, 0.0), 0.0, 0.0, FRAC_PI_2);
+        let here =
+            Instance { tree: tree.clone(), ego_from_instance: Pose::IDENTITY, first_prim: 0 };
+        Frame::new([here, Instance { tree, ego_from_instance: turned, first_prim: 2 }])
+    }
+
+    #[test]
+    fn a_ray_of_any_length_hits_what_stands_before_it() {
+        let rays = [
+            [0.0, 0.2, 0.1, 1.0, 0.0, 0.0],
+            // Four metres a unit: the wall is half a unit away.
+            [0.0, 0.2, 0.1, 4.0, 0.0, 0.0],
+            // The turned wall is the plane y = 12.
+            [0.1, 9.0, 0.5, 0.0, 2.0, 0.0],
+            [0.0, 0.2, 0.1, -1.0, 0.0, 0.0],
+            [f32::NAN, 0.0, 0.0, 1.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        ];
+        let hits = cast_rays(&wall(), &rays, 100.0);
+        let close = |hit: &Hit, t: f32| hit.is_hit() && (hit.t - t).abs() < 1e-5;
+        assert!(close(&hits[0], 2.0) && hits[0].prim < 2, "{hits:?}");
+        assert!(close(&hits[1], 0.5) && hits[1].prim < 2, "{hits:?}");
+        assert!(close(&hits[2], 1.5) && hits[2].prim >= 2, "{hits:?}");
+        assert!(hits[3..].iter().all(|hit| !hit.is_hit()), "{hits:?}");
+    }
+
+    #[test]
+    fn hits_beyond_the_range_do_not_count() {
+        let ray = [0.0, 0.2, 0.1, 1.0, 0.0, 0.0];
+        assert!(!cast_rays(&wall(), &[ray], 1.9)[0].is_hit());
     }
 }

@@ -5,19 +5,16 @@
 
 mod batch;
 mod bundle;
-mod firings;
-mod rays;
 mod reference;
 mod sight;
 mod walk;
 
 pub use batch::{Caster, Casting};
-pub use bundle::{Left, Standing, Target, all_hit, closer_hits_of_beams, closer_hits_of_bundle};
-pub use firings::{Firing, FiringCaster};
-pub use rays::cast_rays;
-pub use reference::closest_hit_in;
-pub use reference::{cast_closest, cast_frame_closest};
+pub use bundle::{
+    BundleOrigin, BundleTree, Firing, FiringCaster, TraversalStack, all_hit, cast_rays,
+    closer_hits_of_beams, closer_hits_of_bundle,
+};
+pub use reference::{cast_closest, cast_frame_closest, closest_hit_in};
 #[cfg(feature = "gpu")]
-pub use sight::Sight;
-pub use walk::{FiringWalk, RAYS, Rays, SweptPart};
-pub use walk::{Instructions, Part};
+pub use sight::SightSphere;
+pub use walk::{FiringWalk, Instructions, RAYS, Rays, SweptPart, TreeView};

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::sight::Sight;
+use super::sight::SightSphere;
 use crate::bvh::{Bvh, Hit, MAX_DEPTH, Ray};
 use crate::geom::Pose;
 use crate::sensor::BeamTable;
@@ -63,7 +63,7 @@ pub(super) fn cast_rows(
     range: f32,
 ) {
     sensors.into_par_iter().for_each(|(pose, row)| {
-        let Some(sight) = Sight::new(pose, bvh, range) else { return };
+        let Some(sight) = SightSphere::new(pose, bvh, range) else { return };
         let origin = beam_origin(pose);
         let tasks = row.par_chunks_mut(BEAMS_PER_TASK).zip(directions.par_chunks(BEAMS_PER_TASK));
         tasks.for_each(|(row, directions)| {

@@ -24,7 +24,7 @@ const SQUARE_SLACK: f64 = 1.0 / (1 << 18) as f64;
 /// c·d − r ≤ t ≤ c·d + r: a beam that violates either is skipped, and so is a sphere that begins
 /// behind the best hit, where no triangle can be as close.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sight {
+pub struct SightSphere {
     /// c in metres.
     pub center: [f32; 3],
     /// r in metres.
@@ -33,7 +33,7 @@ pub struct Sight {
     pub least_square: f32,
 }
 
-impl Sight {
+impl SightSphere {
     /// The tree as seen by a sensor whose `pose` takes it to the tree's frame; `None` where the tree is
     /// empty or more than `range` metres away.
     pub fn new(pose: &DevicePose, bvh: &Bvh, range: f32) -> Option<Self> {
@@ -112,7 +112,7 @@ mod tests {
                 let off = DVec3::from([0; 3].map(|_| rng.random_range(-30.0..30.0)));
                 let pose = DevicePose::from(&Pose::new(at + off, turn[0], turn[1], turn[2]));
                 let range = rng.random_range(5.0..100.0);
-                let sight = Sight::new(&pose, &bvh, range);
+                let sight = SightSphere::new(&pose, &bvh, range);
                 for _ in 0..200 {
                     // Towards the triangle, and past it.
                     let rotation = DMat3::from_cols_array_2d(

@@ -23,12 +23,12 @@ const SWAP: u32 = if cfg!(target_endian = "big") { ROW as u32 } else { 0 };
 /// jut out of the grid hold padding bits, which are never set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BitOrder {
-    layout: Layout,
+    layout: BitLayout,
     shape: [u32; 3],
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Layout {
+enum BitLayout {
     Linear,
     Rows,
     Bricks,
@@ -37,7 +37,7 @@ enum Layout {
 impl BitOrder {
     /// C order: the bit of voxel (x, y, z) is its linear index (x·ny + y)·nz + z.
     pub fn linear(roi: &Roi) -> Self {
-        Self { layout: Layout::Linear, shape: roi.shape() }
+        Self { layout: BitLayout::Linear, shape: roi.shape() }
     }
 
     /// Rows along x, as the CPU marks them: a 32-bit word holds 32 voxels along x, the words follow
@@ -48,24 +48,24 @@ impl BitOrder {
     pub fn rows(roi: &Roi) -> Self {
         let words = row_words(roi.shape(), 0).max(row_words(roi.shape(), 1)) as u64;
         let most = (2 * roi.voxel_count()).clamp(FEW_BITS, 1 << 32);
-        let layout = if ROW as u64 * words <= most { Layout::Rows } else { Layout::Linear };
+        let layout = if ROW as u64 * words <= most { BitLayout::Rows } else { BitLayout::Linear };
         Self { layout, shape: roi.shape() }
     }
 
     /// Bricks of 4 × 4 × 2 voxels, as devices mark them: a 32-bit word a brick, bricks and the voxels
     /// in a brick in C order. The bit of (x, y, z) in its brick is 8·(x % 4) + 2·(y % 4) + z % 2.
     pub fn bricks(roi: &Roi) -> Self {
-        Self { layout: Layout::Bricks, shape: roi.shape() }
+        Self { layout: BitLayout::Bricks, shape: roi.shape() }
     }
 
     /// 64-bit words of a bitmap.
     pub fn words(&self) -> usize {
         match self.layout {
-            Layout::Linear => {
+            BitLayout::Linear => {
                 self.shape.iter().map(|&n| u64::from(n)).product::<u64>().div_ceil(64) as usize
             }
-            Layout::Rows => row_words(self.shape, 0).div_ceil(2),
-            Layout::Bricks => {
+            BitLayout::Rows => row_words(self.shape, 0).div_ceil(2),
+            BitLayout::Bricks => {
                 self.bricks_along().iter().map(|&n| n as usize).product::<usize>().div_ceil(2)
             }
         }
@@ -78,7 +78,7 @@ impl BitOrder {
 
     /// True if 32-bit words hold voxels along x.
     pub fn has_rows(&self) -> bool {
-        self.layout == Layout::Rows
+        self.layout == BitLayout::Rows
     }
 
     /// Number of the bit of a voxel, which is given by its linear index.
@@ -86,12 +86,12 @@ impl BitOrder {
         let [_, ny, nz] = self.shape;
         let [x, y, z] = [voxel / nz / ny, voxel / nz % ny, voxel % nz];
         match self.layout {
-            Layout::Linear => voxel,
-            Layout::Rows => {
+            BitLayout::Linear => voxel,
+            BitLayout::Rows => {
                 let word = (z * self.words_along_x() + x / ROW as u32) * ny + y;
                 (word * ROW as u32 + x % ROW as u32) ^ SWAP
             }
-            Layout::Bricks => {
+            BitLayout::Bricks => {
                 let [_, by, bz] = self.bricks_along();
                 let [i, j, k] = BRICK;
                 let word = ((x >> i) * by + (y >> j)) * bz + (z >> k);
@@ -105,17 +105,17 @@ impl BitOrder {
     pub fn voxel_of(&self, bit: u32) -> Option<u32> {
         let [nx, ny, nz] = self.shape;
         let [x, y, z] = match self.layout {
-            Layout::Linear => {
+            BitLayout::Linear => {
                 let inside = u64::from(bit) < [nx, ny, nz].map(u64::from).iter().product();
                 return inside.then_some(bit);
             }
-            Layout::Rows => {
+            BitLayout::Rows => {
                 let (word, x) = ((bit ^ SWAP) / ROW as u32, bit % ROW as u32);
                 let (row, y) = (word / ny, word % ny);
                 let along = self.words_along_x();
                 [row % along * ROW as u32 + x, y, row / along]
             }
-            Layout::Bricks => {
+            BitLayout::Bricks => {
                 let [_, by, bz] = self.bricks_along();
                 let [i, j, k] = BRICK;
                 let brick = bit >> 5;

@@ -28,7 +28,7 @@ pub const ROUND: f32 = (3 << 22) as f32;
 pub const NEVER: f32 = f32::NEG_INFINITY;
 
 /// The start of a sensor's beams: by axis, and by whether they go backward (0) or forward (1).
-pub struct Start {
+pub struct BeamStart {
     pub p: [f32; 3],
     /// First plane ahead.
     plane: [[f32; 2]; 3],
@@ -38,7 +38,7 @@ pub struct Start {
     pub cell: [[i32; 2]; 3],
 }
 
-impl Start {
+impl BeamStart {
     pub fn new(roi: &Roi, p: [f32; 3]) -> Self {
         // A beam that starts on a plane and goes backward has crossed it.
         let cell = p.map(|p| [p.ceil() as i32 - 1, p.floor() as i32]);
@@ -74,7 +74,7 @@ pub struct Way {
 }
 
 impl Way {
-    pub fn new(roi: &Roi, start: &Start, u: usize, back: bool) -> Self {
+    pub fn new(roi: &Roi, start: &BeamStart, u: usize, back: bool) -> Self {
         let (v, side) = (1 - u, usize::from(!back));
         let n = roi.shape().map(|n| n as i32);
         let layer = (n[u] as u32).div_ceil(WORD as u32) as i32 * n[v];

@@ -6,9 +6,7 @@ mod bit_order;
 mod fast;
 mod lockstep;
 mod reference;
-mod transpose;
 
-pub use bit_order::Ranks;
-pub use bit_order::{BitOrder, Bitmaps};
+pub use bit_order::{BitOrder, Bitmaps, Ranks};
 pub use fast::{WalkScratch, cover_sensor};
 pub use reference::cover_voxels;

@@ -31,7 +31,7 @@ pub fn cover_voxels(
     bitmaps.par_chunks_mut(words).zip(poses).enumerate().for_each(|(sensor, (bitmap, pose))| {
         for (index, &direction) in directions.iter().enumerate() {
             let hit = hits.map(|hits| hits[sensor * directions.len() + index]);
-            let walk = Walk::new(roi, grid_origin(pose), beam_direction(pose, direction));
+            let walk = VoxelWalk::new(roi, grid_origin(pose), beam_direction(pose, direction));
             walk.visit(beam_end(hit, range), |voxel| bitmap[voxel >> 6] |= 1 << (voxel & 63));
         }
     });
@@ -60,7 +60,7 @@ pub fn grid_origin(pose: &DevicePose) -> Vec3 {
 /// across and does not traverse the voxels that it only touches. (Amanatides, Woo 1987, without the
 /// accumulated `t`.)
 #[derive(Debug, Clone, Copy)]
-pub struct Walk {
+pub struct VoxelWalk {
     shape: [i32; 3],
     /// Origin in voxels.
     p: [f32; 3],
@@ -71,7 +71,7 @@ pub struct Walk {
     forward: [bool; 3],
 }
 
-impl Walk {
+impl VoxelWalk {
     pub fn new(roi: &Roi, in_grid: Vec3, direction: Vec3) -> Self {
         let voxel = roi.voxel().map(|v| v as f32);
         let mut walk = Self {
@@ -185,7 +185,7 @@ mod tests {
         let roi = Roi::new([0.0; 3], [1.0; 3], [4, 4, 4]).unwrap();
         let mut seen = Vec::new();
         let direction = Vec3::from(direction).normalize();
-        Walk::new(&roi, origin.into(), direction).visit(t_end, |v| seen.push(v));
+        VoxelWalk::new(&roi, origin.into(), direction).visit(t_end, |v| seen.push(v));
         seen
     }
 

@@ -67,7 +67,7 @@ impl<T: Default> Pool<T> {
 }
 
 /// Sensors of a chunk in one frame.
-struct Standing<'a> {
+struct SensorsInFrame<'a> {
     batch: &'a SensorBatch<'a>,
     /// Poses in the grid of voxels.
     poses: Vec<DevicePose>,
@@ -160,7 +160,7 @@ impl CpuBackend {
                 let start = Instant::now();
                 let poses = batch.in_grid(&ego_from_sensors);
                 let batch = &batch;
-                let standing = Standing { batch, poses, frame, weight, sensors_a_task };
+                let standing = SensorsInFrame { batch, poses, frame, weight, sensors_a_task };
                 let mut first = 0;
                 let sensors_of = |placement: &Placement| {
                     let sensors = first..first + placement.lidars.len();
@@ -192,8 +192,8 @@ impl CpuBackend {
     }
 
     /// Covers the voxels of some sensors; `bitmaps` is `[sensors × words]` and zero.
-    fn cover(&self, standing: &Standing<'_>, sensors: Range<usize>, bitmaps: &mut [u64]) {
-        let Standing { batch, poses, frame, sensors_a_task, .. } = standing;
+    fn cover(&self, standing: &SensorsInFrame<'_>, sensors: Range<usize>, bitmaps: &mut [u64]) {
+        let SensorsInFrame { batch, poses, frame, sensors_a_task, .. } = standing;
         let ends = self.task.ends(*frame).is_some();
         let cover = |(index, bitmap): (usize, &mut [u64])| {
             let sensor = sensors.start + index;
@@ -221,7 +221,7 @@ impl CpuBackend {
     /// with the sums.
     fn add(
         &self,
-        standing: &Standing<'_>,
+        standing: &SensorsInFrame<'_>,
         sensors: Range<usize>,
         tally: &mut Tally,
     ) -> [Duration; 2] {
@@ -322,7 +322,7 @@ impl Backend for CpuBackend {
         self.cast_frame(&batch, &ego_from_sensors, frame)?;
         let start = Instant::now();
         let poses = batch.in_grid(&ego_from_sensors);
-        let standing = Standing { batch: &batch, poses, frame, weight: 1, sensors_a_task: 1 };
+        let standing = SensorsInFrame { batch: &batch, poses, frame, weight: 1, sensors_a_task: 1 };
         (0..batch.len()).into_par_iter().for_each(|sensor| {
             let mut kept = self.zero_bitmaps(1);
             let bitmap = &mut kept[..self.order.words()];

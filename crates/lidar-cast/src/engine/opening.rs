@@ -1,13 +1,18 @@
-//! Opens the engine that the user requested for a task.
+//! Opens the engine that the user requested for a task, and another one after its device is lost.
+//!
+//! A [`Failover`] goes on after a loss on the same device, then on the CPU.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Backend, BackendError, CpuBackend, available_memory};
-use crate::bvh::Bvh;
+use super::{Backend, BackendError, CpuBackend, TakeBitmap, available_memory};
+use crate::bvh::{Bvh, Hit};
 use crate::cast::FiringCaster;
-use crate::task::Task;
+use crate::cover::BitOrder;
+use crate::sensor::{Placement, SensorPose};
+use crate::task::{StageTimes, Tally, Task};
 
 /// Bytes taken as free where the system does not tell.
 const SMALL_MACHINE: u64 = 2 << 30;
@@ -49,7 +54,7 @@ impl EngineChoice {
 }
 
 /// An open engine, and sentences about it.
-pub struct Opened {
+pub struct OpenedEngine {
     /// CPU or GPU engine, ready to score.
     pub engine: Box<dyn Backend>,
     /// Sentences for the user: which device, and why not another.
@@ -64,7 +69,7 @@ pub fn open(
     task: &Arc<Task>,
     choice: &EngineChoice,
     on_change: impl Fn(&str) + Send + 'static,
-) -> Result<Opened, BackendError> {
+) -> Result<OpenedEngine, BackendError> {
     let mut notes = Vec::new();
     let engine = match choice.kind {
         EngineKind::Cpu => cpu(task, choice),
@@ -81,7 +86,7 @@ pub fn open(
         _ => device::asked_for(task, choice, on_change)?,
     };
     notes.push(format!("computing on {}: {}", engine.name(), engine.adapter()));
-    Ok(Opened { engine, notes })
+    Ok(OpenedEngine { engine, notes })
 }
 
 /// Casts the rays of a scanner on a device; nothing where the host casts.
@@ -126,7 +131,7 @@ mod device {
     use super::{EngineChoice, OpenedCaster};
     use crate::bvh::Bvh;
     use crate::engine::gpu::{GpuBackend, GpuFirings, list_adapters};
-    use crate::engine::{Backend, BackendError, CpuBackend, failover::Failover};
+    use crate::engine::{Backend, BackendError, CpuBackend, Failover};
     use crate::task::Task;
 
     /// A sentence that says why there is no hardware device; none where there is one.
@@ -239,5 +244,143 @@ mod device {
         _: impl Fn(&str) + Send + 'static,
     ) -> Result<Box<dyn Backend>, BackendError> {
         Err(BackendError::NoDevice { name: choice.adapter.clone() })
+    }
+}
+
+/// Losses after which the device is not opened again.
+const MOST_LOSSES: u32 = 3;
+
+/// Opens the device again.
+pub type Reopen = Box<dyn FnMut() -> Result<Box<dyn Backend>, BackendError> + Send>;
+
+/// A backend that outlives its device.
+///
+/// A batch that failed is repeated on the same device, opened again; if that fails too, or after three
+/// losses, on the CPU. Earlier scores stay. Both give the same bits, so only [`Backend::changes`] tells of the
+/// change. Other errors, such as a frame that does not exist, are handed on; so is a placement too large for
+/// the device, unless [`Self::cpu_for_too_large`] was called.
+pub struct Failover {
+    backend: Box<dyn Backend>,
+    on_cpu: bool,
+    /// True if the CPU takes placements too large for the device.
+    takes_too_large: bool,
+    reopen: Reopen,
+    cpu: Box<dyn Fn() -> Box<dyn Backend> + Send>,
+    note: Box<dyn Fn(&str) + Send>,
+    changes: Vec<String>,
+    /// Times of the backends that are gone.
+    past: StageTimes,
+}
+
+impl Failover {
+    /// Goes on with `reopen` and then with `cpu` when `backend` loses its device; `note` is told.
+    pub fn new(
+        backend: Box<dyn Backend>,
+        reopen: Reopen,
+        cpu: impl Fn() -> Box<dyn Backend> + Send + 'static,
+        note: impl Fn(&str) + Send + 'static,
+    ) -> Self {
+        Self {
+            backend,
+            on_cpu: false,
+            takes_too_large: false,
+            reopen,
+            cpu: Box::new(cpu),
+            note: Box::new(note),
+            changes: Vec::new(),
+            past: StageTimes::default(),
+        }
+    }
+
+    /// Lets the CPU take placements too large for the device, if `--backend auto` chose the device.
+    pub fn cpu_for_too_large(mut self) -> Self {
+        self.takes_too_large = true;
+        self
+    }
+
+    fn attempt<T>(
+        &mut self,
+        work: impl Fn(&mut dyn Backend) -> Result<T, BackendError>,
+    ) -> Result<T, BackendError> {
+        let mut again = false;
+        loop {
+            match work(&mut *self.backend) {
+                Err(BackendError::Device { adapter, stage, message }) if !self.on_cpu => {
+                    self.replace(format!("`{adapter}` failed at {stage}: {message}"), again);
+                    again = true;
+                }
+                Err(error @ BackendError::TooLarge { .. })
+                    if self.takes_too_large && !self.on_cpu =>
+                {
+                    self.replace(format!("too large for `{}`: {error}", self.adapter()), true);
+                }
+                result => return result,
+            }
+        }
+    }
+
+    /// Takes the next backend after a failure: the device opened again, or the CPU if it failed `again`.
+    fn replace(&mut self, mut why: String, again: bool) {
+        self.past += self.backend.times();
+        let lost = std::mem::replace(&mut self.backend, (self.cpu)());
+        // Dropped first, so that both never hold memory at once; dropping a lost device may panic in the
+        // driver's wrapper.
+        let _ = catch_unwind(AssertUnwindSafe(|| drop(lost)));
+        self.on_cpu = true;
+        if !again && self.changes.len() < MOST_LOSSES as usize {
+            match (self.reopen)() {
+                Ok(backend) => (self.backend, self.on_cpu) = (backend, false),
+                Err(error) => why = format!("{why}; opening it again: {error}"),
+            }
+        }
+        let on = if self.on_cpu { "on the CPU" } else { "on the same device, opened again" };
+        let change = format!("{why}; the batch is repeated {on}, scores so far are kept");
+        (self.note)(&change);
+        self.changes.push(change);
+    }
+}
+
+impl Backend for Failover {
+    fn name(&self) -> &'static str {
+        self.backend.name()
+    }
+
+    fn adapter(&self) -> &str {
+        self.backend.adapter()
+    }
+
+    fn tally(
+        &mut self,
+        placements: &[Placement],
+        range: Option<f32>,
+    ) -> Result<Vec<Tally>, BackendError> {
+        self.attempt(|backend| backend.tally(placements, range))
+    }
+
+    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
+        self.attempt(|backend| backend.hits(poses, frame))
+    }
+
+    fn order(&self) -> BitOrder {
+        self.backend.order()
+    }
+
+    fn each_bitmap(
+        &mut self,
+        poses: &[SensorPose],
+        frame: usize,
+        take: &TakeBitmap<'_>,
+    ) -> Result<(), BackendError> {
+        self.attempt(|backend| backend.each_bitmap(poses, frame, take))
+    }
+
+    fn times(&self) -> StageTimes {
+        let mut times = self.past;
+        times += self.backend.times();
+        times
+    }
+
+    fn changes(&self) -> &[String] {
+        &self.changes
     }
 }

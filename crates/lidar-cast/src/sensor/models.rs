@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
+use super::name::nearest;
 use super::{BeamTable, Placement, Response, SensorName, SensorPose};
-use crate::chance::mixed;
 use crate::geom::Pose;
-use crate::nearest::nearest;
+use crate::maths::mixed;
 
 /// Start angle of a spinning sensor: radians about its own axis, added to every azimuth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -443,7 +443,7 @@ mod tests {
         assert_eq!(
             words,
             "placement `a`, LiDAR 1 names no sensor, and the vehicle has 2 models: spin-32, corner-8; add \
-             \"sensor\": \"spin-32\" to the LiDAR, or give --sensor 1=spin-32 (in Python sensors=[…])"
+         \"sensor\": \"spin-32\" to the LiDAR, or give --sensor 1=spin-32 (in Python sensors=[…])"
         );
         assert!(
             sensors(Phase::Free)

@@ -1,10 +1,13 @@
-//! Sensor poses and placements.
+//! Sensor poses and placements, their angles, and their mirror images at the plane y = 0.
 
-use glam::DVec3;
+use std::f64::consts::TAU;
+
+use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::SensorName;
 use crate::geom::Pose;
+use crate::maths;
 
 /// Most LiDARs of one placement.
 pub const MAX_LIDARS: usize = 16;
@@ -74,6 +77,28 @@ impl SensorPose {
     /// Pose of six numbers in the order of [`Self::FIELDS`], of the vehicle's first model.
     pub const fn from_values([x, y, z, roll, pitch, yaw]: [f64; 6]) -> Self {
         Self { x, y, z, roll, pitch, yaw, sensor: SensorName::NONE, phase: None }
+    }
+
+    /// Mirrored at the plane y = 0: y, roll, yaw and phase change sign.
+    pub fn mirrored(&self) -> Self {
+        // 0 − y is never −0, which would print as such.
+        let phase = self.phase.map(|phase| 0.0 - phase);
+        Self { y: 0.0 - self.y, roll: 0.0 - self.roll, yaw: 0.0 - self.yaw, phase, ..*self }
+    }
+
+    /// Sum of the differences of the six numbers, in m and rad, angles up to half a turn; infinite between sensors
+    /// of different models. Phases do not count: mirror images are those of sensors as they are mounted.
+    pub fn difference(&self, other: &Self) -> f64 {
+        if self.sensor != other.sensor {
+            return f64::INFINITY;
+        }
+        let differences = self.values().into_iter().zip(other.values()).map(|(a, b)| (a - b).abs());
+        let whole = |(k, by): (usize, f64)| match k {
+            // Straight back is half a turn to the left as well as to the right.
+            3.. if by > 0.5 * TAU => (by - TAU * (by / TAU).round()).abs(),
+            _ => by,
+        };
+        differences.enumerate().map(whole).sum()
     }
 }
 
@@ -156,4 +181,38 @@ impl Placement {
         }
         Ok(())
     }
+
+    /// Mirrored at the plane y = 0, LiDAR by LiDAR.
+    pub fn mirrored(&self) -> Self {
+        let lidars = self.lidars.iter().map(SensorPose::mirrored).collect();
+        Self { name: self.name.clone(), lidars }
+    }
+}
+
+/// Cosine of the pitch below which roll and yaw turn about the same axis.
+const GIMBAL_LOCK: f64 = 1e-12;
+
+impl From<&Pose> for SensorPose {
+    /// Six numbers of a transform, of the vehicle's first model.
+    fn from(pose: &Pose) -> Self {
+        let [x, y, z] = pose.translation.to_array();
+        let [roll, pitch, yaw] = angles(&pose.rotation);
+        Self::from_values([x, y, z, roll, pitch, yaw])
+    }
+}
+
+/// Roll, pitch and yaw of `Rz(yaw)·Ry(pitch)·Rx(roll)`; at a pitch of ±π/2 roll is 0 and yaw takes all.
+fn angles(rotation: &DMat3) -> [f64; 3] {
+    let at = |row: usize, column: usize| rotation.col(column)[row];
+    let level = maths::hypot(at(0, 0), at(1, 0));
+    // The arc sine would lose half of the digits near ±π/2.
+    let pitch = maths::atan2(0.0 - at(2, 0), level);
+    if level < GIMBAL_LOCK {
+        return [0.0, pitch, maths::atan2(0.0 - at(0, 1), at(1, 1))];
+    }
+    let yaw = maths::atan2(at(1, 0), at(0, 0));
+    // Taken from what the yaw leaves: near ±π/2 both are uncertain, and so they make good for each other.
+    let (sin, cos) = maths::sin_cos(yaw);
+    let roll = maths::atan2(sin * at(0, 2) - cos * at(1, 2), cos * at(1, 1) - sin * at(0, 1));
+    [roll, pitch, yaw]
 }

@@ -1,12 +1,9 @@
-//! A condition as the user writes it: `fog:mor=50`, `snow:level=heavy`.
+//! A condition as the user writes it (`fog:mor=50`, `snow:level=heavy`): the kinds with their keys, levels and limits.
 
 use std::fmt;
 use std::str::FromStr;
 
 use serde::{Serialize, Serializer};
-
-use super::error::ConditionError;
-use super::specs::{Key, Kind, LEVELS, keys};
 
 /// Most keys of a condition.
 const MOST_KEYS: usize = 2;
@@ -17,14 +14,14 @@ const MOST_KEYS: usize = 2;
 /// wherever they stand. A condition is written out with all its numbers and no level.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Condition {
-    kind: Kind,
+    kind: ConditionKind,
     /// Values in the order of the kind's keys.
     values: [f64; MOST_KEYS],
 }
 
 impl Condition {
     /// Fault, in words.
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> ConditionKind {
         self.kind
     }
 
@@ -40,7 +37,7 @@ impl FromStr for Condition {
 
     fn from_str(text: &str) -> Result<Self, ConditionError> {
         let (name, rest) = text.split_once(':').unwrap_or((text, ""));
-        let kind = Kind::ALL.into_iter().find(|kind| kind.name() == name);
+        let kind = ConditionKind::ALL.into_iter().find(|kind| kind.name() == name);
         let kind =
             kind.ok_or_else(|| ConditionError::UnknownCondition { name: name.to_owned() })?;
         let pairs = pairs(text, rest, kind)?;
@@ -60,7 +57,7 @@ impl FromStr for Condition {
 }
 
 /// Number of a level, weakest first.
-fn level_of(word: &str, kind: Kind) -> Result<usize, ConditionError> {
+fn level_of(word: &str, kind: ConditionKind) -> Result<usize, ConditionError> {
     let level = LEVELS.iter().position(|level| *level == word);
     level.ok_or_else(|| ConditionError::UnknownLevel {
         value: word.to_owned(),
@@ -73,7 +70,7 @@ fn level_of(word: &str, kind: Kind) -> Result<usize, ConditionError> {
 fn pairs<'t>(
     text: &str,
     rest: &'t str,
-    kind: Kind,
+    kind: ConditionKind,
 ) -> Result<Vec<(&'t str, &'t str)>, ConditionError> {
     let mut pairs: Vec<(&str, &str)> = Vec::new();
     for part in rest.split(',').filter(|_| text.contains(':')) {
@@ -94,7 +91,7 @@ fn pairs<'t>(
     Ok(pairs)
 }
 
-fn number(key: &Key, kind: Kind, text: &str) -> Result<f64, ConditionError> {
+fn number(key: &ConditionKey, kind: ConditionKind, text: &str) -> Result<f64, ConditionError> {
     let [least, most] = key.limits;
     let value = text.parse().ok().filter(|value| (least..=most).contains(value));
     value.ok_or_else(|| ConditionError::BadNumber {
@@ -107,7 +104,7 @@ fn number(key: &Key, kind: Kind, text: &str) -> Result<f64, ConditionError> {
     })
 }
 
-fn unknown_key(key: &str, kind: Kind) -> ConditionError {
+fn unknown_key(key: &str, kind: ConditionKind) -> ConditionError {
     let hint = match key {
         "mode" => {
             "; for the corruptions of Robo3D run its own program on a set of `--layout semantickitti` \
@@ -120,7 +117,7 @@ fn unknown_key(key: &str, kind: Kind) -> ConditionError {
 }
 
 /// Keys in words: `level, mor, gain`.
-fn in_words(kind: Kind) -> String {
+fn in_words(kind: ConditionKind) -> String {
     let own = keys(kind).iter().map(|key| key.name);
     std::iter::once("level").chain(own).collect::<Vec<_>>().join(", ")
 }
@@ -139,4 +136,172 @@ impl Serialize for Condition {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
     }
+}
+
+/// Fault with the weather or the sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ConditionKind {
+    /// Fog.
+    Fog,
+    /// Water on the ground.
+    Wet,
+    /// Falling snow.
+    Snow,
+    /// Falling rain.
+    Rain,
+    /// Motion blur.
+    Blur,
+    /// Crosstalk of sensors.
+    Crosstalk,
+    /// Incomplete echoes of vehicles.
+    Echo,
+}
+
+impl ConditionKind {
+    /// All of them.
+    pub const ALL: [Self; 7] =
+        [Self::Fog, Self::Wet, Self::Snow, Self::Rain, Self::Blur, Self::Crosstalk, Self::Echo];
+
+    /// Name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fog => "fog",
+            Self::Wet => "wet",
+            Self::Snow => "snow",
+            Self::Rain => "rain",
+            Self::Blur => "blur",
+            Self::Crosstalk => "crosstalk",
+            Self::Echo => "echo",
+        }
+    }
+}
+
+/// Names of the levels, weakest first.
+const LEVELS: [&str; 3] = ["light", "moderate", "heavy"];
+
+/// A number that a condition takes.
+#[derive(Debug, PartialEq)]
+struct ConditionKey {
+    pub name: &'static str,
+    pub unit: &'static str,
+    /// Least and greatest value.
+    pub limits: [f64; 2],
+    /// At each level.
+    pub levels: [f64; 3],
+    /// Without a level.
+    pub usual: f64,
+}
+
+const fn key(
+    name: &'static str,
+    unit: &'static str,
+    limits: [f64; 2],
+    levels: [f64; 3],
+    usual: f64,
+) -> ConditionKey {
+    ConditionKey { name, unit, limits, levels, usual }
+}
+
+/// Keys of a condition.
+///
+/// Levels of fog are the thinnest and the thickest of the fogs that SemanticKITTI-C draws, and one between; those of
+/// water, snow, crosstalk and echoes are that set's. Levels of rain lie within slight, moderate and heavy rain of
+/// the WMO (below 2.5, 10 and 50 mm/h).
+fn keys(kind: ConditionKind) -> &'static [ConditionKey] {
+    const MOR: ConditionKey = key("mor", " m", [1.0, f64::INFINITY], [600.0, 200.0, 50.0], 200.0);
+    const GAIN: ConditionKey = key("gain", "", [0.0, 1e3], [1.0; 3], 1.0);
+    const WATER: ConditionKey = key("water", " mm", [0.0, 100.0], [0.2, 1.0, 1.2], 1.0);
+    const SNOW: ConditionKey = key("rate", " mm/h", [0.0, 10.0], [0.5, 1.0, 2.5], 1.0);
+    const SPEED: ConditionKey = key("speed", " m/s", [0.3, 5.0], [2.0, 1.6, 1.6], 1.6);
+    const RAIN: ConditionKey = key("rate", " mm/h", [0.0, 200.0], [2.0, 5.0, 25.0], 5.0);
+    const LEFT: ConditionKey = key("share", "", [0.0, 1.0], [0.25, 0.5, 1.0], 1.0);
+    const SHARE: ConditionKey = key("share", "", [0.0, 1.0], [0.006, 0.008, 0.01], 0.008);
+    const RATIO: ConditionKey = key("ratio", "", [0.0, 1.0], [0.75, 0.85, 0.95], 0.85);
+    match kind {
+        ConditionKind::Fog => const { &[MOR, GAIN] },
+        ConditionKind::Wet => const { &[WATER] },
+        ConditionKind::Snow => const { &[SNOW, SPEED] },
+        ConditionKind::Rain => const { &[RAIN] },
+        ConditionKind::Blur => const { &[LEFT] },
+        ConditionKind::Crosstalk => const { &[SHARE] },
+        ConditionKind::Echo => const { &[RATIO] },
+    }
+}
+
+/// Why a condition cannot be.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConditionError {
+    /// There is no condition of that name.
+    #[error(
+        "there is no condition `{name}`; known are fog, wet, snow, rain, blur, crosstalk and echo"
+    )]
+    UnknownCondition {
+        /// Text as written.
+        name: String,
+    },
+    /// A part that is no pair.
+    #[error("`{part}` in the condition `{text}` is no KEY=VALUE; {condition} takes {known}")]
+    NoPair {
+        /// The part.
+        part: String,
+        /// All that was written.
+        text: String,
+        /// The condition's name.
+        condition: &'static str,
+        /// Its keys in words.
+        known: String,
+    },
+    /// A key that the condition does not have.
+    #[error("{condition} has no key `{key}`; it takes {known}{hint}")]
+    UnknownKey {
+        /// Text as written.
+        key: String,
+        /// The condition's name.
+        condition: &'static str,
+        /// Its keys in words.
+        known: String,
+        /// Where to go instead; empty where nothing is known.
+        hint: &'static str,
+    },
+    /// A key given more than once.
+    #[error("the condition `{text}` gives `{key}` twice; give it once")]
+    RepeatedKey {
+        /// The key.
+        key: String,
+        /// All that was written.
+        text: String,
+    },
+    /// A word that is no level.
+    #[error("`level={value}` of {condition}: `{value}` is not one of {known}")]
+    UnknownLevel {
+        /// Text as written.
+        value: String,
+        /// The condition's name.
+        condition: &'static str,
+        /// The levels in words.
+        known: String,
+    },
+    /// A value that is no number or outside of its limits.
+    #[error("`{key}={value}` of {condition}: wanted is a number from {least} to {most}{unit}")]
+    BadNumber {
+        /// The key.
+        key: &'static str,
+        /// Text as written.
+        value: String,
+        /// The condition's name.
+        condition: &'static str,
+        /// Least value.
+        least: String,
+        /// Greatest value.
+        most: String,
+        /// Unit with a space before it.
+        unit: &'static str,
+    },
+    /// A condition given twice.
+    #[error("the condition {condition} is given twice; give it once")]
+    Repeated {
+        /// The condition's name.
+        condition: &'static str,
+    },
 }

@@ -1,11 +1,13 @@
 //! Falling snow and rain, for each beam: the flakes or drops in its cone, those first whose echoes are strongest.
+//!
+//! [`Balls`] is the law of how many fall and how large they are. Echoes of two targets that come back within a
+//! pulse's length of each other add up.
 
-use lidar_cast::maths;
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
-use super::pulse::overlap;
-use super::snow_law::Balls;
+use super::fog::{LIGHT, overlap};
 use super::snow_tables::TABLES;
+use lidar_cast::maths;
 
 /// Reflectance of a flake, as the snow of Hahner et al. 2022 takes it.
 const FLAKE: f64 = 0.9;
@@ -52,7 +54,7 @@ pub struct Flake {
 
 /// Effect of snow or rain on one beam.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fallen {
+pub struct FallEffect {
     /// Share of the light that goes as far as the beam does; a flake shades the way out and the way back
     /// alike, so it counts once.
     pub passed: f64,
@@ -62,13 +64,13 @@ pub struct Fallen {
 
 /// A flake drawn by itself.
 #[derive(Debug, Clone, Copy, Default)]
-struct Drawn {
+struct DrawnFlake {
     range: f64,
     /// Share of the beam's light that it takes.
     share: f64,
 }
 
-impl Drawn {
+impl DrawnFlake {
     /// Echo power of the flake, in the unit of ρ·cos θ / r².
     fn power(&self, reflectance: f64) -> f64 {
         reflectance * self.share * overlap(self.range)
@@ -94,15 +96,23 @@ impl Falling {
 
     /// Draws the flakes in a beam of `divergence` (full widths across and along, radians) up to `reach` metres.
     /// `draw` gives numbers from 0 to below 1.
-    pub fn beam(&self, divergence: [f64; 2], reach: f64, mut draw: impl FnMut() -> f64) -> Fallen {
-        let Some(balls) = &self.balls else { return Fallen { passed: 1.0, flake: None } };
+    pub fn beam(
+        &self,
+        divergence: [f64; 2],
+        reach: f64,
+        mut draw: impl FnMut() -> f64,
+    ) -> FallEffect {
+        let Some(balls) = &self.balls else { return FallEffect { passed: 1.0, flake: None } };
         let width = (divergence[0] * divergence[1]).sqrt();
         let blocked = first_block(balls, width, reach, &mut draw);
         let mut fall = Fall::new(balls, self.reflectance, width, blocked.unwrap_or(reach));
-        let last = blocked.map(|range| Drawn { range, share: 1.0 });
+        let last = blocked.map(|range| DrawnFlake { range, share: 1.0 });
         fall.add(last);
         while fall.next(&mut draw) {}
-        Fallen { passed: if blocked.is_some() { 0.0 } else { fall.passed() }, flake: fall.best() }
+        FallEffect {
+            passed: if blocked.is_some() { 0.0 } else { fall.passed() },
+            flake: fall.best(),
+        }
     }
 }
 
@@ -158,7 +168,7 @@ struct Fall<'a> {
     arrived: f64,
     /// x of the last flake: the rest is below.
     x: f64,
-    drawn: [Drawn; MOST],
+    drawn: [DrawnFlake; MOST],
     len: usize,
     /// Power of the strongest echo so far, shaded by the flakes drawn.
     strongest: f64,
@@ -175,13 +185,13 @@ impl<'a> Fall<'a> {
             scale,
             arrived: 0.0,
             x: f64::INFINITY,
-            drawn: [Drawn::default(); MOST],
+            drawn: [DrawnFlake::default(); MOST],
             len: 0,
             strongest: 0.0,
         }
     }
 
-    fn add(&mut self, flake: Option<Drawn>) {
+    fn add(&mut self, flake: Option<DrawnFlake>) {
         let Some(flake) = flake else { return };
         self.drawn[self.len] = flake;
         self.len += 1;
@@ -216,7 +226,7 @@ impl<'a> Fall<'a> {
             * (self.x * self.balls.mean / (self.width * self.reach.powi(2))).powi(2);
         // Larger flakes than the beam are drawn by themselves.
         if across <= 1.0 {
-            self.add(Some(Drawn { range, share: across * across }));
+            self.add(Some(DrawnFlake { range, share: across * across }));
         }
         // Every flake not drawn yet is weaker than this one would be in full view.
         self.strongest < nominal
@@ -237,8 +247,108 @@ impl<'a> Fall<'a> {
     fn best(&self) -> Option<Flake> {
         let power = |k: usize| self.drawn[k].power(self.reflectance) * self.light_at(k);
         let best = (0..self.len).max_by(|&a, &b| power(a).total_cmp(&power(b)))?;
-        let Drawn { range, .. } = self.drawn[best];
+        let DrawnFlake { range, .. } = self.drawn[best];
         let power = power(best) * self.haze(range);
         (power > 0.0).then_some(Flake { range, power })
+    }
+}
+
+/// Density of snow relative to water.
+const DENSITY: f64 = 0.1;
+
+/// Drops of Marshall and Palmer in a cubic metre and a metre of diameter, and the slope of their number at
+/// 1 mm/h, in 1/m.
+const DROPS: f64 = 8e6;
+const SLOPE: f64 = 4100.0;
+
+/// Flakes or drops in the air: balls whose diameters are exponentially distributed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Balls {
+    /// Mean diameter in metres.
+    pub mean: f64,
+    /// Share of the air's volume that they fill.
+    pub volume: f64,
+}
+
+impl Balls {
+    /// Flakes of Gunn and Marshall 1958, at a rate in millimetres of water an hour and a speed in metres a second; none
+    /// at rate 0, or so few that they are not a number.
+    pub fn flakes(rate: f64, speed: f64) -> Option<Self> {
+        let rain = maths::pow(rate / (487.0 * DENSITY * 0.003 * speed), 1.5);
+        let mean = 10e-3 / (25.5 * maths::pow(rain, -0.48));
+        let volume = rate / (3.6e6 * DENSITY * speed);
+        Self::some(mean, volume)
+    }
+
+    /// Drops of Marshall and Palmer 1948 at a rate in millimetres an hour: N(D) = N₀·e^(−ΛD), N₀ = 8000 m⁻³ mm⁻¹,
+    /// Λ = 4.1·R^(−0.21) mm⁻¹.
+    ///
+    /// A ball stands for the cross-section that its drop takes out of the light: twice the drop's (Q = 2, van de
+    /// Hulst 1957), so that its diameter is √2 of the drop's.
+    pub fn drops(rate: f64) -> Option<Self> {
+        let slope = SLOPE * maths::pow(rate, -0.21);
+        let mean = std::f64::consts::SQRT_2 / slope;
+        Self::some(mean, DROPS / slope * PI * mean.powi(3))
+    }
+
+    fn some(mean: f64, volume: f64) -> Option<Self> {
+        (volume > 0.0 && mean > 0.0).then_some(Self { mean, volume })
+    }
+
+    /// Share of the light that a metre of air takes off a beam: n·π/4·E[D²] with n = volume / (π/6·E[D³]), and
+    /// E[Dᵏ] = k!·mean of the exponential distribution.
+    pub fn extinction(&self) -> f64 {
+        0.5 * self.volume / self.mean
+    }
+
+    /// Balls in a cubic metre.
+    pub fn per_cubic_metre(&self) -> f64 {
+        self.volume / (PI * self.mean.powi(3))
+    }
+}
+
+/// cτ of the snow, τ = 10 ns: the length of a pulse's echo in metres.
+pub(super) const LENGTH: f64 = LIGHT * 10e-9;
+/// Metres between peak and target from which on an echo belongs to the snow before it.
+pub(super) const APART: f64 = 0.2;
+
+/// The echo of a unit pulse by its phase, from 0 where it begins to 1 where it ends.
+#[cfg(test)]
+pub(super) fn swell(phase: f64) -> f64 {
+    if phase > 0.0 && phase < 1.0 { (std::f64::consts::PI * phase).sin().powi(2) } else { 0.0 }
+}
+
+/// Sum of a flake's echo and a target's echo.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum JoinedEcho {
+    /// Two echoes with peaks of their own.
+    Apart,
+    /// One from the target, of this power.
+    Target(f64),
+    /// One from the snow.
+    Flake(Flake),
+}
+
+impl Flake {
+    /// Adds the flake's echo and a target's echo.
+    ///
+    /// P₁·sin²(πx/L) + P₂·sin²(π(x − δ)/L) has one peak where |δ| < L/2, in the part where both are on: with φ = 2πδ/L
+    /// that is ½(P₁ + P₂ + |P₁ + P₂·e^(−iφ)|), at L·ψ/2π behind the first's, tan ψ = P₂·sin φ/(P₁ + P₂·cos φ). Where
+    /// they are farther apart, each peaks while the other is off. A peak that misses the target by less than 0.2 m is the
+    /// target's, as in the published rule.
+    pub fn join(&self, target: f64, power: f64) -> JoinedEcho {
+        let apart = target - self.range;
+        if apart.abs() >= LENGTH / 2.0 {
+            return JoinedEcho::Apart;
+        }
+        let (sin, cos) = maths::sin_cos(TAU * apart / LENGTH);
+        let (along, across) = (self.power + power * cos, power * sin);
+        let peak = 0.5 * (self.power + power + maths::hypot(along, across));
+        let range = self.range + LENGTH / TAU * maths::atan2(across, along);
+        if (range - target).abs() < APART {
+            JoinedEcho::Target(peak)
+        } else {
+            JoinedEcho::Flake(Flake { range, power: peak })
+        }
     }
 }

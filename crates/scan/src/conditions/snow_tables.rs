@@ -12,7 +12,7 @@ const WIDEST: f64 = 36.0;
 const WIDEST_MEAN: f64 = 400.0;
 
 /// The functions of a fall that have no short form, the same for all snow.
-pub(super) struct Tables {
+pub(super) struct SnowTables {
     /// x·q² by q = g'^(1/3), g' = 3·g(x).
     threshold: Vec<f64>,
     /// P(5/2, w²) by w.
@@ -23,9 +23,9 @@ pub(super) struct Tables {
     mean_share: Vec<f64>,
 }
 
-pub(super) static TABLES: LazyLock<Tables> = LazyLock::new(Tables::new);
+pub(super) static TABLES: LazyLock<SnowTables> = LazyLock::new(SnowTables::new);
 
-impl Tables {
+impl SnowTables {
     fn new() -> Self {
         let step = |k: usize| k as f64 / STEPS as f64;
         // 3·∫₀¹ t²·e^(−xt²) dt.

@@ -386,14 +386,14 @@ fn azimuth_steps_that_go_down_together_give_the_bits_of_the_reference() {
 fn beams_one_by_one_and_in_bundles_give_the_bits_of_the_reference() {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let bvh = crowd(&mut rng, None);
-    let mut left = lidar_cast::cast::Left::new();
+    let mut left = lidar_cast::cast::TraversalStack::new();
     let mut hits_seen = 0;
     for _ in 0..400 {
         let pose = anywhere(&mut rng);
-        let standing = lidar_cast::cast::Standing::new(&bvh, &pose, 40.0, 0.04);
+        let standing = lidar_cast::cast::BundleOrigin::new(&bvh, &pose, 40.0, 0.04);
         let targets = || {
             let target =
-                |standing| lidar_cast::cast::Target { tree: &bvh, first_prim: 7, standing };
+                |standing| lidar_cast::cast::BundleTree { tree: &bvh, first_prim: 7, standing };
             standing.iter().map(target)
         };
         let pose = DevicePose::from(&pose);

@@ -1,15 +1,19 @@
 //! glTF 2.0, `.gltf` and `.glb`: the triangles of the default scene, node transforms applied.
+//!
+//! Numbers of accessors are plain, sparse, normalized or quantized, and checked against their buffers.
 
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
 
 use base64::Engine;
 use base64::engine::general_purpose::PAD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose};
+use gltf::accessor::sparse::IndexType;
+use gltf::accessor::{Accessor, DataType, Dimensions};
+use gltf::buffer::View;
 
-use super::gltf_data::Data;
-use super::gltf_walk::Walk;
-use super::raw::Axes;
-use super::raw::{Fault, MAX_FILE, RawMesh};
+use super::gltf_walk::NodeWalk;
+use super::{MAX_FILE, MOST_TOLD, MeshAxes, MeshFault, RawMesh};
 use sightline_files::Note;
 use sightline_files::files::stays_inside;
 use sightline_files::json::read_limited;
@@ -39,8 +43,6 @@ const PASSED: [&str; 19] = [
     "VRM",
     "KHR_draco_mesh_compression",
 ];
-/// Names that a note tells.
-const MOST_TOLD: usize = 8;
 
 /// Data in a reference: some exporters leave the padding at its end out.
 const DATA_URI: GeneralPurpose = GeneralPurpose::new(
@@ -50,13 +52,16 @@ const DATA_URI: GeneralPurpose = GeneralPurpose::new(
 
 /// Reads a glTF; buffers beside it are looked up in `dir`. Points, lines, cameras, lights and textures are passed
 /// over: they have no surface.
-pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
-    let whole = |e: gltf::Error| Fault::new("file", e.to_string());
+pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, MeshFault> {
+    let whole = |e: gltf::Error| MeshFault::new("file", e.to_string());
     // The crate subtracts the 12 bytes of the header from this length unchecked.
     if let Some([b'g', b'l', b'T', b'F', _, _, _, _, length @ ..]) = bytes.first_chunk::<12>()
         && u32::from_le_bytes(*length) < 12
     {
-        return Err(Fault::new("header", "announces a file shorter than itself; export it again"));
+        return Err(MeshFault::new(
+            "header",
+            "announces a file shorter than itself; export it again",
+        ));
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let gltf::Gltf { document, blob } =
@@ -81,8 +86,9 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
     });
     let extras =
         json.asset.extras.as_ref().and_then(|extras| serde_json::from_str(extras.get()).ok());
-    mesh.axes =
-        extras.as_ref().and_then(|extras: &serde_json::Value| Axes::of(extras["axes"].as_str()?));
+    mesh.axes = extras
+        .as_ref()
+        .and_then(|extras: &serde_json::Value| MeshAxes::of(extras["axes"].as_str()?));
     if !json.animations.is_empty() {
         let text = format!(
             "{} animations are not played; nodes stand where the file puts them",
@@ -93,35 +99,35 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
     let document = gltf::Document::from_json(json).map_err(whole)?;
     let buffers = read_buffers(&document, dir, blob, &mut mesh.files)?;
     let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) else {
-        return Err(Fault::new("file", "holds no scene"));
+        return Err(MeshFault::new("file", "holds no scene"));
     };
-    Walk::new(&document, Data::new(buffers), mesh).run(&scene)
+    NodeWalk::new(&document, Data::new(buffers), mesh).run(&scene)
 }
 
 /// Farthest that the length of a quaternion may be from 1.
 const UNIT: f32 = 1e-3;
 
 /// Checks accessor indices, since the crate's validation indexes with them unchecked.
-fn check_attributes(json: &gltf::json::Root) -> Result<(), Fault> {
+fn check_attributes(json: &gltf::json::Root) -> Result<(), MeshFault> {
     let accessors = json.accessors.len();
     for (i, mesh) in json.meshes.iter().enumerate() {
         let mut used = mesh.primitives.iter().flat_map(|p| p.attributes.values());
         if let Some(index) = used.find(|index| index.value() >= accessors) {
             let problem = format!("uses accessor {}, there are {accessors}", index.value());
-            return Err(Fault::new(format!("mesh {i}"), problem));
+            return Err(MeshFault::new(format!("mesh {i}"), problem));
         }
     }
     Ok(())
 }
 
 /// Refuses another version, and nodes whose place is not one: a matrix beside its parts, a rotation that is none.
-fn check_nodes(json: &gltf::json::Root) -> Result<(), Fault> {
+fn check_nodes(json: &gltf::json::Root) -> Result<(), MeshFault> {
     let version = &json.asset.version;
     if !version.starts_with("2.") {
-        return Err(Fault::new("asset", format!("is of version {version:?}; export glTF 2.0")));
+        return Err(MeshFault::new("asset", format!("is of version {version:?}; export glTF 2.0")));
     }
     for (i, node) in json.nodes.iter().enumerate() {
-        let fault = |problem: &str| Err(Fault::new(format!("node {i}"), problem.to_owned()));
+        let fault = |problem: &str| Err(MeshFault::new(format!("node {i}"), problem.to_owned()));
         let parts = node.translation.is_some() || node.rotation.is_some() || node.scale.is_some();
         if node.matrix.is_some() && parts {
             return fault(
@@ -145,11 +151,11 @@ fn read_buffers(
     dir: &Path,
     mut blob: Option<Vec<u8>>,
     files: &mut Vec<PathBuf>,
-) -> Result<Vec<Vec<u8>>, Fault> {
+) -> Result<Vec<Vec<u8>>, MeshFault> {
     let mut buffers: Vec<Vec<u8>> = Vec::new();
     let mut left = MAX_FILE;
     for buffer in document.buffers() {
-        let fault = |problem: String| Fault::new(format!("buffer {}", buffer.index()), problem);
+        let fault = |problem: String| MeshFault::new(format!("buffer {}", buffer.index()), problem);
         let bytes = match buffer.source() {
             gltf::buffer::Source::Bin => {
                 blob.take().ok_or_else(|| fault("has no data and no name of a file".to_owned()))?
@@ -176,4 +182,149 @@ fn read_buffers(
         buffers.push(bytes);
     }
     Ok(buffers)
+}
+
+/// Most numbers that one file may ask for: many primitives may share one accessor.
+const MOST_NUMBERS: usize = 200_000_000;
+
+/// The buffers of a file, and how many numbers may still be read from them.
+pub(super) struct Data {
+    buffers: Vec<Vec<u8>>,
+    left: Cell<usize>,
+}
+
+impl Data {
+    pub fn new(buffers: Vec<Vec<u8>>) -> Self {
+        Self { buffers, left: Cell::new(MOST_NUMBERS) }
+    }
+
+    /// Numbers of an accessor, item after item; integers are scaled where it says `normalized`.
+    ///
+    /// # Errors
+    /// Another shape, compressed data, or an end past its buffer: the crate's own reader would panic.
+    pub fn read(&self, accessor: &Accessor<'_>, shape: Dimensions) -> Result<Vec<f64>, String> {
+        let name = format!("accessor {}", accessor.index());
+        let kind = accessor.data_type();
+        if accessor.dimensions() != shape {
+            return Err(format!(
+                "uses {name}, whose items are {:?}, not {shape:?}",
+                accessor.dimensions()
+            ));
+        }
+        if shape == Dimensions::Mat4 && kind != DataType::F32 {
+            return Err(format!("uses {name}, whose matrices are not f32"));
+        }
+        let (count, parts) = (accessor.count(), shape.multiplicity());
+        if count == 0 {
+            return Err(format!("uses {name}, which is empty"));
+        }
+        let total = count.checked_mul(parts).filter(|total| *total <= self.left.get());
+        let total = total.ok_or_else(|| {
+            format!("uses {name}, and the file asks for over {MOST_NUMBERS} numbers")
+        })?;
+        self.left.set(self.left.get() - total);
+        let past = || format!("uses {name}, which reaches past its buffer");
+        let size = accessor.size();
+        let mut numbers = match (accessor.view(), accessor.sparse()) {
+            (Some(view), _) => {
+                let stride = view.stride().unwrap_or(size);
+                if stride < size {
+                    return Err(format!("uses {name}, whose items overlap"));
+                }
+                let bytes =
+                    self.slice(&view, accessor.offset(), stride, size, count).ok_or_else(past)?;
+                let items = bytes.chunks(stride).take(count);
+                items.flat_map(|item| scaled(accessor, &item[..size])).collect()
+            }
+            // Zeros, which the sparse values replace.
+            (None, Some(_)) if total <= self.buffers.iter().map(Vec::len).sum() => vec![0.0; total],
+            (None, _) => return Err(format!("uses {name} without plain data (is it compressed?)")),
+        };
+        self.replace(accessor, &mut numbers)?;
+        Ok(numbers)
+    }
+
+    /// Puts the sparse values of an accessor in their places among its numbers.
+    fn replace(&self, accessor: &Accessor<'_>, numbers: &mut [f64]) -> Result<(), String> {
+        let Some(sparse) = accessor.sparse() else { return Ok(()) };
+        let name = format!("accessor {}", accessor.index());
+        let past = || format!("uses {name}, which reaches past its buffer");
+        let (indices, values) = (sparse.indices(), sparse.values());
+        let kind_of_index = match indices.index_type() {
+            IndexType::U8 => DataType::U8,
+            IndexType::U16 => DataType::U16,
+            IndexType::U32 => DataType::U32,
+        };
+        let (wide, size) = (kind_of_index.size(), accessor.size());
+        let places = self
+            .slice(&indices.view(), indices.offset(), wide, wide, sparse.count())
+            .ok_or_else(past)?;
+        let values = self
+            .slice(&values.view(), values.offset(), size, size, sparse.count())
+            .ok_or_else(past)?;
+        let (count, parts) = (accessor.count(), accessor.dimensions().multiplicity());
+        for (place, item) in places.chunks_exact(wide).zip(values.chunks_exact(size)) {
+            let place = number(place, kind_of_index) as usize;
+            if place >= count {
+                return Err(format!(
+                    "uses {name}, whose sparse index {place} is past its {count} items"
+                ));
+            }
+            for (old, new) in
+                numbers[place * parts..][..parts].iter_mut().zip(scaled(accessor, item))
+            {
+                *old = new;
+            }
+        }
+        Ok(())
+    }
+
+    /// Bytes of `count` items of a view.
+    fn slice(
+        &self,
+        view: &View<'_>,
+        offset: usize,
+        stride: usize,
+        size: usize,
+        count: usize,
+    ) -> Option<&[u8]> {
+        let need = match count {
+            0 => 0,
+            _ => (count - 1).checked_mul(stride)?.checked_add(size)?,
+        };
+        let whole = self.buffers.get(view.buffer().index())?;
+        let whole = whole.get(view.offset()..view.offset().checked_add(view.length())?)?;
+        whole.get(offset..offset.checked_add(need)?)
+    }
+}
+
+/// Numbers of an item's bytes, normalized where the accessor says so.
+fn scaled<'a>(accessor: &'a Accessor<'_>, item: &'a [u8]) -> impl Iterator<Item = f64> + 'a {
+    let kind = accessor.data_type();
+    let is_normalized = accessor.normalized();
+    item.chunks_exact(kind.size()).map(move |bytes| {
+        let value = number(bytes, kind);
+        if is_normalized { normalized(value, kind) } else { value }
+    })
+}
+
+/// A number of a component type, little-endian.
+fn number(bytes: &[u8], kind: DataType) -> f64 {
+    let bits = bytes.iter().rev().fold(0_u32, |bits, byte| bits << 8 | u32::from(*byte));
+    match kind {
+        DataType::I8 => f64::from(bits as u8 as i8),
+        DataType::I16 => f64::from(bits as u16 as i16),
+        DataType::U8 | DataType::U16 | DataType::U32 => f64::from(bits),
+        DataType::F32 => f64::from(f32::from_bits(bits)),
+    }
+}
+
+fn normalized(value: f64, kind: DataType) -> f64 {
+    match kind {
+        DataType::I8 => (value / 127.0).max(-1.0),
+        DataType::U8 => value / 255.0,
+        DataType::I16 => (value / 32_767.0).max(-1.0),
+        DataType::U16 => value / 65_535.0,
+        DataType::U32 | DataType::F32 => value,
+    }
 }

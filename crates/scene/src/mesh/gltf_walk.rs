@@ -4,8 +4,8 @@ use glam::{DMat4, DQuat, DVec3};
 use gltf::accessor::{Accessor, DataType, Dimensions};
 use gltf::mesh::{Mode, Semantic};
 
-use super::gltf_data::Data;
-use super::raw::{Fault, MOST_TRIANGLES, RawMesh};
+use super::gltf::Data;
+use super::{MOST_TRIANGLES, MeshFault, RawMesh};
 use sightline_files::Note;
 
 /// Deepest nesting of nodes.
@@ -16,7 +16,7 @@ const MAX_VERTICES: usize = 3 * MOST_TRIANGLES;
 const MOST_JOINT_SETS: u32 = 8;
 
 /// Nodes of a scene in order, and the mesh that they make.
-pub(super) struct Walk<'a> {
+pub(super) struct NodeWalk<'a> {
     mesh: RawMesh,
     data: Data,
     document: &'a gltf::Document,
@@ -28,7 +28,7 @@ pub(super) struct Walk<'a> {
     shown: Vec<gltf::Node<'a>>,
 }
 
-impl<'a> Walk<'a> {
+impl<'a> NodeWalk<'a> {
     pub fn new(document: &'a gltf::Document, data: Data, mesh: RawMesh) -> Self {
         let placed = vec![None; document.nodes().len()];
         let accessors = document.accessors().collect();
@@ -36,7 +36,7 @@ impl<'a> Walk<'a> {
     }
 
     /// The triangles of a scene.
-    pub fn run(mut self, scene: &gltf::Scene<'a>) -> Result<RawMesh, Fault> {
+    pub fn run(mut self, scene: &gltf::Scene<'a>) -> Result<RawMesh, MeshFault> {
         for node in scene.nodes() {
             self.place(node, DMat4::IDENTITY, 0, true)?;
         }
@@ -62,11 +62,11 @@ impl<'a> Walk<'a> {
         outer: DMat4,
         depth: usize,
         shows: bool,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), MeshFault> {
         let inner = node.transform().matrix().map(|column| column.map(f64::from));
         let placed = outer * DMat4::from_cols_array_2d(&inner);
         if depth > MAX_DEPTH || self.placed[node.index()].replace(placed).is_some() {
-            return Err(Fault::new(
+            return Err(MeshFault::new(
                 format!("node {}", node.index()),
                 "is nested too deep or has two parents",
             ));
@@ -84,9 +84,9 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    fn node(&mut self, node: &gltf::Node<'_>) -> Result<(), Fault> {
+    fn node(&mut self, node: &gltf::Node<'_>) -> Result<(), MeshFault> {
         let Some(mesh) = node.mesh() else { return Ok(()) };
-        let fault = |problem| Fault::new(format!("node {}", node.index()), problem);
+        let fault = |problem| MeshFault::new(format!("node {}", node.index()), problem);
         let instances = node.extension_value("EXT_mesh_gpu_instancing");
         if instances.is_some() && node.skin().is_some() {
             return Err(fault(
@@ -108,7 +108,7 @@ impl<'a> Walk<'a> {
         for primitive in mesh.primitives() {
             let name = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
             self.primitive(&primitive, &places, joints.as_deref(), weights)
-                .map_err(|problem| Fault::new(name, problem))?;
+                .map_err(|problem| MeshFault::new(name, problem))?;
         }
         Ok(())
     }
@@ -181,17 +181,8 @@ impl<'a> Walk<'a> {
             return Ok(());
         }
         let accessor = primitive.get(&Semantic::Positions).ok_or("has no positions")?;
-        let (count, corners) =
-            (accessor.count(), primitive.indices().map_or(accessor.count(), |i| i.count()));
-        let triangles = match mode {
-            Mode::Triangles if corners % 3 > 0 => {
-                return Err(format!(
-                    "has {corners} corners, which make no whole triangles; export it again"
-                ));
-            }
-            Mode::Triangles => corners / 3,
-            _ => corners.saturating_sub(2),
-        };
+        let count = accessor.count();
+        let triangles = triangles(mode, primitive.indices().map_or(count, |i| i.count()))?;
         let fits = |have: usize, more: usize, most: usize| {
             more.checked_mul(places.len()).is_some_and(|more| have.saturating_add(more) <= most)
         };
@@ -266,6 +257,17 @@ impl<'a> Walk<'a> {
             return Err(format!("refers to vertex {index}, it has {count}"));
         }
         Ok(indices.into_iter().map(|index| index as u32).collect())
+    }
+}
+
+/// Triangles of a primitive with so many corners.
+fn triangles(mode: Mode, corners: usize) -> Result<usize, String> {
+    match mode {
+        Mode::Triangles if corners % 3 > 0 => {
+            Err(format!("has {corners} corners, which make no whole triangles; export it again"))
+        }
+        Mode::Triangles => Ok(corners / 3),
+        _ => Ok(corners.saturating_sub(2)),
     }
 }
 

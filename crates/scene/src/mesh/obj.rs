@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 
 use super::polygon::Cutter;
-use super::raw::{Fault, RawMesh};
+use super::{MOST_TOLD, MeshFault, RawMesh};
 use sightline_files::Note;
 
 /// Statements without a surface of their own, passed over in silence.
@@ -62,32 +62,30 @@ const REFUSED: [(&str, &str); 6] = [
 ];
 /// Statements that end in a name or a path, where a backslash at the end continues nothing.
 const NAMED: [&[u8]; 6] = [b"usemtl", b"mtllib", b"usemap", b"maplib", b"g", b"o"];
-/// Unknown statements that are told by name.
-const MOST_TOLD: usize = 8;
 
 /// Reads an OBJ.
-pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, Fault> {
+pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshFault> {
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
-        return Err(Fault::new("line 1", "is UTF-16; save the file as UTF-8"));
+        return Err(MeshFault::new("line 1", "is UTF-16; save the file as UTF-8"));
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     if let Some(at) = bytes.iter().position(|&b| b == 0) {
         let line = Lines { rest: &bytes[..=at], line: 0 }.count();
-        return Err(Fault::new(format!("line {line}"), "is not text; is this an OBJ file?"));
+        return Err(MeshFault::new(format!("line {line}"), "is not text; is this an OBJ file?"));
     }
-    let mut reader = Reader::default();
+    let mut reader = ObjReader::default();
     // Faces may come before their vertices, and a polygon is cut by where its corners are.
     for (line, text) in (Lines { rest: bytes, line: 0 }) {
         let mut words = words(&text);
         if words.next() == Some(b"v") {
-            let fault = |problem| Fault::new(format!("line {line}"), problem);
+            let fault = |problem| MeshFault::new(format!("line {line}"), problem);
             reader.mesh.vertices.push(position(words).map_err(fault)?);
         }
     }
     for (line, text) in (Lines { rest: bytes, line: 0 }) {
         reader
             .statement(line, &text)
-            .map_err(|problem| Fault::new(format!("line {line}"), problem))?;
+            .map_err(|problem| MeshFault::new(format!("line {line}"), problem))?;
     }
     Ok(reader.finish())
 }
@@ -158,7 +156,7 @@ fn position<'a>(mut words: impl Iterator<Item = &'a [u8]>) -> Result<DVec3, Stri
 }
 
 #[derive(Default)]
-struct Reader {
+struct ObjReader {
     mesh: RawMesh,
     cutter: Cutter,
     /// Vertices in front of the present line.
@@ -173,7 +171,7 @@ struct Reader {
     odd_name: Option<String>,
 }
 
-impl Reader {
+impl ObjReader {
     fn statement(&mut self, line: usize, text: &[u8]) -> Result<(), String> {
         let mut words = words(text);
         let Some(keyword) = words.next() else { return Ok(()) };

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use super::ply_file::{Body, Element, Header, Property};
+use super::ply_file::{PlyBody, PlyElement, PlyHeader, Property};
 use super::polygon::Cutter;
-use super::raw::{Fault, RawMesh};
+use super::{MOST_TOLD, MeshFault, RawMesh};
 use sightline_files::Note;
 
 /// Properties of vertices and faces that are skipped without a note: looks, normals, measurements of scanners.
@@ -55,13 +55,11 @@ const NO_SURFACE: [&str; 6] =
     ["edge", "camera", "range_grid", "material", "point", "multi_texture_face"];
 /// Parts of a name that may mean classes.
 const CLASS_WORDS: [&str; 5] = ["label", "class", "semantic", "category", "segment"];
-/// Names that a note tells.
-const MOST_TOLD: usize = 8;
 
 /// Reads a PLY.
-pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, Fault> {
-    let (header, body) = Header::read(bytes)?;
-    let mut reader = Reader::default();
+pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshFault> {
+    let (header, body) = PlyHeader::read(bytes)?;
+    let mut reader = PlyReader::default();
     reader.check(&header)?;
     // Faces may come before their vertices, and a polygon is cut by where its corners are.
     for vertices in [true, false] {
@@ -69,7 +67,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, Fault> {
         for element in &header.elements {
             match (element.name.as_str(), vertices) {
                 ("vertex", true) => reader.vertices(&mut body, element)?,
-                (name, false) if Shape::of(name).is_some() => reader.faces(&mut body, element)?,
+                (name, false) if FaceLayout::of(name).is_some() => {
+                    reader.faces(&mut body, element)?
+                }
                 _ => body.skip(element)?,
             }
         }
@@ -88,13 +88,13 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, Fault> {
 
 /// Use of the corners that an element lists.
 #[derive(Clone, Copy, PartialEq)]
-enum Shape {
+enum FaceLayout {
     Polygon,
     Strip,
     Fan,
 }
 
-impl Shape {
+impl FaceLayout {
     fn of(element: &str) -> Option<Self> {
         match element {
             "face" | "faces" => Some(Self::Polygon),
@@ -118,7 +118,7 @@ fn whole(value: f64, what: &str) -> Result<i64, String> {
 }
 
 #[derive(Default)]
-struct Reader {
+struct PlyReader {
     mesh: RawMesh,
     cutter: Cutter,
     /// Labels of vertices, where the file has them.
@@ -131,15 +131,15 @@ struct Reader {
     last: Option<(Option<i64>, u32)>,
 }
 
-impl Reader {
+impl PlyReader {
     /// Refuses headers whose geometry is not read; notes elements and properties that are passed over.
-    fn check(&mut self, header: &Header) -> Result<(), Fault> {
+    fn check(&mut self, header: &PlyHeader) -> Result<(), MeshFault> {
         let mut unread = Vec::new();
         for (i, element) in header.elements.iter().enumerate() {
             let fault =
-                |problem: &str| Err(Fault::new(format!("element {}", element.name), problem));
+                |problem: &str| Err(MeshFault::new(format!("element {}", element.name), problem));
             let name = element.name.as_str();
-            let shape = Shape::of(name);
+            let shape = FaceLayout::of(name);
             if name == "vertex" && header.elements[..i].iter().any(|e| e.name == name) {
                 return fault("comes twice; keep one");
             }
@@ -186,14 +186,14 @@ impl Reader {
         Ok(())
     }
 
-    fn vertices(&mut self, body: &mut Body<'_>, element: &Element) -> Result<(), Fault> {
+    fn vertices(&mut self, body: &mut PlyBody<'_>, element: &PlyElement) -> Result<(), MeshFault> {
         let places = ["x", "y", "z"].map(|name| element.scalar(name));
         let label = element.scalar("label");
         if element.count > 0 && places.contains(&None) {
-            return Err(Fault::new("element vertex", "lacks one of the numbers x, y, z"));
+            return Err(MeshFault::new("element vertex", "lacks one of the numbers x, y, z"));
         }
         for row in 0..element.count {
-            let fault = |problem| Fault::new(format!("vertex {row}"), problem);
+            let fault = |problem| MeshFault::new(format!("vertex {row}"), problem);
             let mut position = DVec3::ZERO;
             body.row(element, |body, i, property| {
                 if let Some(axis) = places.iter().position(|place| *place == Some(i)) {
@@ -212,11 +212,11 @@ impl Reader {
         Ok(())
     }
 
-    fn faces(&mut self, body: &mut Body<'_>, element: &Element) -> Result<(), Fault> {
-        let shape = Shape::of(&element.name).unwrap_or(Shape::Polygon);
+    fn faces(&mut self, body: &mut PlyBody<'_>, element: &PlyElement) -> Result<(), MeshFault> {
+        let shape = FaceLayout::of(&element.name).unwrap_or(FaceLayout::Polygon);
         let place = element.scalar("label");
         for row in 0..element.count {
-            let fault = |problem| Fault::new(format!("{} {row}", element.name), problem);
+            let fault = |problem| MeshFault::new(format!("{} {row}", element.name), problem);
             let mut label = None;
             self.corners.clear();
             body.row(element, |body, i, property| match property.list {
@@ -240,21 +240,23 @@ impl Reader {
     }
 
     /// Adds the surface of the present corners.
-    fn shape(&mut self, shape: Shape, label: Option<i64>) -> Result<(), String> {
+    fn shape(&mut self, shape: FaceLayout, label: Option<i64>) -> Result<(), String> {
         let corners = std::mem::take(&mut self.corners);
         let restart = |corner: &i64| {
-            shape != Shape::Polygon && (*corner == -1 || *corner == i64::from(u32::MAX))
+            shape != FaceLayout::Polygon && (*corner == -1 || *corner == i64::from(u32::MAX))
         };
         let mut result = Ok(());
         for run in corners.split(restart) {
             let mut add = |list: &[i64]| self.face(list, label);
             result = match shape {
-                Shape::Polygon => add(run),
-                Shape::Strip => run.windows(3).enumerate().try_for_each(|(i, t)| match i % 2 {
-                    0 => add(t),
-                    _ => add(&[t[1], t[0], t[2]]),
-                }),
-                Shape::Fan => {
+                FaceLayout::Polygon => add(run),
+                FaceLayout::Strip => {
+                    run.windows(3).enumerate().try_for_each(|(i, t)| match i % 2 {
+                        0 => add(t),
+                        _ => add(&[t[1], t[0], t[2]]),
+                    })
+                }
+                FaceLayout::Fan => {
                     let mut pairs = run.get(1..).unwrap_or_default().windows(2);
                     pairs.try_for_each(|pair| add(&[run[0], pair[0], pair[1]]))
                 }

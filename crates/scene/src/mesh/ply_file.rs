@@ -1,10 +1,10 @@
 //! The grammar of PLY: a header of elements with properties, and a body of text or of bytes.
 
-use super::raw::Fault;
+use super::MeshFault;
 
 /// Scalar types, under both of their names.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Kind {
+pub(super) enum PlyScalar {
     I8,
     U8,
     I16,
@@ -15,7 +15,7 @@ pub(super) enum Kind {
     F64,
 }
 
-impl Kind {
+impl PlyScalar {
     fn of(word: &str) -> Option<Self> {
         Some(match word {
             "char" | "int8" => Self::I8,
@@ -45,16 +45,17 @@ impl Kind {
 #[derive(Debug)]
 pub(super) struct Property {
     pub name: String,
-    pub kind: Kind,
+    pub kind: PlyScalar,
     /// Type of the count of a list.
-    pub list: Option<Kind>,
+    pub list: Option<PlyScalar>,
 }
 
 impl Property {
     /// The property of a header's words behind `property`; `line` is the whole line.
     fn of(words: &[&str], line: &str) -> Result<Self, String> {
-        let kind =
-            |word: &str| Kind::of(word).ok_or_else(|| format!("has the unknown type {word:?}"));
+        let kind = |word: &str| {
+            PlyScalar::of(word).ok_or_else(|| format!("has the unknown type {word:?}"))
+        };
         let (name, kind, list) = match *words {
             ["list", count, item, name] => (name, kind(item)?, Some(kind(count)?)),
             [item, name] => (name, kind(item)?, None),
@@ -66,13 +67,13 @@ impl Property {
 
 /// An element: `count` rows of its properties.
 #[derive(Debug)]
-pub(super) struct Element {
+pub(super) struct PlyElement {
     pub name: String,
     pub count: u64,
     pub properties: Vec<Property>,
 }
 
-impl Element {
+impl PlyElement {
     /// Place of a single number among the properties.
     pub fn scalar(&self, name: &str) -> Option<usize> {
         self.properties.iter().position(|p| p.name == name && p.list.is_none())
@@ -98,26 +99,26 @@ impl Form {
 }
 
 #[derive(Debug)]
-pub(super) struct Header {
-    pub elements: Vec<Element>,
+pub(super) struct PlyHeader {
+    pub elements: Vec<PlyElement>,
 }
 
-impl Header {
+impl PlyHeader {
     /// Reads the header; the body begins behind it. Lines end with LF, CR LF or CR.
-    pub fn read(bytes: &[u8]) -> Result<(Self, Body<'_>), Fault> {
+    pub fn read(bytes: &[u8]) -> Result<(Self, PlyBody<'_>), MeshFault> {
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         let (mut at, mut line) = (0, 0);
-        let (mut form, mut elements) = (None, Vec::<Element>::new());
+        let (mut form, mut elements) = (None, Vec::<PlyElement>::new());
         let is_end = |b: &u8| matches!(b, b'\n' | b'\r');
         // Where the first line ends with CR alone, a byte 10 behind the last one is data.
         let first = bytes.iter().position(is_end).map_or(&bytes[..0], |end| &bytes[end..]);
         let lone = first.starts_with(b"\r") && !first.starts_with(b"\r\n");
         loop {
             line += 1;
-            let fault = |problem: String| Fault::new(format!("header line {line}"), problem);
+            let fault = |problem: String| MeshFault::new(format!("header line {line}"), problem);
             let rest = &bytes[at..];
             let Some(end) = rest.iter().position(is_end) else {
-                return Err(Fault::new(
+                return Err(MeshFault::new(
                     "header",
                     "does not end with `end_header`; is this a PLY file?",
                 ));
@@ -137,7 +138,11 @@ impl Header {
                     let count = count.parse().map_err(|_| {
                         fault(format!("has the count {count:?}, which is no whole number"))
                     })?;
-                    elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
+                    elements.push(PlyElement {
+                        name: name.to_owned(),
+                        count,
+                        properties: Vec::new(),
+                    });
                 }
                 ["property", ref words @ ..] => {
                     let element = elements
@@ -152,16 +157,16 @@ impl Header {
                 }
             }
         }
-        let form = form.ok_or_else(|| Fault::new("header", "names no format"))?;
-        let body = Body { form, rest: &bytes[at..], words: b"" };
+        let form = form.ok_or_else(|| MeshFault::new("header", "names no format"))?;
+        let body = PlyBody { form, rest: &bytes[at..], words: b"" };
         Self { elements }.checked(body)
     }
 
     /// Refuses names that come twice, and counts that the rest of the file cannot hold.
-    fn checked<'a>(self, body: Body<'a>) -> Result<(Self, Body<'a>), Fault> {
+    fn checked<'a>(self, body: PlyBody<'a>) -> Result<(Self, PlyBody<'a>), MeshFault> {
         let left = body.rest.len() as u64;
         for element in &self.elements {
-            let fault = |problem| Fault::new(format!("element {}", element.name), problem);
+            let fault = |problem| MeshFault::new(format!("element {}", element.name), problem);
             let mut names: Vec<&str> = element.properties.iter().map(|p| p.name.as_str()).collect();
             names.sort_unstable();
             if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
@@ -190,18 +195,18 @@ impl Header {
 
 /// The rows behind the header, read from front to back.
 #[derive(Debug, Clone)]
-pub(super) struct Body<'a> {
+pub(super) struct PlyBody<'a> {
     form: Form,
     rest: &'a [u8],
     /// Rest of the present line of text.
     words: &'a [u8],
 }
 
-impl<'a> Body<'a> {
+impl<'a> PlyBody<'a> {
     /// Reads a row: `read` takes each property by its index, and reads or passes it.
     pub fn row(
         &mut self,
-        element: &Element,
+        element: &PlyElement,
         mut read: impl FnMut(&mut Self, usize, &Property) -> Result<(), String>,
     ) -> Result<(), String> {
         if self.form == Form::Ascii {
@@ -232,25 +237,25 @@ impl<'a> Body<'a> {
     }
 
     /// Passes over all rows of an element.
-    pub fn skip(&mut self, element: &Element) -> Result<(), Fault> {
+    pub fn skip(&mut self, element: &PlyElement) -> Result<(), MeshFault> {
         let fixed = element.properties.iter().all(|p| p.list.is_none());
         if self.form != Form::Ascii && fixed {
             let row: usize = element.properties.iter().map(|p| p.kind.size()).sum();
             let need = (element.count as usize).saturating_mul(row);
             return match self.take(need) {
                 Ok(_) => Ok(()),
-                Err(problem) => Err(Fault::new(format!("element {}", element.name), problem)),
+                Err(problem) => Err(MeshFault::new(format!("element {}", element.name), problem)),
             };
         }
         for row in 0..element.count {
             self.row(element, |body, _, property| body.pass(property))
-                .map_err(|problem| Fault::new(format!("{} {row}", element.name), problem))?;
+                .map_err(|problem| MeshFault::new(format!("{} {row}", element.name), problem))?;
         }
         Ok(())
     }
 
     /// Refuses data behind the last row: a count in the header is too small then.
-    pub fn end(&self) -> Result<(), Fault> {
+    pub fn end(&self) -> Result<(), MeshFault> {
         let padding = |b: &u8| *b == 0 || b.is_ascii_whitespace();
         if self.rest.iter().all(padding) {
             return Ok(());
@@ -259,7 +264,7 @@ impl<'a> Body<'a> {
             "has {} bytes behind its last element; are the counts in the header right?",
             self.rest.len()
         );
-        Err(Fault::new("file", problem))
+        Err(MeshFault::new("file", problem))
     }
 
     fn take(&mut self, size: usize) -> Result<&'a [u8], String> {
@@ -281,7 +286,7 @@ impl<'a> Body<'a> {
     }
 
     /// A number of a kind.
-    pub fn number(&mut self, kind: Kind) -> Result<f64, String> {
+    pub fn number(&mut self, kind: PlyScalar) -> Result<f64, String> {
         if self.form == Form::Ascii {
             let word = self.word()?;
             return word
@@ -297,17 +302,17 @@ impl<'a> Body<'a> {
         }
         let bits = bytes.iter().rev().fold(0_u64, |bits, byte| bits << 8 | u64::from(*byte));
         Ok(match kind {
-            Kind::I8 => f64::from(bits as u8 as i8),
-            Kind::U8 | Kind::U16 | Kind::U32 => bits as f64,
-            Kind::I16 => f64::from(bits as u16 as i16),
-            Kind::I32 => f64::from(bits as u32 as i32),
-            Kind::F32 => f64::from(f32::from_bits(bits as u32)),
-            Kind::F64 => f64::from_bits(bits),
+            PlyScalar::I8 => f64::from(bits as u8 as i8),
+            PlyScalar::U8 | PlyScalar::U16 | PlyScalar::U32 => bits as f64,
+            PlyScalar::I16 => f64::from(bits as u16 as i16),
+            PlyScalar::I32 => f64::from(bits as u32 as i32),
+            PlyScalar::F32 => f64::from(f32::from_bits(bits as u32)),
+            PlyScalar::F64 => f64::from_bits(bits),
         })
     }
 
     /// The count of a list, for which there are bytes enough.
-    pub fn count(&mut self, kind: Kind) -> Result<usize, String> {
+    pub fn count(&mut self, kind: PlyScalar) -> Result<usize, String> {
         let count = self.number(kind)?;
         let left = if self.form == Form::Ascii { self.words.len() } else { self.rest.len() };
         if count.fract() == 0.0 && (0.0..=left as f64).contains(&count) {

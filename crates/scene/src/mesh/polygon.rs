@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use earcut::Earcut;
 use glam::DVec3;
 
-use super::raw::RawMesh;
+use super::RawMesh;
 use sightline_files::Note;
 
 /// Most corners of a polygon that is not a fan: ear clipping takes time with their square or worse.

@@ -1,109 +1,308 @@
-//! The P-SOG file.
+//! `.npz` archives: one array found, checked against the expected type and shape, and read; arrays written as NumPy
+//! writes them.
 
-use std::io::{Seek, Write};
-use std::path::Path;
+use std::fs::File;
+use std::io::{self, BufReader, Read as _, Seek, Write};
+use std::path::{Path, PathBuf};
 
-use super::counts::{check_classes, check_index};
-use super::npz_member::{Archive, ArrayFault, PsogFileError};
-use super::npz_out::write_npz;
-use super::{Psog, PsogError, Roi};
+use bytemuck::NoUninit;
+use npyz::{
+    AutoSerialize, DType, Deserialize, NpyFile, NpyHeader, Order, TypeChar, WriteOptions,
+    WriterBuilder,
+};
+use zip::read::ZipFile;
+use zip::write::FileOptions;
+use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
-/// Most bytes of class names.
-const CLASS_BYTES: u64 = 1 << 24;
+use super::PsogError;
+use sightline_files::npy::{read_header, transpose};
 
-/// Reads a P-SOG file (`.npz`), compressed or plain, as NumPy's `savez` and `savez_compressed`
-/// write it.
-///
-/// | array | dtype, shape | holds |
-/// |---|---|---|
-/// | `roi_min` | f64 \[3\] | lower corner of the grid, metres |
-/// | `voxel` | f64 \[3\] | edges of a voxel, metres |
-/// | `shape` | u32 \[3\] | voxels along x, y, z |
-/// | `frames` | u32, one | T |
-/// | `classes` | u8 \[…\] | M names, UTF-8, joined by `\n`, without empty |
-/// | `index` | u64 \[K\] | linear voxel indices, strictly rising |
-/// | `counts` | u16 \[K, M\] | frames in which the voxel has the class |
-///
-/// Either byte order and C or Fortran order are read; any other departure is an error.
-///
-/// # Errors
-/// See [`PsogFileError`]; each names the file, the array and a remedy.
-pub fn read_psog(path: &Path) -> Result<Psog, PsogFileError> {
-    let invalid = |fault: PsogError| PsogFileError::Value { path: path.to_owned(), fault };
-    let mut archive = Archive::open(path)?;
-    let three = |s: &[u64]| if s == [3] { Ok(()) } else { Err("(3,)".to_owned()) };
+/// The arrays of a P-SOG file, in the order they are written.
+const ARRAYS: [&str; 7] = ["roi_min", "voxel", "shape", "frames", "classes", "index", "counts"];
 
-    let min = archive.read("roi_min", three, accept::<f64>)?;
-    let voxel = archive.read("voxel", three, accept::<f64>)?;
-    let shape = archive.read("shape", three, accept::<u32>)?;
-    let roi = Roi::new(triple(&min), triple(&voxel), triple(&shape))
-        .map_err(PsogError::from)
-        .map_err(invalid)?;
-
-    let scalar = |s: &[u64]| if s.is_empty() || s == [1] { Ok(()) } else { Err("()".to_owned()) };
-    let frames = archive.read("frames", scalar, accept::<u32>)?[0];
-
-    let names = |s: &[u64]| match s {
-        [n] if *n <= CLASS_BYTES => Ok(()),
-        _ => Err(format!("(n,) with n at most {CLASS_BYTES}")),
-    };
-    let names = archive.read("classes", names, accept::<u8>)?;
-    let classes =
-        split_classes(names).map_err(|at| ArrayFault::NotUtf8 { at }.of(path, "classes"))?;
-    check_classes(&classes).map_err(invalid)?;
-
-    let voxels = roi.voxel_count();
-    let list = |s: &[u64]| match s {
-        [k] if *k <= voxels => Ok(()),
-        _ => Err(format!("(K,) with K at most {voxels}, the voxels of the grid")),
-    };
-    let mut previous = None;
-    let index = archive.read("index", list, |position, value| {
-        check_index(position, value, previous.replace(value), voxels)
-    })?;
-    let (k, m) = (index.len() as u64, classes.len() as u64);
-    let table = |s: &[u64]| {
-        let wanted = || format!("({k}, {m}), a row a voxel of `index` and a column a class");
-        if s == [k, m] { Ok(()) } else { Err(wanted()) }
-    };
-    let counts = archive.read("counts", table, accept::<u16>)?;
-    Psog::new(roi, frames, classes, index, counts).map_err(invalid)
+/// Why a P-SOG file was not read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // the messages name every field
+pub enum PsogFileError {
+    /// The file cannot be opened.
+    #[error("{}: cannot be read: {source}; give a P-SOG file, as `sightline psog build` writes it", path.display())]
+    Open { path: PathBuf, source: std::io::Error },
+    /// The file is no zip archive, or has lost its end.
+    #[error("{} is not a readable .npz archive ({cause}); if it was cut short, copy or write it again", path.display())]
+    Archive { path: PathBuf, cause: String },
+    /// A member that no P-SOG has.
+    #[error("{}: `{member}` is not an array of a P-SOG, which holds {}; leave it out", path.display(), ARRAYS.join(", "))]
+    Unknown { path: PathBuf, member: String },
+    /// A missing or faulty array.
+    #[error("{}: array `{array}` {fault}", path.display())]
+    Array { path: PathBuf, array: &'static str, fault: ArrayFault },
+    /// The numbers break a rule of the P-SOG.
+    #[error("{}: {fault}", path.display())]
+    Value { path: PathBuf, fault: PsogError },
 }
 
-/// Writes a P-SOG file that [`read_psog`] and NumPy's `load` read: compressed, the same bytes for the same
-/// P-SOG. The caller flushes `out`.
-///
-/// # Errors
-/// See `out`.
-pub fn write_psog(out: impl Write + Seek, psog: &Psog) -> std::io::Result<()> {
-    let roi = psog.roi();
-    let names = psog.classes().join("\n");
-    let (k, m) = (psog.index().len() as u64, psog.classes().len() as u64);
-    write_npz(out, true, |npz| {
-        npz.put("roi_min", &[3], &roi.min())?;
-        npz.put("voxel", &[3], &roi.voxel())?;
-        npz.put("shape", &[3], &roi.shape())?;
-        npz.put("frames", &[], &[psog.frames()])?;
-        npz.put("classes", &[names.len() as u64], names.as_bytes())?;
-        npz.put("index", &[k], psog.index())?;
-        npz.put("counts", &[k, m], psog.counts())
+/// Fault with an array of a P-SOG file.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // the messages name every field
+pub enum ArrayFault {
+    /// It is not there.
+    #[error("is missing; a P-SOG holds {}", ARRAYS.join(", "))]
+    Missing,
+    /// It is there twice.
+    #[error("is in the archive twice; keep one")]
+    Twice,
+    /// Compression or encryption that NumPy does not use.
+    #[error("is packed with {method}; write the file with np.savez or np.savez_compressed")]
+    Method { method: String },
+    /// Its bytes are damaged.
+    #[error("is damaged ({cause}); copy or write the file again")]
+    Damaged { cause: String },
+    /// Its header is no `.npy` header that a P-SOG needs.
+    #[error("has no usable .npy header ({cause}); write the file with np.savez")]
+    Header { cause: String },
+    /// The element type is not the contract's.
+    #[error("has dtype {found}, wanted {wanted}; {}", conversion(found, wanted))]
+    Dtype { found: String, wanted: &'static str },
+    /// The shape is not the contract's.
+    #[error("has shape {found}, wanted {wanted}")]
+    Shape { found: String, wanted: String },
+    /// The header promises other than the archive holds.
+    #[error(
+        "is promised {need} bytes by its header, the archive holds {have}; write the file again"
+    )]
+    Size { need: u64, have: u64 },
+    /// Names that are not text.
+    #[error("is not UTF-8 from byte {at} on; encode the names as UTF-8")]
+    NotUtf8 { at: usize },
+    /// An element breaks a rule of the P-SOG.
+    #[error(transparent)]
+    Value(#[from] PsogError),
+}
+
+impl ArrayFault {
+    fn damaged(error: impl ToString) -> Self {
+        Self::Damaged { cause: error.to_string() }
+    }
+
+    /// Names file and array.
+    pub(super) fn of(self, path: &Path, array: &'static str) -> PsogFileError {
+        let path = path.to_owned();
+        match self {
+            // Its message names the array and the element.
+            Self::Value(fault) => PsogFileError::Value { path, fault },
+            fault => PsogFileError::Array { path, array, fault },
+        }
+    }
+}
+
+/// How to come from one element type to another in NumPy, whose `astype` takes no texts for bytes.
+fn conversion(found: &str, wanted: &str) -> String {
+    if wanted == "uint8" && found.contains(['U', 'S', 'O']) {
+        return "join the names by \\n and write np.frombuffer(text.encode(), np.uint8)".to_owned();
+    }
+    format!("convert it with .astype(np.{wanted})")
+}
+
+/// An element type of the P-SOG file.
+pub trait Element: Deserialize + Copy {
+    /// NumPy's name of the type.
+    const NAME: &'static str;
+    /// Its kind and bytes.
+    const KIND: (TypeChar, u64);
+}
+
+macro_rules! element {
+    ($($t:ty, $name:literal, $kind:ident;)*) => {$(
+        impl Element for $t {
+            const NAME: &'static str = $name;
+            const KIND: (TypeChar, u64) = (TypeChar::$kind, size_of::<$t>() as u64);
+        }
+    )*};
+}
+element! {
+    f64, "float64", Float;
+    u8, "uint8", Uint;
+    u16, "uint16", Uint;
+    u32, "uint32", Uint;
+    u64, "uint64", Uint;
+}
+
+/// An open archive whose members are the arrays of a P-SOG, each once.
+pub struct Archive {
+    path: PathBuf,
+    zip: ZipArchive<BufReader<File>>,
+    /// Position in the archive of each array.
+    members: Vec<(&'static str, usize)>,
+}
+
+impl Archive {
+    /// Opens the archive and checks that it holds each array of a P-SOG once, and nothing else.
+    pub fn open(path: &Path) -> Result<Self, PsogFileError> {
+        let to_open = |source| PsogFileError::Open { path: path.to_owned(), source };
+        let file = sightline_files::files::open(path).map_err(to_open)?;
+        let to_archive = |error: zip::result::ZipError| PsogFileError::Archive {
+            path: path.to_owned(),
+            cause: error.to_string(),
+        };
+        let mut zip = ZipArchive::new(BufReader::new(file)).map_err(to_archive)?;
+        let mut members: Vec<(&'static str, usize)> = Vec::new();
+        for position in 0..zip.len() {
+            let member = zip.by_index_raw(position).map_err(to_archive)?;
+            let array = member.name().strip_suffix(".npy");
+            let Some(&array) = ARRAYS.iter().find(|&&known| Some(known) == array) else {
+                let member = member.name().escape_debug().to_string();
+                return Err(PsogFileError::Unknown { path: path.to_owned(), member });
+            };
+            if members.iter().any(|&(name, _)| name == array) {
+                return Err(ArrayFault::Twice.of(path, array));
+            }
+            members.push((array, position));
+        }
+        let is_missing = |array: &&&str| !members.iter().any(|(name, _)| name == *array);
+        match ARRAYS.iter().find(is_missing) {
+            Some(&array) => Err(ArrayFault::Missing.of(path, array)),
+            None => Ok(Self { path: path.to_owned(), zip, members }),
+        }
+    }
+
+    /// Reads one array in C order. `shape` answers a wrong shape with the wanted one. `value` sees each
+    /// element as it arrives, with its position, and may refuse it.
+    ///
+    /// Memory grows with the data that really arrives, never with the size that a header promises.
+    pub fn read<T: Element>(
+        &mut self,
+        array: &'static str,
+        shape: impl FnOnce(&[u64]) -> Result<(), String>,
+        value: impl FnMut(usize, T) -> Result<(), PsogError>,
+    ) -> Result<Vec<T>, PsogFileError> {
+        let read = self.member(array).and_then(|member| read_member(member, shape, value));
+        read.map_err(|fault| fault.of(&self.path, array))
+    }
+
+    fn member(&mut self, array: &'static str) -> Result<ZipFile<'_>, ArrayFault> {
+        let position = self.members.iter().find(|&&(name, _)| name == array);
+        let position = position.ok_or(ArrayFault::Missing)?.1;
+        let method = self.zip.by_index_raw(position).map_err(ArrayFault::damaged)?.compression();
+        if method != CompressionMethod::Stored && method != CompressionMethod::Deflated {
+            return Err(ArrayFault::Method { method: packing(method) });
+        }
+        // With a password the library reports encrypted members; without one it may panic on them.
+        let opened = self.zip.by_index_decrypt(position, b"").map_err(ArrayFault::damaged)?;
+        opened.map_err(|_| ArrayFault::Method { method: "encryption".into() })
+    }
+}
+
+/// The name of a packing that is not read; `zip` names those alone that it was built with.
+fn packing(method: CompressionMethod) -> String {
+    match method {
+        CompressionMethod::BZIP2 => "Bzip2".to_owned(),
+        CompressionMethod::LZMA => "Lzma".to_owned(),
+        CompressionMethod::ZSTD => "Zstd".to_owned(),
+        other => other.to_string(),
+    }
+}
+
+fn read_member<T: Element>(
+    mut member: ZipFile,
+    shape: impl FnOnce(&[u64]) -> Result<(), String>,
+    mut value: impl FnMut(usize, T) -> Result<(), PsogError>,
+) -> Result<Vec<T>, ArrayFault> {
+    let (header, length) =
+        read_header(&mut member).map_err(|cause| ArrayFault::Header { cause })?;
+    check_dtype::<T>(&header).map_err(|found| ArrayFault::Dtype { found, wanted: T::NAME })?;
+    shape(header.shape())
+        .map_err(|wanted| ArrayFault::Shape { found: show_shape(header.shape()), wanted })?;
+    let need = header.len() * T::KIND.1; // cannot overflow: read_header bounds the elements
+    let have = member.size().saturating_sub(length as u64);
+    if need != have {
+        return Err(ArrayFault::Size { need, have });
+    }
+    let (order, dimensions) = (header.order(), header.shape().to_vec());
+    let mut member = BufReader::with_capacity(1 << 16, member);
+    let mut data = Vec::new();
+    let elements =
+        NpyFile::with_header(header, &mut member).data::<T>().map_err(ArrayFault::damaged)?;
+    for element in elements {
+        let element = element.map_err(ArrayFault::damaged)?;
+        value(data.len(), element)?;
+        data.push(element);
+    }
+    // The checksum is compared at the end of the member, so read up to it.
+    match member.read(&mut [0]).map_err(ArrayFault::damaged)? {
+        0 => {}
+        _ => return Err(ArrayFault::Size { need, have: need + 1 }),
+    }
+    Ok(match (order, &dimensions[..]) {
+        (Order::Fortran, [_, columns]) => transpose(&data, *columns as usize),
+        _ => data,
     })
 }
 
-fn accept<T>(_: usize, _: T) -> Result<(), PsogError> {
-    Ok(())
-}
-
-/// The three values of an array whose shape was checked.
-fn triple<T: Copy>(values: &[T]) -> [T; 3] {
-    [values[0], values[1], values[2]]
-}
-
-/// Class names from their bytes, or the place of the first byte that is not UTF-8.
-fn split_classes(bytes: Vec<u8>) -> Result<Vec<String>, usize> {
-    let text = String::from_utf8(bytes).map_err(|e| e.utf8_error().valid_up_to())?;
-    if text.is_empty() {
-        return Ok(Vec::new());
+/// The name of the dtype in the file, if it is not `T` (of either byte order).
+fn check_dtype<T: Element>(header: &NpyHeader) -> Result<(), String> {
+    match header.dtype() {
+        DType::Plain(t) if (t.type_char(), t.size_field()) == T::KIND => Ok(()),
+        DType::Plain(t) => {
+            let bits = t.size_field() * 8;
+            Err(match t.type_char() {
+                TypeChar::Bool => "bool".into(),
+                TypeChar::Int => format!("int{bits}"),
+                TypeChar::Uint => format!("uint{bits}"),
+                TypeChar::Float => format!("float{bits}"),
+                _ => t.to_string(),
+            })
+        }
+        _ => Err("of a structured array".into()),
     }
-    Ok(text.split('\n').map(str::to_owned).collect())
+}
+
+/// A shape as Python prints it.
+fn show_shape(shape: &[u64]) -> String {
+    let list: Vec<_> = shape.iter().map(u64::to_string).collect();
+    if list.len() == 1 { format!("({},)", list[0]) } else { format!("({})", list.join(", ")) }
+}
+
+/// An archive that is being written.
+pub struct NpzOut<W: Write + Seek> {
+    writer: ZipWriter<W>,
+    method: CompressionMethod,
+}
+
+/// Writes an archive of the arrays that `put_all` puts into it, compressed as by `savez_compressed` or plain
+/// as by `savez`. No time of writing is stored: the same arrays are the same bytes.
+pub fn write_npz<W: Write + Seek>(
+    out: W,
+    compressed: bool,
+    put_all: impl FnOnce(&mut NpzOut<W>) -> io::Result<()>,
+) -> io::Result<()> {
+    let method = if compressed { CompressionMethod::Deflated } else { CompressionMethod::Stored };
+    let mut npz = NpzOut { writer: ZipWriter::new(out), method };
+    let written = put_all(&mut npz).and_then(|()| Ok(npz.writer.finish().map(drop)?));
+    if written.is_err() {
+        // Dropped, it would try to write its end again and complain on stderr.
+        std::mem::forget(npz);
+    }
+    written
+}
+
+impl<W: Write + Seek> NpzOut<W> {
+    /// Adds an array: the header by `npyz`, the data at once (an element at a time is slow).
+    pub fn put<T: AutoSerialize + NoUninit>(
+        &mut self,
+        name: &str,
+        shape: &[u64],
+        data: &[T],
+    ) -> io::Result<()> {
+        let options = FileOptions::default()
+            .compression_method(self.method)
+            .last_modified_time(DateTime::default())
+            .unix_permissions(0o644)
+            .large_file(size_of_val(data) as u64 > u64::from(u32::MAX) / 2);
+        self.writer.start_file(format!("{name}.npy"), options)?;
+        let array = WriteOptions::<T>::new().default_dtype().shape(shape);
+        let out = array.writer(&mut self.writer).write_header_only()?;
+        out.write_all(bytemuck::cast_slice(data))
+    }
 }

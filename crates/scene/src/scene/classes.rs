@@ -1,5 +1,6 @@
-//! Class names: the index in the list is the class id everywhere.
+//! Class names (the index in the list is the class id everywhere), kinds of actors, and reflectances.
 
+use super::description::{ActorDescription, Dictionary};
 use sightline_files::json::check::bad;
 use sightline_files::json::{DescriptionError, Place, nearest};
 
@@ -157,4 +158,115 @@ fn unknown(at: &Place, name: &str, classes: &[String]) -> DescriptionError {
         nearest: nearest(name, classes.iter().map(String::as_str)),
         known: classes.to_vec(),
     }
+}
+
+/// Kind of an actor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum ActorKind {
+    /// Passenger car.
+    Car,
+    /// Delivery van.
+    Van,
+    /// Lorry, with its load.
+    Truck,
+    /// Bus or tram.
+    Bus,
+    /// Trailer behind a truck or a car.
+    Trailer,
+    /// Excavator, crane, forklift and the like.
+    Construction,
+    /// Motorcycle with its rider.
+    Motorcycle,
+    /// Bicycle with its rider.
+    Bicycle,
+    /// Person on foot.
+    Pedestrian,
+    /// Animal.
+    Animal,
+    /// Anything else that moves.
+    Other,
+}
+
+impl ActorKind {
+    /// All kinds with their names in scene files.
+    pub const NAMES: [(Self, &'static str); 11] = [
+        (Self::Car, "car"),
+        (Self::Van, "van"),
+        (Self::Truck, "truck"),
+        (Self::Bus, "bus"),
+        (Self::Trailer, "trailer"),
+        (Self::Construction, "construction"),
+        (Self::Motorcycle, "motorcycle"),
+        (Self::Bicycle, "bicycle"),
+        (Self::Pedestrian, "pedestrian"),
+        (Self::Animal, "animal"),
+        (Self::Other, "other"),
+    ];
+
+    /// Name in scene files.
+    pub fn name(self) -> &'static str {
+        Self::NAMES.iter().find(|(kind, _)| *kind == self).map_or("other", |(_, name)| name)
+    }
+
+    /// The kind of an actor whose first triangle has `class`: as written, or guessed from the class.
+    pub(super) fn read(
+        at: &Place,
+        written: Option<&str>,
+        class: Option<&str>,
+    ) -> Result<Self, DescriptionError> {
+        let Some(written) = written else {
+            return Ok(match class {
+                Some("vehicle" | "car" | "moving-car") => Self::Car,
+                Some("pedestrian" | "person" | "moving-person") => Self::Pedestrian,
+                _ => Self::Other,
+            });
+        };
+        let found = Self::NAMES.iter().find(|(_, name)| *name == written);
+        found.map(|(kind, _)| *kind).ok_or_else(|| {
+            let known: Vec<&str> = Self::NAMES.iter().map(|(_, name)| *name).collect();
+            bad(at, format!("{written:?}"), format!("a kind of actor: {}", known.join(", ")))
+        })
+    }
+}
+
+/// Reflectances that a scene states, from 0 to 1, of a surface that faces the sensor.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Reflectances {
+    /// Reflectance by class id; `None` leaves the class at its usual value.
+    pub classes: Vec<Option<f64>>,
+    /// Reflectance by actor, as listed; `None` leaves the actor at its classes' values.
+    pub actors: Vec<Option<f64>>,
+}
+
+impl Reflectances {
+    /// From `reflectance` of a scene and of its actors.
+    ///
+    /// # Errors
+    /// A class that the scene does not have, a number that is no share.
+    pub(super) fn new(
+        top: &Place,
+        classes: &Classes,
+        of_classes: &Dictionary<f64>,
+        actors: &[ActorDescription],
+    ) -> Result<Self, DescriptionError> {
+        let (at, mut by_class) = (top.key("reflectance"), vec![None; classes.names.len()]);
+        for (name, value) in &of_classes.0 {
+            let at = at.key(name);
+            by_class[usize::from(classes.id(&at, name)?)] = Some(share(&at, *value)?);
+        }
+        let of_actor = |(i, actor): (usize, &ActorDescription)| {
+            let at = top.key("actors").item(i).key("reflectance");
+            actor.reflectance.map(|value| share(&at, value)).transpose()
+        };
+        let actors = actors.iter().enumerate().map(of_actor).collect::<Result<_, _>>()?;
+        Ok(Self { classes: by_class, actors })
+    }
+}
+
+fn share(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+    if (0.0..=1.0).contains(&value) {
+        return Ok(value);
+    }
+    let wanted = "the share of light that the surface sends back, from 0 to 1; asphalt has 0.26";
+    Err(bad(at, value, wanted))
 }

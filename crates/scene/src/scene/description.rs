@@ -47,8 +47,8 @@ pub enum VehicleSource {
 
 impl<'de> Deserialize<'de> for VehicleSource {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Source;
-        impl<'de> Visitor<'de> for Source {
+        struct SourceVisitor;
+        impl<'de> Visitor<'de> for SourceVisitor {
             type Value = VehicleSource;
 
             fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -64,7 +64,7 @@ impl<'de> Deserialize<'de> for VehicleSource {
                 Ok(VehicleSource::Inline(Box::new(VehicleDescription::deserialize(map)?)))
             }
         }
-        deserializer.deserialize_any(Source)
+        deserializer.deserialize_any(SourceVisitor)
     }
 }
 

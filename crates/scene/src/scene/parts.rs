@@ -3,12 +3,19 @@
 //! Parts come in the order of [`Scene::frame`]: static world, actors as listed, ego body. The static world's frame has
 //! its origin in the middle of the ego's way, an actor's in the middle of its box, both rounded to whole metres:
 //! coordinates are moved there in `f64` before they are rounded to `f32`.
+//!
+//! A tracker sees the actors among them as boxes with kinds, also between two frames.
 
 use std::ops::Range;
 
+use glam::DVec3;
+
+use super::route::Motion;
 use super::solid::Solid;
-use super::{EgoBody, Scene};
-use lidar_cast::geom::{Pose, TriangleSoup};
+use super::{ActorKind, EgoBody, Scene};
+use lidar_cast::geom::{Glide, Pose, TriangleSoup};
+use sightline_files::json::check::bad;
+use sightline_files::json::{DescriptionError, Place};
 
 /// Owner of a rigid part: it moves with this.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -102,5 +109,108 @@ impl Scene {
     pub fn body(&self) -> Vec<[[f32; 3]; 3]> {
         let soup = self.part(self.body_part());
         (0..soup.faces.len() as u32).map(|prim| soup.corners(prim)).collect()
+    }
+}
+
+/// Farthest that the ego may get from the middle of its way, in metres: `f32` keeps 2 mm there.
+const FARTHEST: f64 = 5.0e4;
+
+/// Origin of the static world's frame: the middle of the box around the ego's places.
+///
+/// # Errors
+/// A way so long that `f32` cannot hold the world along all of it.
+pub(super) fn middle_of_way(
+    at: &Place,
+    ego: &Motion,
+    frames: usize,
+    world: &Solid,
+) -> Result<DVec3, DescriptionError> {
+    let places = || (0..frames).map(|t| ego.pose(t).translation);
+    let (low, high) = bounds(places());
+    let middle = (0.5 * (low + high)).round();
+    let far = places().map(|place| (place - middle).abs().max_element()).fold(0.0, f64::max);
+    if far > FARTHEST && !world.faces.is_empty() {
+        let at = at.key(if matches!(ego, Motion::Poses(_)) { "poses" } else { "route" });
+        let value = format!("a way that leads {far:.0} m from its middle");
+        let wanted = "one within 50000 m, where coordinates keep 2 mm; cut the scene into several";
+        return Err(bad(&at, value, wanted));
+    }
+    Ok(middle)
+}
+
+/// Origin of a moving part's frame: the middle of its box.
+pub(super) fn middle(part: &Solid) -> DVec3 {
+    if part.vertices.is_empty() {
+        return DVec3::ZERO;
+    }
+    let (low, high) = bounds(part.vertices.iter().copied());
+    (0.5 * (low + high)).round()
+}
+
+fn bounds(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
+    points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
+}
+
+/// An actor as a box on its way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Track {
+    /// Name in the scene file; may be empty, and several may share it.
+    pub name: String,
+    /// Kind of file.
+    pub kind: ActorKind,
+    /// Class of its first triangle.
+    pub class: u16,
+    /// Extent along its own x (forward), y and z in metres.
+    pub size: DVec3,
+    /// Middle of the box in the actor's frame.
+    pub center: DVec3,
+}
+
+impl Scene {
+    /// Tracks of the actors as listed; one without triangles is a box without extent.
+    pub fn tracks(&self) -> Vec<Track> {
+        let track = |actor: &super::Actor| {
+            let corners = || actor.parts.vertices.iter().copied();
+            let (low, high) = match corners().next() {
+                None => (DVec3::ZERO, DVec3::ZERO),
+                Some(first) => corners().fold((first, first), |(low, high), corner| {
+                    (low.min(corner), high.max(corner))
+                }),
+            };
+            Track {
+                name: actor.name.clone(),
+                kind: actor.kind,
+                class: actor.parts.classes.first().copied().unwrap_or_default(),
+                size: high - low,
+                center: (low + high) / 2.0,
+            }
+        };
+        self.actors.iter().map(track).collect()
+    }
+
+    /// How an actor, counted as listed, moves from frame `t` to the next: takes its frame to the world's.
+    ///
+    /// # Panics
+    /// An actor or a frame that does not exist.
+    pub fn actor_glide(&self, actor: usize, t: usize) -> Glide {
+        assert!(t < self.frames, "frame {t} of {}", self.frames);
+        self.actors[actor].motion.glide(t)
+    }
+
+    /// How the ego moves from frame `t` to the next: takes its frame to the world's.
+    ///
+    /// # Panics
+    /// If `t` is not below [`Scene::frame_count`].
+    pub fn ego_glide(&self, t: usize) -> Glide {
+        assert!(t < self.frames, "frame {t} of {}", self.frames);
+        self.ego.glide(t)
+    }
+
+    /// Origin of a part's frame in the frame of its owner: world, actor or ego.
+    ///
+    /// # Panics
+    /// A part that does not exist.
+    pub fn part_origin(&self, part: usize) -> DVec3 {
+        self.origins[part]
     }
 }

@@ -1,6 +1,20 @@
-//! From the text of a scene file to a scene.
+//! From the text of a scene file to a scene and its vehicle, with doubts about angles in degrees.
+//!
+//! The vehicle is inline, from a file, or made of the scene's `lidar` and `mount`.
 
+use std::f64::consts::TAU;
+use std::path::{Path, PathBuf};
+
+use super::classes::Classes;
+use super::description::{
+    Dictionary, PoseDescription, SceneDescription, ShapeDescription, VehicleSource,
+};
+use super::shapes::Builder;
+use super::solid::Solid;
 use super::*;
+use crate::vehicle::{self, Vehicle, VehicleDescription, read_vehicle};
+use sightline_files::Note;
+use sightline_files::json::{DescriptionError, Place};
 
 /// Scene of [`Scene::level_ground`].
 const LEVEL_GROUND: &str = r#"{
@@ -71,7 +85,7 @@ impl Scene {
     }
 
     /// Reads the text of a scene, on the vehicle of another file if one is given.
-    pub(super) fn from_text(
+    fn from_text(
         text: &str,
         dir: &Path,
         name_for_errors: &str,
@@ -80,10 +94,10 @@ impl Scene {
         json::check_version(text, name_for_errors, FileKind::Scene)?;
         let mut scene: SceneDescription = json::parse(text, name_for_errors)?;
         let top = Place::top(name_for_errors);
-        let angles = angles::of_angles(&top, &scene);
+        let angles = of_angles(&top, &scene);
         let name = name_of(&top, scene.name.take())?;
         let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
-        let mut carrier = Carrier::new(&top, &mut scene, dir, vehicle)?;
+        let mut carrier = SceneVehicle::new(&top, &mut scene, dir, vehicle)?;
         roi.check_mount(&top.key("mount"), carrier.vehicle.corners())?;
         let classes = std::mem::take(&mut scene.classes);
         let classes = Classes::new(&top, classes, std::mem::take(&mut scene.detection))?;
@@ -100,19 +114,19 @@ impl Scene {
         top: &Place,
         scene: SceneDescription,
         (name, roi, classes): (String, RoiBounds, Classes),
-        carrier: Carrier,
-        things: Things,
+        carrier: SceneVehicle,
+        things: SceneGeometry,
         dir: &Path,
     ) -> Result<Self, DescriptionError> {
-        let Carrier { vehicle, mut files, notes, .. } = carrier;
+        let SceneVehicle { vehicle, mut files, notes, .. } = carrier;
         let reflectances = Reflectances::new(top, &classes, &scene.reflectance, &scene.actors)?;
         let has_geometry = things.has_geometry();
         let frames = things.frames(top, scene.frames)?;
         let rate = check::rate(&top.key("rate"), scene.rate.unwrap_or(RATE))?;
-        let Things { world, actors, body, ego } = things;
+        let SceneGeometry { world, actors, body, ego } = things;
         let ego = ego.unwrap_or(Motion::Still);
-        let mut origins = vec![origins::middle_of_way(&top.key("ego"), &ego, frames, &world)?];
-        origins.extend(actors.iter().map(|actor| origins::middle(&actor.parts)));
+        let mut origins = vec![super::parts::middle_of_way(&top.key("ego"), &ego, frames, &world)?];
+        origins.extend(actors.iter().map(|actor| super::parts::middle(&actor.parts)));
         origins.push(DVec3::ZERO);
         let coverage = scene.coverage.as_deref();
         let coverage = Coverage::new(&top.key("coverage"), coverage, has_geometry)?;
@@ -150,13 +164,13 @@ fn things(
     top: &Place,
     scene: &SceneDescription,
     classes: &Classes,
-    carrier: &mut Carrier,
+    carrier: &mut SceneVehicle,
     dir: &Path,
-) -> Result<Things, DescriptionError> {
+) -> Result<SceneGeometry, DescriptionError> {
     let mut builder = Builder::new(top, classes, &scene.shapes, dir);
     builder.check_named()?;
     let mut things =
-        Things::new(&mut builder, top, &scene.world, &scene.actors, scene.ego.as_ref())?;
+        SceneGeometry::new(&mut builder, top, &scene.world, &scene.actors, scene.ego.as_ref())?;
     carrier.files.extend(builder.files());
     if let Some(body) = carrier.body.take() {
         let (solid, more, said) = body.build(classes, &scene.shapes)?;
@@ -174,4 +188,176 @@ fn name_of(top: &Place, given: Option<String>) -> Result<String, DescriptionErro
     let given = given.map(|name| check::text(&top.key("name"), name)).transpose()?;
     let stem = || Path::new(&top.file).file_stem().unwrap_or_default().to_string_lossy();
     Ok(given.unwrap_or_else(|| stem().replace(char::is_control, "-")))
+}
+
+/// A scene's vehicle, its body and its files.
+struct SceneVehicle {
+    pub vehicle: Vehicle,
+    /// A body that takes the place of the scene's own.
+    pub body: Option<VehicleBody>,
+    pub files: Vec<PathBuf>,
+    /// Sentences about the vehicle and its sensors.
+    pub notes: Vec<Note>,
+}
+
+/// Shapes of a vehicle's body.
+struct VehicleBody {
+    pub shapes: Vec<ShapeDescription>,
+    pub at: Place,
+    /// Where its files are.
+    pub dir: PathBuf,
+}
+
+impl VehicleBody {
+    /// The body's triangles, the files that its shapes name, and notes about them.
+    pub fn build(
+        &self,
+        classes: &Classes,
+        shapes: &Dictionary<Vec<ShapeDescription>>,
+    ) -> Result<(Solid, Vec<PathBuf>, Vec<Note>), DescriptionError> {
+        let mut builder = Builder::new(&self.at, classes, shapes, &self.dir);
+        let solid = builder.list(&self.at.key("body"), &self.shapes)?;
+        let mut notes = builder.notes();
+        notes.extend(of_shapes(&self.at.key("body"), &self.shapes));
+        Ok((solid, builder.files(), notes))
+    }
+}
+
+impl SceneVehicle {
+    /// From a scene's description, or from the vehicle file given beside it.
+    pub fn new(
+        top: &Place,
+        scene: &mut SceneDescription,
+        dir: &Path,
+        given: Option<&Path>,
+    ) -> Result<Self, DescriptionError> {
+        let source = match (given, scene.vehicle.take()) {
+            (Some(file), _) => Some((Place::top(&file.display().to_string()), file.to_owned())),
+            (None, Some(VehicleSource::Inline(vehicle))) => {
+                only_vehicle(top, scene)?;
+                return Self::of_vehicle(top.key("vehicle"), *vehicle, None, dir);
+            }
+            (None, Some(VehicleSource::File(file))) => {
+                only_vehicle(top, scene)?;
+                let file = dir.join(file);
+                Some((Place::top(&file.display().to_string()), file))
+            }
+            (None, None) => None,
+        };
+        if let Some((at, file)) = source {
+            let dir = file.parent().unwrap_or(Path::new("")).to_owned();
+            return Self::of_vehicle(at, read_vehicle(&file)?, Some(file), &dir);
+        }
+        let missing = |key, mend: &str| DescriptionError::Missing {
+            at: Box::new(top.clone()),
+            key,
+            mend: mend.to_owned(),
+        };
+        let lidar = scene.lidar.take();
+        let lidar =
+            lidar.ok_or_else(|| missing("lidar", "describe the sensor, or give a `vehicle`"))?;
+        let mount = scene.mount.take();
+        let mount = mount
+            .ok_or_else(|| missing("mount", "say where sensors may stand, or give a `vehicle`"))?;
+        let files = lidar.file.iter().map(|file| dir.join(file)).collect();
+        let vehicle = Vehicle::nameless(top, lidar, &mount, dir)?;
+        Ok(Self { notes: vehicle.notes.clone(), vehicle, body: None, files })
+    }
+
+    fn of_vehicle(
+        at: Place,
+        mut vehicle: VehicleDescription<ShapeDescription>,
+        file: Option<PathBuf>,
+        dir: &Path,
+    ) -> Result<Self, DescriptionError> {
+        let shapes = std::mem::take(&mut vehicle.body);
+        let stem = file.as_ref().and_then(|file| file.file_stem());
+        let stem = stem.map_or("vehicle".into(), |stem| stem.to_string_lossy());
+        let (vehicle, mut files) = Vehicle::new(&at, vehicle, &stem, dir)?;
+        files.extend(file);
+        let body = (!shapes.is_empty()).then(|| VehicleBody { shapes, at, dir: dir.to_owned() });
+        Ok(Self { notes: vehicle.notes.clone(), vehicle, body, files })
+    }
+}
+
+/// Refuses a LiDAR or mount beside a vehicle.
+fn only_vehicle(top: &Place, scene: &SceneDescription) -> Result<(), DescriptionError> {
+    for (key, there) in [("lidar", scene.lidar.is_some()), ("mount", scene.mount.is_some())] {
+        if there {
+            let (at, mend) =
+                (Box::new(top.clone()), "the `vehicle` says it; leave one out".to_owned());
+            return Err(DescriptionError::Misplaced { at, key, mend });
+        }
+    }
+    Ok(())
+}
+
+/// Doubts about the angles that a scene file states.
+fn of_angles(top: &Place, scene: &SceneDescription) -> Vec<Note> {
+    let mut doubts = of_shapes(&top.key("static"), &scene.world);
+    for (name, shapes) in &scene.shapes.0 {
+        doubts.extend(of_shapes(&top.key("shapes").key(name), shapes));
+    }
+    let ego = scene.ego.iter().map(|ego| (top.key("ego"), &ego.poses));
+    let actors = scene.actors.iter().enumerate();
+    let actors = actors.map(|(i, actor)| (top.key("actors").item(i), &actor.poses));
+    let turned = ego.chain(actors).filter_map(|(at, poses)| track(&at, poses.as_deref()?));
+    doubts.extend(first_three(turned.collect()));
+    for (i, actor) in scene.actors.iter().enumerate() {
+        doubts.extend(of_shapes(&top.key("actors").item(i).key("parts"), &actor.parts));
+    }
+    if let Some(ego) = &scene.ego {
+        doubts.extend(of_shapes(&top.key("ego").key("body"), &ego.body));
+    }
+    if let Some(mount) = &scene.mount {
+        let angles = [("roll", mount.roll), ("pitch", mount.pitch), ("yaw", mount.yaw)];
+        let told = angles.iter().filter_map(|(key, range)| {
+            vehicle::of_angles(&top.key("mount").key(key).to_string(), range)
+        });
+        doubts.extend(told.map(Note::doubt));
+    }
+    doubts
+}
+
+/// Doubts about the angles of meshes. Boxes and copies are turned by whole radians, too.
+fn of_shapes(at: &Place, shapes: &[ShapeDescription]) -> Vec<Note> {
+    let mut doubts = Vec::new();
+    for (i, shape) in shapes.iter().enumerate() {
+        if let Some(mesh) = &shape.mesh {
+            for (key, angle) in [("roll", mesh.roll), ("pitch", mesh.pitch), ("yaw", mesh.yaw)] {
+                let what = at.item(i).key("mesh").key(key).to_string();
+                doubts.extend(vehicle::of_angles(&what, &[angle]));
+            }
+        }
+    }
+    first_three(doubts.into_iter().map(Note::doubt).collect())
+}
+
+/// A doubt about the angles of a way. Headings may go on past a turn, step by step.
+fn track(at: &Place, poses: &[PoseDescription]) -> Option<Note> {
+    let yaw: Vec<f64> = poses.iter().map(|pose| pose.yaw).collect();
+    let leaps = |two: &[f64]| {
+        let step = two[1] - two[0];
+        (step - TAU * (step / TAU).round()).abs() > 1.0
+    };
+    let more_than_a_turn = |yaw: &f64| yaw.abs() > TAU + 1e-6;
+    let whole = yaw.iter().all(|yaw| yaw.fract() == 0.0) && yaw.iter().any(|yaw| yaw.abs() >= 2.0);
+    let in_degrees = whole
+        || yaw.first().is_some_and(more_than_a_turn)
+        || (yaw.iter().any(more_than_a_turn) && yaw.windows(2).any(leaps));
+    let worst = yaw.iter().copied().find(|yaw| in_degrees && yaw.abs() >= 2.0);
+    let tilt =
+        poses.iter().flat_map(|pose| [pose.roll, pose.pitch]).find(|a| vehicle::is_degrees(*a));
+    let (key, angle) = worst.map(|yaw| ("yaw", yaw)).or(tilt.map(|tilt| ("a tilt", tilt)))?;
+    Some(Note::doubt(format!(
+        "{}: {key} of {angle} rad; degrees? {angle}° are {:.4} rad",
+        at.key("poses"),
+        angle.to_radians()
+    )))
+}
+
+/// The first three doubts of a list; things of one file share one mistake.
+fn first_three(mut doubts: Vec<Note>) -> Vec<Note> {
+    doubts.truncate(3);
+    doubts
 }

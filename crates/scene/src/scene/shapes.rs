@@ -5,10 +5,8 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use super::classes::Classes;
-use super::copies::copies;
 use super::description::{Dictionary, MeshDescription, ShapeDescription};
-use super::primitives::{cuboid, cylinder, plane, prism};
-use super::solid::Solid;
+use super::solid::{Solid, copies, cuboid, cylinder, plane, prism};
 use crate::mesh::{self, MOST_TRIANGLES, Placing, RawMesh};
 use sightline_files::Note;
 use sightline_files::json::check::bad;

@@ -1,10 +1,15 @@
-//! Triangles in `f64`, and the primitives that make them.
+//! Triangles in `f64`: the primitives that make them, and the places of a shape's copies.
 
 use glam::{DMat3, DVec3};
 
-use super::polygon::triangulate;
+use super::description::{
+    BoxDescription, CylinderDescription, PlaneDescription, PrismDescription, ShapeDescription,
+};
+use super::polygon::{self, triangulate};
 use lidar_cast::geom::{Pose, TriangleSoup};
 use lidar_cast::maths;
+use sightline_files::json::check::{self, bad};
+use sightline_files::json::{DescriptionError, Place};
 
 /// Triangles with a class each, in the frame of their owner: world, actor or ego.
 ///
@@ -93,6 +98,129 @@ impl Solid {
             vertices: corners.iter().map(|p| DVec3::new(p[0], p[1], z)).collect(),
             faces: vec![[0, 1, 2], [0, 2, 3]],
             classes: vec![class; 2],
+        }
+    }
+}
+
+pub fn cuboid(at: &Place, b: &BoxDescription, class: u16) -> Result<Solid, DescriptionError> {
+    let yaw = check::radians(&at.key("yaw"), b.yaw)?;
+    let one_of = |found| {
+        let of = &["center, size", "foot, size", "min, max"];
+        Err(DescriptionError::Choice { at: Box::new(at.clone()), found, of })
+    };
+    let (center, size) = match (b.center, b.foot, b.size, b.min, b.max) {
+        (Some(center), None, Some(size), None, None) => {
+            let center = check::point(&at.key("center"), center)?;
+            (center.into(), DVec3::from(check::size(&at.key("size"), size)?))
+        }
+        (None, Some(foot), Some(size), None, None) => {
+            let foot = DVec3::from(check::point(&at.key("foot"), foot)?);
+            let size = DVec3::from(check::size(&at.key("size"), size)?);
+            (foot + DVec3::Z * (size.z / 2.0), size)
+        }
+        (None, None, None, Some(min), Some(max)) => {
+            check::point(&at.key("min"), min)?;
+            check::point(&at.key("max"), max)?;
+            for i in 0..3 {
+                if min[i] >= max[i] {
+                    let wanted = format!("above min ({})", min[i]);
+                    return Err(bad(&at.key("max").item(i), max[i], wanted));
+                }
+            }
+            let (min, max) = (DVec3::from(min), DVec3::from(max));
+            ((min + max) / 2.0, max - min)
+        }
+        _ => {
+            let mut found = Vec::new();
+            found.extend(b.center.map(|_| "center"));
+            found.extend(b.foot.map(|_| "foot"));
+            found.extend(b.size.map(|_| "size"));
+            found.extend(b.min.map(|_| "min"));
+            found.extend(b.max.map(|_| "max"));
+            return one_of(found);
+        }
+    };
+    Ok(Solid::cuboid(center, size, yaw, class))
+}
+
+pub fn prism(at: &Place, p: &PrismDescription, class: u16) -> Result<Solid, DescriptionError> {
+    let base = polygon::simple(&at.key("base"), &p.base)?;
+    let z = at.key("z");
+    for i in 0..2 {
+        check::metres(&z.item(i), p.z[i])?;
+    }
+    if p.z[0] >= p.z[1] {
+        return Err(bad(&z, format!("{:?}", p.z), "a range [bottom, top] with bottom < top"));
+    }
+    Ok(Solid::prism(&base, p.z, class))
+}
+
+pub fn cylinder(
+    at: &Place,
+    c: &CylinderDescription,
+    class: u16,
+) -> Result<Solid, DescriptionError> {
+    let foot = check::point(&at.key("foot"), c.foot)?;
+    let radius = check::length(&at.key("radius"), c.radius)?;
+    let height = check::length(&at.key("height"), c.height)?;
+    let sides = check::count(&at.key("sides"), c.sides.unwrap_or(12), 3, 256)?;
+    Ok(Solid::cylinder(foot.into(), radius, height, sides, class))
+}
+
+pub fn plane(at: &Place, p: &PlaneDescription, class: u16) -> Result<Solid, DescriptionError> {
+    for i in 0..2 {
+        check::metres(&at.key("min").item(i), p.min[i])?;
+        check::metres(&at.key("max").item(i), p.max[i])?;
+        if p.min[i] >= p.max[i] {
+            return Err(bad(&at.key("max").item(i), p.max[i], format!("above min ({})", p.min[i])));
+        }
+    }
+    let z = check::metres(&at.key("z"), p.z)?;
+    Ok(Solid::plane(p.min, p.max, z, class))
+}
+
+const MAX_COPIES: u64 = 100_000;
+
+/// Poses of the copies of a shape; without `at` and `repeat` one copy in place.
+pub(super) fn copies(at: &Place, shape: &ShapeDescription) -> Result<Vec<Pose>, DescriptionError> {
+    match (&shape.at, &shape.repeat) {
+        (None, None) => Ok(vec![Pose::IDENTITY]),
+        (Some(_), Some(_)) => Err(DescriptionError::Misplaced {
+            at: Box::new(at.clone()),
+            key: "repeat",
+            mend: "`at` already says where the copies stand; keep one of the two".to_owned(),
+        }),
+        (Some(list), None) => {
+            let at = at.key("at");
+            if list.is_empty() || list.len() as u64 > MAX_COPIES {
+                let wanted = format!("1 to {MAX_COPIES} positions");
+                return Err(bad(&at, format!("a list of {}", list.len()), wanted));
+            }
+            list.iter()
+                .enumerate()
+                .map(|(i, p)| {
+                    let here = at.item(i);
+                    let (xyz, yaw) = match **p {
+                        [x, y, z, yaw] => ([x, y, z], check::radians(&here.item(3), yaw)?),
+                        [x, y, z] => ([x, y, z], 0.0),
+                        [x, y] => ([x, y, 0.0], 0.0),
+                        _ => {
+                            let value = format!("a list of {} numbers", p.len());
+                            return Err(bad(&here, value, "[x, y], [x, y, z] or [x, y, z, yaw]"));
+                        }
+                    };
+                    Ok(Pose::new(check::point(&here, xyz)?.into(), 0.0, 0.0, yaw))
+                })
+                .collect()
+        }
+        (None, Some(repeat)) => {
+            let at = at.key("repeat");
+            let count = check::count(&at.key("count"), repeat.count, 1, MAX_COPIES)?;
+            let step = DVec3::from(check::point(&at.key("step"), repeat.step)?);
+            let far = (step * f64::from(count)).abs().max_element();
+            check::metres(&at.key("step"), far)?;
+            let nth = |i| Pose { translation: step * f64::from(i), ..Pose::IDENTITY };
+            Ok((0..count).map(nth).collect())
         }
     }
 }

@@ -32,7 +32,8 @@ const TREES: usize = 40;
 /// make the same objects finer. Classes are ids of [`DEFAULT_CLASSES`].
 pub fn street(triangles: usize, seed: u64) -> TriangleSoup {
     let triangles = triangles.max(FEWEST_STREET_TRIANGLES);
-    let mut street = Street { soup: TriangleSoup::default(), rng: ChaCha8Rng::seed_from_u64(seed) };
+    let mut street =
+        StreetBuilder { soup: TriangleSoup::default(), rng: ChaCha8Rng::seed_from_u64(seed) };
     let share = |percent: usize, things: usize| triangles * percent / (100 * things);
     street.ground(share(14, 1));
     for house in 0..HOUSES {
@@ -49,7 +50,7 @@ pub fn street(triangles: usize, seed: u64) -> TriangleSoup {
     street.soup
 }
 
-struct Street {
+struct StreetBuilder {
     soup: TriangleSoup,
     rng: ChaCha8Rng,
 }
@@ -58,7 +59,7 @@ fn class(name: &str) -> u16 {
     DEFAULT_CLASSES.iter().position(|c| *c == name).unwrap_or_default() as u16
 }
 
-impl Street {
+impl StreetBuilder {
     fn triangle(&mut self, corners: [u32; 3], class: u16) {
         self.soup.faces.push(corners);
         self.soup.face_class.push(class);

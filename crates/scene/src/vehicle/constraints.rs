@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::mirror::{SLACK, pairs};
+use super::pairing::{SLACK, pairs};
 use super::{Placement, Region, SensorName, SensorPose};
 
 /// Rules for a placement: a region and a model for each LiDAR, distances, keep-out boxes, ties.

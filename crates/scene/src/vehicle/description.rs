@@ -52,7 +52,7 @@ pub struct KeepOutDescription {
 #[serde(deny_unknown_fields)]
 pub struct VehicleDescription<B> {
     #[serde(rename = "sightline")]
-    pub(crate) _version: Option<u64>,
+    _version: Option<u64>,
     pub(crate) name: Option<String>,
     #[serde(default = "Vec::new")]
     pub(crate) body: Vec<B>,

@@ -50,8 +50,8 @@ impl Lidar {
         name_for_errors: &str,
     ) -> Result<(Self, Vec<Note>), DescriptionError> {
         let top = Place::top(name_for_errors);
-        let Described { lidar, mut notes, .. } =
-            Described::new(&top, json::parse(text, name_for_errors)?, dir)?;
+        let DescribedLidar { lidar, mut notes, .. } =
+            DescribedLidar::new(&top, json::parse(text, name_for_errors)?, dir)?;
         let doubts = super::of_lidar("the LiDAR", &lidar);
         notes.extend(doubts.iter().map(|doubt| Note::doubt(format!("{top}: {doubt}"))));
         Ok((lidar, notes))
@@ -60,7 +60,7 @@ impl Lidar {
 
 /// A LiDAR as a scene or vehicle file describes it.
 #[derive(Debug)]
-pub struct Described {
+pub struct DescribedLidar {
     pub(crate) lidar: Lidar,
     /// Ranges, noise and rate stated by the sensor file.
     pub measures: Measures,
@@ -68,7 +68,7 @@ pub struct Described {
     pub notes: Vec<Note>,
 }
 
-impl Described {
+impl DescribedLidar {
     /// Reads a description; `dir` is where its sensor file is.
     pub(crate) fn new(
         at: &Place,

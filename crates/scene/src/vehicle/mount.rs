@@ -1,4 +1,4 @@
-//! The `lidar` and `mount` of a scene: a vehicle of one model on one mount, neither with a name.
+//! The `lidar` and `mount` of a scene (a vehicle of one model on one mount), and names of mounts that LiDARs stand on.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -7,12 +7,14 @@ use serde::{Deserialize, Serialize};
 
 use super::description::{KeepOutDescription, LidarDescription, MountDescription};
 use super::equipment::{Vehicle, VehicleMount, VehicleSensor};
-use super::lidar_reading::Described;
-use super::mirror::{MIRRORED, SLACK};
+use super::lidar::stated;
+use super::lidar_reading::DescribedLidar;
 use super::mounting::{angles, box_of, corners};
-use super::response::stated;
+use super::pairing::{MIRRORED, SLACK};
 use super::sensor_file::Measures;
-use super::{MAX_LIDARS, Phase, Region, Response, SensorName, SensorPose, Ties};
+use super::{
+    Constraints, MAX_LIDARS, Phase, Placement, Region, Response, SensorName, SensorPose, Ties,
+};
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{DescriptionError, Place};
 
@@ -62,7 +64,8 @@ impl Vehicle {
             notes: Vec::new(),
         };
         vehicle.check_room(&at)?;
-        let Described { lidar, measures, notes } = Described::new(&top.key("lidar"), lidar, dir)?;
+        let DescribedLidar { lidar, measures, notes } =
+            DescribedLidar::new(&top.key("lidar"), lidar, dir)?;
         let phase = Phase::Locked(0.0);
         // Beams are as long as the f32 of the range, and so is the range of a response that nothing states.
         let response = match measures == Measures::default() {
@@ -221,4 +224,86 @@ fn keep_out_box(
         }
     }
     Ok([min, max])
+}
+
+/// Metres and radians beside a mount that poses lose where they are written with three decimals.
+const BESIDE: f64 = 2e-3;
+
+impl Constraints {
+    /// Mount of each LiDAR of a placement: its slot's if it stands there, else one that holds it, else `None`. Empty if
+    /// there is one mount, which has no name of its own.
+    pub fn mount_names(&self, placement: &Placement) -> Vec<Option<&str>> {
+        let own = |region: &Region| region.name != Region::default().name;
+        if !self.slots.iter().any(|slot| own(&slot.region)) {
+            return Vec::new();
+        }
+        let all: Vec<&Region> = self.slots.iter().map(|slot| &*slot.region).collect();
+        let name = |(lidar, pose): (usize, &SensorPose)| {
+            let slot = all.get(lidar).filter(|_| all.len() == placement.lidars.len());
+            let slot = slot.copied().filter(|region| holds(region, pose));
+            slot.map(|region| region.name.as_str()).or_else(|| holder(all.iter().copied(), pose))
+        };
+        placement.lidars.iter().enumerate().map(name).collect()
+    }
+}
+
+impl Vehicle {
+    /// Mount that holds each pose; none where no mount does, or where the mount has no name.
+    pub fn mount_names(&self, poses: &[SensorPose]) -> Vec<Option<&str>> {
+        let named = if self.is_nameless() { &[][..] } else { &self.mounts };
+        let regions = || named.iter().map(|mount| Arc::as_ref(&mount.region));
+        poses.iter().map(|pose| holder(regions(), pose)).collect()
+    }
+}
+
+fn holds(region: &Region, pose: &SensorPose) -> bool {
+    region.outside(pose).iter().all(|(_, by)| *by <= BESIDE)
+}
+
+fn holder<'a>(mut regions: impl Iterator<Item = &'a Region>, pose: &SensorPose) -> Option<&'a str> {
+    regions.find(|region| holds(region, pose)).map(|region| region.name.as_str())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Slot;
+    use super::*;
+
+    fn region(name: &str, x: f64) -> Arc<Region> {
+        let (lower, upper) =
+            ([x - 0.5, -1.0, 1.0, -0.1, 0.0, 0.0], [x + 0.5, 1.0, 2.0, 0.1, 0.0, 0.0]);
+        Arc::new(Region { name: name.to_owned(), lower, upper, ..Region::default() })
+    }
+
+    #[test]
+    fn lidars_carry_the_names_of_their_mounts() {
+        let slot = |region: &Arc<Region>| Slot {
+            region: region.clone(),
+            sensor: Default::default(),
+            phase: None,
+        };
+        let (roof, wide, nose) = (region("roof", 0.0), region("wide", 0.0), region("nose", 3.0));
+        let rules = Constraints {
+            slots: vec![slot(&roof), slot(&wide), slot(&nose)],
+            ..Constraints::default()
+        };
+        let placement = |xs: &[f64]| {
+            let lidars = xs.iter().map(|&x| SensorPose::at(x, 0.0, 1.5)).collect();
+            Placement { name: "a".to_owned(), lidars }
+        };
+        // Slot by slot where each stands in its own, else the first mount that holds it.
+        let names = |xs: &[f64]| {
+            rules
+                .mount_names(&placement(xs))
+                .into_iter()
+                .map(|name| name.unwrap_or("-").to_owned())
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(names(&[0.2, -0.2, 3.5]), ["roof", "wide", "nose"]);
+        assert_eq!(names(&[3.0, 0.0, 9.0]), ["nose", "wide", "-"]);
+        assert_eq!(names(&[3.001, 0.0]), ["nose", "roof"]);
+        assert!(
+            Constraints::in_box([0.0; 6], [1.0; 6], 2).mount_names(&placement(&[0.0])).is_empty()
+        );
+    }
 }

@@ -1,4 +1,4 @@
-//! Mounts of a vehicle file: their regions, the models they may hold, and how many.
+//! Mounts of a vehicle file: their regions, the models they may hold, how many, and room for the rules that tie LiDARs.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -7,9 +7,9 @@ use glam::DVec3;
 
 use super::description::{CountDescription, MountingDescription};
 use super::equipment::{VehicleMount, VehicleSensor};
-use super::mesh_mount;
+use super::mesh_mount::{self, OFF};
 use super::surface::{is_roof, rest};
-use super::{MAX_LIDARS, Outline, Region};
+use super::{MAX_LIDARS, Outline, Region, SensorName};
 use lidar_cast::geom::{Pose, crossing};
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{DescriptionError, Place};
@@ -49,28 +49,7 @@ pub(super) fn mounting(
             return Err(bad(at, format!("a mount with {found:?}"), wanted));
         }
     };
-    let known = || {
-        let names: Vec<String> = sensors.iter().map(|model| format!("`{}`", model.name)).collect();
-        names.join(", ")
-    };
-    let mut allowed = Vec::new();
-    for (i, name) in mount.sensors.iter().flatten().enumerate() {
-        let found = sensors.iter().find(|model| model.name.as_str() == name);
-        let Some(model) = found else {
-            let wanted = format!("a sensor of this vehicle, which has {}", known());
-            return Err(bad(&at.key("sensors").item(i), format!("`{name}`"), wanted));
-        };
-        if !allowed.contains(&model.name) {
-            allowed.push(model.name);
-        }
-    }
-    if mount.sensors.is_none() {
-        allowed = sensors.iter().map(|model| model.name).collect();
-    }
-    if allowed.is_empty() {
-        let wanted = format!("the models that may stand here, some of {}", known());
-        return Err(bad(&at.key("sensors"), "an empty list", wanted));
-    }
+    let allowed = allowed_models(&at.key("sensors"), mount.sensors.as_deref(), sensors)?;
     let at_count = at.key("count");
     let [least, most] = match mount.count {
         CountDescription::Exactly(count) => [count; 2],
@@ -80,6 +59,37 @@ pub(super) fn mounting(
     let least = check::count(&at_count, least, 0, most as u64)? as usize;
     let region = Arc::new(Region { name, ..region });
     Ok((VehicleMount { region, sensors: allowed, count: [least, most] }, files))
+}
+
+/// Models that a mount may hold: those it names, or all; at least one.
+fn allowed_models(
+    at: &Place,
+    names: Option<&[String]>,
+    sensors: &[VehicleSensor],
+) -> Result<Vec<SensorName>, DescriptionError> {
+    let known = || {
+        let names: Vec<String> = sensors.iter().map(|model| format!("`{}`", model.name)).collect();
+        names.join(", ")
+    };
+    let mut allowed = Vec::new();
+    for (i, name) in names.iter().copied().flatten().enumerate() {
+        let found = sensors.iter().find(|model| model.name.as_str() == name);
+        let Some(model) = found else {
+            let wanted = format!("a sensor of this vehicle, which has {}", known());
+            return Err(bad(&at.item(i), format!("`{name}`"), wanted));
+        };
+        if !allowed.contains(&model.name) {
+            allowed.push(model.name);
+        }
+    }
+    if names.is_none() {
+        allowed = sensors.iter().map(|model| model.name).collect();
+    }
+    if allowed.is_empty() {
+        let wanted = format!("the models that may stand here, some of {}", known());
+        return Err(bad(at, "an empty list", wanted));
+    }
+    Ok(allowed)
 }
 
 /// Ranges of roll, pitch and yaw in radians.
@@ -212,4 +222,80 @@ fn with_ranges(
         (region.lower[field], region.upper[field]) = (range[0], range[1]);
     }
     Ok(region)
+}
+
+/// Mounts of one height: each is cut to the heights that all have.
+///
+/// # Errors
+/// A patch of a mesh; several mounts, unless all are boxes with a height in common.
+pub(super) fn level(at: &Place, mounts: &mut [VehicleMount]) -> Result<(), DescriptionError> {
+    let at = at.key("equal_height");
+    if let Some(mount) = mounts.iter().find(|mount| mount.region.surface.is_some()) {
+        let wanted = format!(
+            "possible with `{}`, a patch of a mesh, whose heights are counted from the mesh; leave it out",
+            mount.region.name
+        );
+        return Err(bad(&at, true, wanted));
+    }
+    if mounts.len() < 2 {
+        return Ok(());
+    }
+    let patch = mounts.iter().find(|mount| mount.region.ego_from_region.is_some());
+    if let Some(mount) = patch {
+        let wanted = format!(
+            "possible with several mounts unless all are boxes, and `{}` is a patch; leave it out",
+            mount.region.name
+        );
+        return Err(bad(&at, true, wanted));
+    }
+    let low = mounts.iter().map(|mount| mount.region.lower[2]).fold(f64::MIN, f64::max);
+    let high = mounts.iter().map(|mount| mount.region.upper[2]).fold(f64::MAX, f64::min);
+    if low > high {
+        let heights = |mount: &VehicleMount| {
+            let [low, high] = [mount.region.lower[2], mount.region.upper[2]];
+            format!("`{}` runs from {low} to {high} m", mount.region.name)
+        };
+        let heights: Vec<String> = mounts.iter().map(heights).collect();
+        let wanted = format!(
+            "possible with mounts that have no height in common ({}); leave it out",
+            heights.join(", ")
+        );
+        return Err(bad(&at, true, wanted));
+    }
+    for mount in mounts {
+        let region = Arc::make_mut(&mut mount.region);
+        (region.lower[2], region.upper[2]) = (low, high);
+    }
+    Ok(())
+}
+
+/// Checks that LiDARs can come in mirrored pairs.
+///
+/// # Errors
+/// A mount without a mirror image for as many sensors of the same models, or more sensors than a placement has.
+pub(super) fn check_pairs(at: &Place, mounts: &[VehicleMount]) -> Result<(), DescriptionError> {
+    let at = at.key("symmetric");
+    for mount in mounts {
+        let name = &mount.region.name;
+        let holds = |other: &&VehicleMount| {
+            let alike = other.count == mount.count && other.sensors == mount.sensors;
+            alike && other.region.is_image_of(&mount.region)
+        };
+        if !mounts.iter().any(|other| holds(&other)) {
+            let wanted = format!(
+                "possible with `{name}`, which has no mirror image at the plane y = 0: y, roll and yaw must run \
+                 from -a to a, or another mount be its image (of meshes to within {OFF} m), with the same `count` \
+                 and `sensors`; leave it out"
+            );
+            return Err(bad(&at, true, wanted));
+        }
+    }
+    let most: usize = mounts.iter().map(|mount| mount.count[1]).sum();
+    if most > MAX_LIDARS {
+        let wanted = format!(
+            "possible with mounts for up to {most} sensors: a placement has at most {MAX_LIDARS}; lower `count`"
+        );
+        return Err(bad(&at, true, wanted));
+    }
+    Ok(())
 }

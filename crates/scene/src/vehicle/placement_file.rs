@@ -200,11 +200,11 @@ impl From<ListedPlacement> for Placement {
 /// `{"placements": […]}`. Under any other name, such as a pipe's, the first bytes tell the form.
 pub struct PlacementReader {
     path: PathBuf,
-    source: Source,
+    source: PlacementSource,
     names: HashSet<String>,
 }
 
-enum Source {
+enum PlacementSource {
     Whole(std::vec::IntoIter<ListedPlacement>),
     Lines { reader: Box<dyn BufRead>, line: u64 },
 }
@@ -272,17 +272,17 @@ impl PlacementReader {
             }
         };
         let source = if is_document {
-            Source::Whole(document(reader, path)?.placements.into_iter())
+            PlacementSource::Whole(document(reader, path)?.placements.into_iter())
         } else {
-            Source::Lines { reader, line: 0 }
+            PlacementSource::Lines { reader, line: 0 }
         };
         Ok(Self { path: path.to_owned(), source, names: HashSet::new() })
     }
 
     fn next_placement(&mut self) -> Option<Result<Placement, PlacementFileError>> {
         let (placement, line) = match &mut self.source {
-            Source::Whole(rest) => (rest.next()?.into(), None),
-            Source::Lines { reader, line } => match next_line(reader, line, &self.path)? {
+            PlacementSource::Whole(rest) => (rest.next()?.into(), None),
+            PlacementSource::Lines { reader, line } => match next_line(reader, line, &self.path)? {
                 Ok(placement) => (placement, Some(*line)),
                 Err(error) => return Some(Err(error)),
             },

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::mirror::{MIRRORED, pairs};
+use super::pairing::{MIRRORED, pairs};
 use super::{Constraints, Placement, Region, SensorName, SensorPose, Slot, Ties};
 
 /// Grid values are rounded to multiples of 1/`DECIMALS`: 0.1 · 3 becomes 0.3.
@@ -30,7 +30,7 @@ pub struct Spacing {
 /// kind of slot after the other, with the phase fastest, then yaw, and x slowest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseGrid {
-    parts: Vec<Part>,
+    parts: Vec<SlotGrid>,
     /// Part of each LiDAR of a placement.
     part_of_lidar: Vec<usize>,
     /// Number of LiDARs of each part.
@@ -41,7 +41,7 @@ pub struct PoseGrid {
 
 /// The poses of one kind of slot.
 #[derive(Debug, Clone, PartialEq)]
-struct Part {
+struct SlotGrid {
     slot: Slot,
     /// Number of its first pose.
     first: u32,
@@ -84,24 +84,24 @@ impl PoseGrid {
                 return Err(PoseGridError::BadSpacing { value, unit });
             }
         }
-        let (mut parts, mut poses): (Vec<Part>, u128) = (Vec::new(), 0);
+        let (mut parts, mut poses): (Vec<SlotGrid>, u128) = (Vec::new(), 0);
         for (slot, _) in constraints.kinds() {
             let image = match constraints.ties.symmetric {
-                true if slot.is_image_of(slot) => Image::Itself,
+                true if slot.is_image_of(slot) => GridImage::Itself,
                 true => {
                     let other = parts.iter().position(|part| slot.is_image_of(&part.slot));
-                    other.map_or(Image::None, Image::Of)
+                    other.map_or(GridImage::None, GridImage::Of)
                 }
-                false => Image::None,
+                false => GridImage::None,
             };
-            let (mut part, count) = Part::new(slot, poses as u32, spacing, image);
+            let (mut part, count) = SlotGrid::new(slot, poses as u32, spacing, image);
             poses = poses.saturating_add(count);
             if poses > u128::from(MAX_POSES) {
                 return Err(PoseGridError::TooManyPoses { poses });
             }
             let own = parts.len();
             part.image = own;
-            if let Image::Of(other) = image {
+            if let GridImage::Of(other) = image {
                 (part.image, parts[other].image) = (other, own);
             }
             parts.push(part);
@@ -233,14 +233,14 @@ impl PoseGrid {
         self.part(number).around(number, radius)
     }
 
-    fn part(&self, number: u32) -> &Part {
+    fn part(&self, number: u32) -> &SlotGrid {
         &self.parts[self.kind(number)]
     }
 }
 
 /// Where the mirror images of a part's poses are.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Image {
+enum GridImage {
     /// No mirror images are needed.
     None,
     /// Mirror images are among its own poses.
@@ -249,9 +249,9 @@ enum Image {
     Of(usize),
 }
 
-impl Part {
+impl SlotGrid {
     /// The grid of a slot, its first pose numbered `first`, and its number of poses.
-    fn new(slot: &Slot, first: u32, spacing: Spacing, image: Image) -> (Self, u128) {
+    fn new(slot: &Slot, first: u32, spacing: Spacing, image: GridImage) -> (Self, u128) {
         let Spacing { metres, radians } = spacing;
         let [from, to] = slot.phase.unwrap_or_default();
         let phase = (to - from) / f64::from(PHASES);
@@ -261,9 +261,9 @@ impl Part {
             let steps = extent / step[k];
             if (steps - steps.round()).abs() < 1e-9 { steps.round() } else { steps.floor() }
         };
-        let centred = |k: usize| image == Image::Itself && MIRRORED.contains(&k);
+        let centred = |k: usize| image == GridImage::Itself && MIRRORED.contains(&k);
         // From the bound that is the image of the lower one.
-        let down = |k: usize| matches!(image, Image::Of(_)) && MIRRORED.contains(&k);
+        let down = |k: usize| matches!(image, GridImage::Of(_)) && MIRRORED.contains(&k);
         let Region { lower, upper, .. } = &*slot.region;
         let steps = |k: usize| match centred(k) {
             true => 2.0 * whole(upper[k], k),

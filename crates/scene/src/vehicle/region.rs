@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::mirror::SLACK;
+use super::pairing::SLACK;
 use super::{SensorName, SensorPose, Surface};
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;

@@ -1,6 +1,6 @@
 //! Search variables: the pose fields of a placement that may vary and are not tied to others.
 
-use super::mirror::{MIRRORED, SLACK};
+use super::pairing::{MIRRORED, SLACK};
 use super::{Constraints, Placement, SensorPose, Slot};
 
 /// Number of the phase among the fields of a pose, behind the six of [`SensorPose::FIELDS`].
@@ -129,8 +129,8 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
+    use super::super::{PoseGrid, Spacing, Ties, Violation};
     use super::*;
-    use crate::vehicle::{PoseGrid, Spacing, Ties, Violation};
 
     fn constraints(lidars: usize, equal_height: bool, symmetric: bool) -> Constraints {
         Constraints {

@@ -10,13 +10,11 @@ use super::description::{
     RequirementDescription, VehicleDescription,
 };
 use super::equipment::{Vehicle, VehicleMount, VehicleSensor};
-use super::lidar_reading::Described;
-use super::mesh_mirror::mirror_meshes;
+use super::lidar_reading::DescribedLidar;
+use super::mesh_mount::mirror_meshes;
 use super::mount::{keep_out_boxes, least_distance};
-use super::mounting::mounting;
-use super::ties::{check_pairs, level};
-use super::{MAX_LIDARS, Phase, SensorName, Ties};
-use super::{Requirement, TargetRule, response};
+use super::mounting::{check_pairs, level, mounting};
+use super::{MAX_LIDARS, Phase, Requirement, SensorName, TargetRule, Ties, lidar};
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{self, DescriptionError, FileKind, Place};
@@ -95,8 +93,8 @@ impl Vehicle {
             mirror_meshes(&mut mounts);
             check_pairs(at, &mounts)?;
         }
-        let Required { areas: require, targets, files: read, notes: told } =
-            Required::new(&at.key("require"), &vehicle.require, dir)?;
+        let Requirements { areas: require, targets, files: read, notes: told } =
+            Requirements::new(&at.key("require"), &vehicle.require, dir)?;
         files.extend(read);
         notes.extend(told);
         let name = name.unwrap_or_else(|| stem.to_owned());
@@ -162,8 +160,8 @@ fn sensor(
 ) -> Result<VehicleSensor, DescriptionError> {
     let name = SensorName::new(&model.name)
         .map_err(|why| bad(&at.key("name"), format!("{:?}", model.name), why))?;
-    let described = Described::new(&at.key("lidar"), model.lidar, dir)?;
-    let Described { lidar, measures, notes: said } = described;
+    let described = DescribedLidar::new(&at.key("lidar"), model.lidar, dir)?;
+    let DescribedLidar { lidar, measures, notes: said } = described;
     notes.extend(said);
     let phase = match model.phase {
         None if lidar.turns() => Phase::Free,
@@ -183,7 +181,7 @@ fn sensor(
         return Err(bad(&at.key("price"), model.price, "a price of 0 or more"));
     }
     let written = model.response.as_ref();
-    let response = response::read(&at.key("response"), written, lidar.range(), &measures, notes)?;
+    let response = lidar::read(&at.key("response"), written, lidar.range(), &measures, notes)?;
     Ok(VehicleSensor { name, lidar, phase, price: model.price, response })
 }
 
@@ -232,7 +230,7 @@ fn area(at: &Place, required: &RequirementDescription) -> Result<Requirement, De
 
 /// Content of a vehicle's `require`: areas and targets.
 #[derive(Default)]
-struct Required {
+struct Requirements {
     areas: Vec<Requirement>,
     targets: Vec<TargetRule>,
     /// Target files and their meshes.
@@ -240,7 +238,7 @@ struct Required {
     notes: Vec<Note>,
 }
 
-impl Required {
+impl Requirements {
     fn new(
         at: &Place,
         list: &[RequirementDescription],

@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use roxmltree::Node;
 
-use super::course;
-use crate::error::WorldError;
+use super::doubts;
+use crate::world::WorldError;
 use sightline_files::Note;
 use sightline_files::json::check_xml;
 
@@ -203,7 +203,7 @@ const SHOWN: usize = 40;
 
 /// Facts of a document that its lanes need beside their geometry.
 #[derive(Debug, Default)]
-pub(super) struct Document {
+pub(super) struct RoadFacts {
     /// Lanes with a height of their own: road, section by `s`, lane.
     pub raised: BTreeSet<(String, usize, i32)>,
     /// Roads on which one drives on the left.
@@ -242,13 +242,13 @@ fn shown(value: &str) -> String {
 ///
 /// # Errors
 /// A number that is missing, none or not finite; a geometry or another element that cannot be read.
-pub(super) fn checked(text: &str, file: &str) -> Result<Document, WorldError> {
+pub(super) fn checked(text: &str, file: &str) -> Result<RoadFacts, WorldError> {
     check_xml(text).map_err(|what| WorldError::Xml { file: file.to_owned(), what })?;
     let xml = roxmltree::Document::parse(text).map_err(|source| WorldError::OpenDrive {
         file: file.to_owned(),
         source: Box::new(source.into()),
     })?;
-    let mut document = Document::default();
+    let mut document = RoadFacts::default();
     let (mut counted, mut unknown) = (BTreeMap::new(), BTreeMap::new());
     let mut next = Some(xml.root_element());
     while let Some(node) = next {
@@ -287,7 +287,7 @@ pub(super) fn checked(text: &str, file: &str) -> Result<Document, WorldError> {
             list.join(", ")
         )));
     }
-    document.notes.extend(course::doubts(&xml, file));
+    document.notes.extend(doubts::doubts(&xml, file));
     Ok(document)
 }
 
@@ -354,7 +354,7 @@ fn number(value: &str) -> Result<f64, &'static str> {
     if number.is_finite() { Ok(number) } else { Err("not finite; write a finite number") }
 }
 
-impl Document {
+impl RoadFacts {
     /// Notes lanes with heights, the side of the road, and versions that are not known.
     fn take(&mut self, node: Node<'_, '_>, name: &str, file: &str) -> Result<(), WorldError> {
         match name {

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use xodr::{Mesh, Object, ObjectType, Point, RoadNetwork};
 
-use crate::error::WorldError;
 use crate::model::class;
-use crate::network::{MARK, Network, Shape};
+use crate::network::{MARK, MapShape, Network};
+use crate::world::WorldError;
 use sightline_files::Note;
 
 /// Farthest coordinate: beyond it the reader's `f32` is coarser than a centimetre.
@@ -106,7 +106,7 @@ pub(super) fn add(
             let what = "square metres of its objects";
             return Err(WorldError::TooLarge { file: name, what, value: area, most: MAX_AREA });
         }
-        network.shapes.push(Shape {
+        network.shapes.push(MapShape {
             class: class_of(object),
             faces,
             solid: !painted(object.kind) && class_of(object) != class::ROAD,

@@ -5,13 +5,13 @@ use std::collections::BTreeSet;
 use glam::DVec2;
 
 use super::*;
-use crate::{Kind, generate};
+use crate::{WorldKind, generate};
 use sightline_scene::scene::EgoBody;
 
 /// Classes that every world of a kind has, and metres that its ego drives in 40 frames.
-fn promised(kind: Kind) -> (&'static [&'static str], f64) {
+fn promised(kind: WorldKind) -> (&'static [&'static str], f64) {
     match kind {
-        Kind::Street => (
+        WorldKind::Street => (
             &[
                 "building",
                 "pole",
@@ -27,7 +27,7 @@ fn promised(kind: Kind) -> (&'static [&'static str], f64) {
             ],
             15.0,
         ),
-        Kind::Highway => (
+        WorldKind::Highway => (
             &[
                 "road",
                 "road_line",
@@ -42,7 +42,7 @@ fn promised(kind: Kind) -> (&'static [&'static str], f64) {
             ],
             40.0,
         ),
-        Kind::Residential => (
+        WorldKind::Residential => (
             &[
                 "building",
                 "fence",
@@ -56,11 +56,11 @@ fn promised(kind: Kind) -> (&'static [&'static str], f64) {
             ],
             9.0,
         ),
-        Kind::Yard => (
+        WorldKind::Yard => (
             &["building", "road", "ground", "vehicle", "rail_track", "static", "other", "pole"],
             5.0,
         ),
-        Kind::Town => (
+        WorldKind::Town => (
             &[
                 "building",
                 "pole",
@@ -78,8 +78,8 @@ fn promised(kind: Kind) -> (&'static [&'static str], f64) {
     }
 }
 
-fn each(check: impl Fn(Kind, u64, World)) {
-    for kind in Kind::ALL {
+fn each(check: impl Fn(WorldKind, u64, GeneratedWorld)) {
+    for kind in WorldKind::ALL {
         for seed in 1..=5 {
             check(kind, seed, generate(kind, seed, 40).unwrap());
         }
@@ -125,12 +125,12 @@ fn traffic_moves_without_a_touch_and_nothing_stands_on_the_road() {
 
 #[test]
 fn seeds_lay_out_worlds_anew_and_repeat_themselves() {
-    for kind in Kind::ALL {
+    for kind in WorldKind::ALL {
         let [a, again, b] = [3, 3, 4].map(|seed| generate(kind, seed, 12).unwrap());
         assert_eq!(a.mesh(), again.mesh(), "{}", kind.name());
         assert_eq!(a.scene("w", "w.ply"), again.scene("w", "w.ply"), "{}", kind.name());
         // Counts lane points of world `a` within one metre of a lane point of world `b`.
-        let points = |w: &World| w.lanes().flatten().collect::<Vec<DVec2>>();
+        let points = |w: &GeneratedWorld| w.lanes().flatten().collect::<Vec<DVec2>>();
         let (mine, others) = (points(&a), points(&b));
         let near = |p: &DVec2| others.iter().any(|q| q.distance(*p) < 1.0);
         let same = mine.iter().filter(|p| near(p)).count();

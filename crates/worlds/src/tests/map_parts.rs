@@ -50,7 +50,7 @@ fn a_walk_stands_as_high_as_the_map_says_on_both_sides() {
         (height(0.1, 0.3), 0.1, 0.3),
     ] {
         let network = network(&road("RHT", &walk, "", ""));
-        let walks = network.strips.iter().filter(|s| s.used == crate::network::Use::Walk);
+        let walks = network.strips.iter().filter(|s| s.used == crate::network::StripUse::Walk);
         let edges: Vec<(DVec3, DVec3)> =
             walks.flat_map(|s| s.left.iter().copied().zip(s.right.iter().copied())).collect();
         assert!(edges.len() >= 4);
@@ -62,7 +62,7 @@ fn a_walk_stands_as_high_as_the_map_says_on_both_sides() {
 }
 
 /// Place and heading of every actor of a kind in the first frame.
-fn actors(world: &World, kind: &str) -> Vec<(DVec2, DVec2)> {
+fn actors(world: &GeneratedWorld, kind: &str) -> Vec<(DVec2, DVec2)> {
     let people = &world.people;
     let of_kind = people.actors.iter().filter(|a| people.models[a.model].kind == kind);
     let stand = of_kind.map(|a| people.scene.tracks[a.track].stand(0));
@@ -98,7 +98,7 @@ fn bicycles_parked_cars_and_signs_keep_to_the_side_of_the_road() {
 }
 
 /// Middle of the corners of each sign's board, and of the post that is nearest.
-fn boards(world: &World) -> Vec<(DVec2, DVec2)> {
+fn boards(world: &GeneratedWorld) -> Vec<(DVec2, DVec2)> {
     let middles = |wanted: u16| {
         let faces = (0..world.mesh().faces.len()).filter(|f| world.mesh().face_class[*f] == wanted);
         faces.map(|f| corners(world, f)).map(|[a, b, c]| ((a + b + c) / 3.0).truncate()).collect()

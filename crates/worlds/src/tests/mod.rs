@@ -11,25 +11,25 @@ use std::path::Path;
 use glam::{DVec2, DVec3};
 use tempfile::TempDir;
 
-use super::{World, write_ply};
+use super::{GeneratedWorld, write_ply};
 use lidar_cast::geom::Pose;
 use sightline_scene::scene::{DEFAULT_CLASSES, Scene};
 
 /// Writes a world to a folder and reads it as any scene.
-fn read_back(world: &World) -> Scene {
+fn read_back(world: &GeneratedWorld) -> Scene {
     let dir = TempDir::new().unwrap();
     write_to(world, dir.path());
     Scene::read(dir.path().join("w.json")).unwrap()
 }
 
-fn write_to(world: &World, dir: &Path) {
+fn write_to(world: &GeneratedWorld, dir: &Path) {
     let mut file = BufWriter::new(File::create(dir.join("w.ply")).unwrap());
     write_ply(world.mesh(), &mut file).unwrap();
     file.flush().unwrap();
     std::fs::write(dir.join("w.json"), world.scene("w", "w.ply").to_string()).unwrap();
 }
 
-fn corners(world: &World, face: usize) -> [DVec3; 3] {
+fn corners(world: &GeneratedWorld, face: usize) -> [DVec3; 3] {
     world.mesh().faces[face].map(|v| DVec3::from(world.mesh().vertices[v as usize].map(f64::from)))
 }
 
@@ -43,7 +43,7 @@ fn height_over([a, b, c]: [DVec3; 3], p: DVec2) -> Option<f64> {
 }
 
 /// Class and height of the first surface below each place, by trying every triangle.
-fn below(world: &World, places: &[DVec3]) -> Vec<Option<(&'static str, f64)>> {
+fn below(world: &GeneratedWorld, places: &[DVec3]) -> Vec<Option<(&'static str, f64)>> {
     let mut found: Vec<Option<(&str, f64)>> = vec![None; places.len()];
     for face in 0..world.mesh().faces.len() {
         let triangle = corners(world, face);
@@ -65,7 +65,7 @@ fn below(world: &World, places: &[DVec3]) -> Vec<Option<(&'static str, f64)>> {
 }
 
 /// Checks that the ego's middle stands on the road in every fifth frame, within `tolerance` metres.
-fn ego_stands_on_the_road(world: &World, scene: &Scene, tolerance: f64, name: &str) {
+fn ego_stands_on_the_road(world: &GeneratedWorld, scene: &Scene, tolerance: f64, name: &str) {
     let frames = (0..scene.frame_count()).step_by(5);
     let places: Vec<DVec3> = frames.map(|t| scene.ego_pose(t).translation).collect();
     let raised: Vec<DVec3> = places.iter().map(|p| *p + DVec3::Z * 0.5).collect();
@@ -116,7 +116,7 @@ fn grid((size, center): (DVec3, DVec3)) -> impl Iterator<Item = DVec3> {
 }
 
 /// Checks that houses and trunks stand clear of the road.
-fn nothing_stands_on_the_road(world: &World, name: &str) {
+fn nothing_stands_on_the_road(world: &GeneratedWorld, name: &str) {
     let houses = world.houses().iter().flat_map(|c| {
         let middle = (c[0] + c[1] + c[2] + c[3]) * 0.25;
         // Edges a metre apart, so that no lane passes between two points.

@@ -4,12 +4,11 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
 
-use super::categories::{Category, category, known};
 use super::tables::{
     AnnotationRow, CalibratedRow, CategoryRow, EgoPoseRow, InstanceRow, LIDARSEG_CATEGORIES,
-    LidarsegRow, SampleDataRow, SampleRow, SceneRow, SensorRow, Tables,
+    LidarsegRow, SampleDataRow, SampleRow, SceneRow, SensorRow, SourceTables,
 };
-use super::{Keyframe, NuscenesScene};
+use super::{Category, Keyframe, NuscenesScene, category, known};
 use crate::datasets::{BoxTrack, DatasetError, TrackPose, ground};
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
@@ -29,7 +28,7 @@ pub fn read_nuscenes(
     names: &[String],
 ) -> Result<Vec<NuscenesScene>, DatasetError> {
     let version = version.map_or_else(|| only_version(folder), |version| Ok(version.to_owned()))?;
-    let tables = Tables::new(folder.join(version));
+    let tables = SourceTables::new(folder.join(version));
     let scenes = scenes(&tables, names)?;
     let samples = samples(&tables, &scenes)?;
     let (categories, by_token) = categories(&tables)?;
@@ -83,7 +82,7 @@ fn rate(times: &[f64]) -> Option<f64> {
 }
 
 /// A doubt about keyframe times that are not in microseconds, or two of which are equal.
-fn times_doubted(tables: &Tables, scene: &str, times: &[f64]) -> Option<Note> {
+fn times_doubted(tables: &SourceTables, scene: &str, times: &[f64]) -> Option<Note> {
     let fault = match rate(times) {
         _ if times.len() < 2 => return None,
         _ if times.windows(2).any(|pair| pair[0] == pair[1]) => "has two keyframes of one time",
@@ -98,7 +97,7 @@ fn times_doubted(tables: &Tables, scene: &str, times: &[f64]) -> Option<Note> {
 }
 
 /// Token and name of the scenes, in the requested order or the table's.
-fn scenes(tables: &Tables, names: &[String]) -> Result<Vec<(String, String)>, DatasetError> {
+fn scenes(tables: &SourceTables, names: &[String]) -> Result<Vec<(String, String)>, DatasetError> {
     if let Some(k) = (1..names.len()).find(|&k| names[..k].contains(&names[k])) {
         return Err(DatasetError::SceneTwice { name: names[k].clone() });
     }
@@ -129,7 +128,10 @@ struct Sample {
 }
 
 /// Samples of the scenes, by scene and time.
-fn samples(tables: &Tables, scenes: &[(String, String)]) -> Result<Vec<Sample>, DatasetError> {
+fn samples(
+    tables: &SourceTables,
+    scenes: &[(String, String)],
+) -> Result<Vec<Sample>, DatasetError> {
     let scene: HashMap<&str, usize> =
         scenes.iter().enumerate().map(|(i, (token, _))| (token.as_str(), i)).collect();
     let mut samples = Vec::new();
@@ -155,12 +157,12 @@ fn samples(tables: &Tables, scenes: &[(String, String)]) -> Result<Vec<Sample>, 
 }
 
 /// Meaning of each label.
-type Labels = Vec<Option<Category>>;
+type LabelCategories = Vec<Option<Category>>;
 /// Name and meaning of categories, by token.
 type ByToken = HashMap<String, (String, Category)>;
 
 /// Categories by their label and by their token.
-fn categories(tables: &Tables) -> Result<(Labels, ByToken), DatasetError> {
+fn categories(tables: &SourceTables) -> Result<(LabelCategories, ByToken), DatasetError> {
     let (mut labels, mut by_token) = (vec![None; 256], HashMap::new());
     // Sets of Place3D have one table of categories for points and another for boxes.
     let apart = Some(LIDARSEG_CATEGORIES).filter(|name| tables.path(name).exists());
@@ -191,7 +193,7 @@ fn categories(tables: &Tables) -> Result<(Labels, ByToken), DatasetError> {
 
 /// Keyframes of the scenes, by scene, in the order of their samples.
 fn keyframes(
-    tables: &Tables,
+    tables: &SourceTables,
     folder: &Path,
     samples: &[Sample],
 ) -> Result<HashMap<usize, Vec<Keyframe>>, DatasetError> {
@@ -235,7 +237,7 @@ fn keyframes(
 }
 
 /// Poses of LIDAR_TOP on the vehicle, by token.
-fn calibrated(tables: &Tables) -> Result<HashMap<String, Pose>, DatasetError> {
+fn calibrated(tables: &SourceTables) -> Result<HashMap<String, Pose>, DatasetError> {
     let mut sensors = HashSet::new();
     tables.rows("sensor", |row: SensorRow| {
         if row.channel == CHANNEL {
@@ -260,7 +262,7 @@ fn calibrated(tables: &Tables) -> Result<HashMap<String, Pose>, DatasetError> {
 
 /// Tracks of the scenes, by scene, in the order of their instances' tokens.
 fn tracks(
-    tables: &Tables,
+    tables: &SourceTables,
     samples: &[Sample],
     categories: &ByToken,
 ) -> Result<HashMap<usize, Vec<BoxTrack>>, DatasetError> {

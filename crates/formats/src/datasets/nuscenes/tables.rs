@@ -11,8 +11,8 @@ use glam::{DMat3, DQuat, DVec3};
 use serde::de::{DeserializeSeed, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-use super::super::{DatasetError, files};
 use super::watched::{Unknown, Watched};
+use crate::datasets::{DatasetError, sequence};
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
 use sightline_files::files::stays_inside;
@@ -138,13 +138,13 @@ pub(super) struct AnnotationRow {
 }
 
 /// A row that others name by its token.
-pub(super) trait Row: for<'de> Deserialize<'de> {
+pub(super) trait TokenRow: for<'de> Deserialize<'de> {
     fn token(&self) -> &str;
 }
 
 macro_rules! by_token {
     ($($row:ident . $token:ident),*) => {$(
-        impl Row for $row {
+        impl TokenRow for $row {
             fn token(&self) -> &str {
                 &self.$token
             }
@@ -155,13 +155,13 @@ macro_rules! by_token {
 by_token!(CalibratedRow.token, EgoPoseRow.token, InstanceRow.token, LidarsegRow.sample_data_token);
 
 /// The folder of a version's tables.
-pub(super) struct Tables {
+pub(super) struct SourceTables {
     folder: PathBuf,
     /// Fields that are not known, a sentence a table.
     notes: RefCell<Vec<Note>>,
 }
 
-impl Tables {
+impl SourceTables {
     pub(super) fn new(folder: PathBuf) -> Self {
         Self { folder, notes: RefCell::default() }
     }
@@ -195,13 +195,13 @@ impl Tables {
         mut keep: impl FnMut(R) -> Result<(), DatasetError>,
     ) -> Result<(), DatasetError> {
         let path = self.path(name);
-        let file = files::open(&path).map_err(|error| match error {
+        let file = sequence::open(&path).map_err(|error| match error {
             DatasetError::Read { path, source } => DatasetError::Table { path, source },
             other => other,
         })?;
         let (mut row, mut refused) = (0, None);
         let (left, unknown) = (Cell::new(MOST_OF_A_ROW), Unknown::default());
-        let each = Each {
+        let each = EachRow {
             row: &mut row,
             refused: &mut refused,
             keep: &mut keep,
@@ -213,7 +213,7 @@ impl Tables {
                 unknown: &unknown,
             },
         };
-        let metered = Metered { file: BufReader::new(file), left: &left };
+        let metered = MeteredTable { file: BufReader::new(file), left: &left };
         let mut json = serde_json::Deserializer::from_reader(metered);
         let read = each.deserialize(&mut json).and_then(|()| json.end());
         match (refused, read) {
@@ -233,7 +233,7 @@ impl Tables {
     }
 
     /// The rows whose token is wanted; `wanted_by` names the table that wants them.
-    pub(super) fn by_token<R: Row>(
+    pub(super) fn by_token<R: TokenRow>(
         &self,
         name: &str,
         wanted: &HashSet<&str>,
@@ -284,7 +284,7 @@ impl Tables {
 }
 
 /// Visits the rows of a list one by one.
-struct Each<'a, R, F> {
+struct EachRow<'a, R, F> {
     row: &'a mut usize,
     refused: &'a mut Option<DatasetError>,
     keep: &'a mut F,
@@ -293,13 +293,13 @@ struct Each<'a, R, F> {
 }
 
 /// A table that ends with an error where a row is longer than any row is: a text without an end would fill memory.
-struct Metered<'a, R> {
+struct MeteredTable<'a, R> {
     file: R,
     /// Bytes that the row may still take.
     left: &'a Cell<usize>,
 }
 
-impl<R: Read> Read for Metered<'_, R> {
+impl<R: Read> Read for MeteredTable<'_, R> {
     fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
         let most = to.len().min(self.left.get());
         if most == 0 && !to.is_empty() {
@@ -312,7 +312,7 @@ impl<R: Read> Read for Metered<'_, R> {
     }
 }
 
-impl<'de, R, F> DeserializeSeed<'de> for Each<'_, R, F>
+impl<'de, R, F> DeserializeSeed<'de> for EachRow<'_, R, F>
 where
     R: Deserialize<'de>,
     F: FnMut(R) -> Result<(), DatasetError>,
@@ -324,7 +324,7 @@ where
     }
 }
 
-impl<'de, R, F> Visitor<'de> for Each<'_, R, F>
+impl<'de, R, F> Visitor<'de> for EachRow<'_, R, F>
 where
     R: Deserialize<'de>,
     F: FnMut(R) -> Result<(), DatasetError>,

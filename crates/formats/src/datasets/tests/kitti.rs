@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::datasets::kitti_labels::{KITTI_CLASSES, kitti_label};
+use crate::datasets::kitti::{KITTI_CLASSES, kitti_label};
 use crate::datasets::{KittiSequence, LabelledSequence, PsogOptions, build_psog};
 use sightline_scene::psog::{EntropyKind, Roi};
 

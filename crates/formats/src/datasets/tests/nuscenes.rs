@@ -8,7 +8,8 @@ use glam::{DMat3, DQuat, DVec3};
 use super::nuscenes_set::{BoxRow, Keyframe, lidar, write};
 use crate::datasets::nuscenes::ScanBox;
 use crate::datasets::{
-    ImportOptions, Imported, LabelledSequence, PsogOptions, build_psog, read_nuscenes, to_scene,
+    ImportOptions, ImportedScene, LabelledSequence, PsogOptions, build_psog, read_nuscenes,
+    to_scene,
 };
 use lidar_cast::geom::Pose;
 use sightline_scene::psog::Roi;
@@ -196,7 +197,7 @@ fn a_scene_of_boxes_stands_where_the_points_were() {
     write(folder.path(), &set(), &BOXES);
     let sequence = read_nuscenes(folder.path(), None, &["scene-0061".into()]).unwrap().remove(0);
     let imported = to_scene(&sequence, &ImportOptions { cell: 1.0 }).unwrap();
-    let Imported { plates, boxes, actors, .. } = imported;
+    let ImportedScene { plates, boxes, actors, .. } = imported;
     assert!(plates > 100 && boxes > 10 && actors == 2, "{plates} {boxes} {actors}");
     let scene = Scene::from_json(&imported.scene.to_string(), folder.path(), "scene.json").unwrap();
     assert_eq!((scene.frame_count(), scene.rate()), (3, 2.0));
@@ -381,7 +382,7 @@ fn boxes_of_a_real_sweep_hold_their_points() {
     let text = text.replace("NaN", "null");
     let boxes: serde_json::Value = serde_json::from_str(&text).unwrap();
     let sweep = "n015-2018-07-24-11-22-45+0800__LIDAR_TOP__1532402927647951.pcd.bin";
-    let points = crate::datasets::files::read_points::<20>(&folder.join(sweep)).unwrap();
+    let points = crate::datasets::sequence::read_points::<20>(&folder.join(sweep)).unwrap();
     assert_eq!(points.len(), 34_688);
     let (mut equal, mut inside, mut declared) = (0, 0, 0);
     let all = boxes["instances"].as_array().unwrap();

@@ -18,13 +18,13 @@ const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
 /// Mode of a glTF primitive.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Kind {
+pub(super) enum PrimitiveMode {
     Points = 0,
     Lines = 1,
     Triangles = 4,
 }
 
-impl Kind {
+impl PrimitiveMode {
     /// A primitive of accessors.
     pub fn primitive(self, positions: usize, indices: Option<usize>, material: usize) -> Value {
         let mut primitive = json!({

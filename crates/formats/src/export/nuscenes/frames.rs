@@ -5,19 +5,17 @@ use std::collections::BTreeMap;
 use glam::DQuat;
 use serde_json::{Value, json};
 
-use super::fixed::{CAMERAS, CATEGORIES, attribute, visibility};
-use super::table::Tables;
-use super::{About, channels, right_forward, token};
-use crate::export::cloud::Source;
+use super::tables::{CAMERAS, CATEGORIES, OutputTables, attribute, visibility};
+use super::{SceneExport, channels, right_forward, token};
 use crate::export::folder::Folder;
 use crate::export::labels::MOVES;
-use crate::export::record::FrameRecord;
+use crate::export::record::{CloudOrigin, FrameRecord};
 use crate::export::{ExportError, SceneFacts};
 use lidar_cast::geom::Pose;
 use sightline_scan::BOX_MARGIN;
 
 /// An actor's row while its scene is read.
-struct Instance {
+struct ActorRow {
     category: u8,
     first: String,
     last: String,
@@ -26,20 +24,20 @@ struct Instance {
 
 /// A scene whose rows are being written.
 struct Rows<'a> {
-    about: &'a About<'a>,
-    tables: &'a mut Tables,
-    channels: Vec<(String, Source)>,
+    about: &'a SceneExport<'a>,
+    tables: &'a mut OutputTables,
+    channels: Vec<(String, CloudOrigin)>,
     frames: usize,
-    instances: BTreeMap<u16, Instance>,
+    instances: BTreeMap<u16, ActorRow>,
 }
 
 /// Writes the rows of a scene; returns the number of its LiDARs.
 pub(super) fn scene_rows(
     folder: &Folder,
-    about: &About,
+    about: &SceneExport,
     number: usize,
     scene: &SceneFacts,
-    tables: &mut Tables,
+    tables: &mut OutputTables,
 ) -> Result<usize, ExportError> {
     let first = folder.record(number, scene.frames[0])?;
     let lidars = first.lidars.len();
@@ -221,7 +219,7 @@ impl Rows<'_> {
         }
         for (tracked, row, token) in rows {
             self.tables.sample_annotation.push(&row)?;
-            let known = self.instances.entry(tracked.instance).or_insert_with(|| Instance {
+            let known = self.instances.entry(tracked.instance).or_insert_with(|| ActorRow {
                 category: tracked.category,
                 first: token.clone(),
                 last: String::new(),

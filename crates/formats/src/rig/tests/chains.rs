@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::{Matrix, difference, matrix, product, read};
-use crate::rig::angles::{compose, of_quaternion, turn};
+use crate::rig::frames::{compose, of_quaternion, turn};
 use sightline_scene::vehicle::SensorPose;
 
 fn pose(rng: &mut ChaCha8Rng, most_pitch: f64) -> SensorPose {

@@ -2,7 +2,7 @@
 
 use super::{read, source};
 use crate::rig::{
-    ImportSettings, Models, Mounting, Rig, RigError, RigFormat, RigLidar, Source, export,
+    ImportSettings, Models, Mounting, Rig, RigError, RigFormat, RigLidar, RigSource, export,
     import_texts,
 };
 use sightline_scene::vehicle::SensorPose;
@@ -261,7 +261,7 @@ fn one_of_several_placements_is_picked_by_name() {
     let (a, b) = (placement("a", 1.0), placement("b", 2.0));
     let document = source("p.json", &format!("{{\"placements\": [{a}, {b}]}}"));
     let lines = source("p.jsonl", &format!("{a}\n\n{b}\n"));
-    let pick = |source: &Source, name: Option<&str>| {
+    let pick = |source: &RigSource, name: Option<&str>| {
         let name = name.map(str::to_owned);
         let settings =
             ImportSettings { name, format: Some(RigFormat::Json), ..ImportSettings::default() };

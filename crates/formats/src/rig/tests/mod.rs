@@ -8,7 +8,7 @@ mod round_trip;
 mod worked;
 mod yaml;
 
-use super::{ImportSettings, Imported, RigError, Source, import_texts};
+use super::{ImportSettings, ImportedRig, RigError, RigSource, import_texts};
 use sightline_scene::vehicle::SensorPose;
 
 /// A 4 × 4 matrix, row by row.
@@ -36,10 +36,10 @@ fn difference(a: &Matrix, b: &Matrix) -> f64 {
     pairs.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()))
 }
 
-fn source(file: &str, text: &str) -> Source {
-    Source { file: file.to_owned(), text: text.to_owned() }
+fn source(file: &str, text: &str) -> RigSource {
+    RigSource { file: file.to_owned(), text: text.to_owned() }
 }
 
-fn read(text: &str) -> Result<Imported, RigError> {
+fn read(text: &str) -> Result<ImportedRig, RigError> {
     import_texts(&[source("file", text)], &ImportSettings::default())
 }

@@ -8,7 +8,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::rig::{ImportSettings, Imported, Mounting, compare, import};
+use crate::rig::{ImportSettings, ImportedRig, Mounting, compare, import};
 
 const TOP: [f64; 6] =
     [0.9, 0.0, 2.0, 0.015_004_077_703_596_155, 0.000_936_826_090_231_137_8, 1.538_614_528_379_345];
@@ -74,7 +74,7 @@ fn rigs() -> PathBuf {
     Path::new(env!("REAL_DATA")).join("rigs")
 }
 
-fn lexus(which: &str, settings: &ImportSettings) -> Imported {
+fn lexus(which: &str, settings: &ImportSettings) -> ImportedRig {
     let file = |name: &str| rigs().join("lexus").join(which).join(name);
     let pair = [file("sensors_calibration.yaml"), file("sensor_kit_calibration.yaml")];
     import(&pair, settings).unwrap()

@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{difference, matrix};
 use crate::rig::{
-    ImportSettings, Models, Mounting, Rig, RigFormat, RigLidar, Source, export, import_texts,
+    ImportSettings, Models, Mounting, Rig, RigFormat, RigLidar, RigSource, export, import_texts,
 };
 use sightline_scene::vehicle::SensorPose;
 use sightline_scene::vehicle::to_nanometres;
@@ -75,10 +75,10 @@ fn again(rig: &Rig, format: RigFormat, mounting: &Mounting, told: bool) -> Rig {
     let told_lost = exported.warnings.iter().filter(|words| words.contains("phases of ")).count();
     let has_phase = rig.lidars.iter().any(|lidar| lidar.pose.phase.is_some());
     assert_eq!(told_lost == 1, has_phase && format == RigFormat::Ros2Launch, "{format:?}");
-    let files: Vec<Source> = exported
+    let files: Vec<RigSource> = exported
         .files
         .into_iter()
-        .map(|file| Source { file: file.name, text: file.text })
+        .map(|file| RigSource { file: file.name, text: file.text })
         .collect();
     let names_sensors = !matches!(format, RigFormat::Autoware | RigFormat::Ros2Launch);
     let sensors = rig.lidars.iter().filter_map(|l| Some((l.frame.clone(), l.sensor.clone()?)));

@@ -5,7 +5,8 @@
 
 use super::{read, source};
 use crate::rig::{
-    Fan, ImportSettings, Models, Mounting, Rig, RigFormat, RigLidar, Source, export, import_texts,
+    Fan, ImportSettings, Models, Mounting, Rig, RigFormat, RigLidar, RigSource, export,
+    import_texts,
 };
 use sightline_scene::vehicle::{
     Lidar, Phase, Response, SensorName, SensorPose, Ties, Vehicle, VehicleSensor,
@@ -241,7 +242,7 @@ fn a_table_of_channels_is_a_fan_even_or_not() {
 #[test]
 fn files_of_one_rig_are_read_together_and_others_are_not() {
     let (sensors, kit) = AUTOWARE.split_at(AUTOWARE.find("\nsensor_kit").unwrap() + 1);
-    let pair: [Source; 2] = [source("a.yaml", sensors), source("b.yaml", kit)];
+    let pair: [RigSource; 2] = [source("a.yaml", sensors), source("b.yaml", kit)];
     let read = import_texts(&pair, &ImportSettings::default()).unwrap();
     assert_eq!(read.left_out, ["sensor_kit_base_link", "gnss_link"]);
     let error = import_texts(&pair[1..], &ImportSettings::default()).unwrap_err().to_string();

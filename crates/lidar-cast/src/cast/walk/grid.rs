@@ -27,7 +27,7 @@ pub(super) type Directions = [[f32; ROOM]; 3];
 /// A channel's azimuth offset is so many whole columns, by which its row is shifted, and a rest of at
 /// most half a column, by which all ranges of columns are widened.
 pub(super) struct Grid {
-    rows: Vec<Row>,
+    rows: Vec<GridRow>,
     pub(super) lookup: RowLookup,
     /// With the directions of their beams in the sensor frame; none of a grid of firings.
     pub(super) windows: Vec<(Window, Box<Directions>)>,
@@ -38,7 +38,7 @@ pub(super) struct Grid {
     turn: bool,
 }
 
-struct Row {
+struct GridRow {
     channel: usize,
     /// Column of the channel's first beam.
     shift: usize,
@@ -126,7 +126,7 @@ impl Grid {
         };
         let rows = order.iter().zip(&shifts).map(|(&channel, &shift)| {
             let shift = if turn { shift.rem_euclid(steps as f64) } else { shift - base };
-            Row { channel, shift: shift as usize }
+            GridRow { channel, shift: shift as usize }
         });
         let tangents: Vec<f64> = order.iter().map(|&k| maths::tan(channels[k].0)).collect();
         let lookup = RowLookup::new(&tangents);
@@ -176,7 +176,7 @@ impl Grid {
         columns: usize,
         row: usize,
     ) -> impl Iterator<Item = Piece> {
-        let Row { channel, shift } = self.rows[row];
+        let GridRow { channel, shift } = self.rows[row];
         let (first, steps) = (channel * self.steps, self.steps);
         let pieces = if self.turn {
             let begin = (from + steps - shift) % steps;

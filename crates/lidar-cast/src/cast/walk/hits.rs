@@ -3,12 +3,13 @@
 use glam::Vec3;
 
 use super::angles::Eye;
+use super::descent::{
+    BLOCK_SHIFT, LENGTH_SHIFT, SLOT_SHIFT, TESTS, Test, Tests, WalkMemory, WindowBeams, some,
+    some_mut,
+};
 use super::grid::{Directions, Grid, Window};
 use super::ops::{W, per_target, three};
-use super::triangles::Seen;
-use super::work::{
-    BLOCK_SHIFT, Beams, LENGTH_SHIFT, SLOT_SHIFT, TESTS, Test, Tests, Work, some, some_mut,
-};
+use super::triangles::TriangleView;
 use crate::bvh::bvh16::Block16;
 use crate::bvh::{Hit, Ray};
 
@@ -17,7 +18,7 @@ const CUT_VECTORS: i32 = 4;
 const LANES: [i32; W] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 
 /// Inputs shared by all hit tests of one walk.
-pub(super) struct Scene<'a> {
+pub(super) struct WalkInputs<'a> {
     pub(super) grid: &'a Grid,
     pub(super) window: Window,
     /// Directions of its beams in the sensor frame.
@@ -32,7 +33,7 @@ pub(super) struct Scene<'a> {
 /// rounding decides.
 #[cold]
 #[inline(never)]
-fn ask(scene: &Scene<'_>, block: &Block16, slot: usize, beams: &mut Beams, at: usize) {
+fn ask(scene: &WalkInputs<'_>, block: &Block16, slot: usize, beams: &mut WindowBeams, at: usize) {
     let direction = Vec3::from(beams.direction.each_ref().map(|numbers| numbers[at]));
     let triangle = block.triangle(slot);
     let mut best = Hit { t: beams.t[at], prim: beams.prim[at] as u32 };
@@ -45,7 +46,7 @@ per_target! {
     use super::{angles, triangles};
 
     /// Lists the tests of a block's triangles with the beams of their rectangles.
-    fn list(scene: &Scene<'_>, work: &mut Work, k: usize) {
+    fn list(scene: &WalkInputs<'_>, work: &mut WalkMemory, k: usize) {
         let columns = splat_i(scene.window.columns as i32);
         let rects = &work.rects[k];
         let [first_row, last_row] = [load_i(&rects.rows[0]), load_i(&rects.rows[1])];
@@ -78,7 +79,7 @@ per_target! {
     }
 
     /// Lists the tests of one triangle, sixteen rows at a time.
-    fn list_rows(scene: &Scene<'_>, work: &mut Work, k: usize, slot: usize, cut: bool) {
+    fn list_rows(scene: &WalkInputs<'_>, work: &mut WalkMemory, k: usize, slot: usize, cut: bool) {
         let columns = splat_i(scene.window.columns as i32);
         let who = splat_i(slot as i32 * SLOT_SHIFT + k as i32 * BLOCK_SHIFT);
         let [first_row, last_row] = [work.rects[k].rows[0][slot], work.rects[k].rows[1][slot]];
@@ -104,7 +105,7 @@ per_target! {
         }
     }
 
-    fn append(scene: &Scene<'_>, work: &mut Work, some: u16, words: I) {
+    fn append(scene: &WalkInputs<'_>, work: &mut WalkMemory, some: u16, words: I) {
         let tests = &mut *work.tests;
         let at = tests.len.min(TESTS - W);
         tests.words[at..at + W].copy_from_slice(&compress(some, words));
@@ -115,20 +116,20 @@ per_target! {
     }
 
     /// Does the listed tests.
-    fn test(scene: &Scene<'_>, work: &mut Work) {
+    fn test(scene: &WalkInputs<'_>, work: &mut WalkMemory) {
         let found = inside(scene, work);
         distances(scene, work, found);
         work.tests.len = 0;
     }
 
     /// Notes the tests in which a beam passes between the edges, and how many there are.
-    fn inside(scene: &Scene<'_>, work: &mut Work) -> usize {
+    fn inside(scene: &WalkInputs<'_>, work: &mut WalkMemory) -> usize {
         let Tests { words, len, inside } = &mut *work.tests;
         let [x, y, z] = scene.local;
         let mut found = 0;
         for &word in &words[..*len] {
             let Test { at, lanes, slot, block } = Test::of(word);
-            let Seen { edges, doubt, .. } = &work.seen[block];
+            let TriangleView { edges, doubt, .. } = &work.seen[block];
             let local = [load(some(x, at)), load(some(y, at)), load(some(z, at))];
             let [u, v, w] = three!(E => dot(three!(K => splat(edges[E][K][slot])), local));
             let least = min(min(u, v), w);
@@ -144,17 +145,17 @@ per_target! {
     }
 
     /// Takes over the distances that are best, as `Ray::intersect` computes them.
-    fn distances(scene: &Scene<'_>, work: &mut Work, found: usize) {
+    fn distances(scene: &WalkInputs<'_>, work: &mut WalkMemory, found: usize) {
         for index in 0..found {
             let (word, maybe, sure) = work.tests.inside[index % TESTS];
             let Test { at, slot, block: k, .. } = Test::of(word);
             let block = &scene.blocks[work.blocks[k]];
-            let Beams { direction, inverse, t: best, prim } = &mut *work.beams;
+            let WindowBeams { direction, inverse, t: best, prim } = &mut *work.beams;
             let n = three!(K => splat(block.normal[K][slot]));
             let d = three!(K => load(some(&direction[K], at)));
             let i = three!(K => load(some(&inverse[K], at)));
             let towards = add(add(mul(n[0], d[0]), mul(n[1], d[1])), mul(n[2], d[2]));
-            let Seen { above, sides, .. } = &work.seen[k];
+            let TriangleView { above, sides, .. } = &work.seen[k];
             let quotient = div(splat(above[slot]), towards);
             let low = three!(K => mul(splat(sides[0][K][slot]), i[K]));
             let high = three!(K => mul(splat(sides[1][K][slot]), i[K]));
@@ -182,7 +183,7 @@ per_target! {
     }
 
     /// World directions of the beams of a rectangle, and the farthest of their best distances.
-    fn turn(local: &Directions, axes: &[[f32; 3]; 3], beams: &mut Beams, at: usize, to: usize) -> f32 {
+    fn turn(local: &Directions, axes: &[[f32; 3]; 3], beams: &mut WindowBeams, at: usize, to: usize) -> f32 {
         let mut farthest = splat(f32::NEG_INFINITY);
         for at in (at..=to).step_by(W) {
             let l = three!(K => load(some(&local[K], at)));

@@ -10,12 +10,12 @@ use crate::task::{DevicePose, TINY_COMPONENT};
 /// Rays of a packet.
 pub const RAYS: usize = 8;
 /// A number of each ray.
-type Lane = [f32; RAYS];
+type RayLanes = [f32; RAYS];
 /// Unit directions of a packet's rays in the sensor's frame, by axis.
-pub type Rays = [Lane; 3];
+pub type Rays = [RayLanes; 3];
 
 /// Stands for the part of a packet that was aimed at none.
-pub(super) const NOWHERE: u32 = u32::MAX;
+const NOWHERE: u32 = u32::MAX;
 /// Stands for the axis along which rays go farthest where they differ.
 const MIXED: usize = 3;
 
@@ -23,11 +23,11 @@ const MIXED: usize = 3;
 #[repr(align(64))]
 #[derive(Clone)]
 pub(super) struct Packet {
-    pub(super) t: Lane,
+    pub(super) t: RayLanes,
     pub(super) prim: [u32; RAYS],
     /// Directions and shears in the frame of the part that the packet is aimed at.
-    direction: [Lane; 3],
-    shear: [Lane; 2],
+    direction: [RayLanes; 3],
+    shear: [RayLanes; 2],
     /// Axis along which all rays go farthest, or [`MIXED`].
     major: usize,
     /// Number of the part.
@@ -64,7 +64,7 @@ impl Packet {
     /// Asks `Ray::intersect` itself, for the rays of some lanes.
     #[cold]
     #[inline(never)]
-    fn ask(&mut self, triangle: &Seen<'_>, lanes: u32, pad: f32, first_prim: u32) {
+    fn ask(&mut self, triangle: &PacketFace<'_>, lanes: u32, pad: f32, first_prim: u32) {
         let origin = Vec3::from(triangle.origin);
         for lane in (0..RAYS).filter(|lane| lanes >> lane & 1 != 0) {
             let mut best = Hit { t: self.t[lane], prim: self.prim[lane] };
@@ -76,7 +76,7 @@ impl Packet {
 }
 
 /// A triangle of a block as seen from the place that rays leave.
-pub(super) struct Seen<'a> {
+pub(super) struct PacketFace<'a> {
     block: &'a Block16,
     slot: usize,
     origin: [f32; 3],
@@ -90,7 +90,7 @@ pub(super) struct Seen<'a> {
     normal: [f32; 3],
 }
 
-impl<'a> Seen<'a> {
+impl<'a> PacketFace<'a> {
     #[inline(always)]
     pub(super) fn new(block: &'a Block16, slot: usize, origin: [f32; 3]) -> Self {
         let slot = slot % super::ops::W;
@@ -164,7 +164,7 @@ per_target! {
     }
 
     /// `Ray::intersect` for all rays of a packet; whether a hit was taken over.
-    fn meet(packet: &mut Packet, seen: &Seen<'_>, pad: f32, first_prim: u32) -> bool {
+    fn meet(packet: &mut Packet, seen: &PacketFace<'_>, pad: f32, first_prim: u32) -> bool {
         if packet.major == MIXED {
             packet.ask(seen, u32::MAX, pad, first_prim);
             return true;
@@ -208,7 +208,7 @@ per_target! {
     }
 
     /// Marks the rays that pass between the edges of a triangle; whether there are any.
-    fn between(packet: &Packet, seen: &Seen<'_>, passes: &mut [u32; RAYS]) -> bool {
+    fn between(packet: &Packet, seen: &PacketFace<'_>, passes: &mut [u32; RAYS]) -> bool {
         let [x, y, z] = axes_of(packet.major % 3);
         let [a, b, c] = &seen.corners;
         let (a, b, c) = ([a[x], a[y], a[z]], [b[x], b[y], b[z]], [c[x], c[y], c[z]]);

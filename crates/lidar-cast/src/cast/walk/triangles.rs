@@ -12,7 +12,7 @@ const SHORTEST: f32 = 4e-3;
 
 /// Sixteen triangles as seen from a sensor.
 #[repr(align(64))]
-pub(super) struct Seen {
+pub(super) struct TriangleView {
     /// Normals of the planes through the origin and an edge, in the sensor frame, by edge and axis; a
     /// beam passes inside where its products with all three are positive.
     pub(super) edges: [[[f32; W]; 3]; 3],
@@ -26,18 +26,18 @@ pub(super) struct Seen {
     /// Lower and upper corner of the bare box, from the origin.
     pub(super) sides: [[[f32; W]; 3]; 2],
     /// Azimuths from and to.
-    pub(super) azimuths: [[f32; W]; 2],
+    azimuths: [[f32; W]; 2],
     /// A bit for each whose rows cannot be cut one by one.
     pub(super) uncut: u16,
     /// For each edge: the normal's azimuth, from the triangle's first and last one; how its plane
     /// rises, −n_z/n_xy; and how uncertain that is.
-    pub(super) begin: [[f32; W]; 3],
-    pub(super) end: [[f32; W]; 3],
-    pub(super) rise: [[f32; W]; 3],
-    pub(super) blur: [[f32; W]; 3],
+    begin: [[f32; W]; 3],
+    end: [[f32; W]; 3],
+    rise: [[f32; W]; 3],
+    blur: [[f32; W]; 3],
 }
 
-impl Seen {
+impl TriangleView {
     pub(super) const NOTHING: Self = Self {
         edges: [[[0.0; W]; 3]; 3],
         doubt: [0.0; W],
@@ -58,7 +58,7 @@ per_target! {
 
     /// Rectangles of a block's triangles, and edge planes for the hit tests.
     fn triangles(
-        grid: &Grid, window: &Window, eye: &Eye, block: &Block16, out: &mut Rects, seen: &mut Seen
+        grid: &Grid, window: &Window, eye: &Eye, block: &Block16, out: &mut Rects, seen: &mut TriangleView
     ) {
         let corners = corners(eye, block);
         let local = three!(C => three!(K => along(corners[C], &eye.axes[K])));
@@ -75,7 +75,7 @@ per_target! {
 
     /// Rectangles of a block's triangles for a moving eye, and edge planes with margins for its motion.
     fn outlines(
-        grid: &Grid, window: &Window, eye: &Eye, block: &Block16, out: &mut Rects, seen: &mut Seen
+        grid: &Grid, window: &Window, eye: &Eye, block: &Block16, out: &mut Rects, seen: &mut TriangleView
     ) {
         let corners = corners(eye, block);
         let local = three!(C => three!(K => along(corners[C], &eye.axes[K])));
@@ -92,7 +92,7 @@ per_target! {
     /// With the corner at p and the edge e, n = p × e becomes n − v × e, and the beam d turns to d': products change
     /// by at most |n|·τ + v·|e|, and `doubt` by 6e-6·|p|·(v + τ·|p|) for the beams that lie farther off. Where
     /// the plane of the triangle is closer than v to the eye, it may be seen from either side, and anything goes.
-    fn margins(eye: &Eye, local: [[V; 3]; 3], seen: &mut Seen) {
+    fn margins(eye: &Eye, local: [[V; 3]; 3], seen: &mut TriangleView) {
         let n = three!(E => three!(K => load(&seen.edges[E][K])));
         let lengths = three!(E => length(n[E]));
         let all = length(three!(K => add(add(n[0][K], n[1][K]), n[2][K])));
@@ -150,7 +150,7 @@ per_target! {
     /// off by at most k = g/(ρ − g), its tangent by k·(1 + |tan|).
     fn spread(
         grid: &Grid, window: &Window, eye: &Eye, valid: u16, local: [[V; 3]; 3], out: &mut Rects,
-        seen: &mut Seen
+        seen: &mut TriangleView
     ) -> M {
         let rho = three!(C => fma(local[C][0], local[C][0], mul(local[C][1], local[C][1])));
         let azimuth = three!(C => atan2(local[C][1], local[C][0]));
@@ -207,7 +207,7 @@ per_target! {
     /// r from the corners, products are off by less than u·|v|·(25·e + 45·r), with e the longest edge;
     /// the products of `Ray::intersect` are counted in. Beams of a rectangle pass within
     /// r ≤ e + 4e-3·|v| of the corners, or within |v| where it is whole.
-    fn edges(local: [[V; 3]; 3], whole: M, out: &mut Rects, seen: &mut Seen) {
+    fn edges(local: [[V; 3]; 3], whole: M, out: &mut Rects, seen: &mut TriangleView) {
         let edge = [
             three!(K => sub(local[2][K], local[1][K])),
             three!(K => sub(local[0][K], local[2][K])),
@@ -239,7 +239,7 @@ per_target! {
     }
 
     /// Precomputes azimuth spans and slopes of a block's edges for [`rows`].
-    fn prepare_rows(seen: &mut Seen) {
+    fn prepare_rows(seen: &mut TriangleView) {
         let [from, to] = [load(&seen.azimuths[0]), load(&seen.azimuths[1])];
         for k in 0..3 {
             let n = three!(K => load(&seen.edges[k][K]));
@@ -260,7 +260,7 @@ per_target! {
     /// A row with tangent t is inside an edge's plane at azimuths φ ± acos(−n_z·t/n_xy) around that of
     /// the normal, φ.
     fn rows(
-        grid: &Grid, window: &Window, seen: &Seen, rects: &Rects, slot: usize, row: usize
+        grid: &Grid, window: &Window, seen: &TriangleView, rects: &Rects, slot: usize, row: usize
     ) -> [I; 2] {
         let some = grid.lookup.tangents[row..].first_chunk();
         let tangent = load(some.unwrap_or(&[0.0; W]));

@@ -1,6 +1,6 @@
 //! Twin of `divide` in `shaders/common/exact.wgsl`: its steps, with a quotient that is as wrong as a device's.
 
-use crate::chance::mixed;
+use crate::maths::mixed;
 
 /// a / b to the nearest float, ties to even, from the quotient of the mantissas with an error of `wrong` units in its
 /// last place; for a and b normal and |a / b| above 2^-126, or a = 0, and errors of up to 2.

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use super::buffers::Trees;
+use super::chunk::Trees;
 use super::device::Device;
 use super::kernels::{Kernels, beam_workgroups};
-use super::layout::{Instance, MAX_WORKGROUPS, Sensor, UNFINISHED};
-use super::tested;
+use super::layout::{GpuInstance, MAX_WORKGROUPS, Sensor, UNFINISHED};
+use super::self_test;
 use crate::bvh::{Bvh, Hit};
 use crate::cast::{Firing, FiringCaster};
 use crate::engine::BackendError;
@@ -16,27 +16,27 @@ pub(in crate::engine) struct GpuFirings {
     device: Device,
     kernels: Kernels,
     trees: Trees,
-    work: Work,
+    work: FiringBuffers,
 }
 
 /// Buffers of a dispatch, each made again where a larger one is needed.
 #[derive(Default)]
-struct Work {
-    instances: Room,
-    sensors: Room,
-    directions: Room,
-    hits: Room,
-    counters: Room,
+struct FiringBuffers {
+    instances: GrowingBuffer,
+    sensors: GrowingBuffer,
+    directions: GrowingBuffer,
+    hits: GrowingBuffer,
+    counters: GrowingBuffer,
 }
 
 /// A buffer once it is needed.
 #[derive(Default)]
-struct Room(Option<wgpu::Buffer>);
+struct GrowingBuffer(Option<wgpu::Buffer>);
 
 /// Firings as the kernel reads them.
 #[derive(Default)]
-struct Packed {
-    instances: Vec<Instance>,
+struct PackedFirings {
+    instances: Vec<GpuInstance>,
     sensors: Vec<Sensor>,
     /// Unit directions, the fourth number 0.
     directions: Vec<[f32; 4]>,
@@ -54,12 +54,12 @@ impl GpuFirings {
         trees: &[&Arc<Bvh>],
         adapter: Option<&str>,
     ) -> Result<Self, BackendError> {
-        let device = tested::open(adapter)?;
+        let device = self_test::open(adapter)?;
         let trees = Trees::new(&device, trees)?;
         let kernels = Kernels::new();
         kernels.compile(&device, |kernel| kernel == "cast_closest");
         device.check("compiling a kernel")?;
-        Ok(Self { device, kernels, trees, work: Work::default() })
+        Ok(Self { device, kernels, trees, work: FiringBuffers::default() })
     }
 
     /// Name and driver of the device.
@@ -72,21 +72,21 @@ impl GpuFirings {
         let most = self.device.max_binding();
         let (mut instances, mut rays) = (0, 0);
         let fits = |firing: &&Firing<'_>| {
-            instances += firing.targets.len() * size_of::<Instance>();
+            instances += firing.targets.len() * size_of::<GpuInstance>();
             rays += firing.rays.len() * size_of::<[f32; 4]>();
             (instances.max(rays) as u64) <= most
         };
         firings.iter().take(MAX_WORKGROUPS as usize).take_while(fits).count().max(1)
     }
 
-    fn pack(&self, firings: &[Firing<'_>], range: f32) -> Packed {
-        let mut packed = Packed::default();
+    fn pack(&self, firings: &[Firing<'_>], range: f32) -> PackedFirings {
+        let mut packed = PackedFirings::default();
         for firing in firings {
             let (first_instance, first) = (packed.instances.len(), packed.directions.len() as u32);
             packed.instances.extend(firing.targets.iter().map(|target| {
                 let standing = target.standing;
                 let root = self.trees.roots[&std::ptr::from_ref(target.tree).addr()];
-                Instance::new(
+                GpuInstance::new(
                     standing.pose(),
                     standing.sight(),
                     target.tree,
@@ -152,7 +152,7 @@ fn finish_by_host(firings: &[Firing<'_>], range: f32, hits: &mut [Hit]) {
     }
 }
 
-impl Work {
+impl FiringBuffers {
     /// All buffers, in the order of the fields, with the given sizes in bytes.
     fn with_room(
         &mut self,
@@ -172,7 +172,7 @@ impl Work {
     }
 }
 
-impl Room {
+impl GrowingBuffer {
     fn of(
         &mut self,
         device: &Device,

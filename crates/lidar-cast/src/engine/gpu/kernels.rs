@@ -166,7 +166,7 @@ mod tests {
 
     use super::*;
     use crate::bvh::{QuantizedNode as Node, Triangle};
-    use crate::engine::gpu::layout::{Instance, Sensor, Uniforms};
+    use crate::engine::gpu::layout::{GpuInstance, Sensor, Uniforms};
     use crate::task::{DevicePose, OccupiedVoxel};
 
     fn parsed(parts: &[&str]) -> naga::Module {
@@ -275,15 +275,15 @@ mod tests {
         let (fields, span) = layout("cast_closest", "Instance");
         let shader: Vec<usize> = fields.iter().map(|f| f.1).collect();
         let host = [
-            offset_of!(Instance, center),
-            offset_of!(Instance, radius),
-            offset_of!(Instance, least_square),
-            offset_of!(Instance, pad),
-            offset_of!(Instance, root),
-            offset_of!(Instance, first_prim),
+            offset_of!(GpuInstance, center),
+            offset_of!(GpuInstance, radius),
+            offset_of!(GpuInstance, least_square),
+            offset_of!(GpuInstance, pad),
+            offset_of!(GpuInstance, root),
+            offset_of!(GpuInstance, first_prim),
         ];
         assert_eq!((&shader[..3], &shader[3..]), (&[0, 16, 32][..], &host[..]));
-        assert_eq!(span, size_of::<Instance>());
+        assert_eq!(span, size_of::<GpuInstance>());
         let (fields, span) = layout("cover_voxels", "DevicePose");
         let offsets: Vec<usize> = fields.iter().map(|f| f.1).collect();
         assert_eq!((offsets, span), (vec![0, 16, 32, 48], size_of::<DevicePose>()));

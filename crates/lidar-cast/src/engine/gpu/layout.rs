@@ -6,7 +6,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::bvh::{Bvh, NO_HIT, TRIANGLE};
-use crate::cast::Sight;
+use crate::cast::SightSphere;
 use crate::sensor::MAX_LIDARS;
 use crate::task::{DevicePose, HIT_PUSH, KINDS, NO_CROSSING, TINY_COMPONENT, beam_origin};
 
@@ -19,14 +19,14 @@ pub(super) const MAX_WORKGROUPS: u32 = 65_535;
 /// lavapipe silently ends the loops of an invocation after 65 535 iterations. It counts those of all
 /// lanes of a vector, which run each loop as long as the slowest lane, as one: with 16 lanes
 /// 16 · 3 750 = 60 000 iterations at most.
-pub(super) const STEP_BUDGET: u32 = 60_000 / 16;
+const STEP_BUDGET: u32 = 60_000 / 16;
 /// Entries of an invocation's stack in `cast_closest`. A step down a tree pushes up to three: the host casts beams that need
 /// more. See `docs/performance.md` for how many do, and what a longer stack costs.
-pub(super) const STACK_ENTRIES: u32 = 24;
+const STACK_ENTRIES: u32 = 24;
 /// Triangle id of a beam whose traversal ran out of [`STEP_BUDGET`] or [`STACK_ENTRIES`].
 pub(super) const UNFINISHED: u32 = NO_HIT - 1;
 /// Root of a tree that the kernel leaves to the host.
-pub(super) const NO_ROOT: u32 = u32::MAX;
+const NO_ROOT: u32 = u32::MAX;
 /// Largest coordinate in metres that the kernel casts at, 2⁴⁰: larger ones may overflow, and lift numbers that a device
 /// flushes to zero over those that decide.
 const MOST_COORDINATE: f32 = (1_u64 << 40) as f32;
@@ -37,7 +37,7 @@ const LEAST_PAD: f32 = f32::from_bits((127 - 100) << 23);
 pub(super) const LONG_AXIS: u32 = 1 << 15;
 /// Voxels or words that one invocation of a reduction reads: a workgroup's sums of 16-bit halves,
 /// 64 · 64 · (2¹⁶ − 1), stay below 2³².
-pub(super) const ITEMS_PER_INVOCATION: u32 = 64;
+const ITEMS_PER_INVOCATION: u32 = 64;
 /// Items of a workgroup of a reduction.
 pub(super) const ITEMS_PER_WORKGROUP: u32 = WORKGROUP_SIZE * ITEMS_PER_INVOCATION;
 /// Sums of `reduce_occupied` in low and high 16-bit halves: one a kind of information, then one unique entropy a
@@ -90,7 +90,7 @@ pub(super) struct Sensor {
 /// An instance as one sensor sees it, 80 bytes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub(super) struct Instance {
+pub(super) struct GpuInstance {
     /// Rows of the rotation that turns sensor coordinates into the instance's, each followed by that
     /// coordinate of the sensor (m).
     pub(super) rows: [[f32; 4]; 3],
@@ -107,12 +107,12 @@ pub(super) struct Instance {
     pub(super) first_prim: u32,
 }
 
-impl Instance {
+impl GpuInstance {
     /// A tree, its root among all nodes, as the sensor with a pose in its frame sees it; without a root where
     /// numbers are outside the kernel's range.
     pub(super) fn new(
         pose: &DevicePose,
-        sight: &Sight,
+        sight: &SightSphere,
         tree: &Bvh,
         root: u32,
         first_prim: u32,

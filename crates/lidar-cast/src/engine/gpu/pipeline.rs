@@ -1,9 +1,9 @@
 //! A batch on its way through the device: chunk after chunk, frame after frame, one step in flight.
 //!
 //! ```text
-//! Batch ─► Chunk: uploaded ─► cast ─► settle: hits of the beams that the kernel left, by the host
-//!                                ├─► dim: hits that come back through weather, by the host, where there is any
-//!                                └─► cover ─► reduce ─► Pending ─► Made ─► Sums
+//! GpuBatch ─► GpuChunk: uploaded ─► cast ─► settle: hits of the beams that the kernel left, by the host
+//!                                      ├─► dim: hits that come back through weather, by the host, where there is any
+//!                                      └─► cover ─► reduce ─► Pending ─► ChunkResult ─► BatchTallies
 //! ```
 //! While the device covers and sums up one step, the host adds up the sums of the step before.
 
@@ -12,8 +12,9 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::buffers::{SceneBuffers, WorkBuffers, bitmap_words, occupied_workgroups};
-use super::chunk::{Batch, Chunk, Standing};
+use super::chunk::{
+    ChunkSensors, GpuBatch, GpuChunk, SceneBuffers, WorkBuffers, bitmap_words, occupied_workgroups,
+};
 use super::device::Device;
 use super::kernels::{Kernels, beam_workgroups};
 use super::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, UNFINISHED, Uniforms};
@@ -26,14 +27,14 @@ use crate::task::{Air, Frame, StageTimes, Task};
 
 /// A step's commands on the device and the copy of their results.
 struct Pending<'a> {
-    chunk: Rc<Chunk<'a>>,
+    chunk: Rc<GpuChunk<'a>>,
     turn: usize,
     covered: wgpu::SubmissionIndex,
     results: ReadBack,
 }
 
 /// Results of a chunk in a frame.
-pub(super) enum Made<'a> {
+pub(super) enum ChunkResult<'a> {
     /// Hits by sensor.
     Hits(&'a [u32]),
     /// Bitmaps by sensor, in bricks.
@@ -70,8 +71,8 @@ impl<'a> Pipeline<'a> {
     /// hits first, if beams end at hits.
     pub(super) fn run(
         &self,
-        batch: &Batch<'_>,
-        mut take: impl FnMut(&Chunk<'_>, usize, Made<'_>),
+        batch: &GpuBatch<'_>,
+        mut take: impl FnMut(&GpuChunk<'_>, usize, ChunkResult<'_>),
     ) -> Result<StageTimes, BackendError> {
         let casts = self.task.ends_at_hits();
         self.compile(casts, batch.sums);
@@ -90,7 +91,7 @@ impl<'a> Pipeline<'a> {
                     if let Some(air) = self.task.air() {
                         hits = self.dim(air, &chunk, &standing, frame)?;
                     }
-                    take(&chunk, turn, Made::Hits(&hits));
+                    take(&chunk, turn, ChunkResult::Hits(&hits));
                     clock.lap(|times| &mut times.cast);
                 }
                 let next = self.cover(&chunk, &standing, turn, batch)?;
@@ -106,7 +107,11 @@ impl<'a> Pipeline<'a> {
     }
 
     /// Casts the poses of a batch in one frame, as [`crate::cast::cast_frame_closest`] does.
-    pub(super) fn hits(&self, batch: &Batch<'_>, frame: usize) -> Result<Vec<Hit>, BackendError> {
+    pub(super) fn hits(
+        &self,
+        batch: &GpuBatch<'_>,
+        frame: usize,
+    ) -> Result<Vec<Hit>, BackendError> {
         self.compile(true, false);
         let mut hits = Vec::new();
         for cut in &batch.chunks {
@@ -131,8 +136,12 @@ impl<'a> Pipeline<'a> {
     }
 
     /// Puts a chunk together and uploads it, for all commands from now on.
-    fn upload(&self, batch: &Batch<'_>, cut: &engine::Chunk) -> Result<Chunk<'a>, BackendError> {
-        let chunk = Chunk::new(self.task, batch, cut)?;
+    fn upload(
+        &self,
+        batch: &GpuBatch<'_>,
+        cut: &engine::Chunk,
+    ) -> Result<GpuChunk<'a>, BackendError> {
+        let chunk = GpuChunk::new(self.task, batch, cut)?;
         self.device.write(&self.work.placement_sensors, &chunk.placements);
         self.write_uniforms();
         self.device.check("uploading placements")?;
@@ -140,7 +149,7 @@ impl<'a> Pipeline<'a> {
     }
 
     /// Uploads where the sensors of a chunk stand in a frame, for all commands from now on.
-    fn place(&self, chunk: &Chunk<'_>, frame: usize) -> Result<Standing, BackendError> {
+    fn place(&self, chunk: &GpuChunk<'_>, frame: usize) -> Result<ChunkSensors, BackendError> {
         let standing = chunk.standing(self.task.roi(), frame);
         let (work, scene) = (self.work, self.scene);
         let geometry = self.task.geometry(frame);
@@ -168,7 +177,7 @@ impl<'a> Pipeline<'a> {
     }
 
     /// Workgroups for the beams of a chunk.
-    fn groups(&self, chunk: &Chunk<'_>) -> [u32; 3] {
+    fn groups(&self, chunk: &GpuChunk<'_>) -> [u32; 3] {
         beam_workgroups(self.task.sensors().most_beams() as u32, chunk.batch.len() as u32)
     }
 
@@ -181,7 +190,7 @@ impl<'a> Pipeline<'a> {
     }
 
     /// Hands over the casting of a chunk that is placed in a frame; the counters are read.
-    fn cast(&self, chunk: &Chunk<'_>) -> Result<ReadBack, BackendError> {
+    fn cast(&self, chunk: &GpuChunk<'_>) -> Result<ReadBack, BackendError> {
         let (work, scene) = (self.work, self.scene);
         let record = |encoder: &mut wgpu::CommandEncoder| {
             encoder.clear_buffer(&work.counters, 0, None);
@@ -204,8 +213,8 @@ impl<'a> Pipeline<'a> {
     /// Waits for the hits by sensor, and casts the beams that ran out of steps by the CPU twin.
     fn settle(
         &self,
-        chunk: &Chunk<'_>,
-        standing: &Standing,
+        chunk: &GpuChunk<'_>,
+        standing: &ChunkSensors,
         frame: usize,
         counters: ReadBack,
     ) -> Result<Vec<u32>, BackendError> {
@@ -236,8 +245,8 @@ impl<'a> Pipeline<'a> {
     fn dim(
         &self,
         air: &dyn Air,
-        chunk: &Chunk<'_>,
-        standing: &Standing,
+        chunk: &GpuChunk<'_>,
+        standing: &ChunkSensors,
         frame: usize,
     ) -> Result<Vec<u32>, BackendError> {
         let (batch, number) = (&chunk.batch, self.task.number_of(frame));
@@ -249,7 +258,7 @@ impl<'a> Pipeline<'a> {
     }
 
     /// Hits of every beam of the chunk that was cast last.
-    fn read_hits(&self, chunk: &Chunk<'_>) -> Result<Vec<Hit>, BackendError> {
+    fn read_hits(&self, chunk: &GpuChunk<'_>) -> Result<Vec<Hit>, BackendError> {
         let beams = chunk.batch.beams() as u64;
         self.device.read("read-back", &self.work.hits, size_of::<Hit>() as u64 * beams)
     }
@@ -257,10 +266,10 @@ impl<'a> Pipeline<'a> {
     /// Queues the covering and all later kernels.
     fn cover(
         &self,
-        chunk: &Rc<Chunk<'a>>,
-        standing: &Standing,
+        chunk: &Rc<GpuChunk<'a>>,
+        standing: &ChunkSensors,
         turn: usize,
-        batch: &Batch<'_>,
+        batch: &GpuBatch<'_>,
     ) -> Result<Pending<'a>, BackendError> {
         let work = self.work;
         let by_host = self.cover_by_host(chunk, standing)?;
@@ -293,8 +302,8 @@ impl<'a> Pipeline<'a> {
     /// Bitmaps of the sensors that the kernel leaves, by its CPU twin.
     fn cover_by_host(
         &self,
-        chunk: &Chunk<'_>,
-        standing: &Standing,
+        chunk: &GpuChunk<'_>,
+        standing: &ChunkSensors,
     ) -> Result<Vec<(usize, Vec<u32>)>, BackendError> {
         if standing.covered_by_host.is_empty() {
             return Ok(Vec::new());
@@ -316,7 +325,7 @@ impl<'a> Pipeline<'a> {
     }
 
     /// Hands over the sums over the covered voxels; totals and partial sums are read.
-    fn reduce(&self, chunk: &Chunk<'_>) -> Result<ReadBack, BackendError> {
+    fn reduce(&self, chunk: &GpuChunk<'_>) -> Result<ReadBack, BackendError> {
         let (work, scene) = (self.work, self.scene);
         let count = chunk.placements.len() as u32;
         let occupied_groups = occupied_workgroups(self.task);
@@ -357,15 +366,15 @@ impl<'a> Pipeline<'a> {
         &self,
         step: Pending<'_>,
         clock: &mut Clock,
-        take: &mut impl FnMut(&Chunk<'_>, usize, Made<'_>),
+        take: &mut impl FnMut(&GpuChunk<'_>, usize, ChunkResult<'_>),
     ) -> Result<(), BackendError> {
         self.wait(&step, clock)?;
         let Pending { chunk, turn, results, .. } = step;
         self.device.finish(results, |parts| {
             let words = |part: usize| bytemuck::cast_slice(parts[part]);
             let made = match parts {
-                [_] => Made::Bitmaps(words(0)),
-                _ => Made::Sums { totals: words(0), partials: words(1) },
+                [_] => ChunkResult::Bitmaps(words(0)),
+                _ => ChunkResult::Sums { totals: words(0), partials: words(1) },
             };
             take(&chunk, turn, made);
         })?;

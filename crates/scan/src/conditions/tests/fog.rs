@@ -2,7 +2,7 @@
 
 use super::{ks, uniform};
 use crate::conditions::Fog;
-use crate::conditions::pulse::{Peaks, overlap, peak};
+use crate::conditions::fog::{Peaks, overlap, peak};
 
 const ALPHAS: [f64; 6] = [0.0, 0.005, 0.01, 0.02, 0.03, 0.06];
 

@@ -3,8 +3,8 @@
 use std::f64::consts::PI;
 
 use super::uniform;
-use crate::conditions::snow_law::Balls;
-use crate::conditions::{Fallen, Falling};
+use crate::conditions::snow::Balls;
+use crate::conditions::{FallEffect, Falling};
 
 const WIDE: [f64; 2] = [3e-3, 1.5e-3];
 const RATES: [f64; 4] = [1.0, 5.0, 25.0, 100.0];
@@ -47,7 +47,7 @@ fn no_rain_is_clean() {
         assert!(fallen.passed > 0.999, "{rate}: {fallen:?}");
     }
     let none = Falling::rain(0.0).beam(WIDE, 100.0, || unreachable!("nothing is drawn"));
-    assert_eq!(none, Fallen { passed: 1.0, flake: None });
+    assert_eq!(none, FallEffect { passed: 1.0, flake: None });
 }
 
 #[test]

@@ -3,9 +3,8 @@
 use std::f64::consts::PI;
 
 use super::{ks, uniform};
-use crate::conditions::overlap::{APART, LENGTH, swell};
-use crate::conditions::snow_law::Balls;
-use crate::conditions::{Fallen, Falling, Flake, Joined};
+use crate::conditions::snow::{APART, Balls, LENGTH, swell};
+use crate::conditions::{FallEffect, Falling, Flake, JoinedEcho};
 
 const WIDE: [f64; 2] = [3e-3, 1.5e-3];
 
@@ -32,7 +31,7 @@ fn the_extinction_is_that_of_the_balls() {
 #[test]
 fn no_snow_is_clean() {
     let fallen = Falling::snow(0.0, 1.6).beam(WIDE, 100.0, || unreachable!("nothing is drawn"));
-    assert_eq!(fallen, Fallen { passed: 1.0, flake: None });
+    assert_eq!(fallen, FallEffect { passed: 1.0, flake: None });
     let mut draw = uniform(1);
     for _ in 0..1000 {
         let fallen = Falling::snow(1e-9, 1.6).beam(WIDE, 100.0, &mut draw);
@@ -81,7 +80,7 @@ fn the_light_that_passes_is_that_of_the_extinction() {
 }
 
 /// Brute force: draws every flake in the cone, and every flake larger than the beam that its axis meets.
-fn brute(balls: &Balls, reach: f64, draw: &mut impl FnMut() -> f64) -> Fallen {
+fn brute(balls: &Balls, reach: f64, draw: &mut impl FnMut() -> f64) -> FallEffect {
     let number = balls.volume / (PI / 6.0 * 6.0 * balls.mean.powi(3));
     let mut flakes = Vec::new();
     let volume = PI / 12.0 * WIDE[0] * WIDE[1] * reach.powi(3);
@@ -105,7 +104,7 @@ fn brute(balls: &Balls, reach: f64, draw: &mut impl FnMut() -> f64) -> Fallen {
     }
     flakes.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut light = 1.0;
-    let mut fallen = Fallen { passed: 1.0, flake: None };
+    let mut fallen = FallEffect { passed: 1.0, flake: None };
     for (range, share) in flakes {
         let seen = ((range - 0.9) / 0.1).clamp(0.0, 1.0);
         let power = light * 0.9 * share * seen / (range * range);
@@ -114,7 +113,7 @@ fn brute(balls: &Balls, reach: f64, draw: &mut impl FnMut() -> f64) -> Fallen {
         }
         light *= 1.0 - share;
     }
-    Fallen { passed: light, ..fallen }
+    FallEffect { passed: light, ..fallen }
 }
 
 /// Greatest distance between the distributions of two samples.
@@ -132,9 +131,9 @@ fn returns_are_distributed_as_if_every_flake_were_drawn() {
         let (snow, balls) = (Falling::snow(rate, speed), Balls::flakes(rate, speed).unwrap());
         let (mut draw, mut other) = (uniform(6), uniform(7));
         let beams = 40_000;
-        let fast: Vec<Fallen> = (0..beams).map(|_| snow.beam(WIDE, reach, &mut draw)).collect();
-        let all: Vec<Fallen> = (0..beams).map(|_| brute(&balls, reach, &mut other)).collect();
-        type Part = fn(&Fallen) -> f64;
+        let fast: Vec<FallEffect> = (0..beams).map(|_| snow.beam(WIDE, reach, &mut draw)).collect();
+        let all: Vec<FallEffect> = (0..beams).map(|_| brute(&balls, reach, &mut other)).collect();
+        type Part = fn(&FallEffect) -> f64;
         let parts: [(&str, Part); 2] = [
             ("power", |fallen| fallen.flake.map_or(0.0, |flake| flake.power)),
             ("range", |fallen| fallen.flake.map_or(1e3, |flake| flake.range)),
@@ -146,9 +145,9 @@ fn returns_are_distributed_as_if_every_flake_were_drawn() {
             // 1 % level of two samples.
             assert!(gap < 1.63 * (2.0 / f64::from(beams)).sqrt(), "{name} {rate} {reach}: {gap}");
         }
-        let beats = |fallen: &[Fallen]| {
+        let beats = |fallen: &[FallEffect]| {
             let target = 0.3 / (reach * reach);
-            let won = |fallen: &&Fallen| {
+            let won = |fallen: &&FallEffect| {
                 fallen.flake.is_some_and(|flake| flake.power > target * fallen.passed)
             };
             fallen.iter().filter(won).count() as f64 / f64::from(beams)
@@ -180,12 +179,12 @@ fn a_flake_and_a_target_add_up_as_the_sum_of_their_pulses() {
         let echoes = [(flake.range, flake.power), (range, power)];
         let strongest = flake.power.max(power);
         let (peak, at) = match flake.join(range, power) {
-            Joined::Apart => {
+            JoinedEcho::Apart => {
                 let own = if flake.power > power { flake.range } else { range };
                 (strongest, own)
             }
-            Joined::Target(peak) => (peak, range),
-            Joined::Flake(flake) => {
+            JoinedEcho::Target(peak) => (peak, range),
+            JoinedEcho::Flake(flake) => {
                 snow += 1;
                 (flake.power, flake.range)
             }
@@ -205,7 +204,7 @@ fn a_flake_and_a_target_add_up_as_the_sum_of_their_pulses() {
     assert!(joined > 1000 && snow > 300, "{joined} {snow}");
     // No flake, no change.
     let none = Flake { range: 20.0, power: 0.0 };
-    let Joined::Target(power) = none.join(20.5, 1e-3) else { panic!() };
+    let JoinedEcho::Target(power) = none.join(20.5, 1e-3) else { panic!() };
     assert!((power / 1e-3 - 1.0).abs() < 1e-12);
 }
 

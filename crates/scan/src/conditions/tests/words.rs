@@ -1,6 +1,6 @@
 //! Conditions as they are written.
 
-use crate::conditions::{Condition, ConditionError, Kind, weather};
+use crate::conditions::{Condition, ConditionError, ConditionKind, weather};
 
 fn read(text: &str) -> Result<Condition, ConditionError> {
     text.parse()
@@ -24,7 +24,10 @@ fn what_is_written_out_reads_as_the_same() {
         assert_eq!(read(&condition.to_string()), Ok(condition), "{text} → {condition}");
     }
     let fog = read("fog:level=heavy").unwrap();
-    assert_eq!((fog.kind(), fog.value("mor"), fog.value("rate")), (Kind::Fog, Some(50.0), None));
+    assert_eq!(
+        (fog.kind(), fog.value("mor"), fog.value("rate")),
+        (ConditionKind::Fog, Some(50.0), None)
+    );
     assert_eq!(read("rain:level=heavy").unwrap().to_string(), "rain:rate=25");
     assert_eq!(read("fog").unwrap().to_string(), "fog:mor=200,gain=1");
     assert_eq!(read("snow:rate=0.1,level=heavy").unwrap().to_string(), "snow:rate=0.1,speed=1.6");

@@ -92,7 +92,7 @@ fn gltf_faults_never_panic() {
 }
 
 /// A glTF of the seeds that has every kind of part, changed by `change`.
-fn kinds_gltf(change: impl Fn(&mut serde_json::Value)) -> Result<RawMesh, Fault> {
+fn kinds_gltf(change: impl Fn(&mut serde_json::Value)) -> Result<RawMesh, MeshFault> {
     let text = include_str!("../../../../../fuzz/corpus/mesh_gltf/kinds.gltf");
     let mut json: serde_json::Value = serde_json::from_str(text).unwrap();
     change(&mut json);
@@ -130,7 +130,7 @@ fn gltf_parts_stand_where_the_format_puts_them() {
         near(i, p);
     }
     assert_eq!(mesh.faces[8..], [[16, 17, 18], [18, 17, 19], [20, 21, 22], [20, 22, 23]]);
-    assert_eq!(mesh.axes, Some(raw::Axes::ZForward));
+    assert_eq!(mesh.axes, Some(MeshAxes::ZForward));
     let doubts: Vec<&str> = mesh.notes.iter().filter(|n| n.is_doubt()).map(Note::text).collect();
     assert!(
         doubts.len() == 2 && doubts[0].contains("ACME_unknown") && doubts[1].starts_with("1 nodes"),
@@ -170,7 +170,7 @@ fn places_that_are_none_are_refused() {
     let fails = |change: &dyn Fn(&mut serde_json::Value)| {
         let mut json: serde_json::Value = serde_json::from_str(&triangle_gltf(2, 40, 3)).unwrap();
         change(&mut json);
-        let Fault { element, problem } =
+        let MeshFault { element, problem } =
             gltf::read(json.to_string().as_bytes(), Path::new("nowhere")).unwrap_err();
         format!("{element}: {problem}")
     };
@@ -232,7 +232,7 @@ fn gltf_parts_that_cannot_be_read_are_refused_by_name() {
 fn axes_are_those_of_the_description_then_of_the_file_then_of_the_format() {
     let (at, y_up, z_up) = (Place::top("s.json"), [1.0, -3.0, 2.0], [1.0, 2.0, 3.0]);
     let forward = [3.0, 1.0, 2.0];
-    let own = Some(raw::Axes::ZForward);
+    let own = Some(MeshAxes::ZForward);
     let cases = [
         ("a.glb", None, None, y_up, true),
         ("a.glb", None, own, forward, false),

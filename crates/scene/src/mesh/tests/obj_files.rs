@@ -8,7 +8,7 @@ pub(super) fn small_obj() -> &'static str {
 }
 
 fn obj_error(text: &str) -> String {
-    let fault = obj::read(text.as_bytes()).and_then(|m| check(&m)).unwrap_err();
+    let fault = obj::read(text.as_bytes()).and_then(|m| check_mesh(&m)).unwrap_err();
     format!("{}: {}", fault.element, fault.problem)
 }
 
@@ -60,7 +60,7 @@ fn obj_faults_name_their_line() {
         assert!(message.starts_with("vertex 1: ") && message.contains("not a finite"), "{message}");
         // A vertex without a face may be anywhere.
         let mut mesh = obj::read(text.replace("f 1 2 3", "f 1 3 1").as_bytes()).unwrap();
-        check(&mesh).unwrap();
+        check_mesh(&mesh).unwrap();
         mesh.drop_unused();
         assert_eq!((mesh.vertices.len(), &mesh.faces[..]), (2, &[[0, 1, 0]][..]));
     }

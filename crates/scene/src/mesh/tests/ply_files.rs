@@ -87,7 +87,7 @@ fn ply_faults_are_told_before_memory_is_spent() {
         (String::new(), "header", ""),
     ];
     for (text, element, problem) in cases {
-        let fault = ply::read(text.as_bytes()).and_then(|m| check(&m)).unwrap_err();
+        let fault = ply::read(text.as_bytes()).and_then(|m| check_mesh(&m)).unwrap_err();
         assert_eq!(fault.element, element, "{fault:?}");
         assert!(fault.problem.contains(problem), "{fault:?}");
     }
@@ -233,7 +233,7 @@ fn binary_ply_cut_anywhere_is_refused() {
     let at = bytes.len() - 20;
     let mut not_finite = bytes.clone();
     not_finite[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
-    let fault = ply::read(&not_finite).and_then(|m| check(&m)).unwrap_err();
+    let fault = ply::read(&not_finite).and_then(|m| check_mesh(&m)).unwrap_err();
     assert_eq!(fault.element, "vertex 2");
     // A list that announces four billion corners.
     let at = bytes.len() - 16;

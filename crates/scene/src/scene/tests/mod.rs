@@ -1,5 +1,7 @@
 //! Scenes read from text: both forms, frames, routes, rules.
 
+use std::path::Path;
+
 use glam::DVec3;
 
 use super::*;

@@ -1,6 +1,20 @@
-//! Rows of comma-separated numbers, as vendors and spreadsheets write them: any line ends, cells in quotes.
+//! Sensor files of comma-separated numbers, from Hesai, Livox and RoboSense: any line ends, cells in quotes.
+//!
+//! - Hesai's angle correction: degrees; offsets count clockwise with the encoder. A version may stand above the
+//!   titles, and a SHA-256 below the last channel.
+//! - Livox's scan patterns, which do not repeat from frame to frame: seconds and degrees; azimuths count
+//!   counter-clockwise, zenith angles down from +z (livox_laser_simulation, livox_points_plugin.cpp).
+//! - RoboSense's angles of the ROS driver, without titles: degrees; elevations alone, or with azimuth offsets that
+//!   count clockwise (the driver adds them to the encoder and takes y = -sin; ros_rslidar, rawdata.cc).
 
-use super::pattern::quoted;
+use std::collections::BTreeSet;
+use std::f64::consts::{PI, TAU};
+
+use super::pattern::{
+    self, Beams, MAX_BEAMS, SensorFormat, SensorPattern, azimuth, channel, check_count, direction,
+    quoted,
+};
+use sightline_files::Note;
 use sightline_files::json::check::bad;
 use sightline_files::json::{DescriptionError, Place};
 
@@ -30,18 +44,18 @@ pub(super) fn column(cells: &[&str], title: &str) -> Option<usize> {
 }
 
 /// True if a title begins with a word, whatever its case.
-pub(super) fn begins(cell: &str, word: &str) -> bool {
+fn begins(cell: &str, word: &str) -> bool {
     cell.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word))
 }
 
 /// Titles that begin with none of the known words and name something.
-pub(super) fn unknown<'a>(titles: &[&'a str], known: &[&str]) -> Vec<&'a str> {
+fn unknown<'a>(titles: &[&'a str], known: &[&str]) -> Vec<&'a str> {
     let is_known = |title: &str| title.is_empty() || known.iter().any(|word| begins(title, word));
     titles.iter().copied().filter(|title| !is_known(title)).collect()
 }
 
 /// Refuses a column whose title names radians; tables of vendors have degrees.
-pub(super) fn in_degrees(at: &Place, title: &str) -> Result<(), DescriptionError> {
+fn in_degrees(at: &Place, title: &str) -> Result<(), DescriptionError> {
     if title.to_ascii_lowercase().contains("rad") {
         return Err(bad(at, quoted(title), "a column of degrees; convert it"));
     }
@@ -49,16 +63,12 @@ pub(super) fn in_degrees(at: &Place, title: &str) -> Result<(), DescriptionError
 }
 
 /// The place of a row.
-pub(super) fn line(at: &Place, number: usize) -> Place {
+pub(super) fn at_line(at: &Place, number: usize) -> Place {
     at.key(&format!("line {number}"))
 }
 
 /// Refuses a row with more cells than there are columns: decimal commas split numbers.
-pub(super) fn check_width(
-    at: &Place,
-    cells: &[&str],
-    columns: usize,
-) -> Result<(), DescriptionError> {
+fn check_width(at: &Place, cells: &[&str], columns: usize) -> Result<(), DescriptionError> {
     match cells.iter().skip(columns).find(|cell| !cell.is_empty()) {
         None => Ok(()),
         Some(_) => {
@@ -69,10 +79,185 @@ pub(super) fn check_width(
 }
 
 /// The number in a cell.
-pub(super) fn number(at: &Place, cells: &[&str], column: usize) -> Result<f64, DescriptionError> {
+fn number_in(at: &Place, cells: &[&str], column: usize) -> Result<f64, DescriptionError> {
     let cell = cells.get(column).copied().unwrap_or_default();
     match cell.parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number),
         _ => Err(bad(at, quoted(cell), format!("a number in column {}, as 1.5", column + 1))),
     }
+}
+
+/// Titles that are read, and of the channel's number.
+const HESAI_TITLES: [&str; 4] = ["elevation", "azimuth", "channel", "laser"];
+
+pub(super) fn parse_hesai(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
+    let mut rows = rows(text).filter(|(_, cells)| !is_version(cells));
+    let (line, titles) = rows.next().unwrap_or_default();
+    let title_at = at_line(at, line);
+    let find = |title| {
+        let column = column(&titles, title).ok_or_else(|| {
+            bad(&title_at, quoted(&titles.join(",")), format!("a row of titles with `{title}`"))
+        })?;
+        in_degrees(&title_at, titles[column]).map(|()| column)
+    };
+    let (elevation, azimuth) = (find("elevation")?, find("azimuth")?);
+    let number = column(&titles, "channel").or(column(&titles, "laser"));
+    let mut numbers = BTreeSet::new();
+    let mut channels = Vec::new();
+    for (line, cells) in rows.filter(|(_, cells)| !is_checksum(cells)) {
+        let at = at_line(at, line);
+        check_width(&at, &cells, titles.len())?;
+        if let Some(column) = number {
+            let number = number_in(&at, &cells, column)?;
+            // Adding 0 makes 0 of -0.
+            if !numbers.insert((number + 0.0).to_bits()) {
+                return Err(bad(&at, format!("channel {number}"), "listed once; it comes twice"));
+            }
+        }
+        let up = number_in(&at, &cells, elevation)?;
+        // Subtracting turns the sign without making -0 of 0.
+        let offset = 0.0 - number_in(&at, &cells, azimuth)?;
+        channels.push(channel((&at, up), (&at, offset))?);
+    }
+    check_count(at, channels.len())?;
+    let mut notes = Vec::new();
+    notes.extend(pattern::unread(&title_at, &unknown(&titles, &HESAI_TITLES)));
+    notes.extend(gap(at, &numbers));
+    Ok(SensorPattern {
+        notes,
+        ..SensorPattern::new(SensorFormat::Hesai, Beams::Channels(channels))
+    })
+}
+
+/// A doubt where channels are numbered from 0 or 1 on and one is left out.
+fn gap(at: &Place, numbers: &BTreeSet<u64>) -> Option<Note> {
+    let sorted = || numbers.iter().map(|bits| f64::from_bits(*bits));
+    let (first, last) = (sorted().fold(f64::INFINITY, f64::min), sorted().fold(0.0, f64::max));
+    let span = last - first + 1.0;
+    let text = format!(
+        "{at}: lists {} channels, numbered from {first} to {last}: are {} left out?",
+        numbers.len(),
+        span - numbers.len() as f64
+    );
+    (!numbers.is_empty() && span > numbers.len() as f64).then(|| Note::doubt(text))
+}
+
+/// True if a row is the SHA-256 of those above it.
+fn is_checksum(cells: &[&str]) -> bool {
+    let is_hash = |cell: &str| cell.len() == 64 && cell.bytes().all(|b| b.is_ascii_hexdigit());
+    is_hash(cells[0]) && cells[1..].iter().all(|cell| cell.is_empty())
+}
+
+/// Seconds of a frame, unless a window is given.
+const FRAME: f64 = 0.1;
+/// Columns of a pattern without titles.
+const LIVOX_COLUMNS: [usize; 3] = [0, 1, 2];
+/// Titles that are read.
+const LIVOX_TITLES: [&str; 3] = ["time", "azimuth", "zenith"];
+
+pub(super) fn parse_livox(
+    at: &Place,
+    text: &str,
+    window: Option<[f64; 2]>,
+) -> Result<SensorPattern, DescriptionError> {
+    let mut rows = rows(text).peekable();
+    let (mut notes, mut width) = (Vec::new(), LIVOX_COLUMNS.len());
+    let columns = match rows.peek() {
+        Some((line, cells)) if column(cells, "zenith").is_some() => {
+            let title_at = at_line(at, *line);
+            let found = columns_of(&title_at, cells)?;
+            notes.extend(pattern::unread(&title_at, &unknown(cells, &LIVOX_TITLES)));
+            width = cells.len();
+            rows.next();
+            found
+        }
+        _ => LIVOX_COLUMNS,
+    };
+    let (mut directions, mut window, mut samples) = (Vec::new(), window, 0_u64);
+    let mut largest = [0.0_f64; 2];
+    for (line, cells) in rows {
+        let at = at_line(at, line);
+        check_width(&at, &cells, width)?;
+        let [time, across, zenith] = columns.map(|column| number_in(&at, &cells, column));
+        let (time, across, zenith) = (time?, azimuth(&at, across?)?, zenith?);
+        if !(0.0..=180.0).contains(&zenith) {
+            return Err(bad(&at, zenith, "a zenith angle from 0 to 180 degrees"));
+        }
+        samples += 1;
+        largest = [largest[0].max(across.abs()), largest[1].max(zenith)];
+        let [from, to] = *window.get_or_insert([time, time + FRAME]);
+        if (from..to).contains(&time) {
+            directions.push(direction(across, 90.0 - zenith));
+        }
+    }
+    let [from, to] = window.unwrap_or_default();
+    if directions.is_empty() || directions.len() as u64 > MAX_BEAMS {
+        let found = format!("{} of {samples} samples from {from} to {to} s", directions.len());
+        return Err(bad(at, found, format!("a frame of 1 to {MAX_BEAMS} beams; give a `window`")));
+    }
+    notes.insert(
+        0,
+        Note::fact(format!(
+            "The frame is the window from {from} to {to} s: {} of {samples} samples. The sensor goes on with \
+             others; here every frame has these.",
+            directions.len()
+        )),
+    );
+    notes.extend(doubts(at, largest, directions.len(), samples));
+    let beams = Beams::Directions(directions);
+    Ok(SensorPattern { notes, ..SensorPattern::new(SensorFormat::Livox, beams) })
+}
+
+/// Units that most likely are not degrees and seconds: azimuths within 2π and zeniths within π, and frames of
+/// next to no samples.
+fn doubts(at: &Place, [across, zenith]: [f64; 2], taken: usize, samples: u64) -> Vec<Note> {
+    let mut notes = Vec::new();
+    if samples >= 10 && across <= TAU && zenith <= PI {
+        notes.push(Note::doubt(format!(
+            "{at}: azimuths reach {across:.3} and zenith angles {zenith:.3} degrees: radians? Write degrees."
+        )));
+    }
+    if samples >= 1000 && taken < 10 {
+        notes.push(Note::doubt(format!(
+            "{at}: {taken} of {samples} samples lie in the frame: are times in seconds? Convert them, or give a `window`."
+        )));
+    }
+    notes
+}
+
+/// Columns of time, azimuth and zenith by their titles.
+fn columns_of(at: &Place, titles: &[&str]) -> Result<[usize; 3], DescriptionError> {
+    let find = |title| {
+        column(titles, title).ok_or_else(|| {
+            let wanted = format!("a row of titles with `{title}`");
+            bad(at, quoted(&titles.join(",")), wanted)
+        })
+    };
+    let columns = [find("time")?, find("azimuth")?, find("zenith")?];
+    let title = titles[columns[0]].to_ascii_lowercase();
+    let unit = title.trim_start_matches("time").trim_matches(|c: char| !c.is_alphabetic());
+    if ["ms", "us", "µs", "ns", "msec", "usec", "nsec"].contains(&unit) {
+        return Err(bad(at, quoted(titles[columns[0]]), "a column of seconds; convert it"));
+    }
+    columns[1..].iter().try_for_each(|&column| in_degrees(at, titles[column]))?;
+    Ok(columns)
+}
+
+pub(super) fn parse_robosense(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
+    let mut channels = Vec::new();
+    let mut columns = None;
+    for (line, cells) in rows(text) {
+        let at = at_line(at, line);
+        let wanted = *columns.get_or_insert(cells.len());
+        if cells.len() != wanted {
+            let wanted = format!("a row of {wanted} columns, as the first one");
+            return Err(bad(&at, quoted(&cells.join(",")), wanted));
+        }
+        let elevation = number_in(&at, &cells, 0)?;
+        // Subtracting turns the sign without making -0 of 0.
+        let offset = if wanted == 2 { 0.0 - number_in(&at, &cells, 1)? } else { 0.0 };
+        channels.push(channel((&at, elevation), (&at, offset))?);
+    }
+    check_count(at, channels.len())?;
+    Ok(SensorPattern::new(SensorFormat::RoboSense, Beams::Channels(channels)))
 }

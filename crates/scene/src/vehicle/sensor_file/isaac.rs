@@ -5,10 +5,9 @@
 
 use serde::Deserialize;
 
-use super::keys::{self, Passed, Rest};
 use super::pattern::{
-    Beams, Channel, MAX_BEAMS, Measures, SensorFormat, SensorPattern, azimuth, channel,
-    check_count, direction, quoted,
+    self, Beams, Channel, MAX_BEAMS, Measures, Passed, Rest, SensorFormat, SensorPattern, azimuth,
+    channel, check_count, direction, quoted,
 };
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
@@ -42,16 +41,16 @@ const PASSED: Passed = &[
 ];
 
 #[derive(Deserialize)]
-struct File {
+struct IsaacFile {
     name: Option<String>,
-    profile: Profile,
+    profile: IsaacProfile,
     #[serde(flatten)]
     rest: Rest,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-struct Profile {
+struct IsaacProfile {
     scan_type: Option<String>,
     rotation_direction: Option<String>,
     near_range_m: Option<f64>,
@@ -70,14 +69,14 @@ struct Profile {
     emitter_state_count: Option<u64>,
     num_rays_per_line: Option<Vec<u64>>,
     #[serde(default)]
-    emitter_states: Vec<State>,
+    emitter_states: Vec<EmitterState>,
     #[serde(flatten)]
     rest: Rest,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-struct State {
+struct EmitterState {
     azimuth_deg: Vec<f64>,
     elevation_deg: Vec<f64>,
     #[serde(default)]
@@ -89,9 +88,9 @@ struct State {
 }
 
 pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
-    let File { name, profile, rest } = json::parse(text, &at.file)?;
+    let IsaacFile { name, profile, rest } = json::parse(text, &at.file)?;
     let model = name.map(|name| check::text(&at.key("name"), name)).transpose()?;
-    let top = keys::unknown(at, &rest, PASSED);
+    let top = pattern::unknown(at, &rest, PASSED);
     let at = at.key("profile");
     let list = at.key("emitterStates");
     check_counts(&at, &list, &profile)?;
@@ -108,10 +107,12 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
     pattern.model = model;
     pattern.measures = measures(&at, &profile, &mut pattern.notes)?;
     pattern.notes.extend(top);
-    pattern.notes.extend(keys::unknown(&at, &profile.rest, PASSED));
+    pattern.notes.extend(pattern::unknown(&at, &profile.rest, PASSED));
     let states = profile.emitter_states.iter().enumerate();
     pattern.notes.extend(
-        states.filter_map(|(s, state)| keys::unknown(&list.item(s), &state.rest, PASSED)).take(1),
+        states
+            .filter_map(|(s, state)| pattern::unknown(&list.item(s), &state.rest, PASSED))
+            .take(1),
     );
     let offsets =
         profile.emitter_states.iter().flat_map(|s| s.hor_offset_m.iter().chain(&s.vert_offset_m));
@@ -125,7 +126,7 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
 }
 
 /// Refuses lists of other lengths than each other and than the counts beside them.
-fn check_counts(at: &Place, list: &Place, profile: &Profile) -> Result<(), DescriptionError> {
+fn check_counts(at: &Place, list: &Place, profile: &IsaacProfile) -> Result<(), DescriptionError> {
     let states = &profile.emitter_states;
     if states.is_empty() {
         return Err(bad(list, "a list of 0", "a list of at least one emitter state"));
@@ -163,7 +164,7 @@ fn check_counts(at: &Place, list: &Place, profile: &Profile) -> Result<(), Descr
 }
 
 /// Azimuths between which the sensor measures, in degrees, the smaller first; `None` for a whole turn.
-fn window(at: &Place, profile: &Profile) -> Result<Option<[f64; 2]>, DescriptionError> {
+fn window(at: &Place, profile: &IsaacProfile) -> Result<Option<[f64; 2]>, DescriptionError> {
     let pairs = [
         ("startAzimuthDeg", profile.start_azimuth_deg, "endAzimuthDeg", profile.end_azimuth_deg),
         (
@@ -209,7 +210,7 @@ fn window(at: &Place, profile: &Profile) -> Result<Option<[f64; 2]>, Description
 /// Ranges and errors, checked.
 fn measures(
     at: &Place,
-    profile: &Profile,
+    profile: &IsaacProfile,
     notes: &mut Vec<Note>,
 ) -> Result<Measures, DescriptionError> {
     let within = |key: &str, value: Option<f64>, low: f64, high: f64| match value {
@@ -242,7 +243,7 @@ fn measures(
 fn rotary(
     at: &Place,
     list: &Place,
-    profile: &Profile,
+    profile: &IsaacProfile,
     window: Option<[f64; 2]>,
 ) -> Result<SensorPattern, DescriptionError> {
     let states = profile.emitter_states.len();
@@ -276,35 +277,37 @@ fn rotary(
             channels.push(channel((&up_at.item(e), up), (&across_at.item(e), offset))?);
         }
     }
-    let azimuth_steps = ticks.map(|ticks| (ticks / states) as u32);
     let mut pattern = SensorPattern::new(SensorFormat::Isaac, Beams::Channels(channels));
-    pattern.azimuth_steps = azimuth_steps;
-    if let Some([from, to]) = window {
-        // Without columns of its own the window ends where the file says.
-        let step = azimuth_steps.map_or(EDGE, |steps| 360.0 / f64::from(steps));
-        let [first, last] =
-            [((from - EDGE) / step).ceil() * step, ((to + EDGE) / step).floor() * step];
-        if last < first {
-            let found = format!("{from} to {to} degrees");
-            return Err(bad(
-                at,
-                found,
-                format!("a window that holds a column, one every {step} degrees"),
-            ));
-        }
-        pattern.azimuth =
-            Some(if last > 360.0 { [first - 360.0, last - 360.0] } else { [first, last] });
-        pattern.notes.push(Note::fact(format!(
-            "The profile measures from {from} to {to} degrees; only columns of this window are cast."
-        )));
+    pattern.azimuth_steps = ticks.map(|ticks| (ticks / states) as u32);
+    if let Some(window) = window {
+        cut(at, &mut pattern, window)?;
     }
     Ok(pattern)
+}
+
+/// Leaves the whole columns of a window in degrees.
+fn cut(at: &Place, pattern: &mut SensorPattern, window: [f64; 2]) -> Result<(), DescriptionError> {
+    let [from, to] = window;
+    // Without columns of its own the window ends where the file says.
+    let step = pattern.azimuth_steps.map_or(EDGE, |steps| 360.0 / f64::from(steps));
+    let [first, last] = [((from - EDGE) / step).ceil() * step, ((to + EDGE) / step).floor() * step];
+    if last < first {
+        let found = format!("{from} to {to} degrees");
+        let wanted = format!("a window that holds a column, one every {step} degrees");
+        return Err(bad(at, found, wanted));
+    }
+    pattern.azimuth =
+        Some(if last > 360.0 { [first - 360.0, last - 360.0] } else { [first, last] });
+    pattern.notes.push(Note::fact(format!(
+        "The profile measures from {from} to {to} degrees; only columns of this window are cast."
+    )));
+    Ok(())
 }
 
 /// Emitters of the first state as directions: each scan takes one state.
 fn solid_state(
     list: &Place,
-    profile: &Profile,
+    profile: &IsaacProfile,
     window: Option<[f64; 2]>,
 ) -> Result<SensorPattern, DescriptionError> {
     let (at, state) = (list.item(0), &profile.emitter_states[0]);

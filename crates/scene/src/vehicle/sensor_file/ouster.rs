@@ -6,9 +6,11 @@
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::keys::{self, Answer, Passed, Rest};
-use super::ouster_columns::{MAX_COLUMNS, Window};
-use super::pattern::{Beams, Measures, SensorFormat, SensorPattern, channels_of, quoted};
+use super::ouster_columns::ColumnWindow;
+use super::pattern::{
+    self, Answer, Beams, MAX_COLUMNS, Measures, Passed, Rest, SensorFormat, SensorPattern,
+    channels_of, quoted,
+};
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{self, DescriptionError, Place};
@@ -44,7 +46,7 @@ const PASSED: Passed = &[
 
 #[derive(Deserialize)]
 struct Metadata {
-    beam_intrinsics: Option<Answer<Beam>>,
+    beam_intrinsics: Option<Answer<BeamIntrinsics>>,
     sensor_info: Option<Answer<Info>>,
     config_params: Option<Answer<Config>>,
     lidar_data_format: Option<Answer<DataFormat>>,
@@ -65,7 +67,7 @@ struct Metadata {
 }
 
 #[derive(Deserialize)]
-struct Beam {
+struct BeamIntrinsics {
     beam_altitude_angles: Option<Vec<f64>>,
     beam_azimuth_angles: Option<Vec<f64>>,
     lidar_origin_to_beam_origin_mm: Option<Value>,
@@ -153,8 +155,11 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
 }
 
 /// The angles, from one of the two places where they stand.
-fn beams_of(at: &Place, file: &mut Metadata) -> Result<(Place, Beam, Vec<Note>), DescriptionError> {
-    let flat = Beam {
+fn beams_of(
+    at: &Place,
+    file: &mut Metadata,
+) -> Result<(Place, BeamIntrinsics, Vec<Note>), DescriptionError> {
+    let flat = BeamIntrinsics {
         beam_altitude_angles: file.beam_altitude_angles.take(),
         beam_azimuth_angles: file.beam_azimuth_angles.take(),
         lidar_origin_to_beam_origin_mm: file.lidar_origin_to_beam_origin_mm.take(),
@@ -171,7 +176,7 @@ fn beams_of(at: &Place, file: &mut Metadata) -> Result<(Place, Beam, Vec<Note>),
         other => other.and_then(|answer| answer.or_note(&nested_at, &mut notes)),
     };
     let Some(nested) = nested else { return Ok((at.clone(), flat, notes)) };
-    notes.extend(keys::unknown(&nested_at, &nested.rest, PASSED));
+    notes.extend(pattern::unknown(&nested_at, &nested.rest, PASSED));
     let differ = |a: &Option<Vec<f64>>, b: &Option<Vec<f64>>| a.is_some() && b.is_some() && a != b;
     if differ(&flat.beam_altitude_angles, &nested.beam_altitude_angles)
         || differ(&flat.beam_azimuth_angles, &nested.beam_azimuth_angles)
@@ -183,13 +188,18 @@ fn beams_of(at: &Place, file: &mut Metadata) -> Result<(Place, Beam, Vec<Note>),
 }
 
 /// Reads all but the angles: windows, origin, model, firmware. Broken parts that no beam depends on become notes.
-fn facts(at: &Place, file: Metadata, beam: &Beam, list: &Place) -> Result<Facts, DescriptionError> {
+fn facts(
+    at: &Place,
+    file: Metadata,
+    beam: &BeamIntrinsics,
+    list: &Place,
+) -> Result<Facts, DescriptionError> {
     let mut facts = Facts::default();
     let notes = &mut facts.notes;
-    notes.extend(keys::unknown(at, &file.rest, PASSED));
+    notes.extend(pattern::unknown(at, &file.rest, PASSED));
     let info_at = at.key("sensor_info");
     let info = file.sensor_info.and_then(|info| info.or_note(&info_at, notes));
-    notes.extend(info.as_ref().and_then(|info| keys::unknown(&info_at, &info.rest, PASSED)));
+    notes.extend(info.as_ref().and_then(|info| pattern::unknown(&info_at, &info.rest, PASSED)));
     let (line, firmware) = info.map_or((None, None), |info| (info.prod_line, info.build_rev));
     let line = line.or(file.prod_line);
     let firmware = text(&at.key("build_rev"), firmware.or(file.build_rev), notes);
@@ -197,8 +207,9 @@ fn facts(at: &Place, file: Metadata, beam: &Beam, list: &Place) -> Result<Facts,
     facts.prod_line = text(&at.key("prod_line"), line, notes);
     let config_at = at.key("config_params");
     let config = file.config_params.and_then(|config| config.or_note(&config_at, notes));
-    notes
-        .extend(config.as_ref().and_then(|config| keys::unknown(&config_at, &config.rest, PASSED)));
+    notes.extend(
+        config.as_ref().and_then(|config| pattern::unknown(&config_at, &config.rest, PASSED)),
+    );
     let (mode, window) = config.map_or((None, None), |c| (c.lidar_mode, c.azimuth_window));
     facts.mode = text(&at.key("lidar_mode"), mode.or(file.lidar_mode), notes);
     facts.azimuth_window = window.or(file.azimuth_window);
@@ -209,14 +220,14 @@ fn facts(at: &Place, file: Metadata, beam: &Beam, list: &Place) -> Result<Facts,
         let Some(format) = format.and_then(|format| format.or_note(&format_at, notes)) else {
             continue;
         };
-        notes.extend(keys::unknown(&format_at, &format.rest, PASSED));
+        notes.extend(pattern::unknown(&format_at, &format.rest, PASSED));
         facts.columns = facts.columns.or(format.columns_per_frame);
         facts.column_window = facts.column_window.or(format.column_window);
         facts.rows = facts.rows.or(format.pixels_per_column);
     }
     let lidar_at = at.key("lidar_intrinsics");
     let lidar = file.lidar_intrinsics.and_then(|lidar| lidar.or_note(&lidar_at, notes));
-    notes.extend(lidar.as_ref().and_then(|lidar| keys::unknown(&lidar_at, &lidar.rest, PASSED)));
+    notes.extend(lidar.as_ref().and_then(|lidar| pattern::unknown(&lidar_at, &lidar.rest, PASSED)));
     let transform = lidar.and_then(|lidar| lidar.lidar_to_sensor_transform);
     let transform = transform.or(file.lidar_to_sensor_transform);
     facts.height = entry(&at.key("lidar_to_sensor_transform"), transform.as_ref(), 11, notes);
@@ -330,12 +341,13 @@ fn window(
     notes: &mut Vec<Note>,
 ) -> Result<Option<[f64; 2]>, DescriptionError> {
     let stated = facts.column_window;
-    let stated = stated.map(|columns| Window::of_columns(&at.key("column_window"), columns, steps));
+    let stated =
+        stated.map(|columns| ColumnWindow::of_columns(&at.key("column_window"), columns, steps));
     // Firmware 1 counts hundredths of a degree, later ones thousandths.
     let unit = if facts.is_firmware_1 { 10.0 } else { 1.0 };
     let of_angles = facts.azimuth_window.map(|angles| angles.map(|angle| unit * angle));
     let of_angles =
-        of_angles.map(|angles| Window::of_angles(&at.key("azimuth_window"), angles, steps));
+        of_angles.map(|angles| ColumnWindow::of_angles(&at.key("azimuth_window"), angles, steps));
     let (stated, of_angles) = (stated.transpose()?, of_angles.transpose()?);
     if let (Some(columns), Some(angles)) = (stated, of_angles)
         && !columns.is_near(&angles, steps)

@@ -3,21 +3,19 @@
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{DescriptionError, Place};
 
-/// Most columns of a frame.
-pub(super) const MAX_COLUMNS: u64 = 100_000;
 /// A turn in thousandths of a degree.
 const TURN: f64 = 360_000.0;
 
 /// Columns that follow each other.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Window {
+pub(super) struct ColumnWindow {
     /// The first one.
     first: u32,
     /// How many, at most a turn.
     pub count: u32,
 }
 
-impl Window {
+impl ColumnWindow {
     /// First and last column, both valid; the window goes through column 0 where the first one is larger.
     pub fn of_columns(
         at: &Place,

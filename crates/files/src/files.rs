@@ -1,0 +1,113 @@
+//! Files that are read and written: one guard of inputs, outputs beside their place until they are whole, folders of
+//! runs that can go on after an interruption.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `guard` | inputs of a command, and the outputs that must not replace them |
+//! | `paths` | where paths lead, names that become files, references of one file to another |
+//! | `whole` | files that are either whole or not there |
+//! | `folder`, `run_dir` | folders that are locked, files that a run was begun with, and the state of a run |
+
+mod folder;
+mod guard;
+mod paths;
+mod run_dir;
+mod whole;
+
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+pub use crate::npy::{LinePerElement, write_npy};
+pub use folder::{Input, shared_folder};
+pub use guard::{
+    Session, Temporary, is_forced, is_no_input, open, read, read_own, remove_temporaries, sweep,
+    will_read,
+};
+pub use paths::{is_sink, safe_name, safe_names, stays_inside, target, trust_paths};
+pub use run_dir::{RunDir, holds_run};
+pub use whole::{
+    begin_in, sync_disk, writable_file, write_many, write_own, write_pair, write_whole,
+};
+
+/// Why a file or folder cannot be read, written or gone on with.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FileError {
+    /// The operating system says why.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// File or folder.
+        path: PathBuf,
+        /// From the operating system.
+        source: std::io::Error,
+    },
+    /// The disk is full.
+    #[error("{}: the disk is full; make room and run again", path.display())]
+    Full {
+        /// File that did not fit.
+        path: PathBuf,
+    },
+    /// JSON of another form than expected.
+    #[error("{}: {source}", path.display())]
+    Json {
+        /// File.
+        path: PathBuf,
+        /// Where and why.
+        source: serde_json::Error,
+    },
+    /// A file or folder that must not be used so; the sentence names it and the mend.
+    #[error("{0}")]
+    Refused(String),
+}
+
+impl FileError {
+    /// Names the file or folder in an error of the operating system.
+    pub fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
+        move |source| match source.kind() {
+            ErrorKind::InvalidData => {
+                Self::Refused(format!("{}: is not UTF-8 text; save it as UTF-8", path.display()))
+            }
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
+                Self::Full { path: path.to_owned() }
+            }
+            _ => Self::Io { path: path.to_owned(), source: without_place(source) },
+        }
+    }
+
+    /// Names the file in an error of its JSON.
+    pub fn json(path: &Path) -> impl FnOnce(serde_json::Error) -> Self + '_ {
+        move |source| match source.io_error_kind() {
+            Some(kind) => Self::io(path)(kind.into()),
+            None => Self::Json { path: path.to_owned(), source },
+        }
+    }
+}
+
+/// Removes from an error the temporary path that `tempfile` adds: the user has never named it.
+fn without_place(source: std::io::Error) -> std::io::Error {
+    let text = source.to_string();
+    match text.split_once(" at path \"") {
+        Some((cause, _)) if source.get_ref().is_some() => {
+            std::io::Error::new(source.kind(), cause.to_owned())
+        }
+        _ => source,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_and_a_temporary_file_are_told_by_the_name_that_the_user_gave() {
+        let path = Path::new("scores.json");
+        let full = FileError::io(path)(ErrorKind::StorageFull.into());
+        assert_eq!(full.to_string(), "scores.json: the disk is full; make room and run again");
+        let json = serde_json::Error::io(ErrorKind::QuotaExceeded.into());
+        assert_eq!(FileError::json(path)(json).to_string(), full.to_string());
+        let nowhere = tempfile::Builder::new().tempfile_in("/no/such/folder").unwrap_err();
+        assert!(nowhere.to_string().contains("/no/such/folder"), "{nowhere}");
+        let told = FileError::io(path)(nowhere).to_string();
+        assert!(told.starts_with("scores.json: ") && !told.contains("/no/such"), "{told}");
+    }
+}

@@ -1,0 +1,84 @@
+//! Weather and faults in scans, computed for each beam.
+
+mod condition;
+mod faults;
+mod fog;
+mod snow;
+mod snow_tables;
+#[cfg(test)]
+mod tests;
+
+use crate::Status;
+use crate::chance::Purpose;
+
+pub use condition::{Condition, ConditionError, ConditionKind};
+pub use faults::{Crosstalk, IncompleteEcho, MotionBlur, WetGround, holds_water};
+pub use fog::Fog;
+pub use snow::{FallEffect, Falling, Flake, JoinedEcho};
+
+/// Weather and sensor faults of a scan; clear air by default.
+#[derive(Debug, Clone, Default)]
+pub struct Weather {
+    /// Fog in the air.
+    pub fog: Option<Fog>,
+    /// Water on the ground.
+    pub wet: Option<WetGround>,
+    /// Snow in the air.
+    pub snow: Option<Falling>,
+    /// Rain in the air.
+    pub rain: Option<Falling>,
+    /// The sensor's motion left in the points.
+    pub blur: Option<MotionBlur>,
+    /// Pulses of other sensors.
+    pub crosstalk: Option<Crosstalk>,
+    /// Vehicles that mirror beams away.
+    pub echo: Option<IncompleteEcho>,
+}
+
+/// Conditions as they are written, one after the other.
+pub fn in_words(conditions: &[Condition]) -> Vec<String> {
+    conditions.iter().map(Condition::to_string).collect()
+}
+
+/// Words to append to a result: `, under fog:…`; empty in clear air.
+pub fn under(conditions: &[String]) -> String {
+    match conditions {
+        [] => String::new(),
+        all => format!(", under {}", all.join(" and ")),
+    }
+}
+
+impl Weather {
+    /// Snow and rain, each with the purpose of its draws and the status of its echoes.
+    pub fn falls(&self) -> impl Iterator<Item = (&Falling, Purpose, Status)> {
+        let snow = self.snow.iter().map(|snow| (snow, Purpose::Snow, Status::Snow));
+        snow.chain(self.rain.iter().map(|rain| (rain, Purpose::Rain, Status::Rain)))
+    }
+}
+
+/// The weather that conditions make together.
+///
+/// # Errors
+/// A condition given twice.
+pub fn weather(conditions: &[Condition]) -> Result<Weather, ConditionError> {
+    let mut weather = Weather::default();
+    for (place, condition) in conditions.iter().enumerate() {
+        let kind = condition.kind();
+        if conditions[..place].iter().any(|other| other.kind() == kind) {
+            return Err(ConditionError::Repeated { condition: kind.name() });
+        }
+        let value = |key: &str| condition.value(key).unwrap_or(0.0);
+        match kind {
+            ConditionKind::Fog => weather.fog = Some(Fog::new(value("mor"), value("gain"))),
+            ConditionKind::Wet => weather.wet = Some(WetGround::new(value("water"))),
+            ConditionKind::Snow => {
+                weather.snow = Some(Falling::snow(value("rate"), value("speed")))
+            }
+            ConditionKind::Rain => weather.rain = Some(Falling::rain(value("rate"))),
+            ConditionKind::Blur => weather.blur = Some(MotionBlur::new(value("share"))),
+            ConditionKind::Crosstalk => weather.crosstalk = Some(Crosstalk::new(value("share"))),
+            ConditionKind::Echo => weather.echo = Some(IncompleteEcho::new(value("ratio"))),
+        }
+    }
+    Ok(weather)
+}

@@ -1,0 +1,148 @@
+//! A problem, ready to be computed: the task of the engines, and the rules of the mount.
+
+mod assemble;
+
+use std::ops::Deref;
+use std::sync::Arc;
+
+use crate::vehicle::{Constraints, Sensors, TargetRule};
+use lidar_cast::memory::OutOfMemory;
+
+pub use assemble::{content_of, world_of, world_of_parts};
+pub use lidar_cast::task::{
+    Air, Content, DevicePose, Entropy, Frame, HIT_PUSH, Instance, KINDS, Modelled, OccupiedVoxel,
+    RequiredArea, Requirement, SensorBatch, StageTimes, Tally, Task, World, beam_direction,
+    beam_origin, spread,
+};
+
+/// Error of parts that make no problem.
+#[derive(Debug, thiserror::Error, PartialEq)]
+#[non_exhaustive]
+pub enum ProblemError {
+    /// The P-SOG and the scene do not describe the same voxels.
+    #[error(
+        "the P-SOG has {psog} and the scene's roi {scene}; build the P-SOG with the same roi or \
+         correct the roi"
+    )]
+    GridMismatch {
+        /// Grid of the P-SOG in words.
+        psog: String,
+        /// Grid of the scene in words.
+        scene: String,
+    },
+    /// A part of space that must be seen has no voxel.
+    #[error(
+        "require[{index}]: `{name}` holds no voxel of the scene's roi, so that no share of it can be seen; move it \
+         into the roi, or take less of it away with `without`"
+    )]
+    EmptyArea {
+        /// Position in the vehicle's `require`.
+        index: usize,
+        /// Name on the vehicle.
+        name: String,
+    },
+    /// Targets must be met where beams end at nothing.
+    #[error(
+        "the vehicle requires `{name}`, and beams end at nothing in this scene; give the scene geometry and \
+         \"coverage\": \"first-hit\", or leave the target out of `require`"
+    )]
+    TargetWithoutHits {
+        /// Name of the first rule on a target.
+        name: String,
+    },
+    /// The trees do not fit into memory.
+    #[error(transparent)]
+    OutOfMemory(#[from] OutOfMemory),
+}
+
+/// All that is fixed while placements vary: the [`Task`] of the engines, whose methods it has, and the rules that
+/// placements keep.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    task: Arc<Task>,
+    constraints: Constraints,
+    /// Own body alone, in the ego frame.
+    body: Frame,
+    /// Targets that must be met.
+    target_rules: Arc<[TargetRule]>,
+}
+
+impl Deref for Problem {
+    type Target = Task;
+
+    fn deref(&self) -> &Task {
+        &self.task
+    }
+}
+
+impl From<Task> for Problem {
+    /// A problem without rules of a mount.
+    fn from(task: Task) -> Self {
+        let (constraints, body) = (Constraints::default(), Frame::default());
+        Self { task: Arc::new(task), constraints, body, target_rules: [].into() }
+    }
+}
+
+impl Problem {
+    /// Task that engines are opened for.
+    pub fn task(&self) -> &Arc<Task> {
+        &self.task
+    }
+
+    /// Rules of the mount: none where the problem was put together without.
+    pub fn constraints(&self) -> &Constraints {
+        &self.constraints
+    }
+
+    /// Own body alone, in the ego frame; without triangles where the scene has no body.
+    pub fn body(&self) -> &Frame {
+        &self.body
+    }
+
+    /// Targets that must be met.
+    pub fn target_rules(&self) -> &[TargetRule] {
+        &self.target_rules
+    }
+
+    /// A copy with other rules of the mount.
+    pub fn with_constraints(self, constraints: Constraints) -> Self {
+        Self { constraints, ..self }
+    }
+
+    /// A copy with other sensor models.
+    pub fn with_sensors(self, sensors: impl Into<Sensors>) -> Self {
+        self.changed(|task| task.with_sensors(sensors))
+    }
+
+    /// A copy with other information in its voxels.
+    pub fn with_content(self, content: impl Into<Arc<Content>>) -> Self {
+        self.changed(|task| task.with_content(content))
+    }
+
+    /// A copy with areas that must be seen.
+    pub fn with_areas(self, required: &[Requirement]) -> Self {
+        self.changed(|task| task.with_areas(required))
+    }
+
+    /// A copy in air that keeps beams from coming back: they then cover less.
+    pub fn in_air(self, air: Arc<dyn Air>) -> Self {
+        self.changed(|task| task.in_air(air))
+    }
+
+    /// A copy over some of its frames, with the same trees and content.
+    ///
+    /// # Panics
+    /// A frame that does not exist.
+    pub fn over(&self, frames: &[usize]) -> Self {
+        self.clone().changed(|task| task.over(frames))
+    }
+
+    /// A copy with mirrored sensors; see [`Task::mirrored`].
+    pub fn mirrored(&self) -> Self {
+        self.clone().changed(|task| task.mirrored())
+    }
+
+    fn changed(self, change: impl FnOnce(Task) -> Task) -> Self {
+        Self { task: Arc::new(change(Arc::unwrap_or_clone(self.task))), ..self }
+    }
+}

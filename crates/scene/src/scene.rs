@@ -1,0 +1,329 @@
+//! The scene file: reading it, checking it, its rigid parts, and one triangle soup a frame.
+//!
+//! A scene names a region of interest, a vehicle and, in its full form, geometry: a static
+//! world, actors that move through it and the body of the ego vehicle. A `lidar` and a `mount` become a vehicle of
+//! one model on one mount here, and nothing else reads them. Every key is explained in
+//! `scenes/README.md`. Reading loads every mesh once and keeps the world in `f64`; a frame moves
+//! it into the ego frame and only then rounds it to `f32`, and so does a part with its own frame.
+
+mod classes;
+mod description;
+mod doubts;
+mod parts;
+mod polygon;
+mod reading;
+mod route;
+mod settings;
+mod shapes;
+mod solid;
+pub mod street;
+mod target;
+#[cfg(test)]
+mod tests;
+
+use std::path::PathBuf;
+use std::sync::OnceLock;
+
+use glam::DVec3;
+
+use crate::vehicle::{Constraints, Lidar, MountRules, SensorError, Sensors, Vehicle};
+use classes::Classes;
+use description::{ActorDescription, EgoDescription, ShapeDescription};
+use lidar_cast::geom::{Pose, TriangleSoup};
+use route::Motion;
+use shapes::Builder;
+use sightline_files::Note;
+use sightline_files::json::{self, check};
+use solid::Solid;
+
+pub use classes::{ActorKind, DEFAULT_CLASSES, Ground, Reflectances};
+pub use parts::{PartOwner, Track};
+pub use settings::{Coverage, PsogSource, RoiBounds, ScanSettings};
+pub use sightline_files::json::{DescriptionError, FileKind, Place};
+pub use street::street;
+pub use target::{Target, preset_targets};
+
+/// Largest scene file in bytes; ten million listed directions fit.
+const MAX_FILE: u64 = 1 << 30;
+const MAX_FRAMES: u64 = 10_000;
+/// Frames a second of a scene that does not say.
+const RATE: f64 = 10.0;
+
+/// A scene, read and checked.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    name: String,
+    classes: Classes,
+    roi: RoiBounds,
+    vehicle: Vehicle,
+    /// Sensor models, built on first use: many beams take their time.
+    sensors: OnceLock<Sensors>,
+    coverage: Coverage,
+    psog: PsogSource,
+    frames: usize,
+    /// Frames a second.
+    rate: f64,
+    /// Static triangles in the world frame.
+    world: Solid,
+    actors: Vec<Actor>,
+    /// Triangles of the ego's body in the ego frame.
+    body: Solid,
+    ego: Motion,
+    /// Transform of each part, in the frame of its owner; see [`Scene::part`].
+    origins: Vec<DVec3>,
+    reflectances: Reflectances,
+    files: Vec<PathBuf>,
+    notes: Vec<Note>,
+}
+
+/// Moving object: triangles in its own frame and a pose for each frame.
+#[derive(Debug, Clone)]
+struct Actor {
+    name: String,
+    kind: ActorKind,
+    parts: Solid,
+    motion: Motion,
+}
+
+/// Triangles of the world, the actors and the ego's body, with their motion.
+struct SceneGeometry {
+    world: Solid,
+    actors: Vec<Actor>,
+    body: Solid,
+    /// None where the scene does not say how the ego moves.
+    ego: Option<Motion>,
+}
+
+impl SceneGeometry {
+    fn new(
+        builder: &mut Builder<'_>,
+        top: &Place,
+        world: &[ShapeDescription],
+        actors: &[ActorDescription],
+        ego: Option<&EgoDescription>,
+    ) -> Result<Self, DescriptionError> {
+        let world = builder.list(&top.key("static"), world)?;
+        let actors = actors.iter().enumerate().map(|(i, actor)| {
+            let at = top.key("actors").item(i);
+            let name = actor.name.clone().unwrap_or_default();
+            let name = check::text(&at.key("name"), name)?;
+            let parts = builder.actor(&at.key("parts"), &actor.parts)?;
+            let motion = Motion::new(&at, actor.poses.as_deref(), actor.route.as_ref())?;
+            let class = parts.classes.first().map(|&class| builder.class_name(class));
+            let kind = ActorKind::read(&at.key("kind"), actor.kind.as_deref(), class)?;
+            let missing = || DescriptionError::Missing {
+                at: Box::new(at),
+                key: "poses",
+                mend: "say where the actor is, with `poses` or `route`".to_owned(),
+            };
+            Ok(Actor { name, kind, parts, motion: motion.ok_or_else(missing)? })
+        });
+        let actors = actors.collect::<Result<_, DescriptionError>>()?;
+        let none = EgoDescription { body: Vec::new(), poses: None, route: None };
+        let (ego, at) = (ego.unwrap_or(&none), top.key("ego"));
+        let body = builder.list(&at.key("body"), &ego.body)?;
+        let ego = Motion::new(&at, ego.poses.as_deref(), ego.route.as_ref())?;
+        Ok(Self { world, actors, body, ego })
+    }
+
+    fn has_geometry(&self) -> bool {
+        !self.world.faces.is_empty()
+            || !self.body.faces.is_empty()
+            || self.actors.iter().any(|a| !a.parts.faces.is_empty())
+    }
+
+    /// The number of frames: `given`, or as many as the ego has poses; whatever moves has as many.
+    fn frames(&self, top: &Place, given: Option<u64>) -> Result<usize, DescriptionError> {
+        let frames = match (given, &self.ego) {
+            (Some(n), _) => check::count(&top.key("frames"), n, 1, MAX_FRAMES)? as usize,
+            (None, Some(Motion::Poses(poses))) => {
+                let n = poses.len() as u64;
+                check::count(&top.key("ego").key("poses"), n, 1, MAX_FRAMES)? as usize
+            }
+            (None, _) => 1,
+        };
+        if !self.has_geometry() && frames > 1 {
+            return Err(DescriptionError::Misplaced {
+                at: Box::new(top.clone()),
+                key: "frames",
+                mend: "without geometry all frames are alike; add `static` or `actors`, or leave \
+                       it out"
+                    .to_owned(),
+            });
+        }
+        if let Some(ego) = &self.ego {
+            ego.check_frames(&top.key("ego"), frames)?;
+        }
+        for (i, actor) in self.actors.iter().enumerate() {
+            actor.motion.check_frames(&top.key("actors").item(i), frames)?;
+        }
+        Ok(frames)
+    }
+}
+
+/// Tells whether a frame holds the body of the ego vehicle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EgoBody {
+    /// With the body, which blocks the beams of mounted sensors.
+    Include,
+    /// Without the body: the surroundings alone.
+    Exclude,
+}
+
+impl Scene {
+    /// Likely mistakes that are no errors: a sentence each, with file and place.
+    pub fn notes(&self) -> &[Note] {
+        &self.notes
+    }
+
+    /// Name of the scene, or of its file.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Class names; the index is the class id.
+    pub fn classes(&self) -> &[String] {
+        &self.classes.names
+    }
+
+    /// Ids of the detection target in the `classes` of a P-SOG, rising; may be empty.
+    pub fn detection_among(&self, classes: &[String]) -> Vec<u16> {
+        self.classes.detection_among(classes)
+    }
+
+    /// Checks that the `classes` of a P-SOG hold every name of the scene's `detection`.
+    ///
+    /// # Errors
+    /// The first missing name.
+    pub fn check_detection(&self, classes: &[String]) -> Result<(), DescriptionError> {
+        self.classes.check_detection(classes)
+    }
+
+    /// The region of interest.
+    pub fn roi(&self) -> &RoiBounds {
+        &self.roi
+    }
+
+    /// LiDARs of the models of [`Self::sensors`], in that order; at least one.
+    pub fn lidars(&self) -> Vec<&Lidar> {
+        self.vehicle.sensors.iter().map(|model| &model.lidar).collect()
+    }
+
+    /// Adds rules to the mount; error messages call the scene `name_for_errors`.
+    ///
+    /// # Errors
+    ///
+    /// A rule that the mount does not allow, or that leaves no room for a placement; any rule where mounts are those of a
+    /// vehicle file.
+    pub fn with_rules(
+        self,
+        rules: &MountRules,
+        name_for_errors: &str,
+    ) -> Result<Self, DescriptionError> {
+        let at = Place::top(name_for_errors).key("mount");
+        Ok(Self { vehicle: self.vehicle.narrowed(&at, rules)?, ..self })
+    }
+
+    /// The vehicle; made of the scene's `lidar` and `mount` where it says these.
+    pub fn vehicle(&self) -> &Vehicle {
+        &self.vehicle
+    }
+
+    /// Sensor models of the vehicle.
+    ///
+    /// # Errors
+    /// A model without beams.
+    pub fn sensors(&self) -> Result<Sensors, SensorError> {
+        if let Some(sensors) = self.sensors.get() {
+            return Ok(sensors.clone());
+        }
+        let sensors = self.vehicle.models()?;
+        Ok(self.sensors.get_or_init(|| sensors).clone())
+    }
+
+    /// The models with ⌈n / divisor⌉ of their n azimuth steps or directions, evenly.
+    ///
+    /// # Errors
+    /// A model without beams.
+    pub fn thinned_sensors(&self, divisor: u32) -> Result<Sensors, SensorError> {
+        let thinned = self.lidars().into_iter().map(|lidar| lidar.thinned(divisor).table());
+        let mut sensors = self.sensors()?;
+        for (model, table) in thinned.enumerate() {
+            sensors = sensors.with_beams(model, table?);
+        }
+        Ok(sensors)
+    }
+
+    /// Rules of placements: of the vehicle with its fullest equipment.
+    pub fn constraints(&self) -> Constraints {
+        self.vehicle.constraints(&self.vehicle.fullest())
+    }
+
+    /// Voxels that a beam covers.
+    pub fn coverage(&self) -> Coverage {
+        self.coverage
+    }
+
+    /// Source of the P-SOG.
+    pub fn psog_source(&self) -> &PsogSource {
+        &self.psog
+    }
+
+    /// Every input file: scene, sensor, meshes with their buffers, P-SOG.
+    pub fn files(&self) -> &[PathBuf] {
+        &self.files
+    }
+
+    /// Reflectances that the scene file states, by class and by actor.
+    pub fn reflectances(&self) -> &Reflectances {
+        &self.reflectances
+    }
+
+    /// True if the static world, an actor or the ego body has a triangle.
+    pub fn has_geometry(&self) -> bool {
+        let empty = |s: &Solid| s.faces.is_empty();
+        !(empty(&self.world) && empty(&self.body) && self.actors.iter().all(|a| empty(&a.parts)))
+    }
+
+    /// Number of frames, T; 1 without geometry.
+    pub fn frame_count(&self) -> usize {
+        self.frames
+    }
+
+    /// Frames a second.
+    pub fn rate(&self) -> f64 {
+        self.rate
+    }
+
+    /// Pose of the ego in frame `t`: takes ego coordinates to world coordinates.
+    ///
+    /// # Panics
+    ///
+    /// If `t` is not below [`Scene::frame_count`].
+    pub fn ego_pose(&self, t: usize) -> Pose {
+        assert!(t < self.frames, "frame {t} of {}", self.frames);
+        self.ego.pose(t)
+    }
+
+    /// Triangles of frame `t` in the ego frame, in metres.
+    ///
+    /// Order: static world, actors as listed, ego body; face ids are the same in every frame. The copy
+    /// is as large as the scene: engines take [`Scene::part`] once and [`Scene::part_poses`] a frame.
+    ///
+    /// # Panics
+    ///
+    /// If `t` is not below [`Scene::frame_count`].
+    pub fn frame(&self, t: usize, body: EgoBody) -> TriangleSoup {
+        let ego_from_world = self.ego_pose(t).inverse();
+        let mut soup = TriangleSoup::default();
+        self.world.append_to(&mut soup, &ego_from_world);
+        for actor in &self.actors {
+            let ego_from_actor = ego_from_world.compose(&actor.motion.pose(t));
+            actor.parts.append_to(&mut soup, &ego_from_actor);
+        }
+        if body == EgoBody::Include {
+            self.body.append_to(&mut soup, &Pose::IDENTITY);
+        }
+        soup
+    }
+}

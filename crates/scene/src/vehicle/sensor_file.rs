@@ -1,0 +1,143 @@
+//! Sensor files of the vendors, told apart by content.
+
+mod binary;
+mod csv;
+mod isaac;
+mod ouster;
+mod ouster_columns;
+mod pattern;
+mod table;
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+
+use sightline_files::json::check::bad;
+use sightline_files::json::{self, DescriptionError, Place, read_limited};
+
+pub(super) use pattern::NARROWEST;
+pub use pattern::{Beams, Channel, MAX_BEAMS, MAX_CHANNELS, Measures, SensorFormat, SensorPattern};
+
+/// Largest sensor file in bytes; Livox patterns of four seconds have 25 MB.
+const MAX_SENSOR_FILE: u64 = 64 << 20;
+
+/// Reads a sensor file of any of the formats of [`SensorFormat`]; its name says nothing.
+///
+/// `window` cuts a span `[from, to)` in seconds from a pattern that lists times, the first 0.1 s by default.
+/// Signs are turned to counter-clockwise, angles to degrees, directions to the frame x forward, y left,
+/// z up. `docs/formats/sensors.md` says what each format holds and what is dropped.
+///
+/// # Errors
+/// A file that cannot be read, has no format that is read here, or breaks its rules; and a `window` for a
+/// format without times.
+pub fn read(path: &Path, window: Option<[f64; 2]>) -> Result<SensorPattern, DescriptionError> {
+    let bytes = read_limited(path, MAX_SENSOR_FILE)?;
+    let at = Place::top(&path.display().to_string());
+    let pattern = parse(&at, &bytes, window)?;
+    if window.is_some() && pattern.format != SensorFormat::Livox {
+        return Err(DescriptionError::Misplaced {
+            at: Box::new(at),
+            key: "window",
+            mend: format!("it cuts a {}, which lists times; leave it out", SensorFormat::Livox),
+        });
+    }
+    Ok(pattern)
+}
+
+fn parse(
+    at: &Place,
+    bytes: &[u8],
+    window: Option<[f64; 2]>,
+) -> Result<SensorPattern, DescriptionError> {
+    let mut pattern = parse_any(at, bytes, window)?;
+    pattern.notes.extend(pattern::doubts(at, &pattern.beams));
+    Ok(pattern)
+}
+
+fn parse_any(
+    at: &Place,
+    bytes: &[u8],
+    window: Option<[f64; 2]>,
+) -> Result<SensorPattern, DescriptionError> {
+    if binary::is_npy(bytes) {
+        return binary::parse_npy(at, bytes);
+    }
+    if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+        return Err(bad(at, "UTF-16 text", "UTF-8 text; save the file as UTF-8"));
+    }
+    let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
+    let text = match std::str::from_utf8(bytes) {
+        Ok(text) if !text.contains('\0') => text,
+        _ if binary::is_rgl(bytes) => return binary::parse_rgl(at, bytes),
+        _ => return Err(unknown(at)),
+    };
+    if table::is_velodyne(text) {
+        return table::parse_velodyne(at, text);
+    }
+    if text.trim_ascii_start().starts_with(['{', '[']) || text.trim_ascii().is_empty() {
+        return parse_json(at, text);
+    }
+    let Some((line, cells)) = csv::rows(text).find(|(_, cells)| !csv::is_version(cells)) else {
+        return Err(unknown(at));
+    };
+    if csv::column(&cells, "elevation").is_some() {
+        return csv::parse_hesai(at, text);
+    }
+    if csv::column(&cells, "zenith").is_some() {
+        return csv::parse_livox(at, text, window);
+    }
+    let first = cells.join(",");
+    let words = ["elevation", "zenith"].map(|word| first.to_ascii_lowercase().contains(word));
+    if words.contains(&true) && first.contains([';', '\t']) {
+        let wanted = "a row with commas between its columns; save the table as CSV with commas and decimal points";
+        return Err(bad(&csv::at_line(at, line), pattern::quoted(&first), wanted));
+    }
+    let is_number = |cell: &&str| cell.parse::<f64>().is_ok();
+    match (line, cells.len()) {
+        _ if !cells.iter().all(is_number) => Err(unknown(at)),
+        (_, 3) => csv::parse_livox(at, text, window),
+        (_, 1 | 2) => csv::parse_robosense(at, text),
+        _ => Err(unknown(at)),
+    }
+}
+
+/// JSON of several owners: one key of each tells them apart.
+fn parse_json(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
+    #[derive(Deserialize)]
+    struct VendorKeys {
+        elevation_deg: Option<IgnoredAny>,
+        beam_altitude_angles: Option<IgnoredAny>,
+        beam_intrinsics: Option<IgnoredAny>,
+        profile: Option<IgnoredAny>,
+    }
+    let keys: VendorKeys = json::parse(text, &at.file)?;
+    if keys.elevation_deg.is_some() {
+        table::parse(at, text)
+    } else if keys.beam_altitude_angles.is_some() || keys.beam_intrinsics.is_some() {
+        ouster::parse(at, text)
+    } else if keys.profile.is_some() {
+        isaac::parse(at, text)
+    } else {
+        Err(DescriptionError::Missing {
+            at: Box::new(at.clone()),
+            key: "elevation_deg",
+            mend: format!(
+                "list the elevation of each channel in degrees, or give a file of a format that is \
+                 read: {}",
+                listed()
+            ),
+        })
+    }
+}
+
+fn listed() -> String {
+    SensorFormat::ALL.map(|format| format.to_string()).join(", ")
+}
+
+fn unknown(at: &Place) -> DescriptionError {
+    let wanted = format!("that of a sensor file that is read here: {}", listed());
+    bad(at, "the content", wanted)
+}
