@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use serde_json::json;
 use sightline::engine::EngineChoice;
-use sightline::job::Found;
+use sightline::job::{Found, Tolerance};
 use sightline::report::{RunContext, RunRecord, RunTimes};
 use sightline::search::{Event, FrameChoice, Method, Scored, Settings, TimeLimit};
 use sightline::{Job, Objective};
@@ -139,7 +139,8 @@ fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
 /// `objective` is a score by name or a weighted sum; `method` `both`, `cma` or `swaps`; `frames` `on-demand`, `all` or a number
 /// as text. The search ends after `evaluations` and their swaps, at `target`, or after `seconds`. `baselines` are compared
 /// with (Table 7 unless given), `starts` started from. `mirror` adds the mirror image of each scene. A vehicle's sensors are
-/// chosen for at most `budget`.
+/// chosen for at most `budget`; with `fewest` as few as meet all requirements, of those the cheapest. Each requirement is
+/// looked at in 200 copies mounted within `tolerance`, a length and an angle as text, or `None`.
 ///
 /// `callback` is called with a dict for each event: `{"event": "note", "text"}`, `{"event": "generation", "generation",
 /// "evaluations", "best_so_far", …}`, `{"event": "progress", "work", "done", "total"}`. `StopIteration` raised by it ends the
@@ -148,7 +149,8 @@ fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
 #[pyfunction(name = "optimize")]
 #[pyo3(signature = (scenes, *, objective = "near_gain", evaluations = 180, seed = 1,
     method = "both", frames = "on-demand", population = None, baselines = None, starts = None,
-    target = None, seconds = None, mirror = false, budget = None, callback = None))]
+    target = None, seconds = None, mirror = false, budget = None, fewest = false,
+    tolerance = "5mm,0.5deg", callback = None))]
 #[allow(clippy::too_many_arguments)]
 pub fn search<'py>(
     py: Python<'py>,
@@ -165,6 +167,8 @@ pub fn search<'py>(
     #[pyo3(from_py_with = arguments::seconds)] seconds: Option<f64>,
     mirror: bool,
     #[pyo3(from_py_with = arguments::budget)] budget: Option<f64>,
+    fewest: bool,
+    tolerance: Option<&str>,
     callback: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let scenes = scenes_of(scenes)?;
@@ -191,7 +195,9 @@ pub fn search<'py>(
         engine,
         ..Settings::default()
     };
+    let tolerance = tolerance.map(|text| text.parse::<Tolerance>().map_err(bad)).transpose()?;
     let job = job_of(&scenes)?.mirrored(mirror).budget(budget).search(settings);
+    let job = job.fewest(fewest).tolerance(tolerance);
     let job = match baselines {
         Some(list) => job.baselines(given(Some(list))?),
         None => job,

@@ -75,7 +75,7 @@ impl<'a> StudyScene<'a> {
         placements: &[Placement],
     ) -> Result<Vec<RangeCard>, StudyError> {
         let Some(site) = self.job.target_site()? else { return Ok(Vec::new()) };
-        let cards = placements.iter().map(|placement| RangeCard::new(&site, &placement.lidars));
+        let cards = placements.iter().map(|placement| RangeCard::new(site, &placement.lidars));
         Ok(cards.collect::<Result<_, _>>().map_err(BackendError::from)?)
     }
 

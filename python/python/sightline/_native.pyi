@@ -345,5 +345,7 @@ def optimize(
     seconds: float | None = None,
     mirror: bool = False,
     budget: float | None = None,
+    fewest: bool = False,
+    tolerance: str | None = "5mm,0.5deg",
     callback: Callable[[dict[str, Any]], object] | None = None,
 ) -> Result: ...
