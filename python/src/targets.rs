@@ -56,7 +56,7 @@ impl Built {
     /// Range card of a placement; `None` where beams end at nothing.
     pub fn range_card(&self, placement: &Placement) -> PyResult<Option<RangeCard>> {
         let site = self.job.target_site().map_err(raised)?;
-        let card = site.map(|site| RangeCard::new(&site, &placement.lidars)).transpose();
+        let card = site.map(|site| RangeCard::new(site, &placement.lidars)).transpose();
         card.map_err(|unknown| bad(unknown.to_string()))
     }
 
@@ -66,7 +66,7 @@ impl Built {
         let site = site.ok_or_else(|| {
             bad("beams end at nothing in this scene; give it geometry and a body".to_owned())
         })?;
-        let table = question.on_level_ground(&site, placement);
+        let table = question.on_level_ground(site, placement);
         let table = table.map_err(|unknown| bad(unknown.to_string()))?;
         Ok(table.rows.into_iter().flat_map(|row| row.by_lidar).collect())
     }
