@@ -263,7 +263,7 @@ impl<'a> NodeWalk<'a> {
 /// Triangles of a primitive with so many corners.
 fn triangles(mode: Mode, corners: usize) -> Result<usize, String> {
     match mode {
-        Mode::Triangles if corners % 3 > 0 => {
+        Mode::Triangles if !corners.is_multiple_of(3) => {
             Err(format!("has {corners} corners, which make no whole triangles; export it again"))
         }
         Mode::Triangles => Ok(corners / 3),
