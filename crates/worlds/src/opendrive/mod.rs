@@ -6,6 +6,7 @@
 mod course;
 mod document;
 mod objects;
+mod reach;
 mod warnings;
 
 use std::collections::BTreeMap;
