@@ -57,7 +57,8 @@ pub(super) fn rig_of(source: &Source, name: Option<&str>) -> Result<Rig, RigErro
         pose: SensorPose { sensor: SensorName::default(), ..pose },
     };
     let rig = Rig { name, lidars: lidars.into_iter().enumerate().map(lidar).collect() };
-    rig.validate()?;
+    rig.validate()
+        .map_err(|source| RigError::Within { file: file.clone(), source: Box::new(source) })?;
     Ok(rig)
 }
 

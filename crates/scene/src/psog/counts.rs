@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use super::{PsogError, Roi};
 use crate::scene::RoiBounds;
+use sightline_files::json::check::MOST_CHARACTERS;
 
 impl RoiBounds {
     /// The region as a grid of voxels.
@@ -189,7 +190,8 @@ pub fn check_classes(classes: &[String]) -> Result<(), PsogError> {
     }
     let mut seen = HashMap::new();
     for (position, name) in classes.iter().enumerate() {
-        if name.is_empty() || name.contains(char::is_control) {
+        let is_long = name.chars().count() > MOST_CHARACTERS;
+        if name.is_empty() || is_long || name.contains(char::is_control) {
             return Err(PsogError::ClassName { position, name: name.clone() });
         }
         if name == "empty" {

@@ -37,9 +37,9 @@ pub enum PsogError {
     /// More classes than fit in 16 bits.
     #[error("classes has {classes} names, at most {limit} fit; merge some classes")]
     TooManyClasses { classes: usize, limit: usize },
-    /// A class name that is empty or holds a control character, as a line break is.
+    /// A class name that is empty, longer than 200 characters or holds a control character, as a line break is.
     #[error(
-        "classes[{position}] is {name:?}; a class name is not empty and holds no control character (names are joined by line breaks, the last one ends without)"
+        "classes[{position}] is {name:?}; a class name has 1 to 200 characters and holds no control character (names are joined by line breaks, the last one ends without)"
     )]
     ClassName { position: usize, name: String },
     /// The class "empty" is listed.

@@ -239,12 +239,15 @@ impl PlacementReader {
     /// The file cannot be opened, or is no JSON of the expected form.
     pub fn open(path: &Path) -> Result<Self, PlacementFileError> {
         let io = |source| PlacementFileError::Io { path: path.to_owned(), source };
+        let mut length = 0;
         let mut reader: Box<dyn BufRead> = if path == Path::new("-") {
             Box::new(BufReader::new(io::stdin()))
         } else if is_open_file(path) {
             Box::new(BufReader::new(File::open(path).map_err(io)?))
         } else {
-            Box::new(BufReader::new(files::open(path).map_err(io)?))
+            let file = files::open(path).map_err(io)?;
+            length = file.metadata().map_err(io)?.len();
+            Box::new(BufReader::new(file))
         };
         let is_document = match path.extension().and_then(|ending| ending.to_str()) {
             Some("jsonl") => false,
@@ -255,6 +258,9 @@ impl PlacementReader {
                 is_document
             }
         };
+        if is_document && length > MAX_DOCUMENT {
+            return Err(PlacementFileError::TooLarge { path: path.to_owned() });
+        }
         let source = if is_document {
             Source::Whole(document(reader, path)?.placements.into_iter())
         } else {
