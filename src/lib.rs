@@ -137,7 +137,7 @@ pub mod internals {
     pub use crate::report::study::study_plot;
     pub use crate::report::table::{ScoreColumn, optional};
     pub use crate::report::targets::{range_card_text, targets_text};
-    pub use crate::report::text::{align_columns, findings_text, poses_text, study_text};
+    pub use crate::report::text::{align_columns, findings_text, poses_text, study_text, visible};
     pub use crate::report::verification::verification_text;
     pub use crate::report::word::word;
     pub use crate::report::words::{

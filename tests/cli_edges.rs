@@ -139,7 +139,62 @@ fn no_name_reaches_a_terminal_as_a_command() {
     let message = fails(dir.path(), &["score", "scene.json", "odd.json", "--backend", "cpu"]);
     assert!(message.contains("`\\u{1b}[31mred` is not a placement name"), "{message}");
     let roi = Roi::new([0.0; 3], [1.0; 3], [10, 2, 1]).unwrap();
-    assert!(Psog::new(roi, 1, vec!["\u{1b}[31mred".to_owned()], vec![], vec![]).is_err());
+    let long = "x".repeat(201);
+    for name in ["\u{1b}[31mred".to_owned(), long] {
+        assert!(Psog::new(roi, 1, vec![name], vec![], vec![]).is_err());
+    }
+    // Marks of direction and breaks of lines are no control characters; tables spell them out.
+    let dir = crate::cli_files::world();
+    let town = fs::read_to_string(dir.path().join("town.json")).unwrap();
+    let turned = town.replace("\"town\"", "\"a\u{202e}b\u{2028}c\"");
+    fs::write(dir.path().join("turned.json"), turned).unwrap();
+    let output = sightline(dir.path(), &["scene", "info", "turned.json"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && text.contains("a\\u{202e}b\\u{2028}c"), "{text}");
+}
+
+#[test]
+fn names_of_any_length_end_in_a_sentence() {
+    let dir = corridor();
+    let long = "n".repeat(70_000);
+    for place in ["/name", "/vehicle/name", "/lidar/name", "/classes/0", "/actors/0/name"] {
+        let mut scene = scene();
+        match place {
+            "/name" => scene["name"] = json!(long),
+            "/classes/0" => scene["classes"] = json!([long]),
+            "/actors/0/name" => {
+                scene["actors"] = json!([{ "name": long, "parts": [], "poses": [] }])
+            }
+            _ => {
+                let (mut vehicle, model) =
+                    (json!({ "sightline": 1, "name": "v" }), scene["lidar"].take());
+                let mut mount = scene["mount"].take();
+                let lidars = mount.as_object_mut().unwrap().remove("lidars").unwrap();
+                mount.as_object_mut().unwrap().remove("min_distance");
+                mount["name"] = json!("roof");
+                mount["count"] = lidars;
+                vehicle["sensors"] = json!([{ "name": "one", "lidar": model }]);
+                match place {
+                    "/vehicle/name" => mount["name"] = json!(long),
+                    _ => vehicle["sensors"][0]["name"] = json!(long),
+                }
+                vehicle["mounts"] = json!([mount]);
+                fs::write(dir.path().join("v.json"), vehicle.to_string()).unwrap();
+                scene.as_object_mut().unwrap().retain(|key, _| key != "lidar" && key != "mount");
+                scene["vehicle"] = json!("v.json");
+            }
+        }
+        fs::write(dir.path().join("long.json"), scene.to_string()).unwrap();
+        let told =
+            fails(dir.path(), &["score", "long.json", "placements.json", "--backend", "cpu"]);
+        let says = ["a name of at most 200 characters", "1 to 64 printable characters"];
+        assert!(
+            says.iter().any(|words| told.contains(words)),
+            "{place}: {}",
+            &told[..told.len().min(900)]
+        );
+        assert!(told.len() < 6000, "{place}: {} bytes", told.len());
+    }
 }
 
 #[test]
@@ -151,6 +206,26 @@ fn what_is_empty_too_long_or_called_otherwise_is_said_in_plain_words() {
     assert!(empty.contains("empty.json: the file is empty"), "{empty}");
     let none = fails(dir.path(), &["score", "scene.json", "empty.json", "--backend", "cpu"]);
     assert!(none.contains("empty.json: holds no placement"), "{none}");
+
+    // Its size is known before any of its bytes is read: there is no memory for them.
+    fs::File::create(at("huge.json")).unwrap().set_len(6 << 30).unwrap();
+    let score = "exec '$0' score scene.json huge.json --backend cpu --threads 1"
+        .replace("$0", env!("CARGO_BIN_EXE_sightline"));
+    let limited = format!("ulimit -c 0; ulimit -v 900000; {score}");
+    let mut shell = std::process::Command::new("sh");
+    let out = shell.args(["-c", &limited]).current_dir(dir.path()).output().unwrap();
+    let huge = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(huge.contains("huge.json: larger than 1073741824 bytes"), "{huge}");
+
+    let far = json!({ "name": "a", "lidars": [{ "x": 0, "y": 0, "z": 2, "roll": 1e300 }] });
+    fs::write(at("far.json"), json!({ "placements": [far] }).to_string()).unwrap();
+    for command in [
+        ["rig", "export", "far.json:a", "--format=urdf"],
+        ["rig", "compare", "far.json:a", "placements.json:away"],
+    ] {
+        let far = fails(dir.path(), &command);
+        assert!(far.contains("far.json: placement `a`, LiDAR 0: roll = 1e300"), "{far}");
+    }
 
     let mut three = scene();
     three["lidar"]["fov"] = json!([0, 0, 0]);

@@ -116,6 +116,48 @@ fn bad_placements_are_answered_with_their_name() {
 }
 
 #[test]
+fn a_file_that_is_neither_scene_nor_placements_is_told_before_any_work() {
+    let dir = corridor();
+    let at = |name: &str| dir.path().join(name);
+    fs::write(at("typo.json"), "{\"placement\": []}").unwrap();
+    fs::write(at("torn.json"), "{ \"name\": \"x\", \"placements\": [").unwrap();
+    fs::write(at("other.json"), "{ \"note\": 1, \"placements\": [] }").unwrap();
+    fs::create_dir(at("folder.json")).unwrap();
+    let second = scene().to_string().replace("corridor\"", "second\"");
+    fs::write(at("second.json"), second).unwrap();
+    let files = [
+        ("none.json", "none.json: cannot be read"),
+        ("none.jsonl", "none.jsonl: cannot be read"),
+        ("folder.json", "folder.json: cannot be read"),
+        ("typo.json", "typo.json, line 1, column 12: placement: unknown key `placement`"),
+        ("torn.json", "torn.json, line 1"),
+        ("other.json", "other.json, line 1"),
+    ];
+    let before = crate::cli_files::all_files(dir.path());
+    for (file, words) in files {
+        for command in [
+            "study loss scene.json FILE --backend cpu --out o",
+            "study loss scene.json second.json FILE --backend cpu --out o",
+            "study random scene.json FILE --backend cpu --random 2 --out o",
+            "chart scene.json FILE --quick --backend cpu --out o",
+            "audit scene.json FILE --backend cpu",
+            "verify scene.json FILE",
+            "score scene.json second.json FILE --backend cpu",
+            "study targets scene.json FILE --backend cpu",
+        ] {
+            // Placements are no file of that study, so that its last file is a scene.
+            if command.contains("random") && !file.starts_with("none") {
+                continue;
+            }
+            let command = command.replace("FILE", file);
+            let told = fails(dir.path(), &command.split(' ').collect::<Vec<_>>());
+            assert!(told.contains(words), "{command}: {told}");
+            assert_eq!(crate::cli_files::all_files(dir.path()), before, "{command}");
+        }
+    }
+}
+
+#[test]
 fn wrong_arguments_and_places_are_answered_with_exit_code_2() {
     let dir = corridor();
     let score = ["score", "scene.json", "placements.json"];

@@ -90,7 +90,10 @@ fn no_output_replaces_an_input_however_it_is_spelled() {
             symlink(at(input), at("sub/link")).unwrap();
             fs::hard_link(at(input), at("sub/hard")).unwrap();
             let absolute = at(input).to_string_lossy().into_owned();
-            for out in [*input, "sub/link", "sub/hard", &format!("sub/../{input}"), &absolute] {
+            let cwd = format!("/proc/self/cwd/{input}");
+            let root = format!("/proc/thread-self/root{absolute}");
+            let around = format!("sub/../{input}");
+            for out in [*input, "sub/link", "sub/hard", &around, &absolute, &cwd, &root] {
                 for force in ["", "--force"] {
                     let words: Vec<&str> =
                         command.split(' ').chain([out, force]).filter(|w| !w.is_empty()).collect();
@@ -108,8 +111,114 @@ fn no_output_replaces_an_input_however_it_is_spelled() {
             fs::remove_file(at("sub/hard")).unwrap();
         }
     }
-    assert_eq!(tried, 10 * COMMANDS.iter().map(|(_, inputs)| inputs.len()).sum::<usize>());
+    assert_eq!(tried, 14 * COMMANDS.iter().map(|(_, inputs)| inputs.len()).sum::<usize>());
     assert!(!all_files(dir.path()).iter().any(|(path, _)| is_litter(path)));
+}
+
+#[test]
+fn an_input_that_the_shell_has_opened_is_no_output() {
+    let dir = world();
+    let at = |name: &str| dir.path().join(name);
+    let bytes = fs::read(at("p.json")).unwrap();
+    for out in [
+        "--out /dev/fd/3 3<p.json",
+        "--out /dev/fd/3 3>>p.json",
+        "--out /dev/stdout >>p.json",
+        "--out /proc/self/fd/3 --force 3<>p.json",
+        "--out /dev/stderr --force 2>>p.json",
+    ] {
+        let score = format!(
+            "{} score town.json p.json --backend cpu {out}",
+            env!("CARGO_BIN_EXE_sightline")
+        );
+        let output =
+            Command::new("sh").args(["-c", &score]).current_dir(dir.path()).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{out}: {output:?}");
+        let now = fs::read(at("p.json")).unwrap();
+        // The sentence itself goes where the shell has sent stderr.
+        assert!(now.starts_with(&bytes) && (now == bytes || out.contains("2>>")), "{out}");
+        fs::write(at("p.json"), &bytes).unwrap();
+    }
+    // Pipes and a file that is stdout get the scores.
+    for out in [
+        "/dev/stdout >new",
+        "/dev/stdout | cat >new",
+        "/dev/fd/3 3>&1 | cat >new",
+        "/dev/stderr 2>new",
+    ] {
+        let score = format!(
+            "{} score town.json p.json --backend cpu --quiet --out {out}",
+            env!("CARGO_BIN_EXE_sightline")
+        );
+        let output =
+            Command::new("sh").args(["-c", &score]).current_dir(dir.path()).output().unwrap();
+        assert!(output.status.success(), "{out}: {output:?}");
+        assert!(fs::read_to_string(at("new")).unwrap().contains("near"), "{out}");
+    }
+}
+
+#[test]
+fn scores_so_far_replace_neither_an_input_nor_what_their_name_is_linked_to() {
+    let dir = world();
+    let at = |name: &str| dir.path().join(name);
+    let words = |placements: &str, more: &str| {
+        format!("score town.json {placements} --backend cpu --out o.json {more}")
+    };
+    let told = |command: String| fails(dir.path(), &command.split_whitespace().collect::<Vec<_>>());
+    let bytes = fs::read(at("p.json")).unwrap();
+    let left = |name: &str| fs::read(at(name)).unwrap() == bytes;
+    // The journal's name is that of an input, or of a hard link to one.
+    fs::copy(at("p.json"), at("o.json.partial")).unwrap();
+    for more in ["--force", "--resume", ""] {
+        let told = told(words("o.json.partial", more));
+        assert!(told.contains("is read by this command") && left("o.json.partial"), "{told}");
+    }
+    fs::remove_file(at("o.json.partial")).unwrap();
+    fs::hard_link(at("p.json"), at("o.json.partial")).unwrap();
+    assert!(told(words("p.json", "--force")).contains("is read by this command") && left("p.json"));
+    fs::remove_file(at("o.json.partial")).unwrap();
+    // A file of others, linked by a symbolic link or a hard one.
+    fs::copy(at("p.json"), at("other.json")).unwrap();
+    symlink(at("other.json"), at("o.json.partial")).unwrap();
+    for more in ["--force", "--resume"] {
+        assert!(told(words("p.json", more)).contains("is not a plain file") && left("other.json"));
+    }
+    fs::remove_file(at("o.json.partial")).unwrap();
+    fs::hard_link(at("other.json"), at("o.json.partial")).unwrap();
+    ok_text(dir.path(), words("p.json", "--force").trim());
+    assert!(left("other.json") && at("o.json").is_file() && !at("o.json.partial").exists());
+}
+
+#[test]
+fn an_output_called_dash_is_refused_and_a_limit_of_sizes_is_an_error() {
+    let dir = world();
+    let before = all_files(dir.path());
+    for command in [
+        "score town.json p.json --out -",
+        "score town.json p.json --coverage-out=-",
+        "cast town.json p.json --gltf -",
+        "psog build town.json --out - --force",
+        "optimize town.json --out -",
+    ] {
+        let told = fails(dir.path(), &command.split(' ').collect::<Vec<_>>());
+        assert!(told.contains(" -: no file is called `-`; give /dev/stdout"), "{command}: {told}");
+    }
+    for (limit, command) in [
+        (0, "psog build town.json --out o.npz"),
+        (1, "cast town.json p.json --backend cpu --out o"),
+        (0, "score town.json p.json --backend cpu --out o"),
+        (0, "optimize town.json --backend cpu --evaluations 4 --out run"),
+    ] {
+        let line = format!("ulimit -f {limit}; exec {} {command}", env!("CARGO_BIN_EXE_sightline"));
+        // A pipe of stderr has no limit.
+        let output =
+            Command::new("sh").args(["-c", &line]).current_dir(dir.path()).output().unwrap();
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{command}: {output:?}");
+        assert!(told.contains("grows larger than the system lets a file be"), "{command}: {told}");
+        let _ = fs::remove_dir(dir.path().join("run"));
+        assert!(all_files(dir.path()) == before, "{command}");
+    }
 }
 
 /// Whether a file is one that was begun and not finished.

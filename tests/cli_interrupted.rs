@@ -83,6 +83,31 @@ fn scores_of_many_placements_go_on_where_they_stopped() {
 }
 
 #[test]
+fn no_picture_of_some_placements_is_left_under_its_name() {
+    let dir = world();
+    let pose = |k: u32| json!({ "x": 0, "y": 0.01 * f64::from(k % 40), "z": 2 });
+    let many = |k: u32| json!({ "name": format!("p{k}"), "lidars": [pose(k), pose(k + 1)] });
+    let placements = json!({ "placements": (0..4000).map(many).collect::<Vec<_>>() });
+    fs::write(dir.path().join("many.json"), placements.to_string()).unwrap();
+    for study in ["nearfield", "targets"] {
+        let args = ["study", study, "town.json", "many.json", "--backend", "cpu", "--out", "o.svg"];
+        let mut child = spawn(dir.path(), &args);
+        std::thread::sleep(Duration::from_millis(3000));
+        assert!(child.try_wait().unwrap().is_none(), "{study}: ended before it was told to");
+        interrupt(&child, "-INT");
+        let output = child.wait_with_output().unwrap();
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(130), "{study}: {told}");
+        assert!(
+            told.contains("interrupted: the table holds") && told.contains("o.svg is not written"),
+            "{told}"
+        );
+        assert!(!dir.path().join("o.svg").exists(), "{study}");
+        assert!(!all_files(dir.path()).iter().any(|(path, _)| is_litter(path)));
+    }
+}
+
+#[test]
 fn of_two_scans_at_once_one_is_refused() {
     let dir = world();
     for _ in 0..10 {

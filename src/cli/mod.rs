@@ -112,6 +112,7 @@ enum Command {
 /// Runs the program: `arguments` as a shell gives them, the program's own name first. Prints results to
 /// stdout, all else to stderr, an error as one sentence. Help and version end the process.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Exit {
+    terminal::ignore_file_limit_signal();
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     let parsed = parse(&arguments);
     let failed = match parsed {
@@ -170,6 +171,11 @@ fn parse(arguments: &[OsString]) -> Result<Parsed, Refused> {
         false => Refused::Sentence(usage::sentence(&error, &program, arguments)),
     };
     let matches = program.clone().try_get_matches_from(arguments).map_err(refused)?;
+    if let Some(option) = dash(&matches) {
+        return Err(Refused::Sentence(format!(
+            "--{option} -: no file is called `-`; give /dev/stdout to write to stdout, or ./- for a file of that name"
+        )));
+    }
     let Cli { command } = Cli::from_arg_matches(&matches).map_err(refused)?;
     let (force, trusts_paths) = (is_given(&matches, FORCE), is_given(&matches, "trust_paths"));
     Ok(Parsed { command, force, trusts_paths })
@@ -222,6 +228,16 @@ fn with_force(command: clap::Command) -> clap::Command {
 fn is_given(matches: &clap::ArgMatches, flag: &str) -> bool {
     let below = matches.subcommand().is_some_and(|(_, below)| is_given(below, flag));
     below || matches.try_get_one::<bool>(flag).ok().flatten() == Some(&true)
+}
+
+/// The option of an output that was given `-`, which other programs take for stdout.
+fn dash(matches: &clap::ArgMatches) -> Option<String> {
+    let is_dash = |option: &&&str| {
+        let given = matches.try_get_raw(option).ok().flatten();
+        given.is_some_and(|mut values| values.any(|value| value == "-"))
+    };
+    let here = OUTPUTS.iter().find(is_dash).map(|option| option.replace('_', "-"));
+    here.or_else(|| matches.subcommand().and_then(|(_, below)| dash(below)))
 }
 
 /// Lets numbers below 0 reach the options, whose own messages name the numbers that they take.

@@ -1,11 +1,10 @@
 //! Lines on stdout and stderr.
 
 use std::fmt::Arguments;
-use std::io::{ErrorKind, Write};
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::Path;
 
-use crate::internals::FileError;
-
+use crate::internals::{FileError, visible};
 use crate::runs::Error;
 
 /// Like `print!`, with an [`Error`] instead of a panic where stdout cannot be written.
@@ -21,9 +20,39 @@ macro_rules! outln {
 
 /// Writes to stdout; to be called by `out!` and `outln!`.
 pub fn print(text: Arguments) -> Result<(), Error> {
-    let mut out = std::io::stdout().lock();
+    let mut out = stdout();
     let written = out.write_fmt(text).and_then(|()| out.flush());
     unless_closed(written.map_err(Error::io(Path::new("stdout"))))
+}
+
+/// Stdout. A terminal gets lines as it may show them, a file or another program every character.
+pub fn stdout() -> Box<dyn Write> {
+    let out = std::io::stdout().lock();
+    if out.is_terminal() { Box::new(ForTerminal(out)) } else { Box::new(out) }
+}
+
+/// Writer of text whose hidden characters are spelled out.
+struct ForTerminal<W>(W);
+
+impl<W: Write> Write for ForTerminal<W> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        match std::str::from_utf8(bytes) {
+            Ok(text) => self.0.write_all(for_terminal(text).as_bytes())?,
+            // Half a character, which the next call completes.
+            Err(_) => self.0.write_all(bytes)?,
+        }
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.0.flush()
+    }
+}
+
+/// Lines as a terminal may show them; see [`visible`].
+fn for_terminal(text: &str) -> String {
+    let line = |line: &str| line.split('\t').map(visible).collect::<Vec<_>>().join("\t");
+    text.split('\n').map(line).collect::<Vec<_>>().join("\n")
 }
 
 /// Takes a closed pipe for the wish to read no more, as of `head`: no error.
@@ -38,6 +67,8 @@ pub fn unless_closed(written: Result<(), Error>) -> Result<(), Error> {
     }
 }
 
+/// Longest sentence in characters, above a path of the longest that systems take.
+const LONGEST: usize = 5_000;
 /// Digits of a number that are printed whole; `f64` has 17 that count.
 const DIGITS: usize = 40;
 
@@ -57,17 +88,42 @@ fn with_short_numbers(text: &str) -> String {
     short + rest
 }
 
+/// A sentence without its middle where it is long: names in files may have any length.
+fn with_short_middle(text: &str) -> String {
+    let count = text.chars().count();
+    if count <= LONGEST {
+        return text.to_owned();
+    }
+    let (head, tail) = (2 * LONGEST / 3, LONGEST / 4);
+    let start: String = text.chars().take(head).collect();
+    let end: String = text.chars().skip(count - tail).collect();
+    format!("{start}… ({} characters) …{end}", count - head - tail)
+}
+
 /// Writes a line to stderr; where that cannot be written, the work goes on. Control characters are spelled
 /// out: names in files may hold some, and a terminal would obey them.
 pub fn say(line: &str) {
-    let spell = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.into() };
-    let line: String = with_short_numbers(line).chars().map(spell).collect();
+    let line = with_short_middle(&visible(&with_short_numbers(line)));
     let _ = writeln!(std::io::stderr(), "sightline: {line}");
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_long_name_is_cut_out_of_a_sentence_and_hidden_characters_are_spelled() {
+        let told = with_short_middle(&format!(
+            "a.json: `{}` is no name; give another",
+            "é".repeat(90_000)
+        ));
+        assert!(told.starts_with("a.json: `éé") && told.ends_with("é` is no name; give another"));
+        assert!(told.chars().count() < LONGEST && told.contains("é… (8"), "{}", told.len());
+        assert_eq!(with_short_middle("short"), "short");
+        let mut shown = ForTerminal(Vec::new());
+        write!(shown, "{}\tc\n{}[0m\n", "a\u{202e}b", "d\u{1b}").unwrap();
+        assert_eq!(shown.0, b"a\\u{202e}b\tc\nd\\u{1b}[0m\n");
+    }
 
     #[test]
     fn numbers_of_hundreds_of_digits_are_cut() {

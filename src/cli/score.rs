@@ -6,7 +6,7 @@ use crate::runs::score::{ScoreRequest, score};
 
 use super::args::{Compute, Conditions, Format, Mounting, Named, whole};
 use super::exit::Exit;
-use super::output::unless_closed;
+use super::output::{stdout, unless_closed};
 use crate::runs::Error;
 
 #[derive(clap::Args)]
@@ -68,6 +68,6 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         conditions: args.conditions.condition.clone(),
     };
     let computing = args.named.computing(&args.compute, &terminal);
-    unless_closed(score(&request, &computing, &mut std::io::stdout().lock()))?;
+    unless_closed(score(&request, &computing, &mut stdout()))?;
     Ok(terminal.exit())
 }

@@ -78,6 +78,18 @@ fn on_signal() {
     });
 }
 
+/// Lets a write beyond the limit of file sizes (`ulimit -f`) fail with an error, in place of a signal that ends the
+/// program and leaves its temporary files.
+#[allow(unsafe_code)]
+pub fn ignore_file_limit_signal() {
+    #[cfg(unix)]
+    {
+        use nix::sys::signal::{SigHandler, Signal, signal};
+        // SAFETY: no code of ours runs where a signal is ignored.
+        let _ = unsafe { signal(Signal::SIGXFSZ, SigHandler::SigIgn) };
+    }
+}
+
 /// Hears Ctrl-C, SIGTERM and SIGHUP. A SIGHUP that `nohup` lets the program ignore stays ignored.
 fn hear_signals() -> Result<(), ctrlc::Error> {
     #[cfg(unix)]

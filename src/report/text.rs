@@ -8,17 +8,50 @@ use crate::study::Table;
 use crate::vehicle::millimetres;
 use crate::vehicle::{Placement, SensorPose};
 
-/// Lines of equal columns, the first column to the left and numbers to the right.
+/// Longest cell of a table in characters: two names of placements and the words between them.
+const LONGEST_CELL: usize = 140;
+
+/// A text of at most `most` characters: the end of a longer one is an ellipsis.
+pub fn shortened(text: &str, most: usize) -> String {
+    match text.char_indices().nth(most) {
+        None => text.to_owned(),
+        Some(_) => text.chars().take(most - 1).chain(['…']).collect(),
+    }
+}
+
+/// A text as a terminal may show it: characters that it would obey, or that turn the order of letters or the line,
+/// are spelled out.
+pub fn visible(text: &str) -> String {
+    let spell = |c: char| match c {
+        _ if c.is_control() => c.escape_default().to_string(),
+        _ if is_hidden(c) => c.escape_unicode().to_string(),
+        _ => c.into(),
+    };
+    text.chars().map(spell).collect()
+}
+
+/// True if a character shows nothing and changes how others are shown: marks of direction, breaks of lines.
+fn is_hidden(c: char) -> bool {
+    matches!(c, '\u{061c}' | '\u{200b}' | '\u{200e}' | '\u{200f}' | '\u{feff}')
+        || ('\u{2028}'..='\u{202e}').contains(&c)
+        || ('\u{2060}'..='\u{2069}').contains(&c)
+}
+
+/// Lines of equal columns, the first column to the left and numbers to the right. Long cells are cut.
 pub fn align_columns(rows: &[Vec<String>]) -> String {
+    let short = |cell: &String| shortened(&visible(cell), LONGEST_CELL);
+    let rows: Vec<Vec<String>> = rows.iter().map(|row| row.iter().map(short).collect()).collect();
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = |column: usize| {
         rows.iter().filter_map(|row| row.get(column)).map(|c| c.chars().count()).max().unwrap_or(0)
     };
     let widths: Vec<usize> = (0..columns).map(width).collect();
     let mut text = String::new();
-    for row in rows {
+    for row in &rows {
         let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| {
-            if column == 0 { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+            // A width of `format!` has 16 bits, and panics beyond them.
+            let space = " ".repeat(width - cell.chars().count());
+            if column == 0 { format!("{cell}{space}") } else { format!("{space}{cell}") }
         });
         text += cells.collect::<Vec<_>>().join("  ").trim_end();
         text.push('\n');
@@ -127,4 +160,21 @@ pub fn numbered(names: impl IntoIterator<Item = String>) -> Vec<String> {
         told.push(free.unwrap_or(wanted));
     }
     told
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_holds_cells_of_any_length_and_shows_every_character() {
+        let long = "x".repeat(70_000);
+        let rows = [["a".to_owned(), long.clone()], [long, "b\u{202e}c\u{2028}\u{1b}".to_owned()]];
+        let text = align_columns(&rows.map(Vec::from));
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), 2);
+        assert!(lines.iter().all(|line| line.chars().count() == 2 * LONGEST_CELL + 2), "{text}");
+        assert!(lines[1].ends_with("  b\\u{202e}c\\u{2028}\\u{1b}"), "{text}");
+        assert!(lines[0].ends_with("x…") && lines[0].starts_with("a "));
+    }
 }

@@ -3,8 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use super::{Error, Watcher};
+use crate::files;
+use crate::json::FileKind;
 use crate::vehicle::placement_file::holds_placements;
 use crate::vehicle::{Placement, read_placements};
+
+/// Largest file whose text is looked at to tell whether it is a scene, in bytes.
+const MOST_LOOKED_AT: u64 = 1 << 28;
 
 /// Scenes in the order given, and the file of placements where there is one.
 pub struct Files {
@@ -35,10 +40,21 @@ impl Files {
     /// Like [`Self::sort`], for a command that may do without a scene.
     ///
     /// # Errors
-    /// Two files of placements.
+    /// Two files of placements; a file that cannot be read; a last file that is neither a scene nor placements.
     pub fn told_apart(files: &[PathBuf]) -> Result<Self, Error> {
+        files.iter().try_for_each(|file| can_be_read(file))?;
         let (placements, scenes): (Vec<PathBuf>, Vec<PathBuf>) =
             files.iter().cloned().partition(|file| holds_placements(file));
+        if let ([_, .., last], true) = (files, placements.is_empty())
+            && !may_be_scene(last)
+        {
+            // Its own fault is told: placements are the last file where there are any.
+            read_placements(last)?;
+            return Ok(Self {
+                scenes: scenes[..scenes.len() - 1].to_vec(),
+                placements: Some(last.clone()),
+            });
+        }
         if let [first, second, ..] = &placements[..] {
             return Err(Error::Usage(format!(
                 "{} and {}: both hold placements; give one such file",
@@ -68,6 +84,26 @@ impl Files {
             ))),
         }
     }
+}
+
+/// Checks, before any work begins, that a file is there and may be read. Pipes are not touched.
+///
+/// # Errors
+/// The reason of the operating system.
+pub fn can_be_read(file: &Path) -> Result<(), Error> {
+    let is_stream = file == Path::new("-") || (file.exists() && !file.is_file() && !file.is_dir());
+    let opened = if is_stream { Ok(()) } else { files::open(file).map(drop) };
+    opened.map_err(|source| {
+        let file = file.display();
+        Error::Usage(format!("{file}: cannot be read: {source}; give a scene, or placements"))
+    })
+}
+
+/// False if a file is text that is no scene: no such object, and nowhere the key that scenes begin with.
+fn may_be_scene(file: &Path) -> bool {
+    let Ok(bytes) = files::read(file, MOST_LOOKED_AT) else { return true };
+    let Ok(text) = std::str::from_utf8(&bytes) else { return true };
+    FileKind::of(text).map_or(text.contains("\"sightline\""), |kind| kind == FileKind::Scene)
 }
 
 /// The first scene whose file was given before, in words.

@@ -38,7 +38,7 @@ mod error;
 mod given;
 mod glb;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -81,6 +81,13 @@ pub trait Watcher: Sync {
     /// Enables Ctrl-C: from here on [`Self::goes_on`] may return `false`. Work that still runs `grace` after a stop
     /// request may be ended with the process.
     fn listen(&self, _grace: Duration) {}
+
+    /// Hears that the work was stopped: which placements its table holds, and that a file is not written.
+    fn note_interrupted(&self, out: Option<&Path>) {
+        let left = out.map(|out| format!("; {} is not written", out.display()));
+        let left = left.unwrap_or_default();
+        self.note(&format!("interrupted: the table holds the placements looked at so far{left}"));
+    }
 
     /// `false` once the work is to stop.
     fn goes_on(&self) -> bool {

@@ -87,7 +87,9 @@ pub fn near_fields(
         bar.advance(1);
     }
     drop(bar);
-    if let Some(file) = &request.out {
+    if !watcher.goes_on() {
+        watcher.note_interrupted(request.out.as_deref());
+    } else if let Some(file) = &request.out {
         let drawn: Vec<(&Placement, &NearField)> = placements.iter().zip(&all).collect();
         let svg = near_field_svg(site.footprint(), &drawn);
         write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(Error::io(file)))?;

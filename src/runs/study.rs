@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::given::Given;
-use super::inputs::{Files, note_repeated};
+use super::inputs::{Files, can_be_read, note_repeated};
 use super::{Bar, Computing, Error, GRACE, Watcher, opening};
 use crate::files::{self, Input, RunDir, holds_run, is_forced, safe_names};
 use crate::report::study::study_plot;
@@ -94,6 +94,7 @@ pub fn study_scenes(
 
 /// Scenes of a study that takes no placements.
 fn only_scenes(kind: Kind, files: &[PathBuf], watcher: &dyn Watcher) -> Result<Files, Error> {
+    files.iter().try_for_each(|file| can_be_read(file))?;
     if let Some(file) = files.iter().find(|file| files.len() > 1 && holds_placements(file)) {
         let (file, kind) = (file.display(), kind.name());
         return Err(Error::Usage(format!(

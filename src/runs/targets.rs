@@ -85,7 +85,7 @@ pub fn targets(request: &TargetsRequest, computing: &Computing<'_>) -> Result<Ta
             computing,
         )?;
     }
-    for scene in &scenes {
+    for scene in scenes.iter().take_while(|_| watcher.goes_on()) {
         let given = (&*file, &*placements);
         table.append(in_scene(
             &question,
@@ -95,7 +95,9 @@ pub fn targets(request: &TargetsRequest, computing: &Computing<'_>) -> Result<Ta
             computing,
         )?);
     }
-    if let Some(file) = &request.out {
+    if !watcher.goes_on() {
+        watcher.note_interrupted(request.out.as_deref());
+    } else if let Some(file) = &request.out {
         let svg = targets_svg(&question, &table);
         write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(Error::io(file)))?;
     }

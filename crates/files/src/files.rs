@@ -63,13 +63,18 @@ pub enum FileError {
 impl FileError {
     /// Names the file or folder in an error of the operating system.
     pub fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
-        move |source| match source.kind() {
+        move |source| match kind(&source) {
             ErrorKind::InvalidData => {
                 Self::Refused(format!("{}: is not UTF-8 text; save it as UTF-8", path.display()))
             }
             ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
                 Self::Full { path: path.to_owned() }
             }
+            ErrorKind::FileTooLarge if !is_read(&source) => Self::Refused(format!(
+                "{}: grows larger than the system lets a file be; raise the limit (`ulimit -f`), or name a place on \
+                 another disk",
+                path.display()
+            )),
             _ => Self::Io { path: path.to_owned(), source: without_place(source) },
         }
     }
@@ -81,6 +86,18 @@ impl FileError {
             None => Self::Json { path: path.to_owned(), source },
         }
     }
+}
+
+/// Kind of an error, also of one that a writer of archives has wrapped.
+fn kind(source: &std::io::Error) -> ErrorKind {
+    let inner = source.get_ref().and_then(|inner| inner.source());
+    let inner = inner.and_then(|inner| inner.downcast_ref::<std::io::Error>());
+    inner.filter(|_| source.kind() == ErrorKind::Other).map_or(source.kind(), |inner| inner.kind())
+}
+
+/// True if an error is that of a file too large to be read, and not of one that grows too large.
+fn is_read(source: &std::io::Error) -> bool {
+    source.get_ref().is_some_and(|inner| inner.is::<guard::TooLargeToRead>())
 }
 
 /// Removes from an error the temporary path that `tempfile` adds: the user has never named it.
@@ -105,6 +122,8 @@ mod tests {
         assert_eq!(full.to_string(), "scores.json: the disk is full; make room and run again");
         let json = serde_json::Error::io(ErrorKind::QuotaExceeded.into());
         assert_eq!(FileError::json(path)(json).to_string(), full.to_string());
+        let limited = FileError::io(path)(ErrorKind::FileTooLarge.into()).to_string();
+        assert!(limited.starts_with("scores.json: grows larger than the system lets"), "{limited}");
         let nowhere = tempfile::Builder::new().tempfile_in("/no/such/folder").unwrap_err();
         assert!(nowhere.to_string().contains("/no/such/folder"), "{nowhere}");
         let told = FileError::io(path)(nowhere).to_string();

@@ -106,7 +106,7 @@ impl SceneGeometry {
         let actors = actors.iter().enumerate().map(|(i, actor)| {
             let at = top.key("actors").item(i);
             let name = actor.name.clone().unwrap_or_default();
-            let name = check::text(&at.key("name"), name)?;
+            let name = check::name(&at.key("name"), name)?;
             let parts = builder.actor(&at.key("parts"), &actor.parts)?;
             let motion = Motion::new(&at, actor.poses.as_deref(), actor.route.as_ref())?;
             let class = parts.classes.first().map(|&class| builder.class_name(class));

@@ -6,6 +6,7 @@
 mod document;
 mod doubts;
 mod objects;
+mod reach;
 
 use std::collections::BTreeMap;
 

@@ -9,7 +9,7 @@ use serde_json::json;
 use sha2::{Digest, Sha256};
 
 use super::request::ScoreRequest;
-use crate::files::{FileError, Input, is_forced, write_whole};
+use crate::files::{FileError, Input, is_forced, is_no_input, will_read, write_whole};
 use crate::runs::Error;
 use crate::scan::conditions::in_words;
 use crate::scene::Scene;
@@ -60,31 +60,20 @@ impl Journal {
         name.push(".partial");
         let path = PathBuf::from(name);
         let digest = digest(request, scene, placements)?;
-        let exists = path.exists();
-        let refuse = |words: &str| Error::Usage(format!("{}: {words}", path.display()));
-        if exists && !request.resume && !is_forced() {
-            return Err(refuse(
-                "holds the scores of an interrupted run; go on with --resume, or begin anew with --force",
-            ));
-        }
-        if exists && !path.is_file() {
-            return Err(refuse("is not a plain file; move it away"));
-        }
-        let mut options = File::options();
-        options.read(true).write(true).create_new(!exists);
-        let file = options.open(&path).map_err(Error::io(&path))?;
-        if let Err(TryLockError::WouldBlock) = file.try_lock() {
-            return Err(refuse(
-                "another run writes into it; wait for its end, or name another file",
-            ));
-        }
+        let file = own_file(&path, request.resume, placements)?;
+        let is_new = file.metadata().map_err(Error::io(&path))?.len() == 0;
         let head = json!(Head { sightline_partial: 1, digest: digest.clone() });
         let head = format!("{head}\n");
-        if exists && request.resume && !is_torn(&file, &head).map_err(Error::io(&path))? {
+        if !is_new && !is_torn(&file, &head).map_err(Error::io(&path))? {
             return Self::resume(path, file, &digest);
         }
-        let begun = file.set_len(0).and_then(|()| (&file).rewind());
-        begun.and_then(|()| (&file).write_all(head.as_bytes())).map_err(Error::io(&path))?;
+        let begun = file.set_len(0);
+        let begun = begun.and_then(|()| (&file).write_all(head.as_bytes()));
+        if begun.is_err() {
+            // It holds no scores that a run could go on with.
+            let _ = std::fs::remove_file(&path);
+        }
+        begun.map_err(Error::io(&path))?;
         let file = BufWriter::new(file);
         Ok(Self { path, file, head: head.len() as u64, scored: 0 })
     }
@@ -163,6 +152,44 @@ impl Journal {
         self.remove();
         Ok(())
     }
+}
+
+/// The file of a journal: the one there to go on with, else a new one. With `--force` the one there is taken away, so
+/// that whatever else bears its name, or is linked to it, keeps its bytes.
+fn own_file(path: &Path, resumes: bool, placements: &Path) -> Result<File, Error> {
+    let refuse = |words: &str| Err(Error::Usage(format!("{}: {words}", path.display())));
+    will_read(placements);
+    is_no_input(path)?;
+    let found = path.symlink_metadata().ok();
+    let is_there = found.is_some();
+    if is_there && !resumes && !is_forced() {
+        return refuse(
+            "holds the scores of an interrupted run; go on with --resume, or begin anew with --force",
+        );
+    }
+    if found.is_some_and(|found| !found.is_file()) {
+        return refuse(
+            "is not a plain file, and the scores so far are to be kept there; move it away",
+        );
+    }
+    let open = |is_new: bool| {
+        let mut options = File::options();
+        options.read(true).write(true).create_new(is_new).open(path).map_err(Error::io(path))
+    };
+    let locked = |file: &File| !matches!(file.try_lock(), Err(TryLockError::WouldBlock));
+    const HELD: &str = "another run writes into it; wait for its end, or name another file";
+    let mut file = open(!is_there)?;
+    if !locked(&file) {
+        return refuse(HELD);
+    }
+    if is_there && !resumes {
+        std::fs::remove_file(path).map_err(Error::io(path))?;
+        file = open(true)?;
+        if !locked(&file) {
+            return refuse(HELD);
+        }
+    }
+    Ok(file)
 }
 
 /// Whether a kill has cut the first line, so that a file holds no scores. Leaves its place at the start.

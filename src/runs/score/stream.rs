@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::iter::Peekable;
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use serde_json::ser::{CompactFormatter, Formatter};
@@ -24,6 +24,11 @@ use crate::scan::conditions::{in_words, under};
 use crate::score::Scores;
 use crate::search::Evaluator;
 use crate::vehicle::{Placement, PlacementFileError, PlacementReader};
+
+/// Placements that are scored in one go at first.
+const FEWEST: usize = 32;
+/// Time of a go after which the next one takes twice as many.
+const SHORT: Duration = Duration::from_millis(250);
 
 /// Scores the placements of a file, `total` of them if that is known.
 pub(super) fn score(
@@ -114,6 +119,8 @@ fn scoring<'a>(
         bar,
         total,
         count,
+        at_once: FEWEST,
+        is_stopped: false,
         times,
         start,
     })
@@ -136,6 +143,10 @@ struct Scoring<'a> {
     total: u64,
     /// Placements scored so far.
     count: u64,
+    /// Placements that are scored in one go.
+    at_once: usize,
+    /// True if the watcher ended the work within a block.
+    is_stopped: bool,
     times: LoadTimes,
     start: Instant,
 }
@@ -158,7 +169,10 @@ impl Scoring<'_> {
             self.watcher.note(&words);
         }
         let block = block?;
-        let mut scores = self.evaluator.scores(&block)?;
+        let Some(mut scores) = self.scores(&block)? else {
+            self.is_stopped = true;
+            return Ok(None);
+        };
         if self.count == 0 && block.len() <= FEW_PLACEMENTS && self.reader.peek().is_none() {
             let all = block.iter().zip(&mut scores);
             self.job.look_closely(self.evaluator.backend_mut(), all)?;
@@ -175,6 +189,24 @@ impl Scoring<'_> {
         self.count += block.len() as u64;
         if let Some(bar) = &self.bar {
             bar.set(self.count, self.total.max(self.count));
+        }
+        Ok(Some(scores))
+    }
+
+    /// Scores of a block, computed a few placements at a time where they take long; `None` where the watcher ends the
+    /// work in between.
+    fn scores(&mut self, block: &[Placement]) -> Result<Option<Vec<Scores>>, Error> {
+        let mut scores = Vec::with_capacity(block.len());
+        while scores.len() < block.len() {
+            if self.request.out.is_some() && !self.watcher.goes_on() {
+                return Ok(None);
+            }
+            let begin = Instant::now();
+            let rest = &block[scores.len()..];
+            scores.extend(self.evaluator.scores(&rest[..rest.len().min(self.at_once)])?);
+            if begin.elapsed() < SHORT {
+                self.at_once = (2 * self.at_once).min(BLOCK);
+            }
         }
         Ok(Some(scores))
     }
@@ -212,6 +244,9 @@ impl Scoring<'_> {
             out.write_all(text.as_bytes()).map_err(Error::io(path))?;
             first = false;
         }
+        if self.is_stopped {
+            return Err(interrupted(self.request, self.count, self.total));
+        }
         self.check(first)?;
         out.write_all(self.tail()?.as_bytes()).map_err(Error::io(path))?;
         self.note_rate();
@@ -220,9 +255,11 @@ impl Scoring<'_> {
 
     /// Writes all scores to a file. The journal keeps those so far where the watcher ends the work or the disk is full.
     fn into_file(mut self, mut journal: Journal, out: &Path) -> Result<(), Error> {
-        let scored = self.fill(&mut journal).and_then(|()| self.check(journal.scored == 0));
+        let scored = self
+            .fill(&mut journal)
+            .and_then(|()| self.check(journal.scored == 0 && !self.is_stopped));
         match scored {
-            Ok(()) if self.reader.peek().is_some() => {
+            Ok(()) if self.is_stopped || self.reader.peek().is_some() => {
                 let (scored, all) = (journal.scored, self.total);
                 let kept = journal.leave()?.map_or(String::new(), |path| {
                     format!(", kept in {}; the same command with --resume goes on", path.display())

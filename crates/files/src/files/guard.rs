@@ -110,6 +110,14 @@ fn plain(meta: &Metadata) -> Result<()> {
     }
 }
 
+/// A file that is not read for its size; the system has no such limit.
+#[derive(Debug, thiserror::Error)]
+#[error("is larger than {most} {unit}, the most that is read of such a file")]
+pub(super) struct TooLargeToRead {
+    most: u64,
+    unit: &'static str,
+}
+
 /// Reads an input of at most `most` bytes.
 ///
 /// # Errors
@@ -135,8 +143,7 @@ fn read_all(file: File, most: u64) -> Result<Vec<u8>> {
     }
     if length > most || bytes.len() as u64 > most {
         let (most, unit) = if most >> 20 > 0 { (most >> 20, "MiB") } else { (most, "bytes") };
-        let words = format!("is larger than {most} {unit}, the most that is read of such a file");
-        return Err(Error::new(ErrorKind::FileTooLarge, words));
+        return Err(Error::new(ErrorKind::FileTooLarge, TooLargeToRead { most, unit }));
     }
     Ok(bytes)
 }
@@ -216,10 +223,10 @@ pub fn is_forced() -> bool {
 /// Checks that a file that the user names for an output is no input, exists only with `--force`, and is named once.
 pub(super) fn claim(path: &Path) -> std::result::Result<(), FileError> {
     let target = target(path)?;
+    is_no_input(path)?;
     if is_sink(&target) {
         return Ok(());
     }
-    is_no_input(path)?;
     is_new(path)?;
     let folder = folder_of(&target).canonicalize().unwrap_or_default();
     let place = folder.join(target.file_name().unwrap_or_default());

@@ -8,7 +8,7 @@ use tempfile::{NamedTempFile, TempPath};
 
 use super::FileError;
 use super::guard::{self, Temporary};
-use super::paths::{folder_of, is_open_file, is_sink, target};
+use super::paths::{folder_of, is_sink, is_stdout, target};
 
 /// Which files a write may replace, and when the bytes must be on the disk.
 #[derive(Clone, Copy, PartialEq)]
@@ -62,7 +62,10 @@ fn write_as<E: From<FileError>>(
 ) -> Result<(), E> {
     let target = target(path)?;
     match written(path, &target, write)? {
-        PendingFile::Sink(whole) => Ok(pour(whole, &target).map_err(FileError::io(path))?),
+        PendingFile::Sink(whole) => {
+            guard::is_no_input(path)?;
+            Ok(pour(whole, &target).map_err(FileError::io(path))?)
+        }
         PendingFile::Beside(file, temporary) => {
             ready(&file, &target, path)?;
             if output != Output::OneOfMany {
@@ -242,9 +245,8 @@ pub fn begin_in(folder: &Path) -> std::io::Result<(NamedTempFile, Temporary)> {
 fn pour(mut whole: File, target: &Path) -> std::io::Result<()> {
     use std::io::Seek;
     whole.rewind()?;
-    let is_stdout = is_open_file(target) && target.file_name().is_some_and(|name| name == "1");
     // Opened a second time, a file that is stdout would be written from its start.
-    let mut sink: Box<dyn Write> = if is_stdout {
+    let mut sink: Box<dyn Write> = if is_stdout(target) {
         Box::new(std::io::stdout())
     } else {
         Box::new(File::options().append(true).open(target)?)
@@ -305,7 +307,7 @@ pub fn sync_disk(folder: &Path) {
 pub fn writable_file(path: &Path) -> Result<(), FileError> {
     let target = target(path)?;
     if is_sink(&target) {
-        return Ok(());
+        return guard::is_no_input(path);
     }
     if target.is_dir() {
         let message = "is a directory; name a file in it";

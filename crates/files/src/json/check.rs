@@ -8,6 +8,9 @@ pub const MAX_METRES: f64 = 1.0e9;
 /// Largest angle in radians; larger ones are most likely degrees.
 pub const MAX_RADIANS: f64 = std::f64::consts::TAU;
 
+/// Longest name in characters.
+pub const MOST_CHARACTERS: usize = 200;
+
 /// Longest value printed as it is: longer numbers are printed with an exponent.
 const MOST_DIGITS: usize = 20;
 
@@ -29,6 +32,16 @@ pub fn text(at: &Place, value: String) -> Result<String, DescriptionError> {
         return Ok(value);
     }
     Err(bad(at, format!("{value:?}"), "a text without control characters; leave them out"))
+}
+
+/// A name for tables and drawings: a [`text`] of at most 200 characters.
+pub fn name(at: &Place, value: String) -> Result<String, DescriptionError> {
+    let length = value.chars().count();
+    if length > MOST_CHARACTERS {
+        let wanted = format!("a name of at most {MOST_CHARACTERS} characters");
+        return Err(bad(at, format!("a text of {length} characters"), wanted));
+    }
+    text(at, value)
 }
 
 /// A coordinate in metres.

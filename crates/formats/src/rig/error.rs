@@ -17,6 +17,14 @@ pub enum RigError {
     /// A name, a number of LiDARs or a number that no placement may have.
     #[error(transparent)]
     Placement(#[from] PlacementError),
+    /// The same faults, and names of frames that no rig may have, with the file that they are in.
+    #[error("{file}: {source}")]
+    Within {
+        /// The file.
+        file: String,
+        /// The fault.
+        source: Box<RigError>,
+    },
     /// Text that does not parse.
     #[error("{at}: is no {what}: {problem}")]
     Syntax {

@@ -170,7 +170,10 @@ fn rig_of(
     if settings.name.is_none() && rig.validate().is_err() {
         rig.name = UNNAMED.to_owned();
     }
-    rig.validate()?;
+    rig.validate().map_err(|source| match settings.name {
+        Some(_) => source,
+        None => RigError::Within { file: file.to_owned(), source: Box::new(source) },
+    })?;
     notes.extend(below_ground(&rig, file));
     Ok(ImportedRig { rig, format, left_out, notes })
 }

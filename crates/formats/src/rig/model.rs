@@ -147,7 +147,8 @@ pub(super) fn rig_of(source: &RigSource, name: Option<&str>) -> Result<Rig, RigE
         pose: SensorPose { sensor: SensorName::default(), ..pose },
     };
     let rig = Rig { name, lidars: lidars.into_iter().enumerate().map(lidar).collect() };
-    rig.validate()?;
+    rig.validate()
+        .map_err(|source| RigError::Within { file: file.clone(), source: Box::new(source) })?;
     Ok(rig)
 }
 

@@ -104,12 +104,28 @@ impl SensorPose {
 
 /// Named LiDAR poses on one vehicle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(from = "ListedPlacement")]
 pub struct Placement {
     /// Name of 1 to 64 letters, digits, `.`, `_`, `-`.
     pub name: String,
     /// 1 to [`MAX_LIDARS`] poses.
     pub lidars: Vec<SensorPose>,
+}
+
+/// A placement as files list it: `sightline optimize` writes the price of its sensors beside it, which is not read.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ListedPlacement {
+    name: String,
+    lidars: Vec<SensorPose>,
+    #[serde(rename = "price", default)]
+    _price: Option<f64>,
+}
+
+impl From<ListedPlacement> for Placement {
+    fn from(ListedPlacement { name, lidars, .. }: ListedPlacement) -> Self {
+        Self { name, lidars }
+    }
 }
 
 /// Why a placement cannot be used.

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use super::{GridError, Roi};
 use crate::scene::RoiBounds;
 use lidar_cast::memory::OutOfMemory;
+use sightline_files::json::check::MOST_CHARACTERS;
 
 impl RoiBounds {
     /// The region as a grid of voxels.
@@ -190,7 +191,8 @@ pub fn check_classes(classes: &[String]) -> Result<(), PsogError> {
     }
     let mut seen = HashMap::new();
     for (position, name) in classes.iter().enumerate() {
-        if name.is_empty() || name.contains(char::is_control) {
+        let is_long = name.chars().count() > MOST_CHARACTERS;
+        if name.is_empty() || is_long || name.contains(char::is_control) {
             return Err(PsogError::ClassName { position, name: name.clone() });
         }
         if name == "empty" {
@@ -255,9 +257,9 @@ pub enum PsogError {
     /// More classes than fit in 16 bits.
     #[error("classes has {classes} names, at most {limit} fit; merge some classes")]
     TooManyClasses { classes: usize, limit: usize },
-    /// A class name that is empty or holds a control character, as a line break is.
+    /// A class name that is empty, longer than 200 characters or holds a control character, as a line break is.
     #[error(
-        "classes[{position}] is {name:?}; a class name is not empty and holds no control character (names are joined by line breaks, the last one ends without)"
+        "classes[{position}] is {name:?}; a class name has 1 to 200 characters and holds no control character (names are joined by line breaks, the last one ends without)"
     )]
     ClassName { position: usize, name: String },
     /// The class "empty" is listed.

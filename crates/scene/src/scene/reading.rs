@@ -185,7 +185,7 @@ fn things(
 /// Stated name, or the file name without its ending.
 fn name_of(top: &Place, given: Option<String>) -> Result<String, DescriptionError> {
     let given = given.filter(|name| !name.trim().is_empty());
-    let given = given.map(|name| check::text(&top.key("name"), name)).transpose()?;
+    let given = given.map(|name| check::name(&top.key("name"), name)).transpose()?;
     let stem = || Path::new(&top.file).file_stem().unwrap_or_default().to_string_lossy();
     Ok(given.unwrap_or_else(|| stem().replace(char::is_control, "-")))
 }

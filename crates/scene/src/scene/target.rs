@@ -145,7 +145,7 @@ impl Target {
             json::parse(text, file)?;
         let written: Value = json::parse(text, file)?;
         let at = Place::top(file);
-        let name = check::text(&at.key("name"), name)?;
+        let name = check::name(&at.key("name"), name)?;
         if name.trim().is_empty() {
             return Err(bad(&at.key("name"), "an empty text", "a name"));
         }

@@ -26,7 +26,7 @@ pub(super) fn mounting(
     sensors: &[VehicleSensor],
     dir: &Path,
 ) -> Result<(VehicleMount, Vec<PathBuf>), DescriptionError> {
-    let name = check::text(&at.key("name"), mount.name.clone())?;
+    let name = check::name(&at.key("name"), mount.name.clone())?;
     let mut files = Vec::new();
     let region = match (&mount.polygon, &mount.mesh, mount.min, mount.max) {
         (None, None, Some(min), Some(max)) => boxed(at, &mount, min, max)?,

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use super::{ForeignLidar, Placement, PlacementError, SensorPose};
+use super::{ForeignLidar, Placement, PlacementError};
 use sightline_files::files;
 use sightline_files::json::{FileKind, did_you_mean, nearest, plain_words, unknown_key};
 
@@ -175,23 +175,7 @@ fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, P
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PlacementFile {
-    placements: Vec<ListedPlacement>,
-}
-
-/// A placement as files list it: `sightline optimize` writes the price of its sensors beside it, which is not read.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ListedPlacement {
-    name: String,
-    lidars: Vec<SensorPose>,
-    #[serde(rename = "price", default)]
-    _price: Option<f64>,
-}
-
-impl From<ListedPlacement> for Placement {
-    fn from(ListedPlacement { name, lidars, .. }: ListedPlacement) -> Self {
-        Self { name, lidars }
-    }
+    placements: Vec<Placement>,
 }
 
 /// Iterator over the checked placements of a file, in order; `-` is stdin.
@@ -205,7 +189,7 @@ pub struct PlacementReader {
 }
 
 enum PlacementSource {
-    Whole(std::vec::IntoIter<ListedPlacement>),
+    Whole(std::vec::IntoIter<Placement>),
     Lines { reader: Box<dyn BufRead>, line: u64 },
 }
 
@@ -255,12 +239,15 @@ impl PlacementReader {
     /// The file cannot be opened, or is no JSON of the expected form.
     pub fn open(path: &Path) -> Result<Self, PlacementFileError> {
         let io = |source| PlacementFileError::Io { path: path.to_owned(), source };
+        let mut length = 0;
         let mut reader: Box<dyn BufRead> = if path == Path::new("-") {
             Box::new(BufReader::new(io::stdin()))
         } else if is_open_file(path) {
             Box::new(BufReader::new(File::open(path).map_err(io)?))
         } else {
-            Box::new(BufReader::new(files::open(path).map_err(io)?))
+            let file = files::open(path).map_err(io)?;
+            length = file.metadata().map_err(io)?.len();
+            Box::new(BufReader::new(file))
         };
         let is_document = match path.extension().and_then(|ending| ending.to_str()) {
             Some("jsonl") => false,
@@ -271,6 +258,9 @@ impl PlacementReader {
                 is_document
             }
         };
+        if is_document && length > MAX_DOCUMENT {
+            return Err(PlacementFileError::TooLarge { path: path.to_owned() });
+        }
         let source = if is_document {
             PlacementSource::Whole(document(reader, path)?.placements.into_iter())
         } else {
@@ -281,7 +271,7 @@ impl PlacementReader {
 
     fn next_placement(&mut self) -> Option<Result<Placement, PlacementFileError>> {
         let (placement, line) = match &mut self.source {
-            PlacementSource::Whole(rest) => (rest.next()?.into(), None),
+            PlacementSource::Whole(rest) => (rest.next()?, None),
             PlacementSource::Lines { reader, line } => match next_line(reader, line, &self.path)? {
                 Ok(placement) => (placement, Some(*line)),
                 Err(error) => return Some(Err(error)),
@@ -352,8 +342,7 @@ fn next_line(
             }
         };
         if !text.trim_ascii().is_empty() {
-            let listed: Result<ListedPlacement, _> = parse(text, *line, path);
-            return Some(listed.map(Placement::from));
+            return Some(parse(text, *line, path));
         }
     }
 }

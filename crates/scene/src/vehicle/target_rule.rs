@@ -83,7 +83,7 @@ impl TargetRule {
         let beams = required.beams.unwrap_or(BEAMS);
         let beams = check::count(&at.key("beams"), beams, 1, MOST_BEAMS)?;
         let name = match &required.name {
-            Some(name) => check::text(&at.key("name"), name.clone())?,
+            Some(name) => check::name(&at.key("name"), name.clone())?,
             None => format!("{} to {within} m", target.name),
         };
         Ok(Self {

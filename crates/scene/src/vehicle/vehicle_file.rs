@@ -62,7 +62,7 @@ impl Vehicle {
             }
         }
         let name = vehicle.name.filter(|name| !name.trim().is_empty());
-        let name = name.map(|name| check::text(&at.key("name"), name)).transpose()?;
+        let name = name.map(|name| check::name(&at.key("name"), name)).transpose()?;
         let (mut files, mut notes) = (Vec::new(), Vec::new());
         let mut sensors: Vec<VehicleSensor> = Vec::new();
         for (i, model) in vehicle.sensors.into_iter().enumerate() {
@@ -206,7 +206,7 @@ fn area(at: &Place, required: &RequirementDescription) -> Result<Requirement, De
         mend: mend.to_owned(),
     };
     let name = required.name.clone().ok_or_else(|| missing("name", "name the area"))?;
-    let name = check::text(&at.key("name"), name)?;
+    let name = check::name(&at.key("name"), name)?;
     let corner = "give the corners of a box, or a `target`";
     let min = required.min.ok_or_else(|| missing("min", corner))?;
     let max = required.max.ok_or_else(|| missing("max", corner))?;

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use roxmltree::Node;
 
-use super::doubts;
+use super::{doubts, reach};
 use crate::world::WorldError;
 use sightline_files::Note;
 use sightline_files::json::check_xml;
@@ -324,6 +324,8 @@ fn check(node: Node<'_, '_>, name: &str, file: &str) -> Result<(), WorldError> {
             }
         }
     }
+    let numbers: Vec<&str> = must.iter().chain(*may).copied().collect();
+    reach::check(node, name, &numbers).map_err(|what| refused(file, node, what))?;
     if name == "geometry" {
         let shapes: Vec<&str> = node
             .children()

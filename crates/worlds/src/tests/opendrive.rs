@@ -71,6 +71,46 @@ fn a_map_without_what_a_world_needs_is_refused_with_a_sentence() {
 }
 
 #[test]
+fn geometry_that_is_no_finite_number_is_an_error_with_its_road_and_element() {
+    let map = |shape: &str, head: &str, width: &str| {
+        format!(
+            "<OpenDRIVE><header revMajor='1' revMinor='4'/><road name='' length='100' id='7' junction='-1'>\
+             <planView><geometry s='0' y='0' hdg='0' {head}>{shape}</geometry></planView><lanes><laneSection s='0'>\
+             <center><lane id='0' type='none'/></center><right><lane id='-1' type='driving'>\
+             <width sOffset='0' a='{width}' b='0' c='0' d='0'/></lane></right></laneSection></lanes></road></OpenDRIVE>"
+        )
+    };
+    let poly = |v: &str| {
+        format!("<paramPoly3 pRange='arcLength' aU='0' bU='1' cU='0' dU='0' aV='0' bV='0' {v}/>")
+    };
+    let plain = "x='0' length='100'";
+    let cases = [
+        (
+            map(&poly("cV='-1e308' dV='0'"), plain, "3.5"),
+            "road 7, <paramPoly3> `aV`, `bV`, `cV`, `dV` lead",
+        ),
+        (
+            map(&poly("cV='0' dV='1e308'"), plain, "3.5"),
+            "road 7, <paramPoly3> `aV`, `bV`, `cV`, `dV` lead",
+        ),
+        (map(&poly("cV='1e20' dV='0'"), plain, "3.5"), "road 7, <paramPoly3>"),
+        (
+            map("<line/>", "x='1e308' length='100'", "3.5"),
+            "<geometry> with s = 0 `x` is 1e308, beyond",
+        ),
+        (map("<line/>", "x='0' length='-5'", "3.5"), "<geometry> with s = 0 `length` is -5; write"),
+        (map("<line/>", "x='0' length='-1e308'", "3.5"), "`length` is -1e308, beyond"),
+        (map("<arc curvature='1e308'/>", plain, "3.5"), "<arc> `curvature` is 1e308"),
+        (map("<line/>", plain, "1e308"), "<width> with sOffset = 0 `a`, `b`, `c`, `d` lead"),
+    ];
+    for (text, expected) in cases {
+        let told = import_opendrive(&text, "m.xodr", 1, 20).unwrap_err().to_string();
+        assert!(told.contains(expected), "{told}");
+    }
+    import_opendrive(&map(&poly("cV='1e-3' dV='0'"), plain, "3.5"), "m.xodr", 1, 20).unwrap();
+}
+
+#[test]
 fn a_number_or_a_shape_that_cannot_be_read_is_an_error_with_its_road() {
     let cases = [
         ("x=\"140\"", "x=\"NaN\"", "`x` is `NaN`, not finite"),

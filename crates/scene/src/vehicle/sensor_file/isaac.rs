@@ -89,7 +89,7 @@ struct EmitterState {
 
 pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
     let IsaacFile { name, profile, rest } = json::parse(text, &at.file)?;
-    let model = name.map(|name| check::text(&at.key("name"), name)).transpose()?;
+    let model = name.map(|name| check::name(&at.key("name"), name)).transpose()?;
     let top = pattern::unknown(at, &rest, PASSED);
     let at = at.key("profile");
     let list = at.key("emitterStates");

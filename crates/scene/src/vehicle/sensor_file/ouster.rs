@@ -142,7 +142,7 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
     notes.extend(offsets_dropped(&facts));
     let rate = facts.mode.as_deref().and_then(|mode| mode.split_once('x')?.1.parse::<f64>().ok());
     Ok(SensorPattern {
-        model: facts.prod_line.map(|name| check::text(&at.key("prod_line"), name)).transpose()?,
+        model: facts.prod_line.map(|name| check::name(&at.key("prod_line"), name)).transpose()?,
         azimuth_steps: steps,
         azimuth,
         measures: Measures {

@@ -62,7 +62,7 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
             format!("the {} elevations that are listed; correct one of the two", elevations.len());
         return Err(check::bad(&at.key("channels"), count, wanted));
     }
-    let model = table.name.map(|name| check::text(&at.key("name"), name)).transpose()?;
+    let model = table.name.map(|name| check::name(&at.key("name"), name)).transpose()?;
     let steps =
         [("azimuth_steps", table.azimuth_steps), ("columns_per_frame", table.columns_per_frame)];
     let steps = steps.into_iter().find_map(|(key, steps)| Some((at.key(key), steps?)));
