@@ -121,7 +121,7 @@ mod tests {
         assert!(told.chars().count() < LONGEST && told.contains("é… (8"), "{}", told.len());
         assert_eq!(with_short_middle("short"), "short");
         let mut shown = ForTerminal(Vec::new());
-        write!(shown, "{}\tc\n{}[0m\n", "a\u{202e}b", "d\u{1b}").unwrap();
+        shown.write_all("a\u{202e}b\tc\nd\u{1b}[0m\n".as_bytes()).unwrap();
         assert_eq!(shown.0, b"a\\u{202e}b\tc\nd\\u{1b}[0m\n");
     }
 
