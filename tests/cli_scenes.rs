@@ -97,6 +97,7 @@ fn scenes_that_do_not_belong_together_are_refused_in_a_sentence() {
             assert!(error.contains(words), "{error}");
         }
     }
+    fs::write(dir.path().join("q.jsonl"), "").unwrap();
     for (args, words) in [
         (&["score", "p.json"][..], "p.json: holds placements; give a scene"),
         (&["score", "room.json"], "room.json: is the only file"),
