@@ -236,12 +236,12 @@ fn faults_are_said() {
     says(&["study", "cost", "room.json"], &["room.json", "has no vehicle", "--vehicle"]);
     let of_m_sog = [&optimize("9", "x")[..], &["--objective", "m_sog_scaled"]].concat();
     says(&of_m_sog, &["chosen by near_gain or information_gain", "m_sog_scaled"]);
-    says(
-        &["score", "room.json", "p.json", "--vehicle", "none.json"],
-        &["none.json: cannot be read"],
-    );
     let other = json!({ "placements": [{ "name": "x", "lidars": [{ "x": 0, "y": 0, "z": 1.5, "sensor": "sonar" }] }] });
     fs::write(dir.path().join("sonar.json"), other.to_string()).unwrap();
+    says(
+        &["score", "room.json", "sonar.json", "--vehicle", "none.json"],
+        &["none.json: cannot be read"],
+    );
     says(
         &["score", "room.json", "sonar.json", "--vehicle", "cart.json", "--backend", "cpu"],
         &["sonar.json: placement `x`, LiDAR 0: there is no sensor `sonar`", "`spinning`, `solid`"],
