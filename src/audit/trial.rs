@@ -153,7 +153,7 @@ mod tests {
         assert_eq!(blind.fooled, ["m_sog", "m_sog_scaled"]);
         assert_eq!(blind.verdict, Verdict::Caught);
         assert_eq!(Trial::new("blind", &base, scores(100, 5, None)).verdict, Verdict::Fooled);
-        // As much information, and more of it near: only the car that is lost speaks against it.
+        // Equal information, more of it near: only the car that is lost speaks against it.
         let sector = BlindSector { bearings: [-15.0, 15.0], distances: [25.0, 50.0] };
         let near =
             |near_gain, guards| Scores { near_gain: Some(near_gain), guards, ..base.clone() };

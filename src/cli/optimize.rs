@@ -98,8 +98,8 @@ pub struct Args {
     /// numbers are chosen for the money
     #[arg(long, value_name = "PRICE", conflicts_with = "resume", value_parser = finite)]
     budget: Option<f64>,
-    /// Take the fewest sensors of a vehicle that meet all of its requirements, of those the cheapest, and of their
-    /// placements the best
+    /// Take the fewest sensors of a vehicle that meet all of its requirements: among equal numbers the cheapest, and
+    /// their best placement
     #[arg(long, conflicts_with = "resume")]
     fewest: bool,
     #[command(flatten)]

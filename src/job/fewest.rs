@@ -20,7 +20,7 @@ pub(super) struct Fewest {
 pub(super) enum Next {
     /// Another choice under other limits.
     Again(Limits),
-    /// The equipment, and whether it meets the requirements on the coarse grid.
+    /// The equipment. It may miss a requirement where no choice met all.
     Take(Box<Equipped>),
 }
 

@@ -36,7 +36,7 @@ pub use files::JobFiles;
 pub use scene::JobScene;
 use scene::{Frames, Worth};
 pub use search::{Found, JobRun, JobState, JobStep};
-pub use tolerance::{COPIES, Tolerance};
+pub use tolerance::Tolerance;
 
 /// The main job: poses for the LiDARs of a vehicle, in one scene or several.
 #[derive(Debug, Clone)]
@@ -157,8 +157,8 @@ impl Job {
         Self { budget, ..self }
     }
 
-    /// Takes the fewest sensors of the vehicle that meet all requirements, of those the cheapest, and of their placements
-    /// the best.
+    /// Takes the fewest sensors of the vehicle that meet all requirements: among equal numbers the cheapest, and their best
+    /// placement.
     #[must_use]
     pub fn fewest(self, fewest: bool) -> Self {
         Self { fewest, ..self }

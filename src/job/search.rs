@@ -193,8 +193,8 @@ impl JobRun<'_> {
         let Some(fewest) = &self.state.fewest else { return false };
         let allowed = fewest.limits.sensors;
         let is_met = outcome.best.as_ref().is_some_and(|best| best.scores.missing() <= 0.0);
-        let most = self.vehicle.every_kind().lidars().min(MAX_LIDARS);
-        if is_met || outcome.stopped.is_unfinished() || self.is_late || allowed >= most {
+        let is_over = outcome.stopped.is_unfinished() || self.is_late;
+        if is_met || is_over || allowed >= most_sensors(self.vehicle) {
             return false;
         }
         let words = format!(
@@ -203,8 +203,6 @@ impl JobRun<'_> {
         observer.on(&Event::Note(&words));
         let more = Fewest::new(self.job.most_money(), allowed + 1);
         self.state = JobState { equipped: None, fewest: Some(more), course: self.job.equipping() };
-        let constraints = self.vehicle.every_kind();
-        self.suite = self.suite.with_constraints(&constraints);
         (self.run, self.equipping) = (None, None);
         true
     }
@@ -241,26 +239,13 @@ impl JobRun<'_> {
         let found = match step {
             EquipStep::On => return Ok(JobStep::On),
             EquipStep::Stopped => return Ok(JobStep::Stopped),
-            EquipStep::Done(found) => match &mut self.state.fewest {
-                None => found,
-                Some(fewest) => {
-                    let sensors = fewest.limits.sensors;
-                    let cheapest = vehicle.cost(&vehicle.cheapest());
-                    let most = vehicle.every_kind().lidars().min(MAX_LIDARS);
-                    let is_met = found.missing <= 0.0;
-                    match fewest.next(found, most, cheapest) {
-                        Next::Take(found) => *found,
-                        Next::Again(limits) => {
-                            if !is_met && limits.sensors > sensors {
-                                observer.on(&Event::Note(&format!(
-                                    "no equipment of {sensors} sensor(s) was found that meets all requirements"
-                                )));
-                            }
-                            choice.again(limits);
-                            wanted.choosing = Choosing::default();
-                            return Ok(JobStep::On);
-                        }
-                    }
+            EquipStep::Done(found) => match taken(&mut self.state.fewest, found, vehicle, observer)
+            {
+                Next::Take(found) => *found,
+                Next::Again(limits) => {
+                    choice.again(limits);
+                    wanted.choosing = Choosing::default();
+                    return Ok(JobStep::On);
                 }
             },
             EquipStep::OutOfTime(found) => {
@@ -341,6 +326,29 @@ impl JobRun<'_> {
         let settings = self.run?.state().settings().clone();
         Some(Found { outcome, suite: self.suite, settings, equipment })
     }
+}
+
+/// Most sensors that a vehicle can carry.
+fn most_sensors(vehicle: &Vehicle) -> usize {
+    vehicle.every_kind().lidars().min(MAX_LIDARS)
+}
+
+/// Takes the sensors of a choice, or asks for another choice where the fewest are wanted.
+fn taken(
+    fewest: &mut Option<Fewest>,
+    found: Equipped,
+    vehicle: &Vehicle,
+    observer: &mut dyn Observer,
+) -> Next {
+    let Some(fewest) = fewest else { return Next::Take(Box::new(found)) };
+    let sensors = fewest.limits.sensors;
+    let next = fewest.next(found, most_sensors(vehicle), vehicle.cost(&vehicle.cheapest()));
+    if matches!(next, Next::Again(limits) if limits.sensors > sensors) {
+        observer.on(&Event::Note(&format!(
+            "no equipment of {sensors} sensor(s) was found that meets all requirements"
+        )));
+    }
+    next
 }
 
 /// Notes the chosen sensors, and how far they miss the requirements.

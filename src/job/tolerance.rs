@@ -17,7 +17,7 @@ use crate::targets::{Sight, SightBeams};
 use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 
 /// Copies of a placement.
-pub const COPIES: usize = 200;
+const COPIES: usize = 200;
 /// Poses of each LiDAR that the copies are made of.
 const POSES: usize = 16;
 /// Frames of each scene over which areas are looked at, spread evenly.
@@ -31,7 +31,7 @@ const SEED: u64 = 0x746f_6c65;
 pub struct Tolerance {
     /// Along x, y and z, metres.
     pub metres: f64,
-    /// Of roll, pitch and yaw, radians.
+    /// In roll, pitch and yaw, radians.
     pub radians: f64,
 }
 
@@ -108,7 +108,7 @@ impl Tolerance {
 /// Beams on targets and bits of areas of each LiDAR in each of its poses, `[lidars][poses]`.
 struct Moved {
     targets: Vec<Vec<SightBeams>>,
-    /// Of every member of the suite.
+    /// One for each member of the suite; empty where no area is required.
     areas: Vec<AreasOfMember>,
 }
 
@@ -164,11 +164,11 @@ impl Job {
     }
 }
 
-/// Shares of copies.
+/// Shares of the copies that meet requirements.
 struct Holds {
-    /// That meet each requirement.
+    /// Share for each requirement, in the order of the scores.
     each: Vec<f64>,
-    /// That meet all of them.
+    /// Share that meets all of them.
     all: f64,
 }
 

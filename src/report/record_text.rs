@@ -10,6 +10,7 @@ use super::words::{
     broken_in_words, certificate_in_words, methods_in_words, spread_in_words, verdict,
 };
 use crate::scan::conditions::under;
+use crate::search::Scored;
 
 /// Result of a run and its folder as text: words first, then the table.
 pub fn record_text(record: &RunRecord, folder: &Path) -> String {
@@ -42,39 +43,15 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     if let Some(words) = &record.equipment {
         text += &format!("\nequipment: {words}\n");
     }
-    match &record.best {
-        Some(best) => {
-            text += "\noptimized placement (m, rad):\n";
-            text += &poses_text(&best.placement, &record.mounts);
-            if let Some(card) = &best.scores.range_card {
-                text += &format!("\n{}\n", range_card_text(card));
-            }
-            if let Some(phases) = &record.phases {
-                text += &format!("\n{}\n", phases.words);
-            }
-            for seen in &best.scores.required {
-                text += &format!("  requirement: {seen}\n");
-            }
-            if let Some(words) = best.scores.holds_in_words() {
-                text += &format!("  {words}\n");
-            }
-            for bound in &record.active_bounds {
-                text += &format!("  active: {bound}\n");
-            }
-            if !record.constraints.is_empty() {
-                text += &format!("\nrules kept: {}\n", record.constraints.join("; "));
-            }
-            text += &format!("\nfound by: {}\n", methods_in_words(record));
-            text += &format!("certificate: {}\n", certificate_in_words(record));
-            text += &format!("\n{}\n", findings_text(&record.findings));
-        }
+    text += &match &record.best {
+        Some(best) => best_text(best, record),
         None => {
             let objective = &record.objective;
-            text += &format!(
+            format!(
                 "\nno candidate both kept the rules of the mount and had a value of {objective}\n"
-            );
+            )
         }
-    }
+    };
     if let Some(frames) = &record.fidelity {
         text += &format!("\n{}\n", frames.words);
     }
@@ -88,4 +65,33 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
         record.backend,
         folder.join("report.html").display()
     )
+}
+
+/// Poses, range card, requirements and certificate of the placement found.
+fn best_text(best: &Scored, record: &RunRecord) -> String {
+    let mut text = String::new();
+    text += "\noptimized placement (m, rad):\n";
+    text += &poses_text(&best.placement, &record.mounts);
+    if let Some(card) = &best.scores.range_card {
+        text += &format!("\n{}\n", range_card_text(card));
+    }
+    if let Some(phases) = &record.phases {
+        text += &format!("\n{}\n", phases.words);
+    }
+    for seen in &best.scores.required {
+        text += &format!("  requirement: {seen}\n");
+    }
+    if let Some(words) = best.scores.holds_in_words() {
+        text += &format!("  {words}\n");
+    }
+    for bound in &record.active_bounds {
+        text += &format!("  active: {bound}\n");
+    }
+    if !record.constraints.is_empty() {
+        text += &format!("\nrules kept: {}\n", record.constraints.join("; "));
+    }
+    text += &format!("\nfound by: {}\n", methods_in_words(record));
+    text += &format!("certificate: {}\n", certificate_in_words(record));
+    text += &format!("\n{}\n", findings_text(&record.findings));
+    text
 }

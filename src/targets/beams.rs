@@ -73,7 +73,7 @@ struct Looking<'a> {
 
 /// Metres at which beams end at anything but a target.
 enum Ends<'a> {
-    /// At the own body: looked up on demand. Bits of metres, those of NaN where it has not been.
+    /// At the own body: looked up on demand. `known` holds the bits of metres, and NaN for beams not looked up yet.
     Body { body: &'a Frame, known: Vec<AtomicU32> },
     /// At hits that are known.
     Hits(&'a [Hit]),

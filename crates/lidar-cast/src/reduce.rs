@@ -133,7 +133,7 @@ impl EntropyIndex {
 
 /// Adds the sums over the voxels that the sensors of one placement cover, and clears their bitmaps.
 ///
-/// `bitmaps` is `[sensors × words]`. The sums equal those of [`reduce()`] bit for bit.
+/// `bitmaps` is `[sensors × words]`. The sums equal the sums of [`reduce()`] bit for bit.
 pub fn take_sums(bitmaps: &mut [u64], words: usize, index: &EntropyIndex, tally: &mut Tally) {
     let mut maps: Vec<&mut [u64]> = bitmaps.chunks_exact_mut(words).collect();
     for (block, first) in (0..words).step_by(BLOCK).enumerate() {

@@ -75,7 +75,7 @@ const BRIGHT: f64 = 0.3;
 const UNKNOWN: f64 = 0.3;
 
 /// Medians of the remission of an HDL-64E at 5 to 15 m in eight labelled frames of SemanticKITTI (987 000
-/// points), a stand-in for reflectance that the device has calibrated; what KITTI has not is like its
+/// points), a stand-in for reflectance that the device has calibrated; a class that KITTI lacks is like its
 /// neighbours, water from its mirror.
 const REFLECTANCES: [(&str, f64); 24] = [
     ("building", 0.41),

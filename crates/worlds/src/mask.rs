@@ -1,6 +1,6 @@
 //! Ground occupancy: roads, walks, houses and things on a 0.5 m grid, kept in tiles, and things that a map itself has.
 //!
-//! None of our poles, signs and barriers stand beside those of the map.
+//! None of our poles, signs and barriers stand beside poles, signs and barriers of the map.
 
 use std::collections::{BTreeMap, BTreeSet};
 

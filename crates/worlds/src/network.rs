@@ -14,7 +14,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// Measures `points`; those that repeat the one before are left out.
+    /// Measures `points`; a point that repeats the one before is left out.
     pub fn new(points: impl IntoIterator<Item = DVec3>) -> Self {
         let mut line = Self::default();
         points.into_iter().for_each(|p| line.push(p));

@@ -1,6 +1,6 @@
 //! The folder of a data set: files that arrive whole, records of frames, and a list of its content.
 //!
-//! `dataset.json` says what a folder holds, and so whether it is the data set to be continued.
+//! `dataset.json` lists the content of a folder: a data set that is continued must be the one listed.
 
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Seek, SeekFrom, Write};

@@ -119,7 +119,7 @@ impl FrameRecord {
     }
 }
 
-/// Scans those frames of a scene, by its number in the data set, that the set lacks.
+/// Scans the frames of a scene that the data set lacks; `scene` is its number in the set.
 ///
 /// `watch` gets every scan once it is written; it returns `false` to stop. Returns true if all frames are there.
 ///

@@ -17,7 +17,7 @@ pub enum RigError {
     /// A name, a number of LiDARs or a number that no placement may have.
     #[error(transparent)]
     Placement(#[from] PlacementError),
-    /// The same faults, and names of frames that no rig may have, with the file that they are in.
+    /// A fault of poses or of a frame name, with its file.
     #[error("{file}: {source}")]
     Within {
         /// The file.

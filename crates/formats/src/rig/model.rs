@@ -237,7 +237,7 @@ fn difference(a: &SensorPose, b: &SensorPose) -> [f64; 3] {
     [a.position().distance(b.position()), turn(&ra, &rb), tilt(ra.z_axis, rb.z_axis)]
 }
 
-/// Pairs whose images are nearest, each LiDAR once; those that are left are compared with themselves.
+/// Pairs whose images are nearest, each LiDAR once; a LiDAR without a pair is compared with itself.
 fn asymmetries(rig: &Rig) -> Vec<Asymmetry> {
     let lidars = &rig.lidars;
     let gap = |a: usize, b: usize| {

@@ -181,7 +181,7 @@ struct TreeCuts<'a, const WIDTH: usize> {
     nodes: &'a [Node],
     /// One for each binary node.
     below: Vec<LeafRange>,
-    /// Row of each binary node in `places`; [`NO_WIDE_NODE`] for those that are blocks or lie in one.
+    /// Row of each binary node in `places`; [`NO_WIDE_NODE`] for a node that is a block or lies in one.
     rows: Vec<u32>,
     /// `places[k]`: slots for the left child if the subtree gets k + 1 slots; 0 keeps the subtree as one child.
     /// The last entry splits the slots of its own wide node.

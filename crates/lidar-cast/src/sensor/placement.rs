@@ -87,7 +87,7 @@ impl SensorPose {
     }
 
     /// Sum of the differences of the six numbers, in m and rad, angles up to half a turn; infinite between sensors
-    /// of different models. Phases do not count: mirror images are those of sensors as they are mounted.
+    /// of different models. Phases do not count: the image of a sensor is mirrored as it is mounted.
     pub fn difference(&self, other: &Self) -> f64 {
         if self.sensor != other.sensor {
             return f64::INFINITY;
@@ -227,7 +227,7 @@ fn angles(rotation: &DMat3) -> [f64; 3] {
         return [0.0, pitch, maths::atan2(0.0 - at(0, 1), at(1, 1))];
     }
     let yaw = maths::atan2(at(1, 0), at(0, 0));
-    // Taken from what the yaw leaves: near ±π/2 both are uncertain, and so they make good for each other.
+    // The roll is taken from the rotation that the yaw leaves: near ±π/2 both are uncertain, and their errors cancel.
     let (sin, cos) = maths::sin_cos(yaw);
     let roll = maths::atan2(sin * at(0, 2) - cos * at(1, 2), cos * at(1, 1) - sin * at(0, 1));
     [roll, pitch, yaw]

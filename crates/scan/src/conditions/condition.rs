@@ -204,7 +204,7 @@ const fn key(
 
 /// Keys of a condition.
 ///
-/// Levels of fog are the thinnest and the thickest of the fogs that SemanticKITTI-C draws, and one between; those of
+/// Levels of fog are the thinnest and the thickest of the fogs that SemanticKITTI-C draws, and one between; levels of
 /// water, snow, crosstalk and echoes are that set's. Levels of rain lie within slight, moderate and heavy rain of
 /// the WMO (below 2.5, 10 and 50 mm/h).
 fn keys(kind: ConditionKind) -> &'static [ConditionKey] {

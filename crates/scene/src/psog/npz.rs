@@ -194,7 +194,7 @@ impl Archive {
     }
 }
 
-/// The name of a packing that is not read; `zip` names those alone that it was built with.
+/// The name of a packing that is not read; `zip` names only packings that it was built with.
 fn packing(method: CompressionMethod) -> String {
     match method {
         CompressionMethod::BZIP2 => "Bzip2".to_owned(),

@@ -61,7 +61,7 @@ pub(super) fn mounting(
     Ok((VehicleMount { region, sensors: allowed, count: [least, most] }, files))
 }
 
-/// Models that a mount may hold: those it names, or all; at least one.
+/// Models that a mount may hold: all that it names, or all of the vehicle; at least one.
 fn allowed_models(
     at: &Place,
     names: Option<&[String]>,

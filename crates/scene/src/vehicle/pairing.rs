@@ -151,7 +151,7 @@ pub(super) struct Pairs {
     pub(super) alone: Vec<usize>,
 }
 
-/// Sorts LiDARs into pairs, those in the plane and those alone.
+/// Sorts LiDARs into pairs, LiDARs in the plane and LiDARs without a pair.
 pub(super) fn pairs(lidars: &[SensorPose]) -> Pairs {
     let mut pairs = Pairs::default();
     let mut open: Vec<usize> = (0..lidars.len()).collect();

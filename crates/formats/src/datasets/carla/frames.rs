@@ -203,7 +203,7 @@ struct PoseColumns {
 }
 
 impl PoseColumns {
-    /// Columns of the first row, and the titles that are not known; the error says what is wrong with the row.
+    /// Columns by their titles in the first row, and the unknown titles; an error names the fault of the row.
     fn of(titles: &str) -> Result<(Self, Vec<String>), String> {
         let titles = titles.to_ascii_lowercase();
         let titles: Vec<&str> = titles.split(',').map(plain).collect();
@@ -228,7 +228,7 @@ impl PoseColumns {
         Ok((Self { count: titles.len(), key, places, time }, unknown))
     }
 
-    /// Frame and pose of a row; the error says what is wrong with it.
+    /// Frame and pose of a row; an error names its fault.
     fn pose(&self, row: &str) -> Result<(u32, TimedPose), String> {
         let cells: Vec<&str> = row.split(',').take(MOST_COLUMNS + 1).map(plain).collect();
         if cells.iter().skip(self.count).any(|cell| !cell.is_empty()) {

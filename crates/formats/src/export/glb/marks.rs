@@ -93,7 +93,7 @@ fn sector(azimuths: &[f64]) -> [f64; 2] {
 /// Colour of a frustum's lines.
 pub(super) const FRUSTUM: [f64; 4] = [0.9, 0.35, 0.02, 0.7];
 
-/// Names and colours (sRGB) of classes that scenes usually have, near those that Cityscapes and CARLA show.
+/// Names and colours (sRGB) of classes that scenes usually have, near the colours of Cityscapes and CARLA.
 const KNOWN: [(&str, [u8; 3]); 21] = [
     ("building", [112, 112, 118]),
     ("fence", [190, 153, 153]),

@@ -284,7 +284,7 @@ impl Default for SweepMemory {
 per_target! {
     use super::{angles, descent, packet, triangles};
 
-    /// Closest hits of a window's beams, where they are closer than those known.
+    /// Closest hits of a window's beams, where they are closer than the known hits.
     fn walk(swept: &SweptInputs<'_>, work: &mut SweepMemory) {
         let SweptInputs { grid, window, eye, tree, .. } = swept;
         boxes(grid, window, eye, &tree.nodes[0], &mut work.rects);
@@ -320,7 +320,7 @@ per_target! {
         }
     }
 
-    /// Tests a triangle with those beams of its rectangle that may hit it.
+    /// Tests a triangle with the beams of its rectangle that may hit it.
     fn meet_all(swept: &SweptInputs<'_>, work: &mut SweepMemory, block: usize, slot: usize) {
         let [first, last] = [work.rects.rows[0][slot] as usize, work.rects.rows[1][slot] as usize];
         let [from, to] =

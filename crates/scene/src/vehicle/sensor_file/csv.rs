@@ -142,7 +142,7 @@ fn gap(at: &Place, numbers: &BTreeSet<u64>) -> Option<Note> {
     (!numbers.is_empty() && span > numbers.len() as f64).then(|| Note::doubt(text))
 }
 
-/// True if a row is the SHA-256 of those above it.
+/// True if a row is the SHA-256 of the rows above it.
 fn is_checksum(cells: &[&str]) -> bool {
     let is_hash = |cell: &str| cell.len() == 64 && cell.bytes().all(|b| b.is_ascii_hexdigit());
     is_hash(cells[0]) && cells[1..].iter().all(|cell| cell.is_empty())
