@@ -77,6 +77,28 @@ fn level_beams_on_a_box_are_those_of_its_angle() {
 }
 
 #[test]
+fn lidars_meet_a_target_together() {
+    let beams = directions(&[0.0], 900);
+    let (site, car) =
+        (site(&beams, 100.0, &TriangleSoup::default()), Target::named("car").unwrap());
+    let lidars = [0.7, 0.9, 1.1].map(|z| SensorPose::at(0.0, 0.0, z));
+    let at = |distance: f64| Standing { target: &car, at: position(distance, 0.0) };
+    let standing: Vec<Standing<'_>> = (2..20).map(|k| at(5.0 * f64::from(k))).collect();
+    let sums: Vec<u32> = site
+        .beams_by_lidar(&lidars, &standing)
+        .unwrap()
+        .iter()
+        .map(|each| each.iter().sum())
+        .collect();
+    for enough in [1, 4, 7, 30] {
+        let wanted: Vec<bool> = sums.iter().map(|&sum| sum >= enough).collect();
+        assert_eq!(site.met(&lidars, &standing, enough).unwrap(), wanted, "{enough} of {sums:?}");
+        let alone = site.met(&lidars[..1], &standing, enough).unwrap();
+        assert!(enough == 1 || wanted != alone, "one LiDAR sees as much: {sums:?}");
+    }
+}
+
+#[test]
 fn every_beam_is_counted_once_whatever_the_pose() {
     let elevations: Vec<f64> = (0..24).map(|k| (-25.0 + 1.6 * f64::from(k)).to_radians()).collect();
     let beams = directions(&elevations, 720);
