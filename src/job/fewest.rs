@@ -6,13 +6,17 @@ use crate::search::{Equipped, Limits};
 
 /// Share by which the next price is less than one that is met.
 const LESS: f64 = 1e-9;
+/// Share of the requirements, summed, that a choice on the coarse grid may miss: the search of placements, over finer
+/// poses and all frames, often closes a gap as wide.
+const NEARLY: f64 = 0.3;
 
 /// State of a choice of the fewest sensors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Fewest {
     /// Limits of the choice under way.
     pub limits: Limits,
-    /// Equipment with the fewest sensors so far that meets the requirements; the choice now looks for a cheaper one.
+    /// Equipment with the fewest sensors so far that meets the requirements on the grid; the choice now looks for a cheaper
+    /// one.
     held: Option<Equipped>,
 }
 
@@ -30,23 +34,23 @@ impl Fewest {
         Self { limits: Limits { budget, sensors: least.max(1) }, held: None }
     }
 
-    /// Looks at the result of a choice under [`Self::limits`]: with requirements missing, one sensor more is allowed, up to
-    /// `most`; with all met, a cheaper choice is looked for, no cheaper than `cheapest`.
+    /// Looks at the result of a choice under [`Self::limits`]. Where all is met on the grid, a cheaper choice is looked for,
+    /// down to `cheapest`; where little is missing, the search of placements may close the gap; else one sensor more is
+    /// allowed, up to `most`.
     pub fn next(&mut self, found: Equipped, most: usize, cheapest: f64) -> Next {
-        let is_met = found.missing <= 0.0;
-        match (&self.held, is_met) {
-            (None, false) if self.limits.sensors < most => {
-                self.limits.sensors += 1;
-                Next::Again(self.limits)
-            }
-            (None, false) => Next::Take(Box::new(found)),
-            (Some(held), false) => Next::Take(Box::new(held.clone())),
-            (_, true) => {
+        match &self.held {
+            _ if found.missing <= 0.0 => {
                 let is_cheapest = found.cost <= cheapest;
                 self.limits.budget = found.cost * (1.0 - LESS);
                 self.held = Some(found.clone());
                 if is_cheapest { Next::Take(Box::new(found)) } else { Next::Again(self.limits) }
             }
+            Some(held) => Next::Take(Box::new(held.clone())),
+            None if found.missing > NEARLY && self.limits.sensors < most => {
+                self.limits.sensors += 1;
+                Next::Again(self.limits)
+            }
+            None => Next::Take(Box::new(found)),
         }
     }
 }
@@ -67,7 +71,7 @@ mod tests {
         let mut fewest = Fewest::new(f64::INFINITY, 0);
         assert_eq!(fewest.limits.sensors, 1);
         assert!(
-            matches!(fewest.next(found(1, 5.0, 0.2), 4, 1.0), Next::Again(l) if l.sensors == 2)
+            matches!(fewest.next(found(1, 5.0, 0.4), 4, 1.0), Next::Again(l) if l.sensors == 2)
         );
         let again = fewest.next(found(2, 9.0, 0.0), 4, 1.0);
         assert!(
@@ -81,11 +85,13 @@ mod tests {
     }
 
     #[test]
-    fn the_last_choice_is_taken_where_nothing_is_ever_met() {
+    fn a_choice_that_misses_little_and_the_last_one_are_taken() {
+        // The search of placements may close a small gap.
+        assert!(matches!(Fewest::new(9.0, 1).next(found(1, 5.0, 0.2), 4, 1.0), Next::Take(_)));
         let mut fewest = Fewest::new(10.0, 2);
-        assert!(matches!(fewest.next(found(2, 5.0, 0.2), 3, 1.0), Next::Again(_)));
+        assert!(matches!(fewest.next(found(2, 5.0, 0.6), 3, 1.0), Next::Again(_)));
         assert!(
-            matches!(fewest.next(found(3, 5.0, 0.1), 3, 1.0), Next::Take(e) if e.missing == 0.1)
+            matches!(fewest.next(found(3, 5.0, 0.5), 3, 1.0), Next::Take(e) if e.missing == 0.5)
         );
     }
 }

@@ -341,11 +341,11 @@ fn taken(
     observer: &mut dyn Observer,
 ) -> Next {
     let Some(fewest) = fewest else { return Next::Take(Box::new(found)) };
-    let sensors = fewest.limits.sensors;
+    let (sensors, short) = (fewest.limits.sensors, 100.0 * found.missing);
     let next = fewest.next(found, most_sensors(vehicle), vehicle.cost(&vehicle.cheapest()));
     if matches!(next, Next::Again(limits) if limits.sensors > sensors) {
         observer.on(&Event::Note(&format!(
-            "no equipment of {sensors} sensor(s) was found that meets all requirements"
+            "no equipment of {sensors} sensor(s) was found that meets all requirements: it is {short:.0} points short"
         )));
     }
     next
