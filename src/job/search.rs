@@ -1,15 +1,21 @@
 //! The search of a job step by step: sensors for the money, placements, own body.
 
+use std::time::Instant;
+
 use serde::{Deserialize, Serialize};
 
 use super::fewest::{Fewest, Next};
 use super::{Job, JobError};
 use crate::engine::{EngineChoice, open};
+use crate::near_field::FEW_PLACEMENTS;
 use crate::search::{
     Choosing, EquipStep, Equipped, Equipping, Event, Limits, Observer, Outcome, Run, Scored,
     Settings, State, Suite, TimeLimit,
 };
 use crate::vehicle::{MAX_LIDARS, SensorName, Vehicle};
+
+/// Baselines looked at closely at once; the observer is asked in between.
+const LOOKED_AT_ONCE: usize = 8;
 
 /// Checkpoint of a job's search, beside the job itself: a value that is saved and read again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -179,12 +185,42 @@ impl JobRun<'_> {
         if self.takes_one_more(&outcome, observer) {
             return Ok(JobStep::On);
         }
+        self.look_closely(&mut outcome, observer)?;
+        Ok(JobStep::Done(Box::new(outcome)))
+    }
+
+    /// Looks closely at the result, and at up to [`FEW_PLACEMENTS`] baselines while there is time.
+    fn look_closely(
+        &self,
+        outcome: &mut Outcome,
+        observer: &mut dyn Observer,
+    ) -> Result<(), JobError> {
         let problem = self.job.problem()?;
         let mut engine = open(problem.task(), &EngineChoice::cpu(), |_| {})?.engine;
-        let all = outcome.best.iter_mut().chain(&mut outcome.baselines);
-        let all = all.map(|Scored { placement, scores, .. }| (&*placement, scores));
-        self.job.look_closely(&mut *engine, all)?;
-        Ok(JobStep::Done(Box::new(outcome)))
+        let mut look = |some: &mut [Scored]| {
+            let some = some.iter_mut();
+            let some = some.map(|Scored { placement, scores, .. }| (&*placement, scores));
+            self.job.look_closely(&mut *engine, some)
+        };
+        look(outcome.best.as_mut_slice())?;
+        let deadline = self.job.settings.time.as_ref().map(TimeLimit::deadline);
+        let few = outcome.baselines.len().min(FEW_PLACEMENTS);
+        let mut looked = 0;
+        for some in outcome.baselines[..few].chunks_mut(LOOKED_AT_ONCE) {
+            let is_late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
+            if looked > 0 && (is_late || !observer.on(&Event::Asks)) {
+                break;
+            }
+            look(some)?;
+            looked += some.len();
+        }
+        if looked < outcome.baselines.len() {
+            let all = outcome.baselines.len();
+            observer.on(&Event::Note(&format!(
+                "range card, tolerance and own body are looked at for {looked} of {all} baselines"
+            )));
+        }
+        Ok(())
     }
 
     /// Begins anew with one sensor more, if the fewest are wanted, the placements found do not meet the requirements, and

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use crate::problem::Modelled;
 use crate::search::{
     Certificate, Finding, FramesUsed, GainSpread, LeftOut, Member, MethodRecord, Outcome,
-    PhaseCheck, Scored, Stopped, Suite, rules_in_words,
+    PhaseCheck, Scored, Suite, rules_in_words,
 };
 
 /// Wall times of a run in seconds.
@@ -193,6 +193,7 @@ impl RunRecord {
         let mounts =
             mounts.unwrap_or_default().into_iter().map(|name| name.map(str::to_owned)).collect();
         let names: Vec<&str> = scenes.iter().map(|scene| &*scene.name).collect();
+        let stopped = stopped(&outcome, run.suite.frame_count());
         Self {
             sightline: env!("CARGO_PKG_VERSION"),
             scene: if names.is_empty() { run.scene.to_owned() } else { names.join(", ") },
@@ -210,7 +211,7 @@ impl RunRecord {
             search_frames: outcome.search_frames,
             frames: run.suite.frame_count(),
             confirmed_frames: outcome.confirmed_frames,
-            stopped: stopped(outcome.stopped, outcome.confirmed_frames, run.suite.frame_count()),
+            stopped,
             ended: outcome.ended,
             left_out: outcome.left_out,
             equipment: run.equipment,
@@ -234,13 +235,16 @@ impl RunRecord {
     }
 }
 
-/// Why a run has ended, and over how many frames its result is scored where these are not all.
-fn stopped(stopped: Stopped, confirmed: usize, frames: usize) -> String {
-    match confirmed < frames {
-        true => format!(
-            "{stopped}; result and baselines are scored over {confirmed} of {frames} frames"
-        ),
-        false => stopped.to_string(),
+/// Why a run has ended, over how many frames its result is scored where these are not all, and how many baselines are not
+/// scored.
+fn stopped(outcome: &Outcome, frames: usize) -> String {
+    let (mut text, confirmed) = (outcome.stopped.to_string(), outcome.confirmed_frames);
+    if confirmed < frames {
+        text += &format!("; result and baselines are scored over {confirmed} of {frames} frames");
+    }
+    match outcome.unscored_baselines {
+        0 => text,
+        left => format!("{text}; {left} baseline(s) are not scored"),
     }
 }
 

@@ -13,6 +13,8 @@ use crate::vehicle::{Constraints, Placement, random_placements};
 
 /// Fewest placements by which the frames are chosen: the baselines, or random ones beside them.
 const SAMPLE: usize = 8;
+/// Most baselines by which the frames are chosen: they are cast in every frame.
+const MOST_SAMPLED: usize = 32;
 /// Draws for each random placement wanted, before the rules of the mount are given up.
 const DRAWS: usize = 50;
 /// Share of the best score that a search may lose.
@@ -361,11 +363,11 @@ impl FramesOnDemand {
     }
 }
 
-/// Placements by which the levels are chosen: the baselines of as many LiDARs as the mount has, and
+/// Placements by which the levels are chosen: the first [`MOST_SAMPLED`] baselines of as many LiDARs as the mount has, and
 /// random ones where these are few, those that keep the rules first.
 fn sample(constraints: &Constraints, settings: &Settings) -> Vec<Placement> {
     let alike = settings.baselines.iter().filter(|b| b.lidars.len() == constraints.lidars());
-    let mut sample: Vec<Placement> = alike.cloned().collect();
+    let mut sample: Vec<Placement> = alike.take(MOST_SAMPLED).cloned().collect();
     let random = SAMPLE.saturating_sub(sample.len());
     sample.extend(drawn(constraints, random, settings.seed));
     sample

@@ -183,6 +183,8 @@ pub struct Outcome {
     pub best: Option<Scored>,
     /// Layouts to compare with.
     pub baselines: Vec<Scored>,
+    /// Baselines that are not scored for want of time: the last ones of the settings.
+    pub unscored_baselines: usize,
     /// Result of each method, and which one won.
     pub methods: Vec<MethodRecord>,
     /// Bounds on how much better than the result another placement could be; `None` without a result, or where

@@ -8,8 +8,10 @@ use super::bound::{Effort, GainBound, GridSample, bound_gain};
 use super::climb::Moves;
 use super::evaluator::Evaluator;
 use super::grid_search::{GridPlacement, GridSearch};
+use super::observer::Event;
 use super::on_demand::FramesOnDemand;
 use super::pilot::{Known, Pilot};
+use super::run::Run;
 use super::settings::Settings;
 use super::suite::Suite;
 use crate::bvh::Bvh;
@@ -215,4 +217,25 @@ fn nothing_is_begun_over_more_frames_than_are_cast_between_questions() {
     assert_eq!((sample.placements().count(), sample.lipschitz()), (0, None));
     assert_eq!(search.hold_while(&mut evaluator, &[1, 2, 3], &mut |_| false).unwrap(), [1]);
     assert_eq!(search.atlas().poses_cast(), 1);
+}
+
+#[test]
+fn an_interrupted_run_scores_the_first_of_many_baselines_and_a_resumed_one_all() {
+    let problem = problem_over([2, 0]);
+    let baselines: Vec<Placement> =
+        (0..40).map(|k| Placement { name: format!("b{k}"), ..placements()[1].clone() }).collect();
+    let settings = Settings { baselines, evaluations: 12, ..Settings::default() };
+    let run_to_end = |run: &mut Run, goes_on: bool| {
+        let observer = &mut |_: &Event| goes_on;
+        loop {
+            if let Some(outcome) = run.step(observer).unwrap() {
+                return (outcome.baselines.len(), outcome.unscored_baselines);
+            }
+        }
+    };
+    let mut run = Run::new(problem.clone(), &settings).unwrap();
+    let (scored, left) = run_to_end(&mut run, false);
+    assert!(scored > 0 && left > 0 && scored + left == 40, "{scored} and {left}");
+    let mut resumed = Run::resume(problem, run.state().clone());
+    assert_eq!(run_to_end(&mut resumed, true), (40, 0));
 }

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use super::cases::Measured;
-use super::scene::{StudyScene, score};
+use super::scene::StudyScene;
 use super::{Row, StudyError};
 use crate::score::{NEAR_GAIN, Objective, Scores};
 use crate::search::Evaluator;
@@ -40,7 +40,7 @@ pub(super) fn of_best(
     evaluator: &mut Evaluator,
 ) -> Result<Measured, StudyError> {
     let Some(best) = scene.optimize(evaluator)? else { return Ok((Vec::new(), None)) };
-    let values = values(&score(evaluator, &best)?);
+    let values = values(&scene.score(evaluator, &best)?);
     Ok((values, Some(best)))
 }
 

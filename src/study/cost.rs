@@ -2,7 +2,7 @@
 
 use super::cases::Cases;
 use super::columns::{self, SCORES, made_large};
-use super::scene::{StudyScene, score};
+use super::scene::StudyScene;
 use super::{Drawing, StudyError, Table};
 use crate::search::{Equipped, cost_front};
 
@@ -22,7 +22,7 @@ pub(super) fn cost(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Study
         let starts = std::slice::from_ref(&equipped.placement);
         let found = scene.optimize_from(&evaluator, &scene.settings.objective, starts)?;
         let best = found.unwrap_or_else(|| equipped.placement.clone());
-        let scores = score(&mut evaluator, &best)?;
+        let scores = scene.score(&mut evaluator, &best)?;
         let mut values = vec![Some(equipped.cost)];
         values.extend(columns::values(&scores));
         values.push(Some(best.lidars.len() as f64));

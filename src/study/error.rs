@@ -91,6 +91,9 @@ pub enum StudyError {
         /// Way to tell them apart.
         mend: &'static str,
     },
+    /// The observer wanted to stop.
+    #[error("stopped")]
+    Stopped,
     /// A job, or a part of it, that cannot be posed, scored or searched.
     #[error(transparent)]
     Job(JobError),

@@ -2,7 +2,7 @@
 
 use super::cases::Cases;
 use super::columns::{self, SCORES, made_large};
-use super::scene::{StudyScene, score};
+use super::scene::StudyScene;
 use super::{Drawing, StudyError, Table};
 use crate::vehicle::Placement;
 
@@ -23,7 +23,7 @@ pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
         let objective = &scene.settings.objective;
         let best = scene.optimize_from(&evaluator, objective, &starts)?;
         let Some(best) = best else { return Ok((Vec::new(), None)) };
-        let values = columns::values(&score(&mut evaluator, &best)?);
+        let values = columns::values(&scene.score(&mut evaluator, &best)?);
         Ok((values, Some(best)))
     })?;
     // Each gain gets a column of its increments beside it; the knee is taken of the gain that the searches maximize.

@@ -1,7 +1,7 @@
 //! The loss of one LiDAR: the score after it, and the placement that loses least.
 
 use super::cases::{Cases, Measured};
-use super::scene::{StudyScene, score};
+use super::scene::StudyScene;
 use super::{Drawing, Row, StudyError, Table};
 use crate::score::{Scores, Seen};
 use crate::search::{Evaluator, SearchError};
@@ -88,7 +88,7 @@ impl Losses {
         let without = without_each(rig);
         let without: Vec<Placement> =
             without.into_iter().filter(|left| !left.lidars.is_empty()).collect();
-        let (whole, left) = (score(evaluator, rig)?, evaluator.scores(&without)?);
+        let (whole, left) = (scene.score(evaluator, rig)?, scene.scores(evaluator, &without)?);
         let all: Vec<Placement> = std::iter::once(rig).chain(&without).cloned().collect();
         let cards = scene.range_cards(&all)?;
         let (known, cards) = match cards.split_first() {
@@ -155,9 +155,9 @@ fn with_losses(
     placement: Placement,
 ) -> Result<Measured, StudyError> {
     let objective = &scene.settings.objective;
-    let whole = objective.value(&score(evaluator, &placement)?);
+    let whole = objective.value(&scene.score(evaluator, &placement)?);
     let worst = after_worst_loss(scene, evaluator, std::slice::from_ref(&placement))?[0];
-    let left = evaluator.scores(&without_each(&placement))?;
+    let left = scene.scores(evaluator, &without_each(&placement))?;
     let mut values = vec![whole, worst];
     values.extend(left.iter().map(|scores| objective.value(scores)));
     Ok((values, Some(placement)))
@@ -182,7 +182,7 @@ fn after_worst_loss(
     placements: &[Placement],
 ) -> Result<Vec<Option<f64>>, StudyError> {
     let left: Vec<Placement> = placements.iter().flat_map(without_each).collect();
-    let scores = evaluator.scores(&left)?;
+    let scores = scene.scores(evaluator, &left)?;
     let value = |s| scene.settings.objective.value(s).filter(|_| s.guards.is_empty());
     let mut values = scores.iter().map(value);
     let worst = |placement: &Placement| {

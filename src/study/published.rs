@@ -1,7 +1,7 @@
 //! Every score of the published placements against the results of trained models in the paper.
 
 use super::cases::Cases;
-use super::scene::{StudyScene, score};
+use super::scene::StudyScene;
 use super::{Drawing, Row, StudyError, Table};
 use crate::score::Scores;
 use crate::score::{mean_height, spearman};
@@ -61,7 +61,7 @@ pub(super) fn published(scene: &StudyScene, cases: &mut Cases) -> Result<Table, 
             Some(evaluator) => evaluator,
             None => evaluator.insert(scene.evaluator_of_voxels([edge; 3])?),
         };
-        let scores = score(evaluator, placement)?;
+        let scores = scene.score(evaluator, placement)?;
         let values = METRICS.iter().map(|(_, of)| of(&scores)).collect();
         Ok((values, Some(placement.clone())))
     })?;

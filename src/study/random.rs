@@ -1,7 +1,7 @@
 //! Random placements against hand-made ones and an optimized one.
 
 use super::cases::Cases;
-use super::scene::{StudyScene, score};
+use super::scene::StudyScene;
 use super::{Drawing, Row, StudyError, Table};
 use crate::score::Scores;
 use crate::vehicle::random_placements_by_the_rules;
@@ -18,7 +18,7 @@ pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
     let mut evaluator = scene.evaluator()?;
     let value = |scores: &Scores| unguarded(scene, scores);
     let case = cases.one(RANDOM, || {
-        let scores = evaluator.scores(&drawn)?;
+        let scores = scene.scores(&mut evaluator, &drawn)?;
         let values: Vec<Option<f64>> = scores.iter().map(value).collect();
         let (best, quantiles) = quantiles(&values);
         Ok((quantiles, best.map(|k| drawn[k].clone())))
@@ -26,13 +26,13 @@ pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
     let mut rows = case.map_or_else(Vec::new, |row| rows_of(&row));
     for placement in &scene.published {
         rows.extend(cases.one(&placement.name, || {
-            let scores = score(&mut evaluator, placement)?;
+            let scores = scene.score(&mut evaluator, placement)?;
             Ok((vec![value(&scores)], Some(placement.clone())))
         })?);
     }
     rows.extend(cases.one("optimized", || {
         let Some(best) = scene.optimize(&evaluator)? else { return Ok((Vec::new(), None)) };
-        let value = value(&score(&mut evaluator, &best)?);
+        let value = value(&scene.score(&mut evaluator, &best)?);
         Ok((vec![value], Some(best)))
     })?);
     let notes = vec![format!(

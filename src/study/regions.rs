@@ -3,7 +3,7 @@
 use super::cases::{Cases, Measured};
 use super::columns::check_distinct;
 use super::region::Region;
-use super::scene::{StudyScene, score};
+use super::scene::StudyScene;
 use super::{Drawing, StudyError, Table};
 use crate::problem::{Content, Entropy};
 use crate::psog::{Roi, to_nats};
@@ -28,7 +28,7 @@ pub(super) fn regions(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
             None => scene.optimize(&evaluator)?,
         };
         match placement {
-            Some(placement) => seen_by(placement, &regions, &mut evaluator),
+            Some(placement) => seen_by(scene, placement, &regions, &mut evaluator),
             None => Ok((Vec::new(), None)),
         }
     })?;
@@ -54,6 +54,7 @@ pub(super) fn regions(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
 /// Per cent of each region's information that a placement gains, then of each class's voxels that it
 /// covers.
 fn seen_by(
+    scene: &StudyScene,
     placement: Placement,
     regions: &[Region],
     evaluator: &mut Evaluator,
@@ -68,7 +69,7 @@ fn seen_by(
     let gains = gains_by_region(problem.roi(), content, regions, &covered);
     let mut values: Vec<Option<f64>> =
         gains.iter().map(|gain| percent(gain.gained, gain.total)).collect();
-    let scores = score(evaluator, &placement)?;
+    let scores = scene.score(evaluator, &placement)?;
     for (class, (_, seen)) in scores.covered_by_class.iter().enumerate() {
         values.push(percent(*seen, content.voxels_of_class(class).len() as f64));
     }

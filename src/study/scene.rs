@@ -135,16 +135,30 @@ impl<'a> StudyScene<'a> {
         Ok(outcome.best.map(|best| best.placement))
     }
 
+    /// Scores of placements. The observer is asked before every few of them.
+    ///
+    /// # Errors
+    /// [`StudyError::Stopped`] once the observer wants to stop.
+    pub(super) fn scores(
+        &self,
+        evaluator: &mut Evaluator,
+        placements: &[Placement],
+    ) -> Result<Vec<Scores>, StudyError> {
+        let scores = evaluator.scores_while(placements, &mut || self.goes_on())?;
+        scores.ok_or(StudyError::Stopped)
+    }
+
+    /// Scores of one placement; see [`Self::scores`].
+    pub(super) fn score(
+        &self,
+        evaluator: &mut Evaluator,
+        placement: &Placement,
+    ) -> Result<Scores, StudyError> {
+        Ok(self.scores(evaluator, std::slice::from_ref(placement))?.remove(0))
+    }
+
     /// False once the observer wants to stop.
     pub(super) fn goes_on(&self) -> bool {
         self.observer.goes_on()
     }
-}
-
-/// Scores of one placement.
-pub(super) fn score(
-    evaluator: &mut Evaluator,
-    placement: &Placement,
-) -> Result<Scores, StudyError> {
-    Ok(evaluator.scores(std::slice::from_ref(placement))?.remove(0))
 }

@@ -2,7 +2,7 @@
 
 use super::cases::Cases;
 use super::columns::numbers;
-use super::scene::{StudyScene, score};
+use super::scene::StudyScene;
 use super::{Drawing, StudyError, Table};
 use crate::score::Objective;
 
@@ -21,7 +21,7 @@ pub(super) fn tasks(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stud
         let objective: Objective = text.parse()?;
         let best = scene.optimize_from(&evaluator, &objective, &scene.published)?;
         let Some(best) = best else { return Ok((Vec::new(), None)) };
-        let scores = score(&mut evaluator, &best)?;
+        let scores = scene.score(&mut evaluator, &best)?;
         let percent = |share: Option<f64>| share.map(|v| 100.0 * v);
         let values = vec![
             percent(scores.segmentation.information_gain_share),

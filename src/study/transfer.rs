@@ -2,7 +2,7 @@
 
 use super::cases::Cases;
 use super::columns::check_distinct;
-use super::scene::{StudyScene, score};
+use super::scene::StudyScene;
 use super::{Drawing, Row, StudyError, Table};
 
 pub(super) fn transfer(scenes: &[StudyScene], cases: &mut Cases) -> Result<Table, StudyError> {
@@ -26,7 +26,7 @@ pub(super) fn transfer(scenes: &[StudyScene], cases: &mut Cases) -> Result<Table
             let mut values = Vec::new();
             for scene in scenes {
                 let mut evaluator = scene.evaluator()?;
-                values.push(objective.value(&score(&mut evaluator, &placement)?));
+                values.push(objective.value(&scene.score(&mut evaluator, &placement)?));
             }
             Ok((values, Some(placement)))
         })?;

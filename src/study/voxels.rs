@@ -12,7 +12,7 @@ const VOXELS: [[f64; 3]; 4] =
 pub(super) fn voxels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
     let sizes = VOXELS.map(|voxel| (format!("{voxel:?} m"), voxel)).to_vec();
     let rows = cases.each(sizes, |voxel, _| {
-        let scores = scene.evaluator_of_voxels(voxel)?.scores(&scene.published)?;
+        let scores = scene.scores(&mut scene.evaluator_of_voxels(voxel)?, &scene.published)?;
         let scaled = scores.iter().map(|s| s.segmentation.m_sog_scaled.map(|v| 1e6 * v));
         Ok((scaled.collect(), None))
     })?;

@@ -13,6 +13,9 @@ use crate::vehicle::Placement;
 
 /// Most placements confirmed at once; progress is reported in between.
 const CONFIRMED_AT_ONCE: usize = 4;
+/// Baselines scored at once. The first of them are scored whatever the time where frames are few, the others only while
+/// there is time.
+const BASELINES_AT_ONCE: usize = 16;
 
 impl Run {
     /// Chooses the frames that the search begins with, and opens its engine.
@@ -164,7 +167,7 @@ impl Run {
     }
 
     /// The baselines over the frames of [`Self::confirming`]; those that the pilot has scored are not cast again. `None`
-    /// where the run is to end before that.
+    /// where the run is to end before that. Where frames are few and baselines many, the first ones alone.
     pub(super) fn baselines(
         &mut self,
         watch: &mut Watch,
@@ -177,12 +180,24 @@ impl Run {
         let is_known = !self.suite.is_left_to_chance() && self.sitting.hurried.is_none();
         let known = if is_known { self.sitting.known.clone() } else { Known::new() };
         let heeds_time = self.heeds_time();
-        let evaluator = self.over_all(watch)?;
-        let mut go_on = || watch.goes_on() || !heeds_time;
-        let Some(judged) = evaluator.judged_while(&baselines, &known, &mut go_on)? else {
-            return Ok(None);
-        };
-        let scored = self.scored(&baselines, judged);
+        let mut judged = Vec::new();
+        for some in baselines.chunks(BASELINES_AT_ONCE) {
+            if !judged.is_empty() && !heeds_time && !watch.goes_on() {
+                break;
+            }
+            let evaluator = self.over_all(watch)?;
+            let mut go_on = || watch.goes_on() || !heeds_time;
+            let Some(more) = evaluator.judged_while(some, &known, &mut go_on)? else {
+                return Ok(None);
+            };
+            judged.extend(more);
+        }
+        let count = judged.len();
+        let scored = self.scored(&baselines[..count], judged);
+        if count < baselines.len() {
+            self.cut(watch);
+            return Ok(Some(scored));
+        }
         self.sitting.baselines = Some(scored.clone());
         self.sitting.known.clear();
         Ok(Some(scored))

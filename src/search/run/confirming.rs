@@ -63,6 +63,10 @@ impl Run {
             None => None,
         };
         let Some(baselines) = self.baselines(watch)? else { return Ok(None) };
+        let unscored = self.state.settings.baselines.len() - baselines.len();
+        if unscored > 0 {
+            left_out(&format!("the score of {unscored} baseline(s)"), watch);
+        }
         self.tell_changes(watch);
         let evaluations = self.state.generations.evaluations();
         let constraints = self.suite.constraints();
@@ -87,6 +91,7 @@ impl Run {
                 .unwrap_or_default(),
             best: best.map(Scored::settled),
             baselines: baselines.into_iter().map(Scored::settled).collect(),
+            unscored_baselines: unscored,
             methods,
             certificate,
             spread,
