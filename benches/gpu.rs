@@ -124,5 +124,20 @@ fn main() {
             }
         }
         rows.iter().for_each(|row| row.print(batch.len(), beams));
+        let mut gpu = GpuBackend::new(problem.task().clone(), None, memory).unwrap();
+        let uploaded = gpu.traffic();
+        let start = Instant::now();
+        gpu.tally(&batch, None).unwrap();
+        let took = start.elapsed();
+        let (traffic, each) = (gpu.traffic(), batch.len() as u64);
+        println!(
+            "  {} submission(s) and {} wait(s) of the batch; {} bytes up and {} down a placement; \
+             the device worked {:.0} % of the time",
+            traffic.submissions - uploaded.submissions,
+            traffic.waits - uploaded.waits,
+            (traffic.bytes_up - uploaded.bytes_up) / each,
+            traffic.bytes_down / each,
+            100.0 * traffic.busy.as_secs_f64() / took.as_secs_f64()
+        );
     }
 }

@@ -79,3 +79,25 @@ fn overlapping_jobs_give_the_bits_of_the_cpu() {
         assert_eq!(covered, cpu(&problem).covered(&placements[0], 2).unwrap());
     }
 }
+
+/// Steps of which the kernel leaves no beam go to the device in one submission each, and the host waits once for each.
+#[test]
+fn a_step_is_one_submission_and_one_wait() {
+    let whole = problem();
+    let task = Arc::new(whole.over(&[1, 3]));
+    let mut gpu = GpuBackend::new(task.task().clone(), None, MEMORY).unwrap();
+    let opened = gpu.traffic();
+    let (range, placements) = (Some(RANGE as f32), placements(24));
+    assert_eq!(
+        gpu.tally(&placements, range).unwrap(),
+        cpu(&task).tally(&placements, range).unwrap()
+    );
+    let ran = gpu.traffic();
+    assert_eq!((ran.submissions - opened.submissions, ran.waits - opened.waits), (2, 2));
+    // Nothing but counters, sums and times comes back.
+    let classes = task.content().set_count() as u64;
+    let groups = (task.content().occupied().len() as u64).div_ceil(64 * 64);
+    let words = 24 * (1 + classes + groups * 41) + 1 + 72 + 8;
+    let down = ran.bytes_down - opened.bytes_down;
+    assert!(down <= 2 * (4 * words + 4 * 8), "{down} bytes, {words} words");
+}

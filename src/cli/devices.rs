@@ -54,17 +54,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
 fn row(TestedAdapter { summary, self_test, .. }: &TestedAdapter) -> Vec<String> {
     let arithmetic = match self_test {
         None => ["not run", "", "", ""],
-        Some(test) => [
-            if test.passed { "passed" } else { "failed" },
-            match (test.fuses, test.reorders) {
-                (false, false) => "as written",
-                (true, false) => "fused",
-                (false, true) => "reordered",
-                (true, true) => "fused, reordered",
-            },
-            if test.divides_exactly { "exact" } else { "inexact" },
-            if test.flushes_denormals { "flushed" } else { "kept" },
-        ],
+        Some(test) => test.words(),
     };
     let auto = if summary.auto { "yes" } else { "" };
     let mut row = vec![

@@ -8,6 +8,7 @@ mod output;
 
 mod args;
 mod audit;
+mod bench;
 mod cast;
 mod chart;
 mod datasets;
@@ -103,6 +104,12 @@ enum Command {
     Scene(scene::Command),
     /// List Vulkan devices and which one is taken by default
     Devices(devices::Args),
+    /// Measure this machine for the tables of the documentation
+    #[command(
+        subcommand,
+        after_help = "Example:\n  sightline bench device scenes/highway.json > device.md"
+    )]
+    Bench(bench::Command),
     /// Print what a shell needs to complete commands and options
     Completions(shell::CompletionsArgs),
     /// Print the manual page of the program or of a command, or write all of them
@@ -197,6 +204,7 @@ fn dispatch(command: Command) -> Result<Exit, Error> {
         Command::Rig(command) => rig::run(&command),
         Command::Scene(command) => scene::run(&command),
         Command::Devices(args) => devices::run(&args),
+        Command::Bench(command) => bench::run(&command),
         Command::Completions(args) => shell::completions(&args, program()),
         Command::Man(args) => shell::man(&args, program()),
     }

@@ -17,6 +17,7 @@
 //! | `psog`, `rig`, `scene` | files of P-SOGs, of rigs and of scenes |
 
 pub mod audit;
+pub mod bench;
 pub mod cast;
 pub mod chart;
 mod inputs;

@@ -151,7 +151,7 @@ fn of_scene(
 }
 
 /// The error of a missing or failed device: elsewhere the CPU takes over, here it cannot.
-fn needs_device(error: BackendError) -> Error {
+pub(super) fn needs_device(error: BackendError) -> Error {
     match error {
         BackendError::NoDevice { name } => {
             let named = name.map(|name| format!(" named `{name}`")).unwrap_or_default();

@@ -16,6 +16,8 @@ mod layout;
 mod pipeline;
 mod readback;
 mod self_test;
+mod stages;
+mod stamps;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -30,10 +32,10 @@ use crate::task::{StageTimes, Tally, Task};
 use chunk::{GpuBatch, SceneBuffers, Sizes, WorkBuffers};
 use device::Device;
 use kernels::{Kernels, Rewrite};
-use pipeline::{ChunkResult, Pipeline};
+use pipeline::{ChunkResult, Pipeline, in_flight};
 use readback::BatchTallies;
 
-pub use device::{AdapterSummary, list_adapters};
+pub use device::{AdapterSummary, Traffic, list_adapters};
 pub(super) use firings::GpuFirings;
 pub use self_test::{SelfTest, TestedAdapter, WrongAnswer, test_adapters};
 
@@ -86,6 +88,11 @@ impl GpuBackend {
         self.device.is_software()
     }
 
+    /// Exchanges between host and device since it was opened.
+    pub fn traffic(&self) -> Traffic {
+        self.device.traffic()
+    }
+
     /// Ends the device after `batches` more batches of placements, as a driver reset would; every later call is an
     /// error. For tests and drills.
     #[doc(hidden)]
@@ -126,9 +133,11 @@ impl GpuBackend {
     /// Limits of a chunk whose placements have at most `widest` sensors.
     fn limits(&self, widest: usize, sizes: &Sizes) -> Result<ChunkLimits, BackendError> {
         let (binding, memory) = (self.device.max_binding(), self.memory);
-        // Bitmaps on the device and their copy to the host; sums on the device and copies of two steps.
-        let sums = 3 * (sizes.partials + sizes.totals);
-        let each = sizes.hits + sizes.instances + 2 * sizes.bitmap + sums;
+        // Bitmaps on the device and their copy to the host; sums and instances there, of the steps in flight, and of the step
+        // that the host has in hand.
+        let copies = 2 + in_flight(true) as u64;
+        let sums = copies * (sizes.partials + sizes.totals);
+        let each = sizes.hits + copies * sizes.instances + 2 * sizes.bitmap + sums;
         let sensors = [
             ("coverage bitmaps", sizes.bitmap, binding.min(memory)),
             ("hits", sizes.hits, binding),
@@ -176,7 +185,7 @@ impl Backend for GpuBackend {
         let chunks = self.cut(placements)?;
         let batch = GpuBatch { placements, chunks, frames: &frames, range, sums: true };
         let mut sums = BatchTallies::new(&self.task, placements, weights.iter().sum())?;
-        let times = self.pipeline().run(&batch, |chunk, turn, made| {
+        let times = self.pipeline().run(&batch, &mut |chunk, turn, made| {
             let (own, weight) = (chunk.cut.placements.clone(), weights[turn]);
             match made {
                 ChunkResult::Hits(hits) => sums.add_hits(own, &chunk.placements, weight, hits),
@@ -222,7 +231,7 @@ impl Backend for GpuBackend {
         let chunks = self.cut(&placements)?;
         let batch =
             GpuBatch { placements: &placements, chunks, frames: &[frame], range, sums: false };
-        self.pipeline().run(&batch, |chunk, _, made| {
+        self.pipeline().run(&batch, &mut |chunk, _, made| {
             if let ChunkResult::Bitmaps(made) = made {
                 // A placement is a sensor.
                 let first = chunk.cut.placements.start;

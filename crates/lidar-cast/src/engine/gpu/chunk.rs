@@ -6,6 +6,8 @@ use std::collections::HashMap;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use super::device::Device;
 use super::layout::{GpuInstance, ITEMS_PER_WORKGROUP, LONG_AXIS, PARTIAL_WORDS, Sensor, Uniforms};
 use crate::bvh::{Bvh, Bvh4, Hit, QuantizedNode, Triangle};
@@ -16,6 +18,9 @@ use crate::geom::Pose;
 use crate::grid::Roi;
 use crate::sensor::{Placement, UnknownSensor};
 use crate::task::{Content, DevicePose, Frame, OccupiedVoxel, SensorBatch, Task};
+
+/// Sensors whose instances a thread looks for at once.
+const SENSORS_AT_ONCE: usize = 64;
 
 /// Placements in chunks, and the frames that they are evaluated in.
 pub(super) struct GpuBatch<'a> {
@@ -84,16 +89,23 @@ impl<'a> GpuChunk<'a> {
         roots: &HashMap<usize, u32>,
         first_directions: &[u32],
     ) -> (Vec<GpuInstance>, Vec<Sensor>) {
-        let (mut all, mut sensors) = (Vec::new(), Vec::with_capacity(self.batch.len()));
-        for (index, ego_from_sensor) in standing.ego_from_sensors.iter().enumerate() {
-            let (first_instance, range) = (all.len() as u32, self.batch.range(index));
+        let in_reach = |index: usize| -> Vec<GpuInstance> {
+            let (pose, range) = (&standing.ego_from_sensors[index], self.batch.range(index));
             let instances = frame.into_iter().flat_map(|frame| frame.instances());
-            all.extend(instances.filter_map(|instance| {
-                let pose = instance.pose_of(ego_from_sensor);
+            let seen = instances.filter_map(|instance| {
+                let pose = instance.pose_of(pose);
                 let sight = SightSphere::new(&pose, &instance.tree, range)?;
                 let root = roots[&Arc::as_ptr(&instance.tree).addr()];
                 Some(GpuInstance::new(&pose, &sight, &instance.tree, root, instance.first_prim))
-            }));
+            });
+            seen.collect()
+        };
+        let by_sensor = (0..self.batch.len()).into_par_iter().with_min_len(SENSORS_AT_ONCE);
+        let by_sensor: Vec<Vec<GpuInstance>> = by_sensor.map(in_reach).collect();
+        let (mut all, mut sensors) = (Vec::new(), Vec::with_capacity(self.batch.len()));
+        for (index, instances) in by_sensor.iter().enumerate() {
+            let (first_instance, range) = (all.len() as u32, self.batch.range(index));
+            all.extend_from_slice(instances);
             let beams = self.batch.beams_of(index);
             sensors.push(Sensor {
                 first_instance,

@@ -1,9 +1,11 @@
 //! Vulkan devices of this machine, best first, and an open one: its errors, its buffers, and writes to them.
 
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use serde::Serialize;
 
+use super::stamps::Stamps;
 use crate::engine::BackendError;
 
 /// An open device. Errors of the driver wait here for [`Self::check`], instead of wgpu's default, a panic.
@@ -15,6 +17,24 @@ pub(super) struct Device {
     failure: Arc<Mutex<Option<String>>>,
     /// Buffers for copies to the host, kept from one to the next.
     staging: Mutex<Vec<wgpu::Buffer>>,
+    /// Times of a step; `None` on a device that tells none.
+    stamps: Option<Stamps>,
+    traffic: Mutex<Traffic>,
+}
+
+/// Exchanges between host and device so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Lists of commands handed to the device.
+    pub submissions: u64,
+    /// Times that the host waited for the device.
+    pub waits: u64,
+    /// Bytes that the host wrote to buffers.
+    pub bytes_up: u64,
+    /// Bytes that it read back.
+    pub bytes_down: u64,
+    /// Time that the device says it worked at whole steps.
+    pub busy: Duration,
 }
 
 impl Device {
@@ -37,6 +57,7 @@ impl Device {
         let software = info.device_type == wgpu::DeviceType::Cpu;
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("sightline"),
+            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
             required_limits: adapter.limits(),
             ..Default::default()
         };
@@ -61,8 +82,9 @@ impl Device {
             keep(&of_loss, format!("the device was lost ({reason:?}) {message}"));
         });
         let adapter = format!("{} ({} {})", info.name, info.driver, info.driver_info);
-        let staging = Mutex::default();
-        Ok(Self { device, queue, adapter, software, failure, staging })
+        let (staging, stamps) = (Mutex::default(), Stamps::new(&device, &queue));
+        let traffic = Mutex::default();
+        Ok(Self { device, queue, adapter, software, failure, staging, stamps, traffic })
     }
 
     /// True if the device is a software renderer on the CPU.
@@ -140,12 +162,25 @@ impl Device {
         data: &[T],
     ) {
         let offset = index * size_of::<T>() as u64;
+        self.count(|traffic| traffic.bytes_up += size_of_val(data) as u64);
         self.queue.write_buffer(buffer, offset, bytemuck::cast_slice(data));
     }
 
     pub(super) fn write<T: bytemuck::NoUninit>(&self, buffer: &wgpu::Buffer, data: &[T]) {
         if !data.is_empty() {
-            self.queue.write_buffer(buffer, 0, bytemuck::cast_slice(data));
+            self.write_at(buffer, 0, data);
+        }
+    }
+
+    /// Exchanges with the host so far.
+    pub(super) fn traffic(&self) -> Traffic {
+        self.traffic.lock().map_or_else(|_| Traffic::default(), |traffic| *traffic)
+    }
+
+    /// Takes note of an exchange with the host.
+    pub(super) fn count(&self, note: impl FnOnce(&mut Traffic)) {
+        if let Ok(mut traffic) = self.traffic.lock() {
+            note(&mut traffic);
         }
     }
 
@@ -155,6 +190,11 @@ impl Device {
 
     pub(super) fn queue(&self) -> &wgpu::Queue {
         &self.queue
+    }
+
+    /// Times of a step; `None` on a device that tells none.
+    pub(super) fn stamps(&self) -> Option<&Stamps> {
+        self.stamps.as_ref()
     }
 
     pub(super) fn kept_staging(&self) -> &Mutex<Vec<wgpu::Buffer>> {

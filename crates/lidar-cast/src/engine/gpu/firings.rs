@@ -132,7 +132,7 @@ impl GpuFirings {
             let (nodes, triangles) = (&trees.nodes, &trees.triangles);
             let buffers = [instances, of_sensors, directions, nodes, triangles, hits, counters];
             let groups = beam_workgroups(packed.longest, sensors as u32);
-            kernels.dispatch(device, encoder, "cast_closest", &buffers, groups);
+            kernels.dispatch(device, encoder, "cast_closest", &buffers, groups, None);
         };
         let reading = device.start("casting", record, &[(hits, sizes[3] as u64)])?;
         let mut found: Vec<Hit> =

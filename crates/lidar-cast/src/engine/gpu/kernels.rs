@@ -86,7 +86,8 @@ impl Kernels {
         })
     }
 
-    /// Records one dispatch; buffers are bound in the order of the kernel's binding numbers.
+    /// Records one dispatch; buffers are bound in the order of the kernel's binding numbers. `stamp` is where the device writes
+    /// down begin and end.
     pub(super) fn dispatch(
         &self,
         device: &Device,
@@ -94,12 +95,14 @@ impl Kernels {
         kernel: &str,
         buffers: &[&wgpu::Buffer],
         [x, y, z]: [u32; 3],
+        stamp: Option<wgpu::ComputePassTimestampWrites<'_>>,
     ) {
         let named = SOURCES.iter().position(|(name, _)| *name == kernel);
         let kernel = named.expect("a kernel of the list above");
         let pipeline = self.pipeline(device, kernel);
         let group = self.group(device, pipeline, kernel, buffers);
-        let mut pass = encoder.begin_compute_pass(&Default::default());
+        let pass = wgpu::ComputePassDescriptor { label: None, timestamp_writes: stamp };
+        let mut pass = encoder.begin_compute_pass(&pass);
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups(x, y, z);

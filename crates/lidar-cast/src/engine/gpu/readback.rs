@@ -23,19 +23,13 @@ pub(super) struct ReadBack {
     answer: Arc<Mutex<Option<Result<(), wgpu::BufferAsyncError>>>>,
 }
 
-impl ReadBack {
-    /// The commands that end with the copies.
-    pub(super) fn submission(&self) -> &wgpu::SubmissionIndex {
-        &self.submission
-    }
-}
-
 impl Device {
     /// Hands recorded commands to the device, which runs them after all before them.
     pub(super) fn enqueue(
         &self,
         record: impl FnOnce(&mut wgpu::CommandEncoder),
     ) -> wgpu::SubmissionIndex {
+        self.count(|traffic| traffic.submissions += 1);
         let mut encoder = self.wgpu().create_command_encoder(&Default::default());
         record(&mut encoder);
         self.queue().submit([encoder.finish()])
@@ -47,6 +41,7 @@ impl Device {
         stage: &'static str,
         submission: &wgpu::SubmissionIndex,
     ) -> Result<(), BackendError> {
+        self.count(|traffic| traffic.waits += 1);
         let submission_index = Some(submission.clone());
         let poll = wgpu::PollType::Wait { submission_index, timeout: None };
         // wgpu reports a device that a wait finds lost with a panic.
@@ -112,6 +107,7 @@ impl Device {
         let view = staging
             .get_mapped_range(0..size.next_multiple_of(wgpu::MAP_ALIGNMENT))
             .map_err(|error| self.failed(stage, error.to_string()))?;
+        self.count(|traffic| traffic.bytes_down += size);
         let bytes: Vec<&[u8]> = parts.iter().map(|part| &view[part.clone()]).collect();
         let taken = take(&bytes);
         drop(view);

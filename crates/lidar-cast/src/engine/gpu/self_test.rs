@@ -111,6 +111,21 @@ pub struct SelfTest {
 }
 
 impl SelfTest {
+    /// Outcome, product beside sum, division and denormals, a word each.
+    pub fn words(&self) -> [&'static str; 4] {
+        [
+            if self.passed { "passed" } else { "failed" },
+            match (self.fuses, self.reorders) {
+                (false, false) => "as written",
+                (true, false) => "fused",
+                (false, true) => "reordered",
+                (true, true) => "fused, reordered",
+            },
+            if self.divides_exactly { "exact" } else { "inexact" },
+            if self.flushes_denormals { "flushed" } else { "kept" },
+        ]
+    }
+
     /// The first wrong answer in words; none where the device passed.
     pub fn complaint(&self) -> Option<String> {
         let WrongAnswer { operation, operands: [a, b, c], got, expected } =
@@ -314,7 +329,7 @@ fn run(device: &Device) -> Result<SelfTest, BackendError> {
     device.write(&answers, &vec![u32::MAX; count]);
     let record = |encoder: &mut wgpu::CommandEncoder| {
         let groups = [count as u32 / WORKGROUP_SIZE, 1, 1];
-        kernels.dispatch(device, encoder, "self_test", &[&table, &answers], groups);
+        kernels.dispatch(device, encoder, "self_test", &[&table, &answers], groups, None);
     };
     let reading = device.start("its self-test", record, &[(&answers, 4 * count as u64)])?;
     device.finish(reading, |parts| judge(&cases, bytemuck::cast_slice(parts[0])))
