@@ -11,7 +11,8 @@ use super::verify::needs_device;
 use super::{Computing, Error, opening};
 use crate::engine::gpu::{GpuBackend, SelfTest, TestedAdapter, test_adapters};
 use crate::engine::{Backend, CpuBackend, EngineKind};
-use crate::vehicle::random_placements_by_the_rules;
+use crate::problem::Problem;
+use crate::vehicle::{Placement, random_placements_by_the_rules};
 use crate::verify::placements::usual_placements;
 use crate::verify::{Verification, verify};
 
@@ -72,6 +73,8 @@ pub struct Speed {
     pub gpu: f64,
     /// By the CPU.
     pub cpu: f64,
+    /// Share of the time in which the device worked, as it says itself.
+    pub busy: f64,
 }
 
 impl DeviceBench {
@@ -144,34 +147,49 @@ fn of_scene(
     drop(gpu);
     bar.advance(1);
     let problem = job.problem()?;
-    let mut engines: [Box<dyn Backend>; 2] = [
-        Box::new(open(problem.task())?),
-        Box::new(CpuBackend::new(problem.task().clone(), memory)),
-    ];
+    let mut gpu = open(problem.task())?;
+    let mut cpu = CpuBackend::new(problem.task().clone(), memory);
     let mut speeds = Vec::new();
     for &count in &request.placements {
         let batch = random_placements_by_the_rules(problem.constraints(), count, SEED);
-        let work = (batch.len() * problem.frame_count()) as f64;
-        let mut rates = [Vec::new(), Vec::new()];
-        // The first round warms up.
-        for round in 0..=request.rounds {
-            if !computing.watcher.goes_on() {
-                return Err(Error::Interrupted("interrupted: nothing is measured".to_owned()));
-            }
-            for (engine, rates) in engines.iter_mut().zip(&mut rates) {
-                let start = Instant::now();
-                engine.tally(&batch, None).map_err(needs_device)?;
-                if round > 0 {
-                    rates.push(work / start.elapsed().as_secs_f64());
-                }
-            }
-            bar.advance(1);
-        }
-        let [gpu, cpu] = rates.map(median);
-        speeds.push(Speed { placements: batch.len(), gpu, cpu });
+        let turn = || match computing.watcher.goes_on() {
+            true => Ok(bar.advance(1)),
+            false => Err(Error::Interrupted("interrupted: nothing is printed".to_owned())),
+        };
+        speeds.push(speed(&problem, &batch, request.rounds, (&mut gpu, &mut cpu), &turn)?);
     }
-    let adapter = engines[0].adapter().to_owned();
+    let adapter = gpu.adapter().to_owned();
     Ok((adapter, SceneBench { scene: job.scene().name().to_owned(), verification, speeds }))
+}
+
+/// Speed of device and CPU at a batch; `turn` is called before each round.
+fn speed(
+    problem: &Problem,
+    batch: &[Placement],
+    rounds: usize,
+    (gpu, cpu): (&mut GpuBackend, &mut CpuBackend),
+    turn: &dyn Fn() -> Result<(), Error>,
+) -> Result<Speed, Error> {
+    let work = (batch.len() * problem.frame_count()) as f64;
+    let (mut on_gpu, mut on_cpu, mut busy) = (Vec::new(), Vec::new(), Vec::new());
+    // The first round warms up.
+    for round in 0..=rounds {
+        turn()?;
+        let worked = gpu.traffic().busy;
+        let timed = |engine: &mut dyn Backend| {
+            let start = Instant::now();
+            engine.tally(batch, None).map_err(needs_device)?;
+            Ok::<_, Error>(start.elapsed().as_secs_f64())
+        };
+        let took = [timed(gpu)?, timed(cpu)?];
+        if round > 0 {
+            busy.push((gpu.traffic().busy - worked).as_secs_f64() / took[0]);
+            on_gpu.push(work / took[0]);
+            on_cpu.push(work / took[1]);
+        }
+    }
+    let placements = batch.len();
+    Ok(Speed { placements, gpu: median(on_gpu), cpu: median(on_cpu), busy: median(busy) })
 }
 
 /// Median, the upper one of two; 0 of no rates.
@@ -208,13 +226,19 @@ impl fmt::Display for DeviceBench {
                 found.differing_scores
             )?;
         }
-        writeln!(f, "\nPlacements × frames a second, {frames} frame(s), device / CPU:\n")?;
+        writeln!(
+            f,
+            "\nPlacements × frames a second, {frames} frame(s), device / CPU (share of the time that the device worked):\n"
+        )?;
         let counts = self.scenes.first().map_or(&[][..], |scene| &scene.speeds);
         let titles: Vec<String> = counts.iter().map(|speed| speed.placements.to_string()).collect();
         writeln!(f, "| scene | {} |", titles.join(" | "))?;
         writeln!(f, "|---|{}", "--:|".repeat(titles.len()))?;
         for SceneBench { scene, speeds, .. } in &self.scenes {
-            let cells = speeds.iter().map(|speed| format!("{:.0} / {:.0}", speed.gpu, speed.cpu));
+            let cells = speeds.iter().map(|speed| {
+                let Speed { gpu, cpu, busy, .. } = speed;
+                format!("{gpu:.0} / {cpu:.0} ({:.0} %)", 100.0 * busy)
+            });
             writeln!(f, "| {scene} | {} |", cells.collect::<Vec<_>>().join(" | "))?;
         }
         Ok(())
