@@ -24,7 +24,7 @@ use sightline::search::{Event, Run, State, Suite, TimeLimit};
 use sightline::vehicle::read_placements;
 use sightline::vehicle::sensor_file::{self as sensors, Beams};
 use sightline::worlds::{import_opendrive, read_opendrive};
-use sightline::{EngineChoice, EngineKind, Problem};
+use sightline::{EngineChoice, Problem};
 
 /// Triangles up to which the frames of an accepted scene are looked at.
 const MAX_FACES: usize = 200_000;
@@ -264,7 +264,7 @@ pub fn checkpoint_json(folder: &Path, bytes: &[u8]) {
         return;
     }
     let mut search = Run::resume(SEARCHED.clone(), state);
-    let engine = EngineChoice { kind: EngineKind::Cpu, adapter: None, memory: Some(16 << 20) };
+    let engine = EngineChoice { memory: Some(16 << 20), ..EngineChoice::cpu() };
     search.open_with(engine, Some(TimeLimit::from_now(Duration::from_millis(50))));
     let _ = said(search.step(&mut |_: &Event<'_>| true));
 }

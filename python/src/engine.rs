@@ -46,7 +46,8 @@ impl Options {
             .ok_or_else(|| bad(format!("backend: `{backend}` is none; give auto, cpu or gpu")))?;
         let conditions = conditions.iter().map(|text| text.parse().map_err(raised));
         let conditions = conditions.collect::<PyResult<_>>()?;
-        Ok(Self { psog, frames, conditions, engine: EngineChoice { kind, adapter, memory } })
+        let engine = EngineChoice { kind, adapter, memory, inexact: false };
+        Ok(Self { psog, frames, conditions, engine })
     }
 
     /// Puts the Python arguments that these come from into `words`.

@@ -24,6 +24,10 @@ pub struct Compute {
     /// Take the Vulkan device whose name contains this
     #[arg(long, value_name = "NAME")]
     pub adapter: Option<String>,
+    /// Take a Vulkan device that fails its self-test, too: scores are then not those of the CPU, and each result
+    /// names the device as inexact
+    #[arg(long)]
+    pub inexact: bool,
     /// Threads of the CPU backend [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
@@ -143,7 +147,8 @@ impl Compute {
     /// The engine asked for.
     pub fn engine(&self) -> EngineChoice {
         let kind = self.backend.kind();
-        EngineChoice { kind, adapter: self.adapter.clone(), memory: self.memory }
+        let (adapter, inexact) = (self.adapter.clone(), self.inexact);
+        EngineChoice { kind, adapter, memory: self.memory, inexact }
     }
 
     /// What computes, and that the terminal is told.
@@ -186,7 +191,8 @@ pub fn engine(
              them out"
         )));
     }
-    Ok(EngineChoice { kind: backend.kind(), adapter: adapter.map(str::to_owned), memory })
+    let adapter = adapter.map(str::to_owned);
+    Ok(EngineChoice { kind: backend.kind(), adapter, memory, inexact: false })
 }
 
 /// Starts the threads of `--threads`; says where these are fewer.

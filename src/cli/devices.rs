@@ -40,7 +40,8 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
             out!("{}", align_columns(&rows))?;
             for TestedAdapter { summary, refused, .. } in &adapters {
                 if let Some(why) = refused {
-                    outln!("{} is not used: {why}", summary.name)?;
+                    let name = &summary.name;
+                    outln!("{name} is not used: {why}; --inexact takes it all the same")?;
                 }
             }
             if !adapters.iter().any(|a| a.summary.auto) {

@@ -28,6 +28,9 @@ pub fn verification_text(scene: &str, conditions: &[String], found: &Verificatio
         ("scores", gpu.scores.to_string()),
         ("differing scores", gpu.differing_scores.to_string()),
     ]);
+    for cause in &found.causes {
+        text += &format!("  cause: {cause}\n");
+    }
     text += "CPU reference against all triangles in f64:\n";
     let grazing = format!("differing, grazing (an edge within {} m)", found.edge_tolerance);
     text += &lines(&[

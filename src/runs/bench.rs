@@ -133,7 +133,7 @@ fn of_scene(
     let job = opening::job(&files, computing)?.job;
     let memory = computing.engine.memory_budget() / 2;
     let open = |task: &_| {
-        let gpu = GpuBackend::new(Clone::clone(task), computing.engine.adapter.as_deref(), memory);
+        let gpu = GpuBackend::open(Clone::clone(task), (&computing.engine).into(), memory);
         gpu.map_err(needs_device)
     };
     let rounds = (1 + request.rounds) * request.placements.len();
@@ -152,9 +152,12 @@ fn of_scene(
     let mut speeds = Vec::new();
     for &count in &request.placements {
         let batch = random_placements_by_the_rules(problem.constraints(), count, SEED);
-        let turn = || match computing.watcher.goes_on() {
-            true => Ok(bar.advance(1)),
-            false => Err(Error::Interrupted("interrupted: nothing is printed".to_owned())),
+        let turn = || {
+            bar.advance(1);
+            match computing.watcher.goes_on() {
+                true => Ok(()),
+                false => Err(Error::Interrupted("interrupted: nothing is printed".to_owned())),
+            }
         };
         speeds.push(speed(&problem, &batch, request.rounds, (&mut gpu, &mut cpu), &turn)?);
     }

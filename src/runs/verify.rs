@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::given::Given;
 use super::inputs::Files;
 use super::{Computing, Error, opening};
-use crate::engine::gpu::GpuBackend;
+use crate::engine::gpu::{GpuBackend, SelfTest};
 use crate::engine::{BackendError, EngineKind};
 use crate::scan::conditions::{Condition, in_words};
 use crate::vehicle::{Placement, read_placements};
@@ -141,13 +141,32 @@ fn of_scene(
         None => usual(),
     };
     let memory = computing.engine.memory_budget() / 2;
-    let gpu = GpuBackend::new(problem.task().clone(), computing.engine.adapter.as_deref(), memory);
+    let gpu = GpuBackend::open(problem.task().clone(), (&computing.engine).into(), memory);
     let mut gpu = gpu.map_err(needs_device)?;
     let steps = (placements.len() * compared_frames(&problem)) as u64;
     let bar = computing.watcher.bar(steps, Some("placements × frames"));
     let done = || bar.advance(1);
     let found = verify(&problem, &mut gpu, &placements, request.sample, request.seed, &done);
-    Ok((job.scene().name().to_owned(), found.map_err(needs_device)?))
+    let mut found = found.map_err(needs_device)?;
+    if found.gpu_against_cpu.any() {
+        found.causes = causes(&gpu.self_test().map_err(needs_device)?);
+    }
+    Ok((job.scene().name().to_owned(), found))
+}
+
+/// Causes of a difference between device and CPU, a sentence each.
+fn causes(test: &SelfTest) -> Vec<String> {
+    match &test.causes[..] {
+        [] => {
+            let [_, sums, division, denormals] = test.words();
+            vec![format!(
+                "the device's arithmetic is right where kernels depend on it (self-test passed; product + sum {sums}, \
+                 division {division}, denormals {denormals}), so its compiler changes a kernel otherwise: please report \
+                 it with device and driver"
+            )]
+        }
+        causes => causes.to_vec(),
+    }
 }
 
 /// The error of a missing or failed device: elsewhere the CPU takes over, here it cannot.

@@ -34,6 +34,9 @@ pub struct Verification {
     pub cpu_against_f64: Agreement,
     /// Metres from an edge within which rounding may decide; see [`EDGE_TOLERANCE`].
     pub edge_tolerance: f64,
+    /// Causes of differences between the engine and the reference, a sentence each.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub causes: Vec<String>,
     /// True if the bits are equal and every other difference is explained.
     pub passed: bool,
 }
@@ -64,5 +67,6 @@ pub fn verify(
         gpu_against_cpu: found,
         cpu_against_f64: explained,
         edge_tolerance: EDGE_TOLERANCE,
+        causes: Vec::new(),
     })
 }

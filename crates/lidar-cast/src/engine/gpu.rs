@@ -24,7 +24,9 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::{Backend, BackendError, Chunk, ChunkLimits, TakeBitmap, check_frame, split};
+use super::{
+    Backend, BackendError, Chunk, ChunkLimits, EngineChoice, TakeBitmap, check_frame, split,
+};
 use crate::bvh::Hit;
 use crate::cover::BitOrder;
 use crate::sensor::{Placement, SensorPose};
@@ -42,6 +44,21 @@ pub use self_test::{SelfTest, TestedAdapter, WrongAnswer, test_adapters};
 /// Bytes of the largest bitmap whose bits have numbers of 32 bits.
 const MOST_BITMAP: u64 = 1 << 29;
 
+/// Requested Vulkan device.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct DeviceChoice<'a> {
+    /// Part of its name; `None` takes the best device.
+    pub name: Option<&'a str>,
+    /// True takes a device that fails its self-test, too: its name then says so.
+    pub inexact: bool,
+}
+
+impl<'a> From<&'a EngineChoice> for DeviceChoice<'a> {
+    fn from(choice: &'a EngineChoice) -> Self {
+        Self { name: choice.adapter.as_deref(), inexact: choice.inexact }
+    }
+}
+
 /// Evaluates batches on a Vulkan device.
 ///
 /// Pipelines and the task's buffers are made once; work buffers grow to the largest chunk so far.
@@ -58,14 +75,26 @@ pub struct GpuBackend {
 }
 
 impl GpuBackend {
-    /// Opens the best device, or the one whose name contains `adapter`, and uploads the task.
+    /// Opens the best device, or the one whose name contains `adapter`; see [`Self::open`].
+    ///
+    /// # Errors
+    /// See [`Self::open`].
+    pub fn new(task: Arc<Task>, adapter: Option<&str>, memory: u64) -> Result<Self, BackendError> {
+        Self::open(task, DeviceChoice { name: adapter, inexact: false }, memory)
+    }
+
+    /// Opens a device, and uploads the task.
     ///
     /// Work buffers together stay below `memory` bytes.
     ///
     /// # Errors
-    /// No such device, or one that cannot hold the task.
-    pub fn new(task: Arc<Task>, adapter: Option<&str>, memory: u64) -> Result<Self, BackendError> {
-        let device = self_test::open(adapter)?;
+    /// No such device, one that fails its self-test, or one that cannot hold the task.
+    pub fn open(
+        task: Arc<Task>,
+        choice: DeviceChoice<'_>,
+        memory: u64,
+    ) -> Result<Self, BackendError> {
+        let device = self_test::open(choice)?;
         let need = 8 * BitOrder::bricks(task.roi()).words() as u64;
         if need > MOST_BITMAP {
             let (what, limit) = ("coverage bitmaps", MOST_BITMAP);
@@ -86,6 +115,14 @@ impl GpuBackend {
     /// True if the device is a software renderer on the CPU.
     pub fn is_software(&self) -> bool {
         self.device.is_software()
+    }
+
+    /// Answers of the device to a table of arithmetic.
+    ///
+    /// # Errors
+    /// A device that failed since it was opened.
+    pub fn self_test(&self) -> Result<SelfTest, BackendError> {
+        self_test::self_test(&self.device)
     }
 
     /// Exchanges between host and device since it was opened.

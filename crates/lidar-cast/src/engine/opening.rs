@@ -39,6 +39,8 @@ pub struct EngineChoice {
     pub adapter: Option<String>,
     /// Bytes that work buffers may take; `None` takes half of the free memory.
     pub memory: Option<u64>,
+    /// True takes a device that fails its self-test, too: its name then says so in every result.
+    pub inexact: bool,
 }
 
 impl EngineChoice {
@@ -112,10 +114,10 @@ pub fn open_caster(
         EngineKind::Cpu => Ok(host(None)),
         EngineKind::Auto if choice.adapter.is_none() => match device::no_hardware() {
             Some(why) => Ok(host(Some(why))),
-            None => Ok(device::caster(trees, None)
+            None => Ok(device::caster(trees, choice)
                 .unwrap_or_else(|error| host(Some(format!("computing on the CPU: {error}"))))),
         },
-        _ => device::caster(trees, choice.adapter.as_deref()),
+        _ => device::caster(trees, choice),
     }
 }
 
@@ -147,12 +149,12 @@ mod device {
         }
     }
 
-    /// The best device for the rays of a scanner, or the one whose name contains `adapter`, and which it is.
+    /// The device for the rays of a scanner, and which it is.
     pub(super) fn caster(
         trees: &[&Arc<Bvh>],
-        adapter: Option<&str>,
+        choice: &EngineChoice,
     ) -> Result<OpenedCaster, BackendError> {
-        let firings = GpuFirings::new(trees, adapter)?;
+        let firings = GpuFirings::new(trees, choice.into())?;
         let note = Some(format!("casting on gpu: {}", firings.adapter()));
         Ok(OpenedCaster { caster: Some(Box::new(firings)), note })
     }
@@ -185,11 +187,11 @@ mod device {
         choice: &EngineChoice,
         on_change: impl Fn(&str) + Send + 'static,
     ) -> Result<Failover, BackendError> {
-        let (adapter, memory) = (choice.adapter.clone(), choice.memory_budget());
-        let first = doomed(GpuBackend::new(task.clone(), adapter.as_deref(), memory)?);
+        let (choice, memory) = (choice.clone(), choice.memory_budget());
+        let first = doomed(GpuBackend::open(task.clone(), (&choice).into(), memory)?);
         let (for_gpu, for_cpu) = (task.clone(), task.clone());
         let reopen = move || -> Result<Box<dyn Backend>, BackendError> {
-            Ok(Box::new(GpuBackend::new(for_gpu.clone(), adapter.as_deref(), memory)?))
+            Ok(Box::new(GpuBackend::open(for_gpu.clone(), (&choice).into(), memory)?))
         };
         let cpu =
             move || -> Box<dyn Backend> { Box::new(CpuBackend::new(for_cpu.clone(), memory)) };
@@ -233,9 +235,9 @@ mod device {
 
     pub(super) fn caster(
         _: &[&Arc<Bvh>],
-        adapter: Option<&str>,
+        choice: &EngineChoice,
     ) -> Result<OpenedCaster, BackendError> {
-        Err(BackendError::NoDevice { name: adapter.map(str::to_owned) })
+        Err(BackendError::NoDevice { name: choice.adapter.clone() })
     }
 
     pub(super) fn asked_for(

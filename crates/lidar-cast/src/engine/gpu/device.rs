@@ -92,6 +92,11 @@ impl Device {
         self.software
     }
 
+    /// Says in the device's name that it does not keep the bits.
+    pub(super) fn mark_inexact(&mut self) {
+        self.adapter += ", inexact: it fails its self-test";
+    }
+
     pub(super) fn adapter(&self) -> &str {
         &self.adapter
     }

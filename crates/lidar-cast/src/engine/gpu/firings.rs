@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::DeviceChoice;
 use super::chunk::Trees;
 use super::device::Device;
 use super::kernels::{Kernels, beam_workgroups};
@@ -45,16 +46,15 @@ struct PackedFirings {
 }
 
 impl GpuFirings {
-    /// Opens the best device, or the one whose name contains `adapter`, and uploads the trees that will be cast
-    /// into.
+    /// Opens a device, and uploads the trees that will be cast into.
     ///
     /// # Errors
     /// No such device, or one that cannot hold the trees.
     pub(in crate::engine) fn new(
         trees: &[&Arc<Bvh>],
-        adapter: Option<&str>,
+        choice: DeviceChoice<'_>,
     ) -> Result<Self, BackendError> {
-        let device = self_test::open(adapter)?;
+        let device = self_test::open(choice)?;
         let trees = Trees::new(&device, trees)?;
         let kernels = Kernels::new();
         kernels.compile(&device, |kernel| kernel == "cast_closest");

@@ -8,6 +8,7 @@ use std::sync::Mutex;
 
 use serde::Serialize;
 
+use super::DeviceChoice;
 use super::device::{AdapterSummary, Device, instance, ranked_adapters, summary};
 use super::kernels::Kernels;
 use super::layout::WORKGROUP_SIZE;
@@ -34,6 +35,23 @@ const OPERATIONS: [&str; 18] = [
     "(a + b) + c",
     "a / b",
     "a * b, denormal",
+];
+/// Kind of arithmetic of each operation that kernels depend on.
+const KINDS_OF_ARITHMETIC: [&str; 14] = [
+    "rounding of sums",
+    "rounding of differences",
+    "rounding of products, or denormals that the kernels keep off",
+    "division",
+    "fusion of a product and a sum",
+    "fusion of sums",
+    "fusion of a difference and a product",
+    "least of two",
+    "greatest of two",
+    "comparison",
+    "rounding down",
+    "rounding up",
+    "conversion to a float",
+    "conversion to an integer",
 ];
 const PRODUCT: usize = 2;
 const COMPARE: usize = 9;
@@ -100,6 +118,8 @@ pub struct SelfTest {
     pub wrong: usize,
     /// The first wrong answers.
     pub examples: Vec<WrongAnswer>,
+    /// What the device gets wrong, a sentence for each kind of arithmetic.
+    pub causes: Vec<String>,
     /// True if it fuses a·b + c into one rounding.
     pub fuses: bool,
     /// True if it reorders sums.
@@ -239,7 +259,14 @@ fn judge(cases: &[Case], answers: &[u32]) -> SelfTest {
             *operation < FREE && !right(*operation, **got, expected(*operation, *words))
         })
         .collect();
+    let count = |operation: usize| wrong.iter().filter(|(case, _)| case.0 == operation).count();
+    let asked = |operation: usize| cases.iter().filter(|case| case.0 == operation).count();
+    let causes = (0..FREE).filter(|&operation| count(operation) > 0).map(|operation| {
+        let (kind, name) = (KINDS_OF_ARITHMETIC[operation], OPERATIONS[operation]);
+        format!("{kind}: {} of {} answers to {name} are wrong", count(operation), asked(operation))
+    });
     SelfTest {
+        causes: causes.collect(),
         passed: wrong.is_empty() && answers.len() >= cases.len(),
         cases: cases.iter().filter(|case| case.0 < FREE).count(),
         wrong: wrong.len(),
@@ -299,15 +326,25 @@ pub fn test_adapters() -> Vec<TestedAdapter> {
     tested.collect()
 }
 
-/// Opens the best device, or the one whose name contains `name`.
+/// Opens a device.
 ///
 /// # Errors
-/// No such device, or one that does not keep the bits that the kernels need.
-pub(super) fn open(name: Option<&str>) -> Result<Device, BackendError> {
-    let device = Device::open(name)?;
-    match self_test(&device)?.complaint() {
-        Some(complaint) => Err(device.failed("being opened", complaint)),
+/// No such device, or one that does not keep the bits that the kernels need, unless that is allowed.
+pub(super) fn open(choice: DeviceChoice<'_>) -> Result<Device, BackendError> {
+    let device = Device::open(choice.name)?;
+    let result = self_test(&device)?;
+    judged(device, &result, choice.inexact)
+}
+
+/// A device whose answers are right, or one that is marked as inexact where that is allowed.
+fn judged(mut device: Device, result: &SelfTest, inexact: bool) -> Result<Device, BackendError> {
+    match result.complaint() {
         None => Ok(device),
+        Some(_) if inexact => {
+            device.mark_inexact();
+            Ok(device)
+        }
+        Some(complaint) => Err(device.failed("being opened", complaint)),
     }
 }
 
@@ -342,7 +379,7 @@ static KNOWN: Mutex<Option<HashMap<String, SelfTest>>> = Mutex::new(None);
 ///
 /// # Errors
 /// A device that fails to compile or run the table.
-fn self_test(device: &Device) -> Result<SelfTest, BackendError> {
+pub(super) fn self_test(device: &Device) -> Result<SelfTest, BackendError> {
     let name = device.adapter().to_owned();
     let known = |known: &Option<HashMap<String, SelfTest>>| known.as_ref()?.get(&name).cloned();
     if let Some(result) = KNOWN.lock().ok().and_then(|table| known(&table)) {
@@ -380,6 +417,24 @@ mod tests {
             assert_eq!(complaint.contains(name), operation < FREE, "{complaint}");
             answers[at] ^= 1;
         }
+    }
+
+    /// Left out where there is no device.
+    #[test]
+    fn a_device_that_fails_is_refused_or_says_so_in_its_name() {
+        let cases = cases();
+        let mut answers: Vec<u32> = cases.iter().map(|&(op, words)| expected(op, words)).collect();
+        let quotient = cases.iter().position(|case| case.0 == 3 && expected(3, case.1) != 0);
+        answers[quotient.unwrap()] ^= 1;
+        let wrong = judge(&cases, &answers);
+        assert_eq!(wrong.causes.len(), 1);
+        assert!(wrong.causes[0].starts_with("division: 1 of "), "{:?}", wrong.causes);
+        let Ok(device) = Device::open(None) else { return };
+        let name = device.adapter().to_owned();
+        let refused = judged(device, &wrong, false).map(|_| ()).unwrap_err().to_string();
+        assert!(refused.contains("divide(a, b)"), "{refused}");
+        let taken = judged(Device::open(None).unwrap(), &wrong, true).unwrap();
+        assert_eq!(taken.adapter(), format!("{name}, inexact: it fails its self-test"));
     }
 
     #[test]
