@@ -48,6 +48,7 @@
 //! | [`targets`] | beams on targets at range, the range card of a rig |
 //! | [`score`] | scores, guards and objectives from the sums |
 //! | [`near_field`] | ground, poles and own body near a vehicle |
+//! | [`shared`] | things by the number of LiDARs that see them, overlap of pairs of LiDARs |
 //! | [`search`] | CMA-ES and swaps over a problem, bounds on what they leave |
 //! | [`job`] | the main job: scenes, vehicle, weather and search behind one type |
 //! | [`audit`] | trials against the metric itself |
@@ -75,6 +76,7 @@ pub mod report;
 pub mod runs;
 pub mod score;
 pub mod search;
+pub mod shared;
 pub mod study;
 pub mod targets;
 pub mod threads;
@@ -134,6 +136,7 @@ pub mod internals {
     pub use crate::report::rig::comparison_text;
     pub use crate::report::sensor::{SensorFacts, sensor_text};
     pub use crate::report::sensor_svg::sensor_svg;
+    pub use crate::report::shared::{overlap_text, redundancy_text};
     pub use crate::report::study::study_plot;
     pub use crate::report::table::{ScoreColumn, optional};
     pub use crate::report::targets::{range_card_text, targets_text};

@@ -21,7 +21,10 @@ pub fn sightline(dir: &Path, args: &[&str]) -> Output {
 }
 
 /// An array of an archive that NumPy would read.
-fn array<T: npyz::Deserialize>(npz: &mut zip::ZipArchive<impl Read + Seek>, name: &str) -> Vec<T> {
+pub fn array<T: npyz::Deserialize>(
+    npz: &mut zip::ZipArchive<impl Read + Seek>,
+    name: &str,
+) -> Vec<T> {
     let member = npz.by_name(&format!("{name}.npy")).unwrap();
     npyz::NpyFile::new(member).unwrap().into_vec().unwrap()
 }

@@ -44,6 +44,8 @@ mod cli_scan_clouds;
 mod cli_scene;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_scenes;
+#[cfg(feature = "cli")]
+mod cli_shared;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_shell;
 #[cfg(all(unix, feature = "cli"))]

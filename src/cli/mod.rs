@@ -23,6 +23,7 @@ mod scan;
 mod scene;
 mod score;
 mod sensor;
+mod shared;
 mod shell;
 mod study;
 mod targets;

@@ -12,18 +12,22 @@ use serde_json::json;
 
 use super::args::{Compute, Conditions, Format, at_least_one, whole};
 use super::exit::Exit;
-use super::{near_field, targets};
+use super::{near_field, shared, targets};
 
 /// A study of one table is a command of its own; all others name their kind.
 pub enum Command {
     Make(Box<Args>),
     NearField(Box<near_field::Args>),
     Targets(Box<targets::Args>),
+    Redundancy(Box<shared::RedundancyArgs>),
+    Overlap(Box<shared::OverlapArgs>),
 }
 
 /// Names of the studies that are commands.
 const NEAR_FIELD: &str = "nearfield";
 const TARGETS: &str = "targets";
+const REDUNDANCY: &str = "redundancy";
+const OVERLAP: &str = "overlap";
 
 impl clap::FromArgMatches for Command {
     fn from_arg_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
@@ -33,6 +37,12 @@ impl clap::FromArgMatches for Command {
             }
             Some((TARGETS, matches)) => {
                 Self::Targets(Box::new(targets::Args::from_arg_matches(matches)?))
+            }
+            Some((REDUNDANCY, matches)) => {
+                Self::Redundancy(Box::new(shared::RedundancyArgs::from_arg_matches(matches)?))
+            }
+            Some((OVERLAP, matches)) => {
+                Self::Overlap(Box::new(shared::OverlapArgs::from_arg_matches(matches)?))
             }
             _ => Self::Make(Box::new(Args::from_arg_matches(matches)?)),
         })
@@ -50,9 +60,15 @@ impl clap::Args for Command {
             .about("Ground and poles near the vehicle: what is seen, what is blind, what hits the own body");
         let targets = targets::Args::augment_args(clap::Command::new(TARGETS))
             .about("Targets at range: beams on a car, a child, a tyre by distance and bearing, the first detection");
+        let redundancy = shared::RedundancyArgs::augment_args(clap::Command::new(REDUNDANCY))
+            .about("Voxels, ground and targets that no, one, two, three and more LiDARs see");
+        let overlap = shared::OverlapArgs::augment_args(clap::Command::new(OVERLAP))
+            .about("Surfaces and directions that pairs of LiDARs share, and which LiDARs cannot be calibrated by pairs");
         Args::augment_args(command)
             .subcommand(near)
             .subcommand(targets)
+            .subcommand(redundancy)
+            .subcommand(overlap)
             .args_conflicts_with_subcommands(true)
             .subcommand_negates_reqs(true)
     }
@@ -71,6 +87,8 @@ impl clap::Args for Command {
   sightline study regions scenes/residential.json --box crossing:10,-5,0,30,5,2
   sightline study nearfield scenes/highway.json --out near.svg
   sightline study targets scenes/placements.json --vehicle scenes/vehicles/car.json
+  sightline study redundancy scenes/highway.json scenes/placements.json
+  sightline study overlap scenes/highway.json scenes/placements.json
   sightline study transfer scenes/highway.json scenes/residential.json
 
 A study writes study.json, table.csv and chart.svg into its folder. The same command goes on with an
@@ -132,6 +150,8 @@ pub fn run(command: &Command) -> Result<Exit, Error> {
         Command::Make(args) => make(args),
         Command::NearField(args) => near_field::run(args),
         Command::Targets(args) => targets::run(args),
+        Command::Redundancy(args) => shared::run_redundancy(args),
+        Command::Overlap(args) => shared::run_overlap(args),
     }
 }
 

@@ -7,6 +7,7 @@ use crate::scan::VisibilityError;
 use crate::scan::conditions::ConditionError;
 use crate::scene::DescriptionError;
 use crate::search::SearchError;
+use crate::shared::OverlapError;
 use crate::vehicle::SensorError;
 
 /// Why a job cannot be posed, scored or searched.
@@ -50,6 +51,9 @@ pub enum JobError {
     /// An engine that is missing or fails.
     #[error(transparent)]
     Backend(#[from] BackendError),
+    /// Pairs of LiDARs that cannot be looked at.
+    #[error(transparent)]
+    Overlap(#[from] OverlapError),
     /// From the search.
     #[error(transparent)]
     Search(#[from] SearchError),

@@ -6,6 +6,7 @@
 //! | `search` | the search of a job step by step: sensors for the money, placements, own body |
 //! | `files` | a job as its files and options say it, to be saved and repeated |
 //! | `fewest` | how few sensors meet the requirements, step by step |
+//! | `shared` | things by the number of LiDARs that see them, overlap of pairs |
 //! | `tolerance` | requirements in copies that are mounted a little off |
 //! | `error` | why a job cannot be posed or searched |
 //!
@@ -16,6 +17,7 @@ mod fewest;
 mod files;
 mod scene;
 mod search;
+mod shared;
 mod tolerance;
 
 use std::sync::{Arc, OnceLock};

@@ -3,6 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use super::error::JobError;
+use crate::near_field::place;
 use crate::problem::{Problem, spread};
 use crate::psog::{Psog, read_psog};
 use crate::scan::conditions::{Condition, in_words};
@@ -103,8 +104,7 @@ impl JobScene {
 
     /// File of the scene, or its name where it was read from none.
     pub fn place(&self) -> String {
-        let file = self.scene.files().first();
-        file.map_or_else(|| self.scene.name().to_owned(), |file| file.display().to_string())
+        place(&self.scene)
     }
 
     /// Numbers of the frames that beams are cast into, rising.

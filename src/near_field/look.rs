@@ -13,7 +13,7 @@ use crate::geom::Pose;
 use crate::problem::{Problem, SensorBatch};
 use crate::scene::{EgoBody, Ground, Scene};
 use crate::score::Scores;
-use crate::vehicle::Placement;
+use crate::vehicle::{BeamTable, Placement, SensorPose};
 
 /// Metres from a cell's centre, counted level, within which a hit sees it.
 pub const CLOSE: f64 = 0.5;
@@ -31,6 +31,18 @@ pub struct NearSite {
     own: u32,
     /// One for each distinct frame: its number, frames that it stands for, which cells are ground.
     frames: Vec<(usize, u64, Vec<bool>)>,
+}
+
+/// Cells in a frame by the LiDARs that see them; lists have an entry a cell.
+pub(crate) struct SeenInFrame {
+    /// Frames that this one stands for.
+    pub weight: u64,
+    /// Ground within [`NEAR`].
+    pub near: Vec<bool>,
+    /// Ground within [`RING`].
+    pub ring: Vec<bool>,
+    /// Cells that each LiDAR sees.
+    pub seen_by: Vec<Vec<bool>>,
 }
 
 /// Shares of a LiDAR's beams by the surface that they end at; means over frames.
@@ -157,16 +169,66 @@ impl NearSite {
             beams: vec![[0; 4]; batch.len()],
         };
         for (frame, weight, ground) in &self.frames {
-            let mut hits = engine.hits(&placement.lidars, *frame)?;
-            let poses = batch.ego_from_sensors(*frame);
-            if let Some((air, geometry)) = self.problem.air().zip(self.problem.geometry(*frame)) {
-                air.dim(&batch, &poses, geometry, self.problem.number_of(*frame), &mut hits);
-            }
+            let (poses, hits) = returned_hits(&self.problem, engine, &placement.lidars, *frame)?;
             self.add_frame(&mut sums, &batch, &poses, &hits, (*weight, ground));
         }
         let poses = batch.ego_from_sensors(0);
         let poles = poles::count(&self.footprint, &batch, &poses, self.problem.body());
         Ok(self.result(placement, sums, poles))
+    }
+
+    /// Cells that each LiDAR of a placement sees, in each distinct frame.
+    ///
+    /// # Errors
+    /// See [`Self::look`].
+    pub(crate) fn seen_by_lidar(
+        &self,
+        engine: &mut dyn Backend,
+        placement: &Placement,
+    ) -> Result<Vec<SeenInFrame>, BackendError> {
+        let batch = SensorBatch::new(&self.problem, &placement.lidars, None)?;
+        let mut all = Vec::new();
+        for (frame, weight, ground) in &self.frames {
+            let (poses, hits) = returned_hits(&self.problem, engine, &placement.lidars, *frame)?;
+            let seen_by = |(k, pose): (usize, &Pose)| {
+                let mut seen = vec![false; ground.len()];
+                self.mark_seen(batch.table(k), pose, &hits[batch.beams_of(k)], &mut seen);
+                seen
+            };
+            all.push(SeenInFrame {
+                weight: *weight,
+                near: self.counting(ground, NEAR),
+                ring: self.counting(ground, RING),
+                seen_by: poses.iter().enumerate().map(seen_by).collect(),
+            });
+        }
+        Ok(all)
+    }
+
+    /// True for each cell that is ground and at most `within` metres from the body.
+    fn counting(&self, ground: &[bool], within: f64) -> Vec<bool> {
+        let cells = self.cells.cells.iter().zip(ground);
+        cells.map(|(cell, ground)| *ground && cell.distance <= within).collect()
+    }
+
+    /// Place of a beam's end in [`Sums::beams`].
+    fn end_of(&self, hit: &Hit) -> usize {
+        match hit.prim {
+            _ if !hit.is_hit() => 3,
+            prim if prim >= self.own => 1,
+            prim if self.is_ground[prim as usize] => 0,
+            _ => 2,
+        }
+    }
+
+    /// Marks the cells that the beams of a LiDAR see.
+    fn mark_seen(&self, table: &BeamTable, pose: &Pose, hits: &[Hit], seen: &mut [bool]) {
+        let beams = table.directions().iter().zip(hits);
+        for (direction, hit) in beams.filter(|(_, hit)| self.end_of(hit) == 0) {
+            let along = glam::DVec3::from(direction.map(f64::from)) * f64::from(hit.t);
+            let point = pose.apply(along);
+            self.cells.within([point.x, point.y], CLOSE).for_each(|cell| seen[cell] = true);
+        }
     }
 
     fn add_frame(
@@ -179,26 +241,14 @@ impl NearSite {
     ) {
         let mut seen = vec![false; ground.len()];
         for (k, pose) in poses.iter().enumerate() {
-            let beams = batch.table(k).directions().iter().zip(&hits[batch.beams_of(k)]);
-            for (direction, hit) in beams {
-                let kind = match hit.prim {
-                    _ if !hit.is_hit() => 3,
-                    prim if prim >= self.own => 1,
-                    prim if self.is_ground[prim as usize] => 0,
-                    _ => 2,
-                };
-                sums.beams[k][kind] += weight;
-                if kind == 0 {
-                    let along = glam::DVec3::from(direction.map(f64::from)) * f64::from(hit.t);
-                    let point = pose.apply(along);
-                    self.cells.within([point.x, point.y], CLOSE).for_each(|cell| seen[cell] = true);
-                }
-            }
+            let hits = &hits[batch.beams_of(k)];
+            hits.iter().for_each(|hit| sums.beams[k][self.end_of(hit)] += weight);
+            self.mark_seen(batch.table(k), pose, hits, &mut seen);
         }
         for (which, within) in [NEAR, RING].into_iter().enumerate() {
-            let cells = self.cells.cells.iter().zip(ground).zip(&seen);
-            let of_ring = cells.filter(|((cell, ground), _)| **ground && cell.distance <= within);
-            let [all, seen] = of_ring
+            let cells = self.counting(ground, within).into_iter().zip(&seen);
+            let [all, seen] = cells
+                .filter(|(counts, _)| *counts)
                 .fold([0_u64; 2], |[all, both], (_, seen)| [all + 1, both + u64::from(*seen)]);
             if all > 0 {
                 sums.shares[which] += weight as f64 * seen as f64 / all as f64;
@@ -244,6 +294,24 @@ impl NearSite {
     }
 }
 
+/// Poses of LiDARs in the ego frame and the hits of their beams in a frame; in bad weather of those that come back.
+///
+/// # Errors
+/// A sensor of a model that the vehicle does not have, or as [`Backend::hits`].
+pub(crate) fn returned_hits(
+    problem: &Problem,
+    engine: &mut dyn Backend,
+    lidars: &[SensorPose],
+    frame: usize,
+) -> Result<(Vec<Pose>, Vec<Hit>), BackendError> {
+    let batch = SensorBatch::new(problem, lidars, None)?;
+    let (poses, mut hits) = (batch.ego_from_sensors(frame), engine.hits(lidars, frame)?);
+    if let Some((air, geometry)) = problem.air().zip(problem.geometry(frame)) {
+        air.dim(&batch, &poses, geometry, problem.number_of(frame), &mut hits);
+    }
+    Ok((poses, hits))
+}
+
 /// Outline of the own body of a scene.
 pub(super) fn outline(scene: &Scene) -> Result<Footprint, NearFieldError> {
     let corners = scene.body().into_iter().flatten();
@@ -258,7 +326,7 @@ pub(super) fn outline(scene: &Scene) -> Result<Footprint, NearFieldError> {
 }
 
 /// File of a scene, or its name where it was read from none.
-fn place(scene: &Scene) -> String {
+pub(crate) fn place(scene: &Scene) -> String {
     let file = scene.files().first();
     file.map_or_else(|| scene.name().to_owned(), |file| file.display().to_string())
 }

@@ -45,5 +45,6 @@ pub(crate) use ground::{CELL, NEAR, RING};
 #[cfg(test)]
 pub(crate) use look::CLOSE;
 pub use look::{NearField, NearSite};
+pub(crate) use look::{place, returned_hits};
 pub(crate) use poles::{Pole, Standard};
 pub use self_hit::{FEW_PLACEMENTS, self_hits};

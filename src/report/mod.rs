@@ -12,6 +12,7 @@
 //! | `chart`, `chart_labels`, `chart_table`, `chart_text`, `chart_words` | cost against ranking error |
 //! | `audit`, `verification`, `psog`, `rig` | results of these commands as text |
 //! | `near_field` | ground near the vehicle that placements see |
+//! | `shared` | things by the number of LiDARs that see them, overlap of pairs |
 //! | `targets` | distances at which targets are met, by bearing |
 //! | `placement`, `map` | a placement on its vehicle, and the information that it gains from above |
 //! | `table`, `text` | the one table of scores, tables as text |
@@ -41,6 +42,7 @@ pub(crate) mod record_text;
 pub(crate) mod rig;
 pub(crate) mod sensor;
 pub(crate) mod sensor_svg;
+pub(crate) mod shared;
 pub(crate) mod study;
 mod svg;
 pub(crate) mod table;

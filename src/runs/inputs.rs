@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Error, Watcher};
+use super::{Computing, Error, Watcher};
 use crate::files;
 use crate::json::FileKind;
 use crate::vehicle::placement_file::holds_placements;
@@ -63,6 +63,28 @@ impl Files {
             )));
         }
         Ok(Self { scenes, placements: placements.into_iter().next() })
+    }
+
+    /// Scenes, and the file of placements, for a command that takes the vehicle's level ground where there is no scene.
+    ///
+    /// # Errors
+    /// See [`Self::told_apart`]; neither a scene nor a vehicle.
+    pub fn or_level_ground(
+        files: &[PathBuf],
+        computing: &Computing<'_>,
+    ) -> Result<(Vec<PathBuf>, PathBuf), Error> {
+        let Self { mut scenes, placements } = Self::told_apart(files)?;
+        let placements = placements.or_else(|| scenes.pop());
+        let placements = placements
+            .ok_or_else(|| Error::Usage("give a file of placements to look at".to_owned()))?;
+        if scenes.is_empty() && computing.vehicle.is_none() {
+            return Err(Error::Usage(format!(
+                "{}: there is neither a scene nor a vehicle; give --vehicle FILE for level ground, or a scene before \
+                 the placements",
+                placements.display()
+            )));
+        }
+        Ok((scenes, placements))
     }
 
     /// Like [`Self::sort`], for a command that needs placements. If no file looks like placements, the last one is

@@ -67,7 +67,7 @@ pub struct TargetsFound {
 pub fn targets(request: &TargetsRequest, computing: &Computing<'_>) -> Result<TargetsFound, Error> {
     let _session = Session::begin();
     let watcher = computing.watcher;
-    let (scenes, file) = sorted(&request.files, computing)?;
+    let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
     let question = question(request, computing)?;
     let receiving = receiving(request)?;
     if let Some(file) = &request.out {
@@ -164,26 +164,10 @@ fn in_scene(
     Ok(table.of_scene(loaded.job.scene().name()))
 }
 
-/// Scenes, and the file of placements.
-fn sorted(files: &[PathBuf], computing: &Computing<'_>) -> Result<(Vec<PathBuf>, PathBuf), Error> {
-    let Files { mut scenes, placements } = Files::told_apart(files)?;
-    let placements = placements.or_else(|| scenes.pop());
-    let placements = placements
-        .ok_or_else(|| Error::Usage("give a file of placements to look at".to_owned()))?;
-    if scenes.is_empty() && computing.vehicle.is_none() {
-        return Err(Error::Usage(format!(
-            "{}: there is neither a scene nor a vehicle; give --vehicle FILE for level ground, or a scene before the \
-             placements",
-            placements.display()
-        )));
-    }
-    Ok((scenes, placements))
-}
-
-/// Reads the targets, and orders distances.
-fn question(request: &TargetsRequest, computing: &Computing<'_>) -> Result<TargetQuestion, Error> {
+/// Reads targets by preset or file, each once.
+pub(super) fn named(names: &[String], computing: &Computing<'_>) -> Result<Vec<Target>, Error> {
     let mut targets: Vec<Target> = Vec::new();
-    for name in &request.targets {
+    for name in names {
         let target = Target::named(name)?;
         target.notes.iter().try_for_each(|note| computing.watcher.tell(note))?;
         if targets.iter().any(|known| known.name == target.name) {
@@ -192,6 +176,12 @@ fn question(request: &TargetsRequest, computing: &Computing<'_>) -> Result<Targe
         }
         targets.push(target);
     }
+    Ok(targets)
+}
+
+/// Reads the targets, and orders distances.
+fn question(request: &TargetsRequest, computing: &Computing<'_>) -> Result<TargetQuestion, Error> {
+    let targets = named(&request.targets, computing)?;
     let mut distances = request.distances.clone();
     distances.sort_by(f64::total_cmp);
     distances.dedup();

@@ -123,6 +123,12 @@ impl TargetQuestion {
         })
     }
 
+    /// Every target at its places on level ground, in the order of the rows.
+    pub(crate) fn on_level(&self) -> Vec<Standing<'_>> {
+        let at = |(target, bearing, distance)| Standing { target, at: position(distance, bearing) };
+        self.places().map(at).collect()
+    }
+
     /// The table of a placement on level ground, each target alone, the own body in the way. Start angles that differ
     /// from frame to frame stand at 0.
     ///
@@ -133,11 +139,8 @@ impl TargetQuestion {
         site: &TargetSite,
         placement: &Placement,
     ) -> Result<TargetTable, UnknownSensor> {
-        let standing = self.places().map(|(target, bearing, distance)| {
-            Some(Standing { target, at: position(distance, bearing) })
-        });
-        let standing: Vec<Option<Standing<'_>>> = standing.collect();
-        let there: Vec<Standing<'_>> = standing.iter().flatten().copied().collect();
+        let there = self.on_level();
+        let standing = there.iter().copied().map(Some).collect();
         let beams = site.beams_by_lidar(&placement.lidars, &there)?;
         Ok(self.table(site, placement, &[InFrame { number: None, standing, beams }]))
     }

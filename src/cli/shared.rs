@@ -1,0 +1,116 @@
+//! `sightline study redundancy` and `study overlap`: things that several LiDARs see, and surfaces that pairs share.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use crate::internals::{overlap_text, redundancy_text};
+use crate::runs::Error;
+use crate::runs::shared::{SharedRequest, overlap, redundancy};
+use crate::scan::conditions::under;
+use crate::shared::{LEAST_SHARED, REDUNDANCY_TARGETS};
+
+use super::args::{Compute, Conditions, Format, Named, at_least_one};
+use super::exit::Exit;
+
+/// Frames, weather, engine and form of the answer.
+#[derive(clap::Args)]
+struct Common {
+    /// Average over this many frames, spread evenly over each scene [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    frames: Option<u32>,
+    /// How to print the result
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    #[command(flatten)]
+    conditions: Conditions,
+    #[command(flatten)]
+    named: Named,
+    #[command(flatten)]
+    compute: Compute,
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  sightline study redundancy scenes/highway.json scenes/placements.json --frames 4
+  sightline study redundancy scenes/placements.json --vehicle scenes/vehicles/car.json --target car
+
+A LiDAR sees a voxel that its beams cover, ground with a hit within 0.5 m, and a target that five of its beams meet, at
+5 to 50 m in sixteen bearings on level ground. Where the LiDARs are of several models, MODEL alone: no other model sees
+it. docs/targets.md has the definitions.")]
+pub struct RedundancyArgs {
+    /// Scene files, none for level ground, and a file of placements
+    #[arg(value_name = "[SCENE…] PLACEMENTS", required = true)]
+    files: Vec<PathBuf>,
+    /// Target: a preset, or a file { "sightline": 1, "name", "shapes", "reflectance" }; may be given several
+    /// times [default: car, adult, child, tyre]
+    #[arg(long = "target", value_name = "NAME|FILE")]
+    targets: Vec<String>,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  sightline study overlap scenes/urban-crossing.json scenes/placements.json --frames 4
+  sightline study overlap scenes/highway.json mine.json --least-shared 200 --format json
+
+Surface voxels: those in which both LiDARs have a hit, a mean over frames; on the diagonal those of one LiDAR. % of the
+sphere: directions in both fields of view. A rig is connected if pairs that share enough voxels lead from each LiDAR to
+every other one. docs/targets.md has the definitions.")]
+pub struct OverlapArgs {
+    /// Scene files, and a file of placements with two LiDARs or more each
+    #[arg(value_name = "SCENE… PLACEMENTS", required = true)]
+    files: Vec<PathBuf>,
+    /// Least surface voxels that a pair must share to count, a mean over frames
+    #[arg(long, value_name = "N", default_value_t = LEAST_SHARED, value_parser = at_least_one)]
+    least_shared: u64,
+    #[command(flatten)]
+    common: Common,
+}
+
+impl Common {
+    fn request(&self, files: &[PathBuf]) -> SharedRequest {
+        let conditions = self.conditions.condition.clone();
+        SharedRequest { files: files.to_vec(), frames: self.frames, conditions }
+    }
+}
+
+pub fn run_redundancy(args: &RedundancyArgs) -> Result<Exit, Error> {
+    let common = &args.common;
+    let terminal = common.compute.start()?;
+    let targets = match &args.targets[..] {
+        [] => REDUNDANCY_TARGETS.map(str::to_owned).to_vec(),
+        given => given.to_vec(),
+    };
+    let computing = common.named.computing(&common.compute, &terminal);
+    let found = redundancy(&common.request(&args.files), &targets, &computing)?;
+    match common.format {
+        Format::Json => outln!("{}", json!(found))?,
+        Format::Text => {
+            let (beams, under) = (found.beams, under(&found.conditions));
+            outln!("Seen by how many LiDARs, targets with {beams} beams or more each{under}")?;
+            let rows: Vec<_> = found.rows.iter().chain(&found.mean).collect();
+            out!("\n{}", redundancy_text(&rows))?;
+        }
+    }
+    Ok(terminal.exit())
+}
+
+pub fn run_overlap(args: &OverlapArgs) -> Result<Exit, Error> {
+    let common = &args.common;
+    let terminal = common.compute.start()?;
+    let computing = common.named.computing(&common.compute, &terminal);
+    let found = overlap(&common.request(&args.files), args.least_shared, &computing)?;
+    match common.format {
+        Format::Json => outln!("{}", json!(found))?,
+        Format::Text => {
+            outln!(
+                "Surfaces and directions that pairs of LiDARs share{}",
+                under(&found.conditions)
+            )?;
+            out!("\n{}", overlap_text(&found.rows))?;
+        }
+    }
+    Ok(terminal.exit())
+}

@@ -1,0 +1,229 @@
+//! Voxels, ground and targets of a scene by the number of LiDARs that see them.
+
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use super::counts::{Models, SeenBy, Sets, Sums, bits};
+use crate::engine::{Backend, BackendError};
+use crate::near_field::{NearSite, place};
+use crate::problem::Problem;
+use crate::scene::{Scene, Target};
+use crate::targets::{CARD_BEAMS, TargetQuestion, TargetSite};
+use crate::vehicle::{Placement, SensorName};
+
+/// Presets that are looked at where none is named.
+pub const REDUNDANCY_TARGETS: [&str; 4] = ["car", "adult", "child", "tyre"];
+/// Distances of a target's places, every 5 m up to 50 m.
+const DISTANCES: usize = 10;
+/// Bearings of a target's places, counter-clockwise from straight ahead.
+const BEARINGS: usize = 16;
+
+/// Targets at 5 to 50 m in sixteen bearings; a LiDAR sees one with five beams or more.
+pub fn redundancy_question(targets: Vec<Target>) -> TargetQuestion {
+    TargetQuestion {
+        targets,
+        distances: (1..=DISTANCES).map(|k| 5.0 * k as f64).collect(),
+        bearings: (0..BEARINGS).map(|k| k as f64 * 360.0 / BEARINGS as f64).collect(),
+        beams: CARD_BEAMS,
+        of_frames: 1,
+    }
+}
+
+/// A scene whose voxels, ground and targets are looked at, as far as it is the same for every placement.
+pub struct RedundancySite {
+    scene: String,
+    problem: Arc<Problem>,
+    /// Ground near the body, or the sentence that says why there is none.
+    near: Result<NearSite, String>,
+    /// Vehicle on level ground; `None` where beams end at nothing.
+    targets: Option<TargetSite>,
+}
+
+/// Things of a scene by the number of LiDARs of a placement that see them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Redundancy {
+    /// Name of the scene.
+    pub scene: String,
+    /// Name of the placement.
+    pub placement: String,
+    /// Model of each LiDAR.
+    pub lidars: Vec<SensorName>,
+    /// Frames averaged over.
+    pub frames: usize,
+    /// Voxels that are occupied in some frame of the P-SOG.
+    pub occupied: SeenBy,
+    /// All voxels of the region of interest.
+    pub voxels: SeenBy,
+    /// Ground cells within 3 m of the own body, as the near field counts them; `None` without ground or body.
+    pub ground_3m: Option<SeenBy>,
+    /// Ground cells within 10 m of the own body; `None` without ground or body.
+    pub ground_10m: Option<SeenBy>,
+    /// Reason why there is no ground to look at.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_ground: Option<String>,
+    /// Places of each target on level ground; none where beams end at nothing.
+    pub targets: Vec<TargetSeenBy>,
+}
+
+impl Redundancy {
+    /// Means over several scenes, a row a placement, from rows of `placements` placements in one scene after the other;
+    /// empty where there is one scene. Ground counts in the scenes that have any.
+    pub fn means(rows: &[Self], placements: usize) -> Vec<Self> {
+        let first = rows.iter().take(placements).enumerate();
+        let of = |(k, row): (usize, &Self)| {
+            let of: Vec<&Self> = rows.iter().skip(k).step_by(placements).collect();
+            let mean = |part: &dyn Fn(&Self) -> Option<&SeenBy>| {
+                SeenBy::mean(&of.iter().filter_map(|row| part(row)).collect::<Vec<_>>())
+            };
+            let target = |(k, target): (usize, &TargetSeenBy)| TargetSeenBy {
+                target: target.target.clone(),
+                seen: mean(&|row| row.targets.get(k).map(|of| &of.seen))
+                    .unwrap_or_else(|| target.seen.clone()),
+            };
+            Self {
+                scene: format!("mean of {} scenes", of.len()),
+                frames: of.iter().map(|row| row.frames).sum(),
+                occupied: mean(&|row| Some(&row.occupied)).unwrap_or_else(|| row.occupied.clone()),
+                voxels: mean(&|row| Some(&row.voxels)).unwrap_or_else(|| row.voxels.clone()),
+                ground_3m: mean(&|row| row.ground_3m.as_ref()),
+                ground_10m: mean(&|row| row.ground_10m.as_ref()),
+                no_ground: None,
+                targets: row.targets.iter().enumerate().map(target).collect(),
+                ..row.clone()
+            }
+        };
+        let means: Vec<Self> = first.map(of).collect();
+        if means.len() < rows.len() { means } else { Vec::new() }
+    }
+}
+
+/// Places of a target by the number of LiDARs that see it there.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TargetSeenBy {
+    /// Name of the target.
+    pub target: String,
+    /// Places beside the own body.
+    #[serde(flatten)]
+    pub seen: SeenBy,
+}
+
+impl RedundancySite {
+    /// The site of a scene and of the problem that was made of it; `targets` is its vehicle on level ground.
+    pub fn new(scene: &Scene, problem: Arc<Problem>, targets: Option<TargetSite>) -> Self {
+        let near = match problem.ends_at_hits() {
+            true => NearSite::new(scene, &problem).map_err(|error| error.to_string()),
+            false => {
+                Err(format!("{}: beams end at nothing, so that no ground is seen", place(scene)))
+            }
+        };
+        Self { scene: scene.name().to_owned(), problem, near, targets }
+    }
+
+    /// Reason why there is no ground to look at.
+    pub fn no_ground(&self) -> Option<&str> {
+        self.near.as_ref().err().map(String::as_str)
+    }
+
+    /// Looks at a placement with an engine of the site's problem.
+    ///
+    /// # Errors
+    /// A sensor of a model that the vehicle does not have, or as [`Backend::bitmaps`].
+    pub fn look(
+        &self,
+        engine: &mut dyn Backend,
+        question: &TargetQuestion,
+        placement: &Placement,
+    ) -> Result<Redundancy, BackendError> {
+        let sensors = self.problem.sensors();
+        let name = |lidar| Ok(sensors.models()[sensors.number(lidar)?].name);
+        let names = placement.lidars.iter().map(name).collect::<Result<Vec<_>, BackendError>>()?;
+        let models = Models::new(names.iter().copied());
+        let [occupied, voxels] = self.voxels(engine, placement, &models)?;
+        let [ground_10m, ground_3m] = self.ground(engine, placement, &models)?;
+        Ok(Redundancy {
+            scene: self.scene.clone(),
+            placement: placement.name.clone(),
+            lidars: names,
+            frames: self.problem.frame_count(),
+            occupied,
+            voxels,
+            ground_3m,
+            ground_10m,
+            no_ground: self.no_ground().map(str::to_owned),
+            targets: self.targets(question, placement, &models)?,
+        })
+    }
+
+    /// Occupied voxels, and all.
+    fn voxels(
+        &self,
+        engine: &mut dyn Backend,
+        placement: &Placement,
+        models: &Models,
+    ) -> Result<[SeenBy; 2], BackendError> {
+        let content = self.problem.content().occupied();
+        let (count, all) = (content.len() as u64, self.problem.roi().voxel_count());
+        let mut sums = [Sums::default(), Sums::default()];
+        for (frame, weight) in self.problem.distinct_frames() {
+            let bitmaps = engine.bitmaps(&placement.lidars, frame)?;
+            let order = bitmaps.order;
+            let sets = Sets::new(&bitmaps.sensors().collect::<Vec<_>>(), models);
+            let occupied = order.bitmap(content.iter().map(|voxel| order.bit_of(voxel.index)));
+            sums[0].add(weight, &sets, count, Some(&occupied));
+            sums[1].add(weight, &sets, all, None);
+        }
+        Ok(sums.map(|sums| sums.mean(models)))
+    }
+
+    /// Ground within 10 m and within 3 m of the own body.
+    fn ground(
+        &self,
+        engine: &mut dyn Backend,
+        placement: &Placement,
+        models: &Models,
+    ) -> Result<[Option<SeenBy>; 2], BackendError> {
+        let Ok(near) = &self.near else { return Ok([None, None]) };
+        let mut sums = [Sums::default(), Sums::default()];
+        for frame in near.seen_by_lidar(engine, placement)? {
+            let seen: Vec<Vec<u64>> =
+                frame.seen_by.iter().map(|seen| bits(seen.iter().copied())).collect();
+            let sets = Sets::new(&seen.iter().map(Vec::as_slice).collect::<Vec<_>>(), models);
+            for (sums, counts) in sums.iter_mut().zip([frame.near, frame.ring]) {
+                let all = counts.iter().filter(|counts| **counts).count();
+                sums.add(frame.weight, &sets, all as u64, Some(&bits(counts)));
+            }
+        }
+        Ok(sums.map(|sums| Some(sums.mean(models))))
+    }
+
+    /// Places of each target that lie beside the own body.
+    fn targets(
+        &self,
+        question: &TargetQuestion,
+        placement: &Placement,
+        models: &Models,
+    ) -> Result<Vec<TargetSeenBy>, BackendError> {
+        let Some(site) = &self.targets else { return Ok(Vec::new()) };
+        let mut found = Vec::new();
+        let standing = question.on_level();
+        let places = question.bearings.len() * question.distances.len();
+        for (target, standing) in question.targets.iter().zip(standing.chunks(places.max(1))) {
+            let has_room = |place: &&_| -> bool {
+                let crate::targets::Standing { target, at } = **place;
+                site.has_room(target, at)
+            };
+            let standing: Vec<_> = standing.iter().filter(has_room).copied().collect();
+            let mut seen: Vec<Vec<u64>> = Vec::new();
+            for lidar in &placement.lidars {
+                let beams = site.beams(lidar, &standing, question.beams)?;
+                seen.push(bits(beams.iter().map(|&beams| beams >= question.beams)));
+            }
+            let sets = Sets::new(&seen.iter().map(Vec::as_slice).collect::<Vec<_>>(), models);
+            let mut sums = Sums::default();
+            sums.add(1, &sets, standing.len() as u64, None);
+            found.push(TargetSeenBy { target: target.name.clone(), seen: sums.mean(models) });
+        }
+        Ok(found)
+    }
+}
