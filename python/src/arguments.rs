@@ -54,6 +54,7 @@ whole_numbers! {
     // The scene says how many frames it has.
     frame = "frame": i128, i128::MIN, i128::MAX;
     hostile = "hostile": usize, 0, MOST;
+    least_shared = "least_shared": u64, 1, u64::MAX;
     random = "random": usize, 0, MOST;
     sample = "sample": u64, 0, MOST;
     seed = "seed": u64, 0, u64::MAX;

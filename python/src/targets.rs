@@ -1,9 +1,10 @@
-//! Beams on targets and range cards of a scene's vehicle.
+//! Beams on targets, range cards, redundancy and overlap of a scene's vehicle.
 
 use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
 use sightline::Placement;
 use sightline::scene::Target;
+use sightline::shared::{Overlap, REDUNDANCY_TARGETS, Redundancy, redundancy_question};
 use sightline::targets::{RangeCard, TargetQuestion, TargetRow, is_bearing, is_distance};
 
 use crate::arguments::{self, room_for};
@@ -20,9 +21,7 @@ pub fn target_question(
     distances: &Bound<'_, PyAny>,
     bearings: &Bound<'_, PyAny>,
 ) -> PyResult<TargetQuestion> {
-    let named = |name: &String| Target::named(name).map_err(|error| bad(error.to_string()));
-    let targets = arguments::texts("targets", targets)?;
-    let targets = targets.iter().map(named).collect::<PyResult<Vec<_>>>()?;
+    let targets = named(&arguments::texts("targets", targets)?)?;
     let above_0 = "metres above 0 and up to 1000";
     let distances = row("distances", distances, above_0, is_distance)?;
     let bearings = row("bearings", bearings, "degrees from -360 to 360", is_bearing)?;
@@ -30,6 +29,21 @@ pub fn target_question(
     let rows = rows.into_iter().fold(1, usize::saturating_mul);
     room_for("beams on targets", rows, ROW_BYTES)?;
     Ok(TargetQuestion { targets, distances, bearings, beams: 1, of_frames: 1 })
+}
+
+/// Targets by preset or file.
+fn named(names: &[String]) -> PyResult<Vec<Target>> {
+    let named = |name: &String| Target::named(name).map_err(|error| bad(error.to_string()));
+    names.iter().map(named).collect()
+}
+
+/// Targets whose redundancy is counted; the usual presets for `None`.
+pub fn redundancy_targets(targets: Option<&Bound<'_, PyAny>>) -> PyResult<TargetQuestion> {
+    let names = match targets {
+        Some(targets) => arguments::texts("targets", targets)?,
+        None => REDUNDANCY_TARGETS.map(str::to_owned).to_vec(),
+    };
+    Ok(redundancy_question(named(&names)?))
 }
 
 /// Numbers in a row that `is_allowed`.
@@ -58,6 +72,27 @@ impl Built {
         let site = self.job.target_site().map_err(raised)?;
         let card = site.map(|site| RangeCard::new(site, &placement.lidars)).transpose();
         card.map_err(|unknown| bad(unknown.to_string()))
+    }
+
+    /// Voxels, ground and targets by the number of LiDARs of a placement that see them.
+    pub fn redundancy(
+        &self,
+        question: &TargetQuestion,
+        placement: &Placement,
+    ) -> PyResult<Redundancy> {
+        let site = self.job.scenes()[0].redundancy_site().map_err(raised)?;
+        self.evaluate(|evaluator| {
+            site.look(evaluator.backend_mut(), question, placement).map_err(raised)
+        })
+    }
+
+    /// Surfaces and directions that pairs of LiDARs of a placement share.
+    pub fn overlap(&self, least_shared: u64, placement: &Placement) -> PyResult<Overlap> {
+        let problem = self.job.problem().map_err(raised)?;
+        self.evaluate(|evaluator| {
+            let engine = evaluator.backend_mut();
+            Overlap::new(&self.scene, &problem, engine, placement, least_shared).map_err(raised)
+        })
     }
 
     /// Beams of a placement on each target at each bearing and distance on level ground, by LiDAR, in that order.

@@ -117,6 +117,8 @@ def targets() -> dict[str, Target]:
             distances=np.array([5.0, 10.0]),
             bearings=np.array([0.0, 1.5]),
         ),
+        "redundancy": Target(through.redundancy, words="targets", poses=pair[0], targets=["car"]),
+        "overlap": Target(scene.overlap, "least_shared", poses=pair[0], least_shared=3),
         "placement": Target(mixed, words="sensors", poses=pair[0], sensors=["", "x"], phases=phases),
         "psog": Target(
             sightline.Psog,

@@ -267,6 +267,22 @@ class Scene:
         sensors: Sequence[str] | None = None,
         phases: npt.ArrayLike | None = None,
     ) -> npt.NDArray[np.uint32]: ...
+    def redundancy(
+        self,
+        poses: _Poses,
+        *,
+        targets: Sequence[str] | None = None,
+        sensors: Sequence[str] | None = None,
+        phases: npt.ArrayLike | None = None,
+    ) -> dict[str, Any]: ...
+    def overlap(
+        self,
+        poses: _Poses,
+        *,
+        least_shared: int = 500,
+        sensors: Sequence[str] | None = None,
+        phases: npt.ArrayLike | None = None,
+    ) -> dict[str, Any]: ...
     def covered(
         self,
         poses: _Poses,
