@@ -1,10 +1,14 @@
 //! `study redundancy` and `study overlap` against counts by hand, from outside.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::PI;
 use std::fs;
 use std::path::Path;
 
 use serde_json::{Value, json};
+use sightline::scene::Target;
+use sightline::shared::{LEAST_SHARED, REDUNDANCY_TARGETS, redundancy_question};
+use sightline::{EngineChoice, Job, Scene, read_placements};
 use tempfile::TempDir;
 
 use crate::cli::{array, fails, ok, sightline};
@@ -32,7 +36,7 @@ fn yard() -> TempDir {
         { "x": 0.5, "y": 0.5, "z": 1.9, "sensor": "wide" },
         { "x": -0.6, "y": -0.4, "z": 2.0, "pitch": 0.1, "sensor": "wide" },
         { "x": 2.1, "y": 0, "z": 1.0, "sensor": "front" },
-        { "x": -2.1, "y": 0, "z": 1.0, "yaw": 3.14159265, "sensor": "front" }]);
+        { "x": -2.1, "y": 0, "z": 1.0, "yaw": PI, "sensor": "front" }]);
     let alone = |k: usize| json!({ "name": format!("l{k}"), "lidars": [lidars[k]] });
     let fronts = json!({ "name": "fronts", "lidars": [lidars[2], lidars[3]] });
     write("rigs.json", &json!({ "placements": [{ "name": "four", "lidars": lidars }, fronts] }))
@@ -304,40 +308,34 @@ fn engines_agree_and_scenes_have_a_mean() {
 }
 
 #[test]
+fn the_library_has_the_rows_of_the_program() {
+    let dir = yard();
+    let rigs = read_placements(dir.path().join("rigs.json")).unwrap();
+    let job = Job::new(Scene::read(dir.path().join("yard.json")).unwrap());
+    let job = job.engine(EngineChoice::cpu());
+    let targets = REDUNDANCY_TARGETS.map(|name| Target::named(name).unwrap());
+    let rows = job.redundancy(&rigs, &redundancy_question(targets.to_vec())).unwrap();
+    assert_eq!(json!(rows), study(dir.path(), "redundancy", &[])["rows"]);
+    let rows = json!(job.overlap(&rigs, LEAST_SHARED).unwrap());
+    assert_eq!(rows, study(dir.path(), "overlap", &[])["rows"]);
+}
+
+#[test]
 fn tables_for_people() {
     let dir = yard();
-    let text = |args: &[&str]| {
-        let done = sightline(dir.path(), args);
+    let text = |args: &str| {
+        let args = format!("study {args} --backend cpu");
+        let done = sightline(dir.path(), &args.split(' ').collect::<Vec<_>>());
         assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
         String::from_utf8(done.stdout).unwrap()
     };
-    let level = [
-        "study",
-        "redundancy",
-        "rigs.json",
-        "--vehicle",
-        "cart.json",
-        "--backend",
-        "cpu",
-        "--target",
-        "car",
-    ];
-    let told = text(&level);
+    let told = text("redundancy rigs.json --vehicle cart.json --target car");
     assert!(told.contains("four in level ground: 4 LiDARs, 1 frame(s)"), "{told}");
     assert!(told.contains("wide alone  front alone") && told.contains("\ncar "), "{told}");
     assert!(told.contains("ground to 3 m") && !told.contains("tyre"), "{told}");
-    let told = text(&["study", "overlap", "yard.json", "rigs.json", "--backend", "cpu"]);
+    let told = text("overlap yard.json rigs.json");
     assert!(told.contains("NOT CONNECTED at 500 shared voxels; cut off from 0 front: 1 front (shares nothing with any other)"), "{told}");
-    let told = text(&[
-        "study",
-        "overlap",
-        "yard.json",
-        "rigs.json",
-        "--backend",
-        "cpu",
-        "--least-shared",
-        "20",
-    ]);
+    let told = text("overlap yard.json rigs.json --least-shared 20");
     assert!(told.contains("Connected at 20 shared voxels, and up to "), "{told}");
 }
 

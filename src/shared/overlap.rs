@@ -193,8 +193,8 @@ fn chain(shared: &[Vec<f64>]) -> Vec<SharedPair> {
 /// lowest LiDAR.
 fn groups(shared: &[Vec<f64>], least: f64) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
-    for lidar in 0..shared.len() {
-        let is_joined = |group: &Vec<usize>| group.iter().any(|&of| shared[of][lidar] >= least);
+    for (lidar, row) in shared.iter().enumerate() {
+        let is_joined = |group: &Vec<usize>| group.iter().any(|&other| row[other] >= least);
         let (joined, apart): (Vec<_>, Vec<_>) = groups.into_iter().partition(is_joined);
         let mut group = joined.concat();
         group.push(lidar);
@@ -235,13 +235,10 @@ mod tests {
         use rand::{RngExt, SeedableRng};
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
         for _ in 0..50 {
-            let mut shared = matrix(6, &[]);
-            for a in 0..6 {
-                for b in a + 1..6 {
-                    let voxels = f64::from(rng.random_range(0..40_u32)).max(8.0) - 8.0;
-                    (shared[a][b], shared[b][a]) = (voxels, voxels);
-                }
-            }
+            let of = |a: usize| (a + 1..6).map(move |b| (a, b));
+            let mut voxels = || f64::from(rng.random_range(0..40_u32)).max(8.0) - 8.0;
+            let pairs = (0..6).flat_map(of).map(|(a, b)| (a, b, voxels()));
+            let shared = matrix(6, &pairs.collect::<Vec<_>>());
             let connects = |least: u32| groups(&shared, f64::from(least)).len() == 1;
             let most = (1..40).rev().find(|&least| connects(least)).map_or(0.0, f64::from);
             let chain = chain(&shared);
