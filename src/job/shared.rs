@@ -1,17 +1,21 @@
 //! What LiDARs of placements see together, in every scene of a job.
 
 use super::{Job, JobError, JobScene};
+use crate::scan::conditions::weather;
 use crate::shared::{Overlap, Redundancy, RedundancySite};
-use crate::targets::TargetQuestion;
+use crate::targets::{Receiving, TargetQuestion};
 use crate::vehicle::Placement;
 
 impl JobScene {
-    /// The scene's voxels, ground and targets, to count the LiDARs that see them.
+    /// The scene's voxels, ground and targets, to count the LiDARs that see them. Under conditions a beam meets a target
+    /// if enough light comes back; fog, snow and rain dim it, others change no target.
     ///
     /// # Errors
     /// See [`Self::problem`].
     pub fn redundancy_site(&self) -> Result<RedundancySite, JobError> {
-        let targets = self.target_site()?.cloned();
+        let receiving = Receiving { weather: weather(&self.conditions)? };
+        let receiving = (!self.conditions.is_empty()).then_some(receiving);
+        let targets = self.target_site()?.cloned().map(|site| site.receiving(receiving));
         Ok(RedundancySite::new(self.scene(), self.problem()?, targets))
     }
 }

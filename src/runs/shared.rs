@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::given::Given;
 use super::inputs::{Files, note_repeated};
 use super::opening::{self, LoadTimes, Loaded};
+use super::targets::{dims_targets, named};
 use super::{Computing, Error, GRACE};
 use crate::files::Session;
 use crate::job::Job;
@@ -68,8 +69,12 @@ pub fn redundancy(
     computing: &Computing<'_>,
 ) -> Result<RedundancyFound, Error> {
     let _session = Session::begin();
-    let question = redundancy_question(super::targets::named(targets, computing)?);
+    let question = redundancy_question(named(targets, computing)?);
     let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
+    for condition in request.conditions.iter().filter(|condition| !dims_targets(condition)) {
+        let words = "changes voxels and ground; targets are dimmed by fog, snow and rain alone";
+        computing.watcher.note(&format!("--condition {condition}: {words}"));
+    }
     let mut opened = Opened::new(request, &scenes, &file, computing)?;
     let mut rows = Vec::new();
     let bar = opened.bar(computing);
@@ -152,6 +157,7 @@ impl Opened {
             ([], Some(vehicle)) => {
                 let scene = Scene::level_ground(vehicle)?;
                 scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
+                opening::note_frames(&scene, request.frames, watcher);
                 let job = Job::new(scene).conditions(&request.conditions);
                 let job = job.engine(computing.engine.clone());
                 Loaded { job, times: LoadTimes::default() }

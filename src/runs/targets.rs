@@ -191,13 +191,15 @@ fn question(request: &TargetsRequest, computing: &Computing<'_>) -> Result<Targe
     Ok(TargetQuestion { targets, distances, bearings, beams: request.beams, of_frames })
 }
 
+/// True for weather that dims the beams on a target.
+pub(super) fn dims_targets(condition: &Condition) -> bool {
+    matches!(condition.kind(), ConditionKind::Fog | ConditionKind::Snow | ConditionKind::Rain)
+}
+
 /// Light that must come back, where it counts.
 fn receiving(request: &TargetsRequest) -> Result<Option<Receiving>, Error> {
     for condition in &request.conditions {
-        if !matches!(
-            condition.kind(),
-            ConditionKind::Fog | ConditionKind::Snow | ConditionKind::Rain
-        ) {
+        if !dims_targets(condition) {
             return Err(Error::Usage(format!(
                 "--condition {condition}: beams on targets are dimmed by fog, snow and rain alone; leave it out"
             )));
