@@ -39,8 +39,8 @@ fn yard() -> TempDir {
         { "x": -2.1, "y": 0, "z": 1.0, "yaw": PI, "sensor": "front" }]);
     let alone = |k: usize| json!({ "name": format!("l{k}"), "lidars": [lidars[k]] });
     let fronts = json!({ "name": "fronts", "lidars": [lidars[2], lidars[3]] });
-    write("rigs.json", &json!({ "placements": [{ "name": "four", "lidars": lidars }, fronts] }))
-        .unwrap();
+    let rigs = json!({ "placements": [{ "name": "four", "lidars": lidars }, fronts] });
+    write("rigs.json", &rigs).unwrap();
     let each: Vec<Value> = (0..4).map(alone).collect();
     write("each.json", &json!({ "placements": each })).unwrap();
     for (name, far) in [("yard", 16.0), ("other", 12.0)] {
@@ -94,14 +94,11 @@ fn ends(dir: &Path, frame: usize) -> Vec<End> {
             o + d * (f64::from(distance[b]) + more)
         })
     };
-    beams
-        .map(|b| End {
-            lidar: usize::from(lidar[b]),
-            class: class[b],
-            at: along(b, 0.0),
-            behind: along(b, 1e-3),
-        })
-        .collect()
+    let end = |b: usize| {
+        let (lidar, class) = (usize::from(lidar[b]), class[b]);
+        End { lidar, class, at: along(b, 0.0), behind: along(b, 1e-3) }
+    };
+    beams.map(end).collect()
 }
 
 #[test]
