@@ -94,7 +94,7 @@ fn every_engine_sees_the_same_through_weather() {
 /// Chunks of all sensors, and of one, through weather; hits stay those of clear air.
 #[cfg(feature = "gpu")]
 fn on_a_device(problem: &Arc<Problem>, expected: &[Tally]) {
-    for memory in [MEMORY, 1 << 17] {
+    for memory in [MEMORY, 1 << 16] {
         let mut gpu = GpuBackend::new(problem.task().clone(), None, memory).unwrap();
         let lidars = &placements()[1].lidars;
         for frame in 0..2 {

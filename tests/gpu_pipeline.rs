@@ -80,9 +80,9 @@ fn overlapping_jobs_give_the_bits_of_the_cpu() {
     }
 }
 
-/// Frames of which the kernel leaves no beam go to the device in one submission, and the host waits once for it.
+/// Steps of which the kernel leaves no beam go to the device in one submission each, and the host waits once for each.
 #[test]
-fn frames_of_a_chunk_are_one_submission_and_one_wait() {
+fn a_step_is_one_submission_and_one_wait() {
     let whole = problem();
     let task = Arc::new(whole.over(&[1, 3]));
     let mut gpu = GpuBackend::new(task.task().clone(), None, MEMORY).unwrap();
@@ -93,7 +93,7 @@ fn frames_of_a_chunk_are_one_submission_and_one_wait() {
         cpu(&task).tally(&placements, range).unwrap()
     );
     let ran = gpu.traffic();
-    assert_eq!((ran.submissions - opened.submissions, ran.waits - opened.waits), (1, 1));
+    assert_eq!((ran.submissions - opened.submissions, ran.waits - opened.waits), (2, 2));
     // Nothing but counters, sums and times comes back.
     let classes = task.content().set_count() as u64;
     let groups = (task.content().occupied().len() as u64).div_ceil(64 * 64);

@@ -34,7 +34,7 @@ use crate::task::{StageTimes, Tally, Task};
 use chunk::{GpuBatch, SceneBuffers, Sizes, WorkBuffers};
 use device::Device;
 use kernels::{Kernels, Rewrite};
-use pipeline::{ChunkResult, Pipeline, TOGETHER, in_flight};
+use pipeline::{ChunkResult, Pipeline, in_flight};
 use readback::BatchTallies;
 
 pub use device::{AdapterSummary, Traffic, list_adapters};
@@ -170,9 +170,9 @@ impl GpuBackend {
     /// Limits of a chunk whose placements have at most `widest` sensors.
     fn limits(&self, widest: usize, sizes: &Sizes) -> Result<ChunkLimits, BackendError> {
         let (binding, memory) = (self.device.max_binding(), self.memory);
-        // Bitmaps on the device and their copy to the host; sums and instances there, of the submissions in flight, and of
-        // the one that the host has in hand.
-        let copies = 1 + (TOGETHER * (1 + in_flight(true))) as u64;
+        // Bitmaps on the device and their copy to the host; sums and instances there, of the steps in flight, and of the step
+        // that the host has in hand.
+        let copies = 2 + in_flight(true) as u64;
         let sums = copies * (sizes.partials + sizes.totals);
         let each = sizes.hits + copies * sizes.instances + 2 * sizes.bitmap + sums;
         let sensors = [

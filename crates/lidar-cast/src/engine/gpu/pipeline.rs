@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! GpuBatch ─► GpuChunk ─► cast ─► cover ─► reduce ─► Pending ─► ChunkResult ─► BatchTallies
-//!                 one submission for several frames, a few submissions ahead of the host
+//!                 one submission, up to IN_FLIGHT of them ahead of the host
 //! ```
 //! While the device works, the host places the sensors of the next steps and adds up the sums of earlier ones. Some steps
 //! go slowly, with the host between casting and coverage:
@@ -18,19 +18,16 @@ use super::chunk::{
 };
 use super::device::Device;
 use super::kernels::Kernels;
-use super::readback::{ReadBack, Source, Upload};
-use super::stamps::{Stage, stage_ticks};
+use super::readback::ReadBack;
+use super::stamps::{STAMP_BYTES, Stage, stage_ticks};
 use crate::bvh::Hit;
 use crate::engine::BackendError;
 use crate::task::{StageTimes, Task};
 
-/// Most frames of a chunk in one submission.
-pub(super) const TOGETHER: usize = 4;
-
-/// Submissions that are handed to the device before the host waits for the first of them. Bitmaps that are read back are
-/// large: one is copied while the device works at the next.
+/// Steps that are handed to the device before the host waits for the first of them. Bitmaps that are read back are large:
+/// one is copied while the device works at the next.
 pub(super) const fn in_flight(sums: bool) -> usize {
-    if sums { 2 } else { 1 }
+    if sums { 3 } else { 1 }
 }
 
 /// Part of the steps done anew from which on all steps of a batch go slowly: each of them was cast twice.
@@ -45,10 +42,9 @@ struct Step<'a> {
     frame: usize,
 }
 
-/// Commands of some steps on the device, and the copy of their results.
+/// A step's commands on the device, and the copy of their results.
 struct Pending<'a> {
-    steps: Vec<Step<'a>>,
-    /// Stages of each step.
+    step: Step<'a>,
     stages: Vec<Stage>,
     results: ReadBack,
 }
@@ -129,23 +125,17 @@ impl<'a> Pipeline<'a> {
         self.compile(self.task.ends_at_hits(), batch.sums);
         let mut clock = Clock::start();
         let mut pending = VecDeque::new();
-        let frames: Vec<(usize, usize)> = batch.frames.iter().copied().enumerate().collect();
         for cut in &batch.chunks {
             let chunk = Rc::new(GpuChunk::new(self.task, batch, cut)?);
-            for some in frames.chunks(TOGETHER) {
-                let mut steps = Vec::with_capacity(some.len());
-                for &(turn, frame) in some {
-                    let step = Step { chunk: chunk.clone(), turn, frame };
-                    let standing = chunk.standing(self.task.roi(), frame);
-                    clock.steps += 1;
-                    match self.needs_host(&standing) || clock.expects_leftovers() {
-                        true => self.slow_step(&step, &standing, batch, &mut clock, take)?,
-                        false => steps.push((step, standing)),
-                    }
+            for (turn, &frame) in batch.frames.iter().enumerate() {
+                let step = Step { chunk: chunk.clone(), turn, frame };
+                let standing = step.chunk.standing(self.task.roi(), frame);
+                clock.steps += 1;
+                if self.needs_host(&standing) || clock.expects_leftovers() {
+                    self.slow_step(&step, &standing, batch, &mut clock, take)?;
+                    continue;
                 }
-                if !steps.is_empty() {
-                    pending.push_back(self.queue(steps, batch)?);
-                }
+                pending.push_back(self.queue(step, &standing, batch)?);
                 while pending.len() > in_flight(batch.sums) {
                     self.finish(pending.pop_front(), batch, &mut clock, take)?;
                 }
@@ -164,62 +154,44 @@ impl<'a> Pipeline<'a> {
             || self.device.stamps().is_none()
     }
 
-    /// Hands whole steps of one chunk to the device.
+    /// Hands a whole step to the device.
     fn queue(
         &self,
-        steps: Vec<(Step<'a>, ChunkSensors)>,
+        step: Step<'a>,
+        standing: &ChunkSensors,
         batch: &GpuBatch<'_>,
     ) -> Result<Pending<'a>, BackendError> {
-        let mut stages = vec![Stage::Cover];
+        self.place(&step.chunk, standing, step.frame)?;
+        let mut stages = Vec::new();
+        let mut sources = self.results(&step.chunk, batch);
         if self.task.ends_at_hits() {
-            stages.insert(0, Stage::Cast);
+            stages.push(Stage::Cast);
+            sources.push(self.counters(&step.chunk));
         }
+        stages.push(Stage::Cover);
         if batch.sums {
             stages.push(Stage::Reduce);
         }
-        let chunk = steps[0].0.chunk.clone();
-        self.write_chunk(&chunk);
-        let mut upload = Upload::default();
-        let placed: Vec<_> = steps
-            .iter()
-            .map(|(step, standing)| self.packed(&chunk, standing, step.frame, &mut upload))
-            .collect();
-        let upload = self.device.staged("places of sensors", upload.bytes())?;
-        let mut sources = vec![self.sources(&chunk, batch); steps.len()];
-        // The times of all steps come last.
-        let stamps = self.device.stamps().expect("a device without times takes slow steps");
-        sources.push(vec![(stamps.resolved(), stamps.bytes(steps.len() * (stages.len() + 1)))]);
-        let record = |encoder: &mut wgpu::CommandEncoder, number: usize| {
-            let Some(placed) = placed.get(number) else {
-                stamps.resolve(encoder, steps.len() * (stages.len() + 1));
-                return;
-            };
-            placed.iter().for_each(|copy| copy.record(encoder, &upload));
-            let first = number * (stages.len() + 1);
-            for (place, stage) in stages.iter().enumerate() {
-                let stamp = Some(stamps.of(first + place, place == 0));
+        if let Some(stamps) = self.device.stamps() {
+            sources.push((stamps.resolved(), STAMP_BYTES));
+        }
+        let record = |encoder: &mut wgpu::CommandEncoder| {
+            for (number, &stage) in stages.iter().enumerate() {
                 match stage {
-                    Stage::Cast => self.record_cast(encoder, &chunk, stamp),
-                    Stage::Cover => self.record_cover(encoder, &chunk, stamp),
-                    Stage::Reduce => self.record_reduce(encoder, &chunk, stamp),
+                    Stage::Cast => self.record_cast(encoder, &step.chunk, Some(number)),
+                    Stage::Cover => self.record_cover(encoder, &step.chunk, Some(number)),
+                    Stage::Reduce => self.record_reduce(encoder, &step.chunk, Some(number)),
                 }
             }
+            if let Some(stamps) = self.device.stamps() {
+                stamps.resolve(encoder, stages.len());
+            }
         };
-        let results = self.device.start_each("casting and covering", record, &sources)?;
-        let steps = steps.into_iter().map(|(step, _)| step).collect();
-        Ok(Pending { steps, stages, results })
+        let results = self.device.start("casting and covering", record, &sources)?;
+        Ok(Pending { step, stages, results })
     }
 
-    /// What is read back of a step: its results, and the counters where beams are cast.
-    fn sources(&self, chunk: &GpuChunk<'_>, batch: &GpuBatch<'_>) -> Vec<Source<'a>> {
-        let mut sources = self.results(chunk, batch);
-        if self.task.ends_at_hits() {
-            sources.push(self.counters(chunk));
-        }
-        sources
-    }
-
-    /// Waits for some steps, and hands over their results; does those anew in which the kernel left beams unfinished.
+    /// Waits for a step, and hands over its results; does it anew if the kernel left beams unfinished.
     fn finish(
         &self,
         pending: Option<Pending<'a>>,
@@ -227,57 +199,37 @@ impl<'a> Pipeline<'a> {
         clock: &mut Clock,
         take: Take<'_>,
     ) -> Result<(), BackendError> {
-        let Some(Pending { steps, stages, results }) = pending else { return Ok(()) };
-        let left = self.device.finish(results, |parts| {
-            let (stamps, parts) = parts.split_last().expect("the times come last");
-            self.note_times(&stages, &bytemuck::pod_collect_to_vec(stamps), clock);
-            let each = parts.len() / steps.len();
-            let is_left =
-                |(step, parts): &(&Step<'a>, &[&[u8]])| !self.take_step(step, parts, batch, take);
-            let left = steps.iter().zip(parts.chunks(each)).filter(is_left);
-            left.map(|(step, _)| step.clone()).collect::<Vec<_>>()
+        let Some(Pending { step, stages, results }) = pending else { return Ok(()) };
+        let is_whole = self.device.finish(results, |parts| {
+            let words = |part: usize| -> &[u32] { bytemuck::cast_slice(parts[part]) };
+            let made = if batch.sums { 2 } else { 1 };
+            if let Some(clocked) = self.device.stamps() {
+                let stamps = bytemuck::pod_collect_to_vec(parts[parts.len() - 1]);
+                let before: u64 = clock.ticks.iter().sum();
+                stage_ticks(&stages, &stamps, &mut clock.ticks);
+                let worked = clocked.time(clock.ticks.iter().sum::<u64>() - before);
+                self.device.count(|traffic| traffic.busy += worked);
+            }
+            if self.task.ends_at_hits() {
+                let counters = words(made);
+                if counters[0] > 0 {
+                    return false;
+                }
+                take(&step.chunk, step.turn, ChunkResult::Hits(&counters[1..]));
+            }
+            let made = match batch.sums {
+                true => ChunkResult::Sums { totals: words(0), partials: words(1) },
+                false => ChunkResult::Bitmaps(words(0)),
+            };
+            take(&step.chunk, step.turn, made);
+            true
         })?;
-        for step in left {
+        if !is_whole {
             clock.redone += 1;
             let standing = step.chunk.standing(self.task.roi(), step.frame);
             self.slow_step(&step, &standing, batch, clock, take)?;
         }
         Ok(())
-    }
-
-    /// Adds the device's times of some steps.
-    fn note_times(&self, stages: &[Stage], stamps: &[u64], clock: &mut Clock) {
-        let before: u64 = clock.ticks.iter().sum();
-        for stamps in stamps.chunks(stages.len() + 1) {
-            stage_ticks(stages, stamps, &mut clock.ticks);
-        }
-        let ticks = clock.ticks.iter().sum::<u64>() - before;
-        let worked = self.device.stamps().map_or(Duration::ZERO, |stamps| stamps.time(ticks));
-        self.device.count(|traffic| traffic.busy += worked);
-    }
-
-    /// Hands over what was read back of a step. False, and nothing is handed over, where the kernel left beams unfinished.
-    fn take_step(
-        &self,
-        step: &Step<'_>,
-        parts: &[&[u8]],
-        batch: &GpuBatch<'_>,
-        take: Take<'_>,
-    ) -> bool {
-        let words = |part: usize| -> &[u32] { bytemuck::cast_slice(parts[part]) };
-        if self.task.ends_at_hits() {
-            let counters = words(parts.len() - 1);
-            if counters[0] > 0 {
-                return false;
-            }
-            take(&step.chunk, step.turn, ChunkResult::Hits(&counters[1..]));
-        }
-        let made = match batch.sums {
-            true => ChunkResult::Sums { totals: words(0), partials: words(1) },
-            false => ChunkResult::Bitmaps(words(0)),
-        };
-        take(&step.chunk, step.turn, made);
-        true
     }
 
     /// Does a step with the host between casting and coverage, and waits for its end.

@@ -23,48 +23,6 @@ pub(super) struct ReadBack {
     answer: Arc<Mutex<Option<Result<(), wgpu::BufferAsyncError>>>>,
 }
 
-/// A buffer whose first bytes are read back, and their number.
-pub(super) type Source<'b> = (&'b wgpu::Buffer, u64);
-
-/// Bytes that one buffer brings to the device for several others.
-#[derive(Default)]
-pub(super) struct Upload {
-    bytes: Vec<u8>,
-}
-
-/// A copy of a part of an [`Upload`] to the begin of another buffer.
-pub(super) struct UploadCopy<'b> {
-    target: &'b wgpu::Buffer,
-    part: Range<u64>,
-}
-
-impl Upload {
-    /// Adds what is to come to the begin of a buffer. Elements are of whole words.
-    pub(super) fn add<'b, T: bytemuck::NoUninit>(
-        &mut self,
-        target: &'b wgpu::Buffer,
-        data: &[T],
-    ) -> UploadCopy<'b> {
-        let start = self.bytes.len() as u64;
-        self.bytes.extend_from_slice(bytemuck::cast_slice(data));
-        UploadCopy { target, part: start..self.bytes.len() as u64 }
-    }
-
-    pub(super) fn bytes(&self) -> &[u8] {
-        &self.bytes
-    }
-}
-
-impl UploadCopy<'_> {
-    /// Records the copy from the buffer that holds the upload.
-    pub(super) fn record(&self, encoder: &mut wgpu::CommandEncoder, upload: &wgpu::Buffer) {
-        let size = self.part.end - self.part.start;
-        if size > 0 {
-            encoder.copy_buffer_to_buffer(upload, self.part.start, self.target, 0, size);
-        }
-    }
-}
-
 impl Device {
     /// Hands recorded commands to the device, which runs them after all before them.
     pub(super) fn enqueue(
@@ -88,42 +46,17 @@ impl Device {
         let poll = wgpu::PollType::Wait { submission_index, timeout: None };
         // wgpu reports a device that a wait finds lost with a panic.
         let waited = caught(|| self.wgpu().poll(poll));
-        match waited {
-            Ok(Ok(_)) => self.check(stage),
-            Ok(Err(error)) => Err(self.why_failed(stage, error.to_string())),
-            Err(message) => Err(self.why_failed(stage, message)),
+        if !matches!(waited, Ok(Ok(_))) {
+            // A device that refused the submission says why once all before it has ended.
+            let _ = caught(|| self.wgpu().poll(wgpu::PollType::wait_indefinitely()));
         }
-    }
-
-    /// The error of a device that failed: its callbacks know more than the message, once all work before has ended.
-    fn why_failed(&self, stage: &'static str, message: String) -> BackendError {
-        let _ = caught(|| self.wgpu().poll(wgpu::PollType::wait_indefinitely()));
-        self.check(stage).err().unwrap_or_else(|| self.failed(stage, message))
-    }
-
-    /// A buffer to copy from that holds some bytes.
-    pub(super) fn staged(
-        &self,
-        what: &'static str,
-        bytes: &[u8],
-    ) -> Result<wgpu::Buffer, BackendError> {
-        self.count(|traffic| traffic.bytes_up += bytes.len() as u64);
-        let size = (bytes.len() as u64).next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT).max(4);
-        let buffer = self.wgpu().create_buffer(&wgpu::BufferDescriptor {
-            label: Some(what),
-            size,
-            usage: wgpu::BufferUsages::COPY_SRC,
-            mapped_at_creation: true,
-        });
-        self.check("allocating a buffer")?;
-        let mut view = match buffer.get_mapped_range_mut(..bytes.len() as u64) {
-            Ok(view) => view,
-            Err(error) => return Err(self.why_failed("uploading", error.to_string())),
-        };
-        view.copy_from_slice(bytes);
-        drop(view);
-        buffer.unmap();
-        Ok(buffer)
+        // The callbacks know more than the panic.
+        self.check(stage)?;
+        match waited {
+            Ok(Ok(_)) => Ok(()),
+            Ok(Err(error)) => Err(self.failed(stage, error.to_string())),
+            Err(message) => Err(self.failed(stage, message)),
+        }
     }
 
     /// Starts recorded commands, then copies of the first bytes of some buffers to the host.
@@ -131,40 +64,20 @@ impl Device {
         &self,
         stage: &'static str,
         record: impl FnOnce(&mut wgpu::CommandEncoder),
-        sources: &[Source<'_>],
-    ) -> Result<ReadBack, BackendError> {
-        let mut record = Some(record);
-        let record = |encoder: &mut wgpu::CommandEncoder, _| {
-            if let Some(record) = record.take() {
-                record(encoder);
-            }
-        };
-        self.start_each(stage, record, &[sources.to_vec()])
-    }
-
-    /// Starts the commands that are recorded for each list of sources, each followed by the copies of that list to the
-    /// host.
-    pub(super) fn start_each(
-        &self,
-        stage: &'static str,
-        mut record: impl FnMut(&mut wgpu::CommandEncoder, usize),
-        sources: &[Vec<Source<'_>>],
+        sources: &[(&wgpu::Buffer, u64)],
     ) -> Result<ReadBack, BackendError> {
         let mut size = 0;
         let mut parts = Vec::with_capacity(sources.len());
-        for &(_, bytes) in sources.iter().flatten() {
+        for &(_, bytes) in sources {
             parts.push(size as usize..(size + bytes) as usize);
             size = (size + bytes).next_multiple_of(wgpu::MAP_ALIGNMENT);
         }
         let staging = self.staging(size)?;
         let submission = self.enqueue(|encoder| {
-            let mut parts = parts.iter();
-            for (number, sources) in sources.iter().enumerate() {
-                record(encoder, number);
-                for (&(source, bytes), part) in sources.iter().zip(&mut parts) {
-                    let size = bytes.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT);
-                    encoder.copy_buffer_to_buffer(source, 0, &staging, part.start as u64, size);
-                }
+            record(encoder);
+            for (&(source, bytes), part) in sources.iter().zip(&parts) {
+                let size = bytes.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT);
+                encoder.copy_buffer_to_buffer(source, 0, &staging, part.start as u64, size);
             }
         });
         let answer = Arc::new(Mutex::new(None));

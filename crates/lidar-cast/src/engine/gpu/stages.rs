@@ -6,33 +6,17 @@ use super::chunk::{ChunkSensors, GpuBatch, GpuChunk, bitmap_words, occupied_work
 use super::kernels::beam_workgroups;
 use super::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, UNFINISHED, Uniforms};
 use super::pipeline::Pipeline;
-use super::readback::{ReadBack, Source, Upload, UploadCopy};
+use super::readback::ReadBack;
 use crate::bvh::Hit;
 use crate::cast::closest_hit_in;
 use crate::cover::{BitOrder, cover_voxels};
 use crate::engine::BackendError;
 use crate::task::{Air, Frame};
 
-impl<'a> Pipeline<'a> {
-    /// Packs where the sensors of a chunk stand in a frame; the copies bring it to the kernels' buffers.
-    pub(super) fn packed(
-        &self,
-        chunk: &GpuChunk<'_>,
-        standing: &ChunkSensors,
-        frame: usize,
-        upload: &mut Upload,
-    ) -> [UploadCopy<'a>; 3] {
-        let (work, scene) = (self.work, self.scene);
-        let geometry = self.task.geometry(frame);
-        let (instances, sensors) =
-            chunk.sensors(standing, geometry, &scene.roots, &scene.first_directions);
-        [
-            upload.add(&work.poses, &standing.poses),
-            upload.add(&work.instances, &instances),
-            upload.add(&work.sensor_beams, &sensors),
-        ]
-    }
+/// A buffer whose first bytes are read back, and their number.
+type Source<'b> = (&'b wgpu::Buffer, u64);
 
+impl Pipeline<'_> {
     /// Uploads a chunk and where its sensors stand in a frame, for all commands from now on.
     pub(super) fn place(
         &self,
@@ -40,17 +24,19 @@ impl<'a> Pipeline<'a> {
         standing: &ChunkSensors,
         frame: usize,
     ) -> Result<(), BackendError> {
-        let mut upload = Upload::default();
-        let copies = self.packed(chunk, standing, frame, &mut upload);
-        self.write_chunk(chunk);
-        let upload = self.device.staged("places of sensors", upload.bytes())?;
-        self.device.enqueue(|encoder| copies.iter().for_each(|copy| copy.record(encoder, &upload)));
+        let (work, scene) = (self.work, self.scene);
+        let geometry = self.task.geometry(frame);
+        let (instances, sensors) =
+            chunk.sensors(standing, geometry, &scene.roots, &scene.first_directions);
+        self.write_uniforms();
+        self.device.write(&work.placement_sensors, &chunk.placements);
+        self.device.write(&work.poses, &standing.poses);
+        self.device.write(&work.instances, &instances);
+        self.device.write(&work.sensor_beams, &sensors);
         self.device.check("placing sensors")
     }
 
-    /// Uploads what is the same in all frames of a chunk.
-    pub(super) fn write_chunk(&self, chunk: &GpuChunk<'_>) {
-        self.device.write(&self.work.placement_sensors, &chunk.placements);
+    fn write_uniforms(&self) {
         let (roi, content) = (self.task.roi(), self.task.content());
         let uniforms = Uniforms {
             shape: roi.shape(),
@@ -77,12 +63,13 @@ impl<'a> Pipeline<'a> {
         self.task.geometry(frame).expect("only frames with geometry are cast")
     }
 
-    /// Records the casting of a chunk that is placed in a frame; `stamp` is where the device writes down its time.
+    /// Records the casting of a chunk that is placed in a frame; `stage` is its number in the step where the device is to
+    /// write down its time.
     pub(super) fn record_cast(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         chunk: &GpuChunk<'_>,
-        stamp: Option<wgpu::ComputePassTimestampWrites<'_>>,
+        stage: Option<usize>,
     ) {
         let (work, scene) = (self.work, self.scene);
         encoder.clear_buffer(&work.counters, 0, None);
@@ -95,12 +82,17 @@ impl<'a> Pipeline<'a> {
             &work.hits,
             &work.counters,
         ];
-        let groups = self.groups(chunk);
+        let (groups, stamp) = (self.groups(chunk), self.stamp(stage));
         self.kernels.dispatch(self.device, encoder, "cast_closest", &buffers, groups, stamp);
     }
 
+    /// Begin and end of a stage, where the device is to write them down.
+    fn stamp(&self, stage: Option<usize>) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+        self.device.stamps().zip(stage).map(|(stamps, stage)| stamps.of(stage))
+    }
+
     /// Counters of the casting: unfinished beams, then hits by sensor.
-    pub(super) fn counters(&self, chunk: &GpuChunk<'_>) -> Source<'a> {
+    pub(super) fn counters(&self, chunk: &GpuChunk<'_>) -> Source<'_> {
         (&self.work.counters, 4 * (1 + chunk.batch.len() as u64))
     }
 
@@ -168,7 +160,7 @@ impl<'a> Pipeline<'a> {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         chunk: &GpuChunk<'_>,
-        stamp: Option<wgpu::ComputePassTimestampWrites<'_>>,
+        stage: Option<usize>,
     ) {
         let work = self.work;
         encoder.clear_buffer(&work.bitmaps, 0, None);
@@ -180,7 +172,7 @@ impl<'a> Pipeline<'a> {
             &work.hits,
             &work.bitmaps,
         ];
-        let groups = self.groups(chunk);
+        let (groups, stamp) = (self.groups(chunk), self.stamp(stage));
         self.kernels.dispatch(self.device, encoder, "cover_voxels", &buffers, groups, stamp);
     }
 
@@ -222,7 +214,7 @@ impl<'a> Pipeline<'a> {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         chunk: &GpuChunk<'_>,
-        stamp: Option<wgpu::ComputePassTimestampWrites<'_>>,
+        stage: Option<usize>,
     ) {
         let (work, scene) = (self.work, self.scene);
         let count = chunk.placements.len() as u32;
@@ -241,11 +233,11 @@ impl<'a> Pipeline<'a> {
             dispatch("reduce_classes", &buffers, scene.class_run_count, None);
         }
         let words = self.bitmap_words().div_ceil(ITEMS_PER_WORKGROUP);
-        dispatch("reduce_words", &[&work.totals], words, stamp);
+        dispatch("reduce_words", &[&work.totals], words, self.stamp(stage));
     }
 
     /// Results of a chunk in a frame: totals and partial sums, or bitmaps.
-    pub(super) fn results(&self, chunk: &GpuChunk<'_>, batch: &GpuBatch<'_>) -> Vec<Source<'a>> {
+    pub(super) fn results(&self, chunk: &GpuChunk<'_>, batch: &GpuBatch<'_>) -> Vec<Source<'_>> {
         let (work, count) = (self.work, chunk.placements.len() as u64);
         if !batch.sums {
             let bytes = 4 * chunk.batch.len() as u64 * u64::from(self.bitmap_words());

@@ -2,8 +2,6 @@
 
 use std::time::Duration;
 
-use super::pipeline::TOGETHER;
-
 /// Stages of a step, in their order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stage {
@@ -12,10 +10,12 @@ pub(super) enum Stage {
     Reduce,
 }
 
-/// Most times of a submission: the begin of each step, and the end of each of its stages.
-const STAMPS: u32 = 4 * TOGETHER as u32;
+/// Most times of a step: its begin, and the end of each stage.
+const STAMPS: u32 = 4;
+/// Bytes of the times of a step.
+pub(super) const STAMP_BYTES: u64 = 8 * STAMPS as u64;
 
-/// Times of one submission on the device. The next one writes over them, once they are copied.
+/// Times of one step on the device. The next step writes over them, once they are copied.
 pub(super) struct Stamps {
     set: wgpu::QuerySet,
     /// Nanoseconds of a tick.
@@ -24,7 +24,7 @@ pub(super) struct Stamps {
 }
 
 impl Stamps {
-    /// Room for the times of a submission; `None` on a device that tells no time.
+    /// Room for the times of a step; `None` on a device that tells no time.
     pub(super) fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Option<Self> {
         if !device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
             return None;
@@ -36,34 +36,25 @@ impl Stamps {
         });
         let resolved = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("times"),
-            size: 8 * u64::from(STAMPS),
+            size: STAMP_BYTES,
             usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
         Some(Self { set, period: f64::from(queue.get_timestamp_period()), resolved })
     }
 
-    /// The times of a stage: its end has the number after `begin`, and its begin that number where it begins a step.
-    pub(super) fn of(
-        &self,
-        begin: usize,
-        begins_step: bool,
-    ) -> wgpu::ComputePassTimestampWrites<'_> {
+    /// The times of a stage, given by its number in the step: the first one also begins.
+    pub(super) fn of(&self, stage: usize) -> wgpu::ComputePassTimestampWrites<'_> {
         wgpu::ComputePassTimestampWrites {
             query_set: &self.set,
-            beginning_of_pass_write_index: begins_step.then_some(begin as u32),
-            end_of_pass_write_index: Some(begin as u32 + 1),
+            beginning_of_pass_write_index: (stage == 0).then_some(0),
+            end_of_pass_write_index: Some(stage as u32 + 1),
         }
     }
 
-    /// Copies the first times to [`Self::resolved`].
-    pub(super) fn resolve(&self, encoder: &mut wgpu::CommandEncoder, count: usize) {
-        encoder.resolve_query_set(&self.set, 0..count as u32, &self.resolved, 0);
-    }
-
-    /// Bytes of some times.
-    pub(super) fn bytes(&self, count: usize) -> u64 {
-        8 * count as u64
+    /// Copies the times of a step of some stages to [`Self::resolved`].
+    pub(super) fn resolve(&self, encoder: &mut wgpu::CommandEncoder, stages: usize) {
+        encoder.resolve_query_set(&self.set, 0..stages as u32 + 1, &self.resolved, 0);
     }
 
     /// Time of some ticks.
