@@ -126,6 +126,7 @@ pub mod internals {
     pub use crate::report::chart_text::{chart_text, charts_text};
     pub use crate::report::chart_words::chart_words;
     pub use crate::report::convergence::convergence_svg;
+    pub use crate::report::front::front_text;
     pub use crate::report::map::InformationMap;
     pub use crate::report::near_field::{near_field_svg, near_field_text};
     pub use crate::report::placement::placement_svg;

@@ -2,20 +2,19 @@
 
 use std::path::PathBuf;
 
-use crate::internals::{Spacing, record_text};
-use crate::job::JobFiles;
-use crate::runs::optimize::{NewRun, OptimizeRequest, Start, optimize};
+use crate::internals::{Spacing, front_text, record_text};
+use crate::job::{FrontError, FrontObjectives, JobFiles};
+use crate::runs::optimize::{NewRun, OptimizeRequest, Start, front, optimize};
 use crate::runs::{Error, Watcher};
 use crate::scan::conditions::in_words;
 use crate::score::Seen;
 use crate::search::{FrameChoice, Method, Settings};
 use crate::vehicle::{MountRules, SensorPose};
 
-use super::args::{
-    Compute, Conditions, Format, Mounting, Named, at_least_one, finite, parse_seconds, whole,
-};
+use super::args::{Compute, Conditions, Format, Mounting, Named, finite, parse_seconds, whole};
 use super::exit::Exit;
 use super::glb::Gltf;
+use super::terminal::Terminal;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -24,6 +23,7 @@ use super::glb::Gltf;
   sightline optimize scenes/highway.json scenes/residential.json --mirror
   sightline optimize scenes/highway.json --symmetric --equal-height --max-seconds 30
   sightline optimize scenes/highway.json scenes/residential.json --vehicle scenes/vehicles/car.json --budget 12000
+  sightline optimize scenes/urban-crossing.json --vehicle scenes/vehicles/car.json --front price,near_gain
   sightline optimize --resume runs/highway")]
 pub struct Args {
     /// Scene file; of several, which share LiDAR and mount, the mean is maximized, each normalized by its own
@@ -48,10 +48,11 @@ pub struct Args {
     #[arg(long, allow_hyphen_values = true, conflicts_with = "resume")]
     objective: Option<String>,
     /// Placements that the generations evaluate; the swaps then cast one and a half times as many
-    /// sensor poses as those did
-    #[arg(long, value_name = "N", default_value_t = 180, conflicts_with = "resume",
-          value_parser = at_least_one)]
-    evaluations: u64,
+    /// sensor poses as those did [default: 180; with --front 0]
+    ///
+    /// With --front that many around each point of the front, 0 for none.
+    #[arg(long, value_name = "N", conflicts_with = "resume", value_parser = whole::<u64>)]
+    evaluations: Option<u64>,
     /// Seconds from the start after which the run ends, generations after two fifths of them; --resume goes on
     /// from there
     ///
@@ -102,6 +103,20 @@ pub struct Args {
     /// their best placement
     #[arg(long, conflicts_with = "resume")]
     fewest: bool,
+    /// Search the front of two or three objectives over a vehicle's sensors and poses, as price,near_gain: every
+    /// placement that no other one found beats in all of them
+    ///
+    /// price, sensors (their number) and requirements (also targets: the share that is missing of what the vehicle
+    /// requires, summed) are better when less, the scores of --objective when more. Sensors are chosen on a coarse grid of
+    /// poses, for each of a row of prices or numbers at most; scores that are no gain are not chosen by, but compared. All
+    /// placements are scored over all frames. --evaluations searches around each point then, which takes long. A point that
+    /// misses a requirement takes the place of none that meets all. The folder gets placements.json in the order of the
+    /// first objective, front.svg, report.html and result.json with the front and its picks: the cheapest that meets all
+    /// requirements, the knee, the best of each. Exit code 1 if none meets all requirements. A front is searched in one
+    /// go: --resume does not go on with it.
+    #[arg(long, value_name = "A,B[,C]", value_parser = objectives, conflicts_with_all = ["resume", "fewest", "target",
+          "baselines", "inject", "gltf"])]
+    front: Option<FrontObjectives>,
     #[command(flatten)]
     mounting: Mounting,
     #[command(flatten)]
@@ -121,6 +136,13 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<Exit, Error> {
     let terminal = args.compute.start()?;
+    if let Some(objectives) = &args.front {
+        return run_front(args, objectives, &terminal);
+    }
+    if args.evaluations == Some(0) {
+        let words = "--evaluations: give a whole number from 1 on; 0 is for --front alone";
+        return Err(Error::Usage(words.to_owned()));
+    }
     let start = match &args.resume {
         Some(folder) => Start::Resume(folder.clone()),
         None => Start::New(Box::new(new_run(args))),
@@ -142,10 +164,29 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     Ok(if terminal.goes_on() && !is_met { Exit::CheckFailed } else { terminal.exit() })
 }
 
+/// `--front`: the front in place of one result.
+fn run_front(
+    args: &Args,
+    objectives: &FrontObjectives,
+    terminal: &Terminal,
+) -> Result<Exit, Error> {
+    let mut new = new_run(args);
+    new.settings.evaluations = args.evaluations.unwrap_or(0);
+    let computing = args.named.computing(&args.compute, terminal);
+    let found = front(&new, objectives, args.max_seconds, &computing)?;
+    let Some(found) = found else { return Ok(Exit::Interrupted) };
+    match args.format {
+        Format::Json => outln!("{}", found.record.json())?,
+        Format::Text => out!("{}", front_text(&found.front, &found.record, &found.folder))?,
+    }
+    let is_met = found.front.points.iter().any(|point| point.meets);
+    Ok(if terminal.goes_on() && !is_met { Exit::CheckFailed } else { terminal.exit() })
+}
+
 fn new_run(args: &Args) -> NewRun {
     let settings = Settings {
         method: args.method,
-        evaluations: args.evaluations,
+        evaluations: args.evaluations.unwrap_or(Settings::default().evaluations),
         population: args.population.map(|p| p as usize),
         delta: args.delta,
         seed: args.seed,
@@ -183,6 +224,11 @@ enum Fidelity {
     Auto,
     /// Every frame
     Full,
+}
+
+/// `--front`.
+fn objectives(text: &str) -> Result<FrontObjectives, FrontError> {
+    text.parse()
 }
 
 /// `--method`.

@@ -1,5 +1,6 @@
 //! Why a job cannot be posed, scored or searched.
 
+use super::front::FrontError;
 use crate::engine::BackendError;
 use crate::problem::ProblemError;
 use crate::psog::{PsogError, PsogFileError};
@@ -77,6 +78,9 @@ pub enum JobError {
          `require` in a vehicle file, and give it with --vehicle"
     )]
     NothingRequired,
+    /// Objectives of a front that cannot be read, or that the vehicle does not have.
+    #[error(transparent)]
+    Front(#[from] FrontError),
     /// A saved search that was begun with another vehicle or other scenes.
     #[error("{why}")]
     OtherState {

@@ -7,6 +7,7 @@
 //! | `files` | a job as its files and options say it, to be saved and repeated |
 //! | `fewest` | how few sensors meet the requirements, step by step |
 //! | `shared` | things by the number of LiDARs that see them, overlap of pairs |
+//! | `front` | the front of two or three objectives |
 //! | `tolerance` | requirements in copies that are mounted a little off |
 //! | `error` | why a job cannot be posed or searched |
 //!
@@ -15,6 +16,7 @@
 mod error;
 mod fewest;
 mod files;
+mod front;
 mod scene;
 mod search;
 mod shared;
@@ -35,6 +37,9 @@ use crate::vehicle::{Constraints, Placement, Sensors};
 
 pub use error::JobError;
 pub use files::JobFiles;
+pub use front::{
+    Front, FrontError, FrontObjective, FrontObjectives, FrontPoint, FrontStopped, Pick,
+};
 pub use scene::JobScene;
 use scene::{Frames, Worth};
 pub use search::{Found, JobRun, JobState, JobStep};

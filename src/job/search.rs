@@ -121,7 +121,7 @@ impl Job {
     }
 
     /// Most that the sensors may cost; infinite without a limit.
-    fn most_money(&self) -> f64 {
+    pub(super) fn most_money(&self) -> f64 {
         self.budget.unwrap_or(f64::INFINITY)
     }
 
@@ -134,9 +134,7 @@ impl Job {
         if vehicle.is_nameless() && self.budget.is_some() {
             return Err(JobError::NoPrices);
         }
-        let problem = self.problem()?;
-        let requires = !problem.content().areas().is_empty() || !problem.target_rules().is_empty();
-        if self.fewest && !requires {
+        if self.fewest && !self.requires()? {
             return Err(JobError::NothingRequired);
         }
         let mut run =

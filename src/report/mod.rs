@@ -16,6 +16,7 @@
 //! | `targets` | distances at which targets are met, by bearing |
 //! | `placement`, `map` | a placement on its vehicle, and the information that it gains from above |
 //! | `table`, `text` | the one table of scores, tables as text |
+//! | `front` | the front of two or three objectives: `result.json`, table, drawing |
 //! | `against` | the result against every baseline, with intervals |
 //! | `word` | a text as one word of a shell |
 //! | `view` | the 3-D view of a page |
@@ -30,6 +31,7 @@ pub(crate) mod chart_table;
 pub(crate) mod chart_text;
 pub(crate) mod chart_words;
 pub(crate) mod convergence;
+pub(crate) mod front;
 pub(crate) mod map;
 pub(crate) mod near_field;
 mod page;
@@ -55,8 +57,9 @@ pub(crate) mod words;
 
 pub(crate) use chart_table::seconds;
 pub(crate) use convergence::convergence_svg;
+pub use front::{FrontContext, FrontRecord};
 pub(crate) use map::InformationMap;
-pub(crate) use page::{Figures, Looks, Subject, report_html, view_html};
+pub(crate) use page::{Figures, Looks, Subject, front_html, report_html, view_html};
 pub(crate) use placement::placement_svg;
 pub(crate) use plot::{Axis, Plot, Series};
 pub use record::{RunContext, RunRecord, RunTimes, SceneRecord};

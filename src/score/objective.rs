@@ -201,6 +201,19 @@ impl Objective {
         })
     }
 
+    /// A weighted sum of objectives.
+    pub fn mixed(parts: &[(f64, &Self)]) -> Self {
+        let term = |weight: f64| move |(own, metric): &(f64, Metric)| (weight * own, *metric);
+        let terms: Vec<(f64, Metric)> =
+            parts.iter().flat_map(|(weight, part)| part.terms.iter().map(term(*weight))).collect();
+        let words = |(weight, metric): &(f64, Metric)| {
+            let task = if metric.detection { DETECTION } else { "" };
+            format!("{weight}*{task}{}", metric.name)
+        };
+        let text = terms.iter().map(words).collect::<Vec<_>>().join(" + ");
+        Self { text, terms }
+    }
+
     /// True if a placement that covers every voxel has a value; if that one has none, no placement has one.
     pub fn exists_in(&self, content: &Content) -> bool {
         let occupied = content.occupied().len() as u64;
@@ -293,6 +306,12 @@ mod tests {
         assert_eq!(value("m_sog"), -4.0);
         assert_eq!(value("detection.m_sog"), -2.0);
         assert_eq!(value("0.5*m_sog + 2 * detection.m_sog_scaled"), -2.0 - 0.4);
+        let [m_sog, both] =
+            ["m_sog", "m_sog + 2*detection.m_sog"].map(|text| text.parse::<Objective>().unwrap());
+        let mixed = Objective::mixed(&[(0.5, &m_sog), (3.0, &both)]);
+        assert_eq!(mixed.to_string(), "0.5*m_sog + 3*m_sog + 6*detection.m_sog");
+        assert_eq!(mixed.value(&scores), Some(-2.0 - 12.0 - 12.0));
+        assert_eq!(mixed.to_string().parse(), Ok(mixed));
     }
 
     #[test]

@@ -47,6 +47,7 @@ mod tests;
 
 pub(crate) use atlas::AreaBits;
 pub use bound::{Certificate, GainBound};
+pub(crate) use equip::REQUIRED;
 pub use equip::{Choosing, EquipStep, Equipped, Equipping, Limits, cost_front};
 pub use error::SearchError;
 pub use evaluator::{Evaluator, Judged, SceneScores};

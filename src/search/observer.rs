@@ -51,6 +51,12 @@ pub enum Work {
     Equipment,
     /// Rounds of exchanges in the choice of equipment.
     Exchanges,
+    /// Choices of sensors along a front.
+    Choices,
+    /// Searches of poses around the placements of a front, in hundredths of one.
+    Polish,
+    /// Placements of a front whose own body, range cards and tolerances are looked at.
+    Looks,
     /// Placements of the generations.
     Generations,
     /// Sensor poses cast for swaps.
@@ -70,6 +76,9 @@ impl fmt::Display for Work {
             Self::Frames => f.write_str("frames looked at to choose a few"),
             Self::Equipment => f.write_str("poses for the choice of sensors"),
             Self::Exchanges => f.write_str("rounds of exchanged sensors at most"),
+            Self::Choices => f.write_str("choices of sensors along the front at most"),
+            Self::Polish => f.write_str("steps of the search around the front"),
+            Self::Looks => f.write_str("placements of the front looked at closely"),
             Self::Generations => f.write_str("placements"),
             Self::Swaps => f.write_str("poses for swaps"),
             Self::Bounds => f.write_str("sets of sensors bounded"),

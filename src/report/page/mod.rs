@@ -3,6 +3,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `figures` | the drawings, and the data computed for them |
+//! | `front` | the page of a front |
 //! | `subject` | subject of a page, and the command that makes it again |
 //! | `stage` | the first screen: result in a sentence, 3-D view |
 //! | `scores` | result against baselines, guards, scene by scene |
@@ -13,6 +14,7 @@
 //! | `parts` | tables and bars |
 
 mod figures;
+mod front;
 mod gains;
 mod layout;
 mod parts;
@@ -28,6 +30,7 @@ use super::targets::{range_card_rows, range_card_svg};
 use super::{RunRecord, spread_in_words};
 use crate::scan::conditions::under;
 pub use figures::{Figures, Looks};
+pub use front::front_html;
 pub use subject::Subject;
 
 /// The page of a run: the result in a sentence and a picture, then all that is known of it.

@@ -3,18 +3,20 @@
 mod bars;
 mod begun;
 mod command;
+mod front;
 mod record;
 mod request;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+pub use front::{Fronted, front};
 pub use request::{NewRun, OptimizeRequest, Start};
 
 use super::inputs::note_repeated;
 use super::{Computing, Error, GRACE, glb, opening};
 use crate::export::GltfView;
-use crate::files::{Input, RunDir, Session};
+use crate::files::{Input, RunDir, Session, holds_run};
 use crate::job::{Job, JobError, JobRun, JobState, JobStep};
 use crate::problem::Content;
 use crate::report::RunRecord;
@@ -45,6 +47,7 @@ pub fn optimize(
     let start = Instant::now();
     let (folder, begun, mut going_on, mut settings) = match &request.start {
         Start::Resume(path) => {
+            check_no_front(path)?;
             let (folder, Saved { begun, state }) = RunDir::<Saved>::resume("optimize", path)?;
             (Some(folder), begun, Some(state), Settings::default())
         }
@@ -91,6 +94,18 @@ pub fn optimize(
     sitting.check(&record)?;
     sitting.write_gltf(&record)?;
     Ok(Some(Optimized { record, folder: sitting.folder.path().to_owned() }))
+}
+
+/// Refuses the folder of a front, which has no checkpoint.
+fn check_no_front(folder: &Path) -> Result<(), Error> {
+    if holds_run(folder) || !folder.join("front.svg").exists() {
+        return Ok(());
+    }
+    Err(Error::Usage(format!(
+        "{}: holds a front, which is searched in one go and not resumed; run `sightline optimize … --front …` again, \
+         into another folder or with --force",
+        folder.display()
+    )))
 }
 
 /// The search at its beginning, or where a checkpoint left it.

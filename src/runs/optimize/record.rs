@@ -91,7 +91,7 @@ pub(super) fn save(sitting: &Sitting) -> Result<(), Error> {
 }
 
 /// A placement as a file lists it, with the price of its sensors on a vehicle that has prices.
-fn priced(job: &Job, placement: &Placement) -> Value {
+pub(super) fn priced(job: &Job, placement: &Placement) -> Value {
     let (mut listed, vehicle) = (json!(placement), job.scene().vehicle());
     if !vehicle.is_nameless() {
         let first = vehicle.sensors.first().map_or(SensorName::NONE, |sensor| sensor.name);

@@ -28,7 +28,7 @@ const SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
 const WIDER: f64 = 1.25;
 /// Penalty for a missing share of 1, as a multiple of the largest gain of a single sensor: requirements come
 /// first.
-const REQUIRED: f64 = 1e3;
+pub(crate) const REQUIRED: f64 = 1e3;
 /// Most rounds of exchanges.
 const ROUNDS: usize = 20;
 /// Poses cast at once; progress is reported in between.
@@ -219,13 +219,24 @@ impl Equip {
             }
             grid.hold(&mut evaluator, poses)?;
         }
-        let singles = grid.values_with(&[], &all);
+        let (in_pairs, places, penalty) = (constraints.ties.symmetric, grid.places(), 0.0);
+        let mut search = Self { vehicle, limits, grid, places, kinds, penalty, in_pairs };
+        search.aim(objective, REQUIRED);
+        Ok(Opened::Open(Box::new(search)))
+    }
+
+    /// Chooses by another objective from now on, whose sums the poses hold; `required` is the penalty for a missing share
+    /// of 1, as a multiple of the largest gain of a single sensor.
+    pub(super) fn aim(&mut self, objective: &Objective, required: f64) {
+        self.grid.objective = objective.clone();
+        self.grid.require(0.0);
+        self.grid.watch_cars(0.0);
+        let all: Vec<u32> = (0..self.pose_count()).collect();
+        let singles = self.grid.values_with(&[], &all);
         let most = singles.iter().map(|(_, value)| *value).fold(0.0, f64::max);
-        let penalty = REQUIRED * most.max(1e-9);
-        grid.require(penalty);
-        grid.watch_cars(CAR_WEIGHT);
-        let (in_pairs, places) = (constraints.ties.symmetric, grid.places());
-        Ok(Opened::Open(Box::new(Self { vehicle, limits, grid, places, kinds, penalty, in_pairs })))
+        self.penalty = required * most.max(1e-9);
+        self.grid.require(self.penalty);
+        self.grid.watch_cars(CAR_WEIGHT);
     }
 
     /// The equipment from the beginning; `None` where the observer stops the choice.

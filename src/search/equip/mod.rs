@@ -8,6 +8,7 @@
 mod choosing;
 mod equipped;
 
+pub(crate) use choosing::REQUIRED;
 pub use choosing::{Choosing, EquipStep, Limits};
 pub use equipped::Equipped;
 
@@ -103,6 +104,16 @@ impl Equipping {
         self.state = Choosing::default();
         if let Search::Open(search) = &mut self.search {
             search.limits = limits;
+        }
+    }
+
+    /// Begins choices by another gain among the same poses, for which the objective of [`Self::open`] must hold all that is
+    /// summed. `required` weighs a missing share of 1 of the requirements, in largest gains of a single sensor: 0 does not
+    /// look at them, 1000 puts them first, as at the beginning.
+    pub fn aim(&mut self, objective: &Objective, required: f64) {
+        self.state = Choosing::default();
+        if let Search::Open(search) = &mut self.search {
+            search.aim(objective, required);
         }
     }
 

@@ -1,0 +1,255 @@
+//! The front of two or three objectives of a vehicle's sensors and their poses.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `axis` | objectives by name |
+//! | `sweep` | choices of sensors on the coarse grid, under a row of prices or numbers |
+//! | `pool` | placements found, scored over all frames, and searches of poses around them |
+//! | `pareto` | the Pareto filter and the knee |
+//!
+//! Poses are cast once. For each of a row of limits the best sensors are chosen among them (the ε-constraint method;
+//! Haimes, Lasdon, Wismer 1971). All placements are then scored over all frames, and those that no other one beats are the
+//! front.
+
+mod axis;
+mod pareto;
+mod pool;
+mod sweep;
+
+use std::fmt;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::{Job, JobError};
+use crate::score::{Objective, Scores};
+use crate::search::{Observer, SceneScores, TimeLimit};
+use crate::vehicle::Placement;
+
+pub use axis::{FrontError, FrontObjective, FrontObjectives};
+use pareto::{Standing, knee};
+use pool::{Candidate, Pool};
+use sweep::{End, Sweep};
+
+/// Share of the time limit for the choices of sensors: half where poses are searched afterwards, else nearly all.
+const CHOICES_SHARE: [f64; 2] = [0.4, 0.85];
+
+/// Placements that no other one found beats in all objectives together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Front {
+    /// What is traded against what.
+    pub objectives: FrontObjectives,
+    /// In the order of the first objective, the best first.
+    pub points: Vec<FrontPoint>,
+    /// Points with a name of their own, by their number.
+    pub picks: Vec<(Pick, usize)>,
+    /// Placements scored over all frames.
+    pub scored: usize,
+    /// Why the search ended.
+    pub stopped: FrontStopped,
+    /// `cpu` or `gpu`; empty where nothing was scored.
+    pub backend: String,
+    /// Device as reported.
+    pub adapter: String,
+}
+
+/// One placement of a front.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrontPoint {
+    /// Name and poses.
+    pub placement: Placement,
+    /// Values of the objectives, in their order.
+    pub values: Vec<f64>,
+    /// Price of all sensors.
+    pub price: f64,
+    /// Sensors by mount, in words.
+    pub equipment: String,
+    /// True if all requirements are met, or there are none.
+    pub meets: bool,
+    /// Scores over all frames of the scene, or of all scenes.
+    pub scores: Scores,
+    /// Scores in each of several scenes and mirror images; empty where there is one.
+    pub by_scene: Vec<SceneScores>,
+}
+
+/// Role of a point that a decision may begin with.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Pick {
+    /// The cheapest that meets all requirements.
+    Cheapest,
+    /// Farthest from the line or plane between the best of each objective, each axis scaled to [0, 1].
+    Knee,
+    /// The best of one objective.
+    Best(FrontObjective),
+}
+
+impl fmt::Display for Pick {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Cheapest => f.write_str("cheapest that meets all requirements"),
+            Self::Knee => f.write_str("knee"),
+            Self::Best(objective) => write!(f, "best {objective}"),
+        }
+    }
+}
+
+impl Serialize for Pick {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+/// Why the search of a front ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FrontStopped {
+    /// All limits were looked at.
+    Complete,
+    /// The time was over.
+    Time,
+    /// The observer said so.
+    Interrupted,
+}
+
+impl fmt::Display for FrontStopped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Complete => "complete: sensors were chosen under every limit",
+            Self::Time => {
+                "time: the seconds given are over, and more may find other points; raise --max-seconds"
+            }
+            Self::Interrupted => "interrupted",
+        })
+    }
+}
+
+impl Job {
+    /// The front of some objectives over the equipment of a vehicle and its poses. With [`Settings::evaluations`] above 0
+    /// a search of placements around each point of the front follows, with that many evaluations each.
+    ///
+    /// Where the vehicle has requirements, a point that misses one takes the place of none that meets all. Scores that are
+    /// no gain are not chosen by: sensors are then chosen by the job's own objective, or by near gain.
+    ///
+    /// [`Settings::evaluations`]: crate::Settings::evaluations
+    ///
+    /// # Errors
+    /// [`FrontError`] for objectives that the vehicle does not have; a budget below the cheapest sensors, settings that a
+    /// scene does not allow, an engine that fails.
+    pub fn front(
+        &self,
+        objectives: &FrontObjectives,
+        observer: &mut dyn Observer,
+    ) -> Result<Front, JobError> {
+        self.check_front(objectives)?;
+        let (vehicle, requires) = (self.scene().vehicle(), self.requires()?);
+        let suite = self.suite()?;
+        let own = &self.settings.objective;
+        let own = if own.is_information_gain() { own.clone() } else { Objective::default() };
+        let sweep = Sweep::new(objectives, vehicle, self.most_money(), requires, &own);
+        let share = CHOICES_SHARE[usize::from(self.settings.evaluations == 0)];
+        let deadline = self.settings.time.map(|time| time.start + time.length.mul_f64(share));
+        let opened = sweep::open(&sweep, &suite, vehicle, &self.settings, deadline, observer)?;
+        let Some(mut equipping) = opened else {
+            return Ok(Front {
+                objectives: objectives.clone(),
+                points: Vec::new(),
+                picks: Vec::new(),
+                scored: 0,
+                stopped: FrontStopped::Interrupted,
+                backend: String::new(),
+                adapter: String::new(),
+            });
+        };
+        let (chosen, mut end) = sweep.run(&mut equipping, observer);
+        // The poses take memory that scores need.
+        drop(equipping);
+        let mut pool = Pool::open(self, &suite, vehicle, objectives, observer)?;
+        end = end.and(pool.add(chosen, end, observer)?);
+        if self.settings.evaluations > 0 && end != End::Interrupted {
+            end = end.and(pool.polish(observer)?);
+        }
+        pool.finish(requires, end, observer)
+    }
+
+    /// Checks that the vehicle has what the objectives name.
+    ///
+    /// # Errors
+    /// [`FrontError`]: nothing to choose from, no prices, no requirements.
+    pub fn check_front(&self, objectives: &FrontObjectives) -> Result<(), JobError> {
+        let vehicle = self.scene().vehicle();
+        let name = || vehicle.name.clone();
+        let is_free = vehicle.sensors.iter().all(|sensor| sensor.price <= 0.0);
+        if vehicle.is_nameless() {
+            return Err(FrontError::NoVehicle.into());
+        }
+        if objectives.has(&FrontObjective::Price) && is_free {
+            return Err(FrontError::NoPrices { vehicle: name() }.into());
+        }
+        if objectives.has(&FrontObjective::Requirements) && !self.requires()? {
+            return Err(FrontError::NothingRequired { vehicle: name() }.into());
+        }
+        Ok(())
+    }
+
+    /// True if the vehicle requires anything.
+    pub(super) fn requires(&self) -> Result<bool, JobError> {
+        let problem = self.problem()?;
+        Ok(!problem.content().areas().is_empty() || !problem.target_rules().is_empty())
+    }
+}
+
+impl End {
+    /// The later of two ends, the stronger of both.
+    fn and(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Interrupted, _) | (_, Self::Interrupted) => Self::Interrupted,
+            (Self::Time, _) | (_, Self::Time) => Self::Time,
+            _ => Self::Done,
+        }
+    }
+}
+
+/// True once a limit of time is over.
+fn is_over(time: Option<TimeLimit>) -> bool {
+    time.is_some_and(|time| Instant::now() >= time.deadline())
+}
+
+/// Picks among points that are sorted, by their number.
+fn picks(
+    objectives: &FrontObjectives,
+    points: &[FrontPoint],
+    requires: bool,
+) -> Vec<(Pick, usize)> {
+    let standings: Vec<Standing> =
+        points.iter().map(|point| Standing::new(objectives, &point.values, point.meets)).collect();
+    let sensors = |k: usize| points[k].placement.lidars.len();
+    let cheapest = (0..points.len()).filter(|&k| requires && points[k].meets).min_by(|&a, &b| {
+        let by_price = points[a].price.total_cmp(&points[b].price);
+        by_price.then(sensors(a).cmp(&sensors(b)))
+    });
+    let mut picks: Vec<(Pick, usize)> = cheapest.map(|k| (Pick::Cheapest, k)).into_iter().collect();
+    picks.extend(knee(&standings).map(|k| (Pick::Knee, k)));
+    for (axis, objective) in objectives.all().iter().enumerate() {
+        // Of equal ones the first that meets all requirements, if there is one.
+        let best = (0..points.len()).min_by(|&a, &b| {
+            let [a, b] = [&standings[a], &standings[b]];
+            a.values[axis].total_cmp(&b.values[axis]).then(b.meets.cmp(&a.meets))
+        });
+        picks.extend(best.map(|k| (Pick::Best(objective.clone()), k)));
+    }
+    picks
+}
+
+/// A point from a candidate, with the name of its place on the front.
+fn point(candidate: Candidate, number: usize) -> FrontPoint {
+    let Candidate { placement, values, price, equipment, meets, judged, .. } = candidate;
+    FrontPoint {
+        placement: Placement { name: format!("front-{number}"), ..placement },
+        values,
+        price,
+        equipment,
+        meets,
+        scores: Scores { name: format!("front-{number}"), ..judged.scores },
+        by_scene: judged.by_scene,
+    }
+}

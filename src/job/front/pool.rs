@@ -1,0 +1,242 @@
+//! Placements found for a front: scored over all frames, and searches of poses around the best of them.
+
+use std::collections::HashSet;
+
+use super::pareto::{Standing, front};
+use super::sweep::{Chosen, End, spread};
+use super::{Front, FrontObjectives, FrontStopped, is_over, picks, point};
+use crate::job::{Job, JobError};
+use crate::score::Objective;
+use crate::search::{
+    Equipped, Evaluator, Event, Judged, Observer, Settings, Suite, Work, optimize,
+};
+use crate::vehicle::{Equipment, Placement, Vehicle};
+
+/// Steps of progress in the search around one point, and the share that its generations take.
+const STEPS: u64 = 100;
+const GENERATIONS: u64 = 40;
+
+/// A placement with its values.
+#[derive(Debug, Clone)]
+pub(super) struct Candidate {
+    pub placement: Placement,
+    pub values: Vec<f64>,
+    pub price: f64,
+    /// Sensors by mount, in words.
+    pub equipment: String,
+    pub meets: bool,
+    pub judged: Judged,
+    /// Mounts and models.
+    kinds: Equipment,
+    /// Objective of a search around it.
+    gain: Objective,
+}
+
+impl Standing {
+    /// Values of a point as the Pareto filter takes them.
+    pub(super) fn new(objectives: &FrontObjectives, values: &[f64], meets: bool) -> Self {
+        let of = objectives.all().iter().zip(values);
+        Self { values: of.map(|(objective, value)| objective.turned(*value)).collect(), meets }
+    }
+}
+
+/// All placements found so far.
+pub(super) struct Pool<'a> {
+    job: &'a Job,
+    suite: &'a Suite,
+    vehicle: &'a Vehicle,
+    objectives: &'a FrontObjectives,
+    evaluator: Evaluator,
+    candidates: Vec<Candidate>,
+    scored: usize,
+}
+
+impl<'a> Pool<'a> {
+    /// An empty pool, with an engine for each scene; notes the device.
+    pub fn open(
+        job: &'a Job,
+        suite: &'a Suite,
+        vehicle: &'a Vehicle,
+        objectives: &'a FrontObjectives,
+        observer: &mut dyn Observer,
+    ) -> Result<Self, JobError> {
+        let (evaluator, notes) = job.evaluator(|_| {})?;
+        for note in &notes {
+            observer.on(&Event::Note(note));
+        }
+        let (candidates, scored) = (Vec::new(), 0);
+        Ok(Self { job, suite, vehicle, objectives, evaluator, candidates, scored })
+    }
+
+    /// Scores equipment on its poses of the coarse grid. All of it where the observer has stopped the choices before, else
+    /// until it says so.
+    pub fn add(
+        &mut self,
+        chosen: Vec<Chosen>,
+        end: End,
+        observer: &mut dyn Observer,
+    ) -> Result<End, JobError> {
+        let (total, frames) = (chosen.len() as u64, self.evaluator.frame_count());
+        for (done, chosen) in (0..).zip(chosen) {
+            let work = Work::Confirming { frames };
+            let goes_on = observer.on(&Event::Progress { work, done, total });
+            if done > 0 && !goes_on && end != End::Interrupted {
+                return Ok(End::Interrupted);
+            }
+            let Chosen { equipped: Equipped { equipment, placement, .. }, gain } = chosen;
+            self.score(placement, equipment, gain)?;
+        }
+        Ok(end)
+    }
+
+    /// Scores a placement over all frames; one without a value of an objective is left out.
+    fn score(
+        &mut self,
+        placement: Placement,
+        kinds: Equipment,
+        gain: Objective,
+    ) -> Result<(), JobError> {
+        let judged = self.evaluator.judged(std::slice::from_ref(&placement))?.remove(0);
+        self.scored += 1;
+        let price = self.vehicle.cost(&kinds);
+        let sensors = placement.lidars.len();
+        let value =
+            |objective: &super::FrontObjective| objective.value(&judged.scores, sensors, price);
+        let values: Option<Vec<f64>> = self.objectives.all().iter().map(value).collect();
+        let Some(values) = values.filter(|values| values.iter().all(|v| v.is_finite())) else {
+            return Ok(());
+        };
+        let meets = judged.scores.missing() <= 0.0;
+        let equipped =
+            Equipped { equipment: kinds, placement, cost: price, value: 0.0, missing: 0.0 };
+        let equipment = equipped.words(self.vehicle);
+        let Equipped { equipment: kinds, placement, .. } = equipped;
+        self.candidates.push(Candidate {
+            placement,
+            values,
+            price,
+            equipment,
+            meets,
+            judged,
+            kinds,
+            gain,
+        });
+        Ok(())
+    }
+
+    /// Numbers of the candidates on the front, in the order of its first objective.
+    fn front(&self) -> Vec<usize> {
+        let standing = |of: &Candidate| Standing::new(self.objectives, &of.values, of.meets);
+        let standings: Vec<Standing> = self.candidates.iter().map(standing).collect();
+        let mut best = front(&standings);
+        best.sort_by(|&a, &b| {
+            let pairs = standings[a].values.iter().zip(&standings[b].values);
+            let orders = pairs.map(|(a, b)| a.total_cmp(b));
+            orders.fold(std::cmp::Ordering::Equal, std::cmp::Ordering::then)
+        });
+        best
+    }
+
+    /// Searches placements around each point of the front so far, which all stay in the pool.
+    pub fn polish(&mut self, observer: &mut dyn Observer) -> Result<End, JobError> {
+        let order = spread(&self.front());
+        let total = STEPS * order.len() as u64;
+        let mut said: HashSet<String> = HashSet::new();
+        for (number, k) in (0..).zip(order) {
+            let from = self.candidates[k].clone();
+            let settings = Settings {
+                objective: self.sought(&from.gain),
+                baselines: Vec::new(),
+                starts: vec![from.placement.clone()],
+                time: None,
+                ..self.job.settings.clone()
+            };
+            let suite = self.suite.with_constraints(&self.vehicle.constraints(&from.kinds));
+            let (mut end, mut step) = (End::Done, 0);
+            let mut observe = |event: &Event| {
+                step = step.max(step_of(event, settings.evaluations));
+                let done = STEPS * number + step;
+                let goes_on = match event {
+                    Event::Note(note) if said.insert((*note).to_owned()) => observer.on(event),
+                    _ => observer.on(&Event::Progress { work: Work::Polish, done, total }),
+                };
+                if !goes_on {
+                    end = End::Interrupted;
+                } else if is_over(self.job.settings.time) {
+                    end = end.and(End::Time);
+                }
+                end == End::Done
+            };
+            let outcome = optimize(suite, &settings, &mut observe);
+            let outcome = outcome.map_err(|error| self.job.in_scene(error))?;
+            if end != End::Done {
+                return Ok(end);
+            }
+            if let Some(best) = outcome.best {
+                self.score(best.placement, from.kinds, from.gain)?;
+            }
+        }
+        Ok(End::Done)
+    }
+
+    /// Objective of a search around a point: the only score of the front, or the gain that it was chosen by.
+    fn sought(&self, gain: &Objective) -> Objective {
+        let mut scores = self.objectives.scores();
+        match (scores.next(), scores.next()) {
+            (Some(score), None) => score.clone(),
+            _ => gain.clone(),
+        }
+    }
+
+    /// The front, each point looked at closely as `sightline score` does, and its picks.
+    pub fn finish(
+        mut self,
+        requires: bool,
+        mut end: End,
+        observer: &mut dyn Observer,
+    ) -> Result<Front, JobError> {
+        let numbers = self.front();
+        let best = numbers.iter().map(|&k| self.candidates[k].clone());
+        let mut points: Vec<_> = (1..).zip(best).map(|(number, of)| point(of, number)).collect();
+        let total = points.len() as u64;
+        for (done, point) in (0..).zip(&mut points) {
+            if end == End::Interrupted
+                || !observer.on(&Event::Progress { work: Work::Looks, done, total })
+            {
+                end = End::Interrupted;
+                break;
+            }
+            let (scores, by_scene) = (point.scores.clone(), point.by_scene.clone());
+            let mut judged = [Judged { scores, by_scene }];
+            let placements = std::slice::from_ref(&point.placement);
+            self.job.look_closely_by_scene(&mut self.evaluator, placements, &mut judged)?;
+            let [Judged { scores, by_scene }] = judged;
+            (point.scores, point.by_scene) = (scores, by_scene);
+        }
+        for change in self.evaluator.changes() {
+            observer.on(&Event::Note(&change));
+        }
+        let picks = picks(self.objectives, &points, requires);
+        let stopped = match end {
+            End::Done => FrontStopped::Complete,
+            End::Time => FrontStopped::Time,
+            End::Interrupted => FrontStopped::Interrupted,
+        };
+        let engine = self.evaluator.backend();
+        let (backend, adapter) = (engine.name().to_owned(), engine.adapter().to_owned());
+        let (objectives, scored) = (self.objectives.clone(), self.scored);
+        Ok(Front { objectives, points, picks, scored, stopped, backend, adapter })
+    }
+}
+
+/// Step of the search around one point that an event stands for.
+fn step_of(event: &Event, evaluations: u64) -> u64 {
+    let share = |done: u64, total: u64, steps: u64| steps * done.min(total) / total.max(1);
+    match event {
+        Event::Generation(record) => share(record.evaluations, evaluations, GENERATIONS),
+        Event::Progress { work: Work::Swaps, done, total } => {
+            GENERATIONS + share(*done, *total, STEPS - GENERATIONS - 5)
+        }
+        _ => 0,
+    }
+}

@@ -1,0 +1,295 @@
+//! Choices of sensors along a front: one for each gain, each weight of the requirements and each pair of limits, all
+//! among the same poses, which are cast once.
+
+use super::{FrontObjective, FrontObjectives};
+use crate::score::Objective;
+use crate::search::{
+    EquipStep, Equipped, Equipping, Event, Limits, Observer, REQUIRED, Suite, Work,
+};
+use crate::vehicle::{MAX_LIDARS, Vehicle};
+
+/// Most prices at which sensors are chosen for a gain, and where the number of sensors is an objective, too.
+const PRICES: usize = 24;
+const PRICES_BY_NUMBER: usize = 8;
+/// Most sums of prices that are looked at on the way to all that occur.
+const SUMS: usize = 4096;
+/// Weights of the requirements where they are an objective beside a score: from first of all to not at all.
+const WEIGHTS: [f64; 6] = [REQUIRED, 0.0, 1.0, 3.0, 0.3, 10.0];
+/// Shares of the first of two gains that are objectives.
+const SHARES: [f64; 3] = [0.5, 0.25, 0.75];
+
+/// Equipment that was chosen, and the gain that it was chosen by.
+#[derive(Debug, Clone)]
+pub(super) struct Chosen {
+    pub equipped: Equipped,
+    pub gain: Objective,
+}
+
+/// Why a sweep ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum End {
+    Done,
+    Time,
+    Interrupted,
+}
+
+/// Limits of the choices, and the gains that they are made by.
+pub(super) struct Sweep {
+    /// Numbers of sensors at most, from few to many; one of 16 where the number is no objective.
+    numbers: Vec<usize>,
+    /// Prices at most, in an order that spreads over all from the beginning on.
+    budgets: Vec<f64>,
+    /// Weights of the requirements.
+    weights: Vec<f64>,
+    gains: Vec<Objective>,
+}
+
+impl Sweep {
+    /// Limits and gains for some objectives; `own` is the gain where they name none.
+    pub fn new(
+        objectives: &FrontObjectives,
+        vehicle: &Vehicle,
+        most_money: f64,
+        requires: bool,
+        own: &Objective,
+    ) -> Self {
+        let by_number = objectives.has(&FrontObjective::Sensors);
+        let least = vehicle.cheapest().len().max(1);
+        let most = vehicle.every_kind().lidars().min(MAX_LIDARS);
+        let numbers = if by_number { (least..=most).collect() } else { vec![MAX_LIDARS] };
+        let budgets = if objectives.has(&FrontObjective::Price) {
+            let count = if by_number { PRICES_BY_NUMBER } else { PRICES };
+            spread(&thinned(prices(vehicle, most_money), count))
+        } else {
+            vec![most_money]
+        };
+        let has_score = objectives.scores().next().is_some();
+        let weights = match (requires, objectives.has(&FrontObjective::Requirements)) {
+            (false, _) => vec![0.0],
+            (true, true) if has_score => WEIGHTS.to_vec(),
+            (true, false) if has_score => vec![REQUIRED, 0.0],
+            _ => vec![REQUIRED],
+        };
+        let mut gains: Vec<Objective> = Vec::new();
+        for score in objectives.scores() {
+            let gain = if score.is_information_gain() { score } else { own };
+            if !gains.contains(gain) {
+                gains.push(gain.clone());
+            }
+        }
+        if gains.is_empty() {
+            gains.push(own.clone());
+        }
+        Self { numbers, budgets, weights, gains }
+    }
+
+    /// An objective that needs all sums of the gains.
+    pub fn all_gains(&self) -> Objective {
+        match &self.gains[..] {
+            [one] => one.clone(),
+            all => Objective::mixed(&all.iter().map(|gain| (1.0, gain)).collect::<Vec<_>>()),
+        }
+    }
+
+    /// Limits under which the poses are cast: the widest.
+    pub fn widest(&self) -> Limits {
+        let budget = self.budgets.iter().copied().fold(f64::MIN, f64::max);
+        Limits { budget, sensors: self.numbers.last().copied().unwrap_or(MAX_LIDARS) }
+    }
+
+    /// Chooses sensors under all limits by every gain, then by mixtures of two gains.
+    pub fn run(
+        &self,
+        equipping: &mut Equipping,
+        observer: &mut dyn Observer,
+    ) -> (Vec<Chosen>, End) {
+        let mixtures = self.gains.len() * (self.gains.len() - 1) / 2 * SHARES.len();
+        let limits = self.numbers.len() * self.budgets.len();
+        let total = (self.gains.len() + mixtures) * self.weights.len() * limits;
+        let mut under_way =
+            UnderWay { equipping, observer, found: Vec::new(), done: 0, total: total as u64 };
+        let end = self.choose(&mut under_way).err().unwrap_or(End::Done);
+        (under_way.found, end)
+    }
+
+    fn choose(&self, under_way: &mut UnderWay<'_>) -> Result<(), End> {
+        let mut best = Vec::new();
+        for gain in &self.gains {
+            best.push(self.choose_by(gain, under_way)?);
+        }
+        // Gains of different size count alike.
+        let scaled =
+            |k: usize, share: f64| (share / best[k].max(f64::MIN_POSITIVE), &self.gains[k]);
+        for second in 1..self.gains.len() {
+            for first in 0..second {
+                for share in SHARES {
+                    let mixed =
+                        Objective::mixed(&[scaled(first, share), scaled(second, 1.0 - share)]);
+                    self.choose_by(&mixed, under_way)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Chooses by one gain under all limits; returns the largest gain found.
+    fn choose_by(&self, gain: &Objective, under_way: &mut UnderWay<'_>) -> Result<f64, End> {
+        let mut most = 0.0_f64;
+        for &weight in &self.weights {
+            under_way.equipping.aim(gain, weight);
+            for &sensors in &self.numbers {
+                let mut known: Vec<(f64, f64)> = Vec::new();
+                for &budget in &self.budgets {
+                    under_way.done += 1;
+                    // A choice for more money that did not spend it is the best for less, too.
+                    if known.iter().any(|(limit, cost)| *limit >= budget && *cost <= budget) {
+                        continue;
+                    }
+                    let equipped = under_way.choice(Limits { budget, sensors }, gain)?;
+                    known.push((budget, equipped.cost));
+                    most = most.max(equipped.value);
+                }
+            }
+        }
+        Ok(most)
+    }
+}
+
+/// Choices of a sweep so far.
+struct UnderWay<'a> {
+    equipping: &'a mut Equipping,
+    observer: &'a mut dyn Observer,
+    found: Vec<Chosen>,
+    done: u64,
+    total: u64,
+}
+
+impl UnderWay<'_> {
+    /// One choice under limits.
+    fn choice(&mut self, limits: Limits, gain: &Objective) -> Result<Equipped, End> {
+        let Self { equipping, observer, found, done, total } = self;
+        equipping.again(limits);
+        let progress = Event::Progress { work: Work::Choices, done: *done - 1, total: *total };
+        if !observer.on(&progress) {
+            return Err(End::Interrupted);
+        }
+        // Progress within one choice is of no interest here.
+        let mut within = |event: &Event| match event {
+            Event::Progress { .. } => observer.on(&Event::Asks),
+            other => observer.on(other),
+        };
+        loop {
+            let (equipped, end) = match equipping.step(&mut within) {
+                EquipStep::On => continue,
+                EquipStep::Stopped => return Err(End::Interrupted),
+                EquipStep::OutOfTime(equipped) => (equipped, Err(End::Time)),
+                EquipStep::Done(equipped) => (equipped, Ok(())),
+            };
+            let is_new =
+                |known: &Chosen| known.equipped.placement.lidars != equipped.placement.lidars;
+            if found.iter().all(is_new) {
+                found.push(Chosen { equipped: equipped.clone(), gain: gain.clone() });
+            }
+            return end.map(|()| equipped);
+        }
+    }
+}
+
+/// Opens the choice for all limits of a sweep; `None` where the observer stops it.
+pub(super) fn open(
+    sweep: &Sweep,
+    suite: &Suite,
+    vehicle: &Vehicle,
+    settings: &crate::search::Settings,
+    deadline: Option<std::time::Instant>,
+    observer: &mut dyn Observer,
+) -> Result<Option<Equipping>, crate::search::SearchError> {
+    let (objective, limits, engine) = (sweep.all_gains(), sweep.widest(), &settings.engine);
+    Equipping::open(suite, vehicle, &objective, limits, engine, deadline, observer)
+}
+
+/// Every price that some equipment of a vehicle has, up to `most`, rising; evenly chosen ones where there are many. The
+/// cheapest stands for less money than that.
+fn prices(vehicle: &Vehicle, most: f64) -> Vec<f64> {
+    let mut sums = vec![0.0];
+    for mount in &vehicle.mounts {
+        let prices: Vec<f64> = mount.sensors.iter().map(|&model| vehicle.price(model)).collect();
+        let mut with_fewer = sums.clone();
+        let mut all = if mount.count[0] == 0 { sums.clone() } else { Vec::new() };
+        for count in 1..=mount.count[1].min(MAX_LIDARS) {
+            let more = with_fewer.iter().flat_map(|sum| prices.iter().map(move |p| sum + p));
+            with_fewer = thinned(sorted(more.collect()), SUMS);
+            if count >= mount.count[0] {
+                all.extend(&with_fewer);
+            }
+        }
+        sums = thinned(sorted(all), SUMS);
+    }
+    let least = vehicle.cost(&vehicle.cheapest());
+    sums.retain(|sum| (least..=most).contains(sum));
+    match sums.first() {
+        Some(&first) if first <= least => sums,
+        _ => [&[least.min(most)], &sums[..]].concat(),
+    }
+}
+
+/// Rising, without what is equal but for rounding.
+fn sorted(mut all: Vec<f64>) -> Vec<f64> {
+    all.sort_by(f64::total_cmp);
+    all.dedup_by(|later, earlier| *later - *earlier <= 1e-9 * earlier.abs());
+    all
+}
+
+/// At most `count` of some rising values, evenly spaced by value as far as they allow, the first and the last among
+/// them.
+fn thinned(all: Vec<f64>, count: usize) -> Vec<f64> {
+    let (Some(&first), Some(&last)) = (all.first(), all.last()) else { return all };
+    if all.len() <= count {
+        return all;
+    }
+    let wanted = (0..count).map(|k| first + (last - first) * k as f64 / (count - 1) as f64);
+    let nearest = wanted.map(|wanted| {
+        let at = all.partition_point(|value| *value < wanted).min(all.len() - 1);
+        all[at]
+    });
+    sorted(nearest.collect())
+}
+
+/// Values in an order in which every beginning spreads over all: the last, the first, the middle, the quarters, ….
+pub(super) fn spread<T: Copy>(all: &[T]) -> Vec<T> {
+    let mut order: Vec<usize> = all.len().checked_sub(1).into_iter().chain([0]).collect();
+    let mut step = all.len().next_power_of_two();
+    while step > 1 {
+        step /= 2;
+        order.extend((step..all.len()).step_by(2 * step));
+    }
+    let mut seen = vec![false; all.len()];
+    order.retain(|&k| k < all.len() && !std::mem::replace(&mut seen[k], true));
+    order.into_iter().map(|k| all[k]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_value_comes_once_and_the_ends_come_first() {
+        for count in 1..40 {
+            let all: Vec<f64> = (0..count).map(f64::from).collect();
+            let order = spread(&all);
+            assert_eq!(order[0], f64::from(count - 1));
+            assert!(count == 1 || order[1] == 0.0);
+            assert_eq!(sorted(order), all);
+        }
+        assert_eq!(spread(&[0.0, 1.0, 2.0, 3.0, 4.0])[..3], [4.0, 0.0, 2.0][..]);
+        assert!(spread::<f64>(&[]).is_empty());
+    }
+
+    #[test]
+    fn many_prices_are_thinned_evenly() {
+        let all: Vec<f64> = (0..=1000).map(f64::from).collect();
+        assert_eq!(thinned(all, 5), [0.0, 250.0, 500.0, 750.0, 1000.0]);
+        assert_eq!(thinned(vec![1.0, 2.0], 5), [1.0, 2.0]);
+        assert_eq!(thinned(vec![0.0, 1.0, 2.0, 100.0], 3), [0.0, 100.0]);
+    }
+}

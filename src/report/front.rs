@@ -1,0 +1,262 @@
+//! The front of two or three objectives: `result.json`, a table, a drawing.
+
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use super::plot::{Axis, Plot, Series};
+use super::svg::trimmed;
+use super::text::align_columns;
+use crate::job::{Front, FrontObjective, FrontPoint};
+use crate::scan::conditions::under;
+
+/// All of `result.json` of a front.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FrontRecord {
+    /// Version of the program.
+    pub sightline: &'static str,
+    /// Name of the scene; all names where there are several.
+    pub scene: String,
+    /// Files and options behind the result.
+    pub settings: Value,
+    /// Command line that repeats the search but for its engine; empty where no program ran.
+    #[serde(skip)]
+    pub command: String,
+    /// Weather and faults, as they are written; empty in clear air.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub conditions: Vec<String>,
+    /// `cpu` or `gpu`.
+    pub backend: String,
+    /// Device as reported.
+    pub adapter: String,
+    /// Name of each objective, and `less` or `more`: the better side.
+    pub objectives: Value,
+    /// Points in the order of the first objective, the best first.
+    pub front: Vec<Value>,
+    /// Named points: `pick`, and the `name` of its placement.
+    pub picks: Vec<Value>,
+    /// Placements scored over all frames.
+    pub scored: usize,
+    /// Why the search ended: a name, and after a colon its meaning.
+    pub stopped: String,
+    /// Wall time of the search in seconds.
+    pub seconds: f64,
+    /// Most memory that the program held, bytes; `None` where the system does not tell.
+    pub peak_memory: Option<u64>,
+}
+
+/// Circumstances of a front that the front itself does not hold.
+#[derive(Debug, Clone, Default)]
+pub struct FrontContext {
+    /// Name of the scene, or of all.
+    pub scene: String,
+    /// Files and options.
+    pub settings: Value,
+    /// Command line that repeats the search.
+    pub command: String,
+    /// Weather and faults, as they are written.
+    pub conditions: Vec<String>,
+    /// Wall time of the search in seconds.
+    pub seconds: f64,
+}
+
+impl FrontRecord {
+    /// The record of a front.
+    pub fn new(front: &Front, context: FrontContext) -> Self {
+        let FrontContext { scene, settings, command, conditions, seconds } = context;
+        let objectives = front.objectives.all().iter().map(|objective| {
+            let better = if objective.is_cost() { "less" } else { "more" };
+            json!({ "name": objective.to_string(), "better": better })
+        });
+        let picks = front.picks.iter().map(
+            |(pick, point)| json!({ "pick": pick, "name": front.points[*point].placement.name }),
+        );
+        Self {
+            sightline: env!("CARGO_PKG_VERSION"),
+            scene,
+            settings,
+            command,
+            conditions,
+            backend: front.backend.clone(),
+            adapter: front.adapter.clone(),
+            objectives: objectives.collect(),
+            front: front.points.iter().map(|point| point_json(front, point)).collect(),
+            picks: picks.collect(),
+            scored: front.scored,
+            stopped: front.stopped.to_string(),
+            seconds,
+            peak_memory: super::record::peak_memory(),
+        }
+    }
+
+    /// The record with its version first.
+    pub fn json(&self) -> Value {
+        json!(self)
+    }
+}
+
+/// A point as `result.json` lists it.
+fn point_json(front: &Front, point: &FrontPoint) -> Value {
+    let names = front.objectives.names().into_iter();
+    let values: Map<String, Value> =
+        names.zip(point.values.iter().map(|value| json!(value))).collect();
+    json!({
+        "name": point.placement.name,
+        "objectives": values,
+        "price": point.price,
+        "sensors": point.placement.lidars.len(),
+        "equipment": point.equipment,
+        "requirements_met": point.meets,
+        "placement": point.placement,
+        "scores": point.scores,
+    })
+}
+
+/// A value of an objective as tables and drawings show it: gains and missing shares that are shares in per cent.
+pub(super) fn shown(objective: &FrontObjective, value: f64) -> String {
+    match objective {
+        FrontObjective::Price | FrontObjective::Sensors => trimmed(value, 2),
+        FrontObjective::Requirements => format!("{:.1}", 100.0 * value),
+        FrontObjective::Score(_) if value.abs() < 1.0 => format!("{value:.4}"),
+        FrontObjective::Score(_) => trimmed(value, 2),
+    }
+}
+
+/// Title of an objective's column or axis.
+pub(super) fn title(objective: &FrontObjective) -> String {
+    match objective {
+        FrontObjective::Requirements => "points missing".to_owned(),
+        other => other.to_string(),
+    }
+}
+
+/// Picks of a point in words, as `knee, best price`.
+pub(super) fn picks_of(front: &Front, point: usize) -> String {
+    let picks = front.picks.iter().filter(|(_, of)| *of == point);
+    picks.map(|(pick, _)| pick.to_string()).collect::<Vec<_>>().join(", ")
+}
+
+/// True if any point misses a requirement or meets one, so that the vehicle has some.
+pub(super) fn has_requirements(front: &Front) -> bool {
+    front.points.iter().any(|point| !point.scores.required.is_empty())
+}
+
+/// Titles and cells of the table of a front, a row a point.
+pub(super) fn front_rows(front: &Front) -> (Vec<String>, Vec<Vec<String>>) {
+    let (all, requires) = (front.objectives.all(), has_requirements(front));
+    let by_number = all.contains(&FrontObjective::Sensors);
+    let mut titles = vec!["placement".to_owned()];
+    titles.extend(all.iter().map(title));
+    titles.extend((!by_number).then(|| "sensors".to_owned()));
+    titles.extend(requires.then(|| "requirements".to_owned()));
+    titles.push("pick".to_owned());
+    let row = |(k, point): (usize, &FrontPoint)| {
+        let mut cells = vec![point.placement.name.clone()];
+        cells.extend(
+            all.iter().zip(&point.values).map(|(objective, value)| shown(objective, *value)),
+        );
+        cells.extend((!by_number).then(|| point.placement.lidars.len().to_string()));
+        let met = if point.meets { "met" } else { "NOT MET" };
+        cells.extend(requires.then(|| met.to_owned()));
+        cells.push(picks_of(front, k));
+        cells
+    };
+    (titles, front.points.iter().enumerate().map(row).collect())
+}
+
+/// The front in a sentence: how many points, and which is the cheapest that meets all requirements.
+pub(super) fn front_verdict(front: &Front, unit: &str) -> String {
+    let names = front.objectives.names().join(" against ");
+    let mut words = match front.points.len() {
+        0 => return format!("No placement was found for {names}"),
+        1 => format!("One placement is the best in {names} together"),
+        count => format!("{count} placements, {names}: none is beaten by another in all of them"),
+    };
+    if has_requirements(front) {
+        let met = front.points.iter().filter(|point| point.meets);
+        let cheapest = met.min_by(|a, b| a.price.total_cmp(&b.price));
+        words += &match cheapest {
+            Some(point) => format!(
+                ". All requirements are met from {}{unit} on ({})",
+                trimmed(point.price, 2),
+                point.placement.name
+            ),
+            None => ". NOT MET: no point meets all requirements".to_owned(),
+        };
+    }
+    words
+}
+
+/// A front and its folder as text: the sentence, the table with the picks, the sensors of each point.
+pub fn front_text(front: &Front, record: &FrontRecord, folder: &std::path::Path) -> String {
+    let mut text = format!("{}\n\n", front_verdict(front, ""));
+    if !front.points.is_empty() {
+        let under = under(&record.conditions);
+        text +=
+            &format!("{}: front of {}{under}\n", record.scene, front.objectives.names().join(", "));
+        let (titles, rows) = front_rows(front);
+        // The picks stand at the left of their column.
+        let mut all = vec![titles];
+        all.extend(rows);
+        let picks: Vec<String> = all.iter_mut().filter_map(Vec::pop).collect();
+        let table = align_columns(&all);
+        for (line, pick) in table.lines().zip(picks) {
+            text += format!("{line}  {pick}").trim_end();
+            text += "\n";
+        }
+        text += "\nsensors\n";
+        for point in &front.points {
+            text += &format!("  {}: {}\n", point.placement.name, point.equipment);
+        }
+    }
+    text + &format!(
+        "\nstopped: {}, after {} placements scored over all frames in {:.1} s on {}; report: {}\n",
+        record.stopped,
+        record.scored,
+        record.seconds,
+        record.backend,
+        folder.join("report.html").display()
+    )
+}
+
+/// Draws the first two objectives against each other; of three the third stands beside the points that are picked.
+pub fn front_plot(front: &Front) -> Plot {
+    let all = front.objectives.all();
+    let scale = |objective: &FrontObjective, value: f64| match objective {
+        FrontObjective::Requirements => 100.0 * value,
+        _ => value,
+    };
+    let at =
+        |point: &FrontPoint| (scale(&all[0], point.values[0]), scale(&all[1], point.values[1]));
+    let requires = has_requirements(front);
+    let series = [(true, "meets all requirements"), (false, "misses a requirement")].map(
+        |(meets, words)| {
+            let of: Vec<(usize, &FrontPoint)> =
+                front.points.iter().enumerate().filter(|(_, point)| point.meets == meets).collect();
+            let labels = of.iter().enumerate().filter_map(|(number, (k, point))| {
+                let picks = picks_of(front, *k);
+                let third = all
+                    .get(2)
+                    .map(|third| format!(" ({} {})", title(third), shown(third, point.values[2])));
+                (!picks.is_empty())
+                    .then(|| (number, format!("{picks}{}", third.unwrap_or_default())))
+            });
+            Series {
+                name: if requires { words.to_owned() } else { "front".to_owned() },
+                points: of.iter().map(|(_, point)| at(point)).collect(),
+                line: false,
+                labels: labels.collect(),
+            }
+        },
+    );
+    let unit = |objective: &FrontObjective| match objective {
+        FrontObjective::Requirements => "points missing of the requirements".to_owned(),
+        other => other.to_string(),
+    };
+    Plot {
+        title: format!("front of {}", front.objectives.names().join(", ")),
+        x_title: unit(&all[0]),
+        y_title: unit(&all[1]),
+        x: Axis::Numbers,
+        series: series.into_iter().filter(|series| !series.points.is_empty()).collect(),
+    }
+}
