@@ -68,6 +68,8 @@ mod equal_frames;
 mod equip;
 mod far;
 mod fast_stages;
+#[cfg(feature = "cli")]
+mod front;
 #[cfg(feature = "gpu")]
 mod gpu_cast_closest;
 #[cfg(feature = "gpu")]

@@ -51,6 +51,7 @@ macro_rules! maybe_whole_numbers {
 whole_numbers! {
     count = "count": usize, 0, MOST;
     evaluations = "evaluations": u64, 1, u64::MAX;
+    evaluations_around = "evaluations": u64, 0, u64::MAX;
     // The scene says how many frames it has.
     frame = "frame": i128, i128::MIN, i128::MAX;
     hostile = "hostile": usize, 0, MOST;

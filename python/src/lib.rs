@@ -11,12 +11,14 @@
 //! | `columns` | scores as arrays |
 //! | `scans` | scans as an iterator |
 //! | `search` | suites and `optimize` |
+//! | `front` | the front of objectives |
 
 mod arguments;
 mod arrays;
 mod columns;
 mod engine;
 mod errors;
+mod front;
 mod json;
 mod placements;
 mod psogs;
@@ -61,6 +63,8 @@ fn set_threads(#[pyo3(from_py_with = arguments::threads)] count: usize) -> PyRes
 mod _native {
     use pyo3::prelude::*;
 
+    #[pymodule_export]
+    use super::front::front;
     #[pymodule_export]
     use super::placements::{PyPlacement, published, read};
     #[pymodule_export]

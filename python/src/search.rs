@@ -203,7 +203,7 @@ pub fn search<'py>(
         None => job,
     };
     let asked = Asked { job, seconds };
-    let (ended, signal) = beside(py, asked, callback)?;
+    let (ended, signal) = beside(py, |observe| asked.run(observe), callback)?;
     let result = match ended {
         Some((found, conditions)) => result_object(py, &found, conditions)?,
         None => py.None().into_bound(py),
@@ -218,7 +218,7 @@ pub fn search<'py>(
 }
 
 /// The built scenes of a `Scene`, or of a list of at least one.
-fn scenes_of(given: &Bound<'_, PyAny>) -> PyResult<Vec<Arc<Built>>> {
+pub fn scenes_of(given: &Bound<'_, PyAny>) -> PyResult<Vec<Arc<Built>>> {
     Ok(given_scenes(given)?.iter().map(|scene| scene.get().built.clone()).collect())
 }
 
@@ -234,12 +234,16 @@ fn given_scenes<'py>(given: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PySce
     })
 }
 
-/// Outcome of a search, and the signal or the callback's exception that ended it.
-type Ended = (Option<(Found, Vec<String>)>, Option<PyErr>);
+/// Result of a search, and the signal or the callback's exception that ended it.
+type Ended<T> = (T, Option<PyErr>);
 
 /// Searches on a thread of its own. After Ctrl-C, or an exception of the callback, the search ends its generation and
 /// confirms its best so far; after a second one it is left alone.
-fn beside(py: Python<'_>, asked: Asked, callback: Option<Py<PyAny>>) -> PyResult<Ended> {
+pub fn beside<T: Send + 'static>(
+    py: Python<'_>,
+    search: impl FnOnce(&mut dyn FnMut(&Event) -> bool) -> PyResult<T> + Send + 'static,
+    callback: Option<Py<PyAny>>,
+) -> PyResult<Ended<T>> {
     let stop = Arc::new(AtomicBool::new(false));
     let failed: Arc<Mutex<Option<PyErr>>> = Arc::default();
     let (sender, receiver) = channel();
@@ -258,7 +262,7 @@ fn beside(py: Python<'_>, asked: Asked, callback: Option<Py<PyAny>>) -> PyResult
             }
             !told.load(Ordering::SeqCst)
         };
-        drop(sender.send(asked.run(&mut observe)));
+        drop(sender.send(search(&mut observe)));
     })?;
     let receiver = Mutex::new(receiver);
     let mut signal = None;

@@ -135,3 +135,35 @@ def test_one_placement_is_one(scene, placements) -> None:
         scene.scan(placements[:2])
     covered = scene.covered(placements[0])
     assert covered.dtype == np.uint64 and np.all(np.diff(covered.astype(np.int64)) > 0)
+
+
+def test_a_front_trades_price_against_gain() -> None:
+    scene = Scene.load(
+        "scenes/urban-crossing.json", vehicle="scenes/vehicles/car.json", frames=2, backend="cpu"
+    )
+    works: list[str] = []
+    front = sightline.front(
+        scene,
+        ["price", "near_gain"],
+        budget=9_000.0,
+        callback=lambda event: works.append(event.get("work", "")),
+    )
+    prices = [values[0] for values in front.values]
+    assert len(front) >= 2 and prices == sorted(prices) == front.prices
+    assert 0 < prices[0] and prices[-1] <= 9_000
+    gains = [values[1] for values in front.values]
+    assert gains == sorted(gains)
+    assert np.array_equal(scene.score(front.placements)["near_gain"], gains)
+    assert np.array_equal(front.scores["near_gain"], gains)
+    assert front.picks["best price"] == 0 and front.picks["best near_gain"] == len(front) - 1
+    assert [point["name"] for point in front.record["front"]] == front.scores.names
+    assert "choices of sensors along the front at most" in works
+    with pytest.raises(ValueError, match="`gain` is no objective; there are price, sensors"):
+        sightline.front(scene, ["price", "gain"])
+
+    def stop(event: dict[str, object]) -> None:
+        if event.get("work") == "choices of sensors along the front at most":
+            raise StopIteration
+
+    stopped = sightline.front(scene, ["price", "near_gain"], callback=stop)
+    assert stopped.record["stopped"] == "interrupted"

@@ -30,16 +30,18 @@ from ._native import (  # noqa: E402
     Suite,
     Vehicle,
     __version__,
+    front,
     optimize,
     published,
     read_placements,
     set_threads,
 )
-from ._records import Boxes, Result, Scan, Scores, Status  # noqa: E402
+from ._records import Boxes, Front, Result, Scan, Scores, Status  # noqa: E402
 
 __all__ = [
     "Boxes",
     "DoubtWarning",
+    "Front",
     "Placement",
     "Psog",
     "Result",
@@ -53,6 +55,7 @@ __all__ = [
     "Suite",
     "Vehicle",
     "__version__",
+    "front",
     "optimize",
     "published",
     "read_placements",

@@ -5,7 +5,7 @@ from typing import Any, Literal, TypedDict, final
 import numpy as np
 import numpy.typing as npt
 
-from ._records import F32, F64, U16, U32, Result, Scan, Scores
+from ._records import F32, F64, U16, U32, Front, Result, Scan, Scores
 
 __all__ = [
     "DoubtWarning",
@@ -365,3 +365,15 @@ def optimize(
     tolerance: str | None = "5mm,0.5deg",
     callback: Callable[[dict[str, Any]], object] | None = None,
 ) -> Result: ...
+def front(
+    scenes: Scene | Sequence[Scene],
+    objectives: Sequence[str],
+    *,
+    evaluations: int = 0,
+    seed: int = 1,
+    seconds: float | None = None,
+    mirror: bool = False,
+    budget: float | None = None,
+    tolerance: str | None = "5mm,0.5deg",
+    callback: Callable[[dict[str, Any]], object] | None = None,
+) -> Front: ...

@@ -250,3 +250,31 @@ class Result:
 
     def __repr__(self) -> str:
         return f"Result(best={self.best!r}, {self.record['evaluations']} evaluations)"
+
+
+@dataclass(frozen=True, eq=False)
+class Front:
+    """Placements that no other one found beats in all objectives together, the best in the first objective first."""
+
+    #: Names of the K objectives.
+    objectives: list[str]
+    #: The N placements.
+    placements: list[Placement]
+    #: A list of K values for each placement.
+    values: list[list[float]]
+    #: Price of all sensors of each placement.
+    prices: list[float]
+    #: Whether each placement meets all requirements; true where there are none.
+    meets: list[bool]
+    #: Number of a placement by its role: ``knee``, ``best price``, ``cheapest that meets all requirements``, ….
+    picks: dict[str, int]
+    #: Scores over all frames.
+    scores: Scores
+    #: All of ``result.json``.
+    record: dict[str, Any]
+
+    def __len__(self) -> int:
+        return len(self.placements)
+
+    def __repr__(self) -> str:
+        return f"Front({len(self)} placements: {', '.join(self.objectives)})"

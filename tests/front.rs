@@ -1,0 +1,328 @@
+//! The front of objectives: against every equipment on every pose of the grid, and as the program writes it.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+use sightline::job::{Front, FrontObjective, FrontObjectives, FrontStopped};
+use sightline::vehicle::{PoseGrid, Spacing};
+use sightline::{Event, Job, JobFiles, Placement, Settings};
+use tempfile::TempDir;
+
+use crate::cli::{fails, ok, sightline};
+
+/// A street whose cart carries up to two LiDARs in front and one behind, of two models.
+fn street(dir: &Path, prices: [u32; 2], require: Value) {
+    let model = |name: &str, price: u32, side: u32| {
+        json!({ "name": name, "price": price, "lidar": { "channels": 12, "fov": [-24, 4],
+            "azimuth": [-(side as i32), side], "azimuth_steps": side, "range": 40 } })
+    };
+    let mount = |name: &str, x: f64, yaw: f64, most: u32| {
+        json!({ "name": name, "min": [x, -0.1, 1], "max": [x, 0.1, 1], "yaw": [yaw - 0.1, yaw + 0.1],
+            "sensors": ["half", "narrow"], "count": [0, most] })
+    };
+    let vehicle = json!({ "sightline": 1, "name": "cart", "body": [], "require": require,
+        "sensors": [model("half", prices[0], 90), model("narrow", prices[1], 30)],
+        "mounts": [mount("front", 0.8, 0.0, 2), mount("rear", -0.8, 3.1, 1)] });
+    fs::write(dir.join("cart.json"), vehicle.to_string()).unwrap();
+    let crate_of = |box_min: [i32; 3], box_max: [i32; 3]| json!([{ "class": "vehicle", "box": { "min": box_min, "max": box_max } }]);
+    let scene = json!({ "sightline": 1, "name": "street", "vehicle": "cart.json", "frames": 4,
+        "roi": { "min": [-12, -12, -0.5], "max": [12, 12, 3.5], "voxel": [0.5, 0.5, 0.5] },
+        "static": [{ "class": "ground", "plane": { "min": [-30, -30], "max": [30, 30], "z": 0 } }],
+        "actors": [
+            { "name": "ahead", "kind": "car", "parts": crate_of([-1, -1, 0], [1, 1, 2]),
+              "poses": [{ "x": 8, "y": 0 }, { "x": 9, "y": 2 }, { "x": 10, "y": 3 }, { "x": 7, "y": -4 }] },
+            { "name": "behind", "kind": "car", "parts": crate_of([-1, -1, 0], [1, 1, 2]),
+              "poses": [{ "x": -6, "y": 3 }, { "x": -7, "y": 2 }, { "x": -8, "y": 1 }, { "x": -9, "y": 0 }] }] });
+    fs::write(dir.join("street.json"), scene.to_string()).unwrap();
+}
+
+fn car_ahead(share: f64) -> Value {
+    json!([{ "name": "car ahead", "target": "car", "from": 10, "within": 15, "bearing": [-20, 20], "share": share }])
+}
+
+fn job(dir: &Path, evaluations: u64) -> Job {
+    let files = JobFiles::new(&[dir.join("street.json")], None);
+    files.read().unwrap().search(Settings { evaluations, ..Settings::default() })
+}
+
+/// A front with nobody looking on.
+fn front(job: &Job, objectives: &str) -> Front {
+    let objectives: FrontObjectives = objectives.parse().unwrap();
+    job.front(&objectives, &mut |_: &Event| true).unwrap()
+}
+
+/// Every placement of the cart whose sensors stand on poses of the coarse grid: none to two in front, none or one
+/// behind.
+fn all_on_grid(job: &Job) -> Vec<Placement> {
+    let spacing = Spacing { metres: 0.1, radians: 0.1 };
+    let grid = PoseGrid::new(&job.scene().vehicle().every_kind(), spacing).unwrap();
+    let poses: Vec<_> = (0..grid.len()).map(|number| grid.pose(number)).collect();
+    let on = |front: bool| poses.iter().filter(move |pose| (pose.x > 0.0) == front);
+    let mut ahead = vec![vec![]];
+    for (k, one) in on(true).enumerate() {
+        ahead.push(vec![*one]);
+        ahead.extend(on(true).skip(k + 1).map(|other| vec![*one, *other]));
+    }
+    let behind: Vec<Vec<_>> = [vec![]].into_iter().chain(on(false).map(|one| vec![*one])).collect();
+    let both = ahead.iter().flat_map(|front| behind.iter().map(|rear| [&front[..], rear].concat()));
+    let both = both.filter(|lidars| !lidars.is_empty()).enumerate();
+    both.map(|(k, lidars)| Placement { name: format!("p{k}"), lidars }).collect()
+}
+
+/// Area that points (cost, gain) beat of the box between (0, 0) and (most, the largest gain).
+fn hypervolume(points: &[(f64, f64)], most: f64) -> f64 {
+    let mut sorted = points.to_vec();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut area, mut best) = (0.0, 0.0_f64);
+    for (k, &(cost, gain)) in sorted.iter().enumerate() {
+        best = best.max(gain);
+        let next = sorted.get(k + 1).map_or(most, |next| next.0);
+        area += best * (next - cost);
+    }
+    area
+}
+
+#[test]
+fn a_hypervolume_is_the_area_of_steps() {
+    assert_eq!(hypervolume(&[(1.0, 2.0), (3.0, 5.0), (2.0, 1.0)], 4.0), 2.0 + 2.0 + 5.0);
+    assert_eq!(hypervolume(&[], 4.0), 0.0);
+}
+
+/// (cost, gain) of a placement: its price or number of sensors, and its score or the share of its requirements.
+fn point(objectives: &FrontObjectives, values: &[f64]) -> (f64, f64) {
+    let turned = |k: usize| match objectives.all()[k] {
+        FrontObjective::Sensors => 10.0 * values[k],
+        FrontObjective::Requirements => 1.0 - values[k],
+        _ => values[k],
+    };
+    (turned(0), turned(1))
+}
+
+#[test]
+fn the_front_of_a_small_vehicle_is_nearly_that_of_every_equipment_and_pose() {
+    let dir = TempDir::new().unwrap();
+    street(dir.path(), [30, 11], json!([]));
+    let free = job(dir.path(), 0);
+    street(
+        dir.path(),
+        [30, 11],
+        json!([
+        { "target": "car", "from": 10, "within": 15, "bearing": [-180, 180], "beams": 12, "share": 0.9 },
+        { "name": "ahead", "min": [2, -4, -0.3], "max": [8, 4, 0.3], "share": 0.3 }]),
+    );
+    let bound = job(dir.path(), 0);
+    let placements = all_on_grid(&free);
+    assert!(placements.len() > 3000, "{}", placements.len());
+    let mut evaluators = [&free, &bound].map(|job| job.evaluator(|_| {}).unwrap().0);
+    let scores = evaluators.each_mut().map(|evaluator| evaluator.scores(&placements).unwrap());
+    let vehicle = free.scene().vehicle();
+    for (names, requires) in
+        [("price,information_gain", 0), ("sensors,near_gain", 0), ("price,requirements", 1)]
+    {
+        let objectives: FrontObjectives = names.parse().unwrap();
+        let found = front([&free, &bound][requires], names);
+        assert_eq!(found.stopped, FrontStopped::Complete);
+        let points: Vec<(f64, f64)> =
+            found.points.iter().map(|p| point(&objectives, &p.values)).collect();
+        let every = placements.iter().zip(&scores[requires]).map(|(placement, scores)| {
+            let price = placement.lidars.iter().map(|lidar| vehicle.price(lidar.sensor)).sum();
+            let value = |of: &FrontObjective| of.value(scores, placement.lidars.len(), price);
+            let values: Option<Vec<f64>> = objectives.all().iter().map(value).collect();
+            point(&objectives, &values.unwrap())
+        });
+        let exact = hypervolume(&every.collect::<Vec<_>>(), 100.0);
+        let share = hypervolume(&points, 100.0) / exact;
+        println!("{names}: {:.3} % of the hypervolume, {} points", 100.0 * share, points.len());
+        assert!((0.99..1.0 + 1e-9).contains(&share), "{names}, {share}: {points:?}");
+        // No point is beaten by another one, and all rise.
+        assert!(points.windows(2).all(|pair| pair[0].0 < pair[1].0 && pair[0].1 < pair[1].1));
+        assert!(points.len() >= 3, "{points:?}");
+    }
+}
+
+#[test]
+fn requirements_are_an_objective_or_keep_a_point_on_the_front() {
+    let dir = TempDir::new().unwrap();
+    street(dir.path(), [30, 11], car_ahead(0.95));
+    let job = job(dir.path(), 0);
+    let traded = front(&job, "price,requirements");
+    let last = traded.points.last().unwrap();
+    assert!(last.meets && last.values[1] == 0.0, "{traded:?}");
+    let values: Vec<&[f64]> = traded.points.iter().map(|point| &point.values[..]).collect();
+    assert!(values.windows(2).all(|pair| pair[0][0] < pair[1][0] && pair[0][1] > pair[1][1]));
+    let kept = front(&job, "price,information_gain");
+    let cheapest = kept.picks.iter().find(|(pick, _)| pick.to_string().starts_with("cheapest"));
+    let cheapest = &kept.points[cheapest.unwrap().1];
+    assert!(cheapest.meets && cheapest.price <= last.price, "{kept:?}");
+    let three = front(&job, "price,near_gain,targets");
+    assert!(three.points.iter().all(|point| point.values.len() == 3));
+    assert!(three.points.len() >= kept.points.len().min(traded.points.len()));
+    // A score that is no gain is compared, too, and two gains are traded.
+    let other = front(&job, "price,m_sog_scaled");
+    assert!(other.points[0].values[1] < 0.0, "{other:?}");
+    let gains = front(&job, "near_gain,information_gain");
+    assert!(gains.points.windows(2).all(|pair| pair[0].values[0] > pair[1].values[0]));
+}
+
+#[test]
+fn searches_around_the_points_lose_nothing_of_the_front() {
+    let dir = TempDir::new().unwrap();
+    street(dir.path(), [30, 11], json!([]));
+    let [coarse, fine] = [0, 30].map(|n| front(&job(dir.path(), n), "price,near_gain"));
+    let area = |front: &Front| {
+        let points: Vec<(f64, f64)> =
+            front.points.iter().map(|point| (point.values[0], point.values[1])).collect();
+        hypervolume(&points, 100.0)
+    };
+    assert!(fine.scored > coarse.scored && area(&fine) > area(&coarse) * 1.001);
+}
+
+#[test]
+fn an_observer_stops_a_front_which_keeps_what_was_found() {
+    let dir = TempDir::new().unwrap();
+    street(dir.path(), [30, 11], json!([]));
+    let job = job(dir.path(), 400);
+    let objectives: FrontObjectives = "price,near_gain".parse().unwrap();
+    let stopped_at = |words: &str, after: u64| {
+        let mut observe = |event: &Event| match event {
+            Event::Progress { work, done, .. } => {
+                !(work.to_string().starts_with(words) && *done >= after)
+            }
+            _ => true,
+        };
+        job.front(&objectives, &mut observe).unwrap()
+    };
+    let nothing = stopped_at("poses for the choice", 0);
+    assert_eq!((nothing.stopped, nothing.points.len()), (FrontStopped::Interrupted, 0));
+    for (words, after) in
+        [("choices of sensors", 2), ("placements confirmed", 2), ("steps of the search", 3)]
+    {
+        let some = stopped_at(words, after);
+        assert_eq!(some.stopped, FrontStopped::Interrupted, "{words}");
+        assert!(!some.points.is_empty() && some.points.iter().all(|point| point.price > 0.0));
+    }
+}
+
+#[test]
+fn the_program_writes_a_front_whose_placements_score_alike() {
+    let dir = TempDir::new().unwrap();
+    street(dir.path(), [30, 11], car_ahead(0.95));
+    let line =
+        "optimize street.json --front price,near_gain --backend cpu --evaluations 10 --out run";
+    let args: Vec<&str> = line.split(' ').collect();
+    let output = sightline(dir.path(), &args);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{text}");
+    for words in [
+        "cheapest that meets all requirements",
+        "best near_gain",
+        "All requirements are met from 11",
+    ] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    let read = |name: &str| fs::read_to_string(dir.path().join("run").join(name)).unwrap();
+    let listed: Value = serde_json::from_str(&read("placements.json")).unwrap();
+    let listed = listed["placements"].as_array().unwrap();
+    let prices: Vec<f64> = listed.iter().map(|one| one["price"].as_f64().unwrap()).collect();
+    assert!(prices.len() > 2 && prices.is_sorted(), "{prices:?}");
+    let result: Value = serde_json::from_str(&read("result.json")).unwrap();
+    let points = result["front"].as_array().unwrap();
+    let scored =
+        ok(dir.path(), &["score", "street.json", "run/placements.json", "--backend", "cpu"]);
+    let scored = scored["scores"].as_array().unwrap();
+    assert_eq!((points.len(), scored.len()), (prices.len(), prices.len()));
+    for ((point, scores), price) in points.iter().zip(scored).zip(&prices) {
+        assert_eq!(point["scores"], *scores);
+        assert_eq!(point["objectives"]["near_gain"], scores["near_gain"]);
+        assert_eq!(
+            (&point["price"], &point["objectives"]["price"]),
+            (&json!(price), &json!(price))
+        );
+        assert_eq!(point["requirements_met"], scores["requirements"][0]["met"]);
+    }
+    let picks = result["picks"].as_array().unwrap();
+    assert!(picks.iter().any(|pick| pick["pick"] == "knee"), "{picks:?}");
+    assert!(
+        read("front.svg").contains("misses a requirement")
+            || points.iter().all(|p| p["requirements_met"] == true)
+    );
+    let page = read("report.html");
+    assert!(
+        page.contains("<svg")
+            && page.contains("The front")
+            && page.contains("--front price,near_gain")
+    );
+    // The command of the page gives the same points.
+    let again = sightline(dir.path(), &[&args[..9], &["again"]].concat());
+    assert!(again.status.success());
+    let other = fs::read_to_string(dir.path().join("again/placements.json")).unwrap();
+    assert_eq!(other, read("placements.json"));
+    let told = fails(dir.path(), &["optimize", "--resume", "run"]);
+    assert!(
+        told.contains("run: holds a front, which is searched in one go and not resumed"),
+        "{told}"
+    );
+    let told = fails(dir.path(), &args);
+    assert!(told.contains("--force"), "{told}");
+}
+
+#[test]
+fn no_point_that_meets_all_is_exit_code_1_and_time_is_said() {
+    let dir = TempDir::new().unwrap();
+    let hopeless =
+        json!([{ "target": "tyre", "from": 15, "within": 15, "beams": 100, "share": 1 }]);
+    street(dir.path(), [30, 11], hopeless);
+    let line =
+        "optimize street.json --front sensors,requirements --backend cpu --format json --out";
+    let args: Vec<&str> = line.split(' ').collect();
+    let output = sightline(dir.path(), &[&args[..], &["run"]].concat());
+    assert_eq!(output.status.code(), Some(1));
+    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(result["front"][0]["requirements_met"], false);
+    let late = [&args[..], &["late", "--max-seconds", "0.3", "--evaluations", "100000"]].concat();
+    let output = sightline(dir.path(), &late);
+    let told = String::from_utf8(output.stderr).unwrap();
+    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(result["stopped"].as_str().unwrap().starts_with("time"), "{result}");
+    assert!(
+        told.contains("a front is not resumed") && !result["front"].as_array().unwrap().is_empty(),
+        "{told}"
+    );
+}
+
+#[test]
+fn a_front_of_nothing_is_refused_in_a_sentence() {
+    let dir = TempDir::new().unwrap();
+    street(dir.path(), [0, 0], json!([]));
+    let refused = |front: &str, more: &[&str]| {
+        let args =
+            [&["optimize", "street.json", "--out", "never", "--front", front], more].concat();
+        let told = fails(dir.path(), &args);
+        assert!(!dir.path().join("never").exists(), "{front} left a folder");
+        told
+    };
+    for (front, words) in [
+        ("price,near_gain", "no sensor of `cart` has a price; write `price` beside each"),
+        ("sensors,targets", "`cart` requires nothing; write what it must see under `require`"),
+        (
+            "sensors,gain",
+            "`gain` is no objective; there are price, sensors, requirements (or targets)",
+        ),
+        ("sensors", "has 1 objective(s); name two or three"),
+        ("sensors,near_gain,sensors", "`sensors` is named twice"),
+    ] {
+        let told = refused(front, &[]);
+        assert!(told.contains(words), "{front}: {told}");
+    }
+    refused("sensors,near_gain", &["--fewest"]);
+    let scene = fs::read_to_string(dir.path().join("street.json")).unwrap();
+    let plain = scene.replace(r#""vehicle":"cart.json""#,
+        r#""lidar":{"channels":4,"fov":[-20,4],"azimuth_steps":90,"range":20},"mount":{"min":[0,0,1],"max":[0,0,1],"lidars":1}"#);
+    assert_ne!(plain, scene);
+    fs::write(dir.path().join("street.json"), plain).unwrap();
+    let told = refused("sensors,near_gain", &[]);
+    assert!(told.contains("give a vehicle with sensors and mounts with --vehicle"), "{told}");
+    let told = fails(dir.path(), &["optimize", "street.json", "--evaluations", "0"]);
+    assert!(told.contains("--evaluations"), "{told}");
+}
