@@ -326,3 +326,36 @@ fn a_front_of_nothing_is_refused_in_a_sentence() {
     let told = fails(dir.path(), &["optimize", "street.json", "--evaluations", "0"]);
     assert!(told.contains("--evaluations"), "{told}");
 }
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_writes_the_points_found_so_far_and_exits_with_130() {
+    use std::io::{BufRead, BufReader};
+
+    let dir = TempDir::new().unwrap();
+    street(dir.path(), [30, 11], json!([]));
+    let line = "optimize street.json --front price,near_gain --backend cpu --evaluations 1000000 --out run";
+    let args: Vec<&str> = line.split(' ').collect();
+    let mut child = crate::cli_interrupted::spawn(dir.path(), &args);
+    let mut told = BufReader::new(child.stderr.take().unwrap()).lines();
+    // The engine is named when the sensors are chosen.
+    assert!(told.by_ref().any(|line| line.unwrap().contains("computing on cpu")));
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    let id = child.id().to_string();
+    assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    let told: Vec<String> = told.map(Result::unwrap).collect();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{told:?}");
+    assert!(
+        told.iter().any(|line| line.contains("interrupted; a front is not resumed")),
+        "{told:?}"
+    );
+    let read = |name: &str| fs::read_to_string(dir.path().join("run").join(name)).unwrap();
+    let result: Value = serde_json::from_str(&read("result.json")).unwrap();
+    assert_eq!(result["stopped"], "interrupted");
+    assert!(!result["front"].as_array().unwrap().is_empty());
+    let listed: Value = serde_json::from_str(&read("placements.json")).unwrap();
+    assert_eq!(
+        listed["placements"].as_array().unwrap().len(),
+        result["front"].as_array().unwrap().len()
+    );
+}
