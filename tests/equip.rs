@@ -253,6 +253,11 @@ fn what_must_be_seen_comes_before_what_gains() {
     let (free, _) = seen(0.0, 2.0);
     let (bound, _) = seen(0.3, 2.0);
     assert_eq!((free.missing, bound.missing), (0.0, 0.0));
+    // Without its requirements a problem is that of a vehicle which has none.
+    let needy = problem(5, &vehicle(vec![near(1.0)])).with_areas(&[near(1.0), near(0.5)]);
+    assert_eq!(needy.content().areas().len(), 2);
+    let (freed, plain) = (needy.without_requirements(), problem(5, &vehicle(Vec::new())));
+    assert_eq!(freed.content(), plain.content());
     let (all, vehicle) = seen(1.0, 2.0);
     assert!(all.missing > 0.0, "one cheap sensor does not see everything");
     assert_eq!(all.equipment[0].0, 1, "it stands in the rear: {all:?}");

@@ -21,11 +21,11 @@ use crate::search::{beside, scenes_of};
 ///
 /// `objectives` are names: `price`, `sensors` and `requirements` (also `targets`: the missing share of what the vehicle
 /// requires, summed) are better when less, scores such as `near_gain` when more. Sensors are chosen on a coarse grid of poses
-/// under a row of limits, for at most `budget`; all placements are scored over all frames. `evaluations` above 0 search
-/// around each point. `seconds`, `mirror`, `tolerance` and `callback` are those of `optimize`; `StopIteration` and Ctrl-C
+/// under a row of limits, for at most `budget`; all placements are scored over all frames. `evaluations` search around each
+/// point, 0 leave them on the grid. `seconds`, `mirror`, `tolerance` and `callback` are those of `optimize`; `StopIteration` and Ctrl-C
 /// keep the points found so far.
 #[pyfunction(name = "front")]
-#[pyo3(signature = (scenes, objectives, *, evaluations = 0, seed = 1, seconds = None, mirror = false, budget = None,
+#[pyo3(signature = (scenes, objectives, *, evaluations = 40, seed = 1, seconds = None, mirror = false, budget = None,
     tolerance = "5mm,0.5deg", callback = None))]
 #[allow(clippy::too_many_arguments)]
 pub fn front<'py>(

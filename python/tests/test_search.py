@@ -146,6 +146,7 @@ def test_a_front_trades_price_against_gain() -> None:
         scene,
         ["price", "near_gain"],
         budget=9_000.0,
+        evaluations=0,
         callback=lambda event: works.append(event.get("work", "")),
     )
     prices = [values[0] for values in front.values]

@@ -38,7 +38,8 @@ use crate::vehicle::{Constraints, Placement, Sensors};
 pub use error::JobError;
 pub use files::JobFiles;
 pub use front::{
-    Front, FrontError, FrontObjective, FrontObjectives, FrontPoint, FrontStopped, Pick,
+    FRONT_EVALUATIONS, Front, FrontError, FrontObjective, FrontObjectives, FrontPoint,
+    FrontStopped, Pick,
 };
 pub use scene::JobScene;
 use scene::{Frames, Worth};

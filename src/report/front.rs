@@ -164,7 +164,7 @@ pub(super) fn front_rows(front: &Front) -> (Vec<String>, Vec<Vec<String>>) {
 }
 
 /// The front in a sentence: how many points, and which is the cheapest that meets all requirements.
-pub(super) fn front_verdict(front: &Front, unit: &str) -> String {
+pub(super) fn front_verdict(front: &Front) -> String {
     let names = front.objectives.names().join(" against ");
     let mut words = match front.points.len() {
         0 => return format!("No placement was found for {names}"),
@@ -176,7 +176,7 @@ pub(super) fn front_verdict(front: &Front, unit: &str) -> String {
         let cheapest = met.min_by(|a, b| a.price.total_cmp(&b.price));
         words += &match cheapest {
             Some(point) => format!(
-                ". All requirements are met from {}{unit} on ({})",
+                ". All requirements are met from {} on ({})",
                 trimmed(point.price, 2),
                 point.placement.name
             ),
@@ -188,7 +188,7 @@ pub(super) fn front_verdict(front: &Front, unit: &str) -> String {
 
 /// A front and its folder as text: the sentence, the table with the picks, the sensors of each point.
 pub fn front_text(front: &Front, record: &FrontRecord, folder: &std::path::Path) -> String {
-    let mut text = format!("{}\n\n", front_verdict(front, ""));
+    let mut text = format!("{}\n\n", front_verdict(front));
     if !front.points.is_empty() {
         let under = under(&record.conditions);
         text +=

@@ -210,6 +210,16 @@ impl Suite {
         Self { members: self.members.iter().map(changed).collect() }
     }
 
+    /// A copy of which nothing is required.
+    #[must_use]
+    pub fn without_requirements(&self) -> Self {
+        let free = |member: &Member| {
+            let problem = Problem::clone(&member.problem).without_requirements();
+            Member { problem: Arc::new(problem), ..member.clone() }
+        };
+        Self { members: self.members.iter().map(free).collect() }
+    }
+
     /// Copy over some of the frames; a member without any of them is left out.
     ///
     /// # Panics

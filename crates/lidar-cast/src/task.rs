@@ -150,6 +150,12 @@ impl Task {
         Self { content: Arc::new(content), ..self }
     }
 
+    /// A copy whose content counts no required area.
+    pub fn without_areas(self) -> Self {
+        let content = Content::clone(&self.content).without_areas();
+        Self { content: Arc::new(content), ..self }
+    }
+
     /// A copy with the numbers of its frames in the scene.
     pub fn numbered(self, frames: &[usize]) -> Self {
         Self { numbers: frames.to_vec(), ..self }

@@ -119,6 +119,13 @@ impl Problem {
         self.changed(|task| task.with_content(content))
     }
 
+    /// The problem of a vehicle that requires nothing.
+    #[must_use]
+    pub fn without_requirements(self) -> Self {
+        let free = self.changed(Task::without_areas);
+        Self { target_rules: [].into(), ..free }
+    }
+
     /// A copy with areas that must be seen.
     pub fn with_areas(self, required: &[Requirement]) -> Self {
         self.changed(|task| task.with_areas(required))

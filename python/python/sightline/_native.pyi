@@ -369,7 +369,7 @@ def front(
     scenes: Scene | Sequence[Scene],
     objectives: Sequence[str],
     *,
-    evaluations: int = 0,
+    evaluations: int = 40,
     seed: int = 1,
     seconds: float | None = None,
     mirror: bool = False,

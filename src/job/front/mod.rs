@@ -34,6 +34,9 @@ use sweep::{End, Sweep};
 /// Share of the time limit for the choices of sensors: half where poses are searched afterwards, else nearly all.
 const CHOICES_SHARE: [f64; 2] = [0.4, 0.85];
 
+/// Evaluations of the search around a point where none are given.
+pub const FRONT_EVALUATIONS: u64 = 40;
+
 /// Placements that no other one found beats in all objectives together.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Front {
@@ -125,7 +128,8 @@ impl fmt::Display for FrontStopped {
 
 impl Job {
     /// The front of some objectives over the equipment of a vehicle and its poses. With [`Settings::evaluations`] above 0
-    /// a search of placements around each point of the front follows, with that many evaluations each.
+    /// a search of placements around each point of the front follows, with that many evaluations each, and around cheap
+    /// sensors that miss little of the requirements.
     ///
     /// Where the vehicle has requirements, a point that misses one takes the place of none that meets all. Scores that are
     /// no gain are not chosen by: sensors are then chosen by the job's own objective, or by near gain.

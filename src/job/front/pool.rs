@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use super::pareto::{Standing, front};
 use super::sweep::{Chosen, End, spread};
-use super::{Front, FrontObjectives, FrontStopped, is_over, picks, point};
+use super::{Front, FrontObjective, FrontObjectives, FrontStopped, is_over, picks, point};
 use crate::job::{Job, JobError};
 use crate::score::Objective;
 use crate::search::{
@@ -12,6 +12,8 @@ use crate::search::{
 };
 use crate::vehicle::{Equipment, Placement, Vehicle};
 
+/// Missing share of the requirements, summed, that a search around a placement may close, as for the fewest sensors.
+const NEARLY: f64 = 0.3;
 /// Steps of progress in the search around one point, and the share that its generations take.
 const STEPS: u64 = 100;
 const GENERATIONS: u64 = 40;
@@ -100,8 +102,7 @@ impl<'a> Pool<'a> {
         self.scored += 1;
         let price = self.vehicle.cost(&kinds);
         let sensors = placement.lidars.len();
-        let value =
-            |objective: &super::FrontObjective| objective.value(&judged.scores, sensors, price);
+        let value = |objective: &FrontObjective| objective.value(&judged.scores, sensors, price);
         let values: Option<Vec<f64>> = self.objectives.all().iter().map(value).collect();
         let Some(values) = values.filter(|values| values.iter().all(|v| v.is_finite())) else {
             return Ok(());
@@ -137,12 +138,35 @@ impl<'a> Pool<'a> {
         best
     }
 
-    /// Searches placements around each point of the front so far, which all stay in the pool.
+    /// Candidates to search around, and whether the requirements come first there: points of the front that meet them, or
+    /// trade them, and candidates that miss little. Around other points a search goes by the score alone.
+    fn around(&self) -> Vec<(usize, bool)> {
+        let trades = self.objectives.has(&FrontObjective::Requirements);
+        let missing = |k: usize| self.candidates[k].judged.scores.missing();
+        let nearly: Vec<usize> =
+            (0..self.candidates.len()).filter(|&k| missing(k) <= NEARLY).collect();
+        let standing = |&k: &usize| {
+            let of = self.objectives.all().iter().zip(&self.candidates[k].values);
+            let costs = of.filter(|(objective, _)| objective.is_cost()).map(|(_, cost)| *cost);
+            Standing { values: costs.chain([missing(k)]).collect(), meets: true }
+        };
+        let cheap = front(&nearly.iter().map(standing).collect::<Vec<_>>());
+        let cheap = cheap.into_iter().map(|at| nearly[at]).filter(|&k| missing(k) > 0.0);
+        let front = spread(&self.front()).into_iter();
+        let mut all: Vec<(usize, bool)> =
+            front.map(|k| (k, trades || self.candidates[k].meets)).collect();
+        let new: Vec<(usize, bool)> =
+            cheap.map(|k| (k, true)).filter(|of| !all.contains(of)).collect();
+        all.extend(new);
+        all
+    }
+
+    /// Searches placements around the best candidates so far, which all stay in the pool.
     pub fn polish(&mut self, observer: &mut dyn Observer) -> Result<End, JobError> {
-        let order = spread(&self.front());
+        let order = self.around();
         let total = STEPS * order.len() as u64;
         let mut said: HashSet<String> = HashSet::new();
-        for (number, k) in (0..).zip(order) {
+        for (number, (k, is_bound)) in (0..).zip(order) {
             let from = self.candidates[k].clone();
             let settings = Settings {
                 objective: self.sought(&from.gain),
@@ -152,6 +176,7 @@ impl<'a> Pool<'a> {
                 ..self.job.settings.clone()
             };
             let suite = self.suite.with_constraints(&self.vehicle.constraints(&from.kinds));
+            let suite = if is_bound { suite } else { suite.without_requirements() };
             let (mut end, mut step) = (End::Done, 0);
             let mut observe = |event: &Event| {
                 step = step.max(step_of(event, settings.evaluations));

@@ -10,7 +10,7 @@ use crate::scan::conditions::under;
 
 /// The page of a front, one file that loads nothing.
 pub fn front_html(front: &Front, record: &FrontRecord) -> String {
-    let verdict = front_verdict(front, "");
+    let verdict = front_verdict(front);
     let (first, rest) = verdict.split_once(". ").unwrap_or((&verdict, ""));
     html! {
         (DOCTYPE)

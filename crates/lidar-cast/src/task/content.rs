@@ -83,6 +83,14 @@ impl Content {
         Self { classes, occupied, class_voxels, class_starts, areas, entropy_total, has_detection }
     }
 
+    /// Takes all required areas away.
+    pub fn without_areas(mut self) -> Self {
+        self.class_starts.truncate(self.classes.len() + 1);
+        self.class_voxels.truncate(self.class_starts[self.classes.len()] as usize);
+        self.areas.clear();
+        self
+    }
+
     /// Adds required areas: each is the set of voxels whose centres lie in it.
     pub fn with_areas(mut self, roi: &Roi, required: &[Requirement]) -> Self {
         let ([_, ny, nz], min, voxel) = (roi.shape(), roi.min(), roi.voxel());
@@ -113,11 +121,7 @@ impl Content {
     pub(super) fn with_mirrored_areas(&self, roi: &Roi) -> Self {
         let mirrored: Vec<Requirement> =
             self.areas.iter().map(|area| area.required.mirrored()).collect();
-        let mut content = self.clone();
-        content.class_starts.truncate(self.classes.len() + 1);
-        content.class_voxels.truncate(content.class_starts[self.classes.len()] as usize);
-        content.areas.clear();
-        content.with_areas(roi, &mirrored)
+        self.clone().without_areas().with_areas(roi, &mirrored)
     }
 
     /// Areas with a required coverage.
