@@ -138,8 +138,9 @@ impl<'a> Pool<'a> {
         best
     }
 
-    /// Candidates to search around, and whether the requirements come first there: points of the front that meet them, or
-    /// trade them, and candidates that miss little. Around other points a search goes by the score alone.
+    /// Candidates to search around, and whether the requirements come first there: points of the front that meet or trade
+    /// them or miss little, and cheap candidates that miss little. Around points that miss any a search goes by the score
+    /// alone, too.
     fn around(&self) -> Vec<(usize, bool)> {
         let trades = self.objectives.has(&FrontObjective::Requirements);
         let missing = |k: usize| self.candidates[k].judged.scores.missing();
@@ -151,13 +152,15 @@ impl<'a> Pool<'a> {
             Standing { values: costs.chain([missing(k)]).collect(), meets: true }
         };
         let cheap = front(&nearly.iter().map(standing).collect::<Vec<_>>());
-        let cheap = cheap.into_iter().map(|at| nearly[at]).filter(|&k| missing(k) > 0.0);
-        let front = spread(&self.front()).into_iter();
+        let front = spread(&self.front());
         let mut all: Vec<(usize, bool)> =
-            front.map(|k| (k, trades || self.candidates[k].meets)).collect();
-        let new: Vec<(usize, bool)> =
-            cheap.map(|k| (k, true)).filter(|of| !all.contains(of)).collect();
-        all.extend(new);
+            front.iter().map(|&k| (k, trades || self.candidates[k].meets)).collect();
+        let near = front.into_iter().filter(|k| nearly.contains(k));
+        for k in cheap.into_iter().map(|at| nearly[at]).chain(near).filter(|&k| missing(k) > 0.0) {
+            if !all.contains(&(k, true)) {
+                all.push((k, true));
+            }
+        }
         all
     }
 
