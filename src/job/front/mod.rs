@@ -129,7 +129,8 @@ impl fmt::Display for FrontStopped {
 impl Job {
     /// The front of some objectives over the equipment of a vehicle and its poses. With [`Settings::evaluations`] above 0
     /// a search of placements around each point of the front follows, with that many evaluations each, and around cheap
-    /// sensors that miss little of the requirements.
+    /// sensors that miss little of the requirements. Where no point then meets all requirements, the fewest sensors that do
+    /// are searched as [`Self::fewest`] has it, and the best for all the money.
     ///
     /// Where the vehicle has requirements, a point that misses one takes the place of none that meets all. Scores that are
     /// no gain are not chosen by: sensors are then chosen by the job's own objective, or by near gain.
@@ -171,6 +172,9 @@ impl Job {
         end = end.and(pool.add(chosen, end, observer)?);
         if self.settings.evaluations > 0 && end != End::Interrupted {
             end = end.and(pool.polish(observer)?);
+        }
+        if requires && self.settings.evaluations > 0 && end == End::Done {
+            end = pool.meet(observer)?;
         }
         pool.finish(requires, end, observer)
     }

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use super::pareto::{Standing, front};
 use super::sweep::{Chosen, End, spread};
 use super::{Front, FrontObjective, FrontObjectives, FrontStopped, is_over, picks, point};
-use crate::job::{Job, JobError};
+use crate::job::{Job, JobError, JobStep};
 use crate::score::Objective;
 use crate::search::{
     Equipped, Evaluator, Event, Judged, Observer, Settings, Suite, Work, optimize,
@@ -202,6 +202,53 @@ impl<'a> Pool<'a> {
             }
             if let Some(best) = outcome.best {
                 self.score(best.placement, from.kinds, from.gain)?;
+            }
+        }
+        Ok(End::Done)
+    }
+
+    /// Searches the fewest sensors that meet all requirements, and the best for all the money, unless a candidate meets
+    /// them.
+    pub fn meet(&mut self, observer: &mut dyn Observer) -> Result<End, JobError> {
+        if self.candidates.iter().any(|of| of.meets) {
+            return Ok(End::Done);
+        }
+        let gain = self.candidates.first().map_or_else(Objective::default, |of| of.gain.clone());
+        let gain = self.sought(&gain);
+        for (fewest, sensors) in [(true, "the fewest sensors"), (false, "the best sensors")] {
+            let words =
+                format!("no point meets all requirements so far: a search for {sensors} that do");
+            observer.on(&Event::Note(&words));
+            let evaluations = Settings::default().evaluations;
+            let settings =
+                Settings { evaluations, starts: Vec::new(), ..self.job.settings.clone() };
+            let job = self.job.clone().search(settings).objective(gain.clone()).fewest(fewest);
+            let mut is_interrupted = false;
+            let mut observe = |event: &Event| {
+                let goes_on = match event {
+                    Event::Generation(_) => observer.on(&Event::Asks),
+                    other => observer.on(other),
+                };
+                is_interrupted |= !goes_on;
+                goes_on
+            };
+            let mut run = job.begin()?;
+            let outcome = loop {
+                match run.step(&mut observe)? {
+                    JobStep::On => {}
+                    JobStep::Stopped => break None,
+                    JobStep::Done(outcome) => break outcome.best,
+                }
+            };
+            let kinds = run.equipped().map(|equipped| equipped.equipment.clone());
+            if let Some((best, kinds)) = outcome.zip(kinds) {
+                self.score(best.placement, kinds, gain.clone())?;
+            }
+            if is_interrupted {
+                return Ok(End::Interrupted);
+            }
+            if is_over(self.job.settings.time) {
+                return Ok(End::Time);
             }
         }
         Ok(End::Done)
