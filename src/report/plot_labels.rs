@@ -38,7 +38,7 @@ impl Named {
                 None => places.push((at, words.to_owned())),
             }
         }
-        let list = (!have_room(&places, width)).then(|| {
+        let list = (!have_room(&places, width, area[1])).then(|| {
             let letters = ((width - area[0] - 10.0) / LETTER) as usize;
             let numbered =
                 (1..).zip(&places).map(|(number, (_, words))| format!("{number}: {words}"));
@@ -58,8 +58,12 @@ impl Named {
         if self.list.is_none() {
             return html! {
                 @for (at, words) in &self.places {
-                    @let (x, y) = beside(*at);
-                    text x=(px(x)) y=(px(y)) font-size="12" { (words) }
+                    @let ([left, right, _, y], is_left) = beside(*at, words, self.area[1]);
+                    @if is_left {
+                        text x=(px(right)) y=(px(y)) font-size="12" text-anchor="end" { (words) }
+                    } @else {
+                        text x=(px(left)) y=(px(y)) font-size="12" { (words) }
+                    }
                 }
             };
         }
@@ -87,20 +91,20 @@ fn lines(text: &str, letters: usize) -> Vec<String> {
     lines
 }
 
-/// Position at which the words of a point begin.
-fn beside((x, y): (f64, f64)) -> (f64, f64) {
-    (x + 7.0, y - 7.0)
+/// Box of a point's words (left, right, top, bottom); true where they stand left of the point, which they do where they
+/// would pass the right end of the area, with the legend behind it, and have room.
+fn beside((x, y): (f64, f64), words: &str, end: f64) -> ([f64; 4], bool) {
+    let (length, y) = (LETTER * words.chars().count() as f64, y - 7.0);
+    let (left, right) = (x - 7.0 - length, x + 7.0 + length);
+    match right > end && left > 0.0 {
+        true => ([left, x - 7.0, y - HEIGHT, y], true),
+        false => ([x + 7.0, right, y - HEIGHT, y], false),
+    }
 }
 
-/// True if all words end within the drawing, and none stand on others or on another point.
-fn have_room(places: &[((f64, f64), String)], width: f64) -> bool {
-    let boxes: Vec<[f64; 4]> = places
-        .iter()
-        .map(|(at, words)| {
-            let (x, y) = beside(*at);
-            [x, x + LETTER * words.chars().count() as f64, y - HEIGHT, y]
-        })
-        .collect();
+/// True if all words end within the drawing, and none stand on others or on another point. The area ends at `end`.
+fn have_room(places: &[((f64, f64), String)], width: f64, end: f64) -> bool {
+    let boxes: Vec<[f64; 4]> = places.iter().map(|(at, words)| beside(*at, words, end).0).collect();
     let clear =
         |a: &[f64; 4], b: &[f64; 4]| a[1] < b[0] || b[1] < a[0] || a[3] < b[2] || b[3] < a[2];
     let apart = |k: usize| {
@@ -127,6 +131,8 @@ mod tests {
         let apart = [(100.0, 300.0), (500.0, 100.0)];
         let (drawn, list) = named(&apart, ["one roof", "two doors"]);
         assert!(drawn.contains(">one roof<") && list.is_none(), "{drawn}");
+        let (drawn, list) = named(&[(100.0, 300.0), (640.0, 100.0)], ["one roof", "two doors"]);
+        assert!(drawn.contains("text-anchor=\"end\">two doors<") && list.is_none(), "{drawn}");
         let near = [(100.0, 300.0), (120.0, 296.0)];
         let (drawn, list) = named(&near, ["one roof", "two doors"]);
         assert!(drawn.contains(">1<") && drawn.contains(">2<"), "{drawn}");

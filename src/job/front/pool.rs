@@ -215,10 +215,10 @@ impl<'a> Pool<'a> {
         }
         let gain = self.candidates.first().map_or_else(Objective::default, |of| of.gain.clone());
         let gain = self.sought(&gain);
-        for (fewest, sensors) in [(true, "the fewest sensors"), (false, "the best sensors")] {
-            let words =
-                format!("no point meets all requirements so far: a search for {sensors} that do");
-            observer.on(&Event::Note(&words));
+        let words = "no point meets all requirements so far: the fewest sensors that do are searched, then the best for all \
+                     the money";
+        observer.on(&Event::Note(words));
+        for fewest in [true, false] {
             let evaluations = Settings::default().evaluations;
             let settings =
                 Settings { evaluations, starts: Vec::new(), ..self.job.settings.clone() };
