@@ -10,6 +10,8 @@ mod device;
 mod exact;
 mod firings;
 #[cfg(test)]
+mod handed;
+#[cfg(test)]
 mod isa;
 mod kernels;
 mod layout;

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::device::Device;
+use super::device::{Device, readable};
 use super::layout::{GpuInstance, ITEMS_PER_WORKGROUP, LONG_AXIS, PARTIAL_WORDS, Sensor, Uniforms};
 use crate::bvh::{Bvh, Bvh4, Hit, QuantizedNode, Triangle};
 use crate::cast::SightSphere;
@@ -245,7 +245,7 @@ impl Trees {
     pub(super) fn new(device: &Device, trees: &[&Arc<Bvh>]) -> Result<Self, BackendError> {
         let mut built: Vec<Bvh4> = trees.iter().map(|tree| Bvh4::new(tree)).collect();
         let of = |what, count: usize, each: usize| {
-            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+            let usage = readable(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST);
             device.buffer(what, count as u64 * each as u64, usage)
         };
         let node_count = built.iter().map(|tree| tree.nodes.len()).sum();
@@ -315,7 +315,7 @@ impl WorkBuffers {
             | wgpu::BufferUsages::COPY_DST
             | wgpu::BufferUsages::COPY_SRC;
         let buffer = |what, bytes| device.buffer(what, bytes, usage);
-        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let uniform = readable(wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
         Ok(Self {
             sensors,
             placements,

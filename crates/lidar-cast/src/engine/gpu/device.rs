@@ -151,7 +151,7 @@ impl Device {
         what: &'static str,
         data: &[T],
     ) -> Result<wgpu::Buffer, BackendError> {
-        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        let usage = readable(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST);
         let buffer = self.buffer(what, size_of_val(data) as u64, usage)?;
         self.write(&buffer, data);
         // Submits each upload alone: staging memory of several large ones would add up.
@@ -205,6 +205,11 @@ impl Device {
     pub(super) fn kept_staging(&self) -> &Mutex<Vec<wgpu::Buffer>> {
         &self.staging
     }
+}
+
+/// Usages of a buffer that the host only writes. Tests read these, too.
+pub(super) fn readable(usage: wgpu::BufferUsages) -> wgpu::BufferUsages {
+    if cfg!(test) { usage | wgpu::BufferUsages::COPY_SRC } else { usage }
 }
 
 /// One Vulkan device as reported by its driver.

@@ -32,6 +32,10 @@ pub(super) const SOURCES: [(&str, &[&str]); 6] = [
 /// Key of a bind group: the number of a kernel and its buffers.
 type Bound = (usize, Vec<wgpu::Buffer>);
 
+/// A dispatch: kernel, buffers and workgroups.
+#[cfg(test)]
+type Noted = (String, Vec<wgpu::Buffer>, [u32; 3]);
+
 /// Changes the source of a kernel, which is given by name, before it is compiled.
 pub type Rewrite = fn(kernel: &str, source: String) -> String;
 
@@ -40,6 +44,9 @@ pub(super) struct Kernels {
     rewrite: Rewrite,
     pipelines: [OnceLock<wgpu::ComputePipeline>; SOURCES.len()],
     groups: Mutex<HashMap<Bound, wgpu::BindGroup>>,
+    /// Dispatches so far: kernel, buffers and workgroups.
+    #[cfg(test)]
+    pub(super) noted: Mutex<Vec<Noted>>,
 }
 
 impl Kernels {
@@ -49,7 +56,13 @@ impl Kernels {
 
     /// The kernels with other sources.
     pub(super) fn rewritten(rewrite: Rewrite) -> Self {
-        Self { rewrite, pipelines: Default::default(), groups: Mutex::default() }
+        Self {
+            rewrite,
+            pipelines: Default::default(),
+            groups: Mutex::default(),
+            #[cfg(test)]
+            noted: Mutex::default(),
+        }
     }
 
     /// Compiles the kernels that a batch needs and that are not compiled yet, side by side.
@@ -97,6 +110,11 @@ impl Kernels {
         [x, y, z]: [u32; 3],
         stamp: Option<wgpu::ComputePassTimestampWrites<'_>>,
     ) {
+        #[cfg(test)]
+        if let Ok(mut noted) = self.noted.lock() {
+            let buffers = buffers.iter().map(|&buffer| buffer.clone()).collect();
+            noted.push((kernel.to_owned(), buffers, [x, y, z]));
+        }
         let named = SOURCES.iter().position(|(name, _)| *name == kernel);
         let kernel = named.expect("a kernel of the list above");
         let pipeline = self.pipeline(device, kernel);
