@@ -12,11 +12,12 @@
 //! | `score` | scores of a batch: as a stream in one scene, with their mean in several |
 //! | `optimize` | a search in a run folder: begun, saved, resumed, recorded |
 //! | `study`, `chart` | experiments in folders of their own, resumed |
-//! | `audit`, `verify`, `near_field`, `targets`, `shared`, `view` | experiments of scene files, and the page about a placement |
+//! | `audit`, `verify`, `bench`, `near_field`, `targets`, `shared`, `view` | experiments of scene files, and the page about a placement |
 //! | `scan`, `cast` | labelled scans as data sets, every beam's hit |
 //! | `psog`, `rig`, `scene` | files of P-SOGs, of rigs and of scenes |
 
 pub mod audit;
+#[cfg(feature = "gpu")]
 pub mod bench;
 pub mod cast;
 pub mod chart;
