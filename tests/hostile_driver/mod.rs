@@ -12,9 +12,10 @@ use sightline::geom::TriangleSoup;
 use sightline::problem::Problem;
 use sightline::problem::Task;
 use sightline::psog::Roi;
-use sightline::vehicle::{BeamTable, SensorPose};
+use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
-use crate::common::{cpu, gpu, random_content, random_soup};
+use crate::common::{cpu, gpu, random_content, random_placements, random_soup};
+use crate::own_scenes::{Own, SCENES, description, table_7};
 use rewrite::{hostile, hostile_to_plain_arithmetic};
 
 const RANGE: f64 = 40.0;
@@ -83,6 +84,35 @@ fn hostile_driver_changes_no_bit() {
         let [hits, hit, voxels, covered] = differences(&problem, &sensors(scale), hostile);
         assert_eq!([hits, voxels], [0, 0], "scale {scale:e}: of {hit} hits and {covered} voxels");
         assert!(hit > 2_000 && covered > 1_000, "{hit} hits, {covered} voxels: a trivial scene");
+    }
+}
+
+/// Table 7, random placements, and hostile ones: on corners of voxels along the axes, underground, in solids, far away.
+fn placements() -> Vec<Placement> {
+    let mut all = table_7();
+    all.extend(random_placements(17, 6, 2.5));
+    let poses =
+        [[0.0, 0.0, 2.0], [0.5, -1.0, 1.5], [3.0, 2.0, -0.25], [20.5, 8.0, 1.0], [1e5, 0.0, 2.0]];
+    all.extend(poses.into_iter().enumerate().map(|(k, [x, y, z])| Placement {
+        name: format!("hostile-{k}"),
+        lidars: vec![
+            SensorPose::at(x, y, z),
+            SensorPose { yaw: 0.3, ..SensorPose::at(x, y, z + 0.5) },
+        ],
+    }));
+    all
+}
+
+/// Hits, coverage and sums of the own scenes: every sum of every placement.
+#[test]
+fn hostile_driver_changes_no_sum_of_the_own_scenes() {
+    for name in SCENES {
+        let problem = Own::new(&description(name)).problem;
+        let mut device = gpu(&problem);
+        device.rewrite_kernels(hostile);
+        let want = cpu(&problem).tally(&placements(), None).unwrap();
+        assert!(want.iter().filter(|tally| tally.hits > 0).count() > 15, "{name}");
+        assert_eq!(device.tally(&placements(), None).unwrap(), want, "{name}");
     }
 }
 
