@@ -19,6 +19,7 @@ __all__ = [
     "Suite",
     "Vehicle",
     "__version__",
+    "front",
     "main",
     "optimize",
     "published",
