@@ -40,7 +40,7 @@ pub const FRONT_EVALUATIONS: u64 = 40;
 /// Placements that no other one found beats in all objectives together.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Front {
-    /// What is traded against what.
+    /// Objectives that are traded against each other.
     pub objectives: FrontObjectives,
     /// In the order of the first objective, the best first.
     pub points: Vec<FrontPoint>,
@@ -179,7 +179,7 @@ impl Job {
         pool.finish(requires, end, observer)
     }
 
-    /// Checks that the vehicle has what the objectives name.
+    /// Checks that the vehicle has prices and requirements where the objectives name them.
     ///
     /// # Errors
     /// [`FrontError`]: nothing to choose from, no prices, no requirements.

@@ -1,8 +1,8 @@
 //! The page of a front: the picture, the table with its picks, the requirements of each point.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{DOCTYPE, Markup, html};
 
-use super::{POLICY, parts, unbroken};
+use super::{head, parts, unbroken};
 use crate::job::Front;
 use crate::report::front::{front_plot, front_rows, front_verdict, has_requirements, picks_of};
 use crate::report::{FrontRecord, scores_text};
@@ -15,14 +15,7 @@ pub fn front_html(front: &Front, record: &FrontRecord) -> String {
     html! {
         (DOCTYPE)
         html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta http-equiv="Content-Security-Policy" content=(POLICY);
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta name="color-scheme" content="light dark";
-                title { "sightline: front in " (record.scene) }
-                style { (PreEscaped(include_str!("style.css"))) }
-            }
+            (head(&format!("sightline: front in {}", record.scene)))
             body {
                 header {
                     p.scene { "sightline · " (record.scene) (under(&record.conditions)) }

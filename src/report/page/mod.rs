@@ -47,20 +47,27 @@ pub fn view_html(subject: &Subject<'_>, figures: &Figures) -> String {
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; \
                       base-uri 'none'; form-action 'none'";
 
+/// Head of every page.
+fn head(title: &str) -> Markup {
+    html! {
+        head {
+            meta charset="utf-8";
+            meta http-equiv="Content-Security-Policy" content=(POLICY);
+            meta name="viewport" content="width=device-width, initial-scale=1";
+            meta name="color-scheme" content="light dark";
+            title { (title) }
+            style { (PreEscaped(include_str!("style.css"))) }
+        }
+    }
+}
+
 fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Markup {
     let (first, rest) = subject.verdict.split_once(". ").unwrap_or((&subject.verdict, ""));
     let stop = if rest.is_empty() { "" } else { "." };
     html! {
         (DOCTYPE)
         html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta http-equiv="Content-Security-Policy" content=(POLICY);
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta name="color-scheme" content="light dark";
-                title { "sightline: " (subject.scene) }
-                style { (PreEscaped(include_str!("style.css"))) }
-            }
+            (head(&format!("sightline: {}", subject.scene)))
             body {
                 header {
                     p.scene { "sightline · " (subject.scene) (under(subject.conditions)) }

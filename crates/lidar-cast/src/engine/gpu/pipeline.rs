@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! GpuBatch ─► GpuChunk ─► cast ─► cover ─► reduce ─► Pending ─► ChunkResult ─► BatchTallies
-//!                 one submission, up to IN_FLIGHT of them ahead of the host
+//!                 one submission, up to three of them ahead of the host
 //! ```
 //! While the device works, the host places the sensors of the next steps and adds up the sums of earlier ones. Some steps
 //! go slowly, with the host between casting and coverage:
@@ -59,6 +59,17 @@ pub(super) enum ChunkResult<'a> {
     Sums { totals: &'a [u32], partials: &'a [u32] },
 }
 
+impl<'a> ChunkResult<'a> {
+    /// Results of the last stage, read back in the order of [`Pipeline::results`].
+    fn made(parts: &[&'a [u8]], sums: bool) -> Self {
+        let words = |part: usize| bytemuck::cast_slice(parts[part]);
+        match sums {
+            true => Self::Sums { totals: words(0), partials: words(1) },
+            false => Self::Bitmaps(words(0)),
+        }
+    }
+}
+
 /// Takes the results of a chunk, with the number of the frame in the batch's list.
 type Take<'t> = &'t mut dyn FnMut(&GpuChunk<'_>, usize, ChunkResult<'_>);
 
@@ -83,7 +94,7 @@ impl Clock {
         self.redone as f64 > MOST_REDONE * self.steps as f64
     }
 
-    /// Wall time by stage: that of slow steps as it was measured, the rest as the device's ticks divide it.
+    /// Wall time by stage: the host's measure for slow steps, for all others the time that the device's ticks divide.
     fn times(&self) -> StageTimes {
         let StageTimes { cast, cover, reduce } = self.slow;
         let rest = self.begun.elapsed().saturating_sub(cast + cover + reduce);
@@ -201,8 +212,6 @@ impl<'a> Pipeline<'a> {
     ) -> Result<(), BackendError> {
         let Some(Pending { step, stages, results }) = pending else { return Ok(()) };
         let is_whole = self.device.finish(results, |parts| {
-            let words = |part: usize| -> &[u32] { bytemuck::cast_slice(parts[part]) };
-            let made = if batch.sums { 2 } else { 1 };
             if let Some(clocked) = self.device.stamps() {
                 let stamps = bytemuck::pod_collect_to_vec(parts[parts.len() - 1]);
                 let before: u64 = clock.ticks.iter().sum();
@@ -211,17 +220,15 @@ impl<'a> Pipeline<'a> {
                 self.device.count(|traffic| traffic.busy += worked);
             }
             if self.task.ends_at_hits() {
-                let counters = words(made);
+                // They stand behind the results.
+                let place = if batch.sums { 2 } else { 1 };
+                let counters: &[u32] = bytemuck::cast_slice(parts[place]);
                 if counters[0] > 0 {
                     return false;
                 }
                 take(&step.chunk, step.turn, ChunkResult::Hits(&counters[1..]));
             }
-            let made = match batch.sums {
-                true => ChunkResult::Sums { totals: words(0), partials: words(1) },
-                false => ChunkResult::Bitmaps(words(0)),
-            };
-            take(&step.chunk, step.turn, made);
+            take(&step.chunk, step.turn, ChunkResult::made(parts, batch.sums));
             true
         })?;
         if !is_whole {
@@ -270,12 +277,7 @@ impl<'a> Pipeline<'a> {
         };
         let results = self.device.start("summing", record, &self.results(chunk, batch))?;
         self.device.finish(results, |parts| {
-            let words = |part: usize| bytemuck::cast_slice(parts[part]);
-            let made = match batch.sums {
-                true => ChunkResult::Sums { totals: words(0), partials: words(1) },
-                false => ChunkResult::Bitmaps(words(0)),
-            };
-            take(chunk, *turn, made);
+            take(chunk, *turn, ChunkResult::made(parts, batch.sums));
         })?;
         lap(&mut clock.slow.reduce);
         Ok(())

@@ -118,7 +118,7 @@ pub struct SelfTest {
     pub wrong: usize,
     /// The first wrong answers.
     pub examples: Vec<WrongAnswer>,
-    /// What the device gets wrong, a sentence for each kind of arithmetic.
+    /// Arithmetic that the device gets wrong, a sentence for each kind.
     pub causes: Vec<String>,
     /// True if it fuses a·b + c into one rounding.
     pub fuses: bool,

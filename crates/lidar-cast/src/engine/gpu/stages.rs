@@ -201,7 +201,7 @@ impl Pipeline<'_> {
         Ok(standing.covered_by_host.par_iter().map(cover).collect())
     }
 
-    /// Writes bitmaps by sensor over those of the kernel.
+    /// Replaces the kernel's bitmaps of some sensors.
     pub(super) fn write_bitmaps(&self, bitmaps: &[(usize, Vec<u32>)]) {
         for (sensor, bitmap) in bitmaps {
             let first = *sensor as u64 * u64::from(self.bitmap_words());
