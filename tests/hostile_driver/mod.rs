@@ -113,7 +113,18 @@ fn hostile_driver_changes_no_sum_of_the_own_scenes() {
         let want = cpu(&problem).tally(&placements(), None).unwrap();
         assert!(want.iter().filter(|tally| tally.hits > 0).count() > 15, "{name}");
         assert_eq!(device.tally(&placements(), None).unwrap(), want, "{name}");
+        let [hits, hit, voxels, covered] = differences(&problem, &poses(), hostile);
+        assert_eq!([hits, voxels], [0, 0], "{name}: of {hit} hits and {covered} voxels");
     }
+}
+
+/// Poses of all placements, but those so far away that they meet nothing.
+fn poses() -> Vec<SensorPose> {
+    placements()
+        .into_iter()
+        .flat_map(|placement| placement.lidars)
+        .filter(|pose| pose.x < 1e3)
+        .collect()
 }
 
 /// Kernels whose arithmetic is as WGSL has it: the driver shows itself, or the test above could not fail.
@@ -125,6 +136,12 @@ fn hostile_driver_changes_kernels_of_plain_arithmetic() {
             differences(&problem, &sensors(1.0), hostile_to_plain_arithmetic);
         println!("{hits} of {hit} hits and {voxels} of {covered} voxels differ");
         assert!(hits >= least[0] && voxels >= least[1], "{hits} of {hit}, {voxels} of {covered}");
+    }
+    for name in SCENES {
+        let problem = Own::new(&description(name)).problem;
+        let [hits, hit, ..] = differences(&problem, &poses(), hostile_to_plain_arithmetic);
+        println!("{name}: {hits} of {hit} hits differ");
+        assert!(hits >= 100, "{name}: {hits} of {hit}");
     }
     // Flushed denormals turn decisions.
     let tiny = 1e-19;
