@@ -1,6 +1,7 @@
 //! Equipment of a vehicle: against every combination of a small one, and what must be seen.
 
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use sightline::engine::EngineChoice;
 use sightline::problem::Problem;
@@ -121,6 +122,45 @@ fn the_choice_tells_how_far_it_is_and_stops_when_told() {
     assert!(told.iter().any(|(work, ..)| *work == Work::Equipment));
     assert!(told.iter().any(|(work, ..)| *work == Work::Exchanges));
     assert!(told.iter().all(|(_, done, total)| done < total), "{told:?}");
+}
+
+#[test]
+fn time_that_ends_at_any_moment_leaves_a_rig() {
+    // No mount must hold a sensor: a choice that is cut before its first has none.
+    let vehicle = vehicle(Vec::new());
+    let (suite, objective) = (problem(5, &vehicle).into(), "information_gain".parse().unwrap());
+    for moment in 0..4 {
+        let deadline = Instant::now() + Duration::from_millis(300);
+        let mut exchanges = 0;
+        let mut wait = |event: &Event| {
+            if let Event::Progress { work: Work::Exchanges, .. } = event {
+                if exchanges == moment {
+                    std::thread::sleep(deadline.saturating_duration_since(Instant::now()));
+                }
+                exchanges += 1;
+            }
+            true
+        };
+        let (limits, engine) = (Limits::budget(14.0), EngineChoice::cpu());
+        let opened = Equipping::open(
+            &suite,
+            &vehicle,
+            &objective,
+            limits,
+            &engine,
+            Some(deadline),
+            &mut wait,
+        );
+        let mut choice = opened.unwrap().expect("nobody stops it");
+        let rig = loop {
+            match choice.step(&mut wait) {
+                EquipStep::On => {}
+                EquipStep::OutOfTime(rig) => break rig,
+                other => panic!("cut at {moment}: {other:?}"),
+            }
+        };
+        assert!(!rig.equipment.is_empty() && rig.cost <= 14.0, "cut at {moment}: {rig:?}");
+    }
 }
 
 #[test]

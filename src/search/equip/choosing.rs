@@ -67,11 +67,12 @@ pub struct Choosing {
 }
 
 impl Choosing {
-    /// True if all of its poses are on a grid of `poses` poses.
+    /// True if each end is a rig whose poses are all on a grid of `poses` poses.
     pub(super) fn fits(&self, poses: u32) -> bool {
         let climbing = self.climb.iter().map(|climb| &climb.poses);
-        let is_rig =
-            |end: &Vec<u32>| end.len() <= MAX_LIDARS && end.iter().all(|&pose| pose < poses);
+        let is_rig = |end: &Vec<u32>| {
+            (1..=MAX_LIDARS).contains(&end.len()) && end.iter().all(|&pose| pose < poses)
+        };
         self.ends.len() <= 2 && self.ends.iter().chain(climbing).all(is_rig)
     }
 }
@@ -268,20 +269,22 @@ impl Equip {
         }
         let mut ends = state.ends.clone();
         ends.extend(state.climb.iter().map(|climb| climb.poses.clone()));
-        // Ends that hold the least count on each mount come first: others are no equipment.
+        // Rigs come first: an end that lacks a sensor is no equipment.
         let (whole, part): (Vec<_>, Vec<_>) = ends
             .into_iter()
             .chain([Self::poses(&self.filled(grown))])
-            .partition(|end| self.keeps_counts(&self.choices(end)));
+            .partition(|end| self.is_rig(&self.choices(end)));
         EquipStep::OutOfTime(self.better(if whole.is_empty() { &part } else { &whole }))
     }
 
-    /// `chosen`, and for mounts that must hold more the cheapest sensors that fit.
+    /// `chosen`, and for mounts that must hold more the cheapest sensors that fit; the cheapest of all where no mount
+    /// must hold any and nothing is chosen.
     fn filled(&self, mut chosen: Vec<Choice>) -> Vec<Choice> {
-        while !self.keeps_counts(&chosen) {
+        let all_may_be_empty = self.vehicle.mounts.iter().all(|mount| mount.count[0] == 0);
+        while !self.is_rig(&chosen) {
             let lacks = |mount: usize| {
                 let on = chosen.iter().filter(|choice| choice.mount == mount).count();
-                on < self.vehicle.mounts[mount].count[0]
+                all_may_be_empty || on < self.vehicle.mounts[mount].count[0]
             };
             let candidates = self.candidates(&chosen).into_iter();
             let next = candidates.filter(|group| group.choices().any(|one| lacks(one.mount)));
@@ -364,7 +367,7 @@ impl Equip {
             return false;
         }
         let worth = self.worth(&other);
-        if worth > held * (1.0 + 1e-9) && self.keeps_counts(&other) {
+        if worth > held * (1.0 + 1e-9) && self.is_rig(&other) {
             *climb = Climb { poses: Self::poses(&other), round: climb.round + 1, index: 0 };
         } else {
             climb.index += 1;
@@ -372,9 +375,11 @@ impl Equip {
         true
     }
 
-    fn keeps_counts(&self, chosen: &[Choice]) -> bool {
+    /// True if there is a sensor, and each mount holds at least the least count that it may.
+    fn is_rig(&self, chosen: &[Choice]) -> bool {
         let on = |mount: usize| chosen.iter().filter(|choice| choice.mount == mount).count();
-        self.vehicle.mounts.iter().enumerate().all(|(k, mount)| on(k) >= mount.count[0])
+        !chosen.is_empty()
+            && self.vehicle.mounts.iter().enumerate().all(|(k, mount)| on(k) >= mount.count[0])
     }
 
     fn equipped(&mut self, chosen: &[Choice]) -> Equipped {
