@@ -139,6 +139,7 @@ pub mod internals {
     pub use crate::report::sensor_svg::sensor_svg;
     pub use crate::report::shared::{overlap_text, redundancy_text};
     pub use crate::report::study::study_plot;
+    pub use crate::report::sweep::sweep_text;
     pub use crate::report::table::{ScoreColumn, optional};
     pub use crate::report::targets::{range_card_text, targets_text};
     pub use crate::report::text::{align_columns, findings_text, poses_text, study_text, visible};

@@ -66,6 +66,10 @@ const COMMANDS: &[(&str, &[&str])] = &[
     ("view town.json p.json:p --backend cpu --out", &["town.json", "m.obj", "p.json"]),
     ("cast town.json p.json --backend cpu --out", &["town.json", "m.obj", "p.json"]),
     ("study nearfield town.json p.json --backend cpu --out", &["town.json", "m.obj", "p.json"]),
+    (
+        "study sweep town.json p.json --of 0.z --from 1 --to 2 --values 2 --backend cpu --out",
+        &["town.json", "m.obj", "p.json"],
+    ),
     ("psog build town.json --out", &["town.json", "m.obj"]),
     ("psog merge corridor.psog.npz corridor.psog.npz --out", &["corridor.psog.npz"]),
     ("sensor info ouster.json --out", &["ouster.json"]),

@@ -26,6 +26,7 @@ mod sensor;
 mod shared;
 mod shell;
 mod study;
+mod sweep;
 mod targets;
 mod terminal;
 mod usage;

@@ -15,19 +15,19 @@ use super::exit::Exit;
 
 /// Frames, weather, engine and form of the answer.
 #[derive(clap::Args)]
-struct Common {
+pub(super) struct Common {
     /// Average over this many frames, spread evenly over each scene [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
     /// How to print the result
     #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
+    pub format: Format,
     #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
-    named: Named,
+    pub named: Named,
     #[command(flatten)]
-    compute: Compute,
+    pub compute: Compute,
 }
 
 #[derive(clap::Args)]
@@ -70,7 +70,7 @@ pub struct OverlapArgs {
 }
 
 impl Common {
-    fn request(&self, files: &[PathBuf]) -> SharedRequest {
+    pub fn request(&self, files: &[PathBuf]) -> SharedRequest {
         let conditions = self.conditions.condition.clone();
         SharedRequest { files: files.to_vec(), frames: self.frames, conditions }
     }

@@ -12,7 +12,7 @@ use serde_json::json;
 
 use super::args::{Compute, Conditions, Format, at_least_one, whole};
 use super::exit::Exit;
-use super::{near_field, shared, targets};
+use super::{near_field, shared, sweep, targets};
 
 /// A study of one table is a command of its own; all others name their kind.
 pub enum Command {
@@ -21,6 +21,7 @@ pub enum Command {
     Targets(Box<targets::Args>),
     Redundancy(Box<shared::RedundancyArgs>),
     Overlap(Box<shared::OverlapArgs>),
+    Sweep(Box<sweep::Args>),
 }
 
 /// Names of the studies that are commands.
@@ -28,6 +29,7 @@ const NEAR_FIELD: &str = "nearfield";
 const TARGETS: &str = "targets";
 const REDUNDANCY: &str = "redundancy";
 const OVERLAP: &str = "overlap";
+const SWEEP: &str = "sweep";
 
 impl clap::FromArgMatches for Command {
     fn from_arg_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
@@ -43,6 +45,9 @@ impl clap::FromArgMatches for Command {
             }
             Some((OVERLAP, matches)) => {
                 Self::Overlap(Box::new(shared::OverlapArgs::from_arg_matches(matches)?))
+            }
+            Some((SWEEP, matches)) => {
+                Self::Sweep(Box::new(sweep::Args::from_arg_matches(matches)?))
             }
             _ => Self::Make(Box::new(Args::from_arg_matches(matches)?)),
         })
@@ -64,11 +69,15 @@ impl clap::Args for Command {
             .about("Voxels, ground and targets that no, one, two, three and more LiDARs see");
         let overlap = shared::OverlapArgs::augment_args(clap::Command::new(OVERLAP))
             .about("Surfaces and directions that pairs of LiDARs share, and which LiDARs cannot be calibrated by pairs");
+        let sweep = sweep::Args::augment_args(clap::Command::new(SWEEP)).about(
+            "One pose field of one LiDAR moved through a range: scores, requirements, rules",
+        );
         Args::augment_args(command)
             .subcommand(near)
             .subcommand(targets)
             .subcommand(redundancy)
             .subcommand(overlap)
+            .subcommand(sweep)
             .args_conflicts_with_subcommands(true)
             .subcommand_negates_reqs(true)
     }
@@ -89,6 +98,7 @@ impl clap::Args for Command {
   sightline study targets scenes/placements.json --vehicle scenes/vehicles/car.json
   sightline study redundancy scenes/highway.json scenes/placements.json
   sightline study overlap scenes/highway.json scenes/placements.json
+  sightline study sweep scenes/highway.json mine.json --of 0.pitch --from -10 --to 20
   sightline study transfer scenes/highway.json scenes/residential.json
 
 A study writes study.json, table.csv and chart.svg into its folder. The same command goes on with an
@@ -152,6 +162,7 @@ pub fn run(command: &Command) -> Result<Exit, Error> {
         Command::Targets(args) => targets::run(args),
         Command::Redundancy(args) => shared::run_redundancy(args),
         Command::Overlap(args) => shared::run_overlap(args),
+        Command::Sweep(args) => sweep::run(args),
     }
 }
 

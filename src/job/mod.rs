@@ -7,6 +7,7 @@
 //! | `files` | a job as its files and options say it, to be saved and repeated |
 //! | `fewest` | how few sensors meet the requirements, step by step |
 //! | `shared` | things by the number of LiDARs that see them, overlap of pairs |
+//! | `sweep` | one pose field of one LiDAR moved through a range |
 //! | `front` | the front of two or three objectives |
 //! | `tolerance` | requirements in copies that are mounted a little off |
 //! | `error` | why a job cannot be posed or searched |
@@ -20,6 +21,7 @@ mod front;
 mod scene;
 mod search;
 mod shared;
+mod sweep;
 mod tolerance;
 
 use std::sync::{Arc, OnceLock};
@@ -44,6 +46,7 @@ pub use front::{
 pub use scene::JobScene;
 use scene::{Frames, Worth};
 pub use search::{Found, JobRun, JobState, JobStep};
+pub use sweep::{Sweep, SweepRow, SweptField};
 pub use tolerance::Tolerance;
 
 /// The main job: poses for the LiDARs of a vehicle, in one scene or several.

@@ -7,7 +7,7 @@
 //! | `by_scene` | gains in each of several scenes |
 //! | `table` | columns of scores |
 //! | `svg` | parts of every drawing: page, colours, axes |
-//! | `plot`, `plot_labels`, `convergence`, `study` | plain charts of some series |
+//! | `plot`, `plot_labels`, `convergence`, `study`, `sweep` | plain charts of some series |
 //! | `sensor`, `sensor_svg` | facts of a sensor file |
 //! | `chart`, `chart_labels`, `chart_table`, `chart_text`, `chart_words` | cost against ranking error |
 //! | `audit`, `verification`, `psog`, `rig` | results of these commands as text |
@@ -47,6 +47,7 @@ pub(crate) mod sensor_svg;
 pub(crate) mod shared;
 pub(crate) mod study;
 mod svg;
+pub(crate) mod sweep;
 pub(crate) mod table;
 pub(crate) mod targets;
 pub(crate) mod text;

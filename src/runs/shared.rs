@@ -139,14 +139,14 @@ pub fn overlap(
 }
 
 /// A job over the scenes of a request with its engines, and the placements.
-struct Opened {
-    job: Job,
-    evaluator: Evaluator,
-    placements: Vec<Placement>,
+pub(super) struct Opened {
+    pub job: Job,
+    pub evaluator: Evaluator,
+    pub placements: Vec<Placement>,
 }
 
 impl Opened {
-    fn new(
+    pub fn new(
         request: &SharedRequest,
         scenes: &[PathBuf],
         file: &Path,
@@ -179,7 +179,7 @@ impl Opened {
         computing.watcher.bar(rows as u64, Some("placements"))
     }
 
-    fn finish(&self, computing: &Computing<'_>) {
+    pub fn finish(&self, computing: &Computing<'_>) {
         if !computing.watcher.goes_on() {
             computing.watcher.note_interrupted(None);
         }

@@ -243,6 +243,13 @@ impl Constraints {
         chosen
     }
 
+    /// The mount that each LiDAR of a placement stands on, by its model and pose: the nearest free one; `None` where none
+    /// is left for its model.
+    pub fn mounts_of(&self, lidars: &[SensorPose]) -> Vec<Option<&Region>> {
+        let slots = self.slots_of(lidars).into_iter();
+        slots.map(|slot| slot.map(|slot| &*self.slots[slot].region)).collect()
+    }
+
     /// The LiDARs of a placement in the order of the slots; `None` unless each slot has one.
     pub fn in_slots(&self, lidars: &[SensorPose]) -> Option<Vec<SensorPose>> {
         if lidars.len() != self.slots.len() {

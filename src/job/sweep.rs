@@ -1,0 +1,214 @@
+//! One pose field of one LiDAR, moved through a range: scores, requirements and rules at each value.
+
+use serde::Serialize;
+
+use super::{Job, JobError};
+use crate::score::Scores;
+use crate::search::Evaluator;
+use crate::vehicle::{Constraints, Placement, SensorPose};
+
+/// Names of the pose fields, in the order of [`SensorPose::values`].
+const FIELDS: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
+/// Number of the first angle among them.
+const FIRST_ANGLE: usize = 3;
+
+/// A pose field of one LiDAR of a placement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SweptField {
+    /// Number of the LiDAR in the placement.
+    pub lidar: usize,
+    field: usize,
+}
+
+/// A placement with one field moved through some values; one that is interrupted holds the first rows.
+#[derive(Debug, Clone, Serialize)]
+pub struct Sweep {
+    /// Name of the placement.
+    pub placement: String,
+    /// Number of the LiDAR.
+    pub lidar: usize,
+    /// Pose field.
+    pub field: &'static str,
+    /// `m` or `deg`.
+    pub unit: &'static str,
+    /// The placement as it is given, then the values in their order.
+    pub rows: Vec<SweepRow>,
+}
+
+impl Sweep {
+    pub(crate) fn new(placement: &Placement, field: SweptField, rows: Vec<SweepRow>) -> Self {
+        let (placement, lidar) = (placement.name.clone(), field.lidar);
+        Self { placement, lidar, field: field.name(), unit: field.unit(), rows }
+    }
+}
+
+/// A placement with one field at a value.
+#[derive(Debug, Clone, Serialize)]
+pub struct SweepRow {
+    /// Metres, or degrees of an angle.
+    pub value: f64,
+    /// True for the placement as it is given.
+    pub as_given: bool,
+    /// Rules of the mounts that it breaks, in words; empty where it keeps all.
+    pub broken_rules: Vec<String>,
+    /// Scores, requirements and blind sectors; means over several scenes.
+    pub scores: Scores,
+}
+
+impl SweptField {
+    /// Finds the field that `text` names: `LIDAR.FIELD`, where LIDAR is the number of a LiDAR, or the name of a mount
+    /// or model that one LiDAR has, and FIELD is x, y, z, roll, pitch or yaw.
+    ///
+    /// # Errors
+    /// A sentence: no such LiDAR or field, or several LiDARs of that name.
+    pub fn find(
+        text: &str,
+        placement: &Placement,
+        constraints: &Constraints,
+    ) -> Result<Self, String> {
+        let Some((lidar, field)) = text.rsplit_once('.') else {
+            return Err(format!("`{text}` names no field; write LIDAR.FIELD, as 0.pitch"));
+        };
+        let field = FIELDS.iter().position(|name| *name == field).ok_or_else(|| {
+            format!("`{field}` is no pose field; there are {}", FIELDS.join(", "))
+        })?;
+        let count = placement.lidars.len();
+        if let Ok(number) = lidar.parse::<usize>() {
+            let name = &placement.name;
+            return (number < count).then_some(Self { lidar: number, field }).ok_or_else(|| {
+                format!("placement `{name}` has no LiDAR {number}; it has {count}, the first is 0")
+            });
+        }
+        let mounts = constraints.mounts_of(&placement.lidars);
+        let names = |k: usize| {
+            let mount = mounts[k].map(|mount| mount.name.clone()).unwrap_or_default();
+            [mount, placement.lidars[k].sensor.to_string()]
+        };
+        let named: Vec<usize> =
+            (0..count).filter(|&k| names(k).iter().any(|n| n == lidar)).collect();
+        match named[..] {
+            [lidar] => Ok(Self { lidar, field }),
+            [] => {
+                let mut known: Vec<String> = (0..count).flat_map(names).collect();
+                known.retain(|name| !name.is_empty());
+                known.sort();
+                known.dedup();
+                known.insert(0, format!("0 to {}", count - 1));
+                let (name, known) = (&placement.name, known.join(", "));
+                Err(format!("placement `{name}` has no LiDAR `{lidar}`; its LiDARs are {known}"))
+            }
+            _ => {
+                let numbers: Vec<String> = named.iter().map(usize::to_string).collect();
+                let (name, numbers) = (&placement.name, numbers.join(", "));
+                Err(format!(
+                    "`{lidar}` is each of the LiDARs {numbers} of placement `{name}`; give a number"
+                ))
+            }
+        }
+    }
+
+    /// Name of the field.
+    pub fn name(self) -> &'static str {
+        FIELDS[self.field]
+    }
+
+    /// Unit of its values: `m` or `deg`.
+    pub fn unit(self) -> &'static str {
+        if self.field < FIRST_ANGLE { "m" } else { "deg" }
+    }
+
+    /// Its value in a placement, metres or degrees.
+    pub fn value_in(self, placement: &Placement) -> f64 {
+        let value = placement.lidars[self.lidar].values()[self.field];
+        if self.field < FIRST_ANGLE { value } else { value.to_degrees() }
+    }
+
+    /// A placement with the field at a value, metres or degrees.
+    pub fn moved(self, placement: &Placement, value: f64) -> Placement {
+        let mut moved = placement.clone();
+        let pose = &mut moved.lidars[self.lidar];
+        let mut values = pose.values();
+        values[self.field] = if self.field < FIRST_ANGLE { value } else { value.to_radians() };
+        let [x, y, z, roll, pitch, yaw] = values;
+        *pose = SensorPose { x, y, z, roll, pitch, yaw, ..*pose };
+        moved
+    }
+}
+
+impl Job {
+    /// Scores a placement as it is, and with one field at each of some values, metres or degrees.
+    ///
+    /// # Errors
+    /// See [`Self::evaluator`]; an engine that fails, a sensor that the vehicle does not have.
+    pub fn sweep(
+        &self,
+        placement: &Placement,
+        field: SweptField,
+        values: &[f64],
+    ) -> Result<Sweep, JobError> {
+        let (mut evaluator, _) = self.evaluator(|_| {})?;
+        let as_given = std::iter::once(None);
+        let values: Vec<_> = as_given.chain(values.iter().copied().map(Some)).collect();
+        let rows = self.sweep_rows(&mut evaluator, placement, field, &values)?;
+        Ok(Sweep::new(placement, field, rows))
+    }
+
+    /// Rows at some values; `None` is the placement as it is.
+    pub(crate) fn sweep_rows(
+        &self,
+        evaluator: &mut Evaluator,
+        placement: &Placement,
+        field: SweptField,
+        values: &[Option<f64>],
+    ) -> Result<Vec<SweepRow>, JobError> {
+        let moved = |value: &Option<f64>| match value {
+            Some(value) => field.moved(placement, *value),
+            None => placement.clone(),
+        };
+        let moved: Vec<Placement> = values.iter().map(moved).collect();
+        let judged = evaluator.judged(&moved)?;
+        let mut scores: Vec<Scores> = judged.into_iter().map(|judged| judged.scores).collect();
+        self.add_range_cards(moved.iter().zip(&mut scores))?;
+        let problem = self.problem()?;
+        let row = |((value, placement), scores): ((&Option<f64>, &Placement), Scores)| {
+            let broken = problem.constraints().violations(placement);
+            SweepRow {
+                value: value.unwrap_or_else(|| field.value_in(placement)),
+                as_given: value.is_none(),
+                broken_rules: broken.iter().map(ToString::to_string).collect(),
+                scores,
+            }
+        };
+        Ok(values.iter().zip(&moved).zip(scores).map(row).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_field_is_named_by_number_mount_or_model_and_moves_alone() {
+        let lidar = |x: f64| SensorPose::from_values([x, 0.0, 2.0, 0.0, 0.1, 0.0]);
+        let placement = Placement { name: "two".into(), lidars: vec![lidar(0.5), lidar(-0.5)] };
+        let constraints = Constraints::in_box([-1.0; 6], [3.0; 6], 2);
+        let find = |text: &str| SweptField::find(text, &placement, &constraints);
+        let pitch = find("1.pitch").unwrap();
+        assert_eq!((pitch.lidar, pitch.name(), pitch.unit()), (1, "pitch", "deg"));
+        assert!((pitch.value_in(&placement) - 0.1_f64.to_degrees()).abs() < 1e-12);
+        let moved = pitch.moved(&placement, 90.0);
+        assert_eq!(moved.lidars[0], placement.lidars[0]);
+        let wanted = SensorPose { pitch: std::f64::consts::FRAC_PI_2, ..placement.lidars[1] };
+        assert_eq!(moved.lidars[1], wanted);
+        assert_eq!(find("0.z").unwrap().moved(&placement, 1.5).lidars[0].z, 1.5);
+        for (text, part) in [
+            ("pitch", "write LIDAR.FIELD"),
+            ("0.tilt", "`tilt` is no pose field; there are x, y"),
+            ("2.x", "has no LiDAR 2; it has 2"),
+            ("roof.x", "has no LiDAR `roof`; its LiDARs are 0 to 1"),
+        ] {
+            let error = find(text).unwrap_err();
+            assert!(error.contains(part), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! One pose field of one LiDAR moved through a range, in scene files.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::inputs::Files;
+use super::shared::{Opened, SharedRequest};
+use super::{Computing, Error};
+use crate::files::{Session, writable_file, write_whole};
+use crate::job::{Sweep, SweptField};
+use crate::report::sweep::sweep_plot;
+use crate::scan::conditions::in_words;
+use crate::vehicle::Placement;
+
+/// Most values of a sweep.
+pub const MOST_VALUES: u32 = 1000;
+/// Values that are scored between two questions whether to go on.
+const AT_ONCE: usize = 8;
+
+/// A field, its range, and what it is looked at in.
+#[derive(Debug, Clone)]
+pub struct SweepRequest {
+    /// Scenes, none for level ground, and a file of placements; frames and weather.
+    pub shared: SharedRequest,
+    /// `LIDAR.FIELD`, see [`SweptField::find`].
+    pub field: String,
+    /// First value, metres or degrees.
+    pub from: f64,
+    /// Last value.
+    pub to: f64,
+    /// Values from the first to the last, at equal distances.
+    pub values: u32,
+    /// SVG file for the chart of a single placement.
+    pub out: Option<PathBuf>,
+}
+
+/// Rows of every placement.
+#[derive(Debug, Serialize)]
+pub struct SweepFound {
+    /// Weather and faults, as they are written.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub conditions: Vec<String>,
+    /// A sweep a placement.
+    pub sweeps: Vec<Sweep>,
+}
+
+/// Scores each placement as it is given and with the field at each value.
+///
+/// # Errors
+/// Files that cannot be read, a LiDAR or field that a placement does not have, a range of no length.
+pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepFound, Error> {
+    let _session = Session::begin();
+    let SweepRequest { from, to, .. } = *request;
+    if !(from.is_finite() && to.is_finite()) || from == to {
+        let range = format!("--from {from} --to {to}");
+        return Err(Error::Usage(format!("{range}: give two different numbers")));
+    }
+    if let Some(out) = &request.out {
+        writable_file(out)?;
+    }
+    let (scenes, file) = Files::or_level_ground(&request.shared.files, computing)?;
+    let mut opened = Opened::new(&request.shared, &scenes, &file, computing)?;
+    let fields = opened.fields(&request.field, &file.display().to_string())?;
+    if request.out.is_some() && opened.placements.len() > 1 {
+        let words = "--out draws one placement; leave the other placements out of the file";
+        return Err(Error::Usage(format!("{}: {words}", file.display())));
+    }
+    let steps = f64::from(request.values - 1).max(1.0);
+    let value = |k: u32| from + (to - from) * f64::from(k) / steps;
+    let as_given = std::iter::once(None);
+    let values: Vec<Option<f64>> =
+        as_given.chain((0..request.values).map(|k| Some(value(k)))).collect();
+    let total = values.len() * opened.placements.len();
+    let bar = computing.watcher.bar(total as u64, Some("placements"));
+    let mut sweeps = Vec::new();
+    for (placement, field) in opened.placements.clone().iter().zip(fields) {
+        let mut rows = Vec::new();
+        for some in values.chunks(AT_ONCE).take_while(|_| computing.watcher.goes_on()) {
+            rows.extend(opened.job.sweep_rows(&mut opened.evaluator, placement, field, some)?);
+            bar.advance(some.len() as u64);
+        }
+        sweeps.push(Sweep::new(placement, field, rows));
+    }
+    drop(bar);
+    opened.finish(computing);
+    let finished = request.out.as_ref().filter(|_| computing.watcher.goes_on());
+    if let (Some(out), [sweep]) = (finished, &sweeps[..]) {
+        let svg = sweep_plot(sweep);
+        write_whole(out, |file| file.write_all(svg.as_bytes()).map_err(Error::io(out)))?;
+    }
+    Ok(SweepFound { conditions: in_words(&request.shared.conditions), sweeps })
+}
+
+impl Opened {
+    /// The field that `text` names in each placement of a file.
+    fn fields(&self, text: &str, file: &str) -> Result<Vec<SweptField>, Error> {
+        let problem = self.job.problem()?;
+        let find = |placement: &Placement| {
+            let found = SweptField::find(text, placement, problem.constraints());
+            found.map_err(|error| Error::Usage(format!("{file}: --of {text}: {error}")))
+        };
+        self.placements.iter().map(find).collect()
+    }
+}

@@ -1,0 +1,148 @@
+//! `study sweep` against `score` of placements moved by hand, from outside.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+use sightline::job::SweptField;
+use sightline::{EngineChoice, Job, Scene, read_placements};
+use tempfile::TempDir;
+
+use crate::cli::{fails, ok, sightline};
+use crate::cli_shared::yard;
+
+/// The yard, whose vehicle must see a car, and a rig of two models.
+fn required_yard() -> TempDir {
+    let dir = yard();
+    let path = dir.path().join("cart.json");
+    let mut vehicle: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    vehicle["require"] = json!([{ "target": "car", "within": 20, "share": 0.9 }]);
+    fs::write(&path, vehicle.to_string()).unwrap();
+    write_rig(dir.path(), "two.json", 1.0, 0.0);
+    dir
+}
+
+/// A LiDAR that turns and one that looks ahead, from `z` metres with a pitch in radians.
+fn write_rig(dir: &Path, name: &str, z: f64, pitch: f64) {
+    let lidars = json!([
+        { "x": 0.5, "y": 0.5, "z": 1.9, "sensor": "wide" },
+        { "x": 2.1, "y": 0, "z": z, "pitch": pitch, "sensor": "front" }]);
+    let rigs = json!({ "placements": [{ "name": "two", "lidars": lidars }] });
+    fs::write(dir.join(name), rigs.to_string()).unwrap();
+}
+
+fn sweep(dir: &Path, more: &[&str]) -> Value {
+    let args = ["study", "sweep", "yard.json", "two.json", "--backend", "cpu", "--frames", "2"];
+    ok(dir, &[&args[..], more].concat())["sweeps"][0].clone()
+}
+
+/// Scores of a rig as `score` prints them.
+fn scored(dir: &Path, name: &str) -> Value {
+    let args =
+        ["score", "yard.json", name, "--backend", "cpu", "--frames", "2", "--tolerance", "0"];
+    ok(dir, &args)["scores"][0].clone()
+}
+
+fn assert_scores(row: &Value, score: &Value) {
+    for key in ["near_gain", "information_gain", "covered", "hit_share", "requirements"] {
+        assert!(!score[key].is_null(), "{key}");
+        assert_eq!(row["scores"][key], score[key], "{key}");
+    }
+}
+
+#[test]
+fn each_row_is_the_score_of_the_placement_moved_by_hand() {
+    let dir = required_yard();
+    let of = ["--of", "front.pitch", "--from", "-10", "--to", "20", "--values", "4"];
+    let found = sweep(dir.path(), &of);
+    assert_eq!(
+        (found["lidar"].as_u64(), &found["field"], &found["unit"]),
+        (Some(1), &json!("pitch"), &json!("deg"))
+    );
+    let rows = found["rows"].as_array().unwrap();
+    let values: Vec<f64> = rows.iter().map(|row| row["value"].as_f64().unwrap()).collect();
+    assert_eq!(values, [0.0, -10.0, 0.0, 10.0, 20.0]);
+    assert_eq!(rows.iter().filter(|row| row["as_given"] == true).count(), 1);
+    assert_scores(&rows[0], &scored(dir.path(), "two.json"));
+    for row in &rows[1..] {
+        write_rig(dir.path(), "moved.json", 1.0, row["value"].as_f64().unwrap().to_radians());
+        assert_scores(row, &scored(dir.path(), "moved.json"));
+    }
+    let covered: Vec<f64> =
+        rows[1..].iter().map(|row| row["scores"]["covered"].as_f64().unwrap()).collect();
+    assert!(covered.windows(2).all(|pair| pair[0] != pair[1]), "{covered:?}");
+    // The mount allows 0.3 rad, which is 17.2°.
+    let broken: Vec<usize> =
+        rows.iter().map(|row| row["broken_rules"].as_array().unwrap().len()).collect();
+    assert_eq!(broken, [0, 0, 0, 0, 1]);
+    let by_number =
+        sweep(dir.path(), &["--of", "1.z", "--from", "1", "--to", "2", "--values", "2"]);
+    write_rig(dir.path(), "moved.json", 2.0, 0.0);
+    assert_scores(&by_number["rows"][2], &scored(dir.path(), "moved.json"));
+}
+
+#[test]
+fn the_library_has_the_rows_of_the_program() {
+    let dir = required_yard();
+    let found = sweep(dir.path(), &["--of", "1.z", "--from", "0.5", "--to", "3", "--values", "2"]);
+    let scene = Scene::read(dir.path().join("yard.json")).unwrap();
+    let job = Job::new(scene).frames(Some(2)).engine(EngineChoice::cpu());
+    let two = read_placements(&dir.path().join("two.json")).unwrap().remove(0);
+    let field = SweptField::find("1.z", &two, job.problem().unwrap().constraints()).unwrap();
+    let rows = job.sweep(&two, field, &[0.5, 3.0]).unwrap();
+    assert_eq!(serde_json::to_value(&rows).unwrap(), found);
+}
+
+#[test]
+fn a_table_for_people_and_a_chart() {
+    let dir = required_yard();
+    let args = ["study", "sweep", "yard.json", "two.json", "--backend", "cpu", "--frames", "1"];
+    let of = ["--of", "1.z", "--from", "1", "--to", "3", "--values", "3", "--out", "z.svg"];
+    let run = sightline(dir.path(), &[&args[..], &of].concat());
+    assert!(run.status.success(), "{run:?}");
+    let text = String::from_utf8(run.stdout).unwrap();
+    assert!(
+        text.contains("two: z of LiDAR 1") && text.contains("req 1: car to 20 m, 90.0 % required"),
+        "{text}"
+    );
+    assert!(
+        text.contains(
+            "rules broken in 1 of 4 rows; at 3.000 m:\n  LiDAR 1: z is 0.500 outside the mount\n"
+        ),
+        "{text}"
+    );
+    assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
+    let svg = fs::read_to_string(dir.path().join("z.svg")).unwrap();
+    for part in ["near gain", "car to 20 m", "as given", "z, m"] {
+        assert!(svg.contains(part), "{part}");
+    }
+    let level = ["study", "sweep", "two.json", "--vehicle", "cart.json", "--backend", "cpu"];
+    let of = ["--of", "1.pitch", "--from", "0", "--to", "30", "--values", "2"];
+    let found = ok(dir.path(), &[&level[..], &of].concat());
+    // A sensor that looks down by 30° loses a car ahead; the other one sees it to 25 m.
+    let blind = |row: usize| {
+        found["sweeps"][0]["rows"][row]["scores"]["range_card"]["blind"][0]["bearings"].clone()
+    };
+    assert_eq!([blind(1), blind(2)], [json!([52.5, -52.5]), json!([-180.0, 180.0])]);
+}
+
+#[test]
+fn wrong_input_is_one_sentence_each() {
+    let dir = required_yard();
+    let base = ["study", "sweep", "yard.json", "rigs.json", "--backend", "cpu", "--of"];
+    for (more, part) in [
+        (&["0.pitch", "--from", "3", "--to", "3"][..], "give two different numbers"),
+        (&["0.pitch", "--from", "nan", "--to", "3"], "give two different numbers"),
+        (&["0.tilt", "--from", "0", "--to", "3"], "`tilt` is no pose field"),
+        (&["pitch", "--from", "0", "--to", "3"], "write LIDAR.FIELD"),
+        (&["7.x", "--from", "0", "--to", "3"], "has no LiDAR 7; it has 4"),
+        (&["roof.x", "--from", "0", "--to", "3"], "is each of the LiDARs 0, 1, 2, 3"),
+        (&["bonnet.x", "--from", "0", "--to", "3"], "its LiDARs are 0 to 3, front, roof, wide"),
+        (&["0.x", "--from", "0", "--to", "3", "--out", "x.svg"], "--out draws one placement"),
+        (&["0.x", "--from", "0", "--to", "3", "--values", "1"], "--values"),
+    ] {
+        let told = fails(dir.path(), &[&base[..], more].concat());
+        assert!(told.contains(part), "{more:?}: {told}");
+    }
+    assert!(!dir.path().join("x.svg").exists());
+}
