@@ -87,7 +87,7 @@ fn the_library_has_the_rows_of_the_program() {
     let found = sweep(dir.path(), &["--of", "1.z", "--from", "0.5", "--to", "3", "--values", "2"]);
     let scene = Scene::read(dir.path().join("yard.json")).unwrap();
     let job = Job::new(scene).frames(Some(2)).engine(EngineChoice::cpu());
-    let two = read_placements(&dir.path().join("two.json")).unwrap().remove(0);
+    let two = read_placements(dir.path().join("two.json")).unwrap().remove(0);
     let field = SweptField::find("1.z", &two, job.problem().unwrap().constraints()).unwrap();
     let rows = job.sweep(&two, field, &[0.5, 3.0]).unwrap();
     assert_eq!(serde_json::to_value(&rows).unwrap(), found);
