@@ -135,6 +135,7 @@ pub mod internals {
     pub use crate::report::record::peak_memory;
     pub use crate::report::record_text::record_text;
     pub use crate::report::rig::comparison_text;
+    pub use crate::report::room::room_text;
     pub use crate::report::sensor::{SensorFacts, sensor_text};
     pub use crate::report::sensor_svg::sensor_svg;
     pub use crate::report::shared::{overlap_text, redundancy_text};

@@ -1,4 +1,4 @@
-//! `study sweep` against `score` of placements moved by hand, from outside.
+//! `study sweep` and `study tolerance` against `score` of placements moved by hand, from outside.
 
 use std::fs;
 use std::path::Path;
@@ -145,4 +145,75 @@ fn wrong_input_is_one_sentence_each() {
         assert!(told.contains(part), "{more:?}: {told}");
     }
     assert!(!dir.path().join("x.svg").exists());
+}
+
+/// The rig of two, as it is or with its second LiDAR off: true if `score` finds that it meets all requirements.
+fn meets(dir: &Path, z: f64, pitch: f64) -> bool {
+    write_rig(dir, "moved.json", z, pitch);
+    let score = scored(dir, "moved.json");
+    score["requirements"].as_array().unwrap().iter().all(|seen| seen["met"] == true)
+}
+
+#[test]
+fn a_tolerance_ends_where_score_says_that_a_requirement_breaks() {
+    let dir = required_yard();
+    let path = dir.path().join("cart.json");
+    let mut vehicle: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    vehicle["require"] = json!([
+        { "name": "far", "target": "car", "from": 30, "within": 45, "bearing": [-20, 20], "beams": 5, "share": 0.9 },
+        { "name": "near", "target": "car", "within": 20, "share": 0.9 }]);
+    fs::write(&path, vehicle.to_string()).unwrap();
+    let args = ["study", "tolerance", "yard.json", "two.json", "--backend", "cpu", "--frames", "2"];
+    let more = ["--most-mm", "2000", "--most-deg", "20", "--steps", "4"];
+    let found = ok(dir.path(), &[&args[..], &more].concat());
+    let room = &found["rows"][0];
+    assert_eq!((&room["missed"], room["fields"].as_array().unwrap().len()), (&json!([]), 12));
+    assert_eq!(room["copies"].as_array().unwrap().len(), 6);
+    let mut ends = 0;
+    for (field, step, of) in [("z", 500.0, 1e-3), ("pitch", 5.0, 1.0_f64.to_radians())] {
+        let all = room["fields"].as_array().unwrap();
+        let row = all.iter().find(|row| row["lidar"] == 1 && row["field"] == field).unwrap();
+        for (side, sign) in [("down", -1.0), ("up", 1.0)] {
+            let at = |k: f64| {
+                let off = sign * k * step * of;
+                if field == "z" {
+                    meets(dir.path(), 1.0 + off, 0.0)
+                } else {
+                    meets(dir.path(), 1.0, off)
+                }
+            };
+            let first = (1..=4).find(|&k| !at(f64::from(k)));
+            assert_eq!(row[side]["holds_to"], f64::from(first.unwrap_or(5) - 1) * step, "{row}");
+            assert_eq!(
+                row[side]["breaks_at"].as_f64(),
+                first.map(|k| f64::from(k) * step),
+                "{row}"
+            );
+            assert_eq!(row[side]["breaks"].is_null(), first.is_none());
+            ends += usize::from(first.is_some());
+        }
+    }
+    assert!(ends > 0 && ends < 4, "{room}");
+}
+
+#[test]
+fn a_rig_without_room_is_exit_code_1_and_a_vehicle_without_requirements_an_error() {
+    let dir = yard();
+    let args =
+        ["study", "tolerance", "yard.json", "rigs.json", "--backend", "cpu", "--frames", "1"];
+    let told = fails(dir.path(), &args);
+    assert!(
+        told.contains("vehicle `cart`: nothing is required") && told.contains("give its `require`"),
+        "{told}"
+    );
+    let path = dir.path().join("cart.json");
+    let mut vehicle: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    vehicle["require"] = json!([{ "target": "car", "within": 300, "share": 1 }]);
+    fs::write(&path, vehicle.to_string()).unwrap();
+    let run = sightline(dir.path(), &args);
+    assert_eq!(run.status.code(), Some(1), "{run:?}");
+    let text = String::from_utf8(run.stdout).unwrap();
+    assert!(text.contains("NOT MET: car to 300 m") && text.contains("there is no room"), "{text}");
+    let told = fails(dir.path(), &[&args[..], &["--most-mm", "0"]].concat());
+    assert!(told.contains("millimetres above 0"), "{told}");
 }

@@ -19,6 +19,7 @@ mod near_field;
 mod optimize;
 mod psog;
 mod rig;
+mod room;
 mod scan;
 mod scene;
 mod score;

@@ -12,7 +12,7 @@ use serde_json::json;
 
 use super::args::{Compute, Conditions, Format, at_least_one, whole};
 use super::exit::Exit;
-use super::{near_field, shared, sweep, targets};
+use super::{near_field, room, shared, sweep, targets};
 
 /// A study of one table is a command of its own; all others name their kind.
 pub enum Command {
@@ -22,6 +22,7 @@ pub enum Command {
     Redundancy(Box<shared::RedundancyArgs>),
     Overlap(Box<shared::OverlapArgs>),
     Sweep(Box<sweep::Args>),
+    Room(Box<room::Args>),
 }
 
 /// Names of the studies that are commands.
@@ -30,6 +31,7 @@ const TARGETS: &str = "targets";
 const REDUNDANCY: &str = "redundancy";
 const OVERLAP: &str = "overlap";
 const SWEEP: &str = "sweep";
+const TOLERANCE: &str = "tolerance";
 
 impl clap::FromArgMatches for Command {
     fn from_arg_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
@@ -48,6 +50,9 @@ impl clap::FromArgMatches for Command {
             }
             Some((SWEEP, matches)) => {
                 Self::Sweep(Box::new(sweep::Args::from_arg_matches(matches)?))
+            }
+            Some((TOLERANCE, matches)) => {
+                Self::Room(Box::new(room::Args::from_arg_matches(matches)?))
             }
             _ => Self::Make(Box::new(Args::from_arg_matches(matches)?)),
         })
@@ -72,12 +77,15 @@ impl clap::Args for Command {
         let sweep = sweep::Args::augment_args(clap::Command::new(SWEEP)).about(
             "One pose field of one LiDAR moved through a range: scores, requirements, rules",
         );
+        let tolerance = room::Args::augment_args(clap::Command::new(TOLERANCE))
+            .about("How far each LiDAR may be off until a requirement breaks, and which one");
         Args::augment_args(command)
             .subcommand(near)
             .subcommand(targets)
             .subcommand(redundancy)
             .subcommand(overlap)
             .subcommand(sweep)
+            .subcommand(tolerance)
             .args_conflicts_with_subcommands(true)
             .subcommand_negates_reqs(true)
     }
@@ -99,6 +107,7 @@ impl clap::Args for Command {
   sightline study redundancy scenes/highway.json scenes/placements.json
   sightline study overlap scenes/highway.json scenes/placements.json
   sightline study sweep scenes/highway.json mine.json --of 0.pitch --from -10 --to 20
+  sightline study tolerance scenes/highway.json mine.json --vehicle van.json
   sightline study transfer scenes/highway.json scenes/residential.json
 
 A study writes study.json, table.csv and chart.svg into its folder. The same command goes on with an
@@ -163,6 +172,7 @@ pub fn run(command: &Command) -> Result<Exit, Error> {
         Command::Redundancy(args) => shared::run_redundancy(args),
         Command::Overlap(args) => shared::run_overlap(args),
         Command::Sweep(args) => sweep::run(args),
+        Command::Room(args) => room::run(args),
     }
 }
 

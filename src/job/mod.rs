@@ -8,6 +8,7 @@
 //! | `fewest` | how few sensors meet the requirements, step by step |
 //! | `shared` | things by the number of LiDARs that see them, overlap of pairs |
 //! | `sweep` | one pose field of one LiDAR moved through a range |
+//! | `room` | how far each pose field may be off until a requirement breaks |
 //! | `front` | the front of two or three objectives |
 //! | `tolerance` | requirements in copies that are mounted a little off |
 //! | `error` | why a job cannot be posed or searched |
@@ -18,6 +19,7 @@ mod error;
 mod fewest;
 mod files;
 mod front;
+mod room;
 mod scene;
 mod search;
 mod shared;
@@ -43,6 +45,7 @@ pub use front::{
     FRONT_EVALUATIONS, Front, FrontError, FrontObjective, FrontObjectives, FrontPoint,
     FrontStopped, Pick,
 };
+pub use room::{Room, RoomOfCopies, RoomOfField, RoomOfSide, RoomSteps};
 pub use scene::JobScene;
 use scene::{Frames, Worth};
 pub use search::{Found, JobRun, JobState, JobStep};

@@ -117,6 +117,12 @@ impl SweptField {
         if self.field < FIRST_ANGLE { "m" } else { "deg" }
     }
 
+    /// Every field of every LiDAR of a placement.
+    pub(super) fn all(placement: &Placement) -> impl Iterator<Item = Self> {
+        let lidars = 0..placement.lidars.len();
+        lidars.flat_map(|lidar| (0..FIELDS.len()).map(move |field| Self { lidar, field }))
+    }
+
     /// Its value in a placement, metres or degrees.
     pub fn value_in(self, placement: &Placement) -> f64 {
         let value = placement.lidars[self.lidar].values()[self.field];

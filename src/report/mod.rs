@@ -12,6 +12,7 @@
 //! | `chart`, `chart_labels`, `chart_table`, `chart_text`, `chart_words` | cost against ranking error |
 //! | `audit`, `verification`, `psog`, `rig` | results of these commands as text |
 //! | `near_field` | ground near the vehicle that placements see |
+//! | `room` | how far pose fields may be off until a requirement breaks |
 //! | `shared` | things by the number of LiDARs that see them, overlap of pairs |
 //! | `targets` | distances at which targets are met, by bearing |
 //! | `placement`, `map` | a placement on its vehicle, and the information that it gains from above |
@@ -42,6 +43,7 @@ pub(crate) mod psog;
 pub(crate) mod record;
 pub(crate) mod record_text;
 pub(crate) mod rig;
+pub(crate) mod room;
 pub(crate) mod sensor;
 pub(crate) mod sensor_svg;
 pub(crate) mod shared;

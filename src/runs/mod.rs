@@ -12,7 +12,7 @@
 //! | `score` | scores of a batch: as a stream in one scene, with their mean in several |
 //! | `optimize` | a search in a run folder: begun, saved, resumed, recorded |
 //! | `study`, `chart` | experiments in folders of their own, resumed |
-//! | `audit`, `verify`, `bench`, `near_field`, `targets`, `shared`, `sweep`, `view` | experiments of scene files, and the page about a placement |
+//! | `audit`, `verify`, `bench`, `near_field`, `targets`, `shared`, `sweep`, `room`, `view` | experiments of scene files, and the page about a placement |
 //! | `scan`, `cast` | labelled scans as data sets, every beam's hit |
 //! | `psog`, `rig`, `scene` | files of P-SOGs, of rigs and of scenes |
 
@@ -27,6 +27,7 @@ mod opening;
 pub mod optimize;
 pub mod psog;
 pub mod rig;
+pub mod room;
 pub mod scan;
 pub mod scene;
 pub mod score;

@@ -1,0 +1,188 @@
+//! How far each pose field of a placement may be off until a requirement breaks.
+
+use serde::Serialize;
+
+use super::sweep::SweptField;
+use super::{Job, JobError, Tolerance};
+use crate::score::{Scores, Seen};
+use crate::search::Evaluator;
+use crate::vehicle::Placement;
+
+/// Tolerances in which copies are mounted, as multiples of the usual one.
+const COPIES_WITHIN: [f64; 6] = [0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
+
+/// Deviations that are looked at: at equal steps to either side.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct RoomSteps {
+    /// Farthest deviation of a coordinate, millimetres.
+    pub most_mm: f64,
+    /// Farthest deviation of an angle, degrees.
+    pub most_deg: f64,
+    /// Deviations up to the farthest one, on each side.
+    pub steps: u32,
+}
+
+/// Deviations within which a placement keeps its requirements.
+#[derive(Debug, Clone, Serialize)]
+pub struct Room {
+    /// Name of the placement.
+    pub placement: String,
+    /// Requirements that it misses as it is, in words; with any, no deviation is looked at.
+    pub missed: Vec<String>,
+    /// Each field of each LiDAR alone; one that is interrupted has the first ones.
+    pub fields: Vec<RoomOfField>,
+    /// Copies in which all LiDARs are off at once.
+    pub copies: Vec<RoomOfCopies>,
+}
+
+/// How far one field of one LiDAR may be off, all else as it is.
+#[derive(Debug, Clone, Serialize)]
+pub struct RoomOfField {
+    /// Number of the LiDAR.
+    pub lidar: usize,
+    /// Pose field.
+    pub field: &'static str,
+    /// `mm` or `deg`.
+    pub unit: &'static str,
+    /// Towards smaller values.
+    pub down: RoomOfSide,
+    /// Towards larger values.
+    pub up: RoomOfSide,
+}
+
+/// How far a field may be off to one side.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RoomOfSide {
+    /// Largest deviation before the first at which a requirement breaks; 0 where the first step breaks one.
+    pub holds_to: f64,
+    /// Deviation at which one breaks; `None` where all hold as far as was looked.
+    pub breaks_at: Option<f64>,
+    /// Requirement that breaks there, of several the one that lacks most.
+    pub breaks: Option<String>,
+}
+
+/// Copies whose LiDARs are all off, at random within a tolerance.
+#[derive(Debug, Clone, Serialize)]
+pub struct RoomOfCopies {
+    /// Tolerance of every LiDAR.
+    pub tolerance: Tolerance,
+    /// Share of 200 copies that meet all requirements.
+    pub holds_in: f64,
+}
+
+/// The requirement that lacks most; `None` where all are met.
+fn broken(scores: &Scores) -> Option<&Seen> {
+    let unmet = scores.required.iter().filter(|seen| !seen.is_met());
+    unmet.max_by(|a, b| (a.least - a.share).total_cmp(&(b.least - b.share)))
+}
+
+/// One side from the scores at each step, `step` apart.
+fn side(step: f64, scores: &[Scores]) -> RoomOfSide {
+    let first = scores.iter().position(|scores| broken(scores).is_some());
+    RoomOfSide {
+        holds_to: step * first.unwrap_or(scores.len()) as f64,
+        breaks_at: first.map(|k| step * (k + 1) as f64),
+        breaks: first.and_then(|k| broken(&scores[k])).map(|seen| seen.name.clone()),
+    }
+}
+
+impl RoomSteps {
+    /// Metres or degrees between deviations of a field.
+    fn step(&self, field: SweptField) -> f64 {
+        let most = if field.unit() == "m" { self.most_mm / 1e3 } else { self.most_deg };
+        most / f64::from(self.steps)
+    }
+}
+
+impl Room {
+    /// Fields of a placement that are looked at.
+    pub(crate) fn fields_of(placement: &Placement) -> impl Iterator<Item = SweptField> {
+        SweptField::all(placement)
+    }
+}
+
+impl Job {
+    /// How far each field of a placement may be off until a requirement breaks, and how many copies meet all where every
+    /// LiDAR is off.
+    ///
+    /// # Errors
+    /// See [`Self::evaluator`]; an engine that fails, a sensor that the vehicle does not have.
+    pub fn room(&self, placement: &Placement, steps: &RoomSteps) -> Result<Room, JobError> {
+        let (mut evaluator, _) = self.evaluator(|_| {})?;
+        let mut room = self.room_as_given(&mut evaluator, placement)?;
+        if room.missed.is_empty() {
+            for field in Room::fields_of(placement) {
+                room.fields.push(self.room_of_field(&mut evaluator, placement, field, steps)?);
+            }
+        }
+        Ok(room)
+    }
+
+    /// Requirements that a placement misses as it is, or the copies that meet all.
+    pub(crate) fn room_as_given(
+        &self,
+        evaluator: &mut Evaluator,
+        placement: &Placement,
+    ) -> Result<Room, JobError> {
+        let mut scores = evaluator.scores(std::slice::from_ref(placement))?.remove(0);
+        let unmet = scores.required.iter().filter(|seen| !seen.is_met());
+        let missed: Vec<String> = unmet.map(ToString::to_string).collect();
+        let mut copies = Vec::new();
+        let usual = Tolerance::default();
+        for times in COPIES_WITHIN.iter().take_while(|_| missed.is_empty()) {
+            let tolerance =
+                Tolerance { metres: times * usual.metres, radians: times * usual.radians };
+            let job = self.clone().tolerance(Some(tolerance));
+            job.add_holds(&mut [(placement, &mut scores)])?;
+            let holds_in = scores.requirements_hold_in.unwrap_or_default();
+            copies.push(RoomOfCopies { tolerance, holds_in });
+        }
+        Ok(Room { placement: placement.name.clone(), missed, fields: Vec::new(), copies })
+    }
+
+    /// How far one field may be off to either side.
+    pub(crate) fn room_of_field(
+        &self,
+        evaluator: &mut Evaluator,
+        placement: &Placement,
+        field: SweptField,
+        steps: &RoomSteps,
+    ) -> Result<RoomOfField, JobError> {
+        let (step, value) = (steps.step(field), field.value_in(placement));
+        let off = |sign: f64| {
+            (1..=steps.steps)
+                .map(move |k| field.moved(placement, value + sign * step * f64::from(k)))
+        };
+        let moved: Vec<Placement> = off(-1.0).chain(off(1.0)).collect();
+        let scores = evaluator.scores(&moved)?;
+        let (down, up) = scores.split_at(steps.steps as usize);
+        let (unit, scale) = if field.unit() == "m" { ("mm", 1e3) } else { ("deg", 1.0) };
+        let [down, up] = [down, up].map(|scores| side(scale * step, scores));
+        Ok(RoomOfField { lidar: field.lidar, field: field.name(), unit, down, up })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_side_ends_before_the_first_requirement_that_breaks() {
+        let seen = |name: &str, share: f64| Seen {
+            name: name.to_owned(),
+            share,
+            least: 0.9,
+            missing: None,
+            holds_in: None,
+        };
+        let at = |a: f64, b: f64| Scores {
+            required: vec![seen("a", a), seen("b", b)],
+            ..Scores::default()
+        };
+        let found = side(5.0, &[at(0.95, 0.9), at(0.9, 1.0), at(0.8, 0.7), at(1.0, 1.0)]);
+        assert_eq!((found.holds_to, found.breaks_at), (10.0, Some(15.0)));
+        assert_eq!(found.breaks.as_deref(), Some("b"));
+        let all = side(5.0, &[at(1.0, 1.0), at(0.9, 0.9)]);
+        assert_eq!((all.holds_to, all.breaks_at, all.breaks), (10.0, None, None));
+    }
+}
