@@ -52,6 +52,7 @@ mod cli_shell;
 mod cli_stops;
 #[cfg(feature = "cli")]
 mod cli_study;
+#[cfg(feature = "cli")]
 mod cli_sweep;
 #[cfg(feature = "cli")]
 mod cli_targets;
