@@ -14,7 +14,7 @@ const MOMENTS: [u64; 4] = [3, 60, 400, 1500];
 const HANGS: Duration = Duration::from_secs(30);
 
 /// Commands that would run for minutes.
-const COMMANDS: [&str; 8] = [
+const COMMANDS: [&str; 10] = [
     "optimize scene.json --method cma --evaluations 10000000 --backend cpu --out out",
     "optimize scene.json --method swaps --evaluations 10000000 --backend cpu --out out",
     "optimize scene.json --vehicle many.json --budget 9000 --evaluations 10000000 --backend cpu --out out",
@@ -23,9 +23,11 @@ const COMMANDS: [&str; 8] = [
     "score scene.json many.jsonl --backend cpu --out out.jsonl",
     "scan busy.json --placement one.json --backend cpu --out out",
     "audit busy.json --backend cpu",
+    "study sweep busy.json one.json --of 0.z --from 1 --to 2 --values 1000 --backend cpu",
+    "study tolerance busy.json one.json --vehicle required.json --sensor all=spinning-32 --steps 1000 --backend cpu",
 ];
 
-/// A scene that is scanned in milliseconds, one of many frames, placements, and a vehicle with many choices.
+/// A scene that is scanned in milliseconds, one of many frames, placements, and a vehicle with many choices, once with a requirement.
 fn write_inputs(dir: &Path) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let read = |path: &str| -> Value {
@@ -52,6 +54,8 @@ fn write_inputs(dir: &Path) {
         }
     }
     write("many.json", &vehicle);
+    vehicle["require"] = json!([{ "target": "car", "within": 20, "share": 0.05 }]);
+    write("required.json", &vehicle);
     let at = |x: f64| json!({ "x": x, "y": 0.1, "z": 2.3 });
     let placement =
         |name: &str| json!({ "name": name, "lidars": [at(0.5), at(0.2), at(-0.2), at(-0.5)] });

@@ -203,7 +203,9 @@ fn a_rig_without_room_is_exit_code_1_and_a_vehicle_without_requirements_an_error
         ["study", "tolerance", "yard.json", "rigs.json", "--backend", "cpu", "--frames", "1"];
     let told = fails(dir.path(), &args);
     assert!(
-        told.contains("vehicle `cart`: nothing is required") && told.contains("give its `require`"),
+        told.contains(
+            "tolerance: the vehicle requires nothing; write what it must see under `require`"
+        ),
         "{told}"
     );
     let path = dir.path().join("cart.json");

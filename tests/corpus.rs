@@ -40,8 +40,8 @@ const PER_BYTE: usize = 2000;
 const PER_COUNT: usize = 4096;
 /// Memory that a world may take, however small its map: see the limits in `crates/worlds/src/opendrive.rs`.
 const WORLD: usize = 1 << 30;
-/// Memory of all commands and options, which the parser of arguments builds for whatever is typed.
-const COMMANDS: usize = 1 << 20;
+/// Memory of all commands and options beyond [`BASE`]: the parser of arguments builds them for whatever is typed.
+const COMMANDS: usize = 1 << 18;
 /// Largest count in a scene that is taken as one.
 const LARGEST_COUNT: f64 = 100_000.0;
 /// An input that takes longer hangs.
@@ -69,13 +69,13 @@ fn allowed(reader: &Reader, bytes: &[u8]) -> usize {
     } else {
         0.0
     };
-    let whatever_it_holds = match reader.name {
+    let fixed = match reader.name {
         // Terrain, trees and houses stand along whatever roads a map has.
         "map_xodr" => WORLD,
         "options" => COMMANDS,
         _ => 0,
     };
-    BASE + PER_BYTE * bytes.len() + PER_COUNT * counts as usize + whatever_it_holds
+    BASE + PER_BYTE * bytes.len() + PER_COUNT * counts as usize + fixed
 }
 
 /// Ends the process when one input takes too long: a test that hangs tells nothing.

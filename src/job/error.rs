@@ -72,12 +72,15 @@ pub enum JobError {
          with one)"
     )]
     NoPrices,
-    /// The fewest sensors for nothing.
+    /// A question about requirements where there are none.
     #[error(
-        "--fewest: the vehicle requires nothing, so that no sensor would be needed; write what it must see under \
-         `require` in a vehicle file, and give it with --vehicle"
+        "{asked}: the vehicle requires nothing; write what it must see under `require` in a vehicle file, and give it \
+         with --vehicle"
     )]
-    NothingRequired,
+    NothingRequired {
+        /// What has an answer only where something is required.
+        asked: &'static str,
+    },
     /// Objectives of a front that cannot be read, or that the vehicle does not have.
     #[error(transparent)]
     Front(#[from] FrontError),

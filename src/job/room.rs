@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::sweep::SweptField;
 use super::{Job, JobError, Tolerance};
+use crate::engine::BackendError;
 use crate::score::{Scores, Seen};
 use crate::search::Evaluator;
 use crate::vehicle::Placement;
@@ -31,7 +32,7 @@ pub struct Room {
     pub missed: Vec<String>,
     /// Each field of each LiDAR alone; one that is interrupted has the first ones.
     pub fields: Vec<RoomOfField>,
-    /// Copies in which all LiDARs are off at once.
+    /// Copies in which all LiDARs are off at once, looked at last.
     pub copies: Vec<RoomOfCopies>,
 }
 
@@ -94,72 +95,83 @@ impl RoomSteps {
     }
 }
 
-impl Room {
-    /// Fields of a placement that are looked at.
-    pub(crate) fn fields_of(placement: &Placement) -> impl Iterator<Item = SweptField> {
-        SweptField::all(placement)
-    }
-}
-
 impl Job {
     /// How far each field of a placement may be off until a requirement breaks, and how many copies meet all where every
     /// LiDAR is off.
     ///
     /// # Errors
-    /// See [`Self::evaluator`]; an engine that fails, a sensor that the vehicle does not have.
+    /// A vehicle that requires nothing; see [`Self::evaluator`]; an engine that fails, a sensor that the vehicle does not
+    /// have.
     pub fn room(&self, placement: &Placement, steps: &RoomSteps) -> Result<Room, JobError> {
         let (mut evaluator, _) = self.evaluator(|_| {})?;
-        let mut room = self.room_as_given(&mut evaluator, placement)?;
-        if room.missed.is_empty() {
-            for field in Room::fields_of(placement) {
-                room.fields.push(self.room_of_field(&mut evaluator, placement, field, steps)?);
-            }
-        }
-        Ok(room)
+        self.room_while(&mut evaluator, placement, steps, &mut |_| true)
     }
 
-    /// Requirements that a placement misses as it is, or the copies that meet all.
-    pub(crate) fn room_as_given(
+    /// Like [`Self::room`], with the first fields only once `go_on` says no. It is asked often, with the fields finished
+    /// since the last time.
+    pub(crate) fn room_while(
         &self,
         evaluator: &mut Evaluator,
         placement: &Placement,
+        steps: &RoomSteps,
+        go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<Room, JobError> {
-        let mut scores = evaluator.scores(std::slice::from_ref(placement))?.remove(0);
+        if !self.requires()? {
+            return Err(JobError::NothingRequired { asked: "tolerance" });
+        }
+        let name = placement.name.clone();
+        let mut room =
+            Room { placement: name, missed: Vec::new(), fields: Vec::new(), copies: Vec::new() };
+        let as_given = evaluator.scores_while(std::slice::from_ref(placement), &mut || go_on(0))?;
+        let Some(mut scores) = as_given.and_then(|mut scores| scores.pop()) else {
+            return Ok(room);
+        };
         let unmet = scores.required.iter().filter(|seen| !seen.is_met());
-        let missed: Vec<String> = unmet.map(ToString::to_string).collect();
-        let mut copies = Vec::new();
+        room.missed = unmet.map(ToString::to_string).collect();
+        if !room.missed.is_empty() {
+            return Ok(room);
+        }
+        for field in SweptField::all(placement) {
+            let Some(of_field) = room_of_field(evaluator, placement, field, steps, go_on)? else {
+                return Ok(room);
+            };
+            room.fields.push(of_field);
+            go_on(1);
+        }
         let usual = Tolerance::default();
-        for times in COPIES_WITHIN.iter().take_while(|_| missed.is_empty()) {
+        for times in COPIES_WITHIN {
+            if !go_on(0) {
+                break;
+            }
             let tolerance =
                 Tolerance { metres: times * usual.metres, radians: times * usual.radians };
             let job = self.clone().tolerance(Some(tolerance));
             job.add_holds(&mut [(placement, &mut scores)])?;
             let holds_in = scores.requirements_hold_in.unwrap_or_default();
-            copies.push(RoomOfCopies { tolerance, holds_in });
+            room.copies.push(RoomOfCopies { tolerance, holds_in });
         }
-        Ok(Room { placement: placement.name.clone(), missed, fields: Vec::new(), copies })
+        Ok(room)
     }
+}
 
-    /// How far one field may be off to either side.
-    pub(crate) fn room_of_field(
-        &self,
-        evaluator: &mut Evaluator,
-        placement: &Placement,
-        field: SweptField,
-        steps: &RoomSteps,
-    ) -> Result<RoomOfField, JobError> {
-        let (step, value) = (steps.step(field), field.value_in(placement));
-        let off = |sign: f64| {
-            (1..=steps.steps)
-                .map(move |k| field.moved(placement, value + sign * step * f64::from(k)))
-        };
-        let moved: Vec<Placement> = off(-1.0).chain(off(1.0)).collect();
-        let scores = evaluator.scores(&moved)?;
-        let (down, up) = scores.split_at(steps.steps as usize);
-        let (unit, scale) = if field.unit() == "m" { ("mm", 1e3) } else { ("deg", 1.0) };
-        let [down, up] = [down, up].map(|scores| side(scale * step, scores));
-        Ok(RoomOfField { lidar: field.lidar, field: field.name(), unit, down, up })
-    }
+/// How far one field may be off to either side; `None` once `go_on` says no.
+fn room_of_field(
+    evaluator: &mut Evaluator,
+    placement: &Placement,
+    field: SweptField,
+    steps: &RoomSteps,
+    go_on: &mut dyn FnMut(u64) -> bool,
+) -> Result<Option<RoomOfField>, BackendError> {
+    let (step, value) = (steps.step(field), field.value_in(placement));
+    let off = |sign: f64| {
+        (1..=steps.steps).map(move |k| field.moved(placement, value + sign * step * f64::from(k)))
+    };
+    let moved: Vec<Placement> = off(-1.0).chain(off(1.0)).collect();
+    let Some(scores) = evaluator.scores_while(&moved, &mut || go_on(0))? else { return Ok(None) };
+    let (down, up) = scores.split_at(steps.steps as usize);
+    let (unit, scale) = if field.unit() == "m" { ("mm", 1e3) } else { ("deg", 1.0) };
+    let [down, up] = [down, up].map(|scores| side(scale * step, scores));
+    Ok(Some(RoomOfField { lidar: field.lidar, field: field.name(), unit, down, up }))
 }
 
 #[cfg(test)]

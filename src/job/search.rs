@@ -135,7 +135,7 @@ impl Job {
             return Err(JobError::NoPrices);
         }
         if self.fewest && !self.requires()? {
-            return Err(JobError::NothingRequired);
+            return Err(JobError::NothingRequired { asked: "--fewest" });
         }
         let mut run =
             JobRun { job: self, vehicle, suite, state, equipping: None, run: None, is_late: false };

@@ -118,7 +118,7 @@ impl SweptField {
     }
 
     /// Every field of every LiDAR of a placement.
-    pub(super) fn all(placement: &Placement) -> impl Iterator<Item = Self> {
+    pub(crate) fn all(placement: &Placement) -> impl Iterator<Item = Self> {
         let lidars = 0..placement.lidars.len();
         lidars.flat_map(|lidar| (0..FIELDS.len()).map(move |field| Self { lidar, field }))
     }
@@ -155,25 +155,25 @@ impl Job {
         let (mut evaluator, _) = self.evaluator(|_| {})?;
         let as_given = std::iter::once(None);
         let values: Vec<_> = as_given.chain(values.iter().copied().map(Some)).collect();
-        let rows = self.sweep_rows(&mut evaluator, placement, field, &values)?;
-        Ok(Sweep::new(placement, field, rows))
+        let rows = self.sweep_rows(&mut evaluator, placement, field, &values, &mut || true)?;
+        Ok(Sweep::new(placement, field, rows.unwrap_or_default()))
     }
 
-    /// Rows at some values; `None` is the placement as it is.
+    /// Rows at some values, of which `None` is the placement as it is; no rows once `go_on`, which is asked often, says no.
     pub(crate) fn sweep_rows(
         &self,
         evaluator: &mut Evaluator,
         placement: &Placement,
         field: SweptField,
         values: &[Option<f64>],
-    ) -> Result<Vec<SweepRow>, JobError> {
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Vec<SweepRow>>, JobError> {
         let moved = |value: &Option<f64>| match value {
             Some(value) => field.moved(placement, *value),
             None => placement.clone(),
         };
         let moved: Vec<Placement> = values.iter().map(moved).collect();
-        let judged = evaluator.judged(&moved)?;
-        let mut scores: Vec<Scores> = judged.into_iter().map(|judged| judged.scores).collect();
+        let Some(mut scores) = evaluator.scores_while(&moved, go_on)? else { return Ok(None) };
         self.add_range_cards(moved.iter().zip(&mut scores))?;
         let problem = self.problem()?;
         let row = |((value, placement), scores): ((&Option<f64>, &Placement), Scores)| {
@@ -185,7 +185,7 @@ impl Job {
                 scores,
             }
         };
-        Ok(values.iter().zip(&moved).zip(scores).map(row).collect())
+        Ok(Some(values.iter().zip(&moved).zip(scores).map(row).collect()))
     }
 }
 

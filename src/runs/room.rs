@@ -6,10 +6,11 @@ use super::inputs::Files;
 use super::shared::{Opened, SharedRequest};
 use super::{Computing, Error};
 use crate::files::Session;
-use crate::job::{Room, RoomSteps};
+use crate::job::{Room, RoomSteps, SweptField};
 use crate::scan::conditions::in_words;
+use crate::vehicle::Placement;
 
-/// Room of placements; an interrupted answer holds what was looked at.
+/// Room of each placement; an interrupted answer holds the first ones.
 #[derive(Debug, Serialize)]
 pub struct RoomFound {
     /// Weather and faults, as they are written.
@@ -41,29 +42,19 @@ pub fn room(
     let _session = Session::begin();
     let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
     let mut opened = Opened::new(request, &scenes, &file, computing)?;
-    let problem = opened.job.problem()?;
-    if problem.content().areas().is_empty() && problem.target_rules().is_empty() {
-        let words = "nothing is required, so that nothing can break; give its `require` an area or a target, as \
-                     { \"target\": \"car\", \"within\": 30, \"share\": 0.95 }";
-        let vehicle = opened.job.scene().vehicle();
-        return Err(Error::Usage(format!("vehicle `{}`: {words}", vehicle.name)));
-    }
-    let fields = |placement| Room::fields_of(placement).count() as u64;
-    let total: u64 = opened.placements.iter().map(fields).sum();
-    let bar = computing.watcher.bar(total, Some("pose fields"));
+    let fields = |placement: &Placement| SweptField::all(placement).count() as u64;
+    let bar =
+        computing.watcher.bar(opened.placements.iter().map(fields).sum(), Some("pose fields"));
+    let mut go_on = |fields: u64| {
+        bar.advance(fields);
+        computing.watcher.goes_on()
+    };
     let mut rows = Vec::new();
-    for placement in opened.placements.iter().take_while(|_| computing.watcher.goes_on()) {
-        let (job, evaluator) = (&opened.job, &mut opened.evaluator);
-        let mut room = job.room_as_given(evaluator, placement)?;
-        let fields = Room::fields_of(placement).take_while(|_| computing.watcher.goes_on());
-        for field in fields.filter(|_| room.missed.is_empty()).collect::<Vec<_>>() {
-            if !computing.watcher.goes_on() {
-                break;
-            }
-            room.fields.push(job.room_of_field(evaluator, placement, field, &steps)?);
-            bar.advance(1);
+    for placement in &opened.placements {
+        if !go_on(0) {
+            break;
         }
-        rows.push(room);
+        rows.push(opened.job.room_while(&mut opened.evaluator, placement, &steps, &mut go_on)?);
     }
     drop(bar);
     opened.finish(computing);

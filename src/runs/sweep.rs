@@ -16,10 +16,10 @@ use crate::vehicle::Placement;
 
 /// Most values of a sweep.
 pub const MOST_VALUES: u32 = 1000;
-/// Values that are scored between two questions whether to go on.
+/// Values that are scored at once.
 const AT_ONCE: usize = 8;
 
-/// A field, its range, and what it is looked at in.
+/// A pose field, its values, and the scenes and placements to score.
 #[derive(Debug, Clone)]
 pub struct SweepRequest {
     /// Scenes, none for level ground, and a file of placements; frames and weather.
@@ -77,8 +77,13 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
     let mut sweeps = Vec::new();
     for (placement, field) in opened.placements.clone().iter().zip(fields) {
         let mut rows = Vec::new();
-        for some in values.chunks(AT_ONCE).take_while(|_| computing.watcher.goes_on()) {
-            rows.extend(opened.job.sweep_rows(&mut opened.evaluator, placement, field, some)?);
+        for some in values.chunks(AT_ONCE) {
+            let (evaluator, go_on) = (&mut opened.evaluator, &mut || computing.watcher.goes_on());
+            let Some(more) = opened.job.sweep_rows(evaluator, placement, field, some, go_on)?
+            else {
+                break;
+            };
+            rows.extend(more);
             bar.advance(some.len() as u64);
         }
         sweeps.push(Sweep::new(placement, field, rows));

@@ -2,7 +2,7 @@
 //! kernels there and compares every word.
 //!
 //! `batch.json` lists the buffers (`file`, `bytes`, `made` by kernels or not) and the dispatches (`kernel`, `buffers` in the
-//! order of the bindings, `groups`); a file beside it holds what stands in the buffer in the end.
+//! order of the bindings, `groups`); a file beside it holds each buffer's final content.
 
 use std::sync::Arc;
 
