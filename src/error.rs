@@ -13,7 +13,7 @@ use crate::rig::RigError;
 use crate::scan::ScanError;
 use crate::score::ObjectiveError;
 use crate::study::StudyError;
-use crate::vehicle::{PlacementError, PlacementFileError, PoseGridError};
+use crate::vehicle::{PlacementFileError, PoseGridError};
 use crate::worlds::WorldError;
 
 /// Any error of this library, so that `?` works across its modules.
@@ -25,9 +25,6 @@ pub enum Error {
     /// From reading placements.
     #[error(transparent)]
     Placements(#[from] PlacementFileError),
-    /// From a placement.
-    #[error(transparent)]
-    Placement(#[from] PlacementError),
     /// From a rig of another program.
     #[error(transparent)]
     Rig(#[from] RigError),

@@ -133,6 +133,8 @@ fn wrong_input_is_one_sentence_each() {
     for (more, part) in [
         (&["0.pitch", "--from", "3", "--to", "3"][..], "give two different numbers"),
         (&["0.pitch", "--from", "nan", "--to", "3"], "give two different numbers"),
+        (&["0.z", "--from", "1e308", "--to", "-1e308"], "LiDAR 0: z = 1e308 is not usable"),
+        (&["1.x", "--from", "0", "--to", "2e6"], "LiDAR 1: x = 2000000.0 is not usable"),
         (&["0.tilt", "--from", "0", "--to", "3"], "`tilt` is no pose field"),
         (&["pitch", "--from", "0", "--to", "3"], "write LIDAR.FIELD"),
         (&["7.x", "--from", "0", "--to", "3"], "has no LiDAR 7; it has 4"),

@@ -9,7 +9,7 @@ use crate::scan::conditions::ConditionError;
 use crate::scene::DescriptionError;
 use crate::search::SearchError;
 use crate::shared::OverlapError;
-use crate::vehicle::SensorError;
+use crate::vehicle::{PlacementError, SensorError};
 
 /// Why a job cannot be posed, scored or searched.
 #[derive(Debug, thiserror::Error)]
@@ -43,6 +43,9 @@ pub enum JobError {
         /// The mismatch.
         source: ProblemError,
     },
+    /// A placement that cannot be scored.
+    #[error(transparent)]
+    Placement(#[from] PlacementError),
     /// Weather and faults that cannot be read.
     #[error(transparent)]
     Condition(#[from] ConditionError),

@@ -5,11 +5,9 @@ use serde::Serialize;
 use super::{Job, JobError};
 use crate::score::Scores;
 use crate::search::Evaluator;
-use crate::vehicle::{Constraints, Placement, SensorPose};
+use crate::vehicle::{Constraints, Placement, PlacementError, SensorPose};
 
-/// Names of the pose fields, in the order of [`SensorPose::values`].
-const FIELDS: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
-/// Number of the first angle among them.
+/// Number of the first angle among the fields of a pose.
 const FIRST_ANGLE: usize = 3;
 
 /// A pose field of one LiDAR of a placement.
@@ -69,8 +67,8 @@ impl SweptField {
         let Some((lidar, field)) = text.rsplit_once('.') else {
             return Err(format!("`{text}` names no field; write LIDAR.FIELD, as 0.pitch"));
         };
-        let field = FIELDS.iter().position(|name| *name == field).ok_or_else(|| {
-            format!("`{field}` is no pose field; there are {}", FIELDS.join(", "))
+        let field = SensorPose::FIELDS.iter().position(|name| *name == field).ok_or_else(|| {
+            format!("`{field}` is no pose field; there are {}", SensorPose::FIELDS.join(", "))
         })?;
         let count = placement.lidars.len();
         if let Ok(number) = lidar.parse::<usize>() {
@@ -109,7 +107,7 @@ impl SweptField {
 
     /// Name of the field.
     pub fn name(self) -> &'static str {
-        FIELDS[self.field]
+        SensorPose::FIELDS[self.field]
     }
 
     /// Unit of its values: `m` or `deg`.
@@ -120,13 +118,22 @@ impl SweptField {
     /// Every field of every LiDAR of a placement.
     pub(crate) fn all(placement: &Placement) -> impl Iterator<Item = Self> {
         let lidars = 0..placement.lidars.len();
-        lidars.flat_map(|lidar| (0..FIELDS.len()).map(move |field| Self { lidar, field }))
+        let fields = 0..SensorPose::FIELDS.len();
+        lidars.flat_map(move |lidar| fields.clone().map(move |field| Self { lidar, field }))
     }
 
     /// Its value in a placement, metres or degrees.
     pub fn value_in(self, placement: &Placement) -> f64 {
         let value = placement.lidars[self.lidar].values()[self.field];
         if self.field < FIRST_ANGLE { value } else { value.to_degrees() }
+    }
+
+    /// Checks that a placement may have the field at each of some values, metres or degrees.
+    ///
+    /// # Errors
+    /// The first value that is not finite, or too far away.
+    pub(crate) fn check(self, placement: &Placement, values: &[f64]) -> Result<(), PlacementError> {
+        values.iter().try_for_each(|value| self.moved(placement, *value).validate())
     }
 
     /// A placement with the field at a value, metres or degrees.
@@ -145,13 +152,15 @@ impl Job {
     /// Scores a placement as it is, and with one field at each of some values, metres or degrees.
     ///
     /// # Errors
-    /// See [`Self::evaluator`]; an engine that fails, a sensor that the vehicle does not have.
+    /// A value that is not finite or too far away; see [`Self::evaluator`]; an engine that fails, a sensor that the vehicle
+    /// does not have.
     pub fn sweep(
         &self,
         placement: &Placement,
         field: SweptField,
         values: &[f64],
     ) -> Result<Sweep, JobError> {
+        field.check(placement, values)?;
         let (mut evaluator, _) = self.evaluator(|_| {})?;
         let as_given = std::iter::once(None);
         let values: Vec<_> = as_given.chain(values.iter().copied().map(Some)).collect();
