@@ -54,6 +54,7 @@ fn vehicle(require: Vec<Requirement>) -> Vehicle {
         ties: Default::default(),
         require,
         targets: Vec::new(),
+        ground: Vec::new(),
     }
 }
 

@@ -204,6 +204,8 @@ pub fn chart(
     let random = settings.random as usize;
     let drawn = random_placements_by_the_rules(&scene.constraints(), random, settings.seed);
     let placements = settings.given.iter().cloned().chain(drawn).collect();
+    // Requirements rank nothing here, and coarser settings could not pose them.
+    let scene = Arc::new(scene.without_requirements());
     let mut bench = Bench::new(
         World::new(scene, psog),
         placements,

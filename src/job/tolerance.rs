@@ -134,8 +134,8 @@ impl Job {
     /// Adds to each requirement the share of copies that still meet it: copies whose LiDARs are off by the job's
     /// tolerance, each in one of 16 poses. Nothing without a tolerance or requirements.
     ///
-    /// Targets are looked at as the requirement asks. Areas are looked at in four frames of each scene, and the
-    /// change there is added to the share over all frames.
+    /// Targets are looked at as the requirement asks. Areas and ground are looked at in four frames of each scene, and
+    /// the change there is added to the share over all frames.
     ///
     /// # Errors
     /// An engine that fails, a sensor that the vehicle does not have.
@@ -148,9 +148,10 @@ impl Job {
         if all.is_empty() {
             return Ok(());
         }
-        let sight = Sight::of(&*self.problem()?, false);
         let suite = self.suite()?;
         let few = suite.over(&suite.spread(Some(FRAMES)));
+        let scenes = few.members().iter().map(|member| (member.problem(), member.is_mirrored()));
+        let sight = Sight::of(scenes, false);
         let mut evaluator = Evaluator::suite_on_cpu(&few, self.settings.engine.memory_budget() / 2);
         for (placement, scores) in &mut all {
             let moved = Moved::new(tolerance, placement, sight.as_ref(), &mut evaluator)?;

@@ -1,20 +1,19 @@
 //! Cells around the own vehicle, and which of them are ground in a frame.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::Footprint;
 use crate::bvh::Hit;
 use crate::cast::cast_frame_closest;
 use crate::geom::Pose;
 use crate::maths;
-use crate::problem::Frame;
-use crate::vehicle::BeamTable;
+use crate::problem::{Frame, Instance};
+use crate::vehicle::{BeamTable, FARTHEST_GROUND};
 
 /// Edge of a cell in metres.
 pub const CELL: f64 = 0.25;
 /// Metres around the own body that the near field reaches.
-pub const NEAR: f64 = 10.0;
+pub const NEAR: f64 = FARTHEST_GROUND;
 /// Metres around the own body of the inner ring.
 pub const RING: f64 = 3.0;
 /// Height in metres from which ground is looked for, downwards, and as far below z = 0.
@@ -23,6 +22,8 @@ const HEIGHT: f64 = 2.0;
 const SKY: f64 = 100.0;
 /// Surfaces above a cell that are counted.
 const MOST_ABOVE: usize = 64;
+/// Share of coordinates by which boxes in plan are larger, for rounding.
+const ROOM: f64 = 1e-4;
 /// Metres by which a cast begins behind the surface that the one before ended at.
 const STEP: f64 = 1e-3;
 
@@ -69,9 +70,9 @@ impl Cells {
         [0, 1].map(|k| ((self.first[k] + place[k] as i64) as f64 + 0.5) * CELL)
     }
 
-    /// Numbers of the cells whose centres lie within `radius` of a point.
-    pub fn within(&self, point: [f64; 2], radius: f64) -> impl Iterator<Item = usize> + '_ {
-        let range = move |k: usize| {
+    /// Marks the cells whose centres lie within `radius` of a point; marks have an entry a cell.
+    pub fn mark_within(&self, point: [f64; 2], radius: f64, marks: &mut [bool]) {
+        let range = |k: usize| {
             // Casts saturate: a point far away has an empty range.
             let bound = |v: f64| {
                 let cell = (v / CELL).floor() as i64;
@@ -79,12 +80,17 @@ impl Cells {
             };
             bound(point[k] - radius)..(bound(point[k] + radius) + 1).min(self.shape[k])
         };
-        let places = range(0).flat_map(move |i| range(1).map(move |j| [i, j]));
-        places.filter_map(move |[i, j]| {
-            let number = self.numbers[i * self.shape[1] + j]? as usize;
-            let [x, y] = self.cells[number].centre;
-            (maths::hypot(x - point[0], y - point[1]) <= radius).then_some(number)
-        })
+        for i in range(0) {
+            for j in range(1) {
+                let Some(number) = self.numbers[i * self.shape[1] + j] else { continue };
+                let (number, [x, y]) = (number as usize, self.cells[number as usize].centre);
+                // Most cells are seen by many beams, and looked at once.
+                let is_close = || maths::hypot(x - point[0], y - point[1]) <= radius;
+                if !marks[number] && is_close() {
+                    marks[number] = true;
+                }
+            }
+        }
     }
 
     /// True if each cell is ground in a frame: the first surface straight down from [`HEIGHT`] over its
@@ -94,7 +100,7 @@ impl Cells {
         let at = |&Cell { centre: [x, y], .. }: &Cell| DVec3::new(x, y, HEIGHT);
         let from: Vec<DVec3> = self.cells.iter().map(at).collect();
         let down = vertical(frame, &from, -DVec3::Z, 2.0 * HEIGHT);
-        let on_ground = |hit: &Hit| hit.is_hit() && is_ground[hit.prim as usize];
+        let on_ground = |hit: &Hit| hit.is_hit() && is_ground.get(hit.prim as usize) == Some(&true);
         let mut ground: Vec<bool> = down.iter().map(on_ground).collect();
         let start = |(k, hit): (usize, &Hit)| {
             let z = HEIGHT - f64::from(hit.t) + STEP;
@@ -107,7 +113,7 @@ impl Cells {
             let hits = vertical(frame, &from, DVec3::Z, SKY);
             let mut above = Vec::new();
             for ((k, from), hit) in open.into_iter().zip(hits).filter(|(_, hit)| hit.is_hit()) {
-                ground[k] ^= !is_ground[hit.prim as usize];
+                ground[k] ^= is_ground.get(hit.prim as usize) != Some(&true);
                 above.push((k, from + DVec3::Z * (f64::from(hit.t) + STEP)));
             }
             open = above;
@@ -116,11 +122,41 @@ impl Cells {
     }
 }
 
-/// Closest hits of vertical beams in a frame.
+/// Closest hits of vertical beams in a frame; equally close ones of the lowest triangle.
 fn vertical(frame: &Frame, from: &[DVec3], direction: DVec3, range: f64) -> Vec<Hit> {
     // A table of one unit direction is never refused.
     let Ok(table) = BeamTable::from_directions([direction], range) else { return Vec::new() };
-    let poses: Vec<Pose> =
-        from.par_iter().map(|&translation| Pose { translation, ..Pose::IDENTITY }).collect();
-    cast_frame_closest(&poses, &table, frame, table.range())
+    let mut hits = vec![Hit::none(table.range()); from.len()];
+    for instance in frame.instances() {
+        let Some([low, high]) = in_plan(instance) else { continue };
+        let is_over =
+            |at: &DVec3| (0..2).all(|axis| low[axis] <= at[axis] && at[axis] <= high[axis]);
+        let over: Vec<usize> = (0..from.len()).filter(|&k| is_over(&from[k])).collect();
+        let pose = |&k: &usize| Pose { translation: from[k], ..Pose::IDENTITY };
+        let poses: Vec<Pose> = over.iter().map(pose).collect();
+        let alone = Frame::new([instance.clone()]);
+        let found = cast_frame_closest(&poses, &table, &alone, table.range());
+        for (k, found) in over.into_iter().zip(found).filter(|(_, found)| found.is_hit()) {
+            let hit = &mut hits[k];
+            if !hit.is_hit() || (found.t, found.prim) < (hit.t, hit.prim) {
+                *hit = found;
+            }
+        }
+    }
+    hits
+}
+
+/// Corners of the box in plan around an instance, with room for rounding, metres; `None` without triangles.
+fn in_plan(instance: &Instance) -> Option<[DVec3; 2]> {
+    let bounds = instance.tree.bounds()?;
+    let [from, to] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3());
+    let corners = (0..8).map(|k| {
+        let of = |axis: usize| if k >> axis & 1 == 0 { from[axis] } else { to[axis] };
+        instance.ego_from_instance.apply(DVec3::new(of(0), of(1), of(2)))
+    });
+    let corners: Vec<DVec3> = corners.collect();
+    let low = corners.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let high = corners.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let room = 0.01 + ROOM * low.abs().max(high.abs()).max_element();
+    Some([low - room, high + room])
 }

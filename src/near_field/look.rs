@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::ground::{Cell, Cells};
@@ -10,8 +12,8 @@ use super::{CELL, Footprint, NEAR, NearFieldError, Pole, RING, poles};
 use crate::bvh::Hit;
 use crate::engine::{Backend, BackendError};
 use crate::geom::Pose;
-use crate::problem::{Problem, SensorBatch};
-use crate::scene::{EgoBody, Ground, Scene};
+use crate::problem::{Problem, SensorBatch, ground_triangles};
+use crate::scene::{Ground, Scene};
 use crate::score::Scores;
 use crate::vehicle::{BeamTable, Placement, SensorPose};
 
@@ -22,15 +24,13 @@ const MOST_BODY: f64 = 50.0;
 
 /// Near field of a scene, as far as it is the same for every placement.
 pub struct NearSite {
-    problem: Arc<Problem>,
-    footprint: Footprint,
-    cells: Cells,
-    /// By triangle of a frame.
+    pub(super) problem: Arc<Problem>,
+    pub(super) footprint: Footprint,
+    pub(super) cells: Cells,
+    /// By triangle of a frame, without those of the own body, which come last.
     is_ground: Vec<bool>,
-    /// Number of the first triangle of the own body.
-    own: u32,
     /// One for each distinct frame: its number, frames that it stands for, which cells are ground.
-    frames: Vec<(usize, u64, Vec<bool>)>,
+    pub(super) frames: Vec<(usize, u64, Vec<bool>)>,
 }
 
 /// Cells in a frame by the LiDARs that see them; lists have an entry a cell.
@@ -99,25 +99,34 @@ impl NearSite {
     /// # Errors
     /// A scene without an own body, or without ground near it.
     pub fn new(scene: &Scene, problem: &Arc<Problem>) -> Result<Self, NearFieldError> {
-        let footprint = outline(scene)?;
+        let site = Self::among(outline(scene)?, ground_triangles(scene), problem);
+        if !site.frames.iter().any(|(_, _, ground)| ground.contains(&true)) {
+            let (scene, names) = (place(scene), Ground::in_words());
+            return Err(NearFieldError::NoGround { scene, within: NEAR, names });
+        }
+        Ok(site)
+    }
+
+    /// The site of a problem whose vehicle has rules on the ground; `None` without an own body.
+    pub(super) fn of_rules(problem: &Arc<Problem>) -> Option<Self> {
+        let corners = problem.body().instances().iter().flat_map(|instance| {
+            let corners = instance.tree.triangles.iter().flat_map(|t| [t.a, t.b, t.c]);
+            corners
+                .map(|corner| instance.ego_from_instance.apply(DVec3::from(corner.map(f64::from))))
+        });
+        let footprint = Footprint::of(corners.map(|corner| [corner.x, corner.y]))?;
+        Some(Self::among(footprint, problem.ground_required().is_ground.clone(), problem))
+    }
+
+    fn among(footprint: Footprint, is_ground: Vec<bool>, problem: &Arc<Problem>) -> Self {
         let cells = Cells::around(&footprint);
-        let ground_classes = Ground::among(scene.classes());
-        let ground_class = |class: &u16| ground_classes.get(usize::from(*class)) == Some(&true);
-        let classes = scene.face_classes(EgoBody::Include);
-        let own = scene.triangles(EgoBody::Exclude) as u32;
-        let is_ground = |(prim, class): (u32, &u16)| prim < own && ground_class(class);
-        let is_ground: Vec<bool> = (0..).zip(&classes).map(is_ground).collect();
         let mut frames = Vec::new();
         for (frame, weight) in problem.distinct_frames() {
             let Some(geometry) = problem.geometry(frame) else { continue };
             let ground = cells.are_ground(geometry, &is_ground);
             frames.push((frame, weight, ground));
         }
-        if !frames.iter().any(|(_, _, ground)| ground.contains(&true)) {
-            let (scene, names) = (place(scene), Ground::in_words());
-            return Err(NearFieldError::NoGround { scene, within: NEAR, names });
-        }
-        Ok(Self { problem: problem.clone(), footprint, cells, is_ground, own, frames })
+        Self { problem: problem.clone(), footprint, cells, is_ground, frames }
     }
 
     /// Outline of the own body.
@@ -205,6 +214,34 @@ impl NearSite {
         Ok(all)
     }
 
+    /// Lowest and highest ground, metres, of the triangles of all frames whose boxes in plan meet that between two
+    /// corners.
+    pub(super) fn heights_between(&self, [low, high]: [DVec3; 2]) -> [f64; 2] {
+        let of_frame = |(frame, ..): &(usize, u64, Vec<bool>)| {
+            let mut heights = [f64::INFINITY, f64::NEG_INFINITY];
+            for instance in self.problem.geometry(*frame).iter().flat_map(|f| f.instances()) {
+                for triangle in &instance.tree.triangles {
+                    let prim = (instance.first_prim + triangle.prim) as usize;
+                    if self.is_ground.get(prim) != Some(&true) {
+                        continue;
+                    }
+                    let corners = [triangle.a, triangle.b, triangle.c].map(|corner| {
+                        instance.ego_from_instance.apply(DVec3::from(corner.map(f64::from)))
+                    });
+                    let from = corners.into_iter().fold(DVec3::INFINITY, DVec3::min);
+                    let to = corners.into_iter().fold(DVec3::NEG_INFINITY, DVec3::max);
+                    if (0..2).all(|axis| from[axis] <= high[axis] && to[axis] >= low[axis]) {
+                        heights = [heights[0].min(from.z), heights[1].max(to.z)];
+                    }
+                }
+            }
+            heights
+        };
+        let heights = self.frames.par_iter().map(of_frame);
+        heights
+            .reduce(|| [f64::INFINITY, f64::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])])
+    }
+
     /// True for each cell that is ground and at most `within` metres from the body.
     fn counting(&self, ground: &[bool], within: f64) -> Vec<bool> {
         let cells = self.cells.cells.iter().zip(ground);
@@ -215,19 +252,27 @@ impl NearSite {
     fn end_of(&self, hit: &Hit) -> usize {
         match hit.prim {
             _ if !hit.is_hit() => 3,
-            prim if prim >= self.own => 1,
-            prim if self.is_ground[prim as usize] => 0,
-            _ => 2,
+            prim => match self.is_ground.get(prim as usize) {
+                Some(true) => 0,
+                Some(false) => 2,
+                None => 1,
+            },
         }
     }
 
     /// Marks the cells that the beams of a LiDAR see.
-    fn mark_seen(&self, table: &BeamTable, pose: &Pose, hits: &[Hit], seen: &mut [bool]) {
+    pub(super) fn mark_seen(
+        &self,
+        table: &BeamTable,
+        pose: &Pose,
+        hits: &[Hit],
+        seen: &mut [bool],
+    ) {
         let beams = table.directions().iter().zip(hits);
         for (direction, hit) in beams.filter(|(_, hit)| self.end_of(hit) == 0) {
-            let along = glam::DVec3::from(direction.map(f64::from)) * f64::from(hit.t);
+            let along = DVec3::from(direction.map(f64::from)) * f64::from(hit.t);
             let point = pose.apply(along);
-            self.cells.within([point.x, point.y], CLOSE).for_each(|cell| seen[cell] = true);
+            self.cells.mark_within([point.x, point.y], CLOSE, seen);
         }
     }
 

@@ -25,6 +25,7 @@
 //! | `ground` | cells, and which of them are ground |
 //! | `look` | ends of beams, cells seen, and their shares: the near field of a placement |
 //! | `zone` | the blind zone |
+//! | `required` | ground that the vehicle's rules ask for, as bits that a search adds up |
 //! | `poles` | the preset of poles, and the beams on each |
 //! | `self_hit` | the guard of placements that look at the own vehicle |
 
@@ -33,6 +34,7 @@ mod footprint;
 mod ground;
 mod look;
 mod poles;
+mod required;
 mod self_hit;
 mod zone;
 
@@ -47,4 +49,5 @@ pub(crate) use look::CLOSE;
 pub use look::{NearField, NearSite};
 pub(crate) use look::{place, returned_hits};
 pub(crate) use poles::{Pole, Standard};
+pub(crate) use required::RequiredGround;
 pub use self_hit::{FEW_PLACEMENTS, self_hits};

@@ -6,6 +6,7 @@ use std::f64::consts::TAU;
 use serde::Serialize;
 
 use crate::maths;
+use crate::vehicle::Side;
 
 use super::ground::{CELL, Cell, NEAR};
 use super::{Footprint, footprint::polygon_area};
@@ -55,18 +56,9 @@ impl BlindZone {
             polygon.push([middle[0] + radius * cos, middle[1] + radius * sin]);
         }
         let area = (polygon_area(&polygon) - footprint.area()).max(0.0);
-        let [low, high] = footprint.bounds();
-        let depth = |axis: usize, sign: f64| {
-            let edge = if sign > 0.0 { high[axis] } else { low[axis] };
-            let other = 1 - axis;
-            // Lane of a cell straight before the edge, and its metres from there.
-            let before = |cell: &Cell| {
-                let distance = sign * (cell.centre[axis] - edge);
-                let is_in = (low[other]..=high[other]).contains(&cell.centre[other]);
-                (is_in && distance > 0.0)
-                    .then(|| ((cell.centre[other] / CELL).floor() as i64, distance))
-            };
+        let depth = |side: Side| {
             let mut lanes: BTreeMap<i64, Option<f64>> = BTreeMap::new();
+            let before = |cell| lane_before(footprint, cell, side);
             lanes.extend(ground.iter().filter_map(before).map(|(lane, _)| (lane, None)));
             for (lane, distance) in seen.iter().filter_map(before) {
                 let nearest = lanes.entry(lane).or_default();
@@ -76,10 +68,25 @@ impl BlindZone {
             let depths: Option<Vec<f64>> = lanes.into_values().collect();
             depths?.into_iter().max_by(f64::total_cmp)
         };
-        let (ahead, behind) = (depth(0, 1.0), depth(0, -1.0));
-        let (left, right) = (depth(1, 1.0), depth(1, -1.0));
+        let [ahead, behind, left, right] = Side::ALL.map(depth);
         Self { distances, polygon, area, ahead, behind, left, right }
     }
+}
+
+/// Lane of a cell straight before an edge of a footprint, one cell wide, and its metres from the edge; `None` for a cell
+/// that lies elsewhere.
+pub(super) fn lane_before(footprint: &Footprint, cell: &Cell, side: Side) -> Option<(i64, f64)> {
+    let [low, high] = footprint.bounds();
+    let (axis, sign) = match side {
+        Side::Ahead => (0, 1.0),
+        Side::Behind => (0, -1.0),
+        Side::Left => (1, 1.0),
+        Side::Right => (1, -1.0),
+    };
+    let (edge, other) = (if sign > 0.0 { high[axis] } else { low[axis] }, 1 - axis);
+    let distance = sign * (cell.centre[axis] - edge);
+    let is_in = (low[other]..=high[other]).contains(&cell.centre[other]);
+    (is_in && distance > 0.0).then(|| ((cell.centre[other] / CELL).floor() as i64, distance))
 }
 
 #[cfg(test)]

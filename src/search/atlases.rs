@@ -130,7 +130,7 @@ impl Atlases {
         self.sight.is_some()
     }
 
-    /// True if the vehicle has requirements on targets.
+    /// True if the vehicle has requirements on targets or near ground.
     pub(super) fn has_target_rules(&self) -> bool {
         self.sight.as_ref().is_some_and(|sight| sight.has_rules())
     }

@@ -19,7 +19,7 @@ use crate::vehicle::{Constraints, Placement, UnknownSensor};
 pub struct Evaluator {
     /// At least one.
     seats: Vec<Seat>,
-    /// Targets that must be met, and a car all round where a search looks for it.
+    /// Targets and ground that must be met, and a car all round where a search looks for it.
     sight: Option<Arc<Sight>>,
 }
 
@@ -41,9 +41,9 @@ pub struct Judged {
     pub by_scene: Vec<SceneScores>,
 }
 
-/// Bearings and distances at which a rule that is not met lacks its target, and the LiDAR that is lost then.
+/// Places or ground that a rule lacks, and the LiDAR that is lost then.
 fn missing_in_words(met: &RuleMet<'_>) -> Option<String> {
-    let missing = met.missing.filter(|_| met.share < met.rule.share)?;
+    let missing = met.missing.as_ref()?;
     let without = met.without.map(|lidar| format!(" without LiDAR {lidar}")).unwrap_or_default();
     Some(format!("{missing}{without}"))
 }
@@ -56,9 +56,9 @@ fn met(sight: &Sight, placement: &Placement) -> Result<(Option<f64>, Vec<Seen>),
     each.iter().for_each(|beams| all.add(beams));
     let rules = sight.rules_met(&each.iter().collect::<Vec<_>>());
     let seen = rules.iter().map(|met| Seen {
-        name: met.rule.name.clone(),
+        name: met.name.to_owned(),
         share: met.share,
-        least: met.rule.share,
+        least: met.least,
         missing: missing_in_words(met),
         holds_in: None,
     });
@@ -69,15 +69,10 @@ fn scores_of(judged: Vec<Judged>) -> Vec<Scores> {
     judged.into_iter().map(|judged| judged.scores).collect()
 }
 
-/// Targets that the rules of the first scene's vehicle name, and a car all round if `watches_cars`.
+/// Targets and ground that the rules of the vehicle name, and a car all round if `watches_cars`.
 fn sight_of(seats: &[Seat], watches_cars: bool) -> Option<Arc<Sight>> {
-    let member = &seats.first()?.member;
-    let sight = match member.is_mirrored() {
-        // The mirror image of a mirror image is the scene as it is.
-        true => Sight::of(&member.problem().mirrored(), watches_cars),
-        false => Sight::of(member.problem(), watches_cars),
-    };
-    sight.map(Arc::new)
+    let scenes = seats.iter().map(|seat| (seat.member.problem(), seat.member.is_mirrored()));
+    Sight::of(scenes, watches_cars).map(Arc::new)
 }
 
 impl Evaluator {

@@ -11,7 +11,7 @@
 //! | `beams` | beams of a placement on targets |
 //! | `card` | the range card, and blind sectors |
 //! | `places` | where in a scene a target can stand |
-//! | `sight` | rules on targets and a car all round, for scores and searches |
+//! | `sight` | rules on targets and near ground, and a car all round, for scores and searches |
 //! | `table` | the study: beams by distance and bearing, the range of first detection |
 
 mod beams;
@@ -26,5 +26,5 @@ mod tests;
 pub use beams::{Receiving, Standing, TargetSite};
 pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges};
 pub use places::GroundBelow;
-pub use sight::{CAR_WEIGHT, Missing, RuleMet, Sight, SightBeams};
+pub use sight::{CAR_WEIGHT, RuleMet, Sight, SightBeams};
 pub use table::{Detection, TargetQuestion, TargetRow, TargetTable, is_bearing, is_distance};

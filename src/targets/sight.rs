@@ -1,15 +1,18 @@
-//! Sight of targets as numbers that a search can raise: rules of the vehicle, and a car all round, so that no placement
-//! wins by looking away.
+//! Sight of targets and of the ground near the vehicle as numbers that a search can raise: rules of the vehicle, and a
+//! car all round, so that no placement wins by looking away.
 
 use std::ops::Range;
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use super::beams::{Standing, TargetSite};
 use super::card::{CARD_BEAMS, card_targets, position};
 use crate::maths;
+use crate::near_field::RequiredGround;
 use crate::problem::Problem;
 use crate::scene::Target;
-use crate::vehicle::{SensorPose, TargetRule, UnknownSensor};
+use crate::vehicle::{GroundRule, SensorPose, TargetRule, UnknownSensor};
 
 /// Penalty for a car that is seen nowhere, in the unit of a near gain. docs/targets.md has the trials of other
 /// weights.
@@ -27,55 +30,96 @@ const MARGIN: f64 = 0.01;
 /// Weight of single beams at places that are not met, where a met place weighs 1.
 const PARTIAL: f64 = 0.1;
 
-/// Places of targets around a vehicle on level ground.
-#[derive(Debug)]
+/// Places of targets around a vehicle on level ground, and ground near it in each scene.
 pub struct Sight {
     site: TargetSite,
     /// Targets and their positions, group after group.
     places: Vec<(Arc<Target>, [f64; 3])>,
     /// Places of the car all round; empty where a search does not look.
     car: Range<usize>,
-    rules: Vec<(TargetRule, Range<usize>)>,
+    rules: Vec<Rule>,
     /// Beams that count at each place.
     enough: Vec<u8>,
+    /// Ground near the vehicle in each scene and mirror image; empty where none is required.
+    ground: Vec<RequiredGround>,
 }
 
-/// Beams of a LiDAR at each place, counted as far as they matter.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct SightBeams(Box<[u8]>);
+/// A rule of the vehicle.
+enum Rule {
+    /// On a target, with its places.
+    Target(TargetRule, Range<usize>),
+    /// On the ground, with its number among these.
+    Ground(GroundRule, usize),
+}
 
-impl SightBeams {
-    /// Adds the beams of another LiDAR.
-    pub fn add(&mut self, other: &Self) {
-        if self.0.is_empty() {
-            *self = other.clone();
-            return;
+impl Rule {
+    fn name(&self) -> &str {
+        match self {
+            Self::Target(rule, _) => &rule.name,
+            Self::Ground(rule, _) => &rule.name,
         }
-        self.0.iter_mut().zip(&other.0).for_each(|(sum, beams)| *sum = sum.saturating_add(*beams));
+    }
+
+    /// Share that is required.
+    fn least(&self) -> f64 {
+        match self {
+            Self::Target(rule, _) => rule.share,
+            Self::Ground(rule, _) => rule.share,
+        }
+    }
+
+    fn without_any_one(&self) -> bool {
+        match self {
+            Self::Target(rule, _) => rule.without_any_one,
+            Self::Ground(rule, _) => rule.without_any_one,
+        }
     }
 }
 
-/// A rule, and the share of its places that is met.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Beams of a LiDAR at each place, counted as far as they matter, and cells of the ground that it sees.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct SightBeams {
+    beams: Box<[u8]>,
+    /// Bits scene after scene.
+    ground: Box<[u64]>,
+}
+
+impl SightBeams {
+    /// Adds the beams and the ground of another LiDAR.
+    pub fn add(&mut self, other: &Self) {
+        if self.beams.is_empty() && self.ground.is_empty() {
+            *self = other.clone();
+            return;
+        }
+        let beams = self.beams.iter_mut().zip(&other.beams);
+        beams.for_each(|(sum, beams)| *sum = sum.saturating_add(*beams));
+        self.ground.iter_mut().zip(&other.ground).for_each(|(sum, bits)| *sum |= bits);
+    }
+}
+
+/// A rule, and the share of its places or ground that is met.
+#[derive(Debug, Clone, PartialEq)]
 pub struct RuleMet<'a> {
-    /// The rule.
-    pub rule: &'a TargetRule,
-    /// Share of its places at which enough beams meet the target. For a rule that must hold without any one LiDAR, the
-    /// least share over the LiDARs left out.
+    /// Name of the rule.
+    pub name: &'a str,
+    /// Share that is required.
+    pub least: f64,
+    /// Share of its places at which enough beams meet the target, or of its ground that is seen, a mean over scenes. For
+    /// a rule that must hold without any one LiDAR, the least share over the LiDARs left out.
     pub share: f64,
     /// LiDAR whose loss leaves least, of a rule that must hold without any one.
     pub without: Option<usize>,
-    /// Places that are not met; `None` where all are.
-    pub missing: Option<Missing>,
+    /// Missing places or ground, in words; `None` where the rule is met.
+    pub missing: Option<String>,
 }
 
 /// Smallest range of bearings and distances around places that are not met.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Missing {
+struct Missing {
     /// First and last bearing, degrees counter-clockwise from straight ahead.
-    pub bearings: [f64; 2],
+    bearings: [f64; 2],
     /// Nearest and farthest distance, metres.
-    pub distances: [f64; 2],
+    distances: [f64; 2],
 }
 
 impl std::fmt::Display for Missing {
@@ -99,14 +143,23 @@ fn places_of(rule: &TargetRule) -> Vec<[f64; 3]> {
 }
 
 impl Sight {
-    /// Sight of a problem's vehicle: its rules and, if `watches_cars`, a car all round. `None` where there is nothing
-    /// to look for, or beams end at nothing, so that nothing is known of a body.
-    pub fn of(problem: &Problem, watches_cars: bool) -> Option<Self> {
-        let is_needed = watches_cars || !problem.target_rules().is_empty();
-        if !is_needed || !problem.ends_at_hits() {
+    /// Sight of the vehicle of some scenes: its rules and, if `watches_cars`, a car all round. Each scene is given with
+    /// `true` for a mirror image, whose problem has mirrored sensors. `None` where there is nothing to look for, or beams
+    /// end at nothing, so that nothing is known of a body.
+    pub fn of<'a>(
+        scenes: impl IntoIterator<Item = (&'a Arc<Problem>, bool)>,
+        watches_cars: bool,
+    ) -> Option<Self> {
+        let scenes: Vec<_> = scenes.into_iter().collect();
+        let &(problem, is_mirrored) = scenes.first()?;
+        if !(watches_cars || problem.requires_sight()) || !problem.ends_at_hits() {
             return None;
         }
-        let site = TargetSite::of(problem);
+        let site = match is_mirrored {
+            // The mirror image of a mirror image is the scene as it is.
+            true => TargetSite::of(&problem.mirrored()),
+            false => TargetSite::of(problem),
+        };
         let (mut places, mut enough, mut rules) = (Vec::new(), Vec::new(), Vec::new());
         let mut group = |target: &Arc<Target>, at: Vec<[f64; 3]>, beams: u32| {
             let begin = places.len();
@@ -126,9 +179,13 @@ impl Sight {
         };
         for rule in problem.target_rules() {
             let range = group(&rule.target, places_of(rule), rule.beams);
-            rules.push((rule.clone(), range));
+            rules.push(Rule::Target(rule.clone(), range));
         }
-        Some(Self { site, places, car, rules, enough })
+        let of_scene = |(problem, is_mirrored)| RequiredGround::of(problem, is_mirrored);
+        let ground: Vec<_> = scenes.into_iter().filter_map(of_scene).collect();
+        let of_ground = problem.ground_required().rules.iter().enumerate();
+        rules.extend(of_ground.map(|(number, rule)| Rule::Ground(rule.clone(), number)));
+        Some(Self { site, places, car, rules, enough, ground })
     }
 
     /// Beams of a LiDAR.
@@ -141,7 +198,10 @@ impl Sight {
         let most = self.enough.iter().copied().max().unwrap_or(0);
         let beams = self.site.beams(lidar, &standing, u32::from(most))?;
         let capped = beams.iter().zip(&self.enough).map(|(&beams, &cap)| beams.min(cap.into()));
-        Ok(SightBeams(capped.map(|beams| beams as u8).collect()))
+        let beams = capped.map(|beams| beams as u8).collect();
+        let ground = self.ground.par_iter().map(|scene| scene.seen(lidar));
+        let ground = ground.collect::<Result<Vec<_>, _>>()?.concat().into();
+        Ok(SightBeams { beams, ground })
     }
 
     /// Missing share of beams on a car all round: 0 where five meet it at every place, 1 where none meets it anywhere,
@@ -155,7 +215,7 @@ impl Sight {
     /// Beams at some places as a share of the beams that count there.
     fn soft(&self, all: &SightBeams, places: Range<usize>) -> f64 {
         let wanted: u32 = self.enough[places.clone()].iter().map(|&beams| u32::from(beams)).sum();
-        let of = |place: usize| all.0.get(place).copied().unwrap_or(0).min(self.enough[place]);
+        let of = |place: usize| all.beams.get(place).copied().unwrap_or(0).min(self.enough[place]);
         let met: u32 = places.map(|place| u32::from(of(place))).sum();
         f64::from(met) / f64::from(wanted.max(1))
     }
@@ -163,7 +223,7 @@ impl Sight {
     /// Share of some places at which enough beams meet the target; 1 where there is no place.
     fn hard(&self, all: &SightBeams, places: Range<usize>) -> f64 {
         let count = places.len();
-        let met = |place: &usize| all.0.get(*place).is_some_and(|b| *b >= self.enough[*place]);
+        let met = |place: &usize| all.beams.get(*place).is_some_and(|b| *b >= self.enough[*place]);
         if count == 0 { 1.0 } else { places.filter(met).count() as f64 / count as f64 }
     }
 
@@ -175,15 +235,48 @@ impl Sight {
         sum
     }
 
-    /// Least share of a rule's places, and the LiDAR whose loss leaves it; all LiDARs where none is to be lost.
-    fn least(
-        &self,
-        each: &[&SightBeams],
-        (rule, places): &(TargetRule, Range<usize>),
-    ) -> (f64, Option<usize>) {
+    /// Bits of each scene with its ground.
+    fn ground_of<'a>(
+        &'a self,
+        all: &'a SightBeams,
+    ) -> impl Iterator<Item = (&'a RequiredGround, &'a [u64])> {
+        let mut rest = &all.ground[..];
+        self.ground.iter().map(move |scene| {
+            let (bits, others) = rest.split_at(scene.words().min(rest.len()));
+            rest = others;
+            (scene, bits)
+        })
+    }
+
+    /// Mean over scenes of a number of the ground.
+    fn over_scenes(&self, all: &SightBeams, of: impl Fn(&RequiredGround, &[u64]) -> f64) -> f64 {
+        let sum: f64 = self.ground_of(all).map(|(scene, bits)| of(scene, bits)).sum();
+        sum / self.ground.len().max(1) as f64
+    }
+
+    /// Share of a rule that is met; scenes without the ground that it asks for count as not seen.
+    fn met_share(&self, all: &SightBeams, rule: &Rule) -> f64 {
+        match rule {
+            Rule::Target(_, places) => self.hard(all, places.clone()),
+            Rule::Ground(_, number) => {
+                self.over_scenes(all, |s, bits| s.share(*number, bits).share.unwrap_or(0.0))
+            }
+        }
+    }
+
+    /// Like [`Self::met_share`], rising with every beam or cell.
+    fn soft_share(&self, all: &SightBeams, rule: &Rule) -> f64 {
+        match rule {
+            Rule::Target(_, places) => self.soft(all, places.clone()),
+            Rule::Ground(_, number) => self.over_scenes(all, |s, bits| s.share(*number, bits).soft),
+        }
+    }
+
+    /// Least share of a rule, and the LiDAR whose loss leaves it; all LiDARs where none is to be lost.
+    fn least(&self, each: &[&SightBeams], rule: &Rule) -> (f64, Option<usize>) {
         let share =
-            |lost: Option<usize>| (self.hard(&Self::sum_without(each, lost), places.clone()), lost);
-        let lost = (0..each.len()).map(Some).filter(|_| rule.without_any_one);
+            |lost: Option<usize>| (self.met_share(&Self::sum_without(each, lost), rule), lost);
+        let lost = (0..each.len()).map(Some).filter(|_| rule.without_any_one());
         // The first of equal ones.
         let least = lost.map(share).reduce(|a, b| if b.0 < a.0 { b } else { a });
         least.unwrap_or_else(|| share(None))
@@ -197,23 +290,42 @@ impl Sight {
     /// Every rule with its share, for the beams of each LiDAR.
     pub fn rules_met(&self, each: &[&SightBeams]) -> Vec<RuleMet<'_>> {
         let mut all = Vec::new();
-        for of in &self.rules {
-            let (share, without) = self.least(each, of);
-            let missing = self.missing(&Self::sum_without(each, without), of);
-            all.push(RuleMet { rule: &of.0, share, without, missing });
+        for rule in &self.rules {
+            let (share, without) = self.least(each, rule);
+            let (name, least) = (rule.name(), rule.least());
+            let missing = (share < least)
+                .then(|| self.missing_in_words(&Self::sum_without(each, without), rule))
+                .flatten();
+            all.push(RuleMet { name, least, share, without, missing });
         }
         all
+    }
+
+    fn missing_in_words(&self, all: &SightBeams, rule: &Rule) -> Option<String> {
+        match rule {
+            Rule::Target(rule, places) => {
+                self.missing(all, rule, places.clone()).map(|missing| missing.to_string())
+            }
+            Rule::Ground(_, number) => {
+                let share = |&(scene, bits): &(&RequiredGround, &[u64])| {
+                    scene.share(*number, bits).share.unwrap_or(0.0)
+                };
+                let scenes = self.ground_of(all);
+                let worst = scenes.min_by(|a, b| share(a).total_cmp(&share(b)));
+                worst.map(|(scene, bits)| scene.missing(*number, bits))
+            }
+        }
     }
 
     /// Bearings and distances around the places of a rule that are not met.
     fn missing(
         &self,
         all: &SightBeams,
-        (rule, places): &(TargetRule, Range<usize>),
+        rule: &TargetRule,
+        places: Range<usize>,
     ) -> Option<Missing> {
         let unmet = places
-            .clone()
-            .filter(|&place| all.0.get(place).is_none_or(|&beams| beams < self.enough[place]));
+            .filter(|&place| all.beams.get(place).is_none_or(|&beams| beams < self.enough[place]));
         unmet.fold(None, |range: Option<Missing>, place| {
             let [x, y, _] = self.places[place].1;
             // Bearings count from the rule's first one on, so that a range may cross ±180°.
@@ -241,14 +353,13 @@ impl Sight {
     /// that is not met.
     pub fn rules_missing(&self, each: &[&SightBeams]) -> f64 {
         let all = Self::sum_without(each, None);
-        let lacks = |of: &(TargetRule, Range<usize>)| {
-            let (rule, places) = of;
-            let least = if rule.share > 0.0 { (rule.share + MARGIN).min(1.0) } else { 0.0 };
-            let (share, _) = self.least(each, of);
+        let lacks = |rule: &Rule| {
+            let least = if rule.least() > 0.0 { (rule.least() + MARGIN).min(1.0) } else { 0.0 };
+            let (share, _) = self.least(each, rule);
             if share >= least {
                 return 0.0;
             }
-            least - share + PARTIAL * (1.0 - self.soft(&all, places.clone()))
+            least - share + PARTIAL * (1.0 - self.soft_share(&all, rule))
         };
         self.rules.iter().map(lacks).sum()
     }

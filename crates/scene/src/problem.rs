@@ -5,10 +5,10 @@ mod assemble;
 use std::ops::Deref;
 use std::sync::Arc;
 
-use crate::vehicle::{Constraints, Sensors, TargetRule};
+use crate::vehicle::{Constraints, GroundRule, Sensors, TargetRule};
 use lidar_cast::memory::OutOfMemory;
 
-pub use assemble::{content_of, world_of, world_of_parts};
+pub use assemble::{content_of, ground_triangles, world_of, world_of_parts};
 pub use lidar_cast::task::{
     Air, Content, DevicePose, Entropy, Frame, HIT_PUSH, Instance, KINDS, Modelled, OccupiedVoxel,
     RequiredArea, Requirement, SensorBatch, StageTimes, Tally, Task, World, beam_direction,
@@ -41,14 +41,24 @@ pub enum ProblemError {
         /// Name on the vehicle.
         name: String,
     },
-    /// Targets must be met where beams end at nothing.
+    /// Targets or ground must be met where beams end at nothing.
     #[error(
         "the vehicle requires `{name}`, and beams end at nothing in this scene; give the scene geometry and \
-         \"coverage\": \"first-hit\", or leave the target out of `require`"
+         \"coverage\": \"first-hit\", or leave `{name}` out of `require`"
     )]
     TargetWithoutHits {
-        /// Name of the first rule on a target.
+        /// Name of the first rule on a target or the ground.
         name: String,
+    },
+    /// Ground must be seen where there is no own body, or no ground.
+    #[error(
+        "the vehicle requires `{name}`, and the scene has no {lacks}; give it one, or leave the ground out of `require`"
+    )]
+    GroundWithout {
+        /// Name of the first rule on the ground.
+        name: String,
+        /// Missing part of the scene.
+        lacks: &'static str,
     },
     /// The trees do not fit into memory.
     #[error(transparent)]
@@ -65,6 +75,17 @@ pub struct Problem {
     body: Frame,
     /// Targets that must be met.
     target_rules: Arc<[TargetRule]>,
+    /// Ground that must be seen.
+    ground: Arc<GroundRequired>,
+}
+
+/// Rules on the ground near the vehicle, and which triangles of a frame are ground.
+#[derive(Debug, Default)]
+pub struct GroundRequired {
+    /// Rules, in the order of the vehicle.
+    pub rules: Vec<GroundRule>,
+    /// True for ground, by triangle of a frame; the own body's triangles have no entry. Empty without rules.
+    pub is_ground: Vec<bool>,
 }
 
 impl Deref for Problem {
@@ -79,7 +100,13 @@ impl From<Task> for Problem {
     /// A problem without rules of a mount.
     fn from(task: Task) -> Self {
         let (constraints, body) = (Constraints::default(), Frame::default());
-        Self { task: Arc::new(task), constraints, body, target_rules: [].into() }
+        Self {
+            task: Arc::new(task),
+            constraints,
+            body,
+            target_rules: [].into(),
+            ground: Arc::default(),
+        }
     }
 }
 
@@ -104,6 +131,16 @@ impl Problem {
         &self.target_rules
     }
 
+    /// Ground near the vehicle that must be seen.
+    pub fn ground_required(&self) -> &GroundRequired {
+        &self.ground
+    }
+
+    /// True if the vehicle requires targets or ground, beside areas of voxels.
+    pub fn requires_sight(&self) -> bool {
+        !self.target_rules.is_empty() || !self.ground.rules.is_empty()
+    }
+
     /// A copy with other rules of the mount.
     pub fn with_constraints(self, constraints: Constraints) -> Self {
         Self { constraints, ..self }
@@ -123,7 +160,7 @@ impl Problem {
     #[must_use]
     pub fn without_requirements(self) -> Self {
         let free = self.changed(Task::without_areas);
-        Self { target_rules: [].into(), ..free }
+        Self { target_rules: [].into(), ground: Arc::default(), ..free }
     }
 
     /// A copy with areas that must be seen.

@@ -224,6 +224,17 @@ impl Scene {
         Ok(Self { vehicle: self.vehicle.narrowed(&at, rules)?, ..self })
     }
 
+    /// A copy whose vehicle requires nothing.
+    #[must_use]
+    pub fn without_requirements(&self) -> Self {
+        let mut scene = self.clone();
+        let Vehicle { require, targets, ground, .. } = &mut scene.vehicle;
+        require.clear();
+        targets.clear();
+        ground.clear();
+        scene
+    }
+
     /// The vehicle; made of the scene's `lidar` and `mount` where it says these.
     pub fn vehicle(&self) -> &Vehicle {
         &self.vehicle

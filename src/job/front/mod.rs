@@ -202,7 +202,7 @@ impl Job {
     /// True if the vehicle requires anything.
     pub(super) fn requires(&self) -> Result<bool, JobError> {
         let problem = self.problem()?;
-        Ok(!problem.content().areas().is_empty() || !problem.target_rules().is_empty())
+        Ok(!problem.content().areas().is_empty() || problem.requires_sight())
     }
 }
 

@@ -8,7 +8,10 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::{Content, Entropy, Frame, Instance, OccupiedVoxel, Problem, ProblemError, Task, World};
+use super::{
+    Content, Entropy, Frame, GroundRequired, Instance, OccupiedVoxel, Problem, ProblemError, Task,
+    World,
+};
 use crate::psog::{EntropyKind, EntropyTable, Psog, fixed};
 use crate::scene::{Coverage, EgoBody, Ground, Scene};
 use crate::vehicle::Sensors;
@@ -194,14 +197,42 @@ impl Problem {
         let world = if frames.is_empty() { World::default() } else { make_world(far)? };
         let task = Task::new(*roi, content, sensors, world, ends_at_hits).numbered(frames);
         let body = Frame::from(Arc::new(Bvh::build(&scene.part(scene.body_part()), far)));
-        let rules = &scene.vehicle().targets;
-        if let Some(rule) = rules.first().filter(|_| !task.ends_at_hits()) {
-            return Err(ProblemError::TargetWithoutHits { name: rule.name.clone() });
+        let (targets, ground) = (&scene.vehicle().targets, &scene.vehicle().ground);
+        let names =
+            targets.iter().map(|rule| &rule.name).chain(ground.iter().map(|rule| &rule.name));
+        if let Some(name) = names.into_iter().next().filter(|_| !task.ends_at_hits()) {
+            return Err(ProblemError::TargetWithoutHits { name: name.clone() });
         }
-        let target_rules = rules.clone().into();
+        let ground = Arc::new(ground_required(scene)?);
+        let target_rules = targets.clone().into();
         let problem = Self::from(task).with_constraints(scene.constraints());
-        Ok(Self { body, target_rules, ..problem })
+        Ok(Self { body, target_rules, ground, ..problem })
     }
+}
+
+/// Rules of a scene's vehicle on the ground, and which triangles of its frames are ground.
+///
+/// # Errors
+/// Ground is required, and there is none, or no own body to measure from.
+fn ground_required(scene: &Scene) -> Result<GroundRequired, ProblemError> {
+    let rules = scene.vehicle().ground.clone();
+    let Some(first) = rules.first() else { return Ok(GroundRequired::default()) };
+    let without = |lacks| ProblemError::GroundWithout { name: first.name.clone(), lacks };
+    let is_ground = ground_triangles(scene);
+    if scene.part_triangles(scene.body_part()) == 0 {
+        return Err(without("own body (`ego.body` of the scene, or `body` of the vehicle)"));
+    }
+    if !is_ground.contains(&true) {
+        return Err(without("triangle of a class of ground, as `road`"));
+    }
+    Ok(GroundRequired { rules, is_ground })
+}
+
+/// True for ground, by triangle of a frame; the own body's triangles have no entry.
+pub fn ground_triangles(scene: &Scene) -> Vec<bool> {
+    let ground_classes = Ground::among(scene.classes());
+    let is_ground = |class: u16| ground_classes.get(usize::from(class)) == Some(&true);
+    scene.face_classes(EgoBody::Exclude).into_iter().map(is_ground).collect()
 }
 
 /// Bytes a triangle while a tree is built: soup, items of the builder, triangle, nodes, blocks.

@@ -3,6 +3,7 @@
 //! Keys, units and defaults are explained in `scenes/README.md`.
 
 use serde::Deserialize;
+use sightline_files::json::{DescriptionError, Place};
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -169,7 +170,24 @@ pub struct RequirementDescription {
     pub within: Option<f64>,
     pub bearing: Option<[f64; 2]>,
     pub beams: Option<u64>,
-    pub share: f64,
+    pub ground: Option<f64>,
+    pub blind_zone: Option<String>,
+    pub depth: Option<f64>,
+    pub share: Option<f64>,
     #[serde(default)]
     pub without_any_one: bool,
+}
+
+impl RequirementDescription {
+    /// Share that is required.
+    ///
+    /// # Errors
+    /// None is given.
+    pub fn share(&self, at: &Place) -> Result<f64, DescriptionError> {
+        self.share.ok_or_else(|| DescriptionError::Missing {
+            at: Box::new(at.clone()),
+            key: "share",
+            mend: "say which share must be seen, `\"share\": 0.9` for example".to_owned(),
+        })
+    }
 }

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::{
-    Constraints, Lidar, MAX_LIDARS, Phase, Region, Requirement, Response, SensorError, SensorModel,
-    SensorName, Sensors, Slot, TargetRule, Ties,
+    Constraints, GroundRule, Lidar, MAX_LIDARS, Phase, Region, Requirement, Response, SensorError,
+    SensorModel, SensorName, Sensors, Slot, TargetRule, Ties,
 };
 use sightline_files::Note;
 
@@ -53,6 +53,8 @@ pub struct Vehicle {
     pub require: Vec<Requirement>,
     /// Targets that beams must hit at a share of places.
     pub targets: Vec<TargetRule>,
+    /// Ground near the vehicle that must be seen.
+    pub ground: Vec<GroundRule>,
     /// Sentences about the file and the sensor files that it names.
     pub notes: Vec<Note>,
 }

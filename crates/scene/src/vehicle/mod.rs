@@ -4,6 +4,7 @@ pub mod constraints;
 mod description;
 mod doubts;
 mod equipment;
+mod ground_rule;
 mod lidar;
 mod lidar_reading;
 mod mesh_mount;
@@ -26,6 +27,7 @@ pub use doubts::{
     Doubts, doubt_of_ground, doubts_of_units, is_degrees, of_angles, of_degrees, of_lidar,
 };
 pub use equipment::{Equipment, Vehicle, VehicleMount, VehicleSensor};
+pub use ground_rule::{FARTHEST_GROUND, GroundAsked, GroundRule, Side};
 pub use lidar::{Lidar, stated};
 pub use lidar_cast::sensor::{
     BeamGrid, BeamTable, Echoes, ForeignLidar, MAX_LIDARS, Phase, Placement, PlacementError,

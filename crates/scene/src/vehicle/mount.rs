@@ -61,6 +61,7 @@ impl Vehicle {
             ties,
             require: Vec::new(),
             targets: Vec::new(),
+            ground: Vec::new(),
             notes: Vec::new(),
         };
         vehicle.check_room(&at)?;

@@ -55,10 +55,11 @@ impl TargetRule {
             ("min", required.min.is_some()),
             ("max", required.max.is_some()),
             ("without", !required.without.is_empty()),
+            ("depth", required.depth.is_some()),
         ] {
             if there {
-                let mend = "a `target` stands on the ground around the vehicle; leave the box out"
-                    .to_owned();
+                let mend =
+                    "a `target` stands on the ground around the vehicle; leave it out".to_owned();
                 return Err(DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend });
             }
         }
@@ -93,7 +94,7 @@ impl TargetRule {
             within,
             bearings: [low, high],
             beams,
-            share: required.share,
+            share: required.share(at)?,
             without_any_one: required.without_any_one,
         })
     }

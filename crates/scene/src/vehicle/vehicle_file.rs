@@ -14,7 +14,7 @@ use super::lidar_reading::DescribedLidar;
 use super::mesh_mount::mirror_meshes;
 use super::mount::{keep_out_boxes, least_distance};
 use super::mounting::{check_pairs, level, mounting};
-use super::{MAX_LIDARS, Phase, Requirement, SensorName, TargetRule, Ties, lidar};
+use super::{GroundRule, MAX_LIDARS, Phase, Requirement, SensorName, TargetRule, Ties, lidar};
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{self, DescriptionError, FileKind, Place};
@@ -93,13 +93,24 @@ impl Vehicle {
             mirror_meshes(&mut mounts);
             check_pairs(at, &mounts)?;
         }
-        let Requirements { areas: require, targets, files: read, notes: told } =
+        let Requirements { areas: require, targets, ground, files: read, notes: told } =
             Requirements::new(&at.key("require"), &vehicle.require, dir)?;
         files.extend(read);
         notes.extend(told);
         let name = name.unwrap_or_else(|| stem.to_owned());
         Ok((
-            Self { name, sensors, mounts, min_distance, keep_out, ties, require, targets, notes },
+            Self {
+                name,
+                sensors,
+                mounts,
+                min_distance,
+                keep_out,
+                ties,
+                require,
+                targets,
+                ground,
+                notes,
+            },
             files,
         ))
     }
@@ -207,7 +218,7 @@ fn area(at: &Place, required: &RequirementDescription) -> Result<Requirement, De
     };
     let name = required.name.clone().ok_or_else(|| missing("name", "name the area"))?;
     let name = check::name(&at.key("name"), name)?;
-    let corner = "give the corners of a box, or a `target`";
+    let corner = "give the corners of a box, a `target`, `ground` or a `blind_zone`";
     let min = required.min.ok_or_else(|| missing("min", corner))?;
     let max = required.max.ok_or_else(|| missing("max", corner))?;
     for (key, there) in [
@@ -216,23 +227,29 @@ fn area(at: &Place, required: &RequirementDescription) -> Result<Requirement, De
         ("bearing", required.bearing.is_some()),
         ("beams", required.beams.is_some()),
         ("without_any_one", required.without_any_one),
+        ("depth", required.depth.is_some()),
     ] {
         if there {
-            let mend = "it is of a `target`; a box has none".to_owned();
+            let mend = match key {
+                "depth" => "it is of a `blind_zone`; a box has none",
+                _ => "it is of a `target`; a box has none",
+            };
+            let mend = mend.to_owned();
             return Err(DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend });
         }
     }
     let inside = KeepOutDescription { min, max };
     let inside = keep_out_boxes(at, std::slice::from_ref(&inside))?[0];
     let without = keep_out_boxes(&at.key("without"), &required.without)?;
-    Ok(Requirement { name, inside, without, share: required.share })
+    Ok(Requirement { name, inside, without, share: required.share(at)? })
 }
 
-/// Content of a vehicle's `require`: areas and targets.
+/// Content of a vehicle's `require`: areas, targets and ground.
 #[derive(Default)]
 struct Requirements {
     areas: Vec<Requirement>,
     targets: Vec<TargetRule>,
+    ground: Vec<GroundRule>,
     /// Target files and their meshes.
     files: Vec<PathBuf>,
     notes: Vec<Note>,
@@ -247,8 +264,12 @@ impl Requirements {
         let mut all = Self::default();
         for (i, required) in list.iter().enumerate() {
             let at = at.item(i);
-            if !(0.0..=1.0).contains(&required.share) {
-                return Err(bad(&at.key("share"), required.share, "a share from 0 to 1"));
+            if let Some(share) = required.share.filter(|share| !(0.0..=1.0).contains(share)) {
+                return Err(bad(&at.key("share"), share, "a share from 0 to 1"));
+            }
+            if let Some(rule) = GroundRule::read(&at, required)? {
+                all.ground.push(rule);
+                continue;
             }
             match &required.target {
                 None => all.areas.push(area(&at, required)?),

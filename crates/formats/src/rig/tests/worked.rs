@@ -181,6 +181,7 @@ fn models(lidar: Lidar) -> Models {
         ties: Ties::default(),
         require: Vec::new(),
         targets: Vec::new(),
+        ground: Vec::new(),
         notes: Vec::new(),
     })
 }

@@ -1,0 +1,342 @@
+//! Ground that a vehicle's rules ask for, in one scene: by the cells and the depths of the near field.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, OnceLock};
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::ground::Cell;
+use super::look::{CLOSE, NearSite};
+use super::zone::lane_before;
+use super::{CELL, NEAR};
+use crate::bvh::Hit;
+use crate::cast::Caster;
+use crate::geom::Pose;
+use crate::maths;
+use crate::problem::{Problem, SensorBatch};
+use crate::vehicle::{GroundAsked, GroundRule, SensorPose, Side, UnknownSensor};
+
+/// Metres by which the box around the ground is larger than the cells: a hit sees a cell from half a metre away, and
+/// rounding must not lose it.
+const MARGIN: f64 = CLOSE + CELL;
+/// Share by which one side must lag behind the whole to be named.
+const LAGS: f64 = 0.02;
+
+/// Ground that rules ask for in a scene or its mirror image: cells near the own body, a bit each in every distinct frame.
+pub(crate) struct RequiredGround {
+    site: NearSite,
+    is_mirrored: bool,
+    /// Bit of each cell of the site; `None` for cells that no rule asks for.
+    bits: Vec<Option<u32>>,
+    /// Cell of each bit.
+    cells: Vec<Cell>,
+    /// For each distinct frame, the cells that are ground.
+    ground: Vec<Box<[u64]>>,
+    /// Corners of the box beyond which no hit sees any of the cells, metres.
+    reach: [DVec3; 2],
+    /// One a model, made on first use.
+    casters: Vec<OnceLock<Caster>>,
+    rules: Vec<Asked>,
+}
+
+/// Cells of a rule.
+enum Asked {
+    /// For each distinct frame, the cells that count.
+    Cells(Vec<Box<[u64]>>),
+    /// For each lane before an edge, its cells by distance; the depth in metres; the side as the vehicle has it.
+    Lanes(Vec<Vec<LaneCell>>, f64, Side),
+}
+
+/// Cell of a lane.
+struct LaneCell {
+    bit: usize,
+    /// Metres from the edge.
+    distance: f64,
+    /// Frames in which it is ground.
+    ground: u64,
+}
+
+/// Share of the ground that a rule asks for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct GroundSeen {
+    /// Share of cells, a mean over frames, or of lanes; `None` where the scene has no such ground.
+    pub share: Option<f64>,
+    /// Like the share, but rising with every lane that gets shorter.
+    pub soft: f64,
+}
+
+impl RequiredGround {
+    /// Ground that the vehicle of a problem must see; `None` without rules on it. A mirror image has mirrored sensors.
+    pub fn of(problem: &Arc<Problem>, is_mirrored: bool) -> Option<Self> {
+        let required = problem.ground_required();
+        if required.rules.is_empty() {
+            return None;
+        }
+        let site = NearSite::of_rules(problem)?;
+        let asks = |cell: &Cell| {
+            required.rules.iter().any(|rule| match rule.asked {
+                GroundAsked::Within(metres) => cell.distance <= metres,
+                GroundAsked::BlindZone(side, _) => {
+                    lane_before(&site.footprint, cell, seen_side(side, is_mirrored)).is_some()
+                }
+            })
+        };
+        let (mut bits, mut cells) = (Vec::new(), Vec::new());
+        for cell in &site.cells.cells {
+            let bit = asks(cell).then_some(cells.len() as u32);
+            bits.push(bit);
+            cells.extend(bit.map(|_| *cell));
+        }
+        let of_frame = |(_, _, ground): &(usize, u64, Vec<bool>)| {
+            let with_bits = bits.iter().zip(ground).filter(|(bit, _)| bit.is_some());
+            mask_of(with_bits.map(|(_, is_ground)| *is_ground))
+        };
+        let ground = site.frames.iter().map(of_frame).collect();
+        let reach = reach_of(&cells, &site);
+        let casters = problem.sensors().models().iter().map(|_| OnceLock::new()).collect();
+        let rules = Vec::new();
+        let mut this = Self { site, is_mirrored, bits, cells, ground, reach, casters, rules };
+        this.rules = required.rules.iter().map(|rule| this.asked(rule)).collect();
+        Some(this)
+    }
+
+    /// Words of one frame.
+    fn frame_words(&self) -> usize {
+        self.cells.len().div_ceil(64)
+    }
+
+    /// Words of all frames.
+    pub fn words(&self) -> usize {
+        self.frame_words() * self.site.frames.len()
+    }
+
+    fn asked(&self, rule: &GroundRule) -> Asked {
+        match rule.asked {
+            GroundAsked::Within(metres) => {
+                let near = mask_of(self.cells.iter().map(|cell| cell.distance <= metres));
+                Asked::Cells(self.ground.iter().map(|ground| both(ground, &near)).collect())
+            }
+            GroundAsked::BlindZone(side, metres) => {
+                let before = |cell| {
+                    lane_before(&self.site.footprint, cell, seen_side(side, self.is_mirrored))
+                };
+                let mut lanes: BTreeMap<i64, Vec<LaneCell>> = BTreeMap::new();
+                for (bit, cell) in self.cells.iter().enumerate() {
+                    let (Some((lane, distance)), ground) =
+                        (before(cell), self.frames_of(bit, None))
+                    else {
+                        continue;
+                    };
+                    if ground > 0 {
+                        lanes.entry(lane).or_default().push(LaneCell { bit, distance, ground });
+                    }
+                }
+                let mut lanes: Vec<_> = lanes.into_values().collect();
+                lanes.iter_mut().for_each(|l| l.sort_by(|a, b| a.distance.total_cmp(&b.distance)));
+                Asked::Lanes(lanes, metres, side)
+            }
+        }
+    }
+
+    /// Frames in which a cell is ground and, if bits of all frames are given, seen.
+    fn frames_of(&self, bit: usize, seen: Option<&[u64]>) -> u64 {
+        let word = |words: &[u64], at: usize| {
+            // Nothing is seen without a LiDAR: there are no words.
+            words.get(at).map_or(0, |word| word >> (bit % 64) & 1)
+        };
+        let of_frame = |(frame, (_, weight, _)): (usize, &(usize, u64, Vec<bool>))| {
+            let first = frame * self.frame_words();
+            let is_seen = seen.map_or(1, |seen| word(seen, first + bit / 64));
+            weight * (word(&self.ground[frame], bit / 64) & is_seen)
+        };
+        self.site.frames.iter().enumerate().map(of_frame).sum()
+    }
+
+    /// Cells that a LiDAR sees, frame after frame; `[frames × words]`.
+    ///
+    /// # Errors
+    /// A model that the vehicle does not have.
+    pub fn seen(&self, lidar: &SensorPose) -> Result<Vec<u64>, UnknownSensor> {
+        let lidar = if self.is_mirrored { lidar.mirrored() } else { *lidar };
+        let problem = &self.site.problem;
+        let batch = SensorBatch::new(problem, std::slice::from_ref(&lidar), None)?;
+        let mut all = vec![0; self.words()];
+        let of_frame = all.par_chunks_mut(self.frame_words()).zip(&self.site.frames);
+        of_frame.for_each(|(words, (frame, ..))| {
+            let poses = batch.ego_from_sensors(*frame);
+            let hits = self.hits(&batch, &poses, *frame);
+            let mut seen = vec![false; self.bits.len()];
+            self.site.mark_seen(batch.table(0), &poses[0], &hits, &mut seen);
+            for (bit, _) in self.bits.iter().zip(&seen).filter(|(_, seen)| **seen) {
+                let Some(bit) = bit.map(|bit| bit as usize) else { continue };
+                words[bit / 64] |= 1 << (bit % 64);
+            }
+        });
+        Ok(all)
+    }
+
+    /// Closest hits of a LiDAR's beams as far as they may see a cell; in bad weather of those that come back.
+    fn hits(&self, batch: &SensorBatch<'_>, poses: &[Pose], frame: usize) -> Vec<Hit> {
+        let problem = &self.site.problem;
+        let Some(geometry) = problem.geometry(frame) else { return Vec::new() };
+        let (table, far) = (batch.table(0), batch.range(0));
+        let caster = self.casters[batch.model(0)].get_or_init(|| Caster::new(table));
+        let range = |direction: &[f32; 3]| match problem.air() {
+            // Weather depends on where beams end, near or far.
+            Some(_) => far,
+            None => self.range(*direction, &poses[0], far),
+        };
+        let mut hits: Vec<Hit> =
+            table.directions().iter().map(|direction| Hit::none(range(direction))).collect();
+        caster.closer_hits_in(poses, geometry, vec![&mut hits[..]]);
+        if let Some(air) = problem.air() {
+            air.dim(batch, poses, geometry, problem.number_of(frame), &mut hits);
+        }
+        hits
+    }
+
+    /// Metres after which a beam has left the box of what it must see; 0 for one that never comes there.
+    fn range(&self, direction: [f32; 3], pose: &Pose, far: f32) -> f32 {
+        let along = pose.rotation * DVec3::from(direction.map(f64::from));
+        let [low, high] = self.reach.map(|bound| bound - pose.translation);
+        let (mut enter, mut leave) = (0.0_f64, f64::from(far));
+        for axis in 0..3 {
+            if along[axis] == 0.0 {
+                let is_outside = low[axis] > 0.0 || high[axis] < 0.0;
+                leave = if is_outside { -1.0 } else { leave };
+                continue;
+            }
+            let [a, b] = [low[axis] / along[axis], high[axis] / along[axis]];
+            (enter, leave) = (enter.max(a.min(b)), leave.min(a.max(b)));
+        }
+        if leave < enter { 0.0 } else { leave as f32 }
+    }
+
+    /// Share of the ground of a rule, by its number, that is seen in bits of all frames.
+    pub fn share(&self, rule: usize, bits: &[u64]) -> GroundSeen {
+        match &self.rules[rule] {
+            Asked::Cells(masks) => {
+                let share = self.share_in(masks, bits);
+                GroundSeen { share, soft: share.unwrap_or(0.0) }
+            }
+            Asked::Lanes(lanes, metres, _) => {
+                let depths = lanes.iter().map(|lane| self.depth(lane, bits));
+                let [mut ends, mut soft] = [0.0; 2];
+                for depth in depths {
+                    ends += f64::from(u8::from(depth.is_some_and(|depth| depth <= *metres)));
+                    let beyond = (depth.unwrap_or(2.0 * NEAR) - metres).max(0.0);
+                    soft += 1.0 - beyond / (2.0 * NEAR);
+                }
+                let count = lanes.len().max(1) as f64;
+                let share = (!lanes.is_empty()).then_some(ends / count);
+                GroundSeen { share, soft: soft / count }
+            }
+        }
+    }
+
+    /// Share of the cells of each frame's mask that are seen, a mean over the frames that have any.
+    fn share_in(&self, masks: &[Box<[u64]>], bits: &[u64]) -> Option<f64> {
+        let (mut sum, mut frames) = (0.0, 0);
+        let seen = bits.chunks(self.frame_words().max(1)).chain(std::iter::repeat(&[][..]));
+        for ((mask, seen), (_, weight, _)) in masks.iter().zip(seen).zip(&self.site.frames) {
+            let ones = |words: &mut dyn Iterator<Item = u64>| -> u64 {
+                words.map(|word| u64::from(word.count_ones())).sum()
+            };
+            let all = ones(&mut mask.iter().copied());
+            if all > 0 {
+                let seen = ones(&mut mask.iter().zip(seen).map(|(mask, seen)| mask & seen));
+                sum += *weight as f64 * seen as f64 / all as f64;
+                frames += weight;
+            }
+        }
+        (frames > 0).then(|| sum / frames as f64)
+    }
+
+    /// Metres to the nearest cell of a lane that is seen in at least half of its frames.
+    fn depth(&self, lane: &[LaneCell], bits: &[u64]) -> Option<f64> {
+        let is_seen = |cell: &&LaneCell| 2 * self.frames_of(cell.bit, Some(bits)) >= cell.ground;
+        lane.iter().find(is_seen).map(|cell| cell.distance)
+    }
+
+    /// Ground that a rule lacks, in words.
+    pub fn missing(&self, rule: usize, bits: &[u64]) -> String {
+        match &self.rules[rule] {
+            Asked::Cells(masks) => self.least_side(masks, bits),
+            Asked::Lanes(lanes, _, side) => {
+                let side = side.name();
+                if lanes.is_empty() {
+                    return format!("no ground {side} within {NEAR:.0} m");
+                }
+                let depths: Option<Vec<f64>> =
+                    lanes.iter().map(|lane| self.depth(lane, bits)).collect();
+                match depths.and_then(|depths| depths.into_iter().max_by(f64::total_cmp)) {
+                    Some(depth) => format!("the blind zone {side} ends at {depth:.2} m"),
+                    None => format!("the blind zone {side} does not end within {NEAR:.0} m"),
+                }
+            }
+        }
+    }
+
+    /// Quarter around the vehicle of which least is seen, with its share.
+    fn least_side(&self, masks: &[Box<[u64]>], bits: &[u64]) -> String {
+        let Some(whole) = self.share_in(masks, bits) else {
+            return "no ground in any frame".to_owned();
+        };
+        let middle = self.site.footprint.middle();
+        let share = |side: Side| {
+            let in_quarter = |cell: &Cell| {
+                let [x, y] = [0, 1].map(|k| cell.centre[k] - middle[k]);
+                let turns = (maths::atan2(y, x) / std::f64::consts::FRAC_PI_2).round() as i64;
+                let of = [Side::Ahead, Side::Left, Side::Behind, Side::Right];
+                of[turns.rem_euclid(4) as usize] == seen_side(side, self.is_mirrored)
+            };
+            let quarter = mask_of(self.cells.iter().map(in_quarter));
+            let masks: Vec<_> = masks.iter().map(|mask| both(mask, &quarter)).collect();
+            self.share_in(&masks, bits).map(|share| (side, share))
+        };
+        let sides = Side::ALL.into_iter().filter_map(share);
+        match sides.min_by(|a, b| a.1.total_cmp(&b.1)) {
+            Some((side, share)) if share < whole - LAGS => {
+                format!("least is seen {}: {:.1} %", side.name(), 100.0 * share)
+            }
+            _ => "on all sides".to_owned(),
+        }
+    }
+}
+
+/// Side of the scene's own frame that is a side of the vehicle.
+fn seen_side(side: Side, is_mirrored: bool) -> Side {
+    if is_mirrored { side.mirrored() } else { side }
+}
+
+/// Bits of a list, 64 a word.
+fn mask_of(list: impl IntoIterator<Item = bool>) -> Box<[u64]> {
+    let mut words = Vec::new();
+    for (bit, is_set) in list.into_iter().enumerate() {
+        if bit % 64 == 0 {
+            words.push(0);
+        }
+        if let Some(word) = words.last_mut() {
+            *word |= u64::from(is_set) << (bit % 64);
+        }
+    }
+    words.into()
+}
+
+/// Bits that are set in two masks.
+fn both(a: &[u64], b: &[u64]) -> Box<[u64]> {
+    a.iter().zip(b).map(|(a, b)| a & b).collect()
+}
+
+/// Corners of the box around cells and the ground near them, in which alone a hit sees any of them.
+fn reach_of(cells: &[Cell], site: &NearSite) -> [DVec3; 2] {
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for cell in cells {
+        let at = DVec3::new(cell.centre[0], cell.centre[1], 0.0);
+        (low, high) = (low.min(at), high.max(at));
+    }
+    (low, high) = (low - MARGIN, high + MARGIN);
+    let [bottom, top] = site.heights_between([low, high]);
+    [low.with_z(bottom - MARGIN), high.with_z(top + MARGIN)]
+}

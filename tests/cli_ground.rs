@@ -1,0 +1,224 @@
+//! `require` of near ground and blind zones from outside: the numbers of `study nearfield`, and what a search makes of them.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{fails, ok, sightline};
+
+/// Ground with a kerb and a walker who moves, and a cart whose body hides what is beside it.
+fn yard(dir: &Path, require: Value) {
+    let vehicle = json!({ "sightline": 1, "name": "cart",
+        "body": [{ "class": "vehicle", "box": { "min": [-2, -0.9, 0], "max": [1.5, 0.9, 1.4] } }],
+        "sensors": [
+            { "name": "wide", "price": 3, "phase": 0, "lidar": { "channels": 24, "fov": [-40, 0],
+                "azimuth_steps": 180, "range": 60 } },
+            { "name": "side", "price": 1, "lidar": { "channels": 24, "fov": [-70, -10],
+                "azimuth": [-60, 60], "azimuth_steps": 90, "range": 30 } }],
+        "mounts": [
+            { "name": "roof", "sensors": ["wide"], "min": [-1.5, -0.8, 1.5], "max": [1, 0.8, 2.2], "count": 1 },
+            { "name": "edge", "sensors": ["side"], "min": [-2, -0.9, 1.4], "max": [1.5, 0.9, 1.6],
+              "yaw": [-3.15, 3.15], "count": [0, 3] }],
+        "require": require });
+    fs::write(dir.join("cart.json"), vehicle.to_string()).unwrap();
+    let scene = json!({ "sightline": 1, "name": "yard", "vehicle": "cart.json", "frames": 3,
+        "roi": { "min": [-14, -14, -0.4], "max": [14, 14, 2.8], "voxel": [0.4, 0.4, 0.4] },
+        "static": [
+            { "class": "road", "plane": { "min": [-50, -50], "max": [50, 4], "z": 0 } },
+            { "class": "sidewalk", "plane": { "min": [-50, 4], "max": [50, 50], "z": 0.15 } },
+            { "class": "building", "box": { "min": [6, -8, 0], "max": [9, -3, 3] } }],
+        "actors": [{ "name": "walker",
+            "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.6, 1.8] } }],
+            "poses": [{ "x": 4, "y": 2 }, { "x": 3, "y": 2.5 }, { "x": -4, "y": 0 }] }] });
+    fs::write(dir.join("yard.json"), scene.to_string()).unwrap();
+    let lidar = |sensor: &str, x: f64, y: f64, z: f64, yaw: f64| json!({ "sensor": sensor, "x": x, "y": y, "z": z, "yaw": yaw });
+    let roof = lidar("wide", 0.4, 0.1, 2.1, 0.0);
+    let [left, back] = [lidar("side", 0.2, 0.85, 1.5, 1.4), lidar("side", -1.9, -0.2, 1.5, 3.0)];
+    let placements = json!({ "placements": [
+        { "name": "roof", "lidars": [roof] }, { "name": "two", "lidars": [roof, left] },
+        { "name": "three", "lidars": [roof, left, back] } ] });
+    fs::write(dir.join("rigs.json"), placements.to_string()).unwrap();
+}
+
+const RULES: [(&str, f64); 4] = [("ahead", 1.5), ("behind", 2.0), ("left", 1.0), ("right", 2.5)];
+
+fn rules() -> Value {
+    let mut all = vec![json!({ "ground": 10, "share": 0.5 }), json!({ "ground": 3, "share": 0.5 })];
+    all.extend(RULES.map(|(side, depth)| json!({ "blind_zone": side, "depth": depth })));
+    all.into()
+}
+
+/// The rules of [`rules`] must say of a placement what the near field says.
+fn agrees(scores: &Value, near: &Value) {
+    let found = |k: usize| scores["requirements"][k]["found"].as_f64().unwrap();
+    assert_eq!(found(0), near["near_field"].as_f64().unwrap(), "{near}");
+    assert_eq!(found(1), near["ring"].as_f64().unwrap(), "{near}");
+    for (k, (side, depth)) in RULES.into_iter().enumerate() {
+        let (rule, zone) = (&scores["requirements"][2 + k], &near["zone"][side]);
+        let is_met = zone.as_f64().is_some_and(|found| found <= depth);
+        assert_eq!(rule["met"], is_met, "{side}: {rule} {zone}");
+        let told = match zone.as_f64() {
+            Some(found) => format!("the blind zone {side} ends at {found:.2} m"),
+            None => format!("the blind zone {side} does not end within 10 m"),
+        };
+        assert_eq!(rule.get("missing"), (!is_met).then(|| json!(told)).as_ref(), "{rule} {zone}");
+    }
+}
+
+#[test]
+fn required_ground_has_the_numbers_of_the_near_field() {
+    let dir = TempDir::new().unwrap();
+    yard(dir.path(), rules());
+    let of = |command: &[&str], more: &[&str]| {
+        let files = ["yard.json", "rigs.json", "--backend", "cpu"];
+        ok(dir.path(), &[command, &files, more].concat())
+    };
+    for weather in [&[][..], &["--condition", "fog:mor=15", "--condition", "wet:water=1"]] {
+        let scores = of(&["score", "--tolerance", "0"], weather);
+        let near = of(&["study", "nearfield"], weather);
+        let (scores, near) = (&scores["scores"], &near["near_fields"]);
+        (0..3).for_each(|k| agrees(&scores[k], &near[k]));
+        let met = |k: usize| {
+            let all = scores[k]["requirements"].as_array().unwrap();
+            all.iter().filter(|rule| rule["met"] == true).count()
+        };
+        assert!(!weather.is_empty() || (met(0) < met(2) && met(2) >= 4), "{scores}");
+    }
+    let text = sightline(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
+    let text = String::from_utf8(text.stdout).unwrap();
+    assert!(text.contains("NOT MET: blind zone left to 1 m: "), "{text}");
+}
+
+#[test]
+fn a_mirrored_scene_swaps_the_sides() {
+    let dir = TempDir::new().unwrap();
+    yard(dir.path(), rules());
+    let scores = |out: &str, more: &[&str]| {
+        let args = "optimize yard.json --baselines rigs.json --backend cpu --evaluations 1 --seed 1 --tolerance 0";
+        let args: Vec<&str> = args.split(' ').chain(["--format", "json", "--out", out]).collect();
+        let output = sightline(dir.path(), &[&args, more].concat());
+        let run: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let two =
+            run["baselines"].as_array().unwrap().iter().find(|of| of["scores"]["name"] == "two");
+        two.unwrap()["scores"]["requirements"].clone()
+    };
+    let (plain, both) = (scores("plain", &[]), scores("both", &["--mirror"]));
+    // Mirrored by hand: the scene and the body, as the vehicle stays as it is.
+    let text = fs::read_to_string(dir.path().join("yard.json")).unwrap();
+    let mut scene: Value = serde_json::from_str(&text).unwrap();
+    scene["static"][0]["plane"] = json!({ "min": [-50, -4], "max": [50, 50], "z": 0 });
+    scene["static"][1]["plane"] = json!({ "min": [-50, -50], "max": [50, -4], "z": 0.15 });
+    scene["static"][2]["box"] = json!({ "min": [6, 3, 0], "max": [9, 8, 3] });
+    for pose in scene["actors"][0]["poses"].as_array_mut().unwrap() {
+        pose["y"] = json!(-pose["y"].as_f64().unwrap());
+    }
+    fs::write(dir.path().join("yard.json"), scene.to_string()).unwrap();
+    let image = scores("image", &[]);
+    for k in 0..6 {
+        let found = |of: &Value| of[k]["found"].as_f64().unwrap();
+        let mean = 0.5 * (found(&plain) + found(&image));
+        assert!((found(&both) - mean).abs() < 2e-3, "{k}: {both} {plain} {image}");
+    }
+    assert_ne!(plain[0]["found"], image[0]["found"], "the scene is no image of itself");
+    assert_ne!(plain[4]["found"], plain[5]["found"], "nor is the rig");
+}
+
+#[test]
+fn ground_seen_without_any_one_lidar_is_the_least_that_is_left() {
+    let dir = TempDir::new().unwrap();
+    yard(dir.path(), json!([{ "ground": 3, "share": 0.99, "without_any_one": true }]));
+    let score = || {
+        let args = ["score", "yard.json", "rigs.json", "--backend", "cpu", "--tolerance", "0"];
+        ok(dir.path(), &args)["scores"].clone()
+    };
+    let all = score();
+    let text = fs::read_to_string(dir.path().join("rigs.json")).unwrap();
+    let rigs: Value = serde_json::from_str(&text).unwrap();
+    let without = |lost: usize| {
+        let mut lidars = rigs["placements"][2]["lidars"].as_array().unwrap().clone();
+        lidars.remove(lost);
+        json!({ "name": format!("without-{lost}"), "lidars": lidars })
+    };
+    let one_less = json!({ "placements": [without(0), without(1), without(2)] });
+    fs::write(dir.path().join("rigs.json"), one_less.to_string()).unwrap();
+    yard_rule(dir.path(), json!([{ "ground": 3, "share": 0.99 }]));
+    let each = score();
+    let found = |scores: &Value, k: usize| scores[k]["requirements"][0]["found"].as_f64().unwrap();
+    let least = (0..3).map(|k| found(&each, k)).fold(f64::INFINITY, f64::min);
+    assert_eq!(found(&all, 2), least, "{all} {each}");
+    let told = all[2]["requirements"][0]["missing"].as_str().unwrap();
+    assert!(told.contains("least is seen ") && told.ends_with(" without LiDAR 0"), "{told}");
+}
+
+/// Replaces the rules of the cart.
+fn yard_rule(dir: &Path, require: Value) {
+    let text = fs::read_to_string(dir.join("cart.json")).unwrap();
+    let mut vehicle: Value = serde_json::from_str(&text).unwrap();
+    vehicle["require"] = require;
+    fs::write(dir.join("cart.json"), vehicle.to_string()).unwrap();
+}
+
+#[test]
+fn a_search_finds_a_rig_that_sees_the_ground_it_must() {
+    let dir = TempDir::new().unwrap();
+    let search = |out: &str, require: Value| {
+        yard(dir.path(), require);
+        let args = "optimize yard.json --backend cpu --evaluations 40 --seed 1 --budget 6 --format json --out";
+        let args: Vec<&str> = args.split(' ').chain([out]).collect();
+        let output = sightline(dir.path(), &args);
+        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+        (output.status.code(), found["best"]["scores"].clone())
+    };
+    let required = json!([{ "blind_zone": "behind", "depth": 1 }, { "ground": 3, "share": 0.9 }]);
+    let (code, scores) = search("asked", required.clone());
+    assert_eq!(code, Some(0), "{scores}");
+    assert!(scores["requirements"].as_array().unwrap().iter().all(|rule| rule["met"] == true));
+    assert!(scores["requirements"][0]["holds_in"].as_f64().is_some(), "{scores}");
+    // Without the rules it leaves more of the ground unseen.
+    search("free", json!([]));
+    yard_rule(dir.path(), required);
+    let free = ["score", "yard.json", "free/placements.json", "--backend", "cpu"];
+    let free = ok(dir.path(), &free)["scores"][0]["requirements"].clone();
+    assert!(free.as_array().unwrap().iter().any(|rule| rule["met"] == false), "{free}");
+}
+
+#[test]
+fn wrong_rules_on_the_ground_are_named() {
+    let dir = TempDir::new().unwrap();
+    for (rule, said) in [
+        (json!({ "ground": 30, "share": 1 }), "at most 10"),
+        (json!({ "ground": 0, "share": 1 }), "above 0"),
+        (json!({ "ground": 3 }), "`share`"),
+        (json!({ "ground": 3, "share": 1.5 }), "a share from 0 to 1"),
+        (json!({ "ground": 3, "share": 1, "blind_zone": "left" }), "write two"),
+        (json!({ "ground": 3, "share": 1, "beams": 5 }), "`beams`"),
+        (json!({ "blind_zone": "front", "depth": 1 }), "ahead, behind, left or right"),
+        (json!({ "blind_zone": "left" }), "`depth`"),
+        (json!({ "blind_zone": "left", "depth": 11 }), "at most 10"),
+        (json!({ "blind_zone": "left", "depth": 1, "target": "car" }), "`target`"),
+        (json!({ "target": "car", "within": 9, "share": 1, "depth": 1 }), "`depth`"),
+    ] {
+        yard(dir.path(), json!([{ "ground": 1, "share": 0 }, rule]));
+        let error = fails(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
+        assert!(error.contains("require[1]") && error.contains(said), "{rule}: {error}");
+    }
+    // A scene without ground, or a vehicle without a body, cannot answer.
+    yard(dir.path(), json!([{ "ground": 3, "share": 1 }]));
+    let change = |file: &str, of: &dyn Fn(&mut Value)| {
+        let text = fs::read_to_string(dir.path().join(file)).unwrap();
+        let mut value: Value = serde_json::from_str(&text).unwrap();
+        of(&mut value);
+        fs::write(dir.path().join(file), value.to_string()).unwrap();
+        fails(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"])
+    };
+    let error = change("cart.json", &|cart| cart["body"] = json!([]));
+    assert!(error.contains("`ground to 3 m`, and the scene has no own body"), "{error}");
+    yard(dir.path(), json!([{ "ground": 3, "share": 1 }]));
+    let error = change("yard.json", &|yard| {
+        yard["static"][0]["class"] = json!("wall");
+        yard["static"][1]["class"] = json!("wall");
+    });
+    assert!(error.contains("no triangle of a class of ground"), "{error}");
+}
