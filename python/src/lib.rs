@@ -11,6 +11,7 @@
 //! | `columns` | scores as arrays |
 //! | `scans` | scans as an iterator |
 //! | `search` | suites and `optimize` |
+//! | `questions` | studies of one placement as methods of a scene |
 //! | `front` | the front of objectives |
 
 mod arguments;
@@ -22,6 +23,7 @@ mod front;
 mod json;
 mod placements;
 mod psogs;
+mod questions;
 mod rigs;
 mod scans;
 mod scenes;

@@ -11,7 +11,6 @@ use sightline::engine::cast_rays;
 use sightline::internals::{Input, draws, usual_placements};
 use sightline::scan::BeamHits;
 use sightline::scene::EgoBody;
-use sightline::shared::LEAST_SHARED;
 use sightline::verify::verify;
 use sightline::{Placement, Scene, SensorPose, engine};
 
@@ -25,11 +24,7 @@ use crate::placements::{placement_bytes, placements_in};
 use crate::psogs::PyPsog;
 use crate::scans::ScanIterator;
 use crate::sensors::PySensor;
-use crate::targets::{redundancy_targets, target_question};
 use crate::wait::interruptible;
-
-// Python shows defaults that are literals.
-const _: () = assert!(LEAST_SHARED == 500);
 
 /// Metres within which rays of callers hit.
 const RAY_RANGE: f32 = 1e6;
@@ -237,91 +232,6 @@ impl PyScene {
             })
         })??;
         scores_object(py, &scores)
-    }
-
-    /// Range card of one placement, as a `dict`: distances in metres at which five beams or more meet a car, an adult and a
-    /// tyre, at sixteen bearings in degrees counter-clockwise from straight ahead, and the sectors that lose a car between
-    /// 5 and 50 m. On level ground, the own body in the way. `None` where beams end at nothing.
-    #[pyo3(signature = (poses, *, sensors = None, phases = None))]
-    fn range_card<'py>(
-        &self,
-        py: Python<'py>,
-        poses: &Bound<'py, PyAny>,
-        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
-        phases: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
-        let built = self.built.clone();
-        let card = interruptible(py, move |_| built.range_card(&placement))??;
-        to_python(py, &card)
-    }
-
-    /// u32 `[targets, bearings, distances, lidars]`: beams of one placement that end at each target, alone on level ground
-    /// with the own body in the way. `targets` are presets (`"car"`, `"child"`, …) or target files, `distances` metres from
-    /// the ego origin to the middle of the target, `bearings` degrees counter-clockwise from straight ahead. Raises
-    /// `ValueError` for an unknown target and where beams end at nothing.
-    #[pyo3(signature = (poses, targets, distances, bearings, *, sensors = None, phases = None))]
-    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
-    fn beams_on<'py>(
-        &self,
-        py: Python<'py>,
-        poses: &Bound<'py, PyAny>,
-        targets: &Bound<'py, PyAny>,
-        distances: &Bound<'py, PyAny>,
-        bearings: &Bound<'py, PyAny>,
-        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
-        phases: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyArrayDyn<u32>>> {
-        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
-        let question = target_question(targets, distances, bearings)?;
-        let shape = [
-            question.targets.len(),
-            question.bearings.len(),
-            question.distances.len(),
-            placement.lidars.len(),
-        ];
-        let built = self.built.clone();
-        let beams = interruptible(py, move |_| built.beams_on(&question, &placement))??;
-        shaped(py, beams, &shape)
-    }
-
-    /// Voxels, ground near the vehicle and targets by the number of LiDARs of one placement that see them, as a `dict` with
-    /// the row that `sightline study redundancy` prints: `occupied`, `voxels`, `ground_3m`, `ground_10m` and `targets`, each
-    /// with `all`, `by` and `share` for none, one, two, three and more LiDARs. `targets` are presets or target files
-    /// (default: car, adult, child, tyre). Raises `ValueError` for an unknown target.
-    #[pyo3(signature = (poses, *, targets = None, sensors = None, phases = None))]
-    fn redundancy<'py>(
-        &self,
-        py: Python<'py>,
-        poses: &Bound<'py, PyAny>,
-        targets: Option<&Bound<'py, PyAny>>,
-        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
-        phases: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
-        let question = redundancy_targets(targets)?;
-        let built = self.built.clone();
-        let found = interruptible(py, move |_| built.redundancy(&question, &placement))??;
-        to_python(py, &found)
-    }
-
-    /// Surfaces and directions that pairs of LiDARs of one placement share, as a `dict` with the row that `sightline study
-    /// overlap` prints: matrices `shared_voxels` (a mean over frames) and `shared_directions` (shares of the sphere),
-    /// `connected`, `connected_up_to`, `groups`, `cut_off`, `chain`. Pairs of `least_shared` voxels or more count. Raises
-    /// `ValueError` for one LiDAR, and where beams end at nothing.
-    #[pyo3(signature = (poses, *, least_shared = 500, sensors = None, phases = None))]
-    fn overlap<'py>(
-        &self,
-        py: Python<'py>,
-        poses: &Bound<'py, PyAny>,
-        #[pyo3(from_py_with = arguments::least_shared)] least_shared: u64,
-        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
-        phases: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
-        let built = self.built.clone();
-        let found = interruptible(py, move |_| built.overlap(least_shared, &placement))??;
-        to_python(py, &found)
     }
 
     /// u64, rising linear indices of the voxels that a placement covers in any frame.

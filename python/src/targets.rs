@@ -47,7 +47,7 @@ pub fn redundancy_targets(targets: Option<&Bound<'_, PyAny>>) -> PyResult<Target
 }
 
 /// Numbers in a row that `is_allowed`.
-fn row(
+pub fn row(
     what: &str,
     given: &Bound<'_, PyAny>,
     allowed: &str,

@@ -109,7 +109,10 @@ impl Job {
 
     /// Like [`Self::room`], with the first fields only once `go_on` says no. It is asked often, with the fields finished
     /// since the last time.
-    pub(crate) fn room_while(
+    ///
+    /// # Errors
+    /// See [`Self::room`].
+    pub fn room_while(
         &self,
         evaluator: &mut Evaluator,
         placement: &Placement,

@@ -34,7 +34,8 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    pub(crate) fn new(placement: &Placement, field: SweptField, rows: Vec<SweepRow>) -> Self {
+    /// From rows of [`Job::sweep_rows`].
+    pub fn new(placement: &Placement, field: SweptField, rows: Vec<SweepRow>) -> Self {
         let (placement, lidar) = (placement.name.clone(), field.lidar);
         Self { placement, lidar, field: field.name(), unit: field.unit(), rows }
     }
@@ -132,7 +133,7 @@ impl SweptField {
     ///
     /// # Errors
     /// The first value that is not finite, or too far away.
-    pub(crate) fn check(self, placement: &Placement, values: &[f64]) -> Result<(), PlacementError> {
+    pub fn check(self, placement: &Placement, values: &[f64]) -> Result<(), PlacementError> {
         values.iter().try_for_each(|value| self.moved(placement, *value).validate())
     }
 
@@ -169,7 +170,10 @@ impl Job {
     }
 
     /// Rows at some values, of which `None` is the placement as it is; no rows once `go_on`, which is asked often, says no.
-    pub(crate) fn sweep_rows(
+    ///
+    /// # Errors
+    /// An engine that fails, a sensor that the vehicle does not have.
+    pub fn sweep_rows(
         &self,
         evaluator: &mut Evaluator,
         placement: &Placement,

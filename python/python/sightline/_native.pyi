@@ -284,6 +284,25 @@ class Scene:
         sensors: Sequence[str] | None = None,
         phases: npt.ArrayLike | None = None,
     ) -> dict[str, Any]: ...
+    def sweep(
+        self,
+        poses: _Poses,
+        of: str,
+        values: npt.ArrayLike,
+        *,
+        sensors: Sequence[str] | None = None,
+        phases: npt.ArrayLike | None = None,
+    ) -> dict[str, Any]: ...
+    def tolerance(
+        self,
+        poses: _Poses,
+        *,
+        most_mm: float = 100.0,
+        most_deg: float = 5.0,
+        steps: int = 10,
+        sensors: Sequence[str] | None = None,
+        phases: npt.ArrayLike | None = None,
+    ) -> dict[str, Any]: ...
     def covered(
         self,
         poses: _Poses,

@@ -1,0 +1,194 @@
+//! Questions about one placement in a scene, each with the answer of the study of that name.
+
+use std::sync::atomic::Ordering;
+
+use numpy::PyArrayDyn;
+use pyo3::prelude::*;
+use sightline::job::{RoomSteps, Sweep, SweptField};
+use sightline::shared::LEAST_SHARED;
+
+use crate::arguments;
+use crate::arrays::shaped;
+use crate::errors::{bad, raised};
+use crate::json::to_python;
+use crate::placements::placements_in;
+use crate::scenes::{PyScene, only};
+use crate::targets::{redundancy_targets, row, target_question};
+use crate::wait::interruptible;
+
+// Python shows defaults that are literals.
+const _: () = assert!(LEAST_SHARED == 500);
+
+/// Values of a sweep that are scored between two looks whether to stop.
+const AT_ONCE: usize = 16;
+/// Most values of a sweep.
+const MOST_VALUES: usize = 10_000;
+/// Most deviations of a tolerance, on each side.
+const MOST_STEPS: u32 = 1000;
+
+#[pymethods]
+impl PyScene {
+    /// Range card of one placement, as a `dict`: distances in metres at which five beams or more meet a car, an adult and a
+    /// tyre, at sixteen bearings in degrees counter-clockwise from straight ahead, and the sectors that lose a car between
+    /// 5 and 50 m. On level ground, the own body in the way. `None` where beams end at nothing.
+    #[pyo3(signature = (poses, *, sensors = None, phases = None))]
+    fn range_card<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
+        let built = self.built.clone();
+        let card = interruptible(py, move |_| built.range_card(&placement))??;
+        to_python(py, &card)
+    }
+
+    /// u32 `[targets, bearings, distances, lidars]`: beams of one placement that end at each target, alone on level ground
+    /// with the own body in the way. `targets` are presets (`"car"`, `"child"`, …) or target files, `distances` metres from
+    /// the ego origin to the middle of the target, `bearings` degrees counter-clockwise from straight ahead. Raises
+    /// `ValueError` for an unknown target and where beams end at nothing.
+    #[pyo3(signature = (poses, targets, distances, bearings, *, sensors = None, phases = None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn beams_on<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        targets: &Bound<'py, PyAny>,
+        distances: &Bound<'py, PyAny>,
+        bearings: &Bound<'py, PyAny>,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<u32>>> {
+        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
+        let question = target_question(targets, distances, bearings)?;
+        let shape = [
+            question.targets.len(),
+            question.bearings.len(),
+            question.distances.len(),
+            placement.lidars.len(),
+        ];
+        let built = self.built.clone();
+        let beams = interruptible(py, move |_| built.beams_on(&question, &placement))??;
+        shaped(py, beams, &shape)
+    }
+
+    /// Voxels, ground near the vehicle and targets by the number of LiDARs of one placement that see them, as a `dict` with
+    /// the row that `sightline study redundancy` prints: `occupied`, `voxels`, `ground_3m`, `ground_10m` and `targets`, each
+    /// with `all`, `by` and `share` for none, one, two, three and more LiDARs. `targets` are presets or target files
+    /// (default: car, adult, child, tyre). Raises `ValueError` for an unknown target.
+    #[pyo3(signature = (poses, *, targets = None, sensors = None, phases = None))]
+    fn redundancy<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        targets: Option<&Bound<'py, PyAny>>,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
+        let question = redundancy_targets(targets)?;
+        let built = self.built.clone();
+        let found = interruptible(py, move |_| built.redundancy(&question, &placement))??;
+        to_python(py, &found)
+    }
+
+    /// Surfaces and directions that pairs of LiDARs of one placement share, as a `dict` with the row that `sightline study
+    /// overlap` prints: matrices `shared_voxels` (a mean over frames) and `shared_directions` (shares of the sphere),
+    /// `connected`, `connected_up_to`, `groups`, `cut_off`, `chain`. Pairs of `least_shared` voxels or more count. Raises
+    /// `ValueError` for one LiDAR, and where beams end at nothing.
+    #[pyo3(signature = (poses, *, least_shared = 500, sensors = None, phases = None))]
+    fn overlap<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        #[pyo3(from_py_with = arguments::least_shared)] least_shared: u64,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
+        let built = self.built.clone();
+        let found = interruptible(py, move |_| built.overlap(least_shared, &placement))??;
+        to_python(py, &found)
+    }
+
+    /// Scores of one placement with one pose field of one LiDAR at each of some values, as a `dict` with the sweep that
+    /// `sightline study sweep` prints: `rows` with `value`, `as_given`, `broken_rules` and `scores`, the placement as it is
+    /// first. `of` is `"LIDAR.FIELD"` (`"0.pitch"`, `"roof.z"`: a number from 0, a mount or a model); `values` `[N]` are metres, or
+    /// degrees of an angle (positive pitch looks down). Raises `ValueError` for an unknown LiDAR or field and for values
+    /// that a placement may not have.
+    #[pyo3(signature = (poses, of, values, *, sensors = None, phases = None))]
+    fn sweep<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        of: &str,
+        values: &Bound<'py, PyAny>,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
+        let field = SweptField::find(of, &placement, &self.built.scene.constraints());
+        let field = field.map_err(|error| bad(format!("of: {error}")))?;
+        let values = row("values", values, "metres or degrees", f64::is_finite)?;
+        if values.is_empty() || values.len() > MOST_VALUES {
+            let count = values.len();
+            return Err(bad(format!("values: has {count} values; give 1 to {MOST_VALUES}")));
+        }
+        field.check(&placement, &values).map_err(|error| bad(format!("values: {error}")))?;
+        let built = self.built.clone();
+        let found = interruptible(py, move |stop| {
+            let values = values.into_iter().map(Some);
+            let values: Vec<Option<f64>> = std::iter::once(None).chain(values).collect();
+            let go_on = &mut || !stop.load(Ordering::SeqCst);
+            built.evaluate(|evaluator| {
+                let mut rows = Vec::new();
+                for some in values.chunks(AT_ONCE) {
+                    let more = built.job.sweep_rows(evaluator, &placement, field, some, go_on);
+                    let Some(more) = more.map_err(raised)? else { break };
+                    rows.extend(more);
+                }
+                Ok(Sweep::new(&placement, field, rows))
+            })
+        })??;
+        to_python(py, &found)
+    }
+
+    /// How far each pose field of each LiDAR of one placement may be off until a requirement of the vehicle breaks, as a
+    /// `dict` with the row that `sightline study tolerance` prints: `missed`, `fields` with `down` and `up` (`holds_to`,
+    /// `breaks_at`, `breaks`; mm or degrees) and `copies`. Fields move up to `most_mm` millimetres and `most_deg` degrees, in
+    /// `steps` steps to either side. Raises `ValueError` where the vehicle requires nothing.
+    #[pyo3(signature = (poses, *, most_mm = 100.0, most_deg = 5.0, steps = 10, sensors = None, phases = None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn tolerance<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        most_mm: f64,
+        most_deg: f64,
+        steps: i128,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
+        for (name, value, most) in [("most_mm", most_mm, 10_000.0), ("most_deg", most_deg, 180.0)] {
+            if !(value > 0.0 && value <= most) {
+                return Err(bad(format!(
+                    "{name}: is {value}; give a number above 0, up to {most}"
+                )));
+            }
+        }
+        let number = u32::try_from(steps).ok().filter(|steps| (1..=MOST_STEPS).contains(steps));
+        let wrong = || bad(format!("steps: is {steps}; give 1 to {MOST_STEPS}"));
+        let steps = RoomSteps { most_mm, most_deg, steps: number.ok_or_else(wrong)? };
+        let built = self.built.clone();
+        let found = interruptible(py, move |stop| {
+            let go_on = &mut |_| !stop.load(Ordering::SeqCst);
+            built.evaluate(|evaluator| {
+                built.job.room_while(evaluator, &placement, &steps, go_on).map_err(raised)
+            })
+        })??;
+        to_python(py, &found)
+    }
+}
