@@ -15,6 +15,7 @@ mod datasets;
 mod devices;
 mod exit;
 mod glb;
+mod handover;
 mod near_field;
 mod optimize;
 mod psog;

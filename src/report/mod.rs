@@ -12,6 +12,9 @@
 //! | `chart`, `chart_labels`, `chart_table`, `chart_text`, `chart_words` | cost against ranking error |
 //! | `audit`, `verification`, `psog`, `rig` | results of these commands as text |
 //! | `near_field` | ground near the vehicle that placements see |
+//! | `csv` | tables as CSV |
+//! | `drawing` | a drawing as a list of shapes, written as SVG and PDF |
+//! | `handover` | the drawing of a rig in three views |
 //! | `room` | how far pose fields may be off until a requirement breaks |
 //! | `shared` | things by the number of LiDARs that see them, overlap of pairs |
 //! | `targets` | distances at which targets are met, by bearing |
@@ -32,7 +35,10 @@ pub(crate) mod chart_table;
 pub(crate) mod chart_text;
 pub(crate) mod chart_words;
 pub(crate) mod convergence;
+pub(crate) mod csv;
+mod drawing;
 pub(crate) mod front;
+pub(crate) mod handover;
 pub(crate) mod map;
 pub(crate) mod near_field;
 mod page;

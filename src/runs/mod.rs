@@ -14,6 +14,7 @@
 //! | `study`, `chart` | experiments in folders of their own, resumed |
 //! | `audit`, `verify`, `bench`, `near_field`, `targets`, `shared`, `sweep`, `room`, `view` | experiments of scene files, and the page about a placement |
 //! | `scan`, `cast` | labelled scans as data sets, every beam's hit |
+//! | `handover` | the folder of a rig for others: tables, masks, drawing, profiles |
 //! | `psog`, `rig`, `scene` | files of P-SOGs, of rigs and of scenes |
 
 pub mod audit;
@@ -21,6 +22,7 @@ pub mod audit;
 pub mod bench;
 pub mod cast;
 pub mod chart;
+pub mod handover;
 mod inputs;
 pub mod near_field;
 mod opening;

@@ -224,6 +224,14 @@ impl Scene {
         Ok(Self { vehicle: self.vehicle.narrowed(&at, rules)?, ..self })
     }
 
+    /// The scene on a vehicle that requires nothing, for work that asks for no voxels: a required area must hold one.
+    #[must_use]
+    pub fn without_requirements(mut self) -> Self {
+        self.vehicle.require.clear();
+        self.vehicle.targets.clear();
+        self
+    }
+
     /// The vehicle; made of the scene's `lidar` and `mount` where it says these.
     pub fn vehicle(&self) -> &Vehicle {
         &self.vehicle
