@@ -17,6 +17,8 @@ mod cli_files;
 #[cfg(feature = "cli")]
 mod cli_gltf;
 #[cfg(feature = "cli")]
+mod cli_handover;
+#[cfg(feature = "cli")]
 mod cli_inputs;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_interrupted;
