@@ -13,10 +13,12 @@ mod cli_edges;
 #[cfg(feature = "cli")]
 mod cli_errors;
 #[cfg(all(unix, feature = "cli"))]
+mod cli_figures;
+#[cfg(all(unix, feature = "cli"))]
 mod cli_files;
 #[cfg(feature = "cli")]
 mod cli_gltf;
-#[cfg(feature = "cli")]
+#[cfg(all(unix, feature = "cli"))]
 mod cli_handover;
 #[cfg(feature = "cli")]
 mod cli_inputs;

@@ -112,7 +112,8 @@ fn a_search_that_was_stopped_goes_on_to_the_same_bytes() {
         Start::New(Box::new(NewRun { files, out, settings, ..NewRun::default() }))
     };
     let run = |start: Start, watcher: &dyn Watcher| {
-        let request = OptimizeRequest { start, max_seconds: None, frames: None, gltf: None };
+        let request =
+            OptimizeRequest { start, max_seconds: None, frames: None, gltf: None, figures: None };
         optimize(&request, &on_cpu(watcher)).unwrap().expect("no sensors to choose")
     };
     let whole = run(new("whole"), &Silent);

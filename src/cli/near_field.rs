@@ -8,7 +8,7 @@ use crate::runs::near_field::{NearFieldRequest, near_fields};
 use crate::scan::conditions::under;
 use serde_json::json;
 
-use super::args::{Compute, Conditions, Format, Named};
+use super::args::{Compute, Conditions, FiguresOut, Format, Named};
 use super::exit::Exit;
 
 #[derive(clap::Args)]
@@ -32,6 +32,8 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
     #[command(flatten)]
+    figures: FiguresOut,
+    #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
     named: Named,
@@ -45,6 +47,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         scene: args.scene.clone(),
         placements: args.placements.clone(),
         out: args.out.clone(),
+        figures: args.figures.figures.clone(),
         frames: args.frames,
         conditions: args.conditions.condition.clone(),
     };

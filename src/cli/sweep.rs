@@ -9,7 +9,7 @@ use crate::runs::Error;
 use crate::runs::sweep::{MOST_VALUES, SweepRequest, sweep};
 use crate::scan::conditions::under;
 
-use super::args::Format;
+use super::args::{FiguresOut, Format};
 use super::exit::Exit;
 use super::shared::Common;
 
@@ -42,6 +42,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     #[command(flatten)]
+    figures: FiguresOut,
+    #[command(flatten)]
     common: Common,
 }
 
@@ -55,6 +57,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         to: args.to,
         values: args.values,
         out: args.out.clone(),
+        figures: args.figures.figures.clone(),
     };
     let found = sweep(&request, &common.named.computing(&common.compute, &terminal))?;
     match common.format {

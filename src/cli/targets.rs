@@ -10,7 +10,7 @@ use crate::runs::targets::{TargetsRequest, targets};
 use crate::scan::conditions::under;
 use crate::targets::{is_bearing, is_distance};
 
-use super::args::{Compute, Conditions, Format, Named};
+use super::args::{Compute, Conditions, FiguresOut, Format, Named};
 use super::exit::Exit;
 
 /// Targets of a study that names none.
@@ -58,6 +58,8 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
     #[command(flatten)]
+    figures: FiguresOut,
+    #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
     named: Named,
@@ -98,6 +100,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         response: args.response,
         conditions: args.conditions.condition.clone(),
         out: args.out.clone(),
+        figures: args.figures.figures.clone(),
     };
     let found = targets(&request, &args.named.computing(&args.compute, &terminal))?;
     match args.format {

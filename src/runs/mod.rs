@@ -8,6 +8,7 @@
 //! | `inputs` | sorts files into scenes and placements, names of placements behind a colon |
 //! | `opening` | from files to jobs and evaluators |
 //! | `given` | checks of a file's placements: unknown sensors, likely mistakes |
+//! | `figures` | figures as files of their own |
 //! | `glb` | a frame with its rigs as binary glTF |
 //! | `score` | scores of a batch: as a stream in one scene, with their mean in several |
 //! | `optimize` | a search in a run folder: begun, saved, resumed, recorded |
@@ -22,6 +23,7 @@ pub mod audit;
 pub mod bench;
 pub mod cast;
 pub mod chart;
+mod figures;
 pub mod handover;
 mod inputs;
 pub mod near_field;

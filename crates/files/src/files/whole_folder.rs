@@ -17,8 +17,9 @@ use super::{FileError, is_forced};
 pub fn writable_folder(path: &Path) -> Result<(), FileError> {
     let target = target(path)?;
     if target.is_dir() {
-        holds_no_input(&target)?;
-        if !is_forced() {
+        if is_forced() {
+            holds_no_input(&target)?;
+        } else {
             is_empty(path)?;
         }
     } else if target.exists() {
