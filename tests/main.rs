@@ -9,6 +9,8 @@ mod cli;
 #[cfg(feature = "cli")]
 mod cli_chart;
 #[cfg(all(unix, feature = "cli"))]
+mod cli_csv;
+#[cfg(all(unix, feature = "cli"))]
 mod cli_edges;
 #[cfg(feature = "cli")]
 mod cli_errors;

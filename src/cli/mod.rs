@@ -6,6 +6,7 @@
 #[macro_use]
 mod output;
 
+mod answer;
 mod args;
 mod audit;
 mod bench;

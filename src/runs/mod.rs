@@ -52,6 +52,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 pub use error::Error;
+use serde::Serialize;
 
 use crate::Note;
 use crate::engine::EngineChoice;
@@ -122,6 +123,20 @@ pub struct Silent;
 impl Watcher for Silent {}
 
 impl Bar for Silent {}
+
+/// Form of an answer that is a table.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum TableFormat {
+    /// Tables to read.
+    #[default]
+    Text,
+    /// For programs.
+    Json,
+    /// The table in full precision, with units in its first line.
+    Csv,
+}
 
 /// Engine, vehicle, sensor models and watcher of a command.
 #[derive(Clone)]

@@ -1,8 +1,8 @@
 //! The mask of a LiDAR: its beams that end at the own body, ring by column.
 
 use super::png::png;
+use crate::csv::{csv, rounded};
 use crate::maths;
-use crate::report::csv::{csv, rounded};
 use crate::vehicle::BeamTable;
 
 /// Decimals of degrees.

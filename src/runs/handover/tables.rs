@@ -1,7 +1,7 @@
 //! Poses and bill of materials as CSV.
 
 use super::rig::Rig;
-use crate::report::csv::{csv, rounded};
+use crate::csv::{csv, rounded};
 
 /// Decimals of metres and radians, and of millimetres and degrees.
 const FINE: i32 = 12;
