@@ -19,6 +19,8 @@ const STEP: f64 = PI / 36.0;
 const AROUND: f64 = 0.3;
 
 pub(super) type Flat = [f64; 2];
+/// Corners of the fields of view of a LiDAR, each with its number.
+type Fans<'a> = &'a dyn Fn(usize, &DrawnLidar) -> Vec<(usize, Vec<DVec3>)>;
 
 /// One view: what it shows in metres.
 pub(super) struct View {
@@ -89,12 +91,7 @@ impl Views {
 }
 
 impl View {
-    fn of(
-        rig: &DrawnRig<'_>,
-        flat: fn(DVec3) -> Flat,
-        fans: &dyn Fn(usize, &DrawnLidar) -> Vec<(usize, Vec<DVec3>)>,
-        more: &[Flat],
-    ) -> Self {
+    fn of(rig: &DrawnRig<'_>, flat: fn(DVec3) -> Flat, fans: Fans<'_>, more: &[Flat]) -> Self {
         let corner = |corner: [f32; 3]| flat(DVec3::from(corner.map(f64::from)));
         let body: Vec<[Flat; 3]> = rig.body.iter().map(|t| t.map(corner)).collect();
         let fans = rig.lidars.iter().enumerate().flat_map(|(k, lidar)| fans(k, lidar));

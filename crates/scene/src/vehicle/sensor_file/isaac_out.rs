@@ -29,7 +29,7 @@ pub fn isaac_profile(name: &str, lidar: &Lidar, response: &Response) -> Value {
         "scanRateBaseHz": response.rate,
     });
     let emitters = match rotary(lidar, response.rate) {
-        Some((columns, window, channels)) => {
+        Some(Rotary { columns, window, channels }) => {
             profile["reportRateBaseHz"] = json!(columns * response.rate);
             if let Some([from, to]) = window {
                 profile["startAzimuthDeg"] = json!(from);
@@ -61,10 +61,18 @@ pub fn isaac_profile(name: &str, lidar: &Lidar, response: &Response) -> Value {
     })
 }
 
-/// Columns of a turn, first and last azimuth of a sector, and the channels' (azimuth, elevation); `None` for a sensor
-/// that no turn gives.
-#[allow(clippy::type_complexity)]
-fn rotary(lidar: &Lidar, rate: f64) -> Option<(f64, Option<[f64; 2]>, Vec<(f64, f64)>)> {
+/// A sensor as a turn of equal columns.
+struct Rotary {
+    /// Columns of a whole turn.
+    columns: f64,
+    /// First and last azimuth of a sector, degrees.
+    window: Option<[f64; 2]>,
+    /// Azimuth and elevation of each emitter, degrees.
+    channels: Vec<(f64, f64)>,
+}
+
+/// The columns of a sensor; `None` for one that no turn gives.
+fn rotary(lidar: &Lidar, rate: f64) -> Option<Rotary> {
     let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, .. } = lidar else {
         return None;
     };
@@ -74,7 +82,7 @@ fn rotary(lidar: &Lidar, rate: f64) -> Option<(f64, Option<[f64; 2]>, Vec<(f64, 
     }
     let channels = azimuth_offsets.iter().copied().zip(elevations.iter().copied()).collect();
     let Some([from, to]) = *azimuth else {
-        return Some((f64::from(*azimuth_steps), None, channels));
+        return Some(Rotary { columns: f64::from(*azimuth_steps), window: None, channels });
     };
     let [_, step] = lidar.sector()?;
     let columns = (360.0 / step).round();
@@ -82,7 +90,7 @@ fn rotary(lidar: &Lidar, rate: f64) -> Option<(f64, Option<[f64; 2]>, Vec<(f64, 
     let fits = is_whole(360.0 / step) && is_whole(from / step) && *azimuth_steps > 1;
     // A window that crosses the turn's end would be read from the other end.
     let within = (0.0..=360.0).contains(&from) && to <= 360.0 || (-360.0..0.0).contains(&from);
-    (fits && within).then_some((columns, Some([from, to]), channels))
+    (fits && within).then_some(Rotary { columns, window: Some([from, to]), channels })
 }
 
 /// Azimuth and elevation of each beam in degrees.
