@@ -48,6 +48,14 @@ fn a_sensor_on_the_left_side_looks_left_and_is_drawn_from_the_front_alone() {
 }
 
 #[test]
+fn a_sector_to_the_left_is_drawn_on_the_left_alone() {
+    let table = BeamTable::sector(&[(-20.0, 0.0), (10.0, 0.0)], [30.0, 1.0], 71, 50.0).unwrap();
+    let lidar = lidar(SensorPose::at(0.0, 0.0, 1.0), &table);
+    assert!(vertical(&lidar, DVec3::Y).is_some() && vertical(&lidar, -DVec3::Y).is_none());
+    assert!(vertical(&lidar, DVec3::X).is_none());
+}
+
+#[test]
 fn a_positive_pitch_turns_the_field_of_view_down_ahead() {
     let pose = SensorPose { pitch: 10_f64.to_radians(), ..SensorPose::at(0.0, 0.0, 2.0) };
     let turning = BeamTable::spinning(&[(-20.0, 0.0), (10.0, 0.0)], 360, 50.0).unwrap();
