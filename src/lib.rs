@@ -90,7 +90,7 @@ pub use sightline_worlds as worlds;
 
 use lidar_cast::{bvh, cast, cover, maths, memory};
 pub use lidar_cast::{engine, geom};
-use sightline_files::{files, json};
+use sightline_files::{csv, files, json};
 
 pub use engine::{EngineChoice, EngineKind};
 pub use error::Error;
@@ -142,6 +142,9 @@ pub mod internals {
     pub use crate::report::study::study_plot;
     pub use crate::report::sweep::sweep_text;
     pub use crate::report::table::{ScoreColumn, optional};
+    pub use crate::report::tables::{
+        near_field_csv, overlap_csv, redundancy_csv, room_csv, studies_csv, sweep_csv, targets_csv,
+    };
     pub use crate::report::targets::{range_card_text, targets_text};
     pub use crate::report::text::{align_columns, findings_text, poses_text, study_text, visible};
     pub use crate::report::verification::verification_text;

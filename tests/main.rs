@@ -9,13 +9,19 @@ mod cli;
 #[cfg(feature = "cli")]
 mod cli_chart;
 #[cfg(all(unix, feature = "cli"))]
+mod cli_csv;
+#[cfg(all(unix, feature = "cli"))]
 mod cli_edges;
 #[cfg(feature = "cli")]
 mod cli_errors;
 #[cfg(all(unix, feature = "cli"))]
+mod cli_figures;
+#[cfg(all(unix, feature = "cli"))]
 mod cli_files;
 #[cfg(feature = "cli")]
 mod cli_gltf;
+#[cfg(all(unix, feature = "cli"))]
+mod cli_handover;
 #[cfg(feature = "cli")]
 mod cli_ground;
 #[cfg(feature = "cli")]

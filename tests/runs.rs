@@ -15,7 +15,7 @@ use sightline::runs::optimize::{NewRun, OptimizeRequest, Start, optimize};
 use sightline::runs::rig::{ExportRequest, compare_files, export_file, import_files};
 use sightline::runs::scan::{ScanRequest, scan};
 use sightline::runs::score::{ScoreRequest, score};
-use sightline::runs::{Bar, Computing, Silent, Watcher};
+use sightline::runs::{Bar, Computing, Silent, TableFormat, Watcher};
 use sightline::scan::Scanning;
 use sightline::search::Settings;
 use tempfile::TempDir;
@@ -90,7 +90,8 @@ fn scores_go_to_any_writer_and_the_engine_is_named_to_the_watcher() {
     let files = given(&dir).to_vec();
     let watcher = Patience::of(u64::MAX);
     let mut written = Vec::new();
-    let request = ScoreRequest { files: files.clone(), as_json: true, ..ScoreRequest::default() };
+    let request =
+        ScoreRequest { files: files.clone(), format: TableFormat::Json, ..ScoreRequest::default() };
     score(&request, &on_cpu(&watcher), &mut written).unwrap();
     let found: Value = serde_json::from_slice(&written).unwrap();
     assert_eq!(found["scores"][1]["name"], "two");
@@ -112,7 +113,8 @@ fn a_search_that_was_stopped_goes_on_to_the_same_bytes() {
         Start::New(Box::new(NewRun { files, out, settings, ..NewRun::default() }))
     };
     let run = |start: Start, watcher: &dyn Watcher| {
-        let request = OptimizeRequest { start, max_seconds: None, frames: None, gltf: None };
+        let request =
+            OptimizeRequest { start, max_seconds: None, frames: None, gltf: None, figures: None };
         optimize(&request, &on_cpu(watcher)).unwrap().expect("no sensors to choose")
     };
     let whole = run(new("whole"), &Silent);

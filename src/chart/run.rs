@@ -205,7 +205,7 @@ pub fn chart(
     let drawn = random_placements_by_the_rules(&scene.constraints(), random, settings.seed);
     let placements = settings.given.iter().cloned().chain(drawn).collect();
     // Requirements rank nothing here, and coarser settings could not pose them.
-    let scene = Arc::new(scene.without_requirements());
+    let scene = Arc::new(Arc::unwrap_or_clone(scene).without_requirements());
     let mut bench = Bench::new(
         World::new(scene, psog),
         placements,

@@ -65,6 +65,14 @@ pub struct Conditions {
     pub condition: Vec<Condition>,
 }
 
+/// Figures as files.
+#[derive(Args, Debug, Clone, Default)]
+pub struct FiguresOut {
+    /// Write each figure as an SVG file of its own into this folder, which is new or empty
+    #[arg(long, value_name = "DIR")]
+    pub figures: Option<PathBuf>,
+}
+
 /// Mounting of the LiDARs.
 #[derive(Args, Debug, Clone, Copy)]
 pub struct Mounting {

@@ -6,6 +6,7 @@
 #[macro_use]
 mod output;
 
+mod answer;
 mod args;
 mod audit;
 mod bench;
@@ -15,6 +16,7 @@ mod datasets;
 mod devices;
 mod exit;
 mod glb;
+mod handover;
 mod near_field;
 mod optimize;
 mod psog;
@@ -221,7 +223,7 @@ fn program() -> clap::Command {
 /// Name of the option that lets outputs replace files.
 const FORCE: &str = "force";
 /// Names of the options that say where outputs go.
-const OUTPUTS: [&str; 3] = ["out", "gltf", "coverage_out"];
+const OUTPUTS: [&str; 4] = ["out", "gltf", "coverage_out", "figures"];
 
 /// Gives every command that writes files the option to replace those that exist.
 fn with_force(command: clap::Command) -> clap::Command {

@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use crate::internals::near_field_text;
-use crate::runs::Error;
+use crate::internals::{near_field_csv, near_field_text};
 use crate::runs::near_field::{NearFieldRequest, near_fields};
+use crate::runs::{Error, TableFormat};
 use crate::scan::conditions::under;
-use serde_json::json;
 
-use super::args::{Compute, Conditions, Format, Named};
+use super::answer::answer;
+use super::args::{Compute, Conditions, FiguresOut, Named};
 use super::exit::Exit;
 
 #[derive(clap::Args)]
@@ -29,8 +29,10 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
     /// How to print the result
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
+    #[arg(long, value_enum, default_value_t)]
+    format: TableFormat,
+    #[command(flatten)]
+    figures: FiguresOut,
     #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
@@ -45,18 +47,21 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         scene: args.scene.clone(),
         placements: args.placements.clone(),
         out: args.out.clone(),
+        figures: args.figures.figures.clone(),
         frames: args.frames,
         conditions: args.conditions.condition.clone(),
     };
     let found = near_fields(&request, &args.named.computing(&args.compute, &terminal))?;
-    match args.format {
-        Format::Json => outln!("{}", json!(found))?,
-        Format::Text => {
+    answer(
+        args.format,
+        &found,
+        || near_field_csv(&found.near_fields),
+        || {
             let (scene, area, frames) = (&found.scene, found.ground_area, found.frames);
             let under = under(&found.conditions);
             outln!("{scene}: {area:.0} m² of ground within 10 m, {frames} frame(s){under}")?;
-            out!("{}", near_field_text(&found.near_fields))?;
-        }
-    }
+            out!("{}", near_field_text(&found.near_fields))
+        },
+    )?;
     Ok(terminal.exit())
 }

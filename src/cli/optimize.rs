@@ -11,7 +11,9 @@ use crate::score::Seen;
 use crate::search::{FrameChoice, Method, Settings};
 use crate::vehicle::{MountRules, SensorPose};
 
-use super::args::{Compute, Conditions, Format, Mounting, Named, finite, parse_seconds, whole};
+use super::args::{
+    Compute, Conditions, FiguresOut, Format, Mounting, Named, finite, parse_seconds, whole,
+};
 use super::exit::Exit;
 use super::glb::Gltf;
 use super::terminal::Terminal;
@@ -115,10 +117,12 @@ pub struct Args {
     /// requirements, the knee, the best of each. Exit code 1 if none meets all requirements. A front is searched in one
     /// go: --resume does not go on with it.
     #[arg(long, value_name = "A,B[,C]", value_parser = objectives, conflicts_with_all = ["resume", "fewest", "target",
-          "baselines", "inject", "gltf"])]
+          "baselines", "inject", "gltf", "figures"])]
     front: Option<FrontObjectives>,
     #[command(flatten)]
     mounting: Mounting,
+    #[command(flatten)]
+    figures: FiguresOut,
     #[command(flatten)]
     conditions: Conditions,
     /// How to print the result
@@ -152,6 +156,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         max_seconds: args.max_seconds,
         frames: args.frames,
         gltf: args.gltf.gltf.clone(),
+        figures: args.figures.figures.clone(),
     };
     let found = optimize(&request, &args.named.computing(&args.compute, &terminal))?;
     match (&found, args.format) {

@@ -12,6 +12,7 @@ use serde_json::json;
 
 use super::args::Format;
 use super::exit::Exit;
+use super::handover;
 use super::terminal::{Talk, Terminal};
 
 #[derive(clap::Subcommand)]
@@ -22,6 +23,8 @@ pub enum Command {
     Import(ImportArgs),
     /// Compare two rigs LiDAR by LiDAR, and each with its mirror image
     Compare(CompareArgs),
+    /// Write a folder to hand over: poses, bill of materials, masks and crop boxes of the body, drawing, profiles
+    Handover(handover::Args),
 }
 
 /// What lies between the frames of a file and optical centres in the ego frame.
@@ -128,11 +131,12 @@ pub fn run(command: &Command) -> Result<Exit, Error> {
         Command::Export(args) => run_export(args)?,
         Command::Import(args) => run_import(args)?,
         Command::Compare(args) => run_compare(args)?,
+        Command::Handover(args) => return handover::run(args),
     }
     Ok(Exit::Done)
 }
 
-fn base_link(text: &str) -> Result<[f64; 3], String> {
+pub(super) fn base_link(text: &str) -> Result<[f64; 3], String> {
     let fault = || "give X or X,Y,Z in metres, as in -1.4,0,0".to_owned();
     let numbers =
         text.split(',').map(|word| word.trim().parse().ok().filter(|v: &f64| v.is_finite()));

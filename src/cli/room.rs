@@ -2,15 +2,13 @@
 
 use std::path::PathBuf;
 
-use serde_json::json;
-
-use crate::internals::room_text;
+use crate::internals::{room_csv, room_text};
 use crate::job::RoomSteps;
 use crate::runs::Error;
 use crate::runs::room::room;
 use crate::scan::conditions::under;
 
-use super::args::Format;
+use super::answer::answer;
 use super::exit::Exit;
 use super::shared::Common;
 
@@ -55,17 +53,19 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     let computing = common.named.computing(&common.compute, &terminal);
     let steps = RoomSteps { most_mm, most_deg, steps };
     let found = room(&common.request(&args.files), steps, &computing)?;
-    match common.format {
-        Format::Json => outln!("{}", json!(found))?,
-        Format::Text => {
+    answer(
+        common.format,
+        &found,
+        || room_csv(&found.rows),
+        || {
             let (mm, deg) = (most_mm / f64::from(args.steps), most_deg / f64::from(args.steps));
             let under = under(&found.conditions);
             outln!(
                 "Deviations within which all requirements hold, every {mm} mm and {deg}°{under}"
             )?;
-            out!("\n{}", room_text(&found.rows))?;
-        }
-    }
+            out!("\n{}", room_text(&found.rows))
+        },
+    )?;
     Ok(match terminal.exit() {
         Exit::Done if !found.all_meet() => Exit::CheckFailed,
         exit => exit,

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use crate::runs::score::{ScoreRequest, score};
 
-use super::args::{Compute, Conditions, Format, Mounting, Named, whole};
+use super::args::{Compute, Conditions, Mounting, Named, whole};
 use super::exit::Exit;
 use super::output::{stdout, unless_closed};
-use crate::runs::Error;
+use crate::runs::{Error, TableFormat};
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -20,8 +20,8 @@ pub struct Args {
     #[arg(value_name = "SCENE… PLACEMENTS", required = true)]
     files: Vec<PathBuf>,
     /// How to print
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
+    #[arg(long, value_enum, default_value_t)]
+    format: TableFormat,
     /// Write the scores to this file instead of stdout
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -57,7 +57,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     let terminal = args.compute.start()?;
     let request = ScoreRequest {
         files: args.files.clone(),
-        as_json: args.format == Format::Json,
+        format: args.format,
         out: args.out.clone(),
         coverage_out: args.coverage_out.clone(),
         resume: args.resume,

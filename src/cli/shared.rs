@@ -2,15 +2,14 @@
 
 use std::path::PathBuf;
 
-use serde_json::json;
-
-use crate::internals::{overlap_text, redundancy_text};
-use crate::runs::Error;
+use crate::internals::{overlap_csv, overlap_text, redundancy_csv, redundancy_text};
 use crate::runs::shared::{SharedRequest, overlap, redundancy};
+use crate::runs::{Error, TableFormat};
 use crate::scan::conditions::under;
 use crate::shared::{LEAST_SHARED, REDUNDANCY_TARGETS};
 
-use super::args::{Compute, Conditions, Format, Named, at_least_one};
+use super::answer::answer;
+use super::args::{Compute, Conditions, Named, at_least_one};
 use super::exit::Exit;
 
 /// Frames, weather, engine and form of the answer.
@@ -20,8 +19,8 @@ pub(super) struct Common {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
     /// How to print the result
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    pub format: Format,
+    #[arg(long, value_enum, default_value_t)]
+    pub format: TableFormat,
     #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
@@ -85,15 +84,17 @@ pub fn run_redundancy(args: &RedundancyArgs) -> Result<Exit, Error> {
     };
     let computing = common.named.computing(&common.compute, &terminal);
     let found = redundancy(&common.request(&args.files), &targets, &computing)?;
-    match common.format {
-        Format::Json => outln!("{}", json!(found))?,
-        Format::Text => {
+    let rows: Vec<_> = found.rows.iter().chain(&found.mean).collect();
+    answer(
+        common.format,
+        &found,
+        || redundancy_csv(&rows),
+        || {
             let (beams, under) = (found.beams, under(&found.conditions));
             outln!("Seen by how many LiDARs, targets with {beams} beams or more each{under}")?;
-            let rows: Vec<_> = found.rows.iter().chain(&found.mean).collect();
-            out!("\n{}", redundancy_text(&rows))?;
-        }
-    }
+            out!("\n{}", redundancy_text(&rows))
+        },
+    )?;
     Ok(terminal.exit())
 }
 
@@ -102,15 +103,17 @@ pub fn run_overlap(args: &OverlapArgs) -> Result<Exit, Error> {
     let terminal = common.compute.start()?;
     let computing = common.named.computing(&common.compute, &terminal);
     let found = overlap(&common.request(&args.files), args.least_shared, &computing)?;
-    match common.format {
-        Format::Json => outln!("{}", json!(found))?,
-        Format::Text => {
+    answer(
+        common.format,
+        &found,
+        || overlap_csv(&found.rows),
+        || {
             outln!(
                 "Surfaces and directions that pairs of LiDARs share{}",
                 under(&found.conditions)
             )?;
-            out!("\n{}", overlap_text(&found.rows))?;
-        }
-    }
+            out!("\n{}", overlap_text(&found.rows))
+        },
+    )?;
     Ok(terminal.exit())
 }

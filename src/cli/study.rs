@@ -3,14 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use crate::internals::study_text;
+use crate::internals::{studies_csv, study_text};
 use crate::runs::study::{StudyRequest, study_scenes};
-use crate::runs::{Error, Watcher};
+use crate::runs::{Error, TableFormat, Watcher};
 use crate::study::{Kind, Region, StudySettings, Table, mean_over_scenes};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 
-use super::args::{Compute, Conditions, Format, at_least_one, whole};
+use super::args::{Compute, Conditions, at_least_one, whole};
 use super::exit::Exit;
 use super::{near_field, room, shared, sweep, targets};
 
@@ -151,8 +151,8 @@ pub struct Args {
           value_parser = whole::<u64>)]
     seed: u64,
     /// How to print the result
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
+    #[arg(long, value_enum, default_value_t)]
+    format: TableFormat,
     #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
@@ -194,7 +194,7 @@ fn make(args: &Args) -> Result<Exit, Error> {
     };
     let mut gap = "";
     let print_one = |found: &Table, folder: &Path| {
-        if args.format == Format::Json {
+        if args.format != TableFormat::Text {
             return Ok(());
         }
         let gap = std::mem::replace(&mut gap, "\n");
@@ -209,13 +209,16 @@ fn make(args: &Args) -> Result<Exit, Error> {
     Ok(terminal.exit())
 }
 
-/// What comes after the tables of the scenes: their mean, and all of it in JSON.
+/// What comes after the tables of the scenes: their mean, and all of it in JSON or CSV.
 fn print(args: &Args, tables: &[Table]) -> Result<(), Error> {
     let mean = if tables.len() > 1 { mean_over_scenes(tables) } else { None };
     match (args.format, tables) {
-        (Format::Json, [table]) => outln!("{}", json!(table)),
-        (Format::Json, tables) => outln!("{}", json!({ "scenes": tables, "mean": mean })),
-        (Format::Text, _) => match mean {
+        (TableFormat::Json, [table]) => outln!("{}", json!(table)),
+        (TableFormat::Json, tables) => outln!("{}", json!({ "scenes": tables, "mean": mean })),
+        (TableFormat::Csv, tables) => {
+            out!("{}", studies_csv(&tables.iter().chain(&mean).collect::<Vec<_>>()))
+        }
+        (TableFormat::Text, _) => match mean {
             Some(mean) => outln!("\n{}\n{}", mean.title, study_text(&mean).trim_end()),
             None => Ok(()),
         },

@@ -2,14 +2,13 @@
 
 use std::path::PathBuf;
 
-use serde_json::json;
-
-use crate::internals::sweep_text;
+use crate::internals::{sweep_csv, sweep_text};
 use crate::runs::Error;
 use crate::runs::sweep::{MOST_VALUES, SweepRequest, sweep};
 use crate::scan::conditions::under;
 
-use super::args::Format;
+use super::answer::answer;
+use super::args::FiguresOut;
 use super::exit::Exit;
 use super::shared::Common;
 
@@ -42,6 +41,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     #[command(flatten)]
+    figures: FiguresOut,
+    #[command(flatten)]
     common: Common,
 }
 
@@ -55,14 +56,17 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         to: args.to,
         values: args.values,
         out: args.out.clone(),
+        figures: args.figures.figures.clone(),
     };
     let found = sweep(&request, &common.named.computing(&common.compute, &terminal))?;
-    match common.format {
-        Format::Json => outln!("{}", json!(found))?,
-        Format::Text => {
+    answer(
+        common.format,
+        &found,
+        || sweep_csv(&found.sweeps),
+        || {
             outln!("Scores and requirements over one pose field{}", under(&found.conditions))?;
-            out!("\n{}", sweep_text(&found.sweeps))?;
-        }
-    }
+            out!("\n{}", sweep_text(&found.sweeps))
+        },
+    )?;
     Ok(terminal.exit())
 }

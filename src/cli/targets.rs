@@ -2,15 +2,14 @@
 
 use std::path::PathBuf;
 
-use serde_json::json;
-
-use crate::internals::targets_text;
-use crate::runs::Error;
+use crate::internals::{targets_csv, targets_text};
 use crate::runs::targets::{TargetsRequest, targets};
+use crate::runs::{Error, TableFormat};
 use crate::scan::conditions::under;
 use crate::targets::{is_bearing, is_distance};
 
-use super::args::{Compute, Conditions, Format, Named};
+use super::answer::answer;
+use super::args::{Compute, Conditions, FiguresOut, Named};
 use super::exit::Exit;
 
 /// Targets of a study that names none.
@@ -55,8 +54,10 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// How to print the result
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
+    #[arg(long, value_enum, default_value_t)]
+    format: TableFormat,
+    #[command(flatten)]
+    figures: FiguresOut,
     #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
@@ -98,15 +99,18 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         response: args.response,
         conditions: args.conditions.condition.clone(),
         out: args.out.clone(),
+        figures: args.figures.figures.clone(),
     };
     let found = targets(&request, &args.named.computing(&args.compute, &terminal))?;
-    match args.format {
-        Format::Json => outln!("{}", json!(found))?,
-        Format::Text => {
+    answer(
+        args.format,
+        &found,
+        || targets_csv(&found.table),
+        || {
             let (beams, under) = (found.beams, under(&found.conditions));
             outln!("Metres at which {beams} beams or more meet a target{under}")?;
-            out!("\n{}", targets_text(&found.table))?;
-        }
-    }
+            out!("\n{}", targets_text(&found.table))
+        },
+    )?;
     Ok(terminal.exit())
 }

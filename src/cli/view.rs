@@ -6,7 +6,7 @@ use crate::internals::word;
 use crate::runs::Error;
 use crate::runs::view::{ViewRequest, view};
 
-use super::args::{Compute, Conditions, Named};
+use super::args::{Compute, Conditions, FiguresOut, Named};
 use super::exit::Exit;
 
 #[derive(clap::Args)]
@@ -27,6 +27,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     #[command(flatten)]
+    figures: FiguresOut,
+    #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
     named: Named,
@@ -40,6 +42,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         files: args.files.clone(),
         baselines: args.baseline.clone(),
         out: args.out.clone(),
+        figures: args.figures.figures.clone(),
         conditions: args.conditions.condition.clone(),
         command: command(args),
     };

@@ -12,10 +12,13 @@
 //! | `chart`, `chart_labels`, `chart_table`, `chart_text`, `chart_words` | cost against ranking error |
 //! | `audit`, `verification`, `psog`, `rig` | results of these commands as text |
 //! | `near_field` | ground near the vehicle that placements see |
+//! | `drawing` | a drawing as a list of shapes, written as SVG and PDF |
+//! | `handover` | the drawing of a rig in three views |
 //! | `room` | how far pose fields may be off until a requirement breaks |
 //! | `shared` | things by the number of LiDARs that see them, overlap of pairs |
 //! | `targets` | distances at which targets are met, by bearing |
 //! | `placement`, `map` | a placement on its vehicle, and the information that it gains from above |
+//! | `tables` | tables of scores and studies as CSV |
 //! | `table`, `text` | the one table of scores, tables as text |
 //! | `front` | the front of two or three objectives: `result.json`, table, drawing |
 //! | `against` | the result against every baseline, with intervals |
@@ -32,7 +35,9 @@ pub(crate) mod chart_table;
 pub(crate) mod chart_text;
 pub(crate) mod chart_words;
 pub(crate) mod convergence;
+mod drawing;
 pub(crate) mod front;
+pub(crate) mod handover;
 pub(crate) mod map;
 pub(crate) mod near_field;
 mod page;
@@ -51,6 +56,7 @@ pub(crate) mod study;
 mod svg;
 pub(crate) mod sweep;
 pub(crate) mod table;
+pub(crate) mod tables;
 pub(crate) mod targets;
 pub(crate) mod text;
 pub(crate) mod verification;

@@ -55,7 +55,7 @@ pub fn near_field_text(all: &[NearField]) -> String {
 }
 
 /// Poles seen, and poles, of a standard.
-fn seen_of(near: &NearField, standard: Standard) -> [usize; 2] {
+pub(super) fn seen_of(near: &NearField, standard: Standard) -> [usize; 2] {
     let poles = near.poles.iter().filter(|pole| pole.standard == standard);
     poles.fold([0; 2], |[seen, all], pole| [seen + usize::from(pole.seen), all + 1])
 }

@@ -17,7 +17,7 @@ const DRAWN: [(ScoreColumn, &str); 2] =
 const MOST_DRAWN: usize = 6;
 
 /// Degrees of bearings in which a car is lost somewhere between 5 and 50 m.
-fn lost(scores: &Scores) -> f64 {
+pub(super) fn lost(scores: &Scores) -> f64 {
     let of = |guard: &Guard| match guard {
         Guard::BlindSector(sector) => sector.degrees(),
         _ => 0.0,

@@ -1,5 +1,6 @@
 //! Columns of scores, the same in the terminal, on the page and in the audit.
 
+use crate::csv::number;
 use crate::json::fixed;
 use crate::score::{NEAR_GAIN, Scores};
 
@@ -84,6 +85,40 @@ impl ScoreColumn {
             Self::Covered => "covered",
             Self::Hits => "hits %",
         }
+    }
+
+    /// Title in CSV, its unit last.
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::Name => "placement",
+            Self::MSog => "m_sog",
+            Self::MSogScaled => "m_sog_scaled",
+            Self::Detection => "detection_m_sog_scaled",
+            Self::Gain => "information_gain_nats",
+            Self::GainShare => "information_gain_share",
+            Self::NearGain => "near_gain_share",
+            Self::NearField => "near_field_share",
+            Self::SMig => "s_mig_nats",
+            Self::Covered => "covered_voxels",
+            Self::Hits => "hit_share",
+        }
+    }
+
+    /// The cell of a placement in CSV: full precision, no percent; empty where the score does not exist.
+    pub fn plain_cell(self, scores: &Scores) -> String {
+        let task = &scores.segmentation;
+        number(match self {
+            Self::Name => return scores.name.clone(),
+            Self::MSog => task.m_sog,
+            Self::MSogScaled => task.m_sog_scaled,
+            Self::Detection => scores.detection.and_then(|detection| detection.m_sog_scaled),
+            Self::Gain => task.information_gain,
+            Self::GainShare | Self::NearGain => self.share(scores),
+            Self::NearField => scores.near_field,
+            Self::SMig => scores.s_mig,
+            Self::Covered => Some(scores.covered),
+            Self::Hits => scores.hit_share,
+        })
     }
 
     /// The cell of a placement; – where the score does not exist.

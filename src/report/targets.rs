@@ -161,9 +161,28 @@ pub fn targets_text(table: &TargetTable) -> String {
 /// A polar plot a placement: for each bearing the distances of detection, a strip a target. Ahead is up, left is left.
 pub fn targets_svg(question: &TargetQuestion, table: &TargetTable) -> String {
     let panels = by_placement(table);
-    let names: Vec<&str> = question.targets.iter().map(|target| &*target.name).collect();
+    let all: Vec<Met<'_>> = panels.iter().flat_map(|of| of_detections(of)).collect();
+    panels_svg(question, &panels, farthest(&all))
+}
+
+/// The polar plot of each placement on its own, with its name; all have one scale.
+pub(crate) fn targets_figures(
+    question: &TargetQuestion,
+    table: &TargetTable,
+) -> Vec<(String, String)> {
+    let panels = by_placement(table);
     let all: Vec<Met<'_>> = panels.iter().flat_map(|of| of_detections(of)).collect();
     let farthest = farthest(&all);
+    let figure = |of: &&[Detection]| {
+        let scene = of[0].scene.as_ref().map_or(String::new(), |scene| format!("-in-{scene}"));
+        (format!("targets-{}{scene}", of[0].placement), panels_svg(question, &[*of], farthest))
+    };
+    panels.iter().map(figure).collect()
+}
+
+/// Polar plots beside each other, and the colours of the targets.
+fn panels_svg(question: &TargetQuestion, panels: &[&[Detection]], farthest: f64) -> String {
+    let names: Vec<&str> = question.targets.iter().map(|target| &*target.name).collect();
     let columns = panels.len().clamp(1, COLUMNS);
     let rows = panels.len().div_ceil(columns).max(1);
     let [width, height] = [columns as f64 * PANEL, rows as f64 * (PANEL + TITLE)];

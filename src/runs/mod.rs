@@ -8,12 +8,14 @@
 //! | `inputs` | sorts files into scenes and placements, names of placements behind a colon |
 //! | `opening` | from files to jobs and evaluators |
 //! | `given` | checks of a file's placements: unknown sensors, likely mistakes |
+//! | `figures` | figures as files of their own |
 //! | `glb` | a frame with its rigs as binary glTF |
 //! | `score` | scores of a batch: as a stream in one scene, with their mean in several |
 //! | `optimize` | a search in a run folder: begun, saved, resumed, recorded |
 //! | `study`, `chart` | experiments in folders of their own, resumed |
 //! | `audit`, `verify`, `bench`, `near_field`, `targets`, `shared`, `sweep`, `room`, `view` | experiments of scene files, and the page about a placement |
 //! | `scan`, `cast` | labelled scans as data sets, every beam's hit |
+//! | `handover` | the folder of a rig for others: tables, masks, drawing, profiles |
 //! | `psog`, `rig`, `scene` | files of P-SOGs, of rigs and of scenes |
 
 pub mod audit;
@@ -21,6 +23,8 @@ pub mod audit;
 pub mod bench;
 pub mod cast;
 pub mod chart;
+mod figures;
+pub mod handover;
 mod inputs;
 pub mod near_field;
 mod opening;
@@ -48,6 +52,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 pub use error::Error;
+use serde::Serialize;
 
 use crate::Note;
 use crate::engine::EngineChoice;
@@ -118,6 +123,20 @@ pub struct Silent;
 impl Watcher for Silent {}
 
 impl Bar for Silent {}
+
+/// Form of an answer that is a table.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum TableFormat {
+    /// Tables to read.
+    #[default]
+    Text,
+    /// For programs.
+    Json,
+    /// The table in full precision, with units in its first line.
+    Csv,
+}
 
 /// Engine, vehicle, sensor models and watcher of a command.
 #[derive(Clone)]

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::given::{Given, published};
 use super::opening::{self, LoadTimes, Loaded};
-use super::{Computing, Error, GRACE};
+use super::{Computing, Error, GRACE, figures};
 use crate::files::{Session, writable_file, write_whole};
 use crate::job::Job;
 use crate::near_field::{Footprint, NearField, NearSite};
@@ -24,6 +24,8 @@ pub struct NearFieldRequest {
     pub placements: Option<PathBuf>,
     /// SVG file for blind zones and poles from above.
     pub out: Option<PathBuf>,
+    /// Folder for a drawing of each placement.
+    pub figures: Option<PathBuf>,
     /// Frames to average over; all if none.
     pub frames: Option<u32>,
     /// Weather and faults. Ground that only lost beams reach counts as unseen.
@@ -65,6 +67,7 @@ pub fn near_fields(
     if let Some(file) = &request.out {
         writable_file(file)?;
     }
+    figures::wanted(request.figures.as_deref())?;
     opening::note_conditions(&in_words(&request.conditions), watcher);
     let job = Job::new(scene).geometry_alone().frames(request.frames);
     let job = job.conditions(&request.conditions).engine(computing.engine.clone());
@@ -87,12 +90,11 @@ pub fn near_fields(
         bar.advance(1);
     }
     drop(bar);
-    if !watcher.goes_on() {
-        watcher.note_interrupted(request.out.as_deref());
-    } else if let Some(file) = &request.out {
+    if watcher.goes_on() {
         let drawn: Vec<(&Placement, &NearField)> = placements.iter().zip(&all).collect();
-        let svg = near_field_svg(site.footprint(), &drawn);
-        write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(Error::io(file)))?;
+        draw(request, site.footprint(), &drawn)?;
+    } else {
+        watcher.note_interrupted(request.out.as_deref().or(request.figures.as_deref()));
     }
     Ok(NearFields {
         scene: scene.name().to_owned(),
@@ -102,4 +104,22 @@ pub fn near_fields(
         ground_area: site.ground_area(),
         near_fields: all,
     })
+}
+
+/// Draws all placements into one file, and each into one of its own, where the request names places.
+fn draw(
+    request: &NearFieldRequest,
+    footprint: &Footprint,
+    drawn: &[(&Placement, &NearField)],
+) -> Result<(), Error> {
+    // First, since the file may lie in their folder.
+    let figure = |one: &(&Placement, &NearField)| {
+        (format!("near-field-{}", one.0.name), near_field_svg(footprint, &[*one]))
+    };
+    figures::write(request.figures.as_deref(), drawn.iter().map(figure).collect())?;
+    if let Some(file) = &request.out {
+        let svg = near_field_svg(footprint, drawn);
+        write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(Error::io(file)))?;
+    }
+    Ok(())
 }

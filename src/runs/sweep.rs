@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::inputs::Files;
 use super::shared::{Opened, SharedRequest};
-use super::{Computing, Error};
+use super::{Computing, Error, figures};
 use crate::files::{Session, writable_file, write_whole};
 use crate::job::{Sweep, SweptField};
 use crate::report::sweep::sweep_plot;
@@ -34,6 +34,8 @@ pub struct SweepRequest {
     pub values: u32,
     /// SVG file for the chart of a single placement.
     pub out: Option<PathBuf>,
+    /// Folder for the chart of each placement.
+    pub figures: Option<PathBuf>,
 }
 
 /// Rows of every placement.
@@ -60,6 +62,7 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
     if let Some(out) = &request.out {
         writable_file(out)?;
     }
+    figures::wanted(request.figures.as_deref())?;
     let (scenes, file) = Files::or_level_ground(&request.shared.files, computing)?;
     let mut opened = Opened::new(&request.shared, &scenes, &file, computing)?;
     let fields = opened.fields(&request.field, &file.display().to_string())?;
@@ -93,12 +96,22 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
     }
     drop(bar);
     opened.finish(computing);
-    let finished = request.out.as_ref().filter(|_| computing.watcher.goes_on());
-    if let (Some(out), [sweep]) = (finished, &sweeps[..]) {
+    if computing.watcher.goes_on() {
+        draw(request, &sweeps)?;
+    }
+    Ok(SweepFound { conditions: in_words(&request.shared.conditions), sweeps })
+}
+
+/// Draws a chart where the request names places.
+fn draw(request: &SweepRequest, sweeps: &[Sweep]) -> Result<(), Error> {
+    // First, since the file may lie in their folder.
+    let figure = |sweep: &Sweep| (format!("sweep-{}", sweep.placement), sweep_plot(sweep));
+    figures::write(request.figures.as_deref(), sweeps.iter().map(figure).collect())?;
+    if let (Some(out), [sweep]) = (&request.out, sweeps) {
         let svg = sweep_plot(sweep);
         write_whole(out, |file| file.write_all(svg.as_bytes()).map_err(Error::io(out)))?;
     }
-    Ok(SweepFound { conditions: in_words(&request.shared.conditions), sweeps })
+    Ok(())
 }
 
 impl Opened {

@@ -8,11 +8,11 @@ use serde::Serialize;
 use super::given::Given;
 use super::inputs::Files;
 use super::opening::{self, LoadTimes, Loaded};
-use super::{Computing, Error, GRACE};
+use super::{Computing, Error, GRACE, figures};
 use crate::engine::BackendError;
 use crate::files::{Session, writable_file, write_whole};
 use crate::job::Job;
-use crate::report::targets::targets_svg;
+use crate::report::targets::{targets_figures, targets_svg};
 use crate::scan::conditions::{Condition, ConditionKind, in_words, weather};
 use crate::scene::{Scene, Target};
 use crate::targets::{GroundBelow, Receiving, TargetQuestion, TargetSite, TargetTable};
@@ -41,6 +41,8 @@ pub struct TargetsRequest {
     pub conditions: Vec<Condition>,
     /// SVG file for the range of first detection by bearing.
     pub out: Option<PathBuf>,
+    /// Folder for a drawing of each placement.
+    pub figures: Option<PathBuf>,
 }
 
 /// Beams on targets, and the settings behind the numbers.
@@ -73,6 +75,7 @@ pub fn targets(request: &TargetsRequest, computing: &Computing<'_>) -> Result<Ta
     if let Some(file) = &request.out {
         writable_file(file)?;
     }
+    figures::wanted(request.figures.as_deref())?;
     let placements = read_placements(&file)?;
     let mut table = TargetTable::default();
     watcher.listen(GRACE);
@@ -96,10 +99,14 @@ pub fn targets(request: &TargetsRequest, computing: &Computing<'_>) -> Result<Ta
         )?);
     }
     if !watcher.goes_on() {
-        watcher.note_interrupted(request.out.as_deref());
-    } else if let Some(file) = &request.out {
-        let svg = targets_svg(&question, &table);
-        write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(Error::io(file)))?;
+        watcher.note_interrupted(request.out.as_deref().or(request.figures.as_deref()));
+    } else {
+        // First, since the file may lie in their folder.
+        figures::write(request.figures.as_deref(), targets_figures(&question, &table))?;
+        if let Some(file) = &request.out {
+            let svg = targets_svg(&question, &table);
+            write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(Error::io(file)))?;
+        }
     }
     let TargetQuestion { targets, beams, of_frames, .. } = question;
     let conditions = in_words(&request.conditions);

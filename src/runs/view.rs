@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use super::figures::{self, Figure};
 use super::given::{Given, published};
 use super::inputs::{file_and_name, named_placements, note_repeated};
 use super::opening;
@@ -24,6 +25,8 @@ pub struct ViewRequest {
     pub baselines: Vec<String>,
     /// Page to write.
     pub out: PathBuf,
+    /// Folder for each figure of the page.
+    pub figures: Option<PathBuf>,
     /// Weather and faults.
     pub conditions: Vec<Condition>,
     /// Command that makes the page again, which stands on it.
@@ -65,7 +68,9 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Erro
         baselines.into_iter().filter(|baseline| baseline != shown).collect();
     let out = &request.out;
     writable_file(out)?;
-    let page = page(request, &job, &mut evaluator, shown, &baselines)?;
+    figures::wanted(request.figures.as_deref())?;
+    let (page, figures) = page(request, &job, &mut evaluator, shown, &baselines)?;
+    figures::write(request.figures.as_deref(), figures)?;
     write_whole(out, |file| file.write_all(page.as_bytes()).map_err(Error::io(out)))
 }
 
@@ -74,13 +79,14 @@ fn read(text: &str) -> Result<(&str, Vec<Placement>), Error> {
     Ok((file_and_name(text).0, named_placements(text)?))
 }
 
+/// The page, and its figures by name.
 fn page(
     request: &ViewRequest,
     job: &Job,
     evaluator: &mut Evaluator,
     shown: &Placement,
     baselines: &[Placement],
-) -> Result<String, Error> {
+) -> Result<(String, Vec<Figure>), Error> {
     let suite = &job.suite()?;
     let all: Vec<Placement> = std::iter::once(shown).chain(baselines).cloned().collect();
     let objective = Objective::default();
@@ -99,5 +105,5 @@ fn page(
     let conditions = in_words(&request.conditions);
     let subject =
         Subject::given(&names, &records, result, baselines, &objective, request.command.clone());
-    Ok(view_html(&subject.under(&conditions), &figures))
+    Ok((view_html(&subject.under(&conditions), &figures), figures.files(Some(result))))
 }

@@ -15,6 +15,10 @@ const DIRECTIONS: u32 = 200_000;
 const SECTORS: usize = 180;
 /// Radians by which a border may be off through rounding.
 const SLACK: f64 = 1e-9;
+/// Least gap between azimuths, radians, that makes a field of view a sector: 20°.
+const LEAST_GAP: f64 = PI / 9.0;
+/// Radians around an azimuth in which listed directions count for it: 3°.
+const NEARBY: f64 = PI / 60.0;
 
 /// Directions that a sensor looks into, in its own frame: a range of elevations in a range of azimuths.
 ///
@@ -22,7 +26,7 @@ const SLACK: f64 = 1e-9;
 /// from its first to its last azimuth. A list of directions is cut into 180 sectors of azimuth; in each it looks from
 /// the lowest to the highest beam.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct FieldOfView {
+pub(crate) struct FieldOfView {
     /// First azimuth and width; lowest and highest elevation; radians.
     parts: Vec<([f64; 2], [f64; 2])>,
 }
@@ -63,6 +67,31 @@ impl FieldOfView {
         let sectors = elevations.into_iter().enumerate();
         let part = |(k, elevation)| ([k as f64 * width - PI, width], elevation);
         Self { parts: sectors.map(part).filter(|(_, [low, high])| low <= high).collect() }
+    }
+
+    /// First azimuth and width of the narrowest sector that all directions lie in, radians; `None` where they leave no
+    /// gap of 20° or more.
+    pub fn sector(&self) -> Option<[f64; 2]> {
+        let mut parts: Vec<[f64; 2]> = self.parts.iter().map(|(azimuth, _)| *azimuth).collect();
+        parts.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let next = parts.iter().map(|part| part[0]).cycle().skip(1);
+        // The gap behind each part, up to the next one or around to the first.
+        let gap = |([from, width], next): (&[f64; 2], f64)| {
+            let end = from + width;
+            let gap = if next > *from { next - end } else { next + TAU - end };
+            (gap, next)
+        };
+        let (gap, from) = parts.iter().zip(next).map(gap).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        (gap >= LEAST_GAP).then_some([from, TAU - gap])
+    }
+
+    /// Lowest and highest elevation at an azimuth, radians; of listed directions those within 3° of it.
+    pub fn elevations(&self, azimuth: f64) -> Option<[f64; 2]> {
+        let beside = if self.parts.len() > 1 { NEARBY } else { SLACK };
+        let near = self.parts.iter().filter(|([from, width], _)| {
+            (azimuth - from + beside).rem_euclid(TAU) <= width + 2.0 * beside
+        });
+        near.map(|(_, range)| *range).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
     }
 
     /// True if a direction in the sensor's frame lies in it.

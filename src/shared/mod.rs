@@ -21,6 +21,7 @@ mod overlap;
 mod redundancy;
 
 pub use counts::{SeenAlone, SeenBy};
+pub(crate) use field_of_view::FieldOfView;
 pub use overlap::{LEAST_SHARED, Overlap, OverlapError, SharedPair};
 pub use redundancy::{
     REDUNDANCY_TARGETS, Redundancy, RedundancySite, TargetSeenBy, redundancy_question,

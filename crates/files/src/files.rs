@@ -6,6 +6,7 @@
 //! | `guard` | inputs of a command, and the outputs that must not replace them |
 //! | `paths` | where paths lead, names that become files, references of one file to another |
 //! | `whole` | files that are either whole or not there |
+//! | `whole_folder` | a folder of files that is either whole or not there |
 //! | `folder`, `run_dir` | folders that are locked, files that a run was begun with, and the state of a run |
 
 mod folder;
@@ -13,6 +14,7 @@ mod guard;
 mod paths;
 mod run_dir;
 mod whole;
+mod whole_folder;
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -28,6 +30,7 @@ pub use run_dir::{RunDir, holds_run};
 pub use whole::{
     begin_in, sync_disk, writable_file, write_many, write_own, write_pair, write_whole,
 };
+pub use whole_folder::{writable_folder, write_folder};
 
 /// Why a file or folder cannot be read, written or gone on with.
 #[derive(Debug, thiserror::Error)]

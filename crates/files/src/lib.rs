@@ -2,6 +2,7 @@
 //!
 //! | module | holds |
 //! |---|---|
+//! | [`csv`] | tables as CSV |
 //! | [`files`] | one guard of inputs and outputs, whole files, folders of runs |
 //! | [`json`] | JSON and YAML whose errors name the place, the nearest known key, and the mend |
 //! | [`npy`] | headers of NumPy arrays |
@@ -9,6 +10,7 @@
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
+pub mod csv;
 pub mod files;
 pub mod json;
 pub mod note;

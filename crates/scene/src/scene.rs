@@ -224,15 +224,14 @@ impl Scene {
         Ok(Self { vehicle: self.vehicle.narrowed(&at, rules)?, ..self })
     }
 
-    /// A copy whose vehicle requires nothing.
+    /// The scene on a vehicle that requires nothing, for work that asks for no voxels: a required area must hold one.
     #[must_use]
-    pub fn without_requirements(&self) -> Self {
-        let mut scene = self.clone();
-        let Vehicle { require, targets, ground, .. } = &mut scene.vehicle;
+    pub fn without_requirements(mut self) -> Self {
+        let Vehicle { require, targets, ground, .. } = &mut self.vehicle;
         require.clear();
         targets.clear();
         ground.clear();
-        scene
+        self
     }
 
     /// The vehicle; made of the scene's `lidar` and `mount` where it says these.

@@ -7,6 +7,7 @@ use crate::job::Job;
 use crate::near_field::{Footprint, NearField, NearSite};
 use crate::problem::{Problem, spread};
 use crate::report::near_field::near_field_svg;
+use crate::report::targets::range_card_svg;
 use crate::report::view::ViewData;
 use crate::report::{InformationMap, convergence_svg, placement_svg};
 use crate::scene::Scene;
@@ -148,6 +149,22 @@ impl Figures {
         });
         let maps = maps.into_iter().map(|(name, map)| (name, map.svg(&shown.placement)));
         Self { maps: maps.collect(), near_field, near_frames, views, ..none }
+    }
+
+    /// Every drawing with a name of its own; `result` is the placement that they show.
+    pub fn files(&self, result: Option<&Scored>) -> Vec<(String, String)> {
+        let mut all = Vec::new();
+        let mut add = |name: &str, svg: &str| all.push((name.to_owned(), svg.to_owned()));
+        self.placement.iter().for_each(|svg| add("placement", svg));
+        self.convergence.iter().for_each(|svg| add("convergence", svg));
+        if let Some((best, card)) = result.and_then(|b| Some((b, b.scores.range_card.as_ref()?))) {
+            add("range-card", &range_card_svg(&best.placement.name, card));
+        }
+        self.near_field.iter().for_each(|svg| add("near-field", svg));
+        for (scene, map) in &self.maps {
+            add(&format!("information-{scene}"), map);
+        }
+        all
     }
 
     /// Adds the convergence of a run.

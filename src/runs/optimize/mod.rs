@@ -14,7 +14,7 @@ pub use front::{Fronted, front};
 pub use request::{NewRun, OptimizeRequest, Start};
 
 use super::inputs::note_repeated;
-use super::{Computing, Error, GRACE, glb, opening};
+use super::{Computing, Error, GRACE, figures, glb, opening};
 use crate::export::GltfView;
 use crate::files::{Input, RunDir, Session, holds_run};
 use crate::job::{Job, JobError, JobRun, JobState, JobStep};
@@ -67,6 +67,7 @@ pub fn optimize(
         inputs.extend(Input::of(scene.scene().files())?);
     }
     glb::check(request.gltf.as_deref())?;
+    figures::wanted(request.figures.as_deref())?;
     if let Start::New(new) = &request.start {
         new.look(&mut settings, &*loaded.job.problem()?, computing)?;
     }
@@ -85,6 +86,7 @@ pub fn optimize(
         (folder, _) => folder.expect("a run that goes on has a folder"),
     };
     folder.check(&inputs)?;
+    figures::apart(request.figures.as_deref(), folder.path())?;
     let run = begin(&job, going_on.take(), &folder)?;
     let (earlier, times) = (read_spent(&folder), loaded.times);
     let mut sitting =

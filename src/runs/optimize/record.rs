@@ -13,7 +13,7 @@ use crate::job::{Job, JobRun};
 use crate::report::record::peak_memory;
 use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
 use crate::runs::opening::LoadTimes;
-use crate::runs::{Computing, Error};
+use crate::runs::{Computing, Error, figures};
 use crate::search::{Equipped, FrameChoice, LeftOut, Outcome, Run, Scored, Settings, Stopped};
 use crate::vehicle::{Placement, SensorName, SensorPose};
 
@@ -134,7 +134,7 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
     let (best, baselines) = (&record.best, &record.baselines);
     let look = |best: &Scored| Looks::new(job, suite, &best.placement, baselines);
     let looks = best.as_ref().map(look).transpose()?;
-    let figures = Figures::new(best.as_ref(), suite.constraints(), &job.scene().body(), looks)
+    let drawings = Figures::new(best.as_ref(), suite.constraints(), &job.scene().body(), looks)
         .with_search(&record, &outcome.history);
     // All but writing the files is over.
     let mut spent = sitting.spent();
@@ -145,17 +145,19 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
     let found = record.best.iter().chain(&record.baselines);
     let found: Vec<Value> = found.map(|scored| priced(job, &scored.placement)).collect();
     folder.write_json("placements.json", &json!({ "placements": found }))?;
-    if let Some(figure) = &figures.convergence {
+    if let Some(figure) = &drawings.convergence {
         folder.write_text("convergence.svg", figure)?;
     }
-    if let Some(figure) = &figures.placement {
+    if let Some(figure) = &drawings.placement {
         folder.write_text("placement.svg", figure)?;
     }
-    for (index, (_, map)) in figures.maps.iter().enumerate() {
+    for (index, (_, map)) in drawings.maps.iter().enumerate() {
         let number = if index > 0 { format!("-{}", index + 1) } else { String::new() };
         folder.write_text(&format!("map{number}.svg"), map)?;
     }
-    folder.write_text("report.html", &report_html(&record, &figures))?;
+    folder.write_text("report.html", &report_html(&record, &drawings))?;
+    let wanted = sitting.request.figures.as_deref();
+    figures::write(wanted, drawings.files(record.best.as_ref()))?;
     Ok(record)
 }
 

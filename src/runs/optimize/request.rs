@@ -16,6 +16,8 @@ pub struct OptimizeRequest {
     pub frames: Option<u32>,
     /// File for the first scene with the result, as binary glTF.
     pub gltf: Option<PathBuf>,
+    /// Folder for each figure of the page.
+    pub figures: Option<PathBuf>,
 }
 
 /// Start of a search.

@@ -229,7 +229,7 @@ fn digest(request: &ScoreRequest, scene: &Scene, placements: &Path) -> Result<St
         "sightline": env!("CARGO_PKG_VERSION"),
         "scene": Input::names_of(scene.files())?,
         "placements": Input::names_of(&[placements.to_owned()])?,
-        "as_json": request.as_json,
+        "format": request.format,
         "frames": request.frames,
         "near_field": request.near_field,
         "draw": request.draw,

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::files::{safe_name, write_many, write_npy, write_own, write_whole};
 use crate::job::Tolerance;
-use crate::runs::Error;
+use crate::runs::{Error, TableFormat};
 use crate::scan::conditions::Condition;
 use crate::vehicle::Placement;
 
@@ -17,8 +17,8 @@ pub(super) const BLOCK: usize = 1024;
 pub struct ScoreRequest {
     /// Scene files, and placements.
     pub files: Vec<PathBuf>,
-    /// Whether scores are written as JSON, or as tables to read.
-    pub as_json: bool,
+    /// Form of the scores.
+    pub format: TableFormat,
     /// File for the scores, in place of the caller's writer.
     pub out: Option<PathBuf>,
     /// Folder for the covered voxels of each placement.

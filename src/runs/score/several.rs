@@ -7,13 +7,15 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::request::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out};
+use crate::csv::csv;
 use crate::files::{safe_names, shared_folder, sync_disk, writable_file};
 use crate::job::Job;
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
+use crate::report::tables::{score_rows, score_titles};
 use crate::runs::given::Given;
 use crate::runs::opening::{self, LoadTimes, Loaded, timings};
-use crate::runs::{Computing, Error, GRACE};
+use crate::runs::{Computing, Error, GRACE, TableFormat};
 use crate::scan::conditions::{in_words, under};
 use crate::score::Scores;
 use crate::search::{Evaluator, Judged, Member};
@@ -68,7 +70,11 @@ pub(super) fn score(
     }
     let seconds = start.elapsed().as_secs_f64() - batch.times.load - batch.times.build;
     write_out(request, out, |path, out| {
-        let text = if request.as_json { format!("{:#}\n", batch.json()) } else { batch.text() };
+        let text = match request.format {
+            TableFormat::Json => format!("{:#}\n", batch.json()),
+            TableFormat::Csv => batch.csv(),
+            TableFormat::Text => batch.text(),
+        };
         out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Error::io(path))
     })?;
     let (count, frames) = (placements.len(), batch.evaluator.frame_count());
@@ -162,6 +168,21 @@ impl Batch {
             names.join(", ")
         );
         text + &report::scores_text(&self.mean())
+    }
+
+    /// The placements in each scene, then their means.
+    fn csv(&self) -> String {
+        let titles = std::iter::once("scene".to_owned()).chain(score_titles()).collect();
+        let mut rows: Vec<Vec<String>> = vec![titles];
+        let mut add = |scene: &str, scores: Vec<Vec<String>>| {
+            let named = |row| std::iter::once(scene.to_owned()).chain(row).collect();
+            rows.extend(scores.into_iter().map(named));
+        };
+        for (index, member) in self.members() {
+            add(member.name(), score_rows(self.of_scene(index)));
+        }
+        add("mean", score_rows(&self.mean()));
+        csv(rows)
     }
 
     /// An object a scene, as `score` of that scene alone prints it, and the mean.

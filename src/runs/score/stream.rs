@@ -11,15 +11,17 @@ use serde_json::{Map, Value, json};
 
 use super::journal::Journal;
 use super::request::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out};
+use crate::csv::csv;
 use crate::files::{
     FileError, LinePerElement, is_sink, shared_folder, sync_disk, target, writable_file,
 };
 use crate::job::Job;
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
+use crate::report::tables::{score_rows, score_titles};
 use crate::runs::given::Given;
 use crate::runs::opening::{self, LoadTimes, Loaded, timings};
-use crate::runs::{Bar, Computing, Error, GRACE, Watcher};
+use crate::runs::{Bar, Computing, Error, GRACE, TableFormat, Watcher};
 use crate::scan::conditions::{in_words, under};
 use crate::score::Scores;
 use crate::search::Evaluator;
@@ -313,7 +315,10 @@ impl Scoring<'_> {
         let problem = self.evaluator.problem();
         let (scene, frames) = (self.job.scene().name(), problem.frame_count());
         let coverage = problem.coverage();
-        if !self.request.as_json {
+        if self.request.format == TableFormat::Csv {
+            return Ok(String::new());
+        }
+        if self.request.format == TableFormat::Text {
             let beams = problem.sensors().beams_in_words();
             let under = under(&in_words(&self.request.conditions));
             return Ok(format!(
@@ -340,7 +345,15 @@ impl Scoring<'_> {
     /// Scores of a block, the first one or one after others.
     fn text(&self, scores: &[Scores], first: bool) -> Result<String, Error> {
         let mut text = String::new();
-        if !self.request.as_json {
+        if self.request.format == TableFormat::Csv {
+            let rows = score_rows(scores);
+            return Ok(if first {
+                csv(std::iter::once(score_titles()).chain(rows))
+            } else {
+                csv(rows)
+            });
+        }
+        if self.request.format == TableFormat::Text {
             text += &report::scores_text(scores);
             let body = text.split_once('\n').map_or("", |(_, body)| body);
             return Ok(if first { text } else { body.to_owned() });
@@ -354,7 +367,7 @@ impl Scoring<'_> {
 
     /// All after the scores.
     fn tail(&self) -> Result<String, Error> {
-        if !self.request.as_json {
+        if self.request.format != TableFormat::Json {
             return Ok(String::new());
         }
         let changes = self.evaluator.backend().changes();

@@ -40,7 +40,7 @@ impl Drop for MissingFolders {
 /// Like [`shared_folder`], for the files of one run: while the lock lives, a second program that names the folder is
 /// refused, since the files of two would not belong together. A program that holds the folder already may end within
 /// `patience`. `None` where folders cannot be opened, as on some network drives: nobody is kept out.
-pub fn lock_folder(path: &Path, patience: Duration) -> Result<Option<File>, FileError> {
+pub(super) fn lock_folder(path: &Path, patience: Duration) -> Result<Option<File>, FileError> {
     let until = Instant::now() + patience;
     loop {
         shared_folder(path)?;
@@ -76,7 +76,7 @@ fn is_at(folder: &File, path: &Path) -> bool {
 }
 
 /// Refuses a folder that holds anything. To be asked while [`lock_folder`] keeps others out.
-pub fn is_empty(path: &Path) -> Result<(), FileError> {
+pub(super) fn is_empty(path: &Path) -> Result<(), FileError> {
     let mut entries = std::fs::read_dir(path).map_err(FileError::io(path))?;
     match entries.next() {
         None => Ok(()),

@@ -110,6 +110,13 @@ impl Scene {
         let soup = self.part(self.body_part());
         (0..soup.faces.len() as u32).map(|prim| soup.corners(prim)).collect()
     }
+
+    /// Triangles of [`Self::body`] by the shape of the body's list that they are of, in that order.
+    pub fn body_shapes(&self) -> Vec<Range<usize>> {
+        let ends = &self.body.ends;
+        let starts = std::iter::once(0).chain(ends.iter().copied());
+        starts.zip(ends).map(|(start, &end)| start..end).collect()
+    }
 }
 
 /// Farthest that the ego may get from the middle of its way, in metres: `f32` keeps 2 mm there.

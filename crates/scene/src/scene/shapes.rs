@@ -91,7 +91,7 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
-    /// The triangles of a list of shapes, in order.
+    /// The triangles of a list of shapes, in order, and where each shape ends.
     pub fn list(
         &mut self,
         at: &Place,
@@ -128,6 +128,7 @@ impl<'a> Builder<'a> {
         let mut solid = Solid::default();
         for (i, shape) in list.iter().enumerate() {
             self.append(&at.item(i), shape, depth, &mut solid)?;
+            solid.ends.push(solid.faces.len());
         }
         Ok(solid)
     }
@@ -276,6 +277,7 @@ impl<'a> Builder<'a> {
             vertices: placing.vertices(at, &file, &raw)?,
             faces: raw.faces.clone(),
             classes: raw.face_material.iter().map(|&m| ids[m as usize]).collect(),
+            ends: Vec::new(),
         })
     }
 }

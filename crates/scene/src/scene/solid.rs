@@ -19,6 +19,8 @@ pub struct Solid {
     pub vertices: Vec<DVec3>,
     pub faces: Vec<[u32; 3]>,
     pub classes: Vec<u16>,
+    /// Number of faces up to the end of each shape of a list; empty for a single shape.
+    pub ends: Vec<usize>,
 }
 
 impl Solid {
@@ -73,7 +75,7 @@ impl Solid {
             faces.extend([[i, j, j + n], [i, j + n, i + n]]);
         }
         let classes = vec![class; faces.len()];
-        Self { vertices, faces, classes }
+        Self { vertices, faces, classes, ends: Vec::new() }
     }
 
     /// Upright prism with `sides` corners on the circle around `foot`, the first at +x.
@@ -98,6 +100,7 @@ impl Solid {
             vertices: corners.iter().map(|p| DVec3::new(p[0], p[1], z)).collect(),
             faces: vec![[0, 1, 2], [0, 2, 3]],
             classes: vec![class; 2],
+            ends: Vec::new(),
         }
     }
 }

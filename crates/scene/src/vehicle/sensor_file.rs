@@ -3,6 +3,7 @@
 mod binary;
 mod csv;
 mod isaac;
+mod isaac_out;
 mod ouster;
 mod ouster_columns;
 mod pattern;
@@ -18,6 +19,7 @@ use serde::de::IgnoredAny;
 use sightline_files::json::check::bad;
 use sightline_files::json::{self, DescriptionError, Place, read_limited};
 
+pub use isaac_out::isaac_profile;
 pub(super) use pattern::NARROWEST;
 pub use pattern::{Beams, Channel, MAX_BEAMS, MAX_CHANNELS, Measures, SensorFormat, SensorPattern};
 

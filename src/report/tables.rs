@@ -1,0 +1,236 @@
+//! The tables of `score` and of the studies as rows for CSV: titles with units first, numbers in full precision, a row
+//! for each thing that was measured.
+
+use super::ScoreColumn;
+use super::sweep::lost;
+use crate::csv::{csv, number};
+use crate::job::{Room, RoomOfSide, Sweep};
+use crate::near_field::{NearField, Standard};
+use crate::score::{Scores, Seen};
+use crate::shared::{Overlap, Redundancy, SeenBy};
+use crate::study::Table;
+use crate::targets::TargetTable;
+
+/// Between the parts of a cell that holds several.
+const BETWEEN: &str = "; ";
+
+type Row = Vec<String>;
+
+fn titles(words: &[&str]) -> Row {
+    words.iter().map(|word| (*word).to_owned()).collect()
+}
+
+fn joined(parts: impl IntoIterator<Item = impl ToString>) -> String {
+    parts.into_iter().map(|part| part.to_string()).collect::<Vec<_>>().join(BETWEEN)
+}
+
+/// Titles of [`score_rows`].
+pub(crate) fn score_titles() -> Row {
+    let mut row: Row = ScoreColumn::ALL.iter().map(|column| column.key().to_owned()).collect();
+    row.extend(titles(&["near_ring_share", "requirements_met", "requirements", "warnings"]));
+    row
+}
+
+/// A row a placement: every score, whether all requirements are met, each with the share seen and the share required, and
+/// the guards in words.
+pub(crate) fn score_rows<'a>(all: impl IntoIterator<Item = &'a Scores, IntoIter: 'a>) -> Vec<Row> {
+    let row = |scores: &Scores| {
+        let mut row: Row = ScoreColumn::ALL.iter().map(|c| c.plain_cell(scores)).collect();
+        let required = &scores.required;
+        let met = (!required.is_empty()).then(|| required.iter().all(Seen::is_met).to_string());
+        let seen =
+            required.iter().map(|seen| format!("{}: {} of {}", seen.name, seen.share, seen.least));
+        row.extend([number(scores.near_ring), met.unwrap_or_default()]);
+        row.extend([joined(seen), joined(&scores.guards)]);
+        row
+    };
+    all.into_iter().map(row).collect()
+}
+
+/// A row a placement: shares, blind ground, depth of the blind zone, poles seen of all by standard, share of each LiDAR's
+/// beams on the own body.
+pub fn near_field_csv(all: &[NearField]) -> String {
+    let mut rows = vec![titles(&[
+        "placement",
+        "near_field_share",
+        "ring_3m_share",
+        "blind_area_m2",
+        "zone_area_m2",
+        "blind_ahead_m",
+        "blind_behind_m",
+        "blind_left_m",
+        "blind_right_m",
+    ])];
+    for (_, name) in Standard::ALL {
+        let name = name.replace(' ', "_");
+        rows[0].extend([format!("{name}_seen"), format!("{name}_poles")]);
+    }
+    rows[0].push("own_body_share_by_lidar".to_owned());
+    rows.extend(all.iter().map(|near| {
+        let zone = &near.zone;
+        let mut row = vec![near.name.clone(), number(near.near_field), number(near.ring)];
+        row.extend([near.blind_area, zone.area].map(number));
+        row.extend([zone.ahead, zone.behind, zone.left, zone.right].map(number));
+        for (standard, _) in Standard::ALL {
+            row.extend(super::near_field::seen_of(near, standard).map(|count| count.to_string()));
+        }
+        row.push(joined(near.beams.iter().map(|beams| beams.own)));
+        row
+    }));
+    csv(rows)
+}
+
+/// A row a bearing of a target: the farthest distance of detection, and all runs of distances.
+pub fn targets_csv(table: &TargetTable) -> String {
+    let first = titles(&["scene", "placement", "target", "bearing_deg", "first_m", "detected_m"]);
+    let rows = table.detections.iter().map(|of| {
+        let runs = of.detected.iter().map(|[from, to]| format!("{from} to {to}"));
+        let mut row = vec![of.scene.clone().unwrap_or_default(), of.placement.clone()];
+        row.extend([of.target.clone(), number(of.bearing), number(of.first), joined(runs)]);
+        row
+    });
+    csv(std::iter::once(first).chain(rows))
+}
+
+/// A row a thing: how many there are, and the shares that no, one, two, three and more LiDARs see.
+pub fn redundancy_csv(all: &[&Redundancy]) -> String {
+    let mut rows = vec![titles(&[
+        "scene",
+        "placement",
+        "thing",
+        "count",
+        "seen_by_0_share",
+        "seen_by_1_share",
+        "seen_by_2_share",
+        "seen_by_3_or_more_share",
+        "one_model_alone_share",
+    ])];
+    for of in all {
+        let mut add = |thing: &str, seen: &SeenBy| {
+            let mut row = titles(&[&of.scene, &of.placement, thing]);
+            row.push(number(seen.all));
+            row.extend((0..seen.by.len()).map(|k| number(seen.share.map(|share| share[k]))));
+            let alone =
+                seen.alone.iter().map(|one| format!("{}: {}", one.sensor, number(one.share)));
+            row.push(joined(alone));
+            rows.push(row);
+        };
+        add("voxels occupied", &of.occupied);
+        add("voxels", &of.voxels);
+        of.ground_3m.iter().for_each(|seen| add("ground to 3 m", seen));
+        of.ground_10m.iter().for_each(|seen| add("ground to 10 m", seen));
+        of.targets.iter().for_each(|target| add(&target.target, &target.seen));
+    }
+    csv(rows)
+}
+
+/// A row a pair of LiDARs, and one of each with itself: voxels and directions of the sphere that both see.
+pub fn overlap_csv(all: &[Overlap]) -> String {
+    let mut rows = vec![titles(&[
+        "scene",
+        "placement",
+        "lidar",
+        "other",
+        "model",
+        "other_model",
+        "shared_voxels",
+        "shared_sphere_share",
+        "all_connected",
+    ])];
+    for of in all {
+        for a in 0..of.lidars.len() {
+            for b in a..of.lidars.len() {
+                let mut row = vec![of.scene.clone(), of.placement.clone()];
+                row.extend([a, b].map(|k| k.to_string()));
+                row.extend([a, b].map(|k| of.lidars[k].to_string()));
+                row.extend([of.shared_voxels[a][b], of.shared_directions[a][b]].map(number));
+                row.push(of.connected.to_string());
+                rows.push(row);
+            }
+        }
+    }
+    csv(rows)
+}
+
+/// A row a value of the field: scores, bearings in which a car is lost, rules that are broken.
+pub fn sweep_csv(all: &[Sweep]) -> String {
+    let mut first = titles(&["lidar", "field", "value", "unit", "as_given"]);
+    first.extend(score_titles());
+    first.extend(titles(&["car_lost_deg", "broken_rules"]));
+    let rows = all.iter().flat_map(|sweep| {
+        sweep.rows.iter().map(|at| {
+            let mut row = vec![sweep.lidar.to_string(), sweep.field.to_owned(), number(at.value)];
+            row.extend([sweep.unit.to_owned(), at.as_given.to_string()]);
+            row.extend(score_rows([&at.scores]).concat());
+            row.push(number(at.scores.range_card.as_ref().map(|_| lost(&at.scores))));
+            row.push(joined(&at.broken_rules));
+            row
+        })
+    });
+    csv(std::iter::once(first).chain(rows))
+}
+
+/// A row a field of a LiDAR: how far it holds to either side and what breaks; of a placement that misses a requirement as
+/// it is, one row that says so.
+pub fn room_csv(all: &[Room]) -> String {
+    let mut rows = vec![titles(&[
+        "placement",
+        "lidar",
+        "field",
+        "unit",
+        "minus_holds_to",
+        "minus_breaks_at",
+        "minus_breaks",
+        "plus_holds_to",
+        "plus_breaks_at",
+        "plus_breaks",
+        "missed_as_it_is",
+    ])];
+    for room in all {
+        if room.fields.is_empty() {
+            let mut row = vec![String::new(); rows[0].len()];
+            row[0].clone_from(&room.placement);
+            row[10] = joined(&room.missed);
+            rows.push(row);
+        }
+        rows.extend(room.fields.iter().map(|of| {
+            let side = |side: &RoomOfSide| {
+                let words = side.breaks.clone().unwrap_or_default();
+                [number(side.holds_to), number(side.breaks_at), words]
+            };
+            let mut row = vec![room.placement.clone(), of.lidar.to_string()];
+            row.extend(titles(&[of.field, of.unit]));
+            row.extend(side(&of.down).into_iter().chain(side(&of.up)));
+            row.push(String::new());
+            row
+        }));
+    }
+    csv(rows)
+}
+
+/// A study's cases; of several tables all, each row with the title of its own, the columns of all beside each other.
+pub fn studies_csv(tables: &[&Table]) -> String {
+    if let [table] = tables {
+        return table.csv();
+    }
+    let mut columns: Vec<&String> = Vec::new();
+    for column in tables.iter().flat_map(|table| &table.columns[1..]) {
+        if !columns.contains(&column) {
+            columns.push(column);
+        }
+    }
+    let case = tables.first().map_or("case", |table| &*table.columns[0]);
+    let mut rows = vec![titles(&["table", case])];
+    rows[0].extend(columns.iter().map(|column| (*column).clone()));
+    for table in tables {
+        rows.extend(table.rows.iter().map(|row| {
+            let value = |column: &&String| {
+                let place = table.columns[1..].iter().position(|of| of == *column);
+                place.map_or_else(String::new, |place| number(row.values[place]))
+            };
+            let start = [table.title.clone(), row.name.clone()];
+            start.into_iter().chain(columns.iter().map(value)).collect()
+        }));
+    }
+    csv(rows)
+}

@@ -1,0 +1,149 @@
+//! A rig handed over: a folder with its poses, bill of materials, masks and crop boxes of the own body, drawing and
+//! sensor profiles.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `rig` | the placement with everything that is computed about it |
+//! | `tables` | poses and bill of materials |
+//! | `mask` | masks of the beams that end at the own body |
+//! | `png` | a grey picture as PNG |
+//! | `crop` | crop boxes of the own body for Autoware |
+//! | `readme` | the text about the folder |
+
+mod crop;
+mod mask;
+mod png;
+mod readme;
+mod rig;
+mod tables;
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::{Computing, Error};
+use crate::files::{Session, safe_name, safe_names, writable_folder, write_folder};
+use crate::report::handover::{DrawnLidar, DrawnMount, DrawnRig};
+use crate::shared::FieldOfView;
+use crate::vehicle::sensor_file::isaac_profile;
+use mask::Mask;
+use rig::Rig;
+
+/// A placement that is to be handed over.
+#[derive(Debug, Clone, Default)]
+pub struct HandoverRequest {
+    /// A scene, none for level ground, and last a file of placements with the name of one of them behind a colon where
+    /// there are several.
+    pub files: Vec<String>,
+    /// Folder to write.
+    pub out: PathBuf,
+    /// Frame of the scene, from 0.
+    pub frame: u32,
+    /// Metres that crop boxes reach beyond the body.
+    pub margin: f64,
+    /// Position of `base_link` in the ego frame, metres; crop boxes count from there.
+    pub base_link: [f64; 3],
+}
+
+/// Summary of a folder that was written.
+#[derive(Debug, Serialize)]
+pub struct HandoverMade {
+    /// The folder.
+    pub out: PathBuf,
+    /// Name of the placement.
+    pub placement: String,
+    /// Names of its files.
+    pub files: Vec<String>,
+    /// Of each LiDAR the beams that end at the own body, and all.
+    pub own_beams: Vec<[usize; 2]>,
+    /// Price of all sensors.
+    pub price: f64,
+}
+
+/// Names and bytes of the files of the folder.
+type Files = Vec<(String, Vec<u8>)>;
+
+/// Writes the folder of a placement, whole or not at all.
+///
+/// # Errors
+/// Files that cannot be read or written, several placements without a name, a frame that the scene does not have.
+pub fn handover(
+    request: &HandoverRequest,
+    computing: &Computing<'_>,
+) -> Result<HandoverMade, Error> {
+    let _session = Session::begin();
+    writable_folder(&request.out)?;
+    let rig = Rig::new(request, computing)?;
+    let masks = rig.masks();
+    let (materials, price) = tables::materials(&rig);
+    let mut files: Files = Vec::new();
+    let mut add = |name: &str, bytes: Vec<u8>| files.push((name.to_owned(), bytes));
+    add("poses.csv", tables::poses(&rig).into_bytes());
+    add("materials.csv", materials.into_bytes());
+    let drawing = drawn(&rig).drawing();
+    add("drawing.svg", drawing.svg().into_bytes());
+    add("drawing.pdf", drawing.pdf());
+    if let Some(boxes) = crop::boxes(&rig, request.margin, request.base_link) {
+        add("crop_boxes.yaml", boxes.into_bytes());
+    }
+    for (k, mask) in masks.iter().enumerate() {
+        let mount =
+            rig.mounts[k].as_deref().map_or(String::new(), |m| format!("-{}", safe_name(m)));
+        add(&format!("mask-{k}{mount}.csv"), mask.csv().into_bytes());
+        add(&format!("mask-{k}{mount}.png"), mask.png());
+    }
+    files.extend(profiles(&rig));
+    let readme = readme::text(&rig, request, &masks, files.iter().map(|(name, _)| &**name))?;
+    files.insert(0, ("README.txt".to_owned(), readme.into_bytes()));
+    if !computing.watcher.goes_on() {
+        return Err(Error::Interrupted(format!(
+            "{}: interrupted; nothing is written",
+            request.out.display()
+        )));
+    }
+    write_folder(&request.out, &files)?;
+    Ok(HandoverMade {
+        out: request.out.clone(),
+        placement: rig.placement.name.clone(),
+        files: files.into_iter().map(|(name, _)| name).collect(),
+        own_beams: masks.iter().map(Mask::counts).collect(),
+        price,
+    })
+}
+
+/// The rig as it is drawn.
+fn drawn(rig: &Rig) -> DrawnRig<'_> {
+    let lidars = rig.placement.lidars.iter().enumerate().map(|(k, pose)| DrawnLidar {
+        pose: *pose,
+        ego_from_sensor: rig.poses[k],
+        view: FieldOfView::of(rig.table(k)),
+        model: rig.model_name(rig.models[k]),
+        mount: rig.mounts[k].clone().unwrap_or_default(),
+    });
+    let vehicle = rig.scene().vehicle();
+    let mounts = vehicle.mounts.iter().map(|mount| DrawnMount {
+        name: if vehicle.is_nameless() { String::new() } else { mount.region.name.clone() },
+        corners: mount.region.corners(),
+    });
+    DrawnRig {
+        vehicle: rig.vehicle_name(),
+        placement: &rig.placement.name,
+        body: &rig.body,
+        lidars: lidars.collect(),
+        mounts: mounts.collect(),
+        near: rig.near.as_ref().map(|(outline, near)| (outline, near)).map_err(Clone::clone),
+    }
+}
+
+/// Isaac Sim's profile of each model that the rig has.
+fn profiles(rig: &Rig) -> Files {
+    let used = rig.used_models();
+    let names: Vec<String> = used.iter().map(|model| rig.model_name(*model)).collect();
+    let files = safe_names(names.iter().map(|name| &**name)).into_iter();
+    let profile = |((model, name), file): ((&usize, &String), String)| {
+        let sensor = &rig.scene().vehicle().sensors[*model];
+        let profile = isaac_profile(name, &sensor.lidar, &sensor.response);
+        (format!("{file}.isaac.json"), format!("{profile:#}\n").into_bytes())
+    };
+    used.iter().zip(&names).zip(files).map(profile).collect()
+}

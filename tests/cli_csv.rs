@@ -1,0 +1,253 @@
+//! `--format csv`: every number is that of `--format json`, in full precision.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{ok, sightline};
+use crate::cli_files::world;
+
+/// Rows of a table by the titles of its first line.
+struct Csv(Vec<Vec<String>>);
+
+impl Csv {
+    fn of(dir: &Path, line: &str) -> Self {
+        let words: Vec<&str> = line.split(' ').chain(["--format", "csv"]).collect();
+        let output = sightline(dir, &words);
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(matches!(output.status.code(), Some(0 | 1)), "{line}: {stderr}");
+        Self::read(&String::from_utf8(output.stdout).unwrap())
+    }
+
+    /// Reads RFC 4180, line ends inside of quotes left aside.
+    fn read(text: &str) -> Self {
+        let line = |line: &str| {
+            let (mut cells, mut quoted) = (vec![String::new()], false);
+            for c in line.chars() {
+                match c {
+                    '"' => quoted = !quoted,
+                    ',' if !quoted => cells.push(String::new()),
+                    c => cells.last_mut().unwrap().push(c),
+                }
+            }
+            cells
+        };
+        let rows: Vec<Vec<String>> = text.lines().map(line).collect();
+        assert!(rows.len() > 1 && rows.iter().all(|row| row.len() == rows[0].len()), "{text}");
+        Self(rows)
+    }
+
+    fn rows(&self) -> usize {
+        self.0.len() - 1
+    }
+
+    fn cell(&self, row: usize, title: &str) -> &str {
+        let column = self.0[0].iter().position(|cell| cell == title);
+        let column = column.unwrap_or_else(|| panic!("{title} in {:?}", self.0[0]));
+        &self.0[row + 1][column]
+    }
+
+    /// A cell is the number, or empty where there is none.
+    fn is(&self, row: usize, title: &str, wanted: &Value) {
+        let cell = self.cell(row, title);
+        match wanted.as_f64() {
+            Some(wanted) => assert_eq!(cell.parse::<f64>().unwrap(), wanted, "{title}"),
+            None => assert_eq!(cell, wanted.as_str().unwrap_or_default(), "{title}"),
+        }
+    }
+}
+
+/// Two placements in a small town, and its vehicle with a requirement.
+fn town() -> TempDir {
+    let dir = world();
+    let at = |name: &str| dir.path().join(name);
+    let lidar = |y: f64, z: f64| json!({ "x": 0.1, "y": y, "z": z, "pitch": 0.05 });
+    let placements = json!({ "placements": [
+        { "name": "p", "lidars": [lidar(0.0, 2.0), lidar(0.4, 2.0)] },
+        { "name": "q", "lidars": [lidar(-0.3, 1.9), lidar(0.3, 2.3)] } ] });
+    fs::write(at("two.json"), placements.to_string()).unwrap();
+    let vehicle = json!({ "sightline": 1, "name": "cart",
+        "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0.3], "size": [4, 1.8, 1.2] } }],
+        "sensors": [{ "name": "s", "lidar": { "channels": 8, "fov": [-30, 2], "azimuth_steps": 90, "range": 40 } }],
+        "mounts": [{ "name": "roof", "count": [2, 2], "sensors": ["s"], "min": [-0.5, -0.5, 1.8],
+                     "max": [0.5, 0.5, 2.4], "pitch": [-0.2, 0.2] }],
+        "require": [{ "target": "car", "within": 20, "share": 0.05 }] });
+    fs::write(at("cart.json"), vehicle.to_string()).unwrap();
+    dir
+}
+
+#[test]
+fn scores_are_those_of_the_json_in_one_scene_and_in_several() {
+    let dir = town();
+    let check = |csv: &Csv, row: usize, scores: &Value| {
+        for (title, key) in [
+            ("placement", "name"),
+            ("information_gain_nats", "information_gain"),
+            ("information_gain_share", "information_gain_share"),
+            ("near_gain_share", "near_gain"),
+            ("m_sog", "m_sog"),
+            ("m_sog_scaled", "m_sog_scaled"),
+            ("s_mig_nats", "s_mig"),
+            ("covered_voxels", "covered"),
+            ("hit_share", "hit_share"),
+        ] {
+            csv.is(row, title, &scores[key]);
+        }
+        csv.is(row, "detection_m_sog_scaled", &scores["detection"]["m_sog_scaled"]);
+        let guards = scores["guards"].as_array().unwrap().iter().map(|g| g.as_str().unwrap());
+        assert_eq!(csv.cell(row, "warnings"), guards.collect::<Vec<_>>().join("; "));
+    };
+    let line = "score town.json two.json --vehicle cart.json --near-field --backend cpu";
+    let words: Vec<&str> = line.split(' ').collect();
+    let (csv, found) = (Csv::of(dir.path(), line), ok(dir.path(), &words));
+    assert_eq!(csv.rows(), 2);
+    for (row, scores) in found["scores"].as_array().unwrap().iter().enumerate() {
+        check(&csv, row, scores);
+        csv.is(row, "near_field_share", &scores["near_field"]);
+        csv.is(row, "near_ring_share", &scores["near_ring"]);
+        let seen = &scores["requirements"][0];
+        assert_eq!(csv.cell(row, "requirements_met"), seen["met"].to_string());
+        let words = csv.cell(row, "requirements");
+        assert!(words.ends_with(&format!(": {} of 0.05", seen["found"])), "{words}, {seen}");
+    }
+    let line = "score town.json town2.json two.json --backend cpu";
+    let words: Vec<&str> = line.split(' ').collect();
+    let (csv, found) = (Csv::of(dir.path(), line), ok(dir.path(), &words));
+    assert_eq!(csv.rows(), 6);
+    for (scene, name) in ["town", "town2"].into_iter().enumerate() {
+        for k in 0..2 {
+            assert_eq!(csv.cell(2 * scene + k, "scene"), name);
+            check(&csv, 2 * scene + k, &found["scenes"][scene]["scores"][k]);
+        }
+    }
+    assert_eq!(csv.cell(5, "scene"), "mean");
+    check(&csv, 5, &found["mean"][1]);
+}
+
+#[test]
+fn scores_go_into_a_file_with_one_first_line() {
+    let dir = town();
+    let line = "score town.json two.json --backend cpu --format csv --out scores.csv";
+    assert!(sightline(dir.path(), &line.split(' ').collect::<Vec<_>>()).status.success());
+    let text = fs::read_to_string(dir.path().join("scores.csv")).unwrap();
+    assert_eq!(text.matches("information_gain_nats").count(), 1);
+    assert_eq!(Csv::read(&text).rows(), 2);
+}
+
+#[test]
+fn near_fields_and_targets_are_those_of_the_json() {
+    let dir = town();
+    let line = "study nearfield town.json two.json --backend cpu";
+    let words: Vec<&str> = line.split(' ').collect();
+    let (csv, found) = (Csv::of(dir.path(), line), ok(dir.path(), &words));
+    for (row, near) in found["near_fields"].as_array().unwrap().iter().enumerate() {
+        csv.is(row, "placement", &near["name"]);
+        csv.is(row, "near_field_share", &near["near_field"]);
+        csv.is(row, "ring_3m_share", &near["ring"]);
+        csv.is(row, "blind_area_m2", &near["blind_area"]);
+        csv.is(row, "zone_area_m2", &near["zone"]["area"]);
+        for side in ["ahead", "behind", "left", "right"] {
+            csv.is(row, &format!("blind_{side}_m"), &near["zone"][side]);
+        }
+        let poles = near["poles"].as_array().unwrap().iter();
+        let of = poles.filter(|pole| pole["standard"] == "R159").collect::<Vec<_>>();
+        let seen = of.iter().filter(|pole| pole["seen"] == true).count();
+        assert_eq!(csv.cell(row, "R159_seen"), seen.to_string());
+        assert_eq!(csv.cell(row, "R159_poles"), of.len().to_string());
+        let own: Vec<f64> = csv
+            .cell(row, "own_body_share_by_lidar")
+            .split("; ")
+            .map(|c| c.parse().unwrap())
+            .collect();
+        assert_eq!(own, [0, 1].map(|k| near["beams"][k]["own"].as_f64().unwrap()));
+    }
+    let line = "study targets town.json two.json --target car --distances 4,6,8 --backend cpu";
+    let words: Vec<&str> = line.split(' ').collect();
+    let (csv, found) = (Csv::of(dir.path(), line), ok(dir.path(), &words));
+    assert_eq!(csv.rows(), 32);
+    let mut runs = 0;
+    for (row, of) in found["detections"].as_array().unwrap().iter().enumerate() {
+        for (title, key) in [
+            ("scene", "scene"),
+            ("placement", "placement"),
+            ("target", "target"),
+            ("bearing_deg", "bearing"),
+            ("first_m", "first"),
+        ] {
+            csv.is(row, title, &of[key]);
+        }
+        let all = of["detected"].as_array().unwrap();
+        let all = all
+            .iter()
+            .map(|run| format!("{} to {}", run[0].as_f64().unwrap(), run[1].as_f64().unwrap()));
+        let all = all.collect::<Vec<_>>().join("; ");
+        runs += usize::from(!all.is_empty());
+        assert_eq!(csv.cell(row, "detected_m"), all);
+    }
+    assert!(runs > 4, "{runs}");
+}
+
+#[test]
+fn shared_things_sweeps_and_tolerances_are_those_of_the_json() {
+    let dir = town();
+    let both = |line: &str| {
+        let csv = Csv::of(dir.path(), line);
+        let words: Vec<&str> = line.split(' ').chain(["--format", "json"]).collect();
+        let output = sightline(dir.path(), &words);
+        (csv, serde_json::from_slice::<Value>(&output.stdout).unwrap())
+    };
+    let (csv, found) = both("study redundancy town.json two.json --target car --backend cpu");
+    let seen = &found["rows"][1]["ground_10m"];
+    let row = (0..csv.rows()).filter(|&k| csv.cell(k, "thing") == "ground to 10 m").nth(1).unwrap();
+    assert_eq!(csv.cell(row, "placement"), "q");
+    csv.is(row, "count", &seen["all"]);
+    csv.is(row, "seen_by_0_share", &seen["share"][0]);
+    csv.is(row, "seen_by_3_or_more_share", &seen["share"][3]);
+    let (csv, found) = both("study overlap town.json two.json --backend cpu");
+    assert_eq!(csv.rows(), 6);
+    for (row, [a, b]) in [[0, 0], [0, 1], [1, 1]].into_iter().enumerate() {
+        csv.is(row, "lidar", &json!(a));
+        csv.is(row, "other", &json!(b));
+        csv.is(row, "shared_voxels", &found["rows"][0]["shared_voxels"][a][b]);
+        csv.is(row, "shared_sphere_share", &found["rows"][0]["shared_directions"][a][b]);
+    }
+    let line =
+        "study sweep town.json two.json --of 1.z --from 1.9 --to 2.5 --values 3 --backend cpu";
+    let (csv, found) = both(line);
+    assert_eq!(csv.rows(), 8);
+    for row in 0..8 {
+        let sweep = &found["sweeps"][row / 4];
+        let at = &sweep["rows"][row % 4];
+        csv.is(row, "value", &at["value"]);
+        csv.is(row, "unit", &sweep["unit"]);
+        csv.is(row, "placement", &sweep["placement"]);
+        csv.is(row, "near_gain_share", &at["scores"]["near_gain"]);
+        assert_eq!(csv.cell(row, "as_given"), at["as_given"].to_string());
+        assert_eq!(csv.cell(row, "broken_rules").is_empty(), at["broken_rules"] == json!([]));
+    }
+    let line = "study tolerance town.json two.json --vehicle cart.json --steps 2 --backend cpu";
+    let (csv, found) = both(line);
+    let field = &found["rows"][0]["fields"][2];
+    csv.is(2, "field", &field["field"]);
+    csv.is(2, "minus_holds_to", &field["down"]["holds_to"]);
+    csv.is(2, "plus_breaks_at", &field["up"]["breaks_at"]);
+}
+
+#[test]
+fn a_study_prints_the_table_that_it_writes() {
+    let dir = town();
+    let line =
+        "study height town.json --random 8 --evaluations 4 --backend cpu --out one --format csv";
+    let output = sightline(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    let printed = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(printed, fs::read_to_string(dir.path().join("one/table.csv")).unwrap());
+    let line =
+        "study height town.json town2.json --random 8 --evaluations 4 --backend cpu --out two";
+    let both = Csv::of(dir.path(), line);
+    let one = Csv::read(&printed);
+    assert_eq!(both.0[0][1..], one.0[0]);
+    assert_eq!(both.0[1][1..], one.0[1]);
+    assert!(both.rows() >= 2 * one.rows());
+}

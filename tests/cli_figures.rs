@@ -1,0 +1,91 @@
+//! `--figures DIR`: each figure as a file of its own, the same bytes that other options write.
+
+use std::fs;
+use std::path::Path;
+
+use crate::cli::{fails, sightline};
+use crate::cli_files::{all_files, world};
+
+fn run(dir: &Path, line: &str) {
+    let output = sightline(dir, &line.split(' ').collect::<Vec<_>>());
+    assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+fn names(dir: &Path) -> Vec<String> {
+    let entries = fs::read_dir(dir).unwrap().map(|e| e.unwrap().file_name());
+    let mut names: Vec<String> = entries.map(|name| name.to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn studies_write_the_drawing_of_each_placement() {
+    let dir = world();
+    let at = |name: &str| dir.path().join(name);
+    let placements = fs::read_to_string(at("p.json")).unwrap();
+    let lidars = &placements[placements.find('[').unwrap() + 1..placements.rfind(']').unwrap()];
+    let two = format!("{{\"placements\": [{lidars}, {}]}}", lidars.replace("\"p\"", "\"q\""));
+    fs::write(at("two.json"), two).unwrap();
+    for (line, name) in [
+        ("study nearfield town.json", "near-field"),
+        ("study targets --target car --distances 5,10 town.json", "targets"),
+        ("study sweep --of 0.z --from 2 --to 2.4 --values 2 town.json", "sweep"),
+    ] {
+        run(dir.path(), &format!("{line} p.json --backend cpu --out one.svg --figures one"));
+        let scene = if name == "targets" { "-in-town" } else { "" };
+        assert_eq!(names(&at("one")), [format!("{name}-p{scene}.svg")], "{line}");
+        let one = fs::read(at("one").join(format!("{name}-p{scene}.svg"))).unwrap();
+        assert!(one == fs::read(at("one.svg")).unwrap() && one.starts_with(b"<svg"), "{line}");
+        run(dir.path(), &format!("{line} two.json --backend cpu --figures two"));
+        let wanted = [format!("{name}-p{scene}.svg"), format!("{name}-q{scene}.svg")];
+        assert_eq!(names(&at("two")), wanted, "{line}");
+        // The second one differs by its name alone.
+        let second = fs::read_to_string(at("two").join(&wanted[1])).unwrap();
+        assert!(second.contains(">q") && !second.contains(">p<"), "{line}");
+        fs::remove_dir_all(at("one")).unwrap();
+        fs::remove_dir_all(at("two")).unwrap();
+        fs::remove_file(at("one.svg")).unwrap();
+    }
+}
+
+#[test]
+fn a_search_and_a_view_write_the_figures_of_their_page() {
+    let dir = world();
+    let at = |name: &str| dir.path().join(name);
+    let line = "optimize town.json --backend cpu --evaluations 8 --out run --figures run/figures";
+    run(dir.path(), line);
+    let all = ["convergence", "information-town", "near-field", "placement", "range-card"];
+    assert_eq!(names(&at("run/figures")), all.map(|name| format!("{name}.svg")));
+    for (figure, file) in [
+        ("convergence.svg", "convergence.svg"),
+        ("placement.svg", "placement.svg"),
+        ("information-town.svg", "map.svg"),
+    ] {
+        let read = |path: &Path| fs::read(path).unwrap();
+        assert_eq!(read(&at("run/figures").join(figure)), read(&at("run").join(file)), "{figure}");
+    }
+    run(dir.path(), "view town.json p.json --backend cpu --out view.html --figures view");
+    let without = all[1..].iter().map(|name| format!("{name}.svg")).collect::<Vec<_>>();
+    assert_eq!(names(&at("view")), without);
+}
+
+#[test]
+fn folders_that_are_taken_are_refused_before_the_work() {
+    let dir = world();
+    let told = |line: &str| fails(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    let before = all_files(dir.path());
+    for line in [
+        "study nearfield town.json p.json --backend cpu --figures .",
+        "view town.json p.json --backend cpu --out v.html --figures .",
+        "optimize town.json --backend cpu --evaluations 8 --out run --figures .",
+    ] {
+        assert!(told(line).contains("is not empty"), "{line}");
+    }
+    let line = "optimize town.json --backend cpu --evaluations 8 --out run --figures run";
+    assert!(told(line).contains("--figures run: is the folder of the run"));
+    let line = "study targets town.json p.json --backend cpu --figures p.json --force";
+    assert!(told(line).contains("is read by this command"));
+    let line = "study nearfield town.json p.json --backend cpu --figures . --force";
+    assert!(told(line).contains("which this command reads"));
+    assert_eq!(all_files(dir.path()), before);
+}

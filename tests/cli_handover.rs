@@ -1,0 +1,304 @@
+//! `rig handover`: its files against closed forms, the placement file and numbers by hand.
+
+use std::fs;
+use std::io::Read;
+use std::path::Path;
+
+use serde_json::json;
+use sightline::vehicle::{Lidar, SensorPose, sensor_file};
+use tempfile::TempDir;
+
+use crate::cli::{fails, ok};
+use crate::cli_files::all_files;
+
+/// Lower and upper corners of the body's two boxes, metres.
+const BOXES: [[[f64; 3]; 2]; 2] =
+    [[[-2.0, -0.9, 0.3], [2.0, 0.9, 1.1]], [[-1.5, -0.8, 1.1], [0.5, 0.8, 1.75]]];
+/// Elevations, steps and range of the sensor that turns.
+const CHANNELS: u32 = 12;
+const FOV: [f64; 2] = [-41.3, 11.7];
+const STEPS: u32 = 150;
+/// Steps and azimuths of the sensor that looks to a side.
+const SIDE: (u32, [f64; 2]) = (61, [-60.0, 60.0]);
+
+/// A vehicle of two boxes with two models and two mounts, and three LiDARs on it.
+fn folder() -> TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    let shape = |[low, high]: &[[f64; 3]; 2]| {
+        let size = [0, 1, 2].map(|k| high[k] - low[k]);
+        let foot = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]];
+        json!({ "class": "vehicle", "box": { "foot": foot, "size": size } })
+    };
+    let vehicle = json!({
+        "sightline": 1, "name": "cart", "body": BOXES.iter().map(shape).collect::<Vec<_>>(),
+        "sensors": [
+            { "name": "turning", "price": 4000.5,
+              "lidar": { "channels": CHANNELS, "fov": FOV, "azimuth_steps": STEPS, "range": 90 } },
+            { "name": "side, narrow", "price": 700,
+              "lidar": { "channels": 8, "fov": [-30, 10], "azimuth": SIDE.1, "azimuth_steps": SIDE.0, "range": 40 } }
+        ],
+        "mounts": [
+            { "name": "roof", "sensors": ["turning"], "count": [0, 1],
+              "min": [-1, -0.5, 1.7], "max": [1, 0.5, 2.4], "roll": [-0.2, 0.2], "pitch": [-0.2, 0.2] },
+            { "name": "flank", "sensors": ["side, narrow"], "count": [0, 2],
+              "min": [0, -1.2, 0.5], "max": [2, 1.2, 1], "yaw": [-3.2, 3.2] }
+        ],
+        "require": [{ "name": "far above", "min": [-1, -1, 90], "max": [1, 1, 91], "share": 0.5 }]
+    });
+    fs::write(dir.path().join("cart.json"), vehicle.to_string()).unwrap();
+    let placements = json!({ "placements": [
+        { "name": "rig", "lidars": [
+            { "x": 0.25, "y": -0.125, "z": 2.1, "roll": 0.05, "pitch": 0.1, "sensor": "turning" },
+            { "x": 1.1, "y": 1.0, "z": 0.75, "yaw": 1.5, "sensor": "side, narrow" },
+            { "x": 1.1, "y": -1.0, "z": 0.75, "yaw": -1.5, "sensor": "side, narrow" } ] },
+        { "name": "other", "lidars": [{ "x": 0, "y": 0, "z": 2, "sensor": "turning" }] } ] });
+    fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
+    dir
+}
+
+fn handed_over(dir: &TempDir, more: &[&str]) -> TempDir {
+    let out = tempfile::tempdir().unwrap();
+    let place = out.path().join("out");
+    let place = place.to_str().unwrap();
+    let start = ["rig", "handover", "p.json:rig", "--vehicle", "cart.json", "--backend", "cpu"];
+    ok(dir.path(), &[&start[..], &["--out", place], more].concat());
+    out
+}
+
+fn read(out: &TempDir, name: &str) -> String {
+    fs::read_to_string(out.path().join("out").join(name)).unwrap()
+}
+
+/// Rows of a CSV file without quotes that hold commas, but for those of the names here.
+fn cells(text: &str) -> Vec<Vec<String>> {
+    let line = |line: &str| {
+        let line = line.replace("\"side, narrow\"", "side; narrow");
+        line.split(',').map(str::to_owned).collect()
+    };
+    text.lines().map(line).collect()
+}
+
+#[test]
+fn poses_are_those_of_the_placement_in_both_units_and_materials_add_up() {
+    let dir = folder();
+    let out = handed_over(&dir, &[]);
+    let rows = cells(&read(&out, "poses.csv"));
+    let column = |title: &str| rows[0].iter().position(|cell| cell == title).unwrap();
+    let cell = |lidar: usize, title: &str| rows[lidar + 1][column(title)].clone();
+    assert_eq!(rows.len(), 4);
+    let first = ["lidar", "mount", "model", "x_m", "y_mm", "z_mm", "roll_rad", "pitch_deg"];
+    let wanted = ["0", "roof", "turning", "0.25", "-125", "2100", "0.05", "5.729577951"];
+    assert_eq!(first.map(|title| cell(0, title)), wanted);
+    assert_eq!((cell(2, "mount"), cell(2, "model")), ("flank".into(), "side; narrow".into()));
+    assert_eq!((cell(2, "yaw_deg"), cell(1, "yaw_rad")), ("-85.94366927".into(), "1.5".into()));
+    // 4000.5 + 2 · 700.
+    let wanted = "model,count,price_each,price\nturning,1,4000.5,4000.5\n\"side, narrow\",2,700,1400\n\
+                  total,3,,5400.5\n";
+    assert_eq!(read(&out, "materials.csv"), wanted);
+    let readme = read(&out, "README.txt");
+    assert!(readme.contains("ISO 8855") && readme.contains("a positive pitch looks down"));
+    for (name, _) in all_files(out.path()).iter().map(|(path, _)| (path.file_name().unwrap(), ())) {
+        let name = name.to_str().unwrap();
+        assert!(name == "README.txt" || readme.contains(&format!("  {name}: ")), "{name}");
+    }
+}
+
+/// Metres along a ray to where it enters a box from outside.
+fn enters(from: [f64; 3], along: [f64; 3], [low, high]: &[[f64; 3]; 2]) -> Option<f64> {
+    let (mut near, mut far) = (f64::NEG_INFINITY, f64::INFINITY);
+    for k in 0..3 {
+        let [a, b] = [low[k], high[k]].map(|side| (side - from[k]) / along[k]);
+        (near, far) = (near.max(a.min(b)), far.min(a.max(b)));
+    }
+    (near <= far && near > 0.0).then_some(near)
+}
+
+/// Elevation and azimuth of each beam of a ring and column in degrees.
+fn beams(
+    elevations: (u32, [f64; 2]),
+    columns: u32,
+    azimuths: impl Fn(u32) -> f64,
+) -> Vec<[f64; 2]> {
+    let (rings, [low, high]) = elevations;
+    let up = |ring: u32| low + (high - low) * f64::from(ring) / f64::from(rings - 1);
+    (0..rings)
+        .flat_map(|ring| (0..columns).map(|j| [up(ring), azimuths(j)]).collect::<Vec<_>>())
+        .collect()
+}
+
+#[test]
+fn a_mask_holds_the_beams_whose_way_ends_at_a_box_of_the_body() {
+    let dir = folder();
+    let out = handed_over(&dir, &[]);
+    let turning = beams((CHANNELS, FOV), STEPS, |j| 360.0 * f64::from(j) / f64::from(STEPS));
+    let side = beams((8, [-30.0, 10.0]), SIDE.0, |j| -60.0 + 2.0 * f64::from(j));
+    let tilted = SensorPose { roll: 0.05, pitch: 0.1, ..SensorPose::at(0.25, -0.125, 2.1) };
+    let left = SensorPose { yaw: 1.5, ..SensorPose::at(1.1, 1.0, 0.75) };
+    for (name, pose, beams, columns, least) in
+        [("mask-0-roof", tilted, turning, STEPS, 300), ("mask-1-flank", left, side, SIDE.0, 0)]
+    {
+        let rows = cells(&read(&out, &format!("{name}.csv")));
+        assert_eq!(rows[0][..3], ["ring", "elevation_deg", "azimuth_offset_deg"]);
+        assert_eq!(rows.len() as u32, 1 + beams.len() as u32 / columns);
+        let png = pixels(&out.path().join("out").join(format!("{name}.png")), columns as usize);
+        let mut masked = 0;
+        for (k, [up, across]) in beams.iter().enumerate() {
+            let (ring, column) = (k / columns as usize, k % columns as usize);
+            let (row, title) = (&rows[ring + 1], &rows[0][column + 3]);
+            assert_eq!(row[0], ring.to_string());
+            assert!((row[1].parse::<f64>().unwrap() - up).abs() < 1e-6 && row[2] == "0");
+            assert!((title.parse::<f64>().unwrap() - across).abs() < 1e-6, "{title}, not {across}");
+            let (up, across) = (up.to_radians(), across.to_radians());
+            let along = [up.cos() * across.cos(), up.cos() * across.sin(), up.sin()];
+            let along = (pose.ego_from_sensor().rotation * glam::DVec3::from(along)).to_array();
+            let from = pose.position().to_array();
+            let body = BOXES.iter().filter_map(|box_| enters(from, along, box_));
+            let body = body.fold(f64::INFINITY, f64::min);
+            let ground = if along[2] < 0.0 { -from[2] / along[2] } else { f64::INFINITY };
+            let own = body < ground && body < 40.0;
+            assert_eq!(row[column + 3] == "1", own, "{name}, ring {ring}, column {column}");
+            assert_eq!(png[k], if own { 255 } else { 0 });
+            masked += usize::from(own);
+        }
+        assert!(masked >= least, "{masked}");
+    }
+}
+
+/// Pixels of a grey picture of eight bits: rows without filters.
+fn pixels(path: &Path, width: usize) -> Vec<u8> {
+    let bytes = fs::read(path).unwrap();
+    assert_eq!(&bytes[..8], b"\x89PNG\r\n\x1a\n");
+    let number = |at: usize| u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    assert_eq!((&bytes[12..16], number(16), &bytes[24..26]), (&b"IHDR"[..], width, &[8, 0][..]));
+    assert_eq!(&bytes[37..41], b"IDAT");
+    let mut raw = Vec::new();
+    let packed = &bytes[41..41 + number(33)];
+    flate2::read::ZlibDecoder::new(packed).read_to_end(&mut raw).unwrap();
+    assert_eq!(raw.len(), number(20) * (width + 1));
+    raw.chunks(width + 1).flat_map(|row| row[1..].to_vec()).collect()
+}
+
+#[test]
+fn crop_boxes_are_those_of_the_body_with_its_margin_from_base_link() {
+    let dir = folder();
+    let out = handed_over(&dir, &["--margin", "0.1", "--base-link=-1.25,0,0.2"]);
+    let text = read(&out, "crop_boxes.yaml");
+    let nodes: Vec<&str> = text.split("/**/").skip(1).collect();
+    let number = |node: &str, key: &str| -> f64 {
+        let line = node.lines().find(|line| line.trim().starts_with(key)).unwrap();
+        let value = line.split(": ").nth(1).unwrap();
+        assert!(value.contains('.'), "{line}: ROS wants a point in it");
+        value.parse().unwrap()
+    };
+    let all = [[-2.0, -0.9, 0.3], [2.0, 0.9, 1.75]];
+    let names = ["crop_box_filter_self:", "crop_box_filter_self_0:", "crop_box_filter_self_1:"];
+    assert_eq!(nodes.len(), 3);
+    for ((node, name), [low, high]) in nodes.iter().zip(names).zip([all, BOXES[0], BOXES[1]]) {
+        assert!(node.starts_with(name) && node.contains("    negative: true\n"), "{node}");
+        for frame in ["input_pointcloud_frame", "input_frame", "output_frame"] {
+            assert!(node.contains(&format!("    {frame}: base_link\n")));
+        }
+        for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
+            let base = [-1.25, 0.0, 0.2][k];
+            for (side, wanted) in [("min", low[k] - 0.1 - base), ("max", high[k] + 0.1 - base)] {
+                let found = number(node, &format!("{side}_{axis}"));
+                // Outwards, to a millimetre at most.
+                let out = if side == "min" { wanted - found } else { found - wanted };
+                assert!(
+                    (-2e-7..1e-3).contains(&out),
+                    "{name} {side}_{axis}: {found}, not {wanted}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn profiles_for_isaac_have_the_beams_of_the_models() {
+    let dir = folder();
+    let out = handed_over(&dir, &[]);
+    let read = |name: &str| {
+        let file = out.path().join("out").join(name);
+        let steps = sensor_file::read(&file, None).unwrap().azimuth_steps.unwrap();
+        Lidar::from_sensor_file(&file, steps, 90.0).unwrap().table().unwrap()
+    };
+    for (name, beams) in [
+        ("turning.isaac.json", beams((CHANNELS, FOV), STEPS, |j| 2.4 * f64::from(j))),
+        (
+            "side__narrow.isaac.json",
+            beams((8, [-30.0, 10.0]), SIDE.0, |j| -60.0 + 2.0 * f64::from(j)),
+        ),
+    ] {
+        let found = read(name);
+        assert_eq!(found.directions().len(), beams.len(), "{name}");
+        for (direction, [up, across]) in found.directions().iter().zip(beams) {
+            let (up, across) = (up.to_radians(), across.to_radians());
+            let wanted = [up.cos() * across.cos(), up.cos() * across.sin(), up.sin()];
+            for (a, b) in direction.iter().zip(wanted) {
+                assert!((f64::from(*a) - b).abs() < 3e-7, "{name}: {direction:?}, not {wanted:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_drawing_has_three_views_at_one_scale_with_every_lidar() {
+    let dir = folder();
+    let out = handed_over(&dir, &[]);
+    let svg = read(&out, "drawing.svg");
+    for words in
+        ["From above", "From the right", "From the front", "4.00 m", "1.80 m", "1.75 m", "front"]
+    {
+        assert!(svg.contains(&format!(">{words}</text>")), "{words}");
+    }
+    // The number of each LiDAR stands once in each view and once in the table.
+    for lidar in ["0", "1", "2"] {
+        let labels = svg.matches(&format!("font-weight=\"bold\">{lidar}</text>")).count();
+        assert_eq!(labels, 4, "LiDAR {lidar}");
+    }
+    let pdf = fs::read(out.path().join("out/drawing.pdf")).unwrap();
+    assert!(pdf.starts_with(b"%PDF-1.4\n") && pdf.ends_with(b"%%EOF\n"));
+}
+
+#[test]
+fn a_scene_with_a_lidar_and_a_mount_needs_no_vehicle() {
+    let dir = crate::cli_files::world();
+    let out = dir.path().join("out");
+    let line = "rig handover town.json p.json --frame 1 --backend cpu --out out";
+    ok(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    let poses = fs::read_to_string(out.join("poses.csv")).unwrap();
+    assert!(poses.contains("\n0,,lidar,0,0,2,0,0,2000,"), "{poses}");
+    assert!(out.join("mask-1.png").is_file() && out.join("lidar.isaac.json").is_file());
+}
+
+#[test]
+fn refusals_leave_nothing_behind() {
+    let dir = folder();
+    fs::create_dir(dir.path().join("full")).unwrap();
+    fs::write(dir.path().join("full/note"), "mine").unwrap();
+    let before = all_files(dir.path());
+    for (line, words) in [
+        ("p.json --vehicle cart.json --out o", "holds 2 placements, and one is handed over"),
+        ("p.json:none --vehicle cart.json --out o", "has no placement `none`"),
+        ("p.json:rig --out o", "neither a scene nor a vehicle"),
+        ("p.json:rig --vehicle cart.json --frame 1 --out o", "there is no frame 1"),
+        ("p.json:rig --vehicle cart.json --margin -1 --out o", "give metres from 0 to 10"),
+        ("p.json:rig --vehicle cart.json --out full", "is not empty"),
+        ("p.json:rig --vehicle cart.json --out p.json", "a file where a folder is wanted"),
+        (
+            "p.json:rig --vehicle cart.json --out cart.json --force",
+            "a file where a folder is wanted",
+        ),
+        ("p.json:rig --vehicle cart.json --out . --force", "which this command reads"),
+        ("a.json b.json p.json:rig --out o", "is a second scene"),
+    ] {
+        let line = format!("rig handover {line} --backend cpu");
+        let told = fails(dir.path(), &line.split(' ').collect::<Vec<_>>());
+        assert!(told.contains(words), "{line}: {told}");
+        assert!(!dir.path().join("o").exists() && all_files(dir.path()) == before, "{line}");
+    }
+    let line = "rig handover p.json:rig --vehicle cart.json --backend cpu --out full --force";
+    ok(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    assert_eq!(fs::read_to_string(dir.path().join("full/note")).unwrap(), "mine");
+    assert!(dir.path().join("full/poses.csv").is_file());
+}
