@@ -150,6 +150,7 @@ pub struct ShapeDescription {
     pub cylinder: Option<CylinderDescription>,
     pub plane: Option<PlaneDescription>,
     pub mesh: Option<MeshDescription>,
+    pub urdf: Option<UrdfDescription>,
     pub shape: Option<String>,
     pub at: Option<Vec<Vec<f64>>>,
     pub repeat: Option<RepeatDescription>,
@@ -214,6 +215,24 @@ pub struct MeshDescription {
     #[serde(default)]
     pub classes: Dictionary<String>,
     pub axes: Option<String>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UrdfDescription {
+    pub file: String,
+    pub geometry: Option<String>,
+    pub packages: Option<String>,
+    #[serde(default)]
+    pub without: Vec<String>,
+    #[serde(default)]
+    pub translate: [f64; 3],
+    #[serde(default)]
+    pub roll: f64,
+    #[serde(default)]
+    pub pitch: f64,
+    #[serde(default)]
+    pub yaw: f64,
 }
 
 /// A JSON object with free keys, in file order; a key that comes twice is an error.

@@ -11,6 +11,8 @@ mod errors;
 #[cfg(feature = "mesh")]
 mod mesh_mounts;
 mod own;
+#[cfg(feature = "mesh")]
+mod robots;
 mod sensor_files;
 mod vehicle;
 
