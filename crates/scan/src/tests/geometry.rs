@@ -111,6 +111,10 @@ fn soup_between(scene: &Scene, frame: usize, share: f64) -> TriangleSoup {
         let mut world_from_part = match scene.owner(part) {
             PartOwner::World => Pose::IDENTITY,
             PartOwner::Ego => scene.ego_glide(frame).at(share),
+            PartOwner::EgoBody(body) => {
+                let ego_from_body = scene.own_body_glide(body, frame).at(share);
+                scene.ego_glide(frame).at(share).compose(&ego_from_body)
+            }
             PartOwner::Actor(actor) => scene.actor_glide(actor, frame).at(share),
         };
         world_from_part.translation = world_from_part.apply(scene.part_origin(part));

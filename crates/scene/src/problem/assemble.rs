@@ -193,7 +193,7 @@ impl Problem {
         let far = Task::far_range_of(roi, sensors.longest_range());
         let world = if frames.is_empty() { World::default() } else { make_world(far)? };
         let task = Task::new(*roi, content, sensors, world, ends_at_hits).numbered(frames);
-        let body = Frame::from(Arc::new(Bvh::build(&scene.part(scene.body_part()), far)));
+        let body = own_bodies(scene, far);
         let rules = &scene.vehicle().targets;
         if let Some(rule) = rules.first().filter(|_| !task.ends_at_hits()) {
             return Err(ProblemError::TargetWithoutHits { name: rule.name.clone() });
@@ -267,6 +267,13 @@ pub fn world_of_parts(
     }
     let frame = |&t: &usize| Arc::new(standing(&trees, &scene.part_poses(t)));
     Ok(World::new(frames.iter().map(frame).collect()))
+}
+
+/// The bodies of the ego vehicle alone in frame 0, with trees for hits up to `far` metres away.
+pub fn own_bodies(scene: &Scene, far: f32) -> Frame {
+    let tree = |part: usize| Arc::new(Bvh::build(&scene.part(part), far));
+    let trees: Vec<Arc<Bvh>> = scene.own_parts().map(tree).collect();
+    standing(&trees, &scene.part_poses(0)[scene.own_parts()])
 }
 
 /// Trees where they stand, their triangles numbered one after the other.

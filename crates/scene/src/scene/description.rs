@@ -42,7 +42,7 @@ pub enum VehicleSource {
     /// A file beside the scene.
     File(String),
     /// Written in the scene.
-    Inline(Box<VehicleDescription<ShapeDescription>>),
+    Inline(Box<VehicleDescription<ShapeDescription, BodyDescription>>),
 }
 
 impl<'de> Deserialize<'de> for VehicleSource {
@@ -107,13 +107,24 @@ pub struct ActorDescription {
     pub route: Option<RouteDescription>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EgoDescription {
     #[serde(default)]
     pub body: Vec<ShapeDescription>,
+    #[serde(default)]
+    pub bodies: Vec<BodyDescription>,
     pub poses: Option<Vec<PoseDescription>>,
     pub route: Option<RouteDescription>,
+}
+
+/// Another body of the vehicle, with poses in the ego frame.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodyDescription {
+    pub name: Option<String>,
+    pub parts: Vec<ShapeDescription>,
+    pub poses: Option<Vec<PoseDescription>>,
 }
 
 #[derive(Debug, Deserialize)]

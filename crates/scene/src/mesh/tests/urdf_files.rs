@@ -94,26 +94,62 @@ fn faults_name_their_link_or_joint_and_the_mend() {
         (robot("<xacro:include/>"), "file: is xacro; expand it with `xacro FILE > robot.urdf`"),
         (geometry("<sphere radius=\"${r}\"/>"), "file: is xacro"),
         (robot(""), "file: has no <link>; give a URDF with shapes"),
-        (robot("<link name=\"l\"/>"), "file: has no <visual> in the links that are meant; write `\"geometry\": \"collision\"`"),
-        (robot(&two), "link `b`: no joint leads to it, nor to link `a`; connect all links to one root"),
+        (
+            robot("<link name=\"l\"/>"),
+            "file: has no <visual> in the links that are meant; write `\"geometry\": \"collision\"`",
+        ),
+        (
+            robot(&two),
+            "link `b`: no joint leads to it, nor to link `a`; connect all links to one root",
+        ),
         (robot(&(link("a") + &link("a"))), "link `a`: comes twice"),
         (robot(&circle), "link `a`: joints lead in a circle to it; connect it to the root"),
         (robot(&both), "joint `c_b`: joint `a_b` has the same child; leave one out"),
-        (robot(&(two.clone() + &fixed("a", "bb"))), "joint `a_bb`: no link is called \"bb\", its child; did you mean `b`?"),
-        (robot(&(two.clone() + &joint("ball", "a", "b", ""))), "joint `a_b`: type \"ball\" is none of fixed, "),
-        (robot(&(two.clone() + &joint("fixed", "a", "b", "xyz=\"1 2\""))), "joint `a_b`: xyz of \"1 2\" is not 3 number(s)"),
-        (robot(&(two.clone() + &joint("fixed", "a", "b", "rpy=\"0 0 nan\""))), "joint `a_b`: rpy of \"0 0 nan\" is not"),
-        (robot(&(two.clone() + &joint("fixed", "a", "b", "quat_xyzw=\"1 1 0 0\""))), "is no unit quaternion"),
-        (robot(&(two.clone() + &joint("fixed", "a", "b", "rotation=\"1\""))), "<origin> has \"rotation\"; give xyz, rpy or quat_xyzw"),
+        (
+            robot(&(two.clone() + &fixed("a", "bb"))),
+            "joint `a_bb`: no link is called \"bb\", its child; did you mean `b`?",
+        ),
+        (
+            robot(&(two.clone() + &joint("ball", "a", "b", ""))),
+            "joint `a_b`: type \"ball\" is none of fixed, ",
+        ),
+        (
+            robot(&(two.clone() + &joint("fixed", "a", "b", "xyz=\"1 2\""))),
+            "joint `a_b`: xyz of \"1 2\" is not 3 number(s)",
+        ),
+        (
+            robot(&(two.clone() + &joint("fixed", "a", "b", "rpy=\"0 0 nan\""))),
+            "joint `a_b`: rpy of \"0 0 nan\" is not",
+        ),
+        (
+            robot(&(two.clone() + &joint("fixed", "a", "b", "quat_xyzw=\"1 1 0 0\""))),
+            "is no unit quaternion",
+        ),
+        (
+            robot(&(two.clone() + &joint("fixed", "a", "b", "rotation=\"1\""))),
+            "<origin> has \"rotation\"; give xyz, rpy or quat_xyzw",
+        ),
         (robot("<link/>"), "link: <link> lacks `name`; add it"),
         (shape(""), "link `l`: <visual> has no <geometry>; give a box, cylinder, sphere or mesh"),
         (geometry("<capsule/>"), "link `l`: <capsule> is not read; give a box,"),
         (geometry("<box size=\"1 0 1\"/>"), "link `l`: size of 0 is not a length above 0"),
         (geometry("<sphere/>"), "link `l`: <sphere> lacks `radius`; add it"),
-        (geometry("<mesh filename=\"a.stl\" scale=\"1 0 1\"/>"), "link `l`: scale of [1, 0, 1] is not three numbers other than 0"),
-        (geometry("<mesh filename=\"../a.stl\"/>"), "leaves the folder nowhere; copy the file into it, or give --trust-paths"),
-        (geometry("<mesh filename=\"http://x/a.stl\"/>"), "is not a file; copy the mesh beside the URDF"),
-        (geometry("<mesh filename=\"package://car/a.stl\"/>"), "no folder `car` is beside the file, and none with a package.xml above it; give `\"packages\"`"),
+        (
+            geometry("<mesh filename=\"a.stl\" scale=\"1 0 1\"/>"),
+            "link `l`: scale of [1, 0, 1] is not three numbers other than 0",
+        ),
+        (
+            geometry("<mesh filename=\"../a.stl\"/>"),
+            "leaves the folder nowhere; copy the file into it, or give --trust-paths",
+        ),
+        (
+            geometry("<mesh filename=\"http://x/a.stl\"/>"),
+            "is not a file; copy the mesh beside the URDF",
+        ),
+        (
+            geometry("<mesh filename=\"package://car/a.stl\"/>"),
+            "no folder `car` is beside the file, and none with a package.xml above it; give `\"packages\"`",
+        ),
         (geometry("<mesh filename=\"package://../a.stl\"/>"), "no folder `..` is beside the file"),
     ];
     for (text, told) in cases {

@@ -4,7 +4,6 @@ use std::fs;
 
 use super::*;
 
-
 const TOP: &str = r#""sightline": 1, "roi": {"min": [-20, -20, 0], "max": [20, 20, 5], "voxel": [1, 1, 1]},
     "lidar": {"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100},
     "mount": {"min": [0, 0, 2], "max": [0, 0, 2], "lidars": 1}"#;
@@ -61,7 +60,10 @@ fn a_package_without_its_xml_is_refused_and_found_with_it_or_in_packages() {
     package(folder.path());
     let shape = r#""urdf": {"file": "car/urdf/car.urdf"}"#;
     let told = with_body(folder.path(), shape).unwrap_err().to_string();
-    assert!(told.starts_with("s.json: ego.body[0].urdf: mesh ") && told.contains("link `base`"), "{told}");
+    assert!(
+        told.starts_with("s.json: ego.body[0].urdf: mesh ") && told.contains("link `base`"),
+        "{told}"
+    );
     assert!(told.contains("give `\"packages\"`, the folder that holds `car`"), "{told}");
     let named = shape.replace("urdf\"}", "urdf\", \"packages\": \".\"}");
     let in_packages = with_body(folder.path(), &named).unwrap();
@@ -82,12 +84,21 @@ fn a_body_in_millimetres_is_noted_and_wrong_keys_are_refused() {
     let told: Vec<&str> = scene.notes().iter().map(sightline_files::Note::text).collect();
     assert!(told.join("\n").contains("2000 mm would be 2.00 m"), "{told:?}");
     for (shape, told) in [
-        (r#""urdf": {"file": "car/urdf/car.urdf", "geometri": "visual"}"#, "did you mean `geometry`?"),
-        (r#""urdf": {"file": "car/urdf/car.urdf", "geometry": "visuals"}"#, "ego.body[0].urdf.geometry: \"visuals\" is not \"visual\" or \"collision\""),
+        (
+            r#""urdf": {"file": "car/urdf/car.urdf", "geometri": "visual"}"#,
+            "did you mean `geometry`?",
+        ),
+        (
+            r#""urdf": {"file": "car/urdf/car.urdf", "geometry": "visuals"}"#,
+            "ego.body[0].urdf.geometry: \"visuals\" is not \"visual\" or \"collision\"",
+        ),
         (r#""urdf": {"file": "no.urdf"}"#, "mesh no.urdf: file: cannot be read"),
         (r#""urdf": {"file": "car/meshes/hull.stl"}"#, "file: is not XML"),
     ] {
-        let message = with_body(folder.path(), shape).unwrap_err().to_string().replace(&format!("{}/", folder.path().display()), "");
+        let message = with_body(folder.path(), shape)
+            .unwrap_err()
+            .to_string()
+            .replace(&format!("{}/", folder.path().display()), "");
         assert!(message.contains(told), "{message}");
     }
 }
