@@ -112,9 +112,10 @@ impl SceneGeometry {
             let name = actor.name.clone().unwrap_or_default();
             let name = check::name(&at.key("name"), name)?;
             let parts = builder.actor(&at.key("parts"), &actor.parts)?;
-            let motion = Motion::new(&at, actor.poses.as_deref(), actor.route.as_ref())?;
             let class = parts.classes.first().map(|&class| builder.class_name(class));
             let kind = ActorKind::read(&at.key("kind"), actor.kind.as_deref(), class)?;
+            let (poses, route) = (actor.poses.as_deref(), actor.route.as_ref());
+            let motion = Motion::new(&at, poses, route, !kind.rolls())?;
             let missing = || DescriptionError::Missing {
                 at: Box::new(at),
                 key: "poses",
@@ -126,7 +127,7 @@ impl SceneGeometry {
         let none = EgoDescription::default();
         let (ego, at) = (ego.unwrap_or(&none), top.key("ego"));
         let own = OwnBodies::new(builder, &at, &ego.body, &ego.bodies)?;
-        let ego = Motion::new(&at, ego.poses.as_deref(), ego.route.as_ref())?;
+        let ego = Motion::new(&at, ego.poses.as_deref(), ego.route.as_ref(), false)?;
         Ok(Self { world, actors, own, ego })
     }
 

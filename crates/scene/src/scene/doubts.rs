@@ -132,10 +132,9 @@ fn actors(scene: &Scene) -> Vec<String> {
                  millimetres"
             ));
         }
-        use super::ActorKind as Kind;
-        let walks = [Kind::Pedestrian, Kind::Animal, Kind::Other];
-        let rolls = !walks.contains(&actor.kind);
-        let way = rolls
+        let way = actor
+            .kind
+            .rolls()
             .then(|| sideways(&format!("actors[{i}]"), scene.frames, |t| actor.motion.pose(t)));
         doubts.extend(way.flatten());
     }

@@ -87,7 +87,7 @@ impl OwnBodies {
             let wanted = "a shape of the body; add one or leave the body out";
             return Err(bad(&at.key("parts"), "an empty list", wanted));
         }
-        let Some(motion) = Motion::new(&at, body.poses.as_deref(), None)? else {
+        let Some(motion) = Motion::new(&at, body.poses.as_deref(), None, false)? else {
             return Err(DescriptionError::Missing {
                 at: Box::new(at),
                 key: "poses",
