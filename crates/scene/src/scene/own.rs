@@ -97,6 +97,10 @@ impl OwnBodies {
             });
         };
         let parts = builder.list(&at.key("parts"), &body.parts)?;
+        if !parts.has_area() {
+            let wanted = "a body that beams can hit; give its mesh an extent, or leave the body out";
+            return Err(bad(&at.key("parts"), "a list of triangles without an area", wanted));
+        }
         match &motion {
             Motion::Poses(poses) if poses.len() == 1 => self.body.append(&parts, &poses[0]),
             _ => self.moving.push(OwnBody { name, parts, motion, at }),

@@ -7,6 +7,7 @@ use glam::DVec3;
 use super::*;
 use crate::vehicle::Ties;
 
+mod bodies;
 mod errors;
 #[cfg(feature = "mesh")]
 mod mesh_mounts;
