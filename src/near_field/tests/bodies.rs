@@ -2,9 +2,9 @@
 
 use super::*;
 
-/// A tractor with a trailer behind: 4 by 2.5 m, 0.5 to 2.5 m high, turned about the hitch at x = −2.
+/// A trailer of 6 by 2.5 m, 0.5 to 6 m high, that begins 1 m before its hitch at x = −2.
 const TRAILER: &str =
-    r#"{ "class": "vehicle", "box": { "center": [-3, 0, 1.5], "size": [4, 2.5, 2] } }"#;
+    r#"{ "class": "vehicle", "box": { "min": [-5, -1.25, 0.5], "max": [1, 1.25, 6] } }"#;
 const ANGLES: [f64; 3] = [0.0, 0.6, std::f64::consts::FRAC_PI_2];
 
 fn with_bodies(bodies: &str, frames: usize) -> Scene {
@@ -34,8 +34,8 @@ fn standing(yaw: f64) -> Scene {
 }
 
 fn sensor() -> (BeamTable, SensorPose) {
-    let channels: Vec<(f64, f64)> = (0..20).map(|k| (-30.3 + 1.7 * f64::from(k), OFFSET)).collect();
-    (BeamTable::spinning(&channels, 300, 100.0).unwrap(), SensorPose::at(-1.0, 0.2, 1.9))
+    let channels: Vec<(f64, f64)> = (0..20).map(|k| (-12.3 + 1.7 * f64::from(k), OFFSET)).collect();
+    (BeamTable::spinning(&channels, 300, 100.0).unwrap(), SensorPose::at(1.0, 0.2, 2.0))
 }
 
 /// Problem over all frames of a scene.
@@ -77,8 +77,8 @@ fn ground_under_the_trailer_counts_in_no_frame_in_which_it_stands_there() {
     };
     let cells = |near: &[bool]| near.iter().filter(|is| **is).count() as f64 / 16.0;
     let [straight, bent, across] = [0, 1, 2].map(|frame| cells(&seen[frame].near));
-    // The outline is that of frame 0, so the trailer takes ground away as far as it leaves it: turned by 90° all of it
-    // but the part in the hull, whose rear half is as wide as the trailer.
+    // The outline is that of frame 0. Turned by 90° the trailer stands on y = −5 to 1, and the outline has y = −1.25 to 1.25:
+    // 2.5 by 3.75 m of ground are gone.
     assert!(straight > bent && bent > across, "{straight} {bent} {across}");
-    assert!(straight - across > 6.0 && straight - across < 10.0, "{straight} {across}");
+    assert!((straight - across - 2.5 * 3.75).abs() < 0.7, "{straight} {across}");
 }

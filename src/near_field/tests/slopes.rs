@@ -52,7 +52,7 @@ fn numbers(near: &NearField) -> [f64; 7] {
 #[test]
 fn a_road_that_climbs_gives_the_near_field_of_a_level_one() {
     let level = numbers(&looked(&scene("")));
-    assert!(level[0] > 0.5 && level[0] < 0.99 && level[2] > 1.0, "{level:?}");
+    assert!(level[0] > 0.4 && level[0] < 0.99 && level[2] > 1.0, "{level:?}");
     // Up, down and across; poses of a slope that is across the vehicle have a roll.
     let tilt = 8_f64.to_radians();
     let (sin, cos) = tilt.sin_cos();
@@ -64,7 +64,7 @@ fn a_road_that_climbs_gives_the_near_field_of_a_level_one() {
         )
     };
     let across =
-        format!(r#""poses": [{{ "x": 0, "y": 0, "yaw": 1.5707963267948966, "roll": {tilt} }}]"#);
+        format!(r#""poses": [{{ "x": 0, "y": 0, "yaw": 1.5707963267948966, "roll": -{tilt} }}]"#);
     for ego in [route(1.0), route(-1.0), across] {
         let near = numbers(&looked(&on_slope(8.0, &ego)));
         for (k, (found, expected)) in near.iter().zip(level).enumerate() {

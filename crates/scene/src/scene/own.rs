@@ -98,7 +98,8 @@ impl OwnBodies {
         };
         let parts = builder.list(&at.key("parts"), &body.parts)?;
         if !parts.has_area() {
-            let wanted = "a body that beams can hit; give its mesh an extent, or leave the body out";
+            let wanted =
+                "a body that beams can hit; give its mesh an extent, or leave the body out";
             return Err(bad(&at.key("parts"), "a list of triangles without an area", wanted));
         }
         match &motion {
