@@ -99,7 +99,44 @@ fn nearest(grounds: &[f64], height: f64) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
+    use crate::psog::Psog;
+
+    /// Heights of the ground for a child at places, from an ego at `z`, over a road at z = 0 and under or on a bridge
+    /// whose deck is 6 m up.
+    fn heights(z: f64, places: &[[f64; 2]]) -> Vec<Option<f64>> {
+        let text = format!(
+            r#"{{ "sightline": 1,
+            "roi": {{ "min": [-8, -8, -1], "max": [8, 8, 3], "voxel": [1, 1, 1] }},
+            "lidar": {{ "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 100 }},
+            "mount": {{ "min": [-2, -1, 2], "max": [2, 1, 2.5], "lidars": 1 }},
+            "static": [{{ "class": "road", "plane": {{ "min": [-99, -99], "max": [99, 99], "z": 0 }} }},
+                       {{ "class": "bridge", "box": {{ "min": [-50, -9, 5], "max": [50, 9, 6] }} }}],
+            "ego": {{ "poses": [{{ "x": 0, "y": 0, "z": {z} }}],
+                     "body": [{{ "class": "vehicle", "box": {{ "min": [-2, -1, 0.2], "max": [2, 1, 1.5] }} }}] }} }}"#
+        );
+        let scene = Scene::from_json(&text, Path::new(""), "bridge.json").unwrap();
+        let roi = scene.roi().grid().unwrap();
+        let psog = Psog::new(roi, 1, scene.classes().to_vec(), vec![], vec![]).unwrap();
+        let problem = Problem::from_scene(&scene, &psog, scene.sensors().unwrap(), &[0]).unwrap();
+        let (ground, child) = (GroundBelow::new(&scene), Target::named("child").unwrap());
+        let wheels = ground.wheels(problem.geometry(0).unwrap());
+        let height = |at: &[f64; 2]| ground.height(&problem, (0, &wheels), &child, *at);
+        places.iter().map(height).collect()
+    }
+
+    #[test]
+    fn a_target_stands_on_the_bridge_or_under_it_as_the_vehicle_does() {
+        let places = [[20.0, 0.0], [20.0, 15.0]];
+        let near = |found: Option<f64>, height: f64| (found.unwrap() - height).abs() < 1e-5;
+        // Beside the bridge there is the road alone.
+        let [on, beside] = heights(6.0, &places)[..] else { panic!("two places") };
+        assert!(near(on, 0.0) && near(beside, -6.0), "{on:?} {beside:?}");
+        let [under, beside] = heights(0.0, &places)[..] else { panic!("two places") };
+        assert!(near(under, 0.0) && near(beside, 0.0), "{under:?} {beside:?}");
+    }
 
     #[test]
     fn the_ground_nearest_to_the_wheels_counts_with_what_lies_close_below() {
