@@ -7,6 +7,8 @@ mod atlas;
 #[cfg(feature = "cli")]
 mod cli;
 #[cfg(feature = "cli")]
+mod cli_bodies;
+#[cfg(feature = "cli")]
 mod cli_chart;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_edges;
