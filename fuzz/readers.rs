@@ -38,7 +38,7 @@ pub struct Reader {
 }
 
 /// All readers of outside bytes.
-pub const READERS: [Reader; 28] = [
+pub const READERS: [Reader; 30] = [
     Reader { name: "scene_json", read: scene_json },
     Reader { name: "sensor_file", read: sensor_file },
     Reader { name: "vehicle_json", read: vehicle_json },
@@ -56,7 +56,9 @@ pub const READERS: [Reader; 28] = [
     Reader { name: "nuscenes_tables", read: nuscenes_tables },
     Reader { name: "mesh_obj", read: mesh_obj },
     Reader { name: "mesh_ply", read: mesh_ply },
+    Reader { name: "mesh_stl", read: mesh_stl },
     Reader { name: "mesh_gltf", read: mesh_gltf },
+    Reader { name: "body_urdf", read: body_urdf },
     Reader { name: "rig_yaml", read: rig_yaml },
     Reader { name: "rig_urdf", read: rig_urdf },
     Reader { name: "rig_sdf", read: rig_sdf },
@@ -194,6 +196,32 @@ pub fn mesh_obj(folder: &Path, bytes: &[u8]) {
 /// A mesh in PLY, ascii or binary.
 pub fn mesh_ply(folder: &Path, bytes: &[u8]) {
     check_mesh(folder, "mesh.ply", bytes);
+}
+
+/// A mesh in STL, text or binary.
+pub fn mesh_stl(folder: &Path, bytes: &[u8]) {
+    check_mesh(folder, "mesh.stl", bytes);
+}
+
+/// A robot in URDF as the body of the vehicle; of its meshes only `package://truck/hull.stl` exists.
+pub fn body_urdf(folder: &Path, bytes: &[u8]) {
+    let hull = folder.join("truck/hull.stl");
+    if !hull.exists() {
+        let made = fs::create_dir_all(folder.join("truck"));
+        let stl = include_bytes!("corpus/mesh_stl/binary.stl");
+        if made.and_then(|()| fs::write(&hull, stl)).is_err() {
+            return;
+        }
+    }
+    put(folder, "truck.urdf", bytes);
+    let lidar = r#"{ "channels": 1, "fov": [0, 0], "azimuth_steps": 4, "range": 50 }"#;
+    for geometry in ["visual", "collision"] {
+        let ego = format!(
+            r#", "ego": {{ "body": [{{ "class": "vehicle",
+                 "urdf": {{ "file": "truck.urdf", "geometry": "{geometry}" }} }}] }}"#
+        );
+        check_scene(Scene::from_json(&scene_with(lidar, &ego), folder, "scene.json"));
+    }
 }
 
 /// A mesh in glTF, text or binary: the bytes tell which.

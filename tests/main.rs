@@ -7,6 +7,8 @@ mod atlas;
 #[cfg(feature = "cli")]
 mod cli;
 #[cfg(feature = "cli")]
+mod cli_bodies;
+#[cfg(feature = "cli")]
 mod cli_chart;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_csv;
@@ -20,10 +22,10 @@ mod cli_figures;
 mod cli_files;
 #[cfg(feature = "cli")]
 mod cli_gltf;
-#[cfg(all(unix, feature = "cli"))]
-mod cli_handover;
 #[cfg(feature = "cli")]
 mod cli_ground;
+#[cfg(all(unix, feature = "cli"))]
+mod cli_handover;
 #[cfg(feature = "cli")]
 mod cli_inputs;
 #[cfg(all(unix, feature = "cli"))]

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::Footprint;
+use super::{Footprint, WheelPlane};
 use crate::bvh::Hit;
 use crate::cast::cast_frame_closest;
 use crate::geom::Pose;
@@ -16,7 +16,7 @@ pub const CELL: f64 = 0.25;
 pub const NEAR: f64 = FARTHEST_GROUND;
 /// Metres around the own body of the inner ring.
 pub const RING: f64 = 3.0;
-/// Height in metres from which ground is looked for, downwards, and as far below z = 0.
+/// Height in metres above the wheel plane from which ground is looked for, downwards, and as far below it.
 const HEIGHT: f64 = 2.0;
 /// Metres to the highest surface that may enclose a cell.
 const SKY: f64 = 100.0;
@@ -93,17 +93,17 @@ impl Cells {
         }
     }
 
-    /// True if each cell is ground in a frame: the first surface straight down from [`HEIGHT`] over its
-    /// centre is ground, and not inside of a closed thing, under whose surfaces it lies an odd number of
-    /// times.
-    pub fn are_ground(&self, frame: &Frame, is_ground: &[bool]) -> Vec<bool> {
-        let at = |&Cell { centre: [x, y], .. }: &Cell| DVec3::new(x, y, HEIGHT);
+    /// True if each cell is ground in a frame: the first surface straight down from [`HEIGHT`] above the wheel plane
+    /// over its centre is ground, and not inside of a closed thing, under whose surfaces it lies an odd number
+    /// of times.
+    pub fn are_ground(&self, frame: &Frame, is_ground: &[bool], wheels: &WheelPlane) -> Vec<bool> {
+        let at = |&Cell { centre: [x, y], .. }: &Cell| DVec3::new(x, y, wheels.at([x, y]) + HEIGHT);
         let from: Vec<DVec3> = self.cells.iter().map(at).collect();
         let down = vertical(frame, &from, -DVec3::Z, 2.0 * HEIGHT);
         let on_ground = |hit: &Hit| hit.is_hit() && is_ground.get(hit.prim as usize) == Some(&true);
         let mut ground: Vec<bool> = down.iter().map(on_ground).collect();
         let start = |(k, hit): (usize, &Hit)| {
-            let z = HEIGHT - f64::from(hit.t) + STEP;
+            let z = from[k].z - f64::from(hit.t) + STEP;
             (k, from[k].with_z(z))
         };
         let open = down.iter().enumerate().filter(|(k, _)| ground[*k]);

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::ground::{Cell, Cells};
 use super::zone::BlindZone;
-use super::{CELL, Footprint, NEAR, NearFieldError, Pole, RING, poles};
+use super::{CELL, Footprint, NEAR, NearFieldError, Pole, RING, WheelPlane, poles};
 use crate::bvh::Hit;
 use crate::engine::{Backend, BackendError};
 use crate::geom::Pose;
@@ -123,7 +123,8 @@ impl NearSite {
         let mut frames = Vec::new();
         for (frame, weight) in problem.distinct_frames() {
             let Some(geometry) = problem.geometry(frame) else { continue };
-            let ground = cells.are_ground(geometry, &is_ground);
+            let wheels = WheelPlane::of(&footprint, geometry, &is_ground);
+            let ground = cells.are_ground(geometry, &is_ground, &wheels);
             frames.push((frame, weight, ground));
         }
         Self { problem: problem.clone(), footprint, cells, is_ground, frames }
@@ -358,7 +359,7 @@ pub(crate) fn returned_hits(
 }
 
 /// Outline of the own body of a scene.
-pub(super) fn outline(scene: &Scene) -> Result<Footprint, NearFieldError> {
+pub(crate) fn outline(scene: &Scene) -> Result<Footprint, NearFieldError> {
     let corners = scene.body().into_iter().flatten();
     let footprint = Footprint::of(corners.map(|[x, y, _]| [f64::from(x), f64::from(y)]));
     let footprint = footprint.ok_or_else(|| NearFieldError::NoBody { scene: place(scene) })?;

@@ -5,9 +5,11 @@
 //! - **Footprint**: convex hull of the own body seen from above, in the ego frame.
 //! - **Cell**: a square of 0.25 m of a grid along the ego frame's axes with lines through its origin. A
 //!   cell counts in a frame if its centre lies outside the footprint and at most R from its outline, R =
-//!   10 m and, for the ring, 3 m, and is ground: the first surface straight down from z = 2 m is of a ground
-//!   class and within 2 m of z = 0, and does not lie inside a closed thing (an odd number of other
-//!   surfaces is above it).
+//!   10 m and, for the ring, 3 m, and is ground: the first surface straight down from 2 m above the wheel
+//!   plane is of a ground class and within 2 m of that plane, and does not lie inside a closed thing (an odd
+//!   number of other surfaces is above it).
+//! - **Wheel plane**: of the frame, through the ground under the four corners of the box around the footprint,
+//!   by least squares; z = 0 on level ground, and where a corner has no ground within 2 m of z = 0.
 //! - **Seen**: a beam of any LiDAR ends at a surface of a ground class at most 0.5 m from the cell's
 //!   centre, counted level: the width of a person. The cell's own square alone would count beams rather than
 //!   ground that nothing can hide on, since rings of 16 channels lie up to 1.3 m apart there.
@@ -15,6 +17,7 @@
 //!   the mean number of the others times 0.0625 m².
 //! - **Blind zone**: a polygon over 72 directions from the middle of the footprint; a cell takes part if it
 //!   is seen in at least half of the frames in which it counts.
+//! - **Bodies that move**: the footprint is of frame 0; ground, hits and wasted beams are those of each frame.
 //! - **Wasted**: share of a LiDAR's beams that end at the own body, a mean over the frames.
 //! - **Poles** stand alone on level ground, with the own body and without the scene; one is seen with five
 //!   beams or more.
@@ -23,6 +26,7 @@
 //! |---|---|
 //! | `footprint` | the outline of the body |
 //! | `ground` | cells, and which of them are ground |
+//! | `wheels` | the plane of the ground under the wheels |
 //! | `look` | ends of beams, cells seen, and their shares: the near field of a placement |
 //! | `zone` | the blind zone |
 //! | `required` | ground that the vehicle's rules ask for, as bits that a search adds up |
@@ -36,6 +40,7 @@ mod look;
 mod poles;
 mod required;
 mod self_hit;
+mod wheels;
 mod zone;
 
 #[cfg(test)]
@@ -47,7 +52,8 @@ pub(crate) use ground::{CELL, NEAR, RING};
 #[cfg(test)]
 pub(crate) use look::CLOSE;
 pub use look::{NearField, NearSite};
-pub(crate) use look::{place, returned_hits};
+pub(crate) use look::{outline, place, returned_hits};
 pub(crate) use poles::{Pole, Standard};
 pub(crate) use required::RequiredGround;
 pub use self_hit::{FEW_PLACEMENTS, self_hits};
+pub(crate) use wheels::WheelPlane;

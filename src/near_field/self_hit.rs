@@ -11,7 +11,7 @@ pub const FEW_PLACEMENTS: usize = 64;
 
 /// Share of each LiDAR's beams that end at the own body in the first frame of a problem of the scene;
 /// zeros where beams end at nothing. The body stands nearest and is the same in every frame, so that one
-/// frame tells.
+/// frame tells; of bodies that move the largest share of all frames counts.
 ///
 /// # Errors
 /// A sensor of a model that the vehicle does not have, or as [`Backend::hits`].
@@ -26,13 +26,20 @@ pub fn own_shares(
         return Ok(vec![0.0; placement.lidars.len()]);
     }
     let batch = SensorBatch::new(problem, &placement.lidars, None)?;
-    let hits = engine.hits(&placement.lidars, 0)?;
-    let share = |lidar: usize| {
-        let hits = &hits[batch.beams_of(lidar)];
-        let own = hits.iter().filter(|hit| hit.is_hit() && hit.prim as usize >= own);
-        own.count() as f64 / hits.len() as f64
+    let frames = match scene.has_moving_bodies() {
+        true => problem.distinct_frames().into_iter().map(|(frame, _)| frame).collect(),
+        false => vec![0],
     };
-    Ok((0..batch.len()).map(share).collect())
+    let mut shares = vec![0.0_f64; batch.len()];
+    for frame in frames {
+        let hits = engine.hits(&placement.lidars, frame)?;
+        for (lidar, share) in shares.iter_mut().enumerate() {
+            let hits = &hits[batch.beams_of(lidar)];
+            let own = hits.iter().filter(|hit| hit.is_hit() && hit.prim as usize >= own);
+            *share = share.max(own.count() as f64 / hits.len() as f64);
+        }
+    }
+    Ok(shares)
 }
 
 /// The guards of a placement's LiDARs that waste more than a quarter of their beams on the own vehicle.

@@ -8,11 +8,11 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::finder::BeamFinder;
-use crate::bvh::{Bvh, Hit, Ray};
+use crate::bvh::{Hit, Ray};
 use crate::cast::closest_hit_in;
 use crate::geom::Pose;
 use crate::maths;
-use crate::problem::{DevicePose, Frame, Problem, beam_direction, beam_origin};
+use crate::problem::{DevicePose, Frame, Problem, beam_direction, beam_origin, own_bodies};
 use crate::scan::conditions::Weather;
 use crate::scene::{Scene, Target};
 use crate::vehicle::{Response, SensorError, SensorModel, SensorPose, Sensors, UnknownSensor};
@@ -98,9 +98,8 @@ impl TargetSite {
     /// A model without beams.
     pub fn of_vehicle(scene: &Scene) -> Result<Self, SensorError> {
         let sensors = scene.sensors()?;
-        let soup = scene.part(scene.body_part());
-        let tree = Bvh::build(&soup, sensors.longest_range());
-        Ok(Self::new(sensors, Frame::from(Arc::new(tree))))
+        let body = own_bodies(scene, sensors.longest_range());
+        Ok(Self::new(sensors, body))
     }
 
     /// A copy that counts only beams of which enough light comes back.

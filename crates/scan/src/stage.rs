@@ -90,7 +90,7 @@ impl Stage {
                 first_prim: instance.first_prim,
                 instance: match scene.owner(part) {
                     PartOwner::World => NO_INSTANCE,
-                    PartOwner::Ego => EGO_INSTANCE,
+                    PartOwner::Ego | PartOwner::EgoBody(_) => EGO_INSTANCE,
                     PartOwner::Actor(actor) => u16::try_from(actor + 1).unwrap_or(EGO_INSTANCE - 1),
                 },
                 center: (low + high) / 2.0,
@@ -178,11 +178,13 @@ impl Thing {
 /// How everything moves in a frame.
 pub(super) struct Motions {
     pub(super) ego: Glide,
-    /// Pose of each thing's owner: takes the owner's frame to the world's.
+    /// Pose of each thing's owner: takes the owner's frame to the world's, of carried things to the ego's.
     owners: Vec<Glide>,
     /// Position of each thing in the frame of its owner.
     origins: Vec<DVec3>,
     ego_things: Vec<bool>,
+    /// Bodies of the ego that move: their owner's motion is against the ego.
+    carried: Vec<bool>,
 }
 
 impl Motions {
@@ -192,6 +194,7 @@ impl Motions {
         let glide = |thing: &Thing| match scene.owner(thing.part) {
             PartOwner::World => still,
             PartOwner::Ego => ego,
+            PartOwner::EgoBody(body) => scene.own_body_glide(body, frame),
             PartOwner::Actor(actor) => scene.actor_glide(actor, frame),
         };
         Self {
@@ -199,20 +202,26 @@ impl Motions {
             owners: stage.things.iter().map(glide).collect(),
             origins: stage.things.iter().map(|thing| scene.part_origin(thing.part)).collect(),
             ego_things: stage.things.iter().map(|t| t.part == scene.body_part()).collect(),
+            carried: stage.things.iter().map(|t| t.part > scene.body_part()).collect(),
         }
     }
 
     /// True if nothing moves, as seen from the ego.
     pub fn are_still(&self) -> bool {
-        let still =
-            |(glide, &of_ego): (&Glide, &bool)| of_ego || glide.is_still() && self.ego.is_still();
-        self.owners.iter().zip(&self.ego_things).all(still)
+        let still = |thing: usize| {
+            let is_still = self.owners[thing].is_still();
+            self.ego_things[thing] || is_still && (self.carried[thing] || self.ego.is_still())
+        };
+        (0..self.owners.len()).all(still)
     }
 
     /// Pose of a thing in the world, `share` of the way to the next frame; `None` for the ego's own body.
     pub fn world_from_thing(&self, thing: usize, share: f64) -> Option<Pose> {
         (!self.ego_things[thing]).then(|| {
             let mut pose = self.owners[thing].at(share);
+            if self.carried[thing] {
+                pose = self.ego.at(share).compose(&pose);
+            }
             pose.translation = pose.apply(self.origins[thing]);
             pose
         })

@@ -2,7 +2,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`mesh`] | OBJ, PLY and glTF files |
+//! | [`mesh`] | OBJ, PLY, STL, glTF and URDF files |
 //! | [`vehicle`] | sensors, mounts, placements and their rules |
 //! | [`scene`] | the scene file, meshes and primitives, one triangle soup a frame |
 //! | [`psog`] | P-SOG: how often each voxel was of each class, and its entropy |

@@ -1,4 +1,4 @@
-//! Mesh files: OBJ, PLY and glTF, each read into the same plain triangles, and their place in the owner's frame.
+//! Mesh files: OBJ, PLY, STL and glTF, each read into the same plain triangles, and their place in the owner's frame.
 
 #[cfg(feature = "mesh")]
 mod gltf;
@@ -12,9 +12,14 @@ mod ply;
 mod ply_file;
 #[cfg(feature = "mesh")]
 mod polygon;
+mod robot;
+#[cfg(feature = "mesh")]
+mod stl;
 #[cfg(feature = "mesh")]
 #[cfg(test)]
 mod tests;
+#[cfg(feature = "mesh")]
+mod urdf;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -25,6 +30,8 @@ use lidar_cast::geom::Pose;
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{DescriptionError, Place, read_limited};
+
+pub use robot::{Geometry, Part, RobotFile};
 
 /// Reads the mesh named at `at`; the ending of its name tells the format.
 pub fn load(at: &Place, file: &Path) -> Result<RawMesh, DescriptionError> {
@@ -63,8 +70,12 @@ fn reader(extension: &str) -> Result<ReadMesh, MeshFault> {
     match extension {
         "obj" => Ok(|bytes, _| obj::read(bytes)),
         "ply" => Ok(|bytes, _| ply::read(bytes)),
+        "stl" => Ok(|bytes, _| stl::read(bytes)),
         "gltf" | "glb" => Ok(gltf::read),
-        _ => Err(MeshFault::new("name", "ends in none of .obj, .ply, .gltf, .glb")),
+        _ => Err(MeshFault::new(
+            "name",
+            "ends in none of .obj, .ply, .stl, .gltf, .glb; convert it to one of these",
+        )),
     }
 }
 
@@ -231,7 +242,8 @@ impl MeshFault {
 pub struct Placing {
     /// Axes that the description names.
     axes: Option<MeshAxes>,
-    scale: f64,
+    /// Metres a unit along the axes of the file.
+    scale: DVec3,
     pose: Pose,
 }
 
@@ -257,7 +269,18 @@ impl Placing {
         let pitch = check::radians(&at.key("pitch"), pitch)?;
         let yaw = check::radians(&at.key("yaw"), yaw)?;
         let translate = check::point(&at.key("translate"), translate)?;
-        Ok(Self { axes, scale, pose: Pose::new(translate.into(), roll, pitch, yaw) })
+        let (scale, pose) = (DVec3::splat(scale), Pose::new(translate.into(), roll, pitch, yaw));
+        Ok(Self { axes, scale, pose })
+    }
+
+    /// Axes as the file has them, metres a unit along each, and a pose.
+    pub fn scaled(scale: DVec3, pose: Pose) -> Self {
+        Self { axes: None, scale, pose }
+    }
+
+    /// Takes the scaled mesh to the frame of its owner.
+    pub fn pose(&self) -> &Pose {
+        &self.pose
     }
 
     /// A note on the forward axis of a glTF that neither the description nor the file names.
@@ -284,7 +307,7 @@ impl Placing {
             false => MeshAxes::ZUp,
         });
         let place = |(i, v): (usize, &DVec3)| {
-            let v = self.pose.apply(axes.turn(*v) * self.scale);
+            let v = self.pose.apply(axes.turn(*v * self.scale));
             if v.abs().max_element() <= check::MAX_METRES {
                 return Ok(v);
             }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use crate::vehicle::{Constraints, GroundRule, Sensors, TargetRule};
 use lidar_cast::memory::OutOfMemory;
 
-pub use assemble::{content_of, ground_triangles, world_of, world_of_parts};
+pub use assemble::{content_of, ground_triangles, own_bodies, world_of, world_of_parts};
 pub use lidar_cast::task::{
     Air, Content, DevicePose, Entropy, Frame, HIT_PUSH, Instance, KINDS, Modelled, OccupiedVoxel,
     RequiredArea, Requirement, SensorBatch, StageTimes, Tally, Task, World, beam_direction,
@@ -71,7 +71,7 @@ pub enum ProblemError {
 pub struct Problem {
     task: Arc<Task>,
     constraints: Constraints,
-    /// Own body alone, in the ego frame.
+    /// Own bodies alone, in the ego frame of frame 0.
     body: Frame,
     /// Targets that must be met.
     target_rules: Arc<[TargetRule]>,
@@ -121,7 +121,7 @@ impl Problem {
         &self.constraints
     }
 
-    /// Own body alone, in the ego frame; without triangles where the scene has no body.
+    /// Own bodies alone, in the ego frame of frame 0; without triangles where the scene has no body.
     pub fn body(&self) -> &Frame {
         &self.body
     }

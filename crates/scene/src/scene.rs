@@ -9,6 +9,7 @@
 mod classes;
 mod description;
 mod doubts;
+mod own;
 mod parts;
 mod polygon;
 mod reading;
@@ -30,6 +31,7 @@ use crate::vehicle::{Constraints, Lidar, MountRules, SensorError, Sensors, Vehic
 use classes::Classes;
 use description::{ActorDescription, EgoDescription, ShapeDescription};
 use lidar_cast::geom::{Pose, TriangleSoup};
+use own::{OwnBodies, OwnBody};
 use route::Motion;
 use shapes::Builder;
 use sightline_files::Note;
@@ -66,8 +68,10 @@ pub struct Scene {
     /// Static triangles in the world frame.
     world: Solid,
     actors: Vec<Actor>,
-    /// Triangles of the ego's body in the ego frame.
+    /// Triangles of the ego's body in the ego frame, with the bodies that keep one pose.
     body: Solid,
+    /// Bodies of the ego that move against the first.
+    bodies: Vec<OwnBody>,
     ego: Motion,
     /// Transform of each part, in the frame of its owner; see [`Scene::part`].
     origins: Vec<DVec3>,
@@ -89,7 +93,7 @@ struct Actor {
 struct SceneGeometry {
     world: Solid,
     actors: Vec<Actor>,
-    body: Solid,
+    own: OwnBodies,
     /// None where the scene does not say how the ego moves.
     ego: Option<Motion>,
 }
@@ -108,9 +112,10 @@ impl SceneGeometry {
             let name = actor.name.clone().unwrap_or_default();
             let name = check::name(&at.key("name"), name)?;
             let parts = builder.actor(&at.key("parts"), &actor.parts)?;
-            let motion = Motion::new(&at, actor.poses.as_deref(), actor.route.as_ref())?;
             let class = parts.classes.first().map(|&class| builder.class_name(class));
             let kind = ActorKind::read(&at.key("kind"), actor.kind.as_deref(), class)?;
+            let (poses, route) = (actor.poses.as_deref(), actor.route.as_ref());
+            let motion = Motion::new(&at, poses, route, !kind.rolls())?;
             let missing = || DescriptionError::Missing {
                 at: Box::new(at),
                 key: "poses",
@@ -119,16 +124,16 @@ impl SceneGeometry {
             Ok(Actor { name, kind, parts, motion: motion.ok_or_else(missing)? })
         });
         let actors = actors.collect::<Result<_, DescriptionError>>()?;
-        let none = EgoDescription { body: Vec::new(), poses: None, route: None };
+        let none = EgoDescription::default();
         let (ego, at) = (ego.unwrap_or(&none), top.key("ego"));
-        let body = builder.list(&at.key("body"), &ego.body)?;
-        let ego = Motion::new(&at, ego.poses.as_deref(), ego.route.as_ref())?;
-        Ok(Self { world, actors, body, ego })
+        let own = OwnBodies::new(builder, &at, &ego.body, &ego.bodies)?;
+        let ego = Motion::new(&at, ego.poses.as_deref(), ego.route.as_ref(), false)?;
+        Ok(Self { world, actors, own, ego })
     }
 
     fn has_geometry(&self) -> bool {
         !self.world.faces.is_empty()
-            || !self.body.faces.is_empty()
+            || !self.own.is_empty()
             || self.actors.iter().any(|a| !a.parts.faces.is_empty())
     }
 
@@ -157,6 +162,7 @@ impl SceneGeometry {
         for (i, actor) in self.actors.iter().enumerate() {
             actor.motion.check_frames(&top.key("actors").item(i), frames)?;
         }
+        self.own.moving.iter().try_for_each(|body| body.check_frames(frames))?;
         Ok(frames)
     }
 }
@@ -292,7 +298,8 @@ impl Scene {
     /// True if the static world, an actor or the ego body has a triangle.
     pub fn has_geometry(&self) -> bool {
         let empty = |s: &Solid| s.faces.is_empty();
-        !(empty(&self.world) && empty(&self.body) && self.actors.iter().all(|a| empty(&a.parts)))
+        let no_body = empty(&self.body) && self.bodies.iter().all(|b| empty(&b.parts));
+        !(empty(&self.world) && no_body && self.actors.iter().all(|a| empty(&a.parts)))
     }
 
     /// Number of frames, T; 1 without geometry.
@@ -317,7 +324,7 @@ impl Scene {
 
     /// Triangles of frame `t` in the ego frame, in metres.
     ///
-    /// Order: static world, actors as listed, ego body; face ids are the same in every frame. The copy
+    /// Order: static world, actors as listed, ego body, bodies of the ego that move; face ids are the same in every frame. The copy
     /// is as large as the scene: engines take [`Scene::part`] once and [`Scene::part_poses`] a frame.
     ///
     /// # Panics
@@ -333,6 +340,9 @@ impl Scene {
         }
         if body == EgoBody::Include {
             self.body.append_to(&mut soup, &Pose::IDENTITY);
+            for body in &self.bodies {
+                body.parts.append_to(&mut soup, &body.motion.pose(t));
+            }
         }
         soup
     }

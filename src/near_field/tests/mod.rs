@@ -1,5 +1,9 @@
 //! The near field against closed forms on level ground: rings, shadows of a box, beams on a cylinder.
 
+mod bodies;
+#[cfg(feature = "mesh")]
+mod slopes;
+
 use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::Arc;

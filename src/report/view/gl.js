@@ -144,7 +144,7 @@ function painter(canvas, data) {
     data.shape_of.forEach((which, thing) => {
       const shape = shapes[which];
       if (shape.corners === 0) return;
-      const body = thing === data.shape_of.length - 1;
+      const body = thing >= data.own;
       const first = 12 * (frame * data.shape_of.length + thing);
       gl.uniform3fv(mesh.uniform("tints"), body ? tints.body : thing === 0 ? tints.world : tints.actors);
       gl.uniform1f(mesh.uniform("top"), thing === 0 ? top : 1e9);

@@ -64,6 +64,7 @@ impl ViewData {
             "lidars": lidars.collect::<Vec<Value>>(),
             "shapes": shapes,
             "shape_of": self.things.shape_of,
+            "own": self.things.own,
             "poses": bytes.put("f32", &poses),
             "voxels": {
                 "index": bytes.put("u32", &index),

@@ -14,8 +14,10 @@ const CELLS: [f64; 2] = [0.1, 30.0];
 pub struct Things {
     /// Equal things share a shape.
     pub shapes: Vec<TriangleSoup>,
-    /// Shape of each thing, in the order static world, actors, ego body.
+    /// Shape of each thing, in the order static world, actors, bodies of the ego.
     pub shape_of: Vec<usize>,
+    /// Number of the first body of the ego among the things.
+    pub own: usize,
     /// Rows of the rotation and translation from each thing's frame to the ego frame, `[frames][things]`.
     pub poses: Vec<Vec<[f32; 12]>>,
     /// Triangles of the scene's shapes, before any were merged.
@@ -51,6 +53,7 @@ impl Things {
             poses: poses.collect(),
             shapes: few(shapes, TRIANGLES / scenes),
             shape_of,
+            own: scene.body_part(),
             triangles,
         }
     }
@@ -112,8 +115,13 @@ mod tests {
         let shown = few(vec![soup.clone()], TRIANGLES);
         let left = count(&shown);
         assert!((1_000..=TRIANGLES).contains(&left), "{left}");
-        let things =
-            Things { shapes: shown, shape_of: vec![0], poses: vec![], triangles: count(&[soup]) };
+        let things = Things {
+            shapes: shown,
+            shape_of: vec![0],
+            own: 1,
+            poses: vec![],
+            triangles: count(&[soup]),
+        };
         assert!(
             things.left_out().unwrap().starts_with("The scene's 199712 triangles are drawn as ")
         );

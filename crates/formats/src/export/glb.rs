@@ -139,6 +139,11 @@ impl Writer<'_> {
                 PartOwner::Ego => {
                     json!({ "name": "ego body", "mesh": self.shape("ego body", &soup)? })
                 }
+                PartOwner::EgoBody(body) => {
+                    let name = format!("ego body {}", body + 1);
+                    let mesh = self.shape(&name, &soup)?;
+                    json!({ "name": format!("{name} {}", scene.own_body_name(body)).trim_end(), "mesh": mesh })
+                }
                 PartOwner::Actor(actor) => {
                     let kind = tracks[actor].kind.name();
                     let mesh = self.shape(&format!("{kind} {actor}"), &soup)?;

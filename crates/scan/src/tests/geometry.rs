@@ -111,6 +111,10 @@ fn soup_between(scene: &Scene, frame: usize, share: f64) -> TriangleSoup {
         let mut world_from_part = match scene.owner(part) {
             PartOwner::World => Pose::IDENTITY,
             PartOwner::Ego => scene.ego_glide(frame).at(share),
+            PartOwner::EgoBody(body) => {
+                let ego_from_body = scene.own_body_glide(body, frame).at(share);
+                scene.ego_glide(frame).at(share).compose(&ego_from_body)
+            }
             PartOwner::Actor(actor) => scene.actor_glide(actor, frame).at(share),
         };
         world_from_part.translation = world_from_part.apply(scene.part_origin(part));
@@ -124,9 +128,38 @@ fn soup_between(scene: &Scene, frame: usize, share: f64) -> TriangleSoup {
     soup
 }
 
+/// The street with a trailer that bends behind the ego while both move.
+fn street_with_trailer() -> String {
+    let trailer = r#""ego": { "bodies": [{ "name": "trailer",
+        "parts": [{ "class": "vehicle", "box": { "center": [-3, 0, 1.6], "size": [5, 2.2, 2.4] } }],
+        "poses": [{ "x": -2.2, "y": 0 }, { "x": -2.2, "y": 0, "yaw": -0.2 }, { "x": -2.2, "y": 0, "yaw": -0.5 }] }],"#;
+    STREET.replace("\"ego\": {", trailer)
+}
+
 #[test]
 fn each_column_meets_the_world_as_it_is_when_it_fires() {
-    let scene = scene(STREET, SPINNING, EXACT);
+    columns_meet_the_world(STREET);
+}
+
+#[test]
+fn each_column_meets_a_trailer_that_bends_as_it_is_when_it_fires() {
+    let street = street_with_trailer();
+    columns_meet_the_world(&street);
+    let scene = scene(&street, SPINNING, EXACT);
+    let own = |at: &Scene| {
+        let scans = scan(at, &poses(), &ideal());
+        let count =
+            |scan: &crate::Scan| scan.points().filter(|beam| beam.instance == EGO_INSTANCE).count();
+        scans.iter().map(count).collect::<Vec<_>>()
+    };
+    let with = own(&scene);
+    let without = own(&super::scene(STREET, SPINNING, EXACT));
+    assert!(with.iter().zip(&without).all(|(with, without)| *with > without + 20), "{with:?}");
+    assert!(with[0] != with[2], "{with:?}");
+}
+
+fn columns_meet_the_world(street: &str) {
+    let scene = scene(street, SPINNING, EXACT);
     let scans = scan(&scene, &poses(), &Scanning::default());
     let table = scene.sensors().unwrap().table(0).clone();
     let (mut moved, mut compared) = (0, 0);

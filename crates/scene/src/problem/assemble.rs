@@ -196,7 +196,7 @@ impl Problem {
         let far = Task::far_range_of(roi, sensors.longest_range());
         let world = if frames.is_empty() { World::default() } else { make_world(far)? };
         let task = Task::new(*roi, content, sensors, world, ends_at_hits).numbered(frames);
-        let body = Frame::from(Arc::new(Bvh::build(&scene.part(scene.body_part()), far)));
+        let body = own_bodies(scene, far);
         let (targets, ground) = (&scene.vehicle().targets, &scene.vehicle().ground);
         let names =
             targets.iter().map(|rule| &rule.name).chain(ground.iter().map(|rule| &rule.name));
@@ -219,7 +219,7 @@ fn ground_required(scene: &Scene) -> Result<GroundRequired, ProblemError> {
     let Some(first) = rules.first() else { return Ok(GroundRequired::default()) };
     let without = |lacks| ProblemError::GroundWithout { name: first.name.clone(), lacks };
     let is_ground = ground_triangles(scene);
-    if scene.part_triangles(scene.body_part()) == 0 {
+    if scene.triangles(EgoBody::Include) == scene.triangles(EgoBody::Exclude) {
         return Err(without("own body (`ego.body` of the scene, or `body` of the vehicle)"));
     }
     if !is_ground.contains(&true) {
@@ -298,6 +298,13 @@ pub fn world_of_parts(
     }
     let frame = |&t: &usize| Arc::new(standing(&trees, &scene.part_poses(t)));
     Ok(World::new(frames.iter().map(frame).collect()))
+}
+
+/// The bodies of the ego vehicle alone in frame 0, with trees for hits up to `far` metres away.
+pub fn own_bodies(scene: &Scene, far: f32) -> Frame {
+    let tree = |part: usize| Arc::new(Bvh::build(&scene.part(part), far));
+    let trees: Vec<Arc<Bvh>> = scene.own_parts().map(tree).collect();
+    standing(&trees, &scene.part_poses(0)[scene.own_parts()])
 }
 
 /// Trees where they stand, their triangles numbered one after the other.

@@ -208,6 +208,11 @@ impl ActorKind {
         Self::NAMES.iter().find(|(kind, _)| *kind == self).map_or("other", |(_, name)| name)
     }
 
+    /// True if it goes on wheels or tracks: it heads along its way, and pitches with a slope.
+    pub(super) fn rolls(self) -> bool {
+        ![Self::Pedestrian, Self::Animal, Self::Other].contains(&self)
+    }
+
     /// The kind of an actor whose first triangle has `class`: as written, or guessed from the class.
     pub(super) fn read(
         at: &Place,

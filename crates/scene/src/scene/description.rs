@@ -42,7 +42,7 @@ pub enum VehicleSource {
     /// A file beside the scene.
     File(String),
     /// Written in the scene.
-    Inline(Box<VehicleDescription<ShapeDescription>>),
+    Inline(Box<VehicleDescription<ShapeDescription, BodyDescription>>),
 }
 
 impl<'de> Deserialize<'de> for VehicleSource {
@@ -107,13 +107,24 @@ pub struct ActorDescription {
     pub route: Option<RouteDescription>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EgoDescription {
     #[serde(default)]
     pub body: Vec<ShapeDescription>,
+    #[serde(default)]
+    pub bodies: Vec<BodyDescription>,
     pub poses: Option<Vec<PoseDescription>>,
     pub route: Option<RouteDescription>,
+}
+
+/// Another body of the vehicle, with poses in the ego frame.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodyDescription {
+    pub name: Option<String>,
+    pub parts: Vec<ShapeDescription>,
+    pub poses: Option<Vec<PoseDescription>>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -150,6 +161,7 @@ pub struct ShapeDescription {
     pub cylinder: Option<CylinderDescription>,
     pub plane: Option<PlaneDescription>,
     pub mesh: Option<MeshDescription>,
+    pub urdf: Option<UrdfDescription>,
     pub shape: Option<String>,
     pub at: Option<Vec<Vec<f64>>>,
     pub repeat: Option<RepeatDescription>,
@@ -214,6 +226,24 @@ pub struct MeshDescription {
     #[serde(default)]
     pub classes: Dictionary<String>,
     pub axes: Option<String>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UrdfDescription {
+    pub file: String,
+    pub geometry: Option<String>,
+    pub packages: Option<String>,
+    #[serde(default)]
+    pub without: Vec<String>,
+    #[serde(default)]
+    pub translate: [f64; 3],
+    #[serde(default)]
+    pub roll: f64,
+    #[serde(default)]
+    pub pitch: f64,
+    #[serde(default)]
+    pub yaw: f64,
 }
 
 /// A JSON object with free keys, in file order; a key that comes twice is an error.

@@ -27,7 +27,14 @@ impl Scene {
     pub(super) fn doubts(&self, file: &str) -> Vec<Note> {
         let scene = self;
         let mut doubts: Vec<String> = Vec::new();
-        doubts.extend(body(&scene.body));
+        doubts.extend(body("ego body", &scene.body));
+        doubts.extend(
+            scene
+                .bodies
+                .iter()
+                .enumerate()
+                .filter_map(|(i, other)| body(&format!("ego's body {i} that moves"), &other.parts)),
+        );
         doubts.extend(world(&scene.world));
         doubts.extend(actors(scene));
         doubts.extend(sideways("ego", scene.frames, |t| scene.ego_pose(t)));
@@ -64,31 +71,31 @@ fn facing(solid: &Solid) -> DVec3 {
     sum / f64::max(all, 1e-300)
 }
 
-fn body(solid: &Solid) -> Option<String> {
+fn body(who: &str, solid: &Solid) -> Option<String> {
     let size = extent(solid)?;
     let longest = size.max_element();
     if longest > BODY[1] {
         return Some(format!(
-            "the ego body is {longest:.1} m large; lengths are in metres, {longest:.0} mm would be {:.2} m: give \
+            "the {who} is {longest:.1} m large; lengths are in metres, {longest:.0} mm would be {:.2} m: give \
              its mesh `\"scale\": 0.001`, or 0.01 for centimetres",
             longest / 1000.0
         ));
     }
     if longest < BODY[0] {
         return Some(format!(
-            "the ego body is {longest:.4} m large; lengths are in metres: give its mesh a larger `scale`"
+            "the {who} is {longest:.4} m large; lengths are in metres: give its mesh a larger `scale`"
         ));
     }
     if size.z > 2.5 && size.z > 1.5 * size.x.max(size.y) {
         return Some(format!(
-            "the ego body is {:.1} m high, but {:.1} m long and {:.1} m wide; z is up: give its mesh `\"axes\": \"y-up\"`, \
+            "the {who} is {:.1} m high, but {:.1} m long and {:.1} m wide; z is up: give its mesh `\"axes\": \"y-up\"`, \
              or turn it",
             size.z, size.x, size.y
         ));
     }
     (size.y > 2.5 && size.y > 1.3 * size.x).then(|| {
         format!(
-            "the ego body is {:.1} m wide, but {:.1} m long; x is forward, y to the left: turn its mesh by a yaw of \
+            "the {who} is {:.1} m wide, but {:.1} m long; x is forward, y to the left: turn its mesh by a yaw of \
              1.5708",
             size.y, size.x
         )
@@ -125,10 +132,9 @@ fn actors(scene: &Scene) -> Vec<String> {
                  millimetres"
             ));
         }
-        use super::ActorKind as Kind;
-        let walks = [Kind::Pedestrian, Kind::Animal, Kind::Other];
-        let rolls = !walks.contains(&actor.kind);
-        let way = rolls
+        let way = actor
+            .kind
+            .rolls()
             .then(|| sideways(&format!("actors[{i}]"), scene.frames, |t| actor.motion.pose(t)));
         doubts.extend(way.flatten());
     }

@@ -1,6 +1,6 @@
 //! The rigid parts of a scene, each in a frame of its own, and where they stand in each frame.
 //!
-//! Parts come in the order of [`Scene::frame`]: static world, actors as listed, ego body. The static world's frame has
+//! Parts come in the order of [`Scene::frame`]: static world, actors as listed, ego body, bodies of the ego that move. The static world's frame has
 //! its origin in the middle of the ego's way, an actor's in the middle of its box, both rounded to whole metres:
 //! coordinates are moved there in `f64` before they are rounded to `f32`.
 //!
@@ -10,6 +10,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use super::own;
 use super::route::Motion;
 use super::solid::Solid;
 use super::{ActorKind, EgoBody, Scene};
@@ -26,17 +27,30 @@ pub enum PartOwner {
     Actor(usize),
     /// The ego vehicle, whose body the part is.
     Ego,
+    /// A body of the ego vehicle that moves against the first, by its index among those.
+    EgoBody(usize),
 }
 
 impl Scene {
-    /// Number of the part that is the body of the ego vehicle: the last.
+    /// Number of the part that is the body of the ego vehicle: the first of [`Self::own_parts`].
     pub fn body_part(&self) -> usize {
         1 + self.actors.len()
     }
 
-    /// Numbers of all parts, the empty ones among them, with or without the body of the ego vehicle.
+    /// Numbers of the parts that are bodies of the ego vehicle: the last ones.
+    pub fn own_parts(&self) -> Range<usize> {
+        self.body_part()..self.body_part() + 1 + self.bodies.len()
+    }
+
+    /// True if bodies of the ego vehicle move against each other.
+    pub fn has_moving_bodies(&self) -> bool {
+        !self.bodies.is_empty()
+    }
+
+    /// Numbers of all parts, the empty ones among them, with or without the bodies of the ego vehicle.
     pub fn parts(&self, body: EgoBody) -> Range<usize> {
-        0..self.body_part() + usize::from(body == EgoBody::Include)
+        let own = self.own_parts();
+        0..if body == EgoBody::Include { own.end } else { own.start }
     }
 
     /// Owner of a part.
@@ -44,11 +58,13 @@ impl Scene {
     /// # Panics
     /// A part that does not exist.
     pub fn owner(&self, part: usize) -> PartOwner {
-        assert!(part <= self.body_part(), "part {part} of {}", self.body_part() + 1);
+        let own = self.own_parts();
+        assert!(part < own.end, "part {part} of {}", own.end);
         match part {
             0 => PartOwner::World,
-            part if part == self.body_part() => PartOwner::Ego,
-            part => PartOwner::Actor(part - 1),
+            part if part < own.start => PartOwner::Actor(part - 1),
+            part if part == own.start => PartOwner::Ego,
+            part => PartOwner::EgoBody(part - own.start - 1),
         }
     }
 
@@ -57,6 +73,7 @@ impl Scene {
             PartOwner::World => &self.world,
             PartOwner::Actor(actor) => &self.actors[actor].parts,
             PartOwner::Ego => &self.body,
+            PartOwner::EgoBody(body) => &self.bodies[body].parts,
         }
     }
 
@@ -79,7 +96,7 @@ impl Scene {
         self.solid(part).faces.len()
     }
 
-    /// Takes each part's frame to the ego frame of frame `t`, the ego body's last.
+    /// Takes each part's frame to the ego frame of frame `t`, those of the ego's bodies last.
     ///
     /// # Panics
     /// If `t` is not below [`Scene::frame_count`].
@@ -89,13 +106,14 @@ impl Scene {
         let actors = self.actors.iter().map(|actor| actor.motion.pose(t));
         poses.extend(actors.map(|world_from_actor| ego_from_world.compose(&world_from_actor)));
         poses.push(Pose::IDENTITY);
+        poses.extend(self.bodies.iter().map(|body| body.motion.pose(t)));
         for (pose, &origin) in poses.iter_mut().zip(&self.origins) {
             pose.translation = pose.apply(origin);
         }
         poses
     }
 
-    /// Number of triangles of a frame; the ego body's come last.
+    /// Number of triangles of a frame; those of the ego's bodies come last.
     pub fn triangles(&self, body: EgoBody) -> usize {
         self.parts(body).map(|part| self.part_triangles(part)).sum()
     }
@@ -105,17 +123,19 @@ impl Scene {
         self.parts(body).flat_map(|part| self.solid(part).classes.iter().copied()).collect()
     }
 
-    /// Triangles of the ego body in the ego frame; none where the scene has no geometry.
+    /// Triangles of the ego's bodies in frame 0, in the ego frame; none where the scene has no geometry.
     pub fn body(&self) -> Vec<[[f32; 3]; 3]> {
-        let soup = self.part(self.body_part());
+        let mut soup = TriangleSoup::default();
+        own::standing(&self.body, &self.bodies, 0).append_to(&mut soup, &Pose::IDENTITY);
         (0..soup.faces.len() as u32).map(|prim| soup.corners(prim)).collect()
     }
 
-    /// Triangles of [`Self::body`] by the shape of the body's list that they are of, in that order.
+    /// Triangles of [`Self::body`] by the shape of the bodies' lists that they are of, in that order.
     pub fn body_shapes(&self) -> Vec<Range<usize>> {
-        let ends = &self.body.ends;
+        let ends = own::standing(&self.body, &self.bodies, 0).ends;
         let starts = std::iter::once(0).chain(ends.iter().copied());
-        starts.zip(ends).map(|(start, &end)| start..end).collect()
+        let shapes = starts.zip(&ends).map(|(start, &end)| start..end);
+        shapes.filter(|shape| !shape.is_empty()).collect()
     }
 }
 
@@ -202,6 +222,24 @@ impl Scene {
     pub fn actor_glide(&self, actor: usize, t: usize) -> Glide {
         assert!(t < self.frames, "frame {t} of {}", self.frames);
         self.actors[actor].motion.glide(t)
+    }
+
+    /// Name of a body of the ego that moves, by its index among those; may be empty.
+    ///
+    /// # Panics
+    /// A body that does not exist.
+    pub fn own_body_name(&self, body: usize) -> &str {
+        &self.bodies[body].name
+    }
+
+    /// How a body of the ego, by its index among those that move, goes from frame `t` to the next: takes its frame to
+    /// the ego frame.
+    ///
+    /// # Panics
+    /// A body or a frame that does not exist.
+    pub fn own_body_glide(&self, body: usize, t: usize) -> Glide {
+        assert!(t < self.frames, "frame {t} of {}", self.frames);
+        self.bodies[body].motion.glide(t)
     }
 
     /// How the ego moves from frame `t` to the next: takes its frame to the world's.

@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 
 use super::classes::Classes;
 use super::description::{
-    Dictionary, PoseDescription, SceneDescription, ShapeDescription, VehicleSource,
+    BodyDescription, Dictionary, PoseDescription, SceneDescription, ShapeDescription, VehicleSource,
 };
+use super::own::{OwnBodies, OwnBody};
 use super::shapes::Builder;
-use super::solid::Solid;
 use super::*;
 use crate::vehicle::{self, Vehicle, VehicleDescription, read_vehicle};
 use sightline_files::Note;
@@ -118,16 +118,18 @@ impl Scene {
         things: SceneGeometry,
         dir: &Path,
     ) -> Result<Self, DescriptionError> {
-        let SceneVehicle { vehicle, mut files, notes, .. } = carrier;
+        let SceneVehicle { vehicle, mut files, mut notes, .. } = carrier;
+        notes.extend(things.own.moving.iter().map(OwnBody::note));
         let reflectances = Reflectances::new(top, &classes, &scene.reflectance, &scene.actors)?;
         let has_geometry = things.has_geometry();
         let frames = things.frames(top, scene.frames)?;
         let rate = check::rate(&top.key("rate"), scene.rate.unwrap_or(RATE))?;
-        let SceneGeometry { world, actors, body, ego } = things;
+        let SceneGeometry { world, actors, own, ego } = things;
+        let OwnBodies { body, moving: bodies } = own;
         let ego = ego.unwrap_or(Motion::Still);
         let mut origins = vec![super::parts::middle_of_way(&top.key("ego"), &ego, frames, &world)?];
         origins.extend(actors.iter().map(|actor| super::parts::middle(&actor.parts)));
-        origins.push(DVec3::ZERO);
+        origins.resize(origins.len() + 1 + bodies.len(), DVec3::ZERO);
         let coverage = scene.coverage.as_deref();
         let coverage = Coverage::new(&top.key("coverage"), coverage, has_geometry)?;
         let psog = scene.psog.as_ref();
@@ -150,6 +152,7 @@ impl Scene {
             world,
             actors,
             body,
+            bodies,
             ego,
             origins,
             reflectances,
@@ -173,8 +176,8 @@ fn things(
         SceneGeometry::new(&mut builder, top, &scene.world, &scene.actors, scene.ego.as_ref())?;
     carrier.files.extend(builder.files());
     if let Some(body) = carrier.body.take() {
-        let (solid, more, said) = body.build(classes, &scene.shapes)?;
-        things.body = solid;
+        let (own, more, said) = body.build(classes, &scene.shapes)?;
+        things.own = own;
         carrier.files.extend(more);
         carrier.notes.extend(said);
     }
@@ -200,26 +203,28 @@ struct SceneVehicle {
     pub notes: Vec<Note>,
 }
 
-/// Shapes of a vehicle's body.
+/// Shapes of a vehicle's bodies.
 struct VehicleBody {
     pub shapes: Vec<ShapeDescription>,
+    /// Bodies beside the first.
+    pub others: Vec<BodyDescription>,
     pub at: Place,
     /// Where its files are.
     pub dir: PathBuf,
 }
 
 impl VehicleBody {
-    /// The body's triangles, the files that its shapes name, and notes about them.
+    /// The bodies' triangles, the files that their shapes name, and notes about them.
     pub fn build(
         &self,
         classes: &Classes,
         shapes: &Dictionary<Vec<ShapeDescription>>,
-    ) -> Result<(Solid, Vec<PathBuf>, Vec<Note>), DescriptionError> {
+    ) -> Result<(OwnBodies, Vec<PathBuf>, Vec<Note>), DescriptionError> {
         let mut builder = Builder::new(&self.at, classes, shapes, &self.dir);
-        let solid = builder.list(&self.at.key("body"), &self.shapes)?;
+        let own = OwnBodies::new(&mut builder, &self.at, &self.shapes, &self.others)?;
         let mut notes = builder.notes();
-        notes.extend(of_shapes(&self.at.key("body"), &self.shapes));
-        Ok((solid, builder.files(), notes))
+        notes.extend(of_own_bodies(&self.at, &self.shapes, &self.others));
+        Ok((own, builder.files(), notes))
     }
 }
 
@@ -266,16 +271,18 @@ impl SceneVehicle {
 
     fn of_vehicle(
         at: Place,
-        mut vehicle: VehicleDescription<ShapeDescription>,
+        mut vehicle: VehicleDescription<ShapeDescription, BodyDescription>,
         file: Option<PathBuf>,
         dir: &Path,
     ) -> Result<Self, DescriptionError> {
         let shapes = std::mem::take(&mut vehicle.body);
+        let others = std::mem::take(&mut vehicle.bodies);
         let stem = file.as_ref().and_then(|file| file.file_stem());
         let stem = stem.map_or("vehicle".into(), |stem| stem.to_string_lossy());
         let (vehicle, mut files) = Vehicle::new(&at, vehicle, &stem, dir)?;
         files.extend(file);
-        let body = (!shapes.is_empty()).then(|| VehicleBody { shapes, at, dir: dir.to_owned() });
+        let is_there = !(shapes.is_empty() && others.is_empty());
+        let body = is_there.then(|| VehicleBody { shapes, others, at, dir: dir.to_owned() });
         Ok(Self { notes: vehicle.notes.clone(), vehicle, body, files })
     }
 }
@@ -307,7 +314,7 @@ fn of_angles(top: &Place, scene: &SceneDescription) -> Vec<Note> {
         doubts.extend(of_shapes(&top.key("actors").item(i).key("parts"), &actor.parts));
     }
     if let Some(ego) = &scene.ego {
-        doubts.extend(of_shapes(&top.key("ego").key("body"), &ego.body));
+        doubts.extend(of_own_bodies(&top.key("ego"), &ego.body, &ego.bodies));
     }
     if let Some(mount) = &scene.mount {
         let angles = [("roll", mount.roll), ("pitch", mount.pitch), ("yaw", mount.yaw)];
@@ -319,13 +326,26 @@ fn of_angles(top: &Place, scene: &SceneDescription) -> Vec<Note> {
     doubts
 }
 
-/// Doubts about the angles of meshes. Boxes and copies are turned by whole radians, too.
+/// Doubts about the angles of the own bodies.
+fn of_own_bodies(at: &Place, first: &[ShapeDescription], others: &[BodyDescription]) -> Vec<Note> {
+    let mut doubts = of_shapes(&at.key("body"), first);
+    for (i, body) in others.iter().enumerate() {
+        let at = at.key("bodies").item(i);
+        doubts.extend(of_shapes(&at.key("parts"), &body.parts));
+        doubts.extend(body.poses.as_deref().and_then(|poses| track(&at, poses)));
+    }
+    doubts
+}
+
+/// Doubts about the angles of meshes and robots. Boxes and copies are turned by whole radians, too.
 fn of_shapes(at: &Place, shapes: &[ShapeDescription]) -> Vec<Note> {
     let mut doubts = Vec::new();
     for (i, shape) in shapes.iter().enumerate() {
-        if let Some(mesh) = &shape.mesh {
-            for (key, angle) in [("roll", mesh.roll), ("pitch", mesh.pitch), ("yaw", mesh.yaw)] {
-                let what = at.item(i).key("mesh").key(key).to_string();
+        let mesh = shape.mesh.iter().map(|mesh| ("mesh", [mesh.roll, mesh.pitch, mesh.yaw]));
+        let urdf = shape.urdf.iter().map(|urdf| ("urdf", [urdf.roll, urdf.pitch, urdf.yaw]));
+        for (kind, angles) in mesh.chain(urdf) {
+            for (key, angle) in ["roll", "pitch", "yaw"].iter().zip(angles) {
+                let what = at.item(i).key(kind).key(key).to_string();
                 doubts.extend(vehicle::of_angles(&what, &[angle]));
             }
         }

@@ -20,11 +20,13 @@ pub enum Motion {
 }
 
 impl Motion {
-    /// Reads `poses` or `route` of the object at `at`; `None` where it has neither.
+    /// Reads `poses` or `route` of the object at `at`; `None` where it has neither. On a route things pitch with the slope
+    /// unless they stay `upright`.
     pub fn new(
         at: &Place,
         poses: Option<&[PoseDescription]>,
         route: Option<&RouteDescription>,
+        upright: bool,
     ) -> Result<Option<Self>, DescriptionError> {
         match (poses, route) {
             (None, None) => Ok(None),
@@ -33,7 +35,9 @@ impl Motion {
                 let read = poses.iter().enumerate().map(|(i, p)| pose(&at.item(i), p));
                 Ok(Some(Self::Poses(read.collect::<Result<_, _>>()?)))
             }
-            (None, Some(route)) => Ok(Some(Self::Route(Route::new(&at.key("route"), route)?))),
+            (None, Some(route)) => {
+                Ok(Some(Self::Route(Route::new(&at.key("route"), route, upright)?)))
+            }
             (Some(_), Some(_)) => Err(DescriptionError::Choice {
                 at: Box::new(at.clone()),
                 found: vec!["poses", "route"],
@@ -93,7 +97,7 @@ fn pose(at: &Place, p: &PoseDescription) -> Result<Pose, DescriptionError> {
     Ok(Pose::new(DVec3::new(x, y, z), roll, pitch, yaw))
 }
 
-/// A polyline travelled at `spacing` metres a frame, heading along it.
+/// A polyline travelled at `spacing` metres a frame, heading along it, nose up where it climbs.
 ///
 /// The end segments go on straight before the first and after the last point.
 #[derive(Debug, Clone)]
@@ -103,10 +107,12 @@ pub struct Route {
     along: Vec<f64>,
     start: f64,
     spacing: f64,
+    /// Level on slopes, too.
+    upright: bool,
 }
 
 impl Route {
-    fn new(at: &Place, route: &RouteDescription) -> Result<Self, DescriptionError> {
+    fn new(at: &Place, route: &RouteDescription, upright: bool) -> Result<Self, DescriptionError> {
         let here = at.key("points");
         if route.points.len() < 2 {
             let value = format!("a list of {}", route.points.len());
@@ -131,7 +137,7 @@ impl Route {
         if spacing.abs() > 1.0e4 {
             return Err(bad(&at.key("spacing"), spacing, "a step of at most 10000 m a frame"));
         }
-        Ok(Self { points, along, start, spacing })
+        Ok(Self { points, along, start, spacing, upright })
     }
 
     fn pose(&self, t: usize) -> Pose {
@@ -142,7 +148,12 @@ impl Route {
         let (from, to) = (self.points[segment], self.points[segment + 1]);
         let heading = (to - from).normalize();
         let position = from + heading * (distance - self.along[segment]);
-        Pose::new(position, 0.0, 0.0, maths::atan2(heading.y, heading.x))
+        // A positive pitch lowers the nose.
+        let pitch = match self.upright || heading.z == 0.0 {
+            true => 0.0,
+            false => -maths::atan2(heading.z, heading.truncate().length()),
+        };
+        Pose::new(position, 0.0, pitch, maths::atan2(heading.y, heading.x))
     }
 }
 
@@ -152,7 +163,7 @@ mod tests {
 
     fn route(points: &[[f64; 2]], start: f64, spacing: f64) -> Route {
         let points = points.iter().map(|p| p.to_vec()).collect();
-        Route::new(&Place::top("t"), &RouteDescription { points, start, spacing }).unwrap()
+        Route::new(&Place::top("t"), &RouteDescription { points, start, spacing }, false).unwrap()
     }
 
     #[test]
@@ -202,14 +213,17 @@ mod tests {
     }
 
     #[test]
-    fn metres_are_counted_along_the_slope() {
+    fn metres_are_counted_along_the_slope_and_only_what_rolls_pitches_with_it() {
         let slope = RouteDescription {
             points: vec![vec![0.0, 0.0, 0.0], vec![3.0, 0.0, 4.0]],
             start: 0.0,
             spacing: 2.5,
         };
-        let p = Route::new(&Place::top("t"), &slope).unwrap().pose(1);
-        assert!((p.translation - DVec3::new(1.5, 0.0, 2.0)).length() < 1e-12);
-        assert_eq!(p.rotation * DVec3::X, DVec3::X);
+        for (upright, ahead) in [(true, DVec3::X), (false, DVec3::new(0.6, 0.0, 0.8))] {
+            let p = Route::new(&Place::top("t"), &slope, upright).unwrap().pose(1);
+            assert!((p.translation - DVec3::new(1.5, 0.0, 2.0)).length() < 1e-12);
+            assert!((p.rotation * DVec3::X - ahead).length() < 1e-12);
+            assert!((p.rotation * DVec3::Y - DVec3::Y).length() < 1e-12);
+        }
     }
 }

@@ -1,4 +1,6 @@
-//! From shape descriptions to triangles: classes, copies, named shapes and meshes.
+//! From shape descriptions to triangles: classes, copies, named shapes, meshes and robots.
+
+mod robot;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -16,7 +18,7 @@ use sightline_files::json::{DescriptionError, Place, nearest};
 const MAX_TRIANGLES: u64 = MOST_TRIANGLES as u64;
 /// Deepest nesting of named shapes.
 const MAX_DEPTH: usize = 8;
-const KINDS: &[&str] = &["box", "prism", "cylinder", "plane", "mesh", "shape"];
+const KINDS: &[&str] = &["box", "prism", "cylinder", "plane", "mesh", "urdf", "shape"];
 
 /// Builds triangles from shapes; loads each mesh file once.
 pub struct Builder<'a> {
@@ -28,6 +30,8 @@ pub struct Builder<'a> {
     named_at: Place,
     dir: &'a Path,
     meshes: HashMap<PathBuf, Rc<RawMesh>>,
+    /// Files that are no meshes.
+    others: Vec<PathBuf>,
     /// Named shapes already built: a copy costs its triangles alone.
     built: HashMap<&'a str, Rc<Solid>>,
     /// Triangles built so far, named shapes included, and the most there may be.
@@ -53,6 +57,7 @@ impl<'a> Builder<'a> {
             named_at,
             dir,
             meshes,
+            others: vec![],
             built,
             triangles: 0,
             most: MAX_TRIANGLES,
@@ -65,10 +70,12 @@ impl<'a> Builder<'a> {
         Self { most, ..self }
     }
 
-    /// The files of all meshes, in alphabetical order.
+    /// The files of all meshes and robots, in alphabetical order, each once.
     pub fn files(&self) -> Vec<PathBuf> {
-        let mut files: Vec<PathBuf> = self.meshes.values().flat_map(|m| m.files.clone()).collect();
+        let meshes = self.meshes.values().flat_map(|m| m.files.clone());
+        let mut files: Vec<PathBuf> = meshes.chain(self.other_files()).collect();
         files.sort();
+        files.dedup();
         files
     }
 
@@ -146,6 +153,7 @@ impl<'a> Builder<'a> {
             shape.cylinder.is_some(),
             shape.plane.is_some(),
             shape.mesh.is_some(),
+            shape.urdf.is_some(),
             shape.shape.is_some(),
         ];
         let found = there.iter().zip(KINDS).filter_map(|(&there, &kind)| there.then_some(kind));
@@ -166,19 +174,25 @@ impl<'a> Builder<'a> {
             None => Rc::new(self.single(at, shape)?),
         };
         self.triangles += solid.faces.len() as u64 * copies.len() as u64;
-        if self.triangles > self.most {
-            return Err(DescriptionError::TooMany {
-                at: Box::new(at.clone()),
-                what: "triangles",
-                count: self.triangles,
-                limit: self.most,
-                mend: "take fewer copies or a coarser mesh",
-            });
-        }
+        self.check_count(at, self.triangles)?;
         for copy in &copies {
             out.append(&solid, copy);
         }
         Ok(())
+    }
+
+    /// Refuses more triangles than there may be.
+    fn check_count(&self, at: &Place, count: u64) -> Result<(), DescriptionError> {
+        if count <= self.most {
+            return Ok(());
+        }
+        Err(DescriptionError::TooMany {
+            at: Box::new(at.clone()),
+            what: "triangles",
+            count,
+            limit: self.most,
+            mend: "take fewer copies or a coarser mesh",
+        })
     }
 
     /// Shape called `name`, used at `at` inside `depth` other named shapes.
@@ -234,6 +248,7 @@ impl<'a> Builder<'a> {
             ShapeDescription { prism: Some(p), .. } => prism(&at.key("prism"), p, class),
             ShapeDescription { cylinder: Some(c), .. } => cylinder(&at.key("cylinder"), c, class),
             ShapeDescription { plane: Some(p), .. } => plane(&at.key("plane"), p, class),
+            ShapeDescription { urdf: Some(u), .. } => self.urdf(&at.key("urdf"), u, class),
             // The caller has checked for exactly one kind; meshes and names are handled above.
             _ => Ok(Solid::default()),
         }
@@ -254,15 +269,7 @@ impl<'a> Builder<'a> {
                 self.classes.id(&at.key("classes").key(material), class)?,
             );
         }
-        let raw = match self.meshes.get(&file) {
-            Some(raw) => Rc::clone(raw),
-            None => {
-                let raw = Rc::new(mesh::load(at, &file)?);
-                self.notes.extend(raw.notes.iter().cloned().chain(placing.note(at, &file, &raw)));
-                self.meshes.insert(file.clone(), Rc::clone(&raw));
-                raw
-            }
-        };
+        let raw = self.raw(at, &file, &placing)?;
         self.note_unused(&at.key("classes"), &file, &map, &raw);
         let class_of = |name: &Option<String>| {
             let mapped = name.as_deref().and_then(|n| map.get(n).copied());
@@ -279,6 +286,24 @@ impl<'a> Builder<'a> {
             classes: raw.face_material.iter().map(|&m| ids[m as usize]).collect(),
             ends: Vec::new(),
         })
+    }
+}
+
+impl Builder<'_> {
+    /// A mesh file, read on first use.
+    fn raw(
+        &mut self,
+        at: &Place,
+        file: &Path,
+        placing: &Placing,
+    ) -> Result<Rc<RawMesh>, DescriptionError> {
+        if let Some(raw) = self.meshes.get(file) {
+            return Ok(Rc::clone(raw));
+        }
+        let raw = Rc::new(mesh::load(at, file)?);
+        self.notes.extend(raw.notes.iter().cloned().chain(placing.note(at, file, &raw)));
+        self.meshes.insert(file.to_owned(), Rc::clone(&raw));
+        Ok(raw)
     }
 }
 

@@ -27,6 +27,8 @@ impl Solid {
     /// Appends `other`, moved by `pose`.
     pub fn append(&mut self, other: &Self, pose: &Pose) {
         let base = self.vertices.len() as u32;
+        let faces = self.faces.len();
+        self.ends.extend(other.ends.iter().map(|end| end + faces));
         self.vertices.extend(other.vertices.iter().map(|&v| pose.apply(v)));
         self.faces.extend(other.faces.iter().map(|f| f.map(|v| v + base)));
         self.classes.extend_from_slice(&other.classes);
@@ -91,6 +93,35 @@ impl Solid {
             *v += foot;
         }
         solid
+    }
+
+    /// A ball of circles of latitude with `sides` corners, `bands` of them from pole to pole; all corners lie on the
+    /// sphere around the origin.
+    pub fn sphere(radius: f64, [sides, bands]: [u32; 2], class: u16) -> Self {
+        let corner = |band: u32, side: u32| {
+            let (sin, cos) =
+                maths::sin_cos(std::f64::consts::PI * f64::from(band) / f64::from(bands));
+            let (y, x) = maths::sin_cos(std::f64::consts::TAU * f64::from(side) / f64::from(sides));
+            radius * DVec3::new(sin * x, sin * y, cos)
+        };
+        let mut vertices = vec![DVec3::Z * radius, DVec3::Z * -radius];
+        vertices.extend((1..bands).flat_map(|band| (0..sides).map(move |side| corner(band, side))));
+        let number = |band: u32, side: u32| match band {
+            0 => 0,
+            band if band == bands => 1,
+            band => 2 + (band - 1) * sides + side % sides,
+        };
+        let mut faces = Vec::new();
+        for (band, side) in (0..bands).flat_map(|band| (0..sides).map(move |side| (band, side))) {
+            let [a, b] = [number(band, side), number(band, side + 1)];
+            let [c, d] = [number(band + 1, side), number(band + 1, side + 1)];
+            // At a pole two corners are one.
+            faces.extend(
+                [[a, c, d], [a, d, b]].into_iter().filter(|f| f[0] != f[2] && f[1] != f[2]),
+            );
+        }
+        let classes = vec![class; faces.len()];
+        Self { vertices, faces, classes, ends: Vec::new() }
     }
 
     /// A level rectangle facing up: two triangles.
@@ -273,6 +304,18 @@ mod tests {
         let base = 12.0 / 2.0 * 4.0 * (std::f64::consts::TAU / 12.0).sin();
         assert!((volume(&solid) - base * 5.0).abs() < 1e-9);
         assert!(solid.vertices.iter().all(|v| v.z == 2.0 || v.z == 7.0));
+    }
+
+    #[test]
+    fn a_ball_is_closed_and_faces_outwards() {
+        let solid = Solid::sphere(1.5, [32, 16], 0);
+        assert_eq!(solid.faces.len(), 2 * 32 * 15);
+        assert!(solid.vertices.iter().all(|v| (v.length() - 1.5).abs() < 1e-12));
+        let whole = 4.0 / 3.0 * std::f64::consts::PI * 1.5_f64.powi(3);
+        assert!((0.97..1.0).contains(&(volume(&solid) / whole)), "{}", volume(&solid) / whole);
+        for [a, b, c] in corners(&solid) {
+            assert!((b - a).cross(c - a).dot(a + b + c) > 0.0);
+        }
     }
 
     #[test]

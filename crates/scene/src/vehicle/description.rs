@@ -48,15 +48,17 @@ pub struct KeepOutDescription {
     pub max: [f64; 3],
 }
 
-/// A vehicle file; `B` is a shape of the body, which a scene reads.
+/// A vehicle file; `B` is a shape of the body and `M` a further body, which a scene reads.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct VehicleDescription<B> {
+pub struct VehicleDescription<B, M> {
     #[serde(rename = "sightline")]
     _version: Option<u64>,
     pub(crate) name: Option<String>,
     #[serde(default = "Vec::new")]
     pub(crate) body: Vec<B>,
+    #[serde(default = "Vec::new")]
+    pub(crate) bodies: Vec<M>,
     pub(crate) sensors: Vec<ModelDescription>,
     pub(crate) mounts: Vec<MountingDescription>,
     #[serde(default)]

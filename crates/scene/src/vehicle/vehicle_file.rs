@@ -25,7 +25,9 @@ const MAX_FILE: u64 = 64 << 20;
 const MOST: usize = 64;
 
 /// Reads a vehicle file: its description, and its text's name for errors.
-pub fn read<B: DeserializeOwned>(path: &Path) -> Result<VehicleDescription<B>, DescriptionError> {
+pub fn read<B: DeserializeOwned, M: DeserializeOwned>(
+    path: &Path,
+) -> Result<VehicleDescription<B, M>, DescriptionError> {
     let name = path.display().to_string();
     let bytes = json::read_limited(path, MAX_FILE)?;
     let text = String::from_utf8_lossy(&bytes);
@@ -43,13 +45,13 @@ impl Vehicle {
         let dir = path.parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let at = Place::top(&path.display().to_string());
-        Ok(Self::new(&at, read::<IgnoredAny>(path)?, &stem, dir)?.0)
+        Ok(Self::new(&at, read::<IgnoredAny, IgnoredAny>(path)?, &stem, dir)?.0)
     }
 
     /// Checks a description; `dir` is where its files are. Returns the vehicle and the files it names.
-    pub fn new<B>(
+    pub fn new<B, M>(
         at: &Place,
-        vehicle: VehicleDescription<B>,
+        vehicle: VehicleDescription<B, M>,
         stem: &str,
         dir: &Path,
     ) -> Result<(Self, Vec<PathBuf>), DescriptionError> {

@@ -3,6 +3,8 @@
 mod gltf_files;
 mod obj_files;
 mod ply_files;
+mod stl_files;
+mod urdf_files;
 
 use glam::DVec3;
 
@@ -37,10 +39,16 @@ fn garbled_meshes_never_panic() {
     let ply_text = ascii_ply("4", "0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3 40\n3 0 1 2 50\n");
     let mut binary = ply_text.replace("ascii", "binary_little_endian").into_bytes();
     binary.extend([7; 200]);
-    let inputs =
-        [small_obj().as_bytes().to_vec(), ply_text.into(), binary, triangle_gltf(2, 40, 3).into()];
-    for round in 0..20_000 {
-        let mut bytes = inputs[round % 4].clone();
+    let inputs = [
+        small_obj().as_bytes().to_vec(),
+        ply_text.into(),
+        binary,
+        triangle_gltf(2, 40, 3).into(),
+        stl_files::as_text(&stl_files::wedge()).into(),
+        stl_files::as_binary(&stl_files::wedge()),
+    ];
+    for round in 0..30_000 {
+        let mut bytes = inputs[round % 6].clone();
         for _ in 0..rng.random_range(1..5) {
             let i = rng.random_range(0..bytes.len());
             bytes[i] = match rng.random_range(0..3) {
@@ -49,8 +57,9 @@ fn garbled_meshes_never_panic() {
                 _ => bytes[rng.random_range(0..bytes.len())],
             };
         }
-        let mesh = match round % 4 {
+        let mesh = match round % 6 {
             0 => obj::read(&bytes),
+            4 | 5 => stl::read(&bytes),
             3 => gltf::read(&bytes, Path::new("nowhere")),
             _ => ply::read(&bytes),
         };
@@ -61,10 +70,11 @@ fn garbled_meshes_never_panic() {
 #[test]
 fn unknown_endings_and_missing_files_are_told() {
     let at = Place::top("s.json").key("static").item(0).key("mesh");
-    let message = load(&at, Path::new("car.stl")).unwrap_err().to_string();
+    let message = load(&at, Path::new("car.dae")).unwrap_err().to_string();
     assert_eq!(
         message,
-        "s.json: static[0].mesh: mesh car.stl: name: ends in none of .obj, .ply, .gltf, .glb"
+        "s.json: static[0].mesh: mesh car.dae: name: ends in none of .obj, .ply, .stl, .gltf, .glb; \
+         convert it to one of these"
     );
     let message = load(&at, Path::new("nowhere/car.obj")).unwrap_err().to_string();
     let start = "s.json: static[0].mesh: mesh nowhere/car.obj: file: cannot be read: No such file";

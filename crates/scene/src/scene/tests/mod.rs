@@ -7,10 +7,13 @@ use glam::DVec3;
 use super::*;
 use crate::vehicle::Ties;
 
+mod bodies;
 mod errors;
 #[cfg(feature = "mesh")]
 mod mesh_mounts;
 mod own;
+#[cfg(feature = "mesh")]
+mod robots;
 mod sensor_files;
 mod vehicle;
 

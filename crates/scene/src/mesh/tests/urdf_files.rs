@@ -1,0 +1,161 @@
+//! URDF: places of links in closed form, and every fault with its link or joint.
+
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_6};
+
+use glam::DVec3;
+
+use super::near;
+use crate::mesh::urdf::Robot;
+use crate::mesh::{Geometry, Part};
+
+fn robot(body: &str) -> String {
+    format!("<?xml version=\"1.0\"?><robot name=\"r\">{body}</robot>")
+}
+
+fn link(name: &str) -> String {
+    let shape = "<geometry><box size=\"1 2 3\"/></geometry>";
+    format!("<link name=\"{name}\"><visual>{shape}</visual><collision>{shape}</collision></link>")
+}
+
+fn joint(kind: &str, parent: &str, child: &str, origin: &str) -> String {
+    format!(
+        "<joint name=\"{parent}_{child}\" type=\"{kind}\"><origin {origin}/><parent link=\"{parent}\"/>\
+         <child link=\"{child}\"/><axis xyz=\"0 0 1\"/><limit lower=\"0.4\" upper=\"1\"/></joint>"
+    )
+}
+
+fn read(text: &str, without: &[&str]) -> Result<Vec<Part>, String> {
+    let without: Vec<String> = without.iter().map(|name| (*name).to_owned()).collect();
+    let folder = std::path::Path::new("nowhere");
+    let robot = Robot { text, folder, packages: None, tag: "visual", without: &without };
+    robot.parts().map_err(|fault| format!("{}: {}", fault.element, fault.problem))
+}
+
+/// A boom on a slew turned by 90° about z, raised by 30° about y: with s = sin 30°, c = cos 30° the tip, 4 m along
+/// x of the second joint, lies at [1 − 0, 0 + 2 + 4c, 3 + …]. All by hand: Rz(90°) takes x to y and y to −x; a
+/// pitch of −30° takes x to (c, 0, s).
+#[test]
+fn a_chain_of_two_turned_joints_lies_where_trigonometry_says() {
+    let (s, c) = FRAC_PI_6.sin_cos();
+    let tip = "<link name=\"boom\"><visual><origin xyz=\"4 0 0\" rpy=\"0 0 0\"/>\
+               <geometry><cylinder radius=\"0.1\" length=\"2\"/></geometry></visual></link>";
+    let slew = format!("xyz=\"1 0 3\" rpy=\"0 0 {FRAC_PI_2}\"");
+    let raise = format!("xyz=\"2 0 0.5\" rpy=\"0 {} 0\"", -FRAC_PI_6);
+    // Children come before parents: order does not matter.
+    let text = robot(
+        &[
+            tip.to_owned(),
+            joint("revolute", "slew", "boom", &raise),
+            link("base"),
+            link("slew"),
+            joint("continuous", "base", "slew", &slew),
+        ]
+        .concat(),
+    );
+    let parts = read(&text, &[]).unwrap();
+    assert_eq!(parts.len(), 3);
+    assert_eq!(parts[0].geometry, Geometry::Cylinder(0.1, 2.0));
+    let boom = &parts[0].root_from_part;
+    near(boom.translation, [1.0, 2.0 + 4.0 * c, 3.5 + 4.0 * s], 1e-12);
+    // The boom's own axes: x along (0, c, s), y along −x of the base, z along (0, −s, c).
+    near(boom.rotation * DVec3::X, [0.0, c, s], 1e-12);
+    near(boom.rotation * DVec3::Y, [-1.0, 0.0, 0.0], 1e-12);
+    near(boom.rotation * DVec3::Z, [0.0, -s, c], 1e-12);
+    near(parts[2].root_from_part.translation, [1.0, 0.0, 3.0], 1e-12);
+    assert_eq!(read(&text, &["boom", "base"]).unwrap().len(), 1);
+}
+
+#[test]
+fn rpy_turns_about_fixed_axes_and_a_quaternion_says_the_same() {
+    let turned = |origin: &str| {
+        let text = robot(&(link("a") + &link("b") + &joint("fixed", "a", "b", origin)));
+        read(&text, &[]).unwrap()[1].root_from_part.rotation
+    };
+    // Roll of 90°, then yaw of 90°: y goes to z and stays, z goes to −y and then to x.
+    let rpy = turned(&format!("rpy=\"{FRAC_PI_2} 0 {FRAC_PI_2}\""));
+    near(rpy * DVec3::X, [0.0, 1.0, 0.0], 1e-12);
+    near(rpy * DVec3::Y, [0.0, 0.0, 1.0], 1e-12);
+    near(rpy * DVec3::Z, [1.0, 0.0, 0.0], 1e-12);
+    let quaternion = turned("quat_xyzw=\"0.5 0.5 0.5 0.5\"");
+    assert!((rpy - quaternion).to_cols_array().iter().all(|v| v.abs() < 1e-12));
+}
+
+#[test]
+fn faults_name_their_link_or_joint_and_the_mend() {
+    let shape = |shape: &str| robot(&format!("<link name=\"l\"><visual>{shape}</visual></link>"));
+    let geometry = |inner: &str| shape(&format!("<geometry>{inner}</geometry>"));
+    let two = link("a") + &link("b");
+    let fixed = |parent: &str, child: &str| joint("fixed", parent, child, "");
+    let circle = link("root") + &two + &fixed("a", "b") + &fixed("b", "a");
+    let both = link("c") + &two + &fixed("a", "b") + &fixed("c", "b");
+    let cases = [
+        ("<robot".to_owned(), "file: is not XML: "),
+        ("<sdf/>".to_owned(), "file: is a <sdf>, not a <robot>; give a URDF"),
+        (robot("<xacro:include/>"), "file: is xacro; expand it with `xacro FILE > robot.urdf`"),
+        (geometry("<sphere radius=\"${r}\"/>"), "file: is xacro"),
+        (robot(""), "file: has no <link>; give a URDF with shapes"),
+        (
+            robot("<link name=\"l\"/>"),
+            "file: has no <visual> in the links that are meant; write `\"geometry\": \"collision\"`",
+        ),
+        (
+            robot(&two),
+            "link `b`: no joint leads to it, nor to link `a`; connect all links to one root",
+        ),
+        (robot(&(link("a") + &link("a"))), "link `a`: comes twice"),
+        (robot(&circle), "link `a`: joints lead in a circle to it; connect it to the root"),
+        (robot(&both), "joint `c_b`: joint `a_b` has the same child; leave one out"),
+        (
+            robot(&(two.clone() + &fixed("a", "bb"))),
+            "joint `a_bb`: no link is called \"bb\", its child; did you mean `b`?",
+        ),
+        (
+            robot(&(two.clone() + &joint("ball", "a", "b", ""))),
+            "joint `a_b`: type \"ball\" is none of fixed, ",
+        ),
+        (
+            robot(&(two.clone() + &joint("fixed", "a", "b", "xyz=\"1 2\""))),
+            "joint `a_b`: xyz of \"1 2\" is not 3 number(s)",
+        ),
+        (
+            robot(&(two.clone() + &joint("fixed", "a", "b", "rpy=\"0 0 nan\""))),
+            "joint `a_b`: rpy of \"0 0 nan\" is not",
+        ),
+        (
+            robot(&(two.clone() + &joint("fixed", "a", "b", "quat_xyzw=\"1 1 0 0\""))),
+            "is no unit quaternion",
+        ),
+        (
+            robot(&(two.clone() + &joint("fixed", "a", "b", "rotation=\"1\""))),
+            "<origin> has \"rotation\"; give xyz, rpy or quat_xyzw",
+        ),
+        (robot("<link/>"), "link: <link> lacks `name`; add it"),
+        (shape(""), "link `l`: <visual> has no <geometry>; give a box, cylinder, sphere or mesh"),
+        (geometry("<capsule/>"), "link `l`: <capsule> is not read; give a box,"),
+        (geometry("<box size=\"1 0 1\"/>"), "link `l`: size of 0 is not a length above 0"),
+        (geometry("<sphere/>"), "link `l`: <sphere> lacks `radius`; add it"),
+        (
+            geometry("<mesh filename=\"a.stl\" scale=\"1 0 1\"/>"),
+            "link `l`: scale of [1, 0, 1] is not three numbers other than 0",
+        ),
+        (
+            geometry("<mesh filename=\"../a.stl\"/>"),
+            "leaves the folder nowhere; copy the file into it, or give --trust-paths",
+        ),
+        (
+            geometry("<mesh filename=\"http://x/a.stl\"/>"),
+            "is not a file; copy the mesh beside the URDF",
+        ),
+        (
+            geometry("<mesh filename=\"package://car/a.stl\"/>"),
+            "no folder `car` is beside the file, and none with a package.xml above it; give `\"packages\"`",
+        ),
+        (geometry("<mesh filename=\"package://../a.stl\"/>"), "no folder `..` is beside the file"),
+    ];
+    for (text, told) in cases {
+        let message = read(&text, &[]).unwrap_err();
+        assert!(message.contains(told), "{message}\nis not {told}");
+    }
+    let message = read(&robot(&link("wheel")), &["whel"]).unwrap_err();
+    assert_eq!(message, "without: no link is called \"whel\"; did you mean `wheel`?");
+}

@@ -1,0 +1,346 @@
+//! Robots in URDF: the visual or collision shapes of their links, with all joints at rest.
+//!
+//! Read: `<link>` with `<visual>` and `<collision>` (box, cylinder, sphere, mesh), `<joint>` (type, origin, parent,
+//! child). Passed over, since no shape depends on it: masses, materials, limits, axes, transmissions.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use glam::{DMat3, DQuat, DVec3};
+use roxmltree::{Document, Node, ParsingOptions};
+
+use super::{Geometry, MeshFault, Part};
+use lidar_cast::geom::Pose;
+use sightline_files::files::stays_inside;
+use sightline_files::json::{check, check_xml, nearest};
+
+/// Most elements, texts and comments of a file.
+const MAX_NODES: u32 = 1_000_000;
+/// Kinds of joints; at rest each stands at 0.
+const JOINTS: [&str; 6] = ["fixed", "continuous", "floating", "planar", "prismatic", "revolute"];
+/// Largest scale of a mesh.
+const MAX_SCALE: f64 = 1.0e6;
+
+/// Where a robot's text and meshes come from, and which of its shapes are meant.
+pub struct Robot<'a> {
+    pub text: &'a str,
+    /// Folder of the file.
+    pub folder: &'a Path,
+    /// Folder that holds the packages of `package://`.
+    pub packages: Option<&'a Path>,
+    /// `visual` or `collision`.
+    pub tag: &'a str,
+    /// Links that are left out.
+    pub without: &'a [String],
+}
+
+/// A link's place in the tree.
+struct Joint {
+    parent: usize,
+    parent_from_child: Pose,
+    name: String,
+}
+
+fn fault(element: impl Into<String>, problem: impl Into<String>) -> MeshFault {
+    MeshFault::new(element, problem)
+}
+
+/// An element in words: its tag and name.
+fn called(node: Node) -> String {
+    let tag = node.tag_name().name();
+    /// Characters of a name that a message repeats.
+    const MOST: usize = 40;
+    match node.attribute("name") {
+        Some(name) => format!("{tag} `{}`", name.chars().take(MOST).collect::<String>()),
+        None => tag.to_owned(),
+    }
+}
+
+fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
+    node.children().find(|child| child.has_tag_name(name))
+}
+
+fn attribute<'a>(node: Node<'a, '_>, key: &str, of: &str) -> Result<&'a str, MeshFault> {
+    let tag = node.tag_name().name();
+    node.attribute(key).ok_or_else(|| fault(of, format!("<{tag}> lacks `{key}`; add it")))
+}
+
+/// `N` finite numbers of an attribute.
+fn numbers<const N: usize>(text: &str, key: &str, of: &str) -> Result<[f64; N], MeshFault> {
+    let read: Option<Vec<f64>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
+    let read = read.filter(|read| read.iter().all(|v: &f64| v.abs() <= check::MAX_METRES));
+    read.and_then(|read| read.try_into().ok()).ok_or_else(|| {
+        let text: String = text.chars().take(40).collect();
+        fault(of, format!("{key} of {text:?} is not {N} number(s) within ±1e9; correct it"))
+    })
+}
+
+/// A length above 0 of an attribute.
+fn length(node: Node, key: &str, of: &str) -> Result<f64, MeshFault> {
+    let [value] = numbers(attribute(node, key, of)?, key, of)?;
+    positive(value, key, of)
+}
+
+fn positive(value: f64, key: &str, of: &str) -> Result<f64, MeshFault> {
+    let is_good = value > 0.0;
+    is_good.then_some(value).ok_or_else(|| {
+        fault(of, format!("{key} of {value} is not a length above 0 in metres; correct it"))
+    })
+}
+
+/// The pose in the `<origin>` of an element; without one, that which changes nothing.
+fn origin(node: Node, of: &str) -> Result<Pose, MeshFault> {
+    let mut origins = node.children().filter(|child| child.has_tag_name("origin"));
+    let Some(origin) = origins.next() else { return Ok(Pose::IDENTITY) };
+    if origins.next().is_some() {
+        return Err(fault(of, "has a second <origin>; leave one out"));
+    }
+    let known = |name: &str| ["xyz", "rpy", "quat_xyzw"].contains(&name);
+    if let Some(odd) = origin.attributes().find(|attribute| !known(attribute.name())) {
+        let problem = format!("<origin> has {:?}; give xyz, rpy or quat_xyzw", odd.name());
+        return Err(fault(of, problem));
+    }
+    let three = |key: &str| numbers(origin.attribute(key).unwrap_or("0 0 0"), key, of);
+    let (at, [roll, pitch, yaw]) = (DVec3::from(three("xyz")?), three("rpy")?);
+    let Some(text) = origin.attribute("quat_xyzw") else {
+        return Ok(Pose::new(at, roll, pitch, yaw));
+    };
+    let quaternion = DQuat::from_array(numbers(text, "quat_xyzw", of)?);
+    if (quaternion.length() - 1.0).abs() > 1e-3 {
+        return Err(fault(of, format!("quat_xyzw of {text:?} is no unit quaternion; correct it")));
+    }
+    Ok(Pose { rotation: DMat3::from_quat(quaternion.normalize()), translation: at })
+}
+
+impl Robot<'_> {
+    /// The shapes of all links but those left out, in the order of the file.
+    pub fn parts(&self) -> Result<Vec<Part>, MeshFault> {
+        let document = self.document()?;
+        let robot = document.root_element();
+        let (links, names) = links(robot)?;
+        let mut left_out = vec![false; links.len()];
+        for name in self.without {
+            let Some(&link) = names.get(name.as_str()) else {
+                let near = nearest(name, names.keys().copied());
+                let near = near.map(|near| format!("did you mean `{near}`?"));
+                let mend = near.unwrap_or_else(|| "take it out of `without`".to_owned());
+                return Err(fault("without", format!("no link is called {name:?}; {mend}")));
+            };
+            left_out[link] = true;
+        }
+        let poses = at_rest(&joints(robot, &names, links.len())?, &links)?;
+        let mut parts = Vec::new();
+        for (link, &root_from_link) in poses.iter().enumerate().filter(|(k, _)| !left_out[*k]) {
+            for shape in links[link].children().filter(|node| node.has_tag_name(self.tag)) {
+                let of = called(links[link]);
+                let root_from_part = root_from_link.compose(&origin(shape, &of)?);
+                parts.push(Part { geometry: self.geometry(shape, &of)?, root_from_part });
+            }
+        }
+        if parts.is_empty() {
+            let other = if self.tag == "visual" { "collision" } else { "visual" };
+            let problem = format!(
+                "has no <{}> in the links that are meant; write `\"geometry\": \"{other}\"`, or name another file",
+                self.tag
+            );
+            return Err(fault("file", problem));
+        }
+        Ok(parts)
+    }
+
+    fn document(&self) -> Result<Document<'_>, MeshFault> {
+        let unexpanded = || fault("file", "is xacro; expand it with `xacro FILE > robot.urdf`");
+        let parsed = check_xml(self.text).and_then(|()| {
+            let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
+            Document::parse_with_options(self.text, options).map_err(|error| error.to_string())
+        });
+        let document = parsed.map_err(|problem| match self.text.contains("<xacro:") {
+            true => unexpanded(),
+            false => fault("file", format!("is not XML: {problem}; correct it")),
+        })?;
+        let is_xacro = |node: Node| {
+            let waits = |value: &str| value.contains("${") || value.contains("$(");
+            node.tag_name().namespace().is_some_and(|space| space.contains("xacro"))
+                || node.attributes().any(|attribute| waits(attribute.value()))
+        };
+        if document.descendants().any(is_xacro) {
+            return Err(unexpanded());
+        }
+        let root = document.root_element().tag_name().name();
+        if root != "robot" {
+            return Err(fault("file", format!("is a <{root}>, not a <robot>; give a URDF")));
+        }
+        Ok(document)
+    }
+
+    fn geometry(&self, shape: Node, of: &str) -> Result<Geometry, MeshFault> {
+        let geometry = child(shape, "geometry");
+        let kind = geometry.and_then(|geometry| geometry.children().find(Node::is_element));
+        let wanted = "give a box, cylinder, sphere or mesh";
+        let Some(kind) = kind else {
+            return Err(fault(of, format!("<{}> has no <geometry>; {wanted}", self.tag)));
+        };
+        match kind.tag_name().name() {
+            "box" => {
+                let [x, y, z] = numbers(attribute(kind, "size", of)?, "size", of)?;
+                let edges = [x, y, z].map(|edge| positive(edge, "size", of));
+                let [x, y, z] = edges;
+                Ok(Geometry::Box(DVec3::new(x?, y?, z?)))
+            }
+            "cylinder" => {
+                Ok(Geometry::Cylinder(length(kind, "radius", of)?, length(kind, "length", of)?))
+            }
+            "sphere" => Ok(Geometry::Sphere(length(kind, "radius", of)?)),
+            "mesh" => {
+                let file = self.mesh_file(attribute(kind, "filename", of)?, of)?;
+                let scale = numbers(kind.attribute("scale").unwrap_or("1 1 1"), "scale", of)?;
+                let scale = DVec3::from(scale);
+                let most = scale.abs().max_element();
+                if scale.abs().min_element() == 0.0 || most > MAX_SCALE {
+                    let problem =
+                        "is not three numbers other than 0 and at most 1000000; correct it";
+                    return Err(fault(of, format!("scale of {scale} {problem}")));
+                }
+                Ok(Geometry::Mesh(file, scale))
+            }
+            other => Err(fault(of, format!("<{other}> is not read; {wanted}"))),
+        }
+    }
+
+    /// Path of a mesh by its name in the file.
+    fn mesh_file(&self, name: &str, of: &str) -> Result<PathBuf, MeshFault> {
+        let refused = |error: sightline_files::files::FileError| fault(of, error.to_string());
+        let schemes = ["package://", "model://"];
+        let in_package = schemes.iter().find_map(|scheme| name.strip_prefix(scheme));
+        let Some(in_package) = in_package else {
+            let name = name.strip_prefix("file://").unwrap_or(name);
+            if name.contains("://") {
+                let problem = format!("{name:?} is not a file; copy the mesh beside the URDF");
+                return Err(fault(of, problem));
+            }
+            return stays_inside(self.folder, name).map_err(refused);
+        };
+        let (package, rest) = in_package.split_once('/').unwrap_or((in_package, ""));
+        let folder = self.package(package).ok_or_else(|| {
+            let problem = format!(
+                "{name:?}: no folder `{package}` is beside the file, and none with a package.xml above it; give \
+                 `\"packages\"`, the folder that holds `{package}`"
+            );
+            fault(of, problem)
+        })?;
+        stays_inside(&folder, rest).map_err(refused)
+    }
+
+    /// Folder of a ROS package: in `packages`; else beside the file, or the folder above the file of that name with a
+    /// `package.xml`.
+    fn package(&self, name: &str) -> Option<PathBuf> {
+        // A name alone, so that no package leads out of a folder.
+        if name.is_empty() || name.starts_with('.') || name.contains(['\\', ':']) {
+            return None;
+        }
+        if let Some(packages) = self.packages {
+            return Some(packages.join(name)).filter(|folder| folder.is_dir());
+        }
+        let beside = self.folder.join(name);
+        if beside.is_dir() {
+            return stays_inside(self.folder, name).ok();
+        }
+        let here = if self.folder.as_os_str().is_empty() { Path::new(".") } else { self.folder };
+        let here = here.canonicalize().ok()?;
+        let is_it = |folder: &&Path| {
+            folder.file_name().is_some_and(|own| own == name)
+                && folder.join("package.xml").is_file()
+        };
+        here.ancestors().find(is_it).map(Path::to_owned)
+    }
+}
+
+/// All links in the order of the file, and the number of each by its name.
+fn links<'a, 'i>(
+    robot: Node<'a, 'i>,
+) -> Result<(Vec<Node<'a, 'i>>, HashMap<&'a str, usize>), MeshFault> {
+    let (mut links, mut names) = (Vec::new(), HashMap::new());
+    for link in robot.children().filter(|node| node.has_tag_name("link")) {
+        let name = attribute(link, "name", "link")?;
+        if names.insert(name, links.len()).is_some() {
+            return Err(fault(called(link), "comes twice; give each link a name of its own"));
+        }
+        links.push(link);
+    }
+    match links.is_empty() {
+        true => Err(fault("file", "has no <link>; give a URDF with shapes")),
+        false => Ok((links, names)),
+    }
+}
+
+/// The joint above each link; none above a root.
+fn joints(
+    robot: Node,
+    names: &HashMap<&str, usize>,
+    count: usize,
+) -> Result<Vec<Option<Joint>>, MeshFault> {
+    let mut above: Vec<Option<Joint>> = (0..count).map(|_| None).collect();
+    for joint in robot.children().filter(|node| node.has_tag_name("joint")) {
+        let of = called(joint);
+        let kind = attribute(joint, "type", &of)?;
+        if !JOINTS.contains(&kind) {
+            return Err(fault(of, format!("type {kind:?} is none of {}", JOINTS.join(", "))));
+        }
+        let link = |key: &str| {
+            let element = child(joint, key);
+            let element = element.ok_or_else(|| fault(&*of, format!("has no <{key}>; add it")))?;
+            let name = attribute(element, "link", &of)?;
+            names.get(name).copied().ok_or_else(|| {
+                let near = nearest(name, names.keys().copied());
+                let mend = near.map_or_else(
+                    || "add the link".to_owned(),
+                    |near| format!("did you mean `{near}`?"),
+                );
+                fault(&*of, format!("no link is called {name:?}, its {key}; {mend}"))
+            })
+        };
+        let (parent, child) = (link("parent")?, link("child")?);
+        let name = joint.attribute("name").unwrap_or_default().to_owned();
+        let place = Joint { parent, parent_from_child: origin(joint, &of)?, name };
+        if let Some(other) = &above[child] {
+            let problem = format!("joint `{}` has the same child; leave one out", other.name);
+            return Err(fault(of, problem));
+        }
+        above[child] = Some(place);
+    }
+    Ok(above)
+}
+
+/// Takes each link's frame to the root's, with all joints at 0.
+fn at_rest(above: &[Option<Joint>], links: &[Node]) -> Result<Vec<Pose>, MeshFault> {
+    let mut below: Vec<Vec<usize>> = vec![Vec::new(); above.len()];
+    let mut roots = Vec::new();
+    for (link, joint) in above.iter().enumerate() {
+        match joint {
+            Some(joint) => below[joint.parent].push(link),
+            None => roots.push(link),
+        }
+    }
+    if let [first, second, ..] = roots[..] {
+        let problem = format!(
+            "no joint leads to it, nor to {}; connect all links to one root",
+            called(links[first])
+        );
+        return Err(fault(called(links[second]), problem));
+    }
+    let mut poses: Vec<Option<Pose>> = vec![None; above.len()];
+    let mut open: Vec<(usize, Pose)> =
+        roots.into_iter().map(|root| (root, Pose::IDENTITY)).collect();
+    while let Some((link, pose)) = open.pop() {
+        poses[link] = Some(pose);
+        for &next in &below[link] {
+            let step = above[next].as_ref().map_or(Pose::IDENTITY, |joint| joint.parent_from_child);
+            open.push((next, pose.compose(&step)));
+        }
+    }
+    let place = |(link, pose): (usize, Option<Pose>)| {
+        let circle = "joints lead in a circle to it; connect it to the root";
+        pose.ok_or_else(|| fault(called(links[link]), circle))
+    };
+    poses.into_iter().enumerate().map(place).collect()
+}

@@ -1,0 +1,132 @@
+//! Bodies of the own vehicle in poses: against shapes written where they stand, and every fault.
+
+use super::*;
+
+const TRAILER: &str =
+    r#"{ "class": "vehicle", "box": { "center": [0, 0, 0], "size": [8, 2.5, 3] } }"#;
+const TRACTOR: &str =
+    r#"{ "class": "vehicle", "box": { "min": [-2, -1, 0], "max": [2, 1, 1.5] } }"#;
+
+fn with(body: &str, bodies: &str, more: &str) -> Result<Scene, DescriptionError> {
+    let wall = r#"{ "class": "wall", "box": { "foot": [20, 0, 0], "size": [1, 40, 5] } }"#;
+    read(&full(wall, &format!(r#", {more} "ego": {{ "body": [{body}], "bodies": [{bodies}] }}"#)))
+}
+
+fn trailer(poses: &str) -> String {
+    format!(r#"{{ "name": "trailer", "parts": [{TRAILER}], "poses": [{poses}] }}"#)
+}
+
+fn told(scene: Result<Scene, DescriptionError>) -> String {
+    scene.unwrap_err().to_string()
+}
+
+#[test]
+fn a_trailer_in_one_pose_is_the_same_box_written_turned_to_the_bit() {
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let turned = format!(r#"{{ "x": -3, "y": -6, "z": 1.6, "yaw": {quarter} }}"#);
+    let posed = with(TRACTOR, &trailer(&turned), "").unwrap();
+    let written = format!(
+        r#"{TRACTOR}, {{ "class": "vehicle", "box": {{ "center": [-3, -6, 1.6], "size": [8, 2.5, 3], "yaw": {quarter} }} }}"#
+    );
+    let written = with(&written, "", "").unwrap();
+    let whole = |scene: &Scene| scene.frame(0, EgoBody::Include);
+    assert_eq!(whole(&posed), whole(&written));
+    assert_eq!(posed.body(), written.body());
+    assert_eq!((posed.parts(EgoBody::Include), posed.has_moving_bodies()), (0..2, false));
+    let corners = posed.body().into_iter().flatten();
+    let low = corners.fold([f32::MAX; 2], |low, [x, y, _]| [low[0].min(x), low[1].min(y)]);
+    // Eight metres long across: from y = −10 to −2, 2.5 m wide around x = −3.
+    assert!((low[0] + 4.25).abs() < 1e-6 && (low[1] + 10.0).abs() < 1e-6, "{low:?}");
+}
+
+#[test]
+fn a_trailer_that_bends_is_in_each_frame_the_box_written_there_to_the_bit() {
+    let poses = [
+        r#"{ "x": -6, "y": 0, "z": 1.6 }"#,
+        r#"{ "x": -5.5, "y": -1, "z": 1.6, "yaw": 0.4 }"#,
+        r#"{ "x": -5, "y": -2, "z": 1.7, "yaw": 0.8, "pitch": -0.1, "roll": 0.05 }"#,
+    ];
+    let bending = with(TRACTOR, &trailer(&poses.join(", ")), r#""frames": 3,"#).unwrap();
+    assert_eq!((bending.frame_count(), bending.parts(EgoBody::Include)), (3, 0..3));
+    assert_eq!(bending.owner(2), PartOwner::EgoBody(0));
+    for (frame, pose) in poses.iter().enumerate() {
+        let still = with(TRACTOR, &trailer(pose), "").unwrap();
+        assert_eq!(bending.frame(frame, EgoBody::Include), still.frame(0, EgoBody::Include));
+    }
+    assert_eq!(bending.frame(1, EgoBody::Exclude).faces.len(), 12);
+    let notes: Vec<&str> = bending.notes().iter().map(Note::text).collect();
+    assert!(
+        notes.join("\n").contains("s.json: ego.bodies[0]: moves from frame to frame"),
+        "{notes:?}"
+    );
+}
+
+#[test]
+fn the_bodies_of_a_vehicle_take_the_place_of_the_scenes() {
+    let vehicle = r#"{ "sensors": [{ "name": "a", "lidar": { "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 50 } }],
+        "mounts": [{ "name": "roof", "min": [0, 0, 2], "max": [0, 0, 2], "count": 1 }],
+        "bodies": [{ "parts": [{ "class": "vehicle", "box": { "min": [-1, -1, 0], "max": [1, 1, 1] } }], "poses": [{ "x": -4, "y": 0 }] }] }"#;
+    let text = full(
+        "",
+        r#", "ego": { "body": [{ "class": "vehicle", "box": { "min": [-2, -1, 0], "max": [2, 1, 1.5] } }] }"#,
+    );
+    let start = text.find("\"lidar\"").unwrap();
+    let end = text.find("\"static\"").unwrap();
+    let text = format!("{}\"vehicle\": {vehicle}, {}", &text[..start], &text[end..]);
+    let scene = read(&text).unwrap();
+    let least = scene.body().into_iter().flatten().map(|corner| corner[0]).fold(f32::MAX, f32::min);
+    assert_eq!((scene.body().len(), least), (12, -5.0));
+    let two = vehicle.replace("\"poses\": [", "\"poses\": [{ \"x\": 0, \"y\": 0 }, ");
+    let told = message(&text.replace(vehicle, &two));
+    assert!(
+        told.starts_with(
+            "s.json: vehicle.bodies[0].poses: a list of 2 is not one pose for all frames"
+        ),
+        "{told}"
+    );
+}
+
+#[test]
+fn faults_of_bodies_name_their_field_and_the_mend() {
+    let pose = r#"{ "x": -6, "y": 0 }"#;
+    let two = trailer(&format!("{pose}, {pose}"));
+    let good = trailer(pose);
+    for (bodies, more, expected) in [
+        (
+            good.replace(&format!(", \"poses\": [{pose}]"), ""),
+            "",
+            "s.json: ego.bodies[0]: `poses` is missing: say where the body is in the ego frame, with one pose, or one for \
+             each frame",
+        ),
+        (
+            two.clone(),
+            r#""frames": 3,"#,
+            "s.json: ego.bodies[0].poses: a list of 2 is not one pose for all frames, or one for each of the 3 frame(s)",
+        ),
+        (
+            trailer(""),
+            "",
+            "s.json: ego.bodies[0].poses: a list of 0 is not one pose for all frames",
+        ),
+        (
+            good.replace(TRAILER, ""),
+            "",
+            "s.json: ego.bodies[0].parts: an empty list is not a shape of the body; add one",
+        ),
+        (good.replace("\"name\"", "\"nam\""), "", "did you mean `name`?"),
+        (
+            good.replace("\"x\": -6", "\"x\": 2e9"),
+            "",
+            "s.json: ego.bodies[0].poses[0].x: 2000000000 is not a coordinate",
+        ),
+        (
+            good.replace("\"y\": 0", "\"y\": 0, \"roll\": 90"),
+            "",
+            "s.json: ego.bodies[0].poses[0].roll: 90 is not an angle",
+        ),
+    ] {
+        let told = told(with(TRACTOR, &bodies, more));
+        assert!(told.contains(expected), "{told}\nis not {expected}");
+    }
+    assert!(with(TRACTOR, &two, r#""frames": 2,"#).is_ok());
+}

@@ -1,0 +1,104 @@
+//! Robots in URDF and meshes in STL as shapes of a scene.
+
+use std::fs;
+
+use super::*;
+
+const TOP: &str = r#""sightline": 1, "roi": {"min": [-20, -20, 0], "max": [20, 20, 5], "voxel": [1, 1, 1]},
+    "lidar": {"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100},
+    "mount": {"min": [0, 0, 2], "max": [0, 0, 2], "lidars": 1}"#;
+
+const STL: &str = "solid s\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1000 0 0\nvertex 0 2000 500\n\
+                   endloop\nendfacet\nendsolid s\n";
+
+fn with_body(folder: &std::path::Path, shape: &str) -> Result<Scene, DescriptionError> {
+    let text = format!(r#"{{{TOP}, "ego": {{"body": [{{"class": "vehicle", {shape}}}]}}}}"#);
+    Scene::from_json(&text, folder, "s.json")
+}
+
+fn body(scene: &Scene) -> Vec<[[f32; 3]; 3]> {
+    scene.body()
+}
+
+/// A package as ROS lays it out: `car/package.xml`, `car/urdf/car.urdf`, `car/meshes/hull.stl`.
+fn package(folder: &std::path::Path) {
+    for inner in ["car/urdf", "car/meshes"] {
+        fs::create_dir_all(folder.join(inner)).unwrap();
+    }
+    let robot = r#"<robot name="car">
+        <link name="base">
+          <visual><geometry><mesh filename="package://car/meshes/hull.stl" scale="0.001 -0.001 0.002"/></geometry></visual>
+          <collision><geometry><box size="4 2 1"/></geometry></collision>
+        </link>
+        <link name="lidar"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+        <joint name="mast" type="fixed"><origin xyz="0 0 1.5"/><parent link="base"/><child link="lidar"/></joint>
+        </robot>"#;
+    fs::write(folder.join("car/urdf/car.urdf"), robot).unwrap();
+    fs::write(folder.join("car/meshes/hull.stl"), STL).unwrap();
+}
+
+#[test]
+fn a_robot_is_the_body_as_its_shapes_written_out() {
+    let folder = tempfile::tempdir().unwrap();
+    package(folder.path());
+    let collision = r#""urdf": {"file": "car/urdf/car.urdf", "geometry": "collision", "without": ["lidar"],
+                                "translate": [1, 0, 0.75], "yaw": 0.5}"#;
+    let robot = with_body(folder.path(), collision).unwrap();
+    let written = r#""box": {"center": [1, 0, 0.75], "size": [4, 2, 1], "yaw": 0.5}"#;
+    let written = with_body(folder.path(), written).unwrap();
+    assert_eq!(body(&robot).len(), 12);
+    let far = |a: &f32, b: &f32| (a - b).abs();
+    let (a, b) = (body(&robot).concat().concat(), body(&written).concat().concat());
+    assert!(a.iter().zip(&b).all(|(a, b)| far(a, b) < 1e-6));
+    let all = with_body(folder.path(), &collision.replace("\"lidar\"", "")).unwrap();
+    assert_eq!(body(&all).len(), 12 + 2 * 32 * 15);
+}
+
+#[test]
+fn a_package_without_its_xml_is_refused_and_found_with_it_or_in_packages() {
+    let folder = tempfile::tempdir().unwrap();
+    package(folder.path());
+    let shape = r#""urdf": {"file": "car/urdf/car.urdf"}"#;
+    let told = with_body(folder.path(), shape).unwrap_err().to_string();
+    assert!(
+        told.starts_with("s.json: ego.body[0].urdf: mesh ") && told.contains("link `base`"),
+        "{told}"
+    );
+    assert!(told.contains("give `\"packages\"`, the folder that holds `car`"), "{told}");
+    let named = shape.replace("urdf\"}", "urdf\", \"packages\": \".\"}");
+    let in_packages = with_body(folder.path(), &named).unwrap();
+    fs::write(folder.path().join("car/package.xml"), "<package/>").unwrap();
+    let found = with_body(folder.path(), shape).unwrap();
+    let expected = [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -2.0, 1.0]]];
+    assert_eq!((body(&found), body(&in_packages)), (expected.to_vec(), expected.to_vec()));
+    let files: Vec<_> = found.files().iter().map(|file| file.file_name().unwrap()).collect();
+    assert!(files.contains(&"car.urdf".as_ref()) && files.contains(&"hull.stl".as_ref()));
+}
+
+#[test]
+fn a_body_in_millimetres_is_noted_and_wrong_keys_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    package(folder.path());
+    let stl = r#""mesh": {"file": "car/meshes/hull.stl"}"#;
+    let scene = with_body(folder.path(), stl).unwrap();
+    let told: Vec<&str> = scene.notes().iter().map(sightline_files::Note::text).collect();
+    assert!(told.join("\n").contains("2000 mm would be 2.00 m"), "{told:?}");
+    for (shape, told) in [
+        (
+            r#""urdf": {"file": "car/urdf/car.urdf", "geometri": "visual"}"#,
+            "did you mean `geometry`?",
+        ),
+        (
+            r#""urdf": {"file": "car/urdf/car.urdf", "geometry": "visuals"}"#,
+            "ego.body[0].urdf.geometry: \"visuals\" is not \"visual\" or \"collision\"",
+        ),
+        (r#""urdf": {"file": "no.urdf"}"#, "mesh no.urdf: file: cannot be read"),
+        (r#""urdf": {"file": "car/meshes/hull.stl"}"#, "file: is not XML"),
+    ] {
+        let message = with_body(folder.path(), shape)
+            .unwrap_err()
+            .to_string()
+            .replace(&format!("{}/", folder.path().display()), "");
+        assert!(message.contains(told), "{message}");
+    }
+}

@@ -1,0 +1,84 @@
+//! Bodies in poses: a trailer that bends against the same trailer written where it stands.
+
+use super::*;
+
+/// A trailer of 6 by 2.5 m, 0.5 to 6 m high, that begins 1 m before its hitch at x = −2.
+const TRAILER: &str =
+    r#"{ "class": "vehicle", "box": { "min": [-5, -1.25, 0.5], "max": [1, 1.25, 6] } }"#;
+const ANGLES: [f64; 3] = [0.0, 0.6, std::f64::consts::FRAC_PI_2];
+
+fn with_bodies(bodies: &str, frames: usize) -> Scene {
+    let text = format!(
+        r#"{{ "sightline": 1, "name": "trailer",
+        "roi": {{ "min": [-16, -16, -0.4], "max": [16, 16, 2.8], "voxel": [0.4, 0.4, 0.4] }},
+        "lidar": {{ "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 100 }},
+        "mount": {{ "min": [-2, -1, 0.1], "max": [3, 1, 2.7], "lidars": 1 }}, "frames": {frames},
+        "static": [{{ "class": "road", "plane": {{ "min": [-60, -60], "max": [60, 60], "z": 0 }} }}],
+        "ego": {{ "body": [{{ "class": "vehicle", "box": {{ "min": [-2, -1, 0], "max": [2, 1, 1.5] }} }}],
+                 "bodies": [{bodies}] }} }}"#
+    );
+    Scene::from_json(&text, Path::new(""), "trailer.json").unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn pose(yaw: f64) -> String {
+    format!(r#"{{ "x": -2, "y": 0, "yaw": {yaw} }}"#)
+}
+
+fn bending() -> Scene {
+    let poses = ANGLES.map(pose).join(", ");
+    with_bodies(&format!(r#"{{ "name": "trailer", "parts": [{TRAILER}], "poses": [{poses}] }}"#), 3)
+}
+
+fn standing(yaw: f64) -> Scene {
+    with_bodies(&format!(r#"{{ "parts": [{TRAILER}], "poses": [{}] }}"#, pose(yaw)), 1)
+}
+
+fn sensor() -> (BeamTable, SensorPose) {
+    let channels: Vec<(f64, f64)> = (0..20).map(|k| (-12.3 + 1.7 * f64::from(k), OFFSET)).collect();
+    (BeamTable::spinning(&channels, 300, 100.0).unwrap(), SensorPose::at(1.0, 0.2, 2.0))
+}
+
+/// Problem over all frames of a scene.
+fn whole(scene: &Scene) -> Arc<Problem> {
+    let roi = scene.roi().grid().unwrap();
+    let psog = Psog::new(roi, 1, scene.classes().to_vec(), vec![], vec![]).unwrap();
+    let frames: Vec<usize> = (0..scene.frame_count()).collect();
+    Arc::new(Problem::from_scene(scene, &psog, sensor().0, &frames).unwrap())
+}
+
+#[test]
+fn a_trailer_that_bends_wastes_in_each_frame_as_one_that_stands_so() {
+    let scene = bending();
+    let problem = whole(&scene);
+    let placement = one(sensor().1);
+    let near = NearSite::new(&scene, &problem).unwrap();
+    let near = near.look(&mut cpu(&problem), &placement).unwrap();
+    let alone: Vec<f64> =
+        ANGLES.map(|yaw| look(&standing(yaw), sensor().0, sensor().1).beams[0].own).to_vec();
+    let mean = alone.iter().sum::<f64>() / 3.0;
+    // Some beams at edges differ: one trailer is moved as a whole, the others corner by corner.
+    assert!((near.beams[0].own - mean).abs() < 2e-3, "{} {alone:?}", near.beams[0].own);
+    let spread = alone.iter().fold(0.0, |far: f64, share| far.max((share - mean).abs()));
+    assert!(spread > 0.02, "the frames differ: {alone:?}");
+    // The guard tells of the worst frame.
+    let guards = self_hits(&scene, &problem, &mut cpu(&problem), &placement).unwrap();
+    let worst = alone.iter().copied().fold(0.0, f64::max);
+    let [crate::score::Guard::SelfHit { share, .. }] = guards[..] else { panic!("{alone:?}") };
+    assert!((share - worst).abs() < 2e-3, "{share} {alone:?}");
+}
+
+#[test]
+fn ground_under_the_trailer_counts_in_no_frame_in_which_it_stands_there() {
+    let scene = bending();
+    let seen = {
+        let problem = whole(&scene);
+        let site = NearSite::new(&scene, &problem).unwrap();
+        site.seen_by_lidar(&mut cpu(&problem), &one(sensor().1)).unwrap()
+    };
+    let cells = |near: &[bool]| near.iter().filter(|is| **is).count() as f64 / 16.0;
+    let [straight, bent, across] = [0, 1, 2].map(|frame| cells(&seen[frame].near));
+    // The outline is that of frame 0. Turned by 90° the trailer stands on y = −5 to 1, and the outline has y = −1.25 to 1.25:
+    // 2.5 by 3.75 m of ground are gone.
+    assert!(straight > bent && bent > across, "{straight} {bent} {across}");
+    assert!((straight - across - 2.5 * 3.75).abs() < 0.7, "{straight} {across}");
+}

@@ -1,0 +1,148 @@
+//! Own bodies as users bring them: STL, URDF, a trailer in poses; and bodies that cannot be.
+
+use std::fs;
+use std::io::BufReader;
+use std::path::Path;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{array, fails, ok, room};
+
+/// Corners of a triangle that beams from the sensor of [`room_with`] meet.
+const FACET: &str = "facet normal 0 0 0\nouter loop\nvertex 1 -1 0\nvertex 1 1 0\nvertex 1 0 2.5\nendloop\nendfacet\n";
+/// Turns of a trailer in three frames.
+const YAWS: [f64; 3] = [0.0, 0.4, 1.1];
+
+/// The room with an own vehicle.
+fn room_with(dir: &Path, name: &str, ego: &Value) {
+    let mut scene: Value = serde_json::from_slice(&fs::read(room(dir)).unwrap()).unwrap();
+    scene["ego"] = ego.clone();
+    fs::write(dir.join(name), scene.to_string()).unwrap();
+    let placements = json!({ "placements": [
+        { "name": "p", "lidars": [{ "x": 0, "y": 0.1, "z": 1.5 }, { "x": 0.4, "y": -0.3, "z": 1.7, "yaw": 1 }] }] });
+    fs::write(dir.join("p.json"), placements.to_string()).unwrap();
+}
+
+fn distances(dir: &Path, scene: &str, frame: usize) -> Vec<f32> {
+    let frame = frame.to_string();
+    let args = [
+        "cast",
+        scene,
+        "p.json",
+        "--frame",
+        &frame,
+        "--out",
+        "h.npz",
+        "--force",
+        "--backend",
+        "cpu",
+    ];
+    assert_eq!(ok(dir, &args)["beams"], 960);
+    let file = BufReader::new(fs::File::open(dir.join("h.npz")).unwrap());
+    array(&mut zip::ZipArchive::new(file).unwrap(), "distance")
+}
+
+fn pose(yaw: f64) -> Value {
+    json!({ "x": -0.8, "y": 0, "yaw": yaw })
+}
+
+fn trailer(poses: Value) -> Value {
+    json!({ "body": [{ "class": "vehicle", "box": { "min": [-0.8, -0.4, 0.2], "max": [0.8, 0.4, 1.1] } }],
+            "bodies": [{ "parts": [{ "class": "vehicle", "box": { "min": [-1.9, -0.5, 0.2], "max": [-0.2, 0.5, 2] } }],
+                         "poses": poses }] })
+}
+
+#[test]
+fn beams_end_at_a_trailer_in_each_frame_as_at_one_that_stands_so() {
+    let dir = TempDir::new().unwrap();
+    room_with(dir.path(), "bends.json", &trailer(json!(YAWS.map(pose))));
+    let mut seen = Vec::new();
+    for (frame, yaw) in YAWS.into_iter().enumerate() {
+        room_with(dir.path(), "stands.json", &trailer(json!([pose(yaw)])));
+        let bends = distances(dir.path(), "bends.json", frame);
+        let stands = distances(dir.path(), "stands.json", frame);
+        let differ = |(a, b): &(&f32, &f32)| a != b && (*a - *b).abs() > 1e-4;
+        let differing = bends.iter().zip(&stands).filter(differ).count();
+        // A beam at an edge may end at either side of it.
+        assert!(differing <= 2, "{frame}: {differing} of 960 beams");
+        seen.push(bends);
+    }
+    let moved = seen[0].iter().zip(&seen[2]).filter(|(a, b)| (*a - *b).abs() > 0.1).count();
+    assert!(moved > 50, "{moved} beams tell the frames apart");
+    room_with(dir.path(), "none.json", &json!({}));
+    assert_ne!(seen[0], distances(dir.path(), "none.json", 0));
+}
+
+#[test]
+fn an_stl_and_a_urdf_that_names_it_give_the_bits_of_an_obj() {
+    let dir = TempDir::new().unwrap();
+    let path = |name: &str| dir.path().join(name);
+    fs::write(path("b.stl"), format!("solid\n{FACET}endsolid\n")).unwrap();
+    fs::write(path("b.obj"), "v 1 -1 0\nv 1 1 0\nv 1 0 2.5\nf 1 2 3\n").unwrap();
+    let urdf = r#"<robot name="r"><link name="l"><collision><geometry><mesh filename="b.stl"/></geometry></collision></link></robot>"#;
+    fs::write(path("b.urdf"), urdf).unwrap();
+    let mut all = Vec::new();
+    for shape in [
+        json!({ "mesh": { "file": "b.obj" } }),
+        json!({ "mesh": { "file": "b.stl" } }),
+        json!({ "urdf": { "file": "b.urdf", "geometry": "collision" } }),
+    ] {
+        let mut shape = shape;
+        shape["class"] = json!("vehicle");
+        room_with(dir.path(), "r.json", &json!({ "body": [shape] }));
+        all.push(distances(dir.path(), "r.json", 0));
+    }
+    assert!(all[0] == all[1] && all[0] == all[2]);
+    assert!(all[0].iter().any(|metres| *metres < 1.2), "some beams end at it");
+    // Inputs are protected: the mesh of the robot, too.
+    let args = ["cast", "r.json", "p.json", "--out", "b.stl", "--force"];
+    let message = fails(dir.path(), &args);
+    assert!(message.contains("b.stl"), "{message}");
+}
+
+#[test]
+fn bodies_that_cannot_be_end_in_one_sentence_and_exit_code_2() {
+    let dir = TempDir::new().unwrap();
+    let path = |name: &str| dir.path().join(name);
+    fs::write(path("empty.stl"), "solid\nendsolid\n").unwrap();
+    fs::write(path("short.stl"), [&[b'x'; 80][..], &9_u32.to_le_bytes(), &[0; 50]].concat())
+        .unwrap();
+    fs::write(path("r.urdf"), r#"<robot name="r"><link name="l"/></robot>"#).unwrap();
+    let body = |shape: Value| json!({ "body": [shape] });
+    let mesh = |file: &str| body(json!({ "class": "vehicle", "mesh": { "file": file } }));
+    let mut without = trailer(json!([]));
+    without["bodies"][0].as_object_mut().unwrap().remove("poses");
+    for (ego, told) in [
+        (
+            mesh("empty.stl"),
+            "r.json: ego.body[0].mesh: mesh empty.stl: file: holds no triangle; export its faces",
+        ),
+        (
+            mesh("short.stl"),
+            "mesh short.stl: header: says 9 triangles, which take 534 bytes, and the file has 134; export it again",
+        ),
+        (
+            body(json!({ "class": "vehicle", "urdf": { "file": "r.urdf" } })),
+            "r.json: ego.body[0].urdf: mesh r.urdf: file: has no <visual>",
+        ),
+        (without, "r.json: ego.bodies[0]: `poses` is missing: say where the body is"),
+        (
+            trailer(json!([pose(0.0), pose(0.1)])),
+            "r.json: ego.bodies[0].poses: a list of 2 is not one pose for all frames, or one for each of the 3",
+        ),
+    ] {
+        room_with(dir.path(), "r.json", &ego);
+        let message = fails(dir.path(), &["cast", "r.json", "p.json", "--out", "h.npz"]);
+        assert!(message.contains(told), "{message}\nis not {told}");
+        assert_eq!(message.trim_end().lines().count(), 1, "{message}");
+        assert!(!path("h.npz").exists());
+    }
+    // A likely mistake is a note, and with --strict an error.
+    let millimetres = "facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 4400 0 0\nvertex 0 1800 1300\nendloop\nendfacet\n";
+    fs::write(path("mm.stl"), format!("solid\n{millimetres}endsolid\n")).unwrap();
+    room_with(dir.path(), "r.json", &mesh("mm.stl"));
+    let message = fails(dir.path(), &["cast", "r.json", "p.json", "--out", "h.npz", "--strict"]);
+    let told = "the ego body is 4400.0 m large; lengths are in metres, 4400 mm would be 4.40 m: give its mesh `\"scale\": 0.001`";
+    assert!(message.contains(told), "{message}");
+}
