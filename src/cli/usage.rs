@@ -127,7 +127,10 @@ mod tests {
                 "score s.json p.json --fromat json",
                 "unexpected argument '--fromat' found; a similar",
             ),
-            ("score s.json --format jsn", "for '--format <FORMAT>' [possible values: text, json]"),
+            (
+                "score s.json --format jsn",
+                "for '--format <FORMAT>' [possible values: text, json, csv]",
+            ),
             (
                 "scan s.json --seed -1",
                 "'--seed <N>': give a whole number from 0 to 18446744073709551615",

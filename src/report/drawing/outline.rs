@@ -9,7 +9,8 @@ const MOST_CELLS: f64 = 1200.0;
 /// Size of a cell in metres, unless there would be more than [`MOST_CELLS`].
 const FINEST: f64 = 0.01;
 /// Cells that a corner may lie beside the line between its neighbours and be left out.
-const SLACK: f64 = 0.8;
+/// The corners of a slope's steps lie up to one cell apart.
+const SLACK: f64 = 1.05;
 
 type Flat = [f64; 2];
 /// A corner of the grid.
