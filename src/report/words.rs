@@ -58,7 +58,17 @@ pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &st
         .filter(|seen| !seen.is_met())
         .map(|seen| format!("{seen}. "))
         .collect();
-    format!("{}{}{against}{share} {guards}", lacking.concat(), blind_in_words(best))
+    let required = if lacking.is_empty() { met_in_words(subject, best) } else { lacking.concat() };
+    format!("{required}{}{against}{share} {guards}", blind_in_words(best))
+}
+
+/// Sentence on requirements that are all met; empty where there are none.
+fn met_in_words(subject: &str, best: &Scored) -> String {
+    match &best.scores.required[..] {
+        [] => String::new(),
+        [one] => format!("{subject} meets its requirement, {}. ", one.name),
+        all => format!("{subject} meets all {} requirements. ", all.len()),
+    }
 }
 
 /// Sentence on sectors that a placement does not see; empty where it sees a car all round, or nobody looked.

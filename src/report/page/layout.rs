@@ -46,8 +46,6 @@ pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunR
             @if let Some(svg) = &figures.placement { (figure(svg, "The placement on the vehicle")) }
             (table("Poses in the vehicle's frame: x forward, y left, z up", &titles, &rows))
             (table("In millimetres and degrees", &SMALL, &small))
-            @for seen in &best.scores.required { p { "Requirement: " (seen) "." } }
-            @if let Some(words) = best.scores.holds_in_words() { p { (words) "." } }
             @if !active.is_empty() {
                 p { "On a bound or a rule of the mount: " (active.join("; ")) "." }
             }

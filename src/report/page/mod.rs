@@ -5,6 +5,7 @@
 //! | `figures` | the drawings, and the data computed for them |
 //! | `front` | the page of a front |
 //! | `subject` | subject of a page, and the command that makes it again |
+//! | `required` | requirements: met or not, margins, what is missing |
 //! | `stage` | the first screen: result in a sentence, 3-D view |
 //! | `scores` | result against baselines, guards, scene by scene |
 //! | `layout` | poses of the result, and the gain of each LiDAR |
@@ -19,6 +20,7 @@ mod gains;
 mod layout;
 mod parts;
 mod repeat;
+mod required;
 mod scores;
 mod search;
 mod stage;
@@ -75,6 +77,7 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                     @if !rest.is_empty() { p { (rest) } }
                 }
                 main {
+                    (required::required(subject))
                     (stage::stage(subject, figures))
                     @if let Some(words) = run.and_then(|run| run.equipment.as_ref()) { p { "Equipment: " (words) "." } }
                     @if let Some(words) = run.and_then(spread_in_words) { p { (words) } }
