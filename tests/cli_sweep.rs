@@ -127,6 +127,31 @@ fn a_table_for_people_and_a_chart() {
 }
 
 #[test]
+fn flat_areas_of_the_ground_have_voxels_on_level_ground() {
+    let dir = required_yard();
+    let path = dir.path().join("cart.json");
+    let mut vehicle: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    vehicle["require"] =
+        json!([{ "name": "ahead", "min": [4, -2, -0.1], "max": [9, 2, 0.1], "share": 0.3 }]);
+    fs::write(&path, vehicle.to_string()).unwrap();
+    let level = ["study", "sweep", "two.json", "--vehicle", "cart.json", "--backend", "cpu"];
+    // A sensor that looks at the sky sees none of it.
+    let of = ["--of", "front.pitch", "--from", "-60", "--to", "15", "--values", "2"];
+    let found = ok(dir.path(), &[&level[..], &of].concat());
+    let share = |row: usize| {
+        found["sweeps"][0]["rows"][row]["scores"]["requirements"][0]["found"].as_f64().unwrap()
+    };
+    assert!(share(1) < share(2) && share(2) > 0.3, "{found}");
+    let none = ["study", "redundancy", "two.json", "--vehicle", "cart.json", "--backend", "cpu"];
+    assert!(ok(dir.path(), &none)["rows"][0]["voxels"].is_object());
+    // An area that no grid holds is named with the file of the vehicle.
+    vehicle["require"][0]["max"][2] = json!(-0.09);
+    fs::write(&path, vehicle.to_string()).unwrap();
+    let error = fails(dir.path(), &[&level[..], &of].concat());
+    assert!(error.contains("cart.json: require[0]: `ahead` holds no voxel"), "{error}");
+}
+
+#[test]
 fn wrong_input_is_one_sentence_each() {
     let dir = required_yard();
     let base = ["study", "sweep", "yard.json", "rigs.json", "--backend", "cpu", "--of"];

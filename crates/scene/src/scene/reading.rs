@@ -16,10 +16,11 @@ use crate::vehicle::{self, Vehicle, VehicleDescription, read_vehicle};
 use sightline_files::Note;
 use sightline_files::json::{DescriptionError, Place};
 
-/// Scene of [`Scene::level_ground`].
+/// Scene of [`Scene::level_ground`]. The ground lies in the middle of a layer of voxels, so that an area of the ground has
+/// some.
 const LEVEL_GROUND: &str = r#"{
     "sightline": 1,
-    "roi": { "min": [-50, -50, -5], "max": [50, 50, 15], "voxel": [1, 1, 1] },
+    "roi": { "min": [-50, -50, -5.1], "max": [50, 50, 15.1], "voxel": [0.5, 0.5, 0.2] },
     "static": [{ "class": "road", "plane": { "min": [-300, -300], "max": [300, 300], "z": 0 } }]
 }"#;
 
@@ -64,7 +65,12 @@ impl Scene {
     /// # Errors
     /// See [`Self::read`].
     pub fn level_ground(vehicle: &Path) -> Result<Self, DescriptionError> {
-        Self::from_text(LEVEL_GROUND, Path::new(""), "level ground", Some(vehicle))
+        let mut scene =
+            Self::from_text(LEVEL_GROUND, Path::new(""), "level ground", Some(vehicle))?;
+        // Errors name the first file: the vehicle rather than one of its meshes.
+        scene.files.retain(|file| file != vehicle);
+        scene.files.insert(0, vehicle.to_owned());
+        Ok(scene)
     }
 
     /// Reads a scene from JSON text.
