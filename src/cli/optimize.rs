@@ -44,9 +44,8 @@ pub struct Args {
     /// Score to maximize, or a weighted sum of several [default: near_gain]
     ///
     /// near_gain, information_gain, information_gain_share, m_sog, m_sog_nonzero, m_sog_scaled, m_sog_scaled_nonzero,
-    /// s_mig; all but the first and the last also of detection, as detection.m_sog_scaled. m_sog_scaled is the paper's. Of
-    /// what lies between the mean placement and the best in the eyes of two learners, the placement that it put first lost
-    /// 0.89, that of information_gain 0.76, that of near_gain 0.61 (docs/evidence.md).
+    /// s_mig; all but the first and the last also of detection, as detection.m_sog_scaled. m_sog_scaled is the paper's. The
+    /// default counts near ground, which the others leave unseen (docs/evidence.md).
     #[arg(long, allow_hyphen_values = true, conflicts_with = "resume")]
     objective: Option<String>,
     /// Placements that the generations evaluate; the swaps then cast one and a half times as many

@@ -29,7 +29,7 @@ pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &st
             None if baselines.is_empty() => "there is no baseline to compare it with".to_owned(),
             None => format!("{objective} has no value for any baseline"),
             Some((name, reason)) => format!(
-                "a rule or a guard speaks against every baseline, so that it is compared with none ({name}: {reason})"
+                "no baseline keeps every rule and requirement without a warning, so that there is none to compare with ({name}: {reason})"
             ),
         };
         let s = if lidars == 1 { "" } else { "s" };
@@ -45,10 +45,10 @@ pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &st
     });
     let doubts: Vec<&Guard> = best.scores.guards.iter().filter(|guard| guard.is_doubt()).collect();
     let guards = match &doubts[..] {
-        [] => "No guard speaks against it.".to_owned(),
-        [guard] => format!("A guard speaks against it: {guard}."),
+        [] => "No warning: all checks passed.".to_owned(),
+        [guard] => format!("Warning: {guard}."),
         [first, others @ ..] => {
-            format!("{} guards speak against it, the first: {first}.", others.len() + 1)
+            format!("{} warnings, the first: {first}.", others.len() + 1)
         }
     };
     let lacking: Vec<String> = best
@@ -100,7 +100,7 @@ fn against(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) 
     let known = if honest().count() == baselines.len() {
         format!("{name}, the best baseline,")
     } else {
-        format!("{name}, the best baseline that no guard or rule speaks against,")
+        format!("{name}, the best baseline without a warning or a broken rule,")
     };
     let ours = best.objective?;
     let by_objective = compare(ours, theirs, ["better than", "worse than", "as good as"]);
@@ -291,10 +291,10 @@ mod tests {
         let found = planted("found", -1.5, 550.0);
         let words = verdict(Some(&found), &baselines, "m_sog_scaled");
         let start =
-            "The placement found is 25.0 % better than Center, the best baseline that no guard";
+            "The placement found is 25.0 % better than Center, the best baseline without a warning";
         assert!(words.starts_with(start) && words.contains("10.0 % more information"), "{words}");
         let alone = verdict(Some(&found), &[gamed, broken], "m_sog_scaled");
-        let why = "speaks against every baseline, so that it is compared with none (sky: covers_nothing: ";
+        let why = "no baseline keeps every rule and requirement without a warning, so that there is none to compare with (sky: covers_nothing: ";
         assert!(alone.contains(why), "{alone}");
         assert_eq!(broken_in_words(&baselines), ["roof rack: too near"]);
     }
@@ -307,12 +307,12 @@ mod tests {
         assert_eq!(
             words,
             "The placement found is 10.0 % better than Center, the best baseline, by \
-             information_gain. Its beams gain 55.0 % of the information that the scene holds. No guard \
-             speaks against it."
+             information_gain. Its beams gain 55.0 % of the information that the scene holds. No warning: \
+             all checks passed."
         );
         found.scores.guards = vec![Guard::CoversNothing];
         let words = verdict(Some(&found), &centre, "information_gain");
-        assert!(words.contains("A guard speaks against it: covers_nothing"), "{words}");
+        assert!(words.contains("Warning: covers_nothing"), "{words}");
         assert!(verdict(None, &centre, "information_gain").starts_with("No candidate"));
     }
 

@@ -75,7 +75,7 @@ impl<'a> Given<'a> {
     pub fn finish(&self) {
         if self.found > MOST_TOLD {
             let (more, file) = (self.found - MOST_TOLD, self.file.display());
-            self.watcher.note(&format!("{file}: there is doubt of {more} more LiDAR(s)"));
+            self.watcher.note(&format!("{file}: {more} more LiDAR(s) have such a problem"));
         }
     }
 

@@ -47,8 +47,7 @@ pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
 
 fn notes(scene: &StudyScene, drawn: &str, gains: &[f64]) -> Vec<String> {
     let mut notes = vec![format!(
-        "Each number has its own search of {} evaluations for `{}`; a fall is a search that ended early, \
-         not a LiDAR that harms.",
+        "Each number has its own search of {} evaluations for `{}`; where a value falls, raise --evaluations.",
         scene.settings.evaluations, scene.settings.objective
     )];
     let from_none: Vec<f64> = std::iter::once(0.0).chain(gains.iter().copied()).collect();

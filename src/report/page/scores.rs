@@ -79,9 +79,9 @@ pub(super) fn guards(subject: &Subject<'_>) -> Markup {
         all.map(|scored| (scored, scored.reasons())).filter(|(_, why)| !why.is_empty()).collect();
     html! {
         section aria-labelledby="guards" {
-            h2 #guards { "What speaks against it" }
+            h2 #guards { "Warnings" }
             @if spoken.is_empty() {
-                p { "No guard and no rule speaks against the result or a baseline." }
+                p { "None: the result and every baseline keep all rules and pass all checks." }
             } @else {
                 p { "Guards and broken rules are reasons not to believe a score." }
                 ul.guards {

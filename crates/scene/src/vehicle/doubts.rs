@@ -113,7 +113,7 @@ impl Doubts {
         let beside = self.regions.iter().map(|region| beside(region, pose));
         let beside = beside.min_by(f64::total_cmp).filter(|beside| !is_far && *beside > SLACK);
         let beside = beside.map(|beside| {
-            format!("it stands {beside:.3} m outside the mount, and is taken where it stands")
+            format!("it stands {beside:.3} m outside its mount; it is looked at there anyway")
         });
         units.into_iter().chain(doubt_of_ground(pose)).chain(beside).collect()
     }
@@ -229,7 +229,7 @@ mod tests {
         assert!(doubts(&Doubts::of_units(), at(0.0, 0.0, 2500.0)).ends_with(far));
         let outside = doubts(&all, at(1.3, 0.0, 2.9));
         assert!(outside.ends_with(
-            "LiDAR 1: it stands 0.500 m outside the mount, and is taken where it stands"
+            "LiDAR 1: it stands 0.500 m outside its mount; it is looked at there anyway"
         ));
         assert_eq!(doubts(&Doubts::of_units(), at(1.3, 0.0, 2.9)), "");
     }
