@@ -118,3 +118,32 @@ fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
     let nothing = fails(dir.path(), &["optimize", "street.json", "--fewest"]);
     assert!(nothing.contains("--fewest: the vehicle requires nothing"), "{nothing}");
 }
+
+#[test]
+fn weather_takes_beams_from_required_targets_as_from_those_of_the_study() {
+    let dir = TempDir::new().unwrap();
+    let rule =
+        json!({ "target": "car", "from": 10, "within": 40, "bearing": [0, 0], "share": 0.9 });
+    street(dir.path(), json!([rule]));
+    let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
+    let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
+    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+    let mut shares = Vec::new();
+    for weather in [&[][..], &["--condition", "fog:mor=40"], &["--condition", "fog:mor=15"]] {
+        let score = ["score", "street.json", "rigs.json", "--backend", "cpu"];
+        let score = ok(dir.path(), &[&score[..], weather].concat())["scores"][0].clone();
+        // The places of the rule, every 2.5 m.
+        let distances: Vec<String> =
+            (0..13).map(|k| (10.0 + 2.5 * f64::from(k)).to_string()).collect();
+        let distances = distances.join(",");
+        let study = ["study", "targets", "rigs.json", "--vehicle", "cart.json", "--target", "car"];
+        let places = ["--distances", &distances, "--bearings", "0"];
+        let rows = ok(dir.path(), &[&study[..], &places, weather].concat())["rows"].clone();
+        let met = rows.as_array().unwrap().iter().filter(|row| row["beams"].as_u64() >= Some(5));
+        let share = met.count() as f64 / 13.0;
+        assert_eq!(score["requirements"][0]["found"].as_f64(), Some(share), "{score} {rows}");
+        shares.push((share, score["range_card"]["targets"][0]["bearings"][0]["met"].to_string()));
+    }
+    assert!(shares[0].0 > shares[1].0 && shares[1].0 > shares[2].0, "{shares:?}");
+    assert!(shares[0].1 != shares[2].1, "the range card is one of clear air: {shares:?}");
+}

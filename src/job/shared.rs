@@ -1,9 +1,8 @@
 //! What LiDARs of placements see together, in every scene of a job.
 
 use super::{Job, JobError, JobScene};
-use crate::scan::conditions::weather;
 use crate::shared::{Overlap, Redundancy, RedundancySite};
-use crate::targets::{Receiving, TargetQuestion};
+use crate::targets::TargetQuestion;
 use crate::vehicle::Placement;
 
 impl JobScene {
@@ -13,9 +12,7 @@ impl JobScene {
     /// # Errors
     /// See [`Self::problem`].
     pub fn redundancy_site(&self) -> Result<RedundancySite, JobError> {
-        let receiving = Receiving { weather: weather(&self.conditions)? };
-        let receiving = (!self.conditions.is_empty()).then_some(receiving);
-        let targets = self.target_site()?.cloned().map(|site| site.receiving(receiving));
+        let targets = self.target_site()?.cloned();
         Ok(RedundancySite::new(self.scene(), self.problem()?, targets))
     }
 }

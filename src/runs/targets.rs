@@ -214,5 +214,5 @@ fn receiving(request: &TargetsRequest) -> Result<Option<Receiving>, Error> {
     }
     let weather = weather(&request.conditions)?;
     let counts = request.response || !request.conditions.is_empty();
-    Ok(counts.then_some(Receiving { weather }))
+    Ok(counts.then(|| Receiving::from(weather)))
 }

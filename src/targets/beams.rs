@@ -12,7 +12,7 @@ use crate::bvh::{Hit, Ray};
 use crate::cast::closest_hit_in;
 use crate::geom::Pose;
 use crate::maths;
-use crate::problem::{DevicePose, Frame, Problem, beam_direction, beam_origin, own_bodies};
+use crate::problem::{Air, DevicePose, Frame, Problem, beam_direction, beam_origin, own_bodies};
 use crate::scan::conditions::Weather;
 use crate::scene::{Scene, Target};
 use crate::vehicle::{Response, SensorError, SensorModel, SensorPose, Sensors, UnknownSensor};
@@ -45,19 +45,31 @@ pub struct Standing<'a> {
 
 /// Light that must return for a beam to count: ρ·cos θ / r² less the loss in air, at least the power of a return that
 /// the sensor sees half of the time.
-#[derive(Debug, Clone, Default)]
-pub struct Receiving {
-    /// Fog, snow and rain on the way.
-    pub weather: Weather,
+#[derive(Debug, Clone)]
+pub struct Receiving(Through);
+
+/// Air on the way.
+#[derive(Debug, Clone)]
+enum Through {
+    Weather(Weather),
+    Air(Arc<dyn Air>),
+}
+
+impl From<Weather> for Receiving {
+    /// Light through fog, snow and rain.
+    fn from(weather: Weather) -> Self {
+        Self(Through::Weather(weather))
+    }
 }
 
 impl Receiving {
     /// True if the sensor sees a surface at least half of the time, by its reflectance, cosine of incidence and metres.
     fn sees(&self, response: &Response, reflectance: f64, cosine: f64, metres: f64) -> bool {
-        let fog = self.weather.fog.as_ref().map_or(1.0, |fog| fog.attenuation(metres));
-        let falls = self.weather.falls();
-        let falls = falls.map(|(fall, ..)| maths::exp(-2.0 * fall.extinction() * metres));
-        let power = reflectance * cosine / (metres * metres) * fog * falls.product::<f64>();
+        let passed = match &self.0 {
+            Through::Weather(weather) => weather.passed(metres),
+            Through::Air(air) => air.passed(metres),
+        };
+        let power = reflectance * cosine / (metres * metres) * passed;
         power >= response.threshold() && metres >= response.min_range
     }
 }
@@ -87,9 +99,11 @@ impl TargetSite {
         Self { sensors, finders, body, bounds, receiving: None }
     }
 
-    /// Models and own body of a problem; a problem of a mirror image would give another vehicle's.
+    /// Models and own body of a problem; a problem of a mirror image would give another vehicle's. In weather beams count
+    /// of which enough light comes back.
     pub fn of(problem: &Problem) -> Self {
-        Self::new(problem.sensors().clone(), problem.body().clone())
+        let receiving = problem.shared_air().map(|air| Receiving(Through::Air(air.clone())));
+        Self::new(problem.sensors().clone(), problem.body().clone()).receiving(receiving)
     }
 
     /// Models and own body of a scene's vehicle.

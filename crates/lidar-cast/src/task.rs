@@ -102,6 +102,9 @@ pub trait Air: std::fmt::Debug + Send + Sync {
         number: usize,
         hits: &mut [Hit],
     );
+
+    /// Mean share of the light that passes to a surface so many metres away and back.
+    fn passed(&self, metres: f64) -> f64;
 }
 
 impl Task {
@@ -142,6 +145,11 @@ impl Task {
     /// Weather or crosstalk that keeps beams from returning; `None` in clear air.
     pub fn air(&self) -> Option<&dyn Air> {
         self.air.as_deref()
+    }
+
+    /// Like [`Self::air`], to be shared.
+    pub fn shared_air(&self) -> Option<&Arc<dyn Air>> {
+        self.air.as_ref()
     }
 
     /// A copy whose content also counts the voxels of required areas.

@@ -54,6 +54,15 @@ impl Weather {
         let snow = self.snow.iter().map(|snow| (snow, Purpose::Snow, Status::Snow));
         snow.chain(self.rain.iter().map(|rain| (rain, Purpose::Rain, Status::Rain)))
     }
+
+    /// Mean share of the light that passes to a surface so many metres away and back: fog, snow and rain take some.
+    pub fn passed(&self, metres: f64) -> f64 {
+        let fog = self.fog.as_ref().map_or(1.0, |fog| fog.attenuation(metres));
+        let falls = self.falls();
+        fog * falls
+            .map(|(fall, ..)| lidar_cast::maths::exp(-2.0 * fall.extinction() * metres))
+            .product::<f64>()
+    }
 }
 
 /// The weather that conditions make together.

@@ -185,6 +185,10 @@ impl Visibility {
 }
 
 impl Air for Visibility {
+    fn passed(&self, metres: f64) -> f64 {
+        self.optics.weather.passed(metres)
+    }
+
     fn dim(
         &self,
         batch: &SensorBatch<'_>,

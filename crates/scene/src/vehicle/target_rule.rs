@@ -58,8 +58,11 @@ impl TargetRule {
             ("depth", required.depth.is_some()),
         ] {
             if there {
-                let mend =
-                    "a `target` stands on the ground around the vehicle; leave it out".to_owned();
+                let mend = match key {
+                    "depth" => "it is of a `blind_zone`; a `target` has `within`",
+                    _ => "a `target` stands on the ground around the vehicle; leave the box out",
+                };
+                let mend = mend.to_owned();
                 return Err(DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend });
             }
         }
