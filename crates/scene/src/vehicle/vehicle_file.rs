@@ -14,7 +14,9 @@ use super::lidar_reading::DescribedLidar;
 use super::mesh_mount::mirror_meshes;
 use super::mount::{keep_out_boxes, least_distance};
 use super::mounting::{check_pairs, level, mounting};
-use super::{GroundRule, MAX_LIDARS, Phase, Requirement, SensorName, TargetRule, Ties, lidar};
+use super::{
+    GroundRule, MAX_LIDARS, OtherSensor, Phase, Requirement, SensorName, TargetRule, Ties, lidar,
+};
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{self, DescriptionError, FileKind, Place};
@@ -99,6 +101,8 @@ impl Vehicle {
             Requirements::new(&at.key("require"), &vehicle.require, dir)?;
         files.extend(read);
         notes.extend(told);
+        let at = at.key("other_sensors");
+        let other_sensors = OtherSensor::read_all(&at, vehicle.other_sensors, &mut notes)?;
         let name = name.unwrap_or_else(|| stem.to_owned());
         Ok((
             Self {
@@ -111,6 +115,7 @@ impl Vehicle {
                 require,
                 targets,
                 ground,
+                other_sensors,
                 notes,
             },
             files,
