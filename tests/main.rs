@@ -10,6 +10,8 @@ mod cli;
 mod cli_bodies;
 #[cfg(feature = "cli")]
 mod cli_chart;
+#[cfg(feature = "cli")]
+mod cli_cones;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_csv;
 #[cfg(all(unix, feature = "cli"))]
