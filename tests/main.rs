@@ -12,6 +12,8 @@ mod cli_bodies;
 mod cli_chart;
 #[cfg(feature = "cli")]
 mod cli_cones;
+#[cfg(feature = "cli")]
+mod cli_cones_slabs;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_csv;
 #[cfg(all(unix, feature = "cli"))]

@@ -110,7 +110,7 @@ impl OtherSensor {
         let technology = word(&at.key("technology"), technology)?;
         let metres = [("x", described.x), ("y", described.y), ("z", described.z)];
         for (key, value) in metres {
-            if !(value.abs() <= FARTHEST) {
+            if !(-FARTHEST..=FARTHEST).contains(&value) {
                 let wanted = format!("metres within {FARTHEST} m of the ego frame's origin");
                 return Err(bad(&at.key(key), value, wanted));
             }
