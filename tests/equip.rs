@@ -55,6 +55,7 @@ fn vehicle(require: Vec<Requirement>) -> Vehicle {
         require,
         targets: Vec::new(),
         ground: Vec::new(),
+        other_sensors: Vec::new(),
     }
 }
 

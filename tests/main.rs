@@ -10,6 +10,10 @@ mod cli;
 mod cli_bodies;
 #[cfg(feature = "cli")]
 mod cli_chart;
+#[cfg(feature = "cli")]
+mod cli_cones;
+#[cfg(feature = "cli")]
+mod cli_cones_slabs;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_csv;
 #[cfg(all(unix, feature = "cli"))]

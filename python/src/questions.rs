@@ -77,7 +77,8 @@ impl PyScene {
     /// Voxels, ground near the vehicle and targets by the number of LiDARs of one placement that see them, as a `dict` with
     /// the row that `sightline study redundancy` prints: `occupied`, `voxels`, `ground_3m`, `ground_10m` and `targets`, each
     /// with `all`, `by` and `share` for none, one, two, three and more LiDARs. `targets` are presets or target files
-    /// (default: car, adult, child, tyre). Raises `ValueError` for an unknown target.
+    /// (default: car, adult, child, tyre). A vehicle with `other_sensors` adds `technologies`: which technologies see each,
+    /// and what is blind to all. Raises `ValueError` for an unknown target.
     #[pyo3(signature = (poses, *, targets = None, sensors = None, phases = None))]
     fn redundancy<'py>(
         &self,

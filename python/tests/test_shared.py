@@ -61,6 +61,36 @@ def test_voxels_by_the_number_of_lidars(scene: Scene, rig: sightline.Placement, 
         scene.redundancy(rig, targets="car")
 
 
+def test_cones_by_technology(tmp_path: Path) -> None:
+    """Ground within a camera's sector of an empty plane, on a rig whose LiDAR looks up."""
+    camera = {"name": "eye", "technology": "camera", "x": 1.1, "y": 0, "z": 1, "yaw": 0.3, "fov": [90, 180], "range": 40}
+    vehicle = {
+        "body": [{"class": "vehicle", "box": {"min": [-1, -1, 0.2], "max": [1, 1, 1.5]}}],
+        "sensors": [{"name": "up", "lidar": {"channels": 2, "fov": [30, 40], "azimuth_steps": 4, "range": 30}}],
+        "mounts": [{"name": "top", "min": [-1, -1, 1], "max": [1, 1, 3], "count": 1}],
+        "other_sensors": [camera],
+    }
+    description = {
+        "sightline": 1, "name": "plane", "frames": 1, "coverage": "first-hit", "classes": ["road", "vehicle"],
+        "vehicle": vehicle, "psog": {"scan": {"window": 2, "stride": 1}},
+        "roi": {"min": [-12, -12, -0.5], "max": [12, 12, 2.5], "voxel": [1, 1, 1]},
+        "static": [{"class": "road", "plane": {"min": [-50, -50], "max": [50, 50], "z": 0}}],
+    }  # fmt: skip
+    file = tmp_path / "plane.json"
+    file.write_text(json.dumps(description))
+    found = Scene.load(file, backend="cpu").redundancy(np.array([[0, 0, 2, 0, 0, 0]]), targets=["car"])
+    x, y = np.meshgrid(np.arange(-48, 48) * 0.25 + 0.125, np.arange(-48, 48) * 0.25 + 0.125)
+    distance = np.hypot(np.maximum(np.abs(x) - 1, 0), np.maximum(np.abs(y) - 1, 0))
+    near = (distance > 0) & (distance <= 10)
+    # 45° to either side of 0.3 rad: the body ends behind the camera.
+    sector = np.abs(np.degrees(np.arctan2(y, x - 1.1) - 0.3)) <= 45
+    seen = float((near & sector).sum())
+    ground = found["technologies"]["ground_10m"]
+    assert ground["by"] == [near.sum() - seen, seen, 0, 0] and seen > 500
+    assert [(of["technology"], of["count"]) for of in ground["each"]] == [("lidar", 0), ("camera", seen)]
+    assert [of["target"] for of in found["technologies"]["targets"]] == ["car"]
+
+
 def test_shared_surfaces_and_directions(scene: Scene, rig: sightline.Placement, tmp_path: Path) -> None:
     found = scene.overlap(rig, least_shared=200)
     hits = scene.cast(rig)

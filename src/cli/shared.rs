@@ -36,7 +36,8 @@ pub(super) struct Common {
 
 A LiDAR sees a voxel that its beams cover, ground with a hit within 0.5 m, and a target that five of its beams meet, at
 5 to 50 m in sixteen bearings on level ground. Where the LiDARs are of several models, MODEL alone: no other model sees
-it. docs/targets.md has the definitions.")]
+it. A vehicle with other_sensors (cameras, radars) adds a table of technologies, and of things blind to all.
+docs/targets.md has the definitions.")]
 pub struct RedundancyArgs {
     /// Scene files, none for level ground, and a file of placements
     #[arg(value_name = "[SCENE…] PLACEMENTS", required = true)]

@@ -93,12 +93,28 @@ impl Cells {
         }
     }
 
+    /// The first surface straight down over each cell's centre from [`HEIGHT`] above the wheel plane, ego frame, metres;
+    /// the wheel plane where there is none.
+    pub fn points(&self, frame: &Frame, wheels: &WheelPlane) -> Vec<DVec3> {
+        let from = self.above(wheels);
+        let down = vertical(frame, &from, -DVec3::Z, 2.0 * HEIGHT);
+        let point = |(from, hit): (&DVec3, &Hit)| {
+            *from - DVec3::Z * if hit.is_hit() { f64::from(hit.t) } else { HEIGHT }
+        };
+        from.iter().zip(&down).map(point).collect()
+    }
+
+    /// Points [`HEIGHT`] above the wheel plane over the cells' centres.
+    fn above(&self, wheels: &WheelPlane) -> Vec<DVec3> {
+        let at = |&Cell { centre: [x, y], .. }: &Cell| DVec3::new(x, y, wheels.at([x, y]) + HEIGHT);
+        self.cells.iter().map(at).collect()
+    }
+
     /// True if each cell is ground in a frame: the first surface straight down from [`HEIGHT`] above the wheel plane
     /// over its centre is ground, and not inside of a closed thing, under whose surfaces it lies an odd number
     /// of times.
     pub fn are_ground(&self, frame: &Frame, is_ground: &[bool], wheels: &WheelPlane) -> Vec<bool> {
-        let at = |&Cell { centre: [x, y], .. }: &Cell| DVec3::new(x, y, wheels.at([x, y]) + HEIGHT);
-        let from: Vec<DVec3> = self.cells.iter().map(at).collect();
+        let from = self.above(wheels);
         let down = vertical(frame, &from, -DVec3::Z, 2.0 * HEIGHT);
         let on_ground = |hit: &Hit| hit.is_hit() && is_ground.get(hit.prim as usize) == Some(&true);
         let mut ground: Vec<bool> = down.iter().map(on_ground).collect();

@@ -215,6 +215,17 @@ impl NearSite {
         Ok(all)
     }
 
+    /// Middles of the cells on the ground in each distinct frame, in the order of [`Self::seen_by_lidar`]: the number of the
+    /// frame, and points in the ego frame, metres.
+    pub(crate) fn ground_points(&self) -> Vec<(usize, Vec<DVec3>)> {
+        let points = |(frame, ..): &(usize, u64, Vec<bool>)| {
+            let geometry = self.problem.geometry(*frame)?;
+            let wheels = WheelPlane::of(&self.footprint, geometry, &self.is_ground);
+            Some((*frame, self.cells.points(geometry, &wheels)))
+        };
+        self.frames.iter().filter_map(points).collect()
+    }
+
     /// Lowest and highest ground, metres, of the triangles of all frames whose boxes in plan meet that between two
     /// corners.
     pub(super) fn heights_between(&self, [low, high]: [DVec3; 2]) -> [f64; 2] {

@@ -1,9 +1,14 @@
 //! Things by the number of LiDARs that see them, and the overlap of pairs, as text.
 
-use super::text::align_columns;
+use super::text::{align_columns, shortened};
 use crate::json::fixed;
-use crate::shared::{Overlap, Redundancy, SeenBy};
+use crate::shared::{Overlap, Redundancy, SeenBy, SeenByTechnologies, Technologies};
 use crate::vehicle::SensorName;
+
+/// Longest line of the table of technologies, in characters.
+const WIDEST: usize = 100;
+/// Longest name of a thing in the table of technologies, in characters.
+const LONGEST_NAME: usize = 24;
 
 /// LiDAR by its number, with its model where it has a name: `0 roof-64`.
 fn lidar(number: usize, sensor: SensorName) -> String {
@@ -42,9 +47,49 @@ pub fn redundancy_text(all: &[&Redundancy]) -> String {
         }
         rows.extend(row.targets.iter().map(|of| line(of.target.clone(), &of.seen)));
         let heading = heading(&row.scene, &row.placement, row.lidars.len(), row.frames);
-        format!("{heading}\n{}", align_columns(&rows))
+        let technologies = row.technologies.as_ref().map(technologies_text).unwrap_or_default();
+        format!("{heading}\n{}{technologies}", align_columns(&rows))
     };
     all.iter().map(of).collect::<Vec<_>>().join("\n")
+}
+
+/// Tables of at most [`WIDEST`] characters: shares of things by the number of technologies, and that each technology sees.
+fn technologies_text(all: &Technologies) -> String {
+    let ground = [("ground to 3 m", &all.ground_3m), ("ground to 10 m", &all.ground_10m)];
+    let ground = ground.into_iter().filter_map(|(name, seen)| Some((name, seen.as_ref()?)));
+    let targets = all.targets.iter().map(|of| (of.target.as_str(), &of.seen));
+    let things = std::iter::once(("voxels, occupied", &all.occupied)).chain(ground).chain(targets);
+    let things: Vec<(&str, &SeenByTechnologies)> = things.collect();
+    let name = |name: &str| vec![shortened(name, LONGEST_NAME)];
+    let numbers = ["% by technologies", "of", "blind to all", "by 1", "2", "3+"].map(str::to_owned);
+    let mut table = vec![numbers.to_vec()];
+    table.extend(things.iter().map(|(thing, seen)| {
+        let number = &seen.number;
+        let shares = (0..number.by.len()).map(|k| percent(number.share.map(|share| share[k])));
+        name(thing).into_iter().chain([fixed(number.all, 0)]).chain(shares).collect()
+    }));
+    let mut tables = vec![table];
+    for (k, of) in all.sensors.iter().enumerate() {
+        let mut column = vec![format!("{} {}", of.count, of.technology)];
+        column.extend(things.iter().map(|(_, seen)| percent(seen.each[k].share)));
+        let wider = |table: &[Vec<String>]| {
+            let rows = table.iter().zip(&column);
+            rows.map(|(row, cell)| [&row[..], std::slice::from_ref(cell)].concat()).collect()
+        };
+        let wide: Vec<Vec<String>> = tables.last().map(|table| wider(table)).unwrap_or_default();
+        match align_columns(&wide).lines().all(|line| line.chars().count() <= WIDEST) {
+            true => {
+                tables.pop();
+                tables.push(wide);
+            }
+            false => {
+                let mut first = vec![name("% seen by")];
+                first.extend(things.iter().map(|(thing, _)| name(thing)));
+                tables.push(wider(&first));
+            }
+        }
+    }
+    tables.iter().map(|table| format!("\n{}", align_columns(table))).collect()
 }
 
 /// A matrix whose rows and columns are LiDARs.

@@ -7,7 +7,7 @@ use crate::csv::{csv, number};
 use crate::job::{Room, RoomOfSide, Sweep};
 use crate::near_field::{NearField, Standard};
 use crate::score::{Scores, Seen};
-use crate::shared::{Overlap, Redundancy, SeenBy};
+use crate::shared::{Overlap, Redundancy, SeenBy, SeenByTechnologies};
 use crate::study::Table;
 use crate::targets::TargetTable;
 
@@ -92,9 +92,11 @@ pub fn targets_csv(table: &TargetTable) -> String {
     csv(std::iter::once(first).chain(rows))
 }
 
-/// A row a thing: how many there are, and the shares that no, one, two, three and more LiDARs see.
+/// A row a thing: how many there are, and the shares that no, one, two, three and more LiDARs see; further columns by
+/// technology where a vehicle has several.
 pub fn redundancy_csv(all: &[&Redundancy]) -> String {
-    let mut rows = vec![titles(&[
+    let has_technologies = all.iter().any(|of| of.technologies.is_some());
+    let mut first = titles(&[
         "scene",
         "placement",
         "thing",
@@ -104,24 +106,56 @@ pub fn redundancy_csv(all: &[&Redundancy]) -> String {
         "seen_by_2_share",
         "seen_by_3_or_more_share",
         "one_model_alone_share",
-    ])];
+    ]);
+    if has_technologies {
+        first.extend(titles(&[
+            "blind_to_all_share",
+            "seen_by_1_technology_share",
+            "seen_by_2_technologies_share",
+            "seen_by_3_or_more_technologies_share",
+            "technology_share",
+        ]));
+    }
+    let mut rows = vec![first];
     for of in all {
-        let mut add = |thing: &str, seen: &SeenBy| {
+        let mut add = |thing: &str, seen: &SeenBy, technologies: Option<&SeenByTechnologies>| {
             let mut row = titles(&[&of.scene, &of.placement, thing]);
             row.push(number(seen.all));
-            row.extend((0..seen.by.len()).map(|k| number(seen.share.map(|share| share[k]))));
+            row.extend(shares(seen));
             let alone =
                 seen.alone.iter().map(|one| format!("{}: {}", one.sensor, number(one.share)));
             row.push(joined(alone));
+            if has_technologies {
+                row.extend(technology_cells(technologies));
+            }
             rows.push(row);
         };
-        add("voxels occupied", &of.occupied);
-        add("voxels", &of.voxels);
-        of.ground_3m.iter().for_each(|seen| add("ground to 3 m", seen));
-        of.ground_10m.iter().for_each(|seen| add("ground to 10 m", seen));
-        of.targets.iter().for_each(|target| add(&target.target, &target.seen));
+        let by = of.technologies.as_ref();
+        add("voxels occupied", &of.occupied, by.map(|by| &by.occupied));
+        add("voxels", &of.voxels, None);
+        let [near, ring] = [by.map(|by| &by.ground_10m), by.map(|by| &by.ground_3m)];
+        let [near, ring] = [near, ring].map(|ground| ground.and_then(Option::as_ref));
+        of.ground_3m.iter().for_each(|seen| add("ground to 3 m", seen, ring));
+        of.ground_10m.iter().for_each(|seen| add("ground to 10 m", seen, near));
+        for (k, target) in of.targets.iter().enumerate() {
+            let technologies = by.and_then(|by| by.targets.get(k)).map(|of| &of.seen);
+            add(&target.target, &target.seen, technologies);
+        }
     }
     csv(rows)
+}
+
+/// Shares of things that no, one, two, three and more see.
+fn shares(seen: &SeenBy) -> [String; 4] {
+    std::array::from_fn(|k| number(seen.share.map(|share| share[k])))
+}
+
+/// The cells of [`redundancy_csv`] on technologies; empty ones for things that are not looked at.
+fn technology_cells(seen: Option<&SeenByTechnologies>) -> [String; 5] {
+    let Some(seen) = seen else { return Default::default() };
+    let each = seen.each.iter().map(|of| format!("{}: {}", of.technology, number(of.share)));
+    let [none, one, two, more] = shares(&seen.number);
+    [none, one, two, more, joined(each)]
 }
 
 /// A row a pair of LiDARs, and one of each with itself: voxels and directions of the sphere that both see.

@@ -83,6 +83,12 @@ pub fn redundancy(
         if let Some(reason) = site.no_ground() {
             computing.watcher.note(reason);
         }
+        site.notes().iter().for_each(|note| computing.watcher.note(note));
+        if index == 0 && site.has_cones() && !request.conditions.is_empty() {
+            let words =
+                "weather and faults change the sight of LiDARs; other_sensors see as in clear air";
+            computing.watcher.note(words);
+        }
         for placement in opened.placements.iter().take_while(|_| computing.watcher.goes_on()) {
             rows.push(site.look(engine, &question, placement)?);
             bar.advance(1);

@@ -1,4 +1,4 @@
-//! Numbers of things that no, one, two, and three or more LiDARs see, from one set of bits a LiDAR.
+//! Numbers of things that no, one, two, and three or more LiDARs or technologies see, from one set of bits each.
 
 use serde::Serialize;
 
@@ -7,17 +7,17 @@ use crate::vehicle::SensorName;
 /// Numbers of LiDARs that are told apart: none, one, two, three and more.
 const NUMBERS: usize = 4;
 
-/// Things by the number of LiDARs that see them.
+/// Things by the number of LiDARs, or technologies, that see them.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SeenBy {
     /// Things that count, a mean over frames.
     pub all: f64,
-    /// Things that none, one, two, and three or more LiDARs see; means over frames.
+    /// Things that none, one, two, and three or more see; means over frames.
     pub by: [f64; NUMBERS],
-    /// Shares of the things that none, one, two, and three or more LiDARs see: means over the frames that have any;
-    /// `None` where no frame has.
+    /// Shares of the things that none, one, two, and three or more see: means over the frames that have any; `None` where
+    /// no frame has.
     pub share: Option<[f64; NUMBERS]>,
-    /// Things that LiDARs of one model alone see, by model; empty where all LiDARs are of one model.
+    /// Things that LiDARs of one model alone see, by model; empty where all LiDARs are of one model, and of technologies.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub alone: Vec<SeenAlone>,
 }
@@ -33,21 +33,57 @@ pub struct SeenAlone {
     pub share: Option<f64>,
 }
 
+/// Things by the technologies that see them: LiDARs, cameras, radars.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SeenByTechnologies {
+    /// Things by the number of technologies; those that none sees are blind to all.
+    #[serde(flatten)]
+    pub number: SeenBy,
+    /// Things that each technology sees, LiDARs first.
+    pub each: Vec<SeenByTechnology>,
+}
+
+/// Things that at least one sensor of a technology sees.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SeenByTechnology {
+    /// Word for the technology.
+    pub technology: String,
+    /// Things, a mean over frames.
+    pub count: f64,
+    /// Share of all things, a mean over the frames that have any; `None` where no frame has.
+    pub share: Option<f64>,
+}
+
+impl SeenByTechnologies {
+    /// Mean of the numbers of several scenes, as [`SeenBy::mean`].
+    pub(super) fn mean(all: &[&Self]) -> Option<Self> {
+        let first = *all.first()?;
+        let number = SeenBy::mean(&all.iter().map(|one| &one.number).collect::<Vec<_>>())?;
+        let each = first.each.iter().enumerate().map(|(k, of)| SeenByTechnology {
+            technology: of.technology.clone(),
+            count: mean(all.iter().map(|one| one.each[k].count)).unwrap_or_default(),
+            share: mean(all.iter().filter_map(|one| one.each[k].share)),
+        });
+        Some(Self { each: each.collect(), number })
+    }
+}
+
+/// Mean of some values; `None` for none.
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0_u32), |(sum, n), value| (sum + value, n + 1));
+    (count > 0).then(|| sum / f64::from(count))
+}
+
 impl SeenBy {
     /// Mean of the numbers of several scenes, for LiDARs of the same models; shares over the scenes that have any.
     /// `None` for none.
     pub(super) fn mean(all: &[&Self]) -> Option<Self> {
         let first = *all.first()?;
-        let mean = |values: &mut dyn Iterator<Item = f64>| {
-            let (sum, count) = values.fold((0.0, 0_u32), |(sum, n), value| (sum + value, n + 1));
-            (count > 0).then(|| sum / f64::from(count))
-        };
         let over = |value: &dyn Fn(&Self) -> f64| {
-            mean(&mut all.iter().map(|one| value(one))).unwrap_or_default()
+            mean(all.iter().map(|one| value(one))).unwrap_or_default()
         };
-        let share = |value: &dyn Fn(&Self) -> Option<f64>| {
-            mean(&mut all.iter().filter_map(|one| value(one)))
-        };
+        let share =
+            |value: &dyn Fn(&Self) -> Option<f64>| mean(all.iter().filter_map(|one| value(one)));
         let alone = |k: usize| SeenAlone {
             sensor: first.alone[k].sensor,
             count: over(&|one| one.alone[k].count),
@@ -101,19 +137,19 @@ fn levels<'a>(sets: impl IntoIterator<Item = &'a [u64]>, words: usize) -> [Vec<u
 
 /// Sets of one frame, a bit a thing, put together.
 pub(super) struct Sets {
-    /// Things that at least one, two, three LiDARs see.
-    by_lidar: [Vec<u64>; 3],
-    /// Things that one model alone sees, by model; empty where there is one model.
-    alone: Vec<Vec<u64>>,
+    /// Things that at least one, two, three LiDARs or technologies see.
+    by_number: [Vec<u64>; 3],
+    /// Things that one model alone sees, by model, none where there is one model; or those that each technology sees.
+    each: Vec<Vec<u64>>,
 }
 
 impl Sets {
     /// From a set a LiDAR, all of the same number of words.
     pub fn new(sets: &[&[u64]], models: &Models) -> Self {
         let words = sets.first().map_or(0, |set| set.len());
-        let by_lidar = levels(sets.iter().copied(), words);
+        let by_number = levels(sets.iter().copied(), words);
         if models.names.len() < 2 {
-            return Self { by_lidar, alone: Vec::new() };
+            return Self { by_number, each: Vec::new() };
         }
         let of_model = |model: usize| {
             let own = sets.iter().zip(&models.of).filter(|(_, of)| **of == model);
@@ -125,7 +161,13 @@ impl Sets {
         for union in &mut unions {
             union.iter_mut().zip(&several).for_each(|(word, bits)| *word &= !bits);
         }
-        Self { by_lidar, alone: unions }
+        Self { by_number, each: unions }
+    }
+
+    /// From a set a technology, all of the same number of words.
+    pub fn of_technologies(sets: Vec<Vec<u64>>) -> Self {
+        let words = sets.first().map_or(0, Vec::len);
+        Self { by_number: levels(sets.iter().map(Vec::as_slice), words), each: sets }
     }
 }
 
@@ -137,8 +179,8 @@ pub(super) struct Sums {
     all: u64,
     by: [u64; NUMBERS],
     shares: [f64; NUMBERS],
-    /// Count, and sum of shares, by model.
-    alone: Vec<(u64, f64)>,
+    /// Count, and sum of shares, of each of [`Sets`].
+    each: Vec<(u64, f64)>,
 }
 
 impl Sums {
@@ -149,14 +191,14 @@ impl Sums {
             let masked = |(k, word): (usize, &u64)| mask.map_or(*word, |mask| word & mask[k]);
             words.map(|word| u64::from(masked(word).count_ones())).sum()
         };
-        let [one, two, three] = [0, 1, 2].map(|k| count(&sets.by_lidar[k]));
+        let [one, two, three] = [0, 1, 2].map(|k| count(&sets.by_number[k]));
         let share = |count: u64| weight as f64 * count as f64 / all.max(1) as f64;
         for (k, count) in [all - one, one - two, two - three, three].into_iter().enumerate() {
             self.by[k] += weight * count;
             self.shares[k] += share(count);
         }
-        self.alone.resize(sets.alone.len(), (0, 0.0));
-        for (sums, count) in self.alone.iter_mut().zip(sets.alone.iter().map(count)) {
+        self.each.resize(sets.each.len(), (0, 0.0));
+        for (sums, count) in self.each.iter_mut().zip(sets.each.iter().map(count)) {
             *sums = (sums.0 + weight * count, sums.1 + share(count));
         }
         self.all += weight * all;
@@ -166,19 +208,39 @@ impl Sums {
 
     /// Means over the frames.
     pub fn mean(&self, models: &Models) -> SeenBy {
-        let mean = |sum: u64| sum as f64 / self.frames.max(1) as f64;
         let any = self.frames_with_any;
-        let share = |sum: f64| sum / any as f64;
-        let alone = models.names.iter().zip(&self.alone).map(|(&sensor, &(count, sum))| {
-            let share = (any > 0).then(|| share(sum));
-            SeenAlone { sensor, count: mean(count), share }
-        });
+        let alone = models.names.iter().zip(self.means_of_each());
         SeenBy {
-            all: mean(self.all),
-            by: self.by.map(mean),
-            share: (any > 0).then(|| self.shares.map(share)),
-            alone: alone.collect(),
+            all: self.over_frames(self.all),
+            by: self.by.map(|sum| self.over_frames(sum)),
+            share: (any > 0).then(|| self.shares.map(|sum| sum / any as f64)),
+            alone: alone
+                .map(|(&sensor, (count, share))| SeenAlone { sensor, count, share })
+                .collect(),
         }
+    }
+
+    /// Means over the frames, of sets of technologies.
+    pub fn mean_of_technologies(&self, names: &[String]) -> SeenByTechnologies {
+        let each = names.iter().zip(self.means_of_each());
+        let each = each.map(|(name, (count, share))| SeenByTechnology {
+            technology: name.clone(),
+            count,
+            share,
+        });
+        SeenByTechnologies { number: self.mean(&Models::new([])), each: each.collect() }
+    }
+
+    fn over_frames(&self, sum: u64) -> f64 {
+        sum as f64 / self.frames.max(1) as f64
+    }
+
+    /// Count and share of each of the sets.
+    fn means_of_each(&self) -> impl Iterator<Item = (f64, Option<f64>)> {
+        let any = self.frames_with_any;
+        self.each.iter().map(move |&(count, sum)| {
+            (self.over_frames(count), (any > 0).then(|| sum / any as f64))
+        })
     }
 }
 

@@ -8,21 +8,31 @@
 //! - **Shared directions** of two LiDARs: share of the sphere that lies in both fields of view, at their attitudes.
 //!   Positions, ranges and the own body play no part, as for a point far away.
 //!
+//! - **Cone**: a sensor of another technology, fixed on the vehicle. It sees a box, a voxel or that around a target, if
+//!   the middle of the box, or of one of up to three faces turned to the sensor, is in its field of view and range and no
+//!   surface of the frame is hit before the ray to that point enters the box; and ground by the cell's middle. Targets
+//!   stand alone, with the own body in the way. A technology sees a thing if one of its sensors does, LiDARs as above.
+//!
 //! | file | holds |
 //! |---|---|
 //! | `counts` | things seen by no, one, two, three and more LiDARs, from sets of bits |
+//! | `cones` | points and boxes that sensors of other technologies see |
+//! | `technologies` | voxels, ground and targets by the technologies that see them |
 //! | `redundancy` | voxels, ground and targets of a scene by the number of LiDARs that see them |
 //! | `field_of_view` | the directions that a sensor looks into |
 //! | `overlap` | shared voxels and directions of pairs, and whether pairs connect all LiDARs |
 
+mod cones;
 mod counts;
 mod field_of_view;
 mod overlap;
 mod redundancy;
+mod technologies;
 
-pub use counts::{SeenAlone, SeenBy};
+pub use counts::{SeenAlone, SeenBy, SeenByTechnologies, SeenByTechnology};
 pub(crate) use field_of_view::FieldOfView;
 pub use overlap::{LEAST_SHARED, Overlap, OverlapError, SharedPair};
 pub use redundancy::{
     REDUNDANCY_TARGETS, Redundancy, RedundancySite, TargetSeenBy, redundancy_question,
 };
+pub use technologies::{SensorsOf, TargetSeenByTechnologies, Technologies};

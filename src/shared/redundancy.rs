@@ -1,15 +1,16 @@
-//! Voxels, ground and targets of a scene by the number of LiDARs that see them.
+//! Voxels, ground and targets of a scene by the number of LiDARs, and by the technologies, that see them.
 
 use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::counts::{Models, SeenBy, Sets, Sums, bits};
+use super::counts::{Models, SeenBy, SeenByTechnologies, Sets, Sums, bits};
+use super::technologies::{ConeSite, TargetSeenByTechnologies, Technologies, union};
 use crate::engine::{Backend, BackendError};
 use crate::near_field::{NearSite, place};
 use crate::problem::Problem;
 use crate::scene::{Scene, Target};
-use crate::targets::{CARD_BEAMS, TargetQuestion, TargetSite};
+use crate::targets::{CARD_BEAMS, Standing, TargetQuestion, TargetSite};
 use crate::vehicle::{Placement, SensorName};
 
 /// Presets that are looked at where none is named.
@@ -38,6 +39,8 @@ pub struct RedundancySite {
     near: Result<NearSite, String>,
     /// Vehicle on level ground; `None` where beams end at nothing.
     targets: Option<TargetSite>,
+    /// Sensors of other technologies; `None` where the vehicle has none.
+    cones: Option<ConeSite>,
 }
 
 /// Things of a scene by the number of LiDARs of a placement that see them.
@@ -64,6 +67,31 @@ pub struct Redundancy {
     pub no_ground: Option<String>,
     /// Places of each target on level ground; none where beams end at nothing.
     pub targets: Vec<TargetSeenBy>,
+    /// The same things by the technologies that see them; `None` where the vehicle has LiDARs alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub technologies: Option<Technologies>,
+}
+
+/// Things by the number of LiDARs, and by technology where the vehicle has other ones.
+struct Seen {
+    by_lidars: SeenBy,
+    by_technologies: Option<SeenByTechnologies>,
+}
+
+/// Sums over frames of [`Seen`].
+#[derive(Default)]
+struct SeenSums {
+    by_lidars: Sums,
+    by_technologies: Sums,
+}
+
+impl SeenSums {
+    fn mean(&self, models: &Models, cones: Option<&ConeSite>) -> Seen {
+        Seen {
+            by_lidars: self.by_lidars.mean(models),
+            by_technologies: cones.map(|cones| cones.mean(&self.by_technologies)),
+        }
+    }
 }
 
 impl Redundancy {
@@ -90,6 +118,9 @@ impl Redundancy {
                 ground_10m: mean(&|row| row.ground_10m.as_ref()),
                 no_ground: None,
                 targets: row.targets.iter().enumerate().map(target).collect(),
+                technologies: Technologies::mean(
+                    &of.iter().filter_map(|row| row.technologies.as_ref()).collect::<Vec<_>>(),
+                ),
                 ..row.clone()
             }
         };
@@ -117,7 +148,19 @@ impl RedundancySite {
                 Err(format!("{}: beams end at nothing, so that no ground is seen", place(scene)))
             }
         };
-        Self { scene: scene.name().to_owned(), problem, near, targets }
+        let cones = ConeSite::new(&scene.vehicle().other_sensors);
+        Self { scene: scene.name().to_owned(), problem, near, targets, cones }
+    }
+
+    /// Sentences about sensors of other technologies whose view the own body blocks for the most part.
+    pub fn notes(&self) -> Vec<String> {
+        let cones = self.cones.as_ref().filter(|_| self.problem.ends_at_hits());
+        cones.map(|cones| cones.notes(self.problem.body())).unwrap_or_default()
+    }
+
+    /// True if the vehicle has sensors of other technologies.
+    pub fn has_cones(&self) -> bool {
+        self.cones.is_some()
     }
 
     /// Reason why there is no ground to look at.
@@ -139,8 +182,21 @@ impl RedundancySite {
         let name = |lidar| Ok(sensors.models()[sensors.number(lidar)?].name);
         let names = placement.lidars.iter().map(name).collect::<Result<Vec<_>, BackendError>>()?;
         let models = Models::new(names.iter().copied());
-        let [occupied, voxels] = self.voxels(engine, placement, &models)?;
-        let [ground_10m, ground_3m] = self.ground(engine, placement, &models)?;
+        let (occupied, voxels) = self.voxels(engine, placement, &models)?;
+        let ground = self.ground(engine, placement, &models)?;
+        let ([ground_10m, ground_3m], of_ground) = match ground.map(|seen| seen.map(split)) {
+            Some([(near, of_near), (ring, of_ring)]) => {
+                ([Some(near), Some(ring)], [of_near, of_ring])
+            }
+            None => ([None, None], [None, None]),
+        };
+        let (targets, of_targets) = self.targets(question, placement, &models)?;
+        let (occupied, of_occupied) = split(occupied);
+        let technologies = self.cones.as_ref().zip(of_occupied).map(|(cones, occupied)| {
+            let [ground_10m, ground_3m] = of_ground;
+            let sensors = cones.sensors(names.len());
+            Technologies { sensors, occupied, ground_3m, ground_10m, targets: of_targets }
+        });
         Ok(Redundancy {
             scene: self.scene.clone(),
             placement: placement.name.clone(),
@@ -151,79 +207,111 @@ impl RedundancySite {
             ground_3m,
             ground_10m,
             no_ground: self.no_ground().map(str::to_owned),
-            targets: self.targets(question, placement, &models)?,
+            targets,
+            technologies,
         })
     }
 
-    /// Occupied voxels, and all.
+    /// Occupied voxels, and all by the number of LiDARs.
     fn voxels(
         &self,
         engine: &mut dyn Backend,
         placement: &Placement,
         models: &Models,
-    ) -> Result<[SeenBy; 2], BackendError> {
+    ) -> Result<(Seen, SeenBy), BackendError> {
         let content = self.problem.content().occupied();
         let (count, all) = (content.len() as u64, self.problem.roi().voxel_count());
-        let mut sums = [Sums::default(), Sums::default()];
-        for (frame, weight) in self.problem.distinct_frames() {
+        let (mut sums, mut of_all) = (SeenSums::default(), Sums::default());
+        for (k, (frame, weight)) in self.problem.distinct_frames().into_iter().enumerate() {
             let bitmaps = engine.bitmaps(&placement.lidars, frame)?;
             let order = bitmaps.order;
             let sets = Sets::new(&bitmaps.sensors().collect::<Vec<_>>(), models);
             let occupied = order.bitmap(content.iter().map(|voxel| order.bit_of(voxel.index)));
-            sums[0].add(weight, &sets, count, Some(&occupied));
-            sums[1].add(weight, &sets, all, None);
+            sums.by_lidars.add(weight, &sets, count, Some(&occupied));
+            of_all.add(weight, &sets, all, None);
+            if let Some(cones) = &self.cones {
+                let any = union(bitmaps.sensors());
+                let is_seen = |index: u32| {
+                    let bit = order.bit_of(index) as usize;
+                    any[bit / 64] >> (bit % 64) & 1 == 1
+                };
+                let lidars = bits(content.iter().map(|voxel| is_seen(voxel.index)));
+                let sets = cones.sets(lidars, &cones.occupied(&self.problem)[k]);
+                sums.by_technologies.add(weight, &sets, count, None);
+            }
         }
-        Ok(sums.map(|sums| sums.mean(models)))
+        Ok((sums.mean(models, self.cones.as_ref()), of_all.mean(models)))
     }
 
-    /// Ground within 10 m and within 3 m of the own body.
+    /// Ground within 10 m and within 3 m of the own body; `None` where there is none.
     fn ground(
         &self,
         engine: &mut dyn Backend,
         placement: &Placement,
         models: &Models,
-    ) -> Result<[Option<SeenBy>; 2], BackendError> {
-        let Ok(near) = &self.near else { return Ok([None, None]) };
-        let mut sums = [Sums::default(), Sums::default()];
-        for frame in near.seen_by_lidar(engine, placement)? {
+    ) -> Result<Option<[Seen; 2]>, BackendError> {
+        let Ok(near) = &self.near else { return Ok(None) };
+        let mut sums = [SeenSums::default(), SeenSums::default()];
+        for (k, frame) in near.seen_by_lidar(engine, placement)?.into_iter().enumerate() {
             let seen: Vec<Vec<u64>> =
                 frame.seen_by.iter().map(|seen| bits(seen.iter().copied())).collect();
-            let sets = Sets::new(&seen.iter().map(Vec::as_slice).collect::<Vec<_>>(), models);
-            for (sums, counts) in sums.iter_mut().zip([frame.near, frame.ring]) {
-                let all = counts.iter().filter(|counts| **counts).count();
-                sums.add(frame.weight, &sets, all as u64, Some(&bits(counts)));
+            let seen: Vec<&[u64]> = seen.iter().map(Vec::as_slice).collect();
+            let sets = Sets::new(&seen, models);
+            let by_technology = self.cones.as_ref().map(|cones| {
+                cones.sets(union(seen.iter().copied()), &cones.ground(near, &self.problem)[k])
+            });
+            for (sums, counts) in sums.iter_mut().zip([&frame.near, &frame.ring]) {
+                let all = counts.iter().filter(|counts| **counts).count() as u64;
+                let mask = bits(counts.iter().copied());
+                sums.by_lidars.add(frame.weight, &sets, all, Some(&mask));
+                if let Some(sets) = &by_technology {
+                    sums.by_technologies.add(frame.weight, sets, all, Some(&mask));
+                }
             }
         }
-        Ok(sums.map(|sums| Some(sums.mean(models))))
+        Ok(Some(sums.map(|sums| sums.mean(models, self.cones.as_ref()))))
     }
 
-    /// Places of each target that lie beside the own body.
+    /// Places of each target that lie beside the own body; none by technology where there are LiDARs alone.
     fn targets(
         &self,
         question: &TargetQuestion,
         placement: &Placement,
         models: &Models,
-    ) -> Result<Vec<TargetSeenBy>, BackendError> {
-        let Some(site) = &self.targets else { return Ok(Vec::new()) };
-        let mut found = Vec::new();
+    ) -> Result<(Vec<TargetSeenBy>, Vec<TargetSeenByTechnologies>), BackendError> {
+        let (mut found, mut by_technology) = (Vec::new(), Vec::new());
+        let Some(site) = &self.targets else { return Ok((found, by_technology)) };
         let standing = question.on_level();
         let places = question.bearings.len() * question.distances.len();
         for (target, standing) in question.targets.iter().zip(standing.chunks(places.max(1))) {
-            let has_room = |place: &&_| -> bool {
-                let crate::targets::Standing { target, at } = **place;
-                site.has_room(target, at)
-            };
+            let has_room = |&&Standing { target, at }: &&Standing<'_>| site.has_room(target, at);
             let standing: Vec<_> = standing.iter().filter(has_room).copied().collect();
             let mut seen: Vec<Vec<u64>> = Vec::new();
             for lidar in &placement.lidars {
                 let beams = site.beams(lidar, &standing, question.beams)?;
                 seen.push(bits(beams.iter().map(|&beams| beams >= question.beams)));
             }
-            let sets = Sets::new(&seen.iter().map(Vec::as_slice).collect::<Vec<_>>(), models);
-            let mut sums = Sums::default();
-            sums.add(1, &sets, standing.len() as u64, None);
-            found.push(TargetSeenBy { target: target.name.clone(), seen: sums.mean(models) });
+            let seen: Vec<&[u64]> = seen.iter().map(Vec::as_slice).collect();
+            let (name, mut sums) = (&target.name, SeenSums::default());
+            let count = standing.len() as u64;
+            sums.by_lidars.add(1, &Sets::new(&seen, models), count, None);
+            if let Some(cones) = &self.cones {
+                let sets = cones.sets(
+                    union(seen.iter().copied()),
+                    &cones.targets(self.problem.body(), &standing),
+                );
+                sums.by_technologies.add(1, &sets, count, None);
+            }
+            let (by_lidars, of_technologies) = split(sums.mean(models, self.cones.as_ref()));
+            found.push(TargetSeenBy { target: name.clone(), seen: by_lidars });
+            by_technology.extend(
+                of_technologies.map(|seen| TargetSeenByTechnologies { target: name.clone(), seen }),
+            );
         }
-        Ok(found)
+        Ok((found, by_technology))
     }
+}
+
+fn split(seen: Seen) -> (SeenBy, Option<SeenByTechnologies>) {
+    (seen.by_lidars, seen.by_technologies)
 }

@@ -71,6 +71,26 @@ pub struct VehicleDescription<B, M> {
     pub(crate) symmetric: bool,
     #[serde(default)]
     pub(crate) require: Vec<RequirementDescription>,
+    #[serde(default)]
+    pub(crate) other_sensors: Vec<OtherSensorDescription>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OtherSensorDescription {
+    pub name: String,
+    pub technology: String,
+    pub x: f64,
+    pub y: f64,
+    pub z: f64,
+    #[serde(default)]
+    pub roll: f64,
+    #[serde(default)]
+    pub pitch: f64,
+    #[serde(default)]
+    pub yaw: f64,
+    pub fov: [f64; 2],
+    pub range: f64,
 }
 
 #[derive(Debug, Deserialize)]

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::{
-    Constraints, GroundRule, Lidar, MAX_LIDARS, Phase, Region, Requirement, Response, SensorError,
-    SensorModel, SensorName, Sensors, Slot, TargetRule, Ties,
+    Constraints, GroundRule, Lidar, MAX_LIDARS, OtherSensor, Phase, Region, Requirement, Response,
+    SensorError, SensorModel, SensorName, Sensors, Slot, TargetRule, Ties,
 };
 use sightline_files::Note;
 
@@ -34,7 +34,7 @@ pub struct VehicleMount {
     pub count: [usize; 2],
 }
 
-/// All that a vehicle says about its LiDARs.
+/// All that a vehicle says about its LiDARs, and its sensors of other technologies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Vehicle {
     /// Name in reports.
@@ -55,6 +55,8 @@ pub struct Vehicle {
     pub targets: Vec<TargetRule>,
     /// Ground near the vehicle that must be seen.
     pub ground: Vec<GroundRule>,
+    /// Fixed sensors of other technologies: they count in coverage alone.
+    pub other_sensors: Vec<OtherSensor>,
     /// Sentences about the file and the sensor files that it names.
     pub notes: Vec<Note>,
 }

@@ -10,6 +10,7 @@ mod lidar_reading;
 mod mesh_mount;
 mod mount;
 mod mounting;
+mod other_sensor;
 mod pairing;
 pub mod placement_file;
 pub mod placements;
@@ -36,6 +37,7 @@ pub use lidar_cast::sensor::{
 pub use lidar_cast::task::Requirement;
 pub use lidar_reading::DescribedLidar;
 pub use mount::MountRules;
+pub use other_sensor::{LIDAR, OtherSensor};
 pub use placement_file::{PlacementFileError, PlacementReader, read_placements};
 pub use placements::{
     SensorChoice, in_millimetres, millimetres, name_lidars, placement_to_nanometres,

@@ -62,6 +62,7 @@ impl Vehicle {
             require: Vec::new(),
             targets: Vec::new(),
             ground: Vec::new(),
+            other_sensors: Vec::new(),
             notes: Vec::new(),
         };
         vehicle.check_room(&at)?;

@@ -14,7 +14,9 @@ use super::lidar_reading::DescribedLidar;
 use super::mesh_mount::mirror_meshes;
 use super::mount::{keep_out_boxes, least_distance};
 use super::mounting::{check_pairs, level, mounting};
-use super::{GroundRule, MAX_LIDARS, Phase, Requirement, SensorName, TargetRule, Ties, lidar};
+use super::{
+    GroundRule, MAX_LIDARS, OtherSensor, Phase, Requirement, SensorName, TargetRule, Ties, lidar,
+};
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{self, DescriptionError, FileKind, Place};
@@ -66,21 +68,7 @@ impl Vehicle {
         let name = vehicle.name.filter(|name| !name.trim().is_empty());
         let name = name.map(|name| check::name(&at.key("name"), name)).transpose()?;
         let (mut files, mut notes) = (Vec::new(), Vec::new());
-        let mut sensors: Vec<VehicleSensor> = Vec::new();
-        for (i, model) in vehicle.sensors.into_iter().enumerate() {
-            let at = at.key("sensors").item(i);
-            files.extend(model.lidar.file.iter().map(|file| dir.join(file)));
-            let sensor = sensor(&at, model, dir, &mut notes)?;
-            if sensors.iter().any(|known| known.name == sensor.name) {
-                let wanted = "a name of its own; it is used twice";
-                return Err(bad(&at.key("name"), format!("`{}`", sensor.name), wanted));
-            }
-            sensors.push(sensor);
-        }
-        for (i, sensor) in sensors.iter().enumerate() {
-            let doubts = super::of_lidar(&format!("sensors[{i}]"), &sensor.lidar);
-            notes.extend(doubts.iter().map(|doubt| Note::doubt(format!("{at}: {doubt}"))));
-        }
+        let sensors = models(at, vehicle.sensors, dir, &mut files, &mut notes)?;
         let angles = vehicle.mounts.iter().enumerate().flat_map(|(i, mount)| angles(i, mount));
         notes.extend(angles.map(|doubt| Note::doubt(format!("{at}: {doubt}"))));
         let (mut mounts, meshes) = mounts(at, vehicle.mounts, &sensors, dir)?;
@@ -99,6 +87,8 @@ impl Vehicle {
             Requirements::new(&at.key("require"), &vehicle.require, dir)?;
         files.extend(read);
         notes.extend(told);
+        let at = at.key("other_sensors");
+        let other_sensors = OtherSensor::read_all(&at, vehicle.other_sensors, &mut notes)?;
         let name = name.unwrap_or_else(|| stem.to_owned());
         Ok((
             Self {
@@ -111,11 +101,38 @@ impl Vehicle {
                 require,
                 targets,
                 ground,
+                other_sensors,
                 notes,
             },
             files,
         ))
     }
+}
+
+/// All sensor models, which differ in their names; `files` and `notes` take those of their sensor files.
+fn models(
+    at: &Place,
+    list: Vec<ModelDescription>,
+    dir: &Path,
+    files: &mut Vec<PathBuf>,
+    notes: &mut Vec<Note>,
+) -> Result<Vec<VehicleSensor>, DescriptionError> {
+    let mut sensors: Vec<VehicleSensor> = Vec::new();
+    for (i, model) in list.into_iter().enumerate() {
+        let at = at.key("sensors").item(i);
+        files.extend(model.lidar.file.iter().map(|file| dir.join(file)));
+        let sensor = sensor(&at, model, dir, notes)?;
+        if sensors.iter().any(|known| known.name == sensor.name) {
+            let wanted = "a name of its own; it is used twice";
+            return Err(bad(&at.key("name"), format!("`{}`", sensor.name), wanted));
+        }
+        sensors.push(sensor);
+    }
+    for (i, sensor) in sensors.iter().enumerate() {
+        let doubts = super::of_lidar(&format!("sensors[{i}]"), &sensor.lidar);
+        notes.extend(doubts.iter().map(|doubt| Note::doubt(format!("{at}: {doubt}"))));
+    }
+    Ok(sensors)
 }
 
 /// Doubts about the angles of a mount and of its mesh.

@@ -182,6 +182,7 @@ fn models(lidar: Lidar) -> Models {
         require: Vec::new(),
         targets: Vec::new(),
         ground: Vec::new(),
+        other_sensors: Vec::new(),
         notes: Vec::new(),
     })
 }
