@@ -70,10 +70,8 @@ fn of_corridor(dir: &TempDir, kind: &str, more: &[&str]) -> Value {
 fn assert_column(table: &Value, title: &str, want: &[f64]) {
     let found: Vec<f64> = column(table, title).into_iter().map(|(_, value)| value).collect();
     let close = |a: &f64, b: &f64| (a - b).abs() <= 1e-6 * b.abs().max(1e-3);
-    assert!(
-        found.len() == want.len() && found.iter().zip(want).all(|(a, b)| close(a, b)),
-        "{title}: {found:?} is not {want:?}"
-    );
+    let equal = found.len() == want.len() && found.iter().zip(want).all(|(a, b)| close(a, b));
+    assert!(equal, "{title}: {found:?} is not {want:?}");
 }
 
 #[test]

@@ -125,8 +125,8 @@ fn notes(scene: &StudyScene, drawn: &str, gains: &[f64]) -> Vec<String> {
     let vehicle = scene.scene.vehicle();
     if !vehicle.is_nameless() {
         notes.push(format!(
-            "Models and mounts of each number are chosen as far as {} allows; fewer are taken where one more gains \
-             nothing, costs too much or needs its mirror image.",
+            "Models and mounts of each number are chosen as far as {} allows, requirements before gain, so that a gain \
+             may fall; fewer are taken where one more adds nothing, costs too much or needs its mirror image.",
             vehicle.name
         ));
     }

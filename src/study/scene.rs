@@ -14,7 +14,7 @@ use crate::scene::{PsogSource, ScanSettings, Scene};
 use crate::score::{Objective, Scores};
 use crate::search::{Evaluator, Event, Limits, Settings, Suite, optimize};
 use crate::targets::{RangeCard, Receiving, TargetSite};
-use crate::vehicle::{Constraints, Placement, Sensors, Violation, table_7};
+use crate::vehicle::{Constraints, Placement, Sensors, table_7, table_7_held_by};
 
 /// The job that all cases of a study in one scene vary.
 pub(super) struct StudyScene<'a> {
@@ -34,11 +34,14 @@ impl<'a> StudyScene<'a> {
         settings: &'a StudySettings,
         observer: &'a dyn StudyObserver,
     ) -> Result<Self, StudyError> {
-        let layouts = match (&settings.placements[..], kind) {
-            ([], Kind::Published) => published(scene)?,
-            ([], _) => held(scene.scene(), published(scene)?),
-            (given, _) => given.to_vec(),
+        let mut layouts = match kind {
+            Kind::Published => table_7(),
+            _ => table_7_held_by(scene.scene().vehicle()),
         };
+        scene.models()?.name_first(&mut layouts);
+        if !settings.placements.is_empty() {
+            layouts.clone_from(&settings.placements);
+        }
         let names = layouts.iter().map(|layout| &*layout.name);
         check_distinct(names, "placements", "give each a `name` of its own")?;
         let weather = if kind == Kind::Weather { &[][..] } else { &settings.conditions };
@@ -259,24 +262,4 @@ impl<'a> StudyScene<'a> {
     pub(super) fn goes_on(&self) -> bool {
         self.observer.goes_on()
     }
-}
-
-/// The layouts of Table 7 with the first model of a vehicle.
-fn published(scene: &JobScene) -> Result<Vec<Placement>, StudyError> {
-    let mut layouts = table_7();
-    scene.models()?.name_first(&mut layouts);
-    Ok(layouts)
-}
-
-/// Layouts for which the mounts of a scene have room; none for a vehicle with several models.
-fn held(scene: &Scene, mut layouts: Vec<Placement>) -> Vec<Placement> {
-    let rules = scene.constraints();
-    let has_room = |layout: &Placement| {
-        let outside = |violation: &Violation| {
-            matches!(violation, Violation::OutsideMount { .. } | Violation::NoPlace { .. })
-        };
-        !rules.violations(layout).iter().any(outside)
-    };
-    layouts.retain(|layout| scene.vehicle().sensors.len() == 1 && has_room(layout));
-    layouts
 }
