@@ -14,7 +14,7 @@ fn street() -> TempDir {
     let solid = json!({ "channels": 8, "fov": [-30, 10], "azimuth": [-60, 60], "azimuth_steps": 60, "range": 30 });
     let spinning = |channels| json!({ "channels": channels, "fov": [-30, 5], "azimuth_steps": 120, "range": 60 });
     let side = |name: &str, y: f64| {
-        json!({ "name": name, "min": [-0.5, y - 0.05, 0.6], "max": [0.5, y + 0.05, 0.9], "yaw": [-3.14159, 3.14159],
+        json!({ "name": name, "min": [-0.5, y - 0.05, 0.6], "max": [0.5, y + 0.05, 0.9], "yaw": [-3.15, 3.15],
             "sensors": ["solid"], "count": [0, 1] })
     };
     let van = json!({ "sightline": 1, "name": "van",
@@ -279,7 +279,7 @@ fn what_a_study_does_not_take_is_refused() {
         ("lidars street.json --budget 3", "below the cheapest rig"),
         ("cost street.json --budget 3", "below the cheapest rig"),
         ("loss room.json --budget 9", "has one LiDAR and no prices"),
-        ("regions street.json twins.json", "two placements are called `twin`"),
+        ("regions street.json twins.json", "the name `twin` is used twice"),
         ("nearfield street.json", "the vehicle is not the paper's car"),
         ("weather street.json rigs.json --condition fog --condition fog", "two conditions are"),
     ] {
