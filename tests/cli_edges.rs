@@ -44,7 +44,10 @@ fn a_psog_that_tells_nothing_is_said_and_ends_nothing() {
             assert!(page.contains("The placement found is as good as "), "{objective}");
         }
         let args = ["study", "lidars", "scene.json", "--evaluations", "4", "--backend", "cpu"];
-        ok(dir.path(), &args);
+        let output = sightline(dir.path(), &args);
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{stderr}");
+        assert!(stderr.contains("no row has an answer: no placement that"), "{stderr}");
         // A share of nothing is no number, which is no fault of the mount.
         let message = fails(dir.path(), &[&OPTIMIZE[..], &["--out", "share"]].concat());
         assert!(message.contains("nothing is uncertain in its P-SOG"), "{message}");

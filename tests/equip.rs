@@ -272,7 +272,14 @@ fn more_money_never_gains_less_along_a_front() {
     let vehicle = vehicle(Vec::new());
     let problem = problem(4, &vehicle);
     let objective = "information_gain".parse().unwrap();
-    let front = cost_front(&problem.into(), &vehicle, &objective, &EngineChoice::cpu()).unwrap();
+    let front = cost_front(
+        &problem.into(),
+        &vehicle,
+        &objective,
+        Limits::budget(f64::INFINITY),
+        &EngineChoice::cpu(),
+    )
+    .unwrap();
     assert!(front.len() >= 4, "{front:?}");
     assert_eq!(front[0].cost, 2.0);
     assert!(front.windows(2).all(|pair| pair[0].value <= 1.02 * pair[1].value), "{front:?}");

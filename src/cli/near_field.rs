@@ -20,7 +20,7 @@ five beams or more; own body %: beams that end at the own vehicle. docs/nearfiel
 pub struct Args {
     /// Scene file; it must have geometry and an own body
     scene: PathBuf,
-    /// Placements [default: Table 7 of the paper]
+    /// Placements [default: Table 7 of the paper, where the vehicle is its car: one model, a mount that holds them]
     placements: Option<PathBuf>,
     /// Draw blind zones and poles from above into this SVG file
     #[arg(long, value_name = "FILE")]

@@ -10,7 +10,7 @@ use crate::study::{Kind, Region, StudySettings, Table, mean_over_scenes};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 
-use super::args::{Compute, Conditions, at_least_one, whole};
+use super::args::{Compute, Conditions, at_least_one, finite, whole};
 use super::exit::Exit;
 use super::{near_field, room, shared, sweep, targets};
 
@@ -101,7 +101,9 @@ impl clap::Args for Command {
   sightline study channels scenes/highway.json --sensor velodyne_vlp_32c.json --sensor os1_64.json
   sightline study loss scenes/highway.json scenes/residential.json
   sightline study loss scenes/highway.json scenes/placements.json --frames 2
-  sightline study regions scenes/residential.json --box crossing:10,-5,0,30,5,2
+  sightline study lidars scenes/highway.json --vehicle van.json --budget 12000
+  sightline study regions scenes/residential.json mine.json --box crossing:10,-5,0,30,5,2
+  sightline study weather scenes/highway.json mine.json --condition fog:mor=50 --condition rain:rate=25
   sightline study nearfield scenes/highway.json --out near.svg
   sightline study targets scenes/placements.json --vehicle scenes/vehicles/car.json
   sightline study redundancy scenes/highway.json scenes/placements.json
@@ -111,13 +113,17 @@ impl clap::Args for Command {
   sightline study transfer scenes/highway.json scenes/residential.json
 
 A study writes study.json, table.csv and chart.svg into its folder. The same command goes on with an
-interrupted one.")]
+interrupted one. `loss`, `random`, `regions`, `voxels` and `weather` look at own rigs, a file of placements behind
+the scenes; without one at the layouts of Table 7, where the vehicle is the paper's car: one model, a mount that
+holds them. Give scenes/placements.json to compare any other vehicle with them. Kinds that search choose the
+sensors of a vehicle for --budget. A row that misses a requirement is marked with !. A study in which no row has an
+answer ends with exit code 1.")]
 pub struct Args {
     /// What to study
     #[arg(value_parser = kinds())]
     kind: Kind,
-    /// Scene files: `transfer` looks at all together, every other kind at one after the other; `loss` takes a file of own
-    /// rigs behind them
+    /// Scene files: `transfer` looks at all together, every other kind at one after the other; `loss`, `random`, `regions`,
+    /// `voxels` and `weather` take a file of own rigs behind them
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
     /// Folder for the study, of several scenes one in it for each [default: studies/SCENE-KIND]
@@ -137,6 +143,9 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = StudySettings::default().random,
           value_parser = clap::value_parser!(u32).range(2..=100_000))]
     random: u32,
+    /// Most that the sensors of a vehicle may cost, in the currency of its prices, where placements are searched
+    #[arg(long, value_name = "PRICE", value_parser = finite)]
+    budget: Option<f64>,
     /// Sensor file to compare, for `channels`; may be given several times
     #[arg(long, value_name = "FILE")]
     sensor: Vec<PathBuf>,
@@ -189,6 +198,7 @@ fn make(args: &Args) -> Result<Exit, Error> {
         sensors: args.sensor.clone(),
         regions: args.boxes.clone(),
         voxel: args.voxel,
+        budget: args.budget,
         seed: args.seed,
         conditions: args.conditions.condition.clone(),
     };
@@ -205,8 +215,11 @@ fn make(args: &Args) -> Result<Exit, Error> {
     print(args, &tables)?;
     if !terminal.goes_on() {
         terminal.note("interrupted; the same command goes on");
+        return Ok(terminal.exit());
     }
-    Ok(terminal.exit())
+    let unanswered: Vec<String> = tables.iter().filter_map(Table::unanswered).collect();
+    unanswered.iter().for_each(|why| terminal.note(why));
+    Ok(if unanswered.is_empty() { terminal.exit() } else { Exit::CheckFailed })
 }
 
 /// What comes after the tables of the scenes: their mean, and all of it in JSON or CSV.

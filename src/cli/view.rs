@@ -20,7 +20,7 @@ pub struct Args {
     #[arg(value_name = "SCENE… PLACEMENTS[:NAME]", required = true, num_args = 2..)]
     files: Vec<String>,
     /// Placement to compare with, or a file of them; may be given several times [default: Table 7 of the
-    /// paper]
+    /// paper, where the vehicle is its car: one model, a mount that holds them; else none]
     #[arg(long, value_name = "FILE[:NAME]")]
     baseline: Vec<String>,
     /// Page to write

@@ -18,13 +18,13 @@ pub fn study_plot(table: &Table) -> Plot {
                 line: *line,
                 labels: Vec::new(),
             });
-            let names = Axis::Names(rows().map(|row| row.name.clone()).collect());
+            let names = Axis::Names(rows().map(Row::marked).collect());
             (&table.columns[0], y_title, names, series.collect())
         }
         Drawing::ByColumn { x_title, y_title } => {
             let columns = 0..table.columns.len() - 1;
             let series = rows().map(|row| Series {
-                name: row.name.clone(),
+                name: row.marked(),
                 points: columns.clone().map(|k| (k as f64, number(row, k))).collect(),
                 line: false,
                 labels: Vec::new(),
@@ -37,7 +37,7 @@ pub fn study_plot(table: &Table) -> Plot {
                 name: format!("by {}", table.columns[0]),
                 points: rows().map(|row| (number(row, 0), number(row, *column))).collect(),
                 line: false,
-                labels: rows().enumerate().map(|(k, row)| (k, row.name.clone())).collect(),
+                labels: rows().enumerate().map(|(k, row)| (k, row.marked())).collect(),
             };
             (x_title, y_title, Axis::Numbers, vec![series])
         }
@@ -59,7 +59,7 @@ mod tests {
         let row = |name: &str, values: [Option<f64>; 2]| Row {
             name: name.into(),
             values: values.to_vec(),
-            placement: None,
+            ..Row::default()
         };
         Table {
             title: "t".into(),

@@ -8,7 +8,7 @@ use crate::job::{Room, RoomOfSide, Sweep};
 use crate::near_field::{NearField, Standard};
 use crate::score::{Scores, Seen};
 use crate::shared::{Overlap, Redundancy, SeenBy, SeenByTechnologies};
-use crate::study::Table;
+use crate::study::{REQUIREMENTS, Table};
 use crate::targets::TargetTable;
 
 /// Between the parts of a cell that holds several.
@@ -256,6 +256,8 @@ pub fn studies_csv(tables: &[&Table]) -> String {
     let case = tables.first().map_or("case", |table| &*table.columns[0]);
     let mut rows = vec![titles(&["table", case])];
     rows[0].extend(columns.iter().map(|column| (*column).clone()));
+    let requires = tables.iter().any(|table| table.has_requirements());
+    rows[0].extend(requires.then(|| titles(&REQUIREMENTS)).into_iter().flatten());
     for table in tables {
         rows.extend(table.rows.iter().map(|row| {
             let value = |column: &&String| {
@@ -263,7 +265,8 @@ pub fn studies_csv(tables: &[&Table]) -> String {
                 place.map_or_else(String::new, |place| number(row.values[place]))
             };
             let start = [table.title.clone(), row.name.clone()];
-            start.into_iter().chain(columns.iter().map(value)).collect()
+            let last = requires.then(|| row.requirements()).into_iter().flatten();
+            start.into_iter().chain(columns.iter().map(value)).chain(last).collect()
         }));
     }
     csv(rows)

@@ -4,7 +4,7 @@ use super::{ScoreColumn, optional};
 use crate::json::fixed;
 use crate::score::Scores;
 use crate::search::Finding;
-use crate::study::Table;
+use crate::study::{Row, Table};
 use crate::vehicle::millimetres;
 use crate::vehicle::{Placement, SensorPose};
 
@@ -107,10 +107,13 @@ pub fn study_text(table: &Table) -> String {
     let mut rows = vec![table.columns.clone()];
     rows.extend(table.rows.iter().map(|row| {
         let values = row.values.iter().map(|value| number(*value));
-        std::iter::once(row.name.clone()).chain(values).collect()
+        std::iter::once(row.marked()).chain(values).collect()
     }));
+    let remarks: String =
+        table.rows.iter().flat_map(Row::remarks).map(|remark| format!("{remark}\n")).collect();
+    let gap = if remarks.is_empty() { "" } else { "\n" };
     let notes: String = table.notes.iter().map(|note| format!("\n{note}\n")).collect();
-    align_columns(&rows) + &notes
+    align_columns(&rows) + gap + &remarks + &notes
 }
 
 /// The poses of a placement, a line each, in metres and radians and then in millimetres and degrees; `mounts` names the

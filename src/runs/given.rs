@@ -8,7 +8,7 @@ use crate::Note;
 use crate::problem::Problem;
 use crate::vehicle::{
     Constraints, Doubts, ForeignLidar, Placement, PlacementFileError, SensorChoice, Sensors,
-    name_lidars, table_7,
+    Vehicle, name_lidars, table_7, table_7_held_by,
 };
 
 /// Most doubts that are noted: of a million placements in degrees the first few say enough.
@@ -91,6 +91,21 @@ impl<'a> Given<'a> {
         self.finish();
         Ok(())
     }
+}
+
+/// The layouts of Table 7 where a vehicle is the paper's car: one model, a mount that holds them; else none. See
+/// [`name_published`] for their models.
+///
+/// # Errors
+/// See [`name_published`].
+pub fn held(
+    vehicle: &Vehicle,
+    sensors: &Sensors,
+    computing: &Computing<'_>,
+) -> Result<Vec<Placement>, Error> {
+    let mut layouts = table_7_held_by(vehicle);
+    name_published(&mut layouts, sensors, computing)?;
+    Ok(layouts)
 }
 
 /// The layouts of Table 7 of the paper. See [`name_published`] for their models.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::given::{Given, published};
+use super::given::{Given, held};
 use super::opening::{self, LoadTimes, Loaded};
 use super::{Computing, Error, GRACE, figures};
 use crate::files::{Session, writable_file, write_whole};
@@ -20,7 +20,7 @@ use crate::vehicle::{Placement, read_placements};
 pub struct NearFieldRequest {
     /// Scene file.
     pub scene: PathBuf,
-    /// File of placements; Table 7 of the paper if none.
+    /// File of placements; if none the layouts of Table 7, for the paper's car alone.
     pub placements: Option<PathBuf>,
     /// SVG file for blind zones and poles from above.
     pub out: Option<PathBuf>,
@@ -79,8 +79,15 @@ pub fn near_fields(
             Given::in_problem(file, evaluator.problem(), computing).all(&mut read)?;
             read
         }
-        None => published(evaluator.problem().sensors(), computing)?,
+        None => held(scene.vehicle(), evaluator.problem().sensors(), computing)?,
     };
+    if request.placements.is_none() && placements.is_empty() {
+        return Err(Error::Usage(format!(
+            "{}: the vehicle is not the paper's car, whose layouts are looked at by default; give a file of placements \
+             behind the scene",
+            request.scene.display()
+        )));
+    }
     let site = NearSite::new(scene, &evaluator.shared_problem())?;
     watcher.listen(GRACE);
     let bar = watcher.bar(placements.len() as u64, Some("placements"));

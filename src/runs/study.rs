@@ -22,8 +22,8 @@ use crate::vehicle::read_placements;
 pub struct StudyRequest {
     /// Question of the study.
     pub kind: Kind,
-    /// Scene files: `transfer` looks at all together, every other kind at one after the other; for `loss` a file of
-    /// placements among them.
+    /// Scene files: `transfer` looks at all together, every other kind at one after the other. A file of placements
+    /// among them for kinds that [take some](Kind::takes_placements).
     pub scenes: Vec<PathBuf>,
     /// Folder; several scenes get a folder each inside it.
     pub out: Option<PathBuf>,
@@ -43,7 +43,9 @@ pub struct StudyRequest {
     pub voxel: Option<f64>,
     /// Seed of all randomness.
     pub seed: u64,
-    /// Weather and faults.
+    /// Most that the sensors of a placement that is searched may cost; `None` sets no limit.
+    pub budget: Option<f64>,
+    /// Weather and faults: all at once, but each for itself for `weather`.
     pub conditions: Vec<Condition>,
 }
 
@@ -59,7 +61,7 @@ pub fn study_scenes(
 ) -> Result<Vec<Table>, Error> {
     let _session = files::Session::begin();
     let Files { scenes: paths, placements } = match request.kind {
-        Kind::Loss => Files::sort(&request.scenes, computing.watcher)?,
+        kind if kind.takes_placements() => Files::sort(&request.scenes, computing.watcher)?,
         kind => only_scenes(kind, &request.scenes, computing.watcher)?,
     };
     let settings = settings(request, computing)?;
@@ -97,8 +99,12 @@ fn only_scenes(kind: Kind, files: &[PathBuf], watcher: &dyn Watcher) -> Result<F
     files.iter().try_for_each(|file| can_be_read(file))?;
     if let Some(file) = files.iter().find(|file| files.len() > 1 && holds_placements(file)) {
         let (file, kind) = (file.display(), kind.name());
+        let takers = Kind::ALL.iter().filter(|(kind, ..)| kind.takes_placements());
+        let takers: Vec<String> = takers.map(|(_, name, _)| format!("`{name}`")).collect();
         return Err(Error::Usage(format!(
-            "{file}: holds placements, which `study {kind}` does not take; `loss`, `nearfield` and `targets` do"
+            "{file}: holds placements, which `study {kind}` does not take, as it searches its own; {}, `nearfield` and \
+             `targets` do",
+            takers.join(", ")
         )));
     }
     note_repeated(files, watcher);
@@ -117,6 +123,7 @@ fn settings(request: &StudyRequest, computing: &Computing<'_>) -> Result<StudySe
         sensors: request.sensors.clone(),
         regions: request.regions.clone(),
         placements: Vec::new(),
+        budget: request.budget,
         conditions: request.conditions.clone(),
         engine: computing.engine.clone(),
     })
@@ -131,7 +138,9 @@ fn of_scenes(
     computing: &Computing<'_>,
 ) -> Result<Table, Error> {
     let watcher = computing.watcher;
-    let files = opening::files(paths, &request.conditions, request.frames, computing);
+    // The study of weather has a job for each condition.
+    let together = if request.kind == Kind::Weather { &[][..] } else { &request.conditions };
+    let files = opening::files(paths, together, request.frames, computing);
     let job = opening::job(&files, computing)?.job;
     let scenes = job.scenes();
     let mut settings = settings.clone();
@@ -279,6 +288,9 @@ fn recorded<'s>(
         "voxel": request.voxel,
         "seed": settings.seed,
     });
+    if settings.budget.is_some() {
+        recorded["budget"] = json!(settings.budget);
+    }
     if !settings.conditions.is_empty() {
         recorded["conditions"] = json!(in_words(&settings.conditions));
     }

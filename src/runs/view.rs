@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::figures::{self, Figure};
-use super::given::{Given, published};
+use super::given::{Given, held};
 use super::inputs::{file_and_name, named_placements, note_repeated};
 use super::opening;
 use super::{Computing, Error};
@@ -60,7 +60,7 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Erro
         look(file).all(all)?;
     }
     let baselines = match rivals.is_empty() {
-        true => published(problem.sensors(), computing)?,
+        true => held(job.scene().vehicle(), problem.sensors(), computing)?,
         false => rivals.into_iter().flat_map(|(_, placements)| placements).collect(),
     };
     // The placement shown is not compared with itself.

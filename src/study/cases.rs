@@ -1,7 +1,6 @@
 //! The cases of a study: measured one after the other, kept by name, skipped where they are known.
 
 use super::{Row, StudyError};
-use crate::vehicle::Placement;
 
 /// Observer of a study, which may stop it.
 pub trait StudyObserver {
@@ -26,9 +25,6 @@ pub trait StudyObserver {
 /// An observer that hears nothing and never stops.
 impl StudyObserver for () {}
 
-/// Values of a case in the order of the columns, and the placement that it ended with.
-pub(super) type Measured = (Vec<Option<f64>>, Option<Placement>);
-
 /// The cases of one study.
 pub(super) struct Cases<'a> {
     known: &'a mut Vec<Row>,
@@ -46,11 +42,11 @@ impl<'a> Cases<'a> {
         self.observer.begins(cases);
     }
 
-    /// The row of that name, measured unless it is known; `None` once the observer has said stop.
+    /// The row of that name, which `measure` leaves without a name, measured unless it is known; `None` once the observer has said stop.
     pub(super) fn one(
         &mut self,
         name: &str,
-        measure: impl FnOnce() -> Result<Measured, StudyError>,
+        measure: impl FnOnce() -> Result<Row, StudyError>,
     ) -> Result<Option<Row>, StudyError> {
         if let Some(row) = self.known.iter().find(|row| row.name == name) {
             self.observer.done();
@@ -64,8 +60,7 @@ impl<'a> Cases<'a> {
         if !self.observer.goes_on() {
             return Ok(None);
         }
-        let (values, placement) = measured?;
-        let row = Row { name: name.to_owned(), values, placement };
+        let row = Row { name: name.to_owned(), ..measured? };
         self.known.push(row.clone());
         self.observer.measured(self.known);
         self.observer.done();
@@ -77,7 +72,7 @@ impl<'a> Cases<'a> {
     pub(super) fn each<T>(
         &mut self,
         cases: Vec<(String, T)>,
-        mut measure: impl FnMut(T, &[Row]) -> Result<Measured, StudyError>,
+        mut measure: impl FnMut(T, &[Row]) -> Result<Row, StudyError>,
     ) -> Result<Vec<Row>, StudyError> {
         self.expect(cases.len());
         let mut rows = Vec::new();
@@ -113,7 +108,7 @@ mod tests {
             let count = Cell::new(0.0);
             let rows = Cases::new(known, &patience).each(names(), |(), rows| {
                 count.set(count.get() + 1.0);
-                Ok((vec![Some(rows.len() as f64)], None))
+                Ok(Row::of(vec![Some(rows.len() as f64)]))
             });
             (rows.unwrap().len(), count.get())
         };

@@ -2,7 +2,6 @@
 
 use std::collections::HashSet;
 
-use super::cases::Measured;
 use super::scene::StudyScene;
 use super::{Row, StudyError};
 use crate::score::{NEAR_GAIN, Objective, Scores};
@@ -34,14 +33,11 @@ pub(super) fn values(scores: &Scores) -> Vec<Option<f64>> {
     ]
 }
 
-/// The best placement of a search and the values of [`SCORES`]; none where it finds no placement.
-pub(super) fn of_best(
-    scene: &StudyScene,
-    evaluator: &mut Evaluator,
-) -> Result<Measured, StudyError> {
-    let Some(best) = scene.optimize(evaluator)? else { return Ok((Vec::new(), None)) };
-    let values = values(&scene.score(evaluator, &best)?);
-    Ok((values, Some(best)))
+/// The best placement of a search and the values of [`SCORES`].
+pub(super) fn of_best(scene: &StudyScene, evaluator: &mut Evaluator) -> Result<Row, StudyError> {
+    let Some(best) = scene.optimize(evaluator)? else { return Ok(scene.none_found()) };
+    let scores = scene.score(evaluator, &best)?;
+    Ok(Row::scored(values(&scores), best, &scores))
 }
 
 /// Numbers of one column, counted from the first value on; NaN where there is none.

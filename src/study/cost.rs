@@ -2,8 +2,9 @@
 
 use super::cases::Cases;
 use super::columns::{self, SCORES, made_large};
+use super::rig::Rig;
 use super::scene::StudyScene;
-use super::{Drawing, StudyError, Table};
+use super::{Drawing, Row, StudyError, Table};
 use crate::search::{Equipped, cost_front};
 
 pub(super) fn cost(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
@@ -11,23 +12,22 @@ pub(super) fn cost(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Study
     if vehicle.is_nameless() {
         return Err(StudyError::NoVehicle { scene: scene.place() });
     }
-    let evaluator = scene.evaluator()?;
-    let suite = evaluator.shared_problem().into();
-    let front = cost_front(&suite, vehicle, &scene.settings.objective, &scene.settings.engine)?;
+    let (suite, limits) = (scene.suite()?, scene.limits());
+    let (objective, engine) = (&scene.settings.objective, &scene.settings.engine);
+    let front = cost_front(&suite, vehicle, objective, limits, engine)?;
     let named: Vec<(String, Equipped)> =
         front.into_iter().map(|equipped| (equipped.words(vehicle), equipped)).collect();
     let rows = cases.each(named, |equipped, _| {
-        let constraints = vehicle.constraints(&equipped.equipment);
+        let Rig { constraints, starts, .. } = Rig::of(scene, &equipped);
         let mut evaluator = scene.evaluator_under(&constraints)?;
-        let starts = std::slice::from_ref(&equipped.placement);
-        let found = scene.optimize_from(&evaluator, &scene.settings.objective, starts)?;
+        let found = scene.optimize_from(&evaluator, objective, &starts)?;
         let best = found.unwrap_or_else(|| equipped.placement.clone());
         let scores = scene.score(&mut evaluator, &best)?;
         let mut values = vec![Some(equipped.cost)];
         values.extend(columns::values(&scores));
         values.push(Some(best.lidars.len() as f64));
         values.push(Some(100.0 * scores.missing()));
-        Ok((values, Some(best)))
+        Ok(Row::scored(values, best, &scores))
     })?;
     let notes = vec![
         "Models, mounts and numbers are chosen for each budget on a coarse grid, then poses are searched; a fall \

@@ -13,6 +13,23 @@ pub enum StudyError {
         /// File of the scene.
         scene: String,
     },
+    /// A budget where nothing is searched.
+    #[error(
+        "`study {kind}` looks at placements that are there and chooses no sensors; leave --budget out"
+    )]
+    NoSearch {
+        /// Name of the study.
+        kind: &'static str,
+    },
+    /// No placement to look at.
+    #[error(
+        "{scene}: the vehicle is not the paper's car, whose layouts are looked at by default; give a file of placements \
+         behind the scenes"
+    )]
+    NoPlacements {
+        /// File of the scene.
+        scene: String,
+    },
     /// No study of that name.
     #[error("`{name}` is no study; there are {known}")]
     NoKind {

@@ -15,15 +15,15 @@ pub(super) fn height(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
         let mounts = format!("{} mount(s) of their own heights: {}", names.len(), names.join(", "));
         return Err(StudyError::NoHeights { scene: scene.place(), mounts });
     }
-    let constraints = scene.constraints();
-    let [low, high] = constraints.corners().map(|corner| corner[2]);
+    let rules = &scene.rig()?.constraints;
+    let [low, high] = rules.corners().map(|corner| corner[2]);
     let at = |k: u32| low + f64::from(k) * (high - low) / f64::from(HEIGHTS - 1);
     let mut heights: Vec<(String, [f64; 2])> =
         (0..HEIGHTS).map(|k| (format!("{:.2} m", at(k)), [at(k); 2])).collect();
     heights.dedup_by(|a, b| a.0 == b.0);
     heights.push(("free".into(), [low, high]));
     let rows = cases.each(heights, |[low, high], _| {
-        let constraints = scene.constraints().with_regions(|region| {
+        let constraints = rules.with_regions(|region| {
             (region.lower[2], region.upper[2]) = (low, high);
         });
         let mut evaluator = scene.evaluator_under(&constraints)?;

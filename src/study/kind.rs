@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use super::StudyError;
+use super::{StudyError, StudySettings};
 
 /// Question of a study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,6 +26,8 @@ pub enum Kind {
     Regions,
     /// The loss of one LiDAR.
     Loss,
+    /// Own rigs in fog, snow and rain.
+    Weather,
     /// Placements on other scenes.
     Transfer,
     /// Scores against published results.
@@ -34,24 +36,24 @@ pub enum Kind {
 
 impl Kind {
     /// Every kind, its name, and its cases.
-    pub const ALL: [(Self, &str, &str); 11] = [
+    pub const ALL: [(Self, &str, &str); 12] = [
         (
             Self::Lidars,
             "lidars",
-            "One to eight LiDARs: the best placement of each number, marginal gains, the knee",
+            "One to eight LiDARs, as far as the mounts hold them: the best rig of each number, marginal gains, the knee",
         ),
         (
             Self::Cost,
             "cost",
-            "What a vehicle's sensors gain for their price, from the cheapest rig up (--vehicle)",
+            "What a vehicle's sensors gain for their price, from the cheapest rig up to --budget (--vehicle)",
         ),
         (
             Self::Channels,
             "channels",
             "16 to 128 channels, elevations crowded at the horizon, and real sensors (--sensor): gain and near field",
         ),
-        (Self::Voxels, "voxels", "The four voxel sizes of the paper with the layouts of Table 7"),
-        (Self::Random, "random", "Random placements against hand-made ones and an optimized one"),
+        (Self::Voxels, "voxels", "Own rigs ranked at the four voxel sizes of the paper"),
+        (Self::Random, "random", "Random placements against own rigs and an optimized one"),
         (
             Self::Tasks,
             "tasks",
@@ -61,12 +63,17 @@ impl Kind {
         (
             Self::Regions,
             "regions",
-            "Near, middle and far; front, side and rear; any --box; every class",
+            "Own rigs, else an optimized one: near, middle and far; front, side and rear; any --box; every class",
         ),
         (
             Self::Loss,
             "loss",
             "Each LiDAR lost in turn: of own rigs (a file of placements) requirements that fail and blind sectors, else the placement that is best after the worst loss",
+        ),
+        (
+            Self::Weather,
+            "weather",
+            "Own rigs in clear air and under each --condition (else fog, snow, rain): scores, requirements, a car ahead",
         ),
         (Self::Transfer, "transfer", "A placement optimized on one scene, scored on the others"),
         (
@@ -84,6 +91,28 @@ impl Kind {
 }
 
 impl Kind {
+    /// True if a file of own placements may stand behind the scenes.
+    pub fn takes_placements(self) -> bool {
+        matches!(self, Self::Voxels | Self::Random | Self::Regions | Self::Loss | Self::Weather)
+    }
+
+    /// Refuses a budget where no sensors are chosen for it.
+    ///
+    /// # Errors
+    /// A budget for a kind that searches nothing, or does not with own placements.
+    pub(super) fn check_budget(self, settings: &StudySettings) -> Result<(), StudyError> {
+        let is_given = !settings.placements.is_empty();
+        let searches = match self {
+            Self::Voxels | Self::Weather | Self::Published => false,
+            Self::Regions | Self::Loss => !is_given,
+            _ => true,
+        };
+        match settings.budget {
+            Some(_) if !searches => Err(StudyError::NoSearch { kind: self.name() }),
+            _ => Ok(()),
+        }
+    }
+
     /// Refuses a number of scenes that this kind cannot take.
     ///
     /// # Errors

@@ -2,42 +2,44 @@
 
 use super::cases::Cases;
 use super::columns::{self, SCORES, made_large};
+use super::rig::{Choice, Rig};
 use super::scene::StudyScene;
-use super::{Drawing, StudyError, Table};
-use crate::vehicle::Placement;
+use super::{Drawing, Row, StudyError, Table};
+use crate::search::Limits;
+use crate::vehicle::{Constraints, Equipment, Placement, Vehicle};
 
 /// Numbers of LiDARs that are compared.
 const LIDARS: std::ops::RangeInclusive<usize> = 1..=8;
 /// Columns of [`SCORES`] that grow with every LiDAR: the gain and the near gain.
 const GAINS: [usize; 2] = [0, 1];
+/// Columns behind [`SCORES`]: LiDARs that the rig of a vehicle has, and their price.
+const TAKEN: [&str; 2] = ["LiDARs taken", "price"];
 
 pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
     let counts = LIDARS.map(|count| (count.to_string(), count)).collect();
+    let mut choice = None;
     let mut rows = cases.each(counts, |count, rows| {
-        let constraints = scene.constraints().with_lidars(count);
-        let mut evaluator = scene.evaluator_under(&constraints)?;
-        // The best of one LiDAR less, with one more at each corner of the mount in turn.
-        let mut starts = scene.published.clone();
-        let before = rows.last().and_then(|row| row.placement.as_ref());
-        starts.extend(before.iter().flat_map(|before| with_one_more(scene, before)));
-        let objective = &scene.settings.objective;
-        let best = scene.optimize_from(&evaluator, objective, &starts)?;
-        let Some(best) = best else { return Ok((Vec::new(), None)) };
-        let values = columns::values(&scene.score(&mut evaluator, &best)?);
-        Ok((values, Some(best)))
+        if scene.scene.vehicle().is_nameless() {
+            one_more(scene, count, rows)
+        } else {
+            chosen(scene, count, &mut choice)
+        }
     })?;
     // Each gain gets a column of its increments beside it; the knee is taken of the gain that the searches maximize.
     let gains = GAINS.map(|gain| columns::numbers(&rows, gain));
     for (k, row) in rows.iter_mut().enumerate() {
-        row.values.resize(SCORES.len(), None);
+        row.values.resize(SCORES.len() + TAKEN.len(), None);
         for (gain, gains) in GAINS.into_iter().zip(&gains).rev() {
-            let before = if k == 0 { 0.0 } else { gains[k - 1] };
+            // Numbers before the first that the mounts allow gain nothing.
+            let before = gains[..k].last().filter(|_| !gains[..k].iter().all(|g| g.is_nan()));
+            let before = before.copied().unwrap_or(0.0);
             row.values.insert(gain + 1, Some(gains[k] - before).filter(|more| !more.is_nan()));
         }
     }
     let marginal = ["marginal gain %", "marginal near gain %"];
     let of_gains = GAINS.into_iter().zip(marginal).flat_map(|(gain, more)| [SCORES[gain], more]);
     let columns = ["LiDARs"].into_iter().chain(of_gains).chain(SCORES[GAINS.len()..].to_vec());
+    let columns = columns.chain(TAKEN);
     let drawn = usize::from(made_large(&scene.settings.objective) == GAINS[1]);
     let drawing = Drawing::of_column(2 * drawn, SCORES[drawn], true);
     let title = scene.title("the best placement of each number of LiDARs");
@@ -45,11 +47,88 @@ pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
     Ok(Table::new(title, columns, rows, notes(scene, SCORES[drawn], &known), drawing))
 }
 
+/// The best placement of a number of the scene's own LiDARs.
+fn one_more(scene: &StudyScene, count: usize, rows: &[Row]) -> Result<Row, StudyError> {
+    let constraints = scene.constraints().with_lidars(count);
+    // The best of one LiDAR less, with one more at each corner of the mount in turn.
+    let mut starts = scene.layouts.clone();
+    let before = rows.last().and_then(|row| row.placement.as_ref());
+    starts.extend(before.iter().flat_map(|before| with_one_more(scene, before)));
+    searched(scene, &constraints, &starts)
+}
+
+/// The best rig of a vehicle with a number of LiDARs at most, as its mounts, its symmetry and the budget allow.
+fn chosen(
+    scene: &StudyScene,
+    count: usize,
+    choice: &mut Option<Choice>,
+) -> Result<Row, StudyError> {
+    let vehicle = scene.scene.vehicle();
+    let sum = |end: usize| vehicle.mounts.iter().map(|mount| mount.count[end]).sum::<usize>();
+    let (least, most) = (sum(0), sum(1));
+    if count < least {
+        let why = format!("the mounts of {} must hold {least} LiDARs or more", vehicle.name);
+        return Ok(Row::unanswered(why));
+    }
+    if count > most {
+        let why = format!("the mounts of {} hold {most} LiDARs at most", vehicle.name);
+        return Ok(Row::unanswered(why));
+    }
+    let choice = match choice {
+        Some(choice) => choice,
+        none => none.insert(Choice::open(scene)?),
+    };
+    let limits = Limits { sensors: count, ..scene.limits() };
+    let equipped = choice.best(scene, limits)?;
+    if !is_whole(vehicle, &equipped.equipment) {
+        let pairs = if vehicle.ties.symmetric { ", as LiDARs come in mirrored pairs" } else { "" };
+        let why = format!(
+            "the mounts of {} hold no rig of {count} or fewer within rules and budget{pairs}",
+            vehicle.name
+        );
+        return Ok(Row::unanswered(why));
+    }
+    let Rig { constraints, starts, .. } = Rig::of(scene, &equipped);
+    let mut row = searched(scene, &constraints, &starts)?;
+    if row.placement.is_some() {
+        row.values.extend([Some(equipped.equipment.len() as f64), Some(equipped.cost)]);
+    }
+    Ok(row)
+}
+
+/// True if there is a sensor, and each mount holds the number that it must.
+fn is_whole(vehicle: &Vehicle, equipment: &Equipment) -> bool {
+    let on = |mount: usize| equipment.iter().filter(|(k, _)| *k == mount).count();
+    let mut mounts = vehicle.mounts.iter().enumerate();
+    !equipment.is_empty() && mounts.all(|(k, mount)| on(k) >= mount.count[0])
+}
+
+/// The best placement under some rules, and its scores.
+fn searched(
+    scene: &StudyScene,
+    constraints: &Constraints,
+    starts: &[Placement],
+) -> Result<Row, StudyError> {
+    let mut evaluator = scene.evaluator_under(constraints)?;
+    let best = scene.optimize_from(&evaluator, &scene.settings.objective, starts)?;
+    let Some(best) = best else { return Ok(scene.none_found()) };
+    let scores = scene.score(&mut evaluator, &best)?;
+    Ok(Row::scored(columns::values(&scores), best, &scores))
+}
+
 fn notes(scene: &StudyScene, drawn: &str, gains: &[f64]) -> Vec<String> {
     let mut notes = vec![format!(
         "Each number has its own search of {} evaluations for `{}`; where a value falls, raise --evaluations.",
         scene.settings.evaluations, scene.settings.objective
     )];
+    let vehicle = scene.scene.vehicle();
+    if !vehicle.is_nameless() {
+        notes.push(format!(
+            "Models and mounts of each number are chosen as far as {} allows, requirements before gain, so that a gain \
+             may fall; fewer are taken where one more adds nothing, costs too much or needs its mirror image.",
+            vehicle.name
+        ));
+    }
     let from_none: Vec<f64> = std::iter::once(0.0).chain(gains.iter().copied()).collect();
     if let Some(knee) = knee(&from_none) {
         notes.push(format!(

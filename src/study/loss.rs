@@ -1,6 +1,6 @@
 //! The loss of one LiDAR: the score after it, and the placement that loses least.
 
-use super::cases::{Cases, Measured};
+use super::cases::Cases;
 use super::scene::StudyScene;
 use super::{Drawing, Row, StudyError, Table};
 use crate::score::{Scores, Seen};
@@ -40,7 +40,7 @@ fn own_rigs(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> 
         values.extend([unmet.map(|count| count as f64), blind]);
         values.extend(left);
         values.resize(OWN.len() - 1 + most, None);
-        Ok((values, Some(rig.clone())))
+        Ok(Row::scored(values, rig.clone(), &losses.whole))
     })?;
     let mut notes = Vec::new();
     for rig in rows.iter().filter_map(|row| row.placement.as_ref()) {
@@ -90,7 +90,7 @@ impl Losses {
             without.into_iter().filter(|left| !left.lidars.is_empty()).collect();
         let (whole, left) = (scene.score(evaluator, rig)?, scene.scores(evaluator, &without)?);
         let all: Vec<Placement> = std::iter::once(rig).chain(&without).cloned().collect();
-        let cards = scene.range_cards(&all)?;
+        let cards = scene.range_cards(scene.job(), None, &all)?;
         let (known, cards) = match cards.split_first() {
             Some((whole, cards)) => (&whole.blind[..], cards),
             None => (&[][..], &[][..]),
@@ -115,12 +115,12 @@ pub(super) fn loss(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Study
     if !scene.settings.placements.is_empty() {
         return own_rigs(scene, cases);
     }
-    let lidars = scene.constraints().lidars();
+    let lidars = scene.rig()?.constraints.lidars();
     if lidars < 2 {
         return Err(StudyError::OneLidar { scene: scene.place() });
     }
     let objective = &scene.settings.objective;
-    let mut evaluator = scene.evaluator()?;
+    let mut evaluator = scene.evaluator_of_rig()?;
     let both = OPTIMIZED.map(|name| (name.to_owned(), name)).to_vec();
     let rows = cases.each(both, |name, rows| {
         let found = if name == OPTIMIZED[0] {
@@ -130,7 +130,7 @@ pub(super) fn loss(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Study
         };
         match found {
             Some(placement) => with_losses(scene, &mut evaluator, placement),
-            None => Ok((Vec::new(), None)),
+            None => Ok(scene.none_found()),
         }
     })?;
     let losses: Vec<String> = (0..lidars).map(|lidar| format!("without LiDAR {lidar}")).collect();
@@ -153,14 +153,15 @@ fn with_losses(
     scene: &StudyScene,
     evaluator: &mut Evaluator,
     placement: Placement,
-) -> Result<Measured, StudyError> {
+) -> Result<Row, StudyError> {
     let objective = &scene.settings.objective;
-    let whole = objective.value(&scene.score(evaluator, &placement)?);
+    let all = scene.score(evaluator, &placement)?;
+    let whole = objective.value(&all);
     let worst = after_worst_loss(scene, evaluator, std::slice::from_ref(&placement))?[0];
     let left = scene.scores(evaluator, &without_each(&placement))?;
     let mut values = vec![whole, worst];
     values.extend(left.iter().map(|scores| objective.value(scores)));
-    Ok((values, Some(placement)))
+    Ok(Row::scored(values, placement, &all))
 }
 
 /// The placement without each of its LiDARs in turn.
@@ -193,14 +194,15 @@ fn after_worst_loss(
 }
 
 /// CMA-ES for the placement that is best after its worst loss; it starts from the placements of `rows`
-/// and the published ones.
+/// and those that searches of the rig start from.
 fn most_robust(
     scene: &StudyScene,
     evaluator: &mut Evaluator,
     rows: &[Row],
 ) -> Result<Option<Placement>, StudyError> {
-    let constraints = scene.constraints();
-    let starts = rows.iter().filter_map(|row| row.placement.as_ref()).chain(&scene.published);
+    let rig = scene.rig()?;
+    let constraints = &rig.constraints;
+    let starts = rows.iter().filter_map(|row| row.placement.as_ref()).chain(&rig.starts);
     let usable = starts.filter(|p| constraints.violations(p).is_empty());
     let starts: Vec<Vec<f64>> = usable.filter_map(|p| constraints.variables_of(p)).collect();
     let bounds = constraints.variable_bounds();
@@ -219,7 +221,7 @@ fn most_robust(
         };
         let placements: Vec<Placement> =
             candidates.iter().map(|candidate| placement(candidate.point())).collect();
-        let costs = costs(scene, evaluator, &constraints, &placements)?;
+        let costs = costs(scene, evaluator, constraints, &placements)?;
         for (placement, &cost) in placements.iter().zip(&costs) {
             if cost < NO_VALUE && best.as_ref().is_none_or(|(least, _)| cost < *least) {
                 best = Some((cost, placement.clone()));

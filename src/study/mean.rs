@@ -24,10 +24,17 @@ pub fn mean_over_scenes(tables: &[Table]) -> Option<Table> {
     let in_all = |row: &&Row| {
         others.iter().all(|table| table.rows.iter().any(|other| other.name == row.name))
     };
-    let rows = first.rows.iter().filter(in_all).map(|row| Row {
-        name: row.name.clone(),
-        values: columns.iter().map(|title| mean(&row.name, title)).collect(),
-        placement: None,
+    let rows = first.rows.iter().filter(in_all).map(|row| {
+        let all = tables.iter().flat_map(|table| &table.rows).filter(|of| of.name == row.name);
+        let mut one = Row::of(columns.iter().map(|title| mean(&row.name, title)).collect());
+        for of in all {
+            one.requirements_met = match (one.requirements_met, of.requirements_met) {
+                (Some(a), Some(b)) => Some(a && b),
+                (a, b) => a.or(b),
+            };
+            one.not_met.extend(of.not_met.iter().cloned());
+        }
+        Row { name: row.name.clone(), ..one }
     });
     let rows: Vec<Row> = rows.filter(|row| row.values.iter().any(Option::is_some)).collect();
     let title = format!("mean over {} scenes", tables.len());
@@ -50,7 +57,7 @@ mod tests {
         let row = |(name, values): &(&str, &[Option<f64>])| Row {
             name: (*name).to_owned(),
             values: values.to_vec(),
-            placement: None,
+            ..Row::default()
         };
         let rows = rows.iter().map(row).collect();
         let drawing = Drawing::of_column(0, "gain %", false);

@@ -6,7 +6,8 @@
 //! | `cases` | the cases, measured once and kept by name; the observer |
 //! | `table`, `mean` | the result, and the mean of several scenes |
 //! | `lidars`, `cost`, `sensors`, `height` | number, price, model and height of LiDARs |
-//! | `random`, `tasks`, `regions`, `loss` | placements of one scene against each other |
+//! | `random`, `tasks`, `regions`, `loss`, `weather` | placements of one scene against each other |
+//! | `rig` | sensors of a vehicle for the budget, whose placements are searched |
 //! | `voxels`, `transfer`, `published` | other voxels, other scenes, the published results |
 
 mod cases;
@@ -22,6 +23,7 @@ mod published;
 mod random;
 mod region;
 mod regions;
+mod rig;
 mod scene;
 mod sensors;
 mod settings;
@@ -29,6 +31,7 @@ mod table;
 mod tasks;
 mod transfer;
 mod voxels;
+mod weather;
 
 use crate::job::JobScene;
 
@@ -38,13 +41,14 @@ pub use kind::Kind;
 pub use mean::mean_over_scenes;
 pub use region::Region;
 pub use settings::StudySettings;
-pub(crate) use table::Drawing;
+pub(crate) use table::{Drawing, REQUIREMENTS};
 pub use table::{Row, Table};
 
 use cases::Cases;
 use scene::StudyScene;
 
-/// Makes a study of scenes, with their own frames and weather replaced by those of the settings: several for [`Kind::Transfer`], one for all others.
+/// Makes a study of scenes, with their own frames and weather replaced by those of the settings: several for [`Kind::Transfer`], one
+/// for all others. [`Kind::Weather`] looks at each condition of the settings for itself.
 ///
 /// `known` holds the rows of an interrupted study of the same settings and scenes, and gets those that
 /// are measured: it is all that an interrupted study needs to go on. The table holds the cases there are
@@ -60,14 +64,15 @@ pub fn study(
     observer: &dyn StudyObserver,
 ) -> Result<Table, StudyError> {
     kind.check_scenes(scenes.len())?;
+    kind.check_budget(settings)?;
     let scenes: Vec<StudyScene> = scenes
         .iter()
-        .map(|scene| StudyScene::new(scene, settings, observer))
+        .map(|scene| StudyScene::new(kind, scene, settings, observer))
         .collect::<Result<_, _>>()?;
     let mut cases = Cases::new(known, observer);
     let one = &scenes[0];
     let cases = &mut cases;
-    match kind {
+    let table = match kind {
         Kind::Lidars => lidars::lidars(one, cases),
         Kind::Cost => cost::cost(one, cases),
         Kind::Channels => sensors::channels(one, cases),
@@ -77,7 +82,11 @@ pub fn study(
         Kind::Height => height::height(one, cases),
         Kind::Regions => regions::regions(one, cases),
         Kind::Loss => loss::loss(one, cases),
+        Kind::Weather => weather::weather(one, cases),
         Kind::Transfer => transfer::transfer(&scenes, cases),
         Kind::Published => published::published(one, cases),
-    }
+    };
+    let mut table = table?;
+    table.notes.extend(scenes.iter().filter_map(StudyScene::rig_in_words));
+    Ok(table)
 }

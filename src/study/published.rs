@@ -55,7 +55,7 @@ fn results_of(task: usize) -> Vec<(&'static str, f64)> {
 pub(super) fn published(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
     let edge = scene.settings.voxel;
     let mut evaluator = None;
-    let placements = scene.published.iter().map(|p| (p.name.clone(), p)).collect();
+    let placements = scene.layouts.iter().map(|p| (p.name.clone(), p)).collect();
     let scored = cases.each(placements, |placement, _| {
         let evaluator = match &mut evaluator {
             Some(evaluator) => evaluator,
@@ -63,7 +63,7 @@ pub(super) fn published(scene: &StudyScene, cases: &mut Cases) -> Result<Table, 
         };
         let scores = scene.score(evaluator, placement)?;
         let values = METRICS.iter().map(|(_, of)| of(&scores)).collect();
-        Ok((values, Some(placement.clone())))
+        Ok(Row { placement: Some(placement.clone()), ..Row::of(values) })
     })?;
     let mut rows: Vec<Row> = METRICS
         .iter()
@@ -75,7 +75,7 @@ pub(super) fn published(scene: &StudyScene, cases: &mut Cases) -> Result<Table, 
         })
         .collect();
     rows.push(row("mean height (null model)", &|placement| {
-        scene.published.iter().find(|p| p.name == placement).map(mean_height)
+        scene.layouts.iter().find(|p| p.name == placement).map(mean_height)
     }));
     let notes = vec![format!(
         "Spearman's rank correlation over the eight published placements (n = 8: below 0.74 it is not \
@@ -102,11 +102,7 @@ fn row(name: &str, of: &dyn Fn(&str) -> Option<f64>) -> Row {
         let (ours, theirs): (Vec<f64>, Vec<f64>) = pairs?.into_iter().unzip();
         spearman(&ours, &theirs)
     };
-    Row {
-        name: name.to_owned(),
-        values: (0..TASKS.len()).map(correlation).collect(),
-        placement: None,
-    }
+    Row { name: name.to_owned(), ..Row::of((0..TASKS.len()).map(correlation).collect()) }
 }
 
 #[cfg(test)]

@@ -13,27 +13,31 @@ const RANDOM: &str = "random, best";
 pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
     let settings = scene.settings;
     let count = settings.random as usize;
-    let drawn = random_placements_by_the_rules(&scene.constraints(), count, settings.seed);
-    cases.expect(2 + scene.published.len());
-    let mut evaluator = scene.evaluator()?;
+    let drawn = random_placements_by_the_rules(&scene.rig()?.constraints, count, settings.seed);
+    cases.expect(2 + scene.layouts.len());
+    let mut evaluator = scene.evaluator_of_rig()?;
     let value = |scores: &Scores| unguarded(scene, scores);
     let case = cases.one(RANDOM, || {
         let scores = scene.scores(&mut evaluator, &drawn)?;
         let values: Vec<Option<f64>> = scores.iter().map(value).collect();
         let (best, quantiles) = quantiles(&values);
-        Ok((quantiles, best.map(|k| drawn[k].clone())))
+        let mut row = Row::of(quantiles);
+        if let Some(best) = best {
+            row = Row::scored(row.values, drawn[best].clone(), &scores[best]);
+        }
+        Ok(row)
     })?;
     let mut rows = case.map_or_else(Vec::new, |row| rows_of(&row));
-    for placement in &scene.published {
+    for placement in &scene.layouts {
         rows.extend(cases.one(&placement.name, || {
             let scores = scene.score(&mut evaluator, placement)?;
-            Ok((vec![value(&scores)], Some(placement.clone())))
+            Ok(Row::scored(vec![value(&scores)], placement.clone(), &scores))
         })?);
     }
     rows.extend(cases.one("optimized", || {
-        let Some(best) = scene.optimize(&evaluator)? else { return Ok((Vec::new(), None)) };
-        let value = value(&scene.score(&mut evaluator, &best)?);
-        Ok((vec![value], Some(best)))
+        let Some(best) = scene.optimize(&evaluator)? else { return Ok(scene.none_found()) };
+        let scores = scene.score(&mut evaluator, &best)?;
+        Ok(Row::scored(vec![value(&scores)], best, &scores))
     })?);
     let notes = vec![format!(
         "{} random placements, uniform in every pose field that may vary; those that violate a guard do \
@@ -79,10 +83,9 @@ fn rows_of(random: &Row) -> Vec<Row> {
         ("random, upper quartile", high),
         (RANDOM, best),
     ];
-    let row = |(name, value): (&str, f64)| Row {
-        name: name.to_owned(),
-        values: vec![Some(value)],
-        placement: None,
+    let row = |(name, value): (&str, f64)| {
+        let of = if name == RANDOM { random.clone() } else { Row::default() };
+        Row { name: name.to_owned(), values: vec![Some(value)], ..of }
     };
     named.map(row).to_vec()
 }

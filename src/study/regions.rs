@@ -1,10 +1,10 @@
 //! Information gained by parts of the region, and classes covered.
 
-use super::cases::{Cases, Measured};
+use super::cases::Cases;
 use super::columns::check_distinct;
 use super::region::Region;
 use super::scene::StudyScene;
-use super::{Drawing, StudyError, Table};
+use super::{Drawing, Row, StudyError, Table};
 use crate::problem::{Content, Entropy};
 use crate::psog::{Roi, to_nats};
 use crate::search::Evaluator;
@@ -18,10 +18,11 @@ pub(super) fn regions(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
     regions.extend(scene.settings.regions.iter().cloned());
     let names = regions.iter().map(|region| region.name.as_str());
     check_distinct(names, "regions", "give each --box a name of its own")?;
-    let mut evaluator = scene.evaluator()?;
+    let is_given = !scene.settings.placements.is_empty();
+    let mut evaluator = if is_given { scene.evaluator()? } else { scene.evaluator_of_rig()? };
     let mut placements: Vec<(String, Option<&Placement>)> =
-        scene.published.iter().map(|p| (p.name.clone(), Some(p))).collect();
-    placements.push(("optimized".into(), None));
+        scene.layouts.iter().map(|p| (p.name.clone(), Some(p))).collect();
+    placements.extend((!is_given).then(|| ("optimized".into(), None)));
     let rows = cases.each(placements, |placement, _| {
         let placement = match placement {
             Some(placement) => Some(placement.clone()),
@@ -29,7 +30,7 @@ pub(super) fn regions(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
         };
         match placement {
             Some(placement) => seen_by(scene, placement, &regions, &mut evaluator),
-            None => Ok((Vec::new(), None)),
+            None => Ok(scene.none_found()),
         }
     })?;
     let classes = evaluator.problem().content().classes();
@@ -58,7 +59,7 @@ fn seen_by(
     placement: Placement,
     regions: &[Region],
     evaluator: &mut Evaluator,
-) -> Result<Measured, StudyError> {
+) -> Result<Row, StudyError> {
     let problem = evaluator.shared_problem();
     let frames = 0..problem.frame_count();
     let covered: Vec<Vec<u64>> = frames
@@ -73,7 +74,7 @@ fn seen_by(
     for (class, (_, seen)) in scores.covered_by_class.iter().enumerate() {
         values.push(percent(*seen, content.voxels_of_class(class).len() as f64));
     }
-    Ok((values, Some(placement)))
+    Ok(Row::scored(values, placement, &scores))
 }
 
 /// Information of one region: the whole, and the part that was gained.

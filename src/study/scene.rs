@@ -1,39 +1,57 @@
 //! A scene of a study: jobs, searches and scores that differ in one thing from case to case.
 
-use super::{StudyError, StudyObserver, StudySettings};
+use std::cell::OnceCell;
+
+use super::columns::check_distinct;
+use super::rig::Rig;
+use super::{Kind, Row, StudyError, StudyObserver, StudySettings};
 use crate::engine::BackendError;
-use crate::job::{Job, JobScene};
+use crate::job::{Job, JobError, JobScene};
 use crate::psog::{PsogError, Roi};
-use crate::scan::conditions::{in_words, under};
+use crate::scan::conditions::{Condition, under};
 use crate::scan::scan_scene;
-use crate::scene::{PsogSource, Scene};
+use crate::scene::{PsogSource, ScanSettings, Scene};
 use crate::score::{Objective, Scores};
-use crate::search::{Evaluator, Event, Settings, optimize};
-use crate::targets::RangeCard;
-use crate::vehicle::{Constraints, Placement, Sensors, table_7};
+use crate::search::{Evaluator, Event, Limits, Settings, Suite, optimize};
+use crate::targets::{RangeCard, Receiving, TargetSite};
+use crate::vehicle::{Constraints, Placement, Sensors, table_7, table_7_held_by};
 
 /// The job that all cases of a study in one scene vary.
 pub(super) struct StudyScene<'a> {
     job: Job,
     pub(super) scene: &'a Scene,
     pub(super) settings: &'a StudySettings,
-    /// The layouts of Table 7, which stand beside every result.
-    pub(super) published: Vec<Placement>,
+    /// Own rigs; without any the layouts of Table 7 for the paper's car (one model, a mount that holds them).
+    pub(super) layouts: Vec<Placement>,
+    rig: OnceCell<Rig>,
     observer: &'a dyn StudyObserver,
 }
 
 impl<'a> StudyScene<'a> {
     pub(super) fn new(
+        kind: Kind,
         scene: &'a JobScene,
         settings: &'a StudySettings,
         observer: &'a dyn StudyObserver,
     ) -> Result<Self, StudyError> {
-        // The notes of a table say so.
-        let mut published = table_7();
-        scene.models()?.name_first(&mut published);
-        let job = Job::new(scene.clone()).conditions(&settings.conditions);
+        let mut layouts = match kind {
+            Kind::Published => table_7(),
+            _ => table_7_held_by(scene.scene().vehicle()),
+        };
+        scene.models()?.name_first(&mut layouts);
+        if !settings.placements.is_empty() {
+            layouts.clone_from(&settings.placements);
+        }
+        let names = layouts.iter().map(|layout| &*layout.name);
+        check_distinct(names, "placements", "give each a `name` of its own")?;
+        let weather = if kind == Kind::Weather { &[][..] } else { &settings.conditions };
+        let job = Job::new(scene.clone()).conditions(weather);
         let job = job.frames(Some(settings.frames)).engine(settings.engine.clone());
-        let this = Self { job, scene: scene.scene(), settings, published, observer };
+        let this =
+            Self { job, scene: scene.scene(), settings, layouts, rig: OnceCell::new(), observer };
+        if this.scene.vehicle().is_nameless() && settings.budget.is_some() {
+            return Err(JobError::NoPrices.into());
+        }
         let objective = &settings.objective;
         let psog = scene.psog(|_| observer.goes_on())?;
         if objective.needs_detection() && this.scene.detection_among(psog.classes()).is_empty() {
@@ -48,13 +66,58 @@ impl<'a> StudyScene<'a> {
         self.job.scenes()[0].place()
     }
 
+    /// The job that cases vary.
+    pub(super) fn job(&self) -> &Job {
+        &self.job
+    }
+
     /// Title of a study of this scene, with the weather that it is made in.
     pub(super) fn title(&self, text: &str) -> String {
-        let under = under(&in_words(&self.settings.conditions));
+        let under = under(&self.job.conditions_in_words());
         format!("{}{under}: {text}", self.scene.name())
     }
 
-    /// The mount's rules as the scene has them.
+    /// True if a class is a detection target.
+    pub(super) fn has_detection(&self) -> Result<bool, StudyError> {
+        Ok(self.job.problem()?.content().has_detection())
+    }
+
+    /// Own rigs, or the paper's layouts.
+    ///
+    /// # Errors
+    /// There are none: the vehicle is not the paper's car.
+    pub(super) fn some_layouts(&self) -> Result<&[Placement], StudyError> {
+        match &self.layouts[..] {
+            [] => Err(StudyError::NoPlacements { scene: self.place() }),
+            layouts => Ok(layouts),
+        }
+    }
+
+    /// The rig whose placements are searched, chosen on first use.
+    pub(super) fn rig(&self) -> Result<&Rig, StudyError> {
+        if self.rig.get().is_none() {
+            let _ = self.rig.set(Rig::chosen(self)?);
+        }
+        Ok(self.rig.get().expect("set above"))
+    }
+
+    /// Sensors of the rig that is searched, in words; nothing where none was chosen.
+    pub(super) fn rig_in_words(&self) -> Option<String> {
+        let words = self.rig.get()?.words.as_ref()?;
+        Some(format!("{}: the sensors searched are {words}.", self.scene.name()))
+    }
+
+    /// Money and number of sensors that the settings allow.
+    pub(super) fn limits(&self) -> Limits {
+        Limits::budget(self.settings.budget.unwrap_or(f64::INFINITY))
+    }
+
+    /// The problem of the job, as equipment is chosen over it.
+    pub(super) fn suite(&self) -> Result<Suite, StudyError> {
+        Ok(self.job.suite()?)
+    }
+
+    /// The mount's rules as the scene has them, for the fullest equipment of a vehicle.
     pub(super) fn constraints(&self) -> Constraints {
         self.scene.constraints()
     }
@@ -69,12 +132,18 @@ impl<'a> StudyScene<'a> {
         self.open(&self.job)
     }
 
-    /// Range cards of placements; empty where beams end at nothing.
+    /// Range cards of placements in a job of this scene, of beams that enough light returns of; empty where beams end at
+    /// nothing.
     pub(super) fn range_cards(
         &self,
+        job: &Job,
+        receiving: Option<Receiving>,
         placements: &[Placement],
     ) -> Result<Vec<RangeCard>, StudyError> {
-        let Some(site) = self.job.target_site()? else { return Ok(Vec::new()) };
+        if !job.problem()?.ends_at_hits() {
+            return Ok(Vec::new());
+        }
+        let site = &TargetSite::of(&*job.problem()?).receiving(receiving);
         let cards = placements.iter().map(|placement| RangeCard::new(site, &placement.lidars));
         Ok(cards.collect::<Result<_, _>>().map_err(BackendError::from)?)
     }
@@ -88,16 +157,40 @@ impl<'a> StudyScene<'a> {
         self.open(&self.job.clone().constraints(constraints))
     }
 
-    /// An evaluator with other sensors.
+    /// An evaluator of the rig that is searched.
+    pub(super) fn evaluator_of_rig(&self) -> Result<Evaluator, StudyError> {
+        self.evaluator_under(&self.rig()?.constraints)
+    }
+
+    /// An evaluator of the rig that is searched, with other sensors.
     pub(super) fn evaluator_with(&self, sensors: &Sensors) -> Result<Evaluator, StudyError> {
-        self.open(&self.job.clone().sensors(sensors))
+        self.open(&self.job.clone().sensors(sensors).constraints(&self.rig()?.constraints))
+    }
+
+    /// The job under a condition, and its evaluator.
+    pub(super) fn in_condition(
+        &self,
+        condition: &[Condition],
+    ) -> Result<(Job, Evaluator), StudyError> {
+        let job = self.job.clone().conditions(condition);
+        let evaluator = self.open(&job)?;
+        Ok((job, evaluator))
+    }
+
+    /// Settings of the scan that voxels of another size are made by.
+    ///
+    /// # Errors
+    /// [`StudyError::FixedVoxels`] for a scene whose P-SOG is a file.
+    pub(super) fn may_have_voxels(&self) -> Result<&ScanSettings, StudyError> {
+        match self.scene.psog_source() {
+            PsogSource::Scan(settings) => Ok(settings),
+            PsogSource::File(_) => Err(StudyError::FixedVoxels { scene: self.place() }),
+        }
     }
 
     /// An evaluator with voxels of another size; an error for a scene whose P-SOG is a file.
     pub(super) fn evaluator_of_voxels(&self, voxel: [f64; 3]) -> Result<Evaluator, StudyError> {
-        let PsogSource::Scan(settings) = self.scene.psog_source() else {
-            return Err(StudyError::FixedVoxels { scene: self.place() });
-        };
+        let settings = self.may_have_voxels()?;
         let bounds = self.scene.roi();
         let roi = Roi::from_bounds(bounds.min, bounds.max, voxel).map_err(PsogError::from)?;
         let (psog, _) = scan_scene(self.scene, &roi, settings, |_| self.goes_on())?;
@@ -110,9 +203,9 @@ impl<'a> StudyScene<'a> {
         Ok(evaluator)
     }
 
-    /// The best placement that a search of the study's size finds from the published ones.
+    /// The best placement of the rig that a search of the study's size finds.
     pub(super) fn optimize(&self, evaluator: &Evaluator) -> Result<Option<Placement>, StudyError> {
-        self.optimize_from(evaluator, &self.settings.objective, &self.published)
+        self.optimize_from(evaluator, &self.settings.objective, &self.rig()?.starts)
     }
 
     /// Like [`Self::optimize`], for another objective and from other starts.
@@ -155,6 +248,14 @@ impl<'a> StudyScene<'a> {
         placement: &Placement,
     ) -> Result<Scores, StudyError> {
         Ok(self.scores(evaluator, std::slice::from_ref(placement))?.remove(0))
+    }
+
+    /// A case in which no placement was found.
+    pub(super) fn none_found(&self) -> Row {
+        Row::unanswered(format!(
+            "no placement that keeps the rules and has a value of `{}` was found by {} evaluations",
+            self.settings.objective, self.settings.evaluations
+        ))
     }
 
     /// False once the observer wants to stop.

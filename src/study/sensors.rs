@@ -92,12 +92,12 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
         let beams = table.directions().len();
         let sensors = scene.scene.sensors()?.with_beams(0, table);
         let mut evaluator = scene.evaluator_with(&sensors)?;
-        let (mut values, best) = columns::of_best(scene, &mut evaluator)?;
-        values.insert(0, Some(beams as f64));
-        if let Some(best) = &best {
-            values.extend(near_field(scene, &mut evaluator, best)?);
+        let mut row = columns::of_best(scene, &mut evaluator)?;
+        if let Some(best) = &row.placement {
+            row.values.extend(near_field(scene, &mut evaluator, best)?);
+            row.values.insert(0, Some(beams as f64));
         }
-        Ok((values, best))
+        Ok(row)
     })?;
     let mut notes = vec![format!(
         "Channels from {low}° to {high}°, as the scene's own, evenly spaced, or drawn to the horizon: the share x \

@@ -27,8 +27,12 @@ pub struct StudySettings {
     pub sensors: Vec<PathBuf>,
     /// Regions to look at beside the standard ones.
     pub regions: Vec<Region>,
-    /// Own rigs to look at, for [`Kind::Loss`](super::Kind::Loss), in place of placements that are searched.
+    /// Own rigs to look at, for kinds that [take some](super::Kind::takes_placements), in place of placements that are
+    /// searched and of the layouts of the paper.
     pub placements: Vec<Placement>,
+    /// Most that the sensors of a placement that is searched may cost, in the currency of the vehicle's prices; `None`
+    /// sets no limit.
+    pub budget: Option<f64>,
     /// Weather and faults.
     pub conditions: Vec<Condition>,
     /// Engine that computes; every engine gives the same bits.
@@ -47,6 +51,7 @@ impl Default for StudySettings {
             sensors: Vec::new(),
             regions: Vec::new(),
             placements: Vec::new(),
+            budget: None,
             conditions: Vec::new(),
             engine: EngineChoice::cpu(),
         }

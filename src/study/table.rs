@@ -3,18 +3,77 @@
 use serde::{Deserialize, Serialize};
 
 use crate::csv::{csv, number};
+use crate::score::{Scores, Seen};
 use crate::vehicle::Placement;
 
+/// Last columns of a CSV file where the vehicle requires something.
+pub(crate) const REQUIREMENTS: [&str; 2] = ["requirements met", "not met"];
+
 /// One line of a study: a case and its values.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// The case.
+    #[serde(default)]
     pub name: String,
     /// A number for each column; `None` where there is none.
     pub values: Vec<Option<f64>>,
     /// The placement that the case ended with, where there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub placement: Option<Placement>,
+    /// True if the placement meets all requirements of the vehicle; `None` where it has none, or the case has no
+    /// placement.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub requirements_met: Option<bool>,
+    /// Requirements that are not met, in words.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_met: Vec<String>,
+    /// Reason why the case has no answer.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub no_answer: Option<String>,
+}
+
+impl Row {
+    /// Values alone.
+    pub(super) fn of(values: Vec<Option<f64>>) -> Self {
+        Self { values, ..Self::default() }
+    }
+
+    /// Values of a placement, and the requirements that its scores miss.
+    pub(super) fn scored(values: Vec<Option<f64>>, placement: Placement, scores: &Scores) -> Self {
+        let placement = Some(placement);
+        Self { placement, ..Self::of(values) }.requiring(scores.required.iter())
+    }
+
+    /// Adds the requirements that are not met.
+    pub(super) fn requiring<'s>(mut self, required: impl Iterator<Item = &'s Seen>) -> Self {
+        for seen in required {
+            self.requirements_met = Some(self.requirements_met.unwrap_or(true) && seen.is_met());
+            self.not_met.extend((!seen.is_met()).then(|| seen.to_string()));
+        }
+        self
+    }
+
+    /// A case without an answer.
+    pub(super) fn unanswered(why: impl Into<String>) -> Self {
+        Self { no_answer: Some(why.into()), ..Self::default() }
+    }
+
+    /// The name, after `!` where a requirement is not met.
+    pub fn marked(&self) -> String {
+        let mark = if self.requirements_met == Some(false) { "! " } else { "" };
+        format!("{mark}{}", self.name)
+    }
+
+    /// Cells of the columns [`REQUIREMENTS`].
+    pub(crate) fn requirements(&self) -> [String; 2] {
+        let met = self.requirements_met.map_or_else(String::new, |met| met.to_string());
+        [met, self.not_met.join("; ")]
+    }
+
+    /// A line for each requirement that is not met, or for the reason why there is no answer.
+    pub fn remarks(&self) -> impl Iterator<Item = String> {
+        self.not_met.iter().chain(&self.no_answer).map(|word| format!("{}: {word}", self.marked()))
+    }
 }
 
 /// Best drawing of a table; columns are counted from the first value on.
@@ -84,13 +143,39 @@ impl Table {
         Self { title, columns, rows, notes, drawing }
     }
 
-    /// Comma-separated, the columns' titles first; missing numbers are empty.
+    /// Sentence on a table in which no row has a number; `None` where one has.
+    pub fn unanswered(&self) -> Option<String> {
+        if self.rows.iter().any(|row| row.values.iter().any(Option::is_some)) {
+            return None;
+        }
+        let mut whys: Vec<&str> = Vec::new();
+        for why in self.rows.iter().filter_map(|row| row.no_answer.as_deref()) {
+            if !whys.contains(&why) {
+                whys.push(why);
+            }
+        }
+        let why = if whys.is_empty() { "no case has a number".to_owned() } else { whys.join("; ") };
+        Some(format!("{}: no row has an answer: {why}", self.title))
+    }
+
+    /// True if rows say whether requirements are met.
+    pub fn has_requirements(&self) -> bool {
+        self.rows.iter().any(|row| row.requirements_met.is_some())
+    }
+
+    /// Comma-separated, the columns' titles first; missing numbers are empty. Two columns more where a vehicle requires
+    /// something: whether all is met, and what is not.
     pub fn csv(&self) -> String {
+        let requires = self.has_requirements();
         let rows = self.rows.iter().map(|row| {
             let values = row.values.iter().map(|value| number(*value));
-            std::iter::once(row.name.clone()).chain(values).collect()
+            let last = requires.then(|| row.requirements()).into_iter().flatten();
+            std::iter::once(row.name.clone()).chain(values).chain(last).collect()
         });
-        csv(std::iter::once(self.columns.clone()).chain(rows))
+        let last = REQUIREMENTS.map(str::to_owned);
+        let mut titles = self.columns.clone();
+        titles.extend(last.into_iter().filter(|_| requires));
+        csv(std::iter::once(titles).chain(rows))
     }
 }
 
@@ -103,7 +188,7 @@ mod tests {
         let row = |name: &str, values: &[Option<f64>]| Row {
             name: name.into(),
             values: values.to_vec(),
-            placement: None,
+            ..Row::default()
         };
         let table = Table {
             title: "t".into(),
@@ -113,5 +198,29 @@ mod tests {
             drawing: Drawing::of_column(0, "a", true),
         };
         assert_eq!(table.csv(), "case,\"a, b\",c\nx,1.5,\n\"\"\"y\"\"\",-2,0\n");
+        let seen =
+            |least| Seen { name: "ring".into(), share: 0.5, least, missing: None, holds_in: None };
+        let mut marked = table.clone();
+        marked.rows[0] = row("x", &[Some(1.5), None]).requiring([seen(0.5), seen(0.6)].iter());
+        marked.rows[1] = row("y", &[None, None]).requiring([seen(0.4)].iter());
+        let csv = "case,\"a, b\",c,requirements met,not met\nx,1.5,,false,\"NOT MET: ring: 50.0 % seen, \
+                   60.0 % required\"\ny,,,true,\n";
+        assert_eq!(marked.csv(), csv);
+        assert_eq!([marked.rows[0].marked(), marked.rows[1].marked()], ["! x", "y"]);
+        assert_eq!(marked.rows[0].remarks().count(), 1);
+    }
+
+    #[test]
+    fn a_table_without_a_number_says_why() {
+        let mut table = Table::new(
+            "t".into(),
+            ["case", "a"],
+            vec![Row::unanswered("p"), Row::unanswered("q"), Row::unanswered("p")],
+            vec![],
+            Drawing::of_column(0, "a", true),
+        );
+        assert_eq!(table.unanswered().as_deref(), Some("t: no row has an answer: p; q"));
+        table.rows[1].values[0] = Some(0.0);
+        assert_eq!(table.unanswered(), None);
     }
 }

@@ -3,31 +3,31 @@
 use super::cases::Cases;
 use super::columns::numbers;
 use super::scene::StudyScene;
-use super::{Drawing, StudyError, Table};
+use super::{Drawing, Row, StudyError, Table};
 use crate::score::Objective;
 
 /// Weights of detection; segmentation has the rest up to 1.
 const WEIGHTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
 pub(super) fn tasks(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
-    let mut evaluator = scene.evaluator()?;
-    if !evaluator.problem().content().has_detection() {
+    if !scene.has_detection()? {
         return Err(StudyError::OneTask { scene: scene.place() });
     }
+    let mut evaluator = scene.evaluator_of_rig()?;
     let weights = WEIGHTS.map(|weight| (format!("{weight:.2}"), weight)).to_vec();
     let rows = cases.each(weights, |weight, _| {
         let share = "information_gain_share";
         let text = format!("{}*{share} + {weight}*detection.{share}", 1.0 - weight);
         let objective: Objective = text.parse()?;
-        let best = scene.optimize_from(&evaluator, &objective, &scene.published)?;
-        let Some(best) = best else { return Ok((Vec::new(), None)) };
+        let best = scene.optimize_from(&evaluator, &objective, &scene.rig()?.starts)?;
+        let Some(best) = best else { return Ok(scene.none_found()) };
         let scores = scene.score(&mut evaluator, &best)?;
         let percent = |share: Option<f64>| share.map(|v| 100.0 * v);
         let values = vec![
             percent(scores.segmentation.information_gain_share),
             percent(scores.detection.and_then(|d| d.information_gain_share)),
         ];
-        Ok((values, Some(best)))
+        Ok(Row::scored(values, best, &scores))
     })?;
     let points: Vec<(f64, f64)> = numbers(&rows, 0).into_iter().zip(numbers(&rows, 1)).collect();
     let front: Vec<&str> = rows

@@ -4,31 +4,43 @@ use super::cases::Cases;
 use super::columns::check_distinct;
 use super::scene::StudyScene;
 use super::{Drawing, Row, StudyError, Table};
+use crate::score::Seen;
 
 pub(super) fn transfer(scenes: &[StudyScene], cases: &mut Cases) -> Result<Table, StudyError> {
     let names: Vec<&str> = scenes.iter().map(|scene| scene.scene.name()).collect();
     let mend = "give each scene file a `name` of its own";
     check_distinct(names.iter().copied(), "scenes", mend)?;
     cases.expect(2 * scenes.len());
-    let mut found = Vec::new();
+    let (mut found, mut rows) = (Vec::new(), Vec::new());
     for scene in scenes {
         let name = format!("optimized on {}", scene.scene.name());
         let case = cases.one(&name, || {
-            let evaluator = scene.evaluator()?;
-            Ok((Vec::new(), scene.optimize(&evaluator)?))
+            let evaluator = scene.evaluator_of_rig()?;
+            match scene.optimize(&evaluator)? {
+                Some(best) => Ok(Row { placement: Some(best), ..Row::default() }),
+                None => Ok(scene.none_found()),
+            }
         })?;
-        found.extend(case.and_then(|row| Some((scene.scene.name(), row.placement?))));
+        let Some(row) = case else { break };
+        match row.placement {
+            Some(placement) => found.push((scene.scene.name(), placement)),
+            None => rows.push(Row { name: scene.scene.name().to_owned(), ..row }),
+        }
     }
     let objective = &scenes[0].settings.objective;
-    let mut rows = Vec::new();
     for (name, placement) in found {
         let case = cases.one(name, || {
-            let mut values = Vec::new();
+            let mut row = Row { placement: Some(placement.clone()), ..Row::default() };
             for scene in scenes {
-                let mut evaluator = scene.evaluator()?;
-                values.push(objective.value(&scene.score(&mut evaluator, &placement)?));
+                let scores = scene.score(&mut scene.evaluator()?, &placement)?;
+                row.values.push(objective.value(&scores));
+                let on = |seen: &Seen| Seen {
+                    name: format!("{} on {}", seen.name, scene.scene.name()),
+                    ..seen.clone()
+                };
+                row = row.requiring(scores.required.iter().map(on).collect::<Vec<_>>().iter());
             }
-            Ok((values, Some(placement)))
+            Ok(row)
         })?;
         let Some(row) = case else { break };
         rows.push(row);
@@ -77,7 +89,7 @@ mod tests {
         let row = |name: &str, values: [Option<f64>; 3]| Row {
             name: name.into(),
             values: values.to_vec(),
-            placement: None,
+            ..Row::default()
         };
         // Nothing was found on the first scene, so that its column has no optimum to compare with.
         let rows =

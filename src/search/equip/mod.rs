@@ -159,7 +159,7 @@ fn plain(
     })
 }
 
-/// The best equipment for each of some budgets, from the cheapest rig to one that wants for nothing.
+/// The best equipment for each of some budgets, from the cheapest rig to the best that the limits allow.
 ///
 /// # Errors
 /// See [`Equipping::open`].
@@ -167,6 +167,7 @@ pub fn cost_front(
     suite: &Suite,
     vehicle: &Vehicle,
     objective: &Objective,
+    limits: Limits,
     engine: &EngineChoice,
 ) -> Result<Vec<Equipped>, SearchError> {
     if !objective.is_information_gain() {
@@ -174,10 +175,12 @@ pub fn cost_front(
     }
     let silent = &mut |_: &Event| true;
     let mut watch = Watch::new(silent, false);
-    let search =
-        Equip::open(suite, vehicle, objective, Limits::budget(f64::INFINITY), engine, &mut watch)?;
-    let Opened::Open(mut search) = search else { return Ok(Vec::new()) };
     let least = vehicle.cost(&vehicle.cheapest());
+    if least > limits.budget {
+        return Err(SearchError::Budget { budget: limits.budget, least });
+    }
+    let search = Equip::open(suite, vehicle, objective, limits, engine, &mut watch)?;
+    let Opened::Open(mut search) = search else { return Ok(Vec::new()) };
     let Some(most) = search.best(&mut watch) else { return Ok(Vec::new()) };
     let mut front = Vec::new();
     for step in 0..BUDGETS {

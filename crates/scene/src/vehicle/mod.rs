@@ -41,7 +41,7 @@ pub use other_sensor::{LIDAR, OtherSensor};
 pub use placement_file::{PlacementFileError, PlacementReader, read_placements};
 pub use placements::{
     SensorChoice, in_millimetres, millimetres, name_lidars, placement_to_nanometres,
-    random_placements, random_placements_by_the_rules, table_7, to_nanometres,
+    random_placements, random_placements_by_the_rules, table_7, table_7_held_by, to_nanometres,
 };
 pub use pose_grid::{PoseGrid, PoseGridError, Spacing};
 pub use region::{Outline, Region};

@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Deserialize;
 
-use super::{Constraints, ForeignLidar, Placement, SensorName, SensorPose};
+use super::{Constraints, ForeignLidar, Placement, SensorName, SensorPose, Vehicle, Violation};
 use sightline_files::json::written;
 
 /// Most draws for each placement by the rules: a crowded mount may hold none.
@@ -51,6 +51,18 @@ pub fn table_7() -> Vec<Placement> {
     let file: PublishedFile =
         serde_json::from_str(TABLE_7).expect("a test reads the committed file");
     file.placements
+}
+
+/// The layouts of Table 7 for the paper's car: those that the mounts of a vehicle with one model have room for. Empty for
+/// any other vehicle, inside or beside which they would stand.
+pub fn table_7_held_by(vehicle: &Vehicle) -> Vec<Placement> {
+    let rules = vehicle.constraints(&vehicle.fullest());
+    let outside = |violation: &Violation| {
+        matches!(violation, Violation::OutsideMount { .. } | Violation::NoPlace { .. })
+    };
+    let mut layouts = if vehicle.sensors.len() == 1 { table_7() } else { Vec::new() };
+    layouts.retain(|layout| !rules.violations(layout).iter().any(outside));
+    layouts
 }
 
 /// Word for every LiDAR.

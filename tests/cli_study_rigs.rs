@@ -1,0 +1,308 @@
+//! Studies of own rigs: placements and budgets that studies take, requirements that are missed, studies without an answer.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{fails, ok, sightline};
+
+/// A street, and a van with one spinning sensor on its roof and solid ones on two sides, which come in pairs.
+fn street() -> TempDir {
+    let dir = TempDir::new().unwrap();
+    let solid = json!({ "channels": 8, "fov": [-30, 10], "azimuth": [-60, 60], "azimuth_steps": 60, "range": 30 });
+    let spinning = |channels| json!({ "channels": channels, "fov": [-30, 5], "azimuth_steps": 120, "range": 60 });
+    let side = |name: &str, y: f64| {
+        json!({ "name": name, "min": [-0.5, y - 0.05, 0.6], "max": [0.5, y + 0.05, 0.9], "yaw": [-3.15, 3.15],
+            "sensors": ["solid"], "count": [0, 1] })
+    };
+    let van = json!({ "sightline": 1, "name": "van",
+        "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [3, 1.6, 1.5] } }],
+        "sensors": [{ "name": "fine", "price": 10, "lidar": spinning(16) },
+                    { "name": "coarse", "price": 4, "lidar": spinning(4) },
+                    { "name": "solid", "price": 3, "lidar": solid }],
+        "mounts": [{ "name": "roof", "min": [-1, 0, 1.7], "max": [1, 0, 2], "sensors": ["fine", "coarse"], "count": [0, 1] },
+                   side("left", 0.95), side("right", -0.95)],
+        "symmetric": true, "min_distance": 0.2,
+        "require": [{ "name": "far left", "min": [-1, 5, 0], "max": [1, 9, 0.5], "share": 0.05 },
+                    { "name": "left", "min": [-1, 1, 0], "max": [1, 3, 0.5], "share": 0.5 }] });
+    write(&dir, "van.json", &van);
+    let scene = json!({ "sightline": 1, "name": "street", "vehicle": "van.json", "frames": 3,
+        "roi": { "min": [-16, -16, -0.5], "max": [16, 16, 3.5], "voxel": [0.5, 0.5, 0.5] },
+        "static": [{ "class": "road", "plane": { "min": [-40, -40], "max": [40, 40], "z": 0 } },
+                   { "class": "wall", "box": { "center": [0, 14, 1.5], "size": [30, 0.4, 3] } }],
+        "actors": [{ "name": "crate", "parts": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [2, 2, 2] } }],
+            "poses": [{ "x": 8, "y": 0 }, { "x": 9, "y": 4 }, { "x": -10, "y": 3 }] }] });
+    write(&dir, "street.json", &scene);
+    let rigs = json!({ "placements": [
+        { "name": "roof", "lidars": [{ "x": 0, "y": 0, "z": 1.8, "sensor": "fine" }] },
+        { "name": "sides", "lidars": [{ "x": 0, "y": 0.95, "z": 0.8, "yaw": 1.5, "pitch": 0.2, "sensor": "solid" },
+                                      { "x": 0, "y": -0.95, "z": 0.8, "yaw": -1.5, "pitch": 0.2, "sensor": "solid" }] }] });
+    write(&dir, "rigs.json", &rigs);
+    dir
+}
+
+fn write(dir: &TempDir, name: &str, value: &Value) {
+    fs::write(dir.path().join(name), value.to_string()).unwrap();
+}
+
+fn words(line: &str) -> Vec<&str> {
+    line.split(' ').collect()
+}
+
+/// The table of a study of the street, two frames, short searches.
+fn study(dir: &TempDir, line: &str) -> Value {
+    let line = format!("study {line} --frames 2 --evaluations 12 --random 8 --backend cpu");
+    ok(dir.path(), &words(&line))
+}
+
+/// Number of a row in a column.
+fn value(table: &Value, row: &Value, title: &str) -> Option<f64> {
+    let titles = table["columns"].as_array().unwrap();
+    let at = titles.iter().position(|t| t == title).unwrap_or_else(|| panic!("no {title}"));
+    row["values"][at - 1].as_f64()
+}
+
+fn rows(table: &Value) -> &[Value] {
+    table["rows"].as_array().unwrap()
+}
+
+fn names(table: &Value) -> Vec<&str> {
+    rows(table).iter().map(|row| row["name"].as_str().unwrap()).collect()
+}
+
+/// Price of the LiDARs of a row, and how many of them are on the roof, the left and the right.
+fn price_and_mounts(row: &Value) -> (f64, [usize; 3]) {
+    let lidars = row["placement"]["lidars"].as_array().unwrap();
+    let price = |lidar: &Value| match lidar["sensor"].as_str().unwrap() {
+        "fine" => 10.0,
+        "coarse" => 4.0,
+        "solid" => 3.0,
+        other => panic!("{other}"),
+    };
+    let on = |low: f64, high: f64| {
+        let is_on = |lidar: &&Value| (low..high).contains(&lidar["y"].as_f64().unwrap());
+        lidars.iter().filter(is_on).count()
+    };
+    (lidars.iter().map(price).sum(), [on(-0.5, 0.5), on(0.5, 2.0), on(-2.0, -0.5)])
+}
+
+fn close(a: f64, b: f64) -> bool {
+    (a - b).abs() <= 1e-9 * b.abs().max(1e-3)
+}
+
+#[test]
+fn rigs_in_weather_have_the_scores_and_requirements_that_score_prints() {
+    let dir = street();
+    let conditions = ["fog:mor=20", "rain:rate=100", "crosstalk:share=0.1"];
+    let options: String = conditions.map(|one| format!(" --condition {one}")).concat();
+    let table = study(&dir, &format!("weather street.json rigs.json --out w{options}"));
+    assert_eq!(rows(&table).len(), 8);
+    let mut gains = Vec::new();
+    for (sky, found) in rows(&table).chunks(2).enumerate() {
+        let under = sky.checked_sub(1).map(|k| conditions[k]);
+        let condition = under.map_or(String::new(), |one| format!(" --condition {one}"));
+        let line = format!("score street.json rigs.json --frames 2 --backend cpu{condition}");
+        let scored = ok(dir.path(), &words(&line));
+        for (row, scores) in found.iter().zip(scored["scores"].as_array().unwrap()) {
+            let name = row["name"].as_str().unwrap();
+            let rig = scores["name"].as_str().unwrap();
+            assert!(name.starts_with(&format!("{rig}, ")), "{name}");
+            let want = |key: &str| scores[key].as_f64().unwrap();
+            for (title, want) in [
+                ("gain %", 100.0 * want("information_gain_share")),
+                ("near gain %", 100.0 * want("near_gain")),
+                ("covered", want("covered")),
+            ] {
+                let found = value(&table, row, title).unwrap();
+                assert!(close(found, want), "{name}, {title}: {found}, {want}");
+            }
+            let required = scores["requirements"].as_array().unwrap();
+            let missed = required.iter().filter(|seen| seen["met"] == false).count();
+            assert_eq!(value(&table, row, "not met"), Some(missed as f64), "{name}");
+            assert_eq!(row["requirements_met"], missed == 0, "{name}");
+            gains.push(want("near_gain"));
+            ahead(&dir, (&table, row), rig, under);
+        }
+    }
+    // Fog of 20 m takes much, and one rig misses what the other meets.
+    assert!(gains[2] < 0.95 * gains[0], "{gains:?}");
+    assert_ne!(rows(&table)[0]["requirements_met"], rows(&table)[1]["requirements_met"]);
+}
+
+/// Holds the range of a car ahead against the beams that `study targets` counts on it.
+fn ahead(dir: &TempDir, (table, row): (&Value, &Value), rig: &str, condition: Option<&str>) {
+    let found = value(table, row, "car ahead m");
+    if condition.is_some_and(|one| one.starts_with("crosstalk")) {
+        return assert_eq!(found, None);
+    }
+    let mut at: Vec<f64> = (1..=8).map(|k| 2.5 * f64::from(k)).collect();
+    at.extend((5..=12).map(|k| 5.0 * f64::from(k)));
+    let distances: Vec<String> = at.iter().map(f64::to_string).collect();
+    let condition = condition.map_or(String::new(), |one| format!(" --condition {one}"));
+    let line = format!(
+        "study targets rigs.json --vehicle van.json --target car --bearings 0 --distances {} --backend cpu{condition}",
+        distances.join(",")
+    );
+    let looked = ok(dir.path(), &words(&line));
+    let of_rig = looked["rows"].as_array().unwrap().iter().filter(|of| of["placement"] == rig);
+    let met = |of: &&Value| of["beams"].as_u64().unwrap() >= 5 && of["overlaps"] != true;
+    let from = of_rig.skip_while(|of| !met(of));
+    let last = from.take_while(met).last().map_or(0.0, |of| of["distance"].as_f64().unwrap());
+    assert_eq!(found, Some(last), "{rig}{condition}: {looked}");
+}
+
+#[test]
+fn regions_random_and_voxels_look_at_own_rigs_alone() {
+    let dir = street();
+    // A box around everything holds all information.
+    let table =
+        study(&dir, "regions street.json rigs.json --box all:-17,-17,-1,17,17,4 --out regions");
+    assert_eq!(names(&table), ["roof", "sides"]);
+    let scored = ok(dir.path(), &words("score street.json rigs.json --frames 2 --backend cpu"));
+    for (row, scores) in rows(&table).iter().zip(scored["scores"].as_array().unwrap()) {
+        let want = 100.0 * scores["information_gain_share"].as_f64().unwrap();
+        let found = value(&table, row, "all %").unwrap();
+        assert!((found - want).abs() < 1e-4, "{found}, {want}");
+        let required = scores["requirements"].as_array().unwrap().iter();
+        assert_eq!(row["requirements_met"], required.clone().all(|seen| seen["met"] == true));
+        let missed = required.filter(|seen| seen["met"] == false).count();
+        assert_eq!(row["not_met"].as_array().map_or(0, Vec::len), missed);
+    }
+    let table = study(&dir, "voxels street.json rigs.json --out voxels");
+    assert_eq!(table["columns"], json!(["voxel", "roof", "sides"]));
+    let table = study(&dir, "random street.json rigs.json --budget 8 --out random");
+    let own = names(&table);
+    assert_eq!(own[own.len() - 3..], ["roof", "sides", "optimized"]);
+    assert!(price_and_mounts(rows(&table).last().unwrap()).0 <= 8.0, "{table}");
+    // Without rigs an own vehicle is compared with no layout of the paper.
+    let table = study(&dir, "regions street.json --budget 8 --out alone");
+    assert_eq!(names(&table), ["optimized"]);
+    assert!(price_and_mounts(&rows(&table)[0]).0 <= 8.0, "{table}");
+}
+
+#[test]
+fn each_number_of_lidars_keeps_mounts_symmetry_and_budget() {
+    let dir = street();
+    let table = study(&dir, "lidars street.json --budget 9 --out poor");
+    // The fine sensor is too dear: a coarse one, or two sides; 4 + 2 × 3 is more than 9.
+    for (k, row) in rows(&table)[..3].iter().enumerate() {
+        let (price, [roof, left, right]) = price_and_mounts(row);
+        assert!(price <= 9.0 && roof <= 1 && left <= 1 && left == right, "{row}");
+        assert!(roof + left + right <= k + 1, "{row}");
+        assert_eq!(value(&table, row, "LiDARs taken"), Some((roof + left + right) as f64));
+        assert_eq!(value(&table, row, "price"), Some(price));
+    }
+    let rich = study(&dir, "lidars street.json --out rich");
+    assert_eq!(price_and_mounts(&rows(&rich)[2]), (16.0, [1, 1, 1]));
+    for row in &rows(&rich)[3..] {
+        let why = row["no_answer"].as_str().unwrap();
+        assert!(why.contains("van hold 3 LiDARs at most"), "{why}");
+        assert!(row["values"].as_array().unwrap().iter().all(Value::is_null));
+    }
+    let best = &rows(&rich)[2]["placement"];
+    write(&dir, "best.json", &json!({ "placements": [best] }));
+    let line = "score street.json best.json --frames 2 --backend cpu";
+    let scores = &ok(dir.path(), &words(line))["scores"][0];
+    let gain = value(&rich, &rows(&rich)[2], "near gain %").unwrap();
+    assert!(close(gain, 100.0 * scores["near_gain"].as_f64().unwrap()), "{gain}, {scores}");
+}
+
+#[test]
+fn prices_and_scenes_are_compared_within_the_budget() {
+    let dir = street();
+    let table = study(&dir, "cost street.json --budget 10 --out cost");
+    let prices: Vec<f64> = rows(&table).iter().map(|row| price_and_mounts(row).0).collect();
+    assert!(prices.iter().all(|price| *price <= 10.0), "{prices:?}");
+    let free = study(&dir, "cost street.json --out free");
+    assert_eq!(price_and_mounts(rows(&free).last().unwrap()).0, 16.0, "{free}");
+    let other = fs::read_to_string(dir.path().join("street.json")).unwrap();
+    let other = other.replace("\"street\"", "\"other\"").replace("[0,14,1.5]", "[0,10,1.5]");
+    fs::write(dir.path().join("other.json"), other).unwrap();
+    let table = study(&dir, "transfer street.json other.json --budget 8 --out transfer");
+    assert_eq!(names(&table), ["street", "other"]);
+    assert!(rows(&table).iter().all(|row| price_and_mounts(row).0 <= 8.0), "{table}");
+    let missed = format!("{}", rows(&table)[0]["not_met"]);
+    assert!(rows(&table)[0]["requirements_met"] == true || missed.contains(" on "), "{missed}");
+}
+
+#[test]
+fn rows_that_miss_a_requirement_are_marked_in_text_and_csv() {
+    let dir = street();
+    let line = "study regions street.json rigs.json --frames 2 --backend cpu --out one";
+    let output = sightline(dir.path(), &words(line));
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(0), "a missed requirement is an answer");
+    assert!(text.lines().any(|line| line.starts_with("! roof ")), "{text}");
+    assert!(text.contains("! roof: NOT MET: left: "), "{text}");
+    let csv = fs::read_to_string(dir.path().join("one/table.csv")).unwrap();
+    let mut lines = csv.lines();
+    assert!(lines.next().unwrap().ends_with(",requirements met,not met"), "{csv}");
+    let roof = lines.next().unwrap();
+    assert!(roof.starts_with("roof,") && roof.contains(",false,\"NOT MET: left: "), "{roof}");
+    let svg = fs::read_to_string(dir.path().join("one/chart.svg")).unwrap();
+    assert!(svg.contains("! roof"), "{svg}");
+}
+
+#[test]
+fn a_study_without_an_answer_ends_with_one_and_says_why() {
+    let dir = street();
+    // A mount for one LiDAR, and two that are to be mirror images of each other.
+    let van = fs::read_to_string(dir.path().join("van.json")).unwrap();
+    let mut van: Value = serde_json::from_str(&van).unwrap();
+    for mount in van["mounts"].as_array_mut().unwrap() {
+        mount["count"] = json!([4, 4]);
+    }
+    van["symmetric"] = json!(false);
+    write(&dir, "van.json", &van);
+    let line = "study lidars street.json --frames 1 --evaluations 4 --backend cpu";
+    let output = sightline(dir.path(), &words(line));
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains("no row has an answer: the mounts of van must hold 12"), "{stderr}");
+    assert!(dir.path().join("studies/street-lidars/table.csv").is_file());
+}
+
+#[test]
+fn what_a_study_does_not_take_is_refused() {
+    let dir = street();
+    let one = json!({ "name": "twin", "lidars": [{ "x": 0, "y": 0, "z": 1.8, "sensor": "fine" }] });
+    write(&dir, "twins.json", &json!({ "placements": [one, one] }));
+    crate::cli::room(dir.path());
+    for (line, says) in [
+        ("weather street.json", "the vehicle is not the paper's car"),
+        ("voxels street.json", "give a file of placements behind the scenes"),
+        ("weather street.json rigs.json --budget 9", "leave --budget out"),
+        ("regions street.json rigs.json --budget 9", "leave --budget out"),
+        ("lidars street.json rigs.json", "`study lidars` does not take"),
+        ("lidars street.json --budget 3", "below the cheapest rig"),
+        ("cost street.json --budget 3", "below the cheapest rig"),
+        ("loss room.json --budget 9", "has one LiDAR and no prices"),
+        ("regions street.json twins.json", "the name `twin` is used twice"),
+        ("nearfield street.json", "the vehicle is not the paper's car"),
+        ("weather street.json rigs.json --condition fog --condition fog", "two conditions are"),
+    ] {
+        let message = fails(dir.path(), &words(&format!("study {line} --backend cpu")));
+        assert!(message.contains(says), "{line}: {message}");
+    }
+    assert!(!Path::new(&dir.path().join("studies")).exists());
+}
+
+#[test]
+fn the_paper_s_car_is_compared_with_the_layouts_of_its_table() {
+    let dir = street();
+    let scene = fs::read_to_string(dir.path().join("street.json")).unwrap();
+    let mut scene: Value = serde_json::from_str(&scene).unwrap();
+    scene.as_object_mut().unwrap().remove("vehicle");
+    scene["lidar"] = json!({ "channels": 4, "fov": [-30, 5], "azimuth_steps": 60, "range": 60 });
+    scene["mount"] = json!({ "min": [-1, -1, 2], "max": [1, 1, 3], "roll": [-1, 1], "lidars": 4 });
+    write(&dir, "paper.json", &scene);
+    let table = study(&dir, "regions paper.json --out paper");
+    assert_eq!(names(&table)[0], "Center");
+    assert_eq!(names(&table).last(), Some(&"optimized"));
+    // A lower mount holds none of them.
+    (scene["mount"]["min"][2], scene["mount"]["max"][2]) = (json!(1.0), json!(1.5));
+    write(&dir, "low.json", &scene);
+    assert_eq!(names(&study(&dir, "regions low.json --out low")), ["optimized"]);
+}
