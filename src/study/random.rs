@@ -4,7 +4,7 @@ use super::cases::Cases;
 use super::scene::StudyScene;
 use super::{Drawing, Row, StudyError, Table};
 use crate::score::Scores;
-use crate::vehicle::random_placements_by_the_rules;
+use crate::vehicle::{Placement, random_placements_by_the_rules};
 
 /// Name of the case in which all random placements are scored: its values are the best, the worst, the
 /// lower quartile, the median and the upper quartile.
@@ -31,13 +31,13 @@ pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
     for placement in &scene.layouts {
         rows.extend(cases.one(&placement.name, || {
             let scores = scene.score(&mut evaluator, placement)?;
-            Ok(Row::scored(vec![value(&scores)], placement.clone(), &scores))
+            Ok(row_of(value(&scores), placement.clone(), &scores))
         })?);
     }
     rows.extend(cases.one("optimized", || {
         let Some(best) = scene.optimize(&evaluator)? else { return Ok(scene.none_found()) };
         let scores = scene.score(&mut evaluator, &best)?;
-        Ok(Row::scored(vec![value(&scores)], best, &scores))
+        Ok(row_of(value(&scores), best, &scores))
     })?);
     let notes = vec![format!(
         "{} random placements, uniform in every pose field that may vary; those that violate a guard do \
@@ -49,6 +49,13 @@ pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
     let objective = settings.objective.to_string();
     let drawing = Drawing::of_column(0, &objective, false);
     Ok(Table::new(title, ["placement", &objective], rows, notes, drawing))
+}
+
+/// The row of one placement; without a value it says which warning counts it out.
+fn row_of(value: Option<f64>, placement: Placement, scores: &Scores) -> Row {
+    let warning = scores.guards.first().filter(|_| value.is_none());
+    let no_answer = warning.map(|guard| format!("does not count, warning: {guard}"));
+    Row { no_answer, ..Row::scored(vec![value], placement, scores) }
 }
 
 /// The objective of a placement that violates no guard.
