@@ -82,8 +82,7 @@ fn printed(dir: &TempDir, more: &[&str], out: &str) -> (String, Vec<String>, Val
 fn a_chart_that_leaves_settings_early_gives_the_advice_of_a_full_one() {
     let dir = TempDir::new().unwrap();
     let path = room(dir.path());
-    // The walker hardly moves: one frame of twelve keeps the ranking, and nothing else is nearly as cheap, so
-    // that the clock has no say.
+    // The walker hardly moves: one frame of twelve keeps the ranking, and so do others of few beams.
     let mut scene: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
     scene["frames"] = json!(12);
     let poses = (0..12).map(|k| json!({ "x": 2.0 + 0.001 * f64::from(k), "y": -1 }));
@@ -97,14 +96,19 @@ fn a_chart_that_leaves_settings_early_gives_the_advice_of_a_full_one() {
         rows_of(answer)[answer["verdict"]["setting"].as_u64().unwrap() as usize].clone()
     };
     let (advice, wanted) = (chosen(&sparing), chosen(&full));
-    assert_eq!(advice["setting"], wanted["setting"]);
-    assert!(advice["setting"].as_str().unwrap().contains("1 frame"), "{advice}");
     let same = all.iter().find(|row| row["setting"] == advice["setting"]).unwrap();
     assert_eq!(
         advice["placements"], same["placements"],
         "the advice is confirmed with all placements"
     );
     let swapped = |row: &Value| row.pointer("/error/swapped/value").unwrap().as_f64().unwrap();
+    // Both keep the ranking in the full chart with few beams. Which of such is the cheapest by the clock is for a quiet
+    // machine to say.
+    let beams = |row: &Value| row["beams"].as_f64().unwrap();
+    let most = all.iter().map(beams).fold(0.0, f64::max);
+    for row in [same, &wanted] {
+        assert!(swapped(row) < 0.05 && 4.0 * beams(row) <= most, "{row} {most}");
+    }
     assert!((swapped(&advice) - swapped(same)).abs() < 0.01, "{advice} {same}");
     // The reference is in f32, a few placements in f64 check it, and the difference is told.
     assert_eq!(
