@@ -154,6 +154,8 @@ def moves(page: Page) -> None:
 
 def touches(page: Page) -> None:
     """One finger turns the view, two that part zoom in."""
+    # Requirements may stand before the picture.
+    page.locator("#canvas").scroll_into_view_if_needed()
     box = page.locator("#canvas").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     session = page.context.new_cdp_session(page)

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::parts::{table, text};
 use super::subject::Subject;
-use crate::score::{HOLDS, Seen};
+use crate::score::{HOLDS, Scores, Seen};
 use crate::search::Scored;
 
 /// Baselines that stand beside the result, at most.
@@ -30,7 +30,16 @@ pub(super) fn required(subject: &Subject<'_>) -> Markup {
                 }
                 @if let Some(words) = best.scores.holds_in_words() { p { (words) "." } }
             }
-        } @else if best.scores.range_card.is_some() {
+        }
+    }
+}
+
+/// Requirements to begin with, for a subject that has none and where beams end at surfaces.
+pub(super) fn usual(subject: &Subject<'_>) -> Markup {
+    let scores = subject.result.map(|best| &best.scores);
+    let has_none = |scores: &&Scores| scores.required.is_empty() && scores.range_card.is_some();
+    html! {
+        @if scores.filter(has_none).is_some() {
             section aria-labelledby="required" {
                 h2 #required { "No requirement is set" }
                 p {
