@@ -27,7 +27,7 @@ pub struct NearSite {
     pub(super) problem: Arc<Problem>,
     pub(super) footprint: Footprint,
     pub(super) cells: Cells,
-    /// By triangle of a frame, without those of the own body, which come last.
+    /// By triangle of a frame; the own body's triangles, which come last, have no entry.
     is_ground: Vec<bool>,
     /// One for each distinct frame: its number, frames that it stands for, which cells are ground.
     pub(super) frames: Vec<(usize, u64, Vec<bool>)>,
@@ -109,12 +109,7 @@ impl NearSite {
 
     /// The site of a problem whose vehicle has rules on the ground; `None` without an own body.
     pub(super) fn of_rules(problem: &Arc<Problem>) -> Option<Self> {
-        let corners = problem.body().instances().iter().flat_map(|instance| {
-            let corners = instance.tree.triangles.iter().flat_map(|t| [t.a, t.b, t.c]);
-            corners
-                .map(|corner| instance.ego_from_instance.apply(DVec3::from(corner.map(f64::from))))
-        });
-        let footprint = Footprint::of(corners.map(|corner| [corner.x, corner.y]))?;
+        let footprint = Footprint::of(problem.body().corners().map(|at| [at.x, at.y]))?;
         Some(Self::among(footprint, problem.ground_required().is_ground.clone(), problem))
     }
 

@@ -17,7 +17,7 @@
 //!   the mean number of the others times 0.0625 m².
 //! - **Blind zone**: a polygon over 72 directions from the middle of the footprint; a cell takes part if it
 //!   is seen in at least half of the frames in which it counts.
-//! - **Bodies that move**: the footprint is of frame 0; ground, hits and wasted beams are those of each frame.
+//! - **Bodies that move**: the footprint is of frame 0; ground, hits and wasted beams are looked at in each frame.
 //! - **Wasted**: share of a LiDAR's beams that end at the own body, a mean over the frames.
 //! - **Poles** stand alone on level ground, with the own body and without the scene; one is seen with five
 //!   beams or more.

@@ -176,7 +176,7 @@ impl RequiredGround {
         Ok(all)
     }
 
-    /// Closest hits of a LiDAR's beams as far as they may see a cell; in bad weather of those that come back.
+    /// Closest hits of a LiDAR's beams as far as they may see a cell; in bad weather only the hits of beams that come back.
     fn hits(&self, batch: &SensorBatch<'_>, poses: &[Pose], frame: usize) -> Vec<Hit> {
         let problem = &self.site.problem;
         let Some(geometry) = problem.geometry(frame) else { return Vec::new() };

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::given::Given;
 use super::inputs::{Files, note_repeated};
 use super::opening::{self, LoadTimes, Loaded};
-use super::targets::{dims_targets, named};
+use super::targets::named;
 use super::{Computing, Error, GRACE};
 use crate::files::Session;
 use crate::job::Job;
@@ -71,7 +71,7 @@ pub fn redundancy(
     let _session = Session::begin();
     let question = redundancy_question(named(targets, computing)?);
     let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
-    for condition in request.conditions.iter().filter(|condition| !dims_targets(condition)) {
+    for condition in request.conditions.iter().filter(|condition| !condition.dims_light()) {
         let words = "changes voxels and ground; targets are dimmed by fog, snow and rain alone";
         computing.watcher.note(&format!("--condition {condition}: {words}"));
     }

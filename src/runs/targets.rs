@@ -13,7 +13,7 @@ use crate::engine::BackendError;
 use crate::files::{Session, writable_file, write_whole};
 use crate::job::Job;
 use crate::report::targets::{targets_figures, targets_svg};
-use crate::scan::conditions::{Condition, ConditionKind, in_words, weather};
+use crate::scan::conditions::{Condition, in_words, weather};
 use crate::scene::{Scene, Target};
 use crate::targets::{GroundBelow, Receiving, TargetQuestion, TargetSite, TargetTable};
 use crate::vehicle::{Placement, read_placements};
@@ -198,15 +198,10 @@ fn question(request: &TargetsRequest, computing: &Computing<'_>) -> Result<Targe
     Ok(TargetQuestion { targets, distances, bearings, beams: request.beams, of_frames })
 }
 
-/// True for weather that dims the beams on a target.
-pub(super) fn dims_targets(condition: &Condition) -> bool {
-    matches!(condition.kind(), ConditionKind::Fog | ConditionKind::Snow | ConditionKind::Rain)
-}
-
 /// Light that must come back, where it counts.
 fn receiving(request: &TargetsRequest) -> Result<Option<Receiving>, Error> {
     for condition in &request.conditions {
-        if !dims_targets(condition) {
+        if !condition.dims_light() {
             return Err(Error::Usage(format!(
                 "--condition {condition}: beams on targets are dimmed by fog, snow and rain alone; leave it out"
             )));

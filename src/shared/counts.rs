@@ -139,7 +139,7 @@ fn levels<'a>(sets: impl IntoIterator<Item = &'a [u64]>, words: usize) -> [Vec<u
 pub(super) struct Sets {
     /// Things that at least one, two, three LiDARs or technologies see.
     by_number: [Vec<u64>; 3],
-    /// Things that one model alone sees, by model, none where there is one model; or those that each technology sees.
+    /// Things that one model alone sees, by model, none where there is one model; or things that each technology sees.
     each: Vec<Vec<u64>>,
 }
 

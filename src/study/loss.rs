@@ -90,7 +90,7 @@ impl Losses {
             without.into_iter().filter(|left| !left.lidars.is_empty()).collect();
         let (whole, left) = (scene.score(evaluator, rig)?, scene.scores(evaluator, &without)?);
         let all: Vec<Placement> = std::iter::once(rig).chain(&without).cloned().collect();
-        let cards = scene.range_cards(scene.job(), None, &all)?;
+        let cards = scene.range_cards(scene.job(), &all)?;
         let (known, cards) = match cards.split_first() {
             Some((whole, cards)) => (&whole.blind[..], cards),
             None => (&[][..], &[][..]),
@@ -194,7 +194,7 @@ fn after_worst_loss(
 }
 
 /// CMA-ES for the placement that is best after its worst loss; it starts from the placements of `rows`
-/// and those that searches of the rig start from.
+/// and the ones that searches of the rig start from.
 fn most_robust(
     scene: &StudyScene,
     evaluator: &mut Evaluator,

@@ -47,7 +47,7 @@ pub use table::{Row, Table};
 use cases::Cases;
 use scene::StudyScene;
 
-/// Makes a study of scenes, with their own frames and weather replaced by those of the settings: several for [`Kind::Transfer`], one
+/// Makes a study of scenes, with frames and weather of the settings in place of their own: several for [`Kind::Transfer`], one
 /// for all others. [`Kind::Weather`] looks at each condition of the settings for itself.
 ///
 /// `known` holds the rows of an interrupted study of the same settings and scenes, and gets those that

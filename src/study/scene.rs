@@ -13,7 +13,7 @@ use crate::scan::scan_scene;
 use crate::scene::{PsogSource, ScanSettings, Scene};
 use crate::score::{Objective, Scores};
 use crate::search::{Evaluator, Event, Limits, Settings, Suite, optimize};
-use crate::targets::{RangeCard, Receiving, TargetSite};
+use crate::targets::RangeCard;
 use crate::vehicle::{Constraints, Placement, Sensors, table_7, table_7_held_by};
 
 /// The job that all cases of a study in one scene vary.
@@ -132,18 +132,13 @@ impl<'a> StudyScene<'a> {
         self.open(&self.job)
     }
 
-    /// Range cards of placements in a job of this scene, of beams that enough light returns of; empty where beams end at
-    /// nothing.
+    /// Range cards of placements in a job of this scene, in its weather; empty where beams end at nothing.
     pub(super) fn range_cards(
         &self,
         job: &Job,
-        receiving: Option<Receiving>,
         placements: &[Placement],
     ) -> Result<Vec<RangeCard>, StudyError> {
-        if !job.problem()?.ends_at_hits() {
-            return Ok(Vec::new());
-        }
-        let site = &TargetSite::of(&*job.problem()?).receiving(receiving);
+        let Some(site) = job.target_site()? else { return Ok(Vec::new()) };
         let cards = placements.iter().map(|placement| RangeCard::new(site, &placement.lidars));
         Ok(cards.collect::<Result<_, _>>().map_err(BackendError::from)?)
     }

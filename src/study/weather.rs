@@ -5,9 +5,9 @@ use super::columns::{self, SCORES, check_distinct, made_large};
 use super::scene::StudyScene;
 use super::{Drawing, Row, StudyError, Table};
 use crate::job::{Job, JobError};
-use crate::scan::conditions::{self, Condition, ConditionKind};
+use crate::scan::conditions::Condition;
 use crate::search::Evaluator;
-use crate::targets::{CARD_BEAMS, Receiving};
+use crate::targets::CARD_BEAMS;
 use crate::vehicle::Placement;
 
 /// Conditions without any in the settings, at their usual strengths.
@@ -74,13 +74,8 @@ fn row(
     let not_met = scores.required.iter().filter(|seen| !seen.is_met()).count() as f64;
     let mut values = columns::values(&scores);
     values.push((!scores.required.is_empty()).then_some(not_met));
-    let dims = |one: &Condition| {
-        matches!(one.kind(), ConditionKind::Fog | ConditionKind::Snow | ConditionKind::Rain)
-    };
-    if condition.iter().all(dims) {
-        let weather = conditions::weather(condition).map_err(JobError::Condition)?;
-        let receiving = (!condition.is_empty()).then(|| Receiving::from(weather));
-        let cards = scene.range_cards(job, receiving, std::slice::from_ref(rig))?;
+    if condition.iter().all(Condition::dims_light) {
+        let cards = scene.range_cards(job, std::slice::from_ref(rig))?;
         let ahead = cards.first().and_then(|card| card.targets.first()?.bearings.first());
         values.push(ahead.map(|ahead| ahead.met.first().map_or(0.0, |[_, to]| *to)));
     }

@@ -236,15 +236,10 @@ impl TargetSite {
 /// Lower and upper corner of a body in plan, metres; `None` without triangles.
 fn bounds_in_plan(body: &Frame) -> Option<[[f64; 2]; 2]> {
     let mut all: Option<[[f64; 2]; 2]> = None;
-    for instance in body.instances() {
-        for triangle in &instance.tree.triangles {
-            for corner in [triangle.a, triangle.b, triangle.c] {
-                let at = instance.ego_from_instance.apply(DVec3::from(corner.map(f64::from)));
-                let [low, high] = all.get_or_insert([[at.x, at.y]; 2]);
-                *low = [low[0].min(at.x), low[1].min(at.y)];
-                *high = [high[0].max(at.x), high[1].max(at.y)];
-            }
-        }
+    for at in body.corners() {
+        let [low, high] = all.get_or_insert([[at.x, at.y]; 2]);
+        *low = [low[0].min(at.x), low[1].min(at.y)];
+        *high = [high[0].max(at.x), high[1].max(at.y)];
     }
     all
 }

@@ -9,6 +9,8 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use super::DevicePose;
 use crate::bvh::Bvh;
 use crate::geom::Pose;
@@ -61,6 +63,14 @@ impl Frame {
     /// Instances in the order of their triangles.
     pub fn instances(&self) -> &[Instance] {
         &self.instances
+    }
+
+    /// Corners of all triangles in the ego frame, metres.
+    pub fn corners(&self) -> impl Iterator<Item = DVec3> + '_ {
+        self.instances.iter().flat_map(|instance| {
+            let corners = instance.tree.triangles.iter().flat_map(|t| [t.a, t.b, t.c]);
+            corners.map(|at| instance.ego_from_instance.apply(DVec3::from(at.map(f64::from))))
+        })
     }
 
     /// Triangles of all instances.

@@ -25,6 +25,11 @@ impl Condition {
         self.kind
     }
 
+    /// True for weather that takes light on the way to a target and back.
+    pub fn dims_light(&self) -> bool {
+        matches!(self.kind, ConditionKind::Fog | ConditionKind::Snow | ConditionKind::Rain)
+    }
+
     /// Value of a key; none of a key that it does not have.
     pub fn value(&self, key: &str) -> Option<f64> {
         let place = keys(self.kind).iter().position(|known| known.name == key)?;

@@ -30,7 +30,7 @@ pub enum Geometry {
 pub struct Part {
     /// Shape in a frame of its own.
     pub geometry: Geometry,
-    /// Takes the shape's frame to that of the root link.
+    /// Takes the shape's frame to the root link's frame.
     pub root_from_part: Pose,
 }
 

@@ -96,7 +96,7 @@ impl Scene {
         self.solid(part).faces.len()
     }
 
-    /// Takes each part's frame to the ego frame of frame `t`, those of the ego's bodies last.
+    /// Takes each part's frame to the ego frame of frame `t`; the ego's bodies come last.
     ///
     /// # Panics
     /// If `t` is not below [`Scene::frame_count`].
@@ -113,7 +113,7 @@ impl Scene {
         poses
     }
 
-    /// Number of triangles of a frame; those of the ego's bodies come last.
+    /// Number of triangles of a frame; the ego's bodies come last.
     pub fn triangles(&self, body: EgoBody) -> usize {
         self.parts(body).map(|part| self.part_triangles(part)).sum()
     }

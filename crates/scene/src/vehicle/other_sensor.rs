@@ -138,7 +138,7 @@ impl OtherSensor {
     }
 }
 
-/// A word for a technology; that of LiDARs is taken.
+/// A word for a technology; `lidar` is taken.
 fn word(at: &Place, word: String) -> Result<String, DescriptionError> {
     let is_word = (1..=MOST_LETTERS).contains(&word.len())
         && word.bytes().all(|letter| letter.is_ascii_lowercase());

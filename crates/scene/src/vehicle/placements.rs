@@ -53,8 +53,8 @@ pub fn table_7() -> Vec<Placement> {
     file.placements
 }
 
-/// The layouts of Table 7 for the paper's car: those that the mounts of a vehicle with one model have room for. Empty for
-/// any other vehicle, inside or beside which they would stand.
+/// The layouts of Table 7 that fit on the mounts of a vehicle with one model, as on the paper's car. Empty for any other
+/// vehicle, inside or beside which they would stand.
 pub fn table_7_held_by(vehicle: &Vehicle) -> Vec<Placement> {
     let rules = vehicle.constraints(&vehicle.fullest());
     let outside = |violation: &Violation| {

@@ -109,7 +109,7 @@ impl Vehicle {
     }
 }
 
-/// All sensor models, which differ in their names; `files` and `notes` take those of their sensor files.
+/// All sensor models, which differ in their names; `files` and `notes` get the names of sensor files and the notes on them.
 fn models(
     at: &Place,
     list: Vec<ModelDescription>,

@@ -7,13 +7,13 @@ use lidar_cast::maths;
 
 /// Reflectance that the rated range is stated for.
 const RATED: f64 = 0.1;
-/// Degrees by which columns of a sector may be off those of a turn.
+/// Degrees by which the columns of a sector may be off the columns of a turn.
 const OFF: f64 = 1e-9;
 
 /// The profile of a sensor model as Isaac Sim reads it, `rotary` or `solidState`, in degrees and metres.
 ///
-/// A sensor that turns is `rotary`. One that looks to a side is `rotary` with a window where its columns are those of a
-/// turn; any other, and a list of directions, is `solidState` with an emitter a beam. Beam divergence, pulse and phase
+/// A sensor that turns is `rotary`. One that looks to a side is `rotary` with a window where its columns are also columns
+/// of a turn; any other, and a list of directions, is `solidState` with an emitter a beam. Beam divergence, pulse and phase
 /// have no place in a profile.
 pub fn isaac_profile(name: &str, lidar: &Lidar, response: &Response) -> Value {
     let mut profile = json!({
