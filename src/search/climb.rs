@@ -66,7 +66,8 @@ impl GridSearch {
     ///
     /// The end violates no guard, so that the climb cannot game the objective, unless `start` violates one and no swap
     /// leads to a placement that does not. Guards take a cast of the whole placement, so they are asked at the end
-    /// alone. If one is violated there, the climb is done again and each swap is checked.
+    /// alone. If one is violated there, the climb is done again and each swap is checked. Requirements need no check: a
+    /// missing share is taken off the objective, see [`Self::require`].
     ///
     /// `go_on` is asked before each turn, after every few candidates and as by [`Self::hold_while`], with the poses
     /// cast so far. Once it says no, the turn under way does not count and the climb ends where that turn began,
@@ -81,15 +82,12 @@ impl GridSearch {
         moves: &[Moves],
         go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<Option<GridPlacement>, SearchError> {
-        // Requirements need a check of each swap: a missing share may only be won back step by step.
-        if !self.has_requirements() {
-            let Some(end) = self.ascend(evaluator, start, moves, Check::Nothing, go_on)? else {
-                return Ok(None);
-            };
-            let standing = self.standing_while(evaluator, &end, go_on)?;
-            if standing.is_none_or(|standing| standing.is_sound()) {
-                return Ok(Some(end));
-            }
+        let Some(end) = self.ascend(evaluator, start, moves, Check::Nothing, go_on)? else {
+            return Ok(None);
+        };
+        let standing = self.standing_while(evaluator, &end, go_on)?;
+        if standing.is_none_or(|standing| standing.guards == 0) {
+            return Ok(Some(end));
         }
         self.ascend(evaluator, start, moves, Check::EachSwap, go_on)
     }

@@ -33,6 +33,8 @@ const LATE: f64 = 0.5;
 /// Error of a level that is enough for all generations. Swaps are over the second level at least: they
 /// end at the best placement they see, which one frame flatters most.
 const LATE_ERROR: f64 = 0.5 * TOLERANCE;
+/// Least frames that swaps are over.
+const FRAMES_OF_SWAPS: usize = 4;
 
 /// A candidate for the result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -67,6 +69,8 @@ pub(crate) struct FramesOnDemand {
 struct PlacementFrames {
     levels: u64,
     search: u64,
+    /// Sensor poses × frames.
+    swaps: u64,
     confirm: u64,
 }
 
@@ -111,7 +115,7 @@ pub struct WorkByPurpose {
 impl FramesOnDemand {
     /// Checks that loaded levels fit a suite of `frames` frames.
     pub fn check(&self, frames: usize) -> Result<(), String> {
-        let PlacementFrames { levels: chosen, search, confirm } = self.work;
+        let PlacementFrames { levels: chosen, search, swaps, confirm } = self.work;
         let parts = [
             ("the present level is not among them", self.at < self.levels.len()),
             ("one holds no frame", self.levels.iter().all(|level| !level.is_empty())),
@@ -124,7 +128,10 @@ impl FramesOnDemand {
             ("the last is not all frames", self.levels.last().is_some_and(|l| l.len() == frames)),
             ("their errors are not one a level", self.errors.len() == self.levels.len()),
             ("they have no first step", !self.steps.is_empty()),
-            ("their counts are beyond any run", chosen.max(search).max(confirm) <= MOST_COUNTED),
+            (
+                "their counts are beyond any run",
+                chosen.max(search).max(swaps).max(confirm) <= MOST_COUNTED,
+            ),
         ];
         let fault = parts.into_iter().find(|(_, is_whole)| !is_whole);
         fault.map_or(Ok(()), |(fault, _)| Err(format!("levels of frames: {fault}")))
@@ -213,7 +220,8 @@ impl FramesOnDemand {
 
     /// Position of the level that swaps are over.
     pub fn of_swaps(&self) -> usize {
-        self.second().max(self.at)
+        let enough = self.levels.iter().position(|level| level.len() >= FRAMES_OF_SWAPS);
+        enough.unwrap_or(self.levels.len() - 1).max(self.second()).max(self.at)
     }
 
     /// Position of the second level, or of the only one.
@@ -225,6 +233,21 @@ impl FramesOnDemand {
     pub fn go_to(&mut self, level: usize, generation: u64) {
         self.at = level;
         self.steps.push((generation, self.frames().len() as u32));
+    }
+
+    /// Goes to the last level of at most `frames` frames, where that is beyond the present one; the finalists are not
+    /// scored there.
+    pub fn go_to_within(&mut self, frames: usize, generation: u64) {
+        let within = |level: &usize| self.levels[*level].len() <= frames;
+        if let Some(level) = (self.at + 1..self.levels.len()).rev().find(within) {
+            self.go_to(level, generation);
+        }
+    }
+
+    /// Counts sensor poses cast by swaps over the present frames.
+    pub fn note_swaps(&mut self, poses: u64) {
+        let casts = poses.saturating_mul(self.frames().len() as u64);
+        self.work.swaps = self.work.swaps.saturating_add(casts);
     }
 
     /// True if the order of the finalists is to be checked after this generation.
@@ -316,8 +339,8 @@ impl FramesOnDemand {
     pub fn used(&self, evaluations: u64, poses_swapped: u64, lidars: usize) -> FramesUsed {
         let all = self.levels[self.levels.len() - 1].len();
         let swapped = poses_swapped.div_ceil(lidars.max(1) as u64);
-        let PlacementFrames { levels, search, confirm } = self.work;
-        let swaps = swapped.saturating_mul(self.frames().len() as u64);
+        let PlacementFrames { levels, search, swaps, confirm } = self.work;
+        let swaps = swaps.div_ceil(lidars.max(1) as u64);
         let full = evaluations.saturating_add(swapped).saturating_mul(all as u64);
         let done = [search, swaps, confirm].into_iter().fold(levels, u64::saturating_add);
         let share_of_full = done as f64 / full.max(1) as f64;

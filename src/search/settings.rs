@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
+use super::swaps::SWAP_SPACING;
 use crate::engine::EngineChoice;
 use crate::score::Objective;
 use crate::vehicle::{Placement, Spacing, table_7};
@@ -122,7 +123,12 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Sensor poses that swaps cast, at most: half as many again as the generations, since swaps gain more
+    /// Grid of the swaps.
+    pub(super) fn spacing(&self) -> Spacing {
+        self.delta.unwrap_or(SWAP_SPACING)
+    }
+
+    /// Sensor poses that the first swaps cast, at most: half as many again as the generations, since swaps gain more
     /// from a cast.
     pub(super) fn poses_for_swaps(&self, lidars: usize) -> u64 {
         (self.evaluations.saturating_mul(lidars as u64) / 2).saturating_mul(3)

@@ -16,15 +16,18 @@ use crate::vehicle::{Placement, PoseGrid, Spacing};
 
 /// Default grid of the swaps: the spacing of the published placements.
 pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
-/// Moves of a climb: up to three steps along one pose field, then a step along several at once.
-const MOVES: [Moves; 2] = [Moves::Along(3), Moves::Around(1)];
 
-/// Random moves out of local optima, at most: on a small grid the limit of casts is never reached.
-const RANDOM_MOVES: usize = 32;
+/// Kicks out of local optima on a grid that is held whole, at most.
+const KICKS: usize = 8;
+/// LiDARs that a kick moves, one after the other, each anywhere.
+const KICKED: usize = 2;
+/// Poses that the climbs after all kicks look at, summed: on a larger grid there are fewer kicks.
+const KICKED_POSES: usize = 8000;
 /// Ends of climbs that are kept beside the best, at most.
 const OTHERS: usize = 3;
-/// Largest distance of their objective from the best, as a share of it.
-const AS_GOOD: f64 = 0.01;
+/// Largest distance of their objective from the best, as a share of it: few frames tell ends that differ by less
+/// apart badly.
+const AS_GOOD: f64 = 0.03;
 /// Random placements of which the best is a start of the swaps where greedy has no place.
 const DRAWN: usize = 64;
 
@@ -33,8 +36,8 @@ const DRAWN: usize = 64;
 const AMPLE_POSES: usize = 256;
 const AMPLE_BYTES: u64 = 192 << 20;
 
-/// Penalty for a missing share of 1, as a multiple of a start's objective: a missing hundredth costs all of it.
-const MISSING: f64 = 100.0;
+/// Penalty for a missing share of 1, as a multiple of a start's objective: no gain makes up for a missing place.
+const MISSING: f64 = 1e4;
 
 /// Settings of swaps: grid, limits and seed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,6 +96,17 @@ impl Swapped {
     }
 }
 
+impl Swapped {
+    /// This result of swaps that went on from those `before`, with the work of both.
+    pub(super) fn after(self, before: &Self) -> Self {
+        Self {
+            evaluations: before.evaluations + self.evaluations,
+            poses_cast: before.poses_cast + self.poses_cast,
+            ..self
+        }
+    }
+}
+
 /// A search on the grid of the settings, over the evaluator's frames.
 fn grid_search(
     evaluator: &mut Evaluator,
@@ -142,9 +156,8 @@ impl Ends {
     }
 }
 
-/// Swaps single LiDARs to nearby poses of a grid, from each start that the mount allows, until no swap
-/// gains; then moves one LiDAR of the best anywhere at random and climbs from there, again and again,
-/// while poses may be cast (iterated local search).
+/// Swaps single LiDARs to poses of a grid at most `radius` steps away along one pose field, from each start that the
+/// mount allows, until no swap gains; the start of the largest objective first, while poses may be cast.
 ///
 /// `None` where no start, moved to the grid, keeps the rules of the mount. `go_on` is asked as by
 /// [`GridSearch::climb`]; once it says no the best end so far is the result, `None` where there is none.
@@ -155,31 +168,39 @@ pub fn swap_from(
     evaluator: &mut Evaluator,
     objective: &Objective,
     settings: &SwapSettings,
+    radius: u32,
     starts: &[Placement],
     go_on: &mut dyn FnMut(u64) -> bool,
 ) -> Result<Option<Swapped>, SearchError> {
     let mut search = grid_search(evaluator, objective, settings, starts)?;
     search.atlas.forget_beyond(AMPLE_POSES, AMPLE_BYTES);
     search.limit_casts(settings.casts);
-    let mut ends = Ends::default();
+    let mut first: Vec<GridPlacement> = Vec::new();
     for start in starts {
         let Some(poses) = search.start_of(start) else { continue };
-        let Some(top) = search.climb(evaluator, &poses, &MOVES, go_on)? else { break };
-        ends.add(&mut search, evaluator, top, go_on)?;
+        if first.iter().any(|known| known.poses == poses) {
+            continue;
+        }
+        let Some(value) = search.value_while(evaluator, &poses, go_on)? else { break };
+        first.push(GridPlacement { poses, value });
     }
-    let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
-    for _ in 0..RANDOM_MOVES {
-        let Some(held) = ends.best.as_ref().filter(|_| search.may_turn(go_on)) else { break };
-        let poses = search.kicked(&held.poses, &mut rng);
-        let Some(top) = search.climb(evaluator, &poses, &MOVES, go_on)? else { break };
+    first.sort_by(|a, b| b.value.total_cmp(&a.value));
+    let mut ends = Ends::default();
+    for start in first {
+        if !ends.all.is_empty() && !search.may_turn(go_on) {
+            break;
+        }
+        let moves = [Moves::Along(radius)];
+        let Some(top) = search.climb(evaluator, &start.poses, &moves, go_on)? else { break };
         ends.add(&mut search, evaluator, top, go_on)?;
     }
     Ok(ends.swapped(&search))
 }
 
-/// Greedy over every pose of the grid, and swaps to any pose from there and from each start. Where rules
-/// tie the LiDARs together the best of some random placements stands in for greedy, which takes one LiDAR
-/// after another and so does not keep them.
+/// Swaps single LiDARs to any pose of a grid, all of which are cast: from greedy's placement and from each start, then
+/// from the best end after a kick that moves some of its LiDARs anywhere, again and again. Where rules tie the LiDARs
+/// together the best of some random placements stands in for greedy, which takes one LiDAR after another and so does
+/// not keep them.
 ///
 /// `None` and `go_on` work as in [`swap_from`]; the settings' `casts` are ignored.
 ///
@@ -193,23 +214,13 @@ pub fn swap_anywhere(
     go_on: &mut dyn FnMut(u64) -> bool,
 ) -> Result<Option<Swapped>, SearchError> {
     let mut search = grid_search(evaluator, objective, settings, starts)?;
+    let all: Vec<u32> = (0..search.atlas().grid().len()).collect();
+    // Some of them, spread over the grid, where the time is over.
+    let held = search.hold_while(evaluator, &all, go_on)?;
     let mut first: Vec<Vec<u32>> = Vec::new();
     if evaluator.constraints().ties.any() {
-        let random = drawn(evaluator.constraints(), DRAWN, settings.seed);
-        let random: Vec<Vec<u32>> = random.iter().filter_map(|p| search.start_of(p)).collect();
-        let mut ends = Ends::default();
-        for poses in random {
-            if !ends.all.is_empty() && !go_on(search.atlas().poses_cast()) {
-                break;
-            }
-            let Some(value) = search.value_while(evaluator, &poses, go_on)? else { break };
-            ends.add(&mut search, evaluator, GridPlacement { poses, value }, go_on)?;
-        }
-        first.extend(ends.best.map(|best| best.poses));
+        first.extend(best_drawn(&mut search, evaluator, settings.seed, go_on)?);
     } else {
-        let all: Vec<u32> = (0..search.atlas().grid().len()).collect();
-        // Greedy among those that time has left.
-        let held = search.hold_while(evaluator, &all, go_on)?;
         first.extend(search.greedy(evaluator, &held)?.map(|greedy| greedy.poses));
     }
     first.extend(starts.iter().filter_map(|start| search.start_of(start)));
@@ -218,5 +229,33 @@ pub fn swap_anywhere(
         let Some(top) = search.climb(evaluator, &start, &[Moves::Anywhere], go_on)? else { break };
         ends.add(&mut search, evaluator, top, go_on)?;
     }
+    let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
+    for _ in 0..KICKS.min(KICKED_POSES / all.len().max(1)) {
+        let Some(best) = ends.best.as_ref().filter(|_| search.may_turn(go_on)) else { break };
+        let kick = |poses: Vec<u32>, _| search.kicked(&poses, &mut rng);
+        let start = (0..KICKED).fold(best.poses.clone(), kick);
+        let Some(top) = search.climb(evaluator, &start, &[Moves::Anywhere], go_on)? else { break };
+        ends.add(&mut search, evaluator, top, go_on)?;
+    }
     Ok(ends.swapped(&search))
+}
+
+/// The best of some random placements, moved to the grid.
+fn best_drawn(
+    search: &mut GridSearch,
+    evaluator: &mut Evaluator,
+    seed: u64,
+    go_on: &mut dyn FnMut(u64) -> bool,
+) -> Result<Option<Vec<u32>>, SearchError> {
+    let random = drawn(evaluator.constraints(), DRAWN, seed);
+    let random: Vec<Vec<u32>> = random.iter().filter_map(|p| search.start_of(p)).collect();
+    let mut ends = Ends::default();
+    for poses in random {
+        if !ends.all.is_empty() && !go_on(search.atlas().poses_cast()) {
+            break;
+        }
+        let Some(value) = search.value_while(evaluator, &poses, go_on)? else { break };
+        ends.add(search, evaluator, GridPlacement { poses, value }, go_on)?;
+    }
+    Ok(ends.best.map(|best| best.poses))
 }

@@ -25,8 +25,10 @@ const DISTANCES: [f64; 8] = [5.0, 7.5, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0];
 /// Degrees between bearings of a rule at most, and metres between its distances at most.
 const RULE_DEGREES: f64 = 7.5;
 const RULE_METRES: f64 = 2.5;
-/// Extra share that a search requires beyond a rule, since other places lie between the tested ones.
+/// Extra share that a search wants beyond a rule, since other places lie between the tested ones.
 const MARGIN: f64 = 0.01;
+/// Weight of a missing part of that extra share, where a missing share of the rule weighs 1.
+const MARGIN_WEIGHT: f64 = 1e-3;
 /// Weight of single beams at places that are not met, where a met place weighs 1.
 const PARTIAL: f64 = 0.1;
 
@@ -354,12 +356,14 @@ impl Sight {
     pub fn rules_missing(&self, each: &[&SightBeams]) -> f64 {
         let all = Self::sum_without(each, None);
         let lacks = |rule: &Rule| {
-            let least = if rule.least() > 0.0 { (rule.least() + MARGIN).min(1.0) } else { 0.0 };
+            let least = rule.least();
+            let wanted = if least > 0.0 { (least + MARGIN).min(1.0) } else { 0.0 };
             let (share, _) = self.least(each, rule);
+            let extra = MARGIN_WEIGHT * (wanted - share).max(0.0);
             if share >= least {
-                return 0.0;
+                return extra;
             }
-            least - share + PARTIAL * (1.0 - self.soft_share(&all, rule))
+            extra + least - share + PARTIAL * (1.0 - self.soft_share(&all, rule))
         };
         self.rules.iter().map(lacks).sum()
     }

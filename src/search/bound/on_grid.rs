@@ -6,20 +6,17 @@ use super::branch_and_bound::{Effort, GainBound, bound_gain};
 use super::sample::GridSample;
 use crate::search::atlases::Atlases;
 use crate::search::climb::{Check, Moves};
+use crate::search::coarse_grid::coarse_grid;
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
 use crate::search::grid_search::GridSearch;
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::settings::Settings;
 use crate::search::swaps::SWAP_SPACING;
-use crate::vehicle::{Constraints, PoseGrid, Spacing};
+use crate::vehicle::{Constraints, PoseGrid};
 
-/// Default grid of the bound on the gain; every pose of it is cast.
-const COARSE_SPACING: Spacing = Spacing { metres: 0.2, radians: 0.2 };
-/// Factor by which that grid is widened until its poses are no more than the swaps cast.
-const WIDER: f64 = 1.5;
-/// Poses of a grid that needs no widening, whatever the swaps cast.
-const FEW_POSES: u64 = 100;
+/// Least spacing of the bound's grid where none is given, as a multiple of that of the swaps; every pose of it is cast.
+const COARSE: u32 = 2;
 /// Pairs of placements sampled for the constants of the paper's bound and for the findings.
 const SAMPLES: usize = 24;
 
@@ -45,8 +42,7 @@ pub(in crate::search) fn bounds(
     let mut search = match gain_search(evaluator, settings, memory, watch)? {
         Ok(search) => search,
         Err(why) => {
-            let grid =
-                PoseGrid::new(evaluator.constraints(), settings.delta.unwrap_or(SWAP_SPACING))?;
+            let grid = PoseGrid::new(evaluator.constraints(), settings.spacing())?;
             let mut search = grid_search(evaluator, settings, &grid, memory);
             let sample = sample(&mut search, evaluator, settings, watch)?;
             return Ok(Bounds { sample, gain: Err(why) });
@@ -145,14 +141,6 @@ fn grid(constraints: &Constraints, settings: &Settings) -> Result<PoseGrid, Sear
     if let Some(spacing) = settings.delta {
         return Ok(PoseGrid::new(constraints, spacing)?);
     }
-    let most = settings.poses_for_swaps(constraints.lidars()).max(FEW_POSES);
-    let mut spacing = COARSE_SPACING;
-    loop {
-        let grid = PoseGrid::new(constraints, spacing)?;
-        if u64::from(grid.len()) <= most {
-            return Ok(grid);
-        }
-        spacing.metres *= WIDER;
-        spacing.radians *= WIDER;
-    }
+    let most = settings.poses_for_swaps(constraints.lidars());
+    Ok(coarse_grid(constraints, SWAP_SPACING, COARSE, most)?.0)
 }

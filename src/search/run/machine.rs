@@ -44,7 +44,7 @@ impl Run {
             Phase::Frames => time.frames_deadline(),
             Phase::Generations => time.generations_deadline(),
             Phase::Finalists if heeds_time => time.finalists_deadline(),
-            Phase::Swaps | Phase::Bounds if heeds_time => time.search_deadline(),
+            Phase::Swaps | Phase::Refine | Phase::Bounds if heeds_time => time.search_deadline(),
             _ => time.deadline(),
         });
         let mut outcome = None;
@@ -53,6 +53,7 @@ impl Run {
             Phase::Generations => self.generate(&mut watch)?,
             Phase::Finalists => self.settle(&mut watch)?,
             Phase::Swaps => self.swap(&mut watch)?,
+            Phase::Refine => self.refine(&mut watch)?,
             Phase::Bounds => self.bound(&mut watch)?,
             Phase::Confirm => outcome = Some(self.confirm(&mut watch)?),
         }
@@ -63,7 +64,7 @@ impl Run {
         match phase {
             Phase::Frames => times.frames += took,
             Phase::Generations | Phase::Finalists => times.until_swaps += took,
-            Phase::Swaps => times.swaps += took,
+            Phase::Swaps | Phase::Refine => times.swaps += took,
             Phase::Bounds => times.bounds += took,
             Phase::Confirm => times.confirm += took,
         }

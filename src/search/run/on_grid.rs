@@ -2,25 +2,38 @@
 
 use super::state::{Phase, Run};
 use crate::score::Standing;
+use crate::search::atlases::Atlases;
 use crate::search::bound::bounds;
+use crate::search::coarse_grid::coarse_grid;
 use crate::search::error::SearchError;
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::outcome::Scored;
 use crate::search::seat::FRAMES_AT_ONCE;
 use crate::search::settings::Method;
-use crate::search::swaps::{SWAP_SPACING, SwapSettings, swap_anywhere, swap_from};
-use crate::vehicle::{Placement, PoseGrid};
+use crate::search::swaps::{SwapSettings, swap_anywhere, swap_from};
+use crate::vehicle::{Placement, PoseGrid, Spacing};
+
+/// Swaps over more frames than before: frames, as a multiple of those of the first swaps, steps along a pose field, and
+/// how often the spacing is then halved.
+struct Refinement {
+    frames: usize,
+    radius: u32,
+    halvings: u32,
+}
+
+/// First the ends of the swaps on the grid, then the best of them between its poses.
+const REFINEMENTS: [Refinement; 2] = [
+    Refinement { frames: 2, radius: 2, halvings: 0 },
+    Refinement { frames: 12, radius: 1, halvings: 2 },
+];
 
 impl Run {
-    /// Moves single LiDARs on the grid, from the best of the generations and from the best baseline.
+    /// Moves single LiDARs anywhere on the grid, which [`Method::Both`] widens until its poses are as few as the swaps may
+    /// cast, from the best of the generations and from the best baseline.
     pub(super) fn swap(&mut self, watch: &mut Watch) -> Result<(), SearchError> {
         let settings = self.state.settings.clone();
-        // The result of the generations first: it has most to gain where casts run out.
-        let best = self.state.generations.best().map(|best| &best.placement);
-        let mut starts: Vec<Placement> =
-            self.state.chosen.as_ref().or(best).cloned().into_iter().collect();
-        let has_result = !starts.is_empty();
-        starts.extend(self.best_baseline(watch)?);
+        let starts = self.starts_of_swaps(watch)?;
+        let has_result = self.best_of_generations().is_some();
         if watch.is_over() && self.heeds_time() {
             self.cut(watch);
             if has_result {
@@ -31,17 +44,21 @@ impl Run {
                 self.hurry(watch);
             }
         }
-        let on_grid = SwapSettings {
-            spacing: settings.delta.unwrap_or(SWAP_SPACING),
-            casts: settings.poses_for_swaps(self.suite.constraints().lidars()),
-            memory: self.memory() / 2,
-            seed: settings.seed,
-        };
-        // Greedy may find a placement that keeps the rules where no candidate of the generations did.
-        let anywhere = settings.method == Method::Swaps || starts.is_empty();
-        let grid = PoseGrid::new(self.suite.constraints(), on_grid.spacing)?;
-        let total = if anywhere { u64::from(grid.len()) } else { on_grid.casts };
+        let memory = self.memory() / 2;
         let evaluator = self.evaluator(watch)?;
+        let most = match settings.method {
+            Method::Swaps => u64::MAX,
+            _ => {
+                let constraints = evaluator.constraints();
+                let grid = PoseGrid::new(constraints, settings.spacing())?;
+                let needed = settings.objective.needed();
+                let room = Atlases::new(evaluator, &grid, needed, memory).capacity() as u64;
+                settings.poses_for_swaps(constraints.lidars()).min(room)
+            }
+        };
+        let (grid, spacing) = coarse_grid(evaluator.constraints(), settings.spacing(), 1, most)?;
+        let total = u64::from(grid.len());
+        let on_grid = SwapSettings { spacing, casts: total, memory, seed: settings.seed };
         let mut go_on = |cast: u64| {
             let done = cast.min(total);
             watch.tell(&Event::Progress { work: Work::Swaps, done, total })
@@ -49,8 +66,7 @@ impl Run {
         let objective = &settings.objective;
         let swaps = match settings.method {
             Method::Cma => None,
-            _ if anywhere => swap_anywhere(evaluator, objective, &on_grid, &starts, &mut go_on)?,
-            _ => swap_from(evaluator, objective, &on_grid, &starts, &mut go_on)?,
+            _ => swap_anywhere(evaluator, objective, &on_grid, &starts, &mut go_on)?,
         };
         if watch.is_over() {
             self.cut(watch);
@@ -60,9 +76,79 @@ impl Run {
                 return Ok(());
             }
         }
+        self.note_swaps(swaps.as_ref().map_or(0, |swaps| swaps.poses_cast));
         self.state.swaps = swaps;
-        self.state.phase = Phase::Bounds;
+        self.state.phase = Phase::Refine;
         Ok(())
+    }
+
+    /// Moves single LiDARs of the ends of the swaps to poses nearby, over more frames and on finer grids.
+    pub(super) fn refine(&mut self, watch: &mut Watch) -> Result<(), SearchError> {
+        self.state.phase = Phase::Bounds;
+        let Some(swaps) = self.state.swaps.clone() else { return Ok(()) };
+        let before = self.state.clone();
+        let settings = self.state.settings.clone();
+        let first_frames = self.frames().len();
+        let mut starts = vec![swaps.placement.clone()];
+        starts.extend(swaps.others.iter().cloned());
+        starts.extend(self.starts_of_swaps(watch)?);
+        let poses = settings.poses_for_swaps(self.suite.constraints().lidars());
+        for refinement in &REFINEMENTS {
+            let generation = self.state.generations.generation();
+            if let Some(levels) = &mut self.state.levels {
+                levels.go_to_within(refinement.frames * first_frames, generation);
+            }
+            // As many casts, of a pose in a frame, as in the swaps before at most.
+            let casts = poses * first_frames as u64 / self.frames().len() as u64;
+            let halvings = if settings.delta.is_some() { 0 } else { refinement.halvings };
+            let mut left = casts;
+            for halving in 0..=halvings {
+                let memory = self.memory() / 2;
+                let share = 0.5_f64.powi(halving as i32);
+                let Spacing { metres, radians } = settings.spacing();
+                let spacing = Spacing { metres: share * metres, radians: share * radians };
+                if halving > 0 && PoseGrid::new(self.suite.constraints(), spacing).is_err() {
+                    break;
+                }
+                let on_grid = SwapSettings { spacing, casts: left, memory, seed: settings.seed };
+                let evaluator = self.evaluator(watch)?;
+                let mut go_on = |cast: u64| {
+                    let done = (casts - left + cast).min(casts);
+                    watch.tell(&Event::Progress { work: Work::Refinements, done, total: casts })
+                };
+                let (objective, radius) = (&settings.objective, refinement.radius);
+                let found = swap_from(evaluator, objective, &on_grid, radius, &starts, &mut go_on)?;
+                if watch.is_over() {
+                    self.cut_at(before, watch);
+                    return Ok(());
+                }
+                let Some(found) = found else { continue };
+                left = left.saturating_sub(found.poses_cast);
+                self.note_swaps(found.poses_cast);
+                starts = std::iter::once(&found.placement).chain(&found.others).cloned().collect();
+                self.state.swaps = self.state.swaps.take().map(|swaps| found.after(&swaps));
+            }
+        }
+        Ok(())
+    }
+
+    /// The result of the generations, before the best baseline: it has most to gain where casts run out.
+    fn starts_of_swaps(&mut self, watch: &mut Watch) -> Result<Vec<Placement>, SearchError> {
+        let mut starts: Vec<Placement> = self.best_of_generations().into_iter().collect();
+        starts.extend(self.best_baseline(watch)?);
+        Ok(starts)
+    }
+
+    fn best_of_generations(&self) -> Option<Placement> {
+        let best = self.state.generations.best().map(|best| &best.placement);
+        self.state.chosen.as_ref().or(best).cloned()
+    }
+
+    /// Counts sensor poses cast by swaps over the present frames.
+    fn note_swaps(&mut self, poses: u64) {
+        if let Some(levels) = &mut self.state.levels {
+            levels.note_swaps(poses);
+        }
     }
 
     /// The best baseline that keeps every rule and violates no guard.

@@ -19,7 +19,7 @@ use crate::search::pilot::Known;
 use crate::search::seat::FRAMES_AT_ONCE;
 use crate::search::settings::{FrameChoice, Settings, TimeLimit};
 use crate::search::suite::Suite;
-use crate::search::swaps::{SWAP_SPACING, Swapped};
+use crate::search::swaps::Swapped;
 use crate::vehicle::{MAX_LIDARS, Placement, PoseGrid};
 
 /// Largest population of a loaded state.
@@ -41,6 +41,8 @@ pub enum Phase {
     Finalists,
     /// LiDARs are to be swapped.
     Swaps,
+    /// Ends of the swaps are to be refined.
+    Refine,
     /// Bounds are to be computed.
     Bounds,
     /// The result is to be confirmed over all frames.
@@ -80,8 +82,7 @@ impl State {
     pub fn check(&self, suite: &Suite) -> Result<(), String> {
         let constraints = suite.constraints();
         let settings = &self.settings;
-        PoseGrid::new(constraints, settings.delta.unwrap_or(SWAP_SPACING))
-            .map_err(|error| error.to_string())?;
+        PoseGrid::new(constraints, settings.spacing()).map_err(|error| error.to_string())?;
         if settings.evaluations > MOST_COUNTED
             || settings.population.is_some_and(|n| n > MOST_POPULATION)
         {
@@ -97,8 +98,7 @@ impl State {
         if let Some(bounds) = &self.bounds {
             bounds.sample.check().map_err(|why| format!("bounds: {why}"))?;
         }
-        let later =
-            matches!(self.phase, Phase::Finalists | Phase::Swaps | Phase::Bounds | Phase::Confirm);
+        let later = !matches!(self.phase, Phase::Frames | Phase::Generations);
         if self.levels.is_none()
             && settings.frames == FrameChoice::OnDemand
             && (later || self.phase == Phase::Generations)
@@ -179,7 +179,7 @@ impl Run {
             return Err(SearchError::NoDetection { objective, scene });
         }
         // Before any work, so that a grid too fine is found out now.
-        PoseGrid::new(suite.constraints(), settings.delta.unwrap_or(SWAP_SPACING))?;
+        PoseGrid::new(suite.constraints(), settings.spacing())?;
         let starts = settings.baselines.iter().chain(&settings.starts);
         let generations = Generations::new(&settings, suite.constraints(), starts)?;
         let state = State {
