@@ -180,12 +180,14 @@ fn room_of_field(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::score::SEEN;
 
     #[test]
     fn a_side_ends_before_the_first_requirement_that_breaks() {
         let seen = |name: &str, share: f64| Seen {
             name: name.to_owned(),
             share,
+            done: SEEN,
             least: 0.9,
             missing: None,
             holds_in: None,
