@@ -243,6 +243,14 @@ pub fn room_csv(all: &[Room]) -> String {
             row.push(String::new());
             row
         }));
+        rows.extend(room.tilt.iter().flat_map(|tilt| &tilt.directions).map(|of| {
+            let mut row = vec![String::new(); width];
+            row[0].clone_from(&room.placement);
+            (row[2], row[3]) = (of.direction.to_owned(), "deg".to_owned());
+            (row[7], row[8]) = (number(of.side.holds_to), number(of.side.breaks_at));
+            row[9] = of.side.breaks.clone().unwrap_or_default();
+            row
+        }));
     }
     csv(rows)
 }
