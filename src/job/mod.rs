@@ -44,7 +44,7 @@ use crate::vehicle::{Constraints, Placement, Sensors};
 pub use error::JobError;
 pub use files::JobFiles;
 pub use front::{
-    FRONT_EVALUATIONS, Front, FrontError, FrontObjective, FrontObjectives, FrontPoint,
+    FRONT_EVALUATIONS, Front, FrontError, FrontObjective, FrontObjectives, FrontPoint, FrontState,
     FrontStopped, Pick,
 };
 pub use room::{Room, RoomOfCopies, RoomOfField, RoomOfSide, RoomSteps};
