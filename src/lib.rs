@@ -71,6 +71,7 @@ pub mod chart;
 pub mod cli;
 pub mod job;
 pub mod near_field;
+mod overlap;
 pub mod report;
 #[doc(hidden)]
 pub mod runs;

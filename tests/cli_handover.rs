@@ -302,3 +302,33 @@ fn refusals_leave_nothing_behind() {
     assert_eq!(fs::read_to_string(dir.path().join("full/note")).unwrap(), "mine");
     assert!(dir.path().join("full/poses.csv").is_file());
 }
+
+#[test]
+fn a_smaller_rig_leaves_no_mask_of_a_larger_one() {
+    let dir = folder();
+    let line = "rig handover p.json:rig --vehicle cart.json --backend cpu --out out --force";
+    let words: Vec<&str> = line.split(' ').collect();
+    ok(dir.path(), &words);
+    let masks = || {
+        let names = fs::read_dir(dir.path().join("out")).unwrap();
+        let names = names.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let mut masks: Vec<String> = names.filter(|name| name.starts_with("mask-")).collect();
+        masks.sort();
+        masks
+    };
+    let three = masks();
+    assert_eq!(three.len(), 6, "{three:?}");
+    // Names that the command does not give are the user's own.
+    for own in ["mask-2-notes.txt", "mask-old.csv"] {
+        fs::write(dir.path().join("out").join(own), "mine").unwrap();
+    }
+    let text = fs::read_to_string(dir.path().join("p.json")).unwrap();
+    let mut rigs: serde_json::Value = serde_json::from_str(&text).unwrap();
+    rigs["placements"][0]["lidars"].as_array_mut().unwrap().truncate(1);
+    fs::write(dir.path().join("p.json"), rigs.to_string()).unwrap();
+    ok(dir.path(), &words);
+    let mut left: Vec<&str> =
+        three.iter().map(String::as_str).filter(|name| name.starts_with("mask-0")).collect();
+    left.extend(["mask-2-notes.txt", "mask-old.csv"]);
+    assert_eq!(masks(), left);
+}

@@ -320,3 +320,27 @@ fn a_batch_that_was_killed_at_its_start_begins_anew() {
     assert!(refused.contains("was begun with other"), "{refused}");
     assert_eq!(fs::read_to_string(at("cut.partial")).unwrap(), "my notes");
 }
+
+#[test]
+fn a_front_that_was_killed_goes_on_to_the_same_bytes() {
+    let dir = TempDir::new().unwrap();
+    let require = json!([{ "target": "car", "from": 5, "within": 15, "share": 0.9 }]);
+    crate::front::street(dir.path(), [30, 11], require);
+    let line = "optimize street.json --front price,near_gain --backend cpu --evaluations 30 --out";
+    let args: Vec<&str> = line.split(' ').collect();
+    assert!(sightline(dir.path(), &[&args[..], &["whole"]].concat()).status.code().is_some());
+    for signal in ["-KILL", "-INT"] {
+        let mut child = spawn(dir.path(), &[&args[..], &["cut"]].concat());
+        wait_for(|| dir.path().join("cut/checkpoint.json").exists());
+        interrupt(&child, signal);
+        let status = child.wait().unwrap();
+        assert_eq!(status.code(), (signal != "-KILL").then_some(130), "{signal}");
+        let finished = fs::read_to_string(dir.path().join("cut/result.json")).unwrap_or_default();
+        assert!(!finished.contains("complete: "), "{signal}: ended before it was told to");
+        let resumed = sightline(dir.path(), &["optimize", "--resume", "cut", "--backend", "cpu"]);
+        assert_ne!(resumed.status.code(), Some(2), "{resumed:?}");
+        crate::front::assert_same(dir.path(), "whole", "cut");
+        fs::remove_dir_all(dir.path().join("cut")).unwrap();
+    }
+    assert!(!all_files(dir.path()).iter().any(|(path, _)| is_litter(path)));
+}

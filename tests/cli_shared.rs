@@ -268,6 +268,11 @@ fn shared_surfaces_are_voxels_in_which_both_have_a_hit() {
             assert!((shared[b] - sums[a][b]).abs() <= 2.0, "{a} {b}: {} {}", shared[b], sums[a][b]);
         }
         assert!(sums[a][a] > 200.0);
+        let overlap = numbers(&row["overlap"][a]);
+        for b in 0..4 {
+            let share = sums[a][b] / sums[a][a].min(sums[b][b]);
+            assert!((overlap[b] - share).abs() < 0.01, "{a} {b}: {} {share}", overlap[b]);
+        }
     }
     assert!(sums[0][1] > 100.0 && sums[2][3] == 0.0, "{sums:?}");
     // The front LiDARs look opposite ways: 120° of azimuth between sin −25° and sin 5° each.
@@ -282,6 +287,19 @@ fn shared_surfaces_are_voxels_in_which_both_have_a_hit() {
     // All four are connected up to the weakest pair of the chain, and at no more.
     let most = row["connected_up_to"].as_f64().unwrap();
     assert_eq!(row["chain"][2]["voxels"], most);
+    // By its definition: at every smaller share of a pair all are joined, at no larger one.
+    let shares: Vec<Vec<f64>> = (0..4).map(|a| numbers(&row["overlap"][a])).collect();
+    let joined = |least: f64| {
+        let mut reached = BTreeSet::from([0]);
+        for _ in 0..4 {
+            let more = (0..4).filter(|&b| reached.iter().any(|&a: &usize| shares[a][b] >= least));
+            reached = more.collect::<BTreeSet<usize>>().union(&reached).copied().collect();
+        }
+        reached.len() == 4
+    };
+    let up_to = row["overlap_up_to"].as_f64().unwrap();
+    assert!(up_to > 0.0 && joined(up_to) && !joined(up_to + 1e-9), "{up_to} {shares:?}");
+    assert_eq!(fronts["overlap_up_to"], 0.0);
     let at = |least: f64| {
         let least = (least as u64).to_string();
         let found = study(dir.path(), "overlap", &["--least-shared", &least]);

@@ -194,7 +194,13 @@ fn each_number_of_lidars_keeps_mounts_symmetry_and_budget() {
         assert_eq!(value(&table, row, "LiDARs taken"), Some((roof + left + right) as f64));
         assert_eq!(value(&table, row, "price"), Some(price));
     }
+    // Rows that repeat a rig say so.
+    let lidars = |row: usize| rows(&table)[row]["placement"]["lidars"].clone();
+    assert!(lidars(0) != lidars(1) && lidars(1) == lidars(2), "{}", table["rows"]);
+    let notes = table["notes"].to_string();
+    assert!(notes.contains("Row 3 repeats the rig of 2: no more are taken."), "{notes}");
     let rich = study(&dir, "lidars street.json --out rich");
+    assert!(!rich["notes"].to_string().contains("repeat"), "{}", rich["notes"]);
     assert_eq!(price_and_mounts(&rows(&rich)[2]), (16.0, [1, 1, 1]));
     for row in &rows(&rich)[3..] {
         let why = row["no_answer"].as_str().unwrap();

@@ -246,3 +246,97 @@ fn a_rig_without_room_is_exit_code_1_and_a_vehicle_without_requirements_an_error
     let told = fails(dir.path(), &[&args[..], &["--most-mm", "0"]].concat());
     assert!(told.contains("millimetres above 0"), "{told}");
 }
+
+/// Product of two matrices, `[row][column]`.
+fn product(a: [[f64; 3]; 3], b: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
+    a.map(|row| [0, 1, 2].map(|k| (0..3).map(|n| row[n] * b[n][k]).sum()))
+}
+
+/// The rig of two LiDARs, tilted by hand about a point of the ground: what lies at `bearing` goes down.
+fn write_tilted(dir: &Path, bearing: f64, angle: f64, [px, py]: [f64; 2]) {
+    let about_z = |a: f64| [[a.cos(), -a.sin(), 0.0], [a.sin(), a.cos(), 0.0], [0.0, 0.0, 1.0]];
+    let about_y = |a: f64| [[a.cos(), 0.0, a.sin()], [0.0, 1.0, 0.0], [-a.sin(), 0.0, a.cos()]];
+    let about_x = |a: f64| [[1.0, 0.0, 0.0], [0.0, a.cos(), -a.sin()], [0.0, a.sin(), a.cos()]];
+    // Turned so that the bearing is ahead, pitched down, and turned back.
+    let turn = product(about_z(bearing), product(about_y(angle), about_z(-bearing)));
+    let tilted = |[x, y, z, roll, pitch, yaw]: [f64; 6], sensor: &str| {
+        let at = [x - px, y - py, z];
+        let [x, y, z] = turn.map(|row| (0..3).map(|k| row[k] * at[k]).sum::<f64>());
+        let r = product(turn, product(about_z(yaw), product(about_y(pitch), about_x(roll))));
+        json!({ "x": x + px, "y": y + py, "z": z, "roll": r[2][1].atan2(r[2][2]),
+                "pitch": (-r[2][0]).asin(), "yaw": r[1][0].atan2(r[0][0]), "sensor": sensor })
+    };
+    let lidars = [
+        tilted([0.3, 0.2, 2.0, 0.0, 0.1, 0.7], "wide"),
+        tilted([1.6, -0.4, 1.0, 0.2, 0.0, -0.3], "front"),
+    ];
+    let rig = json!({ "placements": [{ "name": "two", "lidars": lidars }] });
+    fs::write(dir.join("tilted.json"), rig.to_string()).unwrap();
+}
+
+#[test]
+fn a_tilt_ends_where_score_says_that_a_rig_tilted_by_hand_breaks() {
+    let dir = required_yard();
+    let path = dir.path().join("cart.json");
+    let mut vehicle: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    vehicle["require"] = json!([
+        { "name": "far", "target": "car", "from": 15, "within": 25, "bearing": [-20, 20], "beams": 5, "share": 0.5 },
+        { "name": "near", "target": "car", "within": 15, "share": 0.8 }]);
+    fs::write(&path, vehicle.to_string()).unwrap();
+    let about = [1.2, -0.1];
+    write_tilted(dir.path(), 0.0, 0.0, about);
+    fs::copy(dir.path().join("tilted.json"), dir.path().join("level.json")).unwrap();
+    let line = "study tolerance yard.json level.json --backend cpu --frames 2 --most-mm 1 --most-deg 1 --steps 4 \
+                --most-tilt 20 --tilt-about 1.2,-0.1";
+    let args: Vec<&str> = line.split_whitespace().collect();
+    let found = ok(dir.path(), &args);
+    let tilt = &found["rows"][0]["tilt"];
+    assert_eq!((&tilt["about"], &found["tilt_about"]), (&json!([1.2, -0.1]), &json!([1.2, -0.1])));
+    let directions = tilt["directions"].as_array().unwrap();
+    let names: Vec<&str> = directions.iter().map(|of| of["direction"].as_str().unwrap()).collect();
+    assert_eq!(
+        (names.len(), names[0], names[2], names[5]),
+        (8, "front down", "left down", "rear right down")
+    );
+    let mut ends = Vec::new();
+    for (k, of) in directions.iter().enumerate() {
+        let first = (1..=4).find_map(|step| {
+            let angle = (5.0 * f64::from(step)).to_radians();
+            write_tilted(dir.path(), (45.0 * k as f64).to_radians(), angle, about);
+            let required = scored(dir.path(), "tilted.json")["requirements"].clone();
+            let lacks =
+                |rule: &Value| rule["required"].as_f64().unwrap() - rule["found"].as_f64().unwrap();
+            let all = required.as_array().unwrap().iter().filter(|rule| rule["met"] == false);
+            let worst = all.max_by(|a, b| lacks(a).total_cmp(&lacks(b)))?;
+            Some((5.0 * f64::from(step), worst["name"].clone()))
+        });
+        let (at, name) = first.unzip();
+        assert_eq!(of["breaks_at"].as_f64(), at, "{of}");
+        assert_eq!(of["breaks"], name.unwrap_or_default(), "{of}");
+        let holds = at.unwrap_or(25.0) - 5.0;
+        assert_eq!(of["holds_to"], holds, "{of}");
+        ends.push(holds);
+    }
+    let least = ends.iter().copied().fold(f64::INFINITY, f64::min);
+    let first = ends.iter().position(|end| *end == least).unwrap();
+    assert_eq!(
+        (&tilt["holds_to"], &tilt["direction"]),
+        (&json!(least), &directions[first]["direction"])
+    );
+    assert!(ends.iter().any(|end| *end != least) && least > 0.0, "{ends:?}");
+    let text = sightline(dir.path(), &args[..]);
+    let text = String::from_utf8(text.stdout).unwrap();
+    let line =
+        format!("tilted about the ground at x = 1.2 m, y = -0.1 m hold to {least:.2}°, then ");
+    assert!(text.contains(&line) && text.contains("\nfront left down "), "{text}");
+    for (more, part) in [
+        ("--most-tilt=0", "degrees above 0 and up to 45"),
+        ("--most-tilt=50", "degrees above 0 and up to 45"),
+        ("--tilt-about=1", "give x,y in metres"),
+        ("--tilt-about=1,nan", "give x,y in metres"),
+        ("--tilt-about=1,200", "within ±100"),
+    ] {
+        let told = fails(dir.path(), &[&args[..6], &[more]].concat());
+        assert!(told.contains(part), "{more}: {told}");
+    }
+}

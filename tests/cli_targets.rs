@@ -421,6 +421,29 @@ fn own_rigs_lose_each_lidar_in_turn() {
         "{notes}"
     );
     assert!(!notes.contains("twice without LiDAR 0"), "{notes}");
+    // In fog cars are lost where `score` of the LiDARs that are left says so in the same fog.
+    let fog = ["--condition", "fog:mor=12", "--backend", "cpu"];
+    let single = |name: &str, yaw: f64| json!({ "name": name, "lidars": [lidar(yaw)] });
+    let left =
+        json!({ "placements": [single("ahead", 0.0), single("back", std::f64::consts::PI)] });
+    fs::write(dir.path().join("left.json"), left.to_string()).unwrap();
+    let degrees = |more: &[&str]| {
+        let scores = ok(dir.path(), &[&["score", "street.json", "left.json"], more].concat());
+        let of = |row: usize| -> f64 {
+            let blind = scores["scores"][row]["range_card"]["blind"].as_array().unwrap();
+            let width = |sector: &Value| {
+                let [from, to] = [0, 1].map(|k| sector["bearings"][k].as_f64().unwrap());
+                if from < to { to - from } else { to - from + 360.0 }
+            };
+            blind.iter().map(width).sum()
+        };
+        of(0).max(of(1))
+    };
+    let line = ["study", "loss", "street.json", "own.json", "--out", "fog"];
+    let in_fog = ok(dir.path(), &[&line[..], &fog].concat());
+    let blind = in_fog["rows"][0]["values"][3].as_f64().unwrap();
+    assert_eq!((blind, both[3].as_f64().unwrap()), (degrees(&fog), degrees(&fog[2..])));
+    assert!(blind > both[3].as_f64().unwrap(), "{blind} {both:?}");
     let told = fails(dir.path(), &["study", "lidars", "street.json", "own.json"]);
     assert!(
         told.contains("own.json: holds placements, which `study lidars` does not take"),

@@ -54,6 +54,8 @@ fn vehicle(require: Vec<Requirement>) -> Vehicle {
         ties: Default::default(),
         require,
         targets: Vec::new(),
+        overlap: Vec::new(),
+        require_order: Vec::new(),
         ground: Vec::new(),
         other_sensors: Vec::new(),
     }

@@ -4,7 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::{Value, json};
-use sightline::job::{Front, FrontObjective, FrontObjectives, FrontStopped};
+use sightline::job::{Front, FrontObjective, FrontObjectives, FrontState, FrontStopped};
+use sightline::search::Work;
 use sightline::vehicle::{PoseGrid, Spacing};
 use sightline::{Event, Job, JobFiles, Placement, Settings};
 use tempfile::TempDir;
@@ -12,7 +13,7 @@ use tempfile::TempDir;
 use crate::cli::{fails, ok, sightline};
 
 /// A street whose cart carries up to two LiDARs in front and one behind, of two models.
-fn street(dir: &Path, prices: [u32; 2], require: Value) {
+pub fn street(dir: &Path, prices: [u32; 2], require: Value) {
     let model = |name: &str, price: u32, side: u32| {
         json!({ "name": name, "price": price, "lidar": { "channels": 12, "fov": [-24, 4],
             "azimuth": [-(side as i32), side], "azimuth_steps": side, "range": 40 } })
@@ -204,6 +205,66 @@ fn an_observer_stops_a_front_which_keeps_what_was_found() {
     }
 }
 
+/// Two folders of a front must hold the same bytes, but for the seconds and the memory that it took.
+pub fn assert_same(dir: &Path, one: &str, other: &str) {
+    let read = |folder: &str, name: &str| fs::read_to_string(dir.join(folder).join(name)).unwrap();
+    for name in ["placements.json", "front.svg"] {
+        assert_eq!(read(one, name), read(other, name), "{name}");
+    }
+    let without_spent = |folder: &str| {
+        let mut result: Value = serde_json::from_str(&read(folder, "result.json")).unwrap();
+        assert!(result["seconds"].take().as_f64() > Some(0.0));
+        result["peak_memory"].take();
+        result
+    };
+    assert_eq!(without_spent(one), without_spent(other));
+}
+
+#[test]
+fn a_front_that_stops_again_and_again_has_the_points_of_one_that_never_did() {
+    let dir = TempDir::new().unwrap();
+    let hopeless =
+        json!([{ "target": "tyre", "from": 15, "within": 15, "beams": 100, "share": 1 }]);
+    for require in [hopeless, json!([])] {
+        street(dir.path(), [30, 11], require.clone());
+        let (job, objectives) = (job(dir.path(), 12), "price,near_gain".parse().unwrap());
+        let mut whole_state = FrontState::default();
+        let whole =
+            job.front_from(&objectives, &mut whole_state, &mut |_| {}, &mut |_: &Event| true);
+        let whole = whole.unwrap();
+        let mut state = FrontState::default();
+        let (mut sittings, mut casts) = (0, 0);
+        let found = loop {
+            // Every sitting ends a little after it has finished its second part.
+            let parts = std::cell::Cell::new(0);
+            let mut kept = state.clone();
+            let (mut patience, mut is_cast) = (3_u32, false);
+            let mut observe = |event: &Event| {
+                is_cast |= matches!(event, Event::Progress { work: Work::Equipment, .. });
+                patience = patience.saturating_sub(u32::from(parts.get() >= 2));
+                patience > 0
+            };
+            let mut keep = |new: &FrontState| {
+                parts.set(parts.get() + 1);
+                // The state of a checkpoint, read again.
+                kept = serde_json::from_str(&serde_json::to_string(new).unwrap()).unwrap();
+                assert_eq!(kept, *new);
+            };
+            let found = job.front_from(&objectives, &mut state, &mut keep, &mut observe).unwrap();
+            (state, sittings, casts) = (kept, sittings + 1, casts + u32::from(is_cast));
+            if found.stopped == FrontStopped::Complete {
+                break found;
+            }
+            assert!(sittings < 200 && !found.points.is_empty());
+        };
+        assert!(
+            casts > 2 && sittings > casts,
+            "once all sensors are chosen no pose is cast: {sittings} {casts}"
+        );
+        assert_eq!((found, state), (whole, whole_state), "{require}");
+    }
+}
+
 #[test]
 fn the_program_writes_a_front_whose_placements_score_alike() {
     let dir = TempDir::new().unwrap();
@@ -258,9 +319,17 @@ fn the_program_writes_a_front_whose_placements_score_alike() {
     assert!(again.status.success());
     let other = fs::read_to_string(dir.path().join("again/placements.json")).unwrap();
     assert_eq!(other, read("placements.json"));
+    let kept = read("checkpoint.json");
+    // Gone on with at its end, it is the same; drawings of one placement are refused.
+    let told = fails(dir.path(), &["optimize", "--resume", "run", "--gltf", "a.glb"]);
+    assert!(told.contains("run: holds a front, of which --gltf"), "{told}");
+    let again = sightline(dir.path(), &["optimize", "--resume", "run", "--backend", "cpu"]);
+    assert!(again.status.success(), "{again:?}");
+    assert_eq!((read("placements.json"), read("checkpoint.json")), (other, kept));
+    fs::remove_file(dir.path().join("run/checkpoint.json")).unwrap();
     let told = fails(dir.path(), &["optimize", "--resume", "run"]);
     assert!(
-        told.contains("run: holds a front, which is searched in one go and not resumed"),
+        told.contains("run: holds a front without a checkpoint, which does not go on"),
         "{told}"
     );
     let told = fails(dir.path(), &args);
@@ -285,9 +354,13 @@ fn no_point_that_meets_all_is_exit_code_1_and_time_is_said() {
     let result: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(result["stopped"].as_str().unwrap().starts_with("time"), "{result}");
     assert!(
-        told.contains("a front is not resumed") && !result["front"].as_array().unwrap().is_empty(),
+        told.contains("; go on with --resume late")
+            && !result["front"].as_array().unwrap().is_empty(),
         "{told}"
     );
+    let output = sightline(dir.path(), &["optimize", "--resume", "late", "--backend", "cpu"]);
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    assert_same(dir.path(), "run", "late");
 }
 
 #[test]
@@ -345,7 +418,7 @@ fn ctrl_c_writes_the_points_found_so_far_and_exits_with_130() {
     let told: Vec<String> = told.map(Result::unwrap).collect();
     assert_eq!(child.wait().unwrap().code(), Some(130), "{told:?}");
     assert!(
-        told.iter().any(|line| line.contains("interrupted; a front is not resumed")),
+        told.iter().any(|line| line.contains("interrupted; go on with --resume run")),
         "{told:?}"
     );
     let read = |name: &str| fs::read_to_string(dir.path().join("run").join(name)).unwrap();

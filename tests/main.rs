@@ -45,6 +45,8 @@ mod cli_optimize;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_output;
 #[cfg(feature = "cli")]
+mod cli_overlap;
+#[cfg(feature = "cli")]
 mod cli_requirements;
 #[cfg(feature = "cli")]
 mod cli_rig;

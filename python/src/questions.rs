@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
-use sightline::job::{RoomSteps, Sweep, SweptField};
+use sightline::job::{MOST_ABOUT, MOST_TILT, RoomSteps, Sweep, SweptField};
 use sightline::shared::LEAST_SHARED;
 
 use crate::arguments;
@@ -96,9 +96,10 @@ impl PyScene {
     }
 
     /// Surfaces and directions that pairs of LiDARs of one placement share, as a `dict` with the row that `sightline study
-    /// overlap` prints: matrices `shared_voxels` (a mean over frames) and `shared_directions` (shares of the sphere),
-    /// `connected`, `connected_up_to`, `groups`, `cut_off`, `chain`. Pairs of `least_shared` voxels or more count. Raises
-    /// `ValueError` for one LiDAR, and where beams end at nothing.
+    /// overlap` prints: matrices `shared_voxels` (a mean over frames), `overlap` (as a share of those of the LiDAR with fewer) and
+    /// `shared_directions` (shares of the sphere), `overlap_up_to` (what a requirement on overlap finds), `connected`,
+    /// `connected_up_to`, `groups`, `cut_off`, `chain`. Pairs of `least_shared` voxels or more count. Raises `ValueError` for
+    /// one LiDAR, and where beams end at nothing.
     #[pyo3(signature = (poses, *, least_shared = 500, sensors = None, phases = None))]
     fn overlap<'py>(
         &self,
@@ -156,11 +157,16 @@ impl PyScene {
         to_python(py, &found)
     }
 
-    /// How far each pose field of each LiDAR of one placement may be off until a requirement of the vehicle breaks, as a
-    /// `dict` with the row that `sightline study tolerance` prints: `missed`, `fields` with `down` and `up` (`holds_to`,
-    /// `breaks_at`, `breaks`; mm or degrees) and `copies`. Fields move up to `most_mm` millimetres and `most_deg` degrees, in
-    /// `steps` steps to either side. Raises `ValueError` where the vehicle requires nothing.
-    #[pyo3(signature = (poses, *, most_mm = 100.0, most_deg = 5.0, steps = 10, sensors = None, phases = None))]
+    /// How far each pose field of each LiDAR of one placement may be off, and how far the body may tilt, until a requirement
+    /// of the vehicle breaks, as a `dict` with the row that `sightline study tolerance` prints: `missed`, `fields` with
+    /// `down` and `up` (`holds_to`, `breaks_at`, `breaks`; mm or degrees), `tilt` with its `directions`, and `copies`. Fields
+    /// move up to `most_mm` millimetres and `most_deg` degrees, in `steps` steps to either side; all LiDARs tilt together up
+    /// to `most_tilt_deg` degrees about the point `tilt_about` `(x, y)` of the ground, metres of the ego frame. Raises
+    /// `ValueError` where the vehicle requires nothing.
+    #[pyo3(signature = (
+        poses, *, most_mm = 100.0, most_deg = 5.0, most_tilt_deg = 3.0, tilt_about = [0.0, 0.0], steps = 10,
+        sensors = None, phases = None
+    ))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn tolerance<'py>(
         &self,
@@ -168,21 +174,32 @@ impl PyScene {
         poses: &Bound<'py, PyAny>,
         most_mm: f64,
         most_deg: f64,
+        most_tilt_deg: f64,
+        tilt_about: [f64; 2],
         steps: i128,
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
-        for (name, value, most) in [("most_mm", most_mm, 10_000.0), ("most_deg", most_deg, 180.0)] {
+        for (name, value, most) in [
+            ("most_mm", most_mm, 10_000.0),
+            ("most_deg", most_deg, 180.0),
+            ("most_tilt_deg", most_tilt_deg, MOST_TILT),
+        ] {
             if !(value > 0.0 && value <= most) {
                 return Err(bad(format!(
                     "{name}: is {value}; give a number above 0, up to {most}"
                 )));
             }
         }
+        if !tilt_about.iter().all(|metres| metres.abs() <= MOST_ABOUT) {
+            let found = format!("tilt_about: is {tilt_about:?}");
+            return Err(bad(format!("{found}; give x and y in metres within ±{MOST_ABOUT}")));
+        }
         let number = u32::try_from(steps).ok().filter(|steps| (1..=MOST_STEPS).contains(steps));
         let wrong = || bad(format!("steps: is {steps}; give 1 to {MOST_STEPS}"));
-        let steps = RoomSteps { most_mm, most_deg, steps: number.ok_or_else(wrong)? };
+        let steps = number.ok_or_else(wrong)?;
+        let steps = RoomSteps { most_mm, most_deg, most_tilt_deg, tilt_about, steps };
         let built = self.built.clone();
         let found = interruptible(py, move |stop| {
             let go_on = &mut |_| !stop.load(Ordering::SeqCst);

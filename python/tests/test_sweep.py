@@ -71,8 +71,10 @@ def test_a_sweep_is_the_score_of_each_pose(rig: sightline.Placement, vehicle: Pa
 
 def test_a_tolerance_is_that_of_the_program(rig: sightline.Placement, vehicle: Path, tmp_path: Path) -> None:
     scene = Scene.load(YARD, vehicle=vehicle, backend="cpu", frames=1)
-    found = scene.tolerance(rig, most_mm=50, most_deg=3, steps=2)
-    assert found == printed("tolerance", vehicle, tmp_path, "--most-mm", "50", "--most-deg", "3", "--steps", "2")["rows"][0]
+    found = scene.tolerance(rig, most_mm=50, most_deg=3, most_tilt_deg=9, tilt_about=(0.5, -0.25), steps=2)
+    options = "--most-mm 50 --most-deg 3 --most-tilt 9 --tilt-about 0.5,-0.25 --steps 2".split()
+    assert found == printed("tolerance", vehicle, tmp_path, *options)["rows"][0]
+    assert found["tilt"]["about"] == [0.5, -0.25] and len(found["tilt"]["directions"]) == 8
     assert len(found["fields"]) == 6 * len(rig.poses) or found["missed"]
     plain = Scene.load(YARD, backend="cpu", frames=1)
     with pytest.raises(ValueError, match="requires nothing"):

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use crate::internals::{Spacing, front_text, record_text};
 use crate::job::{FRONT_EVALUATIONS, FrontError, FrontObjectives, JobFiles};
-use crate::runs::optimize::{NewRun, OptimizeRequest, Start, front, optimize};
+use crate::runs::optimize::{
+    FrontStart, NewRun, OptimizeRequest, Start, front, holds_front, optimize,
+};
 use crate::runs::{Error, Watcher};
 use crate::scan::conditions::in_words;
 use crate::score::Seen;
@@ -113,8 +115,8 @@ pub struct Args {
     /// placements are scored over all frames. --evaluations searches around each point, and around cheap sensors that
     /// miss little of the requirements; without it a front takes a quarter of the time. A point that misses a requirement takes the place of none that meets all. The folder gets placements.json in the order of the
     /// first objective, front.svg, report.html and result.json with the front and its picks: the cheapest that meets all
-    /// requirements, the knee, the best of each. Exit code 1 if none meets all requirements. A front is searched in one
-    /// go: --resume does not go on with it.
+    /// requirements, the knee, the best of each. Exit code 1 if none meets all requirements. --resume goes
+    /// on with a stopped front: only the choice or the search that was under way is done again.
     #[arg(long, value_name = "A,B[,C]", value_parser = objectives, conflicts_with_all = ["resume", "fewest", "target",
           "baselines", "inject", "gltf", "figures"])]
     front: Option<FrontObjectives>,
@@ -140,7 +142,16 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<Exit, Error> {
     let terminal = args.compute.start()?;
     if let Some(objectives) = &args.front {
-        return run_front(args, objectives, &terminal);
+        let mut new = new_run(args);
+        new.settings.evaluations = args.evaluations.unwrap_or(FRONT_EVALUATIONS);
+        return run_front(args, &FrontStart::New(Box::new(new), objectives.clone()), &terminal);
+    }
+    if let Some(folder) = args.resume.as_ref().filter(|folder| holds_front(folder)) {
+        if args.gltf.gltf.is_some() || args.figures.figures.is_some() {
+            let words = "holds a front, of which --gltf and --figures draw nothing; leave them out";
+            return Err(Error::Usage(format!("{}: {words}", folder.display())));
+        }
+        return run_front(args, &FrontStart::Resume(folder.clone()), &terminal);
     }
     if args.evaluations == Some(0) {
         let words = "--evaluations: give a whole number from 1 on; 0 is for --front alone";
@@ -169,15 +180,9 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
 }
 
 /// `--front`: the front in place of one result.
-fn run_front(
-    args: &Args,
-    objectives: &FrontObjectives,
-    terminal: &Terminal,
-) -> Result<Exit, Error> {
-    let mut new = new_run(args);
-    new.settings.evaluations = args.evaluations.unwrap_or(FRONT_EVALUATIONS);
+fn run_front(args: &Args, start: &FrontStart, terminal: &Terminal) -> Result<Exit, Error> {
     let computing = args.named.computing(&args.compute, terminal);
-    let found = front(&new, objectives, args.max_seconds, &computing)?;
+    let found = front(start, args.max_seconds, &computing)?;
     let Some(found) = found else { return Ok(Exit::Interrupted) };
     match args.format {
         Format::Json => outln!("{}", found.record.json())?,

@@ -1,9 +1,9 @@
-//! `sightline study tolerance`: how far each LiDAR may be off until a requirement breaks.
+//! `sightline study tolerance`: how far each LiDAR may be off, and the body may tilt, until a requirement breaks.
 
 use std::path::PathBuf;
 
 use crate::internals::{room_csv, room_text};
-use crate::job::RoomSteps;
+use crate::job::{MOST_ABOUT, MOST_TILT, RoomSteps};
 use crate::runs::Error;
 use crate::runs::room::room;
 use crate::scan::conditions::under;
@@ -16,9 +16,12 @@ use super::shared::Common;
 #[command(after_help = "Examples:
   sightline study tolerance scenes/highway.json mine.json --vehicle van.json
   sightline study tolerance mine.json --vehicle van.json --most-mm 50 --most-deg 2 --steps 20
+  sightline study tolerance mine.json --vehicle van.json --most-tilt 2 --tilt-about 1.5,0
 
 Each pose field of each LiDAR moves alone, step by step to either side, until a requirement of the vehicle breaks; what
-lies between two steps is not looked at. Copies: every LiDAR off at random within a tolerance, 200 times. The exit
+lies between two steps is not looked at. Tilt: all LiDARs turn together, as under load or braking, towards eight
+directions, about a point of the ground z = 0 of the ego frame: give the one below the middle of the wheelbase. The
+scene and the own body stay as they are. Copies: every LiDAR off at random within a tolerance, 200 times. The exit
 code is 1 if a placement misses a requirement as it is.")]
 pub struct Args {
     /// Scene files, none for level ground, and a file of placements
@@ -30,6 +33,12 @@ pub struct Args {
     /// Farthest deviation of roll, pitch and yaw, degrees
     #[arg(long, value_name = "DEG", default_value_t = 5.0, value_parser = degrees)]
     most_deg: f64,
+    /// Farthest tilt of the body, degrees
+    #[arg(long = "most-tilt", value_name = "DEG", default_value_t = 3.0, value_parser = tilt)]
+    most_tilt_deg: f64,
+    /// Point of the ground about which the body tilts, metres of the ego frame
+    #[arg(long, value_name = "X,Y", default_value = "0,0", value_parser = about, allow_hyphen_values = true)]
+    tilt_about: [f64; 2],
     /// Deviations up to the farthest one, on each side
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1000))]
     steps: u32,
@@ -47,21 +56,33 @@ fn degrees(text: &str) -> Result<f64, String> {
     found.ok_or("give degrees above 0 and up to 180".to_owned())
 }
 
+fn tilt(text: &str) -> Result<f64, String> {
+    let found = text.trim().parse().ok().filter(|degrees| *degrees > 0.0 && *degrees <= MOST_TILT);
+    found.ok_or(format!("give degrees above 0 and up to {MOST_TILT}"))
+}
+
+fn about(text: &str) -> Result<[f64; 2], String> {
+    let metres = |text: &str| text.trim().parse::<f64>().ok().filter(|m| m.abs() <= MOST_ABOUT);
+    let found = text.split_once(',').and_then(|(x, y)| Some([metres(x)?, metres(y)?]));
+    found.ok_or(format!("give x,y in metres within ±{MOST_ABOUT}, as 1.5,0"))
+}
+
 pub fn run(args: &Args) -> Result<Exit, Error> {
-    let &Args { ref common, most_mm, most_deg, steps, .. } = args;
+    let &Args { ref common, most_mm, most_deg, most_tilt_deg, tilt_about, steps, .. } = args;
     let terminal = common.compute.start()?;
     let computing = common.named.computing(&common.compute, &terminal);
-    let steps = RoomSteps { most_mm, most_deg, steps };
+    let steps = RoomSteps { most_mm, most_deg, most_tilt_deg, tilt_about, steps };
     let found = room(&common.request(&args.files), steps, &computing)?;
     answer(
         common.format,
         &found,
         || room_csv(&found.rows),
         || {
-            let (mm, deg) = (most_mm / f64::from(args.steps), most_deg / f64::from(args.steps));
+            let each = |most: f64| most / f64::from(args.steps);
+            let (mm, deg, tilt) = (each(most_mm), each(most_deg), each(most_tilt_deg));
             let under = under(&found.conditions);
             outln!(
-                "Deviations within which all requirements hold, every {mm} mm and {deg}°{under}"
+                "Deviations within which all requirements hold, every {mm} mm and {deg}°, tilt every {tilt}°{under}"
             )?;
             out!("\n{}", room_text(&found.rows))
         },

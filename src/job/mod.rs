@@ -9,6 +9,7 @@
 //! | `shared` | things by the number of LiDARs that see them, overlap of pairs |
 //! | `sweep` | one pose field of one LiDAR moved through a range |
 //! | `room` | how far each pose field may be off until a requirement breaks |
+//! | `tilt` | how far the body may tilt, all LiDARs with it |
 //! | `front` | the front of two or three objectives |
 //! | `tolerance` | requirements in copies that are mounted a little off |
 //! | `error` | why a job cannot be posed or searched |
@@ -24,6 +25,7 @@ mod scene;
 mod search;
 mod shared;
 mod sweep;
+mod tilt;
 mod tolerance;
 
 use std::sync::{Arc, OnceLock};
@@ -42,7 +44,7 @@ use crate::vehicle::{Constraints, Placement, Sensors};
 pub use error::JobError;
 pub use files::JobFiles;
 pub use front::{
-    FRONT_EVALUATIONS, Front, FrontError, FrontObjective, FrontObjectives, FrontPoint,
+    FRONT_EVALUATIONS, Front, FrontError, FrontObjective, FrontObjectives, FrontPoint, FrontState,
     FrontStopped, Pick,
 };
 pub use room::{Room, RoomOfCopies, RoomOfField, RoomOfSide, RoomSteps};
@@ -50,6 +52,8 @@ pub use scene::JobScene;
 use scene::{Frames, Worth};
 pub use search::{Found, JobRun, JobState, JobStep};
 pub use sweep::{Sweep, SweepRow, SweptField};
+pub(crate) use tilt::TILTS;
+pub use tilt::{MOST_ABOUT, MOST_TILT, RoomOfTilt, TiltedTo};
 pub use tolerance::Tolerance;
 
 /// The main job: poses for the LiDARs of a vehicle, in one scene or several.

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::sweep::SweptField;
+use super::tilt::{RoomOfTilt, room_of_tilt};
 use super::{Job, JobError, Tolerance};
 use crate::engine::BackendError;
 use crate::score::{Scores, Seen};
@@ -19,7 +20,11 @@ pub struct RoomSteps {
     pub most_mm: f64,
     /// Farthest deviation of an angle, degrees.
     pub most_deg: f64,
-    /// Deviations up to the farthest one, on each side.
+    /// Farthest tilt of the body, degrees.
+    pub most_tilt_deg: f64,
+    /// Point of the ground about which it tilts, ego frame, metres.
+    pub tilt_about: [f64; 2],
+    /// Deviations up to the farthest one, on each side and towards each direction of tilt.
     pub steps: u32,
 }
 
@@ -32,6 +37,8 @@ pub struct Room {
     pub missed: Vec<String>,
     /// Each field of each LiDAR alone; one that is interrupted has the first ones.
     pub fields: Vec<RoomOfField>,
+    /// The body tilted, all LiDARs with it; `None` where it was not looked at.
+    pub tilt: Option<RoomOfTilt>,
     /// Copies in which all LiDARs are off at once, looked at last.
     pub copies: Vec<RoomOfCopies>,
 }
@@ -78,7 +85,7 @@ fn broken(scores: &Scores) -> Option<&Seen> {
 }
 
 /// One side from the scores at each step, `step` apart.
-fn side(step: f64, scores: &[Scores]) -> RoomOfSide {
+pub(super) fn side(step: f64, scores: &[Scores]) -> RoomOfSide {
     let first = scores.iter().position(|scores| broken(scores).is_some());
     RoomOfSide {
         holds_to: step * first.unwrap_or(scores.len()) as f64,
@@ -96,8 +103,8 @@ impl RoomSteps {
 }
 
 impl Job {
-    /// How far each field of a placement may be off until a requirement breaks, and how many copies meet all where every
-    /// LiDAR is off.
+    /// How far each field of a placement may be off until a requirement breaks, how far the body may tilt, and how many copies
+    /// meet all where every LiDAR is off.
     ///
     /// # Errors
     /// A vehicle that requires nothing; see [`Self::evaluator`]; an engine that fails, a sensor that the vehicle does not
@@ -107,8 +114,8 @@ impl Job {
         self.room_while(&mut evaluator, placement, steps, &mut |_| true)
     }
 
-    /// Like [`Self::room`], with the first fields only once `go_on` says no. It is asked often, with the fields finished
-    /// since the last time.
+    /// Like [`Self::room`], with the first fields only once `go_on` says no. It is asked often, with the fields and
+    /// directions of tilt finished since the last time.
     ///
     /// # Errors
     /// See [`Self::room`].
@@ -123,8 +130,13 @@ impl Job {
             return Err(JobError::NothingRequired { asked: "tolerance" });
         }
         let name = placement.name.clone();
-        let mut room =
-            Room { placement: name, missed: Vec::new(), fields: Vec::new(), copies: Vec::new() };
+        let mut room = Room {
+            placement: name,
+            missed: Vec::new(),
+            fields: Vec::new(),
+            tilt: None,
+            copies: Vec::new(),
+        };
         let as_given = evaluator.scores_while(std::slice::from_ref(placement), &mut || go_on(0))?;
         let Some(mut scores) = as_given.and_then(|mut scores| scores.pop()) else {
             return Ok(room);
@@ -141,6 +153,7 @@ impl Job {
             room.fields.push(of_field);
             go_on(1);
         }
+        room.tilt = room_of_tilt(evaluator, placement, steps, go_on)?;
         let usual = Tolerance::default();
         for times in COPIES_WITHIN {
             if !go_on(0) {
@@ -180,12 +193,14 @@ fn room_of_field(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::score::SEEN;
 
     #[test]
     fn a_side_ends_before_the_first_requirement_that_breaks() {
         let seen = |name: &str, share: f64| Seen {
             name: name.to_owned(),
             share,
+            done: SEEN,
             least: 0.9,
             missing: None,
             holds_in: None,

@@ -2,7 +2,7 @@
 
 use std::fmt;
 use std::str::FromStr;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Job, JobError};
 use crate::engine::BackendError;
+use crate::problem::Problem;
 use crate::score::{Scores, Seen};
 use crate::search::{AreaBits, Evaluator};
 use crate::targets::{Sight, SightBeams};
@@ -110,6 +111,8 @@ struct Moved {
     targets: Vec<Vec<SightBeams>>,
     /// One for each member of the suite; empty where no area is required.
     areas: Vec<AreasOfMember>,
+    /// Problem that says the order of requirements.
+    problem: Arc<Problem>,
 }
 
 /// Voxels of required areas in one scene, for each LiDAR in each of its poses.
@@ -195,7 +198,7 @@ impl Moved {
         for member in 0..members {
             areas.extend(Self::areas(&poses, member, evaluator)?);
         }
-        Ok(Self { targets, areas })
+        Ok(Self { targets, areas, problem: evaluator.shared_problem() })
     }
 
     /// Bits of areas in one scene; `None` where nothing is required of them.
@@ -231,7 +234,7 @@ impl Moved {
         Ok(Some(AreasOfMember { areas, bits }))
     }
 
-    /// Share of every requirement with each LiDAR in one of its poses, in the order of the scores: areas, then targets.
+    /// Share of every requirement with each LiDAR in one of its poses, in the order of the scores.
     fn shares(&self, sight: Option<&Sight>, poses: &[usize]) -> Vec<f64> {
         let mut shares: Vec<f64> = Vec::new();
         for of_member in &self.areas {
@@ -244,6 +247,7 @@ impl Moved {
             let each = self.targets.iter().zip(poses).map(|(of_lidar, &pose)| &of_lidar[pose]);
             shares.extend(sight.shares(&each.collect::<Vec<_>>()));
         }
+        self.problem.in_file_order(&mut shares);
         shares
     }
 

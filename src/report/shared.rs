@@ -138,14 +138,22 @@ fn verdict(row: &Overlap) -> String {
     )
 }
 
-/// Two matrices a placement and scene, and whether pairs connect all LiDARs.
+/// Three matrices a placement and scene, and whether pairs connect all LiDARs.
 pub fn overlap_text(all: &[Overlap]) -> String {
     let of = |row: &Overlap| {
         let heading = heading(&row.scene, &row.placement, row.lidars.len(), row.frames);
         let voxels = matrix("surface voxels", row, |a, b| fixed(row.shared_voxels[a][b], 0));
+        let overlap = matrix("overlap %", row, |a, b| fixed(100.0 * row.overlap[a][b], 1));
         let directions =
             matrix("% of the sphere", row, |a, b| fixed(100.0 * row.shared_directions[a][b], 1));
-        format!("{heading}\n{voxels}\n{directions}\n{}\n", verdict(row))
+        // Rounded down, so that a requirement that is not met never reads as met.
+        let up_to = (1e3 * row.overlap_up_to + 1e-9).floor() / 10.0;
+        let up_to = match row.overlap_up_to > 0.0 {
+            true => format!("All connected up to an overlap of {up_to:.1} %"),
+            false => "No overlap connects all".to_owned(),
+        };
+        let verdict = format!("{}\n{up_to}", verdict(row));
+        format!("{heading}\n{voxels}\n{overlap}\n{directions}\n{verdict}\n")
     };
     all.iter().map(of).collect::<Vec<_>>().join("\n")
 }

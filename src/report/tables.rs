@@ -168,6 +168,7 @@ pub fn overlap_csv(all: &[Overlap]) -> String {
         "model",
         "other_model",
         "shared_voxels",
+        "overlap",
         "shared_sphere_share",
         "all_connected",
     ])];
@@ -177,7 +178,10 @@ pub fn overlap_csv(all: &[Overlap]) -> String {
                 let mut row = vec![of.scene.clone(), of.placement.clone()];
                 row.extend([a, b].map(|k| k.to_string()));
                 row.extend([a, b].map(|k| of.lidars[k].to_string()));
-                row.extend([of.shared_voxels[a][b], of.shared_directions[a][b]].map(number));
+                row.extend(
+                    [of.shared_voxels[a][b], of.overlap[a][b], of.shared_directions[a][b]]
+                        .map(number),
+                );
                 row.push(of.connected.to_string());
                 rows.push(row);
             }
@@ -220,9 +224,10 @@ pub fn room_csv(all: &[Room]) -> String {
         "plus_breaks",
         "missed_as_it_is",
     ])];
+    let width = rows[0].len();
     for room in all {
         if room.fields.is_empty() {
-            let mut row = vec![String::new(); rows[0].len()];
+            let mut row = vec![String::new(); width];
             row[0].clone_from(&room.placement);
             row[10] = joined(&room.missed);
             rows.push(row);
@@ -236,6 +241,14 @@ pub fn room_csv(all: &[Room]) -> String {
             row.extend(titles(&[of.field, of.unit]));
             row.extend(side(&of.down).into_iter().chain(side(&of.up)));
             row.push(String::new());
+            row
+        }));
+        rows.extend(room.tilt.iter().flat_map(|tilt| &tilt.directions).map(|of| {
+            let mut row = vec![String::new(); width];
+            row[0].clone_from(&room.placement);
+            (row[2], row[3]) = (of.direction.to_owned(), "deg".to_owned());
+            (row[7], row[8]) = (number(of.side.holds_to), number(of.side.breaks_at));
+            row[9] = of.side.breaks.clone().unwrap_or_default();
             row
         }));
     }

@@ -1,4 +1,5 @@
-//! How far the pose fields of placements may be off until a requirement breaks, in scene files.
+//! How far the pose fields of placements may be off, and how far the body may tilt, until a requirement breaks, in scene
+//! files.
 
 use serde::Serialize;
 
@@ -6,7 +7,7 @@ use super::inputs::Files;
 use super::shared::{Opened, SharedRequest};
 use super::{Computing, Error};
 use crate::files::Session;
-use crate::job::{Room, RoomSteps, SweptField};
+use crate::job::{Room, RoomSteps, SweptField, TILTS};
 use crate::scan::conditions::in_words;
 use crate::vehicle::Placement;
 
@@ -30,7 +31,7 @@ impl RoomFound {
     }
 }
 
-/// Looks how far each field of each placement may be off.
+/// Looks how far each field of each placement may be off, and how far the body may tilt.
 ///
 /// # Errors
 /// Files that cannot be read, a vehicle that requires nothing.
@@ -42,11 +43,10 @@ pub fn room(
     let _session = Session::begin();
     let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
     let mut opened = Opened::new(request, &scenes, &file, computing)?;
-    let fields = |placement: &Placement| SweptField::all(placement).count() as u64;
-    let bar =
-        computing.watcher.bar(opened.placements.iter().map(fields).sum(), Some("pose fields"));
-    let mut go_on = |fields: u64| {
-        bar.advance(fields);
+    let moves = |placement: &Placement| SweptField::all(placement).count() as u64 + TILTS;
+    let bar = computing.watcher.bar(opened.placements.iter().map(moves).sum(), Some("moves"));
+    let mut go_on = |moves: u64| {
+        bar.advance(moves);
         computing.watcher.goes_on()
     };
     let mut rows = Vec::new();

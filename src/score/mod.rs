@@ -130,14 +130,20 @@ fn map_of_counts<S: Serializer>(
 /// Least share of copies within the mounting tolerance that must meet a requirement; below, it is met on paper only.
 pub const HOLDS: f64 = 0.95;
 
-/// An area or a target of which a share must be seen. In JSON `name`, `required`, `found`, `met`, and `missing` and
+/// The word for a share of voxels, places or ground.
+pub const SEEN: &str = "seen";
+
+/// A requirement: a share of something that must be seen, or be shared by LiDARs. In JSON `name`, `required`, `found`, `met`, and `missing` and
 /// `holds_in` where they are known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Seen {
     /// Name on the vehicle.
     pub name: String,
-    /// Share of an area's voxels that beams pass, a mean over frames; of a target's places at which enough beams meet it.
+    /// Share of an area's voxels that beams pass, a mean over frames; of a target's places at which enough beams meet it; of
+    /// ground that is seen; or the largest overlap at which pairs connect all LiDARs.
     pub share: f64,
+    /// The word for the share: [`SEEN`], or `shared` of overlap.
+    pub done: &'static str,
     /// Least share.
     pub least: f64,
     /// Where a target that is not met lacks beams, in words.
@@ -174,11 +180,11 @@ impl Serialize for Seen {
 
 impl std::fmt::Display for Seen {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { name, share, least, missing, holds_in } = self;
+        let Self { name, share, done, least, missing, holds_in } = self;
         let not = if self.is_met() { "" } else { "NOT MET: " };
         // Rounded down, so that a requirement that is not met never reads as met.
         let found = (1e3 * share + 1e-9).floor() / 10.0;
-        write!(f, "{not}{name}: {found:.1} % seen, {:.1} % required", 100.0 * least)?;
+        write!(f, "{not}{name}: {found:.1} % {done}, {:.1} % required", 100.0 * least)?;
         missing.iter().try_for_each(|missing| write!(f, ", {missing}"))?;
         let Some(holds) = holds_in.filter(|_| self.is_met()) else { return Ok(()) };
         let paper = if holds < HOLDS { "ON PAPER ONLY, " } else { "" };
@@ -192,6 +198,7 @@ fn required(tally: &Tally, content: &Content, frames: usize) -> Vec<Seen> {
     let seen = content.areas().iter().zip(counts).map(|(area, &count)| Seen {
         name: area.required.name.clone(),
         share: count as f64 / (frames as u64 * area.voxels).max(1) as f64,
+        done: SEEN,
         least: area.required.share,
         missing: None,
         holds_in: None,
@@ -262,7 +269,7 @@ impl Scores {
         ))
     }
 
-    /// Missing share of the requirements, summed over areas and targets.
+    /// Missing share of the requirements, summed.
     pub fn missing(&self) -> f64 {
         self.required.iter().map(|seen| (seen.least - seen.share).max(0.0)).sum()
     }

@@ -109,7 +109,7 @@ impl Atlases {
         new.sort_unstable();
         new.dedup();
         let grid = self.each[0].grid();
-        let beams = new.par_iter().map(|&pose| Ok((pose, sight.beams(&grid.pose(pose))?)));
+        let beams = new.par_iter().map(|&pose| Ok((pose, sight.sampled_beams(&grid.pose(pose))?)));
         self.targets.extend(beams.collect::<Result<Vec<_>, UnknownSensor>>()?);
         Ok(true)
     }
@@ -130,7 +130,7 @@ impl Atlases {
         self.sight.is_some()
     }
 
-    /// True if the vehicle has requirements on targets or near ground.
+    /// True if the vehicle has requirements on targets, near ground or overlap.
     pub(super) fn has_target_rules(&self) -> bool {
         self.sight.as_ref().is_some_and(|sight| sight.has_rules())
     }

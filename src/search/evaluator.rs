@@ -58,6 +58,7 @@ fn met(sight: &Sight, placement: &Placement) -> Result<(Option<f64>, Vec<Seen>),
     let seen = rules.iter().map(|met| Seen {
         name: met.name.to_owned(),
         share: met.share,
+        done: met.done,
         least: met.least,
         missing: missing_in_words(met),
         holds_in: None,
@@ -336,7 +337,10 @@ impl Evaluator {
             if let Some((car_missing, rules)) = &met[index] {
                 scores.car_missing = *car_missing;
                 let own = by_scene.iter_mut().map(|of: &mut SceneScores| &mut of.scores);
-                own.chain([&mut scores]).for_each(|of| of.required.extend(rules.iter().cloned()));
+                own.chain([&mut scores]).for_each(|of| {
+                    of.required.extend(rules.iter().cloned());
+                    self.problem().in_file_order(&mut of.required);
+                });
             }
             Judged { scores, by_scene }
         };

@@ -3,8 +3,7 @@
 //! - **Seen by k LiDARs**, of voxels: exactly k LiDARs cover the voxel, as in scores. Of ground: exactly k LiDARs see
 //!   the cell, as in the near field. Of targets: exactly k LiDARs meet the target with five beams each, alone on level
 //!   ground with the own body in the way.
-//! - **Surface voxel** of a LiDAR: a voxel of the region in which one of its beams ends at a surface other than the own
-//!   body. Shared by two LiDARs: both have a hit in it in the same frame.
+//! - **Surface voxels** and **overlap** of LiDARs: as in `overlap`.
 //! - **Shared directions** of two LiDARs: share of the sphere that lies in both fields of view, at their attitudes.
 //!   Positions, ranges and the own body play no part, as for a point far away.
 //!

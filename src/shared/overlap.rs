@@ -1,12 +1,11 @@
 //! Surfaces and directions that pairs of LiDARs share, and whether pairs connect all LiDARs, for calibration.
 
-use glam::DVec3;
-use lidar_cast::grid::HIT_PUSH;
 use serde::Serialize;
 
 use super::field_of_view::{FieldOfView, shared_directions};
 use crate::engine::{Backend, BackendError};
 use crate::near_field::{place, returned_hits};
+use crate::overlap::{Pair, Shared, chain, connected_up_to, groups, surface_voxels};
 use crate::problem::{Problem, SensorBatch};
 use crate::scene::{EgoBody, Scene};
 use crate::vehicle::{Placement, SensorName};
@@ -64,6 +63,10 @@ pub struct Overlap {
     pub frames: usize,
     /// Voxels in which both LiDARs have a hit, a mean over frames; on the diagonal the voxels of each one's hits.
     pub shared_voxels: Vec<Vec<f64>>,
+    /// Overlap: shared voxels as a share of those of the LiDAR with fewer; 1 on the diagonal, 0 where a LiDAR has none.
+    pub overlap: Vec<Vec<f64>>,
+    /// Largest overlap at which pairs still connect all LiDARs: the number of a requirement on `overlap`.
+    pub overlap_up_to: f64,
     /// Share of the sphere that lies in both fields of view; on the diagonal each one's own.
     pub shared_directions: Vec<Vec<f64>>,
     /// Least number of shared voxels of a pair that counts.
@@ -107,20 +110,20 @@ impl Overlap {
         let views = poses.map(|(k, pose)| (FieldOfView::of(batch.table(k)), pose));
         let shared_directions = shared_directions(&views.collect::<Vec<_>>());
         let own = scene.triangles(EgoBody::Exclude);
-        let mut sums = vec![0_u64; count * count];
+        let mut shared = Shared::none(count);
         for (frame, weight) in problem.distinct_frames() {
-            for seen in surface_voxels(problem, engine, placement, (frame, own))?.chunk_by(same) {
-                for (_, a) in seen {
-                    seen.iter().for_each(|(_, b)| sums[a * count + b] += weight);
-                }
-            }
+            let seen = surfaces_in(problem, engine, placement, (frame, own))?;
+            shared.add(|lidar| &seen[lidar], weight);
         }
         let frames = problem.frame_count();
         let mean = |&sum: &u64| sum as f64 / frames as f64;
         let shared_voxels: Vec<Vec<f64>> =
-            sums.chunks(count).map(|row| row.iter().map(mean).collect()).collect();
+            shared.sums.iter().map(|row| row.iter().map(mean).collect()).collect();
+        let overlap = shared.shares();
         let groups = groups(&shared_voxels, least_shared as f64);
-        let chain = chain(&shared_voxels);
+        let chain = chain(&shared_voxels).into_iter();
+        let chain: Vec<SharedPair> =
+            chain.map(|Pair { lidars, shared }| SharedPair { lidars, voxels: shared }).collect();
         let weakest = chain.last().filter(|_| chain.len() + 1 == count);
         Ok(Self {
             scene: scene.name().to_owned(),
@@ -134,116 +137,25 @@ impl Overlap {
             cut_off: groups[1..].concat(),
             groups,
             chain,
+            overlap_up_to: connected_up_to(&overlap),
+            overlap,
             shared_voxels,
         })
     }
 }
 
-fn same(a: &(u64, usize), b: &(u64, usize)) -> bool {
-    a.0 == b.0
-}
-
-/// Voxels in which LiDARs have hits in a frame, with the LiDAR, in rising order and each once. Triangles from `own` on
-/// are the own body's.
-fn surface_voxels(
+/// Voxels in which each LiDAR has hits in a frame. Triangles from `own` on are the own body's.
+fn surfaces_in(
     problem: &Problem,
     engine: &mut dyn Backend,
     placement: &Placement,
     (frame, own): (usize, usize),
-) -> Result<Vec<(u64, usize)>, BackendError> {
+) -> Result<Vec<Vec<u32>>, BackendError> {
     let batch = SensorBatch::new(problem, &placement.lidars, None)?;
     let (poses, hits) = returned_hits(problem, engine, &placement.lidars, frame)?;
-    let mut voxels = Vec::new();
-    for (k, pose) in poses.iter().enumerate() {
-        let beams = batch.table(k).directions().iter().zip(&hits[batch.beams_of(k)]);
-        let on_surface = beams.filter(|(_, hit)| hit.is_hit() && (hit.prim as usize) < own);
-        voxels.extend(on_surface.filter_map(|(direction, hit)| {
-            let along = DVec3::from(direction.map(f64::from)) * (f64::from(hit.t) + HIT_PUSH);
-            Some((problem.roi().voxel_of(pose.apply(along))?, k))
-        }));
-    }
-    voxels.sort_unstable();
-    voxels.dedup();
-    Ok(voxels)
-}
-
-/// All pairs, those that share most first; of equal ones the lower LiDARs first.
-fn pairs(shared: &[Vec<f64>]) -> Vec<SharedPair> {
-    let mut pairs = Vec::new();
-    for (a, row) in shared.iter().enumerate() {
-        let above = row.iter().enumerate().skip(a + 1);
-        pairs.extend(above.map(|(b, &voxels)| SharedPair { lidars: [a, b], voxels }));
-    }
-    pairs.sort_by(|a, b| b.voxels.total_cmp(&a.voxels));
-    pairs
-}
-
-/// Pairs that join LiDARs which stronger pairs have not joined, and that share anything (Kruskal 1956).
-fn chain(shared: &[Vec<f64>]) -> Vec<SharedPair> {
-    let mut group: Vec<usize> = (0..shared.len()).collect();
-    let joins = |pair: &SharedPair| {
-        let [a, b] = pair.lidars.map(|lidar| group[lidar]);
-        group.iter_mut().filter(|of| **of == b).for_each(|of| *of = a);
-        a != b
+    let of_lidar = |(k, pose)| {
+        let hits = &hits[batch.beams_of(k)];
+        surface_voxels(problem, batch.table(k), pose, hits, own)
     };
-    pairs(shared).into_iter().filter(|pair| pair.voxels > 0.0).filter(joins).collect()
-}
-
-/// LiDARs that pairs of at least `least` shared voxels connect; the largest group first, of equal ones that of the
-/// lowest LiDAR.
-fn groups(shared: &[Vec<f64>], least: f64) -> Vec<Vec<usize>> {
-    let mut groups: Vec<Vec<usize>> = Vec::new();
-    for (lidar, row) in shared.iter().enumerate() {
-        let is_joined = |group: &Vec<usize>| group.iter().any(|&other| row[other] >= least);
-        let (joined, apart): (Vec<_>, Vec<_>) = groups.into_iter().partition(is_joined);
-        let mut group = joined.concat();
-        group.push(lidar);
-        group.sort_unstable();
-        groups = apart;
-        groups.push(group);
-    }
-    groups.sort_by_key(|group| (std::cmp::Reverse(group.len()), group[0]));
-    groups
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn matrix(count: usize, pairs: &[(usize, usize, f64)]) -> Vec<Vec<f64>> {
-        let mut shared = vec![vec![0.0; count]; count];
-        for &(a, b, voxels) in pairs {
-            (shared[a][b], shared[b][a]) = (voxels, voxels);
-        }
-        shared
-    }
-
-    #[test]
-    fn a_chain_connects_what_no_single_pair_does() {
-        let shared =
-            matrix(5, &[(0, 3, 900.0), (3, 1, 600.0), (0, 1, 500.0), (2, 4, 700.0), (1, 2, 80.0)]);
-        assert_eq!(groups(&shared, 500.0), [vec![0, 1, 3], vec![2, 4]]);
-        assert_eq!(groups(&shared, 80.0), [vec![0, 1, 2, 3, 4]]);
-        assert_eq!(groups(&shared, 650.0), [vec![0, 3], vec![2, 4], vec![1]]);
-        let chain = chain(&shared);
-        let told: Vec<_> = chain.iter().map(|pair| (pair.lidars, pair.voxels)).collect();
-        assert_eq!(told, [([0, 3], 900.0), ([2, 4], 700.0), ([1, 3], 600.0), ([1, 2], 80.0)]);
-    }
-
-    #[test]
-    fn the_weakest_pair_of_the_chain_is_the_largest_number_that_connects() {
-        use rand::{RngExt, SeedableRng};
-        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
-        for _ in 0..50 {
-            let of = |a: usize| (a + 1..6).map(move |b| (a, b));
-            let mut voxels = || f64::from(rng.random_range(0..40_u32)).max(8.0) - 8.0;
-            let pairs = (0..6).flat_map(of).map(|(a, b)| (a, b, voxels()));
-            let shared = matrix(6, &pairs.collect::<Vec<_>>());
-            let connects = |least: u32| groups(&shared, f64::from(least)).len() == 1;
-            let most = (1..40).rev().find(|&least| connects(least)).map_or(0.0, f64::from);
-            let chain = chain(&shared);
-            let weakest = chain.last().filter(|_| chain.len() == 5);
-            assert_eq!(weakest.map_or(0.0, |pair| pair.voxels), most);
-        }
-    }
+    Ok(poses.iter().enumerate().map(of_lidar).collect())
 }

@@ -5,7 +5,7 @@ use super::columns::{self, SCORES, made_large};
 use super::rig::{Choice, Rig};
 use super::scene::StudyScene;
 use super::{Drawing, Row, StudyError, Table};
-use crate::search::Limits;
+use crate::search::{Equipped, Limits};
 use crate::vehicle::{Constraints, Equipment, Placement, Vehicle};
 
 /// Numbers of LiDARs that are compared.
@@ -17,12 +17,12 @@ const TAKEN: [&str; 2] = ["LiDARs taken", "price"];
 
 pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
     let counts = LIDARS.map(|count| (count.to_string(), count)).collect();
-    let mut choice = None;
+    let (mut choice, mut last) = (None, None);
     let mut rows = cases.each(counts, |count, rows| {
         if scene.scene.vehicle().is_nameless() {
             one_more(scene, count, rows)
         } else {
-            chosen(scene, count, &mut choice)
+            chosen(scene, count, &mut choice, &mut last)
         }
     })?;
     // Each gain gets a column of its increments beside it; the knee is taken of the gain that the searches maximize.
@@ -44,7 +44,28 @@ pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
     let drawing = Drawing::of_column(2 * drawn, SCORES[drawn], true);
     let title = scene.title("the best placement of each number of LiDARs");
     let known: Vec<f64> = gains[drawn].iter().copied().take_while(|gain| !gain.is_nan()).collect();
-    Ok(Table::new(title, columns, rows, notes(scene, SCORES[drawn], &known), drawing))
+    let mut notes = notes(scene, SCORES[drawn], &known);
+    notes.extend(repeated(&rows));
+    Ok(Table::new(title, columns, rows, notes, drawing))
+}
+
+/// Sentences on rows that repeat the rig of the row before.
+fn repeated(rows: &[Row]) -> Vec<String> {
+    let is_again = |a: &Row, b: &Row| match (&a.placement, &b.placement) {
+        (Some(a), Some(b)) => a.lidars == b.lidars,
+        _ => false,
+    };
+    let told = rows.chunk_by(is_again).filter(|alike| alike.len() > 1).map(|alike| {
+        let names: Vec<&str> = alike[1..].iter().map(|row| &*row.name).collect();
+        let rows = if names.len() == 1 { "Row" } else { "Rows" };
+        let repeat = if names.len() == 1 { "repeats" } else { "repeat" };
+        format!(
+            "{rows} {} {repeat} the rig of {}: no more are taken.",
+            names.join(", "),
+            alike[0].name
+        )
+    });
+    told.collect()
 }
 
 /// The best placement of a number of the scene's own LiDARs.
@@ -62,6 +83,7 @@ fn chosen(
     scene: &StudyScene,
     count: usize,
     choice: &mut Option<Choice>,
+    last: &mut Option<(Equipped, Row)>,
 ) -> Result<Row, StudyError> {
     let vehicle = scene.scene.vehicle();
     let sum = |end: usize| vehicle.mounts.iter().map(|mount| mount.count[end]).sum::<usize>();
@@ -88,11 +110,16 @@ fn chosen(
         );
         return Ok(Row::unanswered(why));
     }
+    // Equal sensors on equal poses would be searched alike.
+    if let Some((_, row)) = last.as_ref().filter(|(known, _)| *known == equipped) {
+        return Ok(row.clone());
+    }
     let Rig { constraints, starts, .. } = Rig::of(scene, &equipped);
     let mut row = searched(scene, &constraints, &starts)?;
     if row.placement.is_some() {
         row.values.extend([Some(equipped.equipment.len() as f64), Some(equipped.cost)]);
     }
+    *last = Some((equipped, row.clone()));
     Ok(row)
 }
 

@@ -182,6 +182,7 @@ impl Table {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::score::SEEN;
 
     #[test]
     fn a_table_as_csv() {
@@ -198,8 +199,14 @@ mod tests {
             drawing: Drawing::of_column(0, "a", true),
         };
         assert_eq!(table.csv(), "case,\"a, b\",c\nx,1.5,\n\"\"\"y\"\"\",-2,0\n");
-        let seen =
-            |least| Seen { name: "ring".into(), share: 0.5, least, missing: None, holds_in: None };
+        let seen = |least| Seen {
+            name: "ring".into(),
+            share: 0.5,
+            done: SEEN,
+            least,
+            missing: None,
+            holds_in: None,
+        };
         let mut marked = table.clone();
         marked.rows[0] = row("x", &[Some(1.5), None]).requiring([seen(0.5), seen(0.6)].iter());
         marked.rows[1] = row("y", &[None, None]).requiring([seen(0.4)].iter());

@@ -11,13 +11,15 @@
 //! | `beams` | beams of a placement on targets |
 //! | `card` | the range card, and blind sectors |
 //! | `places` | where in a scene a target can stand |
-//! | `sight` | rules on targets and near ground, and a car all round, for scores and searches |
+//! | `sight` | places and ground that rules ask for, and a car all round, for scores and searches |
+//! | `rules` | rules on targets, near ground and overlap, and how far they are met |
 //! | `table` | the study: beams by distance and bearing, the range of first detection |
 
 mod beams;
 mod card;
 mod finder;
 mod places;
+mod rules;
 mod sight;
 mod table;
 #[cfg(test)]
@@ -26,5 +28,6 @@ mod tests;
 pub use beams::{Receiving, Standing, TargetSite};
 pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges};
 pub use places::GroundBelow;
-pub use sight::{CAR_WEIGHT, RuleMet, Sight, SightBeams};
+pub use rules::RuleMet;
+pub use sight::{CAR_WEIGHT, Sight, SightBeams};
 pub use table::{Detection, TargetQuestion, TargetRow, TargetTable, is_bearing, is_distance};

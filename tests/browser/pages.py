@@ -3,6 +3,7 @@
 import base64
 import io
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -177,10 +178,14 @@ def controls(page: Page) -> None:
     colour, legend = page.locator("[name=colour]"), page.locator("#legend")
     check(not page.locator("[name=baseline]").is_visible(), "a baseline is asked for without a difference")
     texts = {legend.inner_text()}
-    for value in ["class", "seen", "difference"]:
+    for value in ["class", "seen", "redundancy", "difference"]:
         changes(page, f"colour by {value}", lambda value=value: colour.select_option(value))
         texts.add(legend.inner_text())
-    check(len(texts) == 4, f"the legend does not tell four ways of colouring apart: {texts}")
+        if value == "redundancy":
+            counts = [int(count) for count in re.findall(r": (\d+) \(", legend.inner_text())]
+            voxels = int(told(page)["voxels"])
+            check(len(counts) == 4 and sum(counts) == voxels, f"{counts} are not the {voxels} voxels drawn")
+    check(len(texts) == 5, f"the legend does not tell five ways of colouring apart: {texts}")
     changes(page, "another baseline", lambda: page.locator("[name=baseline]").select_option(index=0))
     check("Center" in legend.inner_text() or "Line" in legend.inner_text(), "the legend names no baseline")
     colour.select_option("information")

@@ -5,7 +5,7 @@ mod assemble;
 use std::ops::Deref;
 use std::sync::Arc;
 
-use crate::vehicle::{Constraints, GroundRule, Sensors, TargetRule};
+use crate::vehicle::{Constraints, GroundRule, OverlapRule, Sensors, TargetRule};
 use lidar_cast::memory::OutOfMemory;
 
 pub use assemble::{content_of, ground_triangles, own_bodies, world_of, world_of_parts};
@@ -41,13 +41,13 @@ pub enum ProblemError {
         /// Name on the vehicle.
         name: String,
     },
-    /// Targets or ground must be met where beams end at nothing.
+    /// Targets, ground or overlap are required where beams end at nothing.
     #[error(
         "the vehicle requires `{name}`, and beams end at nothing in this scene; give the scene geometry and \
          \"coverage\": \"first-hit\", or leave `{name}` out of `require`"
     )]
     TargetWithoutHits {
-        /// Name of the first rule on a target or the ground.
+        /// Name of the first rule that needs hits.
         name: String,
     },
     /// Ground must be seen where there is no own body, or no ground.
@@ -77,6 +77,19 @@ pub struct Problem {
     target_rules: Arc<[TargetRule]>,
     /// Ground that must be seen.
     ground: Arc<GroundRequired>,
+    /// Overlap by which pairs must connect all LiDARs.
+    overlap: Arc<OverlapRequired>,
+    /// Position in the vehicle file of each requirement: areas, targets, ground, overlap.
+    require_order: Arc<[usize]>,
+}
+
+/// Rules on the overlap of LiDARs, and which triangles of a frame are the own body's.
+#[derive(Debug, Default)]
+pub struct OverlapRequired {
+    /// Rules, in the order of the vehicle.
+    pub rules: Vec<OverlapRule>,
+    /// Number of the own body's first triangle in a frame: hits on the body are shared by nobody.
+    pub own: usize,
 }
 
 /// Rules on the ground near the vehicle, and which triangles of a frame are ground.
@@ -106,6 +119,8 @@ impl From<Task> for Problem {
             body,
             target_rules: [].into(),
             ground: Arc::default(),
+            overlap: Arc::default(),
+            require_order: [].into(),
         }
     }
 }
@@ -136,9 +151,28 @@ impl Problem {
         &self.ground
     }
 
-    /// True if the vehicle requires targets or ground, beside areas of voxels.
+    /// Overlap by which pairs must connect all LiDARs.
+    pub fn overlap_required(&self) -> &OverlapRequired {
+        &self.overlap
+    }
+
+    /// True if the vehicle requires targets, ground or overlap, beside areas of voxels.
     pub fn requires_sight(&self) -> bool {
-        !self.target_rules.is_empty() || !self.ground.rules.is_empty()
+        !self.target_rules.is_empty()
+            || !self.ground.rules.is_empty()
+            || !self.overlap.rules.is_empty()
+    }
+
+    /// Puts one thing for each requirement, given as areas, targets, ground and overlap, into the order of the vehicle
+    /// file. Lists of another length stay as they are: areas alone are in order.
+    pub fn in_file_order<T>(&self, list: &mut Vec<T>) {
+        if list.len() != self.require_order.len() {
+            return;
+        }
+        let mut placed: Vec<(usize, T)> =
+            self.require_order.iter().copied().zip(list.drain(..)).collect();
+        placed.sort_by_key(|(position, _)| *position);
+        list.extend(placed.into_iter().map(|(_, thing)| thing));
     }
 
     /// A copy with other rules of the mount.
@@ -160,7 +194,13 @@ impl Problem {
     #[must_use]
     pub fn without_requirements(self) -> Self {
         let free = self.changed(Task::without_areas);
-        Self { target_rules: [].into(), ground: Arc::default(), ..free }
+        Self {
+            target_rules: [].into(),
+            ground: Arc::default(),
+            overlap: Arc::default(),
+            require_order: [].into(),
+            ..free
+        }
     }
 
     /// A copy with areas that must be seen.

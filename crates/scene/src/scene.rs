@@ -233,8 +233,10 @@ impl Scene {
     /// The scene on a vehicle that requires nothing, for work that asks for no voxels: a required area must hold one.
     #[must_use]
     pub fn without_requirements(mut self) -> Self {
-        let Vehicle { require, targets, ground, .. } = &mut self.vehicle;
+        let Vehicle { require, targets, ground, overlap, require_order, .. } = &mut self.vehicle;
         require.clear();
+        overlap.clear();
+        require_order.clear();
         targets.clear();
         ground.clear();
         self

@@ -299,6 +299,8 @@ class Scene:
         *,
         most_mm: float = 100.0,
         most_deg: float = 5.0,
+        most_tilt_deg: float = 3.0,
+        tilt_about: tuple[float, float] = (0.0, 0.0),
         steps: int = 10,
         sensors: Sequence[str] | None = None,
         phases: npt.ArrayLike | None = None,

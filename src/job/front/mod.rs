@@ -6,6 +6,7 @@
 //! | `sweep` | choices of sensors on the coarse grid, under a row of prices or numbers |
 //! | `pool` | placements found, scored over all frames, and searches of poses around them |
 //! | `pareto` | the Pareto filter and the knee |
+//! | `state` | finished parts, from which a stopped search goes on |
 //!
 //! Poses are cast once. For each of a row of limits the best sensors are chosen among them (the ε-constraint method;
 //! Haimes, Lasdon, Wismer 1971). All placements are then scored over all frames, and those that no other one beats are the
@@ -14,6 +15,7 @@
 mod axis;
 mod pareto;
 mod pool;
+mod state;
 mod sweep;
 
 use std::fmt;
@@ -29,7 +31,9 @@ use crate::vehicle::Placement;
 pub use axis::{FrontError, FrontObjective, FrontObjectives};
 use pareto::{Standing, knee};
 use pool::{Candidate, Pool};
-use sweep::{End, Sweep};
+pub use state::FrontState;
+use state::Kept;
+use sweep::{Casting, End, Sweep};
 
 /// Share of the time limit for the choices of sensors: half where poses are searched afterwards, else nearly all.
 const CHOICES_SHARE: [f64; 2] = [0.4, 0.85];
@@ -145,7 +149,23 @@ impl Job {
         objectives: &FrontObjectives,
         observer: &mut dyn Observer,
     ) -> Result<Front, JobError> {
+        self.front_from(objectives, &mut FrontState::default(), &mut |_| {}, observer)
+    }
+
+    /// Like [`Self::front`], going on from a state that an earlier search of the same job was in: the result has the bits of
+    /// one that never stopped. `keep` is told the state whenever a part is finished.
+    ///
+    /// # Errors
+    /// See [`Self::front`].
+    pub fn front_from(
+        &self,
+        objectives: &FrontObjectives,
+        state: &mut FrontState,
+        keep: &mut dyn FnMut(&FrontState),
+        observer: &mut dyn Observer,
+    ) -> Result<Front, JobError> {
         self.check_front(objectives)?;
+        let kept = &mut Kept { state, tell: keep };
         let (vehicle, requires) = (self.scene().vehicle(), self.requires()?);
         let suite = self.suite()?;
         let own = &self.settings.objective;
@@ -153,8 +173,10 @@ impl Job {
         let sweep = Sweep::new(objectives, vehicle, self.most_money(), requires, &own);
         let share = CHOICES_SHARE[usize::from(self.settings.evaluations == 0)];
         let deadline = self.settings.time.map(|time| time.start + time.length.mul_f64(share));
-        let opened = sweep::open(&sweep, &suite, vehicle, &self.settings, deadline, observer)?;
-        let Some(mut equipping) = opened else {
+        let casting =
+            Casting { sweep: &sweep, suite: &suite, vehicle, settings: &self.settings, deadline };
+        let (chosen, mut end) = sweep.run(&casting, kept, observer)?;
+        if chosen.is_empty() && end == End::Interrupted {
             return Ok(Front {
                 objectives: objectives.clone(),
                 points: Vec::new(),
@@ -164,17 +186,14 @@ impl Job {
                 backend: String::new(),
                 adapter: String::new(),
             });
-        };
-        let (chosen, mut end) = sweep.run(&mut equipping, observer);
-        // The poses take memory that scores need.
-        drop(equipping);
+        }
         let mut pool = Pool::open(self, &suite, vehicle, objectives, observer)?;
         end = end.and(pool.add(chosen, end, observer)?);
         if self.settings.evaluations > 0 && end != End::Interrupted {
-            end = end.and(pool.polish(observer)?);
+            end = end.and(pool.polish(kept, observer)?);
         }
         if requires && self.settings.evaluations > 0 && end == End::Done {
-            end = pool.meet(observer)?;
+            end = pool.meet(kept, observer)?;
         }
         pool.finish(requires, end, observer)
     }

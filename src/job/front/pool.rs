@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 
 use super::pareto::{Standing, front};
+use super::state::{FrontState, Kept};
 use super::sweep::{Chosen, End, spread};
 use super::{Front, FrontObjective, FrontObjectives, FrontStopped, is_over, picks, point};
 use crate::job::{Job, JobError, JobStep};
@@ -165,7 +166,11 @@ impl<'a> Pool<'a> {
     }
 
     /// Searches placements around the best candidates so far, which all stay in the pool.
-    pub fn polish(&mut self, observer: &mut dyn Observer) -> Result<End, JobError> {
+    pub fn polish(
+        &mut self,
+        kept: &mut Kept<'_>,
+        observer: &mut dyn Observer,
+    ) -> Result<End, JobError> {
         let order = self.around();
         let total = STEPS * order.len() as u64;
         let mut said: HashSet<String> = HashSet::new();
@@ -178,6 +183,12 @@ impl<'a> Pool<'a> {
                 time: None,
                 ..self.job.settings.clone()
             };
+            let asked =
+                FrontState::polish(&from.placement, &from.kinds, &settings.objective, is_bound);
+            if let Some(known) = kept.state.polished(&asked).cloned() {
+                known.map(|best| self.score(best, from.kinds, from.gain)).transpose()?;
+                continue;
+            }
             let suite = self.suite.with_constraints(&self.vehicle.constraints(&from.kinds));
             let suite = if is_bound { suite } else { suite.without_requirements() };
             let (mut end, mut step) = (End::Done, 0);
@@ -200,16 +211,20 @@ impl<'a> Pool<'a> {
             if end != End::Done {
                 return Ok(end);
             }
-            if let Some(best) = outcome.best {
-                self.score(best.placement, from.kinds, from.gain)?;
-            }
+            let best = outcome.best.map(|best| best.placement);
+            kept.keep(|state| state.keep_polished(asked, best.clone()));
+            best.map(|best| self.score(best, from.kinds, from.gain)).transpose()?;
         }
         Ok(End::Done)
     }
 
     /// Searches the fewest sensors that meet all requirements, and the best for all the money, unless a candidate meets
     /// them.
-    pub fn meet(&mut self, observer: &mut dyn Observer) -> Result<End, JobError> {
+    pub fn meet(
+        &mut self,
+        kept: &mut Kept<'_>,
+        observer: &mut dyn Observer,
+    ) -> Result<End, JobError> {
         if self.candidates.iter().any(|of| of.meets) {
             return Ok(End::Done);
         }
@@ -219,6 +234,11 @@ impl<'a> Pool<'a> {
                      the money";
         observer.on(&Event::Note(words));
         for fewest in [true, false] {
+            let asked = FrontState::meeting(&gain, fewest);
+            if let Some(known) = kept.state.met(&asked).cloned() {
+                known.map(|(best, kinds)| self.score(best, kinds, gain.clone())).transpose()?;
+                continue;
+            }
             let evaluations = Settings::default().evaluations;
             let settings =
                 Settings { evaluations, starts: Vec::new(), ..self.job.settings.clone() };
@@ -241,14 +261,18 @@ impl<'a> Pool<'a> {
                 }
             };
             let kinds = run.equipped().map(|equipped| equipped.equipment.clone());
-            if let Some((best, kinds)) = outcome.zip(kinds) {
-                self.score(best.placement, kinds, gain.clone())?;
+            let found = outcome.map(|best| best.placement).zip(kinds);
+            let end = match is_interrupted {
+                true => End::Interrupted,
+                false if is_over(self.job.settings.time) => End::Time,
+                false => End::Done,
+            };
+            if end == End::Done {
+                kept.keep(|state| state.keep_met(asked, found.clone()));
             }
-            if is_interrupted {
-                return Ok(End::Interrupted);
-            }
-            if is_over(self.job.settings.time) {
-                return Ok(End::Time);
+            found.map(|(best, kinds)| self.score(best, kinds, gain.clone())).transpose()?;
+            if end != End::Done {
+                return Ok(end);
             }
         }
         Ok(End::Done)

@@ -1,10 +1,14 @@
 //! Choices of sensors along a front: one for each gain, each weight of the requirements and each pair of limits, all
 //! among the same poses, which are cast once.
 
+use std::time::Instant;
+
+use super::state::{FrontState, Kept};
 use super::{FrontObjective, FrontObjectives};
 use crate::score::Objective;
 use crate::search::{
-    EquipStep, Equipped, Equipping, Event, Limits, Observer, REQUIRED, Suite, Work,
+    EquipStep, Equipped, Equipping, Event, Limits, Observer, REQUIRED, SearchError, Settings,
+    Suite, Work,
 };
 use crate::vehicle::{MAX_LIDARS, Vehicle};
 
@@ -97,22 +101,41 @@ impl Sweep {
         Limits { budget, sensors: self.numbers.last().copied().unwrap_or(MAX_LIDARS) }
     }
 
-    /// Chooses sensors under all limits by every gain, then by mixtures of two gains.
+    /// Chooses sensors under all limits by every gain, then by mixtures of two gains. Poses are cast once a choice is not
+    /// known, and given up at the end: they take memory that scores need.
+    ///
+    /// # Errors
+    /// See [`Equipping::open`].
     pub fn run(
         &self,
-        equipping: &mut Equipping,
+        casting: &Casting<'_>,
+        kept: &mut Kept<'_>,
         observer: &mut dyn Observer,
-    ) -> (Vec<Chosen>, End) {
+    ) -> Result<(Vec<Chosen>, End), SearchError> {
         let mixtures = self.gains.len() * (self.gains.len() - 1) / 2 * SHARES.len();
         let limits = self.numbers.len() * self.budgets.len();
         let total = (self.gains.len() + mixtures) * self.weights.len() * limits;
-        let mut under_way =
-            UnderWay { equipping, observer, found: Vec::new(), done: 0, total: total as u64 };
-        let end = self.choose(&mut under_way).err().unwrap_or(End::Done);
-        (under_way.found, end)
+        let (found, total) = (Vec::new(), total as u64);
+        let aimed = (Objective::default(), f64::NAN);
+        let mut under_way = UnderWay {
+            casting,
+            equipping: None,
+            aimed,
+            is_aimed: false,
+            kept,
+            observer,
+            found,
+            done: 0,
+            total,
+        };
+        match self.choose(&mut under_way) {
+            Ok(()) => Ok((under_way.found, End::Done)),
+            Err(Stop::At(end)) => Ok((under_way.found, end)),
+            Err(Stop::Failed(error)) => Err(error),
+        }
     }
 
-    fn choose(&self, under_way: &mut UnderWay<'_>) -> Result<(), End> {
+    fn choose(&self, under_way: &mut UnderWay<'_, '_>) -> Result<(), Stop> {
         let mut best = Vec::new();
         for gain in &self.gains {
             best.push(self.choose_by(gain, under_way)?);
@@ -133,10 +156,11 @@ impl Sweep {
     }
 
     /// Chooses by one gain under all limits; returns the largest gain found.
-    fn choose_by(&self, gain: &Objective, under_way: &mut UnderWay<'_>) -> Result<f64, End> {
+    fn choose_by(&self, gain: &Objective, under_way: &mut UnderWay<'_, '_>) -> Result<f64, Stop> {
         let mut most = 0.0_f64;
         for &weight in &self.weights {
-            under_way.equipping.aim(gain, weight);
+            under_way.aimed = (gain.clone(), weight);
+            under_way.is_aimed = false;
             for &sensors in &self.numbers {
                 let mut known: Vec<(f64, f64)> = Vec::new();
                 for &budget in &self.budgets {
@@ -145,7 +169,7 @@ impl Sweep {
                     if known.iter().any(|(limit, cost)| *limit >= budget && *cost <= budget) {
                         continue;
                     }
-                    let equipped = under_way.choice(Limits { budget, sensors }, gain)?;
+                    let equipped = under_way.choice(Limits { budget, sensors })?;
                     known.push((budget, equipped.cost));
                     most = most.max(equipped.value);
                 }
@@ -155,23 +179,79 @@ impl Sweep {
     }
 }
 
+/// Where poses are cast for the choices of a sweep.
+pub(super) struct Casting<'a> {
+    pub sweep: &'a Sweep,
+    pub suite: &'a Suite,
+    pub vehicle: &'a Vehicle,
+    pub settings: &'a Settings,
+    /// End of the choices.
+    pub deadline: Option<Instant>,
+}
+
+impl Casting<'_> {
+    /// Casts all poses under the widest limits; `None` where the observer stops it.
+    fn open(&self, observer: &mut dyn Observer) -> Result<Option<Equipping>, SearchError> {
+        let (objective, limits) = (self.sweep.all_gains(), self.sweep.widest());
+        let (engine, deadline) = (&self.settings.engine, self.deadline);
+        Equipping::open(self.suite, self.vehicle, &objective, limits, engine, deadline, observer)
+    }
+}
+
+/// Why choices came to no end.
+enum Stop {
+    At(End),
+    Failed(SearchError),
+}
+
 /// Choices of a sweep so far.
-struct UnderWay<'a> {
-    equipping: &'a mut Equipping,
+struct UnderWay<'a, 'k> {
+    casting: &'a Casting<'a>,
+    /// Poses, once a choice is not known.
+    equipping: Option<Equipping>,
+    /// Gain of the choices, and the weight of requirements.
+    aimed: (Objective, f64),
+    /// True once the poses are weighed by that gain.
+    is_aimed: bool,
+    kept: &'a mut Kept<'k>,
     observer: &'a mut dyn Observer,
     found: Vec<Chosen>,
     done: u64,
     total: u64,
 }
 
-impl UnderWay<'_> {
-    /// One choice under limits.
-    fn choice(&mut self, limits: Limits, gain: &Objective) -> Result<Equipped, End> {
-        let Self { equipping, observer, found, done, total } = self;
+impl UnderWay<'_, '_> {
+    /// One choice under limits: a known one, or a new one.
+    fn choice(&mut self, limits: Limits) -> Result<Equipped, Stop> {
+        let asked = FrontState::choice(&self.aimed.0, self.aimed.1, limits);
+        if let Some(known) = self.kept.state.chosen(&asked).cloned() {
+            self.found(&known);
+            return Ok(known);
+        }
+        let (equipped, end) = self.new_choice(limits)?;
+        self.found(&equipped);
+        match end {
+            End::Done => self.kept.keep(|state| state.keep_choice(asked, &equipped)),
+            end => return Err(Stop::At(end)),
+        }
+        Ok(equipped)
+    }
+
+    /// Chooses among all poses, which are cast the first time.
+    fn new_choice(&mut self, limits: Limits) -> Result<(Equipped, End), Stop> {
+        let Self { casting, equipping, aimed, is_aimed, observer, done, total, .. } = self;
+        if equipping.is_none() {
+            *equipping = casting.open(&mut **observer).map_err(Stop::Failed)?;
+        }
+        let Some(equipping) = equipping else { return Err(Stop::At(End::Interrupted)) };
+        if !*is_aimed {
+            equipping.aim(&aimed.0, aimed.1);
+            *is_aimed = true;
+        }
         equipping.again(limits);
         let progress = Event::Progress { work: Work::Choices, done: *done - 1, total: *total };
         if !observer.on(&progress) {
-            return Err(End::Interrupted);
+            return Err(Stop::At(End::Interrupted));
         }
         // Progress within one choice is of no interest here.
         let mut within = |event: &Event| match event {
@@ -179,33 +259,23 @@ impl UnderWay<'_> {
             other => observer.on(other),
         };
         loop {
-            let (equipped, end) = match equipping.step(&mut within) {
-                EquipStep::On => continue,
-                EquipStep::Stopped => return Err(End::Interrupted),
-                EquipStep::OutOfTime(equipped) => (equipped, Err(End::Time)),
-                EquipStep::Done(equipped) => (equipped, Ok(())),
-            };
-            let is_new =
-                |known: &Chosen| known.equipped.placement.lidars != equipped.placement.lidars;
-            if found.iter().all(is_new) {
-                found.push(Chosen { equipped: equipped.clone(), gain: gain.clone() });
+            match equipping.step(&mut within) {
+                EquipStep::On => {}
+                EquipStep::Stopped => return Err(Stop::At(End::Interrupted)),
+                EquipStep::OutOfTime(equipped) => return Ok((equipped, End::Time)),
+                EquipStep::Done(equipped) => return Ok((equipped, End::Done)),
             }
-            return end.map(|()| equipped);
         }
     }
-}
 
-/// Opens the choice for all limits of a sweep; `None` where the observer stops it.
-pub(super) fn open(
-    sweep: &Sweep,
-    suite: &Suite,
-    vehicle: &Vehicle,
-    settings: &crate::search::Settings,
-    deadline: Option<std::time::Instant>,
-    observer: &mut dyn Observer,
-) -> Result<Option<Equipping>, crate::search::SearchError> {
-    let (objective, limits, engine) = (sweep.all_gains(), sweep.widest(), &settings.engine);
-    Equipping::open(suite, vehicle, &objective, limits, engine, deadline, observer)
+    /// Adds a choice, unless its placement is among the others.
+    fn found(&mut self, equipped: &Equipped) {
+        let is_new = |known: &Chosen| known.equipped.placement.lidars != equipped.placement.lidars;
+        if self.found.iter().all(is_new) {
+            let gain = self.aimed.0.clone();
+            self.found.push(Chosen { equipped: equipped.clone(), gain });
+        }
+    }
 }
 
 /// Every price that some equipment of a vehicle has, up to `most`, rising; evenly chosen ones where there are many. The

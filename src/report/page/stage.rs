@@ -67,6 +67,7 @@ fn controls(subject: &Subject<'_>, figures: &Figures, lidars: usize) -> Markup {
                     option value="information" { "information seen" }
                     option value="class" { "class" }
                     option value="seen" { "LiDAR that sees them" }
+                    option value="redundancy" { "number of LiDARs that see them" }
                     @if !subject.baselines.is_empty() {
                         option value="difference" { "difference to a baseline" }
                     }

@@ -9,8 +9,16 @@ const RAMP = ["#440154", "#3b528b", "#21918c", "#5ec962", "#fde725"];
 /** Metres at which walls are cut, so that streets can be looked into from above. */
 const CUT = 2.2;
 const [MORE, LESS] = ["#0072b2", "#d55e00"];
+/** Voxels that one, two, three and more LiDARs see. */
+const REDUNDANCY = ["#d55e00", "#e5c100", "#0072b2"];
 
 const rgb = (hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16) / 255);
+/** LiDARs in a mask, three for more. */
+const upTo3 = (mask) => {
+  let count = 0;
+  for (let rest = mask; rest && count < 3; rest &= rest - 1) count += 1;
+  return count;
+};
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 const by = (id) => document.getElementById(id);
 
@@ -104,6 +112,7 @@ function start() {
       return ramp[step].map((low, k) => low + (ramp[step + 1][k] - low) * (at - step));
     };
     const steps = Array.from({ length: 256 }, (_, k) => along(k / 255));
+    const inks = REDUNDANCY.map(rgb);
     const kind = new Map(topClasses().map((name, k) => [name, rgb(CLASSES[k])]));
     const one = lidar === "none" || lidar === "all" ? -1 : Number(lidar);
     const of = {
@@ -114,6 +123,7 @@ function start() {
         if (seen[k] === 0) return null;
         return seen[k] & (seen[k] - 1) ? several : ours[(31 - Math.clz32(seen[k])) % ours.length];
       },
+      redundancy: (k) => (seen[k] ? inks[upTo3(seen[k]) - 1] : null),
       difference(k) {
         const more = shares[k] - shares[(baseline + 1) * data.voxels + k];
         return Math.abs(more) < 26 ? null : rgb(more > 0 ? MORE : LESS);
@@ -143,9 +153,19 @@ function start() {
     document.body.dataset.coloured = String(bytes.reduce((sum, byte) => (31 * sum + byte) % 1000003, 7));
   }
 
+  /** Entries of the legend for redundancy, with the number of voxels drawn that so many LiDARs see in the frame. */
+  function redundancy(frame, grey) {
+    const by = [0, 0, 0, 0];
+    data.voxel.masks.subarray(frame * data.voxels, (frame + 1) * data.voxels).forEach((mask) => { by[upTo3(mask)] += 1; });
+    const told = (count) => `${count} (${((100 * count) / Math.max(data.voxels, 1)).toFixed(1)} %)`;
+    const names = ["1 LiDAR", "2 LiDARs", "3 or more LiDARs"].slice(0, data.lidars.length);
+    const seen = names.map((name, k) => [REDUNDANCY[k], `seen by ${name}: ${told(by[k + 1])}`]);
+    return [[grey, `seen by none: ${told(by[0])}`], ...seen];
+  }
+
   /** What the colours mean, in words. */
   function legend() {
-    const { colour, baseline, lidar } = choice();
+    const { colour, baseline, lidar, frame } = choice();
     const many = data.lidars.length > 1;
     const ramp = (dark.matches ? RAMP : [...RAMP].reverse()).join(",");
     const grey = [dark.matches ? "#54606c" : "#b2bbc4", colour === "class" ? "other classes" : "not seen"];
@@ -158,6 +178,7 @@ function start() {
         ...(many ? [[dark.matches ? "#e8edf2" : "#1b2a3a", "several"]] : []),
         grey,
       ],
+      redundancy: redundancy(frame, grey[0]),
       difference: [[MORE, `seen more often than by ${names[baseline]}`], [LESS, "seen less often"], [grey[0], "as often, within 10 % of the frames"]],
     }[colour];
     const one = colour === "seen" && !["none", "all"].includes(lidar);

@@ -17,14 +17,15 @@ mod readme;
 mod rig;
 mod tables;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
 use super::{Computing, Error};
-use crate::files::{Session, safe_name, safe_names, writable_folder, write_folder};
+use crate::files::{Session, is_forced, safe_name, safe_names, writable_folder, write_folder};
 use crate::report::handover::{DrawnLidar, DrawnMount, DrawnRig};
 use crate::shared::FieldOfView;
+use crate::vehicle::MAX_LIDARS;
 use crate::vehicle::sensor_file::isaac_profile;
 use mask::Mask;
 use rig::Rig;
@@ -102,6 +103,9 @@ pub fn handover(
         )));
     }
     write_folder(&request.out, &files)?;
+    if is_forced() {
+        remove_stale_masks(&request.out, &files)?;
+    }
     Ok(HandoverMade {
         out: request.out.clone(),
         placement: rig.placement.name.clone(),
@@ -109,6 +113,30 @@ pub fn handover(
         own_beams: masks.iter().map(Mask::counts).collect(),
         price,
     })
+}
+
+/// Removes masks that an earlier rig of more or other LiDARs has left in a folder: they would be taken for this one's.
+fn remove_stale_masks(out: &Path, files: &Files) -> Result<(), Error> {
+    for entry in std::fs::read_dir(out).map_err(Error::io(out))? {
+        let entry = entry.map_err(Error::io(out))?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let is_stale = is_mask(&name) && files.iter().all(|(written, _)| *written != name);
+        // Links and folders are nobody's but the user's.
+        if is_stale && entry.file_type().is_ok_and(|kind| kind.is_file()) {
+            std::fs::remove_file(entry.path()).map_err(Error::io(&entry.path()))?;
+        }
+    }
+    Ok(())
+}
+
+/// True for a name that this command gives to a mask: `mask-3.csv`, `mask-3-roof.png`.
+fn is_mask(name: &str) -> bool {
+    let stem = name.strip_suffix(".csv").or_else(|| name.strip_suffix(".png"));
+    let Some(rest) = stem.and_then(|stem| stem.strip_prefix("mask-")) else { return false };
+    let (number, mount) = rest.split_once('-').unwrap_or((rest, "of no mount"));
+    let is_number =
+        number.parse::<usize>().is_ok_and(|k| k < MAX_LIDARS && k.to_string() == number);
+    is_number && !mount.is_empty()
 }
 
 /// The rig as it is drawn.
@@ -146,4 +174,27 @@ fn profiles(rig: &Rig) -> Files {
         (format!("{file}.isaac.json"), format!("{profile:#}\n").into_bytes())
     };
     used.iter().zip(&names).zip(files).map(profile).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_names_of_masks_are_masks() {
+        for mask in ["mask-0.csv", "mask-15-roof.png", "mask-3-front-left.csv"] {
+            assert!(is_mask(mask), "{mask}");
+        }
+        for other in [
+            "mask-16.csv",
+            "mask-03.csv",
+            "mask-a.png",
+            "mask-1-.png",
+            "mask-1.txt",
+            "mask.csv",
+            "my-mask-1.csv",
+        ] {
+            assert!(!is_mask(other), "{other}");
+        }
+    }
 }

@@ -1,23 +1,24 @@
-//! The front of two or three objectives in a folder of its own: searched in one go, recorded at its end.
+//! The front of two or three objectives in a folder of its own: begun or resumed, saved on the way, recorded at its end.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::bars::Bars;
-use super::begun::{Begun, Saved};
+use super::begun::Begun;
 use super::command::command;
-use super::record::priced;
+use super::record::{BETWEEN_CHECKPOINTS, TIMES, priced};
 use super::request::NewRun;
-use crate::files::{Input, RunDir, Session};
-use crate::job::{Front, FrontObjectives, FrontStopped, Job};
+use crate::files::{FileError, Input, RunDir, Session, command_of as command_in, read_own};
+use crate::job::{Front, FrontObjectives, FrontState, FrontStopped, Job};
 use crate::report::front::front_plot;
 use crate::report::word::word;
 use crate::report::{FrontContext, FrontRecord, front_html};
 use crate::runs::inputs::note_repeated;
 use crate::runs::{Computing, Error, GRACE, Watcher, opening};
-use crate::search::{Event, TimeLimit};
+use crate::search::{Event, Settings, TimeLimit};
 
 /// Front, record and folder of a finished search.
 #[derive(Debug)]
@@ -30,59 +31,151 @@ pub struct Fronted {
     pub folder: PathBuf,
 }
 
+/// Command of checkpoints of fronts.
+const COMMAND: &str = "optimize --front";
+
+/// Content of a checkpoint.
+#[derive(Serialize, Deserialize)]
+struct SavedFront {
+    begun: Begun,
+    objectives: FrontObjectives,
+    settings: Settings,
+    state: FrontState,
+}
+
+/// Start of the search of a front.
+#[derive(Debug, Clone)]
+pub enum FrontStart {
+    /// A new run, and the objectives.
+    New(Box<NewRun>, FrontObjectives),
+    /// Folder of a stopped run, which goes on to the same points that it would have given.
+    Resume(PathBuf),
+}
+
+/// True if a folder holds a front that goes on.
+pub fn holds_front(folder: &Path) -> bool {
+    command_in(folder).is_some_and(|command| command == COMMAND)
+}
+
+/// Wall time of earlier sittings; 0 where their file is missing or cannot be read.
+fn earlier_seconds(folder: &RunDir<SavedFront>) -> f64 {
+    let text = read_own(&folder.path().join(TIMES), 1 << 20).unwrap_or_default();
+    serde_json::from_slice(&text).unwrap_or_default()
+}
+
 /// Searches the front of some objectives and writes it into a folder; `None` if the watcher stopped it before any
 /// placement was scored.
 ///
 /// # Errors
 /// Files that cannot be read or written, objectives that the vehicle does not have, no placement with a value of each.
 pub fn front(
-    new: &NewRun,
-    objectives: &FrontObjectives,
+    from: &FrontStart,
     max_seconds: Option<f64>,
     computing: &Computing<'_>,
 ) -> Result<Option<Fronted>, Error> {
     let _session = Session::begin();
     let (start, watcher) = (Instant::now(), computing.watcher);
-    let scenes: Vec<PathBuf> = new.files.scenes().cloned().collect();
-    note_repeated(&scenes, watcher);
-    let (begun, settings) = (new.begun()?, new.settings()?);
+    let (folder, mut saved) = match from {
+        FrontStart::Resume(path) => {
+            let (folder, saved) = RunDir::<SavedFront>::resume(COMMAND, path)?;
+            (Some(folder), saved)
+        }
+        FrontStart::New(new, objectives) => {
+            let scenes: Vec<PathBuf> = new.files.scenes().cloned().collect();
+            note_repeated(&scenes, watcher);
+            let (begun, settings) = (new.begun()?, new.settings()?);
+            let (objectives, state) = (objectives.clone(), FrontState::default());
+            (None, SavedFront { begun, objectives, settings, state })
+        }
+    };
     let time = max_seconds.map(|s| TimeLimit { start, length: Duration::from_secs_f64(s) });
-    let mut loaded = opening::job_within(&begun.files, time, computing)?;
+    let mut loaded = opening::job_within(&saved.begun.files, time, computing)?;
     loaded.suite(computing)?;
     let mut inputs = Vec::new();
     for scene in loaded.job.scenes() {
         inputs.extend(Input::of(scene.scene().files())?);
     }
-    let job = loaded.job.search(settings).engine(computing.engine.clone()).within(time);
-    job.check_front(objectives)?;
+    let job = loaded.job.search(saved.settings.clone()).engine(computing.engine.clone());
+    let job = job.within(time);
+    job.check_front(&saved.objectives)?;
     watcher.listen(GRACE);
-    // Before the search, so that a folder that cannot be written is found out now.
-    let folder = RunDir::create("optimize", new.out.as_deref(), &begun.folder(), inputs)?;
-    let mut bars = Bars::new(watcher);
-    let found = job.front(objectives, &mut |event: &Event| {
-        bars.show(event);
-        watcher.goes_on()
-    })?;
-    bars.clear();
-    if !is_worth_writing(&found, &begun, watcher)? {
+    let folder = match (folder, from) {
+        (None, FrontStart::New(new, _)) => {
+            // Before the search, so that a folder that cannot be written is found out now.
+            let name = saved.begun.folder();
+            RunDir::create(COMMAND, new.out.as_deref(), &name, inputs.clone())?
+        }
+        (folder, _) => folder.expect("a run that goes on has a folder"),
+    };
+    folder.check(&inputs)?;
+    let earlier = earlier_seconds(&folder);
+    let found = search(&job, &mut saved, &folder, watcher)?;
+    if !is_worth_writing(&found, &saved.begun, &folder, watcher)? {
         return Ok(None);
     }
+    let seconds = earlier + start.elapsed().as_secs_f64();
+    folder.write_json(TIMES, &seconds)?;
     let limit = max_seconds.filter(|_| found.stopped == FrontStopped::Time);
+    let (begun, objectives) = (&saved.begun, &saved.objectives);
     let context = FrontContext {
         scene: job.scene().name().to_owned(),
-        settings: settings_json(&begun, &job, objectives, max_seconds),
-        command: command_of(&begun, &job, objectives, limit),
+        settings: settings_json(begun, &job, objectives, limit),
+        command: command_of(begun, &job, objectives, limit),
         conditions: begun.files.conditions.clone(),
-        seconds: start.elapsed().as_secs_f64(),
+        seconds,
     };
     let record = FrontRecord::new(&found, context);
     write(&folder, &job, &found, &record)?;
     Ok(Some(Fronted { front: found, record, folder: folder.path().to_owned() }))
 }
 
+/// Searches to the end or until the watcher stops it; finished parts are saved on the way.
+fn search(
+    job: &Job,
+    saved: &mut SavedFront,
+    folder: &RunDir<SavedFront>,
+    watcher: &dyn Watcher,
+) -> Result<Front, Error> {
+    let (mut bars, objectives) = (Bars::new(watcher), saved.objectives.clone());
+    let failed = std::cell::RefCell::new(None::<FileError>);
+    let (mut last, mut state) = (Instant::now(), std::mem::take(&mut saved.state));
+    let mut is_saved = false;
+    let mut keep = |state: &FrontState| {
+        if !is_saved || last.elapsed() > BETWEEN_CHECKPOINTS {
+            saved.state = state.clone();
+            *failed.borrow_mut() = folder.save(saved).err();
+            (last, is_saved) = (Instant::now(), true);
+        }
+    };
+    let found = job.front_from(&objectives, &mut state, &mut keep, &mut |event: &Event| {
+        bars.show(event);
+        watcher.goes_on() && failed.borrow().is_none()
+    });
+    bars.clear();
+    if let Some(error) = failed.into_inner() {
+        return Err(error.into());
+    }
+    let found = found?;
+    saved.state = state;
+    if !(saved.state.is_empty() && found.points.is_empty()) {
+        folder.save(saved)?;
+    }
+    Ok(found)
+}
+
 /// False where the search was stopped before it found anything; notes an end before all limits were looked at.
-fn is_worth_writing(found: &Front, begun: &Begun, watcher: &dyn Watcher) -> Result<bool, Error> {
+fn is_worth_writing(
+    found: &Front,
+    begun: &Begun,
+    folder: &RunDir<SavedFront>,
+    watcher: &dyn Watcher,
+) -> Result<bool, Error> {
+    let go_on = || format!("go on with --resume {}", folder.path().display());
     match (found.points.len(), found.stopped) {
+        (0, FrontStopped::Interrupted) if holds_front(folder.path()) => {
+            watcher.note(&format!("stopped before any placement was scored; {}", go_on()));
+            Ok(false)
+        }
         (0, FrontStopped::Interrupted) => {
             watcher.note("stopped before any placement was scored; nothing is written");
             Ok(false)
@@ -95,7 +188,7 @@ fn is_worth_writing(found: &Front, begun: &Begun, watcher: &dyn Watcher) -> Resu
         ))),
         (_, FrontStopped::Complete) => Ok(true),
         (_, stopped) => {
-            watcher.note(&format!("stopped: {stopped}; a front is not resumed"));
+            watcher.note(&format!("stopped: {stopped}; {}", go_on()));
             Ok(true)
         }
     }
@@ -136,7 +229,7 @@ fn settings_json(
 
 /// Writes placements, picture, page and record, the record last.
 fn write(
-    folder: &RunDir<Saved>,
+    folder: &RunDir<SavedFront>,
     job: &Job,
     found: &Front,
     record: &FrontRecord,

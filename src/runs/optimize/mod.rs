@@ -10,7 +10,7 @@ mod request;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-pub use front::{Fronted, front};
+pub use front::{FrontStart, Fronted, front, holds_front};
 pub use request::{NewRun, OptimizeRequest, Start};
 
 use super::inputs::note_repeated;
@@ -98,14 +98,14 @@ pub fn optimize(
     Ok(Some(Optimized { record, folder: sitting.folder.path().to_owned() }))
 }
 
-/// Refuses the folder of a front, which has no checkpoint.
+/// Refuses the folder of a front that an earlier program wrote, without a checkpoint.
 fn check_no_front(folder: &Path) -> Result<(), Error> {
     if holds_run(folder) || !folder.join("front.svg").exists() {
         return Ok(());
     }
     Err(Error::Usage(format!(
-        "{}: holds a front, which is searched in one go and not resumed; run `sightline optimize … --front …` again, \
-         into another folder or with --force",
+        "{}: holds a front without a checkpoint, which does not go on; run `sightline optimize … --front …` again, into \
+         another folder or with --force",
         folder.display()
     )))
 }

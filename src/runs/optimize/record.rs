@@ -38,7 +38,7 @@ pub(super) const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(1);
 
 /// File of the times of earlier sittings. The checkpoint does not hold them: it is the same bytes however often a run
 /// was interrupted.
-const TIMES: &str = "times.json";
+pub(super) const TIMES: &str = "times.json";
 
 /// Work and wall times of all sittings of a run.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]

@@ -199,6 +199,13 @@ impl<S> RunDir<S> {
     }
 }
 
+/// Command whose run a folder holds; `None` where it holds none, or one that cannot be read.
+pub fn command_of(path: &Path) -> Option<String> {
+    let text = String::from_utf8(read_own(&path.join(CHECKPOINT), MOST_BYTES).ok()?).ok()?;
+    let saved: Checkpoint = serde_json::from_str(&text).ok()?;
+    Some(saved.command.to_owned())
+}
+
 /// True if a folder holds a run, finished or not.
 pub fn holds_run(path: &Path) -> bool {
     path.join(CHECKPOINT).exists()
@@ -265,6 +272,7 @@ mod tests {
         assert!(refusal(run.check(&now)).contains("has changed;"));
         drop(run);
         assert!(refusal(RunDir::<Walk>::resume("ride", &path)).contains("is a run of `walk`"));
+        assert_eq!((command_of(&path).as_deref(), command_of(dir.path())), (Some("walk"), None));
     }
 
     #[test]

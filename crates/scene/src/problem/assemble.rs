@@ -9,12 +9,12 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::{
-    Content, Entropy, Frame, GroundRequired, Instance, OccupiedVoxel, Problem, ProblemError, Task,
-    World,
+    Content, Entropy, Frame, GroundRequired, Instance, OccupiedVoxel, OverlapRequired, Problem,
+    ProblemError, Task, World,
 };
 use crate::psog::{EntropyKind, EntropyTable, Psog, fixed};
 use crate::scene::{Coverage, EgoBody, Ground, Scene};
-use crate::vehicle::Sensors;
+use crate::vehicle::{Sensors, Vehicle};
 use lidar_cast::bvh::Bvh;
 use lidar_cast::geom::{Pose, TriangleSoup};
 use lidar_cast::maths;
@@ -190,23 +190,29 @@ impl Problem {
         let required = &scene.vehicle().require;
         let content = content.with_areas(roi, required);
         if let Some(index) = content.areas().iter().position(|area| area.voxels == 0) {
-            return Err(ProblemError::EmptyArea { index, name: required[index].name.clone() });
+            let position = scene.vehicle().require_order.get(index).copied();
+            let name = required[index].name.clone();
+            return Err(ProblemError::EmptyArea { index: position.unwrap_or(index), name });
         }
         let sensors = sensors.into();
         let far = Task::far_range_of(roi, sensors.longest_range());
         let world = if frames.is_empty() { World::default() } else { make_world(far)? };
         let task = Task::new(*roi, content, sensors, world, ends_at_hits).numbered(frames);
         let body = own_bodies(scene, far);
-        let (targets, ground) = (&scene.vehicle().targets, &scene.vehicle().ground);
-        let names =
-            targets.iter().map(|rule| &rule.name).chain(ground.iter().map(|rule| &rule.name));
-        if let Some(name) = names.into_iter().next().filter(|_| !task.ends_at_hits()) {
+        let Vehicle { targets, ground, overlap, require_order, .. } = scene.vehicle();
+        let names = targets.iter().map(|rule| &rule.name);
+        let names = names.chain(ground.iter().map(|rule| &rule.name));
+        let mut names = names.chain(overlap.iter().map(|rule| &rule.name));
+        if let Some(name) = names.next().filter(|_| !task.ends_at_hits()) {
             return Err(ProblemError::TargetWithoutHits { name: name.clone() });
         }
+        let own = scene.triangles(EgoBody::Exclude);
+        let overlap = Arc::new(OverlapRequired { rules: overlap.clone(), own });
+        let require_order = require_order.clone().into();
         let ground = Arc::new(ground_required(scene)?);
         let target_rules = targets.clone().into();
         let problem = Self::from(task).with_constraints(scene.constraints());
-        Ok(Self { body, target_rules, ground, ..problem })
+        Ok(Self { body, target_rules, ground, overlap, require_order, ..problem })
     }
 }
 

@@ -195,6 +195,7 @@ pub struct RequirementDescription {
     pub ground: Option<f64>,
     pub blind_zone: Option<String>,
     pub depth: Option<f64>,
+    pub overlap: Option<f64>,
     pub share: Option<f64>,
     #[serde(default)]
     pub without_any_one: bool,

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::{
-    Constraints, GroundRule, Lidar, MAX_LIDARS, OtherSensor, Phase, Region, Requirement, Response,
-    SensorError, SensorModel, SensorName, Sensors, Slot, TargetRule, Ties,
+    Constraints, GroundRule, Lidar, MAX_LIDARS, OtherSensor, OverlapRule, Phase, Region,
+    Requirement, Response, SensorError, SensorModel, SensorName, Sensors, Slot, TargetRule, Ties,
 };
 use sightline_files::Note;
 
@@ -55,6 +55,10 @@ pub struct Vehicle {
     pub targets: Vec<TargetRule>,
     /// Ground near the vehicle that must be seen.
     pub ground: Vec<GroundRule>,
+    /// Overlap by which pairs must connect all LiDARs.
+    pub overlap: Vec<OverlapRule>,
+    /// Position in the file's `require` of each of the areas, targets, ground and overlap, one list after the other.
+    pub require_order: Vec<usize>,
     /// Fixed sensors of other technologies: they count in coverage alone.
     pub other_sensors: Vec<OtherSensor>,
     /// Sentences about the file and the sensor files that it names.

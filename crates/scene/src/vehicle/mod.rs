@@ -11,6 +11,7 @@ mod mesh_mount;
 mod mount;
 mod mounting;
 mod other_sensor;
+mod overlap_rule;
 mod pairing;
 pub mod placement_file;
 pub mod placements;
@@ -38,6 +39,7 @@ pub use lidar_cast::task::Requirement;
 pub use lidar_reading::DescribedLidar;
 pub use mount::MountRules;
 pub use other_sensor::{LIDAR, OtherSensor};
+pub use overlap_rule::OverlapRule;
 pub use placement_file::{PlacementFileError, PlacementReader, read_placements};
 pub use placements::{
     SensorChoice, in_millimetres, millimetres, name_lidars, placement_to_nanometres,

@@ -61,6 +61,8 @@ impl Vehicle {
             ties,
             require: Vec::new(),
             targets: Vec::new(),
+            overlap: Vec::new(),
+            require_order: Vec::new(),
             ground: Vec::new(),
             other_sensors: Vec::new(),
             notes: Vec::new(),

@@ -15,7 +15,8 @@ use super::mesh_mount::mirror_meshes;
 use super::mount::{keep_out_boxes, least_distance};
 use super::mounting::{check_pairs, level, mounting};
 use super::{
-    GroundRule, MAX_LIDARS, OtherSensor, Phase, Requirement, SensorName, TargetRule, Ties, lidar,
+    GroundRule, MAX_LIDARS, OtherSensor, OverlapRule, Phase, Requirement, SensorName, TargetRule,
+    Ties, lidar,
 };
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
@@ -83,8 +84,9 @@ impl Vehicle {
             mirror_meshes(&mut mounts);
             check_pairs(at, &mounts)?;
         }
-        let Requirements { areas: require, targets, ground, files: read, notes: told } =
-            Requirements::new(&at.key("require"), &vehicle.require, dir)?;
+        let required = Requirements::new(&at.key("require"), &vehicle.require, dir)?;
+        let require_order = required.order();
+        let Requirements { areas, targets, ground, overlap, files: read, notes: told } = required;
         files.extend(read);
         notes.extend(told);
         let at = at.key("other_sensors");
@@ -98,9 +100,11 @@ impl Vehicle {
                 min_distance,
                 keep_out,
                 ties,
-                require,
-                targets,
-                ground,
+                require: alone(areas),
+                targets: alone(targets),
+                ground: alone(ground),
+                overlap: alone(overlap),
+                require_order,
                 other_sensors,
                 notes,
             },
@@ -237,7 +241,7 @@ fn area(at: &Place, required: &RequirementDescription) -> Result<Requirement, De
     };
     let name = required.name.clone().ok_or_else(|| missing("name", "name the area"))?;
     let name = check::name(&at.key("name"), name)?;
-    let corner = "give the corners of a box, a `target`, `ground` or a `blind_zone`";
+    let corner = "give the corners of a box, a `target`, `ground`, a `blind_zone` or `overlap`";
     let min = required.min.ok_or_else(|| missing("min", corner))?;
     let max = required.max.ok_or_else(|| missing("max", corner))?;
     for (key, there) in [
@@ -263,12 +267,18 @@ fn area(at: &Place, required: &RequirementDescription) -> Result<Requirement, De
     Ok(Requirement { name, inside, without, share: required.share(at)? })
 }
 
-/// Content of a vehicle's `require`: areas, targets and ground.
+/// Rules without their positions in the file.
+fn alone<T>(rules: Vec<(usize, T)>) -> Vec<T> {
+    rules.into_iter().map(|(_, rule)| rule).collect()
+}
+
+/// Content of a vehicle's `require`, each entry with its position.
 #[derive(Default)]
 struct Requirements {
-    areas: Vec<Requirement>,
-    targets: Vec<TargetRule>,
-    ground: Vec<GroundRule>,
+    areas: Vec<(usize, Requirement)>,
+    targets: Vec<(usize, TargetRule)>,
+    ground: Vec<(usize, GroundRule)>,
+    overlap: Vec<(usize, OverlapRule)>,
     /// Target files and their meshes.
     files: Vec<PathBuf>,
     notes: Vec<Note>,
@@ -286,20 +296,33 @@ impl Requirements {
             if let Some(share) = required.share.filter(|share| !(0.0..=1.0).contains(share)) {
                 return Err(bad(&at.key("share"), share, "a share from 0 to 1"));
             }
+            if let Some(rule) = OverlapRule::read(&at, required)? {
+                all.overlap.push((i, rule));
+                continue;
+            }
             if let Some(rule) = GroundRule::read(&at, required)? {
-                all.ground.push(rule);
+                all.ground.push((i, rule));
                 continue;
             }
             match &required.target {
-                None => all.areas.push(area(&at, required)?),
+                None => all.areas.push((i, area(&at, required)?)),
                 Some(target) => {
                     let rule = TargetRule::new(&at, required, target, dir)?;
                     all.notes.extend(rule.target.notes.iter().cloned());
                     all.files.extend(rule.target.files.iter().cloned());
-                    all.targets.push(rule);
+                    all.targets.push((i, rule));
                 }
             }
         }
         Ok(all)
+    }
+
+    /// Position of every entry, kind after kind.
+    fn order(&self) -> Vec<usize> {
+        fn of<T>(rules: &[(usize, T)]) -> impl Iterator<Item = usize> {
+            rules.iter().map(|(position, _)| *position)
+        }
+        let kinds = of(&self.areas).chain(of(&self.targets));
+        kinds.chain(of(&self.ground)).chain(of(&self.overlap)).collect()
     }
 }

@@ -181,6 +181,8 @@ fn models(lidar: Lidar) -> Models {
         ties: Ties::default(),
         require: Vec::new(),
         targets: Vec::new(),
+        overlap: Vec::new(),
+        require_order: Vec::new(),
         ground: Vec::new(),
         other_sensors: Vec::new(),
         notes: Vec::new(),

@@ -1,0 +1,286 @@
+//! Rules of a vehicle on targets, near ground and overlap, and how far LiDARs meet them.
+
+use std::ops::Range;
+
+use super::sight::{Sight, SightBeams};
+use crate::maths;
+use crate::near_field::RequiredGround;
+use crate::overlap::{Shares, connected_without, cut_off, part_connected};
+use crate::score::SEEN;
+use crate::vehicle::{GroundRule, OverlapRule, TargetRule};
+
+/// Extra share that a search wants beyond a rule, since other places lie between the tested ones.
+const MARGIN: f64 = 0.01;
+/// Weight of a missing part of that extra share, where a missing share of the rule weighs 1.
+const MARGIN_WEIGHT: f64 = 1e-3;
+/// Weight of single beams at places that are not met, where a met place weighs 1.
+const PARTIAL: f64 = 0.1;
+
+/// A rule of the vehicle.
+pub(super) enum Rule {
+    /// On a target, with its places.
+    Target(TargetRule, Range<usize>),
+    /// On the ground, with its number among these.
+    Ground(GroundRule, usize),
+    /// On the overlap of LiDARs.
+    Overlap(OverlapRule),
+}
+
+impl Rule {
+    fn name(&self) -> &str {
+        match self {
+            Self::Target(rule, _) => &rule.name,
+            Self::Ground(rule, _) => &rule.name,
+            Self::Overlap(rule) => &rule.name,
+        }
+    }
+
+    /// Share that is required.
+    fn least(&self) -> f64 {
+        match self {
+            Self::Target(rule, _) => rule.share,
+            Self::Ground(rule, _) => rule.share,
+            Self::Overlap(rule) => rule.share,
+        }
+    }
+
+    /// The word for its share.
+    fn done(&self) -> &'static str {
+        match self {
+            Self::Target(..) | Self::Ground(..) => SEEN,
+            Self::Overlap(_) => "shared",
+        }
+    }
+
+    fn without_any_one(&self) -> bool {
+        match self {
+            Self::Target(rule, _) => rule.without_any_one,
+            Self::Ground(rule, _) => rule.without_any_one,
+            Self::Overlap(rule) => rule.without_any_one,
+        }
+    }
+}
+
+/// LiDARs of a placement as rules look at them.
+struct Looked<'a> {
+    each: &'a [&'a SightBeams],
+    /// Overlap of pairs in each scene; empty where no rule asks for it.
+    overlaps: Vec<Shares>,
+}
+
+/// Mean of some numbers; 0 of none.
+fn mean(numbers: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = numbers.len().max(1);
+    numbers.sum::<f64>() / count as f64
+}
+
+/// A rule, and the share of its places or ground that is met.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RuleMet<'a> {
+    /// Name of the rule.
+    pub name: &'a str,
+    /// Share that is required.
+    pub least: f64,
+    /// Share of its places at which enough beams meet the target, of its ground that is seen, or the largest overlap at
+    /// which pairs connect all LiDARs; a mean over scenes. For a rule that must hold without any one LiDAR, the least share
+    /// over the LiDARs left out.
+    pub share: f64,
+    /// The word for it: `seen` or `shared`.
+    pub done: &'static str,
+    /// LiDAR whose loss leaves least, of a rule that must hold without any one.
+    pub without: Option<usize>,
+    /// Missing places or ground, in words; `None` where the rule is met.
+    pub missing: Option<String>,
+}
+
+/// Smallest range of bearings and distances around places that are not met.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Missing {
+    /// First and last bearing, degrees counter-clockwise from straight ahead.
+    bearings: [f64; 2],
+    /// Nearest and farthest distance, metres.
+    distances: [f64; 2],
+}
+
+impl std::fmt::Display for Missing {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let ([from, to], [near, far]) = (self.bearings, self.distances);
+        write!(f, "missing at {near:.0} to {far:.0} m between {from:.0}° and {to:.0}°")
+    }
+}
+
+impl Sight {
+    fn looked<'a>(&self, each: &'a [&'a SightBeams]) -> Looked<'a> {
+        Looked { each, overlaps: self.overlaps(each) }
+    }
+
+    /// Sum of the beams of all LiDARs but one.
+    fn sum_without(each: &[&SightBeams], lidar: Option<usize>) -> SightBeams {
+        let mut sum = SightBeams::default();
+        let kept = each.iter().enumerate().filter(|(k, _)| Some(*k) != lidar);
+        kept.for_each(|(_, beams)| sum.add(beams));
+        sum
+    }
+
+    /// Bits of each scene with its ground.
+    fn ground_of<'a>(
+        &'a self,
+        all: &'a SightBeams,
+    ) -> impl Iterator<Item = (&'a RequiredGround, &'a [u64])> {
+        let mut rest = &all.ground[..];
+        self.ground.iter().map(move |scene| {
+            let (bits, others) = rest.split_at(scene.words().min(rest.len()));
+            rest = others;
+            (scene, bits)
+        })
+    }
+
+    /// Mean over scenes of a number of the ground.
+    fn over_scenes(&self, all: &SightBeams, of: impl Fn(&RequiredGround, &[u64]) -> f64) -> f64 {
+        let sum: f64 = self.ground_of(all).map(|(scene, bits)| of(scene, bits)).sum();
+        sum / self.ground.len().max(1) as f64
+    }
+
+    /// Overlap of pairs of LiDARs in each scene; none where no rule asks for it.
+    fn overlaps(&self, each: &[&SightBeams]) -> Vec<Shares> {
+        let mut first = 0;
+        let of_scene = self.overlap.iter().map(|scene| {
+            let frames = first..first + scene.frame_count();
+            first = frames.end;
+            let each = each.iter().map(|beams| &beams.surfaces.frames[frames.clone()]);
+            scene.shares(&each.collect::<Vec<_>>())
+        });
+        of_scene.collect()
+    }
+
+    /// Share of a rule that is met; scenes without the ground that it asks for count as not seen.
+    fn met_share(&self, looked: &Looked<'_>, lost: Option<usize>, rule: &Rule) -> f64 {
+        let all = || Self::sum_without(looked.each, lost);
+        match rule {
+            Rule::Target(_, places) => self.hard(&all(), places.clone()),
+            Rule::Ground(_, number) => {
+                self.over_scenes(&all(), |s, bits| s.share(*number, bits).share.unwrap_or(0.0))
+            }
+            Rule::Overlap(_) => {
+                mean(looked.overlaps.iter().map(|shares| connected_without(shares, lost)))
+            }
+        }
+    }
+
+    /// Like [`Self::met_share`], rising with every beam or cell.
+    fn soft_share(&self, all: &SightBeams, looked: &Looked<'_>, rule: &Rule) -> f64 {
+        match rule {
+            Rule::Overlap(rule) => {
+                mean(looked.overlaps.iter().map(|shares| part_connected(shares, rule.share)))
+            }
+            Rule::Target(_, places) => self.soft(all, places.clone()),
+            Rule::Ground(_, number) => self.over_scenes(all, |s, bits| s.share(*number, bits).soft),
+        }
+    }
+
+    /// Least share of a rule, and the LiDAR whose loss leaves it; all LiDARs where none is to be lost.
+    fn least(&self, looked: &Looked<'_>, rule: &Rule) -> (f64, Option<usize>) {
+        let share = |lost: Option<usize>| (self.met_share(looked, lost, rule), lost);
+        let lost = (0..looked.each.len()).map(Some).filter(|_| rule.without_any_one());
+        // The first of equal ones.
+        let least = lost.map(share).reduce(|a, b| if b.0 < a.0 { b } else { a });
+        least.unwrap_or_else(|| share(None))
+    }
+
+    /// The share of every rule, as [`Self::rules_met`] has it.
+    pub fn shares(&self, each: &[&SightBeams]) -> Vec<f64> {
+        let looked = self.looked(each);
+        self.rules.iter().map(|of| self.least(&looked, of).0).collect()
+    }
+
+    /// Every rule with its share, for the beams of each LiDAR.
+    pub fn rules_met(&self, each: &[&SightBeams]) -> Vec<RuleMet<'_>> {
+        let looked = self.looked(each);
+        let mut all = Vec::new();
+        for rule in &self.rules {
+            let (share, without) = self.least(&looked, rule);
+            let (name, least, done) = (rule.name(), rule.least(), rule.done());
+            let missing =
+                (share < least).then(|| self.missing_in_words(&looked, without, rule)).flatten();
+            all.push(RuleMet { name, least, share, done, without, missing });
+        }
+        all
+    }
+
+    fn missing_in_words(
+        &self,
+        looked: &Looked<'_>,
+        lost: Option<usize>,
+        rule: &Rule,
+    ) -> Option<String> {
+        let all = &Self::sum_without(looked.each, lost);
+        match rule {
+            Rule::Overlap(rule) => {
+                let up_to = |shares: &&Shares| connected_without(shares, lost);
+                let scenes = looked.overlaps.iter();
+                let worst = scenes.min_by(|a, b| up_to(a).total_cmp(&up_to(b)));
+                worst.map(|shares| cut_off(shares, lost, rule.share))
+            }
+            Rule::Target(rule, places) => {
+                self.missing(all, rule, places.clone()).map(|missing| missing.to_string())
+            }
+            Rule::Ground(_, number) => {
+                let share = |&(scene, bits): &(&RequiredGround, &[u64])| {
+                    scene.share(*number, bits).share.unwrap_or(0.0)
+                };
+                let scenes = self.ground_of(all);
+                let worst = scenes.min_by(|a, b| share(a).total_cmp(&share(b)));
+                worst.map(|(scene, bits)| scene.missing(*number, bits))
+            }
+        }
+    }
+
+    /// Bearings and distances around the places of a rule that are not met.
+    fn missing(
+        &self,
+        all: &SightBeams,
+        rule: &TargetRule,
+        places: Range<usize>,
+    ) -> Option<Missing> {
+        let unmet = places
+            .filter(|&place| all.beams.get(place).is_none_or(|&beams| beams < self.enough[place]));
+        unmet.fold(None, |range: Option<Missing>, place| {
+            let [x, y, _] = self.places[place].1;
+            // Bearings count from the rule's first one on, so that a range may cross ±180°.
+            let turned = maths::atan2(y, x).to_degrees() - rule.bearings[0];
+            // Rounding must not turn the first bearing into the last.
+            let bearing = rule.bearings[0] + (turned + 1e-6).rem_euclid(360.0) - 1e-6;
+            let distance = maths::hypot(x, y);
+            let widened = |range: [f64; 2], value: f64| [range[0].min(value), range[1].max(value)];
+            Some(match range {
+                None => Missing { bearings: [bearing; 2], distances: [distance; 2] },
+                Some(Missing { bearings, distances }) => Missing {
+                    bearings: widened(bearings, bearing),
+                    distances: widened(distances, distance),
+                },
+            })
+        })
+    }
+
+    /// True if there are rules.
+    pub fn has_rules(&self) -> bool {
+        !self.rules.is_empty()
+    }
+
+    /// Missing share of the rules, summed, for a search that goes step by step: each beam lowers it a little for a rule
+    /// that is not met.
+    pub fn rules_missing(&self, each: &[&SightBeams]) -> f64 {
+        let (all, looked) = (Self::sum_without(each, None), self.looked(each));
+        let lacks = |rule: &Rule| {
+            let least = rule.least();
+            let wanted = if least > 0.0 { (least + MARGIN).min(1.0) } else { 0.0 };
+            let (share, _) = self.least(&looked, rule);
+            let extra = MARGIN_WEIGHT * (wanted - share).max(0.0);
+            if share >= least {
+                return extra;
+            }
+            extra + least - share + PARTIAL * (1.0 - self.soft_share(&all, &looked, rule))
+        };
+        self.rules.iter().map(lacks).sum()
+    }
+}

@@ -1,0 +1,267 @@
+//! `require` of overlap from outside: the numbers of `study overlap`, words on LiDARs that are cut off, and what a search
+//! makes of it.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{fails, ok, sightline};
+
+/// Ground with a wall and a walker who moves, and a cart with one LiDAR on its roof and others at its edge.
+fn yard(dir: &Path, require: Value) {
+    let vehicle = json!({ "sightline": 1, "name": "cart",
+        "body": [{ "class": "vehicle", "box": { "min": [-2, -0.9, 0], "max": [1.5, 0.9, 1.4] } }],
+        "sensors": [
+            { "name": "wide", "price": 3, "phase": 0, "lidar": { "channels": 24, "fov": [-40, 0],
+                "azimuth_steps": 180, "range": 60 } },
+            { "name": "side", "price": 1, "lidar": { "channels": 24, "fov": [-50, -5],
+                "azimuth": [-45, 45], "azimuth_steps": 60, "range": 30 } }],
+        "mounts": [
+            { "name": "roof", "sensors": ["wide"], "min": [-1.5, -0.8, 1.5], "max": [1, 0.8, 2.2], "count": [0, 1] },
+            { "name": "edge", "sensors": ["side"], "min": [-2, -0.9, 1.5], "max": [1.5, 0.9, 1.7],
+              "yaw": [-3.15, 3.15], "count": [0, 3] }],
+        "require": require });
+    fs::write(dir.join("cart.json"), vehicle.to_string()).unwrap();
+    let scene = json!({ "sightline": 1, "name": "yard", "vehicle": "cart.json", "frames": 3,
+        "roi": { "min": [-14, -14, -0.4], "max": [14, 14, 2.8], "voxel": [0.4, 0.4, 0.4] },
+        "static": [
+            { "class": "road", "plane": { "min": [-50, -50], "max": [50, 50], "z": 0 } },
+            { "class": "building", "box": { "min": [6, -8, 0], "max": [9, -3, 3] } }],
+        "actors": [{ "name": "walker",
+            "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.6, 1.8] } }],
+            "poses": [{ "x": 4, "y": 2 }, { "x": 3, "y": 2.5 }, { "x": -4, "y": 0 }] }] });
+    fs::write(dir.join("yard.json"), scene.to_string()).unwrap();
+    let lidar = |sensor: &str, x: f64, y: f64, yaw: f64| json!({ "sensor": sensor, "x": x, "y": y, "z": 1.6, "yaw": yaw });
+    let [left, back, ahead] = [
+        lidar("side", 0.2, 0.8, 1.4),
+        lidar("side", -1.9, -0.2, 3.0),
+        lidar("side", 1.4, 0.3, 0.4),
+    ];
+    let mut roof = lidar("wide", 0.4, 0.1, 0.0);
+    roof["z"] = json!(2.1);
+    let placements = json!({ "placements": [
+        { "name": "apart", "lidars": [ahead, back] }, { "name": "beside", "lidars": [ahead, left] },
+        { "name": "three", "lidars": [ahead, left, back] },
+        { "name": "four", "lidars": [roof, left, back, ahead] }, { "name": "one", "lidars": [left] } ] });
+    fs::write(dir.join("rigs.json"), placements.to_string()).unwrap();
+}
+
+/// Replaces the rules of the cart.
+fn rule(dir: &Path, require: Value) {
+    let text = fs::read_to_string(dir.join("cart.json")).unwrap();
+    let mut vehicle: Value = serde_json::from_str(&text).unwrap();
+    vehicle["require"] = require;
+    fs::write(dir.join("cart.json"), vehicle.to_string()).unwrap();
+}
+
+fn run(dir: &Path, command: &[&str], more: &[&str]) -> Value {
+    let files = ["yard.json", "rigs.json", "--backend", "cpu"];
+    ok(dir, &[command, &files, more].concat())
+}
+
+const SCORE: [&str; 3] = ["score", "--tolerance", "0"];
+
+#[test]
+fn required_overlap_has_the_number_of_the_study() {
+    let dir = TempDir::new().unwrap();
+    yard(dir.path(), json!([{ "overlap": 0.05 }, { "overlap": 0.6, "name": "close" }]));
+    for weather in [&[][..], &["--condition", "fog:mor=15"]] {
+        let scores = run(dir.path(), &SCORE, weather)["scores"].clone();
+        let rules = |k: usize| scores[k]["requirements"].clone();
+        assert_eq!(
+            rules(4)[0],
+            json!({ "name": "overlap of LiDARs", "required": 0.05, "found": 1.0, "met": true })
+        );
+        // The study refuses a single LiDAR.
+        let mut rigs: Value =
+            serde_json::from_str(&fs::read_to_string(dir.path().join("rigs.json")).unwrap())
+                .unwrap();
+        rigs["placements"].as_array_mut().unwrap().pop();
+        fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+        let rows = run(dir.path(), &["study", "overlap"], weather)["rows"].clone();
+        for k in 0..4 {
+            let up_to = &rows[k]["overlap_up_to"];
+            assert_eq!([&rules(k)[0]["found"], &rules(k)[1]["found"]], [up_to; 2], "{k}");
+            assert_eq!(rules(k)[0]["met"], up_to.as_f64() >= Some(0.05), "{k}");
+        }
+        let found = |k: usize| rules(k)[0]["found"].as_f64().unwrap();
+        assert_eq!(found(0), 0.0, "the two look opposite ways");
+        assert!(found(1) > 0.05 && found(3) > 0.05, "{} {}", found(1), found(3));
+        yard(dir.path(), json!([{ "overlap": 0.05 }, { "overlap": 0.6, "name": "close" }]));
+    }
+}
+
+#[test]
+fn lidars_that_are_cut_off_are_named() {
+    let dir = TempDir::new().unwrap();
+    yard(dir.path(), json!([{ "overlap": 0.6 }]));
+    let scores = run(dir.path(), &SCORE, &[])["scores"].clone();
+    let missing = |k: usize| scores[k]["requirements"][0]["missing"].as_str().unwrap_or_default();
+    assert_eq!(missing(0), "LiDAR 1 is cut off: shares nothing with any other");
+    let row = &run_pairs(dir.path())["rows"][1]["overlap"][0][1];
+    let shown = (1e3 * row.as_f64().unwrap()).floor() / 10.0;
+    assert_eq!(missing(1), format!("LiDAR 1 is cut off: shares at most {shown:.1} % with LiDAR 0"));
+    let text = sightline(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
+    let text = String::from_utf8(text.stdout).unwrap();
+    let line = format!(
+        "! NOT MET: overlap of LiDARs: {shown:.1} % shared, 60.0 % required, LiDAR 1 is cut off: "
+    );
+    assert!(text.contains(&line), "{text}");
+}
+
+/// The study of the rigs of two LiDARs or more.
+fn run_pairs(dir: &Path) -> Value {
+    let text = fs::read_to_string(dir.join("rigs.json")).unwrap();
+    let mut rigs: Value = serde_json::from_str(&text).unwrap();
+    rigs["placements"].as_array_mut().unwrap().pop();
+    fs::write(dir.join("pairs.json"), rigs.to_string()).unwrap();
+    ok(dir, &["study", "overlap", "yard.json", "pairs.json", "--backend", "cpu"])
+}
+
+#[test]
+fn without_any_one_the_least_that_is_left_counts() {
+    let dir = TempDir::new().unwrap();
+    yard(dir.path(), json!([{ "overlap": 0.9, "without_any_one": true }]));
+    let all = run(dir.path(), &SCORE, &[])["scores"].clone();
+    let text = fs::read_to_string(dir.path().join("rigs.json")).unwrap();
+    let rigs: Value = serde_json::from_str(&text).unwrap();
+    let without = |lost: usize| {
+        let mut lidars = rigs["placements"][3]["lidars"].as_array().unwrap().clone();
+        lidars.remove(lost);
+        json!({ "name": format!("without-{lost}"), "lidars": lidars })
+    };
+    let one_less: Vec<Value> = (0..4).map(without).collect();
+    fs::write(dir.path().join("rigs.json"), json!({ "placements": one_less }).to_string()).unwrap();
+    rule(dir.path(), json!([{ "overlap": 0.9 }]));
+    let each = run(dir.path(), &SCORE, &[])["scores"].clone();
+    let found = |scores: &Value, k: usize| scores[k]["requirements"][0]["found"].as_f64().unwrap();
+    let lefts: Vec<f64> = (0..4).map(|k| found(&each, k)).collect();
+    assert_eq!(found(&all, 3), lefts.iter().copied().fold(f64::INFINITY, f64::min), "{lefts:?}");
+    assert!(lefts[1] > lefts[0], "the roof alone joins the others: {lefts:?}");
+    let told = all[3]["requirements"][0]["missing"].as_str().unwrap();
+    assert!(told.ends_with(" without LiDAR 0"), "{told}");
+}
+
+#[test]
+fn over_several_scenes_the_mean_counts() {
+    let dir = TempDir::new().unwrap();
+    yard(dir.path(), json!([{ "overlap": 0.5 }]));
+    let text = fs::read_to_string(dir.path().join("yard.json")).unwrap();
+    let mut scene: Value = serde_json::from_str(&text).unwrap();
+    (scene["name"], scene["static"][1]["box"]) =
+        (json!("walled"), json!({ "min": [2, -8, 0], "max": [2.5, 12, 3] }));
+    fs::write(dir.path().join("walled.json"), scene.to_string()).unwrap();
+    run_pairs(dir.path());
+    let of = |command: &[&str]| {
+        ok(
+            dir.path(),
+            &[command, &["yard.json", "walled.json", "pairs.json", "--backend", "cpu"]].concat(),
+        )
+    };
+    let (scores, study) = (of(&SCORE), of(&["study", "overlap"]));
+    let up_to = |row: usize| study["rows"][row]["overlap_up_to"].as_f64().unwrap();
+    for k in [1, 3] {
+        let found = scores["mean"][k]["requirements"][0]["found"].as_f64().unwrap();
+        assert_eq!(found, 0.5 * (up_to(k) + up_to(4 + k)), "{k}");
+    }
+    assert_ne!(up_to(1), up_to(4 + 1), "the wall changes it");
+}
+
+#[test]
+fn a_search_finds_a_rig_whose_lidars_share_enough() {
+    let dir = TempDir::new().unwrap();
+    let three = |require: Value| {
+        yard(dir.path(), require);
+        let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
+        let mut vehicle: Value = serde_json::from_str(&text).unwrap();
+        let mut edge = vehicle["mounts"][1].clone();
+        edge["count"] = json!(3);
+        vehicle["mounts"] = json!([edge]);
+        fs::write(dir.path().join("cart.json"), vehicle.to_string()).unwrap();
+    };
+    let search = |out: &str, require: Value| {
+        three(require);
+        let args = "optimize yard.json --backend cpu --evaluations 20 --seed 2 --format json --out";
+        let args: Vec<&str> = args.split(' ').chain([out]).collect();
+        let output = sightline(dir.path(), &args);
+        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+        (output.status.code(), found["best"]["scores"].clone())
+    };
+    let required = json!([{ "overlap": 0.7 }]);
+    let (code, scores) = search("asked", required.clone());
+    let found = &scores["requirements"][0];
+    assert_eq!(code, Some(0), "{found}");
+    assert!(found["met"] == true && found["holds_in"].as_f64().is_some(), "{found}");
+    // Without the rule the LiDARs look apart.
+    search("free", json!([]));
+    rule(dir.path(), required);
+    let free = ["score", "yard.json", "free/placements.json", "--backend", "cpu"];
+    let free = ok(dir.path(), &free)["scores"][0].clone();
+    assert_eq!(free["requirements"][0]["met"], false, "{}", free["requirements"]);
+}
+
+#[test]
+fn wrong_rules_on_overlap_are_named() {
+    let dir = TempDir::new().unwrap();
+    for (wrong, said) in [
+        (json!({ "overlap": 0 }), "above 0 and at most 1"),
+        (json!({ "overlap": -0.1 }), "above 0"),
+        (json!({ "overlap": 500 }), "0.05 for example"),
+        (json!({ "overlap": 0.1, "share": 0.5 }), "leave `share` out"),
+        (json!({ "overlap": 0.1, "ground": 3 }), "write two rules"),
+        (json!({ "overlap": 0.1, "target": "car" }), "`target`"),
+        (json!({ "overlap": 0.1, "min": [0, 0, 0] }), "`min`"),
+        (json!({ "overlap": "all" }), "overlap"),
+        (json!({ "overlap": 0.1, "of": "voxels" }), "`of`"),
+    ] {
+        yard(dir.path(), json!([{ "ground": 1, "share": 0 }, wrong]));
+        let error = fails(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
+        let is_placed = error.contains("cart.json") && error.contains("require[1]");
+        assert!(is_placed && error.contains(said), "{wrong}: {error}");
+    }
+    yard(dir.path(), json!([{ "overlap": 0.1 }]));
+    let text = fs::read_to_string(dir.path().join("yard.json")).unwrap();
+    let mut through: Value = serde_json::from_str(&text).unwrap();
+    through["coverage"] = json!("through");
+    fs::write(dir.path().join("yard.json"), through.to_string()).unwrap();
+    let error = fails(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
+    assert!(error.contains("`overlap of LiDARs`, and beams end at nothing"), "{error}");
+}
+
+#[test]
+fn requirements_are_told_in_the_order_of_the_file() {
+    let dir = TempDir::new().unwrap();
+    let area = json!({ "name": "area", "min": [-5, -5, 0], "max": [5, 5, 0.5], "share": 0.01 });
+    yard(
+        dir.path(),
+        json!([
+            { "overlap": 0.01, "name": "e" }, { "ground": 3, "share": 0.02, "name": "d" }, area,
+            { "target": "car", "within": 20, "share": 0.03, "name": "b" },
+            { "blind_zone": "left", "depth": 2, "name": "a" }]),
+    );
+    let names = |required: &Value| -> Vec<String> {
+        let all = required.as_array().unwrap().iter();
+        all.map(|rule| rule["name"].as_str().unwrap().to_owned()).collect()
+    };
+    let scores = run(dir.path(), &["score"], &[])["scores"].clone();
+    assert_eq!(names(&scores[3]["requirements"]), ["e", "d", "area", "b", "a"]);
+    // Each number goes with its name: alone, a rule finds the same.
+    let alone = |rule_alone: Value| {
+        rule(dir.path(), json!([rule_alone]));
+        run(dir.path(), &["score"], &[])["scores"][3]["requirements"][0].clone()
+    };
+    let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
+    let all: Value = serde_json::from_str(&text).unwrap();
+    for k in 0..5 {
+        let (told, one) = (&scores[3]["requirements"][k], alone(all["require"][k].clone()));
+        assert_eq!(told, &one, "share, and copies that hold");
+    }
+    // An area without a voxel is told by its own place.
+    let mut gone = all["require"].clone();
+    (gone[2]["min"], gone[2]["max"]) = (json!([90, 90, 0]), json!([91, 91, 1]));
+    rule(dir.path(), gone);
+    let error = fails(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
+    assert!(error.contains("require[2]: `area` holds no voxel"), "{error}");
+}
