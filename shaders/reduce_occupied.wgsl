@@ -4,8 +4,9 @@
 // Reads      placements[placements], bitmaps[sensors × bitmap_words], occupied[occupied_count]
 // Writes     partials[placement × workgroups × PARTIAL_WORDS], every element: word 0 the count of covered
 //            occupied voxels, words 1 + 2k and 2 + 2k the sums of the low and the high 16 bits of sum k
-//            (k = 0 to 3: kinds of information; 4 + s: unique entropy of sensor s), which cannot overflow within
-//            a workgroup; the host adds them up
+//            (k = 0 to 3: kinds of information; 4 and 5: near information of voxels that at least two and three
+//            sensors cover; 6 + s: unique entropy of sensor s), which cannot overflow within a workgroup; the
+//            host adds them up
 // Dispatch   (ceil(occupied_count / ITEMS_PER_WORKGROUP), placements)
 
 struct OccupiedVoxel {
@@ -39,6 +40,9 @@ fn reduce_occupied(
     var count = 0u;
     var low = vec4(0u);
     var high = vec4(0u);
+    // Of voxels that at least two, and three, sensors cover.
+    var low_repeated = vec2(0u);
+    var high_repeated = vec2(0u);
     // Sums per invocation, added once: an atomic per voxel would cost more than the rest of the kernel.
     var unique_low: array<vec4<u32>, MAX_LIDARS / 4u>;
     var unique_high: array<vec4<u32>, MAX_LIDARS / 4u>;
@@ -62,6 +66,9 @@ fn reduce_occupied(
             low += entropy & vec4(0xffffu);
             high += entropy >> vec4(16u);
         }
+        let repeated = vec2(times) >= vec2(2u, 3u);
+        low_repeated += select(vec2(0u), vec2(voxel.near & 0xffffu), repeated);
+        high_repeated += select(vec2(0u), vec2(voxel.near >> 16u), repeated);
         if times == 1u {
             let own = vec4(last & 3u) == vec4(0u, 1u, 2u, 3u);
             unique_low[last >> 2u] += select(vec4(0u), vec4(voxel.segmentation & 0xffffu), own);
@@ -72,8 +79,11 @@ fn reduce_occupied(
     for (var kind = 0u; kind < 4u; kind++) {
         add_halves(kind, low[kind], high[kind]);
     }
+    for (var level = 0u; level < 2u; level++) {
+        add_halves(4u + level, low_repeated[level], high_repeated[level]);
+    }
     for (var s = 0u; s < sensors.count; s++) {
-        add_halves(4u + s, unique_low[s >> 2u][s & 3u], unique_high[s >> 2u][s & 3u]);
+        add_halves(6u + s, unique_low[s >> 2u][s & 3u], unique_high[s >> 2u][s & 3u]);
     }
     workgroupBarrier();
     let base = (group.y * groups.x + group.x) * PARTIAL_WORDS;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use lidar_cast::bvh::Bvh;
 use lidar_cast::cover::BitOrder;
 use lidar_cast::engine::ReferenceBackend;
-use lidar_cast::task::KINDS;
+use lidar_cast::task::{KINDS, REPEATS};
 use sightline::engine::gpu::GpuBackend;
 use sightline::engine::{Backend, CpuBackend};
 use sightline::internals::{Atlas, PoseGrid, Spacing, Union};
@@ -41,8 +41,8 @@ fn few_worths(roi: &Roi) -> Content {
     Content::new(vec!["a".into()], occupied.collect(), &[vec![]], true)
 }
 
-fn sums(tally: &Tally) -> (u64, u64, [u64; KINDS]) {
-    (tally.covered, tally.covered_nonzero, tally.entropy)
+fn sums(tally: &Tally) -> (u64, u64, [u64; KINDS], [u64; REPEATS]) {
+    (tally.covered, tally.covered_nonzero, tally.entropy, tally.near_repeated)
 }
 
 #[test]

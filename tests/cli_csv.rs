@@ -87,6 +87,8 @@ fn scores_are_those_of_the_json_in_one_scene_and_in_several() {
             ("information_gain_nats", "information_gain"),
             ("information_gain_share", "information_gain_share"),
             ("near_gain_share", "near_gain"),
+            ("near_gain_2_share", "near_gain_2"),
+            ("near_gain_3_share", "near_gain_3"),
             ("m_sog", "m_sog"),
             ("m_sog_scaled", "m_sog_scaled"),
             ("s_mig_nats", "s_mig"),

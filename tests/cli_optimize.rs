@@ -77,6 +77,28 @@ fn optimize_writes_its_folder_and_repeats_itself() {
     assert!(String::from_utf8_lossy(&again.stderr).contains("--resume"));
 }
 
+#[test]
+fn what_two_lidars_see_is_searched_scored_and_bounded() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let run = |objective: &'static str, out: &'static str| {
+        let args = optimize_args(out, "60");
+        ok(dir.path(), &[&args[..], &["--objective", objective]].concat())
+    };
+    let (plain, twice) = (run("near_gain", "plain"), run("near_gain_2", "twice"));
+    let score = |run: &Value, name: &str| run["best"]["scores"][name].as_f64().unwrap();
+    assert_eq!(twice["best"]["objective"].as_f64(), Some(score(&twice, "near_gain_2")));
+    assert!(score(&twice, "near_gain_2") > score(&plain, "near_gain_2"), "no redundancy is found");
+    let gain = &twice["certificate"]["gain"];
+    assert!(gain["upper"].as_f64() >= gain["best"]["value"].as_f64(), "{gain}");
+    let page = fs::read_to_string(dir.path().join("twice/report.html")).unwrap();
+    assert!(
+        page.contains("near gain ×2 %") && page.contains("every LiDAR that covers it, up to two")
+    );
+    let page = fs::read_to_string(dir.path().join("plain/report.html")).unwrap();
+    assert!(!page.contains("near gain ×2 %"));
+}
+
 /// Exit code of a run into `broken` that is interrupted after its first checkpoint.
 #[cfg(unix)]
 fn interrupted(dir: &Path, args: &[&str]) -> Option<i32> {

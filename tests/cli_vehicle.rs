@@ -249,7 +249,10 @@ fn faults_are_said() {
     says(&["optimize", "room.json", "--budget", "9"], &["--budget", "--vehicle"]);
     says(&["study", "cost", "room.json"], &["room.json", "has no vehicle", "--vehicle"]);
     let of_m_sog = [&optimize("9", "x")[..], &["--objective", "m_sog_scaled"]].concat();
-    says(&of_m_sog, &["chosen by near_gain or information_gain", "m_sog_scaled"]);
+    says(
+        &of_m_sog,
+        &["chosen by near_gain, near_gain_2, near_gain_3 or information_gain", "m_sog_scaled"],
+    );
     let other = json!({ "placements": [{ "name": "x", "lidars": [{ "x": 0, "y": 0, "z": 1.5, "sensor": "sonar" }] }] });
     fs::write(dir.path().join("sonar.json"), other.to_string()).unwrap();
     says(

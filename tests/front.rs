@@ -118,9 +118,13 @@ fn the_front_of_a_small_vehicle_is_nearly_that_of_every_equipment_and_pose() {
     let mut evaluators = [&free, &bound].map(|job| job.evaluator(|_| {}).unwrap().0);
     let scores = evaluators.each_mut().map(|evaluator| evaluator.scores(&placements).unwrap());
     let vehicle = free.scene().vehicle();
-    for (names, requires) in
-        [("price,information_gain", 0), ("sensors,near_gain", 0), ("price,requirements", 1)]
-    {
+    for (names, requires, least) in [
+        ("price,information_gain", 0, 0.99),
+        ("sensors,near_gain", 0, 0.99),
+        // Cars that nobody sees count against a placement; two LiDARs that see the same see fewer of them.
+        ("price,near_gain_2", 0, 0.95),
+        ("price,requirements", 1, 0.99),
+    ] {
         let objectives: FrontObjectives = names.parse().unwrap();
         let found = front([&free, &bound][requires], names);
         assert_eq!(found.stopped, FrontStopped::Complete);
@@ -135,7 +139,7 @@ fn the_front_of_a_small_vehicle_is_nearly_that_of_every_equipment_and_pose() {
         let exact = hypervolume(&every.collect::<Vec<_>>(), 100.0);
         let share = hypervolume(&points, 100.0) / exact;
         println!("{names}: {:.3} % of the hypervolume, {} points", 100.0 * share, points.len());
-        assert!((0.99..1.0 + 1e-9).contains(&share), "{names}, {share}: {points:?}");
+        assert!((least..1.0 + 1e-9).contains(&share), "{names}, {share}: {points:?}");
         // No point is beaten by another one, and all rise.
         assert!(points.windows(2).all(|pair| pair[0].0 < pair[1].0 && pair[0].1 < pair[1].1));
         assert!(points.len() >= 3, "{points:?}");

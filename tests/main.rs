@@ -124,6 +124,7 @@ mod own_mesh;
 #[cfg_attr(not(feature = "cli"), allow(dead_code))]
 mod own_scenes;
 mod reference;
+mod repeated;
 mod round_trip;
 #[cfg(feature = "cli")]
 mod runs;

@@ -106,7 +106,9 @@ fn rules() -> Constraints {
 #[test]
 fn the_grid_and_its_bound_are_those_of_all_scenes() {
     let tasks = "0.5*information_gain + 2*detection.information_gain";
-    for (seeds, objective) in [([41, 51], "information_gain"), ([61, 71], tasks)] {
+    for (seeds, objective) in
+        [([41, 51], "information_gain"), ([61, 71], tasks), ([41, 71], "near_gain_2 + near_gain")]
+    {
         let both = suite(&seeds, &rules()).with_mirror_images();
         let objective: Objective = objective.parse().unwrap();
         let mut evaluator = Evaluator::suite_on_cpu(&both, MEMORY);

@@ -30,6 +30,8 @@ pub fn scores_object<'py>(py: Python<'py>, scores: &[Scores]) -> PyResult<Bound<
         columns.set_item(name, maybe(&|s| of(&s.segmentation)))?;
     }
     columns.set_item("near_gain", maybe(&|s| s.near_gain))?;
+    columns.set_item("near_gain_2", maybe(&|s| s.near_gain_2))?;
+    columns.set_item("near_gain_3", maybe(&|s| s.near_gain_3))?;
     if scores.iter().any(|s| s.near_field.is_some()) {
         columns.set_item("near_field", maybe(&|s| s.near_field))?;
         columns.set_item("near_ring", maybe(&|s| s.near_ring))?;

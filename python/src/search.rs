@@ -136,8 +136,8 @@ fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
 
 /// Searches placements over a scene or several, as `sightline optimize` does with the same settings.
 ///
-/// `objective` is a score by name or a weighted sum; `method` `both`, `cma` or `swaps`; `frames` `on-demand`, `all` or a number
-/// as text. The search ends after `evaluations` and their swaps, at `target`, or after `seconds`. `baselines` are compared
+/// `objective` is a score by name, as `near_gain_2` for what two LiDARs see, or a weighted sum; `method` `both`, `cma` or
+/// `swaps`; `frames` `on-demand`, `all` or a number as text. The search ends after `evaluations` and their swaps, at `target`, or after `seconds`. `baselines` are compared
 /// with (Table 7 unless given), `starts` started from. `mirror` adds the mirror image of each scene. A vehicle's sensors are
 /// chosen for at most `budget`; with `fewest` as few as meet all requirements, and as cheap. Each requirement is
 /// looked at in 200 copies mounted within `tolerance`, a length and an angle as text, or `None`.

@@ -31,7 +31,8 @@ def test_scores_are_those_of_the_program(scene, placements) -> None:
     theirs = json.loads(done.stdout)["scores"]
     ours = scene.score(placements)
     assert ours.names == [row["name"] for row in theirs]
-    for column in ("m_sog", "m_sog_scaled", "information_gain", "s_mig", "covered", "beams", "hit_share"):
+    for column in ("m_sog", "m_sog_scaled", "information_gain", "near_gain_2", "near_gain_3", "s_mig", "covered", "beams",
+                   "hit_share"):
         assert ours[column].tolist() == [row[column] for row in theirs], column
     detection = ours["detection.information_gain"].tolist()
     assert detection == [row["detection"]["information_gain"] for row in theirs]

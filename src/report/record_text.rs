@@ -5,7 +5,7 @@ use std::path::Path;
 use super::by_scene::by_scene;
 use super::record::RunRecord;
 use super::targets::range_card_text;
-use super::text::{align_columns, findings_text, poses_text, scores_text};
+use super::text::{align_columns, findings_text, poses_text, scores_text_by};
 use super::words::{
     broken_in_words, certificate_in_words, methods_in_words, spread_in_words, verdict,
 };
@@ -28,7 +28,7 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
         record.frames,
         under(&record.conditions)
     );
-    text += &scores_text(&rows);
+    text += &scores_text_by(&rows, &record.objective);
     // Guards stand in the table.
     let broken = broken_in_words(&record.baselines);
     if !broken.is_empty() {

@@ -2,7 +2,7 @@
 
 use crate::csv::number;
 use crate::json::fixed;
-use crate::score::{NEAR_GAIN, Scores};
+use crate::score::{NEAR_GAINS, Scores};
 
 /// A score as it is shown to people: title and cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,6 +22,10 @@ pub enum ScoreColumn {
     GainShare,
     /// Share of the information gained where near voxels weigh more, in per cent.
     NearGain,
+    /// Near gain where a voxel counts for up to two LiDARs that cover it, in per cent.
+    NearGain2,
+    /// Near gain where a voxel counts for up to three LiDARs, in per cent.
+    NearGain3,
     /// Ground within 10 m of the body that is seen, in per cent.
     NearField,
     /// S-MIG in nats.
@@ -34,11 +38,13 @@ pub enum ScoreColumn {
 
 impl ScoreColumn {
     /// Every column, the name first.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 13] = [
         Self::Name,
         Self::Gain,
         Self::GainShare,
         Self::NearGain,
+        Self::NearGain2,
+        Self::NearGain3,
         Self::NearField,
         Self::MSog,
         Self::MSogScaled,
@@ -51,21 +57,32 @@ impl ScoreColumn {
     pub const METRICS: [Self; 6] =
         [Self::Gain, Self::NearGain, Self::MSog, Self::MSogScaled, Self::Detection, Self::SMig];
 
-    /// Columns to show of some scores: all, the near field only where it was looked for.
-    pub fn shown<'a>(all: impl IntoIterator<Item = &'a Scores>) -> Vec<Self> {
+    /// Columns to show of some scores: all, the near field only where it was looked for, and near gains of several LiDARs
+    /// only where an objective names them.
+    pub fn shown<'a>(all: impl IntoIterator<Item = &'a Scores>, objective: &str) -> Vec<Self> {
         let looked = all.into_iter().any(|scores| scores.near_field.is_some());
-        Self::ALL.into_iter().filter(|column| looked || *column != Self::NearField).collect()
+        let is_shown = |column: &Self| match column {
+            Self::NearField => looked,
+            Self::NearGain2 => objective.contains(NEAR_GAINS[1]),
+            Self::NearGain3 => objective.contains(NEAR_GAINS[2]),
+            _ => true,
+        };
+        Self::ALL.into_iter().filter(is_shown).collect()
     }
 
-    /// Share that results are compared by where an objective was maximized: the near gain for itself, else the gain.
+    /// Share that results are compared by where an objective was maximized: each near gain for itself, else the gain.
     pub fn argued(objective: &str) -> Self {
-        if objective == NEAR_GAIN { Self::NearGain } else { Self::GainShare }
+        let of = [Self::NearGain, Self::NearGain2, Self::NearGain3];
+        let named = NEAR_GAINS.iter().position(|name| *name == objective);
+        named.map_or(Self::GainShare, |named| of[named])
     }
 
-    /// Near gain or information gain as a share, for [`Self::argued`].
+    /// A near gain or the information gain as a share, for [`Self::argued`].
     pub fn share(self, scores: &Scores) -> Option<f64> {
         match self {
             Self::NearGain => scores.near_gain,
+            Self::NearGain2 => scores.near_gain_2,
+            Self::NearGain3 => scores.near_gain_3,
             _ => scores.segmentation.information_gain_share,
         }
     }
@@ -80,6 +97,8 @@ impl ScoreColumn {
             Self::Gain => "gain nats",
             Self::GainShare => "gain %",
             Self::NearGain => "near gain %",
+            Self::NearGain2 => "near gain ×2 %",
+            Self::NearGain3 => "near gain ×3 %",
             Self::NearField => "near field %",
             Self::SMig => "S-MIG",
             Self::Covered => "covered",
@@ -97,6 +116,8 @@ impl ScoreColumn {
             Self::Gain => "information_gain_nats",
             Self::GainShare => "information_gain_share",
             Self::NearGain => "near_gain_share",
+            Self::NearGain2 => "near_gain_2_share",
+            Self::NearGain3 => "near_gain_3_share",
             Self::NearField => "near_field_share",
             Self::SMig => "s_mig_nats",
             Self::Covered => "covered_voxels",
@@ -113,7 +134,9 @@ impl ScoreColumn {
             Self::MSogScaled => task.m_sog_scaled,
             Self::Detection => scores.detection.and_then(|detection| detection.m_sog_scaled),
             Self::Gain => task.information_gain,
-            Self::GainShare | Self::NearGain => self.share(scores),
+            Self::GainShare | Self::NearGain | Self::NearGain2 | Self::NearGain3 => {
+                self.share(scores)
+            }
             Self::NearField => scores.near_field,
             Self::SMig => scores.s_mig,
             Self::Covered => Some(scores.covered),
@@ -133,7 +156,9 @@ impl ScoreColumn {
                 optional(scaled(scores.detection.and_then(|d| d.m_sog_scaled), 1e6), 3)
             }
             Self::Gain => optional(task.information_gain, 0),
-            Self::GainShare | Self::NearGain => optional(scaled(self.share(scores), 100.0), 2),
+            Self::GainShare | Self::NearGain | Self::NearGain2 | Self::NearGain3 => {
+                optional(scaled(self.share(scores), 100.0), 2)
+            }
             Self::NearField => optional(scaled(scores.near_field, 100.0), 1),
             Self::SMig => optional(scores.s_mig, 0),
             Self::Covered => format!("{:.0}", scores.covered),

@@ -61,7 +61,12 @@ pub fn align_columns(rows: &[Vec<String>]) -> String {
 
 /// A table of placements, below each its requirements (+ met, ! not), doubts (!) and blind sectors (*).
 pub fn scores_text(all: &[Scores]) -> String {
-    let columns = ScoreColumn::shown(all);
+    scores_text_by(all, "")
+}
+
+/// Like [`scores_text`], where an objective was maximized: with the scores that it names.
+pub(super) fn scores_text_by(all: &[Scores], objective: &str) -> String {
+    let columns = ScoreColumn::shown(all, objective);
     let cells = |scores| columns.iter().map(|column| column.cell(scores)).collect();
     let mut rows = vec![columns.iter().map(|column| column.title().to_owned()).collect()];
     rows.extend(all.iter().map(cells));

@@ -198,6 +198,8 @@ mod tests {
             segmentation,
             s_mig: None,
             near_gain: None,
+            near_gain_2: None,
+            near_gain_3: None,
             near_field: None,
             near_ring: None,
             entropy_sum: Some(gain),

@@ -84,6 +84,15 @@ pub enum Guard {
 }
 
 impl Guard {
+    /// True for a LiDAR that could be left out, in some scene.
+    pub fn is_of_redundancy(&self) -> bool {
+        match self {
+            Self::RedundantLidar { .. } => true,
+            Self::InScene { guard, .. } => guard.is_of_redundancy(),
+            _ => false,
+        }
+    }
+
     /// True for a reason not to believe the scores; false for a fact about the rig: a sector that it does not see.
     pub fn is_doubt(&self) -> bool {
         !matches!(self, Self::BlindSector(_))
@@ -302,6 +311,7 @@ mod tests {
             covered: 1000,
             covered_nonzero: 300,
             entropy: [1000, 0, 0, 0],
+            near_repeated: [0; 2],
             by_class: vec![100, 40],
             unique: vec![100, 200],
             hits: 80,

@@ -5,16 +5,17 @@
 
 mod bootstrap;
 pub(crate) mod guard;
+mod needed;
 mod objective;
 pub(crate) mod over_scenes;
 pub(crate) mod ranking;
 pub(crate) mod standing;
+mod tasks;
 
 use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
 
 use crate::problem::{Content, Entropy, Tally};
-use crate::psog::to_nats;
 use crate::targets::{CAR_WEIGHT, RangeCard};
 
 pub use bootstrap::Interval;
@@ -22,11 +23,13 @@ pub(crate) use bootstrap::bootstrap;
 pub use guard::Guard;
 pub(crate) use guard::MOST_SELF_HITS;
 pub(crate) use guard::{guards_of, reference_layout, short_sight};
-pub(crate) use objective::NEAR_GAIN;
-pub use objective::{Needed, Objective, ObjectiveError};
+pub use needed::Needed;
+pub(crate) use objective::{NEAR_GAIN, NEAR_GAINS};
+pub use objective::{Objective, ObjectiveError};
 pub(crate) use over_scenes::totals;
 pub(crate) use ranking::{kendall_tau, mean_height, spearman};
 pub(crate) use standing::Standing;
+use tasks::Tasks;
 
 /// Scores of one task, segmentation or detection, which tell classes apart differently.
 ///
@@ -62,6 +65,11 @@ pub struct Scores {
     /// sooner, and ground near the vehicle has hardly any entropy. From 0 to 1; `None` where nothing is covered or
     /// known. Chosen by what learners recognize, see `docs/evidence.md`.
     pub near_gain: Option<f64>,
+    /// Near gain where each voxel counts by the number c of LiDARs that cover it, up to two: Σ w·min(c, 2) / (2·Σ w) with
+    /// the weights w of [`Self::near_gain`]. From 0 to 1, half the near gain where no voxel is covered twice.
+    pub near_gain_2: Option<f64>,
+    /// Like [`Self::near_gain_2`] up to three: Σ w·min(c, 3) / (3·Σ w).
+    pub near_gain_3: Option<f64>,
     /// Share of the ground within 10 m of the own body with a hit close by, as
     /// [`crate::near_field::NearField::near_field`]; `None` where it was not looked for: it takes casts of its own.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -220,7 +228,7 @@ impl Scores {
         reference: Option<&Tally>,
     ) -> Self {
         let mean = |sum: u64| sum as f64 / frames as f64;
-        let Tasks { segmentation, detection, s_mig, near_gain } =
+        let Tasks { segmentation, detection, s_mig, near_gain, near_gain_2, near_gain_3 } =
             Tasks::new(tally, content, frames);
         let gained = Entropy::Classes.of(&tally.entropy);
         let unique = tally.unique.iter();
@@ -229,6 +237,8 @@ impl Scores {
             segmentation,
             s_mig,
             near_gain,
+            near_gain_2,
+            near_gain_3,
             near_field: None,
             near_ring: None,
             entropy_sum: segmentation.information_gain,
@@ -275,54 +285,6 @@ impl Scores {
     }
 }
 
-/// The scores that an objective is made of.
-#[derive(Debug, Clone, Copy)]
-struct Tasks {
-    segmentation: TaskScores,
-    detection: Option<TaskScores>,
-    s_mig: Option<f64>,
-    near_gain: Option<f64>,
-}
-
-impl Tasks {
-    fn new(tally: &Tally, content: &Content, frames: usize) -> Self {
-        let mean = |sum: u64| sum as f64 / frames as f64;
-        let gain = |kind: Entropy| to_nats(kind.of(&tally.entropy)) / frames as f64;
-        let task = |kind: Entropy| {
-            let total = to_nats(kind.of(&content.entropy_total()));
-            task_scores(gain(kind), total, mean(tally.covered), mean(tally.covered_nonzero))
-        };
-        let all = Entropy::Near.of(&content.entropy_total());
-        let gained = Entropy::Near.of(&tally.entropy) as f64 / (frames as f64 * all as f64);
-        Self {
-            segmentation: task(Entropy::Classes),
-            detection: content.has_detection().then(|| task(Entropy::Detection)),
-            s_mig: (tally.covered > 0).then(|| negated(gain(Entropy::Occupancy))),
-            near_gain: (tally.covered > 0 && all > 0).then_some(gained),
-        }
-    }
-}
-
-/// −`value`, without a minus before zero.
-fn negated(value: f64) -> f64 {
-    0.0 - value
-}
-
-fn task_scores(gain: f64, total: f64, covered: f64, nonzero: f64) -> TaskScores {
-    if covered == 0.0 {
-        return TaskScores::default();
-    }
-    let of_nonzero = |value: f64| (nonzero > 0.0).then_some(value);
-    TaskScores {
-        m_sog: Some(negated(gain / covered)),
-        m_sog_scaled: Some(negated(gain / (covered * covered))),
-        m_sog_nonzero: of_nonzero(negated(gain / nonzero)),
-        m_sog_scaled_nonzero: of_nonzero(negated(gain / (nonzero * nonzero))),
-        information_gain: Some(gain),
-        information_gain_share: (total > 0.0).then(|| gain / total),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -350,6 +312,7 @@ mod tests {
             covered: 16,
             covered_nonzero: 4,
             entropy: [3 * one, 0, 3 * half, 5],
+            near_repeated: [2, 1],
             by_class: vec![3, 1],
             unique: vec![one, 0],
             hits: 30,
@@ -369,7 +332,8 @@ mod tests {
         close(scores.s_mig, -0.75 * ln2);
         // 5 units in two frames, of 2 there are.
         close(scores.near_gain, 1.25);
-        assert!(negated(0.0).is_sign_positive());
+        close(scores.near_gain_2, 7.0 / 8.0);
+        close(scores.near_gain_3, 8.0 / 12.0);
         assert_eq!((scores.covered, scores.covered_nonzero), (8.0, 2.0));
         assert_eq!(scores.covered_by_class, [("a".into(), 1.5), ("b".into(), 0.5)]);
         assert_eq!((scores.beams, scores.hit_share), (40, Some(0.375)));

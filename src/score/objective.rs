@@ -5,8 +5,8 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use super::over_scenes::totals;
-use super::{Scores, TaskScores, Tasks};
-use crate::problem::{Content, KINDS, OccupiedVoxel, Tally};
+use super::{Guard, Scores, TaskScores, Tasks};
+use crate::problem::{Content, REPEATS, Tally};
 
 /// One score by name, of segmentation or of detection.
 #[derive(Debug, Clone, Copy)]
@@ -19,12 +19,16 @@ struct Metric {
 /// Reads a value from the scores of all tasks and of one task.
 type Getter = fn(&Tasks, &TaskScores) -> Option<f64>;
 
+/// Near gains by the number of LiDARs that a voxel counts for at most.
+pub(crate) const NEAR_GAINS: [&str; 1 + REPEATS] = ["near_gain", "near_gain_2", "near_gain_3"];
 /// Name of the default objective.
-pub(crate) const NEAR_GAIN: &str = "near_gain";
+pub(crate) const NEAR_GAIN: &str = NEAR_GAINS[0];
 
 /// Every score that a search may maximize; all are "larger is better".
-const METRICS: [(&str, Getter); 8] = [
+const METRICS: [(&str, Getter); 10] = [
     (NEAR_GAIN, |tasks, _| tasks.near_gain),
+    (NEAR_GAINS[1], |tasks, _| tasks.near_gain_2),
+    (NEAR_GAINS[2], |tasks, _| tasks.near_gain_3),
     ("information_gain", |_, task| task.information_gain),
     ("m_sog_scaled", |_, task| task.m_sog_scaled),
     ("m_sog", |_, task| task.m_sog),
@@ -34,10 +38,17 @@ const METRICS: [(&str, Getter); 8] = [
     ("s_mig", |tasks, _| tasks.s_mig),
 ];
 
+impl Metric {
+    /// True for a gain in which a voxel counts again for a second LiDAR that covers it.
+    fn is_repeated(&self) -> bool {
+        NEAR_GAINS[1..].contains(&self.name)
+    }
+}
+
 const DETECTION: &str = "detection.";
 
 /// Scores of all classes together: segmentation and detection have no values of their own.
-const OF_NO_TASK: [&str; 2] = ["near_gain", "s_mig"];
+const OF_NO_TASK: [&str; 4] = [NEAR_GAINS[0], NEAR_GAINS[1], NEAR_GAINS[2], "s_mig"];
 
 /// Weighted sum of scores, as `m_sog_scaled` or `0.5*m_sog_scaled + 0.5*detection.m_sog_scaled`.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -53,7 +64,7 @@ pub struct Objective {
 pub enum ObjectiveError {
     /// No score of that name.
     #[error(
-        "`{name}` is no score; did you mean `{nearest}`? There are {known}; all but {} also with `detection.` before them", OF_NO_TASK.join(" and ")
+        "`{name}` is no score; did you mean `{nearest}`? There are {known}; all but {} also with `detection.` before them", OF_NO_TASK.join(", ")
     )]
     UnknownMetric {
         /// Text as given.
@@ -75,22 +86,6 @@ pub enum ObjectiveError {
         /// Text as given.
         weight: String,
     },
-}
-
-/// Sums over covered voxels that an objective needs, beside the number of occupied ones.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Needed {
-    /// True if empty voxels count.
-    pub empty: bool,
-    /// Kinds of information whose sums count.
-    pub entropies: [bool; KINDS],
-}
-
-impl Needed {
-    /// The sums of every kind, with or without empty voxels.
-    pub fn all(empty: bool) -> Self {
-        Self { empty, entropies: [true; KINDS] }
-    }
 }
 
 impl Default for Objective {
@@ -171,8 +166,7 @@ impl std::fmt::Display for Objective {
 impl Objective {
     /// The objective's value; `None` where a score it needs does not exist.
     pub fn value(&self, scores: &Scores) -> Option<f64> {
-        let Scores { segmentation, detection, s_mig, near_gain, .. } = *scores;
-        self.value_of(&Tasks { segmentation, detection, s_mig, near_gain })
+        self.value_of(&Tasks::of(scores))
     }
 
     /// The value of a placement of which only the sums over covered voxels are known: the same number
@@ -226,36 +220,40 @@ impl Objective {
         self.value_of_tally(&all, content, 1).is_some()
     }
 
-    /// The sums over covered voxels that the objective depends on.
-    pub fn needed(&self) -> Needed {
-        let least =
-            Tally { covered: 1, covered_nonzero: 1, entropy: [1 << 28; KINDS], ..Tally::default() };
-        let occupied = vec![OccupiedVoxel { index: 0, entropy: [1 << 28; KINDS] }];
-        let content = Content::new(Vec::new(), occupied, &[], true);
-        let differs = |change: &dyn Fn(&mut Tally)| {
-            let mut other = least.clone();
-            change(&mut other);
-            let [one, other] =
-                [&least, &other].map(|tally| self.value_of_tally(tally, &content, 1));
-            one != other
-        };
-        Needed {
-            empty: differs(&|tally| tally.covered += 1),
-            entropies: std::array::from_fn(|kind| differs(&|tally| tally.entropy[kind] += 1 << 28)),
-        }
-    }
-
-    /// True if the objective is a positive multiple of gains alone: a sum over covered voxels, monotone and submodular
-    /// in the set of sensors.
+    /// True if the objective is a positive multiple of gains alone: a sum over voxels of a concave function, the same for
+    /// all up to its weight, of the number of LiDARs that cover the voxel; monotone and submodular in the set of sensors.
     pub fn is_information_gain(&self) -> bool {
         const GAINS: [&str; 3] = ["information_gain", "information_gain_share", NEAR_GAIN];
-        let gain = |metric: &Metric| GAINS.contains(&metric.name);
+        let gain = |metric: &Metric| GAINS.contains(&metric.name) || metric.is_repeated();
         self.terms.iter().all(|(weight, metric)| *weight > 0.0 && gain(metric))
     }
 
     /// True if the weight of a voxel depends on its position.
     pub fn weighs_place(&self) -> bool {
-        self.terms.iter().any(|(_, metric)| metric.name == NEAR_GAIN)
+        self.near_most().is_some()
+    }
+
+    /// Fewest LiDARs that a voxel counts for at most in the near gains that the objective names; `None` where it names
+    /// none.
+    pub fn near_most(&self) -> Option<usize> {
+        let most = |metric: &Metric| NEAR_GAINS.iter().position(|name| *name == metric.name);
+        self.terms.iter().filter_map(|(_, metric)| most(metric)).min().map(|place| place + 1)
+    }
+
+    /// True if voxels count again for a second LiDAR that covers them.
+    pub fn wants_redundancy(&self) -> bool {
+        self.terms.iter().any(|(weight, metric)| *weight > 0.0 && metric.is_repeated())
+    }
+
+    /// Guards of a placement that count against it: a LiDAR that alone gains little is no fault where voxels are to be
+    /// covered by several.
+    pub fn guards_against(&self, scores: &Scores) -> usize {
+        scores.guards.iter().filter(|guard| self.is_against(guard)).count()
+    }
+
+    /// True if a guard counts against a placement.
+    pub fn is_against(&self, guard: &Guard) -> bool {
+        !(self.wants_redundancy() && guard.is_of_redundancy())
     }
 
     /// True if a detection target is needed.
@@ -267,7 +265,7 @@ impl Objective {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::problem::{Content, Tally};
+    use crate::problem::{Content, KINDS, OccupiedVoxel, Tally};
 
     #[test]
     fn the_default_is_the_near_gain() {
@@ -277,6 +275,8 @@ mod tests {
         assert_eq!(serde_json::from_str::<Objective>(&json).unwrap(), Objective::default());
         assert!(Objective::default().is_information_gain());
         assert!(serde_json::from_str::<Objective>("\"gain\"").is_err());
+        assert!(!Objective::default().wants_redundancy());
+        assert!("near_gain + near_gain_2".parse::<Objective>().unwrap().wants_redundancy());
         let refused = "detection.near_gain".parse::<Objective>().unwrap_err().to_string();
         assert_eq!(
             refused,
@@ -291,6 +291,7 @@ mod tests {
             covered: 10,
             covered_nonzero: 4,
             entropy: [40 << 28, 20 << 28, 0, 0],
+            near_repeated: [0; REPEATS],
             by_class: vec![0],
             unique: vec![0],
             hits: 0,
@@ -328,30 +329,22 @@ mod tests {
     }
 
     #[test]
-    fn what_an_objective_needs() {
-        let objective = |text: &str| text.parse::<Objective>().unwrap();
-        for (text, all_covered, gain) in [
-            ("m_sog_scaled", true, false),
-            ("detection.m_sog", true, false),
-            ("m_sog_nonzero", false, false),
-            ("s_mig", false, false),
-            ("near_gain", false, true),
-            ("information_gain", false, true),
-            ("0.5*information_gain_share + 2*detection.information_gain", false, true),
-            ("-1*information_gain", false, false),
-            ("information_gain + m_sog", true, false),
-            ("near_gain + information_gain_share + m_sog", true, false),
-        ] {
-            assert_eq!(objective(text).needed().empty, all_covered, "{text}");
-            assert_eq!(objective(text).is_information_gain(), gain, "{text}");
-        }
-    }
-
-    #[test]
     fn unknown_names_are_answered_with_the_nearest() {
         let error = "m_sog_scald".parse::<Objective>().unwrap_err().to_string();
         assert!(error.contains("did you mean `m_sog_scaled`?"), "{error}");
-        assert!(error.contains("all but near_gain and s_mig also with `detection.`"), "{error}");
+        assert!(
+            error.contains(
+                "all but near_gain, near_gain_2, near_gain_3, s_mig also with `detection.`"
+            ),
+            "{error}"
+        );
+        let error = "near_gain_4".parse::<Objective>().unwrap_err().to_string();
+        assert!(
+            error.contains("near_gain, near_gain_2, near_gain_3, information_gain,"),
+            "{error}"
+        );
+        let error = "detection.near_gain_2".parse::<Objective>().unwrap_err().to_string();
+        assert!(error.ends_with("write `near_gain_2`"), "{error}");
         let error = "much*m_sog".parse::<Objective>().unwrap_err();
         assert_eq!(error, ObjectiveError::BadWeight { weight: "much".into() });
     }

@@ -57,6 +57,8 @@ impl Tasks {
             detection: detection.map(|scenes| TaskScores::over_scenes(&scenes)),
             s_mig: mean_of_sums(scenes.iter().map(|(tasks, _)| tasks.s_mig)),
             near_gain: mean_of_sums(scenes.iter().map(|(tasks, _)| tasks.near_gain)),
+            near_gain_2: mean_of_sums(scenes.iter().map(|(tasks, _)| tasks.near_gain_2)),
+            near_gain_3: mean_of_sums(scenes.iter().map(|(tasks, _)| tasks.near_gain_3)),
         }
     }
 }
@@ -75,11 +77,8 @@ impl Scores {
         if others.is_empty() {
             return (*first).clone();
         }
-        let tasks = |&(_, scores, totals): &(&str, &Scores, [f64; 2])| {
-            let Scores { segmentation, detection, s_mig, near_gain, .. } = *scores;
-            (Tasks { segmentation, detection, s_mig, near_gain }, totals)
-        };
-        let Tasks { segmentation, detection, s_mig, near_gain } =
+        let tasks = |&(_, scores, totals): &(&str, &Scores, [f64; 2])| (Tasks::of(scores), totals);
+        let Tasks { segmentation, detection, s_mig, near_gain, near_gain_2, near_gain_3 } =
             Tasks::over_scenes(&scenes.iter().map(tasks).collect::<Vec<_>>());
         let count = scenes.len() as f64;
         let plain = |of: fn(&Scores) -> f64| scenes.iter().map(|s| of(s.1)).sum::<f64>() / count;
@@ -91,6 +90,8 @@ impl Scores {
             segmentation,
             s_mig,
             near_gain,
+            near_gain_2,
+            near_gain_3,
             near_field: None,
             near_ring: None,
             entropy_sum: segmentation.information_gain,

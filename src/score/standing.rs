@@ -28,7 +28,7 @@ impl Standing {
     pub fn of(scores: &Scores, objective: &Objective) -> Self {
         Self {
             violation: scores.missing(),
-            guards: scores.guards.len(),
+            guards: objective.guards_against(scores),
             value: objective.value(scores),
             blind: scores.blindness(),
         }
@@ -89,6 +89,19 @@ impl Standing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::score::Guard;
+
+    #[test]
+    fn a_redundant_lidar_counts_against_a_placement_unless_it_is_wanted() {
+        let redundant = |lidar| Guard::RedundantLidar { lidar, share: 0.001 };
+        let elsewhere = Guard::InScene { scene: "street".into(), guard: Box::new(redundant(1)) };
+        let guards = vec![Guard::CoversNothing, redundant(0), elsewhere];
+        let scores = Scores { guards, ..Scores::default() };
+        for (text, guards) in [("near_gain", 3), ("near_gain_2", 1), ("m_sog + near_gain_3", 1)] {
+            let objective: Objective = text.parse().unwrap();
+            assert_eq!(Standing::of(&scores, &objective).guards, guards, "{text}");
+        }
+    }
 
     #[test]
     fn rules_rank_before_guards_before_the_objective() {

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::atlas::{Atlas, Union};
 use super::evaluator::Evaluator;
 use crate::engine::BackendError;
-use crate::problem::{Content, KINDS, Tally};
+use crate::problem::{Content, KINDS, REPEATS, Tally};
 use crate::score::{Needed, Objective};
 use crate::targets::{Sight, SightBeams};
 use crate::vehicle::{PoseGrid, UnknownSensor};
@@ -25,6 +25,15 @@ pub struct Atlases {
     /// Targets that a search looks for, and the beams on them of every pose held so far.
     sight: Option<Arc<Sight>>,
     targets: HashMap<u32, SightBeams>,
+}
+
+/// Growth of a gain with each fixed-point unit that a scene's sums grow by; 0 where the gain does not exist.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Units {
+    /// By kind of information, for voxels that no LiDAR covered before.
+    pub once: [f64; KINDS],
+    /// Of near information, for voxels that one LiDAR, and two, covered before.
+    pub repeated: [f64; REPEATS],
 }
 
 /// Union of held poses: coverage in each scene, and the poses themselves.
@@ -171,21 +180,25 @@ impl Atlases {
             / self.each.len() as f64
     }
 
-    /// Growth of an information gain with each fixed-point unit of the kinds of information, in each scene:
-    /// (objective of a sum of 2⁴⁰ units) / 2⁴⁰; 0 where it does not exist.
-    pub(super) fn worth_units(&self, objective: &Objective) -> Vec<[f64; KINDS]> {
-        let unit = |scene: usize, kind: usize| {
+    /// Growth of a gain with each fixed-point unit in each scene: (objective of a sum of 2⁴⁰ units) / 2⁴⁰.
+    pub(super) fn worth_units(&self, objective: &Objective) -> Vec<Units> {
+        let unit = |scene: usize, grown: &dyn Fn(&mut Tally)| {
             let tallies = (0..self.each.len()).map(|index| {
                 let mut tally = Tally { covered: 1, covered_nonzero: 1, ..Tally::default() };
                 if index == scene {
-                    tally.entropy[kind] = UNITS;
+                    grown(&mut tally);
                 }
                 with_content(tally, &self.each[index])
             });
             objective.value_over_scenes(tallies).unwrap_or(0.0) / UNITS as f64
         };
-        let kinds = |scene| std::array::from_fn(|kind| unit(scene, kind));
-        (0..self.each.len()).map(kinds).collect()
+        let units = |scene| Units {
+            once: std::array::from_fn(|kind| unit(scene, &|tally| tally.entropy[kind] = UNITS)),
+            repeated: std::array::from_fn(|level| {
+                unit(scene, &|tally| tally.near_repeated[level] = UNITS)
+            }),
+        };
+        (0..self.each.len()).map(units).collect()
     }
 
     /// Like [`Atlas::occupied_of`], scene after scene.

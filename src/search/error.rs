@@ -31,8 +31,8 @@ pub enum SearchError {
     },
     /// Equipment is chosen by a sum over voxels only.
     #[error(
-        "models and numbers of sensors are chosen by near_gain or information_gain, not by `{objective}`: only a gain \
-         grows with every sensor; leave --objective out, or give each mount one model and one count"
+        "models and numbers of sensors are chosen by near_gain, near_gain_2, near_gain_3 or information_gain, not by \
+         `{objective}`: only a gain grows with every sensor; leave --objective out, or give each mount one model and one count"
     )]
     NotForEquipment {
         /// The objective.

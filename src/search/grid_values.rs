@@ -5,9 +5,8 @@ use rayon::prelude::*;
 use super::error::SearchError;
 use super::evaluator::Evaluator;
 use super::grid_search::GridSearch;
-use crate::problem::KINDS;
 use crate::search::atlas::POSES_AT_ONCE;
-use crate::search::atlases::Unions;
+use crate::search::atlases::{Unions, Units};
 
 /// Bytes of bitmaps that are read between two questions whether to go on: less than a second's, and few in the tests of
 /// this crate.
@@ -123,7 +122,7 @@ impl GridSearch {
     }
 
     /// See [`Atlases::worth_units`].
-    pub(super) fn worth_units(&self) -> Vec<[f64; KINDS]> {
+    pub(super) fn worth_units(&self) -> Vec<Units> {
         self.atlas.worth_units(&self.objective)
     }
 

@@ -80,6 +80,7 @@ impl<'a> Choice<'a> {
             covered: tally.covered,
             covered_nonzero: tally.covered_nonzero,
             entropy: tally.entropy,
+            near_repeated: tally.near_repeated,
             ..Tally::default()
         };
         let of_frame = |frame: &Vec<Tally>| frame.iter().map(sums_alone).collect();
@@ -273,22 +274,27 @@ mod tests {
     use super::*;
     use crate::bvh::Bvh;
     use crate::geom::TriangleSoup;
-    use crate::problem::{Content, Problem, Task};
+    use crate::problem::{Content, KINDS, OccupiedVoxel, Problem, Task};
     use crate::psog::Roi;
     use crate::vehicle::{BeamTable, Placement};
 
     /// A pilot whose gains by frame and placement are given; each placement covers ten voxels.
     fn pilot(gains: &[&[u64]]) -> Pilot {
+        pilot_of(gains, |gain| Tally { entropy: [gain, 0, 0, 0], ..Tally::default() })
+    }
+
+    /// Like [`pilot`], with the sums of a gain.
+    fn pilot_of(gains: &[&[u64]], sums: fn(u64) -> Tally) -> Pilot {
         let roi = Roi::new([0.0; 3], [1.0; 3], [4, 4, 4]).unwrap();
         let table =
             BeamTable::from_directions(std::iter::once([1.0, 0.0, 0.0].into()), 10.0).unwrap();
         let tree = Arc::new(Bvh::build(&TriangleSoup::default(), 10.0));
-        let content = Content::new(vec![], vec![], &[], false);
+        let occupied = vec![OccupiedVoxel { index: 0, entropy: [1 << 28; KINDS] }];
+        let content = Content::new(vec![], occupied, &[], false);
         let frames = vec![tree; gains.len()];
         let problem = Arc::new(Problem::from(Task::new(roi, content, table, frames, true)));
         let placement = |k| Placement { name: format!("p{k}"), lidars: vec![] };
-        let tally =
-            |&gain: &u64| Tally { covered: 10, entropy: [gain << 28, 0, 0, 0], ..Tally::default() };
+        let tally = |&gain: &u64| Tally { covered: 10, ..sums(gain << 28) };
         Pilot {
             suite: problem.into(),
             placements: (0..gains[0].len()).map(placement).collect(),
@@ -305,6 +311,11 @@ mod tests {
         assert_eq!(frames[0], [2]);
         assert!(levels[0].error.unwrap() < 1e-9, "{levels:?}");
         assert_eq!(frames[2], [0, 1, 2, 3]);
+        // Or where they are gains of what two LiDARs see.
+        let twice = |gain| Tally { near_repeated: [gain, 0], ..Tally::default() };
+        let levels = pilot_of(&gains, twice).levels(&"near_gain_2".parse().unwrap(), 0.01);
+        assert_eq!(levels[0].frames, [2]);
+        assert!(levels[0].error.unwrap() < 1e-9, "{levels:?}");
         // Where no frame alone will do, two are taken: here these balance each other.
         let gains: [&[u64]; 4] = [&[1, 9], &[9, 1], &[0, 9], &[11, 2]];
         let levels = pilot(&gains).levels(&"information_gain".parse().unwrap(), 0.01);

@@ -32,13 +32,17 @@ pub struct Scored {
 }
 
 impl Scored {
-    /// A placement with its scores, its value by an objective, and the rules that it breaks.
+    /// A placement with its scores, its value by an objective, and the rules that it breaks. Guards that do not count
+    /// against it by the objective are left out.
     pub fn new(
         placement: &Placement,
-        judged: Judged,
+        mut judged: Judged,
         objective: &Objective,
         constraints: &Constraints,
     ) -> Self {
+        let each = judged.by_scene.iter_mut().map(|scene| &mut scene.scores);
+        each.chain([&mut judged.scores])
+            .for_each(|scores| scores.guards.retain(|guard| objective.is_against(guard)));
         Self {
             objective: objective.value(&judged.scores),
             violations: constraints.violations(placement).iter().map(ToString::to_string).collect(),
@@ -225,4 +229,25 @@ pub struct Outcome {
     pub backend_changes: Vec<String>,
     /// Wall times of this sitting.
     pub times: SearchTimes,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_redundant_lidar_is_no_warning_where_redundancy_is_wanted() {
+        let guards = vec![Guard::RedundantLidar { lidar: 0, share: 0.001 }, Guard::CoversNothing];
+        let scores = Scores { guards, ..Scores::default() };
+        let scene = SceneScores { scene: "street".into(), scores: scores.clone() };
+        let judged = Judged { scores, by_scene: vec![scene] };
+        for (objective, left) in [("near_gain", 2), ("near_gain_2", 1)] {
+            let objective: Objective = objective.parse().unwrap();
+            let rules = Constraints::default();
+            let placement = Placement { name: "none".into(), lidars: vec![] };
+            let scored = Scored::new(&placement, judged.clone(), &objective, &rules);
+            let guards = [&scored.scores, &scored.by_scene[0].scores].map(|s| s.guards.len());
+            assert_eq!((guards, scored.is_honest()), ([left; 2], false));
+        }
+    }
 }

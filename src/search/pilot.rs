@@ -64,14 +64,17 @@ impl Pilot {
     }
 
     /// Shares of the information of a kind that a placement gains in each frame, `[scenes][frames]`; those of a
-    /// mirror image are averaged with its original's.
-    pub fn gain_shares(&self, index: usize, kind: Entropy) -> Vec<Vec<f64>> {
+    /// mirror image are averaged with its original's. Near voxels count for up to `most` LiDARs.
+    pub fn gain_shares(&self, index: usize, (kind, most): (Entropy, usize)) -> Vec<Vec<f64>> {
         let mut shares: Vec<Vec<f64>> = vec![Vec::new(); self.suite.scene_count()];
         let mut images = vec![0.0; shares.len()];
         for (member, range) in self.suite.members().iter().zip(self.suite.frame_ranges()) {
             let total = kind.of(&member.problem().content().entropy_total()).max(1) as f64;
-            let gains =
-                range.map(|frame| kind.of(&self.by_frame[frame][index].entropy) as f64 / total);
+            let gain = |tally: &Tally| {
+                kind.of(&tally.entropy) + tally.near_repeated[..most - 1].iter().sum::<u64>()
+            };
+            let all = most as f64 * total;
+            let gains = range.map(|frame| gain(&self.by_frame[frame][index]) as f64 / all);
             let (sums, scene) = (&mut shares[member.scene()], member.scene());
             sums.resize(gains.len(), 0.0);
             sums.iter_mut().zip(gains).for_each(|(sum, gain)| *sum += gain);

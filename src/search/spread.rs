@@ -19,19 +19,32 @@ pub enum Gain {
     /// The near gain.
     #[serde(rename = "near_gain")]
     Near,
+    /// The near gain where a voxel counts for up to two LiDARs.
+    #[serde(rename = "near_gain_2")]
+    NearTwice,
+    /// The near gain where a voxel counts for up to three LiDARs.
+    #[serde(rename = "near_gain_3")]
+    NearThrice,
 }
 
 impl Gain {
-    /// The near gain where an objective holds it, the information gain otherwise.
+    /// The near gain of fewest LiDARs that an objective holds, the information gain where it holds none.
     pub(super) fn of(objective: &Objective) -> Self {
-        if objective.weighs_place() { Self::Near } else { Self::Information }
+        match objective.near_most() {
+            None => Self::Information,
+            Some(1) => Self::Near,
+            Some(2) => Self::NearTwice,
+            Some(_) => Self::NearThrice,
+        }
     }
 
-    /// Its kind of information.
-    pub(super) fn kind(self) -> Entropy {
+    /// Its kind of information, and the number of LiDARs that a voxel counts for at most.
+    pub(super) fn kind(self) -> (Entropy, usize) {
         match self {
-            Self::Information => Entropy::Classes,
-            Self::Near => Entropy::Near,
+            Self::Information => (Entropy::Classes, 1),
+            Self::Near => (Entropy::Near, 1),
+            Self::NearTwice => (Entropy::Near, 2),
+            Self::NearThrice => (Entropy::Near, 3),
         }
     }
 }
@@ -103,6 +116,12 @@ fn words(
     let what = match gain {
         Gain::Information => format!("it gains {mean} % of the information more than {baseline}"),
         Gain::Near => format!("its near gain is {mean} percentage points above that of {baseline}"),
+        Gain::NearTwice => {
+            format!("its near gain seen twice is {mean} percentage points above that of {baseline}")
+        }
+        Gain::NearThrice => format!(
+            "its near gain seen three times is {mean} percentage points above that of {baseline}"
+        ),
     };
     format!(
         "Over {scenes} scenes {what} (95 % interval {low} to {high}, scenes and frames resampled; above 0 in \

@@ -45,6 +45,10 @@ fn reduce_occupied(maps: &[&[u64]], content: &Content, tally: &mut Tally) {
         for (sum, entropy) in tally.entropy.iter_mut().zip(voxel.entropy) {
             *sum += u64::from(entropy);
         }
+        let near = u64::from(Entropy::Near.of(&voxel.entropy));
+        for (sum, _) in tally.near_repeated.iter_mut().zip(2..=times) {
+            *sum += near;
+        }
         if times == 1 {
             tally.unique[last] += u64::from(Entropy::Classes.of(&voxel.entropy));
         }
@@ -152,25 +156,29 @@ pub fn take_sums(bitmaps: &mut [u64], words: usize, index: &EntropyIndex, tally:
 ))]
 fn add_block(maps: &[&[u64]], block: usize, index: &EntropyIndex, tally: &mut Tally) {
     let len = maps.first().map_or(0, |map| map.len().min(BLOCK));
-    let (mut any, mut twice) = ([0_u64; BLOCK], [0_u64; BLOCK]);
+    let (mut any, mut twice, mut thrice) = ([0_u64; BLOCK], [0_u64; BLOCK], [0_u64; BLOCK]);
     for map in maps {
         let map = &map[..len];
         for i in 0..len {
+            thrice[i] |= twice[i] & map[i];
             twice[i] |= any[i] & map[i];
             any[i] |= map[i];
         }
     }
     tally.covered += any[..len].iter().map(|word| u64::from(word.count_ones())).sum::<u64>();
-    let mut entropy = [0_u64; KINDS];
+    // Near information of the voxels that one sensor covers, and exactly two.
+    let (mut entropy, mut near_once, mut near_twice) = ([0_u64; KINDS], 0, 0);
     for word in index.occupied.of_block(block) {
         let at = word.index as usize % BLOCK;
-        let mut bits = any[at] & word.mask;
+        let (mut bits, two) = (any[at] & word.mask, twice[at] & !thrice[at]);
         tally.covered_nonzero += u64::from(bits.count_ones());
         while bits != 0 {
             let of_voxel = index.entropy[rank(word, bits)];
             for kind in 0..KINDS {
                 entropy[kind] += u64::from(of_voxel[kind]);
             }
+            let is_two = two >> bits.trailing_zeros() & 1;
+            near_twice += u64::from(Entropy::Near.of(&of_voxel)) & is_two.wrapping_neg();
             bits &= bits - 1;
         }
         let once = any[at] & !twice[at] & word.mask;
@@ -178,7 +186,9 @@ fn add_block(maps: &[&[u64]], block: usize, index: &EntropyIndex, tally: &mut Ta
             for (map, sum) in maps.iter().zip(&mut tally.unique) {
                 let (mut bits, mut unique) = (map[at] & once, 0);
                 while bits != 0 {
-                    unique += u64::from(Entropy::Classes.of(&index.entropy[rank(word, bits)]));
+                    let of_voxel = &index.entropy[rank(word, bits)];
+                    unique += u64::from(Entropy::Classes.of(of_voxel));
+                    near_once += u64::from(Entropy::Near.of(of_voxel));
                     bits &= bits - 1;
                 }
                 *sum += unique;
@@ -186,6 +196,9 @@ fn add_block(maps: &[&[u64]], block: usize, index: &EntropyIndex, tally: &mut Ta
         }
     }
     tally.entropy.iter_mut().zip(entropy).for_each(|(sum, entropy)| *sum += entropy);
+    let several = Entropy::Near.of(&entropy) - near_once;
+    tally.near_repeated[0] += several;
+    tally.near_repeated[1] += several - near_twice;
     for (class, count) in index.classes.iter().zip(&mut tally.by_class) {
         for word in class.of_block(block) {
             let covered = any[word.index as usize % BLOCK] & word.mask;

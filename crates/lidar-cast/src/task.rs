@@ -15,8 +15,8 @@ use crate::grid::Roi;
 use crate::sensor::Sensors;
 
 pub use batch::{
-    DevicePose, Entropy, HIT_PUSH, KINDS, NO_CROSSING, OccupiedVoxel, SensorBatch, TINY_COMPONENT,
-    beam_direction, beam_origin,
+    DevicePose, Entropy, HIT_PUSH, KINDS, NO_CROSSING, OccupiedVoxel, REPEATS, SensorBatch,
+    TINY_COMPONENT, beam_direction, beam_origin,
 };
 pub use content::{Content, RequiredArea, Requirement, StageTimes, Tally};
 pub use world::{Frame, Instance, World};

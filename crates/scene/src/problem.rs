@@ -11,8 +11,8 @@ use lidar_cast::memory::OutOfMemory;
 pub use assemble::{content_of, ground_triangles, own_bodies, world_of, world_of_parts};
 pub use lidar_cast::task::{
     Air, Content, DevicePose, Entropy, Frame, HIT_PUSH, Instance, KINDS, Modelled, OccupiedVoxel,
-    RequiredArea, Requirement, SensorBatch, StageTimes, Tally, Task, World, beam_direction,
-    beam_origin, spread,
+    REPEATS, RequiredArea, Requirement, SensorBatch, StageTimes, Tally, Task, World,
+    beam_direction, beam_origin, spread,
 };
 
 /// Error of parts that make no problem.

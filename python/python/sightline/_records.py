@@ -24,7 +24,8 @@ class Scores:
 
     ``scores["near_gain"]`` is an array ``[N]``; ``NaN`` where a placement has no such score. Two columns have
     more axes: ``covered_by_class`` ``[N, classes]`` and ``unique_share`` ``[N, L]``, ``NaN`` beyond a placement's own
-    LiDARs. Names and meaning are those of ``sightline score --format json``.
+    LiDARs. ``near_gain_2`` and ``near_gain_3`` count each voxel for up to two and three LiDARs that cover it. Names and
+    meaning are those of ``sightline score --format json``.
     """
 
     __slots__ = ("classes", "columns", "guards", "names")

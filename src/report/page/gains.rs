@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::figures::Figures;
 use super::parts::{bar, table, text};
-use super::scores::NEAR_GAIN;
+use super::scores::near_gain;
 use super::subject::Subject;
 use crate::report::ScoreColumn;
 use crate::report::view::sight::Part;
@@ -23,8 +23,8 @@ pub(super) fn gains(subject: &Subject<'_>, figures: &Figures) -> Markup {
                 " frame(s)"
                 @if let Some(name) = rival { "; the mark on a bar is " (name) ", the best baseline" }
                 ". A voxel in which several classes occur counts with the rarest of them."
-                @if ScoreColumn::argued(subject.objective) == ScoreColumn::NearGain {
-                    " The near gain weighs this information: it is " (NEAR_GAIN) "."
+                @if let Some(meaning) = near_gain(ScoreColumn::argued(subject.objective)) {
+                    " The near gain weighs this information: it is " (meaning) "."
                 }
             }
             @for view in &figures.views {

@@ -44,8 +44,8 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
             section aria-labelledby="against" {
                 h2 #against { "Against every baseline" }
                 p {
-                    @if column == ScoreColumn::NearGain {
-                        "Near gain (" (NEAR_GAIN) "), in per cent of what "
+                    @if let Some(meaning) = near_gain(column) {
+                        "Near gain (" (meaning) "), in per cent of what "
                     } @else {
                         "Information gained, in per cent of what "
                     }
@@ -69,8 +69,19 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
 }
 
 /// Meaning of the near gain.
-pub(super) const NEAR_GAIN: &str = "the information gained where what is farther than 10 m from the vehicle counts for \
+const NEAR_GAIN: &str = "the information gained where what is farther than 10 m from the vehicle counts for \
                                     less, by its distance, and the ground within 10 m for a fifth by itself";
+
+/// Meaning of a near gain; `None` of another score.
+pub(super) fn near_gain(column: ScoreColumn) -> Option<String> {
+    let times = match column {
+        ScoreColumn::NearGain => return Some(NEAR_GAIN.to_owned()),
+        ScoreColumn::NearGain2 => "two",
+        ScoreColumn::NearGain3 => "three",
+        _ => return None,
+    };
+    Some(format!("{NEAR_GAIN}; each voxel counts for every LiDAR that covers it, up to {times}"))
+}
 
 /// Violated guards and broken rules of the result and the baselines.
 pub(super) fn guards(subject: &Subject<'_>) -> Markup {
@@ -97,8 +108,9 @@ pub(super) fn guards(subject: &Subject<'_>) -> Markup {
 /// Every score of the result and the baselines, a row each.
 pub(super) fn scores(subject: &Subject<'_>) -> Markup {
     let all = || subject.result.into_iter().chain(subject.baselines);
-    let columns = ScoreColumn::shown(all().map(|scored| &scored.scores));
+    let columns = ScoreColumn::shown(all().map(|scored| &scored.scores), subject.objective);
     let mut titles: Vec<&str> = columns.iter().map(|column| column.title()).collect();
+    let argued = ScoreColumn::argued(subject.objective);
     titles.push("objective");
     let row = |(scored, is_best): (&Scored, bool)| {
         let mut cells: Vec<Markup> =
@@ -116,7 +128,7 @@ pub(super) fn scores(subject: &Subject<'_>) -> Markup {
             p.small {
                 "Scores are means over frames; larger is better. The gain is ΣH over covered voxels, in nats: \
                  the more of what changes in the scene the beams reach, the larger it is. Near gain is "
-                (NEAR_GAIN) ". M-SOG is the negative mean of the gain, −(1/N)·ΣH, and can be raised by looking at \
+                (near_gain(argued).unwrap_or_else(|| NEAR_GAIN.to_owned())) ". M-SOG is the negative mean of the gain, −(1/N)·ΣH, and can be raised by looking at \
                  what never changes. The objective is " code { (subject.objective) } "."
             }
         }
@@ -138,7 +150,7 @@ pub(super) fn scenes(subject: &Subject<'_>) -> Markup {
     html! {
         section aria-labelledby="scenes" {
             h2 #scenes { "Scene by scene" }
-            @if column == ScoreColumn::NearGain {
+            @if near_gain(column).is_some() {
                 (table("Near gain in each scene", &titles, &rows))
             } @else {
                 (table("Share of each scene's information that is gained", &titles, &rows))

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use crate::cover::BitOrder;
 use crate::engine::{Backend, BackendError};
-use crate::problem::{KINDS, Problem, Tally};
+use crate::problem::{KINDS, Problem, REPEATS, Tally};
 use crate::score::Needed;
 use crate::vehicle::PoseGrid;
 pub(crate) use areas::AreaBits;
@@ -35,6 +35,8 @@ pub struct Atlas {
     problem: Arc<Problem>,
     grid: PoseGrid,
     order: LevelOrder,
+    /// Levels of repeated coverage that unions keep, see [`Needed::repeats`].
+    repeats: usize,
     areas: AreaBits,
     /// Map to level order from the bit order of the engine that cast last.
     to_levels: Option<ToLevels>,
@@ -76,8 +78,9 @@ impl Page {
 /// The union of some sensors' coverage, to which others are added.
 #[derive(Debug, Clone, Default)]
 pub struct Union {
-    /// Occupied voxels, laid out as in a `Page`.
-    occupied: Vec<u64>,
+    /// Occupied voxels that at least one pose covers, then those that two and three do where that counts; each laid out as
+    /// in a `Page`.
+    occupied: [Vec<u64>; 1 + REPEATS],
     empty: Vec<u64>,
     /// Bits set in `empty`.
     empty_count: u64,
@@ -101,6 +104,7 @@ impl Atlas {
             problem,
             grid,
             order,
+            repeats: needed.repeats,
             areas,
             to_levels: None,
             empty_order: None,
@@ -266,16 +270,17 @@ impl Atlas {
     pub fn union(&self, poses: &[u32], union: &mut Union) {
         let pages: Vec<&Page> = poses.iter().map(|&pose| self.page(pose)).collect();
         let frames = self.problem.frame_count();
-        union.occupied.resize(frames * self.order.words(), 0);
-        let blocks = union.occupied.par_chunks_mut(UNION_WORDS).enumerate();
-        blocks.for_each(|(block, words)| {
+        let mut blocks: Vec<Vec<&mut [u64]>> = Vec::new();
+        blocks.resize_with((frames * self.order.words()).div_ceil(UNION_WORDS), Vec::new);
+        for level in &mut union.occupied[..=self.repeats] {
+            level.resize(frames * self.order.words(), 0);
+            let parts = level.chunks_mut(UNION_WORDS);
+            blocks.iter_mut().zip(parts).for_each(|(block, part)| block.push(part));
+        }
+        blocks.par_iter_mut().enumerate().for_each(|(block, levels)| {
+            levels.iter_mut().for_each(|level| level.fill(0));
             let first = block * UNION_WORDS;
-            words.fill(0);
-            for page in &pages {
-                for (or, word) in words.iter_mut().zip(&page.occupied[first..]) {
-                    *or |= word;
-                }
-            }
+            pages.iter().for_each(|page| add_page(levels, &page.occupied[first..]));
         });
         union.areas.clear();
         union.areas.resize(frames * self.areas.words(), 0);
@@ -316,8 +321,14 @@ impl Atlas {
         let each = self.order.words().max(1);
         let mut tally = Tally::default();
         let page = self.page(pose);
-        for (a, b) in union.occupied.chunks(each).zip(page.occupied.chunks(each)) {
+        for (a, b) in union.occupied[0].chunks(each).zip(page.occupied.chunks(each)) {
             self.order.add_union(a, b, &mut tally);
+        }
+        for (level, sum) in tally.near_repeated[..self.repeats].iter_mut().enumerate() {
+            let [below, own] = [0, 1].map(|above| union.occupied[level + above].chunks(each));
+            for ((own, below), page) in own.zip(below).zip(page.occupied.chunks(each)) {
+                *sum += self.order.near_of(own, below, page);
+            }
         }
         if self.empty_words == 0 {
             tally.covered = u64::from(tally.covered_nonzero > 0);
@@ -328,6 +339,19 @@ impl Atlas {
             tally.covered += b.count_beyond(a);
         }
         tally
+    }
+}
+
+/// Adds a pose's words to those of unions: the lowest level holds what any pose covers, each other one what covers the
+/// level below once more.
+fn add_page(levels: &mut [&mut [u64]], page: &[u64]) {
+    for level in (1..levels.len()).rev() {
+        let (below, own) = levels.split_at_mut(level);
+        let both = below[level - 1].iter().zip(page).map(|(below, word)| below & word);
+        own[0].iter_mut().zip(both).for_each(|(or, word)| *or |= word);
+    }
+    for (or, word) in levels[0].iter_mut().zip(page) {
+        *or |= word;
     }
 }
 

@@ -6,7 +6,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use crate::cover::{BitOrder, Ranks};
-use crate::problem::{Content, KINDS, Tally};
+use crate::problem::{Content, Entropy, KINDS, Tally};
 
 /// Voxels of equal entropy from which on they get words of their own. Fewer would waste most of a word.
 const LEAST_LEVEL: usize = 24;
@@ -103,6 +103,22 @@ impl LevelOrder {
         entropies
     }
 
+    /// Near information of the bits set in `own`, or both in `below` and `page`, all in this order.
+    pub fn near_of(&self, own: &[u64], below: &[u64], page: &[u64]) -> u64 {
+        let near = Entropy::Near.of(&self.entropies.each_ref());
+        let mut sum = near_of_words(near, own, below, page);
+        let (own, below, page) = (&own[near.len()..], &below[near.len()..], &page[near.len()..]);
+        let words = own.iter().zip(below).zip(page).zip(self.mixed_entropies.chunks(64));
+        for (((own, below), page), entropies) in words {
+            let mut left = own | (below & page);
+            while left != 0 {
+                sum += u64::from(Entropy::Near.of(&entropies[left.trailing_zeros() as usize]));
+                left &= left - 1;
+            }
+        }
+        sum
+    }
+
     /// Adds the sums over the bits set in `a` or in `b`, both in this order, to a tally.
     pub fn add_union(&self, a: &[u64], b: &[u64], tally: &mut Tally) {
         add_words(&self.entropies, a, b, tally);
@@ -121,6 +137,22 @@ impl LevelOrder {
         }
         tally.entropy.iter_mut().zip(sums).for_each(|(to, sum)| *to += sum);
     }
+}
+
+/// Σ popcount(own ∨ (below ∧ page)) × near entropy over the words that have one.
+#[multiversion(targets(
+    "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+avx512vpopcntdq+bmi1+bmi2+popcnt+lzcnt",
+    "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
+))]
+fn near_of_words(near: &[u32], own: &[u64], below: &[u64], page: &[u64]) -> u64 {
+    let words = near.len();
+    let (own, below, page) = (&own[..words], &below[..words], &page[..words]);
+    let mut sum = 0;
+    for word in 0..words {
+        let bits = own[word] | (below[word] & page[word]);
+        sum += u64::from(bits.count_ones()) * u64::from(near[word]);
+    }
+    sum
 }
 
 /// Adds Σ popcount(a ∨ b) × entropy over the words that have one.

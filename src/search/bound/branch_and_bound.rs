@@ -72,7 +72,12 @@ impl Effort {
 
     /// Sets of sensors to look at through pairs: the root alone where no overlaps are known.
     fn pair_nodes(&self, pairs: &PairBound) -> u64 {
-        if pairs.has_overlaps() { self.pair_candidates / pairs.singles().len() as u64 } else { 1 }
+        if pairs.has_overlaps() { self.split_nodes(pairs) } else { 1 }
+    }
+
+    /// Sets of sensors to split on the way to those whose gains are looked at.
+    fn split_nodes(&self, pairs: &PairBound) -> u64 {
+        if pairs.can_split() { self.pair_candidates / pairs.singles().len() as u64 } else { 1 }
     }
 }
 
@@ -181,7 +186,9 @@ impl Tree<'_> {
         self.open.push_unsorted(root(self.pairs));
         // Sets whose gains are to be looked at, together.
         let mut waiting: Vec<Node> = Vec::new();
-        while looked_at < effort.sets && cheaply < effort.pair_nodes(self.pairs) && go_on(looked_at)
+        while looked_at < effort.sets
+            && cheaply < effort.split_nodes(self.pairs)
+            && go_on(looked_at)
         {
             let lidars = self.open.lidars;
             let is_full =

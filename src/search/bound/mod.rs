@@ -7,6 +7,7 @@ mod open_sets;
 mod pair_overlaps;
 mod sample;
 mod voxel_groups;
+mod worths;
 
 pub use branch_and_bound::{Effort, GainBound, bound_gain};
 pub use certificate::Certificate;

@@ -1,11 +1,11 @@
 //! Bounds on sets of sensors from single poses and from the overlaps of pairs of them.
 
 use super::voxel_groups::Columns;
-use crate::problem::KINDS;
-use crate::search::atlases::Atlases;
+use super::worths::Worths;
+use crate::search::atlases::{Atlases, Units};
 
 /// Shares of the typical poses that cover a voxel by which voxels are grouped, as multiples of
-/// 1 / (k − 1) for k sensors: at that share k random sensors less their overlaps come to one.
+/// [`Worths::even_share`].
 const SHARES: [f64; 7] = [0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2];
 /// Poses of which all pairs are remembered, at most: some hundred MiB.
 const MOST_POSES: usize = 3000;
@@ -16,6 +16,10 @@ const MOST_POSES: usize = 3000;
 /// at least one more than its edges. The worth of a union is therefore at most the sum over its sensors less the
 /// overlaps along the edges of any tree (Hunter 1976). It is also at most the worth of all voxels. Each voxel counts
 /// in one of the two ways: in the second if many poses cover it.
+///
+/// Where a voxel counts again for a second sensor that covers it, at no more than it counted before, c sensors with e
+/// edges between them count once·c − (once − again)·e at most: that is at least once + again·(c − 1), since e ≤ c − 1.
+/// Overlaps then count less, and not at all where the second sensor counts in full.
 #[derive(Debug, Clone)]
 pub(in crate::search) struct PairBound {
     poses: usize,
@@ -25,12 +29,19 @@ pub(in crate::search) struct PairBound {
     singles: Vec<f64>,
     /// Worth of the other voxels that two poses share, or less, `[poses × poses]`; empty where it costs too much.
     overlaps: Vec<f64>,
+    /// False where a voxel counts for the second sensor as much as for the first.
+    counts_overlaps: bool,
 }
 
 impl PairBound {
     /// True if it knows overlaps, not single poses alone.
     pub fn has_overlaps(&self) -> bool {
         !self.overlaps.is_empty()
+    }
+
+    /// True if many sets of its poses may be split: overlaps are known, or would change nothing.
+    pub fn can_split(&self) -> bool {
+        self.has_overlaps() || (!self.counts_overlaps && self.poses <= MOST_POSES)
     }
 
     /// Most worth that a pose adds to a set with `beside` in it; `added` is the bound without that overlap.
@@ -56,7 +67,7 @@ impl PairBound {
     pub fn tightest(
         atlas: &Atlases,
         lidars: usize,
-        units: &[[f64; KINDS]],
+        units: &[Units],
         typical: &[u32],
         most_words: u64,
         go_on: &dyn Fn() -> bool,
@@ -64,20 +75,28 @@ impl PairBound {
     ) -> (Self, f64) {
         let poses = atlas.grid().len();
         let n = poses as usize;
-        let (worths, unit) = integer_worths(atlas, units);
-        let each = 1.0 / (lidars.max(2) - 1) as f64;
-        let shares = SHARES.map(|share| share * each);
+        let worths = Worths::new(atlas, lidars, units);
+        let (unit, once) = (worths.unit, &worths.once);
+        let shares = SHARES.map(|share| share * worths.even_share(lidars));
         let scaled = |sum: u64| unit * sum as f64;
-        let Some(columns) = Columns::new(atlas, poses, &worths, &shares, typical, go_on) else {
-            let frames = 64 * atlas.occupied_of(0).len() / worths.len().max(1);
-            let all = scaled(frames as u64 * worths.iter().map(|&w| u64::from(w)).sum::<u64>());
-            return (Self { poses: n, base: all, singles: vec![0.0; n], overlaps: vec![] }, all);
+        let in_full = |sum: u64| scaled(sum) * worths.in_full;
+        let bare = |base: f64| Self {
+            poses: n,
+            base,
+            singles: vec![0.0; n],
+            overlaps: vec![],
+            counts_overlaps: worths.overlap > 0.0,
+        };
+        let Some(columns) = Columns::new(atlas, poses, once, &shares, typical, go_on) else {
+            let frames = 64 * atlas.occupied_of(0).len() / once.len().max(1);
+            let all = in_full(frames as u64 * once.iter().map(|&w| u64::from(w)).sum::<u64>());
+            return (bare(all), all);
         };
         let groups = columns.groups();
         let base = columns.rest + groups.iter().map(|group| group.total).sum::<u64>();
-        let mut now =
-            Self { poses: n, base: scaled(base), singles: vec![0.0; n], overlaps: vec![] };
-        let mut overlaps = vec![0.0; if n <= MOST_POSES { n * n } else { 0 }];
+        let mut now = bare(in_full(base));
+        let has_overlaps = n <= MOST_POSES && worths.overlap > 0.0;
+        let mut overlaps = vec![0.0; if has_overlaps { n * n } else { 0 }];
         let mut best = (now.clone(), now.base);
         let (mut base, mut singles) = (base, vec![0u64; n]);
         let mut words = 0;
@@ -86,13 +105,14 @@ impl PairBound {
             for (sum, single) in singles.iter_mut().zip(&group.singles) {
                 *sum += single;
             }
-            now.base = scaled(base);
+            now.base = in_full(base);
             now.singles = singles.iter().map(|&sum| scaled(sum)).collect();
             words += columns.group_words(index) * (n * n / 2) as u64;
             if words <= most_words && !overlaps.is_empty() {
                 if !columns.add_overlaps(index, &mut overlaps, go_on) {
                     break;
                 }
+                let unit = unit * worths.overlap;
                 now.overlaps = overlaps.iter().map(|sum| unit * sum).collect();
             }
             let bound = bound_of(&now);
@@ -104,31 +124,4 @@ impl PairBound {
         }
         best
     }
-}
-
-/// Worth of each bit of a frame as an integer, rounded up, and its unit.
-fn integer_worths(atlas: &Atlases, units: &[[f64; KINDS]]) -> (Vec<u32>, f64) {
-    let worths = atlas.worths();
-    let value = |(worth, scene): &([u32; KINDS], usize)| {
-        worth.iter().zip(units[*scene]).map(|(&worth, unit)| unit * f64::from(worth)).sum::<f64>()
-    };
-    // The integers of one scene and one kind are there already.
-    let only = match units {
-        [units] => {
-            let mut counted = (0..KINDS).filter(|&kind| units[kind] != 0.0);
-            counted.next().filter(|_| counted.next().is_none())
-        }
-        _ => None,
-    };
-    let unit = match only {
-        Some(kind) => units[0][kind],
-        None => {
-            worths.iter().map(value).fold(f64::MIN_POSITIVE, f64::max) / f64::from(u32::MAX - 1)
-        }
-    };
-    let integer = |worth: &([u32; KINDS], usize)| match only {
-        Some(kind) => worth.0[kind],
-        None => (value(worth) / unit).ceil() as u32,
-    };
-    (worths.iter().map(integer).collect(), unit)
 }

@@ -154,6 +154,9 @@ impl From<&Pose> for DevicePose {
 /// Ways in which the information of a voxel is counted: the variants of [`Entropy`].
 pub const KINDS: usize = 4;
 
+/// Levels of repeated coverage that a tally counts: voxels that at least two, and at least three, LiDARs cover.
+pub const REPEATS: usize = 2;
+
 /// Way in which the information of a voxel is counted: the order of every list of [`KINDS`] sums.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Entropy {

@@ -4,7 +4,7 @@
 use std::ops::{AddAssign, SubAssign};
 use std::time::Duration;
 
-use super::{KINDS, OccupiedVoxel};
+use super::{KINDS, OccupiedVoxel, REPEATS};
 use crate::grid::Roi;
 
 /// A part of space around the vehicle with a required coverage.
@@ -188,6 +188,9 @@ pub struct Tally {
     pub covered_nonzero: u64,
     /// Σ of the information of covered voxels, by kind, in the units of [`super::OccupiedVoxel::entropy`].
     pub entropy: [u64; KINDS],
+    /// Σ of the information of kind [`super::Entropy::Near`] over the voxels that at least two, and at least three, LiDARs
+    /// cover.
+    pub near_repeated: [u64; REPEATS],
     /// Covered voxels in which a class occurs in at least one frame, by class id; then covered voxels by area.
     pub by_class: Vec<u64>,
     /// Σ H (all classes) over the voxels that only this LiDAR covers, by LiDAR.
@@ -209,6 +212,9 @@ impl Tally {
         self.covered += times * other.covered;
         self.covered_nonzero += times * other.covered_nonzero;
         for (sum, value) in self.entropy.iter_mut().zip(other.entropy) {
+            *sum += times * value;
+        }
+        for (sum, value) in self.near_repeated.iter_mut().zip(other.near_repeated) {
             *sum += times * value;
         }
         for (sum, value) in self.by_class.iter_mut().zip(&other.by_class) {
@@ -234,6 +240,8 @@ impl SubAssign<&Self> for Tally {
         self.covered -= other.covered;
         self.covered_nonzero -= other.covered_nonzero;
         self.entropy.iter_mut().zip(other.entropy).for_each(|(sum, value)| *sum -= value);
+        let repeated = self.near_repeated.iter_mut().zip(other.near_repeated);
+        repeated.for_each(|(sum, value)| *sum -= value);
         self.by_class.iter_mut().zip(&other.by_class).for_each(|(sum, value)| *sum -= value);
         self.unique.iter_mut().zip(&other.unique).for_each(|(sum, value)| *sum -= value);
         self.hits -= other.hits;

@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::bvh::{Bvh, NO_HIT, TRIANGLE};
 use crate::cast::SightSphere;
 use crate::sensor::MAX_LIDARS;
-use crate::task::{DevicePose, HIT_PUSH, KINDS, NO_CROSSING, TINY_COMPONENT, beam_origin};
+use crate::task::{DevicePose, HIT_PUSH, KINDS, NO_CROSSING, REPEATS, TINY_COMPONENT, beam_origin};
 
 /// Invocations of a workgroup.
 pub(super) const WORKGROUP_SIZE: u32 = 64;
@@ -40,9 +40,11 @@ pub(super) const LONG_AXIS: u32 = 1 << 15;
 const ITEMS_PER_INVOCATION: u32 = 64;
 /// Items of a workgroup of a reduction.
 pub(super) const ITEMS_PER_WORKGROUP: u32 = WORKGROUP_SIZE * ITEMS_PER_INVOCATION;
-/// Sums of `reduce_occupied` in low and high 16-bit halves: one a kind of information, then one unique entropy a
-/// LiDAR.
-pub(super) const HALVED_SUMS: u32 = KINDS as u32 + MAX_LIDARS as u32;
+/// First sum of `reduce_occupied` that is of one LiDAR alone.
+pub(super) const UNIQUE_SUMS: u32 = (KINDS + REPEATS) as u32;
+/// Sums of `reduce_occupied` in low and high 16-bit halves: one a kind of information, one a level of repeated coverage,
+/// then one unique entropy a LiDAR.
+pub(super) const HALVED_SUMS: u32 = UNIQUE_SUMS + MAX_LIDARS as u32;
 /// Words of one partial result of `reduce_occupied`: word 0 the count, words 1 + 2k and 2 + 2k the low and
 /// high halves of sum k.
 pub(super) const PARTIAL_WORDS: u32 = 1 + 2 * HALVED_SUMS;

@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex};
 
 use super::device::Device;
-use super::layout::{HALVED_SUMS, PARTIAL_WORDS};
+use super::layout::{HALVED_SUMS, PARTIAL_WORDS, UNIQUE_SUMS};
 use crate::engine::BackendError;
 use crate::sensor::{Placement, UnknownSensor};
 use crate::task::{KINDS, SensorBatch, Tally, Task};
@@ -230,7 +230,10 @@ fn add_partial(partial: &[u32], tally: &mut Tally) {
     for (slot, entropy) in tally.entropy.iter_mut().enumerate() {
         *entropy += sum(slot as u32);
     }
-    for (slot, unique) in (KINDS as u32..HALVED_SUMS).zip(&mut tally.unique) {
+    for (slot, repeated) in (KINDS as u32..UNIQUE_SUMS).zip(&mut tally.near_repeated) {
+        *repeated += sum(slot);
+    }
+    for (slot, unique) in (UNIQUE_SUMS..HALVED_SUMS).zip(&mut tally.unique) {
         *unique += sum(slot);
     }
 }
