@@ -5,7 +5,7 @@ use std::sync::Arc;
 use sightline::engine::CpuBackend;
 use sightline::internals::{
     Atlas, Effort, GridPlacement, GridSample, GridSearch, Moves, PoseGrid, Spacing, SwapSettings,
-    Ties, bound_gain, swap_from,
+    Ties, bound_gain, swap_anywhere,
 };
 use sightline::problem::Problem;
 use sightline::score::{Needed, Objective};
@@ -257,14 +257,14 @@ fn swaps_tell_other_ends_that_are_about_as_good() {
         let start = [-1.0, 0.0, 1.0].map(|x| SensorPose::at(x, 0.0, 0.0));
         let start = Placement { name: "start".into(), lidars: start.to_vec() };
         let settings = SwapSettings { spacing, casts: 2000, memory: MEMORY, seed };
-        let swapped = swap_from(&mut evaluator, &objective, &settings, &[start], &mut |_| true);
+        let swapped = swap_anywhere(&mut evaluator, &objective, &settings, &[start], &mut |_| true);
         let swapped = swapped.unwrap().unwrap();
         let all = [vec![swapped.placement], swapped.others].concat();
         let scores = evaluator.scores(&all).unwrap();
         let values: Vec<f64> = scores.iter().map(|s| objective.value(s).unwrap()).collect();
         assert!((values[0] - swapped.value).abs() <= 1e-9 * swapped.value);
         assert!(values[1..].is_sorted_by(|a, b| a >= b), "{values:?}");
-        assert!(values.iter().all(|v| (v - values[0]).abs() <= 0.0101 * values[0]), "{values:?}");
+        assert!(values.iter().all(|v| (v - values[0]).abs() <= 0.0301 * values[0]), "{values:?}");
         for (index, other) in all.iter().enumerate() {
             let same = |p: &Placement| other.lidars.iter().all(|l| p.lidars.contains(l));
             assert_eq!(all.iter().position(same), Some(index), "told twice");

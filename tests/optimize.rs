@@ -106,7 +106,14 @@ fn a_run_resumed_after_any_step_gives_the_same_bits() {
             assert_eq!(after.last(), states.last(), "{objective}, resumed in {phase:?}");
             assert_eq!(resumed.stopped, whole.stopped);
         }
-        let all = [Phase::Frames, Phase::Finalists, Phase::Swaps, Phase::Bounds, Phase::Confirm];
+        let all = [
+            Phase::Frames,
+            Phase::Finalists,
+            Phase::Swaps,
+            Phase::Refine,
+            Phase::Bounds,
+            Phase::Confirm,
+        ];
         assert!(all.iter().all(|phase| phases.contains(phase)), "{phases:?}");
         assert_eq!(phases.contains(&Phase::Generations), method == Method::Both);
     }

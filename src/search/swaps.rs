@@ -17,12 +17,13 @@ use crate::vehicle::{Placement, PoseGrid, Spacing};
 /// Default grid of the swaps: the spacing of the published placements.
 pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
 
-/// Kicks out of local optima on a grid that is held whole, at most.
-const KICKS: usize = 8;
+/// Kicks out of local optima where the grid has as many poses as may be cast: more on a smaller grid, fewer on a larger
+/// one.
+const KICKS: u64 = 6;
+/// Most kicks.
+const MOST_KICKS: u64 = 32;
 /// LiDARs that a kick moves, one after the other, each anywhere.
 const KICKED: usize = 2;
-/// Poses that the climbs after all kicks look at, summed: on a larger grid there are fewer kicks.
-const KICKED_POSES: usize = 8000;
 /// Ends of climbs that are kept beside the best, at most.
 const OTHERS: usize = 3;
 /// Largest distance of their objective from the best, as a share of it: few frames tell ends that differ by less
@@ -202,7 +203,7 @@ pub fn swap_from(
 /// together the best of some random placements stands in for greedy, which takes one LiDAR after another and so does
 /// not keep them.
 ///
-/// `None` and `go_on` work as in [`swap_from`]; the settings' `casts` are ignored.
+/// `None` and `go_on` work as in [`swap_from`]; of the settings' `casts` the number of kicks depends alone.
 ///
 /// # Errors
 /// See [`swap_from`].
@@ -230,7 +231,8 @@ pub fn swap_anywhere(
         ends.add(&mut search, evaluator, top, go_on)?;
     }
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
-    for _ in 0..KICKS.min(KICKED_POSES / all.len().max(1)) {
+    let kicks = KICKS.saturating_mul(settings.casts) / all.len().max(1) as u64;
+    for _ in 0..kicks.min(MOST_KICKS) {
         let Some(best) = ends.best.as_ref().filter(|_| search.may_turn(go_on)) else { break };
         let kick = |poses: Vec<u32>, _| search.kicked(&poses, &mut rng);
         let start = (0..KICKED).fold(best.poses.clone(), kick);

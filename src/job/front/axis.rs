@@ -237,7 +237,7 @@ mod tests {
                 "price,neargain",
                 "`neargain` is no objective; there are price, sensors, requirements (or targets)",
             ),
-            ("price,neargain", "near_gain, information_gain, m_sog_scaled"),
+            ("price,neargain", "near_gain, near_gain_2, near_gain_3, information_gain"),
             ("price,x*m_sog", "`x` is no weight"),
         ] {
             assert!(refusal(text).contains(words), "{text}: {}", refusal(text));

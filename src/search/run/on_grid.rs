@@ -46,19 +46,19 @@ impl Run {
         }
         let memory = self.memory() / 2;
         let evaluator = self.evaluator(watch)?;
+        let casts = settings.poses_for_swaps(evaluator.constraints().lidars());
         let most = match settings.method {
             Method::Swaps => u64::MAX,
             _ => {
-                let constraints = evaluator.constraints();
-                let grid = PoseGrid::new(constraints, settings.spacing())?;
+                let grid = PoseGrid::new(evaluator.constraints(), settings.spacing())?;
                 let needed = settings.objective.needed();
                 let room = Atlases::new(evaluator, &grid, needed, memory).capacity() as u64;
-                settings.poses_for_swaps(constraints.lidars()).min(room)
+                casts.min(room)
             }
         };
         let (grid, spacing) = coarse_grid(evaluator.constraints(), settings.spacing(), 1, most)?;
         let total = u64::from(grid.len());
-        let on_grid = SwapSettings { spacing, casts: total, memory, seed: settings.seed };
+        let on_grid = SwapSettings { spacing, casts, memory, seed: settings.seed };
         let mut go_on = |cast: u64| {
             let done = cast.min(total);
             watch.tell(&Event::Progress { work: Work::Swaps, done, total })
