@@ -277,7 +277,7 @@ fn running_out_of_memory_is_an_error_with_a_sentence() {
         root.join("scenes/urban-crossing.json").display()
     );
     let (mut refused, mut done) = (0, 0);
-    for kibibytes in [40, 80, 120, 150, 165, 180, 200, 1500].map(|mebibytes| mebibytes << 10) {
+    for kibibytes in [64, 80, 120, 150, 165, 180, 200, 1500].map(|mebibytes| mebibytes << 10) {
         let limited = format!("ulimit -c 0; ulimit -v {kibibytes}; {job}");
         let mut shell = std::process::Command::new("sh");
         let out = shell.arg("-c").arg(limited).current_dir(dir.path()).output().unwrap();

@@ -97,7 +97,7 @@ fn a_step_is_one_submission_and_one_wait() {
     // Nothing but counters, sums and times comes back.
     let classes = task.content().set_count() as u64;
     let groups = (task.content().occupied().len() as u64).div_ceil(64 * 64);
-    let words = 24 * (1 + classes + groups * 41) + 1 + 72 + 8;
+    let words = 24 * (1 + classes + groups * 45) + 1 + 72 + 8;
     let down = ran.bytes_down - opened.bytes_down;
     assert!(down <= 2 * (4 * words + 4 * 8), "{down} bytes, {words} words");
 }

@@ -61,7 +61,7 @@ pub enum Work {
     Generations,
     /// Sensor poses cast for swaps.
     Swaps,
-    /// Sensor poses cast for swaps over more frames.
+    /// Casts, of a sensor pose in a frame, for swaps over more frames.
     Refinements,
     /// Sets of sensors looked at for the bound on the gain.
     Bounds,
@@ -83,7 +83,7 @@ impl fmt::Display for Work {
             Self::Looks => f.write_str("placements of the front looked at closely"),
             Self::Generations => f.write_str("placements"),
             Self::Swaps => f.write_str("poses for swaps"),
-            Self::Refinements => f.write_str("poses for swaps over more frames at most"),
+            Self::Refinements => f.write_str("casts for swaps over more frames at most"),
             Self::Bounds => f.write_str("sets of sensors bounded"),
             Self::Confirming { frames } => {
                 write!(f, "placements confirmed over all {frames} frames")

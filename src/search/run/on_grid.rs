@@ -18,7 +18,15 @@ use crate::vehicle::{Placement, PoseGrid, Spacing};
 struct Refinement {
     frames: usize,
     radius: u32,
-    halvings: u32,
+    halvings: i32,
+}
+
+/// Work of refinements, in casts of a pose in a frame.
+struct Refining {
+    /// Most of one refinement.
+    casts: u64,
+    /// Done so far, counted as if each refinement before took its most.
+    done: u64,
 }
 
 /// First the ends of the swaps on the grid, then the best of them between its poses.
@@ -82,53 +90,70 @@ impl Run {
         Ok(())
     }
 
-    /// Moves single LiDARs of the ends of the swaps to poses nearby, over more frames and on finer grids.
+    /// Moves single LiDARs of the ends of the swaps to poses nearby, over more frames and on finer grids. In each
+    /// refinement as many casts, of a pose in a frame, as in the swaps before at most.
     pub(super) fn refine(&mut self, watch: &mut Watch) -> Result<(), SearchError> {
+        let before = self.state.clone();
         self.state.phase = Phase::Bounds;
         let Some(swaps) = self.state.swaps.clone() else { return Ok(()) };
-        let before = self.state.clone();
-        let settings = self.state.settings.clone();
-        let first_frames = self.frames().len();
-        let mut starts = vec![swaps.placement.clone()];
-        starts.extend(swaps.others.iter().cloned());
+        let mut starts = vec![swaps.placement];
+        starts.extend(swaps.others);
         starts.extend(self.starts_of_swaps(watch)?);
-        let poses = settings.poses_for_swaps(self.suite.constraints().lidars());
+        let lidars = self.suite.constraints().lidars();
+        let poses = self.state.settings.poses_for_swaps(lidars);
+        let frames = self.frames().len();
+        let mut work = Refining { casts: poses.saturating_mul(frames as u64), done: 0 };
         for refinement in &REFINEMENTS {
             let generation = self.state.generations.generation();
             if let Some(levels) = &mut self.state.levels {
-                levels.go_to_within(refinement.frames * first_frames, generation);
+                levels.go_to_within(refinement.frames * frames, generation);
             }
-            // As many casts, of a pose in a frame, as in the swaps before at most.
-            let casts = poses * first_frames as u64 / self.frames().len() as u64;
-            let halvings = if settings.delta.is_some() { 0 } else { refinement.halvings };
-            let mut left = casts;
-            for halving in 0..=halvings {
-                let memory = self.memory() / 2;
-                let share = 0.5_f64.powi(halving as i32);
-                let Spacing { metres, radians } = settings.spacing();
-                let spacing = Spacing { metres: share * metres, radians: share * radians };
-                if halving > 0 && PoseGrid::new(self.suite.constraints(), spacing).is_err() {
-                    break;
-                }
-                let on_grid = SwapSettings { spacing, casts: left, memory, seed: settings.seed };
-                let evaluator = self.evaluator(watch)?;
-                let mut go_on = |cast: u64| {
-                    let done = (casts - left + cast).min(casts);
-                    watch.tell(&Event::Progress { work: Work::Refinements, done, total: casts })
-                };
-                let (objective, radius) = (&settings.objective, refinement.radius);
-                let found = swap_from(evaluator, objective, &on_grid, radius, &starts, &mut go_on)?;
-                if watch.is_over() {
-                    self.cut_at(before, watch);
-                    return Ok(());
-                }
-                let Some(found) = found else { continue };
-                left = left.saturating_sub(found.poses_cast);
-                self.note_swaps(found.poses_cast);
-                starts = std::iter::once(&found.placement).chain(&found.others).cloned().collect();
-                self.state.swaps = self.state.swaps.take().map(|swaps| found.after(&swaps));
+            self.refine_over(refinement, &mut work, &mut starts, watch)?;
+            if watch.is_over() {
+                self.cut_at(before, watch);
+                return Ok(());
             }
         }
+        Ok(())
+    }
+
+    /// Refines the best of some starts over the present frames, and puts what is found in their place.
+    fn refine_over(
+        &mut self,
+        refinement: &Refinement,
+        work: &mut Refining,
+        starts: &mut Vec<Placement>,
+        watch: &mut Watch,
+    ) -> Result<(), SearchError> {
+        let (settings, memory) = (self.state.settings.clone(), self.memory() / 2);
+        let frames = self.frames().len() as u64;
+        let (first, end) = (work.done, work.done + work.casts);
+        let halvings = if settings.delta.is_some() { 0 } else { refinement.halvings };
+        for halving in 0..=halvings {
+            let share = 0.5_f64.powi(halving);
+            let Spacing { metres, radians } = settings.spacing();
+            let spacing = Spacing { metres: share * metres, radians: share * radians };
+            let is_grid = PoseGrid::new(self.suite.constraints(), spacing).is_ok();
+            if watch.is_over() || !is_grid {
+                break;
+            }
+            let casts = (end - work.done) / frames;
+            let on_grid = SwapSettings { spacing, casts, memory, seed: settings.seed };
+            let evaluator = self.evaluator(watch)?;
+            let (done, total) = (work.done, REFINEMENTS.len() as u64 * work.casts);
+            let mut go_on = |cast: u64| {
+                let done = (done + cast * frames).min(end);
+                watch.tell(&Event::Progress { work: Work::Refinements, done, total })
+            };
+            let (objective, radius) = (&settings.objective, refinement.radius);
+            let found = swap_from(evaluator, objective, &on_grid, radius, starts, &mut go_on)?;
+            let Some(found) = found else { continue };
+            work.done = (work.done + found.poses_cast * frames).min(end);
+            self.note_swaps(found.poses_cast);
+            *starts = std::iter::once(&found.placement).chain(&found.others).cloned().collect();
+            self.state.swaps = self.state.swaps.take().map(|swaps| found.after(&swaps));
+        }
+        work.done = first + work.casts;
         Ok(())
     }
 
