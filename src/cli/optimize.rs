@@ -52,8 +52,8 @@ pub struct Args {
     /// thirds up to three.
     #[arg(long, allow_hyphen_values = true, conflicts_with = "resume")]
     objective: Option<String>,
-    /// Placements that the generations evaluate; the swaps then cast one and a half times as many
-    /// sensor poses as those did [default: 180; with --front 40]
+    /// Placements that the generations evaluate; the swaps then cast at most one and a half times as many sensor poses,
+    /// and their refinements as many over more frames [default: 180; with --front 40]
     ///
     /// With --front that many around each point of the front; 0 leaves the points on the coarse grid.
     #[arg(long, value_name = "N", conflicts_with = "resume", value_parser = whole::<u64>)]
@@ -82,8 +82,8 @@ pub struct Args {
     #[arg(long, value_name = "N", conflicts_with_all = ["resume", "fidelity"],
           value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
-    /// How to search: CMA-ES and then swaps of single LiDARs (both), the first alone (cma), or swaps over
-    /// every pose of a grid (swaps)
+    /// How to search: CMA-ES, then swaps of single LiDARs on a coarse grid and their refinement (both), the first alone
+    /// (cma), or swaps over every pose of the grid and their refinement (swaps)
     #[arg(long, value_parser = method, default_value = "both", conflicts_with = "resume")]
     method: Method,
     /// Search on a grid of sensor poses alone, as in the paper: metres and radians between

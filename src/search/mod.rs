@@ -1,7 +1,7 @@
 //! The search for the best placement, and how good its result is.
 //!
-//! [`optimize`] is the main job: frames on demand, CMA-ES, swaps on a grid of sensor poses, finalists
-//! confirmed over all frames, bounds. [`Run`] does the job step by step.
+//! [`optimize`] is the main job: frames on demand, CMA-ES, swaps on a coarse grid of sensor poses and their
+//! refinement over more frames, finalists confirmed over all frames, bounds. [`Run`] does the job step by step.
 //!
 //! | file | holds |
 //! |---|---|

@@ -102,7 +102,7 @@ impl Scored {
 /// Result of one search method.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MethodRecord {
-    /// `cma-es` or `swaps`.
+    /// `cma-es` or `swaps`; `layout given` where a baseline or a start is better than all that was found.
     pub method: &'static str,
     /// Its placement's objective over all frames of the scene.
     pub objective: Option<f64>,

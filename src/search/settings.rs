@@ -13,12 +13,12 @@ use crate::vehicle::{Placement, Spacing, table_7};
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// CMA-ES, then swaps on a grid of poses from its result; the better one wins.
+    /// CMA-ES, then swaps on a coarse grid of poses and their refinement; the better one wins.
     #[default]
     Both,
     /// CMA-ES alone.
     Cma,
-    /// Greedy and swaps over every pose of the grid.
+    /// Greedy and swaps over every pose of the grid, and their refinement.
     Swaps,
 }
 
@@ -96,8 +96,8 @@ pub struct Settings {
     pub objective: Objective,
     /// Method of the search.
     pub method: Method,
-    /// Placements that the generations evaluate; the swaps then cast one and a half times as many sensor
-    /// poses as those did.
+    /// Placements that the generations evaluate; the swaps then cast at most one and a half times as many sensor poses,
+    /// and each refinement as many casts, of a pose in a frame, as these.
     pub evaluations: u64,
     /// Placements of a generation; `None` leaves it to the CMA-ES.
     pub population: Option<usize>,

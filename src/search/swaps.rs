@@ -160,12 +160,11 @@ impl Ends {
 /// Swaps single LiDARs to poses of a grid at most `radius` steps away along one pose field, from each start that the
 /// mount allows, until no swap gains; the start of the largest objective first, while poses may be cast.
 ///
-/// `None` where no start, moved to the grid, keeps the rules of the mount. `go_on` is asked as by
-/// [`GridSearch::climb`]; once it says no the best end so far is the result, `None` where there is none.
+/// `None` and `go_on` work as in [`swap_anywhere`].
 ///
 /// # Errors
-/// A spacing that gives no grid, or from the backend.
-pub fn swap_from(
+/// See [`swap_anywhere`].
+pub(super) fn swap_from(
     evaluator: &mut Evaluator,
     objective: &Objective,
     settings: &SwapSettings,
@@ -203,10 +202,12 @@ pub fn swap_from(
 /// together the best of some random placements stands in for greedy, which takes one LiDAR after another and so does
 /// not keep them.
 ///
-/// `None` and `go_on` work as in [`swap_from`]; of the settings' `casts` the number of kicks depends alone.
+/// Of the settings' `casts` the number of kicks depends alone. `None` where no start, moved to the grid, keeps the rules
+/// of the mount. `go_on` is asked as by [`GridSearch::climb`]; once it says no the best end so far is the result, `None`
+/// where there is none.
 ///
 /// # Errors
-/// See [`swap_from`].
+/// A spacing that gives no grid, or from the backend.
 pub fn swap_anywhere(
     evaluator: &mut Evaluator,
     objective: &Objective,

@@ -8,6 +8,7 @@ use crate::search::bound::Certificate;
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
 use crate::search::findings::findings;
+use crate::search::generations::why_left_out;
 use crate::search::observer::Watch;
 use crate::search::on_demand::FramesOnDemand;
 use crate::search::outcome::{MethodRecord, Outcome, Scored, Stopped};
@@ -53,8 +54,23 @@ impl Run {
     fn confirmed(&mut self, watch: &mut Watch) -> Result<Option<Outcome>, SearchError> {
         let Some(found) = self.found(watch)? else { return Ok(None) };
         let (mut methods, mut finalists): (Vec<_>, Vec<_>) = found.into_iter().unzip();
-        let standings: Vec<Standing> = finalists.iter().map(Scored::standing).collect();
-        let best = Standing::best(&standings).map(|best| {
+        let Some(baselines) = self.baselines(watch)? else { return Ok(None) };
+        let Some(given) = self.best_given(&baselines, watch)? else { return Ok(None) };
+        let mut standings: Vec<Standing> = finalists.iter().map(Scored::standing).collect();
+        standings.extend(given.iter().map(Scored::standing));
+        // The first of equal ones: a layout that was given is the result only where it is better than all that was found.
+        let best = Standing::best(&standings);
+        if let Some(given) = given.filter(|_| best == Some(finalists.len())) {
+            methods.push(MethodRecord {
+                method: "layout given",
+                objective: given.objective,
+                evaluations: 0,
+                poses_cast: 0,
+                won: false,
+            });
+            finalists.push(given);
+        }
+        let best = best.map(|best| {
             methods[best].won = true;
             finalists.swap_remove(best)
         });
@@ -62,7 +78,6 @@ impl Run {
             Some(best) => self.certificate(&best.placement, watch)?,
             None => None,
         };
-        let Some(baselines) = self.baselines(watch)? else { return Ok(None) };
         let unscored = self.state.settings.baselines.len() - baselines.len();
         if unscored > 0 {
             left_out(&format!("the score of {unscored} baseline(s)"), watch);
@@ -126,6 +141,29 @@ impl Run {
             }
         }
         Ok(Some(found))
+    }
+
+    /// The best layout to compare with or to start from that the mount allows, named as a result; `None` where the run is
+    /// to end before starts are scored.
+    fn best_given(
+        &mut self,
+        baselines: &[Scored],
+        watch: &mut Watch,
+    ) -> Result<Option<Option<Scored>>, SearchError> {
+        let constraints = self.suite.constraints().clone();
+        let is_allowed = |placement: &Placement| why_left_out(&constraints, placement).is_empty();
+        let starts = self.state.settings.starts.iter().filter(|start| is_allowed(start));
+        let starts: Vec<Placement> = starts.cloned().collect();
+        let Some(judged) = self.judged_over_all(&starts, watch)? else { return Ok(None) };
+        let mut given = self.scored(&starts, judged);
+        given.extend(baselines.iter().filter(|b| is_allowed(&b.placement)).cloned());
+        let standings: Vec<Standing> = given.iter().map(Scored::standing).collect();
+        let best = Standing::best(&standings).map(|best| {
+            let mut best = given.swap_remove(best);
+            best.placement.name = "optimized".into();
+            best
+        });
+        Ok(Some(best))
     }
 
     /// Objectives of the result and the best baseline at draws that the search has not seen.
