@@ -52,28 +52,8 @@ impl Run {
 
     /// The outcome over the frames of [`Self::confirming`]; `None` where the run is to end before that.
     fn confirmed(&mut self, watch: &mut Watch) -> Result<Option<Outcome>, SearchError> {
-        let Some(found) = self.found(watch)? else { return Ok(None) };
-        let (mut methods, mut finalists): (Vec<_>, Vec<_>) = found.into_iter().unzip();
         let Some(baselines) = self.baselines(watch)? else { return Ok(None) };
-        let Some(given) = self.best_given(&baselines, watch)? else { return Ok(None) };
-        let mut standings: Vec<Standing> = finalists.iter().map(Scored::standing).collect();
-        standings.extend(given.iter().map(Scored::standing));
-        // The first of equal ones: a layout that was given is the result only where it is better than all that was found.
-        let best = Standing::best(&standings);
-        if let Some(given) = given.filter(|_| best == Some(finalists.len())) {
-            methods.push(MethodRecord {
-                method: "layout given",
-                objective: given.objective,
-                evaluations: 0,
-                poses_cast: 0,
-                won: false,
-            });
-            finalists.push(given);
-        }
-        let best = best.map(|best| {
-            methods[best].won = true;
-            finalists.swap_remove(best)
-        });
+        let Some((methods, best)) = self.best(&baselines, watch)? else { return Ok(None) };
         let certificate = match &best {
             Some(best) => self.certificate(&best.placement, watch)?,
             None => None,
@@ -125,6 +105,33 @@ impl Run {
             backend_changes,
             times: self.sitting.times,
         }))
+    }
+
+    /// The best of all that was found and given, and the result of each method; `None` where the run is to end before that.
+    fn best(
+        &mut self,
+        baselines: &[Scored],
+        watch: &mut Watch,
+    ) -> Result<Option<(Vec<MethodRecord>, Option<Scored>)>, SearchError> {
+        let Some(found) = self.found(watch)? else { return Ok(None) };
+        let (mut methods, mut finalists): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+        let Some(given) = self.best_given(baselines, watch)? else { return Ok(None) };
+        let mut standings: Vec<Standing> = finalists.iter().map(Scored::standing).collect();
+        standings.extend(given.iter().map(Scored::standing));
+        // The first of equal ones: a layout that was given is the result only where it is better than all that was found.
+        let Some(best) = Standing::best(&standings) else { return Ok(Some((methods, None))) };
+        if let Some(given) = given.filter(|_| best == finalists.len()) {
+            methods.push(MethodRecord {
+                method: "layout given",
+                objective: given.objective,
+                evaluations: 0,
+                poses_cast: 0,
+                won: false,
+            });
+            finalists.push(given);
+        }
+        methods[best].won = true;
+        Ok(Some((methods, Some(finalists.swap_remove(best)))))
     }
 
     /// Placements that each method found; `None` where the run is to end before they are scored.
