@@ -1,0 +1,84 @@
+"""Runs of `sightline optimize`: value, requirements, work and CPU seconds."""
+
+from __future__ import annotations
+
+import json
+import resource
+import shlex
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+from .problems import Problem
+
+
+def children() -> float:
+    """CPU seconds of ended child processes."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def made(problem: Problem, program: Path) -> None:
+    """Makes the scene of a problem that has none in the repository."""
+    if problem.made and not problem.scenes[0].exists():
+        called(program, ["scene", "new", *problem.made, "--out", str(problem.scenes[0])], (0,))
+
+
+def called(program: Path, arguments: list[str], codes: tuple[int, ...]) -> str:
+    """What the program prints. SystemExit, with its words, for other exit codes."""
+    command = [str(program), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode not in codes:
+        raise SystemExit(f"{shlex.join(command)}: exit code {done.returncode}\n{done.stderr.strip()}")
+    return done.stdout
+
+
+def doubts(guards: list[str]) -> list[str]:
+    """Guards that speak against a placement; a blind sector is a fact about it."""
+    return [guard for guard in guards if not guard.startswith("blind_sector")]
+
+
+def work_of(result: dict[str, Any]) -> int:
+    """Sensor poses × frames that a run cast: to choose frames, in generations and swaps, to confirm."""
+    lidars = len(result["best"]["placement"]["lidars"])
+    if result.get("fidelity"):
+        spent = result["fidelity"]["placement_frames"]
+        return lidars * sum(spent[part] for part in ("levels", "search", "swaps", "confirm"))
+    return result["search_frames"] * sum(method["poses_cast"] for method in result["methods"])
+
+
+def record_of(result: dict[str, Any]) -> dict[str, Any]:
+    """The part of result.json that is kept. `value` is None where anything is broken or unmet."""
+    best = result["best"]
+    required = best["scores"].get("requirements", [])
+    unmet = [row["name"] for row in required if not row["met"]]
+    broken = best["violations"] + doubts(best["scores"]["guards"])
+    return {
+        "value": None if unmet or broken else best["objective"],
+        "objective": best["objective"],
+        "unmet": unmet,
+        "broken": broken,
+        "required": {row["name"]: row["required"] for row in required},
+        "lidars": best["placement"]["lidars"],
+        "mounts": result.get("mounts"),
+        "work": work_of(result),
+        "poses_cast": sum(method["poses_cast"] for method in result["methods"]),
+        "search_frames": result["search_frames"],
+        "frames": result["frames"],
+    }
+
+
+def optimized(problem: Problem, seed: int, options: list[str], program: Path, out: Path) -> dict[str, Any]:
+    """A run of `optimize`; its folder is taken away once its record is read."""
+    folder = out / "runs" / f"{problem.key}-{seed}"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    told = ["--seed", str(seed), *options]
+    rest = ["--out", str(folder), "--backend", "cpu", "--quiet", "--format", "json"]
+    before = children()
+    text = called(program, ["optimize", *problem.arguments, *told, *rest], (0, 1))
+    seconds = children() - before
+    shutil.rmtree(folder, ignore_errors=True)
+    command = shlex.join(["sightline", "optimize", *problem.shown, *told])
+    return {**record_of(json.loads(text)), "cpu_seconds": seconds, "command": command}
