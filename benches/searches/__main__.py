@@ -5,8 +5,8 @@ python3 -m benches.searches [--problems uc,van] [--methods ours,pycma] [--seeds 
 
 Problems: the four own scenes (uc, hw, re, iy), a car on urban-crossing (car), a van with four requirements
 on a street (van, docs/van.md), two scenes at once (two). Methods: ours at several --evaluations, swaps
-(greedy and exchanges on the grid: `--method swaps`), and the peers random, pycma (BIPOP), tpe and
-optuna-cma (Optuna), de (nevergrad), ga (pymoo). Ours always runs: peers get its work and its equipment.
+(greedy and exchanges on the grid: `--method swaps`), and the peers random, pycma (BIPOP; pycma-start
+from the best baseline, as ours), tpe and optuna-cma (Optuna), de (nevergrad), ga (pymoo). Ours always runs: peers get its work and its equipment.
 
 Work is sensor poses cast × frames. Peers may spend that of our run of equal seed, --work instead if given.
 They search the box of the mounts; a placement whose LiDARs are too close is not cast and costs more than

@@ -83,17 +83,25 @@ class Bench:
             return [round(share * self.args.work) for share in SHARES]
         return [run["work"] for run in runs]
 
-    def searched(self, problem: Problem, method: str, seed: int, runs: list[dict[str, Any]]) -> dict[str, Any]:
-        """A run of a peer over poses of the equipment that ours found, kept, or the one that is there."""
+    def searched(self, problem: Problem, method: str, seed: int, runs: list[dict[str, Any]]) -> dict[str, Any] | None:
+        """A run of a peer over poses of the equipment that ours found, kept, or the one that is there.
+
+        None where a peer needs a baseline to start from and none fits.
+        """
         mine, marks = runs[self.compared()], self.marks(runs)
         frames = self.args.peer_frames or -(-mine["search_frames"] // len(problem.scenes))
         settings = {"marks": marks, "frames": frames, "equipment": [mine["mounts"], equipment(mine)]}
+        space, first = space_of(problem, mine["lidars"], mine["mounts"]), None
+        if method in peers.STARTED:
+            first = space.shares([[lidar.get(name, 0.0) for name in FIELDS] for lidar in mine["baseline"] or []])
+            if first is None:
+                self.note(f"{peers.TITLES[method]} is left out on {problem.title}: no baseline fits its mounts.")
+                return None
 
         def run() -> dict[str, Any]:
-            space = space_of(problem, mine["lidars"], mine["mounts"])
             few, whole = self.built(problem, frames), self.built(problem, None)
             budget = Budget(space, few, mine["required"], max(marks))
-            peers.searched(method, budget.costs, space.variables, seed, budget.most)
+            peers.searched(method, budget.costs, space.variables, seed, budget.most, first)
             command = f"python3 -m benches.searches --problems {problem.key} --methods {method}, seed {seed}"
             return {"points": confirmed(budget, whole, marks), "frames": few.frames, "asked": budget.asked,
                     "variables": space.variables, "sensors": space.sensors, "command": command,
@@ -123,7 +131,9 @@ class Bench:
                     run = self.optimized(problem, method, seed, ["--method", "swaps"])
                     found.setdefault(method, {})[seed] = run
                 elif method in peers.PEERS:
-                    found.setdefault(method, {})[seed] = self.searched(problem, method, seed, runs)
+                    run = self.searched(problem, method, seed, runs)
+                    if run is not None:
+                        found.setdefault(method, {})[seed] = run
         return found
 
     def written(self, problem: Problem, found: dict[str, dict[int, Any]]) -> str:
@@ -146,7 +156,7 @@ class Bench:
         unable = drawn(self.args.out / f"{problem.key}.svg", problem.title, best, curves)
         if unable:
             self.note(unable)
-        return table.section(problem.title, best, own, f"`optimize`, {counts[chosen]} evaluations,", rivals)
+        return table.section(problem.key, problem.title, best, own, f"`optimize`, {counts[chosen]} evaluations,", rivals)
 
     def rival(self, method: str, values: dict[int, Any], by_seed: dict[int, Any]) -> str:
         """A peer's row: at the work of the compared run, or at all of --work."""

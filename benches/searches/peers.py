@@ -1,7 +1,7 @@
 """The peers: optimizers of other projects, and random search, on variables in [0, 1].
 
 A search takes `costs` (a batch of variables to their costs), the number of variables, a seed and the number
-of placements that it may cast. It goes on until `costs` raises `Spent`.
+of placements that it may cast; `pycma` also where to start. It goes on until `costs` raises `Spent`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ STEP_SIZE = 0.3
 RANDOM_AT_ONCE = 64
 
 
-def random(costs: Costs, variables: int, seed: int, budget: int) -> None:
+def random(costs: Costs, variables: int, seed: int, budget: int, first: Any = None) -> None:
     """Uniform draws; those that break a rule are not cast."""
     numpy = importlib.import_module("numpy")
     source = numpy.random.default_rng(seed)
@@ -27,14 +27,16 @@ def random(costs: Costs, variables: int, seed: int, budget: int) -> None:
         costs(source.random((RANDOM_AT_ONCE, variables)))
 
 
-def pycma(costs: Costs, variables: int, seed: int, budget: int) -> None:
-    """BIPOP-CMA-ES: the first run from the middle, restarts from uniform draws."""
+def pycma(costs: Costs, variables: int, seed: int, budget: int, first: Any = None) -> None:
+    """BIPOP-CMA-ES: the first run from `first` or else the middle, restarts from uniform draws."""
     numpy, cma = (importlib.import_module(name) for name in ("numpy", "cma"))
     source, runs = numpy.random.default_rng(seed), []
 
     def start() -> Any:
         runs.append(1)
-        return source.random(variables) if len(runs) > 1 else numpy.full(variables, 0.5)
+        if len(runs) > 1:
+            return source.random(variables)
+        return numpy.full(variables, 0.5) if first is None else numpy.array(first)
 
     def each(point: Any) -> float:
         return costs([point])[0]
@@ -48,7 +50,7 @@ def pycma(costs: Costs, variables: int, seed: int, budget: int) -> None:
 def optuna_with(sampler: Callable[[Any, int], Any]) -> Callable[..., None]:
     """Optuna with a sampler, one trial after another."""
 
-    def search(costs: Costs, variables: int, seed: int, budget: int) -> None:
+    def search(costs: Costs, variables: int, seed: int, budget: int, first: Any = None) -> None:
         optuna = importlib.import_module("optuna")
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         study = optuna.create_study(sampler=sampler(optuna, seed))
@@ -60,7 +62,7 @@ def optuna_with(sampler: Callable[[Any, int], Any]) -> Callable[..., None]:
     return search
 
 
-def nevergrad(costs: Costs, variables: int, seed: int, budget: int) -> None:
+def nevergrad(costs: Costs, variables: int, seed: int, budget: int, first: Any = None) -> None:
     """Differential evolution with nevergrad's defaults."""
     numpy, ng = (importlib.import_module(name) for name in ("numpy", "nevergrad"))
     space = ng.p.Array(init=numpy.full(variables, 0.5)).set_bounds(0.0, 1.0)
@@ -75,7 +77,7 @@ def nevergrad(costs: Costs, variables: int, seed: int, budget: int) -> None:
 LEAST_GENERATIONS = 10
 
 
-def pymoo(costs: Costs, variables: int, seed: int, budget: int) -> None:
+def pymoo(costs: Costs, variables: int, seed: int, budget: int, first: Any = None) -> None:
     """pymoo's genetic algorithm; its population fits LEAST_GENERATIONS into the budget."""
     numpy = importlib.import_module("numpy")
     ga = importlib.import_module("pymoo.algorithms.soo.nonconvex.ga").GA
@@ -100,6 +102,7 @@ def pymoo(costs: Costs, variables: int, seed: int, budget: int) -> None:
 PEERS: dict[str, tuple[Callable[..., None], tuple[str, ...], str]] = {
     "random": (random, ("numpy",), "numpy"),
     "pycma": (pycma, ("cma",), "cma"),
+    "pycma-start": (pycma, ("cma",), "cma"),
     "tpe": (optuna_with(lambda optuna, seed: optuna.samplers.TPESampler(seed=seed)), ("optuna",), "optuna"),
     "optuna-cma": (
         optuna_with(lambda optuna, seed: optuna.samplers.CmaEsSampler(seed=seed)),
@@ -109,10 +112,13 @@ PEERS: dict[str, tuple[Callable[..., None], tuple[str, ...], str]] = {
     "de": (nevergrad, ("nevergrad",), "nevergrad"),
     "ga": (pymoo, ("pymoo",), "pymoo"),
 }
+#: Peers that start from the best baseline of ours, as ours does.
+STARTED = ("pycma-start",)
 #: Names to read.
 TITLES = {
     "random": "random search by the rules",
     "pycma": "pycma, BIPOP",
+    "pycma-start": "pycma, BIPOP, from the best baseline",
     "tpe": "Optuna, TPE",
     "optuna-cma": "Optuna, CMA-ES",
     "de": "nevergrad, DE",
@@ -132,11 +138,11 @@ def lacking(method: str) -> str | None:
     return None
 
 
-def searched(method: str, costs: Costs, variables: int, seed: int, budget: int) -> None:
+def searched(method: str, costs: Costs, variables: int, seed: int, budget: int, first: Any = None) -> None:
     """Runs a peer until its budget is spent."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            PEERS[method][0](costs, variables, seed, budget)
+            PEERS[method][0](costs, variables, seed, budget, first)
         except Spent:
             return

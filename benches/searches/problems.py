@@ -177,6 +177,18 @@ class Space:
             poses.append(pose)
         return poses
 
+    def shares(self, poses: list[list[float]]) -> list[float] | None:
+        """Variables in [0, 1] of poses in boxes; None where they do not fit, or a mount is a patch or mirrored."""
+        plain = all(mount.turn == 0.0 and mount.origin == (0.0, 0.0, 0.0) for mount in self.mounts)
+        if not plain or len(poses) != len(self.mounts) or any(by is not None for by in self.partner):
+            return None
+        found = []
+        for lidar, k in self.places:
+            low, high = self.mounts[lidar].lower[k], self.mounts[lidar].upper[k]
+            found.append(min(1.0, max(0.0, (poses[lidar][k] - low) / (high - low))))
+        near = all(math.dist(a, b) < 1e-6 for a, b in zip(self.poses(found), poses))
+        return found if near and self.missing(self.poses(found)) == 0.0 else None
+
     def missing(self, poses: list[list[float]]) -> float:
         """Distance that is missing between LiDARs, summed over pairs, in metres; 0 keeps the rule."""
         short = (self.min_distance - math.dist(a[:3], b[:3]) for a, b in combinations(poses, 2))

@@ -14,14 +14,14 @@ def number(value: float | None) -> float:
 
 
 def quantile(values: list[float], share: float) -> float:
-    """Quantile with linear interpolation between ranks, of one value or more; infinities do not mix."""
+    """Quantile with linear interpolation between ranks, of one value or more; beside an infinity the lower rank."""
     ranked = sorted(values)
     place = share * (len(ranked) - 1)
     below, part = math.floor(place), place - math.floor(place)
     if part == 0.0 or ranked[below] == ranked[below + 1]:
         return ranked[below]
     if math.isinf(ranked[below]) or math.isinf(ranked[below + 1]):
-        return ranked[below] if part < 0.5 else ranked[below + 1]
+        return ranked[below]
     return ranked[below] + part * (ranked[below + 1] - ranked[below])
 
 
@@ -89,10 +89,11 @@ PEER_HEAD = """| peer | its median | margin of ours, median, % | worst seed, % |
 |---|--:|--:|--:|--:|--:|--:|"""
 
 
-def section(title: str, best: float | None, own: list[str], compared: str, rivals: list[str]) -> str:
+def section(key: str, title: str, best: float | None, own: list[str], compared: str, rivals: list[str]) -> str:
     """Part of the table for one problem."""
     known = "none" if best is None else f"{100.0 * best:.4f} %"
-    lines = [f"## {title}", "", f"Best known near gain: {known}.", "", OWN_HEAD, *own, ""]
+    picture = f"![Near gain of {title} against work and CPU seconds, with quartiles over seeds]({key}.svg)"
+    lines = [f"## {title}", "", f"Best known near gain: {known}.", "", picture, "", OWN_HEAD, *own, ""]
     if rivals:
         lines += [f"Margins of {compared} at equal work:", "", PEER_HEAD, *rivals, ""]
     return "\n".join(lines)
