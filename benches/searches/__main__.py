@@ -6,13 +6,14 @@ python3 -m benches.searches [--problems uc,van] [--methods ours,pycma] [--seeds 
 Problems: the four own scenes (uc, hw, re, iy), a car on urban-crossing (car), a van with four requirements
 on a street (van, docs/van.md), two scenes at once (two). Methods: ours at several --evaluations, swaps
 (greedy and exchanges on the grid: `--method swaps`), and the peers random, pycma (BIPOP; pycma-start
-from the best baseline, as ours), tpe and optuna-cma (Optuna), de (nevergrad), ga (pymoo). Ours always runs: peers get its work and its equipment.
+from the best baseline, as ours), tpe and optuna-cma (Optuna), de (nevergrad), ga (pymoo). Ours always
+runs: peers get its work and its equipment.
 
 Work is sensor poses cast × frames. Peers may spend that of our run of equal seed, --work instead if given.
 They search the box of the mounts; a placement whose LiDARs are too close is not cast and costs more than
 any score, and so do guards and unmet requirements. A vehicle's equipment is that which ours found, of
 which peers search the poses. They search over --peer-frames, since ours begins with few frames, too, and
-peers that cast all frames of a scene get few placements and end lower. Their best eight are confirmed over
+peers that cast all frames of a scene get few placements. Their best eight are confirmed over
 all frames, which is not counted as work.
 
 Writes DIR/table.md, DIR/PROBLEM.svg, and DIR/results/PROBLEM.METHOD.SEED.json; a finished run is not run

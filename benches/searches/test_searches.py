@@ -10,6 +10,7 @@ import random
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from xml.etree import ElementTree
 
 import pytest
 
@@ -18,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benches.searches import ours, peers, table  # noqa: E402
 from benches.searches.bench import lidars  # noqa: E402
 from benches.searches.__main__ import main, parsed  # noqa: E402
-from benches.searches.figure import steps  # noqa: E402
+from benches.searches.figure import drawn, steps  # noqa: E402
 from benches.searches.problems import Mount, Space, mount_of, partners, problems, space_of  # noqa: E402
 from benches.searches.records import BestKnown, Store  # noqa: E402
 from benches.searches.scoring import Budget, Spent, confirmed, cost  # noqa: E402
@@ -52,6 +53,21 @@ def test_rows_say_median_worst_spread_distance_and_who_met_all():
 def test_curves_have_quartiles_over_seeds_at_each_mark():
     runs = [[{"work": work, "cpu_seconds": work / 10, "value": seed * work} for work in (10, 20)] for seed in (1, 2, 3)]
     assert steps(runs) == [(10, 1.0, (15.0, 20.0, 25.0)), (20, 2.0, (30.0, 40.0, 50.0))]
+
+
+def test_figures_are_drawn_or_say_what_is_missing(tmp_path, monkeypatch):
+    points = [{"work": work, "cpu_seconds": work / 10, "value": 0.3} for work in (10, 20)]
+    curves = {"optimize": [points], "met <nothing>": [[{**point, "value": None} for point in points]]}
+    if importlib.util.find_spec("matplotlib"):
+        assert drawn(tmp_path / "a.svg", "a scene", 0.31, curves) is None
+        text = (tmp_path / "a.svg").read_text()
+        ElementTree.fromstring(text)
+        assert "a scene" in text and "optimize" in text and "met" in text
+        assert drawn(tmp_path / "b.svg", "a scene", 0.31, curves) is None
+        assert (tmp_path / "b.svg").read_text() == text, "no date, no chance"
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert drawn(tmp_path / "c.svg", "a scene", 0.31, curves).endswith("pip install matplotlib")
+    assert not (tmp_path / "c.svg").exists()
 
 
 def test_what_is_finished_is_not_run_again_and_other_settings_are_refused(tmp_path):
@@ -89,6 +105,7 @@ def test_variables_span_the_box_and_fixed_fields_stay():
     assert space.poses([1, 1, 1, 0.5, 0.25, 0])[0] == [1, 2, 1, 0.3, 0, 0]
     assert space.poses([1, 1, 1, 0.5, 0.25, 0])[1] == pytest.approx([0, -1, 1, -0.1, 0, 0])
     assert space.poses([9] * 6) == space.poses([1] * 6), "clipped"
+    assert space.poses([-9] * 6) == space.poses([0] * 6), "clipped"
 
 
 def test_shares_undo_poses_and_refuse_what_does_not_fit():
