@@ -156,7 +156,8 @@ class Bench:
         unable = drawn(self.args.out / f"{problem.key}.svg", problem.title, best, curves)
         if unable:
             self.note(unable)
-        return table.section(problem.key, problem.title, best, own, f"`optimize`, {counts[chosen]} evaluations,", rivals)
+        compared = f"`optimize`, {counts[chosen]} evaluations,"
+        return table.section(problem.key, problem.title, best, own, compared, rivals)
 
     def rival(self, method: str, values: dict[int, Any], by_seed: dict[int, Any]) -> str:
         """A peer's row: at the work of the compared run, or at all of --work."""

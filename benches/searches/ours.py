@@ -97,6 +97,8 @@ def optimized(problem: Problem, seed: int, options: list[str], program: Path, ou
         at_common_draw(problem, result["best"], folder / "placements.json", program)
     shutil.rmtree(folder, ignore_errors=True)
     command = shlex.join(["sightline", "optimize", *problem.shown, *told])
+    if problem.made:
+        command = shlex.join(["sightline", "scene", "new", *problem.made, "--out", problem.shown[0]]) + f" && {command}"
     return {**record_of(result), "cpu_seconds": seconds, "command": command}
 
 
