@@ -156,7 +156,8 @@ class Bench:
         unable = drawn(self.args.out / f"{problem.key}.svg", problem.title, best, curves)
         if unable:
             self.note(unable)
-        compared = f"`optimize`, {counts[chosen]} evaluations,"
+        work = f"beside peers at {self.args.work} poses × frames" if self.args.work else "at equal work"
+        compared = f"`optimize`, {counts[chosen]} evaluations, {work}"
         return table.section(problem.key, problem.title, best, own, compared, rivals)
 
     def rival(self, method: str, values: dict[int, Any], by_seed: dict[int, Any]) -> str:

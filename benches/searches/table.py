@@ -95,7 +95,7 @@ def section(key: str, title: str, best: float | None, own: list[str], compared: 
     picture = f"![Near gain of {title} against work and CPU seconds, with quartiles over seeds]({key}.svg)"
     lines = [f"## {title}", "", f"Best known near gain: {known}.", "", picture, "", OWN_HEAD, *own, ""]
     if rivals:
-        lines += [f"Margins of {compared} at equal work:", "", PEER_HEAD, *rivals, ""]
+        lines += [f"Margins of {compared}:", "", PEER_HEAD, *rivals, ""]
     return "\n".join(lines)
 
 
