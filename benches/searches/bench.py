@@ -131,9 +131,9 @@ class Bench:
                     run = self.optimized(problem, method, seed, ["--method", "swaps"])
                     found.setdefault(method, {})[seed] = run
                 elif method in peers.PEERS:
-                    run = self.searched(problem, method, seed, runs)
-                    if run is not None:
-                        found.setdefault(method, {})[seed] = run
+                    rival = self.searched(problem, method, seed, runs)
+                    if rival is not None:
+                        found.setdefault(method, {})[seed] = rival
         return found
 
     def written(self, problem: Problem, found: dict[str, dict[int, Any]]) -> str:

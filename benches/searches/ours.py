@@ -57,7 +57,7 @@ def best_baseline(baselines: list[dict[str, Any]]) -> list[dict[str, Any]] | Non
 
     kept = [scored for scored in baselines if honest(scored) and scored["objective"] is not None]
     best = max(kept, key=lambda scored: scored["objective"], default=None)
-    return best and best["placement"]["lidars"]
+    return None if best is None else best["placement"]["lidars"]
 
 
 def record_of(result: dict[str, Any]) -> dict[str, Any]:

@@ -120,11 +120,12 @@ def confirmed(budget: Budget, whole: Any, marks: list[int]) -> list[dict[str, An
         values = whole.costs([budget.cast[index][1] for index in new], budget.space.sensors, budget.required)
         known.update(zip(new, values))
         best = min(finalists, key=lambda index: known[index], default=None)
-        met = best is not None and known[best] <= 0.0
+        if best is not None and known[best] > 0.0:
+            best = None
         points.append({
             "work": mark,
-            "value": -known[best] if met else None,
-            "poses": budget.cast[best][1] if met else None,
+            "value": None if best is None else -known[best],
+            "poses": None if best is None else budget.cast[best][1],
             "cpu_seconds": budget.cast[until[-1]][3] if until else 0.0,
             "placements": len(until),
         })
