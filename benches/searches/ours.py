@@ -1,0 +1,114 @@
+"""Runs of `sightline optimize`: value, requirements, work and CPU seconds."""
+
+from __future__ import annotations
+
+import json
+import resource
+import shlex
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+from .problems import Problem
+
+
+def children() -> float:
+    """CPU seconds of ended child processes."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def made(problem: Problem, program: Path) -> None:
+    """Makes the scene of a problem that has none in the repository."""
+    if problem.made and not problem.scenes[0].exists():
+        called(program, ["scene", "new", *problem.made, "--out", str(problem.scenes[0])], (0,))
+
+
+def called(program: Path, arguments: list[str], codes: tuple[int, ...]) -> str:
+    """What the program prints. SystemExit, with its words, for other exit codes."""
+    command = [str(program), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode not in codes:
+        raise SystemExit(f"{shlex.join(command)}: exit code {done.returncode}\n{done.stderr.strip()}")
+    return done.stdout
+
+
+def doubts(guards: list[str]) -> list[str]:
+    """Guards that speak against a placement; a blind sector is a fact about it."""
+    return [guard for guard in guards if not guard.startswith("blind_sector")]
+
+
+def work_of(result: dict[str, Any]) -> int:
+    """Sensor poses × frames that a run cast: to choose frames, in generations and swaps, to confirm."""
+    lidars = len(result["best"]["placement"]["lidars"])
+    if result.get("fidelity"):
+        spent = result["fidelity"]["placement_frames"]
+        return lidars * sum(spent[part] for part in ("levels", "search", "swaps", "confirm"))
+    return result["search_frames"] * sum(method["poses_cast"] for method in result["methods"])
+
+
+def best_baseline(baselines: list[dict[str, Any]]) -> list[dict[str, Any]] | None:
+    """LiDARs of the best baseline that keeps everything."""
+
+    def honest(scored: dict[str, Any]) -> bool:
+        unmet = [row for row in scored["scores"].get("requirements", []) if not row["met"]]
+        return not (unmet or scored["violations"] or doubts(scored["scores"]["guards"]))
+
+    kept = [scored for scored in baselines if honest(scored) and scored["objective"] is not None]
+    best = max(kept, key=lambda scored: scored["objective"], default=None)
+    return None if best is None else best["placement"]["lidars"]
+
+
+def record_of(result: dict[str, Any]) -> dict[str, Any]:
+    """The part of result.json that is kept. `value` is None where anything is broken or unmet."""
+    best = result["best"]
+    required = best["scores"].get("requirements", [])
+    unmet = [row["name"] for row in required if not row["met"]]
+    broken = best["violations"] + doubts(best["scores"]["guards"])
+    return {
+        "value": None if unmet or broken else best["objective"],
+        "objective": best["objective"],
+        "unmet": unmet,
+        "broken": broken,
+        "required": {row["name"]: row["required"] for row in required},
+        "lidars": best["placement"]["lidars"],
+        "mounts": result.get("mounts"),
+        "baseline": best_baseline(result["baselines"]),
+        "work": work_of(result),
+        "poses_cast": sum(method["poses_cast"] for method in result["methods"]),
+        "search_frames": result["search_frames"],
+        "frames": result["frames"],
+    }
+
+
+def optimized(problem: Problem, seed: int, options: list[str], program: Path, out: Path) -> dict[str, Any]:
+    """A run of `optimize`; its folder is taken away once its record is read."""
+    folder = out / "runs" / f"{problem.key}-{seed}"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    told = ["--seed", str(seed), *options]
+    rest = ["--out", str(folder), "--backend", "cpu", "--quiet", "--format", "json"]
+    before = children()
+    text = called(program, ["optimize", *problem.arguments, *told, *rest], (0, 1))
+    seconds = children() - before
+    result = json.loads(text)
+    if result.get("phases"):
+        at_common_draw(problem, result["best"], folder / "placements.json", program)
+    shutil.rmtree(folder, ignore_errors=True)
+    command = shlex.join(["sightline", "optimize", *problem.shown, *told])
+    if problem.made:
+        command = shlex.join(["sightline", "scene", "new", *problem.made, "--out", problem.shown[0]]) + f" && {command}"
+    return {**record_of(result), "cpu_seconds": seconds, "command": command}
+
+
+def at_common_draw(problem: Problem, best: dict[str, Any], file: Path, program: Path) -> None:
+    """Scores anew a result with free phases, by the draw 0 that all placements of this benchmark are scored by.
+
+    `optimize` draws phases by its seed, and has chosen a placement that does well by that draw.
+    """
+    vehicle = ["--vehicle", str(problem.vehicle)] if problem.vehicle else []
+    rest = ["--tolerance", "0", "--backend", "cpu", "--quiet", "--format", "json"]
+    text = called(program, ["score", *map(str, problem.scenes), str(file), *vehicle, *rest], (0, 1))
+    best["scores"] = json.loads(text)["scores"][0]
+    best["objective"] = best["scores"]["near_gain"]

@@ -1,0 +1,305 @@
+"""Tests of the benchmark: `python3 -m pytest benches/searches`; the last one needs module and program."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import math
+import os
+import random
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from xml.etree import ElementTree
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from benches.searches import ours, peers, table  # noqa: E402
+from benches.searches.bench import lidars  # noqa: E402
+from benches.searches.__main__ import main, parsed  # noqa: E402
+from benches.searches.figure import drawn, steps  # noqa: E402
+from benches.searches.problems import Mount, Space, mount_of, partners, problems, space_of  # noqa: E402
+from benches.searches.records import BestKnown, Store  # noqa: E402
+from benches.searches.scoring import Budget, Spent, confirmed, cost  # noqa: E402
+
+BOX = Mount((-1, -2, 1, -0.1, 0, 0), (1, 2, 1, 0.3, 0, 0))
+PROGRAM = Path(os.environ.get("SIGHTLINE", problems(Path())["uc"].scenes[0].parents[1] / "target/release/sightline"))
+
+
+def test_quartiles_interpolate_between_ranks_and_put_the_unmet_last():
+    assert table.quartiles([4.0, 1.0, 3.0, 2.0]) == (1.75, 2.5, 3.25)
+    assert table.quartiles([7.0]) == (7.0, 7.0, 7.0)
+    assert table.quartiles([table.UNMET, 1.0, 2.0]) == (table.UNMET, 1.0, 1.5)
+    assert table.quantile([table.UNMET, table.UNMET], 0.5) == table.UNMET
+
+
+def test_margins_are_of_the_peers_value_and_infinite_where_one_met_nothing():
+    assert table.margin(1.1, 1.0) == pytest.approx(10.0)
+    assert table.margin(-1.0, -2.0) == pytest.approx(50.0), "above the peer is above zero"
+    assert (table.margin(1.0, None), table.margin(None, 1.0)) == (math.inf, -math.inf)
+    assert table.margin(None, None) == 0.0
+
+
+def test_rows_say_median_worst_spread_distance_and_who_met_all():
+    row = table.own_row("o", [0.30, 0.32, 0.31], [1.0, 3.0, 2.0], 0.40)
+    assert row == "| o | 31.000 | 30.000 | 6.45 | 22.50 | 3 of 3 | 2.0 |"
+    assert "| unmet | – |" in table.own_row("o", [0.3, None, 0.3], [1.0], 0.4)
+    row = table.peer_row("p", {1: 0.33, 2: 0.30, 3: 0.31}, {1: 0.30, 2: 0.40, 3: None}, [1.0], "5 × 4")
+    assert row == "| p | 30.000 | +10.00 | -25.00 | 2 of 3 | 5 × 4 | 1.0 |"
+
+
+def test_curves_have_quartiles_over_seeds_at_each_mark():
+    runs = [[{"work": work, "cpu_seconds": work / 10, "value": seed * work} for work in (10, 20)] for seed in (1, 2, 3)]
+    assert steps(runs) == [(10, 1.0, (15.0, 20.0, 25.0)), (20, 2.0, (30.0, 40.0, 50.0))]
+
+
+def test_figures_are_drawn_or_say_what_is_missing(tmp_path, monkeypatch):
+    points = [{"work": work, "cpu_seconds": work / 10, "value": 0.3} for work in (10, 20)]
+    curves = {"optimize": [points], "met <nothing>": [[{**point, "value": None} for point in points]]}
+    if importlib.util.find_spec("matplotlib"):
+        assert drawn(tmp_path / "a.svg", "a scene", 0.31, curves) is None
+        text = (tmp_path / "a.svg").read_text()
+        ElementTree.fromstring(text)
+        assert "a scene" in text and "optimize" in text and "met" in text
+        assert drawn(tmp_path / "b.svg", "a scene", 0.31, curves) is None
+        assert (tmp_path / "b.svg").read_text() == text, "no date, no chance"
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert drawn(tmp_path / "c.svg", "a scene", 0.31, curves).endswith("pip install matplotlib")
+    assert not (tmp_path / "c.svg").exists()
+
+
+def test_what_is_finished_is_not_run_again_and_other_settings_are_refused(tmp_path):
+    ran = []
+
+    def run():
+        ran.append(1)
+        return {"value": 0.5}
+
+    store = Store(tmp_path)
+    first = store.done("uc", "random", 1, {"work": 10}, run)
+    assert Store(tmp_path).done("uc", "random", 1, {"work": 10}, run) == first
+    assert len(ran) == 1 and [path.name for path in store.folder.iterdir()] == ["uc.random.1.json"]
+    with pytest.raises(SystemExit, match="another --out"):
+        store.done("uc", "random", 1, {"work": 20}, run)
+    with pytest.raises(KeyboardInterrupt):
+        store.done("uc", "random", 2, {}, lambda: (_ for _ in ()).throw(KeyboardInterrupt))
+    assert store.get("uc", "random", 2) is None, "a run that was stopped leaves nothing"
+
+
+def test_the_best_known_is_replaced_by_better_alone(tmp_path):
+    best = BestKnown(tmp_path / "best.json")
+    assert best.offer("uc", 0.5, [{"x": 1.0}], "a", "c")
+    assert not best.offer("uc", 0.5 + 5e-10, [], "b", "c")
+    assert not best.offer("uc", None, [], "b", "c"), "a broken rule"
+    assert best.offer("uc", 0.5 + 2e-9, [], "d", "c")
+    kept = json.loads((tmp_path / "best.json").read_text())["uc"]
+    assert (kept["value"], kept["command"]) == (0.5 + 2e-9, "d")
+
+
+def test_variables_span_the_box_and_fixed_fields_stay():
+    space = Space([BOX, BOX])
+    assert space.variables == 6
+    assert space.poses([0] * 6) == [[-1, -2, 1, -0.1, 0, 0]] * 2
+    assert space.poses([1, 1, 1, 0.5, 0.25, 0])[0] == [1, 2, 1, 0.3, 0, 0]
+    assert space.poses([1, 1, 1, 0.5, 0.25, 0])[1] == pytest.approx([0, -1, 1, -0.1, 0, 0])
+    assert space.poses([9] * 6) == space.poses([1] * 6), "clipped"
+    assert space.poses([-9] * 6) == space.poses([0] * 6), "clipped"
+
+
+def test_shares_undo_poses_and_refuse_what_does_not_fit():
+    space = Space([BOX, BOX], min_distance=0.1)
+    poses = space.poses([0.5, 0.25, 0.75, 0.0, 1.0, 0.5])
+    assert space.shares(poses) == pytest.approx([0.5, 0.25, 0.75, 0.0, 1.0, 0.5])
+    assert space.shares(poses[:1]) is None and space.shares([poses[0]] * 2) is None
+    assert space.shares([poses[0], [3.0, *poses[1][1:]]]) is None, "outside of the box"
+
+
+def test_missing_distance_is_summed_over_pairs():
+    space = Space([BOX] * 3, min_distance=0.5)
+    poses = [[0, 0, 0, 0, 0, 0], [0.3, 0, 0, 0, 0, 0], [0.3, 0.4, 0, 0, 0, 0]]
+    assert space.missing(poses) == pytest.approx(0.2 + 0.1)
+    assert space.missing([poses[0], poses[2]]) == 0.0, "half a metre apart is enough"
+
+
+def test_symmetric_rigs_are_searched_by_half():
+    lidars = [{"x": 1, "y": 0.5, "z": 2, "roll": 0.1, "yaw": 0.2}, {"x": 0, "y": 0.0, "z": 2},
+              {"x": 1, "y": -0.5, "z": 2, "roll": -0.1, "yaw": -0.2}]
+    assert partners(lidars) == [None, 1, 0]
+    space = Space([BOX] * 3, partner=partners(lidars))
+    left, middle, right = space.poses([0.5, 0.75, 1.0, 0.25])
+    assert right == [left[0], -left[1], left[2], -left[3], left[4], -left[5]] and left[1] == 1.0
+    assert middle == [-0.5, 0, 1, 0, 0, 0]
+
+
+def test_upright_patches_stand_where_the_file_says():
+    corners = [[2.0, 1.0, 0.4], [1.0, 2.0, 0.4], [1.0, 2.0, 0.8], [2.0, 1.0, 0.8]]
+    mount = mount_of({"polygon": corners, "offset": [0.1, 0.1], "yaw": [-0.4, 0.4]})
+    ends = [Space([mount]).poses([share, share, 0.5])[0] for share in (0.0, 1.0)]
+    off = 0.1 * math.sqrt(0.5)
+    assert ends[0] == pytest.approx([2 + off, 1 + off, 0.4, 0, 0, math.pi / 4])
+    assert ends[1] == pytest.approx([1 + off, 2 + off, 0.8, 0, 0, math.pi / 4])
+    with pytest.raises(ValueError, match="upright"):
+        mount_of({"polygon": [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]})
+    with pytest.raises(ValueError, match="keep_out"):
+        mount_of({"min": [0, 0, 0], "max": [1, 1, 1], "keep_out": [{"min": [0, 0, 0]}]})
+
+
+def test_every_problem_has_a_space():
+    for key, problem in problems(Path()).items():
+        if problem.vehicle is None:
+            space = space_of(problem, [], None)
+            assert (len(space.mounts), space.min_distance, space.variables) == (4, 0.2, 16), key
+    car = problems(Path())["car"]
+    space = space_of(car, [{"sensor": "a"}, {"sensor": "b"}], ["roof", "front-left"])
+    assert (space.variables, space.sensors) == (5 + 4, ["a", "b"])
+
+
+class Line:
+    """A scene in which the gain is the x of the first LiDAR, over 2 of 4 frames."""
+
+    frames = 2
+
+    def costs(self, placements, sensors, required):
+        return [-poses[0][0] for poses in placements]
+
+
+class Whole(Line):
+    """Over all frames high x gain less."""
+
+    frames = 4
+
+    def costs(self, placements, sensors, required):
+        return [-min(poses[0][0], 0.8 - poses[0][0]) for poses in placements]
+
+
+def budget_of(work, least=0.0):
+    mount = Mount((0, 0, 0, 0, 0, 0), (1, 0, 0, 0, 0, 0))
+    return Budget(Space([mount, mount], least), Line(), {}, work)
+
+
+def test_a_budget_casts_no_more_than_its_work_and_nothing_that_breaks_a_rule():
+    budget = budget_of(5 * 4 + 3, least=0.5)
+    assert budget.costs([[0.0, 0.4], [0.6, 0.0]]) == [pytest.approx(1000.1), -0.6]
+    assert [entry[2] for entry in budget.cast] == [4]
+    with pytest.raises(Spent):
+        budget.costs([[0.0, 1.0]] * 9)
+    assert len(budget.cast) == 5 and budget.cast[-1][2] == 20
+    asked = budget_of(4, least=0.5)
+    with pytest.raises(Spent):
+        for _ in range(201):
+            asked.costs([[0.0, 0.0]])
+    assert not asked.cast, "a search that never keeps the rules ends, too"
+
+
+def test_finalists_are_confirmed_over_all_frames_at_each_mark():
+    budget = budget_of(100)
+    budget.costs([[0.1, 0.0], [0.3, 0.0], [0.9, 0.0]])
+    points = confirmed(budget, Whole(), [2, 8, 12])
+    assert [point["value"] for point in points] == [None, pytest.approx(0.3), pytest.approx(0.3)]
+    assert [point["placements"] for point in points] == [0, 2, 3]
+    assert points[2]["poses"][0][0] == pytest.approx(0.3), "0.9 is best over two frames, not over four"
+
+
+def test_costs_rise_from_scores_over_requirements_and_guards_to_rules():
+    unmet, doubted = cost(0.9, [], 0.01), cost(0.9, ["x"], 0.0)
+    assert cost(0.9, [], 0.0) == -0.9 < unmet < doubted < 1000.0
+    assert cost(math.nan, [], 0.0) >= doubted - 1
+    assert ours.doubts(["blind_sector: behind", "self_hit: LiDAR 0"]) == ["self_hit: LiDAR 0"]
+
+
+def test_a_result_counts_only_if_it_keeps_everything():
+    scores = {"guards": ["blind_sector: behind"], "requirements": [{"name": "tyre", "required": 0.9, "met": True}]}
+    best = {"placement": {"lidars": [{}, {}]}, "scores": scores, "objective": 0.5, "violations": []}
+    spent = {"levels": 1, "search": 2, "swaps": 3, "confirm": 4, "full": 1000}
+    result = {"best": best, "fidelity": {"placement_frames": spent}, "methods": [{"poses_cast": 7}],
+              "search_frames": 4, "frames": 4, "baselines": []}
+    record = ours.record_of(result)
+    assert (record["value"], record["work"], record["required"]) == (0.5, 20, {"tyre": 0.9})
+    scores["requirements"][0]["met"] = False
+    assert ours.record_of(result)["value"] is None
+    assert ours.record_of({**result, "fidelity": None})["work"] == 28
+    fine = {"placement": {"lidars": [1]}, "scores": {"guards": []}, "objective": 0.2, "violations": []}
+    broken = {**fine, "placement": {"lidars": [2]}, "objective": 0.9, "violations": ["too close"]}
+    assert ours.best_baseline([fine, broken, best]) == [1] and ours.best_baseline([broken]) is None
+
+
+@pytest.mark.parametrize("method", peers.PEERS)
+def test_peers_climb_and_stop_at_their_budget(method):
+    if any(importlib.util.find_spec(name) is None for name in peers.PEERS[method][1]):
+        pytest.skip(f"pip install {peers.PEERS[method][2]}")
+    runs = []
+    for _ in range(2):
+        budget = budget_of(120 * 4)
+        peers.searched(method, budget.costs, 2, 3, budget.most)
+        assert len(budget.cast) == 120
+        runs.append([entry[:3] for entry in budget.cast])
+    assert min(runs[0])[0] < -0.95
+    assert runs[0] == runs[1], "equal seeds, equal searches"
+
+
+def test_a_peer_that_is_not_there_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(peers.PEERS, "de", (None, ("no_such_module",), "nevergrad"))
+    monkeypatch.setitem(sys.modules, "sightline", SimpleNamespace())
+    assert peers.lacking("de").endswith("pip install nevergrad")
+
+
+def test_bad_arguments_are_refused(tmp_path, capsys):
+    for wrong in (["--problems", "xx"], ["--seeds", "0"], ["--evaluations", "45,x"], ["--methods", ""]):
+        with pytest.raises(SystemExit) as ended:
+            parsed(wrong)
+        assert ended.value.code == 2
+    assert main(["--program", "/nowhere", "--out", str(tmp_path)]) == 2
+    assert "cargo build" in capsys.readouterr().err
+
+
+CAR_MOUNTS = ["roof", "roof", "front-left", "front-right", "rear-left", "rear-right"]
+
+
+@pytest.mark.skipif(not PROGRAM.exists(), reason="needs cargo build --release or SIGHTLINE=PROGRAM")
+def test_the_program_allows_the_space_and_no_more(tmp_path):
+    car, models = problems(tmp_path)["car"], ["spinning-32"] * 2 + ["solid-120"] * 4
+    space = space_of(car, [{"sensor": model} for model in models], CAR_MOUNTS)
+    source, drawn = random.Random(2), []
+    while len(drawn) < 8:
+        poses = space.poses([source.choice([0, 1, source.random()]) for _ in range(space.variables)])
+        if space.missing(poses) == 0.0:
+            drawn.append(poses)
+    close, out = [[list(pose) for pose in drawn[0]] for _ in range(2)]
+    close[1] = [close[0][0] - math.copysign(0.19, close[0][0]), *close[0][1:]]
+    out[2][0] += 0.001
+    named = [{"name": str(k), "lidars": lidars(poses, models)} for k, poses in enumerate([*drawn, close, out])]
+    (tmp_path / "drawn.json").write_text(json.dumps({"placements": named}))
+    told = ["--baselines", str(tmp_path / "drawn.json"), "--evaluations", "1", "--method", "cma", "--frames", "1",
+            "--tolerance", "0", "--out", str(tmp_path / "run"), "--backend", "cpu", "--quiet", "--format", "json"]
+    result = json.loads(ours.called(PROGRAM, ["optimize", *car.arguments, *told], (0, 1)))
+    found = {row["placement"]["name"]: row["violations"] for row in result["baselines"]}
+    assert result["mounts"] == CAR_MOUNTS
+    assert [found[str(k)] for k in range(8)] == [[]] * 8
+    assert space.missing(close) == pytest.approx(0.01) and "too close" in found["8"][0]
+    assert found["9"] and found["9"] != found["0"], "a millimetre off the patch"
+
+
+@pytest.mark.skipif(importlib.util.find_spec("sightline") is None or not PROGRAM.exists(),
+                    reason="needs pip install ./python, and cargo build --release or SIGHTLINE=PROGRAM")
+def test_the_whole_on_urban_crossing(tmp_path, capsys):
+    told = ["--problems", "uc", "--methods", "ours,random", "--seeds", "1", "--evaluations", "20", "--work", "400",
+            "--out", str(tmp_path / "out"), "--program", str(PROGRAM), "--best-known", str(tmp_path / "best.json")]
+    assert main(told) == 0
+    printed = capsys.readouterr().out
+    assert printed == (tmp_path / "out/table.md").read_text()
+    known = json.loads((tmp_path / "best.json").read_text())["uc"]
+    mine = json.loads((tmp_path / "out/results/uc.ours-20.1.json").read_text())
+    peer = json.loads((tmp_path / "out/results/uc.random.1.json").read_text())
+    last = peer["points"][-1]
+    assert known["value"] == max(mine["value"], last["value"]) and last["placements"] == 25
+    assert 0.25 < last["value"] < 0.45 and "random search by the rules" in printed
+    import sightline
+
+    scene = sightline.Scene.load(problems(tmp_path)["uc"].scenes[0], backend="cpu")
+    poses = [[lidar[name] for name in ("x", "y", "z", "roll", "pitch", "yaw")] for lidar in mine["lidars"]]
+    assert list(scene.score([poses, last["poses"]])["near_gain"]) == [mine["value"], last["value"]]
+    stamps = {path: path.stat().st_mtime_ns for path in (tmp_path / "out/results").iterdir()}
+    assert main(told) == 0, "goes on, and runs nothing again"
+    assert stamps == {path: path.stat().st_mtime_ns for path in (tmp_path / "out/results").iterdir()}
