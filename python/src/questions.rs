@@ -161,10 +161,10 @@ impl PyScene {
     /// of the vehicle breaks, as a `dict` with the row that `sightline study tolerance` prints: `missed`, `fields` with
     /// `down` and `up` (`holds_to`, `breaks_at`, `breaks`; mm or degrees), `tilt` with its `directions`, and `copies`. Fields
     /// move up to `most_mm` millimetres and `most_deg` degrees, in `steps` steps to either side; all LiDARs tilt together up
-    /// to `most_tilt_deg` degrees about the point `tilt_about` `(x, y)` of the ground, metres of the ego frame. Raises
+    /// to `most_tilt_deg` degrees about the point `tilt_about` `(x, y)` of the ground, metres of the ego frame, or its origin. Raises
     /// `ValueError` where the vehicle requires nothing.
     #[pyo3(signature = (
-        poses, *, most_mm = 100.0, most_deg = 5.0, most_tilt_deg = 3.0, tilt_about = [0.0, 0.0], steps = 10,
+        poses, *, most_mm = 100.0, most_deg = 5.0, most_tilt_deg = 3.0, tilt_about = None, steps = 10,
         sensors = None, phases = None
     ))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
@@ -175,7 +175,7 @@ impl PyScene {
         most_mm: f64,
         most_deg: f64,
         most_tilt_deg: f64,
-        tilt_about: [f64; 2],
+        tilt_about: Option<[f64; 2]>,
         steps: i128,
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
@@ -192,6 +192,7 @@ impl PyScene {
                 )));
             }
         }
+        let tilt_about = tilt_about.unwrap_or_default();
         if !tilt_about.iter().all(|metres| metres.abs() <= MOST_ABOUT) {
             let found = format!("tilt_about: is {tilt_about:?}");
             return Err(bad(format!("{found}; give x and y in metres within ±{MOST_ABOUT}")));

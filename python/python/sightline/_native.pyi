@@ -300,7 +300,7 @@ class Scene:
         most_mm: float = 100.0,
         most_deg: float = 5.0,
         most_tilt_deg: float = 3.0,
-        tilt_about: tuple[float, float] = (0.0, 0.0),
+        tilt_about: tuple[float, float] | None = None,
         steps: int = 10,
         sensors: Sequence[str] | None = None,
         phases: npt.ArrayLike | None = None,
