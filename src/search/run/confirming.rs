@@ -27,6 +27,9 @@ fn left_out(part: &str, watch: &mut Watch) {
     watch.note(&format!("{why}: {part} is left out"));
 }
 
+/// The result of each method, and the best of all that was found and given.
+type Chosen = (Vec<MethodRecord>, Option<Scored>);
+
 /// Result of a method.
 enum Found {
     Nothing,
@@ -107,12 +110,12 @@ impl Run {
         }))
     }
 
-    /// The best of all that was found and given, and the result of each method; `None` where the run is to end before that.
+    /// The result of each method and the best of all; `None` where the run is to end before that.
     fn best(
         &mut self,
         baselines: &[Scored],
         watch: &mut Watch,
-    ) -> Result<Option<(Vec<MethodRecord>, Option<Scored>)>, SearchError> {
+    ) -> Result<Option<Chosen>, SearchError> {
         let Some(found) = self.found(watch)? else { return Ok(None) };
         let (mut methods, mut finalists): (Vec<_>, Vec<_>) = found.into_iter().unzip();
         let Some(given) = self.best_given(baselines, watch)? else { return Ok(None) };
