@@ -40,7 +40,7 @@ fn reduce_occupied(
     var count = 0u;
     var low = vec4(0u);
     var high = vec4(0u);
-    // Of voxels that at least two, and three, sensors cover.
+    // Near information of voxels that at least two, and three, sensors cover.
     var low_repeated = vec2(0u);
     var high_repeated = vec2(0u);
     // Sums per invocation, added once: an atomic per voxel would cost more than the rest of the kernel.

@@ -328,3 +328,32 @@ fn audit_catches_what_games_the_scores() {
         assert!(text.contains(title), "no column {title}: {text}");
     }
 }
+
+/// `cart.json`: a cart with a LiDAR on its roof, `roof` of them, and up to three that look sideways at its edge; these with
+/// their table and the range of their heights in metres.
+pub fn cart(dir: &Path, (side, heights): (Value, [f64; 2]), roof: Value, require: Value) {
+    let [low, high] = heights;
+    let vehicle = json!({ "sightline": 1, "name": "cart",
+        "body": [{ "class": "vehicle", "box": { "min": [-2, -0.9, 0], "max": [1.5, 0.9, 1.4] } }],
+        "sensors": [
+            { "name": "wide", "price": 3, "phase": 0, "lidar": { "channels": 24, "fov": [-40, 0],
+                "azimuth_steps": 180, "range": 60 } },
+            { "name": "side", "price": 1, "lidar": side }],
+        "mounts": [
+            { "name": "roof", "sensors": ["wide"], "min": [-1.5, -0.8, 1.5], "max": [1, 0.8, 2.2], "count": roof },
+            { "name": "edge", "sensors": ["side"], "min": [-2, -0.9, low], "max": [1.5, 0.9, high],
+              "yaw": [-3.15, 3.15], "count": [0, 3] }],
+        "require": require });
+    fs::write(dir.join("cart.json"), vehicle.to_string()).unwrap();
+}
+
+/// `yard.json`: things that stand around a cart, and a walker who moves over three frames.
+pub fn yard_of(dir: &Path, things: Value) {
+    let scene = json!({ "sightline": 1, "name": "yard", "vehicle": "cart.json", "frames": 3,
+        "roi": { "min": [-14, -14, -0.4], "max": [14, 14, 2.8], "voxel": [0.4, 0.4, 0.4] },
+        "static": things,
+        "actors": [{ "name": "walker",
+            "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.6, 1.8] } }],
+            "poses": [{ "x": 4, "y": 2 }, { "x": 3, "y": 2.5 }, { "x": -4, "y": 0 }] }] });
+    fs::write(dir.join("yard.json"), scene.to_string()).unwrap();
+}

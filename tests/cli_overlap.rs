@@ -7,32 +7,18 @@ use std::path::Path;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::cli::{fails, ok, sightline};
+use crate::cli::{cart, fails, ok, sightline, yard_of};
 
 /// Ground with a wall and a walker who moves, and a cart with one LiDAR on its roof and others at its edge.
 fn yard(dir: &Path, require: Value) {
-    let vehicle = json!({ "sightline": 1, "name": "cart",
-        "body": [{ "class": "vehicle", "box": { "min": [-2, -0.9, 0], "max": [1.5, 0.9, 1.4] } }],
-        "sensors": [
-            { "name": "wide", "price": 3, "phase": 0, "lidar": { "channels": 24, "fov": [-40, 0],
-                "azimuth_steps": 180, "range": 60 } },
-            { "name": "side", "price": 1, "lidar": { "channels": 24, "fov": [-50, -5],
-                "azimuth": [-45, 45], "azimuth_steps": 60, "range": 30 } }],
-        "mounts": [
-            { "name": "roof", "sensors": ["wide"], "min": [-1.5, -0.8, 1.5], "max": [1, 0.8, 2.2], "count": [0, 1] },
-            { "name": "edge", "sensors": ["side"], "min": [-2, -0.9, 1.5], "max": [1.5, 0.9, 1.7],
-              "yaw": [-3.15, 3.15], "count": [0, 3] }],
-        "require": require });
-    fs::write(dir.join("cart.json"), vehicle.to_string()).unwrap();
-    let scene = json!({ "sightline": 1, "name": "yard", "vehicle": "cart.json", "frames": 3,
-        "roi": { "min": [-14, -14, -0.4], "max": [14, 14, 2.8], "voxel": [0.4, 0.4, 0.4] },
-        "static": [
-            { "class": "road", "plane": { "min": [-50, -50], "max": [50, 50], "z": 0 } },
-            { "class": "building", "box": { "min": [6, -8, 0], "max": [9, -3, 3] } }],
-        "actors": [{ "name": "walker",
-            "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.6, 1.8] } }],
-            "poses": [{ "x": 4, "y": 2 }, { "x": 3, "y": 2.5 }, { "x": -4, "y": 0 }] }] });
-    fs::write(dir.join("yard.json"), scene.to_string()).unwrap();
+    let side = json!({ "channels": 24, "fov": [-50, -5], "azimuth": [-45, 45], "azimuth_steps": 60, "range": 30 });
+    cart(dir, (side, [1.5, 1.7]), json!([0, 1]), require);
+    yard_of(
+        dir,
+        json!([
+        { "class": "road", "plane": { "min": [-50, -50], "max": [50, 50], "z": 0 } },
+        { "class": "building", "box": { "min": [6, -8, 0], "max": [9, -3, 3] } }]),
+    );
     let lidar = |sensor: &str, x: f64, y: f64, yaw: f64| json!({ "sensor": sensor, "x": x, "y": y, "z": 1.6, "yaw": yaw });
     let [left, back, ahead] = [
         lidar("side", 0.2, 0.8, 1.4),

@@ -252,7 +252,7 @@ fn product(a: [[f64; 3]; 3], b: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     a.map(|row| [0, 1, 2].map(|k| (0..3).map(|n| row[n] * b[n][k]).sum()))
 }
 
-/// The rig of two LiDARs, tilted by hand about a point of the ground: what lies at `bearing` goes down.
+/// The rig of two LiDARs, tilted by hand about a point of the ground: the side at `bearing` goes down.
 fn write_tilted(dir: &Path, bearing: f64, angle: f64, [px, py]: [f64; 2]) {
     let about_z = |a: f64| [[a.cos(), -a.sin(), 0.0], [a.sin(), a.cos(), 0.0], [0.0, 0.0, 1.0]];
     let about_y = |a: f64| [[a.cos(), 0.0, a.sin()], [0.0, 1.0, 0.0], [-a.sin(), 0.0, a.cos()]];

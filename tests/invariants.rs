@@ -267,7 +267,7 @@ fn a_climb_ends_without_a_violated_guard() {
         "{name}: M-SOG is not tempted"
     );
     let top = tempted
-        .climb(&mut evaluator, &start.poses, &[Moves::Anywhere], &mut |_| true)
+        .climb(&mut evaluator, &start.poses, Moves::Anywhere, &mut |_| true)
         .unwrap()
         .unwrap();
     assert!(tempted.standing(&mut evaluator, &top).unwrap().is_sound(), "{name}: {top:?}");

@@ -9,7 +9,7 @@ on a street (van, docs/van.md), two scenes at once (two). Methods: ours at sever
 from the best baseline, as ours), tpe and optuna-cma (Optuna), de (nevergrad), ga (pymoo). Ours always
 runs: peers get its work and its equipment.
 
-Work is sensor poses cast × frames. Peers may spend that of our run of equal seed, --work instead if given.
+Work is sensor poses cast × frames. A peer may spend the work of our run of equal seed, or --work if given.
 They search the box of the mounts; a placement whose LiDARs are too close is not cast and costs more than
 any score, and so do guards and unmet requirements. A vehicle's equipment is that which ours found, of
 which peers search the poses. They search over --peer-frames, since ours begins with few frames, too, and

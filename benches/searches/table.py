@@ -103,6 +103,6 @@ INTRODUCTION = """# Benchmark of searches
 
 Near gain in per cent, over all frames; {seeds}. *unmet*: a requirement, guard or rule is not kept. Spread is the best
 seed's value less the worst's, in per cent of the median. A margin above zero says that ours is better at the same seed.
-CPU seconds of ours are those of the whole program, with P-SOG, bound, confirmation and page; of peers those of the
-search alone, with the scores. A curve begins where three of four seeds keep everything.
+Our CPU seconds are the whole program's, with P-SOG, bound, confirmation and page; a peer's are its search's, with the
+scores. A curve begins where three of four seeds keep everything.
 """

@@ -96,8 +96,8 @@ impl PyScene {
     }
 
     /// Surfaces and directions that pairs of LiDARs of one placement share, as a `dict` with the row that `sightline study
-    /// overlap` prints: matrices `shared_voxels` (a mean over frames), `overlap` (as a share of those of the LiDAR with fewer) and
-    /// `shared_directions` (shares of the sphere), `overlap_up_to` (what a requirement on overlap finds), `connected`,
+    /// overlap` prints: matrices `shared_voxels` (a mean over frames), `overlap` (as a share of the voxels of the LiDAR with fewer) and
+    /// `shared_directions` (shares of the sphere), `overlap_up_to` (the share that a requirement on overlap finds), `connected`,
     /// `connected_up_to`, `groups`, `cut_off`, `chain`. Pairs of `least_shared` voxels or more count. Raises `ValueError` for
     /// one LiDAR, and where beams end at nothing.
     #[pyo3(signature = (poses, *, least_shared = 500, sensors = None, phases = None))]

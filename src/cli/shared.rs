@@ -55,8 +55,8 @@ pub struct RedundancyArgs {
   sightline study overlap scenes/urban-crossing.json scenes/placements.json --frames 4
   sightline study overlap scenes/highway.json mine.json --least-shared 200 --format json
 
-Surface voxels: those in which both LiDARs have a hit, a mean over frames; on the diagonal those of one LiDAR. Overlap:
-shared voxels as a share of those of the LiDAR with fewer; a vehicle may require it (`require`). % of the
+Surface voxels in which both LiDARs have a hit, a mean over frames; on the diagonal the voxels of one LiDAR. Overlap:
+shared voxels as a share of the voxels of the LiDAR with fewer; a vehicle may require it (`require`). % of the
 sphere: directions in both fields of view. A rig is connected if pairs that share enough voxels lead from each LiDAR to
 every other one. docs/targets.md has the definitions.")]
 pub struct OverlapArgs {

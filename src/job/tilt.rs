@@ -49,7 +49,7 @@ pub struct TiltedTo {
     pub side: RoomOfSide,
 }
 
-/// Rotation by `angle` radians that lowers what lies at a bearing, radians counter-clockwise from straight ahead.
+/// Rotation by `angle` radians that lowers everything at a bearing, radians counter-clockwise from straight ahead.
 fn tilt(bearing: f64, angle: f64) -> DMat3 {
     let (sin, cos) = maths::sin_cos(bearing);
     // About the level axis to the left of the bearing: positive pitch looks down.

@@ -2,7 +2,7 @@
 //!
 //! - **Surface voxel** of a LiDAR: a voxel of the region in which one of its beams ends at a surface other than the own
 //!   body. Shared by two LiDARs: both have a hit in it in the same frame.
-//! - **Overlap** of two LiDARs: shared surface voxels as a share of those of the LiDAR that has fewer, summed over frames.
+//! - **Overlap** of two LiDARs: shared surface voxels as a share of the voxels of the LiDAR that has fewer, summed over frames.
 //!
 //! | file | holds |
 //! |---|---|

@@ -9,7 +9,7 @@ pub(crate) struct Pair {
     pub shared: f64,
 }
 
-/// All pairs, those that share most first; of equal ones the lower LiDARs first.
+/// All pairs, the largest shares first; of equal ones the lower LiDARs first.
 fn pairs(shared: &[Vec<f64>]) -> Vec<Pair> {
     let mut pairs = Vec::new();
     for (a, row) in shared.iter().enumerate() {

@@ -22,8 +22,6 @@ const FEW_POSES: usize = 4096;
 pub enum Moves {
     /// At most this many steps along one pose field.
     Along(u32),
-    /// At most this many steps along every field at once.
-    Around(u32),
     /// Anywhere on the grid.
     Anywhere,
 }
@@ -58,8 +56,7 @@ pub(super) enum Check {
 }
 
 impl GridSearch {
-    /// Moves one LiDAR at a time to the best pose it may move to, until none gains any more; by each of
-    /// `moves` in turn.
+    /// Moves one LiDAR at a time to the best pose it may move to by `moves`, until none gains any more.
     ///
     /// LiDARs that the rules tie move together: a mirrored pair as one, and where all are to stand at
     /// one height a LiDAR stays at it, and all change it at once. `start` must keep the rules.
@@ -79,7 +76,7 @@ impl GridSearch {
         &mut self,
         evaluator: &mut Evaluator,
         start: &[u32],
-        moves: &[Moves],
+        moves: Moves,
         go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<Option<GridPlacement>, SearchError> {
         let Some(end) = self.ascend(evaluator, start, moves, Check::Nothing, go_on)? else {
@@ -100,7 +97,7 @@ impl GridSearch {
         &mut self,
         evaluator: &mut Evaluator,
         start: &[u32],
-        moves: &[Moves],
+        moves: Moves,
         check: Check,
         go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<Option<GridPlacement>, SearchError> {
@@ -116,21 +113,19 @@ impl GridSearch {
         let is_sound = held.is_none_or(|held| held.is_sound());
         let mut least = if is_sound { here.value } else { f64::NEG_INFINITY };
         let turns = self.turns(start);
-        for &moves in moves {
-            let (mut settled, mut turn) = (0, 0);
-            while settled < turns.len() && self.may_turn(go_on) {
-                let from = (&here.poses[..], turns[turn], moves);
-                match self.best_swap(evaluator, from, (least, held), go_on)? {
-                    Swap::Cut => return Ok(Some(here)),
-                    Swap::To(better, standing) => {
-                        (least, held) = (better.value, standing);
-                        here = better;
-                        settled = 0;
-                    }
-                    Swap::Stay => settled += 1,
+        let (mut settled, mut turn) = (0, 0);
+        while settled < turns.len() && self.may_turn(go_on) {
+            let from = (&here.poses[..], turns[turn], moves);
+            match self.best_swap(evaluator, from, (least, held), go_on)? {
+                Swap::Cut => return Ok(Some(here)),
+                Swap::To(better, standing) => {
+                    (least, held) = (better.value, standing);
+                    here = better;
+                    settled = 0;
                 }
-                turn = (turn + 1) % turns.len();
+                Swap::Stay => settled += 1,
             }
+            turn = (turn + 1) % turns.len();
         }
         Ok(Some(here))
     }
@@ -192,7 +187,6 @@ impl GridSearch {
         let grid = self.atlas.grid();
         match moves {
             Moves::Along(radius) => grid.along(here[lidar], radius),
-            Moves::Around(radius) => grid.around(here[lidar], radius),
             Moves::Anywhere => grid.poses_of_lidar(lidar).collect(),
         }
     }

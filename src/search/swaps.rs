@@ -95,9 +95,7 @@ impl Swapped {
             poses_cast: search.atlas().poses_cast(),
         }
     }
-}
 
-impl Swapped {
     /// This result of swaps that went on from those `before`, with the work of both.
     pub(super) fn after(self, before: &Self) -> Self {
         Self {
@@ -190,8 +188,8 @@ pub(super) fn swap_from(
         if !ends.all.is_empty() && !search.may_turn(go_on) {
             break;
         }
-        let moves = [Moves::Along(radius)];
-        let Some(top) = search.climb(evaluator, &start.poses, &moves, go_on)? else { break };
+        let moves = Moves::Along(radius);
+        let Some(top) = search.climb(evaluator, &start.poses, moves, go_on)? else { break };
         ends.add(&mut search, evaluator, top, go_on)?;
     }
     Ok(ends.swapped(&search))
@@ -228,7 +226,7 @@ pub fn swap_anywhere(
     first.extend(starts.iter().filter_map(|start| search.start_of(start)));
     let mut ends = Ends::default();
     for start in first {
-        let Some(top) = search.climb(evaluator, &start, &[Moves::Anywhere], go_on)? else { break };
+        let Some(top) = search.climb(evaluator, &start, Moves::Anywhere, go_on)? else { break };
         ends.add(&mut search, evaluator, top, go_on)?;
     }
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
@@ -237,7 +235,7 @@ pub fn swap_anywhere(
         let Some(best) = ends.best.as_ref().filter(|_| search.may_turn(go_on)) else { break };
         let kick = |poses: Vec<u32>, _| search.kicked(&poses, &mut rng);
         let start = (0..KICKED).fold(best.poses.clone(), kick);
-        let Some(top) = search.climb(evaluator, &start, &[Moves::Anywhere], go_on)? else { break };
+        let Some(top) = search.climb(evaluator, &start, Moves::Anywhere, go_on)? else { break };
         ends.add(&mut search, evaluator, top, go_on)?;
     }
     Ok(ends.swapped(&search))

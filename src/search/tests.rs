@@ -147,7 +147,7 @@ fn climbed(
         asked.push(cast);
         asked.len() < last
     };
-    let end = search.climb(evaluator, &START, &[Moves::Anywhere], &mut go_on).unwrap();
+    let end = search.climb(evaluator, &START, Moves::Anywhere, &mut go_on).unwrap();
     (end.expect("the start takes few casts"), asked)
 }
 
@@ -211,7 +211,7 @@ fn a_bound_that_is_told_to_stop_is_one() {
 #[test]
 fn nothing_is_begun_over_more_frames_than_are_cast_between_questions() {
     let (mut search, mut evaluator) = search_over([1100, 0], 0.5);
-    let end = search.climb(&mut evaluator, &START, &[Moves::Anywhere], &mut |_| false).unwrap();
+    let end = search.climb(&mut evaluator, &START, Moves::Anywhere, &mut |_| false).unwrap();
     assert_eq!(end, None);
     let sample = GridSample::draw(&mut search, &mut evaluator, 2, 1, &|| false).unwrap();
     assert_eq!((sample.placements().count(), sample.lipschitz()), (0, None));

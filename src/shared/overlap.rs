@@ -63,7 +63,7 @@ pub struct Overlap {
     pub frames: usize,
     /// Voxels in which both LiDARs have a hit, a mean over frames; on the diagonal the voxels of each one's hits.
     pub shared_voxels: Vec<Vec<f64>>,
-    /// Overlap: shared voxels as a share of those of the LiDAR with fewer; 1 on the diagonal, 0 where a LiDAR has none.
+    /// Overlap: shared voxels as a share of the voxels of the LiDAR with fewer; 1 on the diagonal, 0 where a LiDAR has none.
     pub overlap: Vec<Vec<f64>>,
     /// Largest overlap at which pairs still connect all LiDARs: the number of a requirement on `overlap`.
     pub overlap_up_to: f64,

@@ -15,14 +15,14 @@ pub struct FrontState {
     met: Vec<Part<Option<(Placement, Equipment)>>>,
 }
 
-/// One part: what was asked, and what was found.
+/// One part of a front: a question and its answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Part<T> {
     asked: String,
     found: T,
 }
 
-/// What was found for a question, if it was asked before.
+/// Answer to a question that was asked before.
 fn known<'a, T>(parts: &'a [Part<T>], asked: &str) -> Option<&'a T> {
     parts.iter().find(|part| part.asked == asked).map(|part| &part.found)
 }

@@ -75,7 +75,7 @@ impl Effort {
         if pairs.has_overlaps() { self.split_nodes(pairs) } else { 1 }
     }
 
-    /// Sets of sensors to split on the way to those whose gains are looked at.
+    /// Sets of sensors to split before the gains of larger ones are looked at.
     fn split_nodes(&self, pairs: &PairBound) -> u64 {
         if pairs.can_split() { self.pair_candidates / pairs.singles().len() as u64 } else { 1 }
     }

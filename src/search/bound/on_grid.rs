@@ -125,9 +125,9 @@ fn gain(
     let Some(greedy) = search.greedy(evaluator, &all)? else {
         return Ok(Err("no placement on the grid keeps the distance asked for".into()));
     };
-    let anywhere = [Moves::Anywhere];
+    let anywhere = Moves::Anywhere;
     let ask = &mut |_| go_on(0);
-    let Some(top) = search.ascend(evaluator, &greedy.poses, &anywhere, Check::Nothing, ask)? else {
+    let Some(top) = search.ascend(evaluator, &greedy.poses, anywhere, Check::Nothing, ask)? else {
         return late();
     };
     if !top.value.is_finite() {

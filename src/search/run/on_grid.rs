@@ -117,7 +117,7 @@ impl Run {
         Ok(())
     }
 
-    /// Refines the best of some starts over the present frames, and puts what is found in their place.
+    /// Refines the best of some starts over the present frames, and puts the ends in their place.
     fn refine_over(
         &mut self,
         refinement: &Refinement,

@@ -3,7 +3,7 @@
 //! Keys, units and defaults are explained in `scenes/README.md`.
 
 use serde::Deserialize;
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Place, check};
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -202,6 +202,52 @@ pub struct RequirementDescription {
 }
 
 impl RequirementDescription {
+    /// Name of the rule at `at`; `default` where it gives itself none.
+    ///
+    /// # Errors
+    /// A name that is not one.
+    pub fn named(&self, at: &Place, default: String) -> Result<String, DescriptionError> {
+        match &self.name {
+            Some(name) => check::name(&at.key("name"), name.clone()),
+            None => Ok(default),
+        }
+    }
+
+    /// Refuses a key of the rule at `at` beside its name and the `keys` of its kind.
+    ///
+    /// # Errors
+    /// The first of them; `mend` says what to do about it.
+    pub fn has_only(
+        &self,
+        at: &Place,
+        keys: &[&str],
+        mend: impl Fn(&str) -> &'static str,
+    ) -> Result<(), DescriptionError> {
+        let given = [
+            ("min", self.min.is_some()),
+            ("max", self.max.is_some()),
+            ("without", !self.without.is_empty()),
+            ("target", self.target.is_some()),
+            ("from", self.from.is_some()),
+            ("within", self.within.is_some()),
+            ("bearing", self.bearing.is_some()),
+            ("beams", self.beams.is_some()),
+            ("without_any_one", self.without_any_one),
+            ("ground", self.ground.is_some()),
+            ("blind_zone", self.blind_zone.is_some()),
+            ("depth", self.depth.is_some()),
+            ("overlap", self.overlap.is_some()),
+            ("share", self.share.is_some()),
+        ];
+        match given.into_iter().find(|(key, is_given)| *is_given && !keys.contains(key)) {
+            None => Ok(()),
+            Some((key, _)) => {
+                let mend = mend(key).to_owned();
+                Err(DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend })
+            }
+        }
+    }
+
     /// Share that is required.
     ///
     /// # Errors

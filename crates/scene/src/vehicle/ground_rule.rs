@@ -1,7 +1,7 @@
 //! Rules on the ground near the vehicle: how much of it must be seen, and how near.
 
 use super::description::RequirementDescription;
-use sightline_files::json::check::{self, bad};
+use sightline_files::json::check::bad;
 use sightline_files::json::{DescriptionError, Place};
 
 /// Farthest ground of a rule, metres from the outline of the own body.
@@ -97,27 +97,16 @@ impl GroundRule {
                 (name, required.share.unwrap_or(1.0))
             }
         };
-        for (key, there) in [
-            ("min", required.min.is_some()),
-            ("max", required.max.is_some()),
-            ("without", !required.without.is_empty()),
-            ("target", required.target.is_some()),
-            ("from", required.from.is_some()),
-            ("within", required.within.is_some()),
-            ("bearing", required.bearing.is_some()),
-            ("beams", required.beams.is_some()),
-            ("depth", required.depth.is_some() && required.ground.is_some()),
-        ] {
-            if there {
-                let mend =
-                    "a rule on the ground has `ground` and `share`, or `blind_zone` and `depth`";
-                return Err(misplaced(at, key, mend));
-            }
-        }
-        let name = match &required.name {
-            Some(name) => check::name(&at.key("name"), name.clone())?,
-            None => default,
+        let own: &[&str] = match asked {
+            GroundAsked::Within(_) => &["ground", "share", "without_any_one"],
+            GroundAsked::BlindZone(..) => &["blind_zone", "depth", "share", "without_any_one"],
         };
+        required.has_only(
+            at,
+            own,
+            |_| "a rule on the ground has `ground` and `share`, or `blind_zone` and `depth`",
+        )?;
+        let name = required.named(at, default)?;
         let without_any_one = required.without_any_one;
         Ok(Some(Self { name, asked, share, without_any_one }))
     }

@@ -228,11 +228,6 @@ impl PoseGrid {
         self.part(number).along(number, radius)
     }
 
-    /// Poses at most `radius` steps from `number` along every field, itself included, rising.
-    pub fn around(&self, number: u32, radius: u32) -> Vec<u32> {
-        self.part(number).around(number, radius)
-    }
-
     fn part(&self, number: u32) -> &SlotGrid {
         &self.parts[self.kind(number)]
     }
@@ -329,26 +324,6 @@ impl SlotGrid {
         found
     }
 
-    fn around(&self, number: u32, radius: u32) -> Vec<u32> {
-        let centre = self.steps_of(number);
-        let mut found = vec![[0u32; 7]];
-        for k in 0..7 {
-            let low = centre[k].saturating_sub(radius);
-            let high = (centre[k] + radius).min(self.count[k] - 1);
-            found = found
-                .into_iter()
-                .flat_map(|steps| {
-                    (low..=high).map(move |s| {
-                        let mut steps = steps;
-                        steps[k] = s;
-                        steps
-                    })
-                })
-                .collect();
-        }
-        found.into_iter().map(|steps| self.number_of(steps)).collect()
-    }
-
     fn steps_of(&self, number: u32) -> [u32; 7] {
         let mut rest = number - self.first;
         let mut steps = [0; 7];
@@ -389,11 +364,10 @@ mod tests {
         for number in (0..grid.len()).step_by(97) {
             assert_eq!(grid.nearest(0, &grid.pose(number)), number);
         }
-        let corner = grid.around(0, 1);
-        assert_eq!(corner.len(), 16, "two steps along each of four free fields");
+        let corner = grid.along(0, 1);
+        assert_eq!(corner.len(), 5, "itself, and one step along each of four free fields");
         assert!(corner.is_sorted() && corner[0] == 0);
         let number = grid.nearest(0, &pose);
-        assert_eq!(grid.around(number, 2).len(), 5 * 5 * 4 * 5);
         // Two steps down and one up along z, four ways along the other free fields, and itself.
         assert_eq!(grid.along(number, 2).len(), 4 + 4 + 3 + 4 + 1);
     }

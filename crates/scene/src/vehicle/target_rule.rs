@@ -51,21 +51,12 @@ impl TargetRule {
             key,
             mend: mend.to_owned(),
         };
-        for (key, there) in [
-            ("min", required.min.is_some()),
-            ("max", required.max.is_some()),
-            ("without", !required.without.is_empty()),
-            ("depth", required.depth.is_some()),
-        ] {
-            if there {
-                let mend = match key {
-                    "depth" => "it is of a `blind_zone`; a `target` has `within`",
-                    _ => "a `target` stands on the ground around the vehicle; leave the box out",
-                };
-                let mend = mend.to_owned();
-                return Err(DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend });
-            }
-        }
+        const OWN: [&str; 7] =
+            ["target", "from", "within", "bearing", "beams", "share", "without_any_one"];
+        required.has_only(at, &OWN, |key| match key {
+            "depth" => "it is of a `blind_zone`; a `target` has `within`",
+            _ => "a `target` stands on the ground around the vehicle; leave the box out",
+        })?;
         let target = Target::named_at(&at.key("target"), dir, target)?;
         let within = required.within.ok_or_else(|| {
             missing("within", "say up to which distance, `\"within\": 40` for example")
@@ -86,10 +77,7 @@ impl TargetRule {
         }
         let beams = required.beams.unwrap_or(BEAMS);
         let beams = check::count(&at.key("beams"), beams, 1, MOST_BEAMS)?;
-        let name = match &required.name {
-            Some(name) => check::name(&at.key("name"), name.clone())?,
-            None => format!("{} to {within} m", target.name),
-        };
+        let name = required.named(at, format!("{} to {within} m", target.name))?;
         Ok(Self {
             name,
             target: Arc::new(target),

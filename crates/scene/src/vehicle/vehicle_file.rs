@@ -244,23 +244,10 @@ fn area(at: &Place, required: &RequirementDescription) -> Result<Requirement, De
     let corner = "give the corners of a box, a `target`, `ground`, a `blind_zone` or `overlap`";
     let min = required.min.ok_or_else(|| missing("min", corner))?;
     let max = required.max.ok_or_else(|| missing("max", corner))?;
-    for (key, there) in [
-        ("within", required.within.is_some()),
-        ("from", required.from.is_some()),
-        ("bearing", required.bearing.is_some()),
-        ("beams", required.beams.is_some()),
-        ("without_any_one", required.without_any_one),
-        ("depth", required.depth.is_some()),
-    ] {
-        if there {
-            let mend = match key {
-                "depth" => "it is of a `blind_zone`; a box has none",
-                _ => "it is of a `target`; a box has none",
-            };
-            let mend = mend.to_owned();
-            return Err(DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend });
-        }
-    }
+    required.has_only(at, &["min", "max", "without", "share"], |key| match key {
+        "depth" => "it is of a `blind_zone`; a box has none",
+        _ => "it is of a `target`; a box has none",
+    })?;
     let inside = KeepOutDescription { min, max };
     let inside = keep_out_boxes(at, std::slice::from_ref(&inside))?[0];
     let without = keep_out_boxes(&at.key("without"), &required.without)?;
