@@ -252,7 +252,7 @@ fn swaps_tell_other_ends_that_are_about_as_good() {
         let mut evaluator = Evaluator::new(mounted(&problem, &rules), backend);
         let start = [-1.0, 0.0, 1.0].map(|x| SensorPose::at(x, 0.0, 0.0));
         let start = Placement { name: "start".into(), lidars: start.to_vec() };
-        let settings = SwapSettings { spacing, casts: 2000, memory: MEMORY, seed };
+        let settings = SwapSettings { spacing, casts: 2000, whole: true, memory: MEMORY, seed };
         let swapped = swap_anywhere(&mut evaluator, &objective, &settings, &[start], &mut |_| true);
         let swapped = swapped.unwrap().unwrap();
         let all = [vec![swapped.placement], swapped.others].concat();

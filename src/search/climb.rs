@@ -22,7 +22,7 @@ const FEW_POSES: usize = 4096;
 pub enum Moves {
     /// At most this many steps along one pose field.
     Along(u32),
-    /// Anywhere on the grid.
+    /// To any pose of the pool, see [`GridSearch::keep_to`].
     Anywhere,
 }
 
@@ -148,7 +148,7 @@ impl GridSearch {
         turns
     }
 
-    /// The placement after one random turn, which moves a LiDAR, and those tied to it, anywhere.
+    /// The placement after one random turn, which moves a LiDAR, and those tied to it, to any pose of the pool.
     pub(super) fn kicked(&self, poses: &[u32], rng: &mut impl Rng) -> Vec<u32> {
         let turns = self.turns(poses);
         let turn = turns[rng.random_range(0..turns.len())];
@@ -187,7 +187,13 @@ impl GridSearch {
         let grid = self.atlas.grid();
         match moves {
             Moves::Along(radius) => grid.along(here[lidar], radius),
-            Moves::Anywhere => grid.poses_of_lidar(lidar).collect(),
+            Moves::Anywhere => {
+                let own = grid.poses_of_lidar(lidar);
+                match &self.pool {
+                    None => own.collect(),
+                    Some(pool) => pool.range(own).copied().collect(),
+                }
+            }
         }
     }
 

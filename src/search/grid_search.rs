@@ -1,7 +1,7 @@
 //! Placements whose LiDARs stand on poses of a grid: rules they keep, poses to hold, greedy choice, guards.
 
 use std::cmp::Ordering;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -54,6 +54,8 @@ pub struct GridSearch {
     pub(super) evaluations: u64,
     /// Poses cast beyond which no LiDAR of a climb takes another turn.
     most_casts: u64,
+    /// Poses that a climb moves LiDARs to where it may move them anywhere; `None` for all of the grid.
+    pub(super) pool: Option<BTreeSet<u32>>,
     /// Penalty for a missing share of 1, taken off the objective; 0 without requirements.
     pub(super) penalty: f64,
     /// Penalty for a car that no beam meets, taken off the objective; 0 where the search does not look for cars.
@@ -93,6 +95,7 @@ impl GridSearch {
             constraints: evaluator.constraints().clone(),
             evaluations: 0,
             most_casts: u64::MAX,
+            pool: None,
             penalty: 0.0,
             blind: 0.0,
             looked_at: HashMap::new(),
@@ -102,6 +105,19 @@ impl GridSearch {
     /// Drops the rules that tie LiDARs together: a bound over more placements bounds them, too.
     pub fn untie(&mut self) {
         self.constraints = self.constraints.untied();
+    }
+
+    /// Lets climbs move LiDARs to these poses, too, and to none but the poses that were ever named so.
+    pub(super) fn keep_to(&mut self, poses: impl IntoIterator<Item = u32>) {
+        self.pool.get_or_insert_default().extend(poses);
+    }
+
+    /// Poses one step along one field from those of a placement that are not in the pool, rising.
+    pub(super) fn next_to(&self, placement: &[u32]) -> Vec<u32> {
+        let Some(pool) = &self.pool else { return Vec::new() };
+        let near = placement.iter().flat_map(|&pose| self.atlas.grid().along(pose, 1));
+        let new: BTreeSet<u32> = near.filter(|pose| !pool.contains(pose)).collect();
+        new.into_iter().collect()
     }
 
     /// Lets climbs begin turns only while fewer than `casts` poses are cast.

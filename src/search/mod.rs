@@ -1,6 +1,6 @@
 //! The search for the best placement, and how good its result is.
 //!
-//! [`optimize`] is the main job: frames on demand, CMA-ES, swaps on a coarse grid of sensor poses and their
+//! [`optimize`] is the main job: frames on demand, CMA-ES, swaps on a grid of sensor poses and their
 //! refinement over more frames, finalists confirmed over all frames, bounds. [`Run`] does the job step by step.
 //!
 //! | file | holds |
@@ -11,7 +11,7 @@
 //! | `evaluator`, `seat` | scores of placements: over all scenes, and in one on its engine |
 //! | `generations` | CMA-ES over the free pose fields |
 //! | `pilot`, `levels`, `on_demand` | few frames that stand for all, and when more are needed |
-//! | `atlas`, `atlases`, `coarse_grid`, `grid_search`, `grid_values`, `climb`, `swaps` | placements on a grid of poses |
+//! | `atlas`, `atlases`, `grid_search`, `grid_values`, `climb`, `swaps` | placements on a grid of poses |
 //! | `equip` | models and numbers of sensors under a budget; requirements |
 //! | `phases` | check of a result at draws of phases that the search has not seen |
 //! | `bound` | bounds on how much better than the result another placement could be |
@@ -22,7 +22,6 @@ pub(crate) mod atlas;
 pub(crate) mod atlases;
 pub(crate) mod bound;
 pub(crate) mod climb;
-mod coarse_grid;
 mod equip;
 mod error;
 mod evaluator;

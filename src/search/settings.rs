@@ -13,7 +13,7 @@ use crate::vehicle::{Placement, Spacing, table_7};
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// CMA-ES, then swaps on a coarse grid of poses and their refinement; the better one wins.
+    /// CMA-ES, then swaps among poses spread over a grid, and their refinement; the better one wins.
     #[default]
     Both,
     /// CMA-ES alone.
@@ -128,8 +128,8 @@ impl Settings {
         self.delta.unwrap_or(SWAP_SPACING)
     }
 
-    /// Sensor poses that the first swaps cast, at most: half as many again as the generations, since swaps gain more
-    /// from a cast.
+    /// Sensor poses that the first swaps cast, at most about: half as many again as the generations, since swaps gain
+    /// more from a cast.
     pub(super) fn poses_for_swaps(&self, lidars: usize) -> u64 {
         (self.evaluations.saturating_mul(lidars as u64) / 2).saturating_mul(3)
     }

@@ -1,5 +1,7 @@
 //! Swaps: single LiDARs move to other poses of a grid while that gains.
 
+use std::collections::{BTreeSet, HashSet};
+
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -17,9 +19,12 @@ use crate::vehicle::{Placement, PoseGrid, Spacing};
 /// Default grid of the swaps: the spacing of the published placements.
 pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
 
-/// Kicks out of local optima where the grid has as many poses as may be cast: more on a smaller grid, fewer on a larger
-/// one.
-const KICKS: u64 = 6;
+/// Share of the casts that goes to poses spread over the grid; the rest goes to poses next to those of good ends.
+const SPREAD: f64 = 0.6;
+/// Ends of climbs whose neighbours are cast, at most at a time.
+const WIDENED: usize = 4;
+/// Kicks out of local optima among as many poses as are cast: more among fewer.
+const KICKS: u64 = 5;
 /// Most kicks.
 const MOST_KICKS: u64 = 32;
 /// LiDARs that a kick moves, one after the other, each anywhere.
@@ -47,6 +52,8 @@ pub struct SwapSettings {
     pub spacing: Spacing,
     /// Sensor poses to cast, at most about.
     pub casts: u64,
+    /// True if every pose of the grid is cast, however many there are.
+    pub whole: bool,
     /// Bytes of bitmaps to keep, at most.
     pub memory: u64,
     /// Seed of the random moves.
@@ -70,27 +77,17 @@ pub struct Swapped {
 }
 
 impl Swapped {
-    /// The best placement of a search, with its counts; `ends` are the ends of all climbs.
-    pub fn new(search: &GridSearch, best: &GridPlacement, mut ends: Vec<GridPlacement>) -> Self {
-        ends.sort_by(|a, b| b.value.total_cmp(&a.value));
-        ends.retain(|end| (end.value - best.value).abs() <= AS_GOOD * best.value.abs());
-        let sorted = |end: &GridPlacement| {
-            let mut poses = end.poses.clone();
-            poses.sort_unstable();
-            poses
+    /// The best placement of a search, with its counts; `ends` are the ends of all climbs, the best first.
+    fn new(search: &GridSearch, best: &GridPlacement, ends: &[&GridPlacement]) -> Self {
+        let as_good = |end: &&&GridPlacement| {
+            set_of(end) != set_of(best)
+                && (end.value - best.value).abs() <= AS_GOOD * best.value.abs()
         };
-        let mut seen = vec![sorted(best)];
-        ends.retain(|end| {
-            let is_new = !seen.contains(&sorted(end));
-            seen.push(sorted(end));
-            is_new
-        });
-        ends.truncate(OTHERS);
         let placed = |end: &GridPlacement| end.placement(search.atlas().grid(), "optimized");
         Self {
             placement: placed(best),
             value: best.value,
-            others: ends.iter().map(placed).collect(),
+            others: ends.iter().filter(as_good).take(OTHERS).map(|end| placed(end)).collect(),
             evaluations: search.evaluations(),
             poses_cast: search.atlas().poses_cast(),
         }
@@ -149,10 +146,26 @@ impl Ends {
         Ok(())
     }
 
-    fn swapped(self, search: &GridSearch) -> Option<Swapped> {
-        let best = self.best.filter(|best| best.value.is_finite())?;
-        Some(Swapped::new(search, &best, self.all))
+    /// The ends, the best first, each set of poses once.
+    fn distinct(&self) -> Vec<&GridPlacement> {
+        let mut ends: Vec<&GridPlacement> = self.all.iter().collect();
+        ends.sort_by(|a, b| b.value.total_cmp(&a.value));
+        let mut seen = HashSet::new();
+        ends.retain(|end| seen.insert(set_of(end)));
+        ends
     }
+
+    fn swapped(&self, search: &GridSearch) -> Option<Swapped> {
+        let best = self.best.as_ref().filter(|best| best.value.is_finite())?;
+        Some(Swapped::new(search, best, &self.distinct()))
+    }
+}
+
+/// Poses of a placement, rising.
+fn set_of(placement: &GridPlacement) -> Vec<u32> {
+    let mut poses = placement.poses.clone();
+    poses.sort_unstable();
+    poses
 }
 
 /// Swaps single LiDARs to poses of a grid at most `radius` steps away along one pose field, from each start that the
@@ -195,14 +208,15 @@ pub(super) fn swap_from(
     Ok(ends.swapped(&search))
 }
 
-/// Swaps single LiDARs to any pose of a grid, all of which are cast: from greedy's placement and from each start, then
-/// from the best end after a kick that moves some of its LiDARs anywhere, again and again. Where rules tie the LiDARs
+/// Swaps single LiDARs anywhere among poses of a grid that are spread over it, all of them where the grid has no more
+/// than may be cast: from greedy's placement and from each start, then from the best end after a kick that moves some
+/// of its LiDARs anywhere, again and again. Then the poses next to those of the best ends are cast, too, and the swaps
+/// go on from there, until the best ends have no neighbours that were not cast. Where rules tie the LiDARs
 /// together the best of some random placements stands in for greedy, which takes one LiDAR after another and so does
 /// not keep them.
 ///
-/// Of the settings' `casts` the number of kicks depends alone. `None` where no start, moved to the grid, keeps the rules
-/// of the mount. `go_on` is asked as by [`GridSearch::climb`]; once it says no the best end so far is the result, `None`
-/// where there is none.
+/// `None` where no start, moved to the grid, keeps the rules of the mount. `go_on` is asked as by
+/// [`GridSearch::climb`]; once it says no the best end so far is the result, `None` where there is none.
 ///
 /// # Errors
 /// A spacing that gives no grid, or from the backend.
@@ -214,9 +228,12 @@ pub fn swap_anywhere(
     go_on: &mut dyn FnMut(u64) -> bool,
 ) -> Result<Option<Swapped>, SearchError> {
     let mut search = grid_search(evaluator, objective, settings, starts)?;
-    let all: Vec<u32> = (0..search.atlas().grid().len()).collect();
+    let (pool, most) = pool_of(&search, settings);
     // Some of them, spread over the grid, where the time is over.
-    let held = search.hold_while(evaluator, &all, go_on)?;
+    let held = search.hold_while(evaluator, &pool, go_on)?;
+    if pool.len() < search.atlas().grid().len() as usize {
+        search.keep_to(held.iter().copied());
+    }
     let mut first: Vec<Vec<u32>> = Vec::new();
     if evaluator.constraints().ties.any() {
         first.extend(best_drawn(&mut search, evaluator, settings.seed, go_on)?);
@@ -230,7 +247,7 @@ pub fn swap_anywhere(
         ends.add(&mut search, evaluator, top, go_on)?;
     }
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
-    let kicks = KICKS.saturating_mul(settings.casts) / all.len().max(1) as u64;
+    let kicks = KICKS.saturating_mul(settings.casts) / pool.len().max(1) as u64;
     for _ in 0..kicks.min(MOST_KICKS) {
         let Some(best) = ends.best.as_ref().filter(|_| search.may_turn(go_on)) else { break };
         let kick = |poses: Vec<u32>, _| search.kicked(&poses, &mut rng);
@@ -238,7 +255,49 @@ pub fn swap_anywhere(
         let Some(top) = search.climb(evaluator, &start, Moves::Anywhere, go_on)? else { break };
         ends.add(&mut search, evaluator, top, go_on)?;
     }
+    widen(&mut search, evaluator, &mut ends, most, go_on)?;
     Ok(ends.swapped(&search))
+}
+
+/// Poses to cast first, and the most to cast in all.
+fn pool_of(search: &GridSearch, settings: &SwapSettings) -> (Vec<u32>, u64) {
+    let grid = search.atlas().grid();
+    let all = u64::from(grid.len());
+    let most = settings.casts.min(search.atlas().capacity() as u64);
+    if settings.whole || all <= most {
+        return (grid.spread(all), all);
+    }
+    let first = (SPREAD * most as f64) as u64;
+    if !search.constraints.ties.symmetric {
+        return (grid.spread(first), most);
+    }
+    let half = grid.spread(first / 2).into_iter();
+    let both: BTreeSet<u32> = half.flat_map(|pose| [pose, grid.mirrored(pose)]).collect();
+    (both.into_iter().collect(), most)
+}
+
+/// Casts poses next to those of the best ends and climbs on from these, one end after the other, while that gains new
+/// poses and no more than `most` are cast.
+fn widen(
+    search: &mut GridSearch,
+    evaluator: &mut Evaluator,
+    ends: &mut Ends,
+    most: u64,
+    go_on: &mut dyn FnMut(u64) -> bool,
+) -> Result<(), SearchError> {
+    loop {
+        let best = ends.distinct().into_iter().take(WIDENED);
+        let mut next = best.map(|end| (end.poses.clone(), search.next_to(&end.poses)));
+        let Some((start, new)) = next.find(|(_, new)| !new.is_empty()) else { return Ok(()) };
+        if search.atlas().poses_cast() + new.len() as u64 > most || !search.may_turn(go_on) {
+            return Ok(());
+        }
+        let held = search.hold_while(evaluator, &new, go_on)?;
+        search.keep_to(held);
+        let top = search.climb(evaluator, &start, Moves::Anywhere, go_on)?;
+        let Some(top) = top.filter(|_| search.may_turn(go_on)) else { return Ok(()) };
+        ends.add(search, evaluator, top, go_on)?;
+    }
 }
 
 /// The best of some random placements, moved to the grid.

@@ -2,16 +2,14 @@
 
 use super::state::{Phase, Run};
 use crate::score::Standing;
-use crate::search::atlases::Atlases;
 use crate::search::bound::bounds;
-use crate::search::coarse_grid::coarse_grid;
 use crate::search::error::SearchError;
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::outcome::Scored;
 use crate::search::seat::FRAMES_AT_ONCE;
 use crate::search::settings::Method;
 use crate::search::swaps::{SwapSettings, swap_anywhere, swap_from};
-use crate::vehicle::{Placement, PoseGrid, Spacing};
+use crate::vehicle::{Constraints, Placement, PoseGrid, PoseGridError, Spacing};
 
 /// Swaps over more frames than before: frames, as a multiple of those of the first swaps, steps along a pose field, and
 /// how often the spacing is then halved.
@@ -36,8 +34,8 @@ const REFINEMENTS: [Refinement; 2] = [
 ];
 
 impl Run {
-    /// Moves single LiDARs anywhere on the grid, which [`Method::Both`] widens until its poses are as few as the swaps may
-    /// cast, from the best of the generations and from the best baseline.
+    /// Moves single LiDARs anywhere on the grid, of whose poses [`Method::Both`] casts as many as the swaps may, from the
+    /// best of the generations and from the best baseline.
     pub(super) fn swap(&mut self, watch: &mut Watch) -> Result<(), SearchError> {
         let settings = self.state.settings.clone();
         let starts = self.starts_of_swaps(watch)?;
@@ -55,18 +53,11 @@ impl Run {
         let memory = self.memory() / 2;
         let evaluator = self.evaluator(watch)?;
         let casts = settings.poses_for_swaps(evaluator.constraints().lidars());
-        let most = match settings.method {
-            Method::Swaps => u64::MAX,
-            _ => {
-                let grid = PoseGrid::new(evaluator.constraints(), settings.spacing())?;
-                let needed = settings.objective.needed();
-                let room = Atlases::new(evaluator, &grid, needed, memory).capacity() as u64;
-                casts.min(room)
-            }
-        };
-        let (grid, spacing) = coarse_grid(evaluator.constraints(), settings.spacing(), 1, most)?;
-        let total = u64::from(grid.len());
-        let on_grid = SwapSettings { spacing, casts, memory, seed: settings.seed };
+        let whole = settings.method == Method::Swaps;
+        let (grid, spacing) = numbered_grid(evaluator.constraints(), settings.spacing())?;
+        let all = u64::from(grid.len());
+        let total = if whole { all } else { all.min(casts) };
+        let on_grid = SwapSettings { spacing, casts, whole, memory, seed: settings.seed };
         let mut go_on = |cast: u64| {
             let done = cast.min(total);
             watch.tell(&Event::Progress { work: Work::Swaps, done, total })
@@ -138,7 +129,8 @@ impl Run {
                 break;
             }
             let casts = (end - work.done) / frames;
-            let on_grid = SwapSettings { spacing, casts, memory, seed: settings.seed };
+            let on_grid =
+                SwapSettings { spacing, casts, whole: false, memory, seed: settings.seed };
             let evaluator = self.evaluator(watch)?;
             let (done, total) = (work.done, REFINEMENTS.len() as u64 * work.casts);
             let mut go_on = |cast: u64| {
@@ -205,5 +197,22 @@ impl Run {
         self.state.bounds = Some(bounds);
         self.state.phase = Phase::Confirm;
         Ok(())
+    }
+}
+
+/// The grid of a spacing, or of the least power of two times it that gives no more poses than can be numbered; and its
+/// spacing.
+fn numbered_grid(
+    constraints: &Constraints,
+    mut spacing: Spacing,
+) -> Result<(PoseGrid, Spacing), PoseGridError> {
+    loop {
+        match PoseGrid::new(constraints, spacing) {
+            Err(PoseGridError::TooManyPoses { .. }) if spacing.metres < f64::MAX / 4.0 => {
+                let Spacing { metres, radians } = spacing;
+                spacing = Spacing { metres: 2.0 * metres, radians: 2.0 * radians };
+            }
+            made => return Ok((made?, spacing)),
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! Numbered sensor poses on a grid in the mount.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 use super::pairing::{MIRRORED, pairs};
@@ -10,6 +11,12 @@ const DECIMALS: f64 = 1e12;
 /// Phases of a sensor whose phase is to be chosen: quarters of the range from its lower end on. The upper end is
 /// left out, since a range of one azimuth step ends where it begins.
 const PHASES: u32 = 4;
+/// Fewest poses of one kind of slot in [`PoseGrid::spread`], where it has as many.
+const FEWEST_OF_KIND: u64 = 100;
+/// Newton's steps to the root of a recurrence: more than enough from 2.
+const ROOT_STEPS: usize = 32;
+/// Points of a recurrence for each pose that is wanted, at most.
+const MOST_DRAWN: u64 = 4;
 /// Most poses of a grid.
 const MAX_POSES: u64 = 1 << 31;
 
@@ -134,6 +141,17 @@ impl PoseGrid {
     pub fn poses_of_lidar(&self, lidar: usize) -> Range<u32> {
         let part = &self.parts[self.part_of_lidar[lidar]];
         part.first..part.first + part.len()
+    }
+
+    /// About `most` poses, or all where there are no more, rising: of each kind of slot a share by its number of poses,
+    /// [`FEWEST_OF_KIND`] at least, spread evenly over every pose field.
+    pub fn spread(&self, most: u64) -> Vec<u32> {
+        let all = u64::from(self.len());
+        let count_of = |part: &SlotGrid| {
+            let own = u64::from(part.len());
+            if all <= most { own } else { (own * most / all).max(FEWEST_OF_KIND).min(own) }
+        };
+        self.parts.iter().flat_map(|part| part.spread(count_of(part))).collect()
     }
 
     /// Kind of slot that a pose belongs to, from 0.
@@ -324,6 +342,39 @@ impl SlotGrid {
         found
     }
 
+    /// `count` of its poses, or a few less, rising: points of an additive recurrence with the powers of the root of
+    /// xᵈ⁺¹ = x + 1 for d fields (Roberts 2018), which fills each field, and each pair of fields, evenly.
+    fn spread(&self, count: u64) -> Vec<u32> {
+        if count >= u64::from(self.len()) {
+            return (self.first..self.first + self.len()).collect();
+        }
+        let fields: Vec<usize> = (0..7).filter(|&k| self.count[k] > 1).collect();
+        let degree = fields.len() as i32 + 1;
+        // Newton's steps from above the root of a convex function.
+        let step = |x: f64, _| {
+            let power = x.powi(degree - 1);
+            x - (power * x - x - 1.0) / (f64::from(degree) * power - 1.0)
+        };
+        let root = (0..ROOT_STEPS).fold(2.0_f64, step);
+        let pose_of = |index: u64| {
+            let mut steps = [0; 7];
+            let mut at = index as f64;
+            for &k in &fields {
+                at /= root;
+                steps[k] = ((0.5 + at).fract() * f64::from(self.count[k])) as u32;
+            }
+            self.number_of(steps)
+        };
+        // Some points fall on one pose: a few more than are wanted are drawn.
+        let mut poses = BTreeSet::new();
+        let mut drawn = (1..=MOST_DRAWN * count).map(pose_of);
+        while (poses.len() as u64) < count {
+            let Some(pose) = drawn.next() else { break };
+            poses.insert(pose);
+        }
+        poses.into_iter().collect()
+    }
+
     fn steps_of(&self, number: u32) -> [u32; 7] {
         let mut rest = number - self.first;
         let mut steps = [0; 7];
@@ -370,6 +421,34 @@ mod tests {
         let number = grid.nearest(0, &pose);
         // Two steps down and one up along z, four ways along the other free fields, and itself.
         assert_eq!(grid.along(number, 2).len(), 4 + 4 + 3 + 4 + 1);
+    }
+
+    #[test]
+    fn some_poses_are_spread_over_every_field() {
+        let grid = PoseGrid::new(&constraints(), Spacing { metres: 0.1, radians: 0.1 }).unwrap();
+        assert_eq!(
+            grid.spread(8281),
+            (0..8281).collect::<Vec<u32>>(),
+            "all where there are no more"
+        );
+        let some = grid.spread(810);
+        assert_eq!(some.len(), 810);
+        assert!(some.is_sorted() && some.windows(2).all(|two| two[0] < two[1]));
+        let value = |number: u32| {
+            let SensorPose { x, y, z, roll, .. } = grid.pose(number);
+            [x, y, z, roll].map(|value| (value * 10.0).round() as i64)
+        };
+        for (field, levels) in [13, 13, 7, 7].into_iter().enumerate() {
+            let mut poses_at = std::collections::BTreeMap::new();
+            some.iter().for_each(|&pose| *poses_at.entry(value(pose)[field]).or_insert(0) += 1);
+            assert_eq!(poses_at.len(), levels, "every value of field {field} occurs");
+            let (least, most) =
+                (poses_at.values().min().unwrap(), poses_at.values().max().unwrap());
+            assert!(10 * most <= 13 * least, "field {field}: {least} to {most} poses a value");
+        }
+        let pairs: BTreeSet<_> =
+            some.iter().map(|&pose| [value(pose)[2], value(pose)[3]]).collect();
+        assert_eq!(pairs.len(), 7 * 7, "every height occurs with every roll");
     }
 
     #[test]
