@@ -109,7 +109,7 @@ pub mod internals {
     pub use crate::allocator::Sentence;
     pub use crate::chart::early::{Left, Skipped};
     pub use crate::chart::measure::{Measured, PoseCost};
-    pub use crate::chart::ranking::{Interval, RankingError};
+    pub use crate::chart::ranking::{BootstrapInterval, RankingError};
     pub use crate::chart::setting::{Engine, Setting};
     pub use crate::chart::simplify::merge_vertices;
     pub use crate::chart::verdict::{MOST_SWAPPED, Rated, cheapest, pareto, rate};

@@ -16,7 +16,7 @@ use crate::vehicle::Placement;
 
 pub use error::AuditError;
 pub use stability::Stability;
-pub use trial::{Trial, Verdict};
+pub use trial::{Trial, TrialResult};
 
 use stability::Ranking;
 use trial::{gaming_placements, jittered};
@@ -114,7 +114,7 @@ pub fn audit(
         scene: scene.scene().name().to_owned(),
         objective: objective.to_string(),
         base,
-        passed: trials.iter().all(|trial| trial.verdict != Verdict::Fooled),
+        passed: trials.iter().all(|trial| trial.verdict != TrialResult::Fooled),
         trials,
         stability,
         ranking_against_mean_height: ranking.against_mean_height(),

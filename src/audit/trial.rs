@@ -17,7 +17,7 @@ const HARMLESS: f64 = 0.01;
 /// Result of a trial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
+pub enum TrialResult {
     /// No score calls the attempt better than the base, or it sees as much.
     NotFooled,
     /// A score was fooled, and a guard says so.
@@ -36,7 +36,7 @@ pub struct Trial {
     /// Names of the scores that rank the attempt above the base.
     pub fooled: Vec<&'static str>,
     /// Fooled, caught by a guard, or not fooled.
-    pub verdict: Verdict,
+    pub verdict: TrialResult,
 }
 
 impl Trial {
@@ -63,10 +63,10 @@ impl Trial {
         let known = |guard: &&Guard| guard.is_doubt() || !base.guards.contains(guard);
         let is_clear = scores.guards.iter().find(known).is_none();
         let verdict = match (fooled.is_empty(), is_clear) {
-            (true, _) => Verdict::NotFooled,
-            (false, false) => Verdict::Caught,
-            (false, true) if harmless => Verdict::NotFooled,
-            (false, true) => Verdict::Fooled,
+            (true, _) => TrialResult::NotFooled,
+            (false, false) => TrialResult::Caught,
+            (false, true) if harmless => TrialResult::NotFooled,
+            (false, true) => TrialResult::Fooled,
         };
         Self { name: name.to_owned(), scores, fooled, verdict }
     }
@@ -151,17 +151,20 @@ mod tests {
         let seeing = Tally { entropy: [50 << 28, 0, 0, 0], ..Tally::zero(1, 1) };
         let blind = Trial::new("blind", &base, scores(100, 5, Some(&seeing)));
         assert_eq!(blind.fooled, ["m_sog", "m_sog_scaled"]);
-        assert_eq!(blind.verdict, Verdict::Caught);
-        assert_eq!(Trial::new("blind", &base, scores(100, 5, None)).verdict, Verdict::Fooled);
+        assert_eq!(blind.verdict, TrialResult::Caught);
+        assert_eq!(Trial::new("blind", &base, scores(100, 5, None)).verdict, TrialResult::Fooled);
         // Equal information, more of it near: only the car that is lost speaks against it.
         let sector = BlindSector { bearings: [-15.0, 15.0], distances: [25.0, 50.0] };
         let near =
             |near_gain, guards| Scores { near_gain: Some(near_gain), guards, ..base.clone() };
         let lost = || vec![Guard::BlindSector(sector)];
         let (seeing, away) = (near(0.5, Vec::new()), near(0.6, lost()));
-        assert_eq!(Trial::new("away", &seeing, away.clone()).verdict, Verdict::Caught);
-        assert_eq!(Trial::new("as blind", &near(0.5, lost()), away).verdict, Verdict::NotFooled);
+        assert_eq!(Trial::new("away", &seeing, away.clone()).verdict, TrialResult::Caught);
+        assert_eq!(
+            Trial::new("as blind", &near(0.5, lost()), away).verdict,
+            TrialResult::NotFooled
+        );
         let worse = Trial::new("worse", &base, scores(90, 49, None));
-        assert_eq!((worse.fooled.len(), worse.verdict), (0, Verdict::NotFooled));
+        assert_eq!((worse.fooled.len(), worse.verdict), (0, TrialResult::NotFooled));
     }
 }

@@ -9,22 +9,22 @@ use crate::scan::scan_scene;
 use crate::scene::{PsogSource, ScanSettings, Scene};
 
 /// A scene's P-SOG changed, and the frames to score it over.
-pub(super) struct World {
+pub(super) struct AlteredWorld {
     pub(super) name: String,
     pub(super) psog: Arc<Psog>,
     pub(super) frames: u32,
 }
 
 /// Every change of the model that the scene allows.
-pub(super) fn changed_worlds(job: &JobScene) -> Result<Vec<World>, AuditError> {
+pub(super) fn changed_worlds(job: &JobScene) -> Result<Vec<AlteredWorld>, AuditError> {
     let (scene, psog, all) = (job.scene(), job.psog(|_| true)?, job.frame_numbers().len() as u32);
     let mut worlds = Vec::new();
     if all > 1 {
         let (name, frames) = ("frames halved".to_owned(), all.div_ceil(2));
-        worlds.push(World { name, psog: psog.clone(), frames });
+        worlds.push(AlteredWorld { name, psog: psog.clone(), frames });
     }
     let mut over_all =
-        |(name, psog)| worlds.push(World { name, psog: Arc::new(psog), frames: all });
+        |(name, psog)| worlds.push(AlteredWorld { name, psog: Arc::new(psog), frames: all });
     if !psog.classes().is_empty() {
         over_all(without_largest_class(&psog)?);
         over_all(("votes tied between two classes".into(), with_tied_votes(&psog)?));

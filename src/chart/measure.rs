@@ -6,7 +6,7 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::scorer::{BATCH, Scorer};
-use super::{ChartError, Engine, Fidelity, Left, Setting, World};
+use super::{ChartError, ChartWorld, Engine, Left, SceneDetail, Setting};
 use crate::engine::{BackendError, EngineChoice};
 use crate::problem::Problem;
 use crate::score::Objective;
@@ -64,7 +64,7 @@ pub struct Measured {
 type Leaves<'a> = dyn Fn(&[Option<f64>], f64) -> Option<Left> + 'a;
 
 /// Limits of a measurement.
-pub(super) struct Extent<'a> {
+pub(super) struct MeasureLimits<'a> {
     /// Called with the number of placements just scored; `false` drops the setting under way.
     pub(super) goes_on: &'a dyn Fn(usize) -> bool,
     /// Reason to leave a setting under way.
@@ -74,7 +74,7 @@ pub(super) struct Extent<'a> {
 }
 
 /// Scores of the first placements of a setting.
-struct Scored {
+struct FirstScores {
     scores: Vec<Option<f64>>,
     left: Option<Left>,
     /// Seconds a placement of each batch.
@@ -83,7 +83,7 @@ struct Scored {
 
 /// Measures settings of one scene with the same placements.
 pub(super) struct Bench {
-    world: World,
+    world: ChartWorld,
     placements: Vec<Placement>,
     objective: Objective,
     engine: EngineChoice,
@@ -101,22 +101,22 @@ impl Bench {
     /// # Errors
     /// The scene at its own voxel size cannot be scored on the CPU.
     pub(super) fn new(
-        mut world: World,
+        mut world: ChartWorld,
         placements: Vec<Placement>,
         objective: Objective,
         engine: EngineChoice,
         repeats: usize,
         unit_seconds: Option<f64>,
     ) -> Result<Self, ChartError> {
-        let own = Fidelity::of_scene(world.scene());
-        let fidelity = Fidelity { frames: own.frames.div_ceil(UNIT_FRAMES), ..own };
+        let own = SceneDetail::of_scene(world.scene());
+        let fidelity = SceneDetail { frames: own.frames.div_ceil(UNIT_FRAMES), ..own };
         let setting = Setting { fidelity, engine: Engine::Cpu };
         let unit = Scorer::new(&mut world, &setting, &objective, &engine, &placements)?;
         Ok(Self { world, placements, objective, engine, repeats, unit, unit_seconds })
     }
 
     /// The scene and its P-SOGs.
-    pub(super) fn world(&self) -> &World {
+    pub(super) fn world(&self) -> &ChartWorld {
         &self.world
     }
 
@@ -127,7 +127,7 @@ impl Bench {
 
     /// The problem that the scene poses at its own fidelity.
     pub(super) fn own_problem(&mut self) -> Result<Arc<Problem>, ChartError> {
-        let own = Fidelity::of_scene(self.world.scene());
+        let own = SceneDetail::of_scene(self.world.scene());
         Ok(Arc::new(self.world.problem(&own)?))
     }
 
@@ -162,7 +162,7 @@ impl Bench {
         &mut self,
         setting: &Setting,
         done: &[Measured],
-        extent: &Extent<'_>,
+        extent: &MeasureLimits<'_>,
     ) -> Result<Option<Measured>, ChartError> {
         let voxel = setting.fidelity.voxel;
         if self.world.psog_while(voxel, &|| (extent.goes_on)(0))?.is_none() {
@@ -173,7 +173,8 @@ impl Bench {
         let is_whole = |m: &&Measured| m.setting == on_cpu && m.left.is_none();
         let on_cpu = done.iter().filter(|_| setting.engine == Engine::Gpu).find(is_whole);
         let start = Instant::now();
-        let Some(Scored { scores, left, batches }) = self.score(&mut scorer, on_cpu, extent)?
+        let Some(FirstScores { scores, left, batches }) =
+            self.score(&mut scorer, on_cpu, extent)?
         else {
             return Ok(None);
         };
@@ -210,10 +211,10 @@ impl Bench {
         &self,
         scorer: &mut Scorer,
         on_cpu: Option<&Measured>,
-        extent: &Extent<'_>,
-    ) -> Result<Option<Scored>, ChartError> {
+        extent: &MeasureLimits<'_>,
+    ) -> Result<Option<FirstScores>, ChartError> {
         let scores = Vec::with_capacity(self.placements.len());
-        let mut scored = Scored { scores, left: None, batches: Vec::new() };
+        let mut scored = FirstScores { scores, left: None, batches: Vec::new() };
         for batch in self.placements.chunks(BATCH) {
             let start = Instant::now();
             let tallies = scorer.tallies(batch)?;

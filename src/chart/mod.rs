@@ -30,10 +30,10 @@ pub(crate) use measure::{Measured, PoseCost};
 pub(crate) use ranking::RankingError;
 pub use run::{Chart, ChartObserver, ChartRow, ChartSettings, ChartState, chart};
 pub(crate) use setting::{Engine, Setting};
-pub use setting::{Fidelity, Settings};
+pub use setting::{Ladder, SceneDetail};
 pub(crate) use simplify::merge_vertices;
-pub use verdict::Verdict;
+pub use verdict::Advice;
 pub(crate) use verdict::{MOST_SWAPPED, Rated, cheapest, pareto, rate};
 pub use world::ChartError;
 
-use world::World;
+use world::ChartWorld;

@@ -11,7 +11,7 @@ const RESAMPLES: usize = 500;
 
 /// A value with the 95 % interval of its bootstrap over placements.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Interval {
+pub struct BootstrapInterval {
     /// Over all placements.
     pub value: f64,
     /// 2.5 % of the resamples lie below.
@@ -28,12 +28,12 @@ pub struct RankingError {
     /// Median of |score − reference| / |reference|.
     pub score_median: f64,
     /// Kendall's τ-b of the two rankings; `None` where one of them is constant.
-    pub tau: Option<Interval>,
+    pub tau: Option<BootstrapInterval>,
     /// Loss by taking the setting's best placement: (best − its reference score) / |best|.
-    pub regret: Interval,
+    pub regret: BootstrapInterval,
     /// Share that changes places of the pairs whose reference scores are farther apart than the tolerance, a share of
     /// |best|; a pair that the setting scores alike counts as half of one.
-    pub swapped: Interval,
+    pub swapped: BootstrapInterval,
 }
 
 impl RankingError {
@@ -82,7 +82,7 @@ pub(super) fn swapped_interval(
     scores: &[Option<f64>],
     tolerance: f64,
     seed: u64,
-) -> Option<Interval> {
+) -> Option<BootstrapInterval> {
     let (reference, scores) = comparable(reference, scores);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let count = reference.len();
@@ -130,13 +130,13 @@ fn regret(reference: &[f64], scores: &[f64]) -> f64 {
     if best == reference[top] { 0.0 } else { (best - reference[top]) / best.abs() }
 }
 
-fn interval(value: f64, mut resampled: Vec<f64>) -> Interval {
+fn interval(value: f64, mut resampled: Vec<f64>) -> BootstrapInterval {
     resampled.sort_by(f64::total_cmp);
     let at = |share: f64| {
         let index = (share * resampled.len() as f64) as usize;
         resampled.get(index.min(resampled.len().saturating_sub(1))).copied().unwrap_or(value)
     };
-    Interval { value, low: at(0.025).min(value), high: at(0.975).max(value) }
+    BootstrapInterval { value, low: at(0.025).min(value), high: at(0.975).max(value) }
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::exact::Exact;
-use super::{ChartError, Engine, PoseCost, Setting, World};
+use super::{ChartError, ChartWorld, Engine, PoseCost, Setting};
 use crate::bvh::Hit;
 use crate::engine::{Backend, BackendError, EngineChoice, EngineKind, open};
 use crate::problem::{Problem, Tally};
@@ -61,7 +61,7 @@ pub(super) enum Scorer {
 
 impl Scorer {
     pub(super) fn new(
-        world: &mut World,
+        world: &mut ChartWorld,
         setting: &Setting,
         objective: &Objective,
         choice: &EngineChoice,

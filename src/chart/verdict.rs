@@ -18,7 +18,7 @@ pub struct Rated {
 
 /// The setting to take.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Verdict {
+pub struct Advice {
     /// Position in the list of settings.
     pub setting: usize,
     /// Seconds of the finest setting in `f64` as a multiple of this setting's, where that was measured.
@@ -77,7 +77,7 @@ pub fn pareto(rated: &[Rated]) -> Vec<usize> {
 /// The cheapest setting that keeps the ranking. Up to the upper ends of the intervals, its top-1 regret stays within
 /// `tolerance`, and at most [`MOST_SWAPPED`] of the pairs farther apart change places. The reference itself always
 /// does; a warm atlas and a setting that was left early do not count. `None` of an empty list.
-pub fn cheapest(rated: &[Rated], tolerance: f64) -> Option<Verdict> {
+pub fn cheapest(rated: &[Rated], tolerance: f64) -> Option<Advice> {
     let reference = rated.first()?;
     let seconds = |i: usize| rated[i].measured.seconds;
     let setting = (0..rated.len())
@@ -89,7 +89,7 @@ pub fn cheapest(rated: &[Rated], tolerance: f64) -> Option<Verdict> {
         let is_finest = |r: &&Rated| r.measured.setting == Setting { engine, fidelity: finest };
         rated.iter().find(is_finest).map(|r| r.measured.seconds / seconds(setting))
     };
-    Some(Verdict {
+    Some(Advice {
         setting,
         saves_over_f64: saves_over(Engine::F64),
         saves_over_f32: saves_over(Engine::Cpu),
@@ -104,10 +104,11 @@ pub(super) fn keeps_ranking(error: &RankingError, tolerance: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chart::{Fidelity, Setting};
+    use crate::chart::{SceneDetail, Setting};
 
     fn measured(seconds: f64, scores: &[f64]) -> Measured {
-        let fidelity = Fidelity { voxel: 1.0, azimuth: 1, frames: 1, through: false, detail: 0.0 };
+        let fidelity =
+            SceneDetail { voxel: 1.0, azimuth: 1, frames: 1, through: false, detail: 0.0 };
         Measured {
             setting: Setting { fidelity, engine: Engine::Cpu },
             seconds,

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Engine, Fidelity, Setting, merge_vertices};
+use super::{Engine, SceneDetail, Setting, merge_vertices};
 use crate::engine::BackendError;
 use crate::memory::OutOfMemory;
 use crate::problem::content_of;
@@ -110,14 +110,14 @@ impl ChartError {
 }
 
 /// A scene with its P-SOGs of several voxel sizes.
-pub(super) struct World {
+pub(super) struct ChartWorld {
     scene: Arc<Scene>,
     grids: Vec<(f64, Arc<Psog>)>,
     /// All frames with every triangle, by the range for which trees are built.
     whole: Vec<(f32, problem::World)>,
 }
 
-impl World {
+impl ChartWorld {
     /// A scene and the P-SOG on its own grid.
     pub(super) fn new(scene: Arc<Scene>, own: Arc<Psog>) -> Self {
         Self { scene, grids: vec![(1.0, own)], whole: Vec::new() }
@@ -176,7 +176,7 @@ impl World {
     }
 
     /// Frames that a setting casts into.
-    pub(super) fn frames(&self, fidelity: &Fidelity) -> Vec<usize> {
+    pub(super) fn frames(&self, fidelity: &SceneDetail) -> Vec<usize> {
         spread(self.scene.frame_count(), Some(fidelity.frames))
     }
 
@@ -199,7 +199,7 @@ impl World {
     ///
     /// # Errors
     /// See [`Self::psog`]; a sensor without beams.
-    pub(super) fn problem(&mut self, fidelity: &Fidelity) -> Result<Problem, ChartError> {
+    pub(super) fn problem(&mut self, fidelity: &SceneDetail) -> Result<Problem, ChartError> {
         let psog = self.psog(fidelity.voxel)?;
         let frames = if fidelity.through { Vec::new() } else { self.frames(fidelity) };
         let (scene, cell) = (self.scene.clone(), fidelity.detail * psog.roi().voxel()[0]);

@@ -12,7 +12,7 @@ use crate::vehicle::SensorChoice;
 use clap::{Args, ValueEnum};
 
 use super::terminal::{Talk, Terminal};
-use crate::runs::Error;
+use crate::runs::RunError;
 
 /// Options of every command that computes scores.
 #[derive(Args, Debug, Clone)]
@@ -43,13 +43,13 @@ pub struct Compute {
 
 /// Models of LiDARs that placements leave without a name.
 #[derive(Args, Debug, Clone, Default)]
-pub struct Named {
+pub struct UnnamedModelArgs {
     /// Model of a LiDAR whose placement names none, for a vehicle with several: its index from 0, or all
     #[arg(long, value_name = "N=MODEL")]
     pub sensor: Vec<SensorChoice>,
 }
 
-impl Named {
+impl UnnamedModelArgs {
     /// What computes, with these models.
     pub fn computing<'a>(&self, compute: &Compute, terminal: &'a Terminal) -> Computing<'a> {
         Computing { sensors: self.sensor.clone(), ..compute.computing(terminal) }
@@ -75,7 +75,7 @@ pub struct FiguresOut {
 
 /// Mounting of the LiDARs.
 #[derive(Args, Debug, Clone, Copy)]
-pub struct Mounting {
+pub struct MountingArgs {
     /// Most by which a LiDAR's mounting is off: each coordinate and each angle, to either side; 0 for none. Each
     /// requirement is looked at in 200 copies mounted so: one that fewer than 95 % of them meet is met on paper only
     #[arg(long, value_name = "LENGTH,ANGLE", default_value_t = Tolerance::default())]
@@ -170,7 +170,7 @@ impl Compute {
     }
 
     /// Checks the options against each other and starts the threads of the CPU backend.
-    pub fn start(&self) -> Result<Terminal, Error> {
+    pub fn start(&self) -> Result<Terminal, RunError> {
         engine(self.backend, self.adapter.as_deref(), self.memory)?;
         start_threads(self.threads, self.talk)?;
         Ok(Terminal::new(self.talk))
@@ -192,9 +192,9 @@ pub fn engine(
     backend: BackendChoice,
     adapter: Option<&str>,
     memory: Option<u64>,
-) -> Result<EngineChoice, Error> {
+) -> Result<EngineChoice, RunError> {
     if let (Some(adapter), BackendChoice::Cpu) = (adapter, backend) {
-        return Err(Error::Usage(format!(
+        return Err(RunError::Usage(format!(
             "--adapter {adapter}: picks a Vulkan device, which --backend cpu does not use; leave one of \
              them out"
         )));
@@ -204,10 +204,11 @@ pub fn engine(
 }
 
 /// Starts the threads of `--threads`; says where these are fewer.
-pub fn start_threads(wanted: Option<u16>, talk: Talk) -> Result<(), Error> {
+pub fn start_threads(wanted: Option<u16>, talk: Talk) -> Result<(), RunError> {
     let Some(wanted) = wanted else { return Ok(()) };
     let threads = threads::start(usize::from(wanted));
-    let threads = threads.map_err(|error| Error::Usage(format!("--threads {wanted}: {error}")))?;
+    let threads =
+        threads.map_err(|error| RunError::Usage(format!("--threads {wanted}: {error}")))?;
     if threads < usize::from(wanted) {
         talk.note(format!(
             "--threads {wanted}: takes {threads}, four for each core; more are slower"
@@ -217,10 +218,10 @@ pub fn start_threads(wanted: Option<u16>, talk: Talk) -> Result<(), Error> {
 }
 
 /// Refuses a number of threads in the environment that would take minutes to start.
-pub fn start_default_threads() -> Result<(), Error> {
+pub fn start_default_threads() -> Result<(), RunError> {
     match threads::too_many_by_environment() {
         None => Ok(()),
-        Some(wanted) => Err(Error::Usage(format!(
+        Some(wanted) => Err(RunError::Usage(format!(
             "RAYON_NUM_THREADS={wanted}: is more than is useful here; give at most {}, or leave it out",
             threads::most()
         ))),

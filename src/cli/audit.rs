@@ -4,19 +4,19 @@ use std::path::PathBuf;
 
 use crate::audit::Audit;
 use crate::internals::{audit_text, audits_text};
-use crate::runs::Error;
+use crate::runs::RunError;
 use crate::runs::audit::{AuditRequest, audit_scenes};
 use crate::score::Objective;
 use serde_json::json;
 
-use super::args::{Compute, Format, Named};
+use super::args::{Compute, Format, UnnamedModelArgs};
 use super::exit::Exit;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   sightline audit scenes/highway.json
   sightline audit scenes/highway.json scenes/residential.json scenes/placements.json")]
-pub struct Args {
+pub struct AuditArgs {
     /// Scene files, and placements to start from, which should be sound ones: the best of them is changed so
     /// that it sees less, and no score may rise unnoticed [default: Table 7 of the paper]
     #[arg(value_name = "SCENE… [PLACEMENTS]", required = true)]
@@ -31,12 +31,12 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
     #[command(flatten)]
-    named: Named,
+    named: UnnamedModelArgs,
     #[command(flatten)]
     compute: Compute,
 }
 
-pub fn run(args: &Args) -> Result<Exit, Error> {
+pub fn run(args: &AuditArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let request = AuditRequest {
         files: args.files.clone(),

@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use super::args::{Compute, Format, Named};
+use super::args::{Compute, Format, UnnamedModelArgs};
 use super::exit::Exit;
-use crate::runs::Error;
+use crate::runs::RunError;
 use crate::runs::bench::{DeviceBenchRequest, bench_device};
 
 #[derive(clap::Subcommand)]
-pub enum Command {
+pub enum BenchCommand {
     /// Measure a Vulkan device: self-test, bits beside the CPU's, placements a second
     #[command(after_help = "Example:
   sightline bench device scenes/highway.json scenes/residential.json > device.md")]
@@ -34,13 +34,13 @@ pub struct DeviceArgs {
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
     #[command(flatten)]
-    named: Named,
+    named: UnnamedModelArgs,
     #[command(flatten)]
     compute: Compute,
 }
 
-pub fn run(command: &Command) -> Result<Exit, Error> {
-    let Command::Device(args) = command;
+pub fn run(command: &BenchCommand) -> Result<Exit, RunError> {
+    let BenchCommand::Device(args) = command;
     let terminal = args.compute.start()?;
     let request = DeviceBenchRequest {
         scenes: args.scenes.clone(),

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use crate::runs::Error;
+use crate::runs::RunError;
 use crate::runs::cast::{CastRequest, cast};
 use serde_json::json;
 
-use super::args::{Compute, Format, Named};
+use super::args::{Compute, Format, UnnamedModelArgs};
 use super::exit::Exit;
 use super::glb::Gltf;
 
@@ -14,7 +14,7 @@ use super::glb::Gltf;
 #[command(after_help = "Examples:
   sightline cast scenes/highway.json scenes/placements.json --frame 3 --out hits.npz
   sightline cast scenes/highway.json scenes/placements.json --gltf highway.glb")]
-pub struct Args {
+pub struct CastArgs {
     /// Scene file; it must have geometry
     scene: PathBuf,
     /// Placements
@@ -31,12 +31,12 @@ pub struct Args {
     #[command(flatten)]
     gltf: Gltf,
     #[command(flatten)]
-    named: Named,
+    named: UnnamedModelArgs,
     #[command(flatten)]
     compute: Compute,
 }
 
-pub fn run(args: &Args) -> Result<Exit, Error> {
+pub fn run(args: &CastArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let request = CastRequest {
         scene: args.scene.clone(),

@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use crate::chart::{Chart, ChartSettings};
 use crate::internals::{chart_text, charts_text};
-use crate::runs::Error;
+use crate::runs::RunError;
 use crate::runs::chart::{ChartRequest, Charted, chart_scenes};
 use serde_json::{Value, json};
 
-use super::args::{Compute, Format, Named, whole};
+use super::args::{Compute, Format, UnnamedModelArgs, whole};
 use super::exit::Exit;
 
 #[derive(clap::Args)]
@@ -17,7 +17,7 @@ use super::exit::Exit;
   sightline chart scenes/highway.json --full --objective information_gain
   sightline chart scenes/highway.json scenes/residential.json --quick
   sightline chart --resume runs/chart")]
-pub struct Args {
+pub struct ChartArgs {
     /// Scene files, and placements to rank together with random ones [default: Table 7 of the paper]
     #[arg(
         value_name = "SCENE… [PLACEMENTS]",
@@ -61,7 +61,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
     #[command(flatten)]
-    named: Named,
+    named: UnnamedModelArgs,
     #[command(flatten)]
     compute: Compute,
 }
@@ -76,7 +76,7 @@ fn metres(text: &str) -> Result<f64, String> {
     if value > 0.0 && value.is_finite() { Ok(value) } else { Err("give metres above 0".into()) }
 }
 
-pub fn run(args: &Args) -> Result<Exit, Error> {
+pub fn run(args: &ChartArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let request = ChartRequest {
         files: args.files.clone(),

@@ -5,17 +5,17 @@ use crate::internals::align_columns;
 
 use super::args::Format;
 use super::exit::Exit;
-use crate::runs::Error;
+use crate::runs::RunError;
 
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  sightline devices")]
-pub struct Args {
+pub struct DevicesArgs {
     /// How to print
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
 }
 
-pub fn run(args: &Args) -> Result<Exit, Error> {
+pub fn run(args: &DevicesArgs) -> Result<Exit, RunError> {
     let adapters = test_adapters();
     match args.format {
         Format::Json => outln!("{}", serde_json::json!({ "devices": adapters }))?,

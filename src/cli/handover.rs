@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use crate::runs::Error;
+use crate::runs::RunError;
 use crate::runs::handover::{HandoverRequest, handover};
 
-use super::args::{Compute, Format, Named};
+use super::args::{Compute, Format, UnnamedModelArgs};
 use super::exit::Exit;
 use super::rig::base_link;
 
@@ -19,7 +19,7 @@ use super::rig::base_link;
 The folder has poses in millimetres and degrees beside metres and radians, the bill of materials, for each LiDAR a mask
 of its beams that end at the own body, crop boxes in Autoware's parameters, a drawing as SVG and PDF, and a profile of
 each sensor model for Isaac Sim. README.txt in it says the conventions.")]
-pub struct Args {
+pub struct HandoverArgs {
     /// A scene, none for level ground, and placements, with the name of one of them where there are several
     #[arg(value_name = "[SCENE] PLACEMENTS[:NAME]", required = true, num_args = 1..)]
     files: Vec<String>,
@@ -39,7 +39,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
     #[command(flatten)]
-    named: Named,
+    named: UnnamedModelArgs,
     #[command(flatten)]
     compute: Compute,
 }
@@ -49,7 +49,7 @@ fn margin(text: &str) -> Result<f64, String> {
     found.ok_or("give metres from 0 to 10".to_owned())
 }
 
-pub fn run(args: &Args) -> Result<Exit, Error> {
+pub fn run(args: &HandoverArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let request = HandoverRequest {
         files: args.files.clone(),

@@ -41,7 +41,7 @@ use std::ffi::OsString;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::files::{Session, trust_paths};
-use crate::runs::Error;
+use crate::runs::RunError;
 use args::start_default_threads;
 pub use exit::Exit;
 
@@ -63,23 +63,23 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Search for the best placement and write a run folder
-    Optimize(Box<optimize::Args>),
+    Optimize(Box<optimize::OptimizeArgs>),
     /// Score a batch of placements
-    Score(score::Args),
+    Score(score::ScoreArgs),
     /// Write a page about a placement, with its 3-D view and the baselines beside it
-    View(view::Args),
+    View(view::ViewArgs),
     /// Write every beam's hit
-    Cast(cast::Args),
+    Cast(cast::CastArgs),
     /// Write labelled scans of placements, in good and bad weather, as data sets
-    Scan(scan::Args),
+    Scan(scan::ScanArgs),
     /// Compare the GPU with the CPU reference bit by bit, and the reference with f64
-    Verify(verify::Args),
+    Verify(verify::VerifyArgs),
     /// Chart cost against accuracy, and find the cheapest setting that keeps the ranking
-    Chart(chart::Args),
+    Chart(chart::ChartArgs),
     /// Try to make the scores fail, and say which guard notices
-    Audit(audit::Args),
+    Audit(audit::AuditArgs),
     /// Answer a question that takes many runs: how many LiDARs, which sensor, the loss of one LiDAR
-    Study(study::Command),
+    Study(study::StudyCommand),
     /// Build, inspect and merge P-SOG files
     #[command(
         subcommand,
@@ -87,10 +87,10 @@ enum Command {
   sightline psog build scenes/highway.json --out highway.psog.npz
   sightline psog info highway.psog.npz"
     )]
-    Psog(psog::Command),
+    Psog(psog::PsogCommand),
     /// Look into sensor files of the vendors
     #[command(subcommand, after_help = "Example:\n  sightline sensor info os1-metadata.json")]
-    Sensor(sensor::Command),
+    Sensor(sensor::SensorCommand),
     /// Read, write and compare rigs of Autoware, URDF, SDF, ROS 2 and CARLA
     #[command(
         subcommand,
@@ -98,7 +98,7 @@ enum Command {
   sightline rig export scenes/placements.json:Center --format urdf --out center.urdf
   sightline rig compare center.urdf scenes/placements.json:Center"
     )]
-    Rig(rig::Command),
+    Rig(rig::RigCommand),
     /// Make scenes, import maps, count what scenes hold
     #[command(
         subcommand,
@@ -106,15 +106,15 @@ enum Command {
   sightline scene new --kind town --seed 7 --out town.json
   sightline scene info town.json"
     )]
-    Scene(scene::Command),
+    Scene(scene::SceneCommand),
     /// List Vulkan devices and which one is taken by default
-    Devices(devices::Args),
+    Devices(devices::DevicesArgs),
     /// Measure this machine for the tables of the documentation
     #[command(
         subcommand,
         after_help = "Example:\n  sightline bench device scenes/highway.json > device.md"
     )]
-    Bench(bench::Command),
+    Bench(bench::BenchCommand),
     /// Print what a shell needs to complete commands and options
     Completions(shell::CompletionsArgs),
     /// Print the manual page of the program or of a command, or write all of them
@@ -133,7 +133,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Exit {
             trust_paths(trusts_paths);
             match start_default_threads().and_then(|()| dispatch(command)) {
                 Ok(exit) => return exit,
-                Err(error @ Error::Interrupted(_)) => {
+                Err(error @ RunError::Interrupted(_)) => {
                     output::say(&error.to_string());
                     return Exit::Interrupted;
                 }
@@ -193,7 +193,7 @@ fn parse(arguments: &[OsString]) -> Result<Parsed, Refused> {
     Ok(Parsed { command, force, trusts_paths })
 }
 
-fn dispatch(command: Command) -> Result<Exit, Error> {
+fn dispatch(command: Command) -> Result<Exit, RunError> {
     match command {
         Command::Optimize(args) => optimize::run(&args),
         Command::Score(args) => score::run(&args),

@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use crate::internals::{near_field_csv, near_field_text};
 use crate::runs::near_field::{NearFieldRequest, near_fields};
-use crate::runs::{Error, TableFormat};
+use crate::runs::{RunError, TableFormat};
 use crate::scan::conditions::under;
 
 use super::answer::answer;
-use super::args::{Compute, Conditions, FiguresOut, Named};
+use super::args::{Compute, Conditions, FiguresOut, UnnamedModelArgs};
 use super::exit::Exit;
 
 #[derive(clap::Args)]
@@ -17,7 +17,7 @@ use super::exit::Exit;
 
 near %: ground cells within 10 m of the body with a hit within 0.5 m; poles: seen of all, by standard, at
 five beams or more; own body %: beams that end at the own vehicle. docs/nearfield.md has the definitions.")]
-pub struct Args {
+pub struct NearFieldArgs {
     /// Scene file; it must have geometry and an own body
     scene: PathBuf,
     /// Placements [default: Table 7 of the paper, where the vehicle is its car: one model, a mount that holds them]
@@ -36,12 +36,12 @@ pub struct Args {
     #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
-    named: Named,
+    named: UnnamedModelArgs,
     #[command(flatten)]
     compute: Compute,
 }
 
-pub fn run(args: &Args) -> Result<Exit, Error> {
+pub fn run(args: &NearFieldArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let request = NearFieldRequest {
         scene: args.scene.clone(),

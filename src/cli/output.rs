@@ -5,24 +5,24 @@ use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::Path;
 
 use crate::internals::{FileError, visible};
-use crate::runs::Error;
+use crate::runs::RunError;
 
-/// Like `print!`, with an [`Error`] instead of a panic where stdout cannot be written.
+/// Like `print!`, with an [`RunError`] instead of a panic where stdout cannot be written.
 macro_rules! out {
     ($($text:tt)*) => { $crate::cli::output::print(format_args!($($text)*)) };
 }
 
-/// Like `println!`, with an [`Error`] instead of a panic where stdout cannot be written.
+/// Like `println!`, with an [`RunError`] instead of a panic where stdout cannot be written.
 macro_rules! outln {
     () => { out!("\n") };
     ($($text:tt)*) => { out!("{}\n", format_args!($($text)*)) };
 }
 
 /// Writes to stdout; to be called by `out!` and `outln!`.
-pub fn print(text: Arguments) -> Result<(), Error> {
+pub fn print(text: Arguments) -> Result<(), RunError> {
     let mut out = stdout();
     let written = out.write_fmt(text).and_then(|()| out.flush());
-    unless_closed(written.map_err(Error::io(Path::new("stdout"))))
+    unless_closed(written.map_err(RunError::io(Path::new("stdout"))))
 }
 
 /// Stdout. A terminal gets lines as it may show them, a file or another program every character.
@@ -56,9 +56,9 @@ fn for_terminal(text: &str) -> String {
 }
 
 /// Takes a closed pipe for the wish to read no more, as of `head`: no error.
-pub fn unless_closed(written: Result<(), Error>) -> Result<(), Error> {
+pub fn unless_closed(written: Result<(), RunError>) -> Result<(), RunError> {
     match written {
-        Err(Error::Library(crate::Error::File(FileError::Io { source, .. })))
+        Err(RunError::Library(crate::Error::File(FileError::Io { source, .. })))
             if source.kind() == ErrorKind::BrokenPipe =>
         {
             Ok(())

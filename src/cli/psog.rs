@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use crate::internals::psog_text;
 use crate::psog::{BuildReport, Psog, PsogInfo, read_psog};
-use crate::runs::Error;
-use crate::runs::psog::{DataSet, PAPER_REGION, PAPER_VOXEL, Scans, Source, build, merge};
+use crate::runs::RunError;
+use crate::runs::psog::{DataSet, PAPER_REGION, PAPER_VOXEL, PsogInput, Scans, build, merge};
 use serde_json::json;
 
 use super::args::Format;
@@ -14,7 +14,7 @@ use super::exit::Exit;
 use super::terminal::{Talk, Terminal};
 
 #[derive(clap::Subcommand)]
-pub enum Command {
+pub enum PsogCommand {
     /// Build a P-SOG from a scene's geometry, or from real labelled frames
     Build(Box<BuildArgs>),
     /// Print what a P-SOG holds
@@ -97,14 +97,14 @@ pub struct MergeArgs {
     out: PathBuf,
 }
 
-pub fn run(command: &Command) -> Result<Exit, Error> {
+pub fn run(command: &PsogCommand) -> Result<Exit, RunError> {
     match command {
-        Command::Build(args) => {
+        PsogCommand::Build(args) => {
             let (psog, report) = build(&source(args), &args.out, &Terminal::new(args.talk))?;
             print(&psog, Some(&report), args.format)?;
         }
-        Command::Info(args) => print(&read_psog(&args.psog)?, None, args.format)?,
-        Command::Merge(args) => merge(&args.psogs, &args.out)?,
+        PsogCommand::Info(args) => print(&read_psog(&args.psog)?, None, args.format)?,
+        PsogCommand::Merge(args) => merge(&args.psogs, &args.out)?,
     }
     Ok(Exit::Done)
 }
@@ -114,10 +114,10 @@ fn triple(values: &[f64]) -> [f64; 3] {
     [values[0], values[1], values[2]]
 }
 
-fn source(args: &BuildArgs) -> Source {
+fn source(args: &BuildArgs) -> PsogInput {
     let sets = &args.datasets;
     let set = match (&args.scene, &args.kitti, &args.nuscenes, &args.carla) {
-        (Some(scene), ..) => return Source::Scene(scene.clone()),
+        (Some(scene), ..) => return PsogInput::Scene(scene.clone()),
         (_, Some(folder), ..) => DataSet::Kitti(folder.clone(), sets.lidar_height),
         (_, _, Some(folder), _) => {
             DataSet::Nuscenes(folder.clone(), sets.version.clone(), args.scenes.clone())
@@ -126,10 +126,10 @@ fn source(args: &BuildArgs) -> Source {
         _ => unreachable!("clap requires one of them"),
     };
     let region = [&args.roi_min, &args.roi_max].map(|corner| triple(corner));
-    Source::Scans(Scans { set, window: args.window, region, voxel: triple(&args.voxel) })
+    PsogInput::Scans(Scans { set, window: args.window, region, voxel: triple(&args.voxel) })
 }
 
-fn print(psog: &Psog, report: Option<&BuildReport>, format: Format) -> Result<(), Error> {
+fn print(psog: &Psog, report: Option<&BuildReport>, format: Format) -> Result<(), RunError> {
     let info = PsogInfo::new(psog, report);
     match format {
         Format::Json => outln!("{}", json!(info)),

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use crate::internals::comparison_text;
 use crate::json::shortened;
 use crate::rig::{ImportSettings, Mounting, RigFormat};
-use crate::runs::Error;
+use crate::runs::RunError;
 use crate::runs::rig::{ExportRequest, compare_files, export_file, import_files};
 use serde_json::json;
 
@@ -16,7 +16,7 @@ use super::handover;
 use super::terminal::{Talk, Terminal};
 
 #[derive(clap::Subcommand)]
-pub enum Command {
+pub enum RigCommand {
     /// Write a placement in the format of another program
     Export(ExportArgs),
     /// Read a rig of another program as a placement
@@ -24,7 +24,7 @@ pub enum Command {
     /// Compare two rigs LiDAR by LiDAR, and each with its mirror image
     Compare(CompareArgs),
     /// Write a folder to hand over: poses, bill of materials, masks and crop boxes of the body, drawing, profiles
-    Handover(handover::Args),
+    Handover(handover::HandoverArgs),
 }
 
 /// What lies between the frames of a file and optical centres in the ego frame.
@@ -126,12 +126,12 @@ pub struct CompareArgs {
     talk: Talk,
 }
 
-pub fn run(command: &Command) -> Result<Exit, Error> {
+pub fn run(command: &RigCommand) -> Result<Exit, RunError> {
     match command {
-        Command::Export(args) => run_export(args)?,
-        Command::Import(args) => run_import(args)?,
-        Command::Compare(args) => run_compare(args)?,
-        Command::Handover(args) => return handover::run(args),
+        RigCommand::Export(args) => run_export(args)?,
+        RigCommand::Import(args) => run_import(args)?,
+        RigCommand::Compare(args) => run_compare(args)?,
+        RigCommand::Handover(args) => return handover::run(args),
     }
     Ok(Exit::Done)
 }
@@ -176,7 +176,7 @@ impl Mounted {
     }
 }
 
-fn run_export(args: &ExportArgs) -> Result<(), Error> {
+fn run_export(args: &ExportArgs) -> Result<(), RunError> {
     let request = ExportRequest {
         placement: args.placement.clone(),
         format: args.format,
@@ -202,14 +202,14 @@ fn settings(reading: &Reading, format: Option<RigFormat>, name: Option<&str>) ->
     }
 }
 
-fn run_import(args: &ImportArgs) -> Result<(), Error> {
+fn run_import(args: &ImportArgs) -> Result<(), RunError> {
     let settings = settings(&args.reading, args.format, args.name.as_deref());
     let terminal = Terminal::new(args.talk);
     let text = import_files(&args.files, &settings, args.out.as_deref(), &terminal)?;
     text.map_or(Ok(()), |text| out!("{text}"))
 }
 
-fn run_compare(args: &CompareArgs) -> Result<(), Error> {
+fn run_compare(args: &CompareArgs) -> Result<(), RunError> {
     let settings = settings(&args.reading, None, None);
     let terminal = Terminal::new(args.talk);
     let found = compare_files(&args.before, &args.after, &settings, &terminal)?;

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use crate::internals::{room_csv, room_text};
 use crate::job::{MOST_ABOUT, MOST_TILT, RoomSteps};
-use crate::runs::Error;
+use crate::runs::RunError;
 use crate::runs::room::room;
 use crate::scan::conditions::under;
 
 use super::answer::answer;
 use super::exit::Exit;
-use super::shared::Common;
+use super::shared::CommonArgs;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -23,7 +23,7 @@ lies between two steps is not looked at. Tilt: all LiDARs turn together, as unde
 directions, about a point of the ground z = 0 of the ego frame: give the one below the middle of the wheelbase. The
 scene and the own body stay as they are. Copies: every LiDAR off at random within a tolerance, 200 times. The exit
 code is 1 if a placement misses a requirement as it is.")]
-pub struct Args {
+pub struct RoomArgs {
     /// Scene files, none for level ground, and a file of placements
     #[arg(value_name = "[SCENE…] PLACEMENTS", required = true)]
     files: Vec<PathBuf>,
@@ -43,7 +43,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1000))]
     steps: u32,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 fn millimetres(text: &str) -> Result<f64, String> {
@@ -67,8 +67,8 @@ fn about(text: &str) -> Result<[f64; 2], String> {
     found.ok_or(format!("give x,y in metres within ±{MOST_ABOUT}, as 1.5,0"))
 }
 
-pub fn run(args: &Args) -> Result<Exit, Error> {
-    let &Args { ref common, most_mm, most_deg, most_tilt_deg, tilt_about, steps, .. } = args;
+pub fn run(args: &RoomArgs) -> Result<Exit, RunError> {
+    let &RoomArgs { ref common, most_mm, most_deg, most_tilt_deg, tilt_about, steps, .. } = args;
     let terminal = common.compute.start()?;
     let computing = common.named.computing(&common.compute, &terminal);
     let steps = RoomSteps { most_mm, most_deg, most_tilt_deg, tilt_about, steps };

@@ -5,23 +5,23 @@ mod info;
 mod new;
 
 use super::exit::Exit;
-use crate::runs::Error;
+use crate::runs::RunError;
 
 #[derive(clap::Subcommand)]
-pub enum Command {
+pub enum SceneCommand {
     /// Make a world by rule from a seed
-    New(new::Args),
+    New(new::SceneNewArgs),
     /// Make a scene of a map of another format
-    Import(import::Args),
+    Import(import::SceneImportArgs),
     /// Count what scenes hold: triangles, actors, voxels by class, hits by range
-    Info(info::Args),
+    Info(info::SceneInfoArgs),
 }
 
-pub fn run(command: &Command) -> Result<Exit, Error> {
+pub fn run(command: &SceneCommand) -> Result<Exit, RunError> {
     match command {
-        Command::New(args) => new::run(args)?,
-        Command::Import(args) => import::run(args)?,
-        Command::Info(args) => info::run(args)?,
+        SceneCommand::New(args) => new::run(args)?,
+        SceneCommand::Import(args) => import::run(args)?,
+        SceneCommand::Info(args) => info::run(args)?,
     }
     Ok(Exit::Done)
 }

@@ -4,17 +4,17 @@ use std::path::PathBuf;
 
 use crate::runs::score::{ScoreRequest, score};
 
-use super::args::{Compute, Conditions, Mounting, Named, whole};
+use super::args::{Compute, Conditions, MountingArgs, UnnamedModelArgs, whole};
 use super::exit::Exit;
 use super::output::{stdout, unless_closed};
-use crate::runs::{Error, TableFormat};
+use crate::runs::{RunError, TableFormat};
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   sightline score scenes/highway.json scenes/placements.json
   sightline score scenes/highway.json million.jsonl --format json --out scores.json
   sightline score scenes/highway.json scenes/residential.json scenes/placements.json")]
-pub struct Args {
+pub struct ScoreArgs {
     /// Scene files, and placements: a .json document, or a .jsonl file with one placement a line, read as a
     /// stream; - is stdin. Several scenes share one LiDAR and mount, and get the mean beside each
     #[arg(value_name = "SCENE… PLACEMENTS", required = true)]
@@ -44,16 +44,16 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole::<u64>)]
     draw: u64,
     #[command(flatten)]
-    mounting: Mounting,
+    mounting: MountingArgs,
     #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
-    named: Named,
+    named: UnnamedModelArgs,
     #[command(flatten)]
     compute: Compute,
 }
 
-pub fn run(args: &Args) -> Result<Exit, Error> {
+pub fn run(args: &ScoreArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let request = ScoreRequest {
         files: args.files.clone(),

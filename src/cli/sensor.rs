@@ -9,12 +9,12 @@ use crate::vehicle::sensor_file;
 use super::args::Format;
 use super::exit::Exit;
 use super::terminal::{Talk, Terminal};
-use crate::runs::{Error, Watcher};
+use crate::runs::{RunError, Watcher};
 
 #[derive(clap::Subcommand)]
-pub enum Command {
+pub enum SensorCommand {
     /// Say what a sensor file of a vendor holds, and draw its pattern
-    Info(Args),
+    Info(SensorInfoArgs),
 }
 
 #[derive(clap::Args)]
@@ -24,7 +24,7 @@ pub enum Command {
   sightline sensor info \"Pandar40P_Angle Correction File.csv\" --format json > pandar40p.json
 
 JSON of a sensor with channels is itself a sensor file. docs/formats/sensors.md lists the formats that are read.")]
-pub struct Args {
+pub struct SensorInfoArgs {
     /// Sensor file of any format that is read; told apart by its content
     file: PathBuf,
     /// Azimuth steps a turn [default: as the file states]
@@ -43,12 +43,12 @@ pub struct Args {
     talk: Talk,
 }
 
-pub fn run(command: &Command) -> Result<Exit, Error> {
-    let Command::Info(args) = command;
+pub fn run(command: &SensorCommand) -> Result<Exit, RunError> {
+    let SensorCommand::Info(args) = command;
     let window = match args.window.as_deref() {
         Some(&[from, to]) if from < to => Some([from, to]),
         None => None,
-        _ => return Err(Error::Usage("--window: give FROM below TO, as in 0 0.1".to_owned())),
+        _ => return Err(RunError::Usage("--window: give FROM below TO, as in 0 0.1".to_owned())),
     };
     let pattern = sensor_file::read(&args.file, window)?;
     // Facts stand in the answer alone.
@@ -57,7 +57,7 @@ pub fn run(command: &Command) -> Result<Exit, Error> {
     let facts = SensorFacts::of(&pattern, args.azimuth_steps);
     if let Some(out) = &args.out {
         let svg = sensor_svg(&pattern, &facts);
-        write_whole(out, |file| file.write_all(svg.as_bytes()).map_err(Error::io(out)))?;
+        write_whole(out, |file| file.write_all(svg.as_bytes()).map_err(RunError::io(out)))?;
         args.talk.note(format!("pattern in {}", out.display()));
     }
     match args.format {

@@ -4,17 +4,17 @@ use std::path::PathBuf;
 
 use crate::internals::{overlap_csv, overlap_text, redundancy_csv, redundancy_text};
 use crate::runs::shared::{SharedRequest, overlap, redundancy};
-use crate::runs::{Error, TableFormat};
+use crate::runs::{RunError, TableFormat};
 use crate::scan::conditions::under;
 use crate::shared::{LEAST_SHARED, REDUNDANCY_TARGETS};
 
 use super::answer::answer;
-use super::args::{Compute, Conditions, Named, at_least_one};
+use super::args::{Compute, Conditions, UnnamedModelArgs, at_least_one};
 use super::exit::Exit;
 
 /// Frames, weather, engine and form of the answer.
 #[derive(clap::Args)]
-pub(super) struct Common {
+pub(super) struct CommonArgs {
     /// Average over this many frames, spread evenly over each scene [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
@@ -24,7 +24,7 @@ pub(super) struct Common {
     #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
-    pub named: Named,
+    pub named: UnnamedModelArgs,
     #[command(flatten)]
     pub compute: Compute,
 }
@@ -47,7 +47,7 @@ pub struct RedundancyArgs {
     #[arg(long = "target", value_name = "NAME|FILE")]
     targets: Vec<String>,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 #[derive(clap::Args)]
@@ -67,17 +67,17 @@ pub struct OverlapArgs {
     #[arg(long, value_name = "N", default_value_t = LEAST_SHARED, value_parser = at_least_one)]
     least_shared: u64,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
-impl Common {
+impl CommonArgs {
     pub fn request(&self, files: &[PathBuf]) -> SharedRequest {
         let conditions = self.conditions.condition.clone();
         SharedRequest { files: files.to_vec(), frames: self.frames, conditions }
     }
 }
 
-pub fn run_redundancy(args: &RedundancyArgs) -> Result<Exit, Error> {
+pub fn run_redundancy(args: &RedundancyArgs) -> Result<Exit, RunError> {
     let common = &args.common;
     let terminal = common.compute.start()?;
     let targets = match &args.targets[..] {
@@ -100,7 +100,7 @@ pub fn run_redundancy(args: &RedundancyArgs) -> Result<Exit, Error> {
     Ok(terminal.exit())
 }
 
-pub fn run_overlap(args: &OverlapArgs) -> Result<Exit, Error> {
+pub fn run_overlap(args: &OverlapArgs) -> Result<Exit, RunError> {
     let common = &args.common;
     let terminal = common.compute.start()?;
     let computing = common.named.computing(&common.compute, &terminal);

@@ -9,7 +9,7 @@ use clap_mangen::Man;
 
 use super::exit::Exit;
 use crate::internals::{shared_folder, write_whole};
-use crate::runs::Error;
+use crate::runs::RunError;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -36,7 +36,7 @@ pub struct ManArgs {
 }
 
 /// Prints what a shell completes of the program.
-pub fn completions(args: &CompletionsArgs, mut program: Command) -> Result<Exit, Error> {
+pub fn completions(args: &CompletionsArgs, mut program: Command) -> Result<Exit, RunError> {
     let mut text = Vec::new();
     clap_complete::generate(args.shell, &mut program, "sightline", &mut text);
     out!("{}", String::from_utf8_lossy(&text))?;
@@ -44,7 +44,7 @@ pub fn completions(args: &CompletionsArgs, mut program: Command) -> Result<Exit,
 }
 
 /// Prints a page, or writes all of them.
-pub fn man(args: &ManArgs, program: Command) -> Result<Exit, Error> {
+pub fn man(args: &ManArgs, program: Command) -> Result<Exit, RunError> {
     let mut program = program.disable_help_subcommand(true);
     program.build();
     if let Some(folder) = &args.out {
@@ -52,7 +52,7 @@ pub fn man(args: &ManArgs, program: Command) -> Result<Exit, Error> {
         for command in with_commands(&program) {
             let path = folder.join(Man::new(command.clone()).get_filename());
             let page = page(command)?;
-            write_whole(&path, |file| file.write_all(&page).map_err(Error::io(&path)))?;
+            write_whole(&path, |file| file.write_all(&page).map_err(RunError::io(&path)))?;
         }
         return Ok(Exit::Done);
     }
@@ -61,7 +61,7 @@ pub fn man(args: &ManArgs, program: Command) -> Result<Exit, Error> {
         command = command.find_subcommand(word).ok_or_else(|| {
             let known: Vec<&str> = command.get_subcommands().map(Command::get_name).collect();
             let of = command.get_display_name().unwrap_or(command.get_name());
-            Error::Usage(match &known[..] {
+            RunError::Usage(match &known[..] {
                 [] => format!("man: {of} has no command `{word}`, nor any other; leave it out"),
                 _ => format!("man: {of} has no command `{word}`; it has {}", known.join(", ")),
             })
@@ -77,9 +77,9 @@ fn with_commands(command: &Command) -> Vec<&Command> {
     std::iter::once(command).chain(below.flat_map(with_commands)).collect()
 }
 
-fn page(command: &Command) -> Result<Vec<u8>, Error> {
+fn page(command: &Command) -> Result<Vec<u8>, RunError> {
     let mut page = Vec::new();
     let rendered = Man::new(command.clone()).render(&mut page);
-    rendered.map_err(Error::io(Path::new("man")))?;
+    rendered.map_err(RunError::io(Path::new("man")))?;
     Ok(page)
 }

@@ -5,8 +5,8 @@ use std::str::FromStr;
 
 use crate::internals::{studies_csv, study_text};
 use crate::runs::study::{StudyRequest, study_scenes};
-use crate::runs::{Error, TableFormat, Watcher};
-use crate::study::{Kind, Region, StudySettings, Table, mean_over_scenes};
+use crate::runs::{RunError, TableFormat, Watcher};
+use crate::study::{Kind, StudySettings, Subregion, Table, mean_over_scenes};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 
@@ -15,14 +15,14 @@ use super::exit::Exit;
 use super::{near_field, room, shared, sweep, targets};
 
 /// A study of one table is a command of its own; all others name their kind.
-pub enum Command {
-    Make(Box<Args>),
-    NearField(Box<near_field::Args>),
-    Targets(Box<targets::Args>),
+pub enum StudyCommand {
+    Make(Box<StudyArgs>),
+    NearField(Box<near_field::NearFieldArgs>),
+    Targets(Box<targets::TargetsArgs>),
     Redundancy(Box<shared::RedundancyArgs>),
     Overlap(Box<shared::OverlapArgs>),
-    Sweep(Box<sweep::Args>),
-    Room(Box<room::Args>),
+    Sweep(Box<sweep::SweepArgs>),
+    Room(Box<room::RoomArgs>),
 }
 
 /// Names of the studies that are commands.
@@ -33,14 +33,14 @@ const OVERLAP: &str = "overlap";
 const SWEEP: &str = "sweep";
 const TOLERANCE: &str = "tolerance";
 
-impl clap::FromArgMatches for Command {
+impl clap::FromArgMatches for StudyCommand {
     fn from_arg_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
         Ok(match matches.subcommand() {
             Some((NEAR_FIELD, matches)) => {
-                Self::NearField(Box::new(near_field::Args::from_arg_matches(matches)?))
+                Self::NearField(Box::new(near_field::NearFieldArgs::from_arg_matches(matches)?))
             }
             Some((TARGETS, matches)) => {
-                Self::Targets(Box::new(targets::Args::from_arg_matches(matches)?))
+                Self::Targets(Box::new(targets::TargetsArgs::from_arg_matches(matches)?))
             }
             Some((REDUNDANCY, matches)) => {
                 Self::Redundancy(Box::new(shared::RedundancyArgs::from_arg_matches(matches)?))
@@ -49,12 +49,12 @@ impl clap::FromArgMatches for Command {
                 Self::Overlap(Box::new(shared::OverlapArgs::from_arg_matches(matches)?))
             }
             Some((SWEEP, matches)) => {
-                Self::Sweep(Box::new(sweep::Args::from_arg_matches(matches)?))
+                Self::Sweep(Box::new(sweep::SweepArgs::from_arg_matches(matches)?))
             }
             Some((TOLERANCE, matches)) => {
-                Self::Room(Box::new(room::Args::from_arg_matches(matches)?))
+                Self::Room(Box::new(room::RoomArgs::from_arg_matches(matches)?))
             }
-            _ => Self::Make(Box::new(Args::from_arg_matches(matches)?)),
+            _ => Self::Make(Box::new(StudyArgs::from_arg_matches(matches)?)),
         })
     }
 
@@ -64,22 +64,22 @@ impl clap::FromArgMatches for Command {
     }
 }
 
-impl clap::Args for Command {
+impl clap::Args for StudyCommand {
     fn augment_args(command: clap::Command) -> clap::Command {
-        let near = near_field::Args::augment_args(clap::Command::new(NEAR_FIELD))
+        let near = near_field::NearFieldArgs::augment_args(clap::Command::new(NEAR_FIELD))
             .about("Ground and poles near the vehicle: what is seen, what is blind, what hits the own body");
-        let targets = targets::Args::augment_args(clap::Command::new(TARGETS))
+        let targets = targets::TargetsArgs::augment_args(clap::Command::new(TARGETS))
             .about("Targets at range: beams on a car, a child, a tyre by distance and bearing, the first detection");
         let redundancy = shared::RedundancyArgs::augment_args(clap::Command::new(REDUNDANCY))
             .about("Voxels, ground and targets that no, one, two, three and more LiDARs see");
         let overlap = shared::OverlapArgs::augment_args(clap::Command::new(OVERLAP))
             .about("Surfaces and directions that pairs of LiDARs share, and which LiDARs cannot be calibrated by pairs");
-        let sweep = sweep::Args::augment_args(clap::Command::new(SWEEP)).about(
+        let sweep = sweep::SweepArgs::augment_args(clap::Command::new(SWEEP)).about(
             "One pose field of one LiDAR moved through a range: scores, requirements, rules",
         );
-        let tolerance = room::Args::augment_args(clap::Command::new(TOLERANCE))
+        let tolerance = room::RoomArgs::augment_args(clap::Command::new(TOLERANCE))
             .about("How far each LiDAR may be off until a requirement breaks, and which one");
-        Args::augment_args(command)
+        StudyArgs::augment_args(command)
             .subcommand(near)
             .subcommand(targets)
             .subcommand(redundancy)
@@ -118,7 +118,7 @@ the scenes; without one at the layouts of Table 7, where the vehicle is the pape
 holds them. Give scenes/placements.json to compare any other vehicle with them. Kinds that search choose the
 sensors of a vehicle for --budget. A row that misses a requirement is marked with !. A study in which no row has an
 answer ends with exit code 1.")]
-pub struct Args {
+pub struct StudyArgs {
     /// What to study
     #[arg(value_parser = kinds())]
     kind: Kind,
@@ -151,7 +151,7 @@ pub struct Args {
     sensor: Vec<PathBuf>,
     /// Further region, for `regions`: NAME:x0,y0,z0,x1,y1,z1 in metres; may be given several times
     #[arg(long = "box", value_name = "BOX", value_parser = parse_box)]
-    boxes: Vec<Region>,
+    boxes: Vec<Subregion>,
     /// Edge of a voxel in metres, for `published` [default: 0.1, as in the paper]
     #[arg(long, value_name = "M", value_parser = parse_length)]
     voxel: Option<f64>,
@@ -173,19 +173,19 @@ fn kinds() -> impl TypedValueParser<Value = Kind> {
     PossibleValuesParser::new(values).try_map(|name| Kind::from_str(&name))
 }
 
-pub fn run(command: &Command) -> Result<Exit, Error> {
+pub fn run(command: &StudyCommand) -> Result<Exit, RunError> {
     match command {
-        Command::Make(args) => make(args),
-        Command::NearField(args) => near_field::run(args),
-        Command::Targets(args) => targets::run(args),
-        Command::Redundancy(args) => shared::run_redundancy(args),
-        Command::Overlap(args) => shared::run_overlap(args),
-        Command::Sweep(args) => sweep::run(args),
-        Command::Room(args) => room::run(args),
+        StudyCommand::Make(args) => make(args),
+        StudyCommand::NearField(args) => near_field::run(args),
+        StudyCommand::Targets(args) => targets::run(args),
+        StudyCommand::Redundancy(args) => shared::run_redundancy(args),
+        StudyCommand::Overlap(args) => shared::run_overlap(args),
+        StudyCommand::Sweep(args) => sweep::run(args),
+        StudyCommand::Room(args) => room::run(args),
     }
 }
 
-fn make(args: &Args) -> Result<Exit, Error> {
+fn make(args: &StudyArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let request = StudyRequest {
         kind: args.kind,
@@ -223,7 +223,7 @@ fn make(args: &Args) -> Result<Exit, Error> {
 }
 
 /// What comes after the tables of the scenes: their mean, and all of it in JSON or CSV.
-fn print(args: &Args, tables: &[Table]) -> Result<(), Error> {
+fn print(args: &StudyArgs, tables: &[Table]) -> Result<(), RunError> {
     let mean = if tables.len() > 1 { mean_over_scenes(tables) } else { None };
     match (args.format, tables) {
         (TableFormat::Json, [table]) => outln!("{}", json!(table)),
@@ -238,7 +238,7 @@ fn print(args: &Args, tables: &[Table]) -> Result<(), Error> {
     }
 }
 
-fn parse_box(text: &str) -> Result<Region, String> {
+fn parse_box(text: &str) -> Result<Subregion, String> {
     let wrong = || {
         format!("`{text}` is no box; write NAME:x0,y0,z0,x1,y1,z1 in metres, lower corner first")
     };
@@ -251,7 +251,7 @@ fn parse_box(text: &str) -> Result<Region, String> {
     if name.is_empty() || !(x0 < x1 && y0 < y1 && z0 < z1) {
         return Err(wrong());
     }
-    Ok(Region::of_box(name, [x0, y0, z0], [x1, y1, z1]))
+    Ok(Subregion::of_box(name, [x0, y0, z0], [x1, y1, z1]))
 }
 
 fn parse_length(text: &str) -> Result<f64, String> {

@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 
 use crate::internals::{sweep_csv, sweep_text};
-use crate::runs::Error;
+use crate::runs::RunError;
 use crate::runs::sweep::{MOST_VALUES, SweepRequest, sweep};
 use crate::scan::conditions::under;
 
 use super::answer::answer;
 use super::args::FiguresOut;
 use super::exit::Exit;
-use super::shared::Common;
+use super::shared::CommonArgs;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -20,7 +20,7 @@ use super::shared::Common;
 LIDAR is the number of a LiDAR in the placement, from 0, or the name of a mount or model that one LiDAR has. Angles are
 in degrees, positive pitch looks down. The first row is the placement as given. Car lost: degrees of bearings in which
 fewer than five beams meet a car somewhere between 5 and 50 m.")]
-pub struct Args {
+pub struct SweepArgs {
     /// Scene files, none for level ground, and a file of placements
     #[arg(value_name = "[SCENE…] PLACEMENTS", required = true)]
     files: Vec<PathBuf>,
@@ -43,10 +43,10 @@ pub struct Args {
     #[command(flatten)]
     figures: FiguresOut,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
-pub fn run(args: &Args) -> Result<Exit, Error> {
+pub fn run(args: &SweepArgs) -> Result<Exit, RunError> {
     let common = &args.common;
     let terminal = common.compute.start()?;
     let request = SweepRequest {

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use crate::internals::{targets_csv, targets_text};
 use crate::runs::targets::{TargetsRequest, targets};
-use crate::runs::{Error, TableFormat};
+use crate::runs::{RunError, TableFormat};
 use crate::scan::conditions::under;
 use crate::targets::{is_bearing, is_distance};
 
 use super::answer::answer;
-use super::args::{Compute, Conditions, FiguresOut, Named};
+use super::args::{Compute, Conditions, FiguresOut, UnnamedModelArgs};
 use super::exit::Exit;
 
 /// Targets of a study that names none.
@@ -24,7 +24,7 @@ A beam counts if its closest hit is the target. Without a scene the target stand
 body in the way; in a scene on the ground there, with all that is there in the way. A bearing's range of first
 detection is the farthest distance in its list. Presets: child, adult, cyclist, motorcycle, car, tyre, pole, kerb,
 pallet, iso3691-4-lying, iso3691-4-standing, iso18497; their dimensions and sources stand in the JSON.")]
-pub struct Args {
+pub struct TargetsArgs {
     /// Scene files, none for level ground, and a file of placements
     #[arg(value_name = "[SCENE…] PLACEMENTS", required = true)]
     files: Vec<PathBuf>,
@@ -61,7 +61,7 @@ pub struct Args {
     #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
-    named: Named,
+    named: UnnamedModelArgs,
     #[command(flatten)]
     compute: Compute,
 }
@@ -81,7 +81,7 @@ fn bearing(text: &str) -> Result<f64, String> {
     found.ok_or("give degrees from -360 to 360, as 0,90,180".to_owned())
 }
 
-pub fn run(args: &Args) -> Result<Exit, Error> {
+pub fn run(args: &TargetsArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let or = |given: &[f64], usual: Vec<f64>| if given.is_empty() { usual } else { given.to_vec() };
     let targets_of = match &args.targets[..] {

@@ -10,7 +10,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 use crate::Note;
 use crate::files::remove_temporaries;
-use crate::runs::{Bar, Error, Watcher};
+use crate::runs::{Bar, RunError, Watcher};
 
 use super::exit::Exit;
 use super::output::say;
@@ -135,9 +135,9 @@ impl Watcher for Terminal {
         self.talk.note(sentence);
     }
 
-    fn tell(&self, note: &Note) -> Result<(), Error> {
+    fn tell(&self, note: &Note) -> Result<(), RunError> {
         if self.talk.strict && note.is_doubt() {
-            return Err(Error::Doubt(note.to_string()));
+            return Err(RunError::Doubt(note.to_string()));
         }
         self.talk.note(note.text());
         Ok(())

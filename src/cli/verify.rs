@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use crate::internals::verification_text;
-use crate::runs::Error;
+use crate::runs::RunError;
 use crate::runs::verify::{Verified, VerifyRequest, verify_scenes};
 use serde_json::json;
 
-use super::args::{Compute, Conditions, Format, Named, whole};
+use super::args::{Compute, Conditions, Format, UnnamedModelArgs, whole};
 use super::exit::Exit;
 
 #[derive(clap::Args)]
@@ -15,7 +15,7 @@ use super::exit::Exit;
   sightline verify scenes/highway.json
   sightline verify scenes/highway.json scenes/placements.json --frames 20 --format json
   sightline verify scenes/highway.json --condition snow:rate=2.5 --condition wet:water=1.2")]
-pub struct Args {
+pub struct VerifyArgs {
     /// Scene files, and placements [default: Table 7 of the paper, random ones from the mount, and hostile
     /// ones]
     #[arg(value_name = "SCENE… [PLACEMENTS]", required = true)]
@@ -44,12 +44,12 @@ pub struct Args {
     #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
-    named: Named,
+    named: UnnamedModelArgs,
     #[command(flatten)]
     compute: Compute,
 }
 
-pub fn run(args: &Args) -> Result<Exit, Error> {
+pub fn run(args: &VerifyArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let request = VerifyRequest {
         files: args.files.clone(),

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use crate::internals::word;
-use crate::runs::Error;
+use crate::runs::RunError;
 use crate::runs::view::{ViewRequest, view};
 
-use super::args::{Compute, Conditions, FiguresOut, Named};
+use super::args::{Compute, Conditions, FiguresOut, UnnamedModelArgs};
 use super::exit::Exit;
 
 #[derive(clap::Args)]
@@ -14,7 +14,7 @@ use super::exit::Exit;
   sightline view scenes/urban-crossing.json scenes/placements.json:Pyramid --out view.html
   sightline view scenes/highway.json scenes/residential.json mine.json:roof \
     --baseline mine.json:bumper --out view.html")]
-pub struct Args {
+pub struct ViewArgs {
     /// Scene files, and last a file of placements with the name of the one to show behind a colon [default:
     /// its first]
     #[arg(value_name = "SCENE… PLACEMENTS[:NAME]", required = true, num_args = 2..)]
@@ -31,12 +31,12 @@ pub struct Args {
     #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
-    named: Named,
+    named: UnnamedModelArgs,
     #[command(flatten)]
     compute: Compute,
 }
 
-pub fn run(args: &Args) -> Result<Exit, Error> {
+pub fn run(args: &ViewArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let request = ViewRequest {
         files: args.files.clone(),
@@ -51,7 +51,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
 }
 
 /// The command that was given, to be copied into a shell in any folder; the page is written anew.
-fn command(args: &Args) -> String {
+fn command(args: &ViewArgs) -> String {
     let mut words = vec!["sightline".to_owned(), "view".to_owned()];
     // A name behind a colon stays where it is.
     let absolute = |file: &str| match std::path::absolute(file) {

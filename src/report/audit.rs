@@ -2,7 +2,7 @@
 
 use super::ScoreColumn;
 use super::text::{align_columns, numbered};
-use crate::audit::{Audit, Verdict};
+use crate::audit::{Audit, TrialResult};
 use crate::score::Scores;
 
 /// A row a scene: attempts caught and fooled, and the least Kendall's τ under changes.
@@ -17,8 +17,8 @@ pub fn audits_text(all: &[Audit]) -> String {
         rows.push(vec![
             name,
             found.base.name.clone(),
-            count(Verdict::Caught).to_string(),
-            count(Verdict::Fooled).to_string(),
+            count(TrialResult::Caught).to_string(),
+            count(TrialResult::Fooled).to_string(),
             least.map_or("–".into(), |tau| format!("{tau:.2}")),
             if found.passed { "passed" } else { "FAILED" }.to_owned(),
         ]);
@@ -37,9 +37,9 @@ pub fn audit_text(found: &Audit) -> String {
     for trial in &found.trials {
         let mut row = cells(&trial.name, &trial.scores);
         let verdict = match trial.verdict {
-            Verdict::NotFooled => "not fooled",
-            Verdict::Caught => "caught",
-            Verdict::Fooled => "FOOLED",
+            TrialResult::NotFooled => "not fooled",
+            TrialResult::Caught => "caught",
+            TrialResult::Fooled => "FOOLED",
         };
         row.extend([verdict.to_owned(), trial.fooled.join(", "), guard_names(&trial.scores)]);
         rows.push(row);

@@ -1,6 +1,6 @@
 //! Chart of a search: best and median objective against evaluations.
 
-use super::plot::{Change, Level};
+use super::plot::{Change, ReferenceLine};
 use super::{Axis, Plot, Series};
 use crate::search::GenerationRecord;
 use crate::search::Scored;
@@ -24,9 +24,10 @@ pub fn convergence_svg(
         line: true,
         labels: Vec::new(),
     };
-    let level =
-        |scored: &'_ Scored, name, accent| Some(Level { name, value: scored.objective?, accent });
-    let mut levels: Vec<Level> =
+    let level = |scored: &'_ Scored, name, accent| {
+        Some(ReferenceLine { name, value: scored.objective?, accent })
+    };
+    let mut levels: Vec<ReferenceLine> =
         baselines.iter().filter_map(|b| level(b, b.placement.name.as_str(), false)).collect();
     levels.extend(best.and_then(|best| level(best, "the result", true)));
     let plot = Plot {

@@ -11,7 +11,7 @@ const ALL: [f64; 2] = [860.0, 520.0];
 const BODY: &str = "#e4eaf0";
 
 /// Metres to pixels in the two views; forward is to the right in both.
-struct Views {
+struct ViewScale {
     scale: f64,
     centre_x: f64,
     /// Pixel of y = 0 from above, of z = 0 from the right.
@@ -20,7 +20,7 @@ struct Views {
     half_y: f64,
 }
 
-impl Views {
+impl ViewScale {
     /// Views that show the mount and the vehicle near it.
     fn new(constraints: &Constraints, body: &[[[f32; 3]; 3]]) -> Self {
         let [low, high] = constraints.corners();
@@ -55,7 +55,7 @@ pub fn placement_svg(
     constraints: &Constraints,
     body: &[[[f32; 3]; 3]],
 ) -> String {
-    let views = Views::new(constraints, body);
+    let views = ViewScale::new(constraints, body);
     let both = |point: [f64; 3]| [views.above(point), views.aside(point)];
     // From above a box begins at its left side, from the right at its top.
     let boxes: Vec<_> = constraints
@@ -72,7 +72,7 @@ pub fn placement_svg(
     let unit = px(views.scale);
     let drawing = html! {
         @for triangle in body {
-            @for view in [Views::above, Views::aside] {
+            @for view in [ViewScale::above, ViewScale::aside] {
                 polygon points=(corners(triangle.map(|c| view(&views, c.map(f64::from))))) fill=(BODY)
                     stroke=(BODY) stroke-width=".5" {}
             }

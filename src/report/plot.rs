@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::plot_labels::Named;
+use super::plot_labels::PlotLabels;
 use super::svg::{ACCENT, Axes, COLOURS, GREY, INK, SOFT, Scale, Tick, corners, number, page, px};
 
 /// Pixels of the plot area.
@@ -71,7 +71,7 @@ pub struct Plot {
 }
 
 /// A line across the chart at a value of y, named at its right end.
-pub(super) struct Level<'a> {
+pub(super) struct ReferenceLine<'a> {
     pub name: &'a str,
     pub value: f64,
     pub accent: bool,
@@ -90,7 +90,7 @@ impl Plot {
     }
 
     /// Like [`Self::svg`], with lines across and upwards.
-    pub(super) fn svg_with(&self, levels: &[Level], changes: &[Change]) -> String {
+    pub(super) fn svg_with(&self, levels: &[ReferenceLine], changes: &[Change]) -> String {
         let points = || self.series.iter().flat_map(|s| &s.points);
         let is_empty = points().next().is_none();
         let heights = points().map(|p| p.1).chain(levels.iter().map(|l| l.value));
@@ -110,8 +110,8 @@ impl Plot {
         };
         let turned = matches!(self.x, Axis::Names(_)) && marks.iter().any(is_wide);
         let x_title = TOP + HEIGHT + UNDER + drop_of(&marks, turned) + UNDER;
-        let names: Vec<Named> = self.series.iter().map(|s| named(s, &axes)).collect();
-        let listed = names.iter().filter_map(Named::list).flatten();
+        let names: Vec<PlotLabels> = self.series.iter().map(|s| named(s, &axes)).collect();
+        let listed = names.iter().filter_map(PlotLabels::list).flatten();
         let listed: Vec<(f64, &String)> =
             (2..).map(|k| x_title + LINE * f64::from(k)).zip(listed).collect();
         let body = html! {
@@ -149,8 +149,8 @@ impl Plot {
     }
 
     /// Lines across. Names of close ones are moved apart, and below the legend; a thin line leads to each.
-    fn levels(&self, levels: &[Level], axes: &Axes) -> Markup {
-        let mut sorted: Vec<&Level> = levels.iter().collect();
+    fn levels(&self, levels: &[ReferenceLine], axes: &Axes) -> Markup {
+        let mut sorted: Vec<&ReferenceLine> = levels.iter().collect();
         sorted.sort_by(|a, b| b.value.total_cmp(&a.value));
         let mut label_y = TOP + 20.0 * self.series.len() as f64;
         let right = LEFT + WIDTH;
@@ -186,11 +186,11 @@ impl Plot {
 }
 
 /// Words beside the points of a series.
-fn named(series: &Series, axes: &Axes) -> Named {
+fn named(series: &Series, axes: &Axes) -> PlotLabels {
     let area = [LEFT, LEFT + WIDTH, TOP, TOP + HEIGHT];
     let points: Vec<(f64, f64)> = series.points.iter().map(|point| axes.at(*point)).collect();
     let labels = series.labels.iter().map(|(point, words)| (*point, words.as_str()));
-    Named::new(&points, labels, area, ALL)
+    PlotLabels::new(&points, labels, area, ALL)
 }
 
 /// Pixels that names reach down from where they begin under the axis.

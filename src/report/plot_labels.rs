@@ -10,7 +10,7 @@ const LETTER: f64 = 6.2;
 const HEIGHT: f64 = 12.0;
 
 /// Words beside points.
-pub(super) struct Named {
+pub(super) struct PlotLabels {
     area: [f64; 4],
     points: Vec<(f64, f64)>,
     /// Points with their words; those in one place share them.
@@ -19,7 +19,7 @@ pub(super) struct Named {
     list: Option<Vec<String>>,
 }
 
-impl Named {
+impl PlotLabels {
     /// Words beside points: `labels` are (number of a point, words), `points` pixels, `area` (left, right, top, bottom)
     /// within a drawing of `width`.
     pub fn new<'a>(
@@ -125,7 +125,7 @@ mod tests {
         let area = [90.0, 650.0, 50.0, 350.0];
         let named = |points: &[(f64, f64)], words: [&str; 2]| {
             let labels = words.into_iter().enumerate();
-            let named = Named::new(points, labels, area, 900.0);
+            let named = PlotLabels::new(points, labels, area, 900.0);
             (named.draw().into_string(), named.list().map(<[String]>::to_vec))
         };
         let apart = [(100.0, 300.0), (500.0, 100.0)];

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::given::{Given, published};
 use super::inputs::Files;
-use super::{Computing, Error, opening};
+use super::{Computing, RunError, opening};
 use crate::audit::{AUDIT_FRAMES, AUDIT_PARTS, Audit, AuditEvent, audit};
 use crate::score::Objective;
 use crate::vehicle::{Placement, read_placements};
@@ -27,8 +27,8 @@ pub struct AuditRequest {
 pub fn audit_scenes(
     request: &AuditRequest,
     computing: &Computing<'_>,
-    mut each: impl FnMut(&Audit) -> Result<(), Error>,
-) -> Result<Vec<Audit>, Error> {
+    mut each: impl FnMut(&Audit) -> Result<(), RunError>,
+) -> Result<Vec<Audit>, RunError> {
     let Files { scenes, placements } = Files::sort(&request.files, computing.watcher)?;
     let honest = placements.as_deref().map(read_placements).transpose()?;
     let objective = request.objective.as_deref().map(str::parse).transpose()?;
@@ -51,7 +51,7 @@ fn of_scene(
     objective: &Objective,
     frames: Option<u32>,
     computing: &Computing<'_>,
-) -> Result<Audit, Error> {
+) -> Result<Audit, RunError> {
     let watcher = computing.watcher;
     let files = opening::files(&[path.to_owned()], &[], frames, computing);
     let job = opening::job(&files, computing)?.job.frames(frames.or(Some(AUDIT_FRAMES)));

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::inputs::Files;
 use super::verify::needs_device;
-use super::{Computing, Error, opening};
+use super::{Computing, RunError, opening};
 use crate::engine::gpu::{GpuBackend, SelfTest, TestedAdapter, test_adapters};
 use crate::engine::{Backend, CpuBackend, EngineKind};
 use crate::problem::Problem;
@@ -92,16 +92,16 @@ impl DeviceBench {
 pub fn bench_device(
     request: &DeviceBenchRequest,
     computing: &Computing<'_>,
-) -> Result<DeviceBench, Error> {
+) -> Result<DeviceBench, RunError> {
     if computing.engine.kind == EngineKind::Cpu {
         let words =
             "--backend cpu: a Vulkan device is measured, the CPU only beside it; leave it out";
-        return Err(Error::Usage(words.to_owned()));
+        return Err(RunError::Usage(words.to_owned()));
     }
     let Files { scenes, placements } = Files::sort(&request.scenes, computing.watcher)?;
     if let Some(file) = placements {
         let file = file.display();
-        return Err(Error::Usage(format!("{file}: holds placements; give scene files alone")));
+        return Err(RunError::Usage(format!("{file}: holds placements; give scene files alone")));
     }
     let mut adapter = String::new();
     let mut found = Vec::new();
@@ -128,7 +128,7 @@ fn of_scene(
     path: &Path,
     request: &DeviceBenchRequest,
     computing: &Computing<'_>,
-) -> Result<(String, SceneBench), Error> {
+) -> Result<(String, SceneBench), RunError> {
     let files = opening::files(&[path.to_owned()], &[], Some(request.frames), computing);
     let job = opening::job(&files, computing)?.job;
     let memory = computing.engine.memory_budget() / 2;
@@ -156,7 +156,7 @@ fn of_scene(
             bar.advance(1);
             match computing.watcher.goes_on() {
                 true => Ok(()),
-                false => Err(Error::Interrupted("interrupted: nothing is printed".to_owned())),
+                false => Err(RunError::Interrupted("interrupted: nothing is printed".to_owned())),
             }
         };
         speeds.push(speed(&problem, &batch, request.rounds, (&mut gpu, &mut cpu), &turn)?);
@@ -171,8 +171,8 @@ fn speed(
     batch: &[Placement],
     rounds: usize,
     (gpu, cpu): (&mut GpuBackend, &mut CpuBackend),
-    turn: &dyn Fn() -> Result<(), Error>,
-) -> Result<Speed, Error> {
+    turn: &dyn Fn() -> Result<(), RunError>,
+) -> Result<Speed, RunError> {
     let work = (batch.len() * problem.frame_count()) as f64;
     let (mut on_gpu, mut on_cpu, mut busy) = (Vec::new(), Vec::new(), Vec::new());
     // The first round warms up.
@@ -182,7 +182,7 @@ fn speed(
         let timed = |engine: &mut dyn Backend| {
             let start = Instant::now();
             engine.tally(batch, None).map_err(needs_device)?;
-            Ok::<_, Error>(start.elapsed().as_secs_f64())
+            Ok::<_, RunError>(start.elapsed().as_secs_f64())
         };
         let took = [timed(gpu)?, timed(cpu)?];
         if round > 0 {

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::given::Given;
 use super::opening::{self, LoadTimes, Loaded, timings};
-use super::{Computing, Error, glb};
+use super::{Computing, RunError, glb};
 use crate::export::GltfView;
 use crate::files::{Session, writable_file, write_whole};
 use crate::job::Job;
@@ -60,7 +60,7 @@ pub struct CastSummary {
 ///
 /// # Errors
 /// Files that cannot be read or written, a scene without geometry or without the frame, more beams than memory holds.
-pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSummary, Error> {
+pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSummary, RunError> {
     let _session = Session::begin();
     let start = Instant::now();
     let mut placements = read_placements(&request.placements)?;
@@ -78,7 +78,7 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
         evaluator.backend_mut().hits(poses, 0)
     })?;
     if let Some(path) = &request.out {
-        write_whole(path, |file| columns.write(file, &soup).map_err(Error::io(path)))?;
+        write_whole(path, |file| columns.write(file, &soup).map_err(RunError::io(path)))?;
     }
     if request.gltf.is_some() {
         let points: Vec<_> = columns.points().collect();
@@ -102,12 +102,12 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
 }
 
 /// One frame of the scene as a job of geometry alone.
-fn frame(request: &CastRequest, computing: &Computing<'_>) -> Result<Loaded, Error> {
+fn frame(request: &CastRequest, computing: &Computing<'_>) -> Result<Loaded, RunError> {
     let (start, mend) = (Instant::now(), "static shapes, actors or an ego body");
     let scene = opening::geometry(&request.scene, mend, computing)?;
     let (frame, frames) = (request.frame as usize, scene.frame_count());
     if frame >= frames {
-        return Err(Error::Usage(format!(
+        return Err(RunError::Usage(format!(
             "{}: there is no frame {frame}; give --frame 0 to {}",
             request.scene.display(),
             frames - 1

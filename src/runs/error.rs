@@ -7,7 +7,7 @@ use crate::files::FileError;
 /// Why work on files ended early, as one sentence.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum RunError {
     /// From the library, files and folders among it.
     #[error(transparent)]
     Library(crate::Error),
@@ -23,7 +23,7 @@ pub enum Error {
 }
 
 /// Errors of the library's modules, so that `?` takes them in one step.
-impl<E> From<E> for Error
+impl<E> From<E> for RunError
 where
     crate::Error: From<E>,
 {
@@ -32,7 +32,7 @@ where
     }
 }
 
-impl Error {
+impl RunError {
     /// Names the file or folder in an error of the operating system.
     pub(crate) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
         |source| FileError::io(path)(source).into()

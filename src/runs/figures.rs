@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::Error;
+use super::RunError;
 use crate::files::{safe_names, writable_folder, write_folder};
 
 /// A figure: its name without an ending, and the SVG.
@@ -12,7 +12,7 @@ pub type Figure = (String, String);
 ///
 /// # Errors
 /// See [`writable_folder`].
-pub fn wanted(folder: Option<&Path>) -> Result<bool, Error> {
+pub fn wanted(folder: Option<&Path>) -> Result<bool, RunError> {
     folder.map(writable_folder).transpose()?;
     Ok(folder.is_some())
 }
@@ -21,11 +21,11 @@ pub fn wanted(folder: Option<&Path>) -> Result<bool, Error> {
 ///
 /// # Errors
 /// Such a folder.
-pub fn apart(figures: Option<&Path>, run: &Path) -> Result<(), Error> {
+pub fn apart(figures: Option<&Path>, run: &Path) -> Result<(), RunError> {
     let place = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
     match figures.filter(|figures| place(figures) == place(run)) {
         None => Ok(()),
-        Some(figures) => Err(Error::Usage(format!(
+        Some(figures) => Err(RunError::Usage(format!(
             "--figures {}: is the folder of the run; name another folder, or one in it",
             figures.display()
         ))),
@@ -36,7 +36,7 @@ pub fn apart(figures: Option<&Path>, run: &Path) -> Result<(), Error> {
 ///
 /// # Errors
 /// See [`write_folder`].
-pub fn write(folder: Option<&Path>, figures: Vec<Figure>) -> Result<(), Error> {
+pub fn write(folder: Option<&Path>, figures: Vec<Figure>) -> Result<(), RunError> {
     let Some(folder) = folder else { return Ok(()) };
     let names = safe_names(figures.iter().map(|(name, _)| &**name));
     let named = names.into_iter().zip(figures);

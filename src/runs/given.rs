@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Computing, Error, Watcher};
+use super::{Computing, RunError, Watcher};
 use crate::Note;
 use crate::problem::Problem;
 use crate::vehicle::{
@@ -55,7 +55,7 @@ impl<'a> Given<'a> {
     pub fn look<'p>(
         &mut self,
         placements: impl IntoIterator<Item = &'p mut Placement>,
-    ) -> Result<(), Error> {
+    ) -> Result<(), RunError> {
         for placement in placements {
             let unknown = |source| PlacementFileError::Sensor { path: self.file.clone(), source };
             name_lidars(&self.choices, placement).map_err(unknown)?;
@@ -86,7 +86,7 @@ impl<'a> Given<'a> {
     pub fn all<'p>(
         mut self,
         placements: impl IntoIterator<Item = &'p mut Placement>,
-    ) -> Result<(), Error> {
+    ) -> Result<(), RunError> {
         self.look(placements)?;
         self.finish();
         Ok(())
@@ -102,7 +102,7 @@ pub fn held(
     vehicle: &Vehicle,
     sensors: &Sensors,
     computing: &Computing<'_>,
-) -> Result<Vec<Placement>, Error> {
+) -> Result<Vec<Placement>, RunError> {
     let mut layouts = table_7_held_by(vehicle);
     name_published(&mut layouts, sensors, computing)?;
     Ok(layouts)
@@ -112,7 +112,7 @@ pub fn held(
 ///
 /// # Errors
 /// See [`name_published`].
-pub fn published(sensors: &Sensors, computing: &Computing<'_>) -> Result<Vec<Placement>, Error> {
+pub fn published(sensors: &Sensors, computing: &Computing<'_>) -> Result<Vec<Placement>, RunError> {
     let mut layouts = table_7();
     name_published(&mut layouts, sensors, computing)?;
     Ok(layouts)
@@ -126,7 +126,7 @@ pub fn name_published(
     layouts: &mut [Placement],
     sensors: &Sensors,
     computing: &Computing<'_>,
-) -> Result<(), Error> {
+) -> Result<(), RunError> {
     for layout in layouts.iter_mut() {
         name_lidars(&computing.sensors, layout).map_err(wrong_choice)?;
     }
@@ -140,6 +140,6 @@ pub fn name_published(
     layouts.iter().try_for_each(|layout| sensors.check(layout)).map_err(wrong_choice)
 }
 
-fn wrong_choice(fault: ForeignLidar) -> Error {
-    Error::Usage(format!("--sensor: {fault}"))
+fn wrong_choice(fault: ForeignLidar) -> RunError {
+    RunError::Usage(format!("--sensor: {fault}"))
 }

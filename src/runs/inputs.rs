@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Computing, Error, Watcher};
+use super::{Computing, RunError, Watcher};
 use crate::files;
 use crate::json::FileKind;
 use crate::vehicle::placement_file::holds_placements;
@@ -25,10 +25,10 @@ impl Files {
     ///
     /// # Errors
     /// Two files of placements, or placements without a scene.
-    pub fn sort(files: &[PathBuf], watcher: &dyn Watcher) -> Result<Self, Error> {
+    pub fn sort(files: &[PathBuf], watcher: &dyn Watcher) -> Result<Self, RunError> {
         let sorted = Self::told_apart(files)?;
         if let ([], Some(only)) = (&sorted.scenes[..], &sorted.placements) {
-            return Err(Error::Usage(format!(
+            return Err(RunError::Usage(format!(
                 "{}: holds placements; give a scene to score them in before it",
                 only.display()
             )));
@@ -41,7 +41,7 @@ impl Files {
     ///
     /// # Errors
     /// Two files of placements; a file that cannot be read; a last file that is neither a scene nor placements.
-    pub fn told_apart(files: &[PathBuf]) -> Result<Self, Error> {
+    pub fn told_apart(files: &[PathBuf]) -> Result<Self, RunError> {
         files.iter().try_for_each(|file| can_be_read(file))?;
         let (placements, scenes): (Vec<PathBuf>, Vec<PathBuf>) =
             files.iter().cloned().partition(|file| holds_placements(file));
@@ -56,7 +56,7 @@ impl Files {
             });
         }
         if let [first, second, ..] = &placements[..] {
-            return Err(Error::Usage(format!(
+            return Err(RunError::Usage(format!(
                 "{} and {}: both hold placements; give one such file",
                 first.display(),
                 second.display()
@@ -72,13 +72,13 @@ impl Files {
     pub fn or_level_ground(
         files: &[PathBuf],
         computing: &Computing<'_>,
-    ) -> Result<(Vec<PathBuf>, PathBuf), Error> {
+    ) -> Result<(Vec<PathBuf>, PathBuf), RunError> {
         let Self { mut scenes, placements } = Self::told_apart(files)?;
         let placements = placements.or_else(|| scenes.pop());
         let placements = placements
-            .ok_or_else(|| Error::Usage("give a file of placements to look at".to_owned()))?;
+            .ok_or_else(|| RunError::Usage("give a file of placements to look at".to_owned()))?;
         if scenes.is_empty() && computing.vehicle.is_none() {
-            return Err(Error::Usage(format!(
+            return Err(RunError::Usage(format!(
                 "{}: there is neither a scene nor a vehicle; give --vehicle FILE for level ground, or a scene before \
                  the placements",
                 placements.display()
@@ -95,12 +95,12 @@ impl Files {
     pub fn with_placements(
         files: &[PathBuf],
         watcher: &dyn Watcher,
-    ) -> Result<(Vec<PathBuf>, PathBuf), Error> {
+    ) -> Result<(Vec<PathBuf>, PathBuf), RunError> {
         let Self { mut scenes, placements } = Self::sort(files, watcher)?;
         let placements = placements.or_else(|| scenes.pop());
         match (placements, scenes.is_empty()) {
             (Some(placements), false) => Ok((scenes, placements)),
-            (only, _) => Err(Error::Usage(format!(
+            (only, _) => Err(RunError::Usage(format!(
                 "{}: is the only file; give a scene, and the placements to score in it",
                 only.as_deref().unwrap_or(Path::new("")).display()
             ))),
@@ -112,12 +112,12 @@ impl Files {
 ///
 /// # Errors
 /// The reason of the operating system.
-pub fn can_be_read(file: &Path) -> Result<(), Error> {
+pub fn can_be_read(file: &Path) -> Result<(), RunError> {
     let is_stream = file == Path::new("-") || (file.exists() && !file.is_file() && !file.is_dir());
     let opened = if is_stream { Ok(()) } else { files::open(file).map(drop) };
     opened.map_err(|source| {
         let file = file.display();
-        Error::Usage(format!("{file}: cannot be read: {source}; give a scene, or placements"))
+        RunError::Usage(format!("{file}: cannot be read: {source}; give a scene, or placements"))
     })
 }
 
@@ -162,7 +162,7 @@ pub fn file_and_name(text: &str) -> (&str, Option<&str>) {
 ///
 /// # Errors
 /// A file that cannot be read, or has no placement of the name.
-pub fn named_placements(text: &str) -> Result<Vec<Placement>, Error> {
+pub fn named_placements(text: &str) -> Result<Vec<Placement>, RunError> {
     let (file, name) = file_and_name(text);
     let all = read_placements(Path::new(file))?;
     let Some(name) = name else { return Ok(all) };
@@ -170,7 +170,7 @@ pub fn named_placements(text: &str) -> Result<Vec<Placement>, Error> {
     let wanted: Vec<Placement> = all.into_iter().filter(|p| p.name == name).collect();
     if wanted.is_empty() {
         let known = known.join(", ");
-        return Err(Error::Usage(format!("{file}: has no placement `{name}`; it has {known}")));
+        return Err(RunError::Usage(format!("{file}: has no placement `{name}`; it has {known}")));
     }
     Ok(wanted)
 }

@@ -51,7 +51,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-pub use error::Error;
+pub use error::RunError;
 use serde::Serialize;
 
 use crate::Note;
@@ -70,7 +70,7 @@ pub trait Watcher: Sync {
     ///
     /// # Errors
     /// A doubt, where doubts are refused (`--strict`).
-    fn tell(&self, note: &Note) -> Result<(), Error> {
+    fn tell(&self, note: &Note) -> Result<(), RunError> {
         self.note(note.text());
         Ok(())
     }

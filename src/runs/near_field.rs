@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::given::{Given, held};
 use super::opening::{self, LoadTimes, Loaded};
-use super::{Computing, Error, GRACE, figures};
+use super::{Computing, GRACE, RunError, figures};
 use crate::files::{Session, writable_file, write_whole};
 use crate::job::Job;
 use crate::near_field::{Footprint, NearField, NearSite};
@@ -57,7 +57,7 @@ pub struct NearFields {
 pub fn near_fields(
     request: &NearFieldRequest,
     computing: &Computing<'_>,
-) -> Result<NearFields, Error> {
+) -> Result<NearFields, RunError> {
     let _session = Session::begin();
     let watcher = computing.watcher;
     let read = request.placements.as_deref().map(read_placements).transpose()?;
@@ -82,7 +82,7 @@ pub fn near_fields(
         None => held(scene.vehicle(), evaluator.problem().sensors(), computing)?,
     };
     if request.placements.is_none() && placements.is_empty() {
-        return Err(Error::Usage(format!(
+        return Err(RunError::Usage(format!(
             "{}: the vehicle is not the paper's car, whose layouts are looked at by default; give a file of placements \
              behind the scene",
             request.scene.display()
@@ -118,7 +118,7 @@ fn draw(
     request: &NearFieldRequest,
     footprint: &Footprint,
     drawn: &[(&Placement, &NearField)],
-) -> Result<(), Error> {
+) -> Result<(), RunError> {
     // First, since the file may lie in their folder.
     let figure = |one: &(&Placement, &NearField)| {
         (format!("near-field-{}", one.0.name), near_field_svg(footprint, &[*one]))
@@ -126,7 +126,7 @@ fn draw(
     figures::write(request.figures.as_deref(), drawn.iter().map(figure).collect())?;
     if let Some(file) = &request.out {
         let svg = near_field_svg(footprint, drawn);
-        write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(Error::io(file)))?;
+        write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(RunError::io(file)))?;
     }
     Ok(())
 }

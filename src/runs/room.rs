@@ -4,8 +4,8 @@
 use serde::Serialize;
 
 use super::inputs::Files;
-use super::shared::{Opened, SharedRequest};
-use super::{Computing, Error};
+use super::shared::{OpenJob, SharedRequest};
+use super::{Computing, RunError};
 use crate::files::Session;
 use crate::job::{Room, RoomSteps, SweptField, TILTS};
 use crate::scan::conditions::in_words;
@@ -39,10 +39,10 @@ pub fn room(
     request: &SharedRequest,
     steps: RoomSteps,
     computing: &Computing<'_>,
-) -> Result<RoomFound, Error> {
+) -> Result<RoomFound, RunError> {
     let _session = Session::begin();
     let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
-    let mut opened = Opened::new(request, &scenes, &file, computing)?;
+    let mut opened = OpenJob::new(request, &scenes, &file, computing)?;
     let moves = |placement: &Placement| SweptField::all(placement).count() as u64 + TILTS;
     let bar = computing.watcher.bar(opened.placements.iter().map(moves).sum(), Some("moves"));
     let mut go_on = |moves: u64| {

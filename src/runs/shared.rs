@@ -8,7 +8,7 @@ use super::given::Given;
 use super::inputs::{Files, note_repeated};
 use super::opening::{self, LoadTimes, Loaded};
 use super::targets::named;
-use super::{Computing, Error, GRACE};
+use super::{Computing, GRACE, RunError};
 use crate::files::Session;
 use crate::job::Job;
 use crate::scan::conditions::{Condition, in_words};
@@ -67,7 +67,7 @@ pub fn redundancy(
     request: &SharedRequest,
     targets: &[String],
     computing: &Computing<'_>,
-) -> Result<RedundancyFound, Error> {
+) -> Result<RedundancyFound, RunError> {
     let _session = Session::begin();
     let question = redundancy_question(named(targets, computing)?);
     let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
@@ -75,7 +75,7 @@ pub fn redundancy(
         let words = "changes voxels and ground; targets are dimmed by fog, snow and rain alone";
         computing.watcher.note(&format!("--condition {condition}: {words}"));
     }
-    let mut opened = Opened::new(request, &scenes, &file, computing)?;
+    let mut opened = OpenJob::new(request, &scenes, &file, computing)?;
     let mut rows = Vec::new();
     let bar = opened.bar(computing);
     for (index, scene) in opened.job.scenes().iter().enumerate() {
@@ -115,12 +115,12 @@ pub fn overlap(
     request: &SharedRequest,
     least_shared: u64,
     computing: &Computing<'_>,
-) -> Result<OverlapFound, Error> {
+) -> Result<OverlapFound, RunError> {
     let _session = Session::begin();
     let (scenes, file) = Files::with_placements(&request.files, computing.watcher)?;
     for placement in read_placements(&file)? {
         if placement.lidars.len() < 2 {
-            return Err(Error::Usage(format!(
+            return Err(RunError::Usage(format!(
                 "{}: placement `{}` has one LiDAR, and overlap is between two; add a second LiDAR, or leave the \
                  placement out",
                 file.display(),
@@ -128,7 +128,7 @@ pub fn overlap(
             )));
         }
     }
-    let mut opened = Opened::new(request, &scenes, &file, computing)?;
+    let mut opened = OpenJob::new(request, &scenes, &file, computing)?;
     let mut rows = Vec::new();
     let bar = opened.bar(computing);
     for (index, scene) in opened.job.scenes().iter().enumerate() {
@@ -145,19 +145,19 @@ pub fn overlap(
 }
 
 /// A job over the scenes of a request with its engines, and the placements.
-pub(super) struct Opened {
+pub(super) struct OpenJob {
     pub job: Job,
     pub evaluator: Evaluator,
     pub placements: Vec<Placement>,
 }
 
-impl Opened {
+impl OpenJob {
     pub fn new(
         request: &SharedRequest,
         scenes: &[PathBuf],
         file: &Path,
         computing: &Computing<'_>,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, RunError> {
         let (watcher, mut placements) = (computing.watcher, read_placements(file)?);
         let mut loaded = match (scenes, &computing.vehicle) {
             ([], Some(vehicle)) => {

@@ -8,12 +8,12 @@ use serde_json::{Value, json};
 
 use super::given::Given;
 use super::inputs::{Files, can_be_read, note_repeated};
-use super::{Bar, Computing, Error, GRACE, Watcher, opening};
+use super::{Bar, Computing, GRACE, RunError, Watcher, opening};
 use crate::files::{self, Input, RunDir, holds_run, is_forced, safe_names};
 use crate::report::study::study_plot;
 use crate::scan::conditions::{Condition, in_words};
 use crate::scene::Scene;
-use crate::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, study};
+use crate::study::{Kind, Row, StudyObserver, StudySettings, Subregion, Table, study};
 use crate::vehicle::placement_file::holds_placements;
 use crate::vehicle::read_placements;
 
@@ -38,7 +38,7 @@ pub struct StudyRequest {
     /// Sensor files to compare.
     pub sensors: Vec<PathBuf>,
     /// Further regions.
-    pub regions: Vec<Region>,
+    pub regions: Vec<Subregion>,
     /// Edge of a voxel in metres; the default of [`StudySettings`] if none.
     pub voxel: Option<f64>,
     /// Seed of all randomness.
@@ -57,8 +57,8 @@ pub struct StudyRequest {
 pub fn study_scenes(
     request: &StudyRequest,
     computing: &Computing<'_>,
-    mut each: impl FnMut(&Table, &Path) -> Result<(), Error>,
-) -> Result<Vec<Table>, Error> {
+    mut each: impl FnMut(&Table, &Path) -> Result<(), RunError>,
+) -> Result<Vec<Table>, RunError> {
     let _session = files::Session::begin();
     let Files { scenes: paths, placements } = match request.kind {
         kind if kind.takes_placements() => Files::sort(&request.scenes, computing.watcher)?,
@@ -95,13 +95,13 @@ pub fn study_scenes(
 }
 
 /// Scenes of a study that takes no placements.
-fn only_scenes(kind: Kind, files: &[PathBuf], watcher: &dyn Watcher) -> Result<Files, Error> {
+fn only_scenes(kind: Kind, files: &[PathBuf], watcher: &dyn Watcher) -> Result<Files, RunError> {
     files.iter().try_for_each(|file| can_be_read(file))?;
     if let Some(file) = files.iter().find(|file| files.len() > 1 && holds_placements(file)) {
         let (file, kind) = (file.display(), kind.name());
         let takers = Kind::ALL.iter().filter(|(kind, ..)| kind.takes_placements());
         let takers: Vec<String> = takers.map(|(_, name, _)| format!("`{name}`")).collect();
-        return Err(Error::Usage(format!(
+        return Err(RunError::Usage(format!(
             "{file}: holds placements, which `study {kind}` does not take, as it searches its own; {}, `nearfield` and \
              `targets` do",
             takers.join(", ")
@@ -111,7 +111,7 @@ fn only_scenes(kind: Kind, files: &[PathBuf], watcher: &dyn Watcher) -> Result<F
     Ok(Files { scenes: files.to_vec(), placements: None })
 }
 
-fn settings(request: &StudyRequest, computing: &Computing<'_>) -> Result<StudySettings, Error> {
+fn settings(request: &StudyRequest, computing: &Computing<'_>) -> Result<StudySettings, RunError> {
     let standard = StudySettings::default();
     Ok(StudySettings {
         objective: request.objective.parse()?,
@@ -136,7 +136,7 @@ fn of_scenes(
     settings: &StudySettings,
     folder: &Path,
     computing: &Computing<'_>,
-) -> Result<Table, Error> {
+) -> Result<Table, RunError> {
     let watcher = computing.watcher;
     // The study of weather has a job for each condition.
     let together = if request.kind == Kind::Weather { &[][..] } else { &request.conditions };
@@ -154,7 +154,7 @@ fn of_scenes(
         recorded.inputs.push(Input::read(file)?);
     }
     let (dir, mut known) = open_folder(folder, &recorded)?;
-    let session = Session {
+    let session = StudySession {
         dir: &dir,
         recorded: &recorded,
         bar: watcher.bar(0, Some("cases")),
@@ -181,20 +181,23 @@ struct Recorded {
 
 /// The state of a study: an interrupted one goes on from it.
 #[derive(Serialize, Deserialize)]
-struct Saved {
+struct StudyCheckpoint {
     settings: Value,
     rows: Vec<Row>,
 }
 
 /// The folder of a study and the rows that it holds; one that holds another study is an error.
-fn open_folder(folder: &Path, recorded: &Recorded) -> Result<(RunDir<Saved>, Vec<Row>), Error> {
+fn open_folder(
+    folder: &Path,
+    recorded: &Recorded,
+) -> Result<(RunDir<StudyCheckpoint>, Vec<Row>), RunError> {
     if is_forced() || !holds_run(folder) {
         let dir = RunDir::create("study", Some(folder), "", recorded.inputs.clone())?;
         return Ok((dir, Vec::new()));
     }
-    let (dir, saved): (RunDir<Saved>, Saved) = RunDir::resume("study", folder)?;
+    let (dir, saved): (RunDir<StudyCheckpoint>, StudyCheckpoint) = RunDir::resume("study", folder)?;
     if saved.settings != recorded.settings {
-        return Err(Error::Usage(format!(
+        return Err(RunError::Usage(format!(
             "{}: holds a study of other settings; name another folder with --out",
             folder.display()
         )));
@@ -204,8 +207,8 @@ fn open_folder(folder: &Path, recorded: &Recorded) -> Result<(RunDir<Saved>, Vec
 }
 
 /// A study under way, as its folder and the watcher see it.
-struct Session<'a> {
-    dir: &'a RunDir<Saved>,
+struct StudySession<'a> {
+    dir: &'a RunDir<StudyCheckpoint>,
     recorded: &'a Recorded,
     bar: Box<dyn Bar>,
     watcher: &'a dyn Watcher,
@@ -214,10 +217,10 @@ struct Session<'a> {
     /// True once the engine was named: engines are opened again and again.
     is_named: Cell<bool>,
     /// Why the rows could not be written, which ends the study.
-    failed: RefCell<Option<Error>>,
+    failed: RefCell<Option<RunError>>,
 }
 
-impl StudyObserver for Session<'_> {
+impl StudyObserver for StudySession<'_> {
     fn begins(&self, cases: usize) {
         self.cases.set(cases as u64);
         self.bar.set(self.done.get(), self.cases.get());
@@ -230,7 +233,8 @@ impl StudyObserver for Session<'_> {
     }
 
     fn measured(&self, rows: &[Row]) {
-        let saved = Saved { settings: self.recorded.settings.clone(), rows: rows.to_vec() };
+        let saved =
+            StudyCheckpoint { settings: self.recorded.settings.clone(), rows: rows.to_vec() };
         if let Err(error) = self.dir.save(&saved) {
             self.failed.replace(Some(error.into()));
         }
@@ -246,9 +250,9 @@ impl StudyObserver for Session<'_> {
     }
 }
 
-impl Session<'_> {
+impl StudySession<'_> {
     /// Writes the table and its chart, with the cases there are.
-    fn finish(&self, rows: &[Row], found: &Table) -> Result<(), Error> {
+    fn finish(&self, rows: &[Row], found: &Table) -> Result<(), RunError> {
         let Recorded { settings, inputs } = self.recorded;
         let notes = &found.notes;
         let study = json!({ "settings": settings, "inputs": inputs, "rows": rows, "notes": notes });
@@ -264,9 +268,9 @@ fn recorded<'s>(
     paths: &[PathBuf],
     settings: &StudySettings,
     scenes: impl Iterator<Item = &'s Scene>,
-) -> Result<Recorded, Error> {
-    let absolute = |paths: &[PathBuf]| -> Result<Vec<PathBuf>, Error> {
-        paths.iter().map(|p| std::path::absolute(p).map_err(Error::io(p))).collect()
+) -> Result<Recorded, RunError> {
+    let absolute = |paths: &[PathBuf]| -> Result<Vec<PathBuf>, RunError> {
+        paths.iter().map(|p| std::path::absolute(p).map_err(RunError::io(p))).collect()
     };
     let mut inputs = Vec::new();
     for scene in scenes {

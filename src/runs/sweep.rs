@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::inputs::Files;
-use super::shared::{Opened, SharedRequest};
-use super::{Computing, Error, figures};
+use super::shared::{OpenJob, SharedRequest};
+use super::{Computing, RunError, figures};
 use crate::files::{Session, writable_file, write_whole};
 use crate::job::{Sweep, SweptField};
 use crate::report::sweep::sweep_plot;
@@ -52,23 +52,23 @@ pub struct SweepFound {
 ///
 /// # Errors
 /// Files that cannot be read, a LiDAR or field that a placement does not have, a range of no length.
-pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepFound, Error> {
+pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepFound, RunError> {
     let _session = Session::begin();
     let SweepRequest { from, to, .. } = *request;
     if !(from.is_finite() && to.is_finite()) || from == to {
         let range = format!("--from {from} --to {to}");
-        return Err(Error::Usage(format!("{range}: give two different numbers")));
+        return Err(RunError::Usage(format!("{range}: give two different numbers")));
     }
     if let Some(out) = &request.out {
         writable_file(out)?;
     }
     figures::wanted(request.figures.as_deref())?;
     let (scenes, file) = Files::or_level_ground(&request.shared.files, computing)?;
-    let mut opened = Opened::new(&request.shared, &scenes, &file, computing)?;
+    let mut opened = OpenJob::new(&request.shared, &scenes, &file, computing)?;
     let fields = opened.fields(&request.field, &file.display().to_string())?;
     if request.out.is_some() && opened.placements.len() > 1 {
         let words = "--out draws one placement; leave the other placements out of the file";
-        return Err(Error::Usage(format!("{}: {words}", file.display())));
+        return Err(RunError::Usage(format!("{}: {words}", file.display())));
     }
     let steps = f64::from(request.values - 1).max(1.0);
     let value = |k: u32| from + (to - from) * f64::from(k) / steps;
@@ -103,24 +103,24 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
 }
 
 /// Draws a chart where the request names places.
-fn draw(request: &SweepRequest, sweeps: &[Sweep]) -> Result<(), Error> {
+fn draw(request: &SweepRequest, sweeps: &[Sweep]) -> Result<(), RunError> {
     // First, since the file may lie in their folder.
     let figure = |sweep: &Sweep| (format!("sweep-{}", sweep.placement), sweep_plot(sweep));
     figures::write(request.figures.as_deref(), sweeps.iter().map(figure).collect())?;
     if let (Some(out), [sweep]) = (&request.out, sweeps) {
         let svg = sweep_plot(sweep);
-        write_whole(out, |file| file.write_all(svg.as_bytes()).map_err(Error::io(out)))?;
+        write_whole(out, |file| file.write_all(svg.as_bytes()).map_err(RunError::io(out)))?;
     }
     Ok(())
 }
 
-impl Opened {
+impl OpenJob {
     /// The field that `text` names in each placement of a file.
-    fn fields(&self, text: &str, file: &str) -> Result<Vec<SweptField>, Error> {
+    fn fields(&self, text: &str, file: &str) -> Result<Vec<SweptField>, RunError> {
         let problem = self.job.problem()?;
         let find = |placement: &Placement| {
             let found = SweptField::find(text, placement, problem.constraints());
-            found.map_err(|error| Error::Usage(format!("{file}: --of {text}: {error}")))
+            found.map_err(|error| RunError::Usage(format!("{file}: --of {text}: {error}")))
         };
         self.placements.iter().map(find).collect()
     }

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::given::Given;
 use super::inputs::Files;
 use super::opening::{self, LoadTimes, Loaded};
-use super::{Computing, Error, GRACE, figures};
+use super::{Computing, GRACE, RunError, figures};
 use crate::engine::BackendError;
 use crate::files::{Session, writable_file, write_whole};
 use crate::job::Job;
@@ -66,7 +66,10 @@ pub struct TargetsFound {
 ///
 /// # Errors
 /// Files that cannot be read or written, neither scene nor vehicle, weather that no beam is dimmed by.
-pub fn targets(request: &TargetsRequest, computing: &Computing<'_>) -> Result<TargetsFound, Error> {
+pub fn targets(
+    request: &TargetsRequest,
+    computing: &Computing<'_>,
+) -> Result<TargetsFound, RunError> {
     let _session = Session::begin();
     let watcher = computing.watcher;
     let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
@@ -105,7 +108,7 @@ pub fn targets(request: &TargetsRequest, computing: &Computing<'_>) -> Result<Ta
         figures::write(request.figures.as_deref(), targets_figures(&question, &table))?;
         if let Some(file) = &request.out {
             let svg = targets_svg(&question, &table);
-            write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(Error::io(file)))?;
+            write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(RunError::io(file)))?;
         }
     }
     let TargetQuestion { targets, beams, of_frames, .. } = question;
@@ -120,7 +123,7 @@ fn on_level_ground(
     vehicle: &Path,
     (file, placements): (&Path, &[Placement]),
     computing: &Computing<'_>,
-) -> Result<TargetTable, Error> {
+) -> Result<TargetTable, RunError> {
     let (watcher, mut placements) = (computing.watcher, placements.to_vec());
     let scene = Scene::level_ground(vehicle)?;
     scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
@@ -149,7 +152,7 @@ fn in_scene(
     (path, frames): (&Path, u32),
     (file, placements): (&Path, &[Placement]),
     computing: &Computing<'_>,
-) -> Result<TargetTable, Error> {
+) -> Result<TargetTable, RunError> {
     let (watcher, mut placements) = (computing.watcher, placements.to_vec());
     let scene = opening::geometry(path, "static shapes and actors", computing)?;
     opening::note_frames(&scene, Some(frames), watcher);
@@ -172,14 +175,14 @@ fn in_scene(
 }
 
 /// Reads targets by preset or file, each once.
-pub(super) fn named(names: &[String], computing: &Computing<'_>) -> Result<Vec<Target>, Error> {
+pub(super) fn named(names: &[String], computing: &Computing<'_>) -> Result<Vec<Target>, RunError> {
     let mut targets: Vec<Target> = Vec::new();
     for name in names {
         let target = Target::named(name)?;
         target.notes.iter().try_for_each(|note| computing.watcher.tell(note))?;
         if targets.iter().any(|known| known.name == target.name) {
             let name = &target.name;
-            return Err(Error::Usage(format!("--target {name}: is given twice; leave one out")));
+            return Err(RunError::Usage(format!("--target {name}: is given twice; leave one out")));
         }
         targets.push(target);
     }
@@ -187,7 +190,10 @@ pub(super) fn named(names: &[String], computing: &Computing<'_>) -> Result<Vec<T
 }
 
 /// Reads the targets, and orders distances.
-fn question(request: &TargetsRequest, computing: &Computing<'_>) -> Result<TargetQuestion, Error> {
+fn question(
+    request: &TargetsRequest,
+    computing: &Computing<'_>,
+) -> Result<TargetQuestion, RunError> {
     let targets = named(&request.targets, computing)?;
     let mut distances = request.distances.clone();
     distances.sort_by(f64::total_cmp);
@@ -199,10 +205,10 @@ fn question(request: &TargetsRequest, computing: &Computing<'_>) -> Result<Targe
 }
 
 /// Light that must come back, where it counts.
-fn receiving(request: &TargetsRequest) -> Result<Option<Receiving>, Error> {
+fn receiving(request: &TargetsRequest) -> Result<Option<Receiving>, RunError> {
     for condition in &request.conditions {
         if !condition.dims_light() {
-            return Err(Error::Usage(format!(
+            return Err(RunError::Usage(format!(
                 "--condition {condition}: beams on targets are dimmed by fog, snow and rain alone; leave it out"
             )));
         }

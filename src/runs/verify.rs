@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::given::Given;
 use super::inputs::Files;
-use super::{Computing, Error, opening};
+use super::{Computing, RunError, opening};
 use crate::engine::gpu::{GpuBackend, SelfTest};
 use crate::engine::{BackendError, EngineKind};
 use crate::scan::conditions::{Condition, in_words};
@@ -68,10 +68,10 @@ pub struct Verified {
 pub fn verify_scenes(
     request: &VerifyRequest,
     computing: &Computing<'_>,
-    mut each: impl FnMut(&Verified) -> Result<(), Error>,
-) -> Result<Vec<Verified>, Error> {
+    mut each: impl FnMut(&Verified) -> Result<(), RunError>,
+) -> Result<Vec<Verified>, RunError> {
     if computing.engine.kind == EngineKind::Cpu {
-        return Err(Error::Usage(
+        return Err(RunError::Usage(
             "--backend cpu: a Vulkan device is compared with the CPU, which alone is compared with nothing; leave \
              it out, or pick a device with --adapter"
                 .to_owned(),
@@ -81,7 +81,7 @@ pub fn verify_scenes(
     let Files { scenes, placements } = Files::sort(&request.files, computing.watcher)?;
     let read = match &placements {
         Some(path) if request.random.or(request.hostile).is_some() => {
-            return Err(Error::Usage(format!(
+            return Err(RunError::Usage(format!(
                 "{}: holds the placements; leave out --random and --hostile, or this file",
                 path.display()
             )));
@@ -103,7 +103,7 @@ pub fn verify_scenes(
 
 impl VerifyRequest {
     /// Refuses numbers that no memory holds.
-    fn check(&self) -> Result<(), Error> {
+    fn check(&self) -> Result<(), RunError> {
         let placements = MOST_PLACEMENTS as u64;
         let asked = |count: Option<usize>| count.map_or(0, |count| count as u64);
         for (option, count, most) in [
@@ -112,7 +112,7 @@ impl VerifyRequest {
             ("--sample", self.sample, MOST_BEAMS),
         ] {
             if count > most {
-                return Err(Error::Usage(format!("{option} {count}: give at most {most}")));
+                return Err(RunError::Usage(format!("{option} {count}: give at most {most}")));
             }
         }
         Ok(())
@@ -125,7 +125,7 @@ fn of_scene(
     given: Option<(&Path, &[Placement])>,
     request: &VerifyRequest,
     computing: &Computing<'_>,
-) -> Result<(String, Verification), Error> {
+) -> Result<(String, Verification), RunError> {
     let (frames, scenes) = (Some(request.frames), [path.to_owned()]);
     let files = opening::files(&scenes, &request.conditions, frames, computing);
     let job = opening::job(&files, computing)?.job;
@@ -170,16 +170,16 @@ fn causes(test: &SelfTest) -> Vec<String> {
 }
 
 /// The error of a missing or failed device: elsewhere the CPU takes over, here it cannot.
-pub(super) fn needs_device(error: BackendError) -> Error {
+pub(super) fn needs_device(error: BackendError) -> RunError {
     match error {
         BackendError::NoDevice { name } => {
             let named = name.map(|name| format!(" named `{name}`")).unwrap_or_default();
-            Error::Usage(format!(
+            RunError::Usage(format!(
                 "no Vulkan device{named}, and there is nothing else to compare with the CPU; install a driver, such \
                  as lavapipe, which needs no hardware"
             ))
         }
-        BackendError::Device { adapter, stage, message } => Error::Usage(format!(
+        BackendError::Device { adapter, stage, message } => RunError::Usage(format!(
             "the device `{adapter}` failed at {stage}: {message}; pick another one with --adapter"
         )),
         other => other.into(),

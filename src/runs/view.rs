@@ -7,7 +7,7 @@ use super::figures::{self, Figure};
 use super::given::{Given, held};
 use super::inputs::{file_and_name, named_placements, note_repeated};
 use super::opening;
-use super::{Computing, Error};
+use super::{Computing, RunError};
 use crate::files::{Session, writable_file, write_whole};
 use crate::job::Job;
 use crate::report::{Figures, Looks, SceneRecord, Subject, view_html};
@@ -37,17 +37,17 @@ pub struct ViewRequest {
 ///
 /// # Errors
 /// Files that cannot be read or written, no placement to show, scenes that do not go together.
-pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Error> {
+pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), RunError> {
     let _session = Session::begin();
     let Some((placements, scenes)) = request.files.split_last() else {
-        return Err(Error::Usage("give scenes, and a file of placements".into()));
+        return Err(RunError::Usage("give scenes, and a file of placements".into()));
     };
     let mut given = named_placements(placements)?;
     let shown = given.first_mut().ok_or_else(|| {
-        Error::Usage(format!("{placements}: holds no placement; there is nothing to show"))
+        RunError::Usage(format!("{placements}: holds no placement; there is nothing to show"))
     })?;
     let rivals = request.baselines.iter().map(|text| read(text));
-    let mut rivals = rivals.collect::<Result<Vec<_>, Error>>()?;
+    let mut rivals = rivals.collect::<Result<Vec<_>, RunError>>()?;
     let paths: Vec<PathBuf> = scenes.iter().map(PathBuf::from).collect();
     note_repeated(&paths, computing.watcher);
     let files = opening::files(&paths, &request.conditions, None, computing);
@@ -71,11 +71,11 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Erro
     figures::wanted(request.figures.as_deref())?;
     let (page, figures) = page(request, &job, &mut evaluator, shown, &baselines)?;
     figures::write(request.figures.as_deref(), figures)?;
-    write_whole(out, |file| file.write_all(page.as_bytes()).map_err(Error::io(out)))
+    write_whole(out, |file| file.write_all(page.as_bytes()).map_err(RunError::io(out)))
 }
 
 /// Placements of a file, perhaps with a name behind a colon, beside the file.
-fn read(text: &str) -> Result<(&str, Vec<Placement>), Error> {
+fn read(text: &str) -> Result<(&str, Vec<Placement>), RunError> {
     Ok((file_and_name(text).0, named_placements(text)?))
 }
 
@@ -86,7 +86,7 @@ fn page(
     evaluator: &mut Evaluator,
     shown: &Placement,
     baselines: &[Placement],
-) -> Result<(String, Vec<Figure>), Error> {
+) -> Result<(String, Vec<Figure>), RunError> {
     let suite = &job.suite()?;
     let all: Vec<Placement> = std::iter::once(shown).chain(baselines).cloned().collect();
     let objective = Objective::default();

@@ -2,9 +2,9 @@
 
 use super::cases::Cases;
 use super::columns::{self, SCORES, made_large};
-use super::rig::Rig;
+use super::rig::SearchSpace;
 use super::scene::StudyScene;
-use super::{Drawing, Row, StudyError, Table};
+use super::{Row, StudyError, Table, TablePlot};
 use crate::search::{Equipped, cost_front};
 
 pub(super) fn cost(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
@@ -18,7 +18,7 @@ pub(super) fn cost(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Study
     let named: Vec<(String, Equipped)> =
         front.into_iter().map(|equipped| (equipped.words(vehicle), equipped)).collect();
     let rows = cases.each(named, |equipped, _| {
-        let Rig { constraints, starts, .. } = Rig::of(scene, &equipped);
+        let SearchSpace { constraints, starts, .. } = SearchSpace::of(scene, &equipped);
         let mut evaluator = scene.evaluator_under(&constraints)?;
         let found = scene.optimize_from(&evaluator, objective, &starts)?;
         let best = found.unwrap_or_else(|| equipped.placement.clone());
@@ -39,6 +39,6 @@ pub(super) fn cost(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Study
     let columns = ["sensors", "price"].into_iter().chain(SCORES).chain(["LiDARs", "not seen %"]);
     let drawn = made_large(&scene.settings.objective);
     let y_title = SCORES[drawn].to_owned();
-    let drawing = Drawing::Against { column: 1 + drawn, x_title: "price".to_owned(), y_title };
+    let drawing = TablePlot::Against { column: 1 + drawn, x_title: "price".to_owned(), y_title };
     Ok(Table::new(title, columns, rows, notes, drawing))
 }

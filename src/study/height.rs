@@ -3,7 +3,7 @@
 use super::cases::Cases;
 use super::columns::{self, SCORES, made_large};
 use super::scene::StudyScene;
-use super::{Drawing, StudyError, Table};
+use super::{StudyError, Table, TablePlot};
 
 /// Heights from the lowest to the highest of the mount.
 const HEIGHTS: u32 = 4;
@@ -37,5 +37,5 @@ pub(super) fn height(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
     let title = scene.title("the best placement at each height");
     let columns = ["height"].into_iter().chain(SCORES);
     let drawn = made_large(&scene.settings.objective);
-    Ok(Table::new(title, columns, rows, notes, Drawing::of_column(drawn, SCORES[drawn], true)))
+    Ok(Table::new(title, columns, rows, notes, TablePlot::of_column(drawn, SCORES[drawn], true)))
 }

@@ -2,9 +2,9 @@
 
 use super::cases::Cases;
 use super::columns::{self, SCORES, made_large};
-use super::rig::{Choice, Rig};
+use super::rig::{EquipmentChoice, SearchSpace};
 use super::scene::StudyScene;
-use super::{Drawing, Row, StudyError, Table};
+use super::{Row, StudyError, Table, TablePlot};
 use crate::search::{Equipped, Limits};
 use crate::vehicle::{Constraints, Equipment, Placement, Vehicle};
 
@@ -41,7 +41,7 @@ pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
     let columns = ["LiDARs"].into_iter().chain(of_gains).chain(SCORES[GAINS.len()..].to_vec());
     let columns = columns.chain(TAKEN);
     let drawn = usize::from(made_large(&scene.settings.objective) == GAINS[1]);
-    let drawing = Drawing::of_column(2 * drawn, SCORES[drawn], true);
+    let drawing = TablePlot::of_column(2 * drawn, SCORES[drawn], true);
     let title = scene.title("the best placement of each number of LiDARs");
     let known: Vec<f64> = gains[drawn].iter().copied().take_while(|gain| !gain.is_nan()).collect();
     let mut notes = notes(scene, SCORES[drawn], &known);
@@ -82,7 +82,7 @@ fn one_more(scene: &StudyScene, count: usize, rows: &[Row]) -> Result<Row, Study
 fn chosen(
     scene: &StudyScene,
     count: usize,
-    choice: &mut Option<Choice>,
+    choice: &mut Option<EquipmentChoice>,
     last: &mut Option<(Equipped, Row)>,
 ) -> Result<Row, StudyError> {
     let vehicle = scene.scene.vehicle();
@@ -98,7 +98,7 @@ fn chosen(
     }
     let choice = match choice {
         Some(choice) => choice,
-        none => none.insert(Choice::open(scene)?),
+        none => none.insert(EquipmentChoice::open(scene)?),
     };
     let limits = Limits { sensors: count, ..scene.limits() };
     let equipped = choice.best(scene, limits)?;
@@ -114,7 +114,7 @@ fn chosen(
     if let Some((_, row)) = last.as_ref().filter(|(known, _)| *known == equipped) {
         return Ok(row.clone());
     }
-    let Rig { constraints, starts, .. } = Rig::of(scene, &equipped);
+    let SearchSpace { constraints, starts, .. } = SearchSpace::of(scene, &equipped);
     let mut row = searched(scene, &constraints, &starts)?;
     if row.placement.is_some() {
         row.values.extend([Some(equipped.equipment.len() as f64), Some(equipped.cost)]);

@@ -2,7 +2,7 @@
 
 use super::cases::Cases;
 use super::scene::StudyScene;
-use super::{Drawing, Row, StudyError, Table};
+use super::{Row, StudyError, Table, TablePlot};
 use crate::score::{Scores, Seen};
 use crate::search::{Evaluator, SearchError};
 use crate::targets::{BlindSector, RangeCard};
@@ -60,7 +60,7 @@ fn own_rigs(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> 
     let losses: Vec<String> = (0..most).map(|lidar| format!("without LiDAR {lidar}")).collect();
     let columns = OWN.into_iter().chain(losses.iter().map(String::as_str));
     let drawing =
-        Drawing::ByColumn { x_title: "LiDARs left".into(), y_title: objective.to_string() };
+        TablePlot::ByColumn { x_title: "LiDARs left".into(), y_title: objective.to_string() };
     Ok(Table::new(scene.title("the loss of one LiDAR"), columns, rows, notes, drawing))
 }
 
@@ -143,7 +143,7 @@ pub(super) fn loss(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Study
         scene.settings.evaluations
     )];
     let drawing =
-        Drawing::ByColumn { x_title: "LiDARs left".into(), y_title: objective.to_string() };
+        TablePlot::ByColumn { x_title: "LiDARs left".into(), y_title: objective.to_string() };
     let title = scene.title("the loss of one LiDAR");
     Ok(Table::new(title, columns, rows, notes, drawing))
 }

@@ -51,7 +51,7 @@ fn compares(title: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::Drawing;
+    use crate::study::TablePlot;
 
     fn table(columns: &[&str], rows: &[(&str, &[Option<f64>])]) -> Table {
         let row = |(name, values): &(&str, &[Option<f64>])| Row {
@@ -60,7 +60,7 @@ mod tests {
             ..Row::default()
         };
         let rows = rows.iter().map(row).collect();
-        let drawing = Drawing::of_column(0, "gain %", false);
+        let drawing = TablePlot::of_column(0, "gain %", false);
         Table::new("one".into(), columns.iter().copied(), rows, vec!["note".into()], drawing)
     }
 

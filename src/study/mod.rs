@@ -39,9 +39,9 @@ pub use cases::StudyObserver;
 pub use error::StudyError;
 pub use kind::Kind;
 pub use mean::mean_over_scenes;
-pub use region::Region;
+pub use region::Subregion;
 pub use settings::StudySettings;
-pub(crate) use table::{Drawing, REQUIREMENTS};
+pub(crate) use table::{REQUIREMENTS, TablePlot};
 pub use table::{Row, Table};
 
 use cases::Cases;

@@ -2,7 +2,7 @@
 
 use super::cases::Cases;
 use super::scene::StudyScene;
-use super::{Drawing, Row, StudyError, Table};
+use super::{Row, StudyError, Table, TablePlot};
 use crate::score::Scores;
 use crate::score::{mean_height, spearman};
 
@@ -84,7 +84,7 @@ pub(super) fn published(scene: &StudyScene, cases: &mut Cases) -> Result<Table, 
         scene.frames().len()
     )];
     let columns = std::iter::once("score").chain(TASKS.map(|(name, ..)| name));
-    let drawing = Drawing::ByCase {
+    let drawing = TablePlot::ByCase {
         columns: (0..TASKS.len()).collect(),
         y_title: "Spearman's rank correlation".into(),
         line: false,

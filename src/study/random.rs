@@ -2,7 +2,7 @@
 
 use super::cases::Cases;
 use super::scene::StudyScene;
-use super::{Drawing, Row, StudyError, Table};
+use super::{Row, StudyError, Table, TablePlot};
 use crate::score::Scores;
 use crate::vehicle::{Placement, random_placements_by_the_rules};
 
@@ -47,7 +47,7 @@ pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
     )];
     let title = scene.title("random, hand-made and optimized placements");
     let objective = settings.objective.to_string();
-    let drawing = Drawing::of_column(0, &objective, false);
+    let drawing = TablePlot::of_column(0, &objective, false);
     Ok(Table::new(title, ["placement", &objective], rows, notes, drawing))
 }
 

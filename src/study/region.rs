@@ -4,7 +4,7 @@ use crate::maths;
 
 /// A part of the region of interest, by the centres of its voxels in the ego frame.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Region {
+pub struct Subregion {
     /// Name of its column.
     pub name: String,
     extent: Extent,
@@ -25,7 +25,7 @@ const RINGS: [f64; 2] = [10.0, 25.0];
 /// Angles from forward that part front, side and rear.
 const SECTORS: [f64; 2] = [std::f64::consts::FRAC_PI_4, 3.0 * std::f64::consts::FRAC_PI_4];
 
-impl Region {
+impl Subregion {
     /// Near, middle and far; front, side and rear.
     pub(super) fn standard() -> Vec<Self> {
         let [near, far] = RINGS;

@@ -2,9 +2,9 @@
 
 use super::cases::Cases;
 use super::columns::check_distinct;
-use super::region::Region;
+use super::region::Subregion;
 use super::scene::StudyScene;
-use super::{Drawing, Row, StudyError, Table};
+use super::{Row, StudyError, Table, TablePlot};
 use crate::problem::{Content, Entropy};
 use crate::psog::{Roi, to_nats};
 use crate::search::Evaluator;
@@ -14,7 +14,7 @@ use crate::vehicle::Placement;
 const DRAWN: usize = 8;
 
 pub(super) fn regions(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
-    let mut regions = Region::standard();
+    let mut regions = Subregion::standard();
     regions.extend(scene.settings.regions.iter().cloned());
     let names = regions.iter().map(|region| region.name.as_str());
     check_distinct(names, "regions", "give each --box a name of its own")?;
@@ -43,7 +43,7 @@ pub(super) fn regions(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
          that are covered; empty where the scene has none."
             .to_owned(),
     ];
-    let drawing = Drawing::ByCase {
+    let drawing = TablePlot::ByCase {
         columns: (0..regions.len().min(DRAWN)).collect(),
         y_title: "share of the region's information gained, %".into(),
         line: false,
@@ -57,7 +57,7 @@ pub(super) fn regions(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
 fn seen_by(
     scene: &StudyScene,
     placement: Placement,
-    regions: &[Region],
+    regions: &[Subregion],
     evaluator: &mut Evaluator,
 ) -> Result<Row, StudyError> {
     let problem = evaluator.shared_problem();
@@ -90,7 +90,7 @@ struct RegionGain {
 fn gains_by_region(
     roi: &Roi,
     content: &Content,
-    regions: &[Region],
+    regions: &[Subregion],
     covered: &[Vec<u64>],
 ) -> Vec<RegionGain> {
     let mut gains = vec![RegionGain::default(); regions.len()];
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn regions_part_the_plane() {
-        let regions = Region::standard();
+        let regions = Subregion::standard();
         let of = |x: f64, y: f64| -> Vec<&str> {
             let held = regions.iter().filter(|r| r.holds([x, y, 1.0]));
             held.map(|r| r.name.as_str()).collect()
@@ -129,7 +129,7 @@ mod tests {
         assert_eq!(of(0.0, -10.0), ["middle", "side"]);
         assert_eq!(of(-30.0, 4.0), ["far", "rear"]);
         assert_eq!(of(-3.0, 0.0), ["near", "rear"], "straight back too");
-        let kerb = Region::of_box("kerb", [0.0, -4.0, 0.0], [10.0, -3.0, 0.3]);
+        let kerb = Subregion::of_box("kerb", [0.0, -4.0, 0.0], [10.0, -3.0, 0.3]);
         assert!(kerb.holds([0.0, -3.5, 0.1]) && !kerb.holds([10.0, -3.5, 0.1]));
     }
 
@@ -140,7 +140,7 @@ mod tests {
         let content =
             Content::new(vec!["a".into()], vec![voxel(0), voxel(2)], &[vec![0, 2]], false);
         let covered = [vec![0, 1, 2], vec![0]];
-        let gains = gains_by_region(&roi, &content, &Region::standard()[..3], &covered);
+        let gains = gains_by_region(&roi, &content, &Subregion::standard()[..3], &covered);
         let gain = |total, gained| RegionGain { total, gained };
         assert_eq!(gains, [gain(1.0, 1.0), gain(0.0, 0.0), gain(1.0, 0.5)]);
     }

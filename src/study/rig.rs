@@ -6,7 +6,7 @@ use crate::search::{EquipStep, Equipped, Equipping, Event, Limits, Settings};
 use crate::vehicle::{Constraints, Placement};
 
 /// Rules of placements that are searched, and where the search starts.
-pub(super) struct Rig {
+pub(super) struct SearchSpace {
     /// A slot for each sensor.
     pub(super) constraints: Constraints,
     /// Placements to start from.
@@ -15,7 +15,7 @@ pub(super) struct Rig {
     pub(super) words: Option<String>,
 }
 
-impl Rig {
+impl SearchSpace {
     /// Chosen sensors of a vehicle; the search starts from their poses on the coarse grid and from a plain layout.
     pub(super) fn of(scene: &StudyScene, equipped: &Equipped) -> Self {
         let vehicle = scene.scene.vehicle();
@@ -33,15 +33,15 @@ impl Rig {
             return Ok(Self { constraints, starts, words: None });
         }
         let limits = scene.limits();
-        let equipped = Choice::open(scene)?.best(scene, limits)?;
+        let equipped = EquipmentChoice::open(scene)?.best(scene, limits)?;
         Ok(Self::of(scene, &equipped))
     }
 }
 
 /// Every model on every mount, cast once, from which equipment is chosen under different limits.
-pub(super) struct Choice(Equipping);
+pub(super) struct EquipmentChoice(Equipping);
 
-impl Choice {
+impl EquipmentChoice {
     /// Casts the poses.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 use super::cases::Cases;
 use super::columns::{self, SCORES, check_distinct, made_large};
 use super::scene::StudyScene;
-use super::{Drawing, StudyError, Table};
+use super::{StudyError, Table, TablePlot};
 use crate::maths;
 use crate::near_field::NearSite;
 use crate::search::Evaluator;
@@ -117,5 +117,11 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
     let title = scene.title("the best placement of each sensor");
     let columns = ["sensor", "beams a LiDAR"].into_iter().chain(SCORES).chain(NEAR_COLUMNS);
     let drawn = made_large(&scene.settings.objective);
-    Ok(Table::new(title, columns, rows, notes, Drawing::of_column(1 + drawn, SCORES[drawn], true)))
+    Ok(Table::new(
+        title,
+        columns,
+        rows,
+        notes,
+        TablePlot::of_column(1 + drawn, SCORES[drawn], true),
+    ))
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::region::Region;
+use super::region::Subregion;
 use crate::engine::EngineChoice;
 use crate::scan::conditions::Condition;
 use crate::score::Objective;
@@ -26,7 +26,7 @@ pub struct StudySettings {
     /// Sensor files to compare beside the channels.
     pub sensors: Vec<PathBuf>,
     /// Regions to look at beside the standard ones.
-    pub regions: Vec<Region>,
+    pub regions: Vec<Subregion>,
     /// Own rigs to look at, for kinds that [take some](super::Kind::takes_placements), in place of placements that are
     /// searched and of the layouts of the paper.
     pub placements: Vec<Placement>,

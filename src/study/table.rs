@@ -78,7 +78,7 @@ impl Row {
 
 /// Best drawing of a table; columns are counted from the first value on.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Drawing {
+pub enum TablePlot {
     /// Cases along x, a series for each of these columns.
     ByCase {
         /// Columns that are drawn.
@@ -106,7 +106,7 @@ pub enum Drawing {
     },
 }
 
-impl Drawing {
+impl TablePlot {
     /// One column over the cases.
     pub(super) fn of_column(column: usize, title: &str, line: bool) -> Self {
         Self::ByCase { columns: vec![column], y_title: title.to_owned(), line }
@@ -126,7 +126,7 @@ pub struct Table {
     pub notes: Vec<String>,
     /// Drawing that suits it.
     #[serde(skip)]
-    pub drawing: Drawing,
+    pub drawing: TablePlot,
 }
 
 impl Table {
@@ -136,7 +136,7 @@ impl Table {
         columns: impl IntoIterator<Item = &'a str>,
         mut rows: Vec<Row>,
         notes: Vec<String>,
-        drawing: Drawing,
+        drawing: TablePlot,
     ) -> Self {
         let columns: Vec<String> = columns.into_iter().map(str::to_owned).collect();
         rows.iter_mut().for_each(|row| row.values.resize(columns.len() - 1, None));
@@ -196,7 +196,7 @@ mod tests {
             columns: vec!["case".into(), "a, b".into(), "c".into()],
             rows: vec![row("x", &[Some(1.5), None]), row("\"y\"", &[Some(-2.0), Some(0.0)])],
             notes: vec![],
-            drawing: Drawing::of_column(0, "a", true),
+            drawing: TablePlot::of_column(0, "a", true),
         };
         assert_eq!(table.csv(), "case,\"a, b\",c\nx,1.5,\n\"\"\"y\"\"\",-2,0\n");
         let seen = |least| Seen {
@@ -224,7 +224,7 @@ mod tests {
             ["case", "a"],
             vec![Row::unanswered("p"), Row::unanswered("q"), Row::unanswered("p")],
             vec![],
-            Drawing::of_column(0, "a", true),
+            TablePlot::of_column(0, "a", true),
         );
         assert_eq!(table.unanswered().as_deref(), Some("t: no row has an answer: p; q"));
         table.rows[1].values[0] = Some(0.0);

@@ -3,7 +3,7 @@
 use super::cases::Cases;
 use super::columns::numbers;
 use super::scene::StudyScene;
-use super::{Drawing, Row, StudyError, Table};
+use super::{Row, StudyError, Table, TablePlot};
 use crate::score::Objective;
 
 /// Weights of detection; segmentation has the rest up to 1.
@@ -42,7 +42,7 @@ pub(super) fn tasks(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stud
         front.join(", "),
         scene.settings.evaluations
     )];
-    let drawing = Drawing::Against {
+    let drawing = TablePlot::Against {
         column: 1,
         x_title: "segmentation: share of the information gained, %".into(),
         y_title: "detection: share of the information gained, %".into(),

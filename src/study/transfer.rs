@@ -3,7 +3,7 @@
 use super::cases::Cases;
 use super::columns::check_distinct;
 use super::scene::StudyScene;
-use super::{Drawing, Row, StudyError, Table};
+use super::{Row, StudyError, Table, TablePlot};
 use crate::score::Seen;
 
 pub(super) fn transfer(scenes: &[StudyScene], cases: &mut Cases) -> Result<Table, StudyError> {
@@ -50,7 +50,7 @@ pub(super) fn transfer(scenes: &[StudyScene], cases: &mut Cases) -> Result<Table
          mounts may differ; a placement is scored where it stands."
     )];
     notes.extend(losses(&rows, &names));
-    let drawing = Drawing::ByCase {
+    let drawing = TablePlot::ByCase {
         columns: (0..names.len()).collect(),
         y_title: objective.to_string(),
         line: false,

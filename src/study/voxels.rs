@@ -2,7 +2,7 @@
 
 use super::cases::Cases;
 use super::scene::StudyScene;
-use super::{Drawing, Row, StudyError, Table};
+use super::{Row, StudyError, Table, TablePlot};
 use crate::score::{kendall_tau, mean_height, spearman};
 
 /// Voxel sizes of the paper's study, in metres.
@@ -35,7 +35,7 @@ pub(super) fn voxels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
         ));
     }
     let drawing =
-        Drawing::ByColumn { x_title: "placement".into(), y_title: "M-SOG/N ×1e-6".into() };
+        TablePlot::ByColumn { x_title: "placement".into(), y_title: "M-SOG/N ×1e-6".into() };
     let columns = std::iter::once("voxel").chain(layouts.iter().map(|p| p.name.as_str()));
     Ok(Table::new(scene.title("four voxel sizes"), columns, rows, notes, drawing))
 }

@@ -3,7 +3,7 @@
 use super::cases::Cases;
 use super::columns::{self, SCORES, check_distinct, made_large};
 use super::scene::StudyScene;
-use super::{Drawing, Row, StudyError, Table};
+use super::{Row, StudyError, Table, TablePlot};
 use crate::job::{Job, JobError};
 use crate::scan::conditions::Condition;
 use crate::search::Evaluator;
@@ -46,7 +46,7 @@ pub(super) fn weather(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
     let drawn = made_large(&scene.settings.objective);
     let columns = std::iter::once("placement").chain(SCORES).chain(LAST);
     let title = scene.title("rigs in weather");
-    Ok(Table::new(title, columns, rows, notes, Drawing::of_column(drawn, SCORES[drawn], false)))
+    Ok(Table::new(title, columns, rows, notes, TablePlot::of_column(drawn, SCORES[drawn], false)))
 }
 
 /// Clear air and each condition, by name.

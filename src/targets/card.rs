@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use serde::Serialize;
 
-use super::beams::{Standing, TargetSite};
+use super::beams::{PlacedTarget, TargetSite};
 use crate::maths;
 use crate::scene::{Target, preset_targets};
 use crate::vehicle::{SensorPose, UnknownSensor};
@@ -133,7 +133,7 @@ pub(super) fn card_targets() -> &'static [Arc<Target>] {
 }
 
 /// A place of a card: number of its target, fine bearing, number of its distance.
-struct Place {
+struct CardPlace {
     target: usize,
     bearing: usize,
     distance: usize,
@@ -152,14 +152,14 @@ impl RangeCard {
             for bearing in (0..FINE).step_by(if target == 0 { 1 } else { FINE / BEARINGS }) {
                 for (distance, &metres) in distances.iter().enumerate() {
                     if site.has_room(of, position(metres, degrees(bearing))) {
-                        places.push(Place { target, bearing, distance });
+                        places.push(CardPlace { target, bearing, distance });
                     }
                 }
             }
         }
-        let standing: Vec<Standing<'_>> = places
+        let standing: Vec<PlacedTarget<'_>> = places
             .iter()
-            .map(|place| Standing {
+            .map(|place| PlacedTarget {
                 target: &targets[place.target],
                 at: position(distances[place.distance], degrees(place.bearing)),
             })

@@ -25,7 +25,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 
-pub use beams::{Receiving, Standing, TargetSite};
+pub use beams::{PlacedTarget, Receiving, TargetSite};
 pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges};
 pub use places::GroundBelow;
 pub use rules::RuleMet;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::beams::{Standing, TargetSite};
+use super::beams::{PlacedTarget, TargetSite};
 use super::card::{CARD_BEAMS, card_targets, position};
 use super::rules::Rule;
 use crate::near_field::RequiredGround;
@@ -134,8 +134,8 @@ impl Sight {
     /// # Errors
     /// A model that the vehicle does not have.
     pub fn beams(&self, lidar: &SensorPose) -> Result<SightBeams, UnknownSensor> {
-        let standing = self.places.iter().map(|(target, at)| Standing { target, at: *at });
-        let standing: Vec<Standing<'_>> = standing.collect();
+        let standing = self.places.iter().map(|(target, at)| PlacedTarget { target, at: *at });
+        let standing: Vec<PlacedTarget<'_>> = standing.collect();
         let most = self.enough.iter().copied().max().unwrap_or(0);
         let beams = self.site.beams(lidar, &standing, u32::from(most))?;
         let capped = beams.iter().zip(&self.enough).map(|(&beams, &cap)| beams.min(cap.into()));

@@ -8,7 +8,7 @@ use crate::fires::BeamPlace;
 use crate::optics::{Optics, is_seen};
 use crate::rim::{RAYS, Rims, ray_share};
 use crate::station::SurfaceHit;
-use crate::sweep::{Sweep, Sweeper};
+use crate::sweep::{FiredBeams, Sweeper};
 use crate::{NO_CLASS, NO_INSTANCE, Return, Status};
 use sightline_scene::vehicle::Echoes;
 
@@ -19,7 +19,7 @@ const MOST_NOISE: f64 = 3.0;
 /// Turns the hits of one LiDAR in a frame into returns.
 pub(super) struct Receiver<'a> {
     pub sweeper: &'a Sweeper,
-    pub sweep: &'a Sweep,
+    pub sweep: &'a FiredBeams,
     /// None of beams without width.
     pub rims: Option<&'a Rims<'a>>,
     pub optics: &'a Optics,

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::datasets::ImportOptions;
-use crate::runs::Error;
+use crate::runs::RunError;
 use crate::runs::scene::{Origin, import};
 
 use crate::cli::args::{finite, whole};
@@ -15,7 +15,7 @@ use crate::cli::terminal::{Talk, Terminal};
   sightline scene import Town01.xodr --seed 1 --out town01.json
   sightline scene import nuscenes --nuscenes --scene scene-0061 --out scene-0061.json
   sightline scene import scans --carla --poses poses.csv --out drive.json")]
-pub struct Args {
+pub struct SceneImportArgs {
     /// OpenDRIVE file (.xodr): its roads and lanes; houses, trees and traffic come from the seed; or the
     /// folder of a data set
     input: PathBuf,
@@ -47,13 +47,15 @@ pub struct Args {
     talk: Talk,
 }
 
-pub fn run(args: &Args) -> Result<(), Error> {
+pub fn run(args: &SceneImportArgs) -> Result<(), RunError> {
     if let (false, false, Some(cell)) = (args.nuscenes, args.carla, args.cell) {
         let words = format!("--cell {cell}: is for --nuscenes and --carla; leave it out");
-        return Err(Error::Usage(words));
+        return Err(RunError::Usage(words));
     }
     if let (false, Some(height)) = (args.carla, args.datasets.lidar_height) {
-        return Err(Error::Usage(format!("--lidar-height {height}: is for --carla; leave it out")));
+        return Err(RunError::Usage(format!(
+            "--lidar-height {height}: is for --carla; leave it out"
+        )));
     }
     let (input, cell) = (args.input.clone(), args.cell.unwrap_or(ImportOptions::default().cell));
     let origin = match (args.nuscenes, args.carla) {

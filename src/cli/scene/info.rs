@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::runs::Error;
+use crate::runs::RunError;
 use crate::runs::scene::{SceneCounts, count, counts_text};
 use serde_json::json;
 
@@ -11,7 +11,7 @@ use crate::cli::terminal::{Talk, Terminal};
 
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  sightline scene info scenes/highway.json town.json")]
-pub struct Args {
+pub struct SceneInfoArgs {
     /// Scene files with geometry
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
@@ -22,10 +22,10 @@ pub struct Args {
     talk: Talk,
 }
 
-pub fn run(args: &Args) -> Result<(), Error> {
+pub fn run(args: &SceneInfoArgs) -> Result<(), RunError> {
     let terminal = Terminal::new(args.talk);
     let counts = args.scenes.iter().map(|path| count(path, &terminal));
-    let counts = counts.collect::<Result<Vec<SceneCounts>, Error>>()?;
+    let counts = counts.collect::<Result<Vec<SceneCounts>, RunError>>()?;
     match args.format {
         Format::Json => outln!("{}", json!(counts)),
         Format::Text => out!("{}", counts_text(&counts)),

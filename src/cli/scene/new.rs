@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::internals::{FEWEST_STREET_TRIANGLES as FEWEST, MOST_STREET_TRIANGLES as MOST};
-use crate::runs::Error;
+use crate::runs::RunError;
 use crate::runs::scene::{new_street, new_world};
 use crate::worlds;
 use clap::ValueEnum;
@@ -15,10 +15,10 @@ use crate::cli::terminal::{Talk, Terminal};
 #[command(after_help = "Examples:
   sightline scene new --kind town --seed 7 --out town.json
   sightline scene new --triangles 2000000 --frames 2 --out big.json")]
-pub struct Args {
+pub struct SceneNewArgs {
     /// What the world is
-    #[arg(long, value_enum, default_value_t = Kind::Street, conflicts_with = "triangles")]
-    kind: Kind,
+    #[arg(long, value_enum, default_value_t = KindArg::Street, conflicts_with = "triangles")]
+    kind: KindArg,
     /// A plain crossing of exactly this many triangles instead, for timings
     #[arg(long, value_name = "N",
           value_parser = clap::value_parser!(u32).range(FEWEST as i64..=MOST as i64))]
@@ -38,7 +38,7 @@ pub struct Args {
 
 /// Value of `--kind`.
 #[derive(Debug, Clone, Copy, ValueEnum)]
-enum Kind {
+enum KindArg {
     /// A street through a town, with side streets
     Street,
     /// A motorway between barriers, under a bridge
@@ -51,19 +51,19 @@ enum Kind {
     Town,
 }
 
-impl From<Kind> for worlds::WorldKind {
-    fn from(kind: Kind) -> Self {
+impl From<KindArg> for worlds::WorldKind {
+    fn from(kind: KindArg) -> Self {
         match kind {
-            Kind::Street => Self::Street,
-            Kind::Highway => Self::Highway,
-            Kind::Residential => Self::Residential,
-            Kind::Yard => Self::Yard,
-            Kind::Town => Self::Town,
+            KindArg::Street => Self::Street,
+            KindArg::Highway => Self::Highway,
+            KindArg::Residential => Self::Residential,
+            KindArg::Yard => Self::Yard,
+            KindArg::Town => Self::Town,
         }
     }
 }
 
-pub fn run(args: &Args) -> Result<(), Error> {
+pub fn run(args: &SceneNewArgs) -> Result<(), RunError> {
     let (seed, out, terminal) = (args.seed, &args.out, Terminal::new(args.talk));
     match args.triangles {
         Some(count) => new_street(count as usize, seed, args.frames.unwrap_or(4), out, &terminal),

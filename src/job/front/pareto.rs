@@ -5,13 +5,13 @@ const FLAT: f64 = 1e-9;
 
 /// Values of a point, turned so that less is better.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Standing {
+pub(super) struct Objectives {
     pub values: Vec<f64>,
     /// All requirements are met.
     pub meets: bool,
 }
 
-impl Standing {
+impl Objectives {
     /// True if no value is worse than the other point's. A point that misses a requirement takes the place of none that
     /// meets all.
     fn is_no_worse_than(&self, other: &Self) -> bool {
@@ -21,7 +21,7 @@ impl Standing {
 }
 
 /// Numbers of the points that no other point beats; of equal ones the first.
-pub(super) fn front(points: &[Standing]) -> Vec<usize> {
+pub(super) fn front(points: &[Objectives]) -> Vec<usize> {
     let is_beaten = |k: usize| {
         (0..points.len()).any(|other| {
             let (one, other_one) = (&points[k], &points[other]);
@@ -34,14 +34,14 @@ pub(super) fn front(points: &[Standing]) -> Vec<usize> {
 
 /// The point with the greatest distance from the line or plane between the extremes, on the side of better values; each
 /// axis is scaled to [0, 1]. `None` where no point stands out.
-pub(super) fn knee(points: &[Standing]) -> Option<usize> {
+pub(super) fn knee(points: &[Objectives]) -> Option<usize> {
     let axes = points.first()?.values.len();
     let column = |axis: usize| points.iter().map(move |point| point.values[axis]);
     let low: Vec<f64> = (0..axes).map(|axis| column(axis).fold(f64::MAX, f64::min)).collect();
     let high: Vec<f64> = (0..axes).map(|axis| column(axis).fold(f64::MIN, f64::max)).collect();
     // An axis on which all points are equal says nothing.
     let axes: Vec<usize> = (0..axes).filter(|&axis| high[axis] > low[axis]).collect();
-    let scale = |point: &Standing| -> Vec<f64> {
+    let scale = |point: &Objectives| -> Vec<f64> {
         let one = |&axis: &usize| (point.values[axis] - low[axis]) / (high[axis] - low[axis]);
         axes.iter().map(one).collect()
     };
@@ -113,8 +113,8 @@ mod tests {
 
     use super::*;
 
-    fn points(values: &[&[f64]]) -> Vec<Standing> {
-        let of = |values: &&[f64]| Standing { values: values.to_vec(), meets: true };
+    fn points(values: &[&[f64]]) -> Vec<Objectives> {
+        let of = |values: &&[f64]| Objectives { values: values.to_vec(), meets: true };
         values.iter().map(of).collect()
     }
 
@@ -124,13 +124,13 @@ mod tests {
         for round in 0..200 {
             let axes = 2 + round % 2;
             // Few different values, so that many are equal.
-            let point = |_| Standing {
+            let point = |_| Objectives {
                 values: (0..axes).map(|_| f64::from(rng.random_range(0..6))).collect(),
                 meets: rng.random_range(0..3) > 0,
             };
-            let all: Vec<Standing> = (0..30).map(point).collect();
+            let all: Vec<Objectives> = (0..30).map(point).collect();
             let found = front(&all);
-            let beats = |a: &Standing, b: &Standing| {
+            let beats = |a: &Objectives, b: &Objectives| {
                 let no_worse = (0..axes).all(|k| a.values[k] <= b.values[k]);
                 let better = (0..axes).any(|k| a.values[k] < b.values[k]) || a.meets && !b.meets;
                 (a.meets || !b.meets) && no_worse && better

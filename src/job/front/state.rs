@@ -10,20 +10,20 @@ use crate::vehicle::{Equipment, Placement};
 /// on from it has the bits of one that never stopped; only the part under way is done again.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrontState {
-    choices: Vec<Part<Equipped>>,
-    polished: Vec<Part<Option<Placement>>>,
-    met: Vec<Part<Option<(Placement, Equipment)>>>,
+    choices: Vec<Answered<Equipped>>,
+    polished: Vec<Answered<Option<Placement>>>,
+    met: Vec<Answered<Option<(Placement, Equipment)>>>,
 }
 
 /// One part of a front: a question and its answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Part<T> {
+struct Answered<T> {
     asked: String,
     found: T,
 }
 
 /// Answer to a question that was asked before.
-fn known<'a, T>(parts: &'a [Part<T>], asked: &str) -> Option<&'a T> {
+fn known<'a, T>(parts: &'a [Answered<T>], asked: &str) -> Option<&'a T> {
     parts.iter().find(|part| part.asked == asked).map(|part| &part.found)
 }
 
@@ -54,7 +54,7 @@ impl FrontState {
     /// Keeps sensors chosen for a question; a choice without a value, which JSON does not hold, is left out.
     pub(super) fn keep_choice(&mut self, asked: String, found: &Equipped) {
         if found.value.is_finite() && found.missing.is_finite() {
-            self.choices.push(Part { asked, found: found.clone() });
+            self.choices.push(Answered { asked, found: found.clone() });
         }
     }
 
@@ -75,7 +75,7 @@ impl FrontState {
 
     /// Keeps the placement found for a question.
     pub(super) fn keep_polished(&mut self, asked: String, found: Option<Placement>) {
-        self.polished.push(Part { asked, found });
+        self.polished.push(Answered { asked, found });
     }
 
     /// Question for sensors and placement that meet all requirements: the fewest sensors, or the best for all the money.
@@ -90,17 +90,17 @@ impl FrontState {
 
     /// Keeps placement and sensors found for a question.
     pub(super) fn keep_met(&mut self, asked: String, found: Option<(Placement, Equipment)>) {
-        self.met.push(Part { asked, found });
+        self.met.push(Answered { asked, found });
     }
 }
 
 /// The state of a front under way, and who is told whenever a part is finished.
-pub(super) struct Kept<'a> {
+pub(super) struct FrontProgress<'a> {
     pub state: &'a mut FrontState,
     pub tell: &'a mut dyn FnMut(&FrontState),
 }
 
-impl Kept<'_> {
+impl FrontProgress<'_> {
     /// Changes the state, and tells it.
     pub fn keep(&mut self, change: impl FnOnce(&mut FrontState)) {
         change(self.state);

@@ -7,7 +7,7 @@ use super::parts::{bar, table, text};
 use super::scores::near_gain;
 use super::subject::Subject;
 use crate::report::ScoreColumn;
-use crate::report::view::sight::Part;
+use crate::report::view::sight::InformationShare;
 
 /// Gain by class and by distance, against the best baseline.
 pub(super) fn gains(subject: &Subject<'_>, figures: &Figures) -> Markup {
@@ -36,11 +36,16 @@ pub(super) fn gains(subject: &Subject<'_>, figures: &Figures) -> Markup {
     }
 }
 
-fn parts(caption: &str, rival: Option<&str>, place: Option<usize>, parts: &[Part]) -> Markup {
+fn parts(
+    caption: &str,
+    rival: Option<&str>,
+    place: Option<usize>,
+    parts: &[InformationShare],
+) -> Markup {
     let mut titles = vec!["", "nats there", "gained %"];
     titles.extend(rival);
     titles.push("");
-    let row = |part: &Part| {
+    let row = |part: &InformationShare| {
         let share = |layout: usize| part.gained[layout] / part.total.max(f64::MIN_POSITIVE);
         let percent = |share: f64| text(format!("{:.1}", 100.0 * share));
         let mut row = vec![text(&part.name), text(format!("{:.0}", part.total)), percent(share(0))];

@@ -9,7 +9,7 @@ const BEAMS: usize = 1200;
 
 /// Ends of beams in the ego frame, metres; beams that hit nothing are left out where beams end at hits.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Beams {
+pub struct BeamEnds {
     /// `[frames][lidars]`.
     pub ends: Vec<Vec<Vec<[f32; 3]>>>,
     /// Largest step over the LiDARs: one in `every` beams is drawn.
@@ -18,7 +18,7 @@ pub struct Beams {
     pub reach: f32,
 }
 
-impl Beams {
+impl BeamEnds {
     /// The beams of a placement in some frames of a scene, on a page with `scenes` scenes.
     pub fn new(
         problem: &Problem,

@@ -18,8 +18,8 @@ use crate::problem::{Problem, spread};
 use crate::psog::Roi;
 use crate::scene::Scene;
 use crate::vehicle::Placement;
-use beams::Beams;
-pub use sight::{Gains, Sight};
+use beams::BeamEnds;
+pub use sight::{Gains, InformationView};
 use world::Things;
 
 /// Frames that the slider goes through at most, on a page of one scene and on one of several.
@@ -40,8 +40,8 @@ pub struct ViewData {
     frame_count: usize,
     placement: Placement,
     things: Things,
-    sight: Sight,
-    beams: Beams,
+    sight: InformationView,
+    beams: BeamEnds,
 }
 
 impl ViewData {
@@ -68,8 +68,8 @@ impl ViewData {
             classes: problem.content().classes().to_vec(),
             frame_count: problem.frame_count(),
             things: Things::new(scene, &frames, scenes),
-            sight: Sight::new(problem, engine, placement, baselines, &frames, most)?,
-            beams: Beams::new(problem, engine, placement, &frames, scenes)?,
+            sight: InformationView::new(problem, engine, placement, baselines, &frames, most)?,
+            beams: BeamEnds::new(problem, engine, placement, &frames, scenes)?,
             placement: placement.clone(),
             frames,
         })

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::rig::Rig;
+use super::rig::HandoverRig;
 
 /// Lower and upper corner, metres.
 type Corners = [[f64; 3]; 2];
@@ -10,7 +10,7 @@ type Corners = [[f64; 3]; 2];
 /// A node for the box around the whole body, and where the body has several shapes one for each: a ROS 2 parameter file.
 /// Boxes reach `margin` metres beyond the body and count from `base_link`, whose position in the ego frame is given.
 /// `None` without a body.
-pub(super) fn boxes(rig: &Rig, margin: f64, base_link: [f64; 3]) -> Option<String> {
+pub(super) fn boxes(rig: &HandoverRig, margin: f64, base_link: [f64; 3]) -> Option<String> {
     let around = |triangles: &[[[f32; 3]; 3]]| {
         let corners = triangles.iter().flatten().map(|corner| corner.map(f64::from));
         let each = corners.map(|corner| [corner, corner]);

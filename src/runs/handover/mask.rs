@@ -16,14 +16,14 @@ const ACROSS: usize = 720;
 const UP: usize = 360;
 
 /// Beams of a LiDAR by whether they end at the own body.
-pub(super) struct Mask<'a> {
+pub(super) struct SelfHitMask<'a> {
     table: &'a BeamTable,
     /// Radians that the sensor is turned about its own axis.
     phase: f64,
     own: &'a [bool],
 }
 
-impl<'a> Mask<'a> {
+impl<'a> SelfHitMask<'a> {
     pub fn new(table: &'a BeamTable, phase: f64, own: &'a [bool]) -> Self {
         Self { table, phase, own }
     }

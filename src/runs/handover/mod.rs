@@ -21,14 +21,14 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::{Computing, Error};
+use super::{Computing, RunError};
 use crate::files::{Session, is_forced, safe_name, safe_names, writable_folder, write_folder};
 use crate::report::handover::{DrawnLidar, DrawnMount, DrawnRig};
 use crate::shared::FieldOfView;
 use crate::vehicle::MAX_LIDARS;
 use crate::vehicle::sensor_file::isaac_profile;
-use mask::Mask;
-use rig::Rig;
+use mask::SelfHitMask;
+use rig::HandoverRig;
 
 /// A placement that is to be handed over.
 #[derive(Debug, Clone, Default)]
@@ -71,10 +71,10 @@ type Files = Vec<(String, Vec<u8>)>;
 pub fn handover(
     request: &HandoverRequest,
     computing: &Computing<'_>,
-) -> Result<HandoverMade, Error> {
+) -> Result<HandoverMade, RunError> {
     let _session = Session::begin();
     writable_folder(&request.out)?;
-    let rig = Rig::new(request, computing)?;
+    let rig = HandoverRig::new(request, computing)?;
     let masks = rig.masks();
     let (materials, price) = tables::materials(&rig);
     let mut files: Files = Vec::new();
@@ -97,7 +97,7 @@ pub fn handover(
     let readme = readme::text(&rig, request, &masks, files.iter().map(|(name, _)| &**name))?;
     files.insert(0, ("README.txt".to_owned(), readme.into_bytes()));
     if !computing.watcher.goes_on() {
-        return Err(Error::Interrupted(format!(
+        return Err(RunError::Interrupted(format!(
             "{}: interrupted; nothing is written",
             request.out.display()
         )));
@@ -110,20 +110,20 @@ pub fn handover(
         out: request.out.clone(),
         placement: rig.placement.name.clone(),
         files: files.into_iter().map(|(name, _)| name).collect(),
-        own_beams: masks.iter().map(Mask::counts).collect(),
+        own_beams: masks.iter().map(SelfHitMask::counts).collect(),
         price,
     })
 }
 
 /// Removes masks that an earlier rig of more or other LiDARs has left in a folder: they would be taken for this one's.
-fn remove_stale_masks(out: &Path, files: &Files) -> Result<(), Error> {
-    for entry in std::fs::read_dir(out).map_err(Error::io(out))? {
-        let entry = entry.map_err(Error::io(out))?;
+fn remove_stale_masks(out: &Path, files: &Files) -> Result<(), RunError> {
+    for entry in std::fs::read_dir(out).map_err(RunError::io(out))? {
+        let entry = entry.map_err(RunError::io(out))?;
         let name = entry.file_name().to_string_lossy().into_owned();
         let is_stale = is_mask(&name) && files.iter().all(|(written, _)| *written != name);
         // Links and folders are nobody's but the user's.
         if is_stale && entry.file_type().is_ok_and(|kind| kind.is_file()) {
-            std::fs::remove_file(entry.path()).map_err(Error::io(&entry.path()))?;
+            std::fs::remove_file(entry.path()).map_err(RunError::io(&entry.path()))?;
         }
     }
     Ok(())
@@ -140,7 +140,7 @@ fn is_mask(name: &str) -> bool {
 }
 
 /// The rig as it is drawn.
-fn drawn(rig: &Rig) -> DrawnRig<'_> {
+fn drawn(rig: &HandoverRig) -> DrawnRig<'_> {
     let lidars = rig.placement.lidars.iter().enumerate().map(|(k, pose)| DrawnLidar {
         pose: *pose,
         ego_from_sensor: rig.poses[k],
@@ -164,7 +164,7 @@ fn drawn(rig: &Rig) -> DrawnRig<'_> {
 }
 
 /// Isaac Sim's profile of each model that the rig has.
-fn profiles(rig: &Rig) -> Files {
+fn profiles(rig: &HandoverRig) -> Files {
     let used = rig.used_models();
     let names: Vec<String> = used.iter().map(|model| rig.model_name(*model)).collect();
     let files = safe_names(names.iter().map(|name| &**name)).into_iter();

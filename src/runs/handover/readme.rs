@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::HandoverRequest;
-use super::mask::{FREE, Mask, NONE, OWN};
-use super::rig::Rig;
+use super::mask::{FREE, NONE, OWN, SelfHitMask};
+use super::rig::HandoverRig;
 use crate::files::Input;
-use crate::runs::Error;
+use crate::runs::RunError;
 
 const CONVENTION: &str = "\
 Frame: ISO 8855, the ego frame. x ahead, y left, z up; origin on the ground below the vehicle's reference point.
@@ -35,11 +35,11 @@ const FILES: [(&str, &str); 6] = [
 ];
 
 pub(super) fn text<'a>(
-    rig: &Rig,
+    rig: &HandoverRig,
     request: &HandoverRequest,
-    masks: &[Mask<'_>],
+    masks: &[SelfHitMask<'_>],
     files: impl Iterator<Item = &'a str>,
-) -> Result<String, Error> {
+) -> Result<String, RunError> {
     let (vehicle, placement) = (rig.vehicle_name(), &rig.placement.name);
     let mut text = format!(
         "{vehicle}, placement {placement}: LiDARs to be handed over\n\n{CONVENTION}\nFiles\n"

@@ -1,6 +1,6 @@
 //! Poses and bill of materials as CSV.
 
-use super::rig::Rig;
+use super::rig::HandoverRig;
 use crate::csv::{csv, rounded};
 
 /// Decimals of metres and radians, and of millimetres and degrees.
@@ -8,7 +8,7 @@ const FINE: i32 = 12;
 const COARSE: i32 = 9;
 
 /// A line a LiDAR: number, mount, model, position in metres and millimetres, angles in radians and degrees.
-pub(super) fn poses(rig: &Rig) -> String {
+pub(super) fn poses(rig: &HandoverRig) -> String {
     let titles = [
         "lidar",
         "mount",
@@ -45,7 +45,7 @@ pub(super) fn poses(rig: &Rig) -> String {
 }
 
 /// A line a model: how many, price of one, price of all; last the sum. Returns the sum, too.
-pub(super) fn materials(rig: &Rig) -> (String, f64) {
+pub(super) fn materials(rig: &HandoverRig) -> (String, f64) {
     let mut rows = vec![["model", "count", "price_each", "price"].map(str::to_owned)];
     let mut total = 0.0;
     for model in rig.used_models() {

@@ -8,7 +8,7 @@ use super::request::NewRun;
 use crate::job::{JobFiles, JobState};
 use crate::problem::Problem;
 use crate::runs::given::Given;
-use crate::runs::{Computing, Error};
+use crate::runs::{Computing, RunError};
 use crate::search::Settings;
 use crate::vehicle::read_placements;
 
@@ -28,7 +28,7 @@ pub(super) struct Begun {
 
 /// Content of a checkpoint.
 #[derive(Serialize, Deserialize)]
-pub(super) struct Saved {
+pub(super) struct RunCheckpoint {
     pub begun: Begun,
     #[serde(flatten)]
     pub state: JobState,
@@ -47,11 +47,11 @@ impl Begun {
 
 impl NewRun {
     /// Files and options that the checkpoint keeps.
-    pub(super) fn begun(&self) -> Result<Begun, Error> {
-        let absolute = |path: &PathBuf| std::path::absolute(path).map_err(Error::io(path));
+    pub(super) fn begun(&self) -> Result<Begun, RunError> {
+        let absolute = |path: &PathBuf| std::path::absolute(path).map_err(RunError::io(path));
         let files = &self.files;
         if files.scene.as_os_str().is_empty() {
-            return Err(Error::Usage("give a scene to search in".into()));
+            return Err(RunError::Usage("give a scene to search in".into()));
         }
         let files = JobFiles {
             scene: absolute(&files.scene)?,
@@ -64,7 +64,7 @@ impl NewRun {
     }
 
     /// The settings with the objective and the placements of the request.
-    pub(super) fn settings(&self) -> Result<Settings, Error> {
+    pub(super) fn settings(&self) -> Result<Settings, RunError> {
         let mut settings = self.settings.clone();
         if let Some(text) = &self.objective {
             settings.objective = text.parse()?;
@@ -84,10 +84,10 @@ impl NewRun {
         settings: &mut Settings,
         problem: &Problem,
         computing: &Computing<'_>,
-    ) -> Result<(), Error> {
+    ) -> Result<(), RunError> {
         if let ([choice, ..], None, None) = (&computing.sensors[..], &self.baselines, &self.inject)
         {
-            return Err(Error::Usage(format!(
+            return Err(RunError::Usage(format!(
                 "--sensor {choice}: names LiDARs of a file of placements; give one with --baselines or \
                  --inject, or leave it out"
             )));

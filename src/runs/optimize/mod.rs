@@ -14,7 +14,7 @@ pub use front::{FrontStart, Fronted, front, holds_front};
 pub use request::{NewRun, OptimizeRequest, Start};
 
 use super::inputs::note_repeated;
-use super::{Computing, Error, GRACE, figures, glb, opening};
+use super::{Computing, GRACE, RunError, figures, glb, opening};
 use crate::export::GltfView;
 use crate::files::{Input, RunDir, Session, holds_run};
 use crate::job::{Job, JobError, JobRun, JobState, JobStep};
@@ -22,8 +22,8 @@ use crate::problem::Content;
 use crate::report::RunRecord;
 use crate::search::{Event, Outcome, Settings, TimeLimit};
 use bars::Bars;
-use begun::{Begun, Saved};
-use record::{BETWEEN_CHECKPOINTS, Sitting, finish, read_spent, save};
+use begun::{Begun, RunCheckpoint};
+use record::{BETWEEN_CHECKPOINTS, RunSession, finish, read_spent, save};
 
 /// Record and folder of a finished search.
 #[derive(Debug)]
@@ -42,13 +42,14 @@ pub struct Optimized {
 pub fn optimize(
     request: &OptimizeRequest,
     computing: &Computing<'_>,
-) -> Result<Option<Optimized>, Error> {
+) -> Result<Option<Optimized>, RunError> {
     let _session = Session::begin();
     let start = Instant::now();
     let (folder, begun, mut going_on, mut settings) = match &request.start {
         Start::Resume(path) => {
             check_no_front(path)?;
-            let (folder, Saved { begun, state }) = RunDir::<Saved>::resume("optimize", path)?;
+            let (folder, RunCheckpoint { begun, state }) =
+                RunDir::<RunCheckpoint>::resume("optimize", path)?;
             (Some(folder), begun, Some(state), Settings::default())
         }
         Start::New(new) => {
@@ -90,7 +91,7 @@ pub fn optimize(
     let run = begin(&job, going_on.take(), &folder)?;
     let (earlier, times) = (read_spent(&folder), loaded.times);
     let mut sitting =
-        Sitting { request, computing, begun, job: &job, folder, run, times, earlier, start };
+        RunSession { request, computing, begun, job: &job, folder, run, times, earlier, start };
     let Some(outcome) = sitting.search()? else { return Ok(None) };
     let record = finish(&sitting, &outcome)?;
     sitting.check(&record)?;
@@ -99,11 +100,11 @@ pub fn optimize(
 }
 
 /// Refuses the folder of a front that an earlier program wrote, without a checkpoint.
-fn check_no_front(folder: &Path) -> Result<(), Error> {
+fn check_no_front(folder: &Path) -> Result<(), RunError> {
     if holds_run(folder) || !folder.join("front.svg").exists() {
         return Ok(());
     }
-    Err(Error::Usage(format!(
+    Err(RunError::Usage(format!(
         "{}: holds a front without a checkpoint, which does not go on; run `sightline optimize … --front …` again, into \
          another folder or with --force",
         folder.display()
@@ -114,8 +115,8 @@ fn check_no_front(folder: &Path) -> Result<(), Error> {
 fn begin<'a>(
     job: &'a Job,
     state: Option<JobState>,
-    folder: &RunDir<Saved>,
-) -> Result<JobRun<'a>, Error> {
+    folder: &RunDir<RunCheckpoint>,
+) -> Result<JobRun<'a>, RunError> {
     let run = match state {
         Some(state) => job.resume(state),
         None => job.begin(),
@@ -127,7 +128,7 @@ fn begin<'a>(
 }
 
 /// Checks that some placement can have a value.
-fn check_value(begun: &Begun, job: &Job) -> Result<(), Error> {
+fn check_value(begun: &Begun, job: &Job) -> Result<(), RunError> {
     let (objective, suite) = (&job.settings().objective, job.suite()?);
     // A missing detection target is reported by the search.
     let exists = |content: &Content| {
@@ -136,16 +137,16 @@ fn check_value(begun: &Begun, job: &Job) -> Result<(), Error> {
     if suite.members().iter().any(|member| exists(member.problem().content())) {
         return Ok(());
     }
-    Err(Error::Usage(format!(
+    Err(RunError::Usage(format!(
         "{}: nothing is uncertain in its P-SOG, so that no placement has a value of `{objective}`; give it frames in \
          which something moves",
         begun.files.scene.display()
     )))
 }
 
-impl Sitting<'_> {
+impl RunSession<'_> {
     /// Runs to the outcome; the state is saved on the way. `None` after Ctrl-C in the choice of sensors.
-    fn search(&mut self) -> Result<Option<Outcome>, Error> {
+    fn search(&mut self) -> Result<Option<Outcome>, RunError> {
         let watcher = self.computing.watcher;
         let folder = self.folder.path().display().to_string();
         let mut bars = Bars::new(watcher);
@@ -184,7 +185,7 @@ impl Sitting<'_> {
     }
 
     /// A search without a result is an error, unless it was stopped before its end.
-    fn check(&self, record: &RunRecord) -> Result<(), Error> {
+    fn check(&self, record: &RunRecord) -> Result<(), RunError> {
         if record.best.is_some() || !self.computing.watcher.goes_on() {
             return Ok(());
         }
@@ -192,7 +193,7 @@ impl Sitting<'_> {
         let history = self.run.run().map_or(&[][..], |run| run.state().history());
         let broken: u64 = history.iter().map(|record| record.infeasible as u64).sum();
         let kept = history.last().map_or(0, |record| record.evaluations).saturating_sub(broken);
-        Err(Error::Usage(match kept {
+        Err(RunError::Usage(match kept {
             0 => format!(
                 "{scene}: mount: no candidate kept its rules ({}); widen the mount or relax them",
                 record.constraints.join("; ")
@@ -206,7 +207,7 @@ impl Sitting<'_> {
     }
 
     /// Writes the result in the first scene where the request names a file.
-    fn write_gltf(&self, record: &RunRecord) -> Result<(), Error> {
+    fn write_gltf(&self, record: &RunRecord) -> Result<(), RunError> {
         let Some(best) = &record.best else { return Ok(()) };
         let (scene, placements) = (&**self.job.scene(), std::slice::from_ref(&best.placement));
         let view = GltfView { scene, frame: 0, placements, points: &[] };

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::begun::{Begun, Saved};
+use super::begun::{Begun, RunCheckpoint};
 use super::command::command;
 use super::request::OptimizeRequest;
 use crate::files::{RunDir, read_own};
@@ -13,17 +13,17 @@ use crate::job::{Job, JobRun};
 use crate::report::record::peak_memory;
 use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
 use crate::runs::opening::LoadTimes;
-use crate::runs::{Computing, Error, figures};
+use crate::runs::{Computing, RunError, figures};
 use crate::search::{Equipped, FrameChoice, LeftOut, Outcome, Run, Scored, Settings, Stopped};
 use crate::vehicle::{Placement, SensorName, SensorPose};
 
 /// One run of the program on a run folder.
-pub(super) struct Sitting<'a> {
+pub(super) struct RunSession<'a> {
     pub(super) request: &'a OptimizeRequest,
     pub(super) computing: &'a Computing<'a>,
     pub(super) begun: Begun,
     pub(super) job: &'a Job,
-    pub(super) folder: RunDir<Saved>,
+    pub(super) folder: RunDir<RunCheckpoint>,
     pub(super) run: JobRun<'a>,
     /// Seconds until the search could begin.
     pub(super) times: LoadTimes,
@@ -51,12 +51,12 @@ pub(super) struct Spent {
 }
 
 /// The times of earlier sittings; a run that was killed before it wrote its first times has none.
-pub(super) fn read_spent(folder: &RunDir<Saved>) -> Spent {
+pub(super) fn read_spent(folder: &RunDir<RunCheckpoint>) -> Spent {
     let text = read_own(&folder.path().join(TIMES), 1 << 20).ok();
     text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
 }
 
-impl Sitting<'_> {
+impl RunSession<'_> {
     /// Work and wall times of all sittings up to now.
     fn spent(&self) -> Spent {
         let now = self.run.run().map(Run::times).unwrap_or_default();
@@ -81,12 +81,12 @@ impl Sitting<'_> {
 }
 
 /// Saves the state: the history first, so that it is never behind.
-pub(super) fn save(sitting: &Sitting) -> Result<(), Error> {
+pub(super) fn save(sitting: &RunSession) -> Result<(), RunError> {
     if let Some(run) = sitting.run.run() {
         sitting.folder.write_lines("history.jsonl", run.state().history())?;
     }
     let state = sitting.run.state();
-    sitting.folder.save(&Saved { begun: sitting.begun.clone(), state })?;
+    sitting.folder.save(&RunCheckpoint { begun: sitting.begun.clone(), state })?;
     Ok(sitting.folder.write_json(TIMES, &sitting.spent())?)
 }
 
@@ -103,7 +103,7 @@ pub(super) fn priced(job: &Job, placement: &Placement) -> Value {
 }
 
 /// Writes result, charts and page, and hands out the record.
-pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, Error> {
+pub(super) fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError> {
     let (folder, suite, job) = (&sitting.folder, sitting.run.suite(), sitting.job);
     let spent = sitting.spent();
     let settings = sitting.run.run().map_or(job.settings(), |run| run.state().settings());

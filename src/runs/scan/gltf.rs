@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::request::ScanRequest;
 use crate::export::GltfView;
-use crate::runs::{Error, Watcher, glb};
+use crate::runs::{RunError, Watcher, glb};
 use crate::scan::{ScanError, Scanner, Stage};
 use crate::scene::Scene;
 use crate::vehicle::Placement;
@@ -15,17 +15,17 @@ impl ScanRequest {
         &self,
         scenes: &[Scene],
         placements: &[Placement],
-    ) -> Result<(), Error> {
+    ) -> Result<(), RunError> {
         let (Some((path, frame)), [scene, ..]) = (&self.gltf, scenes) else { return Ok(()) };
         if scenes.len() > 1 || placements.len() > 1 {
-            return Err(Error::Usage(format!(
+            return Err(RunError::Usage(format!(
                 "--gltf {}: shows one scene and one placement; give one of each",
                 path.display()
             )));
         }
         let frames = scene.frame_count();
         if *frame as usize >= frames {
-            return Err(Error::Usage(format!(
+            return Err(RunError::Usage(format!(
                 "--frame {}: the scene `{}` has frames 0 to {}",
                 frame,
                 scene.name(),
@@ -42,7 +42,7 @@ impl ScanRequest {
         placement: &Placement,
         stage: impl FnOnce() -> Result<Arc<Stage>, ScanError>,
         watcher: &dyn Watcher,
-    ) -> Result<(), Error> {
+    ) -> Result<(), RunError> {
         let Some((path, frame)) = &self.gltf else { return Ok(()) };
         let frame = *frame as usize;
         let scan = Scanner::on(stage()?, scene, placement, &self.scanning)?.scan(frame);

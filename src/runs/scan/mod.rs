@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::given::Given;
 use super::inputs::repeated;
-use super::{Computing, Error, Silent, Watcher, opening};
+use super::{Computing, RunError, Silent, Watcher, opening};
 use crate::export::{Dataset, DatasetSettings, Input, SceneFacts, record};
 use crate::files::{Session, safe_names};
 use crate::scan::{ScanError, Scanner, Stage};
@@ -58,11 +58,11 @@ pub struct Scanned {
 pub fn scan(
     request: &ScanRequest,
     computing: &Computing<'_>,
-) -> Result<Option<Vec<Scanned>>, Error> {
+) -> Result<Option<Vec<Scanned>>, RunError> {
     let _session = Session::begin();
     let watcher = computing.watcher;
     if let Some(what) = repeated(&request.scenes) {
-        return Err(Error::Usage(format!(
+        return Err(RunError::Usage(format!(
             "{what}, and a data set has each scene once; leave it out"
         )));
     }
@@ -70,7 +70,7 @@ pub fn scan(
     let (files_given, mut placements): (Vec<&Path>, Vec<Placement>) =
         placements.into_iter().unzip();
     let read = |path: &PathBuf| opening::read(path, computing.vehicle.as_deref(), watcher);
-    let scenes = request.scenes.iter().map(read).collect::<Result<Vec<Scene>, Error>>()?;
+    let scenes = request.scenes.iter().map(read).collect::<Result<Vec<Scene>, RunError>>()?;
     // Mistakes are found before anything is written.
     for (file, placement) in files_given.into_iter().zip(&mut placements) {
         for (k, scene) in scenes.iter().enumerate() {
@@ -101,7 +101,7 @@ pub fn scan(
         plans.push(Plan { placement, out, settings, facts: &facts, missing });
     }
     watcher.listen(GRACE);
-    let mut work = Work::new(request, computing, &scenes);
+    let mut work = ScanState::new(request, computing, &scenes);
     let mut sets = Vec::new();
     for (k, plan) in plans.iter().enumerate() {
         match work.one(plan, &plans[k + 1..])? {
@@ -137,7 +137,7 @@ struct Plan<'a> {
 }
 
 /// State that the scans of all placements share.
-struct Work<'a> {
+struct ScanState<'a> {
     request: &'a ScanRequest,
     computing: &'a Computing<'a>,
     scenes: &'a [Scene],
@@ -147,7 +147,7 @@ struct Work<'a> {
     told: bool,
 }
 
-impl<'a> Work<'a> {
+impl<'a> ScanState<'a> {
     fn new(request: &'a ScanRequest, computing: &'a Computing<'a>, scenes: &'a [Scene]) -> Self {
         let stages = scenes.iter().map(|_| None).collect();
         Self { request, computing, scenes, stages, told: false }
@@ -164,7 +164,7 @@ impl<'a> Work<'a> {
     }
 
     /// The data set of one placement, others to follow; `None` if it was interrupted.
-    fn one(&mut self, plan: &Plan<'_>, others: &[Plan<'_>]) -> Result<Option<Scanned>, Error> {
+    fn one(&mut self, plan: &Plan<'_>, others: &[Plan<'_>]) -> Result<Option<Scanned>, RunError> {
         let start = Instant::now();
         let ahead: usize = others.iter().map(|plan| plan.missing).sum();
         let dataset = Dataset::create(&plan.out, &plan.settings, plan.facts)?;
@@ -176,7 +176,7 @@ impl<'a> Work<'a> {
                 // An error that ended the run comes before one of `say_missing`.
                 let said = dataset.say_missing();
                 ended?;
-                return said.map(|()| None).map_err(Error::from);
+                return said.map(|()| None).map_err(RunError::from);
             }
         };
         let summary = dataset.finish()?;
@@ -206,7 +206,7 @@ impl<'a> Work<'a> {
         plan: &Plan<'_>,
         dataset: &Dataset,
         again: bool,
-    ) -> Result<Option<u64>, Error> {
+    ) -> Result<Option<u64>, RunError> {
         let (watcher, scenes) = (self.computing.watcher, self.scenes);
         let missing: Vec<usize> =
             (0..scenes.len()).map(|scene| dataset.missing_of(scene).len()).collect();

@@ -6,7 +6,7 @@ use serde_json::json;
 
 use crate::export::{DatasetSettings, Input, Layout, SceneFacts, Splits};
 use crate::runs::inputs::{file_and_name, named_placements};
-use crate::runs::{Computing, Error};
+use crate::runs::{Computing, RunError};
 use crate::scan::Scanning;
 use crate::scan::conditions::Condition;
 use crate::scene::Scene;
@@ -59,11 +59,13 @@ impl ScanRequest {
         placement: &Placement,
         files: Vec<Input>,
         computing: &Computing<'_>,
-    ) -> Result<DatasetSettings, Error> {
+    ) -> Result<DatasetSettings, RunError> {
         let mut map = Vec::new();
         for pair in &self.map {
             let Some((class, to)) = pair.split_once('=') else {
-                return Err(Error::Usage(format!("--map {pair}: write CLASS=CLASS, as lamp=pole")));
+                return Err(RunError::Usage(format!(
+                    "--map {pair}: write CLASS=CLASS, as lamp=pole"
+                )));
             };
             map.push((class.to_owned(), to.to_owned()));
         }
@@ -93,7 +95,7 @@ impl ScanRequest {
 }
 
 /// All placements of files, or one by its name behind a colon, each with its file.
-pub(super) fn placements(given: &[String]) -> Result<Vec<(&Path, Placement)>, Error> {
+pub(super) fn placements(given: &[String]) -> Result<Vec<(&Path, Placement)>, RunError> {
     let mut found: Vec<(&Path, Placement)> = Vec::new();
     for text in given {
         let file = Path::new(file_and_name(text).0);
@@ -102,7 +104,7 @@ pub(super) fn placements(given: &[String]) -> Result<Vec<(&Path, Placement)>, Er
     for (k, (_, placement)) in found.iter().enumerate() {
         if found[..k].iter().any(|(_, other)| other.name == placement.name) {
             let name = &placement.name;
-            return Err(Error::Usage(format!(
+            return Err(RunError::Usage(format!(
                 "--placement: `{name}` comes twice, and each is to have a folder of its own; rename one"
             )));
         }

@@ -3,11 +3,11 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::target::Target;
+use super::target::SceneOutput;
 use crate::datasets::{ImportOptions, ImportedScene, LabelledSequence, read_nuscenes, to_scene};
 use crate::files::{FileError, Session, writable_file, write_whole};
 use crate::runs::psog::{CarlaScans, tell_notes};
-use crate::runs::{Error, Watcher};
+use crate::runs::{RunError, Watcher};
 use crate::scene::Scene;
 use crate::worlds::{import_opendrive, read_opendrive};
 
@@ -42,7 +42,7 @@ pub enum Origin {
 ///
 /// # Errors
 /// Files that cannot be read or written, a map or a set of another format.
-pub fn import(origin: &Origin, out: &Path, watcher: &dyn Watcher) -> Result<(), Error> {
+pub fn import(origin: &Origin, out: &Path, watcher: &dyn Watcher) -> Result<(), RunError> {
     let _session = Session::begin();
     match origin {
         Origin::OpenDrive { file, seed, frames } => opendrive(file, *seed, *frames, out, watcher),
@@ -63,20 +63,20 @@ fn opendrive(
     frames: usize,
     out: &Path,
     watcher: &dyn Watcher,
-) -> Result<(), Error> {
+) -> Result<(), RunError> {
     let name = file.to_string_lossy();
     if file.is_dir() {
-        return Err(Error::Usage(format!(
+        return Err(RunError::Usage(format!(
             "{name}: is a folder; say which set it holds, by --nuscenes --scene NAME or by --carla --poses FILE, or give \
              the .xodr file in it"
         )));
     }
     if !matches!(name.rsplit('.').next(), Some("xodr" | "gz")) {
-        return Err(Error::Usage(format!(
+        return Err(RunError::Usage(format!(
             "{name}: is of no format that is imported; give an OpenDRIVE file with the ending .xodr"
         )));
     }
-    let target = Target::new(out, Some(file))?;
+    let target = SceneOutput::new(out, Some(file))?;
     let text = read_opendrive(file)?;
     let world = import_opendrive(&text, &file.display().to_string(), seed, frames)?;
     world.notes().iter().try_for_each(|note| watcher.tell(note))?;
@@ -89,7 +89,7 @@ fn of_scans(
     cell: f64,
     out: &Path,
     watcher: &dyn Watcher,
-) -> Result<(), Error> {
+) -> Result<(), RunError> {
     writable_file(out)?;
     let imported = to_scene(sequence, &ImportOptions { cell })?;
     let ImportedScene { scene, plates, boxes, actors } = imported;
@@ -97,7 +97,7 @@ fn of_scans(
         .map_err(|source| FileError::Json { path: out.to_owned(), source })?;
     // A scene that this program would refuse is not written.
     let read = Scene::from_json(&text, out.parent().unwrap_or(out), &out.display().to_string())?;
-    write_whole(out, |file| writeln!(file, "{text}").map_err(Error::io(out)))?;
+    write_whole(out, |file| writeln!(file, "{text}").map_err(RunError::io(out)))?;
     watcher.note(&format!(
         "{} frames, {plates} plates of ground, {boxes} boxes, {actors} actors in {}",
         read.frame_count(),

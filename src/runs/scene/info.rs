@@ -9,7 +9,7 @@ use crate::job::Job;
 use crate::problem::Problem;
 use crate::psog::PsogInfo;
 use crate::report::text::align_columns;
-use crate::runs::{Error, Watcher, opening};
+use crate::runs::{RunError, Watcher, opening};
 use crate::scan::BeamHits;
 use crate::scene::EgoBody;
 use crate::search::Evaluator;
@@ -48,10 +48,10 @@ pub struct SceneCounts {
 ///
 /// # Errors
 /// A file that cannot be read, a scene without geometry.
-pub fn count(path: &Path, watcher: &dyn Watcher) -> Result<SceneCounts, Error> {
+pub fn count(path: &Path, watcher: &dyn Watcher) -> Result<SceneCounts, RunError> {
     let scene = opening::read(path, None, watcher)?;
     if !scene.has_geometry() {
-        return Err(Error::Usage(format!(
+        return Err(RunError::Usage(format!(
             "{}: has no geometry to count; add static shapes or actors",
             path.display()
         )));
@@ -86,7 +86,7 @@ pub fn count(path: &Path, watcher: &dyn Watcher) -> Result<SceneCounts, Error> {
 
 /// Percent of beams without a hit, and of hits by range: one LiDAR above the origin, in the middle of
 /// the first mount in height, in all frames. Hits on the ego's own body are left out.
-fn hits(problem: &Problem, classes: &[u16], frames: usize) -> Result<(f64, [f64; 5]), Error> {
+fn hits(problem: &Problem, classes: &[u16], frames: usize) -> Result<(f64, [f64; 5]), RunError> {
     let [low, high] = problem.constraints().corners();
     let z = 0.5 * (low[2] + high[2]);
     let pose = SensorPose { z, ..SensorPose::default() };

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::target::Target;
+use super::target::SceneOutput;
 use crate::geom::TriangleSoup;
-use crate::runs::{Error, Watcher};
+use crate::runs::{RunError, Watcher};
 use crate::scene::street;
 use crate::worlds::{WorldKind, generate, mesh_shape};
 
@@ -20,8 +20,8 @@ pub fn new_world(
     frames: usize,
     out: &Path,
     watcher: &dyn Watcher,
-) -> Result<(), Error> {
-    let target = Target::new(out, None)?;
+) -> Result<(), RunError> {
+    let target = SceneOutput::new(out, None)?;
     let world = generate(kind, seed, frames)?;
     target.write(world.mesh(), &world.scene(&target.name(), &target.mesh_name()), watcher)
 }
@@ -36,14 +36,14 @@ pub fn new_street(
     frames: u32,
     out: &Path,
     watcher: &dyn Watcher,
-) -> Result<(), Error> {
-    let target = Target::new(out, None)?;
+) -> Result<(), RunError> {
+    let target = SceneOutput::new(out, None)?;
     let soup = street(triangles, seed);
     target.write(&soup, &plain(&target, frames, &soup), watcher)
 }
 
 /// Region, sensor and mount of the own scenes, the sensor with 720 azimuth steps.
-fn plain(target: &Target<'_>, frames: u32, soup: &TriangleSoup) -> Value {
+fn plain(target: &SceneOutput<'_>, frames: u32, soup: &TriangleSoup) -> Value {
     let body = |size: [f64; 3]| json!([{ "class": "vehicle", "box": { "foot": [0, 0, 0.25], "size": size } }]);
     let route = |from: [f64; 2], to: [f64; 2], spacing: f64| json!({ "points": [from, to], "spacing": spacing });
     json!({

@@ -8,27 +8,27 @@ use serde_json::Value;
 
 use crate::files::{FileError, is_sink, target, will_read, writable_file, write_pair};
 use crate::geom::TriangleSoup;
-use crate::runs::{Error, Watcher};
+use crate::runs::{RunError, Watcher};
 use crate::worlds::write_ply;
 
 /// A scene file to be written, with its mesh beside it.
-pub(super) struct Target<'a> {
+pub(super) struct SceneOutput<'a> {
     out: &'a Path,
     mesh: PathBuf,
 }
 
-impl<'a> Target<'a> {
+impl<'a> SceneOutput<'a> {
     /// Checks that both files can be written, and that nothing is lost that nobody has named, where `inputs` are read.
-    pub fn new(out: &'a Path, inputs: Option<&Path>) -> Result<Self, Error> {
+    pub fn new(out: &'a Path, inputs: Option<&Path>) -> Result<Self, RunError> {
         let mesh = out.with_extension("ply");
         if mesh == out {
-            return Err(Error::Usage(format!(
+            return Err(RunError::Usage(format!(
                 "{}: is the name of the mesh; give the scene the ending .json",
                 out.display()
             )));
         }
         if is_sink(&target(out)?) {
-            return Err(Error::Usage(format!(
+            return Err(RunError::Usage(format!(
                 "{}: is no regular file, and the mesh is to stand beside it; name a file",
                 out.display()
             )));
@@ -38,7 +38,7 @@ impl<'a> Target<'a> {
         let target = Self { out, mesh };
         let name = target.name();
         if name.contains(char::is_control) {
-            return Err(Error::Usage(format!(
+            return Err(RunError::Usage(format!(
                 "{name:?}: is to be the name of the scene, which has no control characters; name another file"
             )));
         }
@@ -47,7 +47,7 @@ impl<'a> Target<'a> {
     }
 
     /// Refuses to replace a mesh that the scene at `out` does not name.
-    fn check_mesh(&self) -> Result<(), Error> {
+    fn check_mesh(&self) -> Result<(), RunError> {
         let named = |text: String| text.contains(&Value::from(self.mesh_name()).to_string());
         if !self.mesh.exists() || !self.out.exists() {
             return Ok(());
@@ -59,20 +59,20 @@ impl<'a> Target<'a> {
     }
 
     /// Refuses to replace a mesh without a scene, unless it equals the new one: a killed run left that.
-    fn check_mesh_without_scene(&self, soup: &TriangleSoup) -> Result<(), Error> {
+    fn check_mesh_without_scene(&self, soup: &TriangleSoup) -> Result<(), RunError> {
         if self.out.exists() || !self.mesh.exists() {
             return Ok(());
         }
         let mut new = Vec::new();
-        write_ply(soup, &mut new).map_err(Error::io(&self.mesh))?;
+        write_ply(soup, &mut new).map_err(RunError::io(&self.mesh))?;
         match std::fs::read(&self.mesh).is_ok_and(|old| old == new) {
             true => Ok(()),
             false => Err(self.mesh_is_there()),
         }
     }
 
-    fn mesh_is_there(&self) -> Error {
-        Error::Usage(format!(
+    fn mesh_is_there(&self) -> RunError {
+        RunError::Usage(format!(
             "{}: is there and would be overwritten by the scene's mesh; name another scene than {}, or move the \
              mesh away",
             self.mesh.display(),
@@ -96,17 +96,17 @@ impl<'a> Target<'a> {
         soup: &TriangleSoup,
         scene: &Value,
         watcher: &dyn Watcher,
-    ) -> Result<(), Error> {
+    ) -> Result<(), RunError> {
         let mesh = &self.mesh;
         self.check_mesh_without_scene(soup)?;
         write_pair(
             (mesh, |file: &mut BufWriter<&mut File>| {
-                write_ply(soup, file).map_err(Error::io(mesh))
+                write_ply(soup, file).map_err(RunError::io(mesh))
             }),
             (self.out, |file: &mut BufWriter<&mut File>| {
                 serde_json::to_writer_pretty(&mut *file, scene)
                     .map_err(|source| FileError::Json { path: self.out.to_owned(), source })?;
-                file.write_all(b"\n").map_err(Error::io(self.out))
+                file.write_all(b"\n").map_err(RunError::io(self.out))
             }),
         )?;
         watcher.note(&format!(

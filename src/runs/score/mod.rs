@@ -12,7 +12,7 @@ use std::time::Instant;
 pub use request::ScoreRequest;
 
 use super::inputs::Files;
-use super::{Computing, Error};
+use super::{Computing, RunError};
 use crate::files::Session;
 use crate::vehicle::placement_file::count_placements;
 
@@ -24,7 +24,7 @@ pub fn score(
     request: &ScoreRequest,
     computing: &Computing<'_>,
     out: &mut dyn Write,
-) -> Result<(), Error> {
+) -> Result<(), RunError> {
     let _session = Session::begin();
     let start = Instant::now();
     let (scenes, placements) = Files::with_placements(&request.files, computing.watcher)?;
@@ -33,7 +33,7 @@ pub fn score(
     let is_file = placements != Path::new("-") && placements.is_file();
     let total = if is_file { count_placements(&placements)? } else { 0 };
     if request.draw > 0 && scenes.len() > 1 {
-        return Err(Error::Usage("--draw: takes one scene".to_owned()));
+        return Err(RunError::Usage("--draw: takes one scene".to_owned()));
     }
     match &scenes[..] {
         [scene] => stream::score(request, computing, scene, &placements, total, start, out),

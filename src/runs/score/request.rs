@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::files::{safe_name, write_many, write_npy, write_own, write_whole};
 use crate::job::Tolerance;
-use crate::runs::{Error, TableFormat};
+use crate::runs::{RunError, TableFormat};
 use crate::scan::conditions::Condition;
 use crate::vehicle::Placement;
 
@@ -41,8 +41,8 @@ pub struct ScoreRequest {
 pub(super) fn write_out(
     request: &ScoreRequest,
     out: &mut dyn Write,
-    print: impl FnOnce(&Path, &mut dyn Write) -> Result<(), Error>,
-) -> Result<(), Error> {
+    print: impl FnOnce(&Path, &mut dyn Write) -> Result<(), RunError>,
+) -> Result<(), RunError> {
     match &request.out {
         Some(path) => write_whole(path, |file| print(path, file)),
         None => print(Path::new("stdout"), out),
@@ -50,11 +50,11 @@ pub(super) fn write_out(
 }
 
 /// Says how far a batch came whose scores are not kept; `total` is 0 where it is not known.
-pub(super) fn interrupted(request: &ScoreRequest, scored: u64, total: u64) -> Error {
+pub(super) fn interrupted(request: &ScoreRequest, scored: u64, total: u64) -> RunError {
     let all = if total > 0 { format!(" of {total}") } else { String::new() };
     let left = request.out.as_ref().map(|out| format!("; {} is not written", out.display()));
     let left = left.unwrap_or_default();
-    Error::Interrupted(format!("interrupted after {scored}{all} placements{left}"))
+    RunError::Interrupted(format!("interrupted after {scored}{all} placements{left}"))
 }
 
 /// Writes the covered voxels of a placement, in rising order.
@@ -63,11 +63,11 @@ pub(super) fn write_coverage(
     placement: &Placement,
     covered: Vec<u64>,
     resumes: bool,
-) -> Result<(), Error> {
+) -> Result<(), RunError> {
     let path = folder.join(format!("{}.npy", safe_name(&placement.name)));
     // The last block of an interrupted batch is written again.
     match resumes && path.exists() {
-        true => write_own(&path, |file| write_npy(file, covered).map_err(Error::io(&path))),
-        false => write_many(&path, |file| write_npy(file, covered).map_err(Error::io(&path))),
+        true => write_own(&path, |file| write_npy(file, covered).map_err(RunError::io(&path))),
+        false => write_many(&path, |file| write_npy(file, covered).map_err(RunError::io(&path))),
     }
 }

@@ -15,7 +15,7 @@ use crate::report;
 use crate::report::tables::{score_rows, score_titles};
 use crate::runs::given::Given;
 use crate::runs::opening::{self, LoadTimes, Loaded, timings};
-use crate::runs::{Computing, Error, GRACE, TableFormat};
+use crate::runs::{Computing, GRACE, RunError, TableFormat};
 use crate::scan::conditions::{in_words, under};
 use crate::score::Scores;
 use crate::search::{Evaluator, Judged, Member};
@@ -32,7 +32,7 @@ pub(super) fn score(
     placements: &Path,
     start: Instant,
     out: &mut dyn Write,
-) -> Result<(), Error> {
+) -> Result<(), RunError> {
     let files = opening::files(scenes, &request.conditions, request.frames, computing);
     let mut loaded = opening::job(&files, computing)?;
     let evaluator = loaded.evaluator(computing)?;
@@ -43,7 +43,7 @@ pub(super) fn score(
         writable_file(file)?;
     }
     if request.resume {
-        return Err(Error::Usage("--resume: takes one scene".into()));
+        return Err(RunError::Usage("--resume: takes one scene".into()));
     }
     let (file, mut placements) = (placements, read(placements)?);
     Given::in_problem(file, evaluator.problem(), computing).all(&mut placements)?;
@@ -75,7 +75,7 @@ pub(super) fn score(
             TableFormat::Csv => batch.csv(),
             TableFormat::Text => batch.text(),
         };
-        out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Error::io(path))
+        out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(RunError::io(path))
     })?;
     let (count, frames) = (placements.len(), batch.evaluator.frame_count());
     computing.watcher.note(&format!(
@@ -86,12 +86,12 @@ pub(super) fn score(
 }
 
 /// All placements of a file, unless these are too many to be held with their scores in every scene.
-fn read(path: &Path) -> Result<Vec<Placement>, Error> {
+fn read(path: &Path) -> Result<Vec<Placement>, RunError> {
     let mut placements = Vec::new();
     for placement in PlacementReader::open(path)? {
         placements.push(placement?);
         if placements.len() > MOST {
-            return Err(Error::Usage(format!(
+            return Err(RunError::Usage(format!(
                 "{}: holds more than {MOST} placements, too many for several scenes at once; score one scene \
                  at a time",
                 path.display()
@@ -120,7 +120,7 @@ impl Batch {
     }
 
     /// Adds the near field in every scene, and its mean.
-    fn add_near_fields(&mut self, job: &Job, placements: &[Placement]) -> Result<(), Error> {
+    fn add_near_fields(&mut self, job: &Job, placements: &[Placement]) -> Result<(), RunError> {
         for (index, scene) in job.scenes().iter().enumerate() {
             let (member, engine) = self.evaluator.member_mut(index);
             let of_scene = self.judged.iter_mut().map(|judged| &mut judged.by_scene[index].scores);
@@ -215,7 +215,7 @@ impl Batch {
     }
 
     /// Covered voxels of each placement, in a folder a scene.
-    fn write_coverage(&mut self, folder: &Path, placements: &[Placement]) -> Result<(), Error> {
+    fn write_coverage(&mut self, folder: &Path, placements: &[Placement]) -> Result<(), RunError> {
         let names = safe_names(self.members().map(|(_, member)| member.name()));
         for (scene, name) in names.iter().enumerate() {
             let folder = folder.join(name);

@@ -1,6 +1,6 @@
 //! Checks of single values; each error names the place, the value and the allowed ones.
 
-use super::{DescriptionError, Place};
+use super::{DescriptionError, Location};
 
 /// Largest coordinate or length in metres: finite in `f32` with room for sums and squares.
 pub const MAX_METRES: f64 = 1.0e9;
@@ -15,7 +15,7 @@ pub const MOST_CHARACTERS: usize = 200;
 const MOST_DIGITS: usize = 20;
 
 /// Error of a value that `at` does not allow.
-pub fn bad(at: &Place, value: impl ToString, wanted: impl Into<String>) -> DescriptionError {
+pub fn bad(at: &Location, value: impl ToString, wanted: impl Into<String>) -> DescriptionError {
     let mut value = value.to_string();
     // 1e300 prints with 301 digits, and was most likely written with an exponent.
     if value.len() > MOST_DIGITS
@@ -27,7 +27,7 @@ pub fn bad(at: &Place, value: impl ToString, wanted: impl Into<String>) -> Descr
 }
 
 /// A text for tables and drawings, without control characters.
-pub fn text(at: &Place, value: String) -> Result<String, DescriptionError> {
+pub fn text(at: &Location, value: String) -> Result<String, DescriptionError> {
     if !value.contains(char::is_control) {
         return Ok(value);
     }
@@ -35,7 +35,7 @@ pub fn text(at: &Place, value: String) -> Result<String, DescriptionError> {
 }
 
 /// A name for tables and drawings: a [`text`] of at most 200 characters.
-pub fn name(at: &Place, value: String) -> Result<String, DescriptionError> {
+pub fn name(at: &Location, value: String) -> Result<String, DescriptionError> {
     let length = value.chars().count();
     if length > MOST_CHARACTERS {
         let wanted = format!("a name of at most {MOST_CHARACTERS} characters");
@@ -45,7 +45,7 @@ pub fn name(at: &Place, value: String) -> Result<String, DescriptionError> {
 }
 
 /// A coordinate in metres.
-pub fn metres(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+pub fn metres(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     if value.abs() <= MAX_METRES {
         return Ok(value);
     }
@@ -53,7 +53,7 @@ pub fn metres(at: &Place, value: f64) -> Result<f64, DescriptionError> {
 }
 
 /// A length in metres above 0.
-pub fn length(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+pub fn length(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     if value > 0.0 && value <= MAX_METRES {
         return Ok(value);
     }
@@ -61,7 +61,7 @@ pub fn length(at: &Place, value: f64) -> Result<f64, DescriptionError> {
 }
 
 /// So many a second, above 0.
-pub fn rate(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+pub fn rate(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     if (1e-3..=1e4).contains(&value) {
         return Ok(value);
     }
@@ -69,7 +69,7 @@ pub fn rate(at: &Place, value: f64) -> Result<f64, DescriptionError> {
 }
 
 /// A heading in radians; logs add up turns.
-pub fn heading(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+pub fn heading(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     // Up to 1e9 an `f64` resolves 1e-6 rad.
     if value.abs() <= MAX_METRES {
         return Ok(value);
@@ -78,7 +78,7 @@ pub fn heading(at: &Place, value: f64) -> Result<f64, DescriptionError> {
 }
 
 /// An angle in radians.
-pub fn radians(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+pub fn radians(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     if value.abs() <= MAX_RADIANS {
         return Ok(value);
     }
@@ -86,7 +86,7 @@ pub fn radians(at: &Place, value: f64) -> Result<f64, DescriptionError> {
 }
 
 /// A point `[x, y, z]` in metres.
-pub fn point(at: &Place, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> {
+pub fn point(at: &Location, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> {
     for (i, v) in value.into_iter().enumerate() {
         metres(&at.item(i), v)?;
     }
@@ -94,7 +94,7 @@ pub fn point(at: &Place, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> 
 }
 
 /// A size `[x, y, z]` in metres, each above 0.
-pub fn size(at: &Place, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> {
+pub fn size(at: &Location, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> {
     for (i, v) in value.into_iter().enumerate() {
         length(&at.item(i), v)?;
     }
@@ -102,7 +102,7 @@ pub fn size(at: &Place, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> {
 }
 
 /// A point written `[x, y]` or `[x, y, z]`, in metres; z is 0 when it is left out.
-pub fn point_2_or_3(at: &Place, value: &[f64]) -> Result<[f64; 3], DescriptionError> {
+pub fn point_2_or_3(at: &Location, value: &[f64]) -> Result<[f64; 3], DescriptionError> {
     let xyz = match *value {
         [x, y] => [x, y, 0.0],
         [x, y, z] => [x, y, z],
@@ -118,7 +118,7 @@ pub fn point_2_or_3(at: &Place, value: &[f64]) -> Result<[f64; 3], DescriptionEr
 }
 
 /// A whole number in `lo..=hi`.
-pub fn count(at: &Place, value: u64, lo: u64, hi: u64) -> Result<u32, DescriptionError> {
+pub fn count(at: &Location, value: u64, lo: u64, hi: u64) -> Result<u32, DescriptionError> {
     if (lo..=hi).contains(&value) {
         return Ok(value as u32);
     }
@@ -126,7 +126,7 @@ pub fn count(at: &Place, value: u64, lo: u64, hi: u64) -> Result<u32, Descriptio
 }
 
 /// A range `[lo, hi]` of radians with lo ≤ hi.
-pub fn radian_range(at: &Place, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
+pub fn radian_range(at: &Location, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
     for (i, v) in value.into_iter().enumerate() {
         radians(&at.item(i), v)?;
     }
@@ -134,7 +134,7 @@ pub fn radian_range(at: &Place, value: [f64; 2]) -> Result<[f64; 2], Description
 }
 
 /// A vertical field of view `[lower, upper]` in degrees.
-pub fn fov(at: &Place, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
+pub fn fov(at: &Location, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
     for (i, v) in value.into_iter().enumerate() {
         elevation(&at.item(i), v)?;
     }
@@ -142,14 +142,14 @@ pub fn fov(at: &Place, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
 }
 
 /// An elevation in degrees.
-pub fn elevation(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+pub fn elevation(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     if value.abs() <= 90.0 {
         return Ok(value);
     }
     Err(bad(at, value, "an elevation from -90 to 90 degrees"))
 }
 
-fn ordered(at: &Place, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
+fn ordered(at: &Location, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
     if value[0] <= value[1] {
         return Ok(value);
     }
@@ -157,7 +157,7 @@ fn ordered(at: &Place, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
 }
 
 /// Range of a LiDAR in metres.
-pub fn range(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+pub fn range(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     if value > 0.0 && value <= 1.0e5 {
         return Ok(value);
     }

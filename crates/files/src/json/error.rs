@@ -23,7 +23,7 @@ pub enum DescriptionError {
     #[error("{at}: {source}")]
     InFile {
         /// Where the file is named.
-        at: Box<Place>,
+        at: Box<Location>,
         /// Its fault.
         source: Box<DescriptionError>,
     },
@@ -39,7 +39,7 @@ pub enum DescriptionError {
     #[error("{at}: {problem} (line {line}, column {column})")]
     Json {
         /// Place of the fault.
-        at: Box<Place>,
+        at: Box<Location>,
         /// Fault at this place.
         problem: String,
         /// Line, counted from 1.
@@ -54,7 +54,7 @@ pub enum DescriptionError {
     )]
     UnknownKey {
         /// The object that holds the key.
-        at: Box<Place>,
+        at: Box<Location>,
         /// The key as written.
         key: String,
         /// Most similar known key, if one is similar.
@@ -70,7 +70,7 @@ pub enum DescriptionError {
     #[error("{at}: {found}; this program reads version 1, write `\"sightline\": 1`")]
     Version {
         /// Place of the fault.
-        at: Box<Place>,
+        at: Box<Location>,
         /// Version or lack of one, in words.
         found: String,
     },
@@ -88,7 +88,7 @@ pub enum DescriptionError {
     #[error("{at}: {value} is not {wanted}")]
     Value {
         /// Place of the fault.
-        at: Box<Place>,
+        at: Box<Location>,
         /// The value as written.
         value: String,
         /// Allowed values, in words.
@@ -98,7 +98,7 @@ pub enum DescriptionError {
     #[error("{at}: `{key}` is missing: {mend}")]
     Missing {
         /// The object that lacks it.
-        at: Box<Place>,
+        at: Box<Location>,
         /// The key that is missing.
         key: &'static str,
         /// Addition that mends it.
@@ -108,7 +108,7 @@ pub enum DescriptionError {
     #[error("{at}: `{key}` cannot stand here: {mend}")]
     Misplaced {
         /// The object that holds it.
-        at: Box<Place>,
+        at: Box<Location>,
         /// The superfluous key.
         key: &'static str,
         /// Change that mends it.
@@ -118,7 +118,7 @@ pub enum DescriptionError {
     #[error("{at}: has {}; give exactly one of {}", listed(.found, "none of the keys"), listed(.of, ""))]
     Choice {
         /// The object.
-        at: Box<Place>,
+        at: Box<Location>,
         /// Keys of the choice that the object has.
         found: Vec<&'static str>,
         /// The choice.
@@ -128,7 +128,7 @@ pub enum DescriptionError {
     #[error("{at}: no {kind} is called `{name}`{}", did_you_mean(.nearest, .known))]
     UnknownName {
         /// Where the name is used.
-        at: Box<Place>,
+        at: Box<Location>,
         /// `class` or `shape`.
         kind: &'static str,
         /// The name as written.
@@ -142,7 +142,7 @@ pub enum DescriptionError {
     #[error("{at}: {count} {what} are more than the limit of {limit}; {mend}")]
     TooMany {
         /// Place of the fault.
-        at: Box<Place>,
+        at: Box<Location>,
         /// Things counted.
         what: &'static str,
         /// Requested number.
@@ -159,7 +159,7 @@ pub enum DescriptionError {
     )]
     MountOutside {
         /// Place of the fault.
-        at: Box<Place>,
+        at: Box<Location>,
         /// `x`, `y` or `z`.
         axis: char,
         /// Lower corner of the mount in metres.
@@ -175,7 +175,7 @@ pub enum DescriptionError {
     #[error("{at}: mesh {mesh}: {element}: {problem}")]
     Mesh {
         /// The place in the scene that names the mesh.
-        at: Box<Place>,
+        at: Box<Location>,
         /// The mesh file.
         mesh: PathBuf,
         /// Line, vertex, face or header entry of the mesh.
@@ -190,7 +190,7 @@ pub enum DescriptionError {
     )]
     Unclassed {
         /// The place in the scene that names the mesh.
-        at: Box<Place>,
+        at: Box<Location>,
         /// The mesh file.
         mesh: PathBuf,
         /// Material or label of the mesh.
@@ -200,7 +200,7 @@ pub enum DescriptionError {
 
 impl DescriptionError {
     /// Wraps the fault of a file with the place that names the file.
-    pub fn of_file(self, at: Place) -> Self {
+    pub fn of_file(self, at: Location) -> Self {
         Self::InFile { at: Box::new(at), source: Box::new(self) }
     }
 }
@@ -228,14 +228,14 @@ pub fn did_you_mean(nearest: &Option<String>, known: &[String]) -> String {
 ///
 /// Prints as `scenes/x.json: static[3].box.size[1]`, and as the file alone at the top level.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Place {
+pub struct Location {
     /// The file as the user named it.
     pub file: String,
     /// JSON path from the top of the file; empty at the top level.
     pub path: String,
 }
 
-impl Place {
+impl Location {
     /// The top level of `file`.
     pub fn top(file: &str) -> Self {
         Self { file: file.to_owned(), path: String::new() }
@@ -253,7 +253,7 @@ impl Place {
     }
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for Location {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.file)?;
         if !self.path.is_empty() {

@@ -8,7 +8,7 @@ mod scalar;
 mod xml;
 mod yaml;
 
-pub use error::{DescriptionError, Place, did_you_mean};
+pub use error::{DescriptionError, Location, did_you_mean};
 pub use lidar_cast::sensor::nearest;
 pub use numbers::{fixed, shortened, spoken, written};
 pub use parse::{FileKind, check_version, parse, plain_words, read_limited, unknown_key};

@@ -8,12 +8,12 @@ use std::path::Path;
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
 
-use super::{DescriptionError, Place, nearest};
+use super::{DescriptionError, Location, nearest};
 
 /// Reads `text` as a `T`, naming `file` in errors.
 pub fn parse<T: DeserializeOwned>(text: &str, file: &str) -> Result<T, DescriptionError> {
     if text.trim_ascii().is_empty() {
-        let (at, problem) = (Box::new(Place::top(file)), "the file is empty".to_owned());
+        let (at, problem) = (Box::new(Location::top(file)), "the file is empty".to_owned());
         return Err(DescriptionError::Json { at, problem, line: 1, column: 1 });
     }
     let mut json = serde_json::Deserializer::from_str(text);
@@ -33,7 +33,7 @@ pub fn check_version(text: &str, file: &str, wanted: FileKind) -> Result<(), Des
         sightline: Option<serde_json::Value>,
     }
     let version: Version = parse(text, file)?;
-    let top = Place::top(file);
+    let top = Location::top(file);
     let other = FileKind::of(text).filter(|kind| *kind != wanted);
     match (version.sightline, other) {
         (Some(v), _) if v != 1 => Err(DescriptionError::Version {
@@ -58,7 +58,7 @@ fn explain(file: &str, path: &str, error: &serde_json::Error) -> DescriptionErro
     let text = full.rsplit_once(" at line ").map_or(full.as_str(), |(text, _)| text);
     // The path ends in a question mark before the first key is read.
     let path = path.trim_end_matches('?').trim_end_matches('.');
-    let at = Box::new(Place { file: file.to_owned(), path: path.to_owned() });
+    let at = Box::new(Location { file: file.to_owned(), path: path.to_owned() });
     // serde_json says "trailing characters" after the whole object and after a list that is too long.
     let text = match text {
         "trailing characters" if path.is_empty() => "something follows the end of the object",
@@ -71,7 +71,7 @@ fn explain(file: &str, path: &str, error: &serde_json::Error) -> DescriptionErro
     // The path of an unknown key ends in the key itself; the message names it anyway.
     let parent = path.strip_suffix(key).map_or(path, |p| p.strip_suffix('.').unwrap_or(p));
     DescriptionError::UnknownKey {
-        at: Box::new(Place { file: file.to_owned(), path: parent.to_owned() }),
+        at: Box::new(Location { file: file.to_owned(), path: parent.to_owned() }),
         nearest: nearest(key, known.iter().map(String::as_str)),
         key: key.to_owned(),
         known,

@@ -5,7 +5,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
 use super::scalar::{self, Quantity, shown};
-use super::{DescriptionError, Place, plain_words};
+use super::{DescriptionError, Location, plain_words};
 
 /// Most bytes of a YAML file; vendors' files have 40 000.
 const MAX_YAML: usize = 1 << 20;
@@ -36,7 +36,7 @@ impl YamlDocument {
             let path = error.path().to_string();
             let path = if path == "." { String::new() } else { path };
             let (line, column) = self.line_of(&path);
-            let at = Box::new(Place { file: self.file.clone(), path });
+            let at = Box::new(Location { file: self.file.clone(), path });
             let problem = plain_words(&error.into_inner().to_string());
             DescriptionError::Json { at, problem, line, column }
         })
@@ -101,7 +101,7 @@ pub fn parse_yaml(
         Some(second) => {
             let (line, column) = second.line_of("");
             let problem = "a second document begins behind `---`; keep one".to_owned();
-            let at = Box::new(Place::top(file));
+            let at = Box::new(Location::top(file));
             Err(DescriptionError::Json { at, problem, line, column })
         }
     }
@@ -118,7 +118,7 @@ pub fn parse_documents(
 ) -> Result<Vec<YamlDocument>, DescriptionError> {
     if text.len() > MAX_YAML {
         return Err(DescriptionError::TooMany {
-            at: Box::new(Place::top(file)),
+            at: Box::new(Location::top(file)),
             what: "bytes of YAML",
             count: text.len() as u64,
             limit: MAX_YAML as u64,
@@ -150,7 +150,7 @@ struct YamlFault {
 
 impl YamlFault {
     fn in_file(self, file: &str) -> DescriptionError {
-        let (at, problem) = (Box::new(Place::top(file)), self.problem);
+        let (at, problem) = (Box::new(Location::top(file)), self.problem);
         let (line, column) = (self.mark.0 as usize, self.mark.1 as usize);
         DescriptionError::Json { at, problem, line, column }
     }

@@ -9,7 +9,7 @@ use super::fields::{self, Fields, PHASE, wrong};
 use super::frames::{FrameContent, FrameTree, RigFrame};
 use super::{BASE_LINK, Fan, Mounting, Rig, RigError, RigLidar, RigSource, beams};
 use sightline_files::Note;
-use sightline_files::json::{self, Place, written};
+use sightline_files::json::{self, Location, written};
 use sightline_scene::vehicle::{SensorPose, of_degrees};
 
 /// Type of the LiDAR that CARLA casts.
@@ -66,13 +66,13 @@ const PASSED_OVER: [&str; 12] = [
 /// Reads the text of a list.
 pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let document: Value = json::parse(&source.text, &source.file)?;
-    read_list(&document, &Place::top(&source.file), frames)
+    read_list(&document, &Location::top(&source.file), frames)
 }
 
 /// Reads a list of objects, or the object whose `sensors` it is.
 pub(super) fn read_list(
     document: &Value,
-    top: &Place,
+    top: &Location,
     frames: &mut FrameTree,
 ) -> Result<(), RigError> {
     let (list, at) = match document.get("sensors") {
@@ -204,7 +204,7 @@ fn turned(pose: SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
 /// Reads the sensors of the only vehicle that has LiDARs.
 pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let document: Value = json::parse(&source.text, &source.file)?;
-    let top = Fields::of(&document, Place::top(&source.file))?;
+    let top = Fields::of(&document, Location::top(&source.file))?;
     let mut vehicle = None;
     for object in items(&top, "objects")? {
         if !object.has("sensors") {

@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 
 use super::RigError;
 use super::frames::IDENTITY;
-use sightline_files::json::{Place, check_xml, nearest, written};
+use sightline_files::json::{Location, check_xml, nearest, written};
 use sightline_scene::vehicle::SensorPose;
 
 /// Most characters of a value that a message repeats.
@@ -26,7 +26,7 @@ pub(super) fn pose_entries(pose: &SensorPose) -> impl Iterator<Item = (String, V
 }
 
 /// Error of a value that is not `wanted`.
-pub(super) fn wrong(at: &Place, value: impl ToString, wanted: &'static str) -> RigError {
+pub(super) fn wrong(at: &Location, value: impl ToString, wanted: &'static str) -> RigError {
     let mut value = value.to_string();
     if value.chars().count() > MOST_SHOWN {
         value = value.chars().take(MOST_SHOWN).chain(['…']).collect();
@@ -35,7 +35,7 @@ pub(super) fn wrong(at: &Place, value: impl ToString, wanted: &'static str) -> R
 }
 
 /// A finite number of a text.
-pub(super) fn number(at: &Place, text: &str) -> Result<f64, RigError> {
+pub(super) fn number(at: &Location, text: &str) -> Result<f64, RigError> {
     let number = text.parse().ok().filter(|v: &f64| v.is_finite());
     number.ok_or_else(|| wrong(at, text, "a finite number"))
 }
@@ -44,11 +44,11 @@ pub(super) fn number(at: &Place, text: &str) -> Result<f64, RigError> {
 #[derive(Clone)]
 pub(super) struct Fields<'a> {
     map: &'a Map<String, Value>,
-    pub(super) at: Place,
+    pub(super) at: Location,
 }
 
 impl<'a> Fields<'a> {
-    pub(super) fn of(value: &'a Value, at: Place) -> Result<Self, RigError> {
+    pub(super) fn of(value: &'a Value, at: Location) -> Result<Self, RigError> {
         match value.as_object() {
             Some(map) => Ok(Self { map, at }),
             None => Err(wrong(&at, value, "an object of keys and values")),
@@ -85,7 +85,7 @@ impl<'a> Fields<'a> {
     }
 
     /// Each key with its value and place.
-    pub(super) fn each(&self) -> impl Iterator<Item = (&'a String, &'a Value, Place)> {
+    pub(super) fn each(&self) -> impl Iterator<Item = (&'a String, &'a Value, Location)> {
         self.map.iter().map(|(key, value)| (key, value, self.at.key(key)))
     }
 
@@ -140,16 +140,17 @@ const MAX_NODES: u32 = 1_000_000;
 
 /// Parses a text. Documents with a DTD are refused, since entities of entities grow without bounds.
 pub(super) fn parse<'a>(text: &'a str, file: &str) -> Result<Document<'a>, RigError> {
-    let fault = |problem| RigError::Syntax { at: Box::new(Place::top(file)), what: "XML", problem };
+    let fault =
+        |problem| RigError::Syntax { at: Box::new(Location::top(file)), what: "XML", problem };
     check_xml(text).map_err(fault)?;
     let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
     Document::parse_with_options(text, options).map_err(|error| fault(error.to_string()))
 }
 
 /// Place of an element, by its tag and name; a line would take a walk through the text.
-pub(super) fn place(node: Node, file: &str) -> Place {
+pub(super) fn place(node: Node, file: &str) -> Location {
     let name = node.attribute("name").map(|name| format!(" `{name}`")).unwrap_or_default();
-    Place::top(file).key(&format!("<{}>{name}", node.tag_name().name()))
+    Location::top(file).key(&format!("<{}>{name}", node.tag_name().name()))
 }
 
 /// First child element of a name.
@@ -161,7 +162,7 @@ pub(super) fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, '
 pub(super) fn attribute<'a>(
     node: Node<'a, '_>,
     key: &str,
-    at: &Place,
+    at: &Location,
 ) -> Result<&'a str, RigError> {
     let missing = || RigError::Missing { at: Box::new(at.clone()), key: key.to_owned() };
     node.attribute(key).ok_or_else(missing)
@@ -170,7 +171,7 @@ pub(super) fn attribute<'a>(
 /// `N` numbers with spaces between them.
 pub(super) fn numbers_of_text<const N: usize>(
     text: &str,
-    at: &Place,
+    at: &Location,
     wanted: &'static str,
 ) -> Result<[f64; N], RigError> {
     let mut values = [0.0; N];
@@ -186,7 +187,7 @@ pub(super) fn numbers_of_text<const N: usize>(
 }
 
 /// Six numbers of a `<pose>` in radians; none stand for the pose that changes nothing.
-pub(super) fn pose_of_text(text: &str, at: &Place) -> Result<SensorPose, RigError> {
+pub(super) fn pose_of_text(text: &str, at: &Location) -> Result<SensorPose, RigError> {
     if text.trim().is_empty() {
         return Ok(IDENTITY);
     }

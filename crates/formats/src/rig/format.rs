@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::fields::{self, PHASE};
 use super::{RigError, yaml};
 use sightline_files::json::{
-    DescriptionError, Place, Quantity, YamlDocument, parse_documents, parse_yaml, read_limited,
+    DescriptionError, Location, Quantity, YamlDocument, parse_documents, parse_yaml, read_limited,
 };
 
 /// A format that holds a rig.
@@ -167,7 +167,7 @@ impl RigSource {
         let file = path.display().to_string();
         let bytes = read_limited(path, MAX_FILE)?;
         let text = String::from_utf8(bytes).map_err(|error| RigError::Syntax {
-            at: Box::new(Place::top(&file)),
+            at: Box::new(Location::top(&file)),
             what: "UTF-8 text",
             problem: format!("byte {} is of another encoding", error.utf8_error().valid_up_to()),
         })?;

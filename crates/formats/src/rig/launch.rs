@@ -9,7 +9,7 @@ use super::fields::{self, number, wrong};
 use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
 use super::{BASE_LINK, Mounting, Rig, RigError, RigSource};
 use sightline_files::Note;
-use sightline_files::json::{Place, written};
+use sightline_files::json::{Location, written};
 use sightline_scene::vehicle::SensorPose;
 
 /// Program of `tf2_ros` that publishes a transform.
@@ -121,7 +121,7 @@ impl Launch<'_> {
     }
 
     /// The truth value of a text.
-    fn truth(&self, text: &str, at: &Place) -> Result<bool, RigError> {
+    fn truth(&self, text: &str, at: &Location) -> Result<bool, RigError> {
         match self.resolved(text, at)?.trim().to_lowercase().as_str() {
             "true" | "1" => Ok(true),
             "false" | "0" => Ok(false),
@@ -152,7 +152,7 @@ impl Launch<'_> {
     }
 
     /// A text with the values of `$(arg NAME)` and `$(var NAME)` in their places.
-    fn resolved(&self, text: &str, at: &Place) -> Result<String, RigError> {
+    fn resolved(&self, text: &str, at: &Location) -> Result<String, RigError> {
         let (mut done, mut rest) = (String::new(), text);
         while let Some((before, behind)) = rest.split_once("$(") {
             let unknown = || wrong(at, text, "a text whose arguments have a default in this file");
@@ -200,7 +200,7 @@ impl Launch<'_> {
 
     /// The frame of a node that publishes one.
     fn node(&mut self, node: Node) -> Result<Option<RigFrame>, RigError> {
-        let at = Place::top(self.file).key("<node>").item(self.nodes);
+        let at = Location::top(self.file).key("<node>").item(self.nodes);
         self.nodes += 1;
         if node.attribute("exec").or(node.attribute("type")) != Some(PUBLISHER) {
             return Ok(None);
@@ -220,7 +220,7 @@ impl Launch<'_> {
 
 /// The frame of a publisher's arguments: flags, or `x y z yaw pitch roll PARENT CHILD` as before ROS 2
 /// Humble, or that with a quaternion x y z w.
-fn publisher(words: Vec<String>, at: Place) -> Result<RigFrame, RigError> {
+fn publisher(words: Vec<String>, at: Location) -> Result<RigFrame, RigError> {
     let end = words.iter().position(|word| word == ROS_ARGS).unwrap_or(words.len());
     let words = &words[..end];
     let positional: &[&str] = match words.len() {
@@ -261,7 +261,7 @@ fn publisher(words: Vec<String>, at: Place) -> Result<RigFrame, RigError> {
 }
 
 /// Transform from flags; a missing flag is 0; angles and a quaternion exclude each other.
-fn pose(given: &HashMap<&str, &str>, at: &Place) -> Result<SensorPose, RigError> {
+fn pose(given: &HashMap<&str, &str>, at: &Location) -> Result<SensorPose, RigError> {
     let value = |flag: &str, other: f64| match given.get(flag) {
         Some(text) => number(&at.key(flag), text),
         None => Ok(other),

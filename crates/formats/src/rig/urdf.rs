@@ -12,7 +12,7 @@ use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
 use super::sdf::{add_sensor, namespace, sensor_element};
 use super::{BASE_LINK, Models, Mounting, Rig, RigError, RigSource};
 use sightline_files::Note;
-use sightline_files::json::{Place, written};
+use sightline_files::json::{Location, written};
 use sightline_scene::vehicle::SensorPose;
 
 /// Kinds of joints that move. Each frame behind one is taken where the joint stands at 0.
@@ -74,7 +74,7 @@ fn is_xacro(node: Node) -> bool {
 /// error, since the pose would be another.
 fn origin_of<'a, 'i>(
     joint: Node<'a, 'i>,
-    at: &Place,
+    at: &Location,
     frames: &mut FrameTree,
 ) -> Result<Option<Node<'a, 'i>>, RigError> {
     let elements = joint.children().filter(Node::is_element);

@@ -10,7 +10,7 @@ use super::fields::{self, Fields, wrong};
 use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
 use super::{BASE_LINK, Mounting, NamedText, Rig, RigError, RigSource};
 use sightline_files::Note;
-use sightline_files::json::Place;
+use sightline_files::json::Location;
 use sightline_scene::vehicle::SensorPose;
 
 /// Frame of Autoware's sensor kit.
@@ -46,11 +46,11 @@ pub(super) fn holds_frames(document: &Value) -> bool {
 /// Reads each frame in each frame of a file.
 pub(super) fn read_autoware(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let document = source.yaml()?;
-    let top = Place::top(&source.file);
+    let top = Location::top(&source.file);
     read_frames(&document.value, top, frames).map_err(|error| error.at_line(&document))
 }
 
-fn read_frames(document: &Value, top: Place, frames: &mut FrameTree) -> Result<(), RigError> {
+fn read_frames(document: &Value, top: Location, frames: &mut FrameTree) -> Result<(), RigError> {
     let read: Vec<&str> = SensorPose::FIELDS.into_iter().chain([fields::PHASE]).collect();
     for (parent, children, at) in Fields::of(document, top)?.each() {
         let Some(map) = children.as_object().filter(|map| map.values().any(is_frame)) else {
@@ -129,13 +129,13 @@ pub(super) fn holds_transforms(document: &Value) -> bool {
 /// Reads the transforms of every document.
 pub(super) fn read_transforms(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     for document in source.documents()? {
-        let top = Place::top(&source.file);
+        let top = Location::top(&source.file);
         read_message(&document.value, top, frames).map_err(|error| error.at_line(&document))?;
     }
     Ok(())
 }
 
-fn read_message(message: &Value, at: Place, frames: &mut FrameTree) -> Result<(), RigError> {
+fn read_message(message: &Value, at: Location, frames: &mut FrameTree) -> Result<(), RigError> {
     if message.get(CHILD).is_some() {
         return add(transform(message, at)?, frames);
     }
@@ -162,7 +162,7 @@ fn add(frame: RigFrame, frames: &mut FrameTree) -> Result<(), RigError> {
 }
 
 /// A frame of one transform.
-fn transform(value: &Value, at: Place) -> Result<RigFrame, RigError> {
+fn transform(value: &Value, at: Location) -> Result<RigFrame, RigError> {
     if value == "..." {
         let wanted = "a transform (`ros2 topic echo --full-length` prints all)";
         return Err(wrong(&at, "...", wanted));
@@ -207,11 +207,11 @@ pub(super) fn is_pandaset(document: &Value) -> bool {
 /// Reads every sensor; all but cameras are LiDARs.
 pub(super) fn read_pandaset(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let document = source.yaml()?;
-    let top = Place::top(&source.file);
+    let top = Location::top(&source.file);
     read_sensors(&document.value, top, frames).map_err(|error| error.at_line(&document))
 }
 
-fn read_sensors(document: &Value, top: Place, frames: &mut FrameTree) -> Result<(), RigError> {
+fn read_sensors(document: &Value, top: Location, frames: &mut FrameTree) -> Result<(), RigError> {
     let top = Fields::of(document, top)?;
     for (key, _, at) in top.each() {
         if key != "sensors" && !PANDASET_PASSED.contains(&key.as_str()) {

@@ -4,7 +4,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::bvh16::{Bvh16, WIDTH};
-use super::{Bvh, MAX_DEPTH, Node, Triangle};
+use super::{Bvh, BvhNode, MAX_DEPTH, Triangle};
 use crate::geom::{Aabb, TriangleSoup};
 
 /// Bins per axis (Wald, "On fast construction of SAH-based bounding volume hierarchies", 2007).
@@ -66,9 +66,9 @@ impl CentroidBounds {
         )
     }
 
-    fn node(&self, first: usize, count: usize) -> Node {
+    fn node(&self, first: usize, count: usize) -> BvhNode {
         let Aabb { min, max } = self.bounds;
-        Node { min: min.into(), first: first as u32, max: max.into(), count: count as u32 }
+        BvhNode { min: min.into(), first: first as u32, max: max.into(), count: count as u32 }
     }
 }
 
@@ -114,7 +114,7 @@ fn subtree(
     first: usize,
     extent: CentroidBounds,
     depth: usize,
-) -> Vec<Node> {
+) -> Vec<BvhNode> {
     if items.len() < TASK {
         let mut nodes = vec![extent.node(0, 0)];
         subdivide(&mut nodes, 0, items, aside, first, extent, depth);
@@ -139,13 +139,13 @@ fn subtree(
 }
 
 /// A root over two trees: root, their roots, all else of the one, all else of the other.
-fn joined(extent: CentroidBounds, below: &[Node], above: &[Node]) -> Vec<Node> {
+fn joined(extent: CentroidBounds, below: &[BvhNode], above: &[BvhNode]) -> Vec<BvhNode> {
     let mut nodes = Vec::with_capacity(1 + below.len() + above.len());
     nodes.push(extent.node(1, 0));
     let moved = |by: usize| {
-        move |node: &Node| {
+        move |node: &BvhNode| {
             let by = if node.count == 0 { by as u32 } else { 0 };
-            Node { first: node.first + by, ..*node }
+            BvhNode { first: node.first + by, ..*node }
         }
     };
     // Node i ≥ 1 of a tree comes to 2 + i, or behind the rest of the other.
@@ -159,7 +159,7 @@ fn joined(extent: CentroidBounds, below: &[Node], above: &[Node]) -> Vec<Node> {
 
 /// Makes node `at` the root of the tree over `items`.
 fn subdivide(
-    nodes: &mut Vec<Node>,
+    nodes: &mut Vec<BvhNode>,
     at: usize,
     items: &mut [Item],
     aside: &mut [Item],

@@ -23,4 +23,4 @@ pub use build::PAD_SHARE;
 #[cfg(feature = "gpu")]
 pub use bvh4::{Bvh4, QuantizedNode, TRIANGLE};
 pub use intersect::{FAR_INVERSE, Hit, NO_HIT, Ray, axes_of, major_axis};
-pub use tree::{Bvh, MAX_DEPTH, Node, Triangle};
+pub use tree::{Bvh, BvhNode, MAX_DEPTH, Triangle};

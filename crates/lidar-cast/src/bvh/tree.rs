@@ -10,7 +10,7 @@ use crate::geom::Aabb;
 #[derive(Debug, Clone)]
 pub struct Bvh {
     /// Nodes, siblings adjacent; empty when there are no triangles.
-    pub nodes: Vec<Node>,
+    pub nodes: Vec<BvhNode>,
     /// Triangles in leaf order.
     pub triangles: Vec<Triangle>,
     /// Metres by which each triangle's box is grown; see [`Bvh::build`].
@@ -123,7 +123,7 @@ pub const MAX_DEPTH: usize = 64;
 /// One node, 32 bytes: two to a cache line, so that a pair of siblings is one fetch.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct Node {
+pub struct BvhNode {
     /// Lower corner of the padded box.
     pub min: [f32; 3],
     /// Leaf: first triangle. Inner node: left child; the right child is the next node.

@@ -6,6 +6,6 @@ mod name;
 mod placement;
 
 pub use beam_table::{BeamGrid, BeamTable, Echoes, Response, SensorError};
-pub use models::{ForeignLidar, Phase, SensorModel, Sensors, UnknownSensor};
+pub use models::{ForeignLidar, SensorModel, Sensors, SpinPhase, UnknownSensor};
 pub use name::{SensorName, nearest};
 pub use placement::{MAX_LIDARS, Placement, PlacementError, SensorPose};

@@ -7,7 +7,7 @@ use super::solid::Solid;
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// A body that moves against the first: a trailer that bends, a wheel that is steered.
 #[derive(Debug, Clone)]
@@ -18,7 +18,7 @@ pub struct OwnBody {
     /// Takes the body's frame to the ego frame.
     pub motion: Motion,
     /// Where it is described.
-    at: Place,
+    at: Location,
 }
 
 impl OwnBody {
@@ -64,7 +64,7 @@ impl OwnBodies {
     /// A body without parts, triangles or poses; a shape that is wrong.
     pub fn new(
         builder: &mut Builder<'_>,
-        at: &Place,
+        at: &Location,
         first: &[ShapeDescription],
         others: &[BodyDescription],
     ) -> Result<Self, DescriptionError> {
@@ -79,7 +79,7 @@ impl OwnBodies {
     fn add(
         &mut self,
         builder: &mut Builder<'_>,
-        at: Place,
+        at: Location,
         body: &BodyDescription,
     ) -> Result<(), DescriptionError> {
         let name = check::name(&at.key("name"), body.name.clone().unwrap_or_default())?;

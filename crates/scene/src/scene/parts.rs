@@ -16,7 +16,7 @@ use super::solid::Solid;
 use super::{ActorKind, EgoBody, Scene};
 use lidar_cast::geom::{Glide, Pose, TriangleSoup};
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// Owner of a rigid part: it moves with this.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -147,7 +147,7 @@ const FARTHEST: f64 = 5.0e4;
 /// # Errors
 /// A way so long that `f32` cannot hold the world along all of it.
 pub(super) fn middle_of_way(
-    at: &Place,
+    at: &Location,
     ego: &Motion,
     frames: usize,
     world: &Solid,

@@ -12,7 +12,7 @@ use super::solid::{Solid, copies, cuboid, cylinder, plane, prism};
 use crate::mesh::{self, MOST_TRIANGLES, Placing, RawMesh};
 use sightline_files::Note;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Place, nearest};
+use sightline_files::json::{DescriptionError, Location, nearest};
 
 /// Most triangles of a scene: static world, actors, ego body and each named shape once.
 const MAX_TRIANGLES: u64 = MOST_TRIANGLES as u64;
@@ -27,7 +27,7 @@ pub struct Builder<'a> {
     /// Index in `named` by name.
     by_name: HashMap<&'a str, usize>,
     /// Place of the key `shapes`.
-    named_at: Place,
+    named_at: Location,
     dir: &'a Path,
     meshes: HashMap<PathBuf, Rc<RawMesh>>,
     /// Files that are no meshes.
@@ -42,7 +42,7 @@ pub struct Builder<'a> {
 
 impl<'a> Builder<'a> {
     pub fn new(
-        top: &Place,
+        top: &Location,
         classes: &'a Classes,
         named: &'a Dictionary<Vec<ShapeDescription>>,
         dir: &'a Path,
@@ -101,7 +101,7 @@ impl<'a> Builder<'a> {
     /// The triangles of a list of shapes, in order, and where each shape ends.
     pub fn list(
         &mut self,
-        at: &Place,
+        at: &Location,
         list: &[ShapeDescription],
     ) -> Result<Solid, DescriptionError> {
         self.nested_list(at, list, 0)
@@ -110,7 +110,7 @@ impl<'a> Builder<'a> {
     /// Triangles of an actor; an empty list is an error, an actor without area a note.
     pub fn actor(
         &mut self,
-        at: &Place,
+        at: &Location,
         parts: &[ShapeDescription],
     ) -> Result<Solid, DescriptionError> {
         if parts.is_empty() {
@@ -128,7 +128,7 @@ impl<'a> Builder<'a> {
 
     fn nested_list(
         &mut self,
-        at: &Place,
+        at: &Location,
         list: &[ShapeDescription],
         depth: usize,
     ) -> Result<Solid, DescriptionError> {
@@ -142,7 +142,7 @@ impl<'a> Builder<'a> {
 
     fn append(
         &mut self,
-        at: &Place,
+        at: &Location,
         shape: &ShapeDescription,
         depth: usize,
         out: &mut Solid,
@@ -182,7 +182,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Refuses more triangles than there may be.
-    fn check_count(&self, at: &Place, count: u64) -> Result<(), DescriptionError> {
+    fn check_count(&self, at: &Location, count: u64) -> Result<(), DescriptionError> {
         if count <= self.most {
             return Ok(());
         }
@@ -198,7 +198,7 @@ impl<'a> Builder<'a> {
     /// Shape called `name`, used at `at` inside `depth` other named shapes.
     fn named(
         &mut self,
-        at: &Place,
+        at: &Location,
         name: &str,
         depth: usize,
     ) -> Result<Rc<Solid>, DescriptionError> {
@@ -230,7 +230,11 @@ impl<'a> Builder<'a> {
     }
 
     /// Triangles of a primitive or mesh, before its copies are placed.
-    fn single(&mut self, at: &Place, shape: &ShapeDescription) -> Result<Solid, DescriptionError> {
+    fn single(
+        &mut self,
+        at: &Location,
+        shape: &ShapeDescription,
+    ) -> Result<Solid, DescriptionError> {
         let class = match &shape.class {
             Some(name) => Some(self.classes.id(&at.key("class"), name)?),
             None => None,
@@ -256,7 +260,7 @@ impl<'a> Builder<'a> {
 
     fn mesh(
         &mut self,
-        at: &Place,
+        at: &Location,
         mesh: &MeshDescription,
         default: Option<u16>,
     ) -> Result<Solid, DescriptionError> {
@@ -293,7 +297,7 @@ impl Builder<'_> {
     /// A mesh file, read on first use.
     fn raw(
         &mut self,
-        at: &Place,
+        at: &Location,
         file: &Path,
         placing: &Placing,
     ) -> Result<Rc<RawMesh>, DescriptionError> {
@@ -307,14 +311,14 @@ impl Builder<'_> {
     }
 }
 
-fn placing(at: &Place, mesh: &MeshDescription) -> Result<Placing, DescriptionError> {
+fn placing(at: &Location, mesh: &MeshDescription) -> Result<Placing, DescriptionError> {
     let MeshDescription { scale, translate, roll, pitch, yaw, .. } = *mesh;
     Placing::new(at, mesh.axes.as_deref(), scale, translate, [roll, pitch, yaw])
 }
 
 impl Builder<'_> {
     /// Notes material names that the mesh does not have: one map may serve several meshes, or hold a slip.
-    fn note_unused(&mut self, at: &Place, file: &Path, map: &HashMap<&str, u16>, raw: &RawMesh) {
+    fn note_unused(&mut self, at: &Location, file: &Path, map: &HashMap<&str, u16>, raw: &RawMesh) {
         let has = || raw.materials.iter().flatten().map(String::as_str);
         let mut unused: Vec<&str> =
             map.keys().copied().filter(|name| has().all(|known| known != *name)).collect();

@@ -2,7 +2,7 @@
 
 use super::description::RequirementDescription;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// Farthest ground of a rule, metres from the outline of the own body.
 pub const FARTHEST_GROUND: f64 = 10.0;
@@ -70,7 +70,7 @@ pub struct GroundRule {
 impl GroundRule {
     /// Reads the rule at `at`; `None` where it is of another kind.
     pub(super) fn read(
-        at: &Place,
+        at: &Location,
         required: &RequirementDescription,
     ) -> Result<Option<Self>, DescriptionError> {
         let asked = match (required.ground, &required.blind_zone) {
@@ -112,11 +112,11 @@ impl GroundRule {
     }
 }
 
-fn misplaced(at: &Place, key: &'static str, mend: &str) -> DescriptionError {
+fn misplaced(at: &Location, key: &'static str, mend: &str) -> DescriptionError {
     DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend: mend.to_owned() }
 }
 
-fn distance(at: &Place, key: &'static str, metres: f64) -> Result<f64, DescriptionError> {
+fn distance(at: &Location, key: &'static str, metres: f64) -> Result<f64, DescriptionError> {
     if metres > 0.0 && metres <= FARTHEST_GROUND {
         return Ok(metres);
     }
@@ -124,7 +124,7 @@ fn distance(at: &Place, key: &'static str, metres: f64) -> Result<f64, Descripti
     Err(bad(&at.key(key), metres, wanted))
 }
 
-fn side_named(at: &Place, name: &str) -> Result<Side, DescriptionError> {
+fn side_named(at: &Location, name: &str) -> Result<Side, DescriptionError> {
     let known = Side::ALL.iter().find(|side| side.name() == name);
     known.copied().ok_or_else(|| {
         bad(&at.key("blind_zone"), format!("`{name}`"), "a side: ahead, behind, left or right")

@@ -6,7 +6,7 @@ use super::sensor_file::Measures;
 use super::{BeamTable, Echoes, Response, SensorError};
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// The LiDAR that every sensor of a placement is.
 #[derive(Debug, Clone, PartialEq)]
@@ -129,7 +129,7 @@ pub fn stated(range: f64, measures: &Measures) -> Response {
 /// Reads the `response` of a sensor model whose beams go `range` metres. Its numbers count, then the sensor
 /// file's; differences between the two are notes.
 pub(super) fn read(
-    at: &Place,
+    at: &Location,
     written: Option<&ResponseDescription>,
     range: f64,
     measures: &Measures,

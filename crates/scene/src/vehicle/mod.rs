@@ -32,8 +32,8 @@ pub use equipment::{Equipment, Vehicle, VehicleMount, VehicleSensor};
 pub use ground_rule::{FARTHEST_GROUND, GroundAsked, GroundRule, Side};
 pub use lidar::{Lidar, stated};
 pub use lidar_cast::sensor::{
-    BeamGrid, BeamTable, Echoes, ForeignLidar, MAX_LIDARS, Phase, Placement, PlacementError,
-    Response, SensorError, SensorModel, SensorName, SensorPose, Sensors, UnknownSensor,
+    BeamGrid, BeamTable, Echoes, ForeignLidar, MAX_LIDARS, Placement, PlacementError, Response,
+    SensorError, SensorModel, SensorName, SensorPose, Sensors, SpinPhase, UnknownSensor,
 };
 pub use lidar_cast::task::Requirement;
 pub use lidar_reading::DescribedLidar;

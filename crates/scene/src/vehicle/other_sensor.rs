@@ -11,7 +11,7 @@ use lidar_cast::geom::Pose;
 use lidar_cast::maths;
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// Technology of the sensors in `sensors`, which no other sensor has.
 pub const LIDAR: &str = "lidar";
@@ -75,7 +75,7 @@ impl OtherSensor {
 
     /// Reads the list at `at`; `notes` takes likely mistakes.
     pub(super) fn read_all(
-        at: &Place,
+        at: &Location,
         list: Vec<OtherSensorDescription>,
         notes: &mut Vec<Note>,
     ) -> Result<Vec<Self>, DescriptionError> {
@@ -98,7 +98,7 @@ impl OtherSensor {
     }
 
     fn new(
-        at: &Place,
+        at: &Location,
         described: OtherSensorDescription,
         notes: &mut Vec<Note>,
     ) -> Result<Self, DescriptionError> {
@@ -139,7 +139,7 @@ impl OtherSensor {
 }
 
 /// A word for a technology; `lidar` is taken.
-fn word(at: &Place, word: String) -> Result<String, DescriptionError> {
+fn word(at: &Location, word: String) -> Result<String, DescriptionError> {
     let is_word = (1..=MOST_LETTERS).contains(&word.len())
         && word.bytes().all(|letter| letter.is_ascii_lowercase());
     if !is_word {

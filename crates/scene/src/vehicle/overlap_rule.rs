@@ -2,7 +2,7 @@
 
 use super::description::RequirementDescription;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// Name of a rule that gives itself none.
 const NAME: &str = "overlap of LiDARs";
@@ -22,7 +22,7 @@ pub struct OverlapRule {
 impl OverlapRule {
     /// Reads the rule at `at`; `None` where it is of another kind.
     pub(super) fn read(
-        at: &Place,
+        at: &Location,
         required: &RequirementDescription,
     ) -> Result<Option<Self>, DescriptionError> {
         let Some(share) = required.overlap else { return Ok(None) };

@@ -17,7 +17,7 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 
 use sightline_files::json::check::bad;
-use sightline_files::json::{self, DescriptionError, Place, read_limited};
+use sightline_files::json::{self, DescriptionError, Location, read_limited};
 
 pub use isaac_out::isaac_profile;
 pub(super) use pattern::NARROWEST;
@@ -37,7 +37,7 @@ const MAX_SENSOR_FILE: u64 = 64 << 20;
 /// format without times.
 pub fn read(path: &Path, window: Option<[f64; 2]>) -> Result<SensorPattern, DescriptionError> {
     let bytes = read_limited(path, MAX_SENSOR_FILE)?;
-    let at = Place::top(&path.display().to_string());
+    let at = Location::top(&path.display().to_string());
     let pattern = parse(&at, &bytes, window)?;
     if window.is_some() && pattern.format != SensorFormat::Livox {
         return Err(DescriptionError::Misplaced {
@@ -50,7 +50,7 @@ pub fn read(path: &Path, window: Option<[f64; 2]>) -> Result<SensorPattern, Desc
 }
 
 fn parse(
-    at: &Place,
+    at: &Location,
     bytes: &[u8],
     window: Option<[f64; 2]>,
 ) -> Result<SensorPattern, DescriptionError> {
@@ -60,7 +60,7 @@ fn parse(
 }
 
 fn parse_any(
-    at: &Place,
+    at: &Location,
     bytes: &[u8],
     window: Option<[f64; 2]>,
 ) -> Result<SensorPattern, DescriptionError> {
@@ -107,7 +107,7 @@ fn parse_any(
 }
 
 /// JSON of several owners: one key of each tells them apart.
-fn parse_json(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
+fn parse_json(at: &Location, text: &str) -> Result<SensorPattern, DescriptionError> {
     #[derive(Deserialize)]
     struct VendorKeys {
         elevation_deg: Option<IgnoredAny>,
@@ -139,7 +139,7 @@ fn listed() -> String {
     SensorFormat::ALL.map(|format| format.to_string()).join(", ")
 }
 
-fn unknown(at: &Place) -> DescriptionError {
+fn unknown(at: &Location) -> DescriptionError {
     let wanted = format!("that of a sensor file that is read here: {}", listed());
     bad(at, "the content", wanted)
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::description::RequirementDescription;
 use crate::scene::Target;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// Distance from which on a rule counts where it does not say, metres.
 const FROM: f64 = 5.0;
@@ -41,7 +41,7 @@ pub struct TargetRule {
 impl TargetRule {
     /// Reads the rule at `at`; target files are in `dir`.
     pub(super) fn new(
-        at: &Place,
+        at: &Location,
         required: &RequirementDescription,
         target: &str,
         dir: &Path,

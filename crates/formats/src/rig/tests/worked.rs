@@ -9,7 +9,7 @@ use crate::rig::{
     import_texts,
 };
 use sightline_scene::vehicle::{
-    Lidar, Phase, Response, SensorName, SensorPose, Ties, Vehicle, VehicleSensor,
+    Lidar, Response, SensorName, SensorPose, SpinPhase, Ties, Vehicle, VehicleSensor,
 };
 
 const POSE: SensorPose = SensorPose::from_values([0.6, -0.4, 2.8, -0.3, 0.1, -0.5]);
@@ -171,7 +171,7 @@ fn table(elevations: &[f64], offset: f64, azimuth: Option<[f64; 2]>) -> Lidar {
 /// Models of a vehicle with one LiDAR without a name, which sees nothing within half a metre.
 fn models(lidar: Lidar) -> Models {
     let response = Response { min_range: 0.5, ..Response::usual(lidar.range()) };
-    let (name, phase) = (SensorName::NONE, Phase::Locked(0.0));
+    let (name, phase) = (SensorName::NONE, SpinPhase::Locked(0.0));
     Models::from(&Vehicle {
         name: String::new(),
         sensors: vec![VehicleSensor { name, lidar, phase, price: 0.0, response }],

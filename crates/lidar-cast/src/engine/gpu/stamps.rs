@@ -4,7 +4,7 @@ use std::time::Duration;
 
 /// Stages of a step, in their order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Stage {
+pub(super) enum StepStage {
     Cast,
     Cover,
     Reduce,
@@ -69,7 +69,7 @@ impl Stamps {
 }
 
 /// Adds the ticks of a step's stages, which lie between its times.
-pub(super) fn stage_ticks(stages: &[Stage], stamps: &[u64], ticks: &mut [u64; 3]) {
+pub(super) fn stage_ticks(stages: &[StepStage], stamps: &[u64], ticks: &mut [u64; 3]) {
     for (stage, between) in stages.iter().zip(stamps.windows(2)) {
         ticks[*stage as usize] += between[1].saturating_sub(between[0]);
     }
@@ -82,10 +82,14 @@ mod tests {
     #[test]
     fn ticks_lie_between_times() {
         let mut ticks = [1, 0, 0];
-        stage_ticks(&[Stage::Cast, Stage::Cover, Stage::Reduce], &[10, 13, 18, 25], &mut ticks);
+        stage_ticks(
+            &[StepStage::Cast, StepStage::Cover, StepStage::Reduce],
+            &[10, 13, 18, 25],
+            &mut ticks,
+        );
         assert_eq!(ticks, [4, 5, 7]);
         // Only coverage; the rest is of an earlier step.
-        stage_ticks(&[Stage::Cover], &[30, 32, 18, 25], &mut ticks);
+        stage_ticks(&[StepStage::Cover], &[30, 32, 18, 25], &mut ticks);
         assert_eq!(ticks, [4, 7, 7]);
     }
 }

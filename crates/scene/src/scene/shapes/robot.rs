@@ -10,7 +10,7 @@ use crate::scene::description::UrdfDescription;
 use crate::scene::solid::Solid;
 use lidar_cast::geom::Pose;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// Corners of a cylinder's base, and of a sphere's circles of latitude.
 const SIDES: u32 = 32;
@@ -21,7 +21,7 @@ impl Builder<'_> {
     /// Triangles of a robot's links, with all joints at rest.
     pub(super) fn urdf(
         &mut self,
-        at: &Place,
+        at: &Location,
         urdf: &UrdfDescription,
         class: u16,
     ) -> Result<Solid, DescriptionError> {
@@ -55,7 +55,7 @@ impl Builder<'_> {
 
     fn part(
         &mut self,
-        at: &Place,
+        at: &Location,
         geometry: &Geometry,
         class: u16,
     ) -> Result<Solid, DescriptionError> {
@@ -72,7 +72,7 @@ impl Builder<'_> {
 
     fn mesh_of_link(
         &mut self,
-        at: &Place,
+        at: &Location,
         file: &Path,
         scale: DVec3,
         class: u16,

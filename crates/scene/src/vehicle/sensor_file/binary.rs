@@ -9,7 +9,7 @@ use npyz::{DType, Deserialize, NpyFile, NpyHeader, Order, TypeChar};
 use super::pattern::{Beams, MAX_BEAMS, SensorFormat, SensorPattern, azimuth, direction};
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 use sightline_files::npy::{read_header, transpose};
 
 /// First bytes of an array.
@@ -20,7 +20,7 @@ pub(super) fn is_npy(bytes: &[u8]) -> bool {
     bytes.starts_with(MAGIC)
 }
 
-pub(super) fn parse_npy(at: &Place, bytes: &[u8]) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse_npy(at: &Location, bytes: &[u8]) -> Result<SensorPattern, DescriptionError> {
     let wanted = "an array [N, 2] of float32 or float64, as np.save writes it: azimuth and elevation of each beam \
                   in radians";
     let mut rest = bytes;
@@ -63,7 +63,7 @@ pub(super) fn parse_npy(at: &Place, bytes: &[u8]) -> Result<SensorPattern, Descr
 
 /// The numbers row by row, whatever the order of the file.
 fn angles<T: Deserialize + Copy + Into<f64>>(
-    at: &Place,
+    at: &Location,
     header: NpyHeader,
     data: &[u8],
 ) -> Result<Vec<f64>, DescriptionError> {
@@ -84,7 +84,7 @@ pub(super) fn is_rgl(bytes: &[u8]) -> bool {
     bytes.first_chunk::<MATRIX>().is_some_and(|first| ray(first).is_some())
 }
 
-pub(super) fn parse_rgl(at: &Place, bytes: &[u8]) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse_rgl(at: &Location, bytes: &[u8]) -> Result<SensorPattern, DescriptionError> {
     let (rays, rest) = bytes.as_chunks::<MATRIX>();
     if !rest.is_empty() {
         let wanted = "a multiple of 48, the bytes of a matrix; copy the file again";

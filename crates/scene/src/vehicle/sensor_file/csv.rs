@@ -16,7 +16,7 @@ use super::pattern::{
 };
 use sightline_files::Note;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// Most cells of a row that are looked at; tables of sensors have up to five.
 const MOST_CELLS: usize = 32;
@@ -55,7 +55,7 @@ fn unknown<'a>(titles: &[&'a str], known: &[&str]) -> Vec<&'a str> {
 }
 
 /// Refuses a column whose title names radians; tables of vendors have degrees.
-fn in_degrees(at: &Place, title: &str) -> Result<(), DescriptionError> {
+fn in_degrees(at: &Location, title: &str) -> Result<(), DescriptionError> {
     if title.to_ascii_lowercase().contains("rad") {
         return Err(bad(at, quoted(title), "a column of degrees; convert it"));
     }
@@ -63,12 +63,12 @@ fn in_degrees(at: &Place, title: &str) -> Result<(), DescriptionError> {
 }
 
 /// The place of a row.
-pub(super) fn at_line(at: &Place, number: usize) -> Place {
+pub(super) fn at_line(at: &Location, number: usize) -> Location {
     at.key(&format!("line {number}"))
 }
 
 /// Refuses a row with more cells than there are columns: decimal commas split numbers.
-fn check_width(at: &Place, cells: &[&str], columns: usize) -> Result<(), DescriptionError> {
+fn check_width(at: &Location, cells: &[&str], columns: usize) -> Result<(), DescriptionError> {
     match cells.iter().skip(columns).find(|cell| !cell.is_empty()) {
         None => Ok(()),
         Some(_) => {
@@ -79,7 +79,7 @@ fn check_width(at: &Place, cells: &[&str], columns: usize) -> Result<(), Descrip
 }
 
 /// The number in a cell.
-fn number_in(at: &Place, cells: &[&str], column: usize) -> Result<f64, DescriptionError> {
+fn number_in(at: &Location, cells: &[&str], column: usize) -> Result<f64, DescriptionError> {
     let cell = cells.get(column).copied().unwrap_or_default();
     match cell.parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number),
@@ -90,7 +90,7 @@ fn number_in(at: &Place, cells: &[&str], column: usize) -> Result<f64, Descripti
 /// Titles that are read, and of the channel's number.
 const HESAI_TITLES: [&str; 4] = ["elevation", "azimuth", "channel", "laser"];
 
-pub(super) fn parse_hesai(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse_hesai(at: &Location, text: &str) -> Result<SensorPattern, DescriptionError> {
     let mut rows = rows(text).filter(|(_, cells)| !is_version(cells));
     let (line, titles) = rows.next().unwrap_or_default();
     let title_at = at_line(at, line);
@@ -130,7 +130,7 @@ pub(super) fn parse_hesai(at: &Place, text: &str) -> Result<SensorPattern, Descr
 }
 
 /// A doubt where channels are numbered from 0 or 1 on and one is left out.
-fn gap(at: &Place, numbers: &BTreeSet<u64>) -> Option<Note> {
+fn gap(at: &Location, numbers: &BTreeSet<u64>) -> Option<Note> {
     let sorted = || numbers.iter().map(|bits| f64::from_bits(*bits));
     let (first, last) = (sorted().fold(f64::INFINITY, f64::min), sorted().fold(0.0, f64::max));
     let span = last - first + 1.0;
@@ -156,7 +156,7 @@ const LIVOX_COLUMNS: [usize; 3] = [0, 1, 2];
 const LIVOX_TITLES: [&str; 3] = ["time", "azimuth", "zenith"];
 
 pub(super) fn parse_livox(
-    at: &Place,
+    at: &Location,
     text: &str,
     window: Option<[f64; 2]>,
 ) -> Result<SensorPattern, DescriptionError> {
@@ -210,7 +210,7 @@ pub(super) fn parse_livox(
 
 /// Units that most likely are not degrees and seconds: azimuths within 2π and zeniths within π, and frames of
 /// next to no samples.
-fn doubts(at: &Place, [across, zenith]: [f64; 2], taken: usize, samples: u64) -> Vec<Note> {
+fn doubts(at: &Location, [across, zenith]: [f64; 2], taken: usize, samples: u64) -> Vec<Note> {
     let mut notes = Vec::new();
     if samples >= 10 && across <= TAU && zenith <= PI {
         notes.push(Note::doubt(format!(
@@ -226,7 +226,7 @@ fn doubts(at: &Place, [across, zenith]: [f64; 2], taken: usize, samples: u64) ->
 }
 
 /// Columns of time, azimuth and zenith by their titles.
-fn columns_of(at: &Place, titles: &[&str]) -> Result<[usize; 3], DescriptionError> {
+fn columns_of(at: &Location, titles: &[&str]) -> Result<[usize; 3], DescriptionError> {
     let find = |title| {
         column(titles, title).ok_or_else(|| {
             let wanted = format!("a row of titles with `{title}`");
@@ -243,7 +243,10 @@ fn columns_of(at: &Place, titles: &[&str]) -> Result<[usize; 3], DescriptionErro
     Ok(columns)
 }
 
-pub(super) fn parse_robosense(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse_robosense(
+    at: &Location,
+    text: &str,
+) -> Result<SensorPattern, DescriptionError> {
     let mut channels = Vec::new();
     let mut columns = None;
     for (line, cells) in rows(text) {

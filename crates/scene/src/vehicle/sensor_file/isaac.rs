@@ -11,7 +11,7 @@ use super::pattern::{
 };
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{self, DescriptionError, Place};
+use sightline_files::json::{self, DescriptionError, Location};
 
 /// Most columns of a turn.
 const MAX_COLUMNS: f64 = 100_000.0;
@@ -87,7 +87,7 @@ struct EmitterState {
     rest: Rest,
 }
 
-pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, DescriptionError> {
     let IsaacFile { name, profile, rest } = json::parse(text, &at.file)?;
     let model = name.map(|name| check::name(&at.key("name"), name)).transpose()?;
     let top = pattern::unknown(at, &rest, PASSED);
@@ -126,7 +126,11 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
 }
 
 /// Refuses lists of other lengths than each other and than the counts beside them.
-fn check_counts(at: &Place, list: &Place, profile: &IsaacProfile) -> Result<(), DescriptionError> {
+fn check_counts(
+    at: &Location,
+    list: &Location,
+    profile: &IsaacProfile,
+) -> Result<(), DescriptionError> {
     let states = &profile.emitter_states;
     if states.is_empty() {
         return Err(bad(list, "a list of 0", "a list of at least one emitter state"));
@@ -164,7 +168,7 @@ fn check_counts(at: &Place, list: &Place, profile: &IsaacProfile) -> Result<(), 
 }
 
 /// Azimuths between which the sensor measures, in degrees, the smaller first; `None` for a whole turn.
-fn window(at: &Place, profile: &IsaacProfile) -> Result<Option<[f64; 2]>, DescriptionError> {
+fn window(at: &Location, profile: &IsaacProfile) -> Result<Option<[f64; 2]>, DescriptionError> {
     let pairs = [
         ("startAzimuthDeg", profile.start_azimuth_deg, "endAzimuthDeg", profile.end_azimuth_deg),
         (
@@ -209,7 +213,7 @@ fn window(at: &Place, profile: &IsaacProfile) -> Result<Option<[f64; 2]>, Descri
 
 /// Ranges and errors, checked.
 fn measures(
-    at: &Place,
+    at: &Location,
     profile: &IsaacProfile,
     notes: &mut Vec<Note>,
 ) -> Result<Measures, DescriptionError> {
@@ -241,8 +245,8 @@ fn measures(
 
 /// Emitters as channels; of several states, each fires at every n-th column, one column after the other.
 fn rotary(
-    at: &Place,
-    list: &Place,
+    at: &Location,
+    list: &Location,
     profile: &IsaacProfile,
     window: Option<[f64; 2]>,
 ) -> Result<SensorPattern, DescriptionError> {
@@ -286,7 +290,11 @@ fn rotary(
 }
 
 /// Leaves the whole columns of a window in degrees.
-fn cut(at: &Place, pattern: &mut SensorPattern, window: [f64; 2]) -> Result<(), DescriptionError> {
+fn cut(
+    at: &Location,
+    pattern: &mut SensorPattern,
+    window: [f64; 2],
+) -> Result<(), DescriptionError> {
     let [from, to] = window;
     // Without columns of its own the window ends where the file says.
     let step = pattern.azimuth_steps.map_or(EDGE, |steps| 360.0 / f64::from(steps));
@@ -306,7 +314,7 @@ fn cut(at: &Place, pattern: &mut SensorPattern, window: [f64; 2]) -> Result<(), 
 
 /// Emitters of the first state as directions: each scan takes one state.
 fn solid_state(
-    list: &Place,
+    list: &Location,
     profile: &IsaacProfile,
     window: Option<[f64; 2]>,
 ) -> Result<SensorPattern, DescriptionError> {

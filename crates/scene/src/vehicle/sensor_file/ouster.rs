@@ -13,7 +13,7 @@ use super::pattern::{
 };
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{self, DescriptionError, Place};
+use sightline_files::json::{self, DescriptionError, Location};
 
 /// Keys that are passed over, wherever they stand.
 const PASSED: Passed = &[
@@ -123,7 +123,7 @@ struct Facts {
     notes: Vec<Note>,
 }
 
-pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, DescriptionError> {
     let mut file: Metadata = json::parse(text, &at.file)?;
     let (list, beam, mut notes) = beams_of(at, &mut file)?;
     let places = ["beam_altitude_angles", "beam_azimuth_angles"].map(|key| (list.key(key), key));
@@ -156,9 +156,9 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
 
 /// The angles, from one of the two places where they stand.
 fn beams_of(
-    at: &Place,
+    at: &Location,
     file: &mut Metadata,
-) -> Result<(Place, BeamIntrinsics, Vec<Note>), DescriptionError> {
+) -> Result<(Location, BeamIntrinsics, Vec<Note>), DescriptionError> {
     let flat = BeamIntrinsics {
         beam_altitude_angles: file.beam_altitude_angles.take(),
         beam_azimuth_angles: file.beam_azimuth_angles.take(),
@@ -189,10 +189,10 @@ fn beams_of(
 
 /// Reads all but the angles: windows, origin, model, firmware. Broken parts that no beam depends on become notes.
 fn facts(
-    at: &Place,
+    at: &Location,
     file: Metadata,
     beam: &BeamIntrinsics,
-    list: &Place,
+    list: &Location,
 ) -> Result<Facts, DescriptionError> {
     let mut facts = Facts::default();
     let notes = &mut facts.notes;
@@ -248,7 +248,7 @@ fn facts(
 }
 
 /// A text that no beam depends on.
-fn text(at: &Place, value: Option<Value>, notes: &mut Vec<Note>) -> Option<String> {
+fn text(at: &Location, value: Option<Value>, notes: &mut Vec<Note>) -> Option<String> {
     match value? {
         Value::String(text) => Some(text),
         Value::Null => None,
@@ -260,7 +260,7 @@ fn text(at: &Place, value: Option<Value>, notes: &mut Vec<Note>) -> Option<Strin
 }
 
 /// Entry `k` of a 4×4 matrix of millimetres that no beam's direction depends on.
-fn entry(at: &Place, value: Option<&Value>, k: usize, notes: &mut Vec<Note>) -> Option<f64> {
+fn entry(at: &Location, value: Option<&Value>, k: usize, notes: &mut Vec<Note>) -> Option<f64> {
     let value = value.filter(|value| !value.is_null())?;
     let numbers = value.as_array().filter(|list| list.len() == 16);
     let entry = numbers.and_then(|list| list[k].as_f64());
@@ -272,7 +272,7 @@ fn entry(at: &Place, value: Option<&Value>, k: usize, notes: &mut Vec<Note>) -> 
 
 /// The beams that are there: sensors of the first generation list 64 places, empty ones at 0, 0.
 fn real_beams(
-    at: &Place,
+    at: &Location,
     beams: Beams,
     facts: &Facts,
     notes: &mut Vec<Note>,
@@ -311,7 +311,7 @@ fn real_beams(
 
 /// Columns of a turn: as stated, or read from a mode such as `1024x10`.
 fn steps(
-    at: &Place,
+    at: &Location,
     facts: &Facts,
     notes: &mut Vec<Note>,
 ) -> Result<Option<u32>, DescriptionError> {
@@ -335,7 +335,7 @@ fn steps(
 
 /// The part of a turn that the sensor is set to look at.
 fn window(
-    at: &Place,
+    at: &Location,
     facts: &Facts,
     steps: u32,
     notes: &mut Vec<Note>,

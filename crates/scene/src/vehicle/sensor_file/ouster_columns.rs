@@ -1,7 +1,7 @@
 //! Ouster: the columns that a sensor is set to look at, stated as columns or as angles.
 
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// A turn in thousandths of a degree.
 const TURN: f64 = 360_000.0;
@@ -18,7 +18,7 @@ pub(super) struct ColumnWindow {
 impl ColumnWindow {
     /// First and last column, both valid; the window goes through column 0 where the first one is larger.
     pub fn of_columns(
-        at: &Place,
+        at: &Location,
         [first, last]: [u64; 2],
         steps: u32,
     ) -> Result<Self, DescriptionError> {
@@ -30,7 +30,11 @@ impl ColumnWindow {
 
     /// Angles in thousandths of a degree, counter-clockwise in the frame of the columns: column m of W stands at
     /// 360·(1 − m/W) degrees. The file `2_5_0_os-992146000760-128.json` of ouster-sdk has both spellings of a window.
-    pub fn of_angles(at: &Place, angles: [f64; 2], steps: u32) -> Result<Self, DescriptionError> {
+    pub fn of_angles(
+        at: &Location,
+        angles: [f64; 2],
+        steps: u32,
+    ) -> Result<Self, DescriptionError> {
         for (i, angle) in angles.into_iter().enumerate() {
             if !(0.0..=TURN).contains(&angle) {
                 return Err(bad(&at.item(i), angle, "thousandths of a degree from 0 to 360000"));
