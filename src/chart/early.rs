@@ -2,8 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::ranking::swapped_interval;
-use super::verdict::keeps_ranking;
+use super::ranking::{keeps_ranking, swapped_interval};
 use super::{Engine, MOST_SWAPPED, Measured, RankingError, Setting};
 
 /// Placements after which the pairs that a setting swaps may decide against it.

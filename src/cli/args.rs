@@ -1,18 +1,19 @@
 //! Options that several commands share.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use crate::engine::{EngineChoice, EngineKind};
-use crate::job::Tolerance;
-use crate::runs::Computing;
-use crate::scan::conditions::Condition;
-use crate::threads;
-use crate::vehicle::SensorChoice;
 use clap::{Args, ValueEnum};
 
 use super::terminal::{Talk, Terminal};
-use crate::runs::RunError;
+use crate::datasets::CarlaTags;
+use crate::engine::{EngineChoice, EngineKind};
+use crate::job::Tolerance;
+use crate::process;
+use crate::runs::psog::CarlaScans;
+use crate::runs::{Computing, RunError};
+use crate::scan::conditions::Condition;
+use crate::vehicle::SensorChoice;
 
 /// Options of every command that computes scores.
 #[derive(Args, Debug, Clone)]
@@ -206,7 +207,7 @@ pub fn engine(
 /// Starts the threads of `--threads`; says where these are fewer.
 pub fn start_threads(wanted: Option<u16>, talk: Talk) -> Result<(), RunError> {
     let Some(wanted) = wanted else { return Ok(()) };
-    let threads = threads::start(usize::from(wanted));
+    let threads = process::start(usize::from(wanted));
     let threads =
         threads.map_err(|error| RunError::Usage(format!("--threads {wanted}: {error}")))?;
     if threads < usize::from(wanted) {
@@ -219,11 +220,62 @@ pub fn start_threads(wanted: Option<u16>, talk: Talk) -> Result<(), RunError> {
 
 /// Refuses a number of threads in the environment that would take minutes to start.
 pub fn start_default_threads() -> Result<(), RunError> {
-    match threads::too_many_by_environment() {
+    match process::too_many_by_environment() {
         None => Ok(()),
         Some(wanted) => Err(RunError::Usage(format!(
             "RAYON_NUM_THREADS={wanted}: is more than is useful here; give at most {}, or leave it out",
-            threads::most()
+            process::most()
         ))),
+    }
+}
+
+/// Option of the commands that have a scene and placements in it.
+#[derive(clap::Args, Debug, Clone, Default)]
+pub struct Gltf {
+    /// Write the scene, the LiDARs with what they see, and the points if there are any as a binary glTF (.glb)
+    #[arg(long, value_name = "FILE")]
+    pub gltf: Option<PathBuf>,
+}
+
+/// Where labelled scans lie, beside the folder of a command's own option.
+#[derive(clap::Args)]
+pub struct DatasetArgs {
+    /// Version of the tables of nuScenes, as v1.0-mini [default: the only one there]
+    #[arg(long, value_name = "VERSION", requires = "nuscenes")]
+    pub version: Option<String>,
+    /// CSV of the LiDAR's carla.Transform: frame or file, x, y, z, roll, pitch, yaw, and perhaps time
+    #[arg(long, value_name = "FILE", requires = "carla")]
+    pub poses: Option<PathBuf>,
+    /// Version of CARLA whose tags the points have: 0.9.10 to 0.9.13, or 0.9.14 and later [default: the one in
+    /// which the road lies flat below the LiDAR]
+    #[arg(long, value_enum, value_name = "VERSION", requires = "carla")]
+    pub carla_tags: Option<Tags>,
+    /// Height of the recording LiDAR above the ground in metres, for KITTI and CARLA [default: what an export
+    /// of this program says, else above the labelled road within 10 m; 1.73 for KITTI where the road lies so]
+    #[arg(long, value_name = "M", conflicts_with = "nuscenes", value_parser = finite)]
+    pub lidar_height: Option<f64>,
+}
+
+/// Value of `--carla-tags`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Tags {
+    /// 0 to 22.
+    #[value(name = "0.9.10")]
+    Until0913,
+    /// 0 to 28.
+    #[value(name = "0.9.14")]
+    Since0914,
+}
+
+impl DatasetArgs {
+    /// The scans of CARLA in a folder.
+    pub fn carla(&self, folder: &Path) -> CarlaScans {
+        let Some(poses) = &self.poses else { unreachable!("clap requires it with a folder") };
+        let tags = self.carla_tags.map(|tags| match tags {
+            Tags::Until0913 => CarlaTags::Until0913,
+            Tags::Since0914 => CarlaTags::Since0914,
+        });
+        let (folder, poses) = (folder.to_owned(), poses.clone());
+        CarlaScans { folder, poses, tags, lidar_height: self.lidar_height }
     }
 }

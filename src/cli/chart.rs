@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
+use serde_json::{Value, json};
+
+use super::args::{Compute, Format, UnnamedModelArgs, whole};
+use super::output::Exit;
 use crate::chart::{Chart, ChartSettings};
 use crate::internals::{chart_text, charts_text};
 use crate::runs::RunError;
 use crate::runs::chart::{ChartRequest, Charted, chart_scenes};
-use serde_json::{Value, json};
-
-use super::args::{Compute, Format, UnnamedModelArgs, whole};
-use super::exit::Exit;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:

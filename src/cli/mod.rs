@@ -6,35 +6,21 @@
 #[macro_use]
 mod output;
 
-mod answer;
 mod args;
-mod audit;
-mod bench;
-mod cast;
 mod chart;
-mod datasets;
-mod devices;
-mod exit;
-mod glb;
-mod handover;
-mod near_field;
+mod checks;
+mod coverage;
 mod optimize;
 mod psog;
 mod rig;
-mod room;
 mod scan;
 mod scene;
 mod score;
+mod sensitivity;
 mod sensor;
-mod shared;
-mod shell;
 mod study;
-mod sweep;
-mod targets;
 mod terminal;
 mod usage;
-mod verify;
-mod view;
 
 use std::ffi::OsString;
 
@@ -43,7 +29,8 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use crate::files::{Session, trust_paths};
 use crate::runs::RunError;
 use args::start_default_threads;
-pub use exit::Exit;
+
+pub use output::Exit;
 
 /// Where on this vehicle should the LiDARs go?
 ///
@@ -67,17 +54,17 @@ enum Command {
     /// Score a batch of placements
     Score(score::ScoreArgs),
     /// Write a page about a placement, with its 3-D view and the baselines beside it
-    View(view::ViewArgs),
+    View(score::ViewArgs),
     /// Write every beam's hit
-    Cast(cast::CastArgs),
+    Cast(scan::CastArgs),
     /// Write labelled scans of placements, in good and bad weather, as data sets
     Scan(scan::ScanArgs),
     /// Compare the GPU with the CPU reference bit by bit, and the reference with f64
-    Verify(verify::VerifyArgs),
+    Verify(checks::VerifyArgs),
     /// Chart cost against accuracy, and find the cheapest setting that keeps the ranking
     Chart(chart::ChartArgs),
     /// Try to make the scores fail, and say which guard notices
-    Audit(audit::AuditArgs),
+    Audit(checks::AuditArgs),
     /// Answer a question that takes many runs: how many LiDARs, which sensor, the loss of one LiDAR
     Study(study::StudyCommand),
     /// Build, inspect and merge P-SOG files
@@ -108,17 +95,17 @@ enum Command {
     )]
     Scene(scene::SceneCommand),
     /// List Vulkan devices and which one is taken by default
-    Devices(devices::DevicesArgs),
+    Devices(checks::DevicesArgs),
     /// Measure this machine for the tables of the documentation
     #[command(
         subcommand,
         after_help = "Example:\n  sightline bench device scenes/highway.json > device.md"
     )]
-    Bench(bench::BenchCommand),
+    Bench(checks::BenchCommand),
     /// Print what a shell needs to complete commands and options
-    Completions(shell::CompletionsArgs),
+    Completions(usage::CompletionsArgs),
     /// Print the manual page of the program or of a command, or write all of them
-    Man(shell::ManArgs),
+    Man(usage::ManArgs),
 }
 
 /// Runs the program: `arguments` as a shell gives them, the program's own name first. Prints results to
@@ -197,21 +184,21 @@ fn dispatch(command: Command) -> Result<Exit, RunError> {
     match command {
         Command::Optimize(args) => optimize::run(&args),
         Command::Score(args) => score::run(&args),
-        Command::View(args) => view::run(&args),
-        Command::Cast(args) => cast::run(&args),
+        Command::View(args) => score::run_view(&args),
+        Command::Cast(args) => scan::run_cast(&args),
         Command::Scan(args) => scan::run(&args),
-        Command::Verify(args) => verify::run(&args),
+        Command::Verify(args) => checks::run_verify(&args),
         Command::Chart(args) => chart::run(&args),
-        Command::Audit(args) => audit::run(&args),
+        Command::Audit(args) => checks::run_audit(&args),
         Command::Study(command) => study::run(&command),
         Command::Psog(command) => psog::run(&command),
         Command::Sensor(command) => sensor::run(&command),
         Command::Rig(command) => rig::run(&command),
         Command::Scene(command) => scene::run(&command),
-        Command::Devices(args) => devices::run(&args),
-        Command::Bench(command) => bench::run(&command),
-        Command::Completions(args) => shell::completions(&args, program()),
-        Command::Man(args) => shell::man(&args, program()),
+        Command::Devices(args) => checks::run_devices(&args),
+        Command::Bench(command) => checks::run_bench(&command),
+        Command::Completions(args) => usage::completions(&args, program()),
+        Command::Man(args) => usage::man(&args, program()),
     }
 }
 

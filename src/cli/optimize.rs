@@ -2,6 +2,12 @@
 
 use std::path::PathBuf;
 
+use super::args::{
+    Compute, Conditions, FiguresOut, Format, Gltf, MountingArgs, UnnamedModelArgs, finite,
+    parse_seconds, whole,
+};
+use super::output::Exit;
+use super::terminal::Terminal;
 use crate::internals::{Spacing, front_text, record_text};
 use crate::job::{FRONT_EVALUATIONS, FrontError, FrontObjectives, JobFiles};
 use crate::runs::optimize::{
@@ -12,14 +18,6 @@ use crate::scan::conditions::in_words;
 use crate::score::Seen;
 use crate::search::{FrameChoice, Method, Settings};
 use crate::vehicle::{MountRules, SensorPose};
-
-use super::args::{
-    Compute, Conditions, FiguresOut, Format, MountingArgs, UnnamedModelArgs, finite, parse_seconds,
-    whole,
-};
-use super::exit::Exit;
-use super::glb::Gltf;
-use super::terminal::Terminal;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:

@@ -1,11 +1,14 @@
-//! Lines on stdout and stderr.
+//! Lines on stdout and stderr, answers that are tables, and exit codes.
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::Path;
 
+use serde::Serialize;
+use serde_json::json;
+
 use crate::internals::{FileError, visible};
-use crate::runs::RunError;
+use crate::runs::{RunError, TableFormat};
 
 /// Like `print!`, with an [`RunError`] instead of a panic where stdout cannot be written.
 macro_rules! out {
@@ -105,6 +108,45 @@ fn with_short_middle(text: &str) -> String {
 pub fn say(line: &str) {
     let line = with_short_middle(&visible(&with_short_numbers(line)));
     let _ = writeln!(std::io::stderr(), "sightline: {line}");
+}
+
+/// How a command ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Exit {
+    /// All that was asked.
+    Done,
+    /// With a check that failed.
+    CheckFailed,
+    /// At an input or an argument that is wrong; stderr holds one sentence about it.
+    BadInput,
+    /// By Ctrl-C, after what was done so far was written.
+    Interrupted,
+}
+
+impl Exit {
+    /// The exit code: 0, 1, 2 or 130, as shells expect of an interrupted program.
+    pub fn code(self) -> u8 {
+        match self {
+            Self::Done => 0,
+            Self::CheckFailed => 1,
+            Self::BadInput => 2,
+            Self::Interrupted => 130,
+        }
+    }
+}
+
+/// Prints an answer: all of it as JSON, its table as CSV, or as `text` prints it.
+pub fn answer(
+    format: TableFormat,
+    found: &impl Serialize,
+    table: impl FnOnce() -> String,
+    text: impl FnOnce() -> Result<(), RunError>,
+) -> Result<(), RunError> {
+    match format {
+        TableFormat::Json => outln!("{}", json!(found)),
+        TableFormat::Csv => out!("{}", table()),
+        TableFormat::Text => text(),
+    }
 }
 
 #[cfg(test)]

@@ -2,16 +2,15 @@
 
 use std::path::PathBuf;
 
+use serde_json::json;
+
+use super::args::{DatasetArgs, Format};
+use super::output::Exit;
+use super::terminal::{Talk, Terminal};
 use crate::internals::psog_text;
 use crate::psog::{BuildReport, Psog, PsogInfo, read_psog};
 use crate::runs::RunError;
 use crate::runs::psog::{DataSet, PAPER_REGION, PAPER_VOXEL, PsogInput, Scans, build, merge};
-use serde_json::json;
-
-use super::args::Format;
-use super::datasets::DatasetArgs;
-use super::exit::Exit;
-use super::terminal::{Talk, Terminal};
 
 #[derive(clap::Subcommand)]
 pub enum PsogCommand {

@@ -1,18 +1,20 @@
-//! `scan`: labelled scans of placements, written as data sets.
+//! `scan` and `cast`: labelled scans of placements, and every beam's hit in one frame.
 
 use std::path::PathBuf;
 
+use serde_json::json;
+
+use super::args::{
+    BackendChoice, Compute, Format, Gltf, UnnamedModelArgs, engine, finite, start_threads, whole,
+};
+use super::output::Exit;
+use super::terminal::{Talk, Terminal};
 use crate::export::{DatasetSettings, Layout, Splits};
+use crate::runs::cast::{CastRequest, cast};
 use crate::runs::scan::{ScanRequest, scan};
 use crate::runs::{Computing, RunError};
 use crate::scan::Scanning;
 use crate::scan::conditions::Condition;
-use serde_json::json;
-
-use super::args::{BackendChoice, Format, UnnamedModelArgs, engine, finite, start_threads, whole};
-use super::exit::Exit;
-use super::glb::Gltf;
-use super::terminal::{Talk, Terminal};
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -170,4 +172,53 @@ fn request(args: &ScanArgs) -> ScanRequest {
         map: args.map.clone(),
         gltf: args.gltf.gltf.clone().map(|file| (file, args.frame)),
     }
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  sightline cast scenes/highway.json scenes/placements.json --frame 3 --out hits.npz
+  sightline cast scenes/highway.json scenes/placements.json --gltf highway.glb")]
+pub struct CastArgs {
+    /// Scene file; it must have geometry
+    scene: PathBuf,
+    /// Placements
+    placements: PathBuf,
+    /// Write the hits to this .npz file
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Frame of the scene, from 0
+    #[arg(long, default_value_t = 0, value_name = "T")]
+    frame: u32,
+    /// How to print the summary
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    #[command(flatten)]
+    gltf: Gltf,
+    #[command(flatten)]
+    named: UnnamedModelArgs,
+    #[command(flatten)]
+    compute: Compute,
+}
+
+pub fn run_cast(args: &CastArgs) -> Result<Exit, RunError> {
+    let terminal = args.compute.start()?;
+    let request = CastRequest {
+        scene: args.scene.clone(),
+        placements: args.placements.clone(),
+        out: args.out.clone(),
+        gltf: args.gltf.gltf.clone(),
+        frame: args.frame,
+    };
+    let found = cast(&request, &args.named.computing(&args.compute, &terminal))?;
+    match args.format {
+        Format::Json => outln!("{}", json!(found))?,
+        Format::Text => outln!(
+            "{}: {} beams, {} hits on {} triangles",
+            found.scene,
+            found.beams,
+            found.hits,
+            found.triangles
+        )?,
+    }
+    Ok(Exit::Done)
 }

@@ -3,13 +3,12 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use crate::internals::{SensorFacts, sensor_svg, sensor_text, write_whole};
-use crate::vehicle::sensor_file;
-
 use super::args::Format;
-use super::exit::Exit;
+use super::output::Exit;
 use super::terminal::{Talk, Terminal};
+use crate::internals::{SensorFacts, sensor_svg, sensor_text, write_whole};
 use crate::runs::{RunError, Watcher};
+use crate::vehicle::sensor_file;
 
 #[derive(clap::Subcommand)]
 pub enum SensorCommand {

@@ -3,26 +3,26 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use crate::internals::{studies_csv, study_text};
-use crate::runs::study::{StudyRequest, study_scenes};
-use crate::runs::{RunError, TableFormat, Watcher};
-use crate::study::{Kind, StudySettings, Subregion, Table, mean_over_scenes};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 
 use super::args::{Compute, Conditions, at_least_one, finite, whole};
-use super::exit::Exit;
-use super::{near_field, room, shared, sweep, targets};
+use super::output::Exit;
+use super::{coverage, sensitivity};
+use crate::internals::{studies_csv, study_text};
+use crate::runs::study::{StudyRequest, study_scenes};
+use crate::runs::{RunError, TableFormat, Watcher};
+use crate::study::{Kind, StudySettings, Subregion, Table, mean_over_scenes};
 
 /// A study of one table is a command of its own; all others name their kind.
 pub enum StudyCommand {
     Make(Box<StudyArgs>),
-    NearField(Box<near_field::NearFieldArgs>),
-    Targets(Box<targets::TargetsArgs>),
-    Redundancy(Box<shared::RedundancyArgs>),
-    Overlap(Box<shared::OverlapArgs>),
-    Sweep(Box<sweep::SweepArgs>),
-    Room(Box<room::RoomArgs>),
+    NearField(Box<coverage::NearFieldArgs>),
+    Targets(Box<coverage::TargetsArgs>),
+    Redundancy(Box<coverage::RedundancyArgs>),
+    Overlap(Box<coverage::OverlapArgs>),
+    Sweep(Box<sensitivity::SweepArgs>),
+    Room(Box<sensitivity::RoomArgs>),
 }
 
 /// Names of the studies that are commands.
@@ -37,22 +37,22 @@ impl clap::FromArgMatches for StudyCommand {
     fn from_arg_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
         Ok(match matches.subcommand() {
             Some((NEAR_FIELD, matches)) => {
-                Self::NearField(Box::new(near_field::NearFieldArgs::from_arg_matches(matches)?))
+                Self::NearField(Box::new(coverage::NearFieldArgs::from_arg_matches(matches)?))
             }
             Some((TARGETS, matches)) => {
-                Self::Targets(Box::new(targets::TargetsArgs::from_arg_matches(matches)?))
+                Self::Targets(Box::new(coverage::TargetsArgs::from_arg_matches(matches)?))
             }
             Some((REDUNDANCY, matches)) => {
-                Self::Redundancy(Box::new(shared::RedundancyArgs::from_arg_matches(matches)?))
+                Self::Redundancy(Box::new(coverage::RedundancyArgs::from_arg_matches(matches)?))
             }
             Some((OVERLAP, matches)) => {
-                Self::Overlap(Box::new(shared::OverlapArgs::from_arg_matches(matches)?))
+                Self::Overlap(Box::new(coverage::OverlapArgs::from_arg_matches(matches)?))
             }
             Some((SWEEP, matches)) => {
-                Self::Sweep(Box::new(sweep::SweepArgs::from_arg_matches(matches)?))
+                Self::Sweep(Box::new(sensitivity::SweepArgs::from_arg_matches(matches)?))
             }
             Some((TOLERANCE, matches)) => {
-                Self::Room(Box::new(room::RoomArgs::from_arg_matches(matches)?))
+                Self::Room(Box::new(sensitivity::RoomArgs::from_arg_matches(matches)?))
             }
             _ => Self::Make(Box::new(StudyArgs::from_arg_matches(matches)?)),
         })
@@ -66,18 +66,18 @@ impl clap::FromArgMatches for StudyCommand {
 
 impl clap::Args for StudyCommand {
     fn augment_args(command: clap::Command) -> clap::Command {
-        let near = near_field::NearFieldArgs::augment_args(clap::Command::new(NEAR_FIELD))
+        let near = coverage::NearFieldArgs::augment_args(clap::Command::new(NEAR_FIELD))
             .about("Ground and poles near the vehicle: what is seen, what is blind, what hits the own body");
-        let targets = targets::TargetsArgs::augment_args(clap::Command::new(TARGETS))
+        let targets = coverage::TargetsArgs::augment_args(clap::Command::new(TARGETS))
             .about("Targets at range: beams on a car, a child, a tyre by distance and bearing, the first detection");
-        let redundancy = shared::RedundancyArgs::augment_args(clap::Command::new(REDUNDANCY))
+        let redundancy = coverage::RedundancyArgs::augment_args(clap::Command::new(REDUNDANCY))
             .about("Voxels, ground and targets that no, one, two, three and more LiDARs see");
-        let overlap = shared::OverlapArgs::augment_args(clap::Command::new(OVERLAP))
+        let overlap = coverage::OverlapArgs::augment_args(clap::Command::new(OVERLAP))
             .about("Surfaces and directions that pairs of LiDARs share, and which LiDARs cannot be calibrated by pairs");
-        let sweep = sweep::SweepArgs::augment_args(clap::Command::new(SWEEP)).about(
+        let sweep = sensitivity::SweepArgs::augment_args(clap::Command::new(SWEEP)).about(
             "One pose field of one LiDAR moved through a range: scores, requirements, rules",
         );
-        let tolerance = room::RoomArgs::augment_args(clap::Command::new(TOLERANCE))
+        let tolerance = sensitivity::RoomArgs::augment_args(clap::Command::new(TOLERANCE))
             .about("How far each LiDAR may be off until a requirement breaks, and which one");
         StudyArgs::augment_args(command)
             .subcommand(near)
@@ -176,12 +176,12 @@ fn kinds() -> impl TypedValueParser<Value = Kind> {
 pub fn run(command: &StudyCommand) -> Result<Exit, RunError> {
     match command {
         StudyCommand::Make(args) => make(args),
-        StudyCommand::NearField(args) => near_field::run(args),
-        StudyCommand::Targets(args) => targets::run(args),
-        StudyCommand::Redundancy(args) => shared::run_redundancy(args),
-        StudyCommand::Overlap(args) => shared::run_overlap(args),
-        StudyCommand::Sweep(args) => sweep::run(args),
-        StudyCommand::Room(args) => room::run(args),
+        StudyCommand::NearField(args) => coverage::run_near_field(args),
+        StudyCommand::Targets(args) => coverage::run_targets(args),
+        StudyCommand::Redundancy(args) => coverage::run_redundancy(args),
+        StudyCommand::Overlap(args) => coverage::run_overlap(args),
+        StudyCommand::Sweep(args) => sensitivity::run_sweep(args),
+        StudyCommand::Room(args) => sensitivity::run_room(args),
     }
 }
 

@@ -8,12 +8,10 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
+use super::output::{Exit, say};
 use crate::Note;
 use crate::files::remove_temporaries;
 use crate::runs::{Bar, RunError, Watcher};
-
-use super::exit::Exit;
-use super::output::say;
 
 /// How much is said on stderr.
 #[derive(clap::Args, Debug, Clone, Copy)]

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::ground::{Cell, Cells};
 use super::zone::BlindZone;
-use super::{CELL, Footprint, NEAR, NearFieldError, Pole, RING, WheelPlane, poles};
+use super::{CELL, Footprint, NEAR, NearFieldError, Pole, RING, WheelPlane, ground};
 use crate::bvh::Hit;
 use crate::engine::{Backend, BackendError};
 use crate::geom::Pose;
@@ -178,7 +178,7 @@ impl NearSite {
             self.add_frame(&mut sums, &batch, &poses, &hits, (*weight, ground));
         }
         let poses = batch.ego_from_sensors(0);
-        let poles = poles::count(&self.footprint, &batch, &poses, self.problem.body());
+        let poles = ground::count(&self.footprint, &batch, &poses, self.problem.body());
         Ok(self.result(placement, sums, poles))
     }
 

@@ -2,7 +2,7 @@
 //! for each thing that was measured.
 
 use super::ScoreColumn;
-use super::sweep::lost;
+use super::study::lost;
 use crate::csv::{csv, number};
 use crate::job::{Room, RoomOfSide, Sweep};
 use crate::near_field::{NearField, Standard};
@@ -72,7 +72,7 @@ pub fn near_field_csv(all: &[NearField]) -> String {
         row.extend([near.blind_area, zone.area].map(number));
         row.extend([zone.ahead, zone.behind, zone.left, zone.right].map(number));
         for (standard, _) in Standard::ALL {
-            row.extend(super::near_field::seen_of(near, standard).map(|count| count.to_string()));
+            row.extend(super::coverage::seen_of(near, standard).map(|count| count.to_string()));
         }
         row.push(joined(near.beams.iter().map(|beams| beams.own)));
         row

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::given::{Given, published};
 use super::inputs::Files;
+use super::inputs::{Given, published};
 use super::{Computing, RunError, opening};
 use crate::audit::{AUDIT_FRAMES, AUDIT_PARTS, Audit, AuditEvent, audit};
 use crate::score::Objective;

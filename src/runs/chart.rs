@@ -6,14 +6,12 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::given::{Given, name_published};
-use super::inputs::Files;
+use super::inputs::{Files, Given, name_published};
 use super::{Bar, Computing, GRACE, RunError, Watcher, opening};
 use crate::chart::{Chart, ChartObserver, ChartSettings, ChartState, chart};
 use crate::files::{Input, RunDir, Session, safe_names};
 use crate::report::chart::fidelity_svg;
-use crate::report::chart_table::{ChartFrame, fidelity_csv};
-use crate::report::chart_words::chart_words;
+use crate::report::chart_text::{ChartFrame, chart_words, fidelity_csv};
 use crate::vehicle::{read_placements, table_7};
 
 /// Charts to be made, or one to go on with.

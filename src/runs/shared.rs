@@ -4,11 +4,10 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::given::Given;
-use super::inputs::{Files, note_repeated};
-use super::opening::{self, LoadTimes, Loaded};
-use super::targets::named;
-use super::{Computing, GRACE, RunError};
+use super::coverage::named;
+use super::inputs::{Files, Given, note_repeated};
+use super::opening::{LoadTimes, Loaded};
+use super::{Computing, GRACE, RunError, opening};
 use crate::files::Session;
 use crate::job::Job;
 use crate::scan::conditions::{Condition, in_words};

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::given::Given;
-use super::inputs::{Files, can_be_read, note_repeated};
+use super::inputs::{Files, Given, can_be_read, note_repeated};
 use super::{Bar, Computing, GRACE, RunError, Watcher, opening};
-use crate::files::{self, Input, RunDir, holds_run, is_forced, safe_names};
+use crate::files;
+use crate::files::{Input, RunDir, holds_run, is_forced, safe_names};
 use crate::report::study::study_plot;
 use crate::scan::conditions::{Condition, in_words};
 use crate::scene::Scene;

@@ -3,33 +3,26 @@
 //! All scores are "larger is better". Sums over covered voxels are means over frames: with c(v) the
 //! share of frames in which voxel v is covered, N = Σ c(v) and every Σ is weighted by c(v).
 
-mod bootstrap;
 pub(crate) mod guard;
-mod needed;
 mod objective;
 pub(crate) mod over_scenes;
-pub(crate) mod ranking;
 pub(crate) mod standing;
-mod tasks;
 
 use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
 
 use crate::problem::{Content, Entropy, Tally};
 use crate::targets::{CAR_WEIGHT, RangeCard};
+use objective::Tasks;
 
-pub use bootstrap::Interval;
-pub(crate) use bootstrap::bootstrap;
 pub use guard::Guard;
-pub(crate) use guard::MOST_SELF_HITS;
-pub(crate) use guard::{guards_of, reference_layout, short_sight};
-pub use needed::Needed;
+pub(crate) use guard::{MOST_SELF_HITS, guards_of, reference_layout, short_sight};
 pub(crate) use objective::{NEAR_GAIN, NEAR_GAINS};
 pub use objective::{Objective, ObjectiveError};
-pub(crate) use over_scenes::totals;
-pub(crate) use ranking::{kendall_tau, mean_height, spearman};
-pub(crate) use standing::Standing;
-use tasks::Tasks;
+pub use over_scenes::Interval;
+pub(crate) use over_scenes::{bootstrap, totals};
+pub use standing::Needed;
+pub(crate) use standing::{Standing, kendall_tau, mean_height, spearman};
 
 /// Scores of one task, segmentation or detection, which tell classes apart differently.
 ///

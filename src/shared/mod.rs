@@ -21,7 +21,6 @@
 //! | `field_of_view` | the directions that a sensor looks into |
 //! | `overlap` | shared voxels and directions of pairs, and whether pairs connect all LiDARs |
 
-mod cones;
 mod counts;
 mod field_of_view;
 mod overlap;

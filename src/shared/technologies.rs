@@ -5,8 +5,8 @@ use std::sync::OnceLock;
 use glam::DVec3;
 use serde::Serialize;
 
-use super::cones::{Box3, Cones, blocked_share};
 use super::counts::{SeenByTechnologies, Sets, Sums, bits};
+use super::field_of_view::{Box3, Cones, blocked_share};
 use crate::near_field::NearSite;
 use crate::problem::{Frame, Problem};
 use crate::targets::PlacedTarget;

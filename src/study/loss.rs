@@ -1,13 +1,14 @@
 //! The loss of one LiDAR: the score after it, and the placement that loses least.
 
-use super::cases::Cases;
+use sightline_cma::{Cma, CmaOptions};
+
 use super::scene::StudyScene;
+use super::table::Cases;
 use super::{Row, StudyError, Table, TablePlot};
 use crate::score::{Scores, Seen};
 use crate::search::{Evaluator, SearchError};
 use crate::targets::{BlindSector, RangeCard};
 use crate::vehicle::{Constraints, Placement};
-use sightline_cma::{Cma, CmaOptions};
 
 /// Step size at the start, as a share of each range.
 const STEP_SIZE: f64 = 0.3;

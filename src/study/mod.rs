@@ -10,42 +10,25 @@
 //! | `rig` | sensors of a vehicle for the budget, whose placements are searched |
 //! | `voxels`, `transfer`, `published` | other voxels, other scenes, the published results |
 
-mod cases;
-mod columns;
-mod cost;
-mod error;
-mod height;
-mod kind;
 mod lidars;
 mod loss;
-mod mean;
 mod published;
-mod random;
-mod region;
 mod regions;
-mod rig;
 mod scene;
 mod sensors;
 mod settings;
 mod table;
-mod tasks;
 mod transfer;
-mod voxels;
-mod weather;
 
 use crate::job::JobScene;
-
-pub use cases::StudyObserver;
-pub use error::StudyError;
-pub use kind::Kind;
-pub use mean::mean_over_scenes;
-pub use region::Subregion;
-pub use settings::StudySettings;
-pub(crate) use table::{REQUIREMENTS, TablePlot};
-pub use table::{Row, Table};
-
-use cases::Cases;
 use scene::StudyScene;
+use table::Cases;
+
+pub use regions::Subregion;
+pub use settings::{Kind, StudyError, StudySettings};
+pub(crate) use table::{REQUIREMENTS, TablePlot};
+pub use table::{Row, StudyObserver, Table};
+pub use transfer::mean_over_scenes;
 
 /// Makes a study of scenes, with frames and weather of the settings in place of their own: several for [`Kind::Transfer`], one
 /// for all others. [`Kind::Weather`] looks at each condition of the settings for itself.
@@ -74,15 +57,15 @@ pub fn study(
     let cases = &mut cases;
     let table = match kind {
         Kind::Lidars => lidars::lidars(one, cases),
-        Kind::Cost => cost::cost(one, cases),
+        Kind::Cost => lidars::cost(one, cases),
         Kind::Channels => sensors::channels(one, cases),
-        Kind::Voxels => voxels::voxels(one, cases),
-        Kind::Random => random::random(one, cases),
-        Kind::Tasks => tasks::tasks(one, cases),
-        Kind::Height => height::height(one, cases),
+        Kind::Voxels => published::voxels(one, cases),
+        Kind::Random => published::random(one, cases),
+        Kind::Tasks => regions::tasks(one, cases),
+        Kind::Height => published::height(one, cases),
         Kind::Regions => regions::regions(one, cases),
         Kind::Loss => loss::loss(one, cases),
-        Kind::Weather => weather::weather(one, cases),
+        Kind::Weather => sensors::weather(one, cases),
         Kind::Transfer => transfer::transfer(&scenes, cases),
         Kind::Published => published::published(one, cases),
     };

@@ -2,8 +2,8 @@
 
 use std::cell::OnceCell;
 
-use super::columns::check_distinct;
-use super::rig::SearchSpace;
+use super::lidars::SearchSpace;
+use super::table::check_distinct;
 use super::{Kind, Row, StudyError, StudyObserver, StudySettings};
 use crate::engine::BackendError;
 use crate::job::{Job, JobError, JobScene};

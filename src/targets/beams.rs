@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::finder::BeamFinder;
+use super::card::BeamFinder;
 use crate::bvh::{Hit, Ray};
 use crate::cast::closest_hit_in;
 use crate::geom::Pose;

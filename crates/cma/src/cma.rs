@@ -9,11 +9,10 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::BoundTransform;
-use crate::error::{MAX_POPULATION, check_length};
-use crate::options::{Candidate, CandidateOrigin};
+use crate::options::{Candidate, CandidateOrigin, MAX_POPULATION, check_length};
 use crate::state::{Roots, SearchDistribution};
 use crate::stop::CostHistory;
-use crate::{CmaError, CmaOptions, Constants, StopReason, maths};
+use crate::{CmaError, CmaOptions, Constants, StopReason, constants};
 
 /// Largest condition number of C whose decomposition is trusted.
 const MAX_CONDITION: f64 = 1e14;
@@ -212,8 +211,10 @@ impl Cma {
         let samples = self.constants.population - candidates.len();
         let z = DMatrix::from_fn(n, samples, |_, _| normal(&mut rng));
         // Eqs. 38 to 40: x = m + σ C^(1/2) z.
-        let y =
-            self.roots.as_ref().map_or_else(|| z.clone(), |roots| maths::product(&roots.root, &z));
+        let y = self
+            .roots
+            .as_ref()
+            .map_or_else(|| z.clone(), |roots| constants::product(&roots.root, &z));
         candidates.extend(y.column_iter().zip(z.column_iter()).map(|(y, z)| {
             let x = &self.state.mean + y * self.state.step_size;
             let (point, length) = (self.point_of(x.as_slice()), z.norm_squared());
@@ -304,7 +305,8 @@ impl Cma {
         }
         let n = self.constants.n as f64;
         let longest = n.sqrt() + 2.0 * n / (n + 2.0);
-        let length = maths::apply(&roots.inverse_root, &DVector::from_column_slice(step)).norm();
+        let length =
+            constants::apply(&roots.inverse_root, &DVector::from_column_slice(step)).norm();
         if length > longest {
             step.iter_mut().for_each(|y| *y *= longest / length);
         }

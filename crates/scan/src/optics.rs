@@ -2,11 +2,12 @@
 //!
 //! A surface's share of the light depends on its class and its object.
 
-use crate::NO_INSTANCE;
-use crate::chance::{Chance, Purpose};
-use crate::conditions::{self, Weather};
 use sightline_scene::scene::{Reflectances, Scene};
 use sightline_scene::vehicle::Response;
+
+use crate::conditions::Weather;
+use crate::fires::{Chance, Purpose};
+use crate::{NO_INSTANCE, conditions};
 
 /// Standard deviations of the threshold beyond which nothing is left to chance.
 const CERTAIN: f64 = 5.0;

@@ -1,16 +1,15 @@
 //! From the surfaces that a beam meets to the returns that the sensor reports: power, threshold, noise, echoes.
 
 use glam::{DVec3, Vec3};
+use sightline_scene::vehicle::Echoes;
 
-use crate::chance::{Chance, Purpose};
 use crate::conditions::{Flake, JoinedEcho};
-use crate::fires::BeamPlace;
+use crate::fires::{BeamPlace, Chance, Purpose};
 use crate::optics::{Optics, is_seen};
 use crate::rim::{RAYS, Rims, ray_share};
 use crate::station::SurfaceHit;
 use crate::sweep::{FiredBeams, Sweeper};
 use crate::{NO_CLASS, NO_INSTANCE, Return, Status};
-use sightline_scene::vehicle::Echoes;
 
 /// Power in units of the threshold at which the noise begins to grow, and how far it grows.
 const STRONG: f64 = 9.0;

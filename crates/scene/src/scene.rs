@@ -9,7 +9,6 @@
 mod classes;
 mod description;
 mod doubts;
-mod own;
 mod parts;
 mod polygon;
 mod reading;
@@ -19,23 +18,21 @@ mod shapes;
 mod solid;
 pub mod street;
 mod target;
-#[cfg(test)]
-mod tests;
 
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use glam::DVec3;
+use lidar_cast::geom::{Pose, TriangleSoup};
+use sightline_files::json::check;
+use sightline_files::{Note, json};
 
 use crate::vehicle::{Constraints, Lidar, MountRules, SensorError, Sensors, Vehicle};
 use classes::Classes;
 use description::{ActorDescription, EgoDescription, ShapeDescription};
-use lidar_cast::geom::{Pose, TriangleSoup};
-use own::{OwnBodies, OwnBody};
+use parts::{OwnBodies, OwnBody};
 use route::Motion;
 use shapes::Builder;
-use sightline_files::Note;
-use sightline_files::json::{self, check};
 use solid::Solid;
 
 pub use classes::{ActorKind, DEFAULT_CLASSES, Ground, Reflectances};
@@ -349,3 +346,6 @@ impl Scene {
         soup
     }
 }
+
+#[cfg(test)]
+mod tests;

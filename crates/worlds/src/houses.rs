@@ -5,8 +5,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::mask::{HOUSE, Mask, ROAD, THING, WALK};
-use crate::model::{GroundRect, Model, class};
-use crate::network::{Network, Street, left_of};
+use crate::network::{GroundRect, Model, Network, Street, class, left_of};
 use crate::style::Style;
 use crate::surfaces::Terrain;
 

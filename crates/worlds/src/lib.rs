@@ -9,9 +9,7 @@
 
 mod fleet;
 mod houses;
-mod kinds;
 mod mask;
-mod model;
 mod network;
 mod opendrive;
 mod population;

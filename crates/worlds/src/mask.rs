@@ -6,8 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DVec2, DVec3};
 
-use crate::model::class;
-use crate::network::Network;
+use crate::network::{Network, class};
 
 /// Bits of a cell.
 pub const ROAD: u8 = 1;

@@ -3,8 +3,8 @@
 use glam::{DVec2, DVec3};
 
 use super::mask::{CELL, Mask, ROAD, THING, WALK};
-use super::model::{Model, class};
 use super::network::{MapShape, Network, Strip, StripUse};
+use crate::network::{Model, class};
 
 /// Metres of terrain around the network.
 const MARGIN: f64 = 70.0;

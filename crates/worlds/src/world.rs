@@ -3,20 +3,19 @@
 use std::path::Path;
 
 use glam::DVec2;
+use lidar_cast::geom::TriangleSoup;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use sightline_files::Note;
 
 use crate::houses::Houses;
 use crate::mask::{HOUSE, MapObjects, ROAD, THING, WALK};
-use crate::model::{GroundRect, Model, class};
-use crate::network::{Line, Network, left_of};
+use crate::network::{GroundRect, Line, Model, Network, class, left_of};
 use crate::population::{Population, PopulationSettings};
 use crate::style::{Style, WorldKind};
-use crate::surfaces::{self, Terrain};
+use crate::surfaces::Terrain;
 use crate::things::StreetFurniture;
-use crate::{kinds, opendrive};
-use lidar_cast::geom::TriangleSoup;
-use sightline_files::Note;
+use crate::{opendrive, style, surfaces};
 
 /// Frames a second of all worlds.
 pub const RATE: f64 = 10.0;
@@ -79,8 +78,8 @@ fn lot(seed: u64, step: u64) -> ChaCha8Rng {
 /// No way is long enough for that many frames.
 pub fn generate(kind: WorldKind, seed: u64, frames: usize) -> Result<GeneratedWorld, WorldError> {
     let mut rng = lot(seed, kind as u64 + 1);
-    let mut network = kinds::plan(kind, &mut rng).network();
-    network.lift(kinds::relief(kind, &mut rng));
+    let mut network = style::plan(kind, &mut rng).network();
+    network.lift(style::relief(kind, &mut rng));
     let mut style = kind.style();
     // Two worlds of a kind differ in how full they are, too.
     let fill = 0.6 + 0.8 * rand::RngExt::random_range(&mut rng, 0.0..1.0);

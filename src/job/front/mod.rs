@@ -15,7 +15,6 @@
 mod axis;
 mod pareto;
 mod pool;
-mod state;
 mod sweep;
 
 use std::fmt;
@@ -27,13 +26,12 @@ use super::{Job, JobError};
 use crate::score::{Objective, Scores};
 use crate::search::{Observer, SceneScores, TimeLimit};
 use crate::vehicle::Placement;
+use pareto::{FrontProgress, Objectives, knee};
+use pool::{FrontCandidate, Pool};
+use sweep::{End, FrontSweep, PoseCaster};
 
 pub use axis::{FrontError, FrontObjective, FrontObjectives};
-use pareto::{Objectives, knee};
-use pool::{FrontCandidate, Pool};
-use state::FrontProgress;
-pub use state::FrontState;
-use sweep::{End, FrontSweep, PoseCaster};
+pub use pareto::FrontState;
 
 /// Share of the time limit for the choices of sensors: half where poses are searched afterwards, else nearly all.
 const CHOICES_SHARE: [f64; 2] = [0.4, 0.85];

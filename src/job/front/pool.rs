@@ -2,8 +2,7 @@
 
 use std::collections::HashSet;
 
-use super::pareto::{Objectives, front};
-use super::state::{FrontProgress, FrontState};
+use super::pareto::{FrontProgress, FrontState, Objectives, front};
 use super::sweep::{Chosen, End, spread};
 use super::{Front, FrontObjective, FrontObjectives, FrontStopped, is_over, picks, point};
 use crate::job::{Job, JobError, JobStep};

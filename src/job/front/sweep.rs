@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 
-use super::state::{FrontProgress, FrontState};
+use super::pareto::{FrontProgress, FrontState};
 use super::{FrontObjective, FrontObjectives};
 use crate::score::Objective;
 use crate::search::{

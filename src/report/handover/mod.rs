@@ -9,9 +9,7 @@
 //! | `legend` | words beside the views |
 
 mod draw;
-mod legend;
 mod sheet;
-mod views;
 
 #[cfg(test)]
 mod tests;
@@ -56,7 +54,7 @@ pub(crate) struct DrawnRig<'a> {
 impl DrawnRig<'_> {
     /// The drawing on a sheet of A3, across.
     pub(crate) fn drawing(&self) -> Drawing {
-        let views = views::Views::of(self);
+        let views = sheet::Views::of(self);
         let sheet = sheet::Sheet::of(&views, self.lidars.len());
         let mut drawing = Drawing::new(
             sheet::A3,
@@ -69,7 +67,7 @@ impl DrawnRig<'_> {
         draw::side(&mut drawing, self, &views, &sheet);
         draw::front(&mut drawing, self, &views, &sheet);
         draw::scale_bar(&mut drawing, &sheet);
-        legend::draw(&mut drawing, self, &sheet);
+        draw::draw(&mut drawing, self, &sheet);
         drawing
     }
 }

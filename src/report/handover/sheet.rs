@@ -1,7 +1,13 @@
 //! Places of the views on the sheet, at the largest usual scale that fits.
 
-use super::views::{Flat, View, Views};
-use crate::report::drawing::Point;
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
+
+use super::{DrawnLidar, DrawnRig};
+use crate::maths;
+use crate::near_field::{Footprint, NearField};
+use crate::report::drawing::{Point, outline};
 
 /// A3 across, millimetres.
 pub(super) const A3: [f64; 2] = [420.0, 297.0];
@@ -110,4 +116,159 @@ impl Sheet {
             bar: [EDGE, second + BELOW + BAR],
         }
     }
+}
+
+/// Metres that fields of view are drawn to.
+pub(super) const REACH: f64 = 2.0;
+/// Metres from the body that the blind zone is drawn to.
+pub(super) const DRAWN: f64 = 5.0;
+/// Most radians between two corners of a field of view.
+const STEP: f64 = PI / 36.0;
+/// Metres around everything in a view.
+const AROUND: f64 = 0.3;
+
+pub(super) type Flat = [f64; 2];
+/// Corners of the fields of view of a LiDAR, each with its number.
+type Fans<'a> = &'a dyn Fn(usize, &DrawnLidar) -> Vec<(usize, Vec<DVec3>)>;
+
+/// One view: what it shows in metres.
+pub(super) struct View {
+    /// Metres to the right and upwards of a point of the ego frame.
+    pub flat: fn(DVec3) -> Flat,
+    /// Outline of the body, holes among its loops.
+    pub outline: Vec<Vec<Flat>>,
+    /// Fields of view: number of the LiDAR and the corners around it.
+    pub fans: Vec<(usize, Vec<Flat>)>,
+    /// Corners of the box around everything.
+    pub low: Flat,
+    pub high: Flat,
+}
+
+/// All views, and the blind zone as far as it is drawn.
+pub(super) struct Views {
+    pub top: View,
+    pub side: View,
+    pub front: View,
+    pub zone: Vec<Flat>,
+}
+
+/// Ahead is to the right, left is up.
+fn above(point: DVec3) -> Flat {
+    [point.x, point.y]
+}
+
+/// From the right side: ahead is to the right.
+fn aside(point: DVec3) -> Flat {
+    [point.x, point.z]
+}
+
+/// From ahead: the vehicle's left is to the right.
+fn ahead(point: DVec3) -> Flat {
+    [point.y, point.z]
+}
+
+impl Views {
+    pub fn of(rig: &DrawnRig<'_>) -> Self {
+        let zone = match &rig.near {
+            Ok((footprint, near)) => zone(footprint, near),
+            Err(_) => Vec::new(),
+        };
+        let level = |k: usize, lidar: &DrawnLidar| vec![(k, horizontal(lidar))];
+        let upright = |axis: DVec3| {
+            move |k: usize, lidar: &DrawnLidar| {
+                let both = [axis, -axis].into_iter().filter_map(|towards| vertical(lidar, towards));
+                both.map(|fan| (k, fan)).collect::<Vec<_>>()
+            }
+        };
+        let mut views = Self {
+            top: View::of(rig, above, &level, &zone),
+            side: View::of(rig, aside, &upright(DVec3::X), &[[0.0; 2]]),
+            front: View::of(rig, ahead, &upright(DVec3::Y), &[[0.0; 2]]),
+            zone,
+        };
+        // The views from above and from the right stand one over the other, those upright side by side.
+        let (low, high) =
+            ([views.top.low[0], views.side.low[0]], [views.top.high[0], views.side.high[0]]);
+        (views.top.low[0], views.side.low[0]) = (low[0].min(low[1]), low[0].min(low[1]));
+        (views.top.high[0], views.side.high[0]) = (high[0].max(high[1]), high[0].max(high[1]));
+        let (low, high) =
+            ([views.front.low[1], views.side.low[1]], [views.front.high[1], views.side.high[1]]);
+        (views.front.low[1], views.side.low[1]) = (low[0].min(low[1]), low[0].min(low[1]));
+        (views.front.high[1], views.side.high[1]) = (high[0].max(high[1]), high[0].max(high[1]));
+        views
+    }
+}
+
+impl View {
+    fn of(rig: &DrawnRig<'_>, flat: fn(DVec3) -> Flat, fans: Fans<'_>, more: &[Flat]) -> Self {
+        let corner = |corner: [f32; 3]| flat(DVec3::from(corner.map(f64::from)));
+        let body: Vec<[Flat; 3]> = rig.body.iter().map(|t| t.map(corner)).collect();
+        let fans = rig.lidars.iter().enumerate().flat_map(|(k, lidar)| fans(k, lidar));
+        let fans: Vec<(usize, Vec<Flat>)> =
+            fans.map(|(k, fan)| (k, fan.into_iter().map(flat).collect())).collect();
+        let outline = outline(&body);
+        let mounts = rig.mounts.iter().flat_map(|mount| mount.corners);
+        let points = outline
+            .iter()
+            .chain(fans.iter().map(|(_, fan)| fan))
+            .flatten()
+            .copied()
+            .chain(more.iter().copied())
+            .chain(mounts.map(|corner| flat(corner.into())))
+            .chain(rig.lidars.iter().map(|lidar| flat(lidar.pose.position())));
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for point in points {
+            for k in 0..2 {
+                low[k] = low[k].min(point[k] - AROUND);
+                high[k] = high[k].max(point[k] + AROUND);
+            }
+        }
+        Self { flat, outline, fans, low, high }
+    }
+}
+
+/// A direction in the sensor's frame by azimuth and elevation.
+fn direction(azimuth: f64, elevation: f64) -> DVec3 {
+    let ((sin_a, cos_a), (sin_e, cos_e)) = (maths::sin_cos(azimuth), maths::sin_cos(elevation));
+    DVec3::new(cos_e * cos_a, cos_e * sin_a, sin_e)
+}
+
+/// Angles from one to another in steps of at most [`STEP`], both among them.
+fn steps(from: f64, width: f64) -> impl Iterator<Item = f64> {
+    let count = (width / STEP).ceil().max(1.0);
+    (0..=count as u32).map(move |k| from + width * f64::from(k) / count)
+}
+
+/// The field of view in the sensor's own plane, around the LiDAR where it is a sector.
+pub(super) fn horizontal(lidar: &DrawnLidar) -> Vec<DVec3> {
+    let sector = lidar.view.sector();
+    let [from, width] = sector.unwrap_or([0.0, TAU]);
+    let end = |azimuth| lidar.ego_from_sensor.apply(REACH * direction(azimuth, 0.0));
+    let middle = sector.map(|_| lidar.ego_from_sensor.apply(DVec3::ZERO));
+    middle.into_iter().chain(steps(from, width).map(end)).collect()
+}
+
+/// The field of view in the upright plane that holds a direction of the ego frame, on its side; `None` where the
+/// sensor does not look there.
+pub(super) fn vertical(lidar: &DrawnLidar, towards: DVec3) -> Option<Vec<DVec3>> {
+    let pose = &lidar.ego_from_sensor;
+    let towards = pose.rotation.transpose() * towards;
+    let azimuth = maths::atan2(towards.y, towards.x);
+    let [low, high] = lidar.view.elevations(azimuth)?;
+    let end = |elevation| pose.apply(REACH * direction(azimuth, elevation));
+    let corners = std::iter::once(pose.apply(DVec3::ZERO));
+    Some(corners.chain(steps(low, high - low).map(end)).collect())
+}
+
+/// Corners of the blind zone, those farther than [`DRAWN`] from the body moved there.
+fn zone(footprint: &Footprint, near: &NearField) -> Vec<Flat> {
+    let middle = footprint.middle();
+    let corner = |[x, y]: &Flat| {
+        let (x, y) = (x - middle[0], y - middle[1]);
+        let radius = maths::hypot(x, y);
+        let reach = footprint.reach([x / radius, y / radius]);
+        let share = radius.min(reach + DRAWN) / radius;
+        [middle[0] + share * x, middle[1] + share * y]
+    };
+    near.zone.polygon.iter().map(corner).collect()
 }

@@ -14,16 +14,9 @@
 //! | `repeat` | the command that makes the page again, and every setting |
 //! | `parts` | tables and bars |
 
-mod figures;
-mod front;
-mod gains;
 mod layout;
-mod parts;
-mod repeat;
-mod required;
 mod scores;
 mod search;
-mod stage;
 mod subject;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -31,9 +24,9 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use super::targets::{range_card_rows, range_card_svg};
 use super::{RunRecord, spread_in_words};
 use crate::scan::conditions::under;
-pub use figures::{Figures, Looks};
-pub use front::front_html;
-pub use subject::Subject;
+
+pub use search::front_html;
+pub use subject::{Figures, Looks, Subject};
 
 /// The page of a run: the result in a sentence and a picture, then all that is known of it.
 pub fn report_html(run: &RunRecord, figures: &Figures) -> String {
@@ -77,9 +70,9 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                     @if !rest.is_empty() { p { (rest) } }
                 }
                 main {
-                    (required::required(subject))
-                    (stage::stage(subject, figures))
-                    (required::usual(subject))
+                    (scores::required(subject))
+                    (layout::stage(subject, figures))
+                    (scores::usual(subject))
                     @if let Some(words) = run.and_then(|run| run.equipment.as_ref()) { p { "Equipment: " (words) "." } }
                     @if let Some(words) = run.and_then(spread_in_words) { p { (words) } }
                     @if let Some(phases) = run.and_then(|run| run.phases.as_ref()) { p { (phases.words) } }
@@ -87,16 +80,16 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                     (scores::against(subject, run))
                     (scores::guards(subject))
                     (layout::layout(subject, figures, run))
-                    (gains::gains(subject, figures))
+                    (scores::gains(subject, figures))
                     (near_field(figures))
                     (maps(figures))
                     (scores::scores(subject))
                     (scores::scenes(subject))
                     @if let Some(run) = run { (search::search(run, figures)) }
-                    (repeat::repeat(subject, run))
+                    (search::repeat_repeat(subject, run))
                 }
                 footer { p { "Made by sightline " (env!("CARGO_PKG_VERSION")) "." } }
-                (stage::script(figures))
+                (layout::script(figures))
             }
         }
     }
@@ -121,7 +114,7 @@ fn range_card(subject: &Subject<'_>) -> Markup {
     };
     let rows = range_card_rows(card);
     let titles: Vec<&str> = rows[0].iter().map(String::as_str).collect();
-    let cells = |row: &Vec<String>| (false, row.iter().map(parts::text).collect());
+    let cells = |row: &Vec<String>| (false, row.iter().map(layout::text).collect());
     html! {
         section aria-labelledby="range" {
             h2 #range { "Range card" }
@@ -137,9 +130,9 @@ fn range_card(subject: &Subject<'_>) -> Markup {
                  straight ahead."
             }
             div.polar {
-                (parts::figure(&range_card_svg(&best.placement.name, card), "Distances at which targets are met"))
+                (layout::figure(&range_card_svg(&best.placement.name, card), "Distances at which targets are met"))
             }
-            (parts::table("Metres at which a target is met", &titles, &rows[1..].iter().map(cells).collect::<Vec<_>>()))
+            (layout::table("Metres at which a target is met", &titles, &rows[1..].iter().map(cells).collect::<Vec<_>>()))
         }
     }
 }
@@ -157,7 +150,7 @@ fn near_field(figures: &Figures) -> Markup {
                         @if figures.views.len() > 1 { " over the first scene" }
                         "."
                     }
-                    (parts::figure(svg, "Blind zone from above"))
+                    (layout::figure(svg, "Blind zone from above"))
                 }
                 Err(why) => p { "Not drawn: " (why) "." }
             }
@@ -177,7 +170,7 @@ fn maps(figures: &Figures) -> Markup {
                 }
                 @for (scene, map) in &figures.maps {
                     @if figures.maps.len() > 1 { h3 { (scene) } }
-                    div.paper { (parts::figure(map, "Information gained, from above")) }
+                    div.paper { (layout::figure(map, "Information gained, from above")) }
                 }
             }
         }

@@ -1,7 +1,20 @@
 //! Subject of a page.
 
-use crate::report::{RunRecord, SceneRecord, judged, verdict};
-use crate::search::Scored;
+use std::sync::Arc;
+
+use crate::engine::{BackendError, EngineChoice, open};
+use crate::job::Job;
+use crate::near_field::{Footprint, NearField, NearSite};
+use crate::problem::{Problem, spread};
+use crate::report::coverage::near_field_svg;
+use crate::report::targets::range_card_svg;
+use crate::report::view::ViewData;
+use crate::report::{
+    InformationMap, RunRecord, SceneRecord, convergence_svg, judged, placement_svg, verdict,
+};
+use crate::scene::Scene;
+use crate::search::{GenerationRecord, Member, Scored, Suite};
+use crate::vehicle::{Constraints, Placement};
 
 /// Subject of a page, whether it was searched for or given.
 #[derive(Debug, Clone)]
@@ -62,5 +75,166 @@ impl<'a> Subject<'a> {
     /// The best baseline that keeps all rules.
     pub(super) fn rival(&self) -> Option<&'a Scored> {
         Scored::yardstick(self.baselines)
+    }
+}
+
+/// Frames that the near field is taken over.
+const NEAR_FRAMES: u32 = 4;
+
+/// Figures that are computed of a placement for its page, beyond its scores.
+pub struct Looks {
+    /// Information that the placement gains, seen from above, by name of the scene.
+    maps: Vec<(String, InformationMap)>,
+    /// 3-D view of the placement in each scene.
+    views: Vec<ViewData>,
+    /// Ground near the vehicle in the first scene that placement and best baseline see, or why there is none.
+    near: Result<Near, String>,
+}
+
+/// Near fields of some placements around one body.
+struct Near {
+    footprint: Footprint,
+    /// Frames that they are taken over.
+    frames: usize,
+    all: Vec<(Placement, NearField)>,
+}
+
+impl Looks {
+    /// Looks at a placement and its baselines in the scenes of a job, whose suite is over all frames, on the CPU
+    /// within the memory of the job's engine.
+    ///
+    /// # Errors
+    /// Like [`open`] and the stages of the engine.
+    pub fn new(
+        job: &Job,
+        suite: &Suite,
+        placement: &Placement,
+        baselines: &[Scored],
+    ) -> Result<Self, BackendError> {
+        let choice = EngineChoice { memory: job.settings().engine.memory, ..EngineChoice::cpu() };
+        let rival = Scored::yardstick(baselines).map(|rival| &rival.placement);
+        let layouts: Vec<Placement> = baselines.iter().map(|b| b.placement.clone()).collect();
+        let (mut maps, mut views, mut ground) = (Vec::new(), Vec::new(), None);
+        let places: Vec<&Member> =
+            suite.members().iter().filter(|member| !member.is_mirrored()).collect();
+        for member in &places {
+            let (name, problem) = (member.name(), member.problem());
+            let scene = &**job.scenes()[member.scene()].scene();
+            // Much of either is work of one thread.
+            let (seen, near) = rayon::join(
+                || -> Result<_, BackendError> {
+                    let mut engine = open(problem.task(), &choice, |_| {})?.engine;
+                    let engine = &mut *engine;
+                    let map = InformationMap::of(problem, engine, placement)?;
+                    let count = places.len();
+                    let view = ViewData::new(scene, problem, engine, placement, &layouts, count)?;
+                    Ok((map, view))
+                },
+                || {
+                    let both = std::iter::once(placement).chain(rival);
+                    ground.is_none().then(|| near(scene, problem, &choice, both))
+                },
+            );
+            let (map, view) = seen?;
+            maps.push((name.to_owned(), map));
+            views.push(view);
+            ground = near.transpose()?.or(ground);
+        }
+        let near = ground.expect("a suite has a scene that is no mirror image");
+        Ok(Self { maps, views, near })
+    }
+}
+
+/// Near fields of placements over a few frames.
+fn near<'a>(
+    scene: &Scene,
+    problem: &Problem,
+    choice: &EngineChoice,
+    placements: impl Iterator<Item = &'a Placement>,
+) -> Result<Result<Near, String>, BackendError> {
+    // A P-SOG without geometry has no frame to cast into.
+    let frames = spread(problem.geometry_frame_count(), Some(NEAR_FRAMES));
+    let few = Arc::new(problem.over(&frames));
+    let site = match NearSite::new(scene, &few) {
+        Ok(site) => site,
+        Err(why) => return Ok(Err(why.to_string())),
+    };
+    let mut engine = open(few.task(), choice, |_| {})?.engine;
+    let look = |placement: &Placement| Ok((placement.clone(), site.look(&mut *engine, placement)?));
+    let all = placements.map(look).collect::<Result<Vec<_>, BackendError>>()?;
+    Ok(Ok(Near { footprint: site.footprint().clone(), frames: frames.len(), all }))
+}
+
+/// The drawings of a page, as SVG, and the data of its 3-D view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Figures {
+    /// Objective against evaluations; `None` without a search.
+    pub convergence: Option<String>,
+    /// The placement on the vehicle; `None` without a result.
+    pub placement: Option<String>,
+    /// Mount of each LiDAR, where mounts have names; `None` for one that stands on none.
+    pub mounts: Vec<Option<String>>,
+    /// Information gained, seen from above, with the name of each scene; empty without a result.
+    pub maps: Vec<(String, String)>,
+    /// The blind zone from above, or why it is not drawn.
+    pub near_field: Result<String, String>,
+    /// Frames that it is taken over.
+    pub near_frames: usize,
+    /// The 3-D view of each scene; empty without a result.
+    pub views: Vec<ViewData>,
+}
+
+impl Figures {
+    /// Draws a placement; `body` holds the ego body's triangles in the ego frame.
+    pub fn new(
+        shown: Option<&Scored>,
+        constraints: &Constraints,
+        body: &[[[f32; 3]; 3]],
+        looks: Option<Looks>,
+    ) -> Self {
+        let mounts = shown.map(|shown| constraints.mount_names(&shown.placement));
+        let mounts = mounts.unwrap_or_default().into_iter();
+        let none = Self {
+            mounts: mounts.map(|name| name.map(str::to_owned)).collect(),
+            convergence: None,
+            placement: shown.map(|shown| placement_svg(shown, constraints, body)),
+            maps: Vec::new(),
+            near_field: Err("there is no result".to_owned()),
+            near_frames: 0,
+            views: Vec::new(),
+        };
+        let Some((Looks { maps, views, near }, shown)) = looks.zip(shown) else { return none };
+        let near_frames = near.as_ref().map_or(0, |near| near.frames);
+        let near_field = near.map(|Near { footprint, all, .. }| {
+            let drawn: Vec<(&Placement, &NearField)> = all.iter().map(|(p, n)| (p, n)).collect();
+            near_field_svg(&footprint, &drawn)
+        });
+        let maps = maps.into_iter().map(|(name, map)| (name, map.svg(&shown.placement)));
+        Self { maps: maps.collect(), near_field, near_frames, views, ..none }
+    }
+
+    /// Every drawing with a name of its own; `result` is the placement that they show.
+    pub fn files(&self, result: Option<&Scored>) -> Vec<(String, String)> {
+        let mut all = Vec::new();
+        let mut add = |name: &str, svg: &str| all.push((name.to_owned(), svg.to_owned()));
+        self.placement.iter().for_each(|svg| add("placement", svg));
+        self.convergence.iter().for_each(|svg| add("convergence", svg));
+        if let Some((best, card)) = result.and_then(|b| Some((b, b.scores.range_card.as_ref()?))) {
+            add("range-card", &range_card_svg(&best.placement.name, card));
+        }
+        self.near_field.iter().for_each(|svg| add("near-field", svg));
+        for (scene, map) in &self.maps {
+            add(&format!("information-{scene}"), map);
+        }
+        all
+    }
+
+    /// Adds the convergence of a run.
+    pub fn with_search(mut self, run: &RunRecord, history: &[GenerationRecord]) -> Self {
+        let best = run.best.as_ref();
+        let steps = run.fidelity.as_ref().map_or(&[][..], |frames| &frames.steps);
+        let svg = convergence_svg(history, &run.objective, &run.baselines, best, steps);
+        self.convergence = Some(svg);
+        self
     }
 }

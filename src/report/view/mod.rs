@@ -8,8 +8,6 @@
 //! | `pack` | all of it as one JSON header and one run of bytes |
 //! | `view.js`, `gl.js` | the view itself, in the page |
 
-mod beams;
-mod pack;
 pub(crate) mod sight;
 mod world;
 
@@ -18,9 +16,9 @@ use crate::problem::{Problem, spread};
 use crate::psog::Roi;
 use crate::scene::Scene;
 use crate::vehicle::Placement;
-use beams::BeamEnds;
+use world::{BeamEnds, Things};
+
 pub use sight::{Gains, InformationView};
-use world::Things;
 
 /// Frames that the slider goes through at most, on a page of one scene and on one of several.
 const FRAMES: [u32; 2] = [12, 6];

@@ -10,10 +10,7 @@
 //! | `crop` | crop boxes of the own body for Autoware |
 //! | `readme` | the text about the folder |
 
-mod crop;
 mod mask;
-mod png;
-mod readme;
 mod rig;
 mod tables;
 
@@ -84,7 +81,7 @@ pub fn handover(
     let drawing = drawn(&rig).drawing();
     add("drawing.svg", drawing.svg().into_bytes());
     add("drawing.pdf", drawing.pdf());
-    if let Some(boxes) = crop::boxes(&rig, request.margin, request.base_link) {
+    if let Some(boxes) = mask::boxes(&rig, request.margin, request.base_link) {
         add("crop_boxes.yaml", boxes.into_bytes());
     }
     for (k, mask) in masks.iter().enumerate() {
@@ -94,7 +91,7 @@ pub fn handover(
         add(&format!("mask-{k}{mount}.png"), mask.png());
     }
     files.extend(profiles(&rig));
-    let readme = readme::text(&rig, request, &masks, files.iter().map(|(name, _)| &**name))?;
+    let readme = tables::text(&rig, request, &masks, files.iter().map(|(name, _)| &**name))?;
     files.insert(0, ("README.txt".to_owned(), readme.into_bytes()));
     if !computing.watcher.goes_on() {
         return Err(RunError::Interrupted(format!(

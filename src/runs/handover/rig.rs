@@ -9,10 +9,9 @@ use crate::geom::Pose;
 use crate::job::Job;
 use crate::near_field::{Footprint, NearField, NearSite};
 use crate::problem::SensorBatch;
-use crate::runs::given::Given;
-use crate::runs::inputs::{file_and_name, named_placements};
-use crate::runs::opening::{self, LoadTimes, Loaded};
-use crate::runs::{Computing, RunError};
+use crate::runs::inputs::{Given, file_and_name, named_placements};
+use crate::runs::opening::{LoadTimes, Loaded};
+use crate::runs::{Computing, RunError, opening};
 use crate::scene::{EgoBody, Scene};
 use crate::vehicle::{BeamTable, Placement, Sensors};
 

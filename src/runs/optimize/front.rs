@@ -6,15 +6,12 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::bars::Bars;
-use super::begun::Begun;
-use super::command::command;
-use super::record::{BETWEEN_CHECKPOINTS, TIMES, priced};
-use super::request::NewRun;
+use super::record::{BETWEEN_CHECKPOINTS, Bars, TIMES, priced};
+use super::request::{Begun, NewRun, command};
 use crate::files::{FileError, Input, RunDir, Session, command_of as command_in, read_own};
 use crate::job::{Front, FrontObjectives, FrontState, FrontStopped, Job};
 use crate::report::front::front_plot;
-use crate::report::word::word;
+use crate::report::words::word;
 use crate::report::{FrontContext, FrontRecord, front_html};
 use crate::runs::inputs::note_repeated;
 use crate::runs::{Computing, GRACE, RunError, Watcher, opening};

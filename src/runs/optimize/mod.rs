@@ -1,8 +1,5 @@
 //! A search in a run folder: begun or resumed, saved on the way, recorded at its end.
 
-mod bars;
-mod begun;
-mod command;
 mod front;
 mod record;
 mod request;
@@ -10,20 +7,19 @@ mod request;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-pub use front::{FrontStart, Fronted, front, holds_front};
-pub use request::{NewRun, OptimizeRequest, Start};
-
 use super::inputs::note_repeated;
-use super::{Computing, GRACE, RunError, figures, glb, opening};
+use super::{Computing, GRACE, RunError, opening, outputs};
 use crate::export::GltfView;
 use crate::files::{Input, RunDir, Session, holds_run};
 use crate::job::{Job, JobError, JobRun, JobState, JobStep};
 use crate::problem::Content;
 use crate::report::RunRecord;
 use crate::search::{Event, Outcome, Settings, TimeLimit};
-use bars::Bars;
-use begun::{Begun, RunCheckpoint};
-use record::{BETWEEN_CHECKPOINTS, RunSession, finish, read_spent, save};
+use record::{BETWEEN_CHECKPOINTS, Bars, RunSession, finish, read_spent, save};
+use request::{Begun, RunCheckpoint};
+
+pub use front::{FrontStart, Fronted, front, holds_front};
+pub use request::{NewRun, OptimizeRequest, Start};
 
 /// Record and folder of a finished search.
 #[derive(Debug)]
@@ -67,8 +63,8 @@ pub fn optimize(
         opening::note_frames(scene.scene(), request.frames, computing.watcher);
         inputs.extend(Input::of(scene.scene().files())?);
     }
-    glb::check(request.gltf.as_deref())?;
-    figures::wanted(request.figures.as_deref())?;
+    outputs::check_gltf(request.gltf.as_deref())?;
+    outputs::check_figures(request.figures.as_deref())?;
     if let Start::New(new) = &request.start {
         new.look(&mut settings, &*loaded.job.problem()?, computing)?;
     }
@@ -87,7 +83,7 @@ pub fn optimize(
         (folder, _) => folder.expect("a run that goes on has a folder"),
     };
     folder.check(&inputs)?;
-    figures::apart(request.figures.as_deref(), folder.path())?;
+    outputs::check_figures_apart(request.figures.as_deref(), folder.path())?;
     let run = begin(&job, going_on.take(), &folder)?;
     let (earlier, times) = (read_spent(&folder), loaded.times);
     let mut sitting =
@@ -211,6 +207,6 @@ impl RunSession<'_> {
         let Some(best) = &record.best else { return Ok(()) };
         let (scene, placements) = (&**self.job.scene(), std::slice::from_ref(&best.placement));
         let view = GltfView { scene, frame: 0, placements, points: &[] };
-        glb::write(self.request.gltf.as_deref(), self.computing.watcher, &view)
+        outputs::write_gltf(self.request.gltf.as_deref(), self.computing.watcher, &view)
     }
 }

@@ -5,16 +5,16 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::begun::{Begun, RunCheckpoint};
-use super::command::command;
-use super::request::OptimizeRequest;
+use super::request::{Begun, OptimizeRequest, RunCheckpoint, command};
 use crate::files::{RunDir, read_own};
 use crate::job::{Job, JobRun};
 use crate::report::record::peak_memory;
 use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
 use crate::runs::opening::LoadTimes;
-use crate::runs::{Computing, RunError, figures};
-use crate::search::{Equipped, FrameChoice, LeftOut, Outcome, Run, Scored, Settings, Stopped};
+use crate::runs::{Bar, Computing, RunError, Watcher, outputs};
+use crate::search::{
+    Equipped, Event, FrameChoice, LeftOut, Outcome, Run, Scored, Settings, Stopped, Work,
+};
 use crate::vehicle::{Placement, SensorName, SensorPose};
 
 /// One run of the program on a run folder.
@@ -157,7 +157,7 @@ pub(super) fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecor
     }
     folder.write_text("report.html", &report_html(&record, &drawings))?;
     let wanted = sitting.request.figures.as_deref();
-    figures::write(wanted, drawings.files(record.best.as_ref()))?;
+    outputs::write_figures(wanted, drawings.files(record.best.as_ref()))?;
     Ok(record)
 }
 
@@ -199,4 +199,42 @@ fn settings_json(
         all["equipped"] = json!(equipped);
     }
     all
+}
+
+/// Progress of a run.
+pub(super) struct Bars<'a> {
+    shown: Option<(Work, Box<dyn Bar>)>,
+    watcher: &'a dyn Watcher,
+}
+
+impl<'a> Bars<'a> {
+    pub fn new(watcher: &'a dyn Watcher) -> Self {
+        Self { shown: None, watcher }
+    }
+
+    pub fn show(&mut self, event: &Event) {
+        match *event {
+            Event::Asks => {}
+            Event::Note(sentence) => self.watcher.note(sentence),
+            Event::Generation(record) => {
+                if let (Some((_, bar)), Some(best)) = (&self.shown, record.best_so_far) {
+                    bar.say(format!("· best {best:.4e}"));
+                }
+            }
+            Event::Progress { work, done, total } => {
+                if self.shown.as_ref().is_none_or(|(shown, _)| *shown != work) {
+                    self.clear();
+                    let bar = self.watcher.bar(total, Some(&work.to_string()));
+                    self.shown = Some((work, bar));
+                }
+                if let Some((_, bar)) = &self.shown {
+                    bar.set(done, total);
+                }
+            }
+        }
+    }
+
+    pub fn clear(&mut self) {
+        self.shown = None;
+    }
 }

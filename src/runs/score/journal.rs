@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
-use super::request::ScoreRequest;
+use super::ScoreRequest;
 use crate::files::{FileError, Input, is_forced, is_no_input, will_read, write_whole};
 use crate::runs::RunError;
 use crate::scan::conditions::in_words;

@@ -10,7 +10,7 @@ use serde_json::ser::{CompactFormatter, Formatter};
 use serde_json::{Map, Value, json};
 
 use super::journal::Journal;
-use super::request::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out};
+use super::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out};
 use crate::csv::csv;
 use crate::files::{
     FileError, LinePerElement, is_sink, shared_folder, sync_disk, target, writable_file,
@@ -19,9 +19,9 @@ use crate::job::Job;
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
 use crate::report::tables::{score_rows, score_titles};
-use crate::runs::given::Given;
-use crate::runs::opening::{self, LoadTimes, Loaded, timings};
-use crate::runs::{Bar, Computing, GRACE, RunError, TableFormat, Watcher};
+use crate::runs::inputs::Given;
+use crate::runs::opening::{LoadTimes, Loaded, timings};
+use crate::runs::{Bar, Computing, GRACE, RunError, TableFormat, Watcher, opening};
 use crate::scan::conditions::{in_words, under};
 use crate::score::Scores;
 use crate::search::Evaluator;

@@ -1,7 +1,7 @@
 //! Additions to the tutorial's update: plateaus, floors of the deviations, points on the bounds.
 
 use super::{Cma, MAX_STEP_SIZE};
-use crate::maths;
+use crate::constants;
 use crate::options::{Candidate, CandidateOrigin};
 
 /// Deviations count as on their floor up to this multiple of it.
@@ -27,7 +27,7 @@ impl Cma {
     /// Grows σ by exp(0.2 + c_σ/d_σ): a generation of equal costs shows no direction.
     pub(super) fn widen(&mut self) {
         let c = &self.constants;
-        self.state.step_size *= maths::exp(0.2 + c.c_sigma / c.d_sigma);
+        self.state.step_size *= constants::exp(0.2 + c.c_sigma / c.d_sigma);
     }
 
     /// Standard deviation of variable `k` in the search space, σ √C_kk.

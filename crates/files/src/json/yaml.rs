@@ -4,8 +4,8 @@ use saphyr_parser::{Event, Marker, Parser, ScalarStyle, Span};
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
-use super::scalar::{self, Quantity, shown};
-use super::{DescriptionError, Location, plain_words};
+use super::numbers::{Quantity, shown};
+use super::{DescriptionError, Location, numbers, plain_words};
 
 /// Most bytes of a YAML file; vendors' files have 40 000.
 const MAX_YAML: usize = 1 << 20;
@@ -245,11 +245,11 @@ impl YamlBuilder<'_> {
                 self.marks.push(*mark);
                 let quantity = (self.quantities)(spot.parent, spot.key);
                 let is_plain = *style == ScalarStyle::Plain;
-                scalar::value(text, is_plain, tag(its_tag).as_deref(), quantity).map_err(fault)
+                numbers::value(text, is_plain, tag(its_tag).as_deref(), quantity).map_err(fault)
             }
             Event::SequenceStart(_, its_tag) => {
                 tag(its_tag)
-                    .map_or(Ok(()), |tag| scalar::check_collection(&tag, "seq"))
+                    .map_or(Ok(()), |tag| numbers::check_collection(&tag, "seq"))
                     .map_err(fault)?;
                 self.take(spot, 0, *mark)?;
                 self.marks.push(*mark);
@@ -262,7 +262,7 @@ impl YamlBuilder<'_> {
             }
             Event::MappingStart(_, its_tag) => {
                 tag(its_tag)
-                    .map_or(Ok(()), |tag| scalar::check_collection(&tag, "map"))
+                    .map_or(Ok(()), |tag| numbers::check_collection(&tag, "map"))
                     .map_err(fault)?;
                 self.take(spot, 0, *mark)?;
                 self.marks.push(*mark);

@@ -12,7 +12,6 @@ mod folder;
 mod glb;
 mod kitti;
 mod labels;
-mod npz;
 mod nuscenes;
 mod plan;
 mod record;

@@ -4,8 +4,7 @@ use serde_json::Value;
 
 use super::beams::{Models, RigBeams};
 use super::{
-    Fan, Mounting, NamedText, Rig, RigError, RigFormat, RigLidar, carla, launch, model, sdf, urdf,
-    yaml,
+    Fan, Mounting, NamedText, Rig, RigError, RigFormat, RigLidar, carla, launch, model, sdf, yaml,
 };
 
 /// Models of LiDARs beside Autoware's files.
@@ -45,7 +44,7 @@ pub fn export(
             files.extend(text.map(|text| NamedText { name: MODELS_FILE.to_owned(), text }));
             files
         }
-        RigFormat::Urdf => one("rig.urdf", urdf::write(rig, mounting, models)),
+        RigFormat::Urdf => one("rig.urdf", sdf::write_urdf(rig, mounting, models)),
         RigFormat::Sdf => one("rig.sdf", sdf::write(rig, mounting, models)),
         RigFormat::Ros2Launch => one("rig.launch.xml", launch::write(rig, mounting)),
         RigFormat::Carla => one("sensors.json", pretty(&carla::write(rig, mounting, fan))),

@@ -16,7 +16,6 @@ mod model;
 mod sdf;
 #[cfg(test)]
 mod tests;
-mod urdf;
 mod yaml;
 
 pub use beams::{Fan, Models};

@@ -6,8 +6,6 @@
 
 mod chunk;
 mod device;
-#[cfg(test)]
-mod exact;
 mod firings;
 #[cfg(test)]
 mod handed;
@@ -19,7 +17,6 @@ mod pipeline;
 mod readback;
 mod self_test;
 mod stages;
-mod stamps;
 
 use std::sync::Arc;
 use std::time::Instant;

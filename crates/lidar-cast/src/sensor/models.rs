@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::name::nearest;
+use super::placement::nearest;
 use super::{BeamTable, Placement, Response, SensorName, SensorPose};
 use crate::geom::Pose;
 use crate::maths::mixed;

@@ -5,16 +5,18 @@
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
+use sightline_files::Note;
+use sightline_files::json::{DescriptionError, Location};
+
 use super::classes::Classes;
 use super::description::{
     BodyDescription, Dictionary, PoseDescription, SceneDescription, ShapeDescription, VehicleSource,
 };
-use super::own::{OwnBodies, OwnBody};
+use super::parts::{OwnBodies, OwnBody};
 use super::shapes::Builder;
 use super::*;
-use crate::vehicle::{self, Vehicle, VehicleDescription, read_vehicle};
-use sightline_files::Note;
-use sightline_files::json::{DescriptionError, Location};
+use crate::vehicle;
+use crate::vehicle::{Vehicle, VehicleDescription, read_vehicle};
 
 /// Scene of [`Scene::level_ground`]. The ground lies in the middle of a layer of voxels, so that an area of the ground has
 /// some.

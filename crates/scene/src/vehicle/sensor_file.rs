@@ -1,25 +1,20 @@
 //! Sensor files of the vendors, told apart by content.
 
-mod binary;
 mod csv;
 mod isaac;
-mod isaac_out;
 mod ouster;
-mod ouster_columns;
 mod pattern;
 mod table;
-#[cfg(test)]
-mod tests;
 
 use std::path::Path;
 
 use serde::Deserialize;
 use serde::de::IgnoredAny;
-
+use sightline_files::json;
 use sightline_files::json::check::bad;
-use sightline_files::json::{self, DescriptionError, Location, read_limited};
+use sightline_files::json::{DescriptionError, Location, read_limited};
 
-pub use isaac_out::isaac_profile;
+pub use isaac::isaac_profile;
 pub(super) use pattern::NARROWEST;
 pub use pattern::{Beams, Channel, MAX_BEAMS, MAX_CHANNELS, Measures, SensorFormat, SensorPattern};
 
@@ -64,8 +59,8 @@ fn parse_any(
     bytes: &[u8],
     window: Option<[f64; 2]>,
 ) -> Result<SensorPattern, DescriptionError> {
-    if binary::is_npy(bytes) {
-        return binary::parse_npy(at, bytes);
+    if csv::is_npy(bytes) {
+        return csv::parse_npy(at, bytes);
     }
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
         return Err(bad(at, "UTF-16 text", "UTF-8 text; save the file as UTF-8"));
@@ -73,7 +68,7 @@ fn parse_any(
     let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
     let text = match std::str::from_utf8(bytes) {
         Ok(text) if !text.contains('\0') => text,
-        _ if binary::is_rgl(bytes) => return binary::parse_rgl(at, bytes),
+        _ if csv::is_rgl(bytes) => return csv::parse_rgl(at, bytes),
         _ => return Err(unknown(at)),
     };
     if table::is_velodyne(text) {
@@ -143,3 +138,6 @@ fn unknown(at: &Location) -> DescriptionError {
     let wanted = format!("that of a sensor file that is read here: {}", listed());
     bad(at, "the content", wanted)
 }
+
+#[cfg(test)]
+mod tests;

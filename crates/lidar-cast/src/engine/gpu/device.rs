@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use super::stamps::Stamps;
+use super::stages::Stamps;
 use crate::engine::BackendError;
 
 /// An open device. Errors of the driver wait here for [`Self::check`], instead of wgpu's default, a panic.

@@ -19,7 +19,7 @@ use super::chunk::{
 use super::device::Device;
 use super::kernels::Kernels;
 use super::readback::ReadBack;
-use super::stamps::{STAMP_BYTES, StepStage, stage_ticks};
+use super::stages::{STAMP_BYTES, StepStage, stage_ticks};
 use crate::bvh::Hit;
 use crate::engine::BackendError;
 use crate::task::{StageTimes, Task};
