@@ -61,8 +61,8 @@
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
+mod allocator;
 mod error;
-mod process;
 
 pub mod audit;
 pub mod chart;
@@ -105,6 +105,7 @@ pub use vehicle::{BeamTable, Constraints, Placement, SensorPose, read_placements
 /// Parts that the program, the tests and the benchmarks of this project look into; nothing here is stable.
 #[doc(hidden)]
 pub mod internals {
+    pub use crate::allocator::Sentence;
     pub use crate::chart::early::{Left, Skipped};
     pub use crate::chart::measure::{Measured, PoseCost};
     pub use crate::chart::ranking::{BootstrapInterval, RankingError};
@@ -115,7 +116,6 @@ pub mod internals {
         FileError, Input, LinePerElement, RunDir, holds_run, is_sink, remove_temporaries,
         shared_folder, target, writable_file, write_npy, write_whole,
     };
-    pub use crate::process::Sentence;
     pub use crate::psog::entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, fixed, to_nats};
     pub use crate::psog::npz::ArrayFault;
     pub use crate::psog::vote::{FrameVotes, PsogBuilder};

@@ -9,7 +9,6 @@ use super::terminal::{Talk, Terminal};
 use crate::datasets::CarlaTags;
 use crate::engine::{EngineChoice, EngineKind};
 use crate::job::Tolerance;
-use crate::process;
 use crate::runs::psog::CarlaScans;
 use crate::runs::{Computing, RunError};
 use crate::scan::conditions::Condition;
@@ -207,7 +206,7 @@ pub fn engine(
 /// Starts the threads of `--threads`; says where these are fewer.
 pub fn start_threads(wanted: Option<u16>, talk: Talk) -> Result<(), RunError> {
     let Some(wanted) = wanted else { return Ok(()) };
-    let threads = process::start(usize::from(wanted));
+    let threads = start_at_most(usize::from(wanted));
     let threads =
         threads.map_err(|error| RunError::Usage(format!("--threads {wanted}: {error}")))?;
     if threads < usize::from(wanted) {
@@ -220,11 +219,11 @@ pub fn start_threads(wanted: Option<u16>, talk: Talk) -> Result<(), RunError> {
 
 /// Refuses a number of threads in the environment that would take minutes to start.
 pub fn start_default_threads() -> Result<(), RunError> {
-    match process::too_many_by_environment() {
+    match too_many_by_environment() {
         None => Ok(()),
         Some(wanted) => Err(RunError::Usage(format!(
             "RAYON_NUM_THREADS={wanted}: is more than is useful here; give at most {}, or leave it out",
-            process::most()
+            most_threads()
         ))),
     }
 }
@@ -277,5 +276,48 @@ impl DatasetArgs {
         });
         let (folder, poses) = (folder.to_owned(), poses.clone());
         CarlaScans { folder, poses, tags, lidar_height: self.lidar_height }
+    }
+}
+
+/// Threads for each core that are still useful.
+const A_CORE: usize = 4;
+/// Threads that any machine may be asked for.
+const ANY_MACHINE: usize = 16;
+/// Variables that rayon takes the number of its threads from.
+const VARIABLES: [&str; 2] = ["RAYON_NUM_THREADS", "RAYON_RS_NUM_CPUS"];
+
+/// Most threads that this machine is given: four a core, and at least 16.
+fn most_threads() -> usize {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    (A_CORE * cores).max(ANY_MACHINE)
+}
+
+/// Starts so many threads, at most [`most_threads`], for all work to come, and returns their number.
+///
+/// # Errors
+/// Threads that were started before, or that the system does not give.
+fn start_at_most(wanted: usize) -> Result<usize, rayon::ThreadPoolBuildError> {
+    let threads = wanted.clamp(1, most_threads());
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
+    Ok(threads)
+}
+
+/// Number of threads that the environment asks for, where it is more than [`most_threads`].
+fn too_many_by_environment() -> Option<usize> {
+    let number = |name: &&str| std::env::var(name).ok()?.parse::<usize>().ok();
+    VARIABLES.iter().find_map(number).filter(|&wanted| wanted > most_threads())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_machine_gets_more_threads_than_are_useful() {
+        assert!((16..65_535).contains(&most_threads()));
+        assert!(
+            start_at_most(65_535).is_ok_and(|threads| threads == most_threads())
+                || start_at_most(1).is_err()
+        );
     }
 }

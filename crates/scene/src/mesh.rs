@@ -12,23 +12,26 @@ mod ply;
 mod ply_file;
 #[cfg(feature = "mesh")]
 mod polygon;
+mod robot;
 #[cfg(feature = "mesh")]
 mod stl;
+#[cfg(feature = "mesh")]
+#[cfg(test)]
+mod tests;
+#[cfg(feature = "mesh")]
+mod urdf;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
-use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, check, read_limited};
+use sightline_files::json::check::{self, bad};
+use sightline_files::json::{DescriptionError, Location, read_limited};
 
-pub use urdf::{Geometry, RobotFile, RobotPart};
-
-#[cfg(feature = "mesh")]
-#[cfg(feature = "mesh")]
-mod urdf;
+pub use robot::{Geometry, RobotFile, RobotPart};
 
 /// Reads the mesh named at `at`; the ending of its name tells the format.
 pub fn load(at: &Location, file: &Path) -> Result<RawMesh, DescriptionError> {
@@ -325,6 +328,3 @@ impl Placing {
 fn is_gltf(file: &Path) -> bool {
     matches!(extension(file).as_str(), "gltf" | "glb")
 }
-
-#[cfg(test)]
-mod tests;
