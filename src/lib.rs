@@ -139,8 +139,8 @@ pub mod internals {
     pub use crate::report::study::room_text;
     pub use crate::report::study::study_plot;
     pub use crate::report::study::sweep_text;
-    pub use crate::report::table::by_scene;
-    pub use crate::report::table::{ScoreColumn, optional};
+    pub use crate::report::tables::by_scene;
+    pub use crate::report::tables::{ScoreColumn, optional};
     pub use crate::report::tables::{
         near_field_csv, overlap_csv, redundancy_csv, room_csv, studies_csv, sweep_csv, targets_csv,
     };

@@ -12,7 +12,7 @@ const ENOUGH: usize = 24;
 const SLOWER: [f64; 2] = [3.0, 1.5];
 /// Effort from which on a setting is not begun, as a multiple of one that keeps the ranking. Efforts come from counts
 /// of beams and voxels and are mostly right within a factor of 1.5; see [`Setting::effort`].
-pub(super) const DEARER: f64 = 2.0;
+const DEARER: f64 = 2.0;
 
 /// Reason for which a setting was not measured with all placements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

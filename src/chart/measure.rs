@@ -283,7 +283,7 @@ fn median(values: &[f64]) -> f64 {
 }
 
 /// Placements scored between two looks at whether to stop.
-pub(super) const BATCH: usize = 8;
+const BATCH: usize = 8;
 /// Bytes of bitmaps that an atlas keeps at most.
 const ATLAS_BYTES: u64 = 2 << 30;
 

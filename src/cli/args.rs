@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 
-use super::terminal::{Talk, Terminal};
+use super::output::{Talk, Terminal};
 use crate::datasets::CarlaTags;
 use crate::engine::{EngineChoice, EngineKind};
 use crate::job::Tolerance;
@@ -133,7 +133,7 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
 }
 
 /// Bytes from `4096`, `800M`, `2G` or `2GiB`; K, M, G and T are powers of 1024.
-pub fn parse_size(text: &str) -> Result<u64, String> {
+fn parse_size(text: &str) -> Result<u64, String> {
     let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
     let factor = match text[digits.len()..].to_ascii_lowercase().as_str() {
         "" | "b" => 1,

@@ -9,7 +9,7 @@ use crate::internals::{
     targets_csv, targets_text,
 };
 use crate::runs::coverage::{NearFieldRequest, TargetsRequest, near_fields, targets};
-use crate::runs::shared::{SharedRequest, overlap, redundancy};
+use crate::runs::sensitivity::{SharedRequest, overlap, redundancy};
 use crate::runs::{RunError, TableFormat};
 use crate::scan::conditions::under;
 use crate::shared::{LEAST_SHARED, REDUNDANCY_TARGETS};

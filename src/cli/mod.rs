@@ -7,7 +7,6 @@
 mod output;
 
 mod args;
-mod chart;
 mod checks;
 mod coverage;
 mod optimize;
@@ -17,9 +16,7 @@ mod scan;
 mod scene;
 mod score;
 mod sensitivity;
-mod sensor;
 mod study;
-mod terminal;
 mod usage;
 
 use std::ffi::OsString;
@@ -62,7 +59,7 @@ enum Command {
     /// Compare the GPU with the CPU reference bit by bit, and the reference with f64
     Verify(checks::VerifyArgs),
     /// Chart cost against accuracy, and find the cheapest setting that keeps the ranking
-    Chart(chart::ChartArgs),
+    Chart(checks::ChartArgs),
     /// Try to make the scores fail, and say which guard notices
     Audit(checks::AuditArgs),
     /// Answer a question that takes many runs: how many LiDARs, which sensor, the loss of one LiDAR
@@ -77,7 +74,7 @@ enum Command {
     Psog(psog::PsogCommand),
     /// Look into sensor files of the vendors
     #[command(subcommand, after_help = "Example:\n  sightline sensor info os1-metadata.json")]
-    Sensor(sensor::SensorCommand),
+    Sensor(psog::SensorCommand),
     /// Read, write and compare rigs of Autoware, URDF, SDF, ROS 2 and CARLA
     #[command(
         subcommand,
@@ -111,7 +108,7 @@ enum Command {
 /// Runs the program: `arguments` as a shell gives them, the program's own name first. Prints results to
 /// stdout, all else to stderr, an error as one sentence. Help and version end the process.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Exit {
-    terminal::ignore_file_limit_signal();
+    output::ignore_file_limit_signal();
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     let parsed = parse(&arguments);
     let failed = match parsed {
@@ -188,11 +185,11 @@ fn dispatch(command: Command) -> Result<Exit, RunError> {
         Command::Cast(args) => scan::run_cast(&args),
         Command::Scan(args) => scan::run(&args),
         Command::Verify(args) => checks::run_verify(&args),
-        Command::Chart(args) => chart::run(&args),
+        Command::Chart(args) => checks::run_chart(&args),
         Command::Audit(args) => checks::run_audit(&args),
         Command::Study(command) => study::run(&command),
         Command::Psog(command) => psog::run(&command),
-        Command::Sensor(command) => sensor::run(&command),
+        Command::Sensor(command) => psog::run_sensor(&command),
         Command::Rig(command) => rig::run(&command),
         Command::Scene(command) => scene::run(&command),
         Command::Devices(args) => checks::run_devices(&args),

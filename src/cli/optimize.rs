@@ -6,8 +6,7 @@ use super::args::{
     Compute, Conditions, FiguresOut, Format, Gltf, MountingArgs, UnnamedModelArgs, finite,
     parse_seconds, whole,
 };
-use super::output::Exit;
-use super::terminal::Terminal;
+use super::output::{Exit, Terminal};
 use crate::internals::{Spacing, front_text, record_text};
 use crate::job::{FRONT_EVALUATIONS, FrontError, FrontObjectives, JobFiles};
 use crate::runs::optimize::{

@@ -6,8 +6,7 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::args::{Compute, Format, UnnamedModelArgs};
-use super::output::Exit;
-use super::terminal::{Talk, Terminal};
+use super::output::{Exit, Talk, Terminal};
 use crate::internals::comparison_text;
 use crate::json::shortened;
 use crate::rig::{ImportSettings, Mounting, RigFormat};
@@ -257,7 +256,7 @@ fn margin(text: &str) -> Result<f64, String> {
     found.ok_or("give metres from 0 to 10".to_owned())
 }
 
-pub fn run_handover(args: &HandoverArgs) -> Result<Exit, RunError> {
+fn run_handover(args: &HandoverArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let request = HandoverRequest {
         files: args.files.clone(),

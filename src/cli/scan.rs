@@ -7,8 +7,7 @@ use serde_json::json;
 use super::args::{
     BackendChoice, Compute, Format, Gltf, UnnamedModelArgs, engine, finite, start_threads, whole,
 };
-use super::output::Exit;
-use super::terminal::{Talk, Terminal};
+use super::output::{Exit, Talk, Terminal};
 use crate::export::{DatasetSettings, Layout, Splits};
 use crate::runs::cast::{CastRequest, cast};
 use crate::runs::scan::{ScanRequest, scan};

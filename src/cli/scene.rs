@@ -6,8 +6,7 @@ use clap::ValueEnum;
 use serde_json::json;
 
 use super::args::{DatasetArgs, Format, finite, whole};
-use super::output::Exit;
-use super::terminal::{Talk, Terminal};
+use super::output::{Exit, Talk, Terminal};
 use crate::datasets::ImportOptions;
 use crate::internals::{FEWEST_STREET_TRIANGLES as FEWEST, MOST_STREET_TRIANGLES as MOST};
 use crate::runs::RunError;
@@ -85,7 +84,7 @@ impl From<KindArg> for worlds::WorldKind {
     }
 }
 
-pub fn run_new(args: &SceneNewArgs) -> Result<(), RunError> {
+fn run_new(args: &SceneNewArgs) -> Result<(), RunError> {
     let (seed, out, terminal) = (args.seed, &args.out, Terminal::new(args.talk));
     match args.triangles {
         Some(count) => new_street(count as usize, seed, args.frames.unwrap_or(4), out, &terminal),
@@ -172,7 +171,7 @@ pub struct SceneInfoArgs {
     talk: Talk,
 }
 
-pub fn run_info(args: &SceneInfoArgs) -> Result<(), RunError> {
+fn run_info(args: &SceneInfoArgs) -> Result<(), RunError> {
     let terminal = Terminal::new(args.talk);
     let counts = args.scenes.iter().map(|path| count(path, &terminal));
     let counts = counts.collect::<Result<Vec<SceneCounts>, RunError>>()?;

@@ -193,7 +193,7 @@ pub const FEW_PLACEMENTS: usize = 64;
 ///
 /// # Errors
 /// A sensor of a model that the vehicle does not have, or as [`Backend::hits`].
-pub fn own_shares(
+fn own_shares(
     scene: &Scene,
     problem: &Problem,
     engine: &mut dyn Backend,

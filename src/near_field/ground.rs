@@ -190,11 +190,11 @@ fn in_plan(instance: &Instance) -> Option<[DVec3; 2]> {
 }
 
 /// Height of a pole in metres.
-pub const POLE_HEIGHT: f64 = 0.8;
+const POLE_HEIGHT: f64 = 0.8;
 /// Radius of a pole in metres.
-pub const POLE_RADIUS: f64 = 0.15;
+const POLE_RADIUS: f64 = 0.15;
 /// Least beams on a pole that is seen.
-pub const POLE_BEAMS: u32 = 5;
+const POLE_BEAMS: u32 = 5;
 
 /// A rule that says where something must be seen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -40,7 +40,6 @@ pub(crate) mod record;
 pub(crate) mod sensor;
 pub(crate) mod study;
 mod svg;
-pub(crate) mod table;
 pub(crate) mod tables;
 pub(crate) mod targets;
 pub(crate) mod text;
@@ -53,6 +52,6 @@ pub(crate) use page::{Figures, Looks, Subject, front_html, report_html, view_htm
 pub(crate) use plot::{Axis, Plot, Series};
 pub(crate) use record::convergence_svg;
 pub use record::{RunContext, RunRecord, RunTimes, SceneRecord};
-pub(crate) use table::{ScoreColumn, optional};
+pub(crate) use tables::{ScoreColumn, optional};
 pub use text::scores_text;
 pub(crate) use words::{certificate_in_words, judged, methods_in_words, spread_in_words, verdict};

@@ -1,7 +1,7 @@
 //! Studies, sweeps and tolerances as text and figures.
 
 use super::plot::{Axis, Change, Plot, Series};
-use super::table::ScoreColumn;
+use super::tables::ScoreColumn;
 use super::text::align_columns;
 use crate::job::{Room, RoomOfSide, RoomOfTilt, Sweep};
 use crate::json::fixed;

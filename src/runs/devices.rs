@@ -169,7 +169,7 @@ fn causes(test: &SelfTest) -> Vec<String> {
 }
 
 /// The error of a missing or failed device: elsewhere the CPU takes over, here it cannot.
-pub(super) fn needs_device(error: BackendError) -> RunError {
+fn needs_device(error: BackendError) -> RunError {
     match error {
         BackendError::NoDevice { name } => {
             let named = name.map(|name| format!(" named `{name}`")).unwrap_or_default();

@@ -45,7 +45,7 @@ impl Files {
     ///
     /// # Errors
     /// Two files of placements; a file that cannot be read; a last file that is neither a scene nor placements.
-    pub fn told_apart(files: &[PathBuf]) -> Result<Self, RunError> {
+    fn told_apart(files: &[PathBuf]) -> Result<Self, RunError> {
         files.iter().try_for_each(|file| can_be_read(file))?;
         let (placements, scenes): (Vec<PathBuf>, Vec<PathBuf>) =
             files.iter().cloned().partition(|file| holds_placements(file));

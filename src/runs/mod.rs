@@ -16,7 +16,6 @@
 //! | `handover` | the folder of a rig for others: tables, masks, drawing, profiles |
 //! | `psog`, `rig`, `scene` | files of P-SOGs, of rigs and of scenes |
 
-pub mod audit;
 pub mod cast;
 pub mod chart;
 mod computing;
@@ -34,7 +33,6 @@ pub mod scan;
 pub mod scene;
 pub mod score;
 pub mod sensitivity;
-pub mod shared;
 pub mod study;
 
 use computing::GRACE;

@@ -250,7 +250,7 @@ impl<'a> SceneOutput<'a> {
     }
 
     /// Name of the mesh as the scene has it.
-    pub fn mesh_name(&self) -> String {
+    fn mesh_name(&self) -> String {
         self.mesh.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 

@@ -242,7 +242,7 @@ impl Objective {
     }
 
     /// True if voxels count again for a second LiDAR that covers them.
-    pub fn wants_redundancy(&self) -> bool {
+    fn wants_redundancy(&self) -> bool {
         self.terms.iter().any(|(weight, metric)| *weight > 0.0 && metric.is_repeated())
     }
 

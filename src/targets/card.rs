@@ -22,7 +22,7 @@ const FINE: usize = 3 * BEARINGS;
 /// Fine bearings to either side of a sector's middle: 15°.
 const HALF_SECTOR: usize = 2;
 /// Distances between which a sector must not lose a car, metres.
-pub const SECTOR_RANGE: [f64; 2] = [5.0, 50.0];
+const SECTOR_RANGE: [f64; 2] = [5.0, 50.0];
 /// Most distances of a card, in metres.
 const FARTHEST: f64 = 200.0;
 

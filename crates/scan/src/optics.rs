@@ -155,7 +155,7 @@ impl Reflectance {
     }
 
     /// True if objects of a class differ.
-    pub fn is_mixed(&self, class: u16) -> bool {
+    fn is_mixed(&self, class: u16) -> bool {
         self.mixed.get(usize::from(class)).is_some_and(|&mixed| mixed)
     }
 }

@@ -277,7 +277,7 @@ impl Echo {
     const NONE: Self = Self { range: 0.0, power: 0.0, ray: None, status: Status::Miss };
 
     /// Echo of fog, snow or rain.
-    pub fn of_medium(range: f64, power: f64, status: Status) -> Self {
+    fn of_medium(range: f64, power: f64, status: Status) -> Self {
         Self { range, power, ray: None, status }
     }
 

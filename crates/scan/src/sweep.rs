@@ -259,7 +259,7 @@ impl ScanDevice {
     }
 
     /// True if the device casts.
-    pub fn is_at_work(&self) -> bool {
+    fn is_at_work(&self) -> bool {
         self.caster.is_some() && self.failure.get().is_none()
     }
 

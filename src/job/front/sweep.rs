@@ -88,7 +88,7 @@ impl FrontSweep {
     }
 
     /// An objective that needs all sums of the gains.
-    pub fn all_gains(&self) -> Objective {
+    fn all_gains(&self) -> Objective {
         match &self.gains[..] {
             [one] => one.clone(),
             all => Objective::mixed(&all.iter().map(|gain| (1.0, gain)).collect::<Vec<_>>()),

@@ -1,7 +1,6 @@
 //! A view on the sheet: body, mounts, fields of view, blind zone, LiDARs and measures.
 
-use super::sheet::{DRAWN, Flat, Panel, REACH, Sheet, View, Views};
-use super::{DrawnMount, DrawnRig};
+use super::{DRAWN, DrawnMount, DrawnRig, Flat, Panel, REACH, Sheet, View, Views};
 use crate::report::drawing::{Anchor, Drawing, Ink, Point, Stroke};
 use crate::report::svg::{ACCENT, COLOURS, FAINT, GREY, INK, SOFT};
 use crate::report::text::shortened;
@@ -12,10 +11,10 @@ pub(super) const WORDS: f64 = 2.7;
 const SMALL: f64 = 2.1;
 pub(super) const RADIUS: f64 = 1.7;
 pub(super) const BODY: Ink = Ink::full(FAINT);
-pub(super) const BODY_EDGE: Stroke = Stroke::solid(INK, 0.3);
+const BODY_EDGE: Stroke = Stroke::solid(INK, 0.3);
 pub(super) const MOUNT: Stroke = Stroke::dashed(SOFT, 0.2);
-pub(super) const ZONE: Ink = Ink(ACCENT, 0.18);
-pub(super) const ZONE_EDGE: Stroke = Stroke::solid(ACCENT, 0.3);
+const ZONE: Ink = Ink(ACCENT, 0.18);
+const ZONE_EDGE: Stroke = Stroke::solid(ACCENT, 0.3);
 const THIN: Stroke = Stroke::solid(INK, 0.15);
 
 /// Colour of a LiDAR.

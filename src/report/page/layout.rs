@@ -2,7 +2,7 @@
 
 use maud::{Markup, PreEscaped, html};
 
-use super::subject::{Figures, Subject};
+use super::{Figures, Subject};
 use crate::json::fixed;
 use crate::report::RunRecord;
 use crate::report::svg::COLOURS;

@@ -3,10 +3,10 @@
 use maud::{Markup, html};
 
 use super::layout::{bar, difference, table, text};
-use super::subject::{Figures, Subject};
+use super::{Figures, Subject};
 use crate::json::spoken;
 use crate::report::checks::{Against, against as compared};
-use crate::report::table::rows_by_scene;
+use crate::report::tables::rows_by_scene;
 use crate::report::view::sight::InformationShare;
 use crate::report::{RunRecord, ScoreColumn};
 use crate::score::{HOLDS, Scores, Seen};

@@ -3,8 +3,7 @@
 use maud::{DOCTYPE, Markup, html};
 
 use super::layout::{figure, table, text};
-use super::subject::{Figures, Subject};
-use super::{head, layout, unbroken};
+use super::{Figures, Subject, head, layout, unbroken};
 use crate::job::Front;
 use crate::report::front::{front_plot, front_rows, front_verdict, has_requirements, picks_of};
 use crate::report::record::steps_of_generations;

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::record::{BETWEEN_CHECKPOINTS, Bars, TIMES, priced};
 use super::request::{Begun, NewRun, command};
+use super::{BETWEEN_CHECKPOINTS, Bars, TIMES, priced};
 use crate::files::{FileError, Input, RunDir, Session, command_of as command_in, read_own};
 use crate::job::{Front, FrontObjectives, FrontState, FrontStopped, Job};
 use crate::report::front::front_plot;

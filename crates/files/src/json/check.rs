@@ -9,7 +9,7 @@ use super::FileKind;
 pub const MAX_METRES: f64 = 1.0e9;
 
 /// Largest angle in radians; larger ones are most likely degrees.
-pub const MAX_RADIANS: f64 = std::f64::consts::TAU;
+const MAX_RADIANS: f64 = std::f64::consts::TAU;
 
 /// Longest name in characters.
 pub const MOST_CHARACTERS: usize = 200;

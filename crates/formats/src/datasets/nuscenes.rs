@@ -154,7 +154,7 @@ impl ScanBox {
     }
 
     /// True if a point lies in the box grown by `margin` metres on every side.
-    pub fn holds_within(&self, point: DVec3, margin: f64) -> bool {
+    fn holds_within(&self, point: DVec3, margin: f64) -> bool {
         self.box_from_sensor.apply(point).abs().cmple(self.half + margin).all()
     }
 }

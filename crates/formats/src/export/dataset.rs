@@ -6,8 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use sightline_scan::Scan;
 
 use super::folder::{ABOUT, About, Folder, INCOMPLETE};
-use super::labels::{Label, check_map, of_classes};
-use super::plan::{Planned, plan};
+use super::plan::{Label, Planned, check_map, of_classes, plan};
 use super::{DatasetSettings, ExportError, Layout, SceneFacts, kitti, nuscenes, record};
 
 /// A data set folder that grows scan by scan, of one placement; several scenes are sequences of it.

@@ -11,7 +11,6 @@ mod error;
 mod folder;
 mod glb;
 mod kitti;
-mod labels;
 mod nuscenes;
 mod plan;
 mod record;

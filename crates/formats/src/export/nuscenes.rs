@@ -11,8 +11,7 @@ use sha2::{Digest, Sha256};
 use sightline_scan::{BOX_MARGIN, Scan};
 
 use super::folder::Folder;
-use super::labels::{Label, PointLabels, of_kind};
-use super::plan::Planned;
+use super::plan::{Label, Planned, PointLabels, of_kind};
 use super::record::{CloudOrigin, FrameRecord, Mover, mounts};
 use super::{DatasetSettings, ExportError, Split};
 

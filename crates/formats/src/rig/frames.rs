@@ -3,14 +3,14 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use glam::{DMat3, DQuat, DVec3};
-
-use super::fields::wrong;
-use super::{RigError, beams};
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
 use sightline_files::Note;
 use sightline_files::json::Location;
 use sightline_scene::vehicle::SensorPose;
+
+use super::yaml::wrong;
+use super::{RigError, beams};
 
 /// Content of a frame, as far as the file states it.
 #[derive(Debug, Clone, PartialEq)]

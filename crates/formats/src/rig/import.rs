@@ -8,8 +8,8 @@ use sightline_files::json::Location;
 use sightline_files::{Note, json};
 use sightline_scene::vehicle::{MAX_LIDARS, SensorPose, doubt_of_ground, doubts_of_units};
 
-use super::fields::Fields;
 use super::frames::{FrameContent, FrameTree, IDENTITY, RigFrame, compose, up};
+use super::yaml::Fields;
 use super::{
     BASE_LINK, MODELS_FILE, Mounting, Rig, RigError, RigFormat, RigLidar, RigSource, beams, carla,
     format, launch, model, sdf, sources, yaml,

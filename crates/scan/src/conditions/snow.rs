@@ -373,7 +373,7 @@ pub(super) struct SnowTables {
     mean_share: Vec<f64>,
 }
 
-pub(super) static TABLES: LazyLock<SnowTables> = LazyLock::new(SnowTables::new);
+static TABLES: LazyLock<SnowTables> = LazyLock::new(SnowTables::new);
 
 impl SnowTables {
     fn new() -> Self {
@@ -450,7 +450,7 @@ impl SnowTables {
     }
 
     /// Share of the mean extinction up to R that is left to flakes with echoes below x.
-    pub fn mean_share(&self, x: f64) -> f64 {
+    fn mean_share(&self, x: f64) -> f64 {
         if x >= WIDEST_MEAN {
             // 1 − ∫₀^∞ Q(3, v²) dv / √x; the integral is 15√π/16.
             return 1.0 - 15.0 * PI.sqrt() / 16.0 / x.sqrt();

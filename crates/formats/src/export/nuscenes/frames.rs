@@ -10,8 +10,7 @@ use sightline_scan::BOX_MARGIN;
 
 use super::{SceneExport, channels, right_forward, token};
 use crate::export::folder::{Folder, StagedFile};
-use crate::export::labels::MOVES;
-use crate::export::plan::Planned;
+use crate::export::plan::{MOVES, Planned};
 use crate::export::record::{CloudOrigin, FrameRecord};
 use crate::export::{DatasetSettings, ExportError, SceneFacts, Split};
 
@@ -33,7 +32,7 @@ struct Rows<'a> {
 }
 
 /// Writes the rows of a scene; returns the number of its LiDARs.
-pub(super) fn scene_rows(
+fn scene_rows(
     folder: &Folder,
     about: &SceneExport,
     number: usize,
@@ -447,7 +446,7 @@ pub(super) fn visibility(seen: Option<f32>, points: u32) -> &'static str {
 }
 
 /// Cameras that mmdetection3d asks for, and where they look: degrees to the left.
-pub(super) const CAMERAS: [(&str, f64); 6] = [
+const CAMERAS: [(&str, f64); 6] = [
     ("CAM_FRONT", 0.0),
     ("CAM_FRONT_RIGHT", -55.0),
     ("CAM_FRONT_LEFT", 55.0),

@@ -17,7 +17,6 @@
 //! Program, Python module, studies, chart and audit hold a [`Job`] and take nothing of this chain apart.
 
 mod error;
-mod fewest;
 mod files;
 mod front;
 mod room;
@@ -25,7 +24,6 @@ mod scene;
 mod search;
 mod shared;
 mod sweep;
-mod tilt;
 mod tolerance;
 
 use std::sync::{Arc, OnceLock};
@@ -40,6 +38,7 @@ use crate::score::{Guard, Objective, Scores};
 use crate::search::{Evaluator, Judged, SearchError, Settings, Suite, TimeLimit};
 use crate::targets::{RangeCard, TargetSite};
 use crate::vehicle::{Constraints, Placement, Sensors};
+use scene::{Frames, Worth};
 
 pub use error::JobError;
 pub use files::JobFiles;
@@ -47,13 +46,14 @@ pub use front::{
     FRONT_EVALUATIONS, Front, FrontError, FrontObjective, FrontObjectives, FrontPoint, FrontState,
     FrontStopped, Pick,
 };
-pub use room::{Room, RoomOfCopies, RoomOfField, RoomOfSide, RoomSteps};
+pub(crate) use room::TILTS;
+pub use room::{
+    MOST_ABOUT, MOST_TILT, Room, RoomOfCopies, RoomOfField, RoomOfSide, RoomOfTilt, RoomSteps,
+    TiltedTo,
+};
 pub use scene::JobScene;
-use scene::{Frames, Worth};
 pub use search::{Found, JobRun, JobState, JobStep};
 pub use sweep::{Sweep, SweepRow, SweptField};
-pub(crate) use tilt::TILTS;
-pub use tilt::{MOST_ABOUT, MOST_TILT, RoomOfTilt, TiltedTo};
 pub use tolerance::Tolerance;
 
 /// The main job: poses for the LiDARs of a vehicle, in one scene or several.

@@ -1,16 +1,80 @@
-//! Places of the views on the sheet, at the largest usual scale that fits.
+//! The drawing of a rig for others: from above, from the right and from the front at one scale, with mounts, fields of
+//! view and the blind zone on the ground.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `views` | the rig in each view, in metres |
+//! | `sheet` | scale and places of the views on the sheet |
+//! | `draw` | a view on the sheet, with its measures |
+//! | `legend` | words beside the views |
+
+mod draw;
 
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use super::{DrawnLidar, DrawnRig};
+use super::drawing::{Drawing, Point, outline};
+use crate::geom::Pose;
 use crate::maths;
 use crate::near_field::{Footprint, NearField};
-use crate::report::drawing::{Point, outline};
+use crate::shared::FieldOfView;
+use crate::vehicle::SensorPose;
+
+/// A LiDAR as it is drawn.
+pub(crate) struct DrawnLidar {
+    pub pose: SensorPose,
+    /// The pose after a turn by the phase.
+    pub ego_from_sensor: Pose,
+    pub view: FieldOfView,
+    /// Words for its model and its mount; may be empty.
+    pub model: String,
+    pub mount: String,
+}
+
+/// A box around a mount, in the ego frame, metres.
+pub(crate) struct DrawnMount {
+    /// May be empty.
+    pub name: String,
+    pub corners: [[f64; 3]; 2],
+}
+
+/// A rig with all that its drawing shows.
+pub(crate) struct DrawnRig<'a> {
+    /// Names of vehicle and placement.
+    pub vehicle: &'a str,
+    pub placement: &'a str,
+    /// Triangles of the own body in the ego frame, metres.
+    pub body: &'a [[[f32; 3]; 3]],
+    pub lidars: Vec<DrawnLidar>,
+    pub mounts: Vec<DrawnMount>,
+    /// Outline on the ground and blind zone; or a sentence that says why there is none.
+    pub near: Result<(&'a Footprint, &'a NearField), String>,
+}
+
+impl DrawnRig<'_> {
+    /// The drawing on a sheet of A3, across.
+    pub(crate) fn drawing(&self) -> Drawing {
+        let views = Views::of(self);
+        let sheet = Sheet::of(&views, self.lidars.len());
+        let mut drawing = Drawing::new(
+            A3,
+            &format!(
+                "{}, {}: LiDARs from above, from the right and from the front",
+                self.vehicle, self.placement
+            ),
+        );
+        draw::top(&mut drawing, self, &views, &sheet);
+        draw::side(&mut drawing, self, &views, &sheet);
+        draw::front(&mut drawing, self, &views, &sheet);
+        draw::scale_bar(&mut drawing, &sheet);
+        draw::draw(&mut drawing, self, &sheet);
+        drawing
+    }
+}
 
 /// A3 across, millimetres.
-pub(super) const A3: [f64; 2] = [420.0, 297.0];
+const A3: [f64; 2] = [420.0, 297.0];
 /// Millimetres at the sheet's edges.
 const EDGE: f64 = 10.0;
 /// Millimetres over each row of views, for its titles, and below, for measures.
@@ -28,7 +92,7 @@ const SCALES: [f64; 13] =
 
 /// A view on the sheet.
 #[derive(Clone, Copy)]
-pub(super) struct Panel {
+struct Panel {
     /// Metres at the panel's left and lower edge.
     low: Flat,
     /// Metres at its right and upper edge.
@@ -60,7 +124,7 @@ impl Panel {
 }
 
 /// All panels, the legend's corner, and the scale.
-pub(super) struct Sheet {
+struct Sheet {
     /// One millimetre on the sheet stands for as many.
     pub one_to: f64,
     pub top: Panel,
@@ -119,20 +183,20 @@ impl Sheet {
 }
 
 /// Metres that fields of view are drawn to.
-pub(super) const REACH: f64 = 2.0;
+const REACH: f64 = 2.0;
 /// Metres from the body that the blind zone is drawn to.
-pub(super) const DRAWN: f64 = 5.0;
+const DRAWN: f64 = 5.0;
 /// Most radians between two corners of a field of view.
 const STEP: f64 = PI / 36.0;
 /// Metres around everything in a view.
 const AROUND: f64 = 0.3;
 
-pub(super) type Flat = [f64; 2];
+type Flat = [f64; 2];
 /// Corners of the fields of view of a LiDAR, each with its number.
 type Fans<'a> = &'a dyn Fn(usize, &DrawnLidar) -> Vec<(usize, Vec<DVec3>)>;
 
 /// One view: what it shows in metres.
-pub(super) struct View {
+struct View {
     /// Metres to the right and upwards of a point of the ego frame.
     pub flat: fn(DVec3) -> Flat,
     /// Outline of the body, holes among its loops.
@@ -145,7 +209,7 @@ pub(super) struct View {
 }
 
 /// All views, and the blind zone as far as it is drawn.
-pub(super) struct Views {
+struct Views {
     pub top: View,
     pub side: View,
     pub front: View,
@@ -240,7 +304,7 @@ fn steps(from: f64, width: f64) -> impl Iterator<Item = f64> {
 }
 
 /// The field of view in the sensor's own plane, around the LiDAR where it is a sector.
-pub(super) fn horizontal(lidar: &DrawnLidar) -> Vec<DVec3> {
+fn horizontal(lidar: &DrawnLidar) -> Vec<DVec3> {
     let sector = lidar.view.sector();
     let [from, width] = sector.unwrap_or([0.0, TAU]);
     let end = |azimuth| lidar.ego_from_sensor.apply(REACH * direction(azimuth, 0.0));
@@ -250,7 +314,7 @@ pub(super) fn horizontal(lidar: &DrawnLidar) -> Vec<DVec3> {
 
 /// The field of view in the upright plane that holds a direction of the ego frame, on its side; `None` where the
 /// sensor does not look there.
-pub(super) fn vertical(lidar: &DrawnLidar, towards: DVec3) -> Option<Vec<DVec3>> {
+fn vertical(lidar: &DrawnLidar, towards: DVec3) -> Option<Vec<DVec3>> {
     let pose = &lidar.ego_from_sensor;
     let towards = pose.rotation.transpose() * towards;
     let azimuth = maths::atan2(towards.y, towards.x);
@@ -272,3 +336,6 @@ fn zone(footprint: &Footprint, near: &NearField) -> Vec<Flat> {
     };
     near.zone.polygon.iter().map(corner).collect()
 }
+
+#[cfg(test)]
+mod tests;
