@@ -55,8 +55,8 @@
 //! | [`verify`] | comparisons of engines bit by bit, and with `f64` |
 //! | [`chart`] | settings from fine to coarse, their cost and their error |
 //! | [`study`] | how many LiDARs, which sensor, what if one fails |
-//! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
-//! | [`runs`] | work on files: what each command does with scenes, placements and folders |
+//! | [`report`] | files of a run: JSON, SVG, HTML |
+//! | [`runs`] | work on files: each command as a function of scenes, placements and folders |
 //! | `cli` | the program: parses arguments, calls the modules above, prints |
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]

@@ -117,7 +117,7 @@ pub(crate) struct Shared {
 }
 
 impl Shared {
-    /// Of so many LiDARs, before the first frame.
+    /// Zero sums for some LiDARs, before the first frame.
     pub fn none(lidars: usize) -> Self {
         Self { sums: vec![vec![0; lidars]; lidars] }
     }
@@ -131,7 +131,7 @@ impl Shared {
         }
     }
 
-    /// Of the surfaces of some LiDARs, in frames of these weights.
+    /// Sums over the surfaces of some LiDARs, in frames of these weights.
     pub fn of(each: &[&[Box<[u32]>]], weights: &[u64]) -> Self {
         let mut shared = Self::none(each.len());
         let frames = weights.iter().enumerate();

@@ -50,7 +50,7 @@ pub struct UnnamedModelArgs {
 }
 
 impl UnnamedModelArgs {
-    /// What computes, with these models.
+    /// Engine, vehicle and watcher of the command, with these models.
     pub fn computing<'a>(&self, compute: &Compute, terminal: &'a Terminal) -> Computing<'a> {
         Computing { sensors: self.sensor.clone(), ..compute.computing(terminal) }
     }
@@ -159,7 +159,7 @@ impl Compute {
         EngineChoice { kind, adapter, memory: self.memory, inexact }
     }
 
-    /// What computes, and that the terminal is told.
+    /// Engine, vehicle and models, with the terminal as watcher.
     pub fn computing<'a>(&self, terminal: &'a Terminal) -> Computing<'a> {
         Computing {
             engine: self.engine(),

@@ -125,7 +125,7 @@ pub enum Exit {
     CheckFailed,
     /// At an input or an argument that is wrong; stderr holds one sentence about it.
     BadInput,
-    /// By Ctrl-C, after what was done so far was written.
+    /// By Ctrl-C, after the results so far were written.
     Interrupted,
 }
 

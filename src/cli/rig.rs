@@ -26,7 +26,7 @@ pub enum RigCommand {
     Handover(HandoverArgs),
 }
 
-/// What lies between the frames of a file and optical centres in the ego frame.
+/// Offsets from the frames of a file to optical centres in the ego frame.
 #[derive(clap::Args)]
 struct Mounted {
     /// Position of base_link in the ego frame, in metres [default: 0,0,0]

@@ -222,7 +222,7 @@ fn make(args: &StudyArgs) -> Result<Exit, RunError> {
     Ok(if unanswered.is_empty() { terminal.exit() } else { Exit::CheckFailed })
 }
 
-/// What comes after the tables of the scenes: their mean, and all of it in JSON or CSV.
+/// Prints the mean over the scenes below their tables, or all tables as JSON or CSV.
 fn print(args: &StudyArgs, tables: &[Table]) -> Result<(), RunError> {
     let mean = if tables.len() > 1 { mean_over_scenes(tables) } else { None };
     match (args.format, tables) {

@@ -33,7 +33,7 @@ pub fn not_utf8(arguments: &[OsString]) -> Option<String> {
     ))
 }
 
-/// An error of the arguments in one line: what is wrong, what clap guesses was meant, where the help is.
+/// An error of the arguments in one line: the mistake, the guess of clap, the command that prints the help.
 pub fn sentence(error: &clap::Error, program: &Command, arguments: &[OsString]) -> String {
     let text = error.render().to_string();
     let lines = text.lines().map(str::trim);
@@ -67,12 +67,12 @@ fn path<'a>(program: &'a Command, arguments: &[OsString]) -> Vec<&'a str> {
     path
 }
 
-/// Prints what follows the options as it is written: clap would break commands at the width of the terminal.
+/// Prints the text below the options unchanged: clap would break commands at the width of the terminal.
 pub fn with_examples(command: Command) -> Command {
     let examples = command.get_after_help().map(ToString::to_string);
     let command = command.mut_subcommands(with_examples);
     match examples {
-        // Of a template, clap prints all but the tags as it is.
+        // Clap prints a template unchanged but for its tags.
         Some(examples) => command.help_template(format!(
             "{{before-help}}{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{{all-args}}\n\n{examples}"
         )),
@@ -104,7 +104,7 @@ pub struct ManArgs {
     out: Option<PathBuf>,
 }
 
-/// Prints what a shell completes of the program.
+/// Prints the completions of the program for a shell.
 pub fn completions(args: &CompletionsArgs, mut program: Command) -> Result<Exit, RunError> {
     let mut text = Vec::new();
     clap_complete::generate(args.shell, &mut program, "sightline", &mut text);

@@ -271,7 +271,7 @@ fn room_of_tilt(
         directions.push(TiltedTo { direction, side: side(step, &scores) });
         go_on(1);
     }
-    // Of equal ones the first, and one at which a requirement breaks before one that holds as far as was looked.
+    // Ties go to the first, and a requirement that breaks comes before one that holds over the whole range.
     let worse = |a: &TiltedTo, b: &TiltedTo| {
         let rank = |of: &TiltedTo| (of.side.holds_to, of.side.breaks_at.is_none());
         rank(b) < rank(a)

@@ -413,7 +413,7 @@ pub(super) struct Fewest {
     held: Option<Equipped>,
 }
 
-/// What follows a choice.
+/// Next step after a choice.
 pub(super) enum Next {
     /// Another choice under other limits.
     Again(Limits),

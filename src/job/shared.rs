@@ -1,4 +1,4 @@
-//! What LiDARs of placements see together, in every scene of a job.
+//! Redundancy and overlap of the LiDARs of placements, in every scene of a job.
 
 use super::{Job, JobError, JobScene};
 use crate::shared::{Overlap, Redundancy, RedundancySite};

@@ -196,7 +196,7 @@ impl RequiredGround {
         hits
     }
 
-    /// Metres after which a beam has left the box of what it must see; 0 for one that never comes there.
+    /// Metres after which a beam has left the box of the cells that must be seen; 0 for a beam that misses it.
     fn range(&self, direction: [f32; 3], pose: &Pose, far: f32) -> f32 {
         let along = pose.rotation * DVec3::from(direction.map(f64::from));
         let [low, high] = self.reach.map(|bound| bound - pose.translation);

@@ -195,7 +195,7 @@ type Flat = [f64; 2];
 /// Corners of the fields of view of a LiDAR, each with its number.
 type Fans<'a> = &'a dyn Fn(usize, &DrawnLidar) -> Vec<(usize, Vec<DVec3>)>;
 
-/// One view: what it shows in metres.
+/// One view of the drawing, in metres.
 struct View {
     /// Metres to the right and upwards of a point of the ego frame.
     pub flat: fn(DVec3) -> Flat,

@@ -5,7 +5,7 @@
 //! | `figures` | the drawings, and the data computed for them |
 //! | `front` | the page of a front |
 //! | `subject` | subject of a page, and the command that makes it again |
-//! | `required` | requirements: met or not, margins, what is missing |
+//! | `required` | requirements: met or not, margins, missing shares |
 //! | `stage` | the first screen: result in a sentence, 3-D view |
 //! | `scores` | result against baselines, guards, scene by scene |
 //! | `layout` | poses of the result, and the gain of each LiDAR |

@@ -161,7 +161,7 @@ pub fn sweep_plot(sweep: &Sweep) -> String {
     plot.svg_with(&[], change.as_slice())
 }
 
-/// A deviation with what breaks behind it.
+/// A deviation, with the requirement that breaks beyond it.
 fn cells(side: &RoomOfSide) -> [String; 2] {
     let more = if side.breaks_at.is_some() { "" } else { "≥ " };
     [format!("{more}{}", fixed(side.holds_to, 1)), side.breaks.clone().unwrap_or_default()]

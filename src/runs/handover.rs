@@ -56,7 +56,7 @@ pub struct HandoverMade {
     pub placement: String,
     /// Names of its files.
     pub files: Vec<String>,
-    /// Of each LiDAR the beams that end at the own body, and all.
+    /// For each LiDAR the beams that end at the own body, and all beams.
     pub own_beams: Vec<[usize; 2]>,
     /// Price of all sensors.
     pub price: f64,

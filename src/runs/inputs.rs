@@ -24,7 +24,7 @@ pub struct Files {
 }
 
 impl Files {
-    /// Sorts files by what they hold: placements are a `.jsonl` file, standard input, or a document
+    /// Sorts files by their content: placements are a `.jsonl` file, standard input, or a document
     /// `{"placements": [ … ]}`; all others are scenes.
     ///
     /// # Errors

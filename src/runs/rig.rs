@@ -32,7 +32,7 @@ pub struct ExportRequest {
     pub sensors: BTreeMap<String, String>,
     /// Scene whose sensors the LiDARs are.
     pub scene: Option<PathBuf>,
-    /// Vehicle file in place of what the scene says.
+    /// Vehicle file in place of the scene's own vehicle.
     pub vehicle: Option<PathBuf>,
     /// Offsets between frames and optical centres.
     pub mounting: Mounting,

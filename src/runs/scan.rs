@@ -82,22 +82,7 @@ pub fn scan(
     }
     request.check_gltf(&scenes, &placements)?;
     let facts: Vec<SceneFacts> = scenes.iter().map(|scene| request.facts(scene)).collect();
-    let files = scenes
-        .iter()
-        .map(|scene| Input::names_of(scene.files()))
-        .collect::<Result<Vec<_>, _>>()?
-        .concat();
-    let names = safe_names(placements.iter().map(|placement| &*placement.name));
-    let mut plans = Vec::new();
-    for (placement, name) in placements.iter().zip(names) {
-        let out = match placements.len() {
-            1 => request.out.clone(),
-            _ => request.out.join(name),
-        };
-        let settings = request.settings(placement, files.clone(), computing)?;
-        let missing = Dataset::check(&out, &settings, &facts)?;
-        plans.push(Plan { placement, out, settings, facts: &facts, missing });
-    }
+    let plans = request.plans(&scenes, &placements, &facts, computing)?;
     watcher.listen(GRACE);
     let mut work = ScanState::new(request, computing, &scenes);
     let mut sets = Vec::new();
@@ -278,6 +263,30 @@ impl ScanRequest {
             frames: (0..scene.frame_count().min(frames)).collect(),
             split: None,
         }
+    }
+
+    /// A data set for each placement, whose folder is checked.
+    fn plans<'a>(
+        &self,
+        scenes: &[Scene],
+        placements: &'a [Placement],
+        facts: &'a [SceneFacts],
+        computing: &Computing<'_>,
+    ) -> Result<Vec<Plan<'a>>, RunError> {
+        let files = scenes.iter().map(|scene| Input::names_of(scene.files()));
+        let files = files.collect::<Result<Vec<_>, _>>()?.concat();
+        let names = safe_names(placements.iter().map(|placement| &*placement.name));
+        let named = placements.iter().zip(names);
+        let plan = |(placement, name)| {
+            let out = match placements.len() {
+                1 => self.out.clone(),
+                _ => self.out.join(name),
+            };
+            let settings = self.settings(placement, files.clone(), computing)?;
+            let missing = Dataset::check(&out, &settings, facts)?;
+            Ok(Plan { placement, out, settings, facts, missing })
+        };
+        named.map(plan).collect()
     }
 
     /// Settings that decide the bytes of a placement's data set.

@@ -30,7 +30,7 @@ use crate::vehicle::{Placement, PlacementFileError, PlacementReader};
 /// Scores placements and writes the scores as they are computed, to the request's file or else to `out`.
 ///
 /// # Errors
-/// What cannot be read, computed or written; all that can be wrong in files is found before the first score.
+/// Files that cannot be read or written, errors of the engine; mistakes in files are found before the first score.
 pub fn score(
     request: &ScoreRequest,
     computing: &Computing<'_>,
@@ -72,7 +72,7 @@ pub struct ScoreRequest {
     pub frames: Option<u32>,
     /// Whether the near field is scored, too.
     pub near_field: bool,
-    /// Draw of what is left to chance; other than 0 takes one scene.
+    /// Random seed for free phases and weather; other than 0 takes one scene.
     pub draw: u64,
     /// Mounting tolerance within which requirements are to hold.
     pub tolerance: Tolerance,

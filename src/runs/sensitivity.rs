@@ -76,7 +76,7 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
     }
     let steps = f64::from(request.values - 1).max(1.0);
     let value = |k: u32| from + (to - from) * f64::from(k) / steps;
-    // What lies between two good values is good.
+    // Values between two good ones are good.
     let mut each = opened.placements.iter().zip(&fields);
     each.try_for_each(|(placement, field)| field.check(placement, &[from, to]))?;
     let as_given = std::iter::once(None);

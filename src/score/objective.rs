@@ -90,7 +90,7 @@ pub enum ObjectiveError {
 }
 
 impl Default for Objective {
-    /// The near gain: placements that it ranks first lose least of what learned models get from a placement, among all
+    /// The near gain: learned models lose least with the placements that it ranks first, among all
     /// scores (`docs/evidence.md`). Like the information gain it is monotone in the set of sensors, comparable between
     /// any number and kind of them, and comes with a bound on every other placement.
     fn default() -> Self {

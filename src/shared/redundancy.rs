@@ -67,7 +67,7 @@ pub struct Redundancy {
     pub no_ground: Option<String>,
     /// Places of each target on level ground; none where beams end at nothing.
     pub targets: Vec<TargetSeenBy>,
-    /// The same things by the technologies that see them; `None` where the vehicle has LiDARs alone.
+    /// Things by the technologies that see them; `None` where the vehicle has LiDARs alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub technologies: Option<Technologies>,
 }

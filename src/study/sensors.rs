@@ -58,15 +58,16 @@ fn near_field(
     Ok([Some(near.near_field), near.ring].map(|share| share.map(|share| 100.0 * share)))
 }
 
-pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
-    let Lidar::Spinning { elevations, azimuth_steps, azimuth, range, .. } = scene.scene.lidars()[0]
-    else {
+/// Sensors to compare: some numbers of channels spaced evenly over the field of view, the scene's own number crowded at
+/// the horizon, and the models of the files; and a note about them.
+fn compared_sensors(scene: &StudyScene) -> Result<(Vec<(String, Lidar)>, String), StudyError> {
+    let own = scene.scene.lidars()[0];
+    let Lidar::Spinning { elevations, azimuth_steps, azimuth, range, .. } = own else {
         return Err(StudyError::NoChannels { scene: scene.place() });
     };
     let fold = |f: fn(f64, f64) -> f64| elevations.iter().copied().reduce(f).unwrap_or(0.0);
     let (low, high) = (fold(f64::min), fold(f64::max));
-    let mut sensors = Vec::new();
-    for count in CHANNELS {
+    let even = |count: u32| {
         let step = (high - low) / f64::from(count - 1);
         let lidar = Lidar::Spinning {
             elevations: (0..count).map(|k| low + f64::from(k) * step).collect(),
@@ -75,9 +76,10 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
             azimuth: *azimuth,
             range: *range,
         };
-        sensors.push((format!("{count} channels"), lidar));
-    }
-    sensors.extend(crowded_sensors(scene.scene.lidars()[0], [low, high]));
+        (format!("{count} channels"), lidar)
+    };
+    let mut sensors: Vec<(String, Lidar)> = CHANNELS.into_iter().map(even).collect();
+    sensors.extend(crowded_sensors(own, [low, high]));
     for path in &scene.settings.sensors {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let mut lidar = Lidar::from_sensor_file(path, *azimuth_steps, *range)?;
@@ -89,6 +91,16 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
     }
     let names = sensors.iter().map(|(name, _)| name.as_str());
     check_distinct(names, "sensors", "rename one of the files")?;
+    let note = format!(
+        "Channels from {low}° to {high}°, as the scene's own, evenly spaced, or drawn to the horizon: the share x \
+         of the way from there to an end becomes x to the power given. Every sensor turns in {azimuth_steps} steps and \
+         sees {range} m far, so that elevations alone differ."
+    );
+    Ok((sensors, note))
+}
+
+pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
+    let (sensors, note) = compared_sensors(scene)?;
     let rows = cases.each(sensors, |lidar, _| {
         let table = lidar.table()?;
         let beams = table.directions().len();
@@ -101,12 +113,7 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
         }
         Ok(row)
     })?;
-    let mut notes = vec![format!(
-        "Channels from {low}° to {high}°, as the scene's own, evenly spaced, or drawn to the horizon: the share x \
-         of the way from there to an end becomes x to the power given. Every sensor turns in {} steps and sees \
-         {} m far, so that elevations alone differ.",
-        azimuth_steps, range
-    )];
+    let mut notes = vec![note];
     if let [first, _, ..] = &scene.scene.vehicle().sensors[..] {
         notes.push(format!(
             "The sensor that differs is `{}`, the vehicle's first model; its others stay as they are.",

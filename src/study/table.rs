@@ -169,7 +169,7 @@ impl Table {
     }
 
     /// Comma-separated, the columns' titles first; missing numbers are empty. Two columns more where a vehicle requires
-    /// something: whether all is met, and what is not.
+    /// something: whether all is met, and the misses.
     pub fn csv(&self) -> String {
         let requires = self.has_requirements();
         let rows = self.rows.iter().map(|row| {

@@ -61,7 +61,7 @@ impl GroundBelow {
     /// plane, and 0.3 m more a metre from the origin, or where another surface is in the target's height above
     /// it, or the place is inside a closed thing.
     ///
-    /// Of several grounds, a bridge over a road for example, the one nearest to the wheel plane counts. Grounds less
+    /// Where there are several grounds (a bridge over a road) the one nearest to the wheel plane counts. Grounds less
     /// than a metre above each other are one, and the lowest of them counts.
     pub(super) fn height(
         &self,

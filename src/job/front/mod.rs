@@ -262,7 +262,7 @@ fn picks(
     let mut picks: Vec<(Pick, usize)> = cheapest.map(|k| (Pick::Cheapest, k)).into_iter().collect();
     picks.extend(knee(&standings).map(|k| (Pick::Knee, k)));
     for (axis, objective) in objectives.all().iter().enumerate() {
-        // Of equal ones the first that meets all requirements, if there is one.
+        // Ties go to the first that meets all requirements, if there is one.
         let best = (0..points.len()).min_by(|&a, &b| {
             let [a, b] = [&standings[a], &standings[b]];
             a.values[axis].total_cmp(&b.values[axis]).then(b.meets.cmp(&a.meets))

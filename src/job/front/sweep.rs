@@ -303,7 +303,7 @@ fn prices(vehicle: &Vehicle, most: f64) -> Vec<f64> {
     }
 }
 
-/// Rising, without what is equal but for rounding.
+/// Sorts numbers and drops those equal to their neighbour but for rounding.
 fn sorted(mut all: Vec<f64>) -> Vec<f64> {
     all.sort_by(f64::total_cmp);
     all.dedup_by(|later, earlier| *later - *earlier <= 1e-9 * earlier.abs());

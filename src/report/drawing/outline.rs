@@ -105,7 +105,7 @@ impl Raster {
         let mut loops = Vec::new();
         for start in starts {
             let (mut corners, mut at) = (Vec::new(), start);
-            // As many sides end at a corner as begin there, so that the way ends at its start.
+            // Every corner ends as many sides as it begins, so that the way ends at its start.
             while let Some(to) = next.get_mut(&at).and_then(Vec::pop) {
                 corners.push(at);
                 at = to;

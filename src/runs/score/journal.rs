@@ -78,7 +78,7 @@ impl Journal {
         Ok(Self { path, file, head: head.len() as u64, scored: 0 })
     }
 
-    /// Finds the end of the last whole block; what follows it is cut off.
+    /// Finds the end of the last whole block; the rest of the file is cut off.
     fn resume(path: PathBuf, file: File, digest: &str) -> Result<Self, RunError> {
         let io = |error| RunError::io(&path)(error);
         let mut reader = BufReader::new(&file);

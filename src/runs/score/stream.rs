@@ -165,7 +165,7 @@ impl Scoring<'_> {
         let looked = |mut block: Vec<Placement>| self.given.look(&mut block).map(|()| block);
         let block = block.map_err(RunError::from).and_then(looked);
         if block.is_err() && self.count > 0 && self.request.out.is_none() {
-            // Of a stream only: a file was read to its end before.
+            // Streams only: a file was read to its end before.
             let count = self.count;
             let words = format!("only the scores of the first {count} placements were printed");
             self.watcher.note(&words);

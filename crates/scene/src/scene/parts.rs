@@ -291,7 +291,7 @@ impl OwnBody {
         }
     }
 
-    /// Note on what takes the body as it stands in frame 0.
+    /// Note for commands that take the body as it stands in frame 0.
     pub fn note(&self) -> Note {
         Note::fact(format!(
             "{}: moves from frame to frame; the outline for the near field, its poles, and targets on level ground \

@@ -216,7 +216,7 @@ impl RequirementDescription {
     /// Refuses a key of the rule at `at` beside its name and the `keys` of its kind.
     ///
     /// # Errors
-    /// The first of them; `mend` says what to do about it.
+    /// The first of them; `mend` says how to mend it.
     pub fn has_only(
         &self,
         at: &Location,

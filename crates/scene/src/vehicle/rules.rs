@@ -1,4 +1,4 @@
-//! Rules of a vehicle on what placements see: ground, targets, overlap of LiDARs.
+//! Rules of a vehicle on the view of a placement: ground, targets, overlap of LiDARs.
 
 use std::path::Path;
 use std::sync::Arc;

@@ -25,7 +25,7 @@ const MAX_SENSOR_FILE: u64 = 64 << 20;
 ///
 /// `window` cuts a span `[from, to)` in seconds from a pattern that lists times, the first 0.1 s by default.
 /// Signs are turned to counter-clockwise, angles to degrees, directions to the frame x forward, y left,
-/// z up. `docs/formats/sensors.md` says what each format holds and what is dropped.
+/// z up. `docs/formats/sensors.md` lists the content of each format and the parts that are dropped.
 ///
 /// # Errors
 /// A file that cannot be read, has no format that is read here, or breaks its rules; and a `window` for a

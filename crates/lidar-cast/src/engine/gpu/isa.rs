@@ -1,6 +1,6 @@
 //! Kernels as AMD's compiler makes them, without a device: Mesa's RADV compiles for a device that is not there.
 //!
-//! `cargo test --lib isa -- --nocapture` prints the table of `docs/performance.md`. `tests/run` installs what it needs.
+//! `cargo test --lib isa -- --nocapture` prints the table of `docs/performance.md`. `tests/run` installs its packages.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -47,7 +47,7 @@ impl Compiled {
     }
 }
 
-/// Python with the package `vulkan`, and RADV; or what is missing.
+/// Python with the package `vulkan`, and RADV; or the name of the missing part.
 fn compiler() -> Result<(PathBuf, &'static str), String> {
     let driver = DRIVERS.into_iter().find(|file| Path::new(file).exists());
     let driver = driver.ok_or("Mesa's RADV is not installed")?;
@@ -180,7 +180,7 @@ fn quotients(source: &str) -> Vec<String> {
 }
 
 /// The compiler has no product to merge with a sum but the 24 of `planes` (four children, six sides), which decide nothing, and no
-/// quotient but in `divide`, which corrects it. `self_test` shows what a device does with both.
+/// quotient but in `divide`, which corrects it. `self_test` shows how a device treats both.
 #[test]
 fn isa_leaves_the_compiler_no_choice() {
     let mut kernels = shipped();
