@@ -1,17 +1,15 @@
 //! Options that several commands share.
 
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 
 use super::output::{Talk, Terminal};
 use crate::datasets::CarlaTags;
 use crate::engine::{EngineChoice, EngineKind};
-use crate::job::Tolerance;
+use crate::runs::parse::finite;
 use crate::runs::psog::CarlaScans;
 use crate::runs::{Computing, RunError};
-use crate::scan::conditions::Condition;
 use crate::vehicle::SensorChoice;
 
 /// Options of every command that computes scores.
@@ -56,32 +54,6 @@ impl UnnamedModelArgs {
     }
 }
 
-/// Weather and faults that scores are computed under.
-#[derive(Args, Debug, Clone, Default)]
-pub struct Conditions {
-    /// Weather or a fault, as fog:mor=50, snow:rate=1, rain:rate=5, wet:water=1, crosstalk:share=0.01, echo:ratio=0.85:
-    /// beams that do not come back cover and see nothing
-    #[arg(long, value_name = "NAME[:KEY=VALUE,…]")]
-    pub condition: Vec<Condition>,
-}
-
-/// Figures as files.
-#[derive(Args, Debug, Clone, Default)]
-pub struct FiguresOut {
-    /// Write each figure as an SVG file of its own into this folder, which is new or empty
-    #[arg(long, value_name = "DIR")]
-    pub figures: Option<PathBuf>,
-}
-
-/// Mounting of the LiDARs.
-#[derive(Args, Debug, Clone, Copy)]
-pub struct MountingArgs {
-    /// Most by which a LiDAR's mounting is off: each coordinate and each angle, to either side; 0 for none. Each
-    /// requirement is looked at in 200 copies mounted so: one that fewer than 95 % of them meet is met on paper only
-    #[arg(long, value_name = "LENGTH,ANGLE", default_value_t = Tolerance::default())]
-    pub tolerance: Tolerance,
-}
-
 /// Value of `--backend`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum BackendChoice {
@@ -100,25 +72,6 @@ pub enum Format {
     Text,
     /// For programs.
     Json,
-}
-
-/// A whole number, as of a seed.
-pub fn whole<T: FromStr>(text: &str) -> Result<T, String> {
-    let most = u128::MAX >> (128 - 8 * size_of::<T>());
-    text.parse().map_err(|_| format!("give a whole number from 0 to {most}"))
-}
-
-/// A count of something without which nothing is done.
-pub fn at_least_one(text: &str) -> Result<u64, String> {
-    text.parse()
-        .ok()
-        .filter(|n| *n > 0)
-        .ok_or(format!("give a whole number from 1 to {}", u64::MAX))
-}
-
-/// A number below, at or above 0.
-pub fn finite(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|v: &f64| v.is_finite()).ok_or("give a number, as in -8e-8".to_owned())
 }
 
 /// Longest time that a search may be given, in seconds.
@@ -226,14 +179,6 @@ pub fn start_default_threads() -> Result<(), RunError> {
             most_threads()
         ))),
     }
-}
-
-/// Option of the commands that have a scene and placements in it.
-#[derive(clap::Args, Debug, Clone, Default)]
-pub struct Gltf {
-    /// Write the scene, the LiDARs with what they see, and the points if there are any as a binary glTF (.glb)
-    #[arg(long, value_name = "FILE")]
-    pub gltf: Option<PathBuf>,
 }
 
 /// Where labelled scans lie, beside the folder of a command's own option.

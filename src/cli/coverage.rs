@@ -2,18 +2,19 @@
 
 use std::path::PathBuf;
 
-use super::args::{Compute, Conditions, FiguresOut, UnnamedModelArgs, at_least_one};
+use super::args::{Compute, UnnamedModelArgs};
 use super::output::{Exit, answer};
 use crate::internals::{
     near_field_csv, near_field_text, overlap_csv, overlap_text, redundancy_csv, redundancy_text,
     targets_csv, targets_text,
 };
+use crate::runs::Conditions;
 use crate::runs::coverage::{NearFieldRequest, TargetsRequest, near_fields, targets};
+use crate::runs::parse::at_least_one;
 use crate::runs::sensitivity::{SharedRequest, overlap, redundancy};
 use crate::runs::{RunError, TableFormat};
 use crate::scan::conditions::under;
 use crate::shared::{LEAST_SHARED, REDUNDANCY_TARGETS};
-use crate::targets::{is_bearing, is_distance};
 
 #[derive(clap::Args)]
 #[command(after_help = "Example:
@@ -22,23 +23,11 @@ use crate::targets::{is_bearing, is_distance};
 near %: ground cells within 10 m of the body with a hit within 0.5 m; poles: seen of all, by standard, at
 five beams or more; own body %: beams that end at the own vehicle. docs/nearfield.md has the definitions.")]
 pub struct NearFieldArgs {
-    /// Scene file; it must have geometry and an own body
-    scene: PathBuf,
-    /// Placements [default: Table 7 of the paper, where the vehicle is its car: one model, a mount that holds them]
-    placements: Option<PathBuf>,
-    /// Draw blind zones and poles from above into this SVG file
-    #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
-    /// Average over this many frames, spread evenly over the scene [default: all]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    frames: Option<u32>,
+    #[command(flatten)]
+    request: NearFieldRequest,
     /// How to print the result
     #[arg(long, value_enum, default_value_t)]
     format: TableFormat,
-    #[command(flatten)]
-    figures: FiguresOut,
-    #[command(flatten)]
-    conditions: Conditions,
     #[command(flatten)]
     named: UnnamedModelArgs,
     #[command(flatten)]
@@ -47,15 +36,7 @@ pub struct NearFieldArgs {
 
 pub fn run_near_field(args: &NearFieldArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
-    let request = NearFieldRequest {
-        scene: args.scene.clone(),
-        placements: args.placements.clone(),
-        out: args.out.clone(),
-        figures: args.figures.figures.clone(),
-        frames: args.frames,
-        conditions: args.conditions.condition.clone(),
-    };
-    let found = near_fields(&request, &args.named.computing(&args.compute, &terminal))?;
+    let found = near_fields(&args.request, &args.named.computing(&args.compute, &terminal))?;
     answer(
         args.format,
         &found,
@@ -70,9 +51,6 @@ pub fn run_near_field(args: &NearFieldArgs) -> Result<Exit, RunError> {
     Ok(terminal.exit())
 }
 
-/// Targets of a study that names none.
-const TARGETS: [&str; 5] = ["child", "adult", "cyclist", "car", "tyre"];
-
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   sightline study targets scenes/placements.json --vehicle scenes/vehicles/car.json --target child --target car
@@ -83,83 +61,20 @@ body in the way; in a scene on the ground there, with all that is there in the w
 detection is the farthest distance in its list. Presets: child, adult, cyclist, motorcycle, car, tyre, pole, kerb,
 pallet, iso3691-4-lying, iso3691-4-standing, iso18497; their dimensions and sources stand in the JSON.")]
 pub struct TargetsArgs {
-    /// Scene files, none for level ground, and a file of placements
-    #[arg(value_name = "[SCENE…] PLACEMENTS", required = true)]
-    files: Vec<PathBuf>,
-    /// Target: a preset, or a file { "sightline": 1, "name", "shapes", "reflectance" }; may be given several
-    /// times [default: child, adult, cyclist, car, tyre]
-    #[arg(long = "target", value_name = "NAME|FILE")]
-    targets: Vec<String>,
-    /// Metres from the vehicle's origin to the middle of the target, separated by commas [default: 5 to 100]
-    #[arg(long, value_name = "M,…", value_delimiter = ',', value_parser = distance)]
-    distances: Vec<f64>,
-    /// Degrees counter-clockwise from straight ahead, separated by commas [default: sixteen all round]
-    #[arg(long, value_name = "DEG,…", value_delimiter = ',', value_parser = bearing)]
-    bearings: Vec<f64>,
-    /// Beams from which on a target is detected in a frame
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
-    beams: u32,
-    /// Frames to look at in each scene, spread evenly
-    #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-    frames: u32,
-    /// Frames in which the target must be detected [default: all]
-    #[arg(long = "in", value_name = "M", value_parser = clap::value_parser!(u32).range(1..))]
-    of_frames: Option<u32>,
-    /// Count only beams of which the sensor sees enough light: by the target's reflectance and the sensor's response
-    #[arg(long)]
-    response: bool,
-    /// Draw the distances of detection by bearing into this SVG file
-    #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
+    #[command(flatten)]
+    request: TargetsRequest,
     /// How to print the result
     #[arg(long, value_enum, default_value_t)]
     format: TableFormat,
-    #[command(flatten)]
-    figures: FiguresOut,
-    #[command(flatten)]
-    conditions: Conditions,
     #[command(flatten)]
     named: UnnamedModelArgs,
     #[command(flatten)]
     compute: Compute,
 }
 
-/// Distances of a study that names none: every 5 m to 60 m, then every 10 m.
-fn usual_distances() -> Vec<f64> {
-    (1..=12).map(|k| 5.0 * f64::from(k)).chain((7..=10).map(|k| 10.0 * f64::from(k))).collect()
-}
-
-fn distance(text: &str) -> Result<f64, String> {
-    let found = text.trim().parse().ok().filter(|metres| is_distance(*metres));
-    found.ok_or("give metres above 0 and up to 1000, as 10,20,30".to_owned())
-}
-
-fn bearing(text: &str) -> Result<f64, String> {
-    let found = text.trim().parse().ok().filter(|degrees| is_bearing(*degrees));
-    found.ok_or("give degrees from -360 to 360, as 0,90,180".to_owned())
-}
-
 pub fn run_targets(args: &TargetsArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
-    let or = |given: &[f64], usual: Vec<f64>| if given.is_empty() { usual } else { given.to_vec() };
-    let targets_of = match &args.targets[..] {
-        [] => TARGETS.map(str::to_owned).to_vec(),
-        given => given.to_vec(),
-    };
-    let request = TargetsRequest {
-        files: args.files.clone(),
-        targets: targets_of,
-        distances: or(&args.distances, usual_distances()),
-        bearings: or(&args.bearings, (0..16).map(|k| 22.5 * f64::from(k)).collect()),
-        beams: args.beams,
-        frames: args.frames,
-        of_frames: args.of_frames,
-        response: args.response,
-        conditions: args.conditions.condition.clone(),
-        out: args.out.clone(),
-        figures: args.figures.figures.clone(),
-    };
-    let found = targets(&request, &args.named.computing(&args.compute, &terminal))?;
+    let found = targets(&args.request, &args.named.computing(&args.compute, &terminal))?;
     answer(
         args.format,
         &found,

@@ -2,16 +2,15 @@
 
 use std::path::PathBuf;
 
-use super::args::{
-    Compute, Conditions, FiguresOut, Format, Gltf, MountingArgs, UnnamedModelArgs, finite,
-    parse_seconds, whole,
-};
+use super::args::{Compute, Format, UnnamedModelArgs, parse_seconds};
 use super::output::{Exit, Terminal};
 use crate::internals::{Spacing, front_text, record_text};
 use crate::job::{FRONT_EVALUATIONS, FrontError, FrontObjectives, JobFiles};
 use crate::runs::optimize::{
     FrontStart, NewRun, OptimizeRequest, Start, front, holds_front, optimize,
 };
+use crate::runs::parse::{finite, whole};
+use crate::runs::{Conditions, FiguresOut, Gltf, MountingArgs};
 use crate::runs::{RunError, Watcher};
 use crate::scan::conditions::in_words;
 use crate::score::Seen;

@@ -30,7 +30,7 @@ pub enum RigCommand {
 #[derive(clap::Args)]
 struct Mounted {
     /// Position of base_link in the ego frame, in metres [default: 0,0,0]
-    #[arg(long, value_name = "X[,Y,Z]", value_parser = base_link, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X[,Y,Z]", value_parser = crate::runs::parse::base_link, allow_hyphen_values = true)]
     base_link: Option<[f64; 3]>,
     /// Optical centre above the foot of a sensor or frame [known: VLP-16, VLS-128]
     #[arg(long, value_name = "NAME=METRES", value_parser = height)]
@@ -135,17 +135,6 @@ pub fn run(command: &RigCommand) -> Result<Exit, RunError> {
     Ok(Exit::Done)
 }
 
-pub(super) fn base_link(text: &str) -> Result<[f64; 3], String> {
-    let fault = || "give X or X,Y,Z in metres, as in -1.4,0,0".to_owned();
-    let numbers =
-        text.split(',').map(|word| word.trim().parse().ok().filter(|v: &f64| v.is_finite()));
-    match numbers.collect::<Option<Vec<f64>>>().ok_or_else(fault)?[..] {
-        [x] => Ok([x, 0.0, 0.0]),
-        [x, y, z] => Ok([x, y, z]),
-        _ => Err(fault()),
-    }
-}
-
 /// Two sides of an equals sign.
 fn sides(text: &str) -> Option<(&str, &str)> {
     text.rsplit_once('=').filter(|(name, value)| !name.is_empty() && !value.is_empty())
@@ -227,21 +216,8 @@ The folder has poses in millimetres and degrees beside metres and radians, the b
 of its beams that end at the own body, crop boxes in Autoware's parameters, a drawing as SVG and PDF, and a profile of
 each sensor model for Isaac Sim. README.txt in it says the conventions.")]
 pub struct HandoverArgs {
-    /// A scene, none for level ground, and placements, with the name of one of them where there are several
-    #[arg(value_name = "[SCENE] PLACEMENTS[:NAME]", required = true, num_args = 1..)]
-    files: Vec<String>,
-    /// Folder to write, new or empty
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
-    /// Frame of the scene, from 0
-    #[arg(long, default_value_t = 0, value_name = "T")]
-    frame: u32,
-    /// Metres that crop boxes reach beyond the own body
-    #[arg(long, default_value_t = 0.05, value_name = "METRES", value_parser = margin)]
-    margin: f64,
-    /// Position of base_link in the ego frame, in metres [default: 0,0,0]
-    #[arg(long, value_name = "X[,Y,Z]", value_parser = base_link, allow_hyphen_values = true)]
-    base_link: Option<[f64; 3]>,
+    #[command(flatten)]
+    request: HandoverRequest,
     /// How to print the summary
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
@@ -251,21 +227,9 @@ pub struct HandoverArgs {
     compute: Compute,
 }
 
-fn margin(text: &str) -> Result<f64, String> {
-    let found = text.trim().parse().ok().filter(|metres| (0.0..=10.0).contains(metres));
-    found.ok_or("give metres from 0 to 10".to_owned())
-}
-
 fn run_handover(args: &HandoverArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
-    let request = HandoverRequest {
-        files: args.files.clone(),
-        out: args.out.clone(),
-        frame: args.frame,
-        margin: args.margin,
-        base_link: args.base_link.unwrap_or_default(),
-    };
-    let made = handover(&request, &args.named.computing(&args.compute, &terminal))?;
+    let made = handover(&args.request, &args.named.computing(&args.compute, &terminal))?;
     match args.format {
         Format::Json => outln!("{}", json!(made))?,
         Format::Text => {

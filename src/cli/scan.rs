@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use super::args::{
-    BackendChoice, Compute, Format, Gltf, UnnamedModelArgs, engine, finite, start_threads, whole,
-};
+use super::args::{BackendChoice, Compute, Format, UnnamedModelArgs, engine, start_threads};
 use super::output::{Exit, Talk, Terminal};
 use crate::export::{DatasetSettings, Layout, Splits};
+use crate::runs::Gltf;
 use crate::runs::cast::{CastRequest, cast};
+use crate::runs::parse::{finite, whole};
 use crate::runs::scan::{ScanRequest, scan};
 use crate::runs::{Computing, RunError};
 use crate::scan::Scanning;
@@ -178,21 +178,11 @@ fn request(args: &ScanArgs) -> ScanRequest {
   sightline cast scenes/highway.json scenes/placements.json --frame 3 --out hits.npz
   sightline cast scenes/highway.json scenes/placements.json --gltf highway.glb")]
 pub struct CastArgs {
-    /// Scene file; it must have geometry
-    scene: PathBuf,
-    /// Placements
-    placements: PathBuf,
-    /// Write the hits to this .npz file
-    #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
-    /// Frame of the scene, from 0
-    #[arg(long, default_value_t = 0, value_name = "T")]
-    frame: u32,
+    #[command(flatten)]
+    request: CastRequest,
     /// How to print the summary
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
-    #[command(flatten)]
-    gltf: Gltf,
     #[command(flatten)]
     named: UnnamedModelArgs,
     #[command(flatten)]
@@ -201,14 +191,7 @@ pub struct CastArgs {
 
 pub fn run_cast(args: &CastArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
-    let request = CastRequest {
-        scene: args.scene.clone(),
-        placements: args.placements.clone(),
-        out: args.out.clone(),
-        gltf: args.gltf.gltf.clone(),
-        frame: args.frame,
-    };
-    let found = cast(&request, &args.named.computing(&args.compute, &terminal))?;
+    let found = cast(&args.request, &args.named.computing(&args.compute, &terminal))?;
     match args.format {
         Format::Json => outln!("{}", json!(found))?,
         Format::Text => outln!(

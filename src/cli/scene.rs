@@ -5,11 +5,12 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use serde_json::json;
 
-use super::args::{DatasetArgs, Format, finite, whole};
+use super::args::{DatasetArgs, Format};
 use super::output::{Exit, Talk, Terminal};
 use crate::datasets::ImportOptions;
 use crate::internals::{FEWEST_STREET_TRIANGLES as FEWEST, MOST_STREET_TRIANGLES as MOST};
 use crate::runs::RunError;
+use crate::runs::parse::{finite, whole};
 use crate::runs::scene::{Origin, SceneCounts, count, counts_text, new_street, new_world};
 use crate::worlds;
 

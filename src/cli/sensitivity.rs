@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use super::args::FiguresOut;
 use super::coverage::CommonArgs;
 use super::output::{Exit, answer};
 use crate::internals::{room_csv, room_text, sweep_csv, sweep_text};
 use crate::job::{MOST_ABOUT, MOST_TILT, RoomSteps};
+use crate::runs::FiguresOut;
 use crate::runs::RunError;
 use crate::runs::sensitivity::{MOST_VALUES, SweepRequest, room, sweep};
 use crate::scan::conditions::under;

@@ -1,18 +1,16 @@
 //! `sightline study`: questions that take many runs.
 
-use std::path::{Path, PathBuf};
-use std::str::FromStr;
+use std::path::Path;
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 
-use super::args::{Compute, Conditions, at_least_one, finite, whole};
+use super::args::Compute;
 use super::output::Exit;
 use super::{coverage, sensitivity};
 use crate::internals::{studies_csv, study_text};
 use crate::runs::study::{StudyRequest, study_scenes};
 use crate::runs::{RunError, TableFormat, Watcher};
-use crate::study::{Kind, StudySettings, Subregion, Table, mean_over_scenes};
+use crate::study::{Table, mean_over_scenes};
 
 /// A study of one table is a command of its own; all others name their kind.
 pub enum StudyCommand {
@@ -119,58 +117,13 @@ holds them. Give scenes/placements.json to compare any other vehicle with them. 
 sensors of a vehicle for --budget. A row that misses a requirement is marked with !. A study in which no row has an
 answer ends with exit code 1.")]
 pub struct StudyArgs {
-    /// What to study
-    #[arg(value_parser = kinds())]
-    kind: Kind,
-    /// Scene files: `transfer` looks at all together, every other kind at one after the other; `loss`, `random`, `regions`,
-    /// `voxels` and `weather` take a file of own rigs behind them
-    #[arg(required = true)]
-    scenes: Vec<PathBuf>,
-    /// Folder for the study, of several scenes one in it for each [default: studies/SCENE-KIND]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-    /// Score to maximize where placements are searched
-    #[arg(long, default_value_t = StudySettings::default().objective.to_string())]
-    objective: String,
-    /// Placements that each search evaluates before swaps
-    #[arg(long, value_name = "N", default_value_t = StudySettings::default().evaluations,
-          value_parser = at_least_one)]
-    evaluations: u64,
-    /// Frames to average over, spread evenly [default: 2]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    frames: Option<u32>,
-    /// Random placements, where the study draws some
-    #[arg(long, value_name = "N", default_value_t = StudySettings::default().random,
-          value_parser = clap::value_parser!(u32).range(2..=100_000))]
-    random: u32,
-    /// Most that the sensors of a vehicle may cost, in the currency of its prices, where placements are searched
-    #[arg(long, value_name = "PRICE", value_parser = finite)]
-    budget: Option<f64>,
-    /// Sensor file to compare, for `channels`; may be given several times
-    #[arg(long, value_name = "FILE")]
-    sensor: Vec<PathBuf>,
-    /// Further region, for `regions`: NAME:x0,y0,z0,x1,y1,z1 in metres; may be given several times
-    #[arg(long = "box", value_name = "BOX", value_parser = parse_box)]
-    boxes: Vec<Subregion>,
-    /// Edge of a voxel in metres, for `published` [default: 0.1, as in the paper]
-    #[arg(long, value_name = "M", value_parser = parse_length)]
-    voxel: Option<f64>,
-    /// Seed of all randomness
-    #[arg(long, value_name = "N", default_value_t = StudySettings::default().seed,
-          value_parser = whole::<u64>)]
-    seed: u64,
+    #[command(flatten)]
+    request: StudyRequest,
     /// How to print the result
     #[arg(long, value_enum, default_value_t)]
     format: TableFormat,
     #[command(flatten)]
-    conditions: Conditions,
-    #[command(flatten)]
     compute: Compute,
-}
-
-fn kinds() -> impl TypedValueParser<Value = Kind> {
-    let values = Kind::ALL.map(|(_, name, answers)| PossibleValue::new(name).help(answers));
-    PossibleValuesParser::new(values).try_map(|name| Kind::from_str(&name))
 }
 
 pub fn run(command: &StudyCommand) -> Result<Exit, RunError> {
@@ -187,21 +140,6 @@ pub fn run(command: &StudyCommand) -> Result<Exit, RunError> {
 
 fn make(args: &StudyArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
-    let request = StudyRequest {
-        kind: args.kind,
-        scenes: args.scenes.clone(),
-        out: args.out.clone(),
-        objective: args.objective.clone(),
-        evaluations: args.evaluations,
-        frames: args.frames,
-        random: args.random,
-        sensors: args.sensor.clone(),
-        regions: args.boxes.clone(),
-        voxel: args.voxel,
-        budget: args.budget,
-        seed: args.seed,
-        conditions: args.conditions.condition.clone(),
-    };
     let mut gap = "";
     let print_one = |found: &Table, folder: &Path| {
         if args.format != TableFormat::Text {
@@ -211,7 +149,7 @@ fn make(args: &StudyArgs) -> Result<Exit, RunError> {
         outln!("{gap}{}\n{}", found.title, study_text(found))?;
         outln!("{}: study.json, table.csv, chart.svg", folder.display())
     };
-    let tables = study_scenes(&request, &args.compute.computing(&terminal), print_one)?;
+    let tables = study_scenes(&args.request, &args.compute.computing(&terminal), print_one)?;
     print(args, &tables)?;
     if !terminal.goes_on() {
         terminal.note("interrupted; the same command goes on");
@@ -236,25 +174,4 @@ fn print(args: &StudyArgs, tables: &[Table]) -> Result<(), RunError> {
             None => Ok(()),
         },
     }
-}
-
-fn parse_box(text: &str) -> Result<Subregion, String> {
-    let wrong = || {
-        format!("`{text}` is no box; write NAME:x0,y0,z0,x1,y1,z1 in metres, lower corner first")
-    };
-    let (name, numbers) = text.split_once(':').ok_or_else(wrong)?;
-    let numbers: Vec<f64> = numbers
-        .split(',')
-        .map(|n| n.trim().parse().map_err(|_| wrong()))
-        .collect::<Result<_, _>>()?;
-    let [x0, y0, z0, x1, y1, z1] = numbers[..] else { return Err(wrong()) };
-    if name.is_empty() || !(x0 < x1 && y0 < y1 && z0 < z1) {
-        return Err(wrong());
-    }
-    Ok(Subregion::of_box(name, [x0, y0, z0], [x1, y1, z1]))
-}
-
-fn parse_length(text: &str) -> Result<f64, String> {
-    let wrong = || format!("`{text}` is no length; write metres, as 0.1");
-    text.parse().ok().filter(|v: &f64| *v > 0.0 && v.is_finite()).ok_or_else(wrong)
 }

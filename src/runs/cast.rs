@@ -15,8 +15,9 @@ use crate::export::GltfView;
 use crate::files::{Session, writable_file, write_whole};
 use crate::job::Job;
 use crate::report::{Figures, Looks, SceneRecord, Subject, view_html};
+use crate::runs::{Conditions, FiguresOut, Gltf};
 use crate::scan::BeamHits;
-use crate::scan::conditions::{Condition, in_words};
+use crate::scan::conditions::in_words;
 use crate::scene::EgoBody;
 use crate::score::Objective;
 use crate::search::{Evaluator, Scored};
@@ -24,17 +25,20 @@ use crate::vehicle::{Placement, read_placements};
 
 /// Beams to be cast.
 #[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct CastRequest {
-    /// Scene file with geometry.
+    /// Scene file; it must have geometry
     pub scene: PathBuf,
-    /// File of placements.
+    /// Placements
     pub placements: PathBuf,
-    /// File for the hits, `.npz`.
+    /// Write the hits to this .npz file
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     pub out: Option<PathBuf>,
-    /// File for scene and hits as binary glTF.
-    pub gltf: Option<PathBuf>,
-    /// Frame of the scene, from 0.
+    /// Frame of the scene, from 0
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = 0, value_name = "T"))]
     pub frame: u32,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub gltf: Gltf,
 }
 
 /// Summary of a cast: device, beams, hits and times.
@@ -76,7 +80,7 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
     if let Some(path) = &request.out {
         writable_file(path)?;
     }
-    outputs::check_gltf(request.gltf.as_deref())?;
+    outputs::check_gltf(request.gltf.gltf.as_deref())?;
     let soup = scene.frame(request.frame as usize, EgoBody::Include);
     let problem = evaluator.problem().clone();
     Given::in_problem(&request.placements, &problem, computing).all(&mut placements)?;
@@ -86,11 +90,11 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
     if let Some(path) = &request.out {
         write_whole(path, |file| columns.write(file, &soup).map_err(RunError::io(path)))?;
     }
-    if request.gltf.is_some() {
+    if request.gltf.gltf.is_some() {
         let points: Vec<_> = columns.points().collect();
         let frame = request.frame as usize;
         let view = GltfView { scene, frame, placements: &placements, points: &points };
-        outputs::write_gltf(request.gltf.as_deref(), computing.watcher, &view)?;
+        outputs::write_gltf(request.gltf.gltf.as_deref(), computing.watcher, &view)?;
     }
     let engine = evaluator.backend();
     Ok(CastSummary {
@@ -126,18 +130,25 @@ fn frame(request: &CastRequest, computing: &Computing<'_>) -> Result<Loaded, Run
 
 /// A placement to be shown.
 #[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct ViewRequest {
-    /// Scene files, and last a file of placements with the name of the one to show behind a colon.
+    /// Scene files, and last a file of placements with the name of the one to show behind a colon [default:
+    /// its first]
+    #[cfg_attr(feature = "cli", arg(value_name = "SCENE… PLACEMENTS[:NAME]", required = true, num_args = 2..))]
     pub files: Vec<String>,
-    /// Files of placements to compare with, perhaps with a name behind a colon; Table 7 of the paper if none.
+    /// Placement to compare with, or a file of them; may be given several times [default: Table 7 of the
+    /// paper, where the vehicle is its car: one model, a mount that holds them; else none]
+    #[cfg_attr(feature = "cli", arg(long = "baseline", value_name = "FILE[:NAME]"))]
     pub baselines: Vec<String>,
-    /// Page to write.
+    /// Page to write
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     pub out: PathBuf,
-    /// Folder for each figure of the page.
-    pub figures: Option<PathBuf>,
-    /// Weather and faults.
-    pub conditions: Vec<Condition>,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub figures: FiguresOut,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub conditions: Conditions,
     /// Command that makes the page again, which stands on it.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub command: String,
 }
 
@@ -158,7 +169,7 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), RunE
     let mut rivals = rivals.collect::<Result<Vec<_>, RunError>>()?;
     let paths: Vec<PathBuf> = scenes.iter().map(PathBuf::from).collect();
     note_repeated(&paths, computing.watcher);
-    let files = opening::files(&paths, &request.conditions, None, computing);
+    let files = opening::files(&paths, &request.conditions.condition, None, computing);
     let mut loaded = opening::job(&files, computing)?;
     let mut evaluator = loaded.evaluator(computing)?;
     let (job, problem) = (loaded.job, evaluator.problem());
@@ -176,9 +187,9 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), RunE
         baselines.into_iter().filter(|baseline| baseline != shown).collect();
     let out = &request.out;
     writable_file(out)?;
-    outputs::check_figures(request.figures.as_deref())?;
+    outputs::check_figures(request.figures.figures.as_deref())?;
     let (page, figures) = page(request, &job, &mut evaluator, shown, &baselines)?;
-    outputs::write_figures(request.figures.as_deref(), figures)?;
+    outputs::write_figures(request.figures.figures.as_deref(), figures)?;
     write_whole(out, |file| file.write_all(page.as_bytes()).map_err(RunError::io(out)))
 }
 
@@ -210,7 +221,7 @@ fn page(
     let names: Vec<&str> = job.scenes().iter().map(|scene| scene.scene().name()).collect();
     let names = names.join(", ");
     let objective = objective.to_string();
-    let conditions = in_words(&request.conditions);
+    let conditions = in_words(&request.conditions.condition);
     let subject =
         Subject::given(&names, &records, result, baselines, &objective, request.command.clone());
     Ok((view_html(&subject.under(&conditions), &figures), figures.files(Some(result))))

@@ -16,26 +16,47 @@ use crate::vehicle::{read_placements, table_7};
 
 /// Charts to be made, or one to go on with.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct ChartRequest {
-    /// Scene files, and placements to rank; without them Table 7 of the paper.
+    /// Scene files, and placements to rank together with random ones [default: Table 7 of the paper]
+    #[cfg_attr(
+        feature = "cli",
+        arg(
+            value_name = "SCENE… [PLACEMENTS]",
+            required_unless_present = "resume",
+            conflicts_with = "resume"
+        )
+    )]
     pub files: Vec<PathBuf>,
-    /// Folder; several scenes get a folder each inside it.
+    /// Folder for chart.svg, chart.csv and chart.json, of several scenes one in it for each
+    /// [default: runs/SCENE-chart, numbered if it is taken]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DIR", conflicts_with = "resume"))]
     pub out: Option<PathBuf>,
-    /// Folder of an interrupted chart, in place of files.
+    /// Go on with an interrupted run; settings that were measured are kept
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DIR"))]
     pub resume: Option<PathBuf>,
-    /// Score that ranks the placements.
+    /// Score that ranks the placements, or a weighted sum of several
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = ChartSettings::default().objective.to_string(), conflicts_with = "resume"))]
     pub objective: String,
-    /// Random placements that are ranked, too.
+    /// Random placements within the mount, ranked together with the given ones
+    #[cfg_attr(feature = "cli", arg(long = "placements", value_name = "N", default_value_t = 100, conflicts_with = "resume", value_parser = clap::value_parser!(u32).range(0..=2_000)))]
     pub random: u32,
-    /// Largest loss by the best placement of a coarser setting, as a share of the score.
+    /// How much worse than the best placement that of a coarser setting may be, as a share of the score;
+    /// pairs of placements farther apart than that must keep their order, 19 of 20 of them
+    #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = super::parse::share))]
     pub tolerance: f64,
-    /// Edge of the finest voxels in metres.
+    /// Edge of the finest voxels in metres, which all other settings are compared with
+    /// [default: half of the scene's, where that is 0.1 or more]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "METRES", conflicts_with = "resume", value_parser = super::parse::metres))]
     pub finest: Option<f64>,
-    /// Measures every setting to the end.
-    pub full: bool,
-    /// No voxels finer than those of each scene.
+    /// No voxels finer than those of each scene
+    #[cfg_attr(feature = "cli", arg(long, conflicts_with_all = ["resume", "finest"]))]
     pub quick: bool,
-    /// Seed of the random placements and of the bootstrap.
+    /// Measure every setting with all placements, also those that cannot be the advice, and print them all
+    #[cfg_attr(feature = "cli", arg(long, conflicts_with = "resume"))]
+    pub full: bool,
+    /// Seed of the random placements and of the bootstrap
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 1, value_parser = super::parse::whole::<u64>, conflicts_with = "resume"))]
     pub seed: u64,
 }
 

@@ -9,6 +9,8 @@ use serde::Serialize;
 use crate::Note;
 use crate::engine::EngineChoice;
 use crate::files::FileError;
+use crate::job::Tolerance;
+use crate::scan::conditions::Condition;
 use crate::vehicle::SensorChoice;
 
 /// Time after a stop request for work that has a result to write, such as the page of a search.
@@ -89,6 +91,44 @@ pub enum TableFormat {
     Json,
     /// The table in full precision, with units in its first line.
     Csv,
+}
+
+/// Weather and faults that scores are computed under.
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Conditions {
+    /// Weather or a fault, as fog:mor=50, snow:rate=1, rain:rate=5, wet:water=1, crosstalk:share=0.01, echo:ratio=0.85:
+    /// beams that do not come back cover and see nothing
+    #[cfg_attr(feature = "cli", arg(long, value_name = "NAME[:KEY=VALUE,…]"))]
+    pub condition: Vec<Condition>,
+}
+
+/// Figures as files.
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct FiguresOut {
+    /// Write each figure as an SVG file of its own into this folder, which is new or empty
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DIR"))]
+    pub figures: Option<PathBuf>,
+}
+
+/// Option of the commands that have a scene and placements in it.
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Gltf {
+    /// Write the scene, the LiDARs with what they see, and the points if there are any as a binary glTF (.glb)
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub gltf: Option<PathBuf>,
+}
+
+/// Mounting of the LiDARs.
+#[derive(Debug, Clone, Copy, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct MountingArgs {
+    /// Most by which a LiDAR's mounting is off: each coordinate and each angle, to either side; 0 for none. Each
+    /// requirement is looked at in 200 copies mounted so: one that fewer than 95 % of them meet is met on paper only
+    #[cfg_attr(feature = "cli", arg(long, value_name = "LENGTH,ANGLE", default_value_t = Tolerance::default()))]
+    pub tolerance: Tolerance,
 }
 
 /// Engine, vehicle, sensor models and watcher of a command.

@@ -15,7 +15,8 @@ use crate::job::Job;
 use crate::near_field::{Footprint, NearField, NearSite};
 use crate::report::coverage::near_field_svg;
 use crate::report::targets::{targets_figures, targets_svg};
-use crate::scan::conditions::{Condition, in_words, weather};
+use crate::runs::{Conditions, FiguresOut};
+use crate::scan::conditions::{in_words, weather};
 use crate::scene::{Scene, Target};
 use crate::score::Objective;
 use crate::targets::{GroundBelow, Receiving, TargetQuestion, TargetSite, TargetTable};
@@ -23,19 +24,22 @@ use crate::vehicle::{Placement, read_placements};
 
 /// Placements whose near field is looked at.
 #[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct NearFieldRequest {
-    /// Scene file.
+    /// Scene file; it must have geometry and an own body
     pub scene: PathBuf,
-    /// File of placements; if none the layouts of Table 7, for the paper's car alone.
+    /// Placements [default: Table 7 of the paper, where the vehicle is its car: one model, a mount that holds them]
     pub placements: Option<PathBuf>,
-    /// SVG file for blind zones and poles from above.
+    /// Draw blind zones and poles from above into this SVG file
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     pub out: Option<PathBuf>,
-    /// Folder for a drawing of each placement.
-    pub figures: Option<PathBuf>,
-    /// Frames to average over; all if none.
+    /// Average over this many frames, spread evenly over the scene [default: all]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
     pub frames: Option<u32>,
-    /// Weather and faults. Ground that only lost beams reach counts as unseen.
-    pub conditions: Vec<Condition>,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub figures: FiguresOut,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub conditions: Conditions,
 }
 
 /// Near fields in one scene; an interrupted answer holds the first ones.
@@ -73,10 +77,10 @@ pub fn near_fields(
     if let Some(file) = &request.out {
         writable_file(file)?;
     }
-    outputs::check_figures(request.figures.as_deref())?;
-    opening::note_conditions(&in_words(&request.conditions), watcher);
+    outputs::check_figures(request.figures.figures.as_deref())?;
+    opening::note_conditions(&in_words(&request.conditions.condition), watcher);
     let job = Job::new(scene).geometry_alone().frames(request.frames);
-    let job = job.conditions(&request.conditions).engine(computing.engine.clone());
+    let job = job.conditions(&request.conditions.condition).engine(computing.engine.clone());
     let mut loaded = Loaded { job, times: LoadTimes::default() };
     let mut evaluator = loaded.evaluator(computing)?;
     let scene = loaded.job.scene();
@@ -107,12 +111,12 @@ pub fn near_fields(
         let drawn: Vec<(&Placement, &NearField)> = placements.iter().zip(&all).collect();
         draw(request, site.footprint(), &drawn)?;
     } else {
-        watcher.note_interrupted(request.out.as_deref().or(request.figures.as_deref()));
+        watcher.note_interrupted(request.out.as_deref().or(request.figures.figures.as_deref()));
     }
     Ok(NearFields {
         scene: scene.name().to_owned(),
         frames: evaluator.problem().frame_count(),
-        conditions: in_words(&request.conditions),
+        conditions: in_words(&request.conditions.condition),
         footprint: site.footprint().clone(),
         ground_area: site.ground_area(),
         near_fields: all,
@@ -129,7 +133,7 @@ fn draw(
     let figure = |one: &(&Placement, &NearField)| {
         (format!("near-field-{}", one.0.name), near_field_svg(footprint, &[*one]))
     };
-    outputs::write_figures(request.figures.as_deref(), drawn.iter().map(figure).collect())?;
+    outputs::write_figures(request.figures.figures.as_deref(), drawn.iter().map(figure).collect())?;
     if let Some(file) = &request.out {
         let svg = near_field_svg(footprint, drawn);
         write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(RunError::io(file)))?;
@@ -139,29 +143,40 @@ fn draw(
 
 /// Placements, targets and their places.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct TargetsRequest {
-    /// Scenes, none for level ground, and a file of placements.
+    /// Scene files, none for level ground, and a file of placements
+    #[cfg_attr(feature = "cli", arg(value_name = "[SCENE…] PLACEMENTS", required = true))]
     pub files: Vec<PathBuf>,
-    /// Presets by name, or target files.
+    /// Target: a preset, or a file { "sightline": 1, "name", "shapes", "reflectance" }; may be given several
+    /// times [default: child, adult, cyclist, car, tyre]
+    #[cfg_attr(feature = "cli", arg(long = "target", value_name = "NAME|FILE"))]
     pub targets: Vec<String>,
-    /// Metres from the ego origin to the middle of a target.
+    /// Metres from the vehicle's origin to the middle of the target, separated by commas [default: 5 to 100]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "M,…", value_delimiter = ',', value_parser = super::parse::distance))]
     pub distances: Vec<f64>,
-    /// Degrees counter-clockwise from straight ahead.
+    /// Degrees counter-clockwise from straight ahead, separated by commas [default: sixteen all round]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DEG,…", value_delimiter = ',', value_parser = super::parse::bearing))]
     pub bearings: Vec<f64>,
-    /// Least beams on a target for a frame to count.
+    /// Beams from which on a target is detected in a frame
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..)))]
     pub beams: u32,
-    /// Frames to look at in each scene, spread evenly.
+    /// Frames to look at in each scene, spread evenly
+    #[cfg_attr(feature = "cli", arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..)))]
     pub frames: u32,
-    /// Frames that must count for a detection; all if `None`.
+    /// Frames in which the target must be detected [default: all]
+    #[cfg_attr(feature = "cli", arg(long = "in", value_name = "M", value_parser = clap::value_parser!(u32).range(1..)))]
     pub of_frames: Option<u32>,
-    /// Counts only beams of which the sensor's response sees enough light.
+    /// Count only beams of which the sensor sees enough light: by the target's reflectance and the sensor's response
+    #[cfg_attr(feature = "cli", arg(long))]
     pub response: bool,
-    /// Fog, snow or rain; implies `response`.
-    pub conditions: Vec<Condition>,
-    /// SVG file for the range of first detection by bearing.
+    /// Draw the distances of detection by bearing into this SVG file
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     pub out: Option<PathBuf>,
-    /// Folder for a drawing of each placement.
-    pub figures: Option<PathBuf>,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub figures: FiguresOut,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub conditions: Conditions,
 }
 
 /// Beams on targets, and the settings behind the numbers.
@@ -197,7 +212,7 @@ pub fn targets(
     if let Some(file) = &request.out {
         writable_file(file)?;
     }
-    outputs::check_figures(request.figures.as_deref())?;
+    outputs::check_figures(request.figures.figures.as_deref())?;
     let placements = read_placements(&file)?;
     let mut table = TargetTable::default();
     watcher.listen(GRACE);
@@ -221,17 +236,20 @@ pub fn targets(
         )?);
     }
     if !watcher.goes_on() {
-        watcher.note_interrupted(request.out.as_deref().or(request.figures.as_deref()));
+        watcher.note_interrupted(request.out.as_deref().or(request.figures.figures.as_deref()));
     } else {
         // First, since the file may lie in their folder.
-        outputs::write_figures(request.figures.as_deref(), targets_figures(&question, &table))?;
+        outputs::write_figures(
+            request.figures.figures.as_deref(),
+            targets_figures(&question, &table),
+        )?;
         if let Some(file) = &request.out {
             let svg = targets_svg(&question, &table);
             write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(RunError::io(file)))?;
         }
     }
     let TargetQuestion { targets, beams, of_frames, .. } = question;
-    let conditions = in_words(&request.conditions);
+    let conditions = in_words(&request.conditions.condition);
     Ok(TargetsFound { targets, beams, of_frames, conditions, table })
 }
 
@@ -293,6 +311,14 @@ fn in_scene(
     Ok(table.of_scene(loaded.job.scene().name()))
 }
 
+/// Targets of a study that names none.
+const TARGETS: [&str; 5] = ["child", "adult", "cyclist", "car", "tyre"];
+
+/// Distances of a study that names none: every 5 m to 60 m, then every 10 m.
+fn usual_distances() -> Vec<f64> {
+    (1..=12).map(|k| 5.0 * f64::from(k)).chain((7..=10).map(|k| 10.0 * f64::from(k))).collect()
+}
+
 /// Reads targets by preset or file, each once.
 pub(super) fn named(names: &[String], computing: &Computing<'_>) -> Result<Vec<Target>, RunError> {
     let mut targets: Vec<Target> = Vec::new();
@@ -313,11 +339,15 @@ fn question(
     request: &TargetsRequest,
     computing: &Computing<'_>,
 ) -> Result<TargetQuestion, RunError> {
-    let targets = named(&request.targets, computing)?;
-    let mut distances = request.distances.clone();
+    let or = |given: &[f64], usual: Vec<f64>| if given.is_empty() { usual } else { given.to_vec() };
+    let targets = match &request.targets[..] {
+        [] => named(&TARGETS.map(str::to_owned), computing)?,
+        given => named(given, computing)?,
+    };
+    let mut distances = or(&request.distances, usual_distances());
     distances.sort_by(f64::total_cmp);
     distances.dedup();
-    let mut bearings = request.bearings.clone();
+    let mut bearings = or(&request.bearings, (0..16).map(|k| 22.5 * f64::from(k)).collect());
     bearings.dedup();
     let of_frames = request.of_frames.unwrap_or(request.frames).min(request.frames) as usize;
     Ok(TargetQuestion { targets, distances, bearings, beams: request.beams, of_frames })
@@ -325,26 +355,31 @@ fn question(
 
 /// Light that must come back, where it counts.
 fn receiving(request: &TargetsRequest) -> Result<Option<Receiving>, RunError> {
-    for condition in &request.conditions {
+    for condition in &request.conditions.condition {
         if !condition.dims_light() {
             return Err(RunError::Usage(format!(
                 "--condition {condition}: beams on targets are dimmed by fog, snow and rain alone; leave it out"
             )));
         }
     }
-    let weather = weather(&request.conditions)?;
-    let counts = request.response || !request.conditions.is_empty();
+    let weather = weather(&request.conditions.condition)?;
+    let counts = request.response || !request.conditions.condition.is_empty();
     Ok(counts.then(|| Receiving::from(weather)))
 }
 
 /// Files and settings of an audit.
 #[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct AuditRequest {
-    /// Scene files, and placements to start from; without them Table 7 of the paper.
+    /// Scene files, and placements to start from, which should be sound ones: the best of them is changed so
+    /// that it sees less, and no score may rise unnoticed [default: Table 7 of the paper]
+    #[cfg_attr(feature = "cli", arg(value_name = "SCENE… [PLACEMENTS]", required = true))]
     pub files: Vec<PathBuf>,
-    /// Score by which the best placement is chosen; the default one if none.
-    pub objective: Option<String>,
-    /// Frames to average over; [`AUDIT_FRAMES`] if none.
+    /// Score by which the best placement is chosen, and that is watched while the model changes
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = Objective::default().to_string()))]
+    pub objective: String,
+    /// Frames to average over, spread evenly over the scene [default: 2]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
     pub frames: Option<u32>,
 }
 
@@ -359,8 +394,7 @@ pub fn audit_scenes(
 ) -> Result<Vec<Audit>, RunError> {
     let Files { scenes, placements } = Files::sort(&request.files, computing.watcher)?;
     let honest = placements.as_deref().map(read_placements).transpose()?;
-    let objective = request.objective.as_deref().map(str::parse).transpose()?;
-    let objective: Objective = objective.unwrap_or_default();
+    let objective: Objective = request.objective.parse()?;
     let mut all = Vec::new();
     for path in &scenes {
         let given = placements.as_deref();

@@ -11,7 +11,8 @@ use super::{Computing, RunError, opening};
 use crate::engine::gpu::{GpuBackend, SelfTest, TestedAdapter, test_adapters};
 use crate::engine::{Backend, BackendError, CpuBackend, EngineKind};
 use crate::problem::Problem;
-use crate::scan::conditions::{Condition, in_words};
+use crate::runs::Conditions;
+use crate::scan::conditions::in_words;
 use crate::vehicle::{Placement, random_placements_by_the_rules, read_placements};
 use crate::verify::{Verification, compared_frames, usual_placements, verify};
 
@@ -27,21 +28,29 @@ const MOST_BEAMS: u64 = 10_000_000;
 
 /// Files and settings of a verification.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct VerifyRequest {
-    /// Scene files, and placements; without them usual and hostile ones.
+    /// Scene files, and placements [default: Table 7 of the paper, random ones from the mount, and hostile
+    /// ones]
+    #[cfg_attr(feature = "cli", arg(value_name = "SCENE… [PLACEMENTS]", required = true))]
     pub files: Vec<PathBuf>,
-    /// Frames to compare.
+    /// Frames to compare, spread evenly over the scene
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..)))]
     pub frames: u32,
-    /// Random placements; 200 if none is given.
+    /// Random placements [default: 200]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = super::parse::whole::<usize>))]
     pub random: Option<usize>,
-    /// Hostile placements; 50 if none is given.
+    /// Hostile placements: on voxel faces, along axes, in solids, underground, far away [default: 50]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = super::parse::whole::<usize>))]
     pub hostile: Option<usize>,
-    /// Beams of the CPU reference that are compared with brute force in `f64`.
+    /// Beams of the CPU reference that are compared with brute force in f64
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 20_000, value_parser = super::parse::whole::<u64>))]
     pub sample: u64,
-    /// Seed of random and hostile placements, and of the sample.
+    /// Seed of the random placements and of the sample
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 1, value_parser = super::parse::whole::<u64>))]
     pub seed: u64,
-    /// Weather and faults under which covered voxels and sums are compared; hits are those of clear air.
-    pub conditions: Vec<Condition>,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub conditions: Conditions,
 }
 
 /// Result of a verification in one scene.
@@ -93,7 +102,8 @@ pub fn verify_scenes(
     for path in &scenes {
         let start = Instant::now();
         let (scene, found) = of_scene(path, given, request, computing)?;
-        let (conditions, seconds) = (in_words(&request.conditions), start.elapsed().as_secs_f64());
+        let (conditions, seconds) =
+            (in_words(&request.conditions.condition), start.elapsed().as_secs_f64());
         all.push(Verified { scene, conditions, found, seconds });
         each(&all[all.len() - 1])?;
     }
@@ -126,7 +136,7 @@ fn of_scene(
     computing: &Computing<'_>,
 ) -> Result<(String, Verification), RunError> {
     let (frames, scenes) = (Some(request.frames), [path.to_owned()]);
-    let files = opening::files(&scenes, &request.conditions, frames, computing);
+    let files = opening::files(&scenes, &request.conditions.condition, frames, computing);
     let job = opening::job(&files, computing)?.job;
     let problem = job.problem()?;
     let (random, hostile) = (request.random.unwrap_or(RANDOM), request.hostile.unwrap_or(HOSTILE));
@@ -192,15 +202,20 @@ const SEED: u64 = 1;
 
 /// Files and settings of a measurement.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct DeviceBenchRequest {
-    /// Scene files.
+    /// Scene files
+    #[cfg_attr(feature = "cli", arg(value_name = "SCENE", required = true))]
     pub scenes: Vec<PathBuf>,
-    /// Numbers of placements that are scored at once.
-    pub placements: Vec<usize>,
-    /// Frames of each scene that are scored, spread evenly.
+    /// Numbers of placements that are scored at once
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N,…", value_delimiter = ',', default_value = "12,256,4096", value_parser = clap::value_parser!(u32).range(1..=100_000)))]
+    pub placements: Vec<u32>,
+    /// Frames of each scene, spread evenly over it
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..)))]
     pub frames: u32,
-    /// Rounds in which device and CPU take turns; the median counts.
-    pub rounds: usize,
+    /// Rounds in which device and CPU take turns; the median counts
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000)))]
+    pub rounds: u32,
 }
 
 /// A device measured in scene files. As text it is a block of Markdown.
@@ -305,7 +320,7 @@ fn bench_of_scene(
         let gpu = GpuBackend::open(Clone::clone(task), (&computing.engine).into(), memory);
         gpu.map_err(needs_device)
     };
-    let rounds = (1 + request.rounds) * request.placements.len();
+    let rounds = (1 + request.rounds as usize) * request.placements.len();
     let bar = computing.watcher.bar(1 + rounds as u64, Some("measurements"));
     let one = job.clone().frames(Some(1)).problem()?;
     let (random, hostile, sample) = VERIFIED;
@@ -320,7 +335,7 @@ fn bench_of_scene(
     let mut cpu = CpuBackend::new(problem.task().clone(), memory);
     let mut speeds = Vec::new();
     for &count in &request.placements {
-        let batch = random_placements_by_the_rules(problem.constraints(), count, SEED);
+        let batch = random_placements_by_the_rules(problem.constraints(), count as usize, SEED);
         let turn = || {
             bar.advance(1);
             match computing.watcher.goes_on() {
@@ -328,7 +343,7 @@ fn bench_of_scene(
                 false => Err(RunError::Interrupted("interrupted: nothing is printed".to_owned())),
             }
         };
-        speeds.push(speed(&problem, &batch, request.rounds, (&mut gpu, &mut cpu), &turn)?);
+        speeds.push(speed(&problem, &batch, request.rounds as usize, (&mut gpu, &mut cpu), &turn)?);
     }
     let adapter = gpu.adapter().to_owned();
     Ok((adapter, SceneBench { scene: job.scene().name().to_owned(), verification, speeds }))

@@ -33,18 +33,23 @@ use rig::HandoverRig;
 
 /// A placement that is to be handed over.
 #[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct HandoverRequest {
-    /// A scene, none for level ground, and last a file of placements with the name of one of them behind a colon where
-    /// there are several.
+    /// A scene, none for level ground, and placements, with the name of one of them where there are several
+    #[cfg_attr(feature = "cli", arg(value_name = "[SCENE] PLACEMENTS[:NAME]", required = true, num_args = 1..))]
     pub files: Vec<String>,
-    /// Folder to write.
+    /// Folder to write, new or empty
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DIR"))]
     pub out: PathBuf,
-    /// Frame of the scene, from 0.
+    /// Frame of the scene, from 0
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = 0, value_name = "T"))]
     pub frame: u32,
-    /// Metres that crop boxes reach beyond the body.
+    /// Metres that crop boxes reach beyond the own body
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = 0.05, value_name = "METRES", value_parser = super::parse::margin))]
     pub margin: f64,
-    /// Position of `base_link` in the ego frame, metres; crop boxes count from there.
-    pub base_link: [f64; 3],
+    /// Position of base_link in the ego frame, in metres [default: 0,0,0]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "X[,Y,Z]", value_parser = super::parse::base_link, allow_hyphen_values = true))]
+    pub base_link: Option<[f64; 3]>,
 }
 
 /// Summary of a folder that was written.
@@ -85,7 +90,7 @@ pub fn handover(
     let drawing = drawn(&rig).drawing();
     add("drawing.svg", drawing.svg().into_bytes());
     add("drawing.pdf", drawing.pdf());
-    if let Some(boxes) = mask::boxes(&rig, request.margin, request.base_link) {
+    if let Some(boxes) = mask::boxes(&rig, request.margin, request.base_link.unwrap_or_default()) {
         add("crop_boxes.yaml", boxes.into_bytes());
     }
     for (k, mask) in masks.iter().enumerate() {
@@ -297,10 +302,10 @@ fn text<'a>(
         let share = 100.0 * own as f64 / all as f64;
         let _ = writeln!(text, "  LiDAR {k}: {own} of {all} beams, {share:.2} %{rings}");
     }
+    let (margin, [x, y, z]) = (request.margin, request.base_link.unwrap_or_default());
     let _ = write!(
         text,
-        "\nCrop boxes reach {} m beyond the body. base_link stands at x {}, y {}, z {} m in the ego frame.\n",
-        request.margin, request.base_link[0], request.base_link[1], request.base_link[2]
+        "\nCrop boxes reach {margin} m beyond the body. base_link stands at x {x}, y {y}, z {z} m in the ego frame.\n"
     );
     text += "\nMade by sightline ";
     text += env!("CARGO_PKG_VERSION");

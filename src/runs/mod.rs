@@ -27,6 +27,8 @@ mod inputs;
 mod opening;
 pub mod optimize;
 mod outputs;
+#[cfg(feature = "cli")]
+pub(crate) mod parse;
 pub mod psog;
 pub mod rig;
 pub mod scan;
@@ -36,4 +38,7 @@ pub mod sensitivity;
 pub mod study;
 
 use computing::GRACE;
-pub use computing::{Bar, Computing, RunError, Silent, TableFormat, Watcher};
+pub use computing::{
+    Bar, Computing, Conditions, FiguresOut, Gltf, MountingArgs, RunError, Silent, TableFormat,
+    Watcher,
+};

@@ -17,11 +17,12 @@ use crate::files::{
     Session, safe_name, safe_names, shared_folder, sync_disk, writable_file, write_many, write_npy,
     write_own, write_whole,
 };
-use crate::job::{Job, Tolerance};
+use crate::job::Job;
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
 use crate::report::tables::{score_rows, score_titles};
-use crate::scan::conditions::{Condition, in_words, under};
+use crate::runs::{Conditions, MountingArgs};
+use crate::scan::conditions::{in_words, under};
 use crate::score::Scores;
 use crate::search::{Evaluator, Judged, Member};
 use crate::vehicle::placement_file::count_placements;
@@ -57,27 +58,40 @@ const BLOCK: usize = 1024;
 
 /// A batch of placements to be scored.
 #[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct ScoreRequest {
-    /// Scene files, and placements.
+    /// Scene files, and placements: a .json document, or a .jsonl file with one placement a line, read as a
+    /// stream; - is stdin. Several scenes share one LiDAR and mount, and get the mean beside each
+    #[cfg_attr(feature = "cli", arg(value_name = "SCENE… PLACEMENTS", required = true))]
     pub files: Vec<PathBuf>,
-    /// Form of the scores.
+    /// How to print
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub format: TableFormat,
-    /// File for the scores, in place of the caller's writer.
+    /// Write the scores to this file instead of stdout
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     pub out: Option<PathBuf>,
-    /// Folder for the covered voxels of each placement.
-    pub coverage_out: Option<PathBuf>,
-    /// Whether the scores of an interrupted batch are gone on with, from `FILE.partial` beside the file.
+    /// Go on with the scores of an interrupted run, which stand in FILE.partial beside the file of --out
+    #[cfg_attr(feature = "cli", arg(long, requires = "out"))]
     pub resume: bool,
-    /// Frames to average over; all if none.
+    /// Write the covered voxels of each placement to DIR/NAME.npy: u64 linear indices, rising; with
+    /// several frames, voxels covered in at least one; of several scenes DIR/SCENE/NAME.npy
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DIR"))]
+    pub coverage_out: Option<PathBuf>,
+    /// Average over this many frames, spread evenly over each scene [default: all]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
     pub frames: Option<u32>,
-    /// Whether the near field is scored, too.
+    /// Score the near field, too: the share of the ground within 10 m, and within 3 m, of the own body with a hit close
+    /// by; takes casts of its own
+    #[cfg_attr(feature = "cli", arg(long))]
     pub near_field: bool,
-    /// Random seed for free phases and weather; other than 0 takes one scene.
+    /// Draw of what is left to chance, of free phases and of the beams that come back through weather; the mean
+    /// over several is the expectation; one scene
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0, value_parser = super::parse::whole::<u64>))]
     pub draw: u64,
-    /// Mounting tolerance within which requirements are to hold.
-    pub tolerance: Tolerance,
-    /// Weather and faults.
-    pub conditions: Vec<Condition>,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub mounting: MountingArgs,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub conditions: Conditions,
 }
 
 /// Hands out the file of the request, which is whole at any time, or the caller's writer.
@@ -127,11 +141,11 @@ fn score_each(
     start: Instant,
     out: &mut dyn Write,
 ) -> Result<(), RunError> {
-    let files = opening::files(scenes, &request.conditions, request.frames, computing);
+    let files = opening::files(scenes, &request.conditions.condition, request.frames, computing);
     let mut loaded = opening::job(&files, computing)?;
     let evaluator = loaded.evaluator(computing)?;
     let Loaded { job, times } = loaded;
-    let job = job.tolerance(Some(request.tolerance));
+    let job = job.tolerance(Some(request.mounting.tolerance));
     computing.watcher.listen(GRACE);
     if let Some(file) = &request.out {
         writable_file(file)?;
@@ -141,7 +155,7 @@ fn score_each(
     }
     let (file, mut placements) = (placements, read(placements)?);
     Given::in_problem(file, evaluator.problem(), computing).all(&mut placements)?;
-    let conditions = in_words(&request.conditions);
+    let conditions = in_words(&request.conditions.condition);
     let mut batch = Batch { evaluator, times, start, conditions, judged: Vec::new() };
     let bar = computing.watcher.bar(placements.len() as u64, Some("placements"));
     for block in placements.chunks(BLOCK) {

@@ -11,7 +11,8 @@ use super::{Bar, Computing, GRACE, RunError, Watcher, opening};
 use crate::files;
 use crate::files::{Input, RunDir, holds_run, is_forced, safe_names};
 use crate::report::study::study_plot;
-use crate::scan::conditions::{Condition, in_words};
+use crate::runs::Conditions;
+use crate::scan::conditions::in_words;
 use crate::scene::Scene;
 use crate::study::{Kind, Row, StudyObserver, StudySettings, Subregion, Table, study};
 use crate::vehicle::placement_file::holds_placements;
@@ -19,34 +20,47 @@ use crate::vehicle::read_placements;
 
 /// A study of scene files.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct StudyRequest {
-    /// Question of the study.
+    /// What to study
+    #[cfg_attr(feature = "cli", arg(value_parser = super::parse::kinds()))]
     pub kind: Kind,
-    /// Scene files: `transfer` looks at all together, every other kind at one after the other. A file of placements
-    /// among them for kinds that [take some](Kind::takes_placements).
+    /// Scene files: `transfer` looks at all together, every other kind at one after the other; `loss`, `random`, `regions`,
+    /// `voxels` and `weather` take a file of own rigs behind them
+    #[cfg_attr(feature = "cli", arg(required = true))]
     pub scenes: Vec<PathBuf>,
-    /// Folder; several scenes get a folder each inside it.
+    /// Folder for the study, of several scenes one in it for each [default: studies/SCENE-KIND]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DIR"))]
     pub out: Option<PathBuf>,
-    /// Score to maximize where placements are searched.
+    /// Score to maximize where placements are searched
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = StudySettings::default().objective.to_string()))]
     pub objective: String,
-    /// Placements that each search evaluates before swaps.
+    /// Placements that each search evaluates before swaps
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = StudySettings::default().evaluations, value_parser = super::parse::at_least_one))]
     pub evaluations: u64,
-    /// Frames to average over; the default of [`StudySettings`] if none.
+    /// Frames to average over, spread evenly [default: 2]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
     pub frames: Option<u32>,
-    /// Random placements, where the study draws some.
+    /// Random placements, where the study draws some
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = StudySettings::default().random, value_parser = clap::value_parser!(u32).range(2..=100_000)))]
     pub random: u32,
-    /// Sensor files to compare.
-    pub sensors: Vec<PathBuf>,
-    /// Further regions.
-    pub regions: Vec<Subregion>,
-    /// Edge of a voxel in metres; the default of [`StudySettings`] if none.
-    pub voxel: Option<f64>,
-    /// Seed of all randomness.
-    pub seed: u64,
-    /// Most that the sensors of a placement that is searched may cost; `None` sets no limit.
+    /// Most that the sensors of a vehicle may cost, in the currency of its prices, where placements are searched
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PRICE", value_parser = super::parse::finite))]
     pub budget: Option<f64>,
-    /// Weather and faults: all at once, but each for itself for `weather`.
-    pub conditions: Vec<Condition>,
+    /// Sensor file to compare, for `channels`; may be given several times
+    #[cfg_attr(feature = "cli", arg(long = "sensor", value_name = "FILE"))]
+    pub sensors: Vec<PathBuf>,
+    /// Further region, for `regions`: NAME:x0,y0,z0,x1,y1,z1 in metres; may be given several times
+    #[cfg_attr(feature = "cli", arg(long = "box", value_name = "BOX", value_parser = super::parse::parse_box))]
+    pub regions: Vec<Subregion>,
+    /// Edge of a voxel in metres, for `published` [default: 0.1, as in the paper]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "M", value_parser = super::parse::parse_length))]
+    pub voxel: Option<f64>,
+    /// Seed of all randomness
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = StudySettings::default().seed, value_parser = super::parse::whole::<u64>))]
+    pub seed: u64,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub conditions: Conditions,
 }
 
 /// Makes the study, a folder for each scene or one for all together, until the watcher stops it. Calls `each` with
@@ -124,7 +138,7 @@ fn settings(request: &StudyRequest, computing: &Computing<'_>) -> Result<StudySe
         regions: request.regions.clone(),
         placements: Vec::new(),
         budget: request.budget,
-        conditions: request.conditions.clone(),
+        conditions: request.conditions.condition.clone(),
         engine: computing.engine.clone(),
     })
 }
@@ -139,7 +153,8 @@ fn of_scenes(
 ) -> Result<Table, RunError> {
     let watcher = computing.watcher;
     // The study of weather has a job for each condition.
-    let together = if request.kind == Kind::Weather { &[][..] } else { &request.conditions };
+    let together =
+        if request.kind == Kind::Weather { &[][..] } else { &request.conditions.condition };
     let files = opening::files(paths, together, request.frames, computing);
     let job = opening::job(&files, computing)?.job;
     let scenes = job.scenes();

@@ -233,8 +233,8 @@ fn digest(request: &ScoreRequest, scene: &Scene, placements: &Path) -> Result<St
         "frames": request.frames,
         "near_field": request.near_field,
         "draw": request.draw,
-        "tolerance": request.tolerance,
-        "conditions": in_words(&request.conditions),
+        "tolerance": request.mounting.tolerance,
+        "conditions": in_words(&request.conditions.condition),
         "coverage": request.coverage_out.is_some(),
     });
     Ok(sha256(all.to_string().as_bytes()))

@@ -43,10 +43,10 @@ pub(super) fn score(
     out: &mut dyn Write,
 ) -> Result<(), RunError> {
     let scenes = [scene.to_owned()];
-    let files = opening::files(&scenes, &request.conditions, request.frames, computing);
+    let files = opening::files(&scenes, &request.conditions.condition, request.frames, computing);
     let Loaded { job, times } = opening::job(&files, computing)?;
     let mut loaded =
-        Loaded { job: job.draw(request.draw).tolerance(Some(request.tolerance)), times };
+        Loaded { job: job.draw(request.draw).tolerance(Some(request.mounting.tolerance)), times };
     let evaluator = loaded.evaluator(computing)?;
     let Loaded { job, times } = loaded;
     let scene = job.scene().clone();
@@ -320,7 +320,7 @@ impl Scoring<'_> {
         }
         if self.request.format == TableFormat::Text {
             let beams = problem.sensors().beams_in_words();
-            let under = under(&in_words(&self.request.conditions));
+            let under = under(&in_words(&self.request.conditions.condition));
             return Ok(format!(
                 "{scene}: {coverage} over {frames} frame(s), {beams} a LiDAR{under}\n"
             ));
@@ -335,8 +335,8 @@ impl Scoring<'_> {
             "modelled": problem.modelled(),
             "threads": rayon::current_num_threads(),
         });
-        if !self.request.conditions.is_empty() {
-            head["conditions"] = json!(in_words(&self.request.conditions));
+        if !self.request.conditions.condition.is_empty() {
+            head["conditions"] = json!(in_words(&self.request.conditions.condition));
         }
         let text = self.json(&head, LinePerElement::default())?;
         Ok(format!("{},\"scores\":[", text.strip_suffix('}').unwrap_or(&text)))
