@@ -22,7 +22,6 @@ mod front;
 mod room;
 mod scene;
 mod search;
-mod shared;
 mod sweep;
 mod tolerance;
 

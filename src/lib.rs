@@ -123,8 +123,6 @@ pub mod internals {
     pub use crate::report::chart_text::chart_words;
     pub use crate::report::chart_text::{ChartFrame, fidelity_csv, seconds};
     pub use crate::report::chart_text::{chart_text, charts_text};
-    pub use crate::report::checks::verification_text;
-    pub use crate::report::checks::{audit_text, audits_text};
     pub use crate::report::coverage::{near_field_svg, near_field_text};
     pub use crate::report::coverage::{overlap_text, redundancy_text};
     pub use crate::report::front::front_text;
@@ -147,7 +145,9 @@ pub mod internals {
     pub use crate::report::targets::{range_card_text, targets_text};
     pub use crate::report::text::comparison_text;
     pub use crate::report::text::psog_text;
+    pub use crate::report::text::verification_text;
     pub use crate::report::text::{align_columns, findings_text, poses_text, study_text, visible};
+    pub use crate::report::text::{audit_text, audits_text};
     pub use crate::report::words::word;
     pub use crate::report::words::{
         certificate_in_words, methods_in_words, spread_in_words, verdict,

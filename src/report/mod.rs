@@ -28,7 +28,6 @@
 
 pub(crate) mod chart;
 pub(crate) mod chart_text;
-pub(crate) mod checks;
 pub(crate) mod coverage;
 mod drawing;
 pub(crate) mod front;

@@ -8,7 +8,6 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
 mod houses;
-mod mask;
 mod network;
 mod opendrive;
 mod population;

@@ -6,12 +6,11 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::houses::fence;
-use crate::mask::{HOUSE, MapObjects, Mask, ROAD, THING, WALK};
 use crate::network::{
     GroundRect, KERB, Line, Model, Network, Post, Street, StripUse, class, left_of,
 };
 use crate::style::Style;
-use crate::surfaces::Terrain;
+use crate::surfaces::{HOUSE, MapObjects, Mask, ROAD, THING, Terrain, WALK};
 
 /// Draws the roadside objects of one network into a model.
 pub struct StreetFurniture<'a> {

@@ -14,11 +14,10 @@ use sightline_files::Note;
 use sightline_scene::scene::DEFAULT_CLASSES;
 
 use crate::houses::Houses;
-use crate::mask::{HOUSE, MapObjects, ROAD, THING, WALK};
 use crate::network::{GroundRect, Line, Model, Network, class, left_of};
 use crate::population::{Population, PopulationSettings};
 use crate::style::{Style, WorldKind};
-use crate::surfaces::Terrain;
+use crate::surfaces::{HOUSE, MapObjects, ROAD, THING, Terrain, WALK};
 use crate::things::StreetFurniture;
 use crate::traffic::{ActorPose, BodyPart, Trajectory};
 use crate::{opendrive, style, surfaces, traffic};
@@ -143,7 +142,7 @@ pub fn read_opendrive(path: &Path) -> Result<String, WorldError> {
 struct WorldDraft<'a> {
     network: &'a Network,
     terrain: &'a Terrain,
-    mask: &'a mut super::mask::Mask,
+    mask: &'a mut crate::surfaces::Mask,
     model: &'a mut Model,
 }
 
