@@ -9,7 +9,7 @@ use crate::memory::may_fail;
 /// exits with code 2, as after any other error.
 pub struct Sentence;
 
-// SAFETY: every call goes to `System` as it is, and what `System` returns is returned as it is.
+// SAFETY: every call goes to `System` unchanged, and its answer is returned unchanged.
 #[allow(unsafe_code)]
 unsafe impl GlobalAlloc for Sentence {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
@@ -42,7 +42,7 @@ fn given(memory: *mut u8, size: usize) -> *mut u8 {
     memory
 }
 
-/// Says what was refused and ends the program; takes no memory.
+/// Prints the refused size and ends the program; takes no memory.
 #[cold]
 fn give_up(size: usize) -> ! {
     // Nobody is left to tell where even this fails.

@@ -55,8 +55,8 @@
 //! | [`verify`] | comparisons of engines bit by bit, and with `f64` |
 //! | [`chart`] | settings from fine to coarse, their cost and their error |
 //! | [`study`] | how many LiDARs, which sensor, what if one fails |
-//! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
-//! | [`runs`] | work on files: what each command does with scenes, placements and folders |
+//! | [`report`] | files of a run: JSON, SVG, HTML |
+//! | [`runs`] | work on files: each command as a function of scenes, placements and folders |
 //! | `cli` | the program: parses arguments, calls the modules above, prints |
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
@@ -80,7 +80,6 @@ pub mod search;
 pub mod shared;
 pub mod study;
 pub mod targets;
-pub mod threads;
 pub mod verify;
 
 pub use sightline_files::Note;
@@ -109,10 +108,10 @@ pub mod internals {
     pub use crate::allocator::Sentence;
     pub use crate::chart::early::{Left, Skipped};
     pub use crate::chart::measure::{Measured, PoseCost};
-    pub use crate::chart::ranking::{Interval, RankingError};
+    pub use crate::chart::ranking::{BootstrapInterval, RankingError};
+    pub use crate::chart::ranking::{MOST_SWAPPED, Rated, cheapest, pareto, rate};
     pub use crate::chart::setting::{Engine, Setting};
-    pub use crate::chart::simplify::merge_vertices;
-    pub use crate::chart::verdict::{MOST_SWAPPED, Rated, cheapest, pareto, rate};
+    pub use crate::chart::world::merge_vertices;
     pub use crate::files::{
         FileError, Input, LinePerElement, RunDir, holds_run, is_sink, remove_temporaries,
         shared_folder, target, writable_file, write_npy, write_whole,
@@ -120,44 +119,44 @@ pub mod internals {
     pub use crate::psog::entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, fixed, to_nats};
     pub use crate::psog::npz::ArrayFault;
     pub use crate::psog::vote::{FrameVotes, PsogBuilder};
-    pub use crate::report::audit::{audit_text, audits_text};
-    pub use crate::report::by_scene::by_scene;
     pub use crate::report::chart::fidelity_svg;
-    pub use crate::report::chart_table::{ChartFrame, fidelity_csv, seconds};
+    pub use crate::report::chart_text::chart_words;
+    pub use crate::report::chart_text::{ChartFrame, fidelity_csv, seconds};
     pub use crate::report::chart_text::{chart_text, charts_text};
-    pub use crate::report::chart_words::chart_words;
-    pub use crate::report::convergence::convergence_svg;
+    pub use crate::report::coverage::{near_field_svg, near_field_text};
+    pub use crate::report::coverage::{overlap_text, redundancy_text};
     pub use crate::report::front::front_text;
     pub use crate::report::map::InformationMap;
-    pub use crate::report::near_field::{near_field_svg, near_field_text};
-    pub use crate::report::placement::placement_svg;
+    pub use crate::report::map::placement_svg;
     pub use crate::report::plot::{Axis, Plot, Series};
-    pub use crate::report::psog::psog_text;
+    pub use crate::report::record::convergence_svg;
     pub use crate::report::record::peak_memory;
-    pub use crate::report::record_text::record_text;
-    pub use crate::report::rig::comparison_text;
-    pub use crate::report::room::room_text;
+    pub use crate::report::record::record_text;
+    pub use crate::report::sensor::sensor_svg;
     pub use crate::report::sensor::{SensorFacts, sensor_text};
-    pub use crate::report::sensor_svg::sensor_svg;
-    pub use crate::report::shared::{overlap_text, redundancy_text};
+    pub use crate::report::study::room_text;
     pub use crate::report::study::study_plot;
-    pub use crate::report::sweep::sweep_text;
-    pub use crate::report::table::{ScoreColumn, optional};
+    pub use crate::report::study::sweep_text;
+    pub use crate::report::tables::by_scene;
+    pub use crate::report::tables::{ScoreColumn, optional};
     pub use crate::report::tables::{
         near_field_csv, overlap_csv, redundancy_csv, room_csv, studies_csv, sweep_csv, targets_csv,
     };
     pub use crate::report::targets::{range_card_text, targets_text};
+    pub use crate::report::text::comparison_text;
+    pub use crate::report::text::psog_text;
+    pub use crate::report::text::verification_text;
     pub use crate::report::text::{align_columns, findings_text, poses_text, study_text, visible};
-    pub use crate::report::verification::verification_text;
-    pub use crate::report::word::word;
+    pub use crate::report::text::{audit_text, audits_text};
+    pub use crate::report::words::word;
     pub use crate::report::words::{
         certificate_in_words, methods_in_words, spread_in_words, verdict,
     };
     pub use crate::scene::street::{FEWEST_STREET_TRIANGLES, MOST_STREET_TRIANGLES};
     pub use crate::score::guard::{guards_of, reference_layout, short_sight};
     pub use crate::score::over_scenes::totals;
-    pub use crate::score::ranking::{kendall_tau, mean_height, spearman};
     pub use crate::score::standing::Standing;
+    pub use crate::score::standing::{kendall_tau, mean_height, spearman};
     pub use crate::search::atlas::{Atlas, Union};
     pub use crate::search::atlases::Atlases;
     pub use crate::search::bound::{Effort, GridSample, LipschitzBound, bound_gain};
@@ -173,7 +172,7 @@ pub mod internals {
     pub use crate::vehicle::placement_file::{count_placements, holds_placements};
     pub use crate::vehicle::placements::{draws, random_placements_by_the_rules};
     pub use crate::vehicle::pose_grid::{PoseGrid, PoseGridError, Spacing};
-    pub use crate::verify::compare::{Differences, compared_frames};
     pub use crate::verify::oracle::{Agreement, EDGE_TOLERANCE, Explanation, explain, explain_in};
-    pub use crate::verify::placements::{hostile_placements, usual_placements};
+    pub use crate::verify::{Differences, compared_frames};
+    pub use crate::verify::{hostile_placements, usual_placements};
 }

@@ -1,4 +1,4 @@
-//! The `sightline` program: maps what [`cli::run`] returns to an exit code.
+//! The `sightline` program: maps the result of [`cli::run`] to an exit code.
 
 use std::process::ExitCode;
 

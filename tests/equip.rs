@@ -10,7 +10,7 @@ use sightline::search::{
     cost_front,
 };
 use sightline::vehicle::{
-    Phase, Region, Requirement, Response, SensorName, Vehicle, VehicleMount, VehicleSensor,
+    Region, Requirement, Response, SensorName, SpinPhase, Vehicle, VehicleMount, VehicleSensor,
 };
 
 use crate::common::random_problem;
@@ -26,7 +26,7 @@ fn vehicle(require: Vec<Requirement>) -> Vehicle {
         let scene = sightline::scene::Scene::from_json(&text, "".as_ref(), "s").unwrap();
         let name = SensorName::new(name).unwrap();
         let price = f64::from(steps) / 10.0;
-        let (lidar, phase) = (scene.lidars()[0].clone(), Phase::Locked(0.0));
+        let (lidar, phase) = (scene.lidars()[0].clone(), SpinPhase::Locked(0.0));
         VehicleSensor { name, lidar, phase, price, response: Response::usual(f64::from(range)) }
     };
     let sensors = vec![lidar(60, 12, "dear"), lidar(20, 6, "cheap")];

@@ -5,7 +5,7 @@ use std::sync::{Arc, LazyLock};
 use lidar_cast::task::KINDS;
 use rand::RngExt;
 use rand::seq::SliceRandom;
-use sightline::audit::{Trial, Verdict};
+use sightline::audit::{Trial, TrialResult};
 use sightline::engine::Backend;
 use sightline::internals::{
     Atlas, Generations, GridPlacement, GridSearch, Moves, PoseGrid, Spacing, hostile_placements,
@@ -144,7 +144,7 @@ fn a_shorter_range_never_raises_the_verdict() {
                     whole.guards
                 );
                 let trial = Trial::new(&what, whole, short);
-                assert_ne!(trial.verdict, Verdict::Fooled, "{what}: {:?}", trial.fooled);
+                assert_ne!(trial.verdict, TrialResult::Fooled, "{what}: {:?}", trial.fooled);
                 fooled += usize::from(!trial.fooled.is_empty());
             }
         }

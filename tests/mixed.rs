@@ -8,18 +8,18 @@ use lidar_cast::engine::ReferenceBackend;
 use sightline::engine::Backend;
 use sightline::problem::Problem;
 use sightline::vehicle::{
-    BeamTable, Phase, Placement, SensorModel, SensorName, SensorPose, Sensors,
+    BeamTable, Placement, SensorModel, SensorName, SensorPose, Sensors, SpinPhase,
 };
 
 use crate::common::{cpu, random_placements, random_problem};
 
-fn model(name: &str, table: BeamTable, phase: Phase) -> SensorModel {
+fn model(name: &str, table: BeamTable, phase: SpinPhase) -> SensorModel {
     SensorModel { name: SensorName::new(name).unwrap(), phase, ..SensorModel::plain(table) }
 }
 
 /// A spinning sensor of 7 × 45 beams, a solid-state one of 5 × 21 and a list of 40 directions, each of
 /// another range.
-fn models(phase: Phase) -> Vec<SensorModel> {
+fn models(phase: SpinPhase) -> Vec<SensorModel> {
     let channels: Vec<(f64, f64)> = (0..7).map(|k| (-30.0 + 10.0 * f64::from(k), 0.3)).collect();
     let spinning = BeamTable::spinning(&channels, 45, 12.0).unwrap();
     let sector = BeamTable::sector(&channels[1..6], [-60.0, 6.0], 21, 9.0).unwrap();
@@ -30,12 +30,12 @@ fn models(phase: Phase) -> Vec<SensorModel> {
     let list = BeamTable::from_directions(list, 6.0).unwrap();
     vec![
         model("spinning", spinning, phase),
-        model("sector", sector, Phase::Locked(0.0)),
-        model("list", list, Phase::Locked(0.4)),
+        model("sector", sector, SpinPhase::Locked(0.0)),
+        model("list", list, SpinPhase::Locked(0.4)),
     ]
 }
 
-fn mixed_problem(seed: u64, ends_at_hits: bool, phase: Phase) -> Arc<Problem> {
+fn mixed_problem(seed: u64, ends_at_hits: bool, phase: SpinPhase) -> Arc<Problem> {
     let problem = Arc::unwrap_or_clone(random_problem(seed, ends_at_hits));
     Arc::new(problem.with_sensors(Sensors::new(models(phase)).unwrap()))
 }
@@ -65,9 +65,11 @@ fn engines(problem: &Arc<Problem>) -> Vec<Box<dyn Backend>> {
 
 #[test]
 fn engines_agree_on_mixed_rigs_to_the_bit() {
-    for (seed, ends_at_hits, phase) in
-        [(61, true, Phase::Free), (62, true, Phase::Locked(0.02)), (63, false, Phase::Free)]
-    {
+    for (seed, ends_at_hits, phase) in [
+        (61, true, SpinPhase::Free),
+        (62, true, SpinPhase::Locked(0.02)),
+        (63, false, SpinPhase::Free),
+    ] {
         let problem = mixed_problem(seed, ends_at_hits, phase);
         let placements = mixed_placements(seed, 30);
         let mut reference = ReferenceBackend::new(problem.task().clone());
@@ -93,7 +95,7 @@ fn engines_agree_on_mixed_rigs_to_the_bit() {
 
 #[test]
 fn a_mixed_placement_is_its_sensors_side_by_side() {
-    let problem = mixed_problem(64, true, Phase::Locked(0.0));
+    let problem = mixed_problem(64, true, SpinPhase::Locked(0.0));
     let placements = mixed_placements(64, 12);
     let mut mixed = cpu(&problem);
     for placement in &placements {
@@ -122,8 +124,8 @@ fn a_mixed_placement_is_its_sensors_side_by_side() {
 
 #[test]
 fn a_phase_is_a_yaw_of_a_level_sensor() {
-    let turned = mixed_problem(65, true, Phase::Locked(0.05));
-    let still = mixed_problem(65, true, Phase::Locked(0.0));
+    let turned = mixed_problem(65, true, SpinPhase::Locked(0.05));
+    let still = mixed_problem(65, true, SpinPhase::Locked(0.0));
     let pose = SensorPose { yaw: 0.2, ..SensorPose::at(0.3, -0.2, 0.1) };
     let by_yaw = SensorPose { yaw: 0.25, ..pose };
     let a = cpu(&turned).hits(&[pose], 0).unwrap();
@@ -135,7 +137,7 @@ fn a_phase_is_a_yaw_of_a_level_sensor() {
 
 #[test]
 fn free_phases_differ_by_frame_and_not_by_what_else_is_asked() {
-    let problem = mixed_problem(66, true, Phase::Free);
+    let problem = mixed_problem(66, true, SpinPhase::Free);
     let placements = mixed_placements(66, 20);
     assert_eq!(problem.distinct_frames(), [(0, 1), (1, 1)]);
     let whole = cpu(&problem).tally(&placements, None).unwrap();
@@ -156,7 +158,7 @@ fn free_phases_differ_by_frame_and_not_by_what_else_is_asked() {
 
 #[test]
 fn an_unknown_sensor_is_refused_by_every_engine() {
-    let problem = mixed_problem(67, true, Phase::Free);
+    let problem = mixed_problem(67, true, SpinPhase::Free);
     let sensor = SensorName::new("nobody's").unwrap();
     let pose = SensorPose { sensor, ..SensorPose::at(0.0, 0.0, 0.0) };
     let placement = [Placement { name: "x".into(), lidars: vec![pose] }];

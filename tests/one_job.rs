@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
-use sightline::chart::{ChartSettings, ChartState, Fidelity, chart};
+use sightline::chart::{ChartSettings, ChartState, SceneDetail, chart};
 use sightline::internals::{Engine, Setting};
 use sightline::search::{Event, Settings};
 use sightline::vehicle::SensorPose;
@@ -220,7 +220,7 @@ fn a_chart_of_a_mixed_vehicle_ranks_what_score_ranks() {
     let mut state = ChartState::default();
     let found = chart(job.scene().clone(), psog, &settings, 0.01, &mut state, &()).unwrap();
     let of = |engine: Engine| {
-        let setting = Setting { fidelity: Fidelity::of_scene(job.scene()), engine };
+        let setting = Setting { fidelity: SceneDetail::of_scene(job.scene()), engine };
         let rated = found.rated.iter().find(|rated| rated.measured.setting == setting);
         let scores =
             &rated.unwrap_or_else(|| panic!("{setting:?}: {:?}", found.left_out)).measured.scores;

@@ -1,7 +1,7 @@
 // Uniforms, poses, sensors, hits, and the direction of a beam: shared by all kernels.
 //
-// CPU twins  crates/lidar-cast/src/engine/gpu/layout.rs::Uniforms, ::Sensor, crates/lidar-cast/src/task/batch.rs::DevicePose, crates/lidar-cast/src/bvh/intersect.rs::Hit
-//            (offsets compared by a test in crates/lidar-cast/src/engine/gpu/kernels.rs), crates/lidar-cast/src/task/batch.rs::beam_direction
+// CPU twins  crates/lidar-cast/src/engine/gpu/layout.rs::Uniforms, ::Sensor, crates/lidar-cast/src/task/world.rs::DevicePose, crates/lidar-cast/src/bvh/intersect.rs::Hit
+//            (offsets compared by a test in crates/lidar-cast/src/engine/gpu/kernels.rs), crates/lidar-cast/src/task/world.rs::beam_direction
 
 struct Uniforms {
     shape: vec3<u32>,

@@ -1,6 +1,6 @@
 // Arithmetic that has the same bits on every device: `rounded` and `divide`.
 //
-// CPU twin   crates/lidar-cast/src/engine/gpu/exact.rs::divide
+// CPU twin   crates/lidar-cast/src/engine/gpu/isa.rs::divide
 //
 // Vulkan lets a driver merge a product and a sum into one rounding, reorder sums, divide with an error of 2.5 ulp,
 // and flush denormals to zero (specification, "Precision and Operation of SPIR-V Instructions").

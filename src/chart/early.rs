@@ -2,8 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::ranking::swapped_interval;
-use super::verdict::keeps_ranking;
+use super::ranking::{keeps_ranking, swapped_interval};
 use super::{Engine, MOST_SWAPPED, Measured, RankingError, Setting};
 
 /// Placements after which the pairs that a setting swaps may decide against it.
@@ -13,7 +12,7 @@ const ENOUGH: usize = 24;
 const SLOWER: [f64; 2] = [3.0, 1.5];
 /// Effort from which on a setting is not begun, as a multiple of one that keeps the ranking. Efforts come from counts
 /// of beams and voxels and are mostly right within a factor of 1.5; see [`Setting::effort`].
-pub(super) const DEARER: f64 = 2.0;
+const DEARER: f64 = 2.0;
 
 /// Reason for which a setting was not measured with all placements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -56,7 +55,7 @@ pub struct Skipped {
 /// unless it cannot be the advice: it swaps too many pairs, or another one keeps the ranking for clearly less time. The
 /// f64 scorer comes last and is left after a few placements, which tell how far the reference is from it.
 #[derive(Debug, Clone)]
-pub(super) struct Rule {
+pub(super) struct StoppingRule {
     /// Every setting is measured to the end.
     pub(super) full: bool,
     /// See [`super::rate`].
@@ -69,7 +68,7 @@ pub(super) struct Rule {
     kept: Option<[f64; 2]>,
 }
 
-impl Rule {
+impl StoppingRule {
     pub(super) fn new(full: bool, tolerance: f64, seed: u64) -> Self {
         Self { full, tolerance, seed, reference: Vec::new(), kept: None }
     }
@@ -146,12 +145,13 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::chart::Fidelity;
+    use crate::chart::SceneDetail;
 
     const TOLERANCE: f64 = 0.01;
 
     fn setting(engine: Engine) -> Setting {
-        let fidelity = Fidelity { voxel: 1.0, azimuth: 1, frames: 1, through: false, detail: 0.0 };
+        let fidelity =
+            SceneDetail { voxel: 1.0, azimuth: 1, frames: 1, through: false, detail: 0.0 };
         Setting { fidelity, engine }
     }
 
@@ -182,16 +182,16 @@ mod tests {
     }
 
     /// A rule that has seen the reference, and a setting that keeps the ranking with an effort of 10 in 1 second.
-    fn rule(full: bool) -> Rule {
+    fn rule(full: bool) -> StoppingRule {
         let [reference, _] = scores(0.0);
-        let mut rule = Rule::new(full, TOLERANCE, 1);
+        let mut rule = StoppingRule::new(full, TOLERANCE, 1);
         rule.note(&measured(Engine::F64, 9.0, &reference), 90.0);
         rule.note(&measured(Engine::Cpu, 1.0, &reference), 10.0);
         rule
     }
 
     /// Reason and number of placements at which a setting that takes `seconds` is left.
-    fn left(rule: &Rule, scores: &[Option<f64>], seconds: f64) -> Option<(usize, Left)> {
+    fn left(rule: &StoppingRule, scores: &[Option<f64>], seconds: f64) -> Option<(usize, Left)> {
         let so_far = (8..=scores.len()).step_by(8).chain([scores.len()]);
         so_far.into_iter().find_map(|n| Some((n, rule.leaves(&scores[..n], seconds)?)))
     }
@@ -203,12 +203,15 @@ mod tests {
         let cpu = setting(Engine::Cpu);
         assert_eq!([19.9, 20.1].map(|effort| sparing.skips(&cpu, effort)), [false, true]);
         assert!(!sparing.skips(&setting(Engine::Gpu), 99.0), "counts say nothing of a GPU's time");
-        assert!(!Rule::new(false, TOLERANCE, 1).skips(&cpu, 99.0), "nothing keeps the ranking yet");
+        assert!(
+            !StoppingRule::new(false, TOLERANCE, 1).skips(&cpu, 99.0),
+            "nothing keeps the ranking yet"
+        );
         assert_eq!(rule(true).order(&[90.0, 30.0, 2.0]), [0, 1, 2]);
         assert!(!rule(true).skips(&cpu, 99.0));
         // One that swaps pairs does not stand in the way of dearer ones.
         let [reference, mixed] = scores(3.0);
-        let mut none = Rule::new(false, TOLERANCE, 1);
+        let mut none = StoppingRule::new(false, TOLERANCE, 1);
         none.note(&measured(Engine::F64, 9.0, &reference), 90.0);
         none.note(&measured(Engine::Cpu, 1.0, &mixed), 10.0);
         assert!(!none.skips(&cpu, 99.0));
@@ -244,7 +247,7 @@ mod tests {
             repeats: 0,
             ..measured(Engine::Cpu, 1.0, &mixed[..24])
         };
-        let mut wide = Rule::new(false, 6.0, 1);
+        let mut wide = StoppingRule::new(false, 6.0, 1);
         wide.note(&measured(Engine::F64, 9.0, &reference), 90.0);
         assert!(rule(false).is_settled(&partial(Left::Swaps), 5.0));
         assert!(!wide.is_settled(&partial(Left::Swaps), 5.0), "no pair is that far apart");

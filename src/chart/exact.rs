@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::exact_tree::ExactTree;
-use super::{ChartError, Fidelity, World, merge_vertices};
+use super::{ChartError, ChartWorld, SceneDetail, merge_vertices};
 use crate::geom::TriangleSoup;
 use crate::maths;
 use crate::problem::{Content, Entropy, KINDS, Tally};
@@ -58,8 +58,8 @@ impl Exact {
     /// The scorer of a scene at a setting.
     ///
     /// # Errors
-    /// See [`World::psog`].
-    pub(super) fn new(world: &mut World, fidelity: &Fidelity) -> Result<Self, ChartError> {
+    /// See [`ChartWorld::psog`].
+    pub(super) fn new(world: &mut ChartWorld, fidelity: &SceneDetail) -> Result<Self, ChartError> {
         let psog = world.psog(fidelity.voxel)?;
         let scene = world.scene();
         let cell = fidelity.detail * psog.roi().voxel()[0];

@@ -19,21 +19,17 @@ mod exact_tree;
 pub(crate) mod measure;
 pub(crate) mod ranking;
 mod run;
-mod scorer;
 pub(crate) mod setting;
-pub(crate) mod simplify;
-pub(crate) mod verdict;
 pub(crate) mod world;
+
+use world::ChartWorld;
 
 pub use early::{Left, Skipped};
 pub(crate) use measure::{Measured, PoseCost};
-pub(crate) use ranking::RankingError;
+pub use ranking::Advice;
+pub(crate) use ranking::{MOST_SWAPPED, RankingError, Rated, cheapest, pareto, rate};
 pub use run::{Chart, ChartObserver, ChartRow, ChartSettings, ChartState, chart};
 pub(crate) use setting::{Engine, Setting};
-pub use setting::{Fidelity, Settings};
-pub(crate) use simplify::merge_vertices;
-pub use verdict::Verdict;
-pub(crate) use verdict::{MOST_SWAPPED, Rated, cheapest, pareto, rate};
+pub use setting::{Ladder, SceneDetail};
 pub use world::ChartError;
-
-use world::World;
+pub(crate) use world::merge_vertices;

@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::early::Rule;
-use super::measure::{Bench, Extent};
+use super::early::StoppingRule;
+use super::measure::{Bench, MeasureLimits};
 use super::{
-    ChartError, Engine, Left, Measured, PoseCost, RankingError, Rated, Setting, Settings, Skipped,
-    Verdict, World, cheapest, rate,
+    Advice, ChartError, ChartWorld, Engine, Ladder, Left, Measured, PoseCost, RankingError, Rated,
+    Setting, Skipped, cheapest, rate,
 };
 use crate::engine::{EngineChoice, EngineKind, open};
 use crate::psog::Psog;
@@ -119,7 +119,7 @@ pub struct Chart {
     /// Every measured setting against the first, the reference.
     pub rated: Vec<Rated>,
     /// The setting to take; `None` where none was measured.
-    pub verdict: Option<Verdict>,
+    pub verdict: Option<Advice>,
     /// True if every setting was measured to the end.
     pub full: bool,
     /// Settings that were not begun, since they cannot be the one to take.
@@ -192,7 +192,7 @@ pub fn chart(
     observer: &dyn ChartObserver,
 ) -> Result<Chart, ChartError> {
     let (name, edge) = (scene.name().to_owned(), scene.roi().voxel[0]);
-    let mut ladder = Settings::new(&scene, finest(&scene, &psog, settings)?);
+    let mut ladder = Ladder::new(&scene, finest(&scene, &psog, settings)?);
     if !settings.full {
         // The f64 scorer takes twenty times as long as its equal in `f32`, which is the reference here.
         ladder.all.swap(0, 1);
@@ -207,7 +207,7 @@ pub fn chart(
     // Requirements rank nothing here, and coarser settings could not pose them.
     let scene = Arc::new(Arc::unwrap_or_clone(scene).without_requirements());
     let mut bench = Bench::new(
-        World::new(scene, psog),
+        ChartWorld::new(scene, psog),
         placements,
         settings.objective.clone(),
         settings.engine.clone(),
@@ -219,7 +219,7 @@ pub fn chart(
         ladder.left_out.push(format!("the GPU: {why}"));
     }
     check_resumed(&mut bench, &ladder, state)?;
-    let rule = Rule::new(settings.full, tolerance, settings.seed);
+    let rule = StoppingRule::new(settings.full, tolerance, settings.seed);
     let Progress { missing, skipped } =
         measure(&mut bench, &mut ladder, rule, edge, state, observer)?;
     let rated = rate(&state.measured, tolerance, settings.seed);
@@ -277,7 +277,7 @@ fn why_no_gpu(bench: &mut Bench, choice: &EngineChoice) -> Result<Option<String>
 /// Refuses a state that was begun with another scene or other placements.
 fn check_resumed(
     bench: &mut Bench,
-    settings: &Settings,
+    settings: &Ladder,
     state: &ChartState,
 ) -> Result<(), ChartError> {
     let Some(first) = state.measured.first() else { return Ok(()) };
@@ -302,8 +302,8 @@ struct Progress {
 /// out for a reason are not among those then missing.
 fn measure(
     bench: &mut Bench,
-    settings: &mut Settings,
-    mut rule: Rule,
+    settings: &mut Ladder,
+    mut rule: StoppingRule,
     edge: f64,
     state: &mut ChartState,
     observer: &dyn ChartObserver,
@@ -356,7 +356,7 @@ fn measure(
 fn one(
     bench: &mut Bench,
     setting: &Setting,
-    rule: &Rule,
+    rule: &StoppingRule,
     state: &ChartState,
     (share, observer): (&dyn Fn(f64), &dyn ChartObserver),
 ) -> Result<Option<Measured>, ChartError> {
@@ -368,6 +368,6 @@ fn one(
     };
     let leaves = |scores: &[Option<f64>], seconds: f64| rule.leaves(scores, seconds);
     let is_timed = |scores: &[Option<f64>]| rule.full || rule.is_candidate(setting, scores);
-    let extent = Extent { goes_on: &goes_on, leaves: &leaves, is_timed: &is_timed };
+    let extent = MeasureLimits { goes_on: &goes_on, leaves: &leaves, is_timed: &is_timed };
     bench.measure(setting, &state.measured, &extent)
 }

@@ -24,7 +24,7 @@ const SLACK: f64 = 1e-9;
 
 /// Detail in which a scene is modelled.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Fidelity {
+pub struct SceneDetail {
     /// Edge of a voxel as a multiple of the scene's own.
     pub voxel: f64,
     /// Divisor of the azimuth steps; of a list of n directions ⌈n / azimuth⌉ are cast, evenly.
@@ -58,21 +58,21 @@ pub enum Engine {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Setting {
     /// Detail in which the scene is modelled.
-    pub fidelity: Fidelity,
+    pub fidelity: SceneDetail,
     /// Arithmetic and device that compute it.
     pub engine: Engine,
 }
 
 /// Settings from fine to coarse.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
+pub struct Ladder {
     /// Setting after setting: the finest in `f64` first, then the finest in `f32`.
     pub all: Vec<Setting>,
     /// Why settings are missing, one sentence each.
     pub left_out: Vec<String>,
 }
 
-impl Fidelity {
+impl SceneDetail {
     /// Everything that a scene describes.
     pub fn of_scene(scene: &Scene) -> Self {
         let through = !scene.has_geometry() || scene.coverage() == Coverage::Through;
@@ -120,7 +120,7 @@ fn round(metres: f64) -> f64 {
 impl Setting {
     /// Estimated time of a placement on the CPU from its beams and voxels, in beams of one LiDAR that are cast.
     pub fn effort(&self, scene: &Scene) -> f64 {
-        let Fidelity { voxel, azimuth, frames, through, .. } = self.fidelity;
+        let SceneDetail { voxel, azimuth, frames, through, .. } = self.fidelity;
         let most = scene.lidars().iter().map(|lidar| lidar.beam_count()).max().unwrap_or(0);
         let beams = most as f64 / f64::from(azimuth);
         let voxels: f64 =
@@ -144,16 +144,16 @@ impl Setting {
     }
 }
 
-impl Settings {
+impl Ladder {
     /// Single steps down from the finest setting, then combinations of steps.
     ///
     /// `finest` is the edge of the finest voxels in metres; `None` takes half of the scene's own where
     /// that is not below 0.1 m.
     pub fn new(scene: &Scene, finest: Option<f64>) -> Self {
-        let own = Fidelity::of_scene(scene);
+        let own = SceneDetail::of_scene(scene);
         let mut left_out = Vec::new();
         let voxels = voxel_factors(scene, finest, &mut left_out);
-        let top = Fidelity { voxel: voxels[0], ..own };
+        let top = SceneDetail { voxel: voxels[0], ..own };
         let steps = |lidar: &&Lidar| match lidar {
             Lidar::Spinning { azimuth_steps, .. } => *azimuth_steps,
             Lidar::Directions { directions, .. } => directions.len() as u32,
@@ -176,24 +176,24 @@ impl Settings {
         settings.add(top, Engine::Cpu);
         settings.add(top, Engine::Gpu);
         for &voxel in &voxels {
-            settings.add(Fidelity { voxel, ..top }, Engine::Cpu);
+            settings.add(SceneDetail { voxel, ..top }, Engine::Cpu);
         }
         settings.add(own, Engine::Gpu);
-        settings.add(Fidelity { frames: own.frames.div_ceil(4), ..own }, Engine::Atlas);
+        settings.add(SceneDetail { frames: own.frames.div_ceil(4), ..own }, Engine::Atlas);
         for &voxel in &voxels {
-            settings.add(Fidelity { voxel, ..own }, Engine::Atlas);
-            settings.add(Fidelity { voxel, frames: 1, ..own }, Engine::Atlas);
+            settings.add(SceneDetail { voxel, ..own }, Engine::Atlas);
+            settings.add(SceneDetail { voxel, frames: 1, ..own }, Engine::Atlas);
         }
         for &azimuth in &azimuths {
-            settings.add(Fidelity { azimuth, ..top }, Engine::Cpu);
+            settings.add(SceneDetail { azimuth, ..top }, Engine::Cpu);
         }
         for &frames in &frames {
-            settings.add(Fidelity { frames, ..top }, Engine::Cpu);
+            settings.add(SceneDetail { frames, ..top }, Engine::Cpu);
         }
         if !own.through {
-            settings.add(Fidelity { through: true, frames: 1, ..top }, Engine::Cpu);
+            settings.add(SceneDetail { through: true, frames: 1, ..top }, Engine::Cpu);
             for detail in [0.5, 1.0, 2.0] {
-                settings.add(Fidelity { detail, ..top }, Engine::Cpu);
+                settings.add(SceneDetail { detail, ..top }, Engine::Cpu);
             }
         }
         settings.add_combinations(&voxels, &azimuths, &frames, top);
@@ -205,30 +205,30 @@ impl Settings {
         voxels: &[f64],
         azimuths: &[u32],
         frames: &[u32],
-        top: Fidelity,
+        top: SceneDetail,
     ) {
         for &voxel in voxels.iter().filter(|v| **v >= 1.0).take(3) {
             for &azimuth in azimuths.iter().take(3) {
                 for &frames in frames.iter().filter(|f| **f < top.frames) {
-                    self.add(Fidelity { voxel, azimuth, frames, ..top }, Engine::Cpu);
+                    self.add(SceneDetail { voxel, azimuth, frames, ..top }, Engine::Cpu);
                 }
                 if !top.through || azimuth > 1 {
                     let through =
-                        Fidelity { voxel, azimuth, frames: 1, through: true, detail: 0.0 };
+                        SceneDetail { voxel, azimuth, frames: 1, through: true, detail: 0.0 };
                     self.add(through, Engine::Cpu);
                 }
             }
         }
         if !top.through && top.frames > 2 {
             let frames = top.frames.div_ceil(4);
-            let small = Fidelity { voxel: 1.0, azimuth: 2, frames, ..top };
-            self.add(Fidelity { detail: 1.0, ..small }, Engine::Cpu);
+            let small = SceneDetail { voxel: 1.0, azimuth: 2, frames, ..top };
+            self.add(SceneDetail { detail: 1.0, ..small }, Engine::Cpu);
             self.add(small, Engine::Cpu);
             self.add(small, Engine::Gpu);
         }
     }
 
-    fn add(&mut self, fidelity: Fidelity, engine: Engine) {
+    fn add(&mut self, fidelity: SceneDetail, engine: Engine) {
         let setting = Setting { fidelity, engine };
         let finest = self.all.first().map_or(fidelity, |first| first.fidelity);
         if fidelity.is_within(&finest) && !self.all.contains(&setting) {
@@ -284,13 +284,13 @@ mod tests {
         Scene::from_json(&text, Path::new(""), "test.json").unwrap()
     }
 
-    fn words(settings: &Settings, edge: f64) -> Vec<String> {
+    fn words(settings: &Ladder, edge: f64) -> Vec<String> {
         settings.all.iter().map(|setting| setting.words(edge)).collect()
     }
 
     #[test]
     fn the_settings_step_down_from_the_finest_in_f64() {
-        let settings = Settings::new(&scene(0.2, "first-hit"), None);
+        let settings = Ladder::new(&scene(0.2, "first-hit"), None);
         let words = words(&settings, 0.2);
         assert_eq!(words[0], "0.1 m, 12 frames, f64");
         for wanted in [
@@ -316,14 +316,14 @@ mod tests {
         sorted.dedup();
         assert_eq!(sorted.len(), words.len(), "a setting comes twice");
         assert!(settings.left_out.is_empty());
-        let coarse = Settings::new(&scene(0.2, "first-hit"), Some(0.2));
+        let coarse = Ladder::new(&scene(0.2, "first-hit"), Some(0.2));
         assert_eq!(coarse.all[0].words(0.2), "0.2 m, 12 frames, f64");
         assert!(coarse.all.len() < settings.all.len());
     }
 
     #[test]
     fn through_coverage_leaves_frames_and_geometry_out() {
-        let settings = Settings::new(&scene(0.15, "through"), None);
+        let settings = Ladder::new(&scene(0.15, "through"), None);
         let words = words(&settings, 0.15);
         // Half of 0.15 m is below 0.1 m.
         assert_eq!(words[0], "0.15 m, through, f64");

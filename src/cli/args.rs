@@ -1,18 +1,16 @@
 //! Options that several commands share.
 
-use std::path::PathBuf;
-use std::str::FromStr;
+use std::path::{Path, PathBuf};
 
-use crate::engine::{EngineChoice, EngineKind};
-use crate::job::Tolerance;
-use crate::runs::Computing;
-use crate::scan::conditions::Condition;
-use crate::threads;
-use crate::vehicle::SensorChoice;
 use clap::{Args, ValueEnum};
 
-use super::terminal::{Talk, Terminal};
-use crate::runs::Error;
+use super::output::{Talk, Terminal};
+use crate::datasets::CarlaTags;
+use crate::engine::{EngineChoice, EngineKind};
+use crate::runs::parse::finite;
+use crate::runs::psog::CarlaScans;
+use crate::runs::{Computing, RunError};
+use crate::vehicle::SensorChoice;
 
 /// Options of every command that computes scores.
 #[derive(Args, Debug, Clone)]
@@ -43,43 +41,17 @@ pub struct Compute {
 
 /// Models of LiDARs that placements leave without a name.
 #[derive(Args, Debug, Clone, Default)]
-pub struct Named {
+pub struct UnnamedModelArgs {
     /// Model of a LiDAR whose placement names none, for a vehicle with several: its index from 0, or all
     #[arg(long, value_name = "N=MODEL")]
     pub sensor: Vec<SensorChoice>,
 }
 
-impl Named {
-    /// What computes, with these models.
+impl UnnamedModelArgs {
+    /// Engine, vehicle and watcher of the command, with these models.
     pub fn computing<'a>(&self, compute: &Compute, terminal: &'a Terminal) -> Computing<'a> {
         Computing { sensors: self.sensor.clone(), ..compute.computing(terminal) }
     }
-}
-
-/// Weather and faults that scores are computed under.
-#[derive(Args, Debug, Clone, Default)]
-pub struct Conditions {
-    /// Weather or a fault, as fog:mor=50, snow:rate=1, rain:rate=5, wet:water=1, crosstalk:share=0.01, echo:ratio=0.85:
-    /// beams that do not come back cover and see nothing
-    #[arg(long, value_name = "NAME[:KEY=VALUE,…]")]
-    pub condition: Vec<Condition>,
-}
-
-/// Figures as files.
-#[derive(Args, Debug, Clone, Default)]
-pub struct FiguresOut {
-    /// Write each figure as an SVG file of its own into this folder, which is new or empty
-    #[arg(long, value_name = "DIR")]
-    pub figures: Option<PathBuf>,
-}
-
-/// Mounting of the LiDARs.
-#[derive(Args, Debug, Clone, Copy)]
-pub struct Mounting {
-    /// Most by which a LiDAR's mounting is off: each coordinate and each angle, to either side; 0 for none. Each
-    /// requirement is looked at in 200 copies mounted so: one that fewer than 95 % of them meet is met on paper only
-    #[arg(long, value_name = "LENGTH,ANGLE", default_value_t = Tolerance::default())]
-    pub tolerance: Tolerance,
 }
 
 /// Value of `--backend`.
@@ -102,25 +74,6 @@ pub enum Format {
     Json,
 }
 
-/// A whole number, as of a seed.
-pub fn whole<T: FromStr>(text: &str) -> Result<T, String> {
-    let most = u128::MAX >> (128 - 8 * size_of::<T>());
-    text.parse().map_err(|_| format!("give a whole number from 0 to {most}"))
-}
-
-/// A count of something without which nothing is done.
-pub fn at_least_one(text: &str) -> Result<u64, String> {
-    text.parse()
-        .ok()
-        .filter(|n| *n > 0)
-        .ok_or(format!("give a whole number from 1 to {}", u64::MAX))
-}
-
-/// A number below, at or above 0.
-pub fn finite(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|v: &f64| v.is_finite()).ok_or("give a number, as in -8e-8".to_owned())
-}
-
 /// Longest time that a search may be given, in seconds.
 const MOST_SECONDS: f64 = 1e9;
 
@@ -133,7 +86,7 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
 }
 
 /// Bytes from `4096`, `800M`, `2G` or `2GiB`; K, M, G and T are powers of 1024.
-pub fn parse_size(text: &str) -> Result<u64, String> {
+fn parse_size(text: &str) -> Result<u64, String> {
     let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
     let factor = match text[digits.len()..].to_ascii_lowercase().as_str() {
         "" | "b" => 1,
@@ -159,7 +112,7 @@ impl Compute {
         EngineChoice { kind, adapter, memory: self.memory, inexact }
     }
 
-    /// What computes, and that the terminal is told.
+    /// Engine, vehicle and models, with the terminal as watcher.
     pub fn computing<'a>(&self, terminal: &'a Terminal) -> Computing<'a> {
         Computing {
             engine: self.engine(),
@@ -170,7 +123,7 @@ impl Compute {
     }
 
     /// Checks the options against each other and starts the threads of the CPU backend.
-    pub fn start(&self) -> Result<Terminal, Error> {
+    pub fn start(&self) -> Result<Terminal, RunError> {
         engine(self.backend, self.adapter.as_deref(), self.memory)?;
         start_threads(self.threads, self.talk)?;
         Ok(Terminal::new(self.talk))
@@ -192,9 +145,9 @@ pub fn engine(
     backend: BackendChoice,
     adapter: Option<&str>,
     memory: Option<u64>,
-) -> Result<EngineChoice, Error> {
+) -> Result<EngineChoice, RunError> {
     if let (Some(adapter), BackendChoice::Cpu) = (adapter, backend) {
-        return Err(Error::Usage(format!(
+        return Err(RunError::Usage(format!(
             "--adapter {adapter}: picks a Vulkan device, which --backend cpu does not use; leave one of \
              them out"
         )));
@@ -204,10 +157,11 @@ pub fn engine(
 }
 
 /// Starts the threads of `--threads`; says where these are fewer.
-pub fn start_threads(wanted: Option<u16>, talk: Talk) -> Result<(), Error> {
+pub fn start_threads(wanted: Option<u16>, talk: Talk) -> Result<(), RunError> {
     let Some(wanted) = wanted else { return Ok(()) };
-    let threads = threads::start(usize::from(wanted));
-    let threads = threads.map_err(|error| Error::Usage(format!("--threads {wanted}: {error}")))?;
+    let threads = start_at_most(usize::from(wanted));
+    let threads =
+        threads.map_err(|error| RunError::Usage(format!("--threads {wanted}: {error}")))?;
     if threads < usize::from(wanted) {
         talk.note(format!(
             "--threads {wanted}: takes {threads}, four for each core; more are slower"
@@ -217,12 +171,98 @@ pub fn start_threads(wanted: Option<u16>, talk: Talk) -> Result<(), Error> {
 }
 
 /// Refuses a number of threads in the environment that would take minutes to start.
-pub fn start_default_threads() -> Result<(), Error> {
-    match threads::too_many_by_environment() {
+pub fn start_default_threads() -> Result<(), RunError> {
+    match too_many_by_environment() {
         None => Ok(()),
-        Some(wanted) => Err(Error::Usage(format!(
+        Some(wanted) => Err(RunError::Usage(format!(
             "RAYON_NUM_THREADS={wanted}: is more than is useful here; give at most {}, or leave it out",
-            threads::most()
+            most_threads()
         ))),
+    }
+}
+
+/// Where labelled scans lie, beside the folder of a command's own option.
+#[derive(clap::Args)]
+pub struct DatasetArgs {
+    /// Version of the tables of nuScenes, as v1.0-mini [default: the only one there]
+    #[arg(long, value_name = "VERSION", requires = "nuscenes")]
+    pub version: Option<String>,
+    /// CSV of the LiDAR's carla.Transform: frame or file, x, y, z, roll, pitch, yaw, and perhaps time
+    #[arg(long, value_name = "FILE", requires = "carla")]
+    pub poses: Option<PathBuf>,
+    /// Version of CARLA whose tags the points have: 0.9.10 to 0.9.13, or 0.9.14 and later [default: the one in
+    /// which the road lies flat below the LiDAR]
+    #[arg(long, value_enum, value_name = "VERSION", requires = "carla")]
+    pub carla_tags: Option<Tags>,
+    /// Height of the recording LiDAR above the ground in metres, for KITTI and CARLA [default: what an export
+    /// of this program says, else above the labelled road within 10 m; 1.73 for KITTI where the road lies so]
+    #[arg(long, value_name = "M", conflicts_with = "nuscenes", value_parser = finite)]
+    pub lidar_height: Option<f64>,
+}
+
+/// Value of `--carla-tags`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Tags {
+    /// 0 to 22.
+    #[value(name = "0.9.10")]
+    Until0913,
+    /// 0 to 28.
+    #[value(name = "0.9.14")]
+    Since0914,
+}
+
+impl DatasetArgs {
+    /// The scans of CARLA in a folder.
+    pub fn carla(&self, folder: &Path) -> CarlaScans {
+        let Some(poses) = &self.poses else { unreachable!("clap requires it with a folder") };
+        let tags = self.carla_tags.map(|tags| match tags {
+            Tags::Until0913 => CarlaTags::Until0913,
+            Tags::Since0914 => CarlaTags::Since0914,
+        });
+        let (folder, poses) = (folder.to_owned(), poses.clone());
+        CarlaScans { folder, poses, tags, lidar_height: self.lidar_height }
+    }
+}
+
+/// Threads for each core that are still useful.
+const A_CORE: usize = 4;
+/// Threads that any machine may be asked for.
+const ANY_MACHINE: usize = 16;
+/// Variables that rayon takes the number of its threads from.
+const VARIABLES: [&str; 2] = ["RAYON_NUM_THREADS", "RAYON_RS_NUM_CPUS"];
+
+/// Most threads that this machine is given: four a core, and at least 16.
+fn most_threads() -> usize {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    (A_CORE * cores).max(ANY_MACHINE)
+}
+
+/// Starts so many threads, at most [`most_threads`], for all work to come, and returns their number.
+///
+/// # Errors
+/// Threads that were started before, or that the system does not give.
+fn start_at_most(wanted: usize) -> Result<usize, rayon::ThreadPoolBuildError> {
+    let threads = wanted.clamp(1, most_threads());
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
+    Ok(threads)
+}
+
+/// Number of threads that the environment asks for, where it is more than [`most_threads`].
+fn too_many_by_environment() -> Option<usize> {
+    let number = |name: &&str| std::env::var(name).ok()?.parse::<usize>().ok();
+    VARIABLES.iter().find_map(number).filter(|&wanted| wanted > most_threads())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_machine_gets_more_threads_than_are_useful() {
+        assert!((16..65_535).contains(&most_threads()));
+        assert!(
+            start_at_most(65_535).is_ok_and(|threads| threads == most_threads())
+                || start_at_most(1).is_err()
+        );
     }
 }

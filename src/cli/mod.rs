@@ -6,44 +6,28 @@
 #[macro_use]
 mod output;
 
-mod answer;
 mod args;
-mod audit;
-mod bench;
-mod cast;
-mod chart;
-mod datasets;
-mod devices;
-mod exit;
-mod glb;
-mod handover;
-mod near_field;
+mod checks;
+mod coverage;
 mod optimize;
 mod psog;
 mod rig;
-mod room;
 mod scan;
 mod scene;
 mod score;
-mod sensor;
-mod shared;
-mod shell;
+mod sensitivity;
 mod study;
-mod sweep;
-mod targets;
-mod terminal;
 mod usage;
-mod verify;
-mod view;
 
 use std::ffi::OsString;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::files::{Session, trust_paths};
-use crate::runs::Error;
+use crate::runs::RunError;
 use args::start_default_threads;
-pub use exit::Exit;
+
+pub use output::Exit;
 
 /// Where on this vehicle should the LiDARs go?
 ///
@@ -63,23 +47,23 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Search for the best placement and write a run folder
-    Optimize(Box<optimize::Args>),
+    Optimize(Box<optimize::OptimizeArgs>),
     /// Score a batch of placements
-    Score(score::Args),
+    Score(score::ScoreArgs),
     /// Write a page about a placement, with its 3-D view and the baselines beside it
-    View(view::Args),
+    View(score::ViewArgs),
     /// Write every beam's hit
-    Cast(cast::Args),
+    Cast(scan::CastArgs),
     /// Write labelled scans of placements, in good and bad weather, as data sets
-    Scan(scan::Args),
+    Scan(scan::ScanArgs),
     /// Compare the GPU with the CPU reference bit by bit, and the reference with f64
-    Verify(verify::Args),
+    Verify(checks::VerifyArgs),
     /// Chart cost against accuracy, and find the cheapest setting that keeps the ranking
-    Chart(chart::Args),
+    Chart(checks::ChartArgs),
     /// Try to make the scores fail, and say which guard notices
-    Audit(audit::Args),
+    Audit(checks::AuditArgs),
     /// Answer a question that takes many runs: how many LiDARs, which sensor, the loss of one LiDAR
-    Study(study::Command),
+    Study(study::StudyCommand),
     /// Build, inspect and merge P-SOG files
     #[command(
         subcommand,
@@ -87,10 +71,10 @@ enum Command {
   sightline psog build scenes/highway.json --out highway.psog.npz
   sightline psog info highway.psog.npz"
     )]
-    Psog(psog::Command),
+    Psog(psog::PsogCommand),
     /// Look into sensor files of the vendors
     #[command(subcommand, after_help = "Example:\n  sightline sensor info os1-metadata.json")]
-    Sensor(sensor::Command),
+    Sensor(psog::SensorCommand),
     /// Read, write and compare rigs of Autoware, URDF, SDF, ROS 2 and CARLA
     #[command(
         subcommand,
@@ -98,7 +82,7 @@ enum Command {
   sightline rig export scenes/placements.json:Center --format urdf --out center.urdf
   sightline rig compare center.urdf scenes/placements.json:Center"
     )]
-    Rig(rig::Command),
+    Rig(rig::RigCommand),
     /// Make scenes, import maps, count what scenes hold
     #[command(
         subcommand,
@@ -106,25 +90,25 @@ enum Command {
   sightline scene new --kind town --seed 7 --out town.json
   sightline scene info town.json"
     )]
-    Scene(scene::Command),
+    Scene(scene::SceneCommand),
     /// List Vulkan devices and which one is taken by default
-    Devices(devices::Args),
+    Devices(checks::DevicesArgs),
     /// Measure this machine for the tables of the documentation
     #[command(
         subcommand,
         after_help = "Example:\n  sightline bench device scenes/highway.json > device.md"
     )]
-    Bench(bench::Command),
+    Bench(checks::BenchCommand),
     /// Print what a shell needs to complete commands and options
-    Completions(shell::CompletionsArgs),
+    Completions(usage::CompletionsArgs),
     /// Print the manual page of the program or of a command, or write all of them
-    Man(shell::ManArgs),
+    Man(usage::ManArgs),
 }
 
 /// Runs the program: `arguments` as a shell gives them, the program's own name first. Prints results to
 /// stdout, all else to stderr, an error as one sentence. Help and version end the process.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Exit {
-    terminal::ignore_file_limit_signal();
+    output::ignore_file_limit_signal();
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     let parsed = parse(&arguments);
     let failed = match parsed {
@@ -133,7 +117,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Exit {
             trust_paths(trusts_paths);
             match start_default_threads().and_then(|()| dispatch(command)) {
                 Ok(exit) => return exit,
-                Err(error @ Error::Interrupted(_)) => {
+                Err(error @ RunError::Interrupted(_)) => {
                     output::say(&error.to_string());
                     return Exit::Interrupted;
                 }
@@ -193,25 +177,25 @@ fn parse(arguments: &[OsString]) -> Result<Parsed, Refused> {
     Ok(Parsed { command, force, trusts_paths })
 }
 
-fn dispatch(command: Command) -> Result<Exit, Error> {
+fn dispatch(command: Command) -> Result<Exit, RunError> {
     match command {
         Command::Optimize(args) => optimize::run(&args),
         Command::Score(args) => score::run(&args),
-        Command::View(args) => view::run(&args),
-        Command::Cast(args) => cast::run(&args),
+        Command::View(args) => score::run_view(&args),
+        Command::Cast(args) => scan::run_cast(&args),
         Command::Scan(args) => scan::run(&args),
-        Command::Verify(args) => verify::run(&args),
-        Command::Chart(args) => chart::run(&args),
-        Command::Audit(args) => audit::run(&args),
+        Command::Verify(args) => checks::run_verify(&args),
+        Command::Chart(args) => checks::run_chart(&args),
+        Command::Audit(args) => checks::run_audit(&args),
         Command::Study(command) => study::run(&command),
         Command::Psog(command) => psog::run(&command),
-        Command::Sensor(command) => sensor::run(&command),
+        Command::Sensor(command) => psog::run_sensor(&command),
         Command::Rig(command) => rig::run(&command),
         Command::Scene(command) => scene::run(&command),
-        Command::Devices(args) => devices::run(&args),
-        Command::Bench(command) => bench::run(&command),
-        Command::Completions(args) => shell::completions(&args, program()),
-        Command::Man(args) => shell::man(&args, program()),
+        Command::Devices(args) => checks::run_devices(&args),
+        Command::Bench(command) => checks::run_bench(&command),
+        Command::Completions(args) => usage::completions(&args, program()),
+        Command::Man(args) => usage::man(&args, program()),
     }
 }
 

@@ -2,23 +2,20 @@
 
 use std::path::PathBuf;
 
+use super::args::{Compute, Format, UnnamedModelArgs, parse_seconds};
+use super::output::{Exit, Terminal};
 use crate::internals::{Spacing, front_text, record_text};
 use crate::job::{FRONT_EVALUATIONS, FrontError, FrontObjectives, JobFiles};
 use crate::runs::optimize::{
     FrontStart, NewRun, OptimizeRequest, Start, front, holds_front, optimize,
 };
-use crate::runs::{Error, Watcher};
+use crate::runs::parse::{finite, whole};
+use crate::runs::{Conditions, FiguresOut, Gltf, MountingArgs};
+use crate::runs::{RunError, Watcher};
 use crate::scan::conditions::in_words;
 use crate::score::Seen;
 use crate::search::{FrameChoice, Method, Settings};
 use crate::vehicle::{MountRules, SensorPose};
-
-use super::args::{
-    Compute, Conditions, FiguresOut, Format, Mounting, Named, finite, parse_seconds, whole,
-};
-use super::exit::Exit;
-use super::glb::Gltf;
-use super::terminal::Terminal;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -29,7 +26,7 @@ use super::terminal::Terminal;
   sightline optimize scenes/highway.json scenes/residential.json --vehicle scenes/vehicles/car.json --budget 12000
   sightline optimize scenes/urban-crossing.json --vehicle scenes/vehicles/car.json --front price,near_gain
   sightline optimize --resume runs/highway")]
-pub struct Args {
+pub struct OptimizeArgs {
     /// Scene file; of several, which share LiDAR and mount, the mean is maximized, each normalized by its own
     /// total
     #[arg(value_name = "SCENE", required_unless_present = "resume", conflicts_with = "resume")]
@@ -76,8 +73,8 @@ pub struct Args {
     population: Option<u32>,
     /// Frames of the scene that the search models: as few as keep the ranking, and more when they no
     /// longer tell the best apart (auto), or all (full); the result is confirmed over all
-    #[arg(long, value_enum, default_value_t = Fidelity::Auto, conflicts_with = "resume")]
-    fidelity: Fidelity,
+    #[arg(long, value_enum, default_value_t = FidelityArg::Auto, conflicts_with = "resume")]
+    fidelity: FidelityArg,
     /// Frames of each scene that the search averages over, spread evenly, whatever they lose
     #[arg(long, value_name = "N", conflicts_with_all = ["resume", "fidelity"],
           value_parser = clap::value_parser!(u32).range(1..))]
@@ -123,7 +120,7 @@ pub struct Args {
           "baselines", "inject", "gltf", "figures"])]
     front: Option<FrontObjectives>,
     #[command(flatten)]
-    mounting: Mounting,
+    mounting: MountingArgs,
     #[command(flatten)]
     figures: FiguresOut,
     #[command(flatten)]
@@ -136,12 +133,12 @@ pub struct Args {
     #[command(flatten)]
     rules: Rules,
     #[command(flatten)]
-    named: Named,
+    named: UnnamedModelArgs,
     #[command(flatten)]
     compute: Compute,
 }
 
-pub fn run(args: &Args) -> Result<Exit, Error> {
+pub fn run(args: &OptimizeArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     if let Some(objectives) = &args.front {
         let mut new = new_run(args);
@@ -151,13 +148,13 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     if let Some(folder) = args.resume.as_ref().filter(|folder| holds_front(folder)) {
         if args.gltf.gltf.is_some() || args.figures.figures.is_some() {
             let words = "holds a front, of which --gltf and --figures draw nothing; leave them out";
-            return Err(Error::Usage(format!("{}: {words}", folder.display())));
+            return Err(RunError::Usage(format!("{}: {words}", folder.display())));
         }
         return run_front(args, &FrontStart::Resume(folder.clone()), &terminal);
     }
     if args.evaluations == Some(0) {
         let words = "--evaluations: give a whole number from 1 on; 0 is for --front alone";
-        return Err(Error::Usage(words.to_owned()));
+        return Err(RunError::Usage(words.to_owned()));
     }
     let start = match &args.resume {
         Some(folder) => Start::Resume(folder.clone()),
@@ -182,7 +179,11 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
 }
 
 /// `--front`: the front in place of one result.
-fn run_front(args: &Args, start: &FrontStart, terminal: &Terminal) -> Result<Exit, Error> {
+fn run_front(
+    args: &OptimizeArgs,
+    start: &FrontStart,
+    terminal: &Terminal,
+) -> Result<Exit, RunError> {
     let computing = args.named.computing(&args.compute, terminal);
     let found = front(start, args.max_seconds, &computing)?;
     let Some(found) = found else { return Ok(Exit::Interrupted) };
@@ -194,7 +195,7 @@ fn run_front(args: &Args, start: &FrontStart, terminal: &Terminal) -> Result<Exi
     Ok(if terminal.goes_on() && !is_met { Exit::CheckFailed } else { terminal.exit() })
 }
 
-fn new_run(args: &Args) -> NewRun {
+fn new_run(args: &OptimizeArgs) -> NewRun {
     let settings = Settings {
         method: args.method,
         evaluations: args.evaluations.unwrap_or(Settings::default().evaluations),
@@ -202,9 +203,9 @@ fn new_run(args: &Args) -> NewRun {
         delta: args.delta,
         seed: args.seed,
         frames: match (args.fidelity, args.frames) {
-            (Fidelity::Full, _) => FrameChoice::All,
-            (Fidelity::Auto, Some(frames)) => FrameChoice::Count(frames),
-            (Fidelity::Auto, None) => FrameChoice::OnDemand,
+            (FidelityArg::Full, _) => FrameChoice::All,
+            (FidelityArg::Auto, Some(frames)) => FrameChoice::Count(frames),
+            (FidelityArg::Auto, None) => FrameChoice::OnDemand,
         },
         target: args.target,
         ..Settings::default()
@@ -230,7 +231,7 @@ fn new_run(args: &Args) -> NewRun {
 
 /// Value of `--fidelity`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Fidelity {
+enum FidelityArg {
     /// As few frames as keep the ranking
     Auto,
     /// Every frame

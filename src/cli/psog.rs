@@ -1,20 +1,20 @@
 //! `psog`: builds P-SOG files from scenes or labelled frames, prints and merges them.
 
+use std::io::Write;
 use std::path::PathBuf;
 
-use crate::internals::psog_text;
-use crate::psog::{BuildReport, Psog, PsogInfo, read_psog};
-use crate::runs::Error;
-use crate::runs::psog::{DataSet, PAPER_REGION, PAPER_VOXEL, Scans, Source, build, merge};
 use serde_json::json;
 
-use super::args::Format;
-use super::datasets::DatasetArgs;
-use super::exit::Exit;
-use super::terminal::{Talk, Terminal};
+use super::args::{DatasetArgs, Format};
+use super::output::{Exit, Talk, Terminal};
+use crate::internals::{SensorFacts, psog_text, sensor_svg, sensor_text, write_whole};
+use crate::psog::{BuildReport, Psog, PsogInfo, read_psog};
+use crate::runs::psog::{DataSet, PAPER_REGION, PAPER_VOXEL, PsogInput, Scans, build, merge};
+use crate::runs::{RunError, Watcher};
+use crate::vehicle::sensor_file;
 
 #[derive(clap::Subcommand)]
-pub enum Command {
+pub enum PsogCommand {
     /// Build a P-SOG from a scene's geometry, or from real labelled frames
     Build(Box<BuildArgs>),
     /// Print what a P-SOG holds
@@ -97,14 +97,14 @@ pub struct MergeArgs {
     out: PathBuf,
 }
 
-pub fn run(command: &Command) -> Result<Exit, Error> {
+pub fn run(command: &PsogCommand) -> Result<Exit, RunError> {
     match command {
-        Command::Build(args) => {
+        PsogCommand::Build(args) => {
             let (psog, report) = build(&source(args), &args.out, &Terminal::new(args.talk))?;
             print(&psog, Some(&report), args.format)?;
         }
-        Command::Info(args) => print(&read_psog(&args.psog)?, None, args.format)?,
-        Command::Merge(args) => merge(&args.psogs, &args.out)?,
+        PsogCommand::Info(args) => print(&read_psog(&args.psog)?, None, args.format)?,
+        PsogCommand::Merge(args) => merge(&args.psogs, &args.out)?,
     }
     Ok(Exit::Done)
 }
@@ -114,10 +114,10 @@ fn triple(values: &[f64]) -> [f64; 3] {
     [values[0], values[1], values[2]]
 }
 
-fn source(args: &BuildArgs) -> Source {
+fn source(args: &BuildArgs) -> PsogInput {
     let sets = &args.datasets;
     let set = match (&args.scene, &args.kitti, &args.nuscenes, &args.carla) {
-        (Some(scene), ..) => return Source::Scene(scene.clone()),
+        (Some(scene), ..) => return PsogInput::Scene(scene.clone()),
         (_, Some(folder), ..) => DataSet::Kitti(folder.clone(), sets.lidar_height),
         (_, _, Some(folder), _) => {
             DataSet::Nuscenes(folder.clone(), sets.version.clone(), args.scenes.clone())
@@ -126,13 +126,69 @@ fn source(args: &BuildArgs) -> Source {
         _ => unreachable!("clap requires one of them"),
     };
     let region = [&args.roi_min, &args.roi_max].map(|corner| triple(corner));
-    Source::Scans(Scans { set, window: args.window, region, voxel: triple(&args.voxel) })
+    PsogInput::Scans(Scans { set, window: args.window, region, voxel: triple(&args.voxel) })
 }
 
-fn print(psog: &Psog, report: Option<&BuildReport>, format: Format) -> Result<(), Error> {
+fn print(psog: &Psog, report: Option<&BuildReport>, format: Format) -> Result<(), RunError> {
     let info = PsogInfo::new(psog, report);
     match format {
         Format::Json => outln!("{}", json!(info)),
         Format::Text => out!("{}", psog_text(&info)),
     }
+}
+
+#[derive(clap::Subcommand)]
+pub enum SensorCommand {
+    /// Say what a sensor file of a vendor holds, and draw its pattern
+    Info(SensorInfoArgs),
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  sightline sensor info VLP16db.yaml --azimuth-steps 1800
+  sightline sensor info os1-metadata.json --out pattern.svg
+  sightline sensor info \"Pandar40P_Angle Correction File.csv\" --format json > pandar40p.json
+
+JSON of a sensor with channels is itself a sensor file. docs/formats/sensors.md lists the formats that are read.")]
+pub struct SensorInfoArgs {
+    /// Sensor file of any format that is read; told apart by its content
+    file: PathBuf,
+    /// Azimuth steps a turn [default: as the file states]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    azimuth_steps: Option<u32>,
+    /// Window in seconds of a pattern that lists times [default: the first 0.1 s]
+    #[arg(long, num_args = 2, value_names = ["FROM", "TO"], value_parser = crate::runs::parse::finite)]
+    window: Option<Vec<f64>>,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    /// Draw the pattern into this SVG file
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    talk: Talk,
+}
+
+pub fn run_sensor(command: &SensorCommand) -> Result<Exit, RunError> {
+    let SensorCommand::Info(args) = command;
+    let window = match args.window.as_deref() {
+        Some(&[from, to]) if from < to => Some([from, to]),
+        None => None,
+        _ => return Err(RunError::Usage("--window: give FROM below TO, as in 0 0.1".to_owned())),
+    };
+    let pattern = sensor_file::read(&args.file, window)?;
+    // Facts stand in the answer alone.
+    let terminal = Terminal::new(args.talk);
+    pattern.notes.iter().filter(|note| note.is_doubt()).try_for_each(|note| terminal.tell(note))?;
+    let facts = SensorFacts::of(&pattern, args.azimuth_steps);
+    if let Some(out) = &args.out {
+        let svg = sensor_svg(&pattern, &facts);
+        write_whole(out, |file| file.write_all(svg.as_bytes()).map_err(RunError::io(out)))?;
+        args.talk.note(format!("pattern in {}", out.display()));
+    }
+    match args.format {
+        Format::Json => outln!("{}", serde_json::json!(facts))?,
+        Format::Text => out!("{}", sensor_text(&pattern, &facts))?,
+    }
+    Ok(Exit::Done)
 }

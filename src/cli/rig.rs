@@ -3,20 +3,19 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use serde_json::json;
+
+use super::args::{Compute, Format, UnnamedModelArgs};
+use super::output::{Exit, Talk, Terminal};
 use crate::internals::comparison_text;
 use crate::json::shortened;
 use crate::rig::{ImportSettings, Mounting, RigFormat};
-use crate::runs::Error;
+use crate::runs::RunError;
+use crate::runs::handover::{HandoverRequest, handover};
 use crate::runs::rig::{ExportRequest, compare_files, export_file, import_files};
-use serde_json::json;
-
-use super::args::Format;
-use super::exit::Exit;
-use super::handover;
-use super::terminal::{Talk, Terminal};
 
 #[derive(clap::Subcommand)]
-pub enum Command {
+pub enum RigCommand {
     /// Write a placement in the format of another program
     Export(ExportArgs),
     /// Read a rig of another program as a placement
@@ -24,14 +23,14 @@ pub enum Command {
     /// Compare two rigs LiDAR by LiDAR, and each with its mirror image
     Compare(CompareArgs),
     /// Write a folder to hand over: poses, bill of materials, masks and crop boxes of the body, drawing, profiles
-    Handover(handover::Args),
+    Handover(HandoverArgs),
 }
 
-/// What lies between the frames of a file and optical centres in the ego frame.
+/// Offsets from the frames of a file to optical centres in the ego frame.
 #[derive(clap::Args)]
 struct Mounted {
     /// Position of base_link in the ego frame, in metres [default: 0,0,0]
-    #[arg(long, value_name = "X[,Y,Z]", value_parser = base_link, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X[,Y,Z]", value_parser = crate::runs::parse::base_link, allow_hyphen_values = true)]
     base_link: Option<[f64; 3]>,
     /// Optical centre above the foot of a sensor or frame [known: VLP-16, VLS-128]
     #[arg(long, value_name = "NAME=METRES", value_parser = height)]
@@ -126,25 +125,14 @@ pub struct CompareArgs {
     talk: Talk,
 }
 
-pub fn run(command: &Command) -> Result<Exit, Error> {
+pub fn run(command: &RigCommand) -> Result<Exit, RunError> {
     match command {
-        Command::Export(args) => run_export(args)?,
-        Command::Import(args) => run_import(args)?,
-        Command::Compare(args) => run_compare(args)?,
-        Command::Handover(args) => return handover::run(args),
+        RigCommand::Export(args) => run_export(args)?,
+        RigCommand::Import(args) => run_import(args)?,
+        RigCommand::Compare(args) => run_compare(args)?,
+        RigCommand::Handover(args) => return run_handover(args),
     }
     Ok(Exit::Done)
-}
-
-pub(super) fn base_link(text: &str) -> Result<[f64; 3], String> {
-    let fault = || "give X or X,Y,Z in metres, as in -1.4,0,0".to_owned();
-    let numbers =
-        text.split(',').map(|word| word.trim().parse().ok().filter(|v: &f64| v.is_finite()));
-    match numbers.collect::<Option<Vec<f64>>>().ok_or_else(fault)?[..] {
-        [x] => Ok([x, 0.0, 0.0]),
-        [x, y, z] => Ok([x, y, z]),
-        _ => Err(fault()),
-    }
 }
 
 /// Two sides of an equals sign.
@@ -176,7 +164,7 @@ impl Mounted {
     }
 }
 
-fn run_export(args: &ExportArgs) -> Result<(), Error> {
+fn run_export(args: &ExportArgs) -> Result<(), RunError> {
     let request = ExportRequest {
         placement: args.placement.clone(),
         format: args.format,
@@ -202,14 +190,14 @@ fn settings(reading: &Reading, format: Option<RigFormat>, name: Option<&str>) ->
     }
 }
 
-fn run_import(args: &ImportArgs) -> Result<(), Error> {
+fn run_import(args: &ImportArgs) -> Result<(), RunError> {
     let settings = settings(&args.reading, args.format, args.name.as_deref());
     let terminal = Terminal::new(args.talk);
     let text = import_files(&args.files, &settings, args.out.as_deref(), &terminal)?;
     text.map_or(Ok(()), |text| out!("{text}"))
 }
 
-fn run_compare(args: &CompareArgs) -> Result<(), Error> {
+fn run_compare(args: &CompareArgs) -> Result<(), RunError> {
     let settings = settings(&args.reading, None, None);
     let terminal = Terminal::new(args.talk);
     let found = compare_files(&args.before, &args.after, &settings, &terminal)?;
@@ -217,4 +205,42 @@ fn run_compare(args: &CompareArgs) -> Result<(), Error> {
         Format::Json => outln!("{}", shortened(json!(found))),
         Format::Text => out!("{}", comparison_text(&found)),
     }
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  sightline rig handover runs/mine/placements.json:optimized --vehicle van.json --out handover
+  sightline rig handover scenes/urban-crossing.json scenes/placements.json:Center --frame 3 --out handover
+
+The folder has poses in millimetres and degrees beside metres and radians, the bill of materials, for each LiDAR a mask
+of its beams that end at the own body, crop boxes in Autoware's parameters, a drawing as SVG and PDF, and a profile of
+each sensor model for Isaac Sim. README.txt in it says the conventions.")]
+pub struct HandoverArgs {
+    #[command(flatten)]
+    request: HandoverRequest,
+    /// How to print the summary
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    #[command(flatten)]
+    named: UnnamedModelArgs,
+    #[command(flatten)]
+    compute: Compute,
+}
+
+fn run_handover(args: &HandoverArgs) -> Result<Exit, RunError> {
+    let terminal = args.compute.start()?;
+    let made = handover(&args.request, &args.named.computing(&args.compute, &terminal))?;
+    match args.format {
+        Format::Json => outln!("{}", json!(made))?,
+        Format::Text => {
+            let (placement, price) = (&made.placement, made.price);
+            let priced = if price > 0.0 { format!(", sensors for {price}") } else { String::new() };
+            outln!("{}: {} files of {placement}{priced}", made.out.display(), made.files.len())?;
+            for (k, [own, all]) in made.own_beams.iter().enumerate() {
+                let share = 100.0 * *own as f64 / *all as f64;
+                outln!("  LiDAR {k}: {own} of {all} beams end at the own body, {share:.1} %")?;
+            }
+        }
+    }
+    Ok(terminal.exit())
 }

@@ -1,18 +1,19 @@
-//! `scan`: labelled scans of placements, written as data sets.
+//! `scan` and `cast`: labelled scans of placements, and every beam's hit in one frame.
 
 use std::path::PathBuf;
 
-use crate::export::{DatasetSettings, Layout, Splits};
-use crate::runs::scan::{ScanRequest, scan};
-use crate::runs::{Computing, Error};
-use crate::scan::Scanning;
-use crate::scan::conditions::Condition;
 use serde_json::json;
 
-use super::args::{BackendChoice, Format, Named, engine, finite, start_threads, whole};
-use super::exit::Exit;
-use super::glb::Gltf;
-use super::terminal::{Talk, Terminal};
+use super::args::{BackendChoice, Compute, Format, UnnamedModelArgs, engine, start_threads};
+use super::output::{Exit, Talk, Terminal};
+use crate::export::{DatasetSettings, Layout, Splits};
+use crate::runs::Gltf;
+use crate::runs::cast::{CastRequest, cast};
+use crate::runs::parse::{finite, whole};
+use crate::runs::scan::{ScanRequest, scan};
+use crate::runs::{Computing, RunError};
+use crate::scan::Scanning;
+use crate::scan::conditions::Condition;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -23,7 +24,7 @@ use super::terminal::{Talk, Terminal};
 
 The same command again goes on with a folder that was not finished. docs/scans.md says what is in a scan,
 docs/exports.md what the layouts hold.")]
-pub struct Args {
+pub struct ScanArgs {
     /// Scene files; they must have geometry
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
@@ -75,7 +76,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
     #[command(flatten)]
-    named: Named,
+    named: UnnamedModelArgs,
     /// Threads [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
@@ -91,7 +92,7 @@ pub struct Args {
     talk: Talk,
 }
 
-pub fn run(args: &Args) -> Result<Exit, Error> {
+pub fn run(args: &ScanArgs) -> Result<Exit, RunError> {
     start_threads(args.threads, args.talk)?;
     let terminal = Terminal::new(args.talk);
     let engine = engine(args.backend, args.adapter.as_deref(), None)?;
@@ -118,9 +119,9 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     Ok(Exit::Done)
 }
 
-impl Args {
+impl ScanArgs {
     /// Finds options that the layout has no use for.
-    fn check(&self) -> Result<(), Error> {
+    fn check(&self) -> Result<(), RunError> {
         let (nuscenes, any) =
             (&[Layout::Nuscenes][..], &[Layout::Nuscenes, Layout::SemanticKitti][..]);
         let options = [
@@ -132,7 +133,7 @@ impl Args {
         match options.iter().find(|(_, given, of)| *given && !of.contains(&self.layout)) {
             Some((option, _, of)) => {
                 let of: Vec<&str> = of.iter().map(|layout| layout.name()).collect();
-                Err(Error::Usage(format!(
+                Err(RunError::Usage(format!(
                     "{option}: is for --layout {}, and this one is {}; leave it out",
                     of.join(" and "),
                     self.layout.name()
@@ -148,7 +149,7 @@ fn counted(count: usize, thing: &str) -> String {
     format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
 }
 
-fn request(args: &Args) -> ScanRequest {
+fn request(args: &ScanArgs) -> ScanRequest {
     let (ideal, seed, conditions) = (args.ideal, args.seed, args.condition.clone());
     let usual = DatasetSettings::new(args.layout);
     let splits = args.splits.as_deref().map_or_else(Splits::default, |shares| Splits {
@@ -170,4 +171,36 @@ fn request(args: &Args) -> ScanRequest {
         map: args.map.clone(),
         gltf: args.gltf.gltf.clone().map(|file| (file, args.frame)),
     }
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  sightline cast scenes/highway.json scenes/placements.json --frame 3 --out hits.npz
+  sightline cast scenes/highway.json scenes/placements.json --gltf highway.glb")]
+pub struct CastArgs {
+    #[command(flatten)]
+    request: CastRequest,
+    /// How to print the summary
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    #[command(flatten)]
+    named: UnnamedModelArgs,
+    #[command(flatten)]
+    compute: Compute,
+}
+
+pub fn run_cast(args: &CastArgs) -> Result<Exit, RunError> {
+    let terminal = args.compute.start()?;
+    let found = cast(&args.request, &args.named.computing(&args.compute, &terminal))?;
+    match args.format {
+        Format::Json => outln!("{}", json!(found))?,
+        Format::Text => outln!(
+            "{}: {} beams, {} hits on {} triangles",
+            found.scene,
+            found.beams,
+            found.hits,
+            found.triangles
+        )?,
+    }
+    Ok(Exit::Done)
 }

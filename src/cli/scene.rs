@@ -1,27 +1,183 @@
 //! `scene`: makes scenes, takes them over from other formats, and says what they hold.
 
-mod import;
-mod info;
-mod new;
+use std::path::PathBuf;
 
-use super::exit::Exit;
-use crate::runs::Error;
+use clap::ValueEnum;
+use serde_json::json;
+
+use super::args::{DatasetArgs, Format};
+use super::output::{Exit, Talk, Terminal};
+use crate::datasets::ImportOptions;
+use crate::internals::{FEWEST_STREET_TRIANGLES as FEWEST, MOST_STREET_TRIANGLES as MOST};
+use crate::runs::RunError;
+use crate::runs::parse::{finite, whole};
+use crate::runs::scene::{Origin, SceneCounts, count, counts_text, new_street, new_world};
+use crate::worlds;
 
 #[derive(clap::Subcommand)]
-pub enum Command {
+pub enum SceneCommand {
     /// Make a world by rule from a seed
-    New(new::Args),
+    New(SceneNewArgs),
     /// Make a scene of a map of another format
-    Import(import::Args),
+    Import(SceneImportArgs),
     /// Count what scenes hold: triangles, actors, voxels by class, hits by range
-    Info(info::Args),
+    Info(SceneInfoArgs),
 }
 
-pub fn run(command: &Command) -> Result<Exit, Error> {
+pub fn run(command: &SceneCommand) -> Result<Exit, RunError> {
     match command {
-        Command::New(args) => new::run(args)?,
-        Command::Import(args) => import::run(args)?,
-        Command::Info(args) => info::run(args)?,
+        SceneCommand::New(args) => run_new(args)?,
+        SceneCommand::Import(args) => run_import(args)?,
+        SceneCommand::Info(args) => run_info(args)?,
     }
     Ok(Exit::Done)
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  sightline scene new --kind town --seed 7 --out town.json
+  sightline scene new --triangles 2000000 --frames 2 --out big.json")]
+pub struct SceneNewArgs {
+    /// What the world is
+    #[arg(long, value_enum, default_value_t = KindArg::Street, conflicts_with = "triangles")]
+    kind: KindArg,
+    /// A plain crossing of exactly this many triangles instead, for timings
+    #[arg(long, value_name = "N",
+          value_parser = clap::value_parser!(u32).range(FEWEST as i64..=MOST as i64))]
+    triangles: Option<u32>,
+    /// Seed of where things stand and how large they are
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>)]
+    seed: u64,
+    /// Frames, a tenth of a second apart [default: 40; with --triangles 4, three metres apart]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    frames: Option<u32>,
+    /// Scene file to write; the mesh stands beside it, with the ending .ply
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    #[command(flatten)]
+    talk: Talk,
+}
+
+/// Value of `--kind`.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum KindArg {
+    /// A street through a town, with side streets
+    Street,
+    /// A motorway between barriers, under a bridge
+    Highway,
+    /// Narrow streets between houses with gardens
+    Residential,
+    /// Halls, containers and lorries
+    Yard,
+    /// Blocks of houses on a grid of streets
+    Town,
+}
+
+impl From<KindArg> for worlds::WorldKind {
+    fn from(kind: KindArg) -> Self {
+        match kind {
+            KindArg::Street => Self::Street,
+            KindArg::Highway => Self::Highway,
+            KindArg::Residential => Self::Residential,
+            KindArg::Yard => Self::Yard,
+            KindArg::Town => Self::Town,
+        }
+    }
+}
+
+fn run_new(args: &SceneNewArgs) -> Result<(), RunError> {
+    let (seed, out, terminal) = (args.seed, &args.out, Terminal::new(args.talk));
+    match args.triangles {
+        Some(count) => new_street(count as usize, seed, args.frames.unwrap_or(4), out, &terminal),
+        None => {
+            let frames = args.frames.unwrap_or(40) as usize;
+            new_world(args.kind.into(), seed, frames, out, &terminal)
+        }
+    }
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  sightline scene import Town01.xodr --seed 1 --out town01.json
+  sightline scene import nuscenes --nuscenes --scene scene-0061 --out scene-0061.json
+  sightline scene import scans --carla --poses poses.csv --out drive.json")]
+pub struct SceneImportArgs {
+    /// OpenDRIVE file (.xodr): its roads and lanes; houses, trees and traffic come from the seed; or the
+    /// folder of a data set
+    input: PathBuf,
+    /// The folder is a set in the layout of nuScenes with lidarseg
+    #[arg(long, requires = "scene_name", group = "scans")]
+    nuscenes: bool,
+    /// Scene of the set
+    #[arg(long = "scene", value_name = "NAME", requires = "nuscenes")]
+    scene_name: Option<String>,
+    /// The folder holds scans of CARLA's semantic LiDAR, named by their frames: 000123.ply, .bin or .npy
+    #[arg(long, requires = "poses", group = "scans")]
+    carla: bool,
+    #[command(flatten)]
+    datasets: DatasetArgs,
+    /// Edge of the cells that the plates and boxes of scans are made of, in metres [default: 0.4]
+    #[arg(long, value_name = "M", value_parser = finite)]
+    cell: Option<f64>,
+    /// Seed of all that the map does not say
+    #[arg(long, value_name = "N", conflicts_with = "scans", default_value_t = 1, value_parser = whole::<u64>)]
+    seed: u64,
+    /// Frames that a map's scene has, a tenth of a second apart
+    #[arg(long, value_name = "N", conflicts_with = "scans", default_value_t = 40,
+          value_parser = clap::value_parser!(u32).range(1..=1000))]
+    frames: u32,
+    /// Scene file to write; the mesh stands beside it, with the ending .ply
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    #[command(flatten)]
+    talk: Talk,
+}
+
+pub fn run_import(args: &SceneImportArgs) -> Result<(), RunError> {
+    if let (false, false, Some(cell)) = (args.nuscenes, args.carla, args.cell) {
+        let words = format!("--cell {cell}: is for --nuscenes and --carla; leave it out");
+        return Err(RunError::Usage(words));
+    }
+    if let (false, Some(height)) = (args.carla, args.datasets.lidar_height) {
+        return Err(RunError::Usage(format!(
+            "--lidar-height {height}: is for --carla; leave it out"
+        )));
+    }
+    let (input, cell) = (args.input.clone(), args.cell.unwrap_or(ImportOptions::default().cell));
+    let origin = match (args.nuscenes, args.carla) {
+        (true, _) => Origin::Nuscenes {
+            folder: input,
+            version: args.datasets.version.clone(),
+            scenes: args.scene_name.iter().cloned().collect(),
+            cell,
+        },
+        (false, true) => Origin::Carla(args.datasets.carla(&input), cell),
+        (false, false) => {
+            Origin::OpenDrive { file: input, seed: args.seed, frames: args.frames as usize }
+        }
+    };
+    crate::runs::scene::import(&origin, &args.out, &Terminal::new(args.talk))
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  sightline scene info scenes/highway.json town.json")]
+pub struct SceneInfoArgs {
+    /// Scene files with geometry
+    #[arg(required = true)]
+    scenes: Vec<PathBuf>,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    #[command(flatten)]
+    talk: Talk,
+}
+
+fn run_info(args: &SceneInfoArgs) -> Result<(), RunError> {
+    let terminal = Terminal::new(args.talk);
+    let counts = args.scenes.iter().map(|path| count(path, &terminal));
+    let counts = counts.collect::<Result<Vec<SceneCounts>, RunError>>()?;
+    match args.format {
+        Format::Json => outln!("{}", json!(counts)),
+        Format::Text => out!("{}", counts_text(&counts)),
+    }
 }

@@ -1,28 +1,26 @@
 //! `sightline study`: questions that take many runs.
 
-use std::path::{Path, PathBuf};
-use std::str::FromStr;
+use std::path::Path;
 
-use crate::internals::{studies_csv, study_text};
-use crate::runs::study::{StudyRequest, study_scenes};
-use crate::runs::{Error, TableFormat, Watcher};
-use crate::study::{Kind, Region, StudySettings, Table, mean_over_scenes};
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 
-use super::args::{Compute, Conditions, at_least_one, finite, whole};
-use super::exit::Exit;
-use super::{near_field, room, shared, sweep, targets};
+use super::args::Compute;
+use super::output::Exit;
+use super::{coverage, sensitivity};
+use crate::internals::{studies_csv, study_text};
+use crate::runs::study::{StudyRequest, study_scenes};
+use crate::runs::{RunError, TableFormat, Watcher};
+use crate::study::{Table, mean_over_scenes};
 
 /// A study of one table is a command of its own; all others name their kind.
-pub enum Command {
-    Make(Box<Args>),
-    NearField(Box<near_field::Args>),
-    Targets(Box<targets::Args>),
-    Redundancy(Box<shared::RedundancyArgs>),
-    Overlap(Box<shared::OverlapArgs>),
-    Sweep(Box<sweep::Args>),
-    Room(Box<room::Args>),
+pub enum StudyCommand {
+    Make(Box<StudyArgs>),
+    NearField(Box<coverage::NearFieldArgs>),
+    Targets(Box<coverage::TargetsArgs>),
+    Redundancy(Box<coverage::RedundancyArgs>),
+    Overlap(Box<coverage::OverlapArgs>),
+    Sweep(Box<sensitivity::SweepArgs>),
+    Room(Box<sensitivity::RoomArgs>),
 }
 
 /// Names of the studies that are commands.
@@ -33,28 +31,28 @@ const OVERLAP: &str = "overlap";
 const SWEEP: &str = "sweep";
 const TOLERANCE: &str = "tolerance";
 
-impl clap::FromArgMatches for Command {
+impl clap::FromArgMatches for StudyCommand {
     fn from_arg_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
         Ok(match matches.subcommand() {
             Some((NEAR_FIELD, matches)) => {
-                Self::NearField(Box::new(near_field::Args::from_arg_matches(matches)?))
+                Self::NearField(Box::new(coverage::NearFieldArgs::from_arg_matches(matches)?))
             }
             Some((TARGETS, matches)) => {
-                Self::Targets(Box::new(targets::Args::from_arg_matches(matches)?))
+                Self::Targets(Box::new(coverage::TargetsArgs::from_arg_matches(matches)?))
             }
             Some((REDUNDANCY, matches)) => {
-                Self::Redundancy(Box::new(shared::RedundancyArgs::from_arg_matches(matches)?))
+                Self::Redundancy(Box::new(coverage::RedundancyArgs::from_arg_matches(matches)?))
             }
             Some((OVERLAP, matches)) => {
-                Self::Overlap(Box::new(shared::OverlapArgs::from_arg_matches(matches)?))
+                Self::Overlap(Box::new(coverage::OverlapArgs::from_arg_matches(matches)?))
             }
             Some((SWEEP, matches)) => {
-                Self::Sweep(Box::new(sweep::Args::from_arg_matches(matches)?))
+                Self::Sweep(Box::new(sensitivity::SweepArgs::from_arg_matches(matches)?))
             }
             Some((TOLERANCE, matches)) => {
-                Self::Room(Box::new(room::Args::from_arg_matches(matches)?))
+                Self::Room(Box::new(sensitivity::RoomArgs::from_arg_matches(matches)?))
             }
-            _ => Self::Make(Box::new(Args::from_arg_matches(matches)?)),
+            _ => Self::Make(Box::new(StudyArgs::from_arg_matches(matches)?)),
         })
     }
 
@@ -64,22 +62,22 @@ impl clap::FromArgMatches for Command {
     }
 }
 
-impl clap::Args for Command {
+impl clap::Args for StudyCommand {
     fn augment_args(command: clap::Command) -> clap::Command {
-        let near = near_field::Args::augment_args(clap::Command::new(NEAR_FIELD))
+        let near = coverage::NearFieldArgs::augment_args(clap::Command::new(NEAR_FIELD))
             .about("Ground and poles near the vehicle: what is seen, what is blind, what hits the own body");
-        let targets = targets::Args::augment_args(clap::Command::new(TARGETS))
+        let targets = coverage::TargetsArgs::augment_args(clap::Command::new(TARGETS))
             .about("Targets at range: beams on a car, a child, a tyre by distance and bearing, the first detection");
-        let redundancy = shared::RedundancyArgs::augment_args(clap::Command::new(REDUNDANCY))
+        let redundancy = coverage::RedundancyArgs::augment_args(clap::Command::new(REDUNDANCY))
             .about("Voxels, ground and targets that no, one, two, three and more LiDARs see");
-        let overlap = shared::OverlapArgs::augment_args(clap::Command::new(OVERLAP))
+        let overlap = coverage::OverlapArgs::augment_args(clap::Command::new(OVERLAP))
             .about("Surfaces and directions that pairs of LiDARs share, and which LiDARs cannot be calibrated by pairs");
-        let sweep = sweep::Args::augment_args(clap::Command::new(SWEEP)).about(
+        let sweep = sensitivity::SweepArgs::augment_args(clap::Command::new(SWEEP)).about(
             "One pose field of one LiDAR moved through a range: scores, requirements, rules",
         );
-        let tolerance = room::Args::augment_args(clap::Command::new(TOLERANCE))
+        let tolerance = sensitivity::RoomArgs::augment_args(clap::Command::new(TOLERANCE))
             .about("How far each LiDAR may be off until a requirement breaks, and which one");
-        Args::augment_args(command)
+        StudyArgs::augment_args(command)
             .subcommand(near)
             .subcommand(targets)
             .subcommand(redundancy)
@@ -118,90 +116,30 @@ the scenes; without one at the layouts of Table 7, where the vehicle is the pape
 holds them. Give scenes/placements.json to compare any other vehicle with them. Kinds that search choose the
 sensors of a vehicle for --budget. A row that misses a requirement is marked with !. A study in which no row has an
 answer ends with exit code 1.")]
-pub struct Args {
-    /// What to study
-    #[arg(value_parser = kinds())]
-    kind: Kind,
-    /// Scene files: `transfer` looks at all together, every other kind at one after the other; `loss`, `random`, `regions`,
-    /// `voxels` and `weather` take a file of own rigs behind them
-    #[arg(required = true)]
-    scenes: Vec<PathBuf>,
-    /// Folder for the study, of several scenes one in it for each [default: studies/SCENE-KIND]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-    /// Score to maximize where placements are searched
-    #[arg(long, default_value_t = StudySettings::default().objective.to_string())]
-    objective: String,
-    /// Placements that each search evaluates before swaps
-    #[arg(long, value_name = "N", default_value_t = StudySettings::default().evaluations,
-          value_parser = at_least_one)]
-    evaluations: u64,
-    /// Frames to average over, spread evenly [default: 2]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    frames: Option<u32>,
-    /// Random placements, where the study draws some
-    #[arg(long, value_name = "N", default_value_t = StudySettings::default().random,
-          value_parser = clap::value_parser!(u32).range(2..=100_000))]
-    random: u32,
-    /// Most that the sensors of a vehicle may cost, in the currency of its prices, where placements are searched
-    #[arg(long, value_name = "PRICE", value_parser = finite)]
-    budget: Option<f64>,
-    /// Sensor file to compare, for `channels`; may be given several times
-    #[arg(long, value_name = "FILE")]
-    sensor: Vec<PathBuf>,
-    /// Further region, for `regions`: NAME:x0,y0,z0,x1,y1,z1 in metres; may be given several times
-    #[arg(long = "box", value_name = "BOX", value_parser = parse_box)]
-    boxes: Vec<Region>,
-    /// Edge of a voxel in metres, for `published` [default: 0.1, as in the paper]
-    #[arg(long, value_name = "M", value_parser = parse_length)]
-    voxel: Option<f64>,
-    /// Seed of all randomness
-    #[arg(long, value_name = "N", default_value_t = StudySettings::default().seed,
-          value_parser = whole::<u64>)]
-    seed: u64,
+pub struct StudyArgs {
+    #[command(flatten)]
+    request: StudyRequest,
     /// How to print the result
     #[arg(long, value_enum, default_value_t)]
     format: TableFormat,
     #[command(flatten)]
-    conditions: Conditions,
-    #[command(flatten)]
     compute: Compute,
 }
 
-fn kinds() -> impl TypedValueParser<Value = Kind> {
-    let values = Kind::ALL.map(|(_, name, answers)| PossibleValue::new(name).help(answers));
-    PossibleValuesParser::new(values).try_map(|name| Kind::from_str(&name))
-}
-
-pub fn run(command: &Command) -> Result<Exit, Error> {
+pub fn run(command: &StudyCommand) -> Result<Exit, RunError> {
     match command {
-        Command::Make(args) => make(args),
-        Command::NearField(args) => near_field::run(args),
-        Command::Targets(args) => targets::run(args),
-        Command::Redundancy(args) => shared::run_redundancy(args),
-        Command::Overlap(args) => shared::run_overlap(args),
-        Command::Sweep(args) => sweep::run(args),
-        Command::Room(args) => room::run(args),
+        StudyCommand::Make(args) => make(args),
+        StudyCommand::NearField(args) => coverage::run_near_field(args),
+        StudyCommand::Targets(args) => coverage::run_targets(args),
+        StudyCommand::Redundancy(args) => coverage::run_redundancy(args),
+        StudyCommand::Overlap(args) => coverage::run_overlap(args),
+        StudyCommand::Sweep(args) => sensitivity::run_sweep(args),
+        StudyCommand::Room(args) => sensitivity::run_room(args),
     }
 }
 
-fn make(args: &Args) -> Result<Exit, Error> {
+fn make(args: &StudyArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
-    let request = StudyRequest {
-        kind: args.kind,
-        scenes: args.scenes.clone(),
-        out: args.out.clone(),
-        objective: args.objective.clone(),
-        evaluations: args.evaluations,
-        frames: args.frames,
-        random: args.random,
-        sensors: args.sensor.clone(),
-        regions: args.boxes.clone(),
-        voxel: args.voxel,
-        budget: args.budget,
-        seed: args.seed,
-        conditions: args.conditions.condition.clone(),
-    };
     let mut gap = "";
     let print_one = |found: &Table, folder: &Path| {
         if args.format != TableFormat::Text {
@@ -211,7 +149,7 @@ fn make(args: &Args) -> Result<Exit, Error> {
         outln!("{gap}{}\n{}", found.title, study_text(found))?;
         outln!("{}: study.json, table.csv, chart.svg", folder.display())
     };
-    let tables = study_scenes(&request, &args.compute.computing(&terminal), print_one)?;
+    let tables = study_scenes(&args.request, &args.compute.computing(&terminal), print_one)?;
     print(args, &tables)?;
     if !terminal.goes_on() {
         terminal.note("interrupted; the same command goes on");
@@ -222,8 +160,8 @@ fn make(args: &Args) -> Result<Exit, Error> {
     Ok(if unanswered.is_empty() { terminal.exit() } else { Exit::CheckFailed })
 }
 
-/// What comes after the tables of the scenes: their mean, and all of it in JSON or CSV.
-fn print(args: &Args, tables: &[Table]) -> Result<(), Error> {
+/// Prints the mean over the scenes below their tables, or all tables as JSON or CSV.
+fn print(args: &StudyArgs, tables: &[Table]) -> Result<(), RunError> {
     let mean = if tables.len() > 1 { mean_over_scenes(tables) } else { None };
     match (args.format, tables) {
         (TableFormat::Json, [table]) => outln!("{}", json!(table)),
@@ -236,25 +174,4 @@ fn print(args: &Args, tables: &[Table]) -> Result<(), Error> {
             None => Ok(()),
         },
     }
-}
-
-fn parse_box(text: &str) -> Result<Region, String> {
-    let wrong = || {
-        format!("`{text}` is no box; write NAME:x0,y0,z0,x1,y1,z1 in metres, lower corner first")
-    };
-    let (name, numbers) = text.split_once(':').ok_or_else(wrong)?;
-    let numbers: Vec<f64> = numbers
-        .split(',')
-        .map(|n| n.trim().parse().map_err(|_| wrong()))
-        .collect::<Result<_, _>>()?;
-    let [x0, y0, z0, x1, y1, z1] = numbers[..] else { return Err(wrong()) };
-    if name.is_empty() || !(x0 < x1 && y0 < y1 && z0 < z1) {
-        return Err(wrong());
-    }
-    Ok(Region::of_box(name, [x0, y0, z0], [x1, y1, z1]))
-}
-
-fn parse_length(text: &str) -> Result<f64, String> {
-    let wrong = || format!("`{text}` is no length; write metres, as 0.1");
-    text.parse().ok().filter(|v: &f64| *v > 0.0 && v.is_finite()).ok_or_else(wrong)
 }

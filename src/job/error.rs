@@ -81,7 +81,7 @@ pub enum JobError {
          with --vehicle"
     )]
     NothingRequired {
-        /// What has an answer only where something is required.
+        /// A question that only makes sense where something is required.
         asked: &'static str,
     },
     /// Objectives of a front that cannot be read, or that the vehicle does not have.

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::ground::{Cell, Cells};
 use super::zone::BlindZone;
-use super::{CELL, Footprint, NEAR, NearFieldError, Pole, RING, WheelPlane, poles};
+use super::{CELL, Footprint, NEAR, NearFieldError, Pole, RING, WheelPlane, ground};
 use crate::bvh::Hit;
 use crate::engine::{Backend, BackendError};
 use crate::geom::Pose;
@@ -82,7 +82,7 @@ pub struct NearField {
 }
 
 /// Sums over frames.
-struct Sums {
+struct FrameSums {
     /// One for each cell, frames in which it is ground, and in which it is seen too.
     ground: Vec<u64>,
     seen: Vec<u64>,
@@ -166,7 +166,7 @@ impl NearSite {
     ) -> Result<NearField, BackendError> {
         let batch = SensorBatch::new(&self.problem, &placement.lidars, None)?;
         let count = self.cells.cells.len();
-        let mut sums = Sums {
+        let mut sums = FrameSums {
             ground: vec![0; count],
             seen: vec![0; count],
             shares: [0.0; 2],
@@ -178,7 +178,7 @@ impl NearSite {
             self.add_frame(&mut sums, &batch, &poses, &hits, (*weight, ground));
         }
         let poses = batch.ego_from_sensors(0);
-        let poles = poles::count(&self.footprint, &batch, &poses, self.problem.body());
+        let poles = ground::count(&self.footprint, &batch, &poses, self.problem.body());
         Ok(self.result(placement, sums, poles))
     }
 
@@ -255,7 +255,7 @@ impl NearSite {
         cells.map(|(cell, ground)| *ground && cell.distance <= within).collect()
     }
 
-    /// Place of a beam's end in [`Sums::beams`].
+    /// Place of a beam's end in [`FrameSums::beams`].
     fn end_of(&self, hit: &Hit) -> usize {
         match hit.prim {
             _ if !hit.is_hit() => 3,
@@ -285,7 +285,7 @@ impl NearSite {
 
     fn add_frame(
         &self,
-        sums: &mut Sums,
+        sums: &mut FrameSums,
         batch: &SensorBatch<'_>,
         poses: &[Pose],
         hits: &[Hit],
@@ -313,7 +313,7 @@ impl NearSite {
         }
     }
 
-    fn result(&self, placement: &Placement, sums: Sums, poles: Vec<Pole>) -> NearField {
+    fn result(&self, placement: &Placement, sums: FrameSums, poles: Vec<Pole>) -> NearField {
         let share = |which: usize| {
             (sums.frames[which] > 0).then(|| sums.shares[which] / sums.frames[which] as f64)
         };

@@ -33,27 +33,22 @@
 //! | `poles` | the preset of poles, and the beams on each |
 //! | `self_hit` | the guard of placements that look at the own vehicle |
 
-mod error;
-mod footprint;
+mod body;
 mod ground;
 mod look;
-mod poles;
 mod required;
-mod self_hit;
-mod wheels;
 mod zone;
+
+pub(crate) use self::body::WheelPlane;
+pub use self::body::{FEW_PLACEMENTS, Footprint, self_hits};
+pub(crate) use ground::{CELL, NEAR, Pole, RING, Standard};
+pub use look::{NearField, NearSite};
+pub(crate) use look::{outline, place, returned_hits};
+pub(crate) use required::RequiredGround;
+pub use zone::NearFieldError;
+
+#[cfg(test)]
+pub(crate) use look::CLOSE;
 
 #[cfg(test)]
 mod tests;
-
-pub use error::NearFieldError;
-pub use footprint::Footprint;
-pub(crate) use ground::{CELL, NEAR, RING};
-#[cfg(test)]
-pub(crate) use look::CLOSE;
-pub use look::{NearField, NearSite};
-pub(crate) use look::{outline, place, returned_hits};
-pub(crate) use poles::{Pole, Standard};
-pub(crate) use required::RequiredGround;
-pub use self_hit::{FEW_PLACEMENTS, self_hits};
-pub(crate) use wheels::WheelPlane;

@@ -37,11 +37,11 @@ pub(crate) struct RequiredGround {
     reach: [DVec3; 2],
     /// One a model, made on first use.
     casters: Vec<OnceLock<Caster>>,
-    rules: Vec<Asked>,
+    rules: Vec<CellRule>,
 }
 
 /// Cells of a rule.
-enum Asked {
+enum CellRule {
     /// For each distinct frame, the cells that count.
     Cells(Vec<Box<[u64]>>),
     /// For each lane before an edge, its cells by distance; the depth in metres; the side as the vehicle has it.
@@ -111,11 +111,11 @@ impl RequiredGround {
         self.frame_words() * self.site.frames.len()
     }
 
-    fn asked(&self, rule: &GroundRule) -> Asked {
+    fn asked(&self, rule: &GroundRule) -> CellRule {
         match rule.asked {
             GroundAsked::Within(metres) => {
                 let near = mask_of(self.cells.iter().map(|cell| cell.distance <= metres));
-                Asked::Cells(self.ground.iter().map(|ground| both(ground, &near)).collect())
+                CellRule::Cells(self.ground.iter().map(|ground| both(ground, &near)).collect())
             }
             GroundAsked::BlindZone(side, metres) => {
                 let before = |cell| {
@@ -134,7 +134,7 @@ impl RequiredGround {
                 }
                 let mut lanes: Vec<_> = lanes.into_values().collect();
                 lanes.iter_mut().for_each(|l| l.sort_by(|a, b| a.distance.total_cmp(&b.distance)));
-                Asked::Lanes(lanes, metres, side)
+                CellRule::Lanes(lanes, metres, side)
             }
         }
     }
@@ -196,7 +196,7 @@ impl RequiredGround {
         hits
     }
 
-    /// Metres after which a beam has left the box of what it must see; 0 for one that never comes there.
+    /// Metres after which a beam has left the box of the cells that must be seen; 0 for a beam that misses it.
     fn range(&self, direction: [f32; 3], pose: &Pose, far: f32) -> f32 {
         let along = pose.rotation * DVec3::from(direction.map(f64::from));
         let [low, high] = self.reach.map(|bound| bound - pose.translation);
@@ -216,11 +216,11 @@ impl RequiredGround {
     /// Share of the ground of a rule, by its number, that is seen in bits of all frames.
     pub fn share(&self, rule: usize, bits: &[u64]) -> GroundSeen {
         match &self.rules[rule] {
-            Asked::Cells(masks) => {
+            CellRule::Cells(masks) => {
                 let share = self.share_in(masks, bits);
                 GroundSeen { share, soft: share.unwrap_or(0.0) }
             }
-            Asked::Lanes(lanes, metres, _) => {
+            CellRule::Lanes(lanes, metres, _) => {
                 let depths = lanes.iter().map(|lane| self.depth(lane, bits));
                 let [mut ends, mut soft] = [0.0; 2];
                 for depth in depths {
@@ -262,8 +262,8 @@ impl RequiredGround {
     /// Ground that a rule lacks, in words.
     pub fn missing(&self, rule: usize, bits: &[u64]) -> String {
         match &self.rules[rule] {
-            Asked::Cells(masks) => self.least_side(masks, bits),
-            Asked::Lanes(lanes, _, side) => {
+            CellRule::Cells(masks) => self.least_side(masks, bits),
+            CellRule::Lanes(lanes, _, side) => {
                 let side = side.name();
                 if lanes.is_empty() {
                     return format!("no ground {side} within {NEAR:.0} m");

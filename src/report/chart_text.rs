@@ -1,9 +1,12 @@
-//! Tables of charts: the settings of a scene, and the setting to take in each of several.
+//! A chart as a table, and its advice in words.
 
-use super::chart_table::seconds;
-use super::chart_words::chart_words;
+use std::fmt::Write;
+
+use maud::{Markup, html};
+
+use super::svg::{ACCENT, INK, SOFT, px, trimmed};
 use super::text::{align_columns, numbered};
-use crate::chart::{Chart, Engine};
+use crate::chart::{Chart, Engine, MOST_SWAPPED, Rated, Setting, Skipped};
 
 /// Titles of the printed table.
 const TITLES: [&str; 12] = [
@@ -104,4 +107,221 @@ pub fn charts_text(charts: &[Chart]) -> String {
         });
     }
     format!("\nall scenes\n{}", align_columns(&rows))
+}
+
+/// Titles of the table's columns with their x in pixels: the first begins there, the others end there.
+const COLUMNS: [(&str, f64); 8] = [
+    ("setting", 50.0),
+    ("time", 430.0),
+    ("MiB", 486.0),
+    ("error % (most)", 606.0),
+    ("τ (95 %)", 752.0),
+    ("regret % (to)", 862.0),
+    ("swapped % (to)", 976.0),
+    ("", 34.0),
+];
+
+/// Title and emphasis of a chart.
+#[derive(Debug, Clone, Copy)]
+pub struct ChartFrame<'a> {
+    /// Scene, placements, objective.
+    pub title: &'a str,
+    /// The scene's own voxel edge in metres.
+    pub edge: f64,
+    /// Position of the setting to take.
+    pub chosen: Option<usize>,
+}
+
+/// Cost and error of the numbered settings: `rows` holds the height of each and its place in `rated`.
+pub(super) fn table(
+    rated: &[Rated],
+    top: f64,
+    rows: &[(f64, usize)],
+    chart: &ChartFrame,
+) -> Markup {
+    html! {
+        (row(top, COLUMNS.map(|(title, _)| title.to_owned()), SOFT, false))
+        @for (number, &(y, i)) in rows.iter().enumerate() {
+            @let is_chosen = chart.chosen == Some(i);
+            (row(y, cells(rated, i, number + 1, chart.edge), if is_chosen { ACCENT } else { INK }, is_chosen))
+        }
+    }
+}
+
+fn row(y: f64, cells: [String; 8], ink: &str, bold: bool) -> Markup {
+    let columns = cells.into_iter().zip(COLUMNS).enumerate();
+    html! {
+        @for (column, (cell, (_, x))) in columns {
+            text x=(x) y=(px(y)) font-size="12" fill=(ink) font-weight=[bold.then_some("600")]
+                text-anchor=(if column == 0 { "start" } else { "end" }) { (cell) }
+        }
+    }
+}
+
+fn cells(rated: &[Rated], i: usize, number: usize, edge: f64) -> [String; 8] {
+    let finest = rated[0].measured.setting.fidelity;
+    let (measured, error) = (&rated[i].measured, &rated[i].error);
+    let percent = |value: f64| format!("{:.2}", 100.0 * value);
+    let pose = measured.pose.map_or(String::new(), |pose| {
+        let bytes = pose.bytes as f64 / f64::from(1 << 20);
+        format!("; a pose {}, {bytes:.2} MiB", seconds(pose.seconds))
+    });
+    [
+        measured.setting.words(edge) + &pose,
+        seconds(measured.seconds),
+        format!("{:.1}", measured.bytes as f64 / f64::from(1 << 20)),
+        if measured.setting.fidelity.same_quantity(&finest) {
+            format!("{} ({})", percent(error.score_median), percent(error.score_largest))
+        } else {
+            "another quantity".to_owned()
+        },
+        error.tau.map_or(String::new(), |tau| {
+            format!("{:.3} ({:.3}–{:.3})", tau.value, tau.low, tau.high)
+        }),
+        format!("{} ({})", percent(error.regret.value), percent(error.regret.high)),
+        format!("{:.1} ({:.1})", 100.0 * error.swapped.value, 100.0 * error.swapped.high),
+        number.to_string(),
+    ]
+}
+
+/// One line a setting: its description, cost and error. A setting that was left early has the errors over its first
+/// placements, and the reason. Settings that were not begun come last.
+pub fn fidelity_csv(rated: &[Rated], skipped: &[Skipped], edge: f64) -> String {
+    let mut csv = "setting,engine,voxel_m,azimuth_divisor,frames,coverage,merged_m,seconds,seconds_low,\
+                   seconds_high,bytes,beams,triangles,score_error_median,score_error_largest,tau,tau_low,\
+                   tau_high,regret,regret_low,regret_high,swapped,swapped_low,swapped_high,pose_seconds,pose_bytes,\
+                   on_front,placements,left_early\n"
+        .to_owned();
+    for rated in rated {
+        let (measured, error) = (&rated.measured, &rated.error);
+        let tau = match error.tau {
+            Some(tau) => format!("{},{},{}", tau.value, tau.low, tau.high),
+            None => ",,".to_owned(),
+        };
+        let pose = measured
+            .pose
+            .map_or(",".to_owned(), |pose| format!("{:.4e},{}", pose.seconds, pose.bytes));
+        let _ = writeln!(
+            csv,
+            "{},{:.4e},{:.4e},{:.4e},{},{},{},{},{},{tau},{},{},{},{},{},{},{pose},{},{},{}",
+            setting_cells(&measured.setting, edge),
+            measured.seconds,
+            measured.spread[0],
+            measured.spread[1],
+            measured.bytes,
+            measured.beams,
+            measured.triangles,
+            error.score_median,
+            error.score_largest,
+            error.regret.value,
+            error.regret.low,
+            error.regret.high,
+            error.swapped.value,
+            error.swapped.low,
+            error.swapped.high,
+            rated.on_front,
+            measured.scores.len(),
+            measured.left.map_or("", |left| left.words()),
+        );
+    }
+    for Skipped { rung, left } in skipped {
+        let empty = ",".repeat(19);
+        let _ = writeln!(csv, "{}{empty},false,0,{}", setting_cells(rung, edge), left.words());
+    }
+    csv
+}
+
+/// The first seven cells of a line.
+fn setting_cells(setting: &Setting, edge: f64) -> String {
+    let fidelity = setting.fidelity;
+    format!(
+        "\"{}\",{},{},{},{},{},{}",
+        setting.words(edge),
+        match setting.engine {
+            Engine::F64 => "f64",
+            Engine::Cpu => "cpu",
+            Engine::Gpu => "gpu",
+            Engine::Atlas => "atlas",
+        },
+        trimmed(fidelity.voxel * edge, 6),
+        fidelity.azimuth,
+        fidelity.frames,
+        if fidelity.through { "through" } else { "first-hit" },
+        trimmed(fidelity.detail * fidelity.voxel * edge, 6),
+    )
+}
+
+/// A duration in two or three digits and its unit.
+pub fn seconds(value: f64) -> String {
+    let (value, unit) = match value {
+        v if v < 1e-3 => (v * 1e6, "µs"),
+        v if v < 1.0 => (v * 1e3, "ms"),
+        v => (v, "s"),
+    };
+    let decimals = if value < 9.95 { 1 } else { 0 };
+    let text = format!("{value:.decimals$}");
+    format!("{} {unit}", text.strip_suffix(".0").unwrap_or(&text))
+}
+
+/// Largest difference between scores in `f64` and `f32`, as a share, that rounding explains: docs/fidelity.md.
+const ROUNDING: f64 = 1e-3;
+
+/// The setting to take, and how much it saves, in two sentences; none where nothing was measured.
+pub fn chart_words(chart: &Chart) -> Vec<String> {
+    let Some(verdict) = chart.verdict else { return Vec::new() };
+    let (taken, finest) = (&chart.rated[verdict.setting], &chart.rated[0]);
+    let tau = match taken.error.tau {
+        Some(tau) => format!("Kendall τ is {:.3} ({:.3} to {:.3})", tau.value, tau.low, tau.high),
+        None => "there is no ranking to keep".to_owned(),
+    };
+    let kept = format!(
+        "Cheapest setting that keeps the ranking within {0} %: {1}, {2} a placement; its best placement \
+         loses {3:.2} % of the best score (at most {4:.2} % in 95 % of resamples, {0} % allowed), of the \
+         pairs farther apart than {0} % it swaps {5:.1} % (at most {6:.1} %, {7} % allowed), {tau}.",
+        100.0 * chart.tolerance,
+        taken.measured.setting.words(chart.edge),
+        seconds(taken.measured.seconds),
+        100.0 * taken.error.regret.value,
+        100.0 * taken.error.regret.high,
+        100.0 * taken.error.swapped.value,
+        100.0 * taken.error.swapped.high,
+        100.0 * MOST_SWAPPED,
+    );
+    let times = [(verdict.saves_over_f32, "f32"), (verdict.saves_over_f64, "f64")];
+    let times: Vec<String> = times
+        .into_iter()
+        .filter_map(|(times, number)| Some(format!("{:.1} times as fast in {number}", times?)))
+        .collect();
+    let saved = format!(
+        "Against the finest setting ({}) it is {}; it takes {} instead of {}.",
+        finest.measured.setting.fidelity.words(chart.edge),
+        times.join(" and "),
+        mebibytes(taken.measured.bytes),
+        mebibytes(finest.measured.bytes),
+    );
+    [Some(kept), Some(saved), checked(chart)].into_iter().flatten().collect()
+}
+
+/// Sentence on the distance of the reference in `f32` from the f64 scorer.
+fn checked(chart: &Chart) -> Option<String> {
+    let exact = chart.rated.iter().skip(1).find(|r| r.measured.setting.engine == Engine::F64)?;
+    let off = exact.error.score_largest;
+    let more = if off <= ROUNDING {
+        String::new()
+    } else {
+        format!(
+            ", more than the {} % that rounding explains: --full compares with f64",
+            100.0 * ROUNDING
+        )
+    };
+    Some(format!(
+        "In f64, by code that shares nothing with the engines, {} placements differ from the reference by at most \
+         {:.4} % of a score{more}.",
+        exact.measured.scores.len(),
+        100.0 * off
+    ))
+}
+
+fn mebibytes(bytes: u64) -> String {
+    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }

@@ -26,52 +26,31 @@
 //! | `view` | the 3-D view of a page |
 //! | `page` | the page |
 
-pub(crate) mod against;
-pub(crate) mod audit;
-pub(crate) mod by_scene;
 pub(crate) mod chart;
-mod chart_labels;
-pub(crate) mod chart_table;
 pub(crate) mod chart_text;
-pub(crate) mod chart_words;
-pub(crate) mod convergence;
+pub(crate) mod coverage;
 mod drawing;
 pub(crate) mod front;
 pub(crate) mod handover;
 pub(crate) mod map;
-pub(crate) mod near_field;
 mod page;
-pub(crate) mod placement;
 pub(crate) mod plot;
-mod plot_labels;
-pub(crate) mod psog;
 pub(crate) mod record;
-pub(crate) mod record_text;
-pub(crate) mod rig;
-pub(crate) mod room;
 pub(crate) mod sensor;
-pub(crate) mod sensor_svg;
-pub(crate) mod shared;
 pub(crate) mod study;
 mod svg;
-pub(crate) mod sweep;
-pub(crate) mod table;
 pub(crate) mod tables;
 pub(crate) mod targets;
 pub(crate) mod text;
-pub(crate) mod verification;
 mod view;
-pub(crate) mod word;
 pub(crate) mod words;
 
-pub(crate) use chart_table::seconds;
-pub(crate) use convergence::convergence_svg;
 pub use front::{FrontContext, FrontRecord};
-pub(crate) use map::InformationMap;
+pub(crate) use map::{InformationMap, placement_svg};
 pub(crate) use page::{Figures, Looks, Subject, front_html, report_html, view_html};
-pub(crate) use placement::placement_svg;
 pub(crate) use plot::{Axis, Plot, Series};
+pub(crate) use record::convergence_svg;
 pub use record::{RunContext, RunRecord, RunTimes, SceneRecord};
-pub(crate) use table::{ScoreColumn, optional};
+pub(crate) use tables::{ScoreColumn, optional};
 pub use text::scores_text;
 pub(crate) use words::{certificate_in_words, judged, methods_in_words, spread_in_words, verdict};

@@ -1,12 +1,23 @@
 //! All of `result.json`.
 
+use std::path::Path;
+
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use super::plot::{Change, ReferenceLine};
+use super::tables::by_scene;
+use super::targets::range_card_text;
+use super::text::{align_columns, findings_text, poses_text, scores_text_by};
+use super::words::{
+    broken_in_words, certificate_in_words, methods_in_words, spread_in_words, verdict,
+};
+use super::{Axis, Plot, Series};
 use crate::problem::Modelled;
+use crate::scan::conditions::under;
 use crate::search::{
-    Certificate, Finding, FramesUsed, GainSpread, LeftOut, Member, MethodRecord, Outcome,
-    PhaseCheck, Scored, Suite, rules_in_words,
+    Certificate, Finding, FramesUsed, GainSpread, GenerationRecord, LeftOut, Member, MethodRecord,
+    Outcome, PhaseCheck, Scored, Suite, rules_in_words,
 };
 
 /// Wall times of a run in seconds.
@@ -254,4 +265,163 @@ pub fn peak_memory() -> Option<u64> {
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
     let kilobytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
     Some(kilobytes << 10)
+}
+
+/// Result of a run and its folder as text: words first, then the table.
+pub fn record_text(record: &RunRecord, folder: &Path) -> String {
+    let mut text = String::new();
+    let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
+    rows.extend(record.baselines.iter().map(|baseline| baseline.scores.clone()));
+    text += &format!("{}\n\n", verdict(record.best.as_ref(), &record.baselines, &record.objective));
+    if let Some(words) = spread_in_words(record) {
+        text += &format!("{words}\n\n");
+    }
+    text += &format!(
+        "{}: maximizing {} over {} frame(s){}\n",
+        record.scene,
+        record.objective,
+        record.frames,
+        under(&record.conditions)
+    );
+    text += &scores_text_by(&rows, &record.objective);
+    // Guards stand in the table.
+    let broken = broken_in_words(&record.baselines);
+    if !broken.is_empty() {
+        text +=
+            "\nbaselines that break rules of the mount, with which the result is not compared:\n";
+        broken.iter().for_each(|line| text += &format!("  {line}\n"));
+    }
+    if let Some(rows) = by_scene(record) {
+        text += "\nscene by scene\n";
+        text += &align_columns(&rows);
+    }
+    if let Some(words) = &record.equipment {
+        text += &format!("\nequipment: {words}\n");
+    }
+    text += &match &record.best {
+        Some(best) => best_text(best, record),
+        None => {
+            let objective = &record.objective;
+            format!(
+                "\nno candidate both kept the rules of the mount and had a value of {objective}\n"
+            )
+        }
+    };
+    if let Some(frames) = &record.fidelity {
+        text += &format!("\n{}\n", frames.words);
+    }
+    text + &format!(
+        "\nstopped: {}, after {} evaluations in {:.1} s ({:.1} placements × frames/s on {}); report: \
+         {}\n",
+        record.stopped,
+        record.evaluations,
+        record.timings.total,
+        record.rate,
+        record.backend,
+        folder.join("report.html").display()
+    )
+}
+
+/// Poses, range card, requirements and certificate of the placement found.
+fn best_text(best: &Scored, record: &RunRecord) -> String {
+    let mut text = String::new();
+    text += "\noptimized placement (m, rad):\n";
+    text += &poses_text(&best.placement, &record.mounts);
+    if let Some(card) = &best.scores.range_card {
+        text += &format!("\n{}\n", range_card_text(card));
+    }
+    if let Some(phases) = &record.phases {
+        text += &format!("\n{}\n", phases.words);
+    }
+    for seen in &best.scores.required {
+        text += &format!("  requirement: {seen}\n");
+    }
+    if let Some(words) = best.scores.holds_in_words() {
+        text += &format!("  {words}\n");
+    }
+    for bound in &record.active_bounds {
+        text += &format!("  active: {bound}\n");
+    }
+    if !record.constraints.is_empty() {
+        text += &format!("\nrules kept: {}\n", record.constraints.join("; "));
+    }
+    text += &format!("\nfound by: {}\n", methods_in_words(record));
+    text += &format!("certificate: {}\n", certificate_in_words(record));
+    text += &format!("\n{}\n", findings_text(&record.findings));
+    text
+}
+
+/// The best and the median objective against evaluations. Baselines and result are lines across, since swaps may find
+/// the result after the generations. An upright line marks each change of frames in `steps`, (generation, frames), the
+/// start first.
+pub fn convergence_svg(
+    history: &[GenerationRecord],
+    objective: &str,
+    baselines: &[Scored],
+    best: Option<&Scored>,
+    steps: &[(u64, u32)],
+) -> String {
+    let points = |value: fn(&GenerationRecord) -> Option<f64>| -> Vec<(f64, f64)> {
+        history.iter().filter_map(|r| Some((r.evaluations as f64, value(r)?))).collect()
+    };
+    let series = |name: &str, points| Series {
+        name: name.to_owned(),
+        points,
+        line: true,
+        labels: Vec::new(),
+    };
+    let level = |scored: &'_ Scored, name, accent| {
+        Some(ReferenceLine { name, value: scored.objective?, accent })
+    };
+    let mut levels: Vec<ReferenceLine> =
+        baselines.iter().filter_map(|b| level(b, b.placement.name.as_str(), false)).collect();
+    levels.extend(best.and_then(|best| level(best, "the result", true)));
+    let plot = Plot {
+        title: "Convergence of the search".to_owned(),
+        x_title: "placements evaluated".to_owned(),
+        y_title: format!("{objective} (larger is better)"),
+        x: Axis::Numbers,
+        series: vec![
+            series("best so far", points(|r| r.best_so_far)),
+            series("median of a generation", points(|r| r.median)),
+        ],
+    };
+    let change = |&(generation, frames): &(u64, u32)| {
+        let last = history.iter().rfind(|record| record.generation <= generation)?;
+        Some(Change { at: last.evaluations as f64, name: format!("{frames} frames") })
+    };
+    let steps = steps_of_generations(steps, history.len() as u64);
+    let changes: Vec<Change> = steps.iter().skip(1).filter_map(change).collect();
+    plot.svg_with(&levels, &changes)
+}
+
+/// Steps that the generations follow; a last step for the swaps alone is left out.
+pub(super) fn steps_of_generations(steps: &[(u64, u32)], generations: u64) -> Vec<(u64, u32)> {
+    steps.iter().copied().filter(|(generation, _)| *generation < generations).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_stands_where_the_frames_change_and_a_curve_goes_on() {
+        let record = |generation: u64| GenerationRecord {
+            generation,
+            evaluations: 10 * generation,
+            best: Some(1.0),
+            median: Some(0.5),
+            best_so_far: Some(1.0 + generation as f64),
+            infeasible: 0,
+            guarded: 0,
+            step_size: 0.3,
+        };
+        let history: Vec<GenerationRecord> = (1..=4).map(record).collect();
+        let svg = convergence_svg(&history, "near_gain", &[], None, &[(0, 1), (2, 6), (4, 24)]);
+        assert!(svg.contains(">6 frames<") && !svg.contains(">24 frames<"), "{svg}");
+        // 20 evaluations of 10 to 40, with 6 % of margin: a third of the way.
+        let x = 90.0 + 560.0 * (0.06 + 1.0 / 3.0) / 1.12;
+        assert!(svg.contains(&format!("d=\"M{x:.1} 50V350\"")), "{x} {svg}");
+        assert!(!convergence_svg(&history, "near_gain", &[], None, &[]).contains(" frames<"));
+    }
 }

@@ -1,14 +1,19 @@
-//! The chart of a study's table.
+//! Studies, sweeps and tolerances as text and figures.
 
-use super::{Axis, Plot, Series};
-use crate::study::{Drawing, Row, Table};
+use super::plot::{Axis, Change, Plot, Series};
+use super::tables::ScoreColumn;
+use super::text::align_columns;
+use crate::job::{Room, RoomOfSide, RoomOfTilt, Sweep};
+use crate::json::fixed;
+use crate::score::{Guard, Scores};
+use crate::study::{Row, Table, TablePlot};
 
 /// Draws a table by its `drawing`.
 pub fn study_plot(table: &Table) -> Plot {
     let number = |row: &Row, column: usize| row.values[column].unwrap_or(f64::NAN);
     let rows = || table.rows.iter();
     let (x_title, y_title, x, series) = match &table.drawing {
-        Drawing::ByCase { columns, y_title, line } => {
+        TablePlot::ByCase { columns, y_title, line } => {
             let series = columns.iter().map(|&column| Series {
                 name: table.columns[column + 1].clone(),
                 points: rows()
@@ -21,7 +26,7 @@ pub fn study_plot(table: &Table) -> Plot {
             let names = Axis::Names(rows().map(Row::marked).collect());
             (&table.columns[0], y_title, names, series.collect())
         }
-        Drawing::ByColumn { x_title, y_title } => {
+        TablePlot::ByColumn { x_title, y_title } => {
             let columns = 0..table.columns.len() - 1;
             let series = rows().map(|row| Series {
                 name: row.marked(),
@@ -32,7 +37,7 @@ pub fn study_plot(table: &Table) -> Plot {
             let names = Axis::Names(table.columns[1..].to_vec());
             (x_title, y_title, names, series.collect())
         }
-        Drawing::Against { column, x_title, y_title } => {
+        TablePlot::Against { column, x_title, y_title } => {
             let series = Series {
                 name: format!("by {}", table.columns[0]),
                 points: rows().map(|row| (number(row, 0), number(row, *column))).collect(),
@@ -51,11 +56,172 @@ pub fn study_plot(table: &Table) -> Plot {
     }
 }
 
+/// Columns of scores.
+const COLUMNS: [ScoreColumn; 3] =
+    [ScoreColumn::NearGain, ScoreColumn::GainShare, ScoreColumn::Hits];
+/// Scores that are drawn, with their names; requirements are drawn beside them.
+const DRAWN: [(ScoreColumn, &str); 2] =
+    [(ScoreColumn::NearGain, "near gain"), (ScoreColumn::GainShare, "gain")];
+/// Requirements that are drawn at most: a chart tells eight colours apart.
+const MOST_DRAWN: usize = 6;
+
+/// Degrees of bearings in which a car is lost somewhere between 5 and 50 m.
+pub(super) fn lost(scores: &Scores) -> f64 {
+    let of = |guard: &Guard| match guard {
+        Guard::BlindSector(sector) => sector.degrees(),
+        _ => 0.0,
+    };
+    scores.guards.iter().map(of).sum()
+}
+
+/// Value of a row with its unit.
+fn head(sweep: &Sweep, k: usize) -> String {
+    let row = &sweep.rows[k];
+    let given = if row.as_given { " as given" } else { "" };
+    format!("{} {}{given}", fixed(row.value, 3), sweep.unit)
+}
+
+fn table(sweep: &Sweep) -> String {
+    let requirements = sweep.rows.first().map_or(0, |row| row.scores.required.len());
+    let mut titles = vec![sweep.field.to_owned()];
+    titles.extend(COLUMNS.iter().map(|column| column.title().to_owned()));
+    titles.extend((1..=requirements).map(|k| format!("req {k} %")));
+    titles.extend(["car lost °", "rules"].map(str::to_owned));
+    let mut lines = vec![titles];
+    for (k, row) in sweep.rows.iter().enumerate() {
+        let mut line = vec![head(sweep, k)];
+        line.extend(COLUMNS.iter().map(|column| column.cell(&row.scores)));
+        line.extend(row.scores.required.iter().map(|seen| {
+            // Rounded down, so that a requirement that is not met never reads as met.
+            let share = (1e3 * seen.share + 1e-9).floor() / 10.0;
+            format!("{}{}", if seen.is_met() { "" } else { "!" }, fixed(share, 1))
+        }));
+        line.push(match row.scores.range_card {
+            Some(_) => fixed(lost(&row.scores), 0),
+            None => "–".to_owned(),
+        });
+        line.push(if row.broken_rules.is_empty() { "kept" } else { "BROKEN" }.to_owned());
+        lines.push(line);
+    }
+    align_columns(&lines)
+}
+
+/// A table a placement: scores, requirements, degrees in which a car is lost, and rules at each value.
+pub fn sweep_text(all: &[Sweep]) -> String {
+    let of = |sweep: &Sweep| {
+        let Sweep { placement, lidar, field, .. } = sweep;
+        let mut text = format!("{placement}: {field} of LiDAR {lidar}\n{}", table(sweep));
+        let Some(first) = sweep.rows.first() else { return text };
+        for (k, seen) in first.scores.required.iter().enumerate() {
+            let least = 100.0 * seen.least;
+            text += &format!("req {}: {}, {least:.1} % required; ! not met\n", k + 1, seen.name);
+        }
+        let broken: Vec<usize> =
+            (0..sweep.rows.len()).filter(|&k| !sweep.rows[k].broken_rules.is_empty()).collect();
+        if let Some(&k) = broken.first() {
+            let (count, all) = (broken.len(), sweep.rows.len());
+            text += &format!("rules broken in {count} of {all} rows; at {}:\n", head(sweep, k));
+            for rule in &sweep.rows[k].broken_rules {
+                text += &format!("  {rule}\n");
+            }
+        }
+        text
+    };
+    all.iter().map(of).collect::<Vec<_>>().join("\n")
+}
+
+/// Scores and shares of requirements over the values, and the value as it is given.
+pub fn sweep_plot(sweep: &Sweep) -> String {
+    let swept = || sweep.rows.iter().filter(|row| !row.as_given);
+    let series = |name: String, of: &dyn Fn(&Scores) -> Option<f64>| Series {
+        name,
+        points: swept().filter_map(|row| Some((row.value, 100.0 * of(&row.scores)?))).collect(),
+        line: true,
+        labels: Vec::new(),
+    };
+    let scores = DRAWN
+        .iter()
+        .map(|(column, name)| series((*name).to_owned(), &|scores| column.share(scores)));
+    let required = sweep.rows.first().map_or(&[][..], |row| &row.scores.required[..]);
+    let required = required.iter().take(MOST_DRAWN).enumerate().map(|(k, seen)| {
+        series(seen.name.clone(), &|scores| scores.required.get(k).map(|seen| seen.share))
+    });
+    let plot = Plot {
+        title: format!("{}: {} of LiDAR {}", sweep.placement, sweep.field, sweep.lidar),
+        x_title: format!("{}, {}", sweep.field, sweep.unit),
+        y_title: "%".to_owned(),
+        x: Axis::Numbers,
+        series: scores.chain(required).filter(|series| !series.points.is_empty()).collect(),
+    };
+    let values = || swept().map(|row| row.value);
+    let [low, high] = [f64::min, f64::max].map(|of| values().reduce(of).unwrap_or_default());
+    let given = sweep.rows.iter().find(|row| row.as_given).map(|row| row.value);
+    let given = given.filter(|at| (low..=high).contains(at));
+    let change = given.map(|at| Change { at, name: "as given".to_owned() });
+    plot.svg_with(&[], change.as_slice())
+}
+
+/// A deviation, with the requirement that breaks beyond it.
+fn cells(side: &RoomOfSide) -> [String; 2] {
+    let more = if side.breaks_at.is_some() { "" } else { "≥ " };
+    [format!("{more}{}", fixed(side.holds_to, 1)), side.breaks.clone().unwrap_or_default()]
+}
+
+/// A sentence on the direction of tilt that holds least, and a table of all.
+fn tilt_text(tilt: &RoomOfTilt) -> String {
+    let [x, y] = tilt.about;
+    let least = &tilt.least;
+    let degrees = fixed(least.side.holds_to, 2);
+    let end = match &least.side.breaks {
+        Some(breaks) => format!("{degrees}°, then {breaks} breaks ({})", least.direction),
+        None => format!("{degrees}° and more in every direction"),
+    };
+    let mut rows = vec![["tilt, deg", "holds to", "then breaks"].map(str::to_owned).to_vec()];
+    for of in &tilt.directions {
+        let more = if of.side.breaks_at.is_some() { "" } else { "≥ " };
+        let holds = format!("{more}{}", fixed(of.side.holds_to, 2));
+        let breaks = of.side.breaks.clone().unwrap_or_default();
+        rows.push(vec![of.direction.to_owned(), holds, breaks]);
+    }
+    let about = format!("all LiDARs tilted about the ground at x = {x} m, y = {y} m hold to ");
+    format!("{}{about}{end}\n", align_columns(&rows))
+}
+
+/// Tables of a placement: how far each field holds to either side and what breaks first; the same for the tilt of the
+/// body; then copies within tolerances.
+pub fn room_text(all: &[Room]) -> String {
+    let of = |room: &Room| {
+        let mut text = format!("{}\n", room.placement);
+        for missed in &room.missed {
+            text += &format!("  ! {missed}\n");
+        }
+        if !room.missed.is_empty() {
+            return text + "  a requirement is missed as it is: there is no room\n";
+        }
+        let titles =
+            ["LiDAR", "field", "", "− holds to", "then breaks", "+ holds to", "then breaks"];
+        let mut rows = vec![titles.map(str::to_owned).to_vec()];
+        for row in &room.fields {
+            let names = [row.lidar.to_string(), row.field.to_owned(), row.unit.to_owned()];
+            rows.push([&names[..], &cells(&row.down), &cells(&row.up)].concat());
+        }
+        text += &align_columns(&rows);
+        text += &room.tilt.as_ref().map(tilt_text).unwrap_or_default();
+        for copies in &room.copies {
+            let share = 100.0 * copies.holds_in;
+            let line = "all LiDARs off at random within";
+            text += &format!("{line} {}: {share:.0} % of copies meet all\n", copies.tolerance);
+        }
+        text
+    };
+    all.iter().map(of).collect::<Vec<_>>().join("\n")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn table(drawing: Drawing) -> Table {
+    fn table(drawing: TablePlot) -> Table {
         let row = |name: &str, values: [Option<f64>; 2]| Row {
             name: name.into(),
             values: values.to_vec(),
@@ -75,17 +241,17 @@ mod tests {
         let (x_title, y_title) = ("u".to_owned(), "v".to_owned());
         let columns = vec![1];
         let by_case =
-            study_plot(&table(Drawing::ByCase { columns, y_title: y_title.clone(), line: true }));
+            study_plot(&table(TablePlot::ByCase { columns, y_title: y_title.clone(), line: true }));
         assert_eq!((by_case.x_title.as_str(), by_case.y_title.as_str()), ("case", "v"));
         assert_eq!(by_case.series.len(), 1);
         assert_eq!(by_case.series[0].name, "b");
         assert!(by_case.series[0].points[0].1.is_nan());
         assert_eq!(by_case.series[0].points[1], (1.0, 3.0));
         let (x, y) = (x_title.clone(), y_title.clone());
-        let by_column = study_plot(&table(Drawing::ByColumn { x_title: x, y_title: y }));
+        let by_column = study_plot(&table(TablePlot::ByColumn { x_title: x, y_title: y }));
         assert_eq!((by_column.series.len(), by_column.series[1].name.as_str()), (2, "y"));
         assert_eq!(by_column.series[1].points, [(0.0, 2.0), (1.0, 3.0)]);
-        let against = study_plot(&table(Drawing::Against { column: 1, x_title, y_title }));
+        let against = study_plot(&table(TablePlot::Against { column: 1, x_title, y_title }));
         assert_eq!(against.series[0].points[1], (2.0, 3.0));
         assert_eq!(against.series[0].labels[1], (1, "y".to_owned()));
     }

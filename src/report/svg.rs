@@ -5,7 +5,7 @@ use maud::{Markup, html};
 
 pub(super) const INK: &str = "#1b2a3a";
 pub(super) const FAINT: &str = "#c8d2dc";
-pub(super) const PALE: &str = "#e8edf2";
+const PALE: &str = "#e8edf2";
 pub(super) const GREY: &str = "#8a97a5";
 pub(super) const SOFT: &str = "#5a6b7b";
 pub(super) const ACCENT: &str = "#d1495b";

@@ -1,34 +1,44 @@
-//! Every beam's hit in one frame of a scene, as a file and as a summary.
+//! `cast` and `view`: every beam's hit in one frame, and a page about a placement.
 
-use std::path::PathBuf;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use serde::Serialize;
 use serde_json::Value;
 
-use super::given::Given;
-use super::opening::{self, LoadTimes, Loaded, timings};
-use super::{Computing, Error, glb};
+use super::inputs::{Given, file_and_name, held, named_placements, note_repeated};
+use super::opening::{LoadTimes, Loaded, timings};
+use super::outputs::Figure;
+use super::{Computing, RunError, opening, outputs};
 use crate::export::GltfView;
 use crate::files::{Session, writable_file, write_whole};
 use crate::job::Job;
+use crate::report::{Figures, Looks, SceneRecord, Subject, view_html};
+use crate::runs::{Conditions, FiguresOut, Gltf};
 use crate::scan::BeamHits;
+use crate::scan::conditions::in_words;
 use crate::scene::EgoBody;
-use crate::vehicle::read_placements;
+use crate::score::Objective;
+use crate::search::{Evaluator, Scored};
+use crate::vehicle::{Placement, read_placements};
 
 /// Beams to be cast.
 #[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct CastRequest {
-    /// Scene file with geometry.
+    /// Scene file; it must have geometry
     pub scene: PathBuf,
-    /// File of placements.
+    /// Placements
     pub placements: PathBuf,
-    /// File for the hits, `.npz`.
+    /// Write the hits to this .npz file
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     pub out: Option<PathBuf>,
-    /// File for scene and hits as binary glTF.
-    pub gltf: Option<PathBuf>,
-    /// Frame of the scene, from 0.
+    /// Frame of the scene, from 0
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = 0, value_name = "T"))]
     pub frame: u32,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub gltf: Gltf,
 }
 
 /// Summary of a cast: device, beams, hits and times.
@@ -60,7 +70,7 @@ pub struct CastSummary {
 ///
 /// # Errors
 /// Files that cannot be read or written, a scene without geometry or without the frame, more beams than memory holds.
-pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSummary, Error> {
+pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSummary, RunError> {
     let _session = Session::begin();
     let start = Instant::now();
     let mut placements = read_placements(&request.placements)?;
@@ -70,7 +80,7 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
     if let Some(path) = &request.out {
         writable_file(path)?;
     }
-    glb::check(request.gltf.as_deref())?;
+    outputs::check_gltf(request.gltf.gltf.as_deref())?;
     let soup = scene.frame(request.frame as usize, EgoBody::Include);
     let problem = evaluator.problem().clone();
     Given::in_problem(&request.placements, &problem, computing).all(&mut placements)?;
@@ -78,13 +88,13 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
         evaluator.backend_mut().hits(poses, 0)
     })?;
     if let Some(path) = &request.out {
-        write_whole(path, |file| columns.write(file, &soup).map_err(Error::io(path)))?;
+        write_whole(path, |file| columns.write(file, &soup).map_err(RunError::io(path)))?;
     }
-    if request.gltf.is_some() {
+    if request.gltf.gltf.is_some() {
         let points: Vec<_> = columns.points().collect();
         let frame = request.frame as usize;
         let view = GltfView { scene, frame, placements: &placements, points: &points };
-        glb::write(request.gltf.as_deref(), computing.watcher, &view)?;
+        outputs::write_gltf(request.gltf.gltf.as_deref(), computing.watcher, &view)?;
     }
     let engine = evaluator.backend();
     Ok(CastSummary {
@@ -102,12 +112,12 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
 }
 
 /// One frame of the scene as a job of geometry alone.
-fn frame(request: &CastRequest, computing: &Computing<'_>) -> Result<Loaded, Error> {
+fn frame(request: &CastRequest, computing: &Computing<'_>) -> Result<Loaded, RunError> {
     let (start, mend) = (Instant::now(), "static shapes, actors or an ego body");
     let scene = opening::geometry(&request.scene, mend, computing)?;
     let (frame, frames) = (request.frame as usize, scene.frame_count());
     if frame >= frames {
-        return Err(Error::Usage(format!(
+        return Err(RunError::Usage(format!(
             "{}: there is no frame {frame}; give --frame 0 to {}",
             request.scene.display(),
             frames - 1
@@ -116,4 +126,103 @@ fn frame(request: &CastRequest, computing: &Computing<'_>) -> Result<Loaded, Err
     let job = Job::new(scene).geometry_alone().one_frame(frame);
     let times = LoadTimes { load: start.elapsed().as_secs_f64(), build: 0.0 };
     Ok(Loaded { job: job.engine(computing.engine.clone()), times })
+}
+
+/// A placement to be shown.
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct ViewRequest {
+    /// Scene files, and last a file of placements with the name of the one to show behind a colon [default:
+    /// its first]
+    #[cfg_attr(feature = "cli", arg(value_name = "SCENE… PLACEMENTS[:NAME]", required = true, num_args = 2..))]
+    pub files: Vec<String>,
+    /// Placement to compare with, or a file of them; may be given several times [default: Table 7 of the
+    /// paper, where the vehicle is its car: one model, a mount that holds them; else none]
+    #[cfg_attr(feature = "cli", arg(long = "baseline", value_name = "FILE[:NAME]"))]
+    pub baselines: Vec<String>,
+    /// Page to write
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub out: PathBuf,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub figures: FiguresOut,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub conditions: Conditions,
+    /// Command that makes the page again, which stands on it.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub command: String,
+}
+
+/// Writes the page about a placement.
+///
+/// # Errors
+/// Files that cannot be read or written, no placement to show, scenes that do not go together.
+pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), RunError> {
+    let _session = Session::begin();
+    let Some((placements, scenes)) = request.files.split_last() else {
+        return Err(RunError::Usage("give scenes, and a file of placements".into()));
+    };
+    let mut given = named_placements(placements)?;
+    let shown = given.first_mut().ok_or_else(|| {
+        RunError::Usage(format!("{placements}: holds no placement; there is nothing to show"))
+    })?;
+    let rivals = request.baselines.iter().map(|text| read(text));
+    let mut rivals = rivals.collect::<Result<Vec<_>, RunError>>()?;
+    let paths: Vec<PathBuf> = scenes.iter().map(PathBuf::from).collect();
+    note_repeated(&paths, computing.watcher);
+    let files = opening::files(&paths, &request.conditions.condition, None, computing);
+    let mut loaded = opening::job(&files, computing)?;
+    let mut evaluator = loaded.evaluator(computing)?;
+    let (job, problem) = (loaded.job, evaluator.problem());
+    let look = |file: &str| Given::in_problem(Path::new(file), problem, computing);
+    look(file_and_name(placements).0).all([&mut *shown])?;
+    for (file, all) in &mut rivals {
+        look(file).all(all)?;
+    }
+    let baselines = match rivals.is_empty() {
+        true => held(job.scene().vehicle(), problem.sensors(), computing)?,
+        false => rivals.into_iter().flat_map(|(_, placements)| placements).collect(),
+    };
+    // The placement shown is not compared with itself.
+    let baselines: Vec<Placement> =
+        baselines.into_iter().filter(|baseline| baseline != shown).collect();
+    let out = &request.out;
+    writable_file(out)?;
+    outputs::check_figures(request.figures.figures.as_deref())?;
+    let (page, figures) = page(request, &job, &mut evaluator, shown, &baselines)?;
+    outputs::write_figures(request.figures.figures.as_deref(), figures)?;
+    write_whole(out, |file| file.write_all(page.as_bytes()).map_err(RunError::io(out)))
+}
+
+/// Placements of a file, perhaps with a name behind a colon, beside the file.
+fn read(text: &str) -> Result<(&str, Vec<Placement>), RunError> {
+    Ok((file_and_name(text).0, named_placements(text)?))
+}
+
+/// The page, and its figures by name.
+fn page(
+    request: &ViewRequest,
+    job: &Job,
+    evaluator: &mut Evaluator,
+    shown: &Placement,
+    baselines: &[Placement],
+) -> Result<(String, Vec<Figure>), RunError> {
+    let suite = &job.suite()?;
+    let all: Vec<Placement> = std::iter::once(shown).chain(baselines).cloned().collect();
+    let objective = Objective::default();
+    let scored = all.iter().zip(evaluator.judged(&all)?);
+    let scored = scored.map(|(p, judged)| Scored::new(p, judged, &objective, suite.constraints()));
+    let mut scored: Vec<Scored> = scored.collect();
+    let all = scored.iter_mut().map(|Scored { placement, scores, .. }| (&*placement, scores));
+    job.look_closely(evaluator.backend_mut(), all)?;
+    let (result, baselines) = (&scored[0], &scored[1..]);
+    let looks = Looks::new(job, suite, shown, baselines)?;
+    let figures = Figures::new(Some(result), suite.constraints(), &job.scene().body(), Some(looks));
+    let records = SceneRecord::several(suite);
+    let names: Vec<&str> = job.scenes().iter().map(|scene| scene.scene().name()).collect();
+    let names = names.join(", ");
+    let objective = objective.to_string();
+    let conditions = in_words(&request.conditions.condition);
+    let subject =
+        Subject::given(&names, &records, result, baselines, &objective, request.command.clone());
+    Ok((view_html(&subject.under(&conditions), &figures), figures.files(Some(result))))
 }

@@ -6,38 +6,57 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::given::{Given, name_published};
-use super::inputs::Files;
-use super::{Bar, Computing, Error, GRACE, Watcher, opening};
+use super::inputs::{Files, Given, name_published};
+use super::{Bar, Computing, GRACE, RunError, Watcher, opening};
 use crate::chart::{Chart, ChartObserver, ChartSettings, ChartState, chart};
 use crate::files::{Input, RunDir, Session, safe_names};
 use crate::report::chart::fidelity_svg;
-use crate::report::chart_table::{ChartFrame, fidelity_csv};
-use crate::report::chart_words::chart_words;
+use crate::report::chart_text::{ChartFrame, chart_words, fidelity_csv};
 use crate::vehicle::{read_placements, table_7};
 
 /// Charts to be made, or one to go on with.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct ChartRequest {
-    /// Scene files, and placements to rank; without them Table 7 of the paper.
+    /// Scene files, and placements to rank together with random ones [default: Table 7 of the paper]
+    #[cfg_attr(
+        feature = "cli",
+        arg(
+            value_name = "SCENE… [PLACEMENTS]",
+            required_unless_present = "resume",
+            conflicts_with = "resume"
+        )
+    )]
     pub files: Vec<PathBuf>,
-    /// Folder; several scenes get a folder each inside it.
+    /// Folder for chart.svg, chart.csv and chart.json, of several scenes one in it for each
+    /// [default: runs/SCENE-chart, numbered if it is taken]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DIR", conflicts_with = "resume"))]
     pub out: Option<PathBuf>,
-    /// Folder of an interrupted chart, in place of files.
+    /// Go on with an interrupted run; settings that were measured are kept
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DIR"))]
     pub resume: Option<PathBuf>,
-    /// Score that ranks the placements.
+    /// Score that ranks the placements, or a weighted sum of several
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = ChartSettings::default().objective.to_string(), conflicts_with = "resume"))]
     pub objective: String,
-    /// Random placements that are ranked, too.
+    /// Random placements within the mount, ranked together with the given ones
+    #[cfg_attr(feature = "cli", arg(long = "placements", value_name = "N", default_value_t = 100, conflicts_with = "resume", value_parser = clap::value_parser!(u32).range(0..=2_000)))]
     pub random: u32,
-    /// Largest loss by the best placement of a coarser setting, as a share of the score.
+    /// How much worse than the best placement that of a coarser setting may be, as a share of the score;
+    /// pairs of placements farther apart than that must keep their order, 19 of 20 of them
+    #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = super::parse::share))]
     pub tolerance: f64,
-    /// Edge of the finest voxels in metres.
+    /// Edge of the finest voxels in metres, which all other settings are compared with
+    /// [default: half of the scene's, where that is 0.1 or more]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "METRES", conflicts_with = "resume", value_parser = super::parse::metres))]
     pub finest: Option<f64>,
-    /// Measures every setting to the end.
-    pub full: bool,
-    /// No voxels finer than those of each scene.
+    /// No voxels finer than those of each scene
+    #[cfg_attr(feature = "cli", arg(long, conflicts_with_all = ["resume", "finest"]))]
     pub quick: bool,
-    /// Seed of the random placements and of the bootstrap.
+    /// Measure every setting with all placements, also those that cannot be the advice, and print them all
+    #[cfg_attr(feature = "cli", arg(long, conflicts_with = "resume"))]
+    pub full: bool,
+    /// Seed of the random placements and of the bootstrap
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 1, value_parser = super::parse::whole::<u64>, conflicts_with = "resume"))]
     pub seed: u64,
 }
 
@@ -60,8 +79,8 @@ pub struct Charted {
 pub fn chart_scenes(
     request: &ChartRequest,
     computing: &Computing<'_>,
-    mut each: impl FnMut(&Charted) -> Result<(), Error>,
-) -> Result<(usize, Vec<Charted>), Error> {
+    mut each: impl FnMut(&Charted) -> Result<(), RunError>,
+) -> Result<(usize, Vec<Charted>), RunError> {
     let _session = Session::begin();
     let watcher = computing.watcher;
     watcher.listen(GRACE);
@@ -87,7 +106,7 @@ pub fn chart_scenes(
 
 /// Checkpoint of a chart.
 #[derive(Clone, Serialize, Deserialize)]
-struct Saved {
+struct ChartCheckpoint {
     scene: PathBuf,
     settings: ChartSettings,
     #[serde(flatten)]
@@ -95,9 +114,9 @@ struct Saved {
 }
 
 /// A chart to be made: in a new folder, or in one that an earlier run has left.
-struct Begun {
-    saved: Saved,
-    resumed: Option<RunDir<Saved>>,
+struct ChartRun {
+    saved: ChartCheckpoint,
+    resumed: Option<RunDir<ChartCheckpoint>>,
     /// Path of a new folder, if one was given.
     out: Option<PathBuf>,
     /// Name of the scene among those of the command.
@@ -107,11 +126,11 @@ struct Begun {
 }
 
 /// Charts of the request, one a scene.
-fn begun(request: &ChartRequest, computing: &Computing<'_>) -> Result<Vec<Begun>, Error> {
+fn begun(request: &ChartRequest, computing: &Computing<'_>) -> Result<Vec<ChartRun>, RunError> {
     if let Some(folder) = &request.resume {
-        let (dir, saved) = RunDir::<Saved>::resume("chart", folder)?;
+        let (dir, saved) = RunDir::<ChartCheckpoint>::resume("chart", folder)?;
         let (resumed, out, name, placements) = (Some(dir), None, String::new(), None);
-        return Ok(vec![Begun { saved, resumed, out, name, placements }]);
+        return Ok(vec![ChartRun { saved, resumed, out, name, placements }]);
     }
     let Files { scenes, placements } = Files::sort(&request.files, computing.watcher)?;
     let settings = ChartSettings {
@@ -132,19 +151,24 @@ fn begun(request: &ChartRequest, computing: &Computing<'_>) -> Result<Vec<Begun>
     let names = safe_names(stems.iter().map(|stem| &**stem));
     let several = scenes.len() > 1;
     let begun = |(scene, name): (&PathBuf, String)| {
-        let scene = std::path::absolute(scene).map_err(Error::io(scene))?;
+        let scene = std::path::absolute(scene).map_err(RunError::io(scene))?;
         let out =
             request.out.as_ref().map(|out| if several { out.join(&name) } else { out.clone() });
-        let saved = Saved { scene, settings: settings.clone(), state: ChartState::default() };
-        Ok(Begun { saved, resumed: None, out, name, placements: placements.clone() })
+        let saved =
+            ChartCheckpoint { scene, settings: settings.clone(), state: ChartState::default() };
+        Ok(ChartRun { saved, resumed: None, out, name, placements: placements.clone() })
     };
     scenes.iter().zip(names).map(begun).collect()
 }
 
 /// The chart of one scene, its folder, and all of `chart.json`.
-fn of_scene(begun: Begun, tolerance: f64, computing: &Computing<'_>) -> Result<Charted, Error> {
+fn of_scene(
+    begun: ChartRun,
+    tolerance: f64,
+    computing: &Computing<'_>,
+) -> Result<Charted, RunError> {
     let watcher = computing.watcher;
-    let Begun { mut saved, resumed, out, name, placements } = begun;
+    let ChartRun { mut saved, resumed, out, name, placements } = begun;
     let files = opening::files(&[saved.scene.clone()], &[], None, computing);
     let job = opening::job(&files, computing)?.job;
     let (scene, psog) = (job.scene().clone(), opening::psog(&job.scenes()[0], None, watcher)?);
@@ -166,7 +190,7 @@ fn of_scene(begun: Begun, tolerance: f64, computing: &Computing<'_>) -> Result<C
     };
     let settings = ChartSettings { engine: computing.engine.clone(), ..saved.settings.clone() };
     let mut state = saved.state.clone();
-    let sitting = Sitting {
+    let sitting = ChartSession {
         dir: &dir,
         saved: &saved,
         bar: watcher.bar(MILLION, None),
@@ -174,13 +198,13 @@ fn of_scene(begun: Begun, tolerance: f64, computing: &Computing<'_>) -> Result<C
         failed: RefCell::default(),
     };
     let found = chart(scene, psog, &settings, tolerance, &mut state, &sitting);
-    let Sitting { bar, failed, .. } = sitting;
+    let ChartSession { bar, failed, .. } = sitting;
     drop(bar);
     if let Some(error) = failed.into_inner() {
         return Err(error);
     }
     let found = found?;
-    let answer = answer(&Saved { state, ..saved.clone() }, &found);
+    let answer = answer(&ChartCheckpoint { state, ..saved.clone() }, &found);
     write(&dir, &found, &answer)?;
     Ok(Charted { chart: found, folder: dir.path().to_owned(), answer })
 }
@@ -189,16 +213,16 @@ fn of_scene(begun: Begun, tolerance: f64, computing: &Computing<'_>) -> Result<C
 const MILLION: u64 = 1_000_000;
 
 /// A chart under way, as its folder and the watcher see it.
-struct Sitting<'a> {
-    dir: &'a RunDir<Saved>,
-    saved: &'a Saved,
+struct ChartSession<'a> {
+    dir: &'a RunDir<ChartCheckpoint>,
+    saved: &'a ChartCheckpoint,
     bar: Box<dyn Bar>,
     watcher: &'a dyn Watcher,
     /// Why the state could not be written, which ends the chart.
-    failed: RefCell<Option<Error>>,
+    failed: RefCell<Option<RunError>>,
 }
 
-impl ChartObserver for Sitting<'_> {
+impl ChartObserver for ChartSession<'_> {
     fn begins(&self, number: usize, of: usize, setting: &str) {
         self.bar.say(format!("{number}/{of}: {setting}"));
     }
@@ -211,7 +235,7 @@ impl ChartObserver for Sitting<'_> {
         if let Some(last) = state.measured.last() {
             self.watcher.detail(&format!("{} s", last.seconds));
         }
-        let saved = Saved { state: state.clone(), ..self.saved.clone() };
+        let saved = ChartCheckpoint { state: state.clone(), ..self.saved.clone() };
         if let Err(error) = self.dir.save(&saved) {
             self.failed.replace(Some(error.into()));
         }
@@ -223,7 +247,7 @@ impl ChartObserver for Sitting<'_> {
 }
 
 /// All of `chart.json`.
-fn answer(saved: &Saved, found: &Chart) -> Value {
+fn answer(saved: &ChartCheckpoint, found: &Chart) -> Value {
     let rows = found.rows();
     json!({
         "settings": saved.settings,
@@ -244,7 +268,7 @@ fn answer(saved: &Saved, found: &Chart) -> Value {
     })
 }
 
-fn write(dir: &RunDir<Saved>, found: &Chart, answer: &Value) -> Result<(), Error> {
+fn write(dir: &RunDir<ChartCheckpoint>, found: &Chart, answer: &Value) -> Result<(), RunError> {
     let frame = ChartFrame {
         title: &format!(
             "{}: {} placements ranked by {}",

@@ -5,160 +5,40 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `inputs` | sorts files into scenes and placements, names of placements behind a colon |
-//! | `opening` | from files to jobs and evaluators |
-//! | `given` | checks of a file's placements: unknown sensors, likely mistakes |
-//! | `figures` | figures as files of their own |
-//! | `glb` | a frame with its rigs as binary glTF |
+//! | `computing` | watcher, engine, vehicle and error of all commands |
+//! | `inputs`, `opening` | files sorted into scenes and placements, checks of placements, jobs and evaluators of them |
+//! | `outputs` | figures and binary glTF beside an answer |
 //! | `score` | scores of a batch: as a stream in one scene, with their mean in several |
 //! | `optimize` | a search in a run folder: begun, saved, resumed, recorded |
 //! | `study`, `chart` | experiments in folders of their own, resumed |
-//! | `audit`, `verify`, `bench`, `near_field`, `targets`, `shared`, `sweep`, `room`, `view` | experiments of scene files, and the page about a placement |
-//! | `scan`, `cast` | labelled scans as data sets, every beam's hit |
+//! | `audit`, `devices`, `coverage`, `shared`, `sensitivity` | experiments of scene files |
+//! | `scan`, `cast` | labelled scans as data sets; every beam's hit, and the page about a placement |
 //! | `handover` | the folder of a rig for others: tables, masks, drawing, profiles |
 //! | `psog`, `rig`, `scene` | files of P-SOGs, of rigs and of scenes |
 
-pub mod audit;
-#[cfg(feature = "gpu")]
-pub mod bench;
 pub mod cast;
 pub mod chart;
-mod figures;
+mod computing;
+pub mod coverage;
+#[cfg(feature = "gpu")]
+pub mod devices;
 pub mod handover;
 mod inputs;
-pub mod near_field;
 mod opening;
 pub mod optimize;
+mod outputs;
+#[cfg(feature = "cli")]
+pub(crate) mod parse;
 pub mod psog;
 pub mod rig;
-pub mod room;
 pub mod scan;
 pub mod scene;
 pub mod score;
-pub mod shared;
+pub mod sensitivity;
 pub mod study;
-pub mod sweep;
-pub mod targets;
-#[cfg(feature = "gpu")]
-pub mod verify;
-pub mod view;
 
-mod error;
-mod given;
-mod glb;
-
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::time::Duration;
-
-pub use error::Error;
-use serde::Serialize;
-
-use crate::Note;
-use crate::engine::EngineChoice;
-use crate::vehicle::SensorChoice;
-
-/// Time after a stop request for work that has a result to write, such as the page of a search.
-const GRACE: Duration = Duration::from_secs(20);
-
-/// Listener of work under way, which may end it. Every part is optional.
-pub trait Watcher: Sync {
-    /// Hears a sentence that is shown by default.
-    fn note(&self, _sentence: &str) {}
-
-    /// Hears a sentence about an input.
-    ///
-    /// # Errors
-    /// A doubt, where doubts are refused (`--strict`).
-    fn tell(&self, note: &Note) -> Result<(), Error> {
-        self.note(note.text());
-        Ok(())
-    }
-
-    /// Hears a sentence for users who want more detail.
-    fn detail(&self, _sentence: &str) {}
-
-    /// [`Self::note`] for engines, which outlive the call that opens them.
-    fn notes(&self) -> Arc<dyn Fn(&str) + Send + Sync> {
-        Arc::new(|_| {})
-    }
-
-    /// Begins a bar of `total` steps, which ends when it is dropped. Without a unit only its share is of interest.
-    fn bar(&self, _total: u64, _unit: Option<&str>) -> Box<dyn Bar> {
-        Box::new(Silent)
-    }
-
-    /// Enables Ctrl-C: from here on [`Self::goes_on`] may return `false`. Work that still runs `grace` after a stop
-    /// request may be ended with the process.
-    fn listen(&self, _grace: Duration) {}
-
-    /// Hears that the work was stopped: which placements its table holds, and that a file is not written.
-    fn note_interrupted(&self, out: Option<&Path>) {
-        let left = out.map(|out| format!("; {} is not written", out.display()));
-        let left = left.unwrap_or_default();
-        self.note(&format!("interrupted: the table holds the placements looked at so far{left}"));
-    }
-
-    /// `false` once the work is to stop.
-    fn goes_on(&self) -> bool {
-        true
-    }
-}
-
-/// Progress of some work.
-pub trait Bar: Sync {
-    /// Adds finished steps.
-    fn advance(&self, _steps: u64) {}
-
-    /// Sets the finished steps, and the total.
-    fn set(&self, _done: u64, _total: u64) {}
-
-    /// Shows words beside the progress.
-    fn say(&self, _words: String) {}
-}
-
-/// A watcher and a bar that show nothing and never stop.
-pub struct Silent;
-
-impl Watcher for Silent {}
-
-impl Bar for Silent {}
-
-/// Form of an answer that is a table.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-#[serde(rename_all = "lowercase")]
-pub enum TableFormat {
-    /// Tables to read.
-    #[default]
-    Text,
-    /// For programs.
-    Json,
-    /// The table in full precision, with units in its first line.
-    Csv,
-}
-
-/// Engine, vehicle, sensor models and watcher of a command.
-#[derive(Clone)]
-pub struct Computing<'a> {
-    /// Engine to use.
-    pub engine: EngineChoice,
-    /// Vehicle file in place of the scenes' own.
-    pub vehicle: Option<PathBuf>,
-    /// Models of LiDARs that placements of files leave without a name.
-    pub sensors: Vec<SensorChoice>,
-    /// Hears of progress, and may stop the work.
-    pub watcher: &'a dyn Watcher,
-}
-
-impl Computing<'_> {
-    /// The best engine there is, the vehicle of each scene, and a silent watcher.
-    pub fn silent() -> Computing<'static> {
-        Computing {
-            engine: EngineChoice::default(),
-            vehicle: None,
-            sensors: Vec::new(),
-            watcher: &Silent,
-        }
-    }
-}
+use computing::GRACE;
+pub use computing::{
+    Bar, Computing, Conditions, FiguresOut, Gltf, MountingArgs, RunError, Silent, TableFormat,
+    Watcher,
+};

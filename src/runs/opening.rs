@@ -13,7 +13,7 @@ use crate::scan::conditions::{Condition, ConditionKind};
 use crate::scene::{PsogSource, Scene};
 use crate::search::{Evaluator, FRAMES_AT_ONCE, Member, Suite, TimeLimit};
 
-use super::{Computing, Error, Watcher};
+use super::{Computing, RunError, Watcher};
 
 /// Seconds until scoring could begin.
 #[derive(Debug, Clone, Copy, Default)]
@@ -31,11 +31,11 @@ pub struct Loaded {
 }
 
 /// Reads a scene file for a job, and notes likely mistakes in it.
-pub fn read(path: &Path, vehicle: Option<&Path>, watcher: &dyn Watcher) -> Result<Scene, Error> {
+pub fn read(path: &Path, vehicle: Option<&Path>, watcher: &dyn Watcher) -> Result<Scene, RunError> {
     told(Scene::read_with(path, vehicle)?, watcher)
 }
 
-fn told(scene: Scene, watcher: &dyn Watcher) -> Result<Scene, Error> {
+fn told(scene: Scene, watcher: &dyn Watcher) -> Result<Scene, RunError> {
     scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
     Ok(scene)
 }
@@ -52,7 +52,7 @@ pub fn files(
 }
 
 /// Reads the scenes of a job and reads or builds their P-SOGs; problems are made when they are first needed.
-pub fn job(files: &JobFiles, computing: &Computing<'_>) -> Result<Loaded, Error> {
+pub fn job(files: &JobFiles, computing: &Computing<'_>) -> Result<Loaded, RunError> {
     job_within(files, None, computing)
 }
 
@@ -61,7 +61,7 @@ pub fn job_within(
     files: &JobFiles,
     time: Option<TimeLimit>,
     computing: &Computing<'_>,
-) -> Result<Loaded, Error> {
+) -> Result<Loaded, RunError> {
     let watcher = computing.watcher;
     let (mut times, mut scenes) = (LoadTimes::default(), Vec::new());
     for path in files.scenes() {
@@ -88,7 +88,7 @@ pub fn psog(
     scene: &JobScene,
     time: Option<TimeLimit>,
     watcher: &dyn Watcher,
-) -> Result<Arc<Psog>, Error> {
+) -> Result<Arc<Psog>, RunError> {
     let frames = scene.scene().frame_count() as u64;
     let bar = watcher.bar(frames, Some("frames scanned for the P-SOG"));
     let is_late = || time.is_some_and(|time| Instant::now() >= time.deadline());
@@ -109,14 +109,14 @@ pub fn stopped(
     place: &str,
     time: Option<TimeLimit>,
     watcher: &dyn Watcher,
-) -> Error {
+) -> RunError {
     match (error, time) {
         (PsogError::Stopped { done, frames }, _) if !watcher.goes_on() => {
-            Error::Interrupted(format!(
+            RunError::Interrupted(format!(
                 "{place}: interrupted after {done} of {frames} frames were scanned for its P-SOG; nothing is left"
             ))
         }
-        (PsogError::Stopped { done, frames }, Some(time)) => Error::Usage(format!(
+        (PsogError::Stopped { done, frames }, Some(time)) => RunError::Usage(format!(
             "{place}: --max-seconds {} ended after {done} of {frames} frames were scanned for its P-SOG, before the \
              search could begin; give more seconds, or build the P-SOG once with `sightline psog build` and name the \
              file under psog.file in the scene",
@@ -140,7 +140,7 @@ fn note_psog(psog: &Psog, watcher: &dyn Watcher) {
 
 impl Loaded {
     /// Poses the job, and tells the size of its scenes as detail.
-    pub fn suite(&mut self, computing: &Computing<'_>) -> Result<Suite, Error> {
+    pub fn suite(&mut self, computing: &Computing<'_>) -> Result<Suite, RunError> {
         let (start, watcher) = (Instant::now(), computing.watcher);
         let suite = self.job.suite()?;
         for member in suite.members().iter().filter(|member| !member.is_mirrored()) {
@@ -158,7 +158,7 @@ impl Loaded {
     }
 
     /// Poses the job and opens an engine for each scene; notes its device.
-    pub fn evaluator(&mut self, computing: &Computing<'_>) -> Result<Evaluator, Error> {
+    pub fn evaluator(&mut self, computing: &Computing<'_>) -> Result<Evaluator, RunError> {
         self.suite(computing)?;
         let (start, watcher) = (Instant::now(), computing.watcher);
         let told = watcher.notes();
@@ -171,10 +171,10 @@ impl Loaded {
 
 /// Reads a scene for its geometry alone: its P-SOG is not needed and stays empty. `mend` names parts to add to a scene
 /// without geometry.
-pub fn geometry(path: &Path, mend: &str, computing: &Computing<'_>) -> Result<Scene, Error> {
+pub fn geometry(path: &Path, mend: &str, computing: &Computing<'_>) -> Result<Scene, RunError> {
     let scene = read(path, computing.vehicle.as_deref(), computing.watcher)?;
     if !scene.has_geometry() {
-        return Err(Error::Usage(format!(
+        return Err(RunError::Usage(format!(
             "{}: has no geometry to cast into; add {mend}",
             path.display()
         )));

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Error, Watcher, opening};
+use super::{RunError, Watcher, opening};
 use crate::datasets::{
     CarlaSequence, CarlaTags, KittiSequence, LabelledSequence, PsogOptions, build_psog,
     read_nuscenes,
@@ -19,7 +19,7 @@ pub const PAPER_VOXEL: [f64; 3] = [0.1; 3];
 
 /// Data that a P-SOG is built from.
 #[derive(Debug, Clone)]
-pub enum Source {
+pub enum PsogInput {
     /// The geometry of a scene file.
     Scene(PathBuf),
     /// Labelled scans.
@@ -79,7 +79,7 @@ pub struct CarlaScans {
 
 impl CarlaScans {
     /// Opens the scans, and notes the height of their LiDAR.
-    pub(super) fn open(&self, watcher: &dyn Watcher) -> Result<CarlaSequence, Error> {
+    pub(super) fn open(&self, watcher: &dyn Watcher) -> Result<CarlaSequence, RunError> {
         let sequence =
             CarlaSequence::open(&self.folder, &self.poses, self.tags, self.lidar_height)?;
         tell_notes(&sequence, watcher)?;
@@ -97,28 +97,28 @@ impl CarlaScans {
 /// # Errors
 /// Files that cannot be read or written, a scene without geometry, a region that makes no grid.
 pub fn build(
-    source: &Source,
+    source: &PsogInput,
     out: &Path,
     watcher: &dyn Watcher,
-) -> Result<(Psog, BuildReport), Error> {
+) -> Result<(Psog, BuildReport), RunError> {
     let _session = Session::begin();
     match source {
-        Source::Scene(scene) => will_read(scene),
-        Source::Scans(scans) => scans.set.will_read(),
+        PsogInput::Scene(scene) => will_read(scene),
+        PsogInput::Scans(scans) => scans.set.will_read(),
     }
     writable_file(out)?;
     let (psog, report) = match source {
-        Source::Scene(scene) => of_scene(scene, watcher)?,
-        Source::Scans(scans) => of_scans(scans, watcher)?,
+        PsogInput::Scene(scene) => of_scene(scene, watcher)?,
+        PsogInput::Scans(scans) => of_scans(scans, watcher)?,
     };
     write(out, &psog)?;
     Ok((psog, report))
 }
 
-fn of_scene(path: &Path, watcher: &dyn Watcher) -> Result<(Psog, BuildReport), Error> {
+fn of_scene(path: &Path, watcher: &dyn Watcher) -> Result<(Psog, BuildReport), RunError> {
     let scene = opening::read(path, None, watcher)?;
     if !scene.has_geometry() {
-        return Err(Error::Usage(format!(
+        return Err(RunError::Usage(format!(
             "{}: has no geometry to scan; a P-SOG is built from static shapes and actors",
             path.display()
         )));
@@ -138,7 +138,7 @@ fn of_scene(path: &Path, watcher: &dyn Watcher) -> Result<(Psog, BuildReport), E
         .map_err(|error| opening::stopped(error, &place, None, watcher))
 }
 
-fn of_scans(scans: &Scans, watcher: &dyn Watcher) -> Result<(Psog, BuildReport), Error> {
+fn of_scans(scans: &Scans, watcher: &dyn Watcher) -> Result<(Psog, BuildReport), RunError> {
     let [min, max] = scans.region;
     let roi = Roi::from_bounds(min, max, scans.voxel).map_err(PsogError::from)?;
     let options = PsogOptions { window: scans.window, ..PsogOptions::new(roi) };
@@ -163,7 +163,7 @@ fn of_scans(scans: &Scans, watcher: &dyn Watcher) -> Result<(Psog, BuildReport),
 pub(super) fn tell_notes(
     sequence: &dyn LabelledSequence,
     watcher: &dyn Watcher,
-) -> Result<(), Error> {
+) -> Result<(), RunError> {
     sequence.notes().iter().try_for_each(|note| watcher.tell(note))
 }
 
@@ -183,22 +183,22 @@ fn note_ground(psog: &Psog, watcher: &dyn Watcher) {
 ///
 /// # Errors
 /// Files that cannot be read or written, grids or classes that differ, no file.
-pub fn merge(psogs: &[PathBuf], out: &Path) -> Result<(), Error> {
+pub fn merge(psogs: &[PathBuf], out: &Path) -> Result<(), RunError> {
     let _session = Session::begin();
     psogs.iter().for_each(|psog| will_read(psog));
     writable_file(out)?;
     let Some((first, rest)) = psogs.split_first() else {
-        return Err(Error::Usage("give P-SOG files to merge".into()));
+        return Err(RunError::Usage("give P-SOG files to merge".into()));
     };
     let mut sum = read_psog(first)?;
     for path in rest {
         sum = sum.merge(&read_psog(path)?).map_err(|error| {
-            Error::Usage(format!("{} and {}: {error}", first.display(), path.display()))
+            RunError::Usage(format!("{} and {}: {error}", first.display(), path.display()))
         })?;
     }
     write(out, &sum)
 }
 
-fn write(path: &Path, psog: &Psog) -> Result<(), Error> {
-    write_whole(path, |file| write_psog(file, psog).map_err(Error::io(path)))
+fn write(path: &Path, psog: &Psog) -> Result<(), RunError> {
+    write_whole(path, |file| write_psog(file, psog).map_err(RunError::io(path)))
 }

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::inputs::file_and_name;
-use super::{Error, Watcher};
+use super::{RunError, Watcher};
 use crate::files::{Session, safe_name, shared_folder, writable_file, write_whole};
 use crate::rig::{
     Comparison, Exported, ImportSettings, ImportedRig, MODELS_FILE, Models, Mounting, NamedText,
@@ -32,7 +32,7 @@ pub struct ExportRequest {
     pub sensors: BTreeMap<String, String>,
     /// Scene whose sensors the LiDARs are.
     pub scene: Option<PathBuf>,
-    /// Vehicle file in place of what the scene says.
+    /// Vehicle file in place of the scene's own vehicle.
     pub vehicle: Option<PathBuf>,
     /// Offsets between frames and optical centres.
     pub mounting: Mounting,
@@ -45,7 +45,7 @@ pub struct ExportRequest {
 pub fn export_file(
     request: &ExportRequest,
     watcher: &dyn Watcher,
-) -> Result<Option<String>, Error> {
+) -> Result<Option<String>, RunError> {
     let _session = Session::begin();
     let (file, name) = file_and_name(&request.placement);
     let file = Path::new(file);
@@ -90,7 +90,7 @@ pub fn export_file(
 }
 
 /// The vehicle that a rig stands on: that of the vehicle file, else of the scene; `None` where neither is named.
-fn vehicle_of(request: &ExportRequest) -> Result<Option<Vehicle>, Error> {
+fn vehicle_of(request: &ExportRequest) -> Result<Option<Vehicle>, RunError> {
     Ok(match (&request.vehicle, &request.scene) {
         (Some(file), _) => Some(Vehicle::read(file)?),
         (None, Some(file)) => Some(Scene::read(file)?.vehicle().clone()),
@@ -99,9 +99,9 @@ fn vehicle_of(request: &ExportRequest) -> Result<Option<Vehicle>, Error> {
 }
 
 /// Writes one file to `out`, several into the folder `out`.
-fn write_files(exported: &Exported, out: &Path) -> Result<(), Error> {
+fn write_files(exported: &Exported, out: &Path) -> Result<(), RunError> {
     let write = |path: &Path, text: &str| {
-        write_whole(path, |file| file.write_all(text.as_bytes()).map_err(Error::io(path)))
+        write_whole(path, |file| file.write_all(text.as_bytes()).map_err(RunError::io(path)))
     };
     match &exported.files[..] {
         [file] if !out.is_dir() => {
@@ -127,7 +127,7 @@ pub fn import_files(
     settings: &ImportSettings,
     out: Option<&Path>,
     watcher: &dyn Watcher,
-) -> Result<Option<String>, Error> {
+) -> Result<Option<String>, RunError> {
     let _session = Session::begin();
     let imported = import(files, settings)?;
     let rig = &imported.rig;
@@ -140,12 +140,12 @@ pub fn import_files(
     let text = format!("{:#}\n", rig_json(&[rig]));
     let Some(out) = out else { return Ok(Some(text)) };
     writable_file(out)?;
-    write_whole(out, |file| file.write_all(text.as_bytes()).map_err(Error::io(out)))?;
+    write_whole(out, |file| file.write_all(text.as_bytes()).map_err(RunError::io(out)))?;
     Ok(None)
 }
 
 /// Notes the frames that were left out, and doubts.
-fn say(imported: &ImportedRig, watcher: &dyn Watcher) -> Result<(), Error> {
+fn say(imported: &ImportedRig, watcher: &dyn Watcher) -> Result<(), RunError> {
     let left_out = &imported.left_out;
     if !left_out.is_empty() {
         let shown = left_out[..left_out.len().min(MOST_LISTED)].join(", ");
@@ -165,13 +165,13 @@ pub fn compare_files(
     after: &str,
     settings: &ImportSettings,
     watcher: &dyn Watcher,
-) -> Result<Comparison, Error> {
+) -> Result<Comparison, RunError> {
     let read = |text: &str| {
         let (file, name) = file_and_name(text);
         let settings = ImportSettings { name: name.map(str::to_owned), ..settings.clone() };
         let imported = import(&[file.into()], &settings)?;
         imported.notes.iter().for_each(|note| watcher.detail(note.text()));
-        Ok::<_, Error>(imported.rig)
+        Ok::<_, RunError>(imported.rig)
     };
     Ok(compare(&read(before)?, &read(after)?)?)
 }

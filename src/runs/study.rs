@@ -6,47 +6,61 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::given::Given;
-use super::inputs::{Files, can_be_read, note_repeated};
-use super::{Bar, Computing, Error, GRACE, Watcher, opening};
-use crate::files::{self, Input, RunDir, holds_run, is_forced, safe_names};
+use super::inputs::{Files, Given, can_be_read, note_repeated};
+use super::{Bar, Computing, GRACE, RunError, Watcher, opening};
+use crate::files;
+use crate::files::{Input, RunDir, holds_run, is_forced, safe_names};
 use crate::report::study::study_plot;
-use crate::scan::conditions::{Condition, in_words};
+use crate::runs::Conditions;
+use crate::scan::conditions::in_words;
 use crate::scene::Scene;
-use crate::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, study};
+use crate::study::{Kind, Row, StudyObserver, StudySettings, Subregion, Table, study};
 use crate::vehicle::placement_file::holds_placements;
 use crate::vehicle::read_placements;
 
 /// A study of scene files.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct StudyRequest {
-    /// Question of the study.
+    /// What to study
+    #[cfg_attr(feature = "cli", arg(value_parser = super::parse::kinds()))]
     pub kind: Kind,
-    /// Scene files: `transfer` looks at all together, every other kind at one after the other. A file of placements
-    /// among them for kinds that [take some](Kind::takes_placements).
+    /// Scene files: `transfer` looks at all together, every other kind at one after the other; `loss`, `random`, `regions`,
+    /// `voxels` and `weather` take a file of own rigs behind them
+    #[cfg_attr(feature = "cli", arg(required = true))]
     pub scenes: Vec<PathBuf>,
-    /// Folder; several scenes get a folder each inside it.
+    /// Folder for the study, of several scenes one in it for each [default: studies/SCENE-KIND]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DIR"))]
     pub out: Option<PathBuf>,
-    /// Score to maximize where placements are searched.
+    /// Score to maximize where placements are searched
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = StudySettings::default().objective.to_string()))]
     pub objective: String,
-    /// Placements that each search evaluates before swaps.
+    /// Placements that each search evaluates before swaps
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = StudySettings::default().evaluations, value_parser = super::parse::at_least_one))]
     pub evaluations: u64,
-    /// Frames to average over; the default of [`StudySettings`] if none.
+    /// Frames to average over, spread evenly [default: 2]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
     pub frames: Option<u32>,
-    /// Random placements, where the study draws some.
+    /// Random placements, where the study draws some
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = StudySettings::default().random, value_parser = clap::value_parser!(u32).range(2..=100_000)))]
     pub random: u32,
-    /// Sensor files to compare.
-    pub sensors: Vec<PathBuf>,
-    /// Further regions.
-    pub regions: Vec<Region>,
-    /// Edge of a voxel in metres; the default of [`StudySettings`] if none.
-    pub voxel: Option<f64>,
-    /// Seed of all randomness.
-    pub seed: u64,
-    /// Most that the sensors of a placement that is searched may cost; `None` sets no limit.
+    /// Most that the sensors of a vehicle may cost, in the currency of its prices, where placements are searched
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PRICE", value_parser = super::parse::finite))]
     pub budget: Option<f64>,
-    /// Weather and faults: all at once, but each for itself for `weather`.
-    pub conditions: Vec<Condition>,
+    /// Sensor file to compare, for `channels`; may be given several times
+    #[cfg_attr(feature = "cli", arg(long = "sensor", value_name = "FILE"))]
+    pub sensors: Vec<PathBuf>,
+    /// Further region, for `regions`: NAME:x0,y0,z0,x1,y1,z1 in metres; may be given several times
+    #[cfg_attr(feature = "cli", arg(long = "box", value_name = "BOX", value_parser = super::parse::parse_box))]
+    pub regions: Vec<Subregion>,
+    /// Edge of a voxel in metres, for `published` [default: 0.1, as in the paper]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "M", value_parser = super::parse::parse_length))]
+    pub voxel: Option<f64>,
+    /// Seed of all randomness
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = StudySettings::default().seed, value_parser = super::parse::whole::<u64>))]
+    pub seed: u64,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub conditions: Conditions,
 }
 
 /// Makes the study, a folder for each scene or one for all together, until the watcher stops it. Calls `each` with
@@ -57,8 +71,8 @@ pub struct StudyRequest {
 pub fn study_scenes(
     request: &StudyRequest,
     computing: &Computing<'_>,
-    mut each: impl FnMut(&Table, &Path) -> Result<(), Error>,
-) -> Result<Vec<Table>, Error> {
+    mut each: impl FnMut(&Table, &Path) -> Result<(), RunError>,
+) -> Result<Vec<Table>, RunError> {
     let _session = files::Session::begin();
     let Files { scenes: paths, placements } = match request.kind {
         kind if kind.takes_placements() => Files::sort(&request.scenes, computing.watcher)?,
@@ -95,13 +109,13 @@ pub fn study_scenes(
 }
 
 /// Scenes of a study that takes no placements.
-fn only_scenes(kind: Kind, files: &[PathBuf], watcher: &dyn Watcher) -> Result<Files, Error> {
+fn only_scenes(kind: Kind, files: &[PathBuf], watcher: &dyn Watcher) -> Result<Files, RunError> {
     files.iter().try_for_each(|file| can_be_read(file))?;
     if let Some(file) = files.iter().find(|file| files.len() > 1 && holds_placements(file)) {
         let (file, kind) = (file.display(), kind.name());
         let takers = Kind::ALL.iter().filter(|(kind, ..)| kind.takes_placements());
         let takers: Vec<String> = takers.map(|(_, name, _)| format!("`{name}`")).collect();
-        return Err(Error::Usage(format!(
+        return Err(RunError::Usage(format!(
             "{file}: holds placements, which `study {kind}` does not take, as it searches its own; {}, `nearfield` and \
              `targets` do",
             takers.join(", ")
@@ -111,7 +125,7 @@ fn only_scenes(kind: Kind, files: &[PathBuf], watcher: &dyn Watcher) -> Result<F
     Ok(Files { scenes: files.to_vec(), placements: None })
 }
 
-fn settings(request: &StudyRequest, computing: &Computing<'_>) -> Result<StudySettings, Error> {
+fn settings(request: &StudyRequest, computing: &Computing<'_>) -> Result<StudySettings, RunError> {
     let standard = StudySettings::default();
     Ok(StudySettings {
         objective: request.objective.parse()?,
@@ -124,7 +138,7 @@ fn settings(request: &StudyRequest, computing: &Computing<'_>) -> Result<StudySe
         regions: request.regions.clone(),
         placements: Vec::new(),
         budget: request.budget,
-        conditions: request.conditions.clone(),
+        conditions: request.conditions.condition.clone(),
         engine: computing.engine.clone(),
     })
 }
@@ -136,10 +150,11 @@ fn of_scenes(
     settings: &StudySettings,
     folder: &Path,
     computing: &Computing<'_>,
-) -> Result<Table, Error> {
+) -> Result<Table, RunError> {
     let watcher = computing.watcher;
     // The study of weather has a job for each condition.
-    let together = if request.kind == Kind::Weather { &[][..] } else { &request.conditions };
+    let together =
+        if request.kind == Kind::Weather { &[][..] } else { &request.conditions.condition };
     let files = opening::files(paths, together, request.frames, computing);
     let job = opening::job(&files, computing)?.job;
     let scenes = job.scenes();
@@ -154,7 +169,7 @@ fn of_scenes(
         recorded.inputs.push(Input::read(file)?);
     }
     let (dir, mut known) = open_folder(folder, &recorded)?;
-    let session = Session {
+    let session = StudySession {
         dir: &dir,
         recorded: &recorded,
         bar: watcher.bar(0, Some("cases")),
@@ -181,20 +196,23 @@ struct Recorded {
 
 /// The state of a study: an interrupted one goes on from it.
 #[derive(Serialize, Deserialize)]
-struct Saved {
+struct StudyCheckpoint {
     settings: Value,
     rows: Vec<Row>,
 }
 
 /// The folder of a study and the rows that it holds; one that holds another study is an error.
-fn open_folder(folder: &Path, recorded: &Recorded) -> Result<(RunDir<Saved>, Vec<Row>), Error> {
+fn open_folder(
+    folder: &Path,
+    recorded: &Recorded,
+) -> Result<(RunDir<StudyCheckpoint>, Vec<Row>), RunError> {
     if is_forced() || !holds_run(folder) {
         let dir = RunDir::create("study", Some(folder), "", recorded.inputs.clone())?;
         return Ok((dir, Vec::new()));
     }
-    let (dir, saved): (RunDir<Saved>, Saved) = RunDir::resume("study", folder)?;
+    let (dir, saved): (RunDir<StudyCheckpoint>, StudyCheckpoint) = RunDir::resume("study", folder)?;
     if saved.settings != recorded.settings {
-        return Err(Error::Usage(format!(
+        return Err(RunError::Usage(format!(
             "{}: holds a study of other settings; name another folder with --out",
             folder.display()
         )));
@@ -204,8 +222,8 @@ fn open_folder(folder: &Path, recorded: &Recorded) -> Result<(RunDir<Saved>, Vec
 }
 
 /// A study under way, as its folder and the watcher see it.
-struct Session<'a> {
-    dir: &'a RunDir<Saved>,
+struct StudySession<'a> {
+    dir: &'a RunDir<StudyCheckpoint>,
     recorded: &'a Recorded,
     bar: Box<dyn Bar>,
     watcher: &'a dyn Watcher,
@@ -214,10 +232,10 @@ struct Session<'a> {
     /// True once the engine was named: engines are opened again and again.
     is_named: Cell<bool>,
     /// Why the rows could not be written, which ends the study.
-    failed: RefCell<Option<Error>>,
+    failed: RefCell<Option<RunError>>,
 }
 
-impl StudyObserver for Session<'_> {
+impl StudyObserver for StudySession<'_> {
     fn begins(&self, cases: usize) {
         self.cases.set(cases as u64);
         self.bar.set(self.done.get(), self.cases.get());
@@ -230,7 +248,8 @@ impl StudyObserver for Session<'_> {
     }
 
     fn measured(&self, rows: &[Row]) {
-        let saved = Saved { settings: self.recorded.settings.clone(), rows: rows.to_vec() };
+        let saved =
+            StudyCheckpoint { settings: self.recorded.settings.clone(), rows: rows.to_vec() };
         if let Err(error) = self.dir.save(&saved) {
             self.failed.replace(Some(error.into()));
         }
@@ -246,9 +265,9 @@ impl StudyObserver for Session<'_> {
     }
 }
 
-impl Session<'_> {
+impl StudySession<'_> {
     /// Writes the table and its chart, with the cases there are.
-    fn finish(&self, rows: &[Row], found: &Table) -> Result<(), Error> {
+    fn finish(&self, rows: &[Row], found: &Table) -> Result<(), RunError> {
         let Recorded { settings, inputs } = self.recorded;
         let notes = &found.notes;
         let study = json!({ "settings": settings, "inputs": inputs, "rows": rows, "notes": notes });
@@ -264,9 +283,9 @@ fn recorded<'s>(
     paths: &[PathBuf],
     settings: &StudySettings,
     scenes: impl Iterator<Item = &'s Scene>,
-) -> Result<Recorded, Error> {
-    let absolute = |paths: &[PathBuf]| -> Result<Vec<PathBuf>, Error> {
-        paths.iter().map(|p| std::path::absolute(p).map_err(Error::io(p))).collect()
+) -> Result<Recorded, RunError> {
+    let absolute = |paths: &[PathBuf]| -> Result<Vec<PathBuf>, RunError> {
+        paths.iter().map(|p| std::path::absolute(p).map_err(RunError::io(p))).collect()
     };
     let mut inputs = Vec::new();
     for scene in scenes {

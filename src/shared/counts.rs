@@ -100,14 +100,14 @@ impl SeenBy {
 }
 
 /// Models of the LiDARs of a placement.
-pub(super) struct Models {
+pub(super) struct PlacementModels {
     /// Each model once, in the order of the LiDARs.
     pub names: Vec<SensorName>,
     /// Position in `names` for each LiDAR.
     pub of: Vec<usize>,
 }
 
-impl Models {
+impl PlacementModels {
     pub fn new(lidars: impl IntoIterator<Item = SensorName>) -> Self {
         let mut models = Self { names: Vec::new(), of: Vec::new() };
         for name in lidars {
@@ -145,7 +145,7 @@ pub(super) struct Sets {
 
 impl Sets {
     /// From a set a LiDAR, all of the same number of words.
-    pub fn new(sets: &[&[u64]], models: &Models) -> Self {
+    pub fn new(sets: &[&[u64]], models: &PlacementModels) -> Self {
         let words = sets.first().map_or(0, |set| set.len());
         let by_number = levels(sets.iter().copied(), words);
         if models.names.len() < 2 {
@@ -207,7 +207,7 @@ impl Sums {
     }
 
     /// Means over the frames.
-    pub fn mean(&self, models: &Models) -> SeenBy {
+    pub fn mean(&self, models: &PlacementModels) -> SeenBy {
         let any = self.frames_with_any;
         let alone = models.names.iter().zip(self.means_of_each());
         SeenBy {
@@ -228,7 +228,7 @@ impl Sums {
             count,
             share,
         });
-        SeenByTechnologies { number: self.mean(&Models::new([])), each: each.collect() }
+        SeenByTechnologies { number: self.mean(&PlacementModels::new([])), each: each.collect() }
     }
 
     fn over_frames(&self, sum: u64) -> f64 {
@@ -266,7 +266,7 @@ mod tests {
     fn counts_are_those_of_a_loop_over_things() {
         let mut rng = ChaCha8Rng::seed_from_u64(11);
         let names = ["a", "b", "a", "c", "b"].map(|name| SensorName::new(name).unwrap());
-        let models = Models::new(names);
+        let models = PlacementModels::new(names);
         assert_eq!((models.names.len(), &models.of[..]), (3, &[0, 1, 0, 2, 1][..]));
         let (things, frames) = (131, [(3_u64, true), (2, true), (4, false)]);
         let mut sums = Sums::default();
@@ -301,7 +301,7 @@ mod tests {
 
     #[test]
     fn one_model_sees_nothing_alone_and_no_thing_has_no_share() {
-        let models = Models::new([SensorName::NONE; 2]);
+        let models = PlacementModels::new([SensorName::NONE; 2]);
         let sets = Sets::new(&[&[0b1100], &[0b0110]], &models);
         let mut sums = Sums::default();
         sums.add(2, &sets, 0, Some(&[0]));

@@ -1,7 +1,7 @@
 //! How many LiDARs of a placement see a thing, and how far pairs of them see the same things.
 //!
-//! - **Seen by k LiDARs**, of voxels: exactly k LiDARs cover the voxel, as in scores. Of ground: exactly k LiDARs see
-//!   the cell, as in the near field. Of targets: exactly k LiDARs meet the target with five beams each, alone on level
+//! - **Seen by k LiDARs**, for voxels: exactly k LiDARs cover the voxel, as in scores. For ground: exactly k LiDARs see
+//!   the cell, as in the near field. For targets: exactly k LiDARs meet the target with five beams each, alone on level
 //!   ground with the own body in the way.
 //! - **Surface voxels** and **overlap** of LiDARs: as in `overlap`.
 //! - **Shared directions** of two LiDARs: share of the sphere that lies in both fields of view, at their attitudes.
@@ -21,7 +21,6 @@
 //! | `field_of_view` | the directions that a sensor looks into |
 //! | `overlap` | shared voxels and directions of pairs, and whether pairs connect all LiDARs |
 
-mod cones;
 mod counts;
 mod field_of_view;
 mod overlap;

@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::counts::{Models, SeenBy, SeenByTechnologies, Sets, Sums, bits};
+use super::counts::{PlacementModels, SeenBy, SeenByTechnologies, Sets, Sums, bits};
 use super::technologies::{ConeSite, TargetSeenByTechnologies, Technologies, union};
 use crate::engine::{Backend, BackendError};
 use crate::near_field::{NearSite, place};
 use crate::problem::Problem;
 use crate::scene::{Scene, Target};
-use crate::targets::{CARD_BEAMS, Standing, TargetQuestion, TargetSite};
+use crate::targets::{CARD_BEAMS, PlacedTarget, TargetQuestion, TargetSite};
 use crate::vehicle::{Placement, SensorName};
 
 /// Presets that are looked at where none is named.
@@ -67,18 +67,18 @@ pub struct Redundancy {
     pub no_ground: Option<String>,
     /// Places of each target on level ground; none where beams end at nothing.
     pub targets: Vec<TargetSeenBy>,
-    /// The same things by the technologies that see them; `None` where the vehicle has LiDARs alone.
+    /// Things by the technologies that see them; `None` where the vehicle has LiDARs alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub technologies: Option<Technologies>,
 }
 
 /// Things by the number of LiDARs, and by technology where the vehicle has other ones.
-struct Seen {
+struct CountedThings {
     by_lidars: SeenBy,
     by_technologies: Option<SeenByTechnologies>,
 }
 
-/// Sums over frames of [`Seen`].
+/// Sums over frames of [`CountedThings`].
 #[derive(Default)]
 struct SeenSums {
     by_lidars: Sums,
@@ -86,8 +86,8 @@ struct SeenSums {
 }
 
 impl SeenSums {
-    fn mean(&self, models: &Models, cones: Option<&ConeSite>) -> Seen {
-        Seen {
+    fn mean(&self, models: &PlacementModels, cones: Option<&ConeSite>) -> CountedThings {
+        CountedThings {
             by_lidars: self.by_lidars.mean(models),
             by_technologies: cones.map(|cones| cones.mean(&self.by_technologies)),
         }
@@ -181,7 +181,7 @@ impl RedundancySite {
         let sensors = self.problem.sensors();
         let name = |lidar| Ok(sensors.models()[sensors.number(lidar)?].name);
         let names = placement.lidars.iter().map(name).collect::<Result<Vec<_>, BackendError>>()?;
-        let models = Models::new(names.iter().copied());
+        let models = PlacementModels::new(names.iter().copied());
         let (occupied, voxels) = self.voxels(engine, placement, &models)?;
         let ground = self.ground(engine, placement, &models)?;
         let ([ground_10m, ground_3m], of_ground) = match ground.map(|seen| seen.map(split)) {
@@ -217,8 +217,8 @@ impl RedundancySite {
         &self,
         engine: &mut dyn Backend,
         placement: &Placement,
-        models: &Models,
-    ) -> Result<(Seen, SeenBy), BackendError> {
+        models: &PlacementModels,
+    ) -> Result<(CountedThings, SeenBy), BackendError> {
         let content = self.problem.content().occupied();
         let (count, all) = (content.len() as u64, self.problem.roi().voxel_count());
         let (mut sums, mut of_all) = (SeenSums::default(), Sums::default());
@@ -248,8 +248,8 @@ impl RedundancySite {
         &self,
         engine: &mut dyn Backend,
         placement: &Placement,
-        models: &Models,
-    ) -> Result<Option<[Seen; 2]>, BackendError> {
+        models: &PlacementModels,
+    ) -> Result<Option<[CountedThings; 2]>, BackendError> {
         let Ok(near) = &self.near else { return Ok(None) };
         let mut sums = [SeenSums::default(), SeenSums::default()];
         for (k, frame) in near.seen_by_lidar(engine, placement)?.into_iter().enumerate() {
@@ -277,14 +277,15 @@ impl RedundancySite {
         &self,
         question: &TargetQuestion,
         placement: &Placement,
-        models: &Models,
+        models: &PlacementModels,
     ) -> Result<(Vec<TargetSeenBy>, Vec<TargetSeenByTechnologies>), BackendError> {
         let (mut found, mut by_technology) = (Vec::new(), Vec::new());
         let Some(site) = &self.targets else { return Ok((found, by_technology)) };
         let standing = question.on_level();
         let places = question.bearings.len() * question.distances.len();
         for (target, standing) in question.targets.iter().zip(standing.chunks(places.max(1))) {
-            let has_room = |&&Standing { target, at }: &&Standing<'_>| site.has_room(target, at);
+            let has_room =
+                |&&PlacedTarget { target, at }: &&PlacedTarget<'_>| site.has_room(target, at);
             let standing: Vec<_> = standing.iter().filter(has_room).copied().collect();
             let mut seen: Vec<Vec<u64>> = Vec::new();
             for lidar in &placement.lidars {
@@ -312,6 +313,6 @@ impl RedundancySite {
     }
 }
 
-fn split(seen: Seen) -> (SeenBy, Option<SeenByTechnologies>) {
+fn split(seen: CountedThings) -> (SeenBy, Option<SeenByTechnologies>) {
     (seen.by_lidars, seen.by_technologies)
 }

@@ -5,11 +5,11 @@ use std::sync::OnceLock;
 use glam::DVec3;
 use serde::Serialize;
 
-use super::cones::{Box3, Cones, blocked_share};
 use super::counts::{SeenByTechnologies, Sets, Sums, bits};
+use super::field_of_view::{Box3, Cones, blocked_share};
 use crate::near_field::NearSite;
 use crate::problem::{Frame, Problem};
-use crate::targets::Standing;
+use crate::targets::PlacedTarget;
 use crate::vehicle::{LIDAR, OtherSensor};
 
 /// Share of a cone's directions that the own body may block without a note.
@@ -148,8 +148,8 @@ impl ConeSite {
     }
 
     /// Targets that each technology sees, each alone on level ground, with the own body in the way.
-    pub fn targets(&self, body: &Frame, standing: &[Standing<'_>]) -> SetsOfCones {
-        let around = |standing: &Standing<'_>| -> Box3 {
+    pub fn targets(&self, body: &Frame, standing: &[PlacedTarget<'_>]) -> SetsOfCones {
+        let around = |standing: &PlacedTarget<'_>| -> Box3 {
             standing.target.corners.map(|corner| DVec3::from(corner) + DVec3::from(standing.at))
         };
         self.see(Some(body), &standing.iter().map(around).collect::<Vec<_>>())

@@ -1,11 +1,9 @@
 //! Number of LiDARs: the best placement of each number, and the gain of each one more.
 
-use super::cases::Cases;
-use super::columns::{self, SCORES, made_large};
-use super::rig::{Choice, Rig};
 use super::scene::StudyScene;
-use super::{Drawing, Row, StudyError, Table};
-use crate::search::{Equipped, Limits};
+use super::table::{Cases, SCORES, made_large};
+use super::{Row, StudyError, Table, TablePlot, table};
+use crate::search::{EquipStep, Equipped, Equipping, Event, Limits, Settings, cost_front};
 use crate::vehicle::{Constraints, Equipment, Placement, Vehicle};
 
 /// Numbers of LiDARs that are compared.
@@ -26,7 +24,7 @@ pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
         }
     })?;
     // Each gain gets a column of its increments beside it; the knee is taken of the gain that the searches maximize.
-    let gains = GAINS.map(|gain| columns::numbers(&rows, gain));
+    let gains = GAINS.map(|gain| table::numbers(&rows, gain));
     for (k, row) in rows.iter_mut().enumerate() {
         row.values.resize(SCORES.len() + TAKEN.len(), None);
         for (gain, gains) in GAINS.into_iter().zip(&gains).rev() {
@@ -41,7 +39,7 @@ pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
     let columns = ["LiDARs"].into_iter().chain(of_gains).chain(SCORES[GAINS.len()..].to_vec());
     let columns = columns.chain(TAKEN);
     let drawn = usize::from(made_large(&scene.settings.objective) == GAINS[1]);
-    let drawing = Drawing::of_column(2 * drawn, SCORES[drawn], true);
+    let drawing = TablePlot::of_column(2 * drawn, SCORES[drawn], true);
     let title = scene.title("the best placement of each number of LiDARs");
     let known: Vec<f64> = gains[drawn].iter().copied().take_while(|gain| !gain.is_nan()).collect();
     let mut notes = notes(scene, SCORES[drawn], &known);
@@ -82,7 +80,7 @@ fn one_more(scene: &StudyScene, count: usize, rows: &[Row]) -> Result<Row, Study
 fn chosen(
     scene: &StudyScene,
     count: usize,
-    choice: &mut Option<Choice>,
+    choice: &mut Option<EquipmentChoice>,
     last: &mut Option<(Equipped, Row)>,
 ) -> Result<Row, StudyError> {
     let vehicle = scene.scene.vehicle();
@@ -98,7 +96,7 @@ fn chosen(
     }
     let choice = match choice {
         Some(choice) => choice,
-        none => none.insert(Choice::open(scene)?),
+        none => none.insert(EquipmentChoice::open(scene)?),
     };
     let limits = Limits { sensors: count, ..scene.limits() };
     let equipped = choice.best(scene, limits)?;
@@ -114,7 +112,7 @@ fn chosen(
     if let Some((_, row)) = last.as_ref().filter(|(known, _)| *known == equipped) {
         return Ok(row.clone());
     }
-    let Rig { constraints, starts, .. } = Rig::of(scene, &equipped);
+    let SearchSpace { constraints, starts, .. } = SearchSpace::of(scene, &equipped);
     let mut row = searched(scene, &constraints, &starts)?;
     if row.placement.is_some() {
         row.values.extend([Some(equipped.equipment.len() as f64), Some(equipped.cost)]);
@@ -140,7 +138,7 @@ fn searched(
     let best = scene.optimize_from(&evaluator, &scene.settings.objective, starts)?;
     let Some(best) = best else { return Ok(scene.none_found()) };
     let scores = scene.score(&mut evaluator, &best)?;
-    Ok(Row::scored(columns::values(&scores), best, &scores))
+    Ok(Row::scored(table::values(&scores), best, &scores))
 }
 
 fn notes(scene: &StudyScene, drawn: &str, gains: &[f64]) -> Vec<String> {
@@ -190,6 +188,119 @@ fn knee(values: &[f64]) -> Option<usize> {
     let steps = (values.len() - 1) as f64;
     let above = |k: usize| (values[k] - first) / (last - first) - k as f64 / steps;
     (1..values.len() - 1).max_by(|&a, &b| above(a).total_cmp(&above(b))).filter(|&k| above(k) > 0.0)
+}
+
+pub(super) fn cost(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
+    let vehicle = scene.scene.vehicle();
+    if vehicle.is_nameless() {
+        return Err(StudyError::NoVehicle { scene: scene.place() });
+    }
+    let (suite, limits) = (scene.suite()?, scene.limits());
+    let (objective, engine) = (&scene.settings.objective, &scene.settings.engine);
+    let front = cost_front(&suite, vehicle, objective, limits, engine)?;
+    let named: Vec<(String, Equipped)> =
+        front.into_iter().map(|equipped| (equipped.words(vehicle), equipped)).collect();
+    let rows = cases.each(named, |equipped, _| {
+        let SearchSpace { constraints, starts, .. } = SearchSpace::of(scene, &equipped);
+        let mut evaluator = scene.evaluator_under(&constraints)?;
+        let found = scene.optimize_from(&evaluator, objective, &starts)?;
+        let best = found.unwrap_or_else(|| equipped.placement.clone());
+        let scores = scene.score(&mut evaluator, &best)?;
+        let mut values = vec![Some(equipped.cost)];
+        values.extend(table::values(&scores));
+        values.push(Some(best.lidars.len() as f64));
+        values.push(Some(100.0 * scores.missing()));
+        Ok(Row::scored(values, best, &scores))
+    })?;
+    let notes = vec![
+        "Models, mounts and numbers are chosen for each budget on a coarse grid, then poses are searched; a fall \
+         is a search that ended early, not a sensor that harms."
+            .to_owned(),
+        format!("Prices, and what the mounts may hold, are those of {}.", vehicle.name),
+    ];
+    let title = scene.title("what is gained for the money");
+    let columns = ["sensors", "price"].into_iter().chain(SCORES).chain(["LiDARs", "not seen %"]);
+    let drawn = made_large(&scene.settings.objective);
+    let y_title = SCORES[drawn].to_owned();
+    let drawing = TablePlot::Against { column: 1 + drawn, x_title: "price".to_owned(), y_title };
+    Ok(Table::new(title, columns, rows, notes, drawing))
+}
+
+/// Rules of placements that are searched, and where the search starts.
+pub(super) struct SearchSpace {
+    /// A slot for each sensor.
+    pub(super) constraints: Constraints,
+    /// Placements to start from.
+    pub(super) starts: Vec<Placement>,
+    /// Sensors and their price in words; `None` for a scene without a vehicle.
+    pub(super) words: Option<String>,
+}
+
+impl SearchSpace {
+    /// Chosen sensors of a vehicle; the search starts from their poses on the coarse grid and from a plain layout.
+    pub(super) fn of(scene: &StudyScene, equipped: &Equipped) -> Self {
+        let vehicle = scene.scene.vehicle();
+        let constraints = vehicle.constraints(&equipped.equipment);
+        let Settings { baselines, starts, .. } =
+            equipped.begin(Settings::default(), &constraints, true);
+        let words = Some(equipped.words_with_price(vehicle));
+        Self { constraints, starts: [starts, baselines].concat(), words }
+    }
+
+    /// The scene's own LiDAR and mount, or the sensors chosen from a vehicle for the budget.
+    pub(super) fn chosen(scene: &StudyScene) -> Result<Self, StudyError> {
+        if scene.scene.vehicle().is_nameless() {
+            let (constraints, starts) = (scene.constraints(), scene.layouts.clone());
+            return Ok(Self { constraints, starts, words: None });
+        }
+        let limits = scene.limits();
+        let equipped = EquipmentChoice::open(scene)?.best(scene, limits)?;
+        Ok(Self::of(scene, &equipped))
+    }
+}
+
+/// Every model on every mount, cast once, from which equipment is chosen under different limits.
+pub(super) struct EquipmentChoice(Equipping);
+
+impl EquipmentChoice {
+    /// Casts the poses.
+    ///
+    /// # Errors
+    /// See [`Equipping::open`]; [`StudyError::Stopped`] once the observer wants to stop.
+    pub(super) fn open(scene: &StudyScene) -> Result<Self, StudyError> {
+        let (vehicle, settings) = (scene.scene.vehicle(), scene.settings);
+        let mut observer = |_: &Event| scene.goes_on();
+        let opened = Equipping::open(
+            &scene.suite()?,
+            vehicle,
+            &settings.objective,
+            scene.limits(),
+            &settings.engine,
+            None,
+            &mut observer,
+        )?;
+        opened.map(Self).ok_or(StudyError::Stopped)
+    }
+
+    /// The best equipment under some limits; without sensors where none keeps them.
+    ///
+    /// # Errors
+    /// [`StudyError::Stopped`] once the observer wants to stop.
+    pub(super) fn best(
+        &mut self,
+        scene: &StudyScene,
+        limits: Limits,
+    ) -> Result<Equipped, StudyError> {
+        self.0.again(limits);
+        let mut observer = |_: &Event| scene.goes_on();
+        loop {
+            match self.0.step(&mut observer) {
+                EquipStep::On => {}
+                EquipStep::Stopped => return Err(StudyError::Stopped),
+                EquipStep::Done(found) | EquipStep::OutOfTime(found) => return Ok(found),
+            }
+        }
+    }
 }
 
 #[cfg(test)]

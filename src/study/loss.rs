@@ -1,13 +1,14 @@
 //! The loss of one LiDAR: the score after it, and the placement that loses least.
 
-use super::cases::Cases;
+use sightline_cma::{Cma, CmaOptions};
+
 use super::scene::StudyScene;
-use super::{Drawing, Row, StudyError, Table};
+use super::table::Cases;
+use super::{Row, StudyError, Table, TablePlot};
 use crate::score::{Scores, Seen};
 use crate::search::{Evaluator, SearchError};
 use crate::targets::{BlindSector, RangeCard};
 use crate::vehicle::{Constraints, Placement};
-use sightline_cma::{Cma, CmaOptions};
 
 /// Step size at the start, as a share of each range.
 const STEP_SIZE: f64 = 0.3;
@@ -60,7 +61,7 @@ fn own_rigs(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> 
     let losses: Vec<String> = (0..most).map(|lidar| format!("without LiDAR {lidar}")).collect();
     let columns = OWN.into_iter().chain(losses.iter().map(String::as_str));
     let drawing =
-        Drawing::ByColumn { x_title: "LiDARs left".into(), y_title: objective.to_string() };
+        TablePlot::ByColumn { x_title: "LiDARs left".into(), y_title: objective.to_string() };
     Ok(Table::new(scene.title("the loss of one LiDAR"), columns, rows, notes, drawing))
 }
 
@@ -143,7 +144,7 @@ pub(super) fn loss(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Study
         scene.settings.evaluations
     )];
     let drawing =
-        Drawing::ByColumn { x_title: "LiDARs left".into(), y_title: objective.to_string() };
+        TablePlot::ByColumn { x_title: "LiDARs left".into(), y_title: objective.to_string() };
     let title = scene.title("the loss of one LiDAR");
     Ok(Table::new(title, columns, rows, notes, drawing))
 }

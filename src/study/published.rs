@@ -1,10 +1,10 @@
 //! Every score of the published placements against the results of trained models in the paper.
 
-use super::cases::Cases;
 use super::scene::StudyScene;
-use super::{Drawing, Row, StudyError, Table};
-use crate::score::Scores;
-use crate::score::{mean_height, spearman};
+use super::table::{Cases, SCORES, made_large};
+use super::{Row, StudyError, Table, TablePlot, table};
+use crate::score::{Scores, kendall_tau, mean_height, spearman};
+use crate::vehicle::{Placement, random_placements_by_the_rules};
 
 /// Placement, mean mIoU of four segmentation models, mean car mAP and mean pedestrian mAP of four
 /// detectors, in per cent: Place3D, NeurIPS 2024. "Ours" is Ours-seg for segmentation and Ours-det for
@@ -84,7 +84,7 @@ pub(super) fn published(scene: &StudyScene, cases: &mut Cases) -> Result<Table, 
         scene.frames().len()
     )];
     let columns = std::iter::once("score").chain(TASKS.map(|(name, ..)| name));
-    let drawing = Drawing::ByCase {
+    let drawing = TablePlot::ByCase {
         columns: (0..TASKS.len()).collect(),
         y_title: "Spearman's rank correlation".into(),
         line: false,
@@ -103,6 +103,171 @@ fn row(name: &str, of: &dyn Fn(&str) -> Option<f64>) -> Row {
         spearman(&ours, &theirs)
     };
     Row { name: name.to_owned(), ..Row::of((0..TASKS.len()).map(correlation).collect()) }
+}
+
+/// Name of the case in which all random placements are scored: its values are the best, the worst, the
+/// lower quartile, the median and the upper quartile.
+const RANDOM: &str = "random, best";
+
+pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
+    let settings = scene.settings;
+    let count = settings.random as usize;
+    let drawn = random_placements_by_the_rules(&scene.rig()?.constraints, count, settings.seed);
+    cases.expect(2 + scene.layouts.len());
+    let mut evaluator = scene.evaluator_of_rig()?;
+    let value = |scores: &Scores| unguarded(scene, scores);
+    let case = cases.one(RANDOM, || {
+        let scores = scene.scores(&mut evaluator, &drawn)?;
+        let values: Vec<Option<f64>> = scores.iter().map(value).collect();
+        let (best, quantiles) = quantiles(&values);
+        let mut row = Row::of(quantiles);
+        if let Some(best) = best {
+            row = Row::scored(row.values, drawn[best].clone(), &scores[best]);
+        }
+        Ok(row)
+    })?;
+    let mut rows = case.map_or_else(Vec::new, |row| rows_of(&row));
+    for placement in &scene.layouts {
+        rows.extend(cases.one(&placement.name, || {
+            let scores = scene.score(&mut evaluator, placement)?;
+            Ok(row_of(value(&scores), placement.clone(), &scores))
+        })?);
+    }
+    rows.extend(cases.one("optimized", || {
+        let Some(best) = scene.optimize(&evaluator)? else { return Ok(scene.none_found()) };
+        let scores = scene.score(&mut evaluator, &best)?;
+        Ok(row_of(value(&scores), best, &scores))
+    })?);
+    let notes = vec![format!(
+        "{} random placements, uniform in every pose field that may vary; those that violate a guard do \
+         not count. The optimized one had {} evaluations and swaps.",
+        drawn.len(),
+        settings.evaluations
+    )];
+    let title = scene.title("random, hand-made and optimized placements");
+    let objective = settings.objective.to_string();
+    let drawing = TablePlot::of_column(0, &objective, false);
+    Ok(Table::new(title, ["placement", &objective], rows, notes, drawing))
+}
+
+/// The row of one placement; without a value it says which warning counts it out.
+fn row_of(value: Option<f64>, placement: Placement, scores: &Scores) -> Row {
+    let warning = scores.guards.first().filter(|_| value.is_none());
+    let no_answer = warning.map(|guard| format!("does not count, warning: {guard}"));
+    Row { no_answer, ..Row::scored(vec![value], placement, scores) }
+}
+
+/// The objective of a placement that violates no guard.
+fn unguarded(scene: &StudyScene, scores: &Scores) -> Option<f64> {
+    scene.settings.objective.value(scores).filter(|_| scores.guards.is_empty())
+}
+
+/// Index of the best, and best, worst, lower quartile, median and upper quartile of the values there are;
+/// a quartile is the nearest value in rank.
+fn quantiles(values: &[Option<f64>]) -> (Option<usize>, Vec<Option<f64>>) {
+    let known = values.iter().enumerate().filter_map(|(k, value)| Some((k, (*value)?)));
+    let best = known.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+    let mut sorted: Vec<f64> = values.iter().copied().flatten().collect();
+    sorted.sort_by(f64::total_cmp);
+    let at = |share: f64| {
+        let index = (share * (sorted.len().max(1) - 1) as f64).round() as usize;
+        sorted.get(index).copied()
+    };
+    let values = vec![best.map(|b| b.1), at(0.0), at(0.25), at(0.5), at(0.75)];
+    (best.map(|b| b.0), values)
+}
+
+/// A row for each quantile, from the worst to the best; none where no random placement counts.
+fn rows_of(random: &Row) -> Vec<Row> {
+    let [Some(best), Some(worst), Some(low), Some(median), Some(high)] = random.values[..] else {
+        return Vec::new();
+    };
+    let named = [
+        ("random, worst", worst),
+        ("random, lower quartile", low),
+        ("random, median", median),
+        ("random, upper quartile", high),
+        (RANDOM, best),
+    ];
+    let row = |(name, value): (&str, f64)| {
+        let of = if name == RANDOM { random.clone() } else { Row::default() };
+        Row { name: name.to_owned(), values: vec![Some(value)], ..of }
+    };
+    named.map(row).to_vec()
+}
+
+/// Heights from the lowest to the highest of the mount.
+const HEIGHTS: u32 = 4;
+
+pub(super) fn height(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
+    let mounts = &scene.scene.vehicle().mounts;
+    if mounts.len() > 1 || mounts[0].region.ego_from_region.is_some() {
+        let names: Vec<&str> = mounts.iter().map(|mount| mount.region.name.as_str()).collect();
+        let mounts = format!("{} mount(s) of their own heights: {}", names.len(), names.join(", "));
+        return Err(StudyError::NoHeights { scene: scene.place(), mounts });
+    }
+    let rules = &scene.rig()?.constraints;
+    let [low, high] = rules.corners().map(|corner| corner[2]);
+    let at = |k: u32| low + f64::from(k) * (high - low) / f64::from(HEIGHTS - 1);
+    let mut heights: Vec<(String, [f64; 2])> =
+        (0..HEIGHTS).map(|k| (format!("{:.2} m", at(k)), [at(k); 2])).collect();
+    heights.dedup_by(|a, b| a.0 == b.0);
+    heights.push(("free".into(), [low, high]));
+    let rows = cases.each(heights, |[low, high], _| {
+        let constraints = rules.with_regions(|region| {
+            (region.lower[2], region.upper[2]) = (low, high);
+        });
+        let mut evaluator = scene.evaluator_under(&constraints)?;
+        table::of_best(scene, &mut evaluator)
+    })?;
+    let notes = vec![
+        "All LiDARs of a case stand at one height (the paper's 2D plane), those of the last where they \
+         like within the mount."
+            .to_owned(),
+    ];
+    let title = scene.title("the best placement at each height");
+    let columns = ["height"].into_iter().chain(SCORES);
+    let drawn = made_large(&scene.settings.objective);
+    Ok(Table::new(title, columns, rows, notes, TablePlot::of_column(drawn, SCORES[drawn], true)))
+}
+
+/// Voxel sizes of the paper's study, in metres.
+const VOXELS: [[f64; 3]; 4] =
+    [[0.2, 0.2, 0.2], [0.1, 0.15, 0.2], [0.1, 0.1, 0.1], [0.05, 0.1, 0.1]];
+
+pub(super) fn voxels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
+    scene.may_have_voxels()?;
+    let layouts = scene.some_layouts()?;
+    let sizes = VOXELS.map(|voxel| (format!("{voxel:?} m"), voxel)).to_vec();
+    let rows = cases.each(sizes, |voxel, _| {
+        let scores = scene.scores(&mut scene.evaluator_of_voxels(voxel)?, layouts)?;
+        let scaled = scores.iter().map(|s| s.segmentation.m_sog_scaled.map(|v| 1e6 * v));
+        Ok(Row::of(scaled.collect()))
+    })?;
+    let heights: Vec<f64> = layouts.iter().map(mean_height).collect();
+    let ranked = |row: &Row| -> Vec<f64> { row.values.iter().map(|v| v.unwrap_or(0.0)).collect() };
+    let mut notes = vec![
+        "M-SOG/N ×1e-6 of each placement; sizes differ in N, so rankings are compared and not \
+         scores."
+            .to_owned(),
+    ];
+    for row in &rows {
+        notes.push(format!(
+            "{}: Kendall's τ with {} {}; Spearman with mean height alone {}",
+            row.name,
+            rows[0].name,
+            words(kendall_tau(&ranked(&rows[0]), &ranked(row))),
+            words(spearman(&heights, &ranked(row)))
+        ));
+    }
+    let drawing =
+        TablePlot::ByColumn { x_title: "placement".into(), y_title: "M-SOG/N ×1e-6".into() };
+    let columns = std::iter::once("voxel").chain(layouts.iter().map(|p| p.name.as_str()));
+    Ok(Table::new(scene.title("four voxel sizes"), columns, rows, notes, drawing))
+}
+
+fn words(value: Option<f64>) -> String {
+    value.map_or("does not exist".into(), |v| format!("{v:.2}"))
 }
 
 #[cfg(test)]
@@ -126,5 +291,14 @@ mod tests {
         // 1 − 6 · (36 + 0 + 4 + 0 + 16 + 9 + 1 + 0) / (8 · 63) = 1 − 396 / 504.
         let found = row("order", &ranks).values[0].unwrap();
         assert!((found - (1.0 - 396.0 / 504.0)).abs() < 1e-12, "{found}");
+    }
+
+    #[test]
+    fn quantiles_of_the_values_there_are() {
+        let values = [Some(4.0), None, Some(1.0), Some(3.0), Some(5.0), Some(2.0), Some(5.0)];
+        // Sorted 1 2 3 4 5 5: ranks 1.25, 2.5 and 3.75 of 0 to 5, rounded to 1, 3 and 4.
+        let want = [5.0, 1.0, 2.0, 4.0, 5.0].map(Some).to_vec();
+        assert_eq!(quantiles(&values), (Some(4), want));
+        assert_eq!(quantiles(&[None]), (None, vec![None; 5]));
     }
 }

@@ -1,12 +1,12 @@
 //! Information gained by parts of the region, and classes covered.
 
-use super::cases::Cases;
-use super::columns::check_distinct;
-use super::region::Region;
 use super::scene::StudyScene;
-use super::{Drawing, Row, StudyError, Table};
+use super::table::{Cases, check_distinct, numbers};
+use super::{Row, StudyError, Table, TablePlot};
+use crate::maths;
 use crate::problem::{Content, Entropy};
 use crate::psog::{Roi, to_nats};
+use crate::score::Objective;
 use crate::search::Evaluator;
 use crate::vehicle::Placement;
 
@@ -14,7 +14,7 @@ use crate::vehicle::Placement;
 const DRAWN: usize = 8;
 
 pub(super) fn regions(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
-    let mut regions = Region::standard();
+    let mut regions = Subregion::standard();
     regions.extend(scene.settings.regions.iter().cloned());
     let names = regions.iter().map(|region| region.name.as_str());
     check_distinct(names, "regions", "give each --box a name of its own")?;
@@ -43,7 +43,7 @@ pub(super) fn regions(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
          that are covered; empty where the scene has none."
             .to_owned(),
     ];
-    let drawing = Drawing::ByCase {
+    let drawing = TablePlot::ByCase {
         columns: (0..regions.len().min(DRAWN)).collect(),
         y_title: "share of the region's information gained, %".into(),
         line: false,
@@ -57,7 +57,7 @@ pub(super) fn regions(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
 fn seen_by(
     scene: &StudyScene,
     placement: Placement,
-    regions: &[Region],
+    regions: &[Subregion],
     evaluator: &mut Evaluator,
 ) -> Result<Row, StudyError> {
     let problem = evaluator.shared_problem();
@@ -90,7 +90,7 @@ struct RegionGain {
 fn gains_by_region(
     roi: &Roi,
     content: &Content,
-    regions: &[Region],
+    regions: &[Subregion],
     covered: &[Vec<u64>],
 ) -> Vec<RegionGain> {
     let mut gains = vec![RegionGain::default(); regions.len()];
@@ -112,6 +112,117 @@ fn gains_by_region(
     gains
 }
 
+/// A part of the region of interest, by the centres of its voxels in the ego frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Subregion {
+    /// Name of its column.
+    pub name: String,
+    extent: Extent,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Extent {
+    /// Horizontal distance from the ego origin, in metres: from, up to.
+    Ring(f64, f64),
+    /// Angle between forward (0) and rear (π), on either side: from, up to.
+    Sector(f64, f64),
+    /// Lower and upper corner, in metres.
+    Box([f64; 3], [f64; 3]),
+}
+
+/// Distances in metres that part near, middle and far.
+const RINGS: [f64; 2] = [10.0, 25.0];
+/// Angles from forward that part front, side and rear.
+const SECTORS: [f64; 2] = [std::f64::consts::FRAC_PI_4, 3.0 * std::f64::consts::FRAC_PI_4];
+
+impl Subregion {
+    /// Near, middle and far; front, side and rear.
+    pub(super) fn standard() -> Vec<Self> {
+        let [near, far] = RINGS;
+        let [front, rear] = SECTORS;
+        let ring =
+            |name: &str, from, to| Self { name: name.into(), extent: Extent::Ring(from, to) };
+        let sector =
+            |name: &str, from, to| Self { name: name.into(), extent: Extent::Sector(from, to) };
+        vec![
+            ring("near", 0.0, near),
+            ring("middle", near, far),
+            ring("far", far, f64::INFINITY),
+            sector("front", 0.0, front),
+            sector("side", front, rear),
+            sector("rear", rear, f64::INFINITY),
+        ]
+    }
+
+    /// A box from its corners, in metres.
+    pub fn of_box(name: &str, min: [f64; 3], max: [f64; 3]) -> Self {
+        Self { name: name.to_owned(), extent: Extent::Box(min, max) }
+    }
+
+    /// True if a point of the ego frame lies in the region; lower ends belong to it, upper ends do not.
+    pub(super) fn holds(&self, point: [f64; 3]) -> bool {
+        let [x, y, _] = point;
+        match &self.extent {
+            Extent::Ring(from, to) => (*from..*to).contains(&maths::hypot(x, y)),
+            Extent::Sector(from, to) => (*from..*to).contains(&maths::atan2(y.abs(), x)),
+            Extent::Box(min, max) => (0..3).all(|k| (min[k]..max[k]).contains(&point[k])),
+        }
+    }
+}
+
+/// Weights of detection; segmentation has the rest up to 1.
+const WEIGHTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+
+pub(super) fn tasks(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
+    if !scene.has_detection()? {
+        return Err(StudyError::OneTask { scene: scene.place() });
+    }
+    let mut evaluator = scene.evaluator_of_rig()?;
+    let weights = WEIGHTS.map(|weight| (format!("{weight:.2}"), weight)).to_vec();
+    let rows = cases.each(weights, |weight, _| {
+        let share = "information_gain_share";
+        let text = format!("{}*{share} + {weight}*detection.{share}", 1.0 - weight);
+        let objective: Objective = text.parse()?;
+        let best = scene.optimize_from(&evaluator, &objective, &scene.rig()?.starts)?;
+        let Some(best) = best else { return Ok(scene.none_found()) };
+        let scores = scene.score(&mut evaluator, &best)?;
+        let percent = |share: Option<f64>| share.map(|v| 100.0 * v);
+        let values = vec![
+            percent(scores.segmentation.information_gain_share),
+            percent(scores.detection.and_then(|d| d.information_gain_share)),
+        ];
+        Ok(Row::scored(values, best, &scores))
+    })?;
+    let points: Vec<(f64, f64)> = numbers(&rows, 0).into_iter().zip(numbers(&rows, 1)).collect();
+    let front: Vec<&str> = rows
+        .iter()
+        .zip(front(&points))
+        .filter(|(_, on_front)| *on_front)
+        .map(|(row, _)| row.name.as_str())
+        .collect();
+    let notes = vec![format!(
+        "Not beaten in both tasks (Pareto front): weight {}. Others were cut short by the {} evaluations \
+         of each search.",
+        front.join(", "),
+        scene.settings.evaluations
+    )];
+    let drawing = TablePlot::Against {
+        column: 1,
+        x_title: "segmentation: share of the information gained, %".into(),
+        y_title: "detection: share of the information gained, %".into(),
+    };
+    let title = scene.title("one placement for two tasks");
+    let columns = ["weight of detection", "segmentation gain %", "detection gain %"];
+    Ok(Table::new(title, columns, rows, notes, drawing))
+}
+
+/// True for each point on the front: no other is as good in both numbers and better in one. A point without numbers
+/// is not on the front.
+fn front(points: &[(f64, f64)]) -> Vec<bool> {
+    let beaten = |a: &(f64, f64)| points.iter().any(|b| b.0 >= a.0 && b.1 >= a.1 && b != a);
+    points.iter().map(|point| !point.0.is_nan() && !beaten(point)).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -120,7 +231,7 @@ mod tests {
 
     #[test]
     fn regions_part_the_plane() {
-        let regions = Region::standard();
+        let regions = Subregion::standard();
         let of = |x: f64, y: f64| -> Vec<&str> {
             let held = regions.iter().filter(|r| r.holds([x, y, 1.0]));
             held.map(|r| r.name.as_str()).collect()
@@ -129,7 +240,7 @@ mod tests {
         assert_eq!(of(0.0, -10.0), ["middle", "side"]);
         assert_eq!(of(-30.0, 4.0), ["far", "rear"]);
         assert_eq!(of(-3.0, 0.0), ["near", "rear"], "straight back too");
-        let kerb = Region::of_box("kerb", [0.0, -4.0, 0.0], [10.0, -3.0, 0.3]);
+        let kerb = Subregion::of_box("kerb", [0.0, -4.0, 0.0], [10.0, -3.0, 0.3]);
         assert!(kerb.holds([0.0, -3.5, 0.1]) && !kerb.holds([10.0, -3.5, 0.1]));
     }
 
@@ -140,8 +251,15 @@ mod tests {
         let content =
             Content::new(vec!["a".into()], vec![voxel(0), voxel(2)], &[vec![0, 2]], false);
         let covered = [vec![0, 1, 2], vec![0]];
-        let gains = gains_by_region(&roi, &content, &Region::standard()[..3], &covered);
+        let gains = gains_by_region(&roi, &content, &Subregion::standard()[..3], &covered);
         let gain = |total, gained| RegionGain { total, gained };
         assert_eq!(gains, [gain(1.0, 1.0), gain(0.0, 0.0), gain(1.0, 0.5)]);
+    }
+
+    #[test]
+    fn the_front_by_hand() {
+        let points =
+            [(3.0, 1.0), (2.0, 2.0), (2.0, 1.0), (1.0, 3.0), (2.0, 2.0), (f64::NAN, f64::NAN)];
+        assert_eq!(front(&points), [true, true, false, true, true, false]);
     }
 }

@@ -2,8 +2,8 @@
 
 use std::cell::OnceCell;
 
-use super::columns::check_distinct;
-use super::rig::Rig;
+use super::lidars::SearchSpace;
+use super::table::check_distinct;
 use super::{Kind, Row, StudyError, StudyObserver, StudySettings};
 use crate::engine::BackendError;
 use crate::job::{Job, JobError, JobScene};
@@ -23,7 +23,7 @@ pub(super) struct StudyScene<'a> {
     pub(super) settings: &'a StudySettings,
     /// Own rigs; without any the layouts of Table 7 for the paper's car (one model, a mount that holds them).
     pub(super) layouts: Vec<Placement>,
-    rig: OnceCell<Rig>,
+    rig: OnceCell<SearchSpace>,
     observer: &'a dyn StudyObserver,
 }
 
@@ -94,9 +94,9 @@ impl<'a> StudyScene<'a> {
     }
 
     /// The rig whose placements are searched, chosen on first use.
-    pub(super) fn rig(&self) -> Result<&Rig, StudyError> {
+    pub(super) fn rig(&self) -> Result<&SearchSpace, StudyError> {
         if self.rig.get().is_none() {
-            let _ = self.rig.set(Rig::chosen(self)?);
+            let _ = self.rig.set(SearchSpace::chosen(self)?);
         }
         Ok(self.rig.get().expect("set above"))
     }

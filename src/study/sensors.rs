@@ -1,12 +1,14 @@
 //! Sensors: numbers of channels over one field of view, and models from files.
 
-use super::cases::Cases;
-use super::columns::{self, SCORES, check_distinct, made_large};
 use super::scene::StudyScene;
-use super::{Drawing, StudyError, Table};
+use super::table::{Cases, SCORES, check_distinct, made_large};
+use super::{Row, StudyError, Table, TablePlot, table};
+use crate::job::{Job, JobError};
 use crate::maths;
 use crate::near_field::NearSite;
+use crate::scan::conditions::Condition;
 use crate::search::Evaluator;
+use crate::targets::CARD_BEAMS;
 use crate::vehicle::{Lidar, Placement};
 
 /// Channels that are compared over the scene's own field of view.
@@ -56,15 +58,16 @@ fn near_field(
     Ok([Some(near.near_field), near.ring].map(|share| share.map(|share| 100.0 * share)))
 }
 
-pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
-    let Lidar::Spinning { elevations, azimuth_steps, azimuth, range, .. } = scene.scene.lidars()[0]
-    else {
+/// Sensors to compare: some numbers of channels spaced evenly over the field of view, the scene's own number crowded at
+/// the horizon, and the models of the files; and a note about them.
+fn compared_sensors(scene: &StudyScene) -> Result<(Vec<(String, Lidar)>, String), StudyError> {
+    let own = scene.scene.lidars()[0];
+    let Lidar::Spinning { elevations, azimuth_steps, azimuth, range, .. } = own else {
         return Err(StudyError::NoChannels { scene: scene.place() });
     };
     let fold = |f: fn(f64, f64) -> f64| elevations.iter().copied().reduce(f).unwrap_or(0.0);
     let (low, high) = (fold(f64::min), fold(f64::max));
-    let mut sensors = Vec::new();
-    for count in CHANNELS {
+    let even = |count: u32| {
         let step = (high - low) / f64::from(count - 1);
         let lidar = Lidar::Spinning {
             elevations: (0..count).map(|k| low + f64::from(k) * step).collect(),
@@ -73,9 +76,10 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
             azimuth: *azimuth,
             range: *range,
         };
-        sensors.push((format!("{count} channels"), lidar));
-    }
-    sensors.extend(crowded_sensors(scene.scene.lidars()[0], [low, high]));
+        (format!("{count} channels"), lidar)
+    };
+    let mut sensors: Vec<(String, Lidar)> = CHANNELS.into_iter().map(even).collect();
+    sensors.extend(crowded_sensors(own, [low, high]));
     for path in &scene.settings.sensors {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let mut lidar = Lidar::from_sensor_file(path, *azimuth_steps, *range)?;
@@ -87,24 +91,29 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
     }
     let names = sensors.iter().map(|(name, _)| name.as_str());
     check_distinct(names, "sensors", "rename one of the files")?;
+    let note = format!(
+        "Channels from {low}° to {high}°, as the scene's own, evenly spaced, or drawn to the horizon: the share x \
+         of the way from there to an end becomes x to the power given. Every sensor turns in {azimuth_steps} steps and \
+         sees {range} m far, so that elevations alone differ."
+    );
+    Ok((sensors, note))
+}
+
+pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
+    let (sensors, note) = compared_sensors(scene)?;
     let rows = cases.each(sensors, |lidar, _| {
         let table = lidar.table()?;
         let beams = table.directions().len();
         let sensors = scene.scene.sensors()?.with_beams(0, table);
         let mut evaluator = scene.evaluator_with(&sensors)?;
-        let mut row = columns::of_best(scene, &mut evaluator)?;
+        let mut row = table::of_best(scene, &mut evaluator)?;
         if let Some(best) = &row.placement {
             row.values.extend(near_field(scene, &mut evaluator, best)?);
             row.values.insert(0, Some(beams as f64));
         }
         Ok(row)
     })?;
-    let mut notes = vec![format!(
-        "Channels from {low}° to {high}°, as the scene's own, evenly spaced, or drawn to the horizon: the share x \
-         of the way from there to an end becomes x to the power given. Every sensor turns in {} steps and sees \
-         {} m far, so that elevations alone differ.",
-        azimuth_steps, range
-    )];
+    let mut notes = vec![note];
     if let [first, _, ..] = &scene.scene.vehicle().sensors[..] {
         notes.push(format!(
             "The sensor that differs is `{}`, the vehicle's first model; its others stay as they are.",
@@ -117,5 +126,83 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
     let title = scene.title("the best placement of each sensor");
     let columns = ["sensor", "beams a LiDAR"].into_iter().chain(SCORES).chain(NEAR_COLUMNS);
     let drawn = made_large(&scene.settings.objective);
-    Ok(Table::new(title, columns, rows, notes, Drawing::of_column(1 + drawn, SCORES[drawn], true)))
+    Ok(Table::new(
+        title,
+        columns,
+        rows,
+        notes,
+        TablePlot::of_column(1 + drawn, SCORES[drawn], true),
+    ))
+}
+
+/// Conditions without any in the settings, at their usual strengths.
+const USUAL: [&str; 3] = ["fog", "snow", "rain"];
+/// Columns after the scores.
+const LAST: [&str; 2] = ["not met", "car ahead m"];
+
+pub(super) fn weather(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
+    let skies = skies(&scene.settings.conditions)?;
+    let mut named = Vec::new();
+    for (index, (sky, condition)) in skies.iter().enumerate() {
+        let rigs = scene.some_layouts()?.iter();
+        named.extend(rigs.map(|rig| (format!("{}, {sky}", rig.name), (index, condition, rig))));
+    }
+    let mut open: Option<(usize, Job, Evaluator)> = None;
+    let rows = cases.each(named, |(index, condition, rig), _| {
+        // One engine at a time: rigs under one condition follow each other.
+        let (_, job, evaluator) = match open.take() {
+            Some(known) if known.0 == index => open.insert(known),
+            _ => {
+                let (job, evaluator) = scene.in_condition(condition)?;
+                open.insert((index, job, evaluator))
+            }
+        };
+        row(scene, (job, evaluator), condition, rig)
+    })?;
+    let notes = vec![
+        "Each condition for itself. Clear air limits no beam, as `score` without --condition does; under a condition a \
+         beam counts that its sensor's echo model returns. not met: requirements."
+            .to_owned(),
+        format!(
+            "car ahead m: distance up to which a car straight ahead has {CARD_BEAMS} beams or more without a gap, on level \
+             ground; 0 where it never has. Conditions other than fog, snow and rain have no such number."
+        ),
+    ];
+    let drawn = made_large(&scene.settings.objective);
+    let columns = std::iter::once("placement").chain(SCORES).chain(LAST);
+    let title = scene.title("rigs in weather");
+    Ok(Table::new(title, columns, rows, notes, TablePlot::of_column(drawn, SCORES[drawn], false)))
+}
+
+/// Clear air and each condition, by name.
+fn skies(given: &[Condition]) -> Result<Vec<(String, Vec<Condition>)>, StudyError> {
+    let usual = USUAL.iter().map(|name| name.parse());
+    let all = match given {
+        [] => usual.collect::<Result<_, _>>().map_err(JobError::Condition)?,
+        given => given.to_vec(),
+    };
+    let named = all.into_iter().map(|one: Condition| (one.to_string(), vec![one]));
+    let skies: Vec<_> = std::iter::once(("clear".to_owned(), Vec::new())).chain(named).collect();
+    let names = skies.iter().map(|(name, _)| &**name);
+    check_distinct(names, "conditions", "give each --condition once")?;
+    Ok(skies)
+}
+
+/// Scores of a rig under a condition, requirements that it misses, and the range of a car ahead.
+fn row(
+    scene: &StudyScene,
+    (job, evaluator): (&Job, &mut Evaluator),
+    condition: &[Condition],
+    rig: &Placement,
+) -> Result<Row, StudyError> {
+    let scores = scene.score(evaluator, rig)?;
+    let not_met = scores.required.iter().filter(|seen| !seen.is_met()).count() as f64;
+    let mut values = table::values(&scores);
+    values.push((!scores.required.is_empty()).then_some(not_met));
+    if condition.iter().all(Condition::dims_light) {
+        let cards = scene.range_cards(job, std::slice::from_ref(rig))?;
+        let ahead = cards.first().and_then(|card| card.targets.first()?.bearings.first());
+        values.push(ahead.map(|ahead| ahead.met.first().map_or(0.0, |[_, to]| *to)));
+    }
+    Ok(Row::scored(values, rig.clone(), &scores))
 }

@@ -1,11 +1,13 @@
 //! Settings of a study.
 
 use std::path::PathBuf;
+use std::str::FromStr;
 
-use super::region::Region;
+use super::regions::Subregion;
 use crate::engine::EngineChoice;
+use crate::job::JobError;
 use crate::scan::conditions::Condition;
-use crate::score::Objective;
+use crate::score::{Objective, ObjectiveError};
 use crate::vehicle::Placement;
 
 /// Settings of a study: with its scenes they decide about every number.
@@ -26,7 +28,7 @@ pub struct StudySettings {
     /// Sensor files to compare beside the channels.
     pub sensors: Vec<PathBuf>,
     /// Regions to look at beside the standard ones.
-    pub regions: Vec<Region>,
+    pub regions: Vec<Subregion>,
     /// Own rigs to look at, for kinds that [take some](super::Kind::takes_placements), in place of placements that are
     /// searched and of the layouts of the paper.
     pub placements: Vec<Placement>,
@@ -55,5 +57,264 @@ impl Default for StudySettings {
             conditions: Vec::new(),
             engine: EngineChoice::cpu(),
         }
+    }
+}
+
+/// Question of a study.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Kind {
+    /// One to eight LiDARs.
+    Lidars,
+    /// Gain of a vehicle's sensors for their price.
+    Cost,
+    /// Numbers of channels, and real sensors.
+    Channels,
+    /// Voxel sizes.
+    Voxels,
+    /// Random placements against hand-made ones and an optimized one.
+    Random,
+    /// Segmentation against detection.
+    Tasks,
+    /// Heights of all LiDARs.
+    Height,
+    /// Parts of the region, and classes.
+    Regions,
+    /// The loss of one LiDAR.
+    Loss,
+    /// Own rigs in fog, snow and rain.
+    Weather,
+    /// Placements on other scenes.
+    Transfer,
+    /// Scores against published results.
+    Published,
+}
+
+impl Kind {
+    /// Every kind, its name, and its cases.
+    pub const ALL: [(Self, &str, &str); 12] = [
+        (
+            Self::Lidars,
+            "lidars",
+            "One to eight LiDARs, as far as the mounts hold them: the best rig of each number, marginal gains, the knee",
+        ),
+        (
+            Self::Cost,
+            "cost",
+            "What a vehicle's sensors gain for their price, from the cheapest rig up to --budget (--vehicle)",
+        ),
+        (
+            Self::Channels,
+            "channels",
+            "16 to 128 channels, elevations crowded at the horizon, and real sensors (--sensor): gain and near field",
+        ),
+        (Self::Voxels, "voxels", "Own rigs ranked at the four voxel sizes of the paper"),
+        (Self::Random, "random", "Random placements against own rigs and an optimized one"),
+        (
+            Self::Tasks,
+            "tasks",
+            "One placement for two tasks: weights between segmentation and detection",
+        ),
+        (Self::Height, "height", "All LiDARs at one height, against free heights"),
+        (
+            Self::Regions,
+            "regions",
+            "Own rigs, else an optimized one: near, middle and far; front, side and rear; any --box; every class",
+        ),
+        (
+            Self::Loss,
+            "loss",
+            "Each LiDAR lost in turn: of own rigs (a file of placements) requirements that fail and blind sectors, else the placement that is best after the worst loss",
+        ),
+        (
+            Self::Weather,
+            "weather",
+            "Own rigs in clear air and under each --condition (else fog, snow, rain): scores, requirements, a car ahead",
+        ),
+        (Self::Transfer, "transfer", "A placement optimized on one scene, scored on the others"),
+        (
+            Self::Published,
+            "published",
+            "Every score of the eight published placements against the published results",
+        ),
+    ];
+
+    /// The name that selects it on the command line.
+    pub fn name(self) -> &'static str {
+        let found = Self::ALL.iter().find(|(kind, ..)| *kind == self);
+        found.map_or("", |(_, name, _)| name)
+    }
+}
+
+impl Kind {
+    /// True if a file of own placements may stand behind the scenes.
+    pub fn takes_placements(self) -> bool {
+        matches!(self, Self::Voxels | Self::Random | Self::Regions | Self::Loss | Self::Weather)
+    }
+
+    /// Refuses a budget where no sensors are chosen for it.
+    ///
+    /// # Errors
+    /// A budget for a kind that searches nothing, or does not with own placements.
+    pub(super) fn check_budget(self, settings: &StudySettings) -> Result<(), StudyError> {
+        let is_given = !settings.placements.is_empty();
+        let searches = match self {
+            Self::Voxels | Self::Weather | Self::Published => false,
+            Self::Regions | Self::Loss => !is_given,
+            _ => true,
+        };
+        match settings.budget {
+            Some(_) if !searches => Err(StudyError::NoSearch { kind: self.name() }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Refuses a number of scenes that this kind cannot take.
+    ///
+    /// # Errors
+    /// Fewer than two for [`Kind::Transfer`], other than one for the others.
+    pub fn check_scenes(self, given: usize) -> Result<(), StudyError> {
+        match (self, given) {
+            (Self::Transfer, 0 | 1) => Err(StudyError::SeveralScenes),
+            (Self::Transfer, _) | (_, 1) => Ok(()),
+            (kind, given) => Err(StudyError::OneScene { kind: kind.name(), given }),
+        }
+    }
+}
+
+impl FromStr for Kind {
+    type Err = StudyError;
+
+    fn from_str(name: &str) -> Result<Self, StudyError> {
+        let found = Self::ALL.iter().find(|(_, known, _)| *known == name);
+        found.map(|(kind, ..)| *kind).ok_or_else(|| StudyError::NoKind {
+            name: name.to_owned(),
+            known: Self::ALL.map(|(_, name, _)| name).join(", "),
+        })
+    }
+}
+
+/// Why a study cannot be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StudyError {
+    /// A study of prices of a scene without a vehicle.
+    #[error("{scene}: has no vehicle, so no prices; give one with --vehicle")]
+    NoVehicle {
+        /// File of the scene.
+        scene: String,
+    },
+    /// A budget where nothing is searched.
+    #[error(
+        "`study {kind}` looks at placements that are there and chooses no sensors; leave --budget out"
+    )]
+    NoSearch {
+        /// Name of the study.
+        kind: &'static str,
+    },
+    /// No placement to look at.
+    #[error(
+        "{scene}: the vehicle is not the paper's car, whose layouts are looked at by default; give a file of placements \
+         behind the scenes"
+    )]
+    NoPlacements {
+        /// File of the scene.
+        scene: String,
+    },
+    /// No study of that name.
+    #[error("`{name}` is no study; there are {known}")]
+    NoKind {
+        /// Name that was given.
+        name: String,
+        /// The names there are.
+        known: String,
+    },
+    /// Several scenes for a study of one.
+    #[error("`study {kind}` takes one scene, not {given}; only `transfer` compares several")]
+    OneScene {
+        /// Name of the study.
+        kind: &'static str,
+        /// Scenes given.
+        given: usize,
+    },
+    /// One scene for a study of several.
+    #[error("`study transfer` compares scenes; name two or more scene files")]
+    SeveralScenes,
+    /// An objective of a task that the scene does not have.
+    #[error(
+        "{scene}: the objective `{objective}` needs a detection target; name its classes under \
+         `detection` in the scene"
+    )]
+    NoDetection {
+        /// File of the scene.
+        scene: String,
+        /// The objective.
+        objective: String,
+    },
+    /// Two tasks of a scene that has one.
+    #[error("{scene}: has no detection target; name its classes under `detection` in the scene")]
+    OneTask {
+        /// File of the scene.
+        scene: String,
+    },
+    /// Other voxels of a P-SOG that is a file.
+    #[error(
+        "{scene}: its P-SOG is a file, which has voxels of one size; a scene with geometry can be \
+         scanned again"
+    )]
+    FixedVoxels {
+        /// File of the scene.
+        scene: String,
+    },
+    /// Channels of a sensor that is a list of directions.
+    #[error("{scene}: its LiDAR is a list of directions, which has no channels to vary")]
+    NoChannels {
+        /// File of the scene.
+        scene: String,
+    },
+    /// Heights of a vehicle whose mounts have their own.
+    #[error(
+        "{scene}: `study height` puts all LiDARs at one height, and the vehicle has {mounts}; give a vehicle with one mount \
+         that is a box"
+    )]
+    NoHeights {
+        /// File of the scene.
+        scene: String,
+        /// Its mounts, in words.
+        mounts: String,
+    },
+    /// The loss of the only LiDAR.
+    #[error("{scene}: its mount has one LiDAR; without it nothing is left to score")]
+    OneLidar {
+        /// File of the scene.
+        scene: String,
+    },
+    /// Two cases of one name, which would share their numbers.
+    #[error("two {cases} are called `{name}`; {mend}")]
+    SameName {
+        /// The things that the cases are, in the plural.
+        cases: &'static str,
+        /// The name.
+        name: String,
+        /// Way to tell them apart.
+        mend: &'static str,
+    },
+    /// The observer wanted to stop.
+    #[error("stopped")]
+    Stopped,
+    /// A job, or a part of it, that cannot be posed, scored or searched.
+    #[error(transparent)]
+    Job(JobError),
+    /// An objective that cannot be read.
+    #[error(transparent)]
+    Objective(#[from] ObjectiveError),
+}
+
+impl<E> From<E> for StudyError
+where
+    JobError: From<E>,
+{
+    fn from(error: E) -> Self {
+        Self::Job(error.into())
     }
 }

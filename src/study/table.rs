@@ -1,9 +1,14 @@
 //! The table of a study, and its best drawing.
 
+use std::collections::HashSet;
+
 use serde::{Deserialize, Serialize};
 
+use super::StudyError;
+use super::scene::StudyScene;
 use crate::csv::{csv, number};
-use crate::score::{Scores, Seen};
+use crate::score::{NEAR_GAIN, Objective, Scores, Seen};
+use crate::search::Evaluator;
 use crate::vehicle::Placement;
 
 /// Last columns of a CSV file where the vehicle requires something.
@@ -78,7 +83,7 @@ impl Row {
 
 /// Best drawing of a table; columns are counted from the first value on.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Drawing {
+pub enum TablePlot {
     /// Cases along x, a series for each of these columns.
     ByCase {
         /// Columns that are drawn.
@@ -106,7 +111,7 @@ pub enum Drawing {
     },
 }
 
-impl Drawing {
+impl TablePlot {
     /// One column over the cases.
     pub(super) fn of_column(column: usize, title: &str, line: bool) -> Self {
         Self::ByCase { columns: vec![column], y_title: title.to_owned(), line }
@@ -126,7 +131,7 @@ pub struct Table {
     pub notes: Vec<String>,
     /// Drawing that suits it.
     #[serde(skip)]
-    pub drawing: Drawing,
+    pub drawing: TablePlot,
 }
 
 impl Table {
@@ -136,7 +141,7 @@ impl Table {
         columns: impl IntoIterator<Item = &'a str>,
         mut rows: Vec<Row>,
         notes: Vec<String>,
-        drawing: Drawing,
+        drawing: TablePlot,
     ) -> Self {
         let columns: Vec<String> = columns.into_iter().map(str::to_owned).collect();
         rows.iter_mut().for_each(|row| row.values.resize(columns.len() - 1, None));
@@ -164,7 +169,7 @@ impl Table {
     }
 
     /// Comma-separated, the columns' titles first; missing numbers are empty. Two columns more where a vehicle requires
-    /// something: whether all is met, and what is not.
+    /// something: whether all is met, and the misses.
     pub fn csv(&self) -> String {
         let requires = self.has_requirements();
         let rows = self.rows.iter().map(|row| {
@@ -179,8 +184,143 @@ impl Table {
     }
 }
 
+/// Columns that most studies show of a placement.
+pub(super) const SCORES: [&str; 6] =
+    ["gain %", "near gain %", "M-SOG/N ×1e-6", "detection ×1e-6", "covered", "guards violated"];
+
+/// Column of [`SCORES`] that searches for an objective make large; the gain where it is none of them.
+pub(super) fn made_large(objective: &Objective) -> usize {
+    match objective.to_string().as_str() {
+        NEAR_GAIN => 1,
+        "m_sog_scaled" => 2,
+        "detection.m_sog_scaled" => 3,
+        _ => 0,
+    }
+}
+
+/// Values of [`SCORES`].
+pub(super) fn values(scores: &Scores) -> Vec<Option<f64>> {
+    vec![
+        scores.segmentation.information_gain_share.map(|v| 100.0 * v),
+        scores.near_gain.map(|v| 100.0 * v),
+        scores.segmentation.m_sog_scaled.map(|v| 1e6 * v),
+        scores.detection.and_then(|d| d.m_sog_scaled).map(|v| 1e6 * v),
+        Some(scores.covered),
+        Some(scores.guards.len() as f64),
+    ]
+}
+
+/// The best placement of a search and the values of [`SCORES`].
+pub(super) fn of_best(scene: &StudyScene, evaluator: &mut Evaluator) -> Result<Row, StudyError> {
+    let Some(best) = scene.optimize(evaluator)? else { return Ok(scene.none_found()) };
+    let scores = scene.score(evaluator, &best)?;
+    Ok(Row::scored(values(&scores), best, &scores))
+}
+
+/// Numbers of one column, counted from the first value on; NaN where there is none.
+pub(super) fn numbers(rows: &[Row], column: usize) -> Vec<f64> {
+    rows.iter().map(|row| row.values.get(column).copied().flatten().unwrap_or(f64::NAN)).collect()
+}
+
+/// Refuses names used twice: cases are known by name, and would share their numbers.
+pub(super) fn check_distinct<'a>(
+    names: impl IntoIterator<Item = &'a str>,
+    cases: &'static str,
+    mend: &'static str,
+) -> Result<(), StudyError> {
+    let mut seen = HashSet::new();
+    match names.into_iter().find(|name| !seen.insert(*name)) {
+        Some(name) => Err(StudyError::SameName { cases, name: name.to_owned(), mend }),
+        None => Ok(()),
+    }
+}
+
+/// Observer of a study, which may stop it.
+pub trait StudyObserver {
+    /// Called before the first case with the number of cases.
+    fn begins(&self, _cases: usize) {}
+
+    /// Called after each case that was measured, with all rows known so far: the state to go on from.
+    fn measured(&self, _rows: &[Row]) {}
+
+    /// Called whenever an engine was opened, with sentences that name it.
+    fn opened(&self, _notes: &[String]) {}
+
+    /// Called after each case, measured or known from before.
+    fn done(&self) {}
+
+    /// Asked often; `false` stops the study and drops the case under way.
+    fn goes_on(&self) -> bool {
+        true
+    }
+}
+
+/// An observer that hears nothing and never stops.
+impl StudyObserver for () {}
+
+/// The cases of one study.
+pub(super) struct Cases<'a> {
+    known: &'a mut Vec<Row>,
+    observer: &'a dyn StudyObserver,
+}
+
+impl<'a> Cases<'a> {
+    /// Goes on from the rows that are `known`, which it extends.
+    pub(super) fn new(known: &'a mut Vec<Row>, observer: &'a dyn StudyObserver) -> Self {
+        Self { known, observer }
+    }
+
+    /// Announces the number of cases.
+    pub(super) fn expect(&self, cases: usize) {
+        self.observer.begins(cases);
+    }
+
+    /// The row of that name, which `measure` leaves without a name, measured unless it is known; `None` once the observer has said stop.
+    pub(super) fn one(
+        &mut self,
+        name: &str,
+        measure: impl FnOnce() -> Result<Row, StudyError>,
+    ) -> Result<Option<Row>, StudyError> {
+        if let Some(row) = self.known.iter().find(|row| row.name == name) {
+            self.observer.done();
+            return Ok(Some(row.clone()));
+        }
+        if !self.observer.goes_on() {
+            return Ok(None);
+        }
+        let measured = measure();
+        // A case that was cut short is not kept as if it were whole, nor is its end an error.
+        if !self.observer.goes_on() {
+            return Ok(None);
+        }
+        let row = Row { name: name.to_owned(), ..measured? };
+        self.known.push(row.clone());
+        self.observer.measured(self.known);
+        self.observer.done();
+        Ok(Some(row))
+    }
+
+    /// The rows of named cases in order, up to the one at which the observer says stop; `measure` sees the
+    /// rows before its own.
+    pub(super) fn each<T>(
+        &mut self,
+        cases: Vec<(String, T)>,
+        mut measure: impl FnMut(T, &[Row]) -> Result<Row, StudyError>,
+    ) -> Result<Vec<Row>, StudyError> {
+        self.expect(cases.len());
+        let mut rows = Vec::new();
+        for (name, case) in cases {
+            let Some(row) = self.one(&name, || measure(case, &rows))? else { break };
+            rows.push(row);
+        }
+        Ok(rows)
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+
     use super::*;
     use crate::score::SEEN;
 
@@ -196,7 +336,7 @@ mod tests {
             columns: vec!["case".into(), "a, b".into(), "c".into()],
             rows: vec![row("x", &[Some(1.5), None]), row("\"y\"", &[Some(-2.0), Some(0.0)])],
             notes: vec![],
-            drawing: Drawing::of_column(0, "a", true),
+            drawing: TablePlot::of_column(0, "a", true),
         };
         assert_eq!(table.csv(), "case,\"a, b\",c\nx,1.5,\n\"\"\"y\"\"\",-2,0\n");
         let seen = |least| Seen {
@@ -224,10 +364,50 @@ mod tests {
             ["case", "a"],
             vec![Row::unanswered("p"), Row::unanswered("q"), Row::unanswered("p")],
             vec![],
-            Drawing::of_column(0, "a", true),
+            TablePlot::of_column(0, "a", true),
         );
         assert_eq!(table.unanswered().as_deref(), Some("t: no row has an answer: p; q"));
         table.rows[1].values[0] = Some(0.0);
         assert_eq!(table.unanswered(), None);
+    }
+
+    /// Stops after some questions.
+    struct Patience(Cell<u32>);
+
+    impl StudyObserver for Patience {
+        fn goes_on(&self) -> bool {
+            self.0.set(self.0.get().saturating_sub(1));
+            self.0.get() > 0
+        }
+    }
+
+    #[test]
+    fn known_cases_are_not_measured_and_a_case_cut_short_is_dropped() {
+        let names = || ["a", "b", "c"].map(|name| (name.to_owned(), ())).to_vec();
+        let run = |known: &mut Vec<Row>, questions: u32| {
+            let patience = Patience(Cell::new(questions));
+            let count = Cell::new(0.0);
+            let rows = Cases::new(known, &patience).each(names(), |(), rows| {
+                count.set(count.get() + 1.0);
+                Ok(Row::of(vec![Some(rows.len() as f64)]))
+            });
+            (rows.unwrap().len(), count.get())
+        };
+        // A case that is cut short fails without an error; a whole case that fails is an error.
+        let failed = |questions: u32| {
+            let patience = Patience(Cell::new(questions));
+            let rows = Cases::new(&mut Vec::new(), &patience)
+                .each(names(), |(), _| Err(StudyError::SeveralScenes));
+            rows.map(|rows| rows.len()).ok()
+        };
+        assert_eq!([failed(2), failed(3)], [Some(0), None]);
+        let mut known = Vec::new();
+        // Two questions a case: the fourth is asked after `b` was measured, and answered with no.
+        assert_eq!(run(&mut known, 4), (1, 2.0));
+        assert_eq!(known.len(), 1);
+        known[0].values = vec![Some(12.5)];
+        assert_eq!(run(&mut known, 100), (3, 2.0));
+        let values: Vec<_> = known.iter().map(|row| row.values[0]).collect();
+        assert_eq!(values, [Some(12.5), Some(1.0), Some(2.0)]);
     }
 }

@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::finder::BeamFinder;
+use super::card::BeamFinder;
 use crate::bvh::{Hit, Ray};
 use crate::cast::closest_hit_in;
 use crate::geom::Pose;
@@ -36,7 +36,7 @@ pub struct TargetSite {
 /// A target in place: the middle of its box in plan and the height of its ground, in the ego frame, metres. Its own
 /// axis lies along x.
 #[derive(Debug, Clone, Copy)]
-pub struct Standing<'a> {
+pub struct PlacedTarget<'a> {
     /// The target.
     pub target: &'a Target,
     /// Position of the target's origin.
@@ -79,12 +79,12 @@ struct Looking<'a> {
     model: &'a SensorModel,
     finder: &'a BeamFinder,
     ego_from_sensor: Pose,
-    ends: Ends<'a>,
+    ends: EndRanges<'a>,
     receiving: Option<&'a Receiving>,
 }
 
 /// Metres at which beams end at anything but a target.
-enum Ends<'a> {
+enum EndRanges<'a> {
     /// At the own body: looked up on demand. `known` holds the bits of metres, and NaN for beams not looked up yet.
     Body { body: &'a Frame, known: Vec<AtomicU32> },
     /// At hits that are known.
@@ -136,7 +136,7 @@ impl TargetSite {
     pub fn beams(
         &self,
         lidar: &SensorPose,
-        standing: &[Standing<'_>],
+        standing: &[PlacedTarget<'_>],
         enough: u32,
     ) -> Result<Vec<u32>, UnknownSensor> {
         let looking = self.looking_out(lidar)?;
@@ -150,12 +150,12 @@ impl TargetSite {
     pub fn met(
         &self,
         lidars: &[SensorPose],
-        standing: &[Standing<'_>],
+        standing: &[PlacedTarget<'_>],
         enough: u32,
     ) -> Result<Vec<bool>, UnknownSensor> {
         let looking = lidars.iter().map(|lidar| self.looking_out(lidar));
         let looking = looking.collect::<Result<Vec<_>, _>>()?;
-        let is_met = |standing: &Standing<'_>| {
+        let is_met = |standing: &PlacedTarget<'_>| {
             let mut left = enough;
             looking.iter().any(|lidar| {
                 left -= lidar.beams(standing, left).min(left);
@@ -172,7 +172,7 @@ impl TargetSite {
     pub fn beams_by_lidar(
         &self,
         lidars: &[SensorPose],
-        standing: &[Standing<'_>],
+        standing: &[PlacedTarget<'_>],
     ) -> Result<Vec<Vec<u32>>, UnknownSensor> {
         let of_lidar = lidars.par_iter().map(|lidar| self.beams(lidar, standing, u32::MAX));
         let by_lidar = of_lidar.collect::<Result<Vec<_>, _>>()?;
@@ -189,11 +189,11 @@ impl TargetSite {
         lidars: &[SensorPose],
         poses: &[Pose],
         hits: &[&[Hit]],
-        standing: &[Standing<'_>],
+        standing: &[PlacedTarget<'_>],
     ) -> Result<Vec<Vec<u32>>, UnknownSensor> {
         let of_lidar = |lidar: usize| {
             let model = self.sensors.number(&lidars[lidar])?;
-            let looking = self.looking(model, poses[lidar], Ends::Hits(hits[lidar]));
+            let looking = self.looking(model, poses[lidar], EndRanges::Hits(hits[lidar]));
             Ok(standing.iter().map(|standing| looking.beams(standing, u32::MAX)).collect())
         };
         let by_lidar = (0..lidars.len()).into_par_iter().map(of_lidar);
@@ -211,10 +211,15 @@ impl TargetSite {
         let beams = self.sensors.table(model).directions().len();
         let known = (0..beams).map(|_| AtomicU32::new(f32::NAN.to_bits())).collect();
         let pose = self.at_rest(model, lidar);
-        Ok(self.looking(model, pose, Ends::Body { body: &self.body, known }))
+        Ok(self.looking(model, pose, EndRanges::Body { body: &self.body, known }))
     }
 
-    fn looking<'a>(&'a self, model: usize, ego_from_sensor: Pose, ends: Ends<'a>) -> Looking<'a> {
+    fn looking<'a>(
+        &'a self,
+        model: usize,
+        ego_from_sensor: Pose,
+        ends: EndRanges<'a>,
+    ) -> Looking<'a> {
         let (of, receiving) = (&self.sensors.models()[model], self.receiving.as_ref());
         let finder = self.finders[model].get_or_init(|| BeamFinder::new(of.table.directions()));
         Looking { model: of, finder, ego_from_sensor, ends, receiving }
@@ -251,7 +256,7 @@ fn transposed(by_lidar: &[Vec<u32>], targets: usize) -> Vec<Vec<u32>> {
 
 impl Looking<'_> {
     /// Beams that meet a target first; counting ends at `enough`.
-    fn beams(&self, Standing { target, at }: &Standing<'_>, enough: u32) -> u32 {
+    fn beams(&self, PlacedTarget { target, at }: &PlacedTarget<'_>, enough: u32) -> u32 {
         let (origin, table) = (DVec3::from(*at), &self.model.table);
         let range = table.range();
         let [low, high] = target.corners.map(DVec3::from);
@@ -289,8 +294,8 @@ impl Looking<'_> {
     /// True if nothing else ends a beam within `metres`.
     fn reaches(&self, beam: usize, metres: f32) -> bool {
         let ends = match &self.ends {
-            Ends::Hits(hits) => end_of(&hits[beam]),
-            Ends::Body { body, known } => {
+            EndRanges::Hits(hits) => end_of(&hits[beam]),
+            EndRanges::Body { body, known } => {
                 let mut end = f32::from_bits(known[beam].load(Ordering::Relaxed));
                 if end.is_nan() {
                     let table = &self.model.table;

@@ -17,17 +17,15 @@
 
 mod beams;
 mod card;
-mod finder;
 mod places;
 mod rules;
-mod sight;
 mod table;
+
+pub use beams::{PlacedTarget, Receiving, TargetSite};
+pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges};
+pub use places::{CAR_WEIGHT, GroundBelow, Sight, SightBeams};
+pub use rules::RuleMet;
+pub use table::{Detection, TargetQuestion, TargetRow, TargetTable, is_bearing, is_distance};
+
 #[cfg(test)]
 mod tests;
-
-pub use beams::{Receiving, Standing, TargetSite};
-pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges};
-pub use places::GroundBelow;
-pub use rules::RuleMet;
-pub use sight::{CAR_WEIGHT, Sight, SightBeams};
-pub use table::{Detection, TargetQuestion, TargetRow, TargetTable, is_bearing, is_distance};

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::sight::{Sight, SightBeams};
+use super::places::{Sight, SightBeams};
 use crate::maths;
 use crate::near_field::RequiredGround;
 use crate::overlap::{Shares, connected_without, cut_off, part_connected};

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::beams::{Standing, TargetSite};
+use super::beams::{PlacedTarget, TargetSite};
 use super::card::{position, runs};
 use super::places::GroundBelow;
 use crate::engine::{Backend, BackendError};
@@ -93,7 +93,7 @@ struct InFrame<'a> {
     /// Number of the frame in the scene; `None` on level ground.
     number: Option<usize>,
     /// By place; `None` where there is no free ground.
-    standing: Vec<Option<Standing<'a>>>,
+    standing: Vec<Option<PlacedTarget<'a>>>,
     beams: Vec<Vec<u32>>,
 }
 
@@ -124,8 +124,9 @@ impl TargetQuestion {
     }
 
     /// Every target at its places on level ground, in the order of the rows.
-    pub(crate) fn on_level(&self) -> Vec<Standing<'_>> {
-        let at = |(target, bearing, distance)| Standing { target, at: position(distance, bearing) };
+    pub(crate) fn on_level(&self) -> Vec<PlacedTarget<'_>> {
+        let at =
+            |(target, bearing, distance)| PlacedTarget { target, at: position(distance, bearing) };
         self.places().map(at).collect()
     }
 
@@ -167,10 +168,10 @@ impl TargetQuestion {
                 let [x, y, _] = position(distance, bearing);
                 let wheels = wheels.as_ref()?;
                 let at = [x, y, ground.height(problem, (frame, wheels), target, [x, y])?];
-                Some(Standing { target, at })
+                Some(PlacedTarget { target, at })
             });
-            let standing: Vec<Option<Standing<'_>>> = standing.collect();
-            let there: Vec<Standing<'_>> = standing.iter().flatten().copied().collect();
+            let standing: Vec<Option<PlacedTarget<'_>>> = standing.collect();
+            let there: Vec<PlacedTarget<'_>> = standing.iter().flatten().copied().collect();
             let poses = batch.ego_from_sensors(frame);
             let beams = site.beams_in_scene(&placement.lidars, &poses, &hits, &there)?;
             frames.push(InFrame { number: Some(problem.number_of(frame)), standing, beams });

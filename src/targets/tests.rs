@@ -62,7 +62,7 @@ fn level_beams_on_a_box_are_those_of_its_angle() {
     let car = Target::named("car").unwrap();
     let lidar = SensorPose::at(0.0, 0.0, 1.0);
     let count = |distance: f64| {
-        let standing = [Standing { target: &car, at: position(distance, 0.0) }];
+        let standing = [PlacedTarget { target: &car, at: position(distance, 0.0) }];
         site.beams(&lidar, &standing, u32::MAX).unwrap()[0]
     };
     for distance in [5.0, 20.0, 60.0, 90.0] {
@@ -72,7 +72,7 @@ fn level_beams_on_a_box_are_those_of_its_angle() {
     // The front is beyond the range of the beams.
     assert_eq!(count(103.0), 0);
     // Counting ends early where it may.
-    let standing = [Standing { target: &car, at: position(5.0, 0.0) }];
+    let standing = [PlacedTarget { target: &car, at: position(5.0, 0.0) }];
     assert_eq!(site.beams(&lidar, &standing, 5).unwrap(), [5]);
 }
 
@@ -82,8 +82,8 @@ fn lidars_meet_a_target_together() {
     let (site, car) =
         (site(&beams, 100.0, &TriangleSoup::default()), Target::named("car").unwrap());
     let lidars = [0.7, 0.9, 1.1].map(|z| SensorPose::at(0.0, 0.0, z));
-    let at = |distance: f64| Standing { target: &car, at: position(distance, 0.0) };
-    let standing: Vec<Standing<'_>> = (2..20).map(|k| at(5.0 * f64::from(k))).collect();
+    let at = |distance: f64| PlacedTarget { target: &car, at: position(distance, 0.0) };
+    let standing: Vec<PlacedTarget<'_>> = (2..20).map(|k| at(5.0 * f64::from(k))).collect();
     let sums: Vec<u32> = site
         .beams_by_lidar(&lidars, &standing)
         .unwrap()
@@ -114,7 +114,7 @@ fn every_beam_is_counted_once_whatever_the_pose() {
         let target = Target::named(name).unwrap();
         for (distance, bearing) in [(3.0, 200.0), (6.0, 0.0), (12.0, 40.0), (35.0, -90.0)] {
             let at = position(distance, bearing);
-            let standing = [Standing { target: &target, at }];
+            let standing = [PlacedTarget { target: &target, at }];
             let found = site.beams_by_lidar(&lidars, &standing).unwrap();
             let [low, high] = target.corners.map(|corner| DVec3::from(corner) + DVec3::from(at));
             for (lidar, found) in lidars.iter().zip(&found[0]) {
@@ -159,7 +159,7 @@ fn hits_of_a_scene_stand_in_the_way_as_a_body_does() {
     let hits = table.directions().iter().map(|d| closest_hit_in(&frame, &poses[0], *d, 80.0));
     let hits: Vec<_> = hits.collect();
     for (distance, is_hidden) in [(5.0, false), (12.0, true)] {
-        let standing = [Standing { target: &car, at: position(distance, 0.0) }];
+        let standing = [PlacedTarget { target: &car, at: position(distance, 0.0) }];
         let in_scene = free.beams_in_scene(&lidars, &poses, &[&hits], &standing).unwrap();
         assert_eq!(in_scene, behind.beams_by_lidar(&lidars, &standing).unwrap());
         assert_eq!(in_scene[0][0] == 0, is_hidden, "{distance} m: {in_scene:?}");

@@ -1,7 +1,5 @@
 //! One CMA-ES search: ask, tell, stop.
 
-mod departures;
-
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -9,11 +7,10 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::BoundTransform;
-use crate::error::{MAX_POPULATION, check_length};
-use crate::options::{Candidate, CandidateOrigin};
+use crate::options::{Candidate, CandidateOrigin, MAX_POPULATION, check_length};
 use crate::state::{Roots, SearchDistribution};
 use crate::stop::CostHistory;
-use crate::{CmaError, CmaOptions, Constants, StopReason, maths};
+use crate::{CmaError, CmaOptions, Constants, StopReason, constants};
 
 /// Largest condition number of C whose decomposition is trusted.
 const MAX_CONDITION: f64 = 1e14;
@@ -212,8 +209,10 @@ impl Cma {
         let samples = self.constants.population - candidates.len();
         let z = DMatrix::from_fn(n, samples, |_, _| normal(&mut rng));
         // Eqs. 38 to 40: x = m + σ C^(1/2) z.
-        let y =
-            self.roots.as_ref().map_or_else(|| z.clone(), |roots| maths::product(&roots.root, &z));
+        let y = self
+            .roots
+            .as_ref()
+            .map_or_else(|| z.clone(), |roots| constants::product(&roots.root, &z));
         candidates.extend(y.column_iter().zip(z.column_iter()).map(|(y, z)| {
             let x = &self.state.mean + y * self.state.step_size;
             let (point, length) = (self.point_of(x.as_slice()), z.norm_squared());
@@ -304,7 +303,8 @@ impl Cma {
         }
         let n = self.constants.n as f64;
         let longest = n.sqrt() + 2.0 * n / (n + 2.0);
-        let length = maths::apply(&roots.inverse_root, &DVector::from_column_slice(step)).norm();
+        let length =
+            constants::apply(&roots.inverse_root, &DVector::from_column_slice(step)).norm();
         if length > longest {
             step.iter_mut().for_each(|y| *y *= longest / length);
         }
@@ -368,4 +368,82 @@ fn normal(rng: &mut ChaCha8Rng) -> f64 {
     const STEPS: f64 = (1_u64 << 40) as f64;
     let z: f64 = StandardNormal.sample(rng);
     if z.abs() > TAIL { (z * STEPS).round() / STEPS } else { z }
+}
+
+/// Deviations count as on their floor up to this multiple of it.
+const ON_FLOOR: f64 = 2.0;
+/// Farthest move of the best point onto a bound, as a share of the variable's range.
+const NEAR_BOUND: f64 = 0.1;
+/// Growth of the step size on a plateau that the search does not leave.
+const OFF_PLATEAU: f64 = 10.0;
+/// Longest pause between clipped points, in generations.
+const LONGEST_PAUSE: u32 = 16;
+
+impl Cma {
+    /// Applies all additions after an update; `order` sorts the candidates, best first.
+    fn adjust(&mut self, candidates: &[Candidate], order: &[usize]) {
+        if self.progress.stuck_on_plateau() {
+            self.state.step_size *= OFF_PLATEAU;
+        }
+        self.state.step_size = self.state.step_size.min(MAX_STEP_SIZE * self.first_step_size);
+        self.raise_deviations();
+        self.clip_next(candidates, order);
+    }
+
+    /// Grows σ by exp(0.2 + c_σ/d_σ): a generation of equal costs shows no direction.
+    fn widen(&mut self) {
+        let c = &self.constants;
+        self.state.step_size *= constants::exp(0.2 + c.c_sigma / c.d_sigma);
+    }
+
+    /// Standard deviation of variable `k` in the search space, σ √C_kk.
+    fn deviation(&self, k: usize) -> f64 {
+        self.state.step_size * self.state.cov[(k, k)].sqrt()
+    }
+
+    /// Moves the best point onto the bounds near it, for the next generation to evaluate.
+    ///
+    /// No clipped point comes twice in a row. A clipped point in the worse half doubles the
+    /// generations until the next one, up to [`LONGEST_PAUSE`]; one in the better half ends the pause.
+    fn clip_next(&mut self, candidates: &[Candidate], order: &[usize]) {
+        let Some(space) = &self.space else { return };
+        let rank = order.iter().position(|&i| candidates[i].origin == CandidateOrigin::Clipped);
+        self.clip_wait = self.clip_wait.saturating_sub(1);
+        if let Some(rank) = rank {
+            self.last_clip = self.clip.take();
+            let good = rank < self.constants.mu;
+            self.clip_wait = if good { 0 } else { self.clip_pause };
+            self.clip_pause = if good { 1 } else { (2 * self.clip_pause).min(LONGEST_PAUSE) };
+        }
+        let near = |k: usize| self.deviation(k).min(NEAR_BOUND);
+        self.clip = if self.clip_wait > 0 || self.constants.population < 4 {
+            None
+        } else {
+            let clipped = space.clipped(candidates[order[0]].point(), near);
+            clipped.filter(|clipped| self.last_clip.as_ref() != Some(clipped))
+        };
+    }
+
+    /// Raises every standard deviation to its floor, below which the cost is constant.
+    ///
+    /// Releases the floors once all deviations are on them and the costs no longer fall; see
+    /// [`Self::polish`].
+    fn raise_deviations(&mut self) {
+        let Some(floors) = &self.min_std else { return };
+        if self.polishing {
+            return;
+        }
+        let on_floor =
+            floors.iter().enumerate().all(|(k, floor)| self.deviation(k) <= ON_FLOOR * floor);
+        if on_floor && !self.progress.falls() {
+            self.polishing = true;
+            return;
+        }
+        for (k, floor) in floors.iter().enumerate() {
+            let least = (floor / self.state.step_size).powi(2);
+            if least.is_finite() && self.state.cov[(k, k)] < least {
+                self.state.cov[(k, k)] = least;
+            }
+        }
+    }
 }

@@ -1,9 +1,11 @@
 //! Strategy parameters: Table 1 of the tutorial.
 
-use crate::maths;
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use crate::error::MAX_POPULATION;
+use crate::options::MAX_POPULATION;
+
+pub(crate) use libm::{exp, log as ln, pow};
 
 /// Strategy parameters of Table 1 of the tutorial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -53,9 +55,8 @@ impl Constants {
         let lambda = population as f64;
         let mu = population / 2;
         // Eq. 49: w'_i = ln((λ + 1)/2) − ln i.
-        let raw: Vec<f64> = (1..=population)
-            .map(|i| maths::ln((lambda + 1.0) / 2.0) - maths::ln(i as f64))
-            .collect();
+        let raw: Vec<f64> =
+            (1..=population).map(|i| ln((lambda + 1.0) / 2.0) - ln(i as f64)).collect();
         let mass = |w: &[f64]| {
             let (sum, squares) = w.iter().fold((0.0, 0.0), |(s, q), w| (s + w, q + w * w));
             if squares > 0.0 { sum * sum / squares } else { 0.0 }
@@ -95,6 +96,32 @@ impl Constants {
 
     /// λ = 4 + ⌊3 ln n⌋, eq. 48.
     pub(super) fn default_population(n: usize) -> usize {
-        4 + (3.0 * maths::ln(n as f64)).floor() as usize
+        4 + (3.0 * ln(n as f64)).floor() as usize
     }
+}
+
+/// a·b, added to `sum`, term by term. The product of `nalgebra` takes other code where a processor has fused
+/// multiplication.
+pub(crate) fn add_product(sum: &mut DMatrix<f64>, a: &DMatrix<f64>, b: &DMatrix<f64>) {
+    for (column, mut sum) in b.column_iter().zip(sum.column_iter_mut()) {
+        for (a, &b) in a.column_iter().zip(&column) {
+            sum.iter_mut().zip(&a).for_each(|(sum, a)| *sum += a * b);
+        }
+    }
+}
+
+/// a·b.
+pub(crate) fn product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut product = DMatrix::zeros(a.nrows(), b.ncols());
+    add_product(&mut product, a, b);
+    product
+}
+
+/// a·x.
+pub(crate) fn apply(a: &DMatrix<f64>, x: &DVector<f64>) -> DVector<f64> {
+    let mut sum = DVector::zeros(a.nrows());
+    for (a, &x) in a.column_iter().zip(x) {
+        sum.iter_mut().zip(&a).for_each(|(sum, a)| *sum += a * x);
+    }
+    sum
 }

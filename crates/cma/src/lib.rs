@@ -7,18 +7,16 @@
 mod bounds;
 mod cma;
 mod constants;
-mod error;
-mod maths;
 mod options;
 mod restarts;
 mod state;
 mod stop;
-#[cfg(test)]
-mod tests;
 
 pub use cma::Cma;
 pub use constants::Constants;
-pub use error::CmaError;
-pub use options::{Candidate, CmaOptions};
+pub use options::{Candidate, CmaError, CmaOptions};
 pub use restarts::{Ended, RestartOptions, RestartStrategy, Restarts};
 pub use stop::StopReason;
+
+#[cfg(test)]
+mod tests;

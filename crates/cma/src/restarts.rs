@@ -4,10 +4,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::error::check_bounds;
-use crate::error::{MAX_POPULATION, MOST_COUNTED};
-use crate::maths;
-use crate::{Candidate, Cma, CmaError, CmaOptions, StopReason};
+use crate::options::{MAX_POPULATION, MOST_COUNTED, check_bounds};
+use crate::{Candidate, Cma, CmaError, CmaOptions, StopReason, constants};
 
 /// Smallest population of a small instance, unless the first instance's is smaller still.
 const LEAST_POPULATION: usize = 4;
@@ -231,10 +229,10 @@ impl Restarts {
         let (population, step_size, budget) = if small {
             let (u, v): (f64, f64) = (rng.random(), rng.random());
             let largest = doubled(self.large.instances.saturating_sub(1)) as f64;
-            let population = first as f64 * maths::pow(0.5 * largest / first as f64, u * u);
+            let population = first as f64 * constants::pow(0.5 * largest / first as f64, u * u);
             (
                 (population as usize).max(LEAST_POPULATION.min(first)),
-                self.step_size * maths::pow(10_f64, -2.0 * v),
+                self.step_size * constants::pow(10_f64, -2.0 * v),
                 self.last_large.map(|evaluations| evaluations / 2),
             )
         } else {

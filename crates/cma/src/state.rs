@@ -4,9 +4,8 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use serde::de::{Error as _, IgnoredAny};
 use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::Constants;
-use crate::error::MOST_COUNTED;
-use crate::maths;
+use crate::options::MOST_COUNTED;
+use crate::{Constants, constants};
 
 /// Floor of the eigenvalues, as a share of the largest: rounding makes small ones negative.
 const EIGENVALUE_FLOOR: f64 = 1e-15;
@@ -100,7 +99,7 @@ impl SearchDistribution {
         let with = |scale: DVector<f64>| {
             let mut scaled = basis.clone();
             scaled.column_iter_mut().zip(&scale).for_each(|(mut column, &scale)| column *= scale);
-            maths::product(&scaled, &turned)
+            constants::product(&scaled, &turned)
         };
         Some(Roots {
             root: with(values.map(f64::sqrt)),
@@ -122,18 +121,18 @@ impl SearchDistribution {
         // Eqs. 38 and 39, c_m = 1.
         let weights = DVector::from_column_slice(&c.weights);
         let best = steps.columns(0, c.mu).into_owned();
-        let step = maths::apply(&best, &weights.rows(0, c.mu).into_owned());
+        let step = constants::apply(&best, &weights.rows(0, c.mu).into_owned());
         self.mean += &step * self.step_size;
         // Eq. 43.
         self.path_sigma = &self.path_sigma * (1.0 - c.c_sigma)
-            + maths::apply(&roots.inverse_root, &step)
+            + constants::apply(&roots.inverse_root, &step)
                 * (c.c_sigma * (2.0 - c.c_sigma) * c.mu_eff).sqrt();
         let length = self.path_sigma.norm();
         // Eq. 44.
-        self.step_size *= maths::exp(c.c_sigma / c.d_sigma * (length / c.chi_n - 1.0));
+        self.step_size *= constants::exp(c.c_sigma / c.d_sigma * (length / c.chi_n - 1.0));
         // Below eq. 45: h_σ stalls p_c while σ grows fast.
         self.generation += 1;
-        let seen = 1.0 - maths::pow(1.0 - c.c_sigma, 2.0 * self.generation as f64);
+        let seen = 1.0 - constants::pow(1.0 - c.c_sigma, 2.0 * self.generation as f64);
         let h_sigma = length / seen.sqrt() < (1.4 + 2.0 / (n + 1.0)) * c.chi_n;
         let h = f64::from(u8::from(h_sigma));
         // Eq. 45.
@@ -159,7 +158,7 @@ impl SearchDistribution {
         }
         self.cov *= 1.0 + c.c_1 * lost - c.c_1 - c.c_mu * weights.sum();
         self.cov.ger(c.c_1, &self.path_c, &self.path_c, 1.0);
-        maths::add_product(&mut self.cov, &scaled, &steps.columns(0, used).transpose());
+        constants::add_product(&mut self.cov, &scaled, &steps.columns(0, used).transpose());
         self.cov = (&self.cov + self.cov.transpose()) * 0.5;
         h_sigma
     }

@@ -5,9 +5,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::CmaOptions;
-use crate::error::MOST_COUNTED;
-use crate::maths;
+use crate::options::MOST_COUNTED;
+use crate::{CmaOptions, constants};
 
 /// Generations whose costs must all agree before the search counts as converged.
 const AGREEING: usize = 10;
@@ -83,7 +82,7 @@ pub(super) struct CostHistory {
 impl CostHistory {
     pub(super) fn new(options: &CmaOptions, n: usize, population: usize) -> Self {
         let (n, population) = (n as f64, population as f64);
-        let memory = 200.0 + 200.0 * maths::pow(n, 1.5) / population;
+        let memory = 200.0 + 200.0 * constants::pow(n, 1.5) / population;
         Self {
             target: options.target,
             budget: options.budget,

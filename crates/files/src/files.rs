@@ -14,13 +14,12 @@ mod guard;
 mod paths;
 mod run_dir;
 mod whole;
-mod whole_folder;
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 pub use crate::npy::{LinePerElement, write_npy};
-pub use folder::{Input, shared_folder};
+pub use folder::{Input, shared_folder, writable_folder, write_folder};
 pub use guard::{
     Session, Temporary, is_forced, is_no_input, open, read, read_own, remove_temporaries, sweep,
     will_read,
@@ -30,7 +29,6 @@ pub use run_dir::{RunDir, command_of, holds_run};
 pub use whole::{
     begin_in, sync_disk, writable_file, write_many, write_own, write_pair, write_whole,
 };
-pub use whole_folder::{writable_folder, write_folder};
 
 /// Why a file or folder cannot be read, written or gone on with.
 #[derive(Debug, thiserror::Error)]

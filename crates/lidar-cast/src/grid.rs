@@ -6,10 +6,10 @@ use serde::Serialize;
 /// Most voxels of a grid: indices fit 31 bits.
 pub const VOXEL_LIMIT: u64 = 1 << 31;
 /// Most voxels along one axis: plane numbers are exact in `f32`.
-pub const AXIS_LIMIT: u32 = 1 << 24;
+const AXIS_LIMIT: u32 = 1 << 24;
 
 /// Longest edge of a voxel, in metres.
-pub const EDGE_LIMIT: f64 = 1e6;
+const EDGE_LIMIT: f64 = 1e6;
 
 /// Error of a voxel grid. Field names (`roi_min`, `voxel`, `shape`) match the P-SOG file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

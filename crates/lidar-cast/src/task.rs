@@ -1,6 +1,5 @@
 //! All that is fixed while placements vary: frames, voxels and their worth, sensor models.
 
-mod batch;
 mod content;
 mod world;
 
@@ -14,12 +13,11 @@ use crate::geom::Pose;
 use crate::grid::Roi;
 use crate::sensor::Sensors;
 
-pub use batch::{
-    DevicePose, Entropy, HIT_PUSH, KINDS, NO_CROSSING, OccupiedVoxel, REPEATS, SensorBatch,
-    TINY_COMPONENT, beam_direction, beam_origin,
-};
 pub use content::{Content, RequiredArea, Requirement, StageTimes, Tally};
-pub use world::{Frame, Instance, World};
+pub use world::{
+    DevicePose, Entropy, Frame, HIT_PUSH, Instance, KINDS, NO_CROSSING, OccupiedVoxel, REPEATS,
+    SensorBatch, TINY_COMPONENT, World, beam_direction, beam_origin,
+};
 
 /// `wanted` of `count` frames, spread evenly from the first on; all of them if `None`.
 pub fn spread(count: usize, wanted: Option<u32>) -> Vec<usize> {

@@ -1,18 +1,16 @@
 //! Weather and faults in scans, computed for each beam.
 
 mod condition;
-mod faults;
 mod fog;
 mod snow;
-mod snow_tables;
-#[cfg(test)]
-mod tests;
 
 use crate::Status;
-use crate::chance::Purpose;
+use crate::fires::Purpose;
 
-pub use condition::{Condition, ConditionError, ConditionKind};
-pub use faults::{Crosstalk, IncompleteEcho, MotionBlur, WetGround, holds_water};
+pub use condition::{
+    Condition, ConditionError, ConditionKind, Crosstalk, IncompleteEcho, MotionBlur, WetGround,
+    holds_water,
+};
 pub use fog::Fog;
 pub use snow::{FallEffect, Falling, Flake, JoinedEcho};
 
@@ -91,3 +89,6 @@ pub fn weather(conditions: &[Condition]) -> Result<Weather, ConditionError> {
     }
     Ok(weather)
 }
+
+#[cfg(test)]
+mod tests;

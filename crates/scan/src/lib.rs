@@ -2,7 +2,6 @@
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
-mod chance;
 pub mod conditions;
 mod fires;
 mod hits;

@@ -2,11 +2,12 @@
 //!
 //! A surface's share of the light depends on its class and its object.
 
-use crate::NO_INSTANCE;
-use crate::chance::{Chance, Purpose};
-use crate::conditions::{self, Weather};
 use sightline_scene::scene::{Reflectances, Scene};
 use sightline_scene::vehicle::Response;
+
+use crate::conditions::Weather;
+use crate::fires::{Chance, Purpose};
+use crate::{NO_INSTANCE, conditions};
 
 /// Standard deviations of the threshold beyond which nothing is left to chance.
 const CERTAIN: f64 = 5.0;
@@ -154,7 +155,7 @@ impl Reflectance {
     }
 
     /// True if objects of a class differ.
-    pub fn is_mixed(&self, class: u16) -> bool {
+    fn is_mixed(&self, class: u16) -> bool {
         self.mixed.get(usize::from(class)).is_some_and(|&mixed| mixed)
     }
 }

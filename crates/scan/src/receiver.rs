@@ -1,16 +1,15 @@
 //! From the surfaces that a beam meets to the returns that the sensor reports: power, threshold, noise, echoes.
 
 use glam::{DVec3, Vec3};
+use sightline_scene::vehicle::Echoes;
 
-use crate::chance::{Chance, Purpose};
 use crate::conditions::{Flake, JoinedEcho};
-use crate::fires::BeamPlace;
+use crate::fires::{BeamPlace, Chance, Purpose};
 use crate::optics::{Optics, is_seen};
 use crate::rim::{RAYS, Rims, ray_share};
 use crate::station::SurfaceHit;
-use crate::sweep::{Sweep, Sweeper};
+use crate::sweep::{FiredBeams, Sweeper};
 use crate::{NO_CLASS, NO_INSTANCE, Return, Status};
-use sightline_scene::vehicle::Echoes;
 
 /// Power in units of the threshold at which the noise begins to grow, and how far it grows.
 const STRONG: f64 = 9.0;
@@ -19,7 +18,7 @@ const MOST_NOISE: f64 = 3.0;
 /// Turns the hits of one LiDAR in a frame into returns.
 pub(super) struct Receiver<'a> {
     pub sweeper: &'a Sweeper,
-    pub sweep: &'a Sweep,
+    pub sweep: &'a FiredBeams,
     /// None of beams without width.
     pub rims: Option<&'a Rims<'a>>,
     pub optics: &'a Optics,
@@ -278,7 +277,7 @@ impl Echo {
     const NONE: Self = Self { range: 0.0, power: 0.0, ray: None, status: Status::Miss };
 
     /// Echo of fog, snow or rain.
-    pub fn of_medium(range: f64, power: f64, status: Status) -> Self {
+    fn of_medium(range: f64, power: f64, status: Status) -> Self {
         Self { range, power, ray: None, status }
     }
 

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::fires::{BeamPlace, Fires};
 use crate::stage::Stage;
 use crate::station::{Edge, Faces, SurfaceHit};
-use crate::sweep::{COLUMNS_A_TASK, ScanDevice, Sweep, Sweeper};
+use crate::sweep::{COLUMNS_A_TASK, FiredBeams, ScanDevice, Sweeper};
 use lidar_cast::bvh::Hit;
 use lidar_cast::cast::{self, BundleTree, Rays, TraversalStack, all_hit, closer_hits_of_bundle};
 use lidar_cast::maths;
@@ -38,7 +38,7 @@ impl<'r> Rims<'r> {
         sweeper: &'r Sweeper,
         stage: &'r Stage,
         device: &'r ScanDevice,
-        sweep: &'r Sweep,
+        sweep: &'r FiredBeams,
     ) -> Option<Self> {
         if sweeper.width <= 0.0 {
             return None;
@@ -87,7 +87,7 @@ struct RimCaster<'a> {
     sweeper: &'a Sweeper,
     stage: &'a Stage,
     device: &'a ScanDevice,
-    sweep: &'a Sweep,
+    sweep: &'a FiredBeams,
 }
 
 impl RimCaster<'_> {

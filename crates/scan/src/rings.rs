@@ -34,7 +34,7 @@ impl Rings {
         let spacing = settings.spacing.unwrap_or(SPACING * roi.voxel()[0].max(roi.voxel()[1]));
         let reach =
             roi.min()[..2].iter().chain(&roi.max()[..2]).fold(0.0f64, |r, x| r.max(x.abs()));
-        let view = View { height: settings.height, top: roi.max()[2], reach };
+        let view = ResolvedSpace { height: settings.height, top: roi.max()[2], reach };
         let step = (spacing / reach).max(TAU / MAX_STEPS);
         let all_around = (TAU / step).ceil();
         let ring = |(elevation, extent): (f64, f64)| {
@@ -73,13 +73,13 @@ pub(super) fn table(rings: &[Ring], range: f64) -> Result<BeamTable, SensorError
 
 /// Space that a scanner must resolve: level ground `height` below it, up to `top` above the ground and
 /// `reach` away, in metres.
-struct View {
+struct ResolvedSpace {
     height: f64,
     top: f64,
     reach: f64,
 }
 
-impl View {
+impl ResolvedSpace {
     /// How far away a beam of this elevation is between the ground and the top, at most `reach`.
     fn extent(&self, elevation: f64) -> f64 {
         let drop = if elevation < 0.0 { self.height } else { self.height - self.top };

@@ -22,7 +22,7 @@ use sightline_scene::vehicle::SensorModel;
 pub(super) const COLUMNS_A_TASK: usize = 16;
 /// Bytes of a beam in a [`Sweeper`].
 pub(super) const BYTES_OF_RAYS: u64 = size_of::<Rays>() as u64;
-/// Bytes of a beam in a [`Sweep`].
+/// Bytes of a beam in a [`FiredBeams`].
 pub(super) const BYTES_OF_A_SWEEP: u64 =
     (size_of::<SurfaceHit>() + size_of::<[Hit; RING]>()) as u64;
 
@@ -41,7 +41,7 @@ pub(super) struct Sweeper {
 }
 
 /// A LiDAR's beams of a frame.
-pub(super) struct Sweep {
+pub(super) struct FiredBeams {
     /// Surface of each beam, in firing order.
     pub surfaces: Vec<SurfaceHit>,
     /// One station for each firing; a single one where all beams fire at once.
@@ -50,7 +50,7 @@ pub(super) struct Sweep {
     pub rims: Option<Vec<[Hit; RING]>>,
 }
 
-impl Sweep {
+impl FiredBeams {
     /// Where the sensor stands at the frame's time.
     pub fn first(&self) -> &Station {
         &self.stations[0]
@@ -103,7 +103,7 @@ impl Sweeper {
         ego_from_sensor: &Pose,
         frame_time: f64,
         rolling: bool,
-    ) -> Sweep {
+    ) -> FiredBeams {
         let moves = rolling && !motions.are_still() && self.fires.firings() > 1;
         let stations = if moves {
             self.stations(stage, motions, ego_from_sensor, frame_time)
@@ -125,7 +125,7 @@ impl Sweeper {
                 tasks.for_each(|(k, (hits, surfaces))| {
                     self.meet(stage, &stations, k * COLUMNS_A_TASK, hits, surfaces);
                 });
-                Sweep { surfaces, stations, rims: None }
+                FiredBeams { surfaces, stations, rims: None }
             }
         }
     }
@@ -136,7 +136,7 @@ impl Sweeper {
     }
 
     /// Hits of neighbouring columns that are cast together, with all rims.
-    fn windows(&self, stage: &Stage, walk: &FiringWalk, stations: Vec<Station>) -> Sweep {
+    fn windows(&self, stage: &Stage, walk: &FiringWalk, stations: Vec<Station>) -> FiredBeams {
         let (range, beams) = (self.model.table.range(), self.rays.len());
         let together = walk.together();
         // Zeros take their memory when they are written over, window by window, side by side.
@@ -153,7 +153,7 @@ impl Sweeper {
             walk.closest_hits(steps, &parts, rays, range, hits, rims);
             self.meet(stage, &stations, from, hits, surfaces);
         });
-        Sweep { surfaces, stations, rims: Some(rims) }
+        FiredBeams { surfaces, stations, rims: Some(rims) }
     }
 
     /// Surfaces by the hits of the beams that fire from some firing on.
@@ -259,7 +259,7 @@ impl ScanDevice {
     }
 
     /// True if the device casts.
-    pub fn is_at_work(&self) -> bool {
+    fn is_at_work(&self) -> bool {
         self.caster.is_some() && self.failure.get().is_none()
     }
 

@@ -3,17 +3,18 @@
 use std::sync::{Arc, Mutex};
 
 use glam::DVec3;
-use rayon::prelude::*;
-
-use super::chance::{Chance, Purpose};
-use super::conditions::{self, Condition, FallEffect, Flake, JoinedEcho};
-use super::optics::{Optics, is_seen};
-use super::stage::Stage;
 use lidar_cast::bvh::Hit;
 use lidar_cast::geom::Pose;
+use rayon::prelude::*;
 use sightline_scene::problem::{Air, Frame, Problem, SensorBatch};
 use sightline_scene::scene::{Coverage, Scene};
 use sightline_scene::vehicle::{Echoes, Response};
+
+use super::conditions;
+use super::conditions::{Condition, FallEffect, Flake, JoinedEcho};
+use super::optics::{Optics, is_seen};
+use super::stage::Stage;
+use crate::fires::{Chance, Purpose};
 
 /// Reflectance of a target that faces the sensor, by which beams that meet nothing are cut: farther than it
 /// would be seen they tell nothing.

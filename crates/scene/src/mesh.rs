@@ -29,12 +29,12 @@ use glam::DVec3;
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Place, read_limited};
+use sightline_files::json::{DescriptionError, Location, read_limited};
 
-pub use robot::{Geometry, Part, RobotFile};
+pub use robot::{Geometry, RobotFile, RobotPart};
 
 /// Reads the mesh named at `at`; the ending of its name tells the format.
-pub fn load(at: &Place, file: &Path) -> Result<RawMesh, DescriptionError> {
+pub fn load(at: &Location, file: &Path) -> Result<RawMesh, DescriptionError> {
     let fault = |f: MeshFault| DescriptionError::Mesh {
         at: Box::new(at.clone()),
         mesh: file.to_owned(),
@@ -250,7 +250,7 @@ pub struct Placing {
 impl Placing {
     /// Checks the keys `axes`, `scale`, `translate` and `roll`, `pitch`, `yaw` of a mesh.
     pub fn new(
-        at: &Place,
+        at: &Location,
         axes: Option<&str>,
         scale: Option<f64>,
         translate: [f64; 3],
@@ -284,7 +284,7 @@ impl Placing {
     }
 
     /// A note on the forward axis of a glTF that neither the description nor the file names.
-    pub fn note(&self, at: &Place, file: &Path, mesh: &RawMesh) -> Option<Note> {
+    pub fn note(&self, at: &Location, file: &Path, mesh: &RawMesh) -> Option<Note> {
         let open = is_gltf(file) && self.axes.or(mesh.axes).is_none();
         open.then(|| {
             Note::fact(format!(
@@ -298,7 +298,7 @@ impl Placing {
     /// The vertices of a mesh in its owner's frame, in metres.
     pub fn vertices(
         &self,
-        at: &Place,
+        at: &Location,
         file: &Path,
         mesh: &RawMesh,
     ) -> Result<Vec<DVec3>, DescriptionError> {

@@ -9,7 +9,6 @@
 mod classes;
 mod description;
 mod doubts;
-mod own;
 mod parts;
 mod polygon;
 mod reading;
@@ -19,29 +18,27 @@ mod shapes;
 mod solid;
 pub mod street;
 mod target;
-#[cfg(test)]
-mod tests;
 
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use glam::DVec3;
+use lidar_cast::geom::{Pose, TriangleSoup};
+use sightline_files::json::check;
+use sightline_files::{Note, json};
 
 use crate::vehicle::{Constraints, Lidar, MountRules, SensorError, Sensors, Vehicle};
 use classes::Classes;
 use description::{ActorDescription, EgoDescription, ShapeDescription};
-use lidar_cast::geom::{Pose, TriangleSoup};
-use own::{OwnBodies, OwnBody};
+use parts::{OwnBodies, OwnBody};
 use route::Motion;
 use shapes::Builder;
-use sightline_files::Note;
-use sightline_files::json::{self, check};
 use solid::Solid;
 
 pub use classes::{ActorKind, DEFAULT_CLASSES, Ground, Reflectances};
 pub use parts::{PartOwner, Track};
 pub use settings::{Coverage, PsogSource, RoiBounds, ScanSettings};
-pub use sightline_files::json::{DescriptionError, FileKind, Place};
+pub use sightline_files::json::{DescriptionError, FileKind, Location};
 pub use street::street;
 pub use target::{Target, preset_targets};
 
@@ -101,7 +98,7 @@ struct SceneGeometry {
 impl SceneGeometry {
     fn new(
         builder: &mut Builder<'_>,
-        top: &Place,
+        top: &Location,
         world: &[ShapeDescription],
         actors: &[ActorDescription],
         ego: Option<&EgoDescription>,
@@ -138,7 +135,7 @@ impl SceneGeometry {
     }
 
     /// The number of frames: `given`, or as many as the ego has poses; whatever moves has as many.
-    fn frames(&self, top: &Place, given: Option<u64>) -> Result<usize, DescriptionError> {
+    fn frames(&self, top: &Location, given: Option<u64>) -> Result<usize, DescriptionError> {
         let frames = match (given, &self.ego) {
             (Some(n), _) => check::count(&top.key("frames"), n, 1, MAX_FRAMES)? as usize,
             (None, Some(Motion::Poses(poses))) => {
@@ -226,7 +223,7 @@ impl Scene {
         rules: &MountRules,
         name_for_errors: &str,
     ) -> Result<Self, DescriptionError> {
-        let at = Place::top(name_for_errors).key("mount");
+        let at = Location::top(name_for_errors).key("mount");
         Ok(Self { vehicle: self.vehicle.narrowed(&at, rules)?, ..self })
     }
 
@@ -349,3 +346,6 @@ impl Scene {
         soup
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,11 +4,9 @@ use glam::DVec2;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use crate::mask::{HOUSE, Mask, ROAD, THING, WALK};
-use crate::model::{GroundRect, Model, class};
-use crate::network::{Network, Street, left_of};
+use crate::network::{GroundRect, Model, Network, Street, class, left_of};
 use crate::style::Style;
-use crate::surfaces::Terrain;
+use crate::surfaces::{HOUSE, Mask, ROAD, THING, Terrain, WALK};
 
 /// Metres of a storey.
 const STOREY: f64 = 3.0;

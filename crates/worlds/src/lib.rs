@@ -7,25 +7,22 @@
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
-mod fleet;
 mod houses;
-mod kinds;
-mod mask;
-mod model;
 mod network;
 mod opendrive;
 mod population;
 mod roads;
-mod scene_file;
 mod style;
 mod surfaces;
+
+pub use style::WorldKind;
+pub use world::{
+    GeneratedWorld, WorldError, generate, import_opendrive, mesh_shape, read_opendrive, write_ply,
+};
+
 #[cfg(test)]
 #[cfg(feature = "mesh")]
 mod tests;
 mod things;
 mod traffic;
 mod world;
-
-pub use scene_file::{mesh_shape, write_ply};
-pub use style::WorldKind;
-pub use world::{GeneratedWorld, WorldError, generate, import_opendrive, read_opendrive};

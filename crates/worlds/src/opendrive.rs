@@ -6,7 +6,6 @@
 mod document;
 mod doubts;
 mod objects;
-mod reach;
 
 use std::collections::BTreeMap;
 

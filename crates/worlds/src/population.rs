@@ -4,10 +4,10 @@ use glam::{DVec2, DVec3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use crate::fleet::{self, ActorModel};
 use crate::network::{Line, Network, Street, left_of};
 use crate::style::Style;
-use crate::traffic::{ActorPose, Traffic, Trajectory, stand_on, way};
+use crate::traffic;
+use crate::traffic::{ActorModel, ActorPose, Traffic, Trajectory, stand_on, way};
 
 /// Metres from the ego's way within which things move.
 const NEAR: f64 = 95.0;
@@ -85,7 +85,7 @@ impl PopulationSettings<'_> {
                 continue;
             }
             let mut people = self.around(&line, start, end, rng);
-            let (_, size) = fleet::ego();
+            let (_, size) = traffic::ego();
             let ego = people.scene.drive(&line, start, speed, self.rate, size);
             let driven = ego.stand(self.frames - 1).at.distance(ego.stand(0).at);
             if (self.frames > 1 && driven < 0.5 * speed * (seconds - 1.0 / self.rate))
@@ -118,7 +118,7 @@ impl PopulationSettings<'_> {
         people.scene.frames = self.frames;
         for (kind, count) in MODELS {
             for number in 0..count {
-                people.models.push(fleet::model(kind, number, rng));
+                people.models.push(traffic::model(kind, number, rng));
             }
         }
         let near = near(line, start, end);

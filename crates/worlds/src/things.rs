@@ -1,16 +1,16 @@
 //! Roadside objects: trees, lamps, signs, lights, rails, benches, bins and goods.
 
 use glam::{DVec2, DVec3};
+use lidar_cast::maths;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::houses::fence;
-use crate::mask::{HOUSE, MapObjects, Mask, ROAD, THING, WALK};
-use crate::model::{GroundRect, Model, class};
-use crate::network::{KERB, Line, Network, Post, Street, StripUse, left_of};
+use crate::network::{
+    GroundRect, KERB, Line, Model, Network, Post, Street, StripUse, class, left_of,
+};
 use crate::style::Style;
-use crate::surfaces::Terrain;
-use lidar_cast::maths;
+use crate::surfaces::{HOUSE, MapObjects, Mask, ROAD, THING, Terrain, WALK};
 
 /// Draws the roadside objects of one network into a model.
 pub struct StreetFurniture<'a> {

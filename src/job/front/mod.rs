@@ -15,7 +15,6 @@
 mod axis;
 mod pareto;
 mod pool;
-mod state;
 mod sweep;
 
 use std::fmt;
@@ -27,13 +26,12 @@ use super::{Job, JobError};
 use crate::score::{Objective, Scores};
 use crate::search::{Observer, SceneScores, TimeLimit};
 use crate::vehicle::Placement;
+use pareto::{FrontProgress, Objectives, knee};
+use pool::{FrontCandidate, Pool};
+use sweep::{End, FrontSweep, PoseCaster};
 
 pub use axis::{FrontError, FrontObjective, FrontObjectives};
-use pareto::{Standing, knee};
-use pool::{Candidate, Pool};
-pub use state::FrontState;
-use state::Kept;
-use sweep::{Casting, End, Sweep};
+pub use pareto::FrontState;
 
 /// Share of the time limit for the choices of sensors: half where poses are searched afterwards, else nearly all.
 const CHOICES_SHARE: [f64; 2] = [0.4, 0.85];
@@ -165,16 +163,21 @@ impl Job {
         observer: &mut dyn Observer,
     ) -> Result<Front, JobError> {
         self.check_front(objectives)?;
-        let kept = &mut Kept { state, tell: keep };
+        let kept = &mut FrontProgress { state, tell: keep };
         let (vehicle, requires) = (self.scene().vehicle(), self.requires()?);
         let suite = self.suite()?;
         let own = &self.settings.objective;
         let own = if own.is_information_gain() { own.clone() } else { Objective::default() };
-        let sweep = Sweep::new(objectives, vehicle, self.most_money(), requires, &own);
+        let sweep = FrontSweep::new(objectives, vehicle, self.most_money(), requires, &own);
         let share = CHOICES_SHARE[usize::from(self.settings.evaluations == 0)];
         let deadline = self.settings.time.map(|time| time.start + time.length.mul_f64(share));
-        let casting =
-            Casting { sweep: &sweep, suite: &suite, vehicle, settings: &self.settings, deadline };
+        let casting = PoseCaster {
+            sweep: &sweep,
+            suite: &suite,
+            vehicle,
+            settings: &self.settings,
+            deadline,
+        };
         let (chosen, mut end) = sweep.run(&casting, kept, observer)?;
         if chosen.is_empty() && end == End::Interrupted {
             return Ok(Front {
@@ -247,8 +250,10 @@ fn picks(
     points: &[FrontPoint],
     requires: bool,
 ) -> Vec<(Pick, usize)> {
-    let standings: Vec<Standing> =
-        points.iter().map(|point| Standing::new(objectives, &point.values, point.meets)).collect();
+    let standings: Vec<Objectives> = points
+        .iter()
+        .map(|point| Objectives::new(objectives, &point.values, point.meets))
+        .collect();
     let sensors = |k: usize| points[k].placement.lidars.len();
     let cheapest = (0..points.len()).filter(|&k| requires && points[k].meets).min_by(|&a, &b| {
         let by_price = points[a].price.total_cmp(&points[b].price);
@@ -257,7 +262,7 @@ fn picks(
     let mut picks: Vec<(Pick, usize)> = cheapest.map(|k| (Pick::Cheapest, k)).into_iter().collect();
     picks.extend(knee(&standings).map(|k| (Pick::Knee, k)));
     for (axis, objective) in objectives.all().iter().enumerate() {
-        // Of equal ones the first that meets all requirements, if there is one.
+        // Ties go to the first that meets all requirements, if there is one.
         let best = (0..points.len()).min_by(|&a, &b| {
             let [a, b] = [&standings[a], &standings[b]];
             a.values[axis].total_cmp(&b.values[axis]).then(b.meets.cmp(&a.meets))
@@ -268,8 +273,8 @@ fn picks(
 }
 
 /// A point from a candidate, with the name of its place on the front.
-fn point(candidate: Candidate, number: usize) -> FrontPoint {
-    let Candidate { placement, values, price, equipment, meets, judged, .. } = candidate;
+fn point(candidate: FrontCandidate, number: usize) -> FrontPoint {
+    let FrontCandidate { placement, values, price, equipment, meets, judged, .. } = candidate;
     FrontPoint {
         placement: Placement { name: format!("front-{number}"), ..placement },
         values,

@@ -1,17 +1,23 @@
 //! Pareto filter over two or three objectives, and the knee of a front.
 
+use serde::{Deserialize, Serialize};
+
+use crate::score::Objective;
+use crate::search::{Equipped, Limits};
+use crate::vehicle::{Equipment, Placement};
+
 /// Distance below which a point does not stand out of the plane between the extremes.
 const FLAT: f64 = 1e-9;
 
 /// Values of a point, turned so that less is better.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Standing {
+pub(super) struct Objectives {
     pub values: Vec<f64>,
     /// All requirements are met.
     pub meets: bool,
 }
 
-impl Standing {
+impl Objectives {
     /// True if no value is worse than the other point's. A point that misses a requirement takes the place of none that
     /// meets all.
     fn is_no_worse_than(&self, other: &Self) -> bool {
@@ -21,7 +27,7 @@ impl Standing {
 }
 
 /// Numbers of the points that no other point beats; of equal ones the first.
-pub(super) fn front(points: &[Standing]) -> Vec<usize> {
+pub(super) fn front(points: &[Objectives]) -> Vec<usize> {
     let is_beaten = |k: usize| {
         (0..points.len()).any(|other| {
             let (one, other_one) = (&points[k], &points[other]);
@@ -34,14 +40,14 @@ pub(super) fn front(points: &[Standing]) -> Vec<usize> {
 
 /// The point with the greatest distance from the line or plane between the extremes, on the side of better values; each
 /// axis is scaled to [0, 1]. `None` where no point stands out.
-pub(super) fn knee(points: &[Standing]) -> Option<usize> {
+pub(super) fn knee(points: &[Objectives]) -> Option<usize> {
     let axes = points.first()?.values.len();
     let column = |axis: usize| points.iter().map(move |point| point.values[axis]);
     let low: Vec<f64> = (0..axes).map(|axis| column(axis).fold(f64::MAX, f64::min)).collect();
     let high: Vec<f64> = (0..axes).map(|axis| column(axis).fold(f64::MIN, f64::max)).collect();
     // An axis on which all points are equal says nothing.
     let axes: Vec<usize> = (0..axes).filter(|&axis| high[axis] > low[axis]).collect();
-    let scale = |point: &Standing| -> Vec<f64> {
+    let scale = |point: &Objectives| -> Vec<f64> {
         let one = |&axis: &usize| (point.values[axis] - low[axis]) / (high[axis] - low[axis]);
         axes.iter().map(one).collect()
     };
@@ -106,6 +112,108 @@ fn solved(rows: [[f64; 3]; 3]) -> Option<[f64; 3]> {
     found.iter().all(|value| value.is_finite()).then_some(found)
 }
 
+/// Checkpoint of a front: every choice of sensors and every search of placements that came to its end. A front that goes
+/// on from it has the bits of one that never stopped; only the part under way is done again.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct FrontState {
+    choices: Vec<Answered<Equipped>>,
+    polished: Vec<Answered<Option<Placement>>>,
+    met: Vec<Answered<Option<(Placement, Equipment)>>>,
+}
+
+/// One part of a front: a question and its answer.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Answered<T> {
+    asked: String,
+    found: T,
+}
+
+/// Answer to a question that was asked before.
+fn known<'a, T>(parts: &'a [Answered<T>], asked: &str) -> Option<&'a T> {
+    parts.iter().find(|part| part.asked == asked).map(|part| &part.found)
+}
+
+/// A question as one text: numbers in it have every digit.
+fn text(question: impl Serialize) -> String {
+    // Names, numbers and poses are always text.
+    serde_json::to_string(&question).unwrap_or_default()
+}
+
+impl FrontState {
+    /// True before any part is finished.
+    pub fn is_empty(&self) -> bool {
+        self.choices.is_empty()
+    }
+
+    /// Question for sensors by a gain, with a weight of the requirements, under limits.
+    pub(super) fn choice(gain: &Objective, weight: f64, limits: Limits) -> String {
+        let Limits { budget, sensors } = limits;
+        // A budget without a limit is no number of JSON.
+        text((gain, weight, budget.to_string(), sensors))
+    }
+
+    /// Sensors chosen for a question.
+    pub(super) fn chosen(&self, asked: &str) -> Option<&Equipped> {
+        known(&self.choices, asked)
+    }
+
+    /// Keeps sensors chosen for a question; a choice without a value, which JSON does not hold, is left out.
+    pub(super) fn keep_choice(&mut self, asked: String, found: &Equipped) {
+        if found.value.is_finite() && found.missing.is_finite() {
+            self.choices.push(Answered { asked, found: found.clone() });
+        }
+    }
+
+    /// Question for the best placement of sensors from a start; `is_bound` puts requirements first.
+    pub(super) fn polish(
+        start: &Placement,
+        kinds: &Equipment,
+        objective: &Objective,
+        is_bound: bool,
+    ) -> String {
+        text((&start.lidars, kinds, objective, is_bound))
+    }
+
+    /// Placement found for a question, if any was.
+    pub(super) fn polished(&self, asked: &str) -> Option<&Option<Placement>> {
+        known(&self.polished, asked)
+    }
+
+    /// Keeps the placement found for a question.
+    pub(super) fn keep_polished(&mut self, asked: String, found: Option<Placement>) {
+        self.polished.push(Answered { asked, found });
+    }
+
+    /// Question for sensors and placement that meet all requirements: the fewest sensors, or the best for all the money.
+    pub(super) fn meeting(objective: &Objective, fewest: bool) -> String {
+        text((objective, fewest))
+    }
+
+    /// Placement and sensors found for a question, if any were.
+    pub(super) fn met(&self, asked: &str) -> Option<&Option<(Placement, Equipment)>> {
+        known(&self.met, asked)
+    }
+
+    /// Keeps placement and sensors found for a question.
+    pub(super) fn keep_met(&mut self, asked: String, found: Option<(Placement, Equipment)>) {
+        self.met.push(Answered { asked, found });
+    }
+}
+
+/// The state of a front under way, and who is told whenever a part is finished.
+pub(super) struct FrontProgress<'a> {
+    pub state: &'a mut FrontState,
+    pub tell: &'a mut dyn FnMut(&FrontState),
+}
+
+impl FrontProgress<'_> {
+    /// Changes the state, and tells it.
+    pub fn keep(&mut self, change: impl FnOnce(&mut FrontState)) {
+        change(self.state);
+        (self.tell)(self.state);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use rand::{RngExt, SeedableRng};
@@ -113,8 +221,8 @@ mod tests {
 
     use super::*;
 
-    fn points(values: &[&[f64]]) -> Vec<Standing> {
-        let of = |values: &&[f64]| Standing { values: values.to_vec(), meets: true };
+    fn points(values: &[&[f64]]) -> Vec<Objectives> {
+        let of = |values: &&[f64]| Objectives { values: values.to_vec(), meets: true };
         values.iter().map(of).collect()
     }
 
@@ -124,13 +232,13 @@ mod tests {
         for round in 0..200 {
             let axes = 2 + round % 2;
             // Few different values, so that many are equal.
-            let point = |_| Standing {
+            let point = |_| Objectives {
                 values: (0..axes).map(|_| f64::from(rng.random_range(0..6))).collect(),
                 meets: rng.random_range(0..3) > 0,
             };
-            let all: Vec<Standing> = (0..30).map(point).collect();
+            let all: Vec<Objectives> = (0..30).map(point).collect();
             let found = front(&all);
-            let beats = |a: &Standing, b: &Standing| {
+            let beats = |a: &Objectives, b: &Objectives| {
                 let no_worse = (0..axes).all(|k| a.values[k] <= b.values[k]);
                 let better = (0..axes).any(|k| a.values[k] < b.values[k]) || a.meets && !b.meets;
                 (a.meets || !b.meets) && no_worse && better

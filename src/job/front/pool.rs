@@ -2,8 +2,7 @@
 
 use std::collections::HashSet;
 
-use super::pareto::{Standing, front};
-use super::state::{FrontState, Kept};
+use super::pareto::{FrontProgress, FrontState, Objectives, front};
 use super::sweep::{Chosen, End, spread};
 use super::{Front, FrontObjective, FrontObjectives, FrontStopped, is_over, picks, point};
 use crate::job::{Job, JobError, JobStep};
@@ -21,7 +20,7 @@ const GENERATIONS: u64 = 40;
 
 /// A placement with its values.
 #[derive(Debug, Clone)]
-pub(super) struct Candidate {
+pub(super) struct FrontCandidate {
     pub placement: Placement,
     pub values: Vec<f64>,
     pub price: f64,
@@ -35,7 +34,7 @@ pub(super) struct Candidate {
     gain: Objective,
 }
 
-impl Standing {
+impl Objectives {
     /// Values of a point as the Pareto filter takes them.
     pub(super) fn new(objectives: &FrontObjectives, values: &[f64], meets: bool) -> Self {
         let of = objectives.all().iter().zip(values);
@@ -50,7 +49,7 @@ pub(super) struct Pool<'a> {
     vehicle: &'a Vehicle,
     objectives: &'a FrontObjectives,
     evaluator: Evaluator,
-    candidates: Vec<Candidate>,
+    candidates: Vec<FrontCandidate>,
     scored: usize,
 }
 
@@ -113,7 +112,7 @@ impl<'a> Pool<'a> {
             Equipped { equipment: kinds, placement, cost: price, value: 0.0, missing: 0.0 };
         let equipment = equipped.words(self.vehicle);
         let Equipped { equipment: kinds, placement, .. } = equipped;
-        self.candidates.push(Candidate {
+        self.candidates.push(FrontCandidate {
             placement,
             values,
             price,
@@ -128,8 +127,8 @@ impl<'a> Pool<'a> {
 
     /// Numbers of the candidates on the front, in the order of its first objective.
     fn front(&self) -> Vec<usize> {
-        let standing = |of: &Candidate| Standing::new(self.objectives, &of.values, of.meets);
-        let standings: Vec<Standing> = self.candidates.iter().map(standing).collect();
+        let standing = |of: &FrontCandidate| Objectives::new(self.objectives, &of.values, of.meets);
+        let standings: Vec<Objectives> = self.candidates.iter().map(standing).collect();
         let mut best = front(&standings);
         best.sort_by(|&a, &b| {
             let pairs = standings[a].values.iter().zip(&standings[b].values);
@@ -150,7 +149,7 @@ impl<'a> Pool<'a> {
         let standing = |&k: &usize| {
             let of = self.objectives.all().iter().zip(&self.candidates[k].values);
             let costs = of.filter(|(objective, _)| objective.is_cost()).map(|(_, cost)| *cost);
-            Standing { values: costs.chain([missing(k)]).collect(), meets: true }
+            Objectives { values: costs.chain([missing(k)]).collect(), meets: true }
         };
         let cheap = front(&nearly.iter().map(standing).collect::<Vec<_>>());
         let front = spread(&self.front());
@@ -168,7 +167,7 @@ impl<'a> Pool<'a> {
     /// Searches placements around the best candidates so far, which all stay in the pool.
     pub fn polish(
         &mut self,
-        kept: &mut Kept<'_>,
+        kept: &mut FrontProgress<'_>,
         observer: &mut dyn Observer,
     ) -> Result<End, JobError> {
         let order = self.around();
@@ -222,7 +221,7 @@ impl<'a> Pool<'a> {
     /// them.
     pub fn meet(
         &mut self,
-        kept: &mut Kept<'_>,
+        kept: &mut FrontProgress<'_>,
         observer: &mut dyn Observer,
     ) -> Result<End, JobError> {
         if self.candidates.iter().any(|of| of.meets) {

@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 
-use super::state::{FrontState, Kept};
+use super::pareto::{FrontProgress, FrontState};
 use super::{FrontObjective, FrontObjectives};
 use crate::score::Objective;
 use crate::search::{
@@ -38,7 +38,7 @@ pub(super) enum End {
 }
 
 /// Limits of the choices, and the gains that they are made by.
-pub(super) struct Sweep {
+pub(super) struct FrontSweep {
     /// Numbers of sensors at most, from few to many; one of 16 where the number is no objective.
     numbers: Vec<usize>,
     /// Prices at most, in an order that spreads over all from the beginning on.
@@ -48,7 +48,7 @@ pub(super) struct Sweep {
     gains: Vec<Objective>,
 }
 
-impl Sweep {
+impl FrontSweep {
     /// Limits and gains for some objectives; `own` is the gain where they name none.
     pub fn new(
         objectives: &FrontObjectives,
@@ -88,7 +88,7 @@ impl Sweep {
     }
 
     /// An objective that needs all sums of the gains.
-    pub fn all_gains(&self) -> Objective {
+    fn all_gains(&self) -> Objective {
         match &self.gains[..] {
             [one] => one.clone(),
             all => Objective::mixed(&all.iter().map(|gain| (1.0, gain)).collect::<Vec<_>>()),
@@ -108,8 +108,8 @@ impl Sweep {
     /// See [`Equipping::open`].
     pub fn run(
         &self,
-        casting: &Casting<'_>,
-        kept: &mut Kept<'_>,
+        casting: &PoseCaster<'_>,
+        kept: &mut FrontProgress<'_>,
         observer: &mut dyn Observer,
     ) -> Result<(Vec<Chosen>, End), SearchError> {
         let mixtures = self.gains.len() * (self.gains.len() - 1) / 2 * SHARES.len();
@@ -180,8 +180,8 @@ impl Sweep {
 }
 
 /// Where poses are cast for the choices of a sweep.
-pub(super) struct Casting<'a> {
-    pub sweep: &'a Sweep,
+pub(super) struct PoseCaster<'a> {
+    pub sweep: &'a FrontSweep,
     pub suite: &'a Suite,
     pub vehicle: &'a Vehicle,
     pub settings: &'a Settings,
@@ -189,7 +189,7 @@ pub(super) struct Casting<'a> {
     pub deadline: Option<Instant>,
 }
 
-impl Casting<'_> {
+impl PoseCaster<'_> {
     /// Casts all poses under the widest limits; `None` where the observer stops it.
     fn open(&self, observer: &mut dyn Observer) -> Result<Option<Equipping>, SearchError> {
         let (objective, limits) = (self.sweep.all_gains(), self.sweep.widest());
@@ -206,14 +206,14 @@ enum Stop {
 
 /// Choices of a sweep so far.
 struct UnderWay<'a, 'k> {
-    casting: &'a Casting<'a>,
+    casting: &'a PoseCaster<'a>,
     /// Poses, once a choice is not known.
     equipping: Option<Equipping>,
     /// Gain of the choices, and the weight of requirements.
     aimed: (Objective, f64),
     /// True once the poses are weighed by that gain.
     is_aimed: bool,
-    kept: &'a mut Kept<'k>,
+    kept: &'a mut FrontProgress<'k>,
     observer: &'a mut dyn Observer,
     found: Vec<Chosen>,
     done: u64,
@@ -303,7 +303,7 @@ fn prices(vehicle: &Vehicle, most: f64) -> Vec<f64> {
     }
 }
 
-/// Rising, without what is equal but for rounding.
+/// Sorts numbers and drops those equal to their neighbour but for rounding.
 fn sorted(mut all: Vec<f64>) -> Vec<f64> {
     all.sort_by(f64::total_cmp);
     all.dedup_by(|later, earlier| *later - *earlier <= 1e-9 * earlier.abs());

@@ -237,7 +237,7 @@ fn scenes_without_body_or_ground_are_refused() {
 fn a_cylinder_is_met_at_its_side_its_top_or_not() {
     use glam::DVec3;
     let distance = |from: [f64; 3], along: [f64; 3]| {
-        poles::distance(DVec3::from(from), DVec3::from(along).normalize(), [1.0, 0.0])
+        ground::distance(DVec3::from(from), DVec3::from(along).normalize(), [1.0, 0.0])
     };
     assert!((distance([0.0, 0.0, 0.4], [1.0, 0.0, 0.0]).unwrap() - 0.85).abs() < 1e-12);
     assert_eq!(distance([0.0, 0.0, 0.9], [1.0, 0.0, 0.0]), None);

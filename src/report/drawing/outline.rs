@@ -32,20 +32,20 @@ pub(in super::super) fn outline(triangles: &[[Flat; 3]]) -> Vec<Vec<Flat>> {
     // Whole cells along both sides, so that a box keeps its corners.
     let step = [0, 1].map(|k| size[k] / cells[k]);
     let on_grid = |corner: Flat| [0, 1].map(|k| (corner[k] - low[k]) / step[k]);
-    let grid = Grid::of(triangles.iter().map(|t| t.map(on_grid)), cells.map(|n| n as usize));
+    let grid = Raster::of(triangles.iter().map(|t| t.map(on_grid)), cells.map(|n| n as usize));
     let back = |corner: Flat| [0, 1].map(|k| low[k] + corner[k] * step[k]);
     let loops = grid.border().into_iter().map(|corners| simple(&corners));
     loops.filter(|corners| corners.len() > 2).map(|l| l.into_iter().map(back).collect()).collect()
 }
 
 /// Cells whose middle lies in a triangle.
-struct Grid {
+struct Raster {
     columns: usize,
     rows: usize,
     filled: Vec<bool>,
 }
 
-impl Grid {
+impl Raster {
     fn of(triangles: impl Iterator<Item = [Flat; 3]>, [columns, rows]: [usize; 2]) -> Self {
         // By row: where runs begin, +1, and end, −1. A triangle costs its height, however wide it is.
         let mut changes = vec![0_i32; (columns + 1) * rows];
@@ -105,7 +105,7 @@ impl Grid {
         let mut loops = Vec::new();
         for start in starts {
             let (mut corners, mut at) = (Vec::new(), start);
-            // As many sides end at a corner as begin there, so that the way ends at its start.
+            // Every corner ends as many sides as it begins, so that the way ends at its start.
             while let Some(to) = next.get_mut(&at).and_then(Vec::pop) {
                 corners.push(at);
                 at = to;

@@ -22,7 +22,7 @@ const OTHER: u16 = 556;
 impl Drawing {
     /// The drawing as a PDF file of one page of the sheet's size. A character outside of Latin-1 is written as `?`.
     pub(crate) fn pdf(&self) -> Vec<u8> {
-        let mut page = Page::default();
+        let mut page = PdfPage::default();
         let height = self.size[1] * POINTS;
         // From millimetres downwards to points upwards.
         let _ = writeln!(page.content, "{POINTS:.6} 0 0 {:.6} 0 {height:.4} cm 1 j 1 J", -POINTS);
@@ -34,7 +34,7 @@ impl Drawing {
             "<< /Type /Catalog /Pages 2 0 R >>".to_owned(),
             "<< /Type /Pages /Kids [3 0 R] /Count 1 >>".to_owned(),
             format!(
-                "<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {width} {height}] /Contents 4 0 R /Resources << /Font \
+                "<< /Type /PdfPage /Parent 2 0 R /MediaBox [0 0 {width} {height}] /Contents 4 0 R /Resources << /Font \
                  << /F0 5 0 R /F1 6 0 R >> /ExtGState << {states}>> >> >>"
             ),
         ]
@@ -85,12 +85,12 @@ fn file(objects: &[Vec<u8>]) -> Vec<u8> {
 
 /// Content of the page in millimetres from its upper left corner, and the opacities that it names.
 #[derive(Default)]
-struct Page {
+struct PdfPage {
     content: String,
     opacities: Vec<f64>,
 }
 
-impl Page {
+impl PdfPage {
     /// Operator that sets the opacity of lines and areas alike.
     fn opacity(&mut self, ink: Ink) -> String {
         let known = self.opacities.iter().position(|known| *known == ink.1);

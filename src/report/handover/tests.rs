@@ -2,8 +2,7 @@
 
 use glam::DVec3;
 
-use super::DrawnLidar;
-use super::views::{REACH, horizontal, vertical};
+use super::{DrawnLidar, REACH, horizontal, vertical};
 use crate::shared::FieldOfView;
 use crate::vehicle::{BeamTable, SensorPose};
 

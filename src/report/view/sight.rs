@@ -15,7 +15,7 @@ const RINGS: usize = 8;
 
 /// Information by one property of its voxels.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Part {
+pub struct InformationShare {
     /// Class, or range of distance.
     pub name: String,
     /// Nats in all.
@@ -28,9 +28,9 @@ pub struct Part {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gains {
     /// By class, most information first; a voxel of several classes counts with the rarest of them.
-    pub by_class: Vec<Part>,
+    pub by_class: Vec<InformationShare>,
     /// By distance from the ego's origin, seen from above.
-    pub by_distance: Vec<Part>,
+    pub by_distance: Vec<InformationShare>,
     /// Nats that each LiDAR of the placement would gain alone.
     pub alone: Vec<f64>,
     /// Nats that the scene holds.
@@ -52,7 +52,7 @@ pub struct Drawn {
 
 /// Voxels that hold most information, and the layouts that see them.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sight {
+pub struct InformationView {
     /// Voxels drawn, most information first.
     pub voxels: Vec<Drawn>,
     /// A bit a LiDAR that sees it, `[frames shown][voxels]`.
@@ -72,7 +72,7 @@ struct Voxel {
     ring: usize,
 }
 
-impl Sight {
+impl InformationView {
     /// Looks at the `most` voxels with most information, in the frames `shown`.
     pub fn new(
         problem: &Problem,
@@ -87,7 +87,7 @@ impl Sight {
         let mut gains = Gains::new(problem, &voxels, shown.len());
         let (mut shares, mut masks) = (Vec::new(), Vec::new());
         let mut alone = vec![0.0; placement.lidars.len()];
-        let mut places = Places::default();
+        let mut places = VoxelBits::default();
         for (layout, lidars) in layouts(placement, baselines).enumerate() {
             let mut seen = vec![0_u32; voxels.len()];
             for &frame in shown {
@@ -143,7 +143,7 @@ fn layouts<'a>(
 
 /// Bits of voxels in the bitmaps of an engine.
 #[derive(Default)]
-struct Places {
+struct VoxelBits {
     order: Option<BitOrder>,
     /// Bit of each voxel.
     bits: Vec<u32>,
@@ -151,7 +151,7 @@ struct Places {
     rising: Vec<(u32, u32)>,
 }
 
-impl Places {
+impl VoxelBits {
     /// Finds them anew where another engine has taken over.
     fn fit(&mut self, order: BitOrder, voxels: &[Voxel]) {
         if self.order != Some(order) {
@@ -166,7 +166,7 @@ impl Places {
 /// LiDARs that cover some voxels in a frame.
 struct Marks<'a> {
     bitmaps: Bitmaps,
-    places: &'a Places,
+    places: &'a VoxelBits,
 }
 
 impl Marks<'_> {
@@ -240,7 +240,7 @@ fn informative(roi: &Roi, content: &Content) -> Vec<Voxel> {
 impl Gains {
     /// Totals by class and distance, before any layout is added.
     fn new(problem: &Problem, voxels: &[Voxel], frames: usize) -> Self {
-        let part = |name: String| Part { name, total: 0.0, gained: Vec::new() };
+        let part = |name: String| InformationShare { name, total: 0.0, gained: Vec::new() };
         let ring = |ring: usize| match ring + 1 {
             RINGS => format!("{:.0} m and more", ring as f64 * RING),
             next => format!("{:.0} to {:.0} m", ring as f64 * RING, next as f64 * RING),

@@ -121,7 +121,7 @@ fn what_is_not_drawn_is_said() {
     let (scene, problem, [two, _]) = yard();
     let mut evaluator = Evaluator::on_cpu(problem.clone());
     let engine = evaluator.backend_mut();
-    let sight = Sight::new(&problem, engine, &two, &[], &[0], 10).unwrap();
+    let sight = InformationView::new(&problem, engine, &two, &[], &[0], 10).unwrap();
     assert_eq!((sight.voxels.len(), sight.masks[0].len()), (10, 10));
     assert!(sight.left_out().unwrap().starts_with("Drawn are the 10 of "));
     assert!(sight.voxels.windows(2).all(|pair| pair[0].worth >= pair[1].worth));

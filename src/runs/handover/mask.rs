@@ -1,6 +1,12 @@
-//! The mask of a LiDAR: its beams that end at the own body, ring by column.
+//! Beams that end at the own body: masks as PNG and lists, and crop boxes around the body.
 
-use super::png::png;
+use std::fmt::Write;
+use std::io::Write as _;
+
+use flate2::write::ZlibEncoder;
+use flate2::{Compression, Crc};
+
+use super::rig::HandoverRig;
 use crate::csv::{csv, rounded};
 use crate::maths;
 use crate::vehicle::BeamTable;
@@ -16,14 +22,14 @@ const ACROSS: usize = 720;
 const UP: usize = 360;
 
 /// Beams of a LiDAR by whether they end at the own body.
-pub(super) struct Mask<'a> {
+pub(super) struct SelfHitMask<'a> {
     table: &'a BeamTable,
     /// Radians that the sensor is turned about its own axis.
     phase: f64,
     own: &'a [bool],
 }
 
-impl<'a> Mask<'a> {
+impl<'a> SelfHitMask<'a> {
     pub fn new(table: &'a BeamTable, phase: f64, own: &'a [bool]) -> Self {
         Self { table, phase, own }
     }
@@ -94,4 +100,111 @@ impl<'a> Mask<'a> {
         }
         png(ACROSS, UP, &pixels)
     }
+}
+
+/// Lower and upper corner, metres.
+type Corners = [[f64; 3]; 2];
+
+/// A node for the box around the whole body, and where the body has several shapes one for each: a ROS 2 parameter file.
+/// Boxes reach `margin` metres beyond the body and count from `base_link`, whose position in the ego frame is given.
+/// `None` without a body.
+pub(super) fn boxes(rig: &HandoverRig, margin: f64, base_link: [f64; 3]) -> Option<String> {
+    let around = |triangles: &[[[f32; 3]; 3]]| {
+        let corners = triangles.iter().flatten().map(|corner| corner.map(f64::from));
+        let each = corners.map(|corner| [corner, corner]);
+        let all = each.reduce(|[low, high]: Corners, [corner, _]| {
+            [[0, 1, 2].map(|k| low[k].min(corner[k])), [0, 1, 2].map(|k| high[k].max(corner[k]))]
+        })?;
+        Some(grown(all, margin, base_link))
+    };
+    let body = around(&rig.body)?;
+    let mut text = format!(
+        "# Crop boxes of the own body of {}, placement {}, for Autoware's crop_box_filter: one node a box.\n\
+         # Metres in base_link, which stands at {base_link:?} in the frame of poses.csv; margin {margin} m.\n\
+         # negative: true removes the points inside of the box.\n\
+         # A cloud that is not in base_link yet: name its frame in input_pointcloud_frame.\n",
+        word(rig.vehicle_name()),
+        word(&rig.placement.name)
+    );
+    node(&mut text, "crop_box_filter_self", &body);
+    let shapes = rig.scene().body_shapes();
+    if shapes.len() > 1 {
+        text += "\n# The same body shape by shape: these nodes one after the other, in place of the one above, leave more\n\
+                 # of what is near.\n";
+        let shapes = shapes.into_iter().map(|shape| around(&rig.body[shape]));
+        for (k, shape) in shapes.enumerate() {
+            if let Some(corners) = shape {
+                node(&mut text, &format!("crop_box_filter_self_{k}"), &corners);
+            }
+        }
+    }
+    Some(text)
+}
+
+/// A name that cannot end its line.
+fn word(name: &str) -> String {
+    name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+}
+
+/// A box with a margin around it, counted from elsewhere; corners are rounded outwards to millimetres.
+fn grown([low, high]: Corners, margin: f64, base_link: [f64; 3]) -> Corners {
+    // A millimetre that rounding alone makes is none.
+    let out = |value: f64| (1000.0 * value - 1e-4).ceil() / 1000.0;
+    [0, 1, 2]
+        .map(|k| [-out(-(low[k] - margin - base_link[k])), out(high[k] + margin - base_link[k])])
+        .into_iter()
+        .enumerate()
+        .fold([[0.0; 3]; 2], |[mut lower, mut upper], (k, [from, to])| {
+            (lower[k], upper[k]) = (from, to);
+            [lower, upper]
+        })
+}
+
+fn node(text: &mut String, name: &str, [low, high]: &Corners) {
+    let _ = write!(
+        text,
+        "/**/{name}:\n  ros__parameters:\n    input_pointcloud_frame: base_link\n    input_frame: base_link\n    \
+         output_frame: base_link\n"
+    );
+    for (side, corner) in [("min", low), ("max", high)] {
+        for (axis, value) in ["x", "y", "z"].into_iter().zip(corner) {
+            // ROS tells a number with a point from a whole one, and wants the former.
+            let _ = writeln!(text, "    {side}_{axis}: {:.3}", value + 0.0);
+        }
+    }
+    text.push_str("    negative: true\n");
+}
+
+/// A picture of rows from the top, pixels from the left: 0 black, 255 white.
+///
+/// # Panics
+/// If there are not as many pixels as `width` times `height`, or there is none.
+pub(super) fn png(width: usize, height: usize, pixels: &[u8]) -> Vec<u8> {
+    assert!(width > 0 && pixels.len() == width * height, "{} pixels", pixels.len());
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
+    let mut packed = Ok(());
+    for row in pixels.chunks(width) {
+        // Each row begins with its filter: none.
+        packed =
+            packed.and_then(|()| encoder.write_all(&[0])).and_then(|()| encoder.write_all(row));
+    }
+    let packed = packed.and_then(|()| encoder.finish()).expect("memory takes any bytes");
+    let [wide, high] = [width, height].map(|side| (side as u32).to_be_bytes());
+    // Eight bits, grey, and the only methods of packing, filtering and sending that there are.
+    let header = [&wide[..], &high, &[8, 0, 0, 0, 0]].concat();
+    let mut bytes = b"\x89PNG\r\n\x1a\n".to_vec();
+    chunk(&mut bytes, *b"IHDR", &header);
+    chunk(&mut bytes, *b"IDAT", &packed);
+    chunk(&mut bytes, *b"IEND", &[]);
+    bytes
+}
+
+fn chunk(bytes: &mut Vec<u8>, kind: [u8; 4], content: &[u8]) {
+    let mut sum = Crc::new();
+    sum.update(&kind);
+    sum.update(content);
+    bytes.extend((content.len() as u32).to_be_bytes());
+    bytes.extend(kind);
+    bytes.extend(content);
+    bytes.extend(sum.sum().to_be_bytes());
 }

@@ -3,21 +3,20 @@
 use std::path::Path;
 
 use super::HandoverRequest;
-use super::mask::Mask;
+use super::mask::SelfHitMask;
 use crate::engine::BackendError;
 use crate::geom::Pose;
 use crate::job::Job;
 use crate::near_field::{Footprint, NearField, NearSite};
 use crate::problem::SensorBatch;
-use crate::runs::given::Given;
-use crate::runs::inputs::{file_and_name, named_placements};
-use crate::runs::opening::{self, LoadTimes, Loaded};
-use crate::runs::{Computing, Error};
+use crate::runs::inputs::{Given, file_and_name, named_placements};
+use crate::runs::opening::{LoadTimes, Loaded};
+use crate::runs::{Computing, RunError, opening};
 use crate::scene::{EgoBody, Scene};
 use crate::vehicle::{BeamTable, Placement, Sensors};
 
 /// A placement on its vehicle, in one frame.
-pub(super) struct Rig {
+pub(super) struct HandoverRig {
     job: Job,
     pub placement: Placement,
     /// File of the placement.
@@ -37,10 +36,10 @@ pub(super) struct Rig {
     pub near: Result<(Footprint, NearField), String>,
 }
 
-impl Rig {
-    pub fn new(request: &HandoverRequest, computing: &Computing<'_>) -> Result<Self, Error> {
+impl HandoverRig {
+    pub fn new(request: &HandoverRequest, computing: &Computing<'_>) -> Result<Self, RunError> {
         let Some((text, scenes)) = request.files.split_last() else {
-            return Err(Error::Usage("give a file of placements".to_owned()));
+            return Err(RunError::Usage("give a file of placements".to_owned()));
         };
         let mut placement = one(text)?;
         let scene = scene(scenes, text, request.frame, computing)?;
@@ -124,26 +123,26 @@ impl Rig {
     }
 
     /// The mask of each LiDAR.
-    pub fn masks(&self) -> Vec<Mask<'_>> {
+    pub fn masks(&self) -> Vec<SelfHitMask<'_>> {
         let mask = |k: usize| {
             let phase = self.placement.lidars[k].phase.unwrap_or_default();
-            Mask::new(self.table(k), phase, &self.own[k])
+            SelfHitMask::new(self.table(k), phase, &self.own[k])
         };
         (0..self.own.len()).map(mask).collect()
     }
 }
 
 /// The only placement of a file, or the one named behind a colon.
-fn one(text: &str) -> Result<Placement, Error> {
+fn one(text: &str) -> Result<Placement, RunError> {
     let mut all = named_placements(text)?;
     match &all[..] {
         [_] => Ok(all.swap_remove(0)),
-        [] => {
-            Err(Error::Usage(format!("{text}: holds no placement; there is nothing to hand over")))
-        }
+        [] => Err(RunError::Usage(format!(
+            "{text}: holds no placement; there is nothing to hand over"
+        ))),
         [first, ..] => {
             let names: Vec<&str> = all.iter().map(|placement| &*placement.name).take(12).collect();
-            Err(Error::Usage(format!(
+            Err(RunError::Usage(format!(
                 "{text}: holds {} placements, and one is handed over; name it behind a colon, as {}:{} (it has {})",
                 all.len(),
                 file_and_name(text).0,
@@ -160,7 +159,7 @@ fn scene(
     placements: &str,
     frame: u32,
     computing: &Computing<'_>,
-) -> Result<Scene, Error> {
+) -> Result<Scene, RunError> {
     let scene = match (files, &computing.vehicle) {
         ([file], _) => {
             let mend = "static shapes, actors and an ego body";
@@ -172,13 +171,13 @@ fn scene(
             scene
         }
         ([], None) => {
-            return Err(Error::Usage(format!(
+            return Err(RunError::Usage(format!(
                 "{placements}: there is neither a scene nor a vehicle; give --vehicle FILE for level ground, or a \
                  scene before the placements"
             )));
         }
         ([_, second, ..], _) => {
-            return Err(Error::Usage(format!(
+            return Err(RunError::Usage(format!(
                 "{second}: is a second scene, and a rig is handed over in one; leave it out"
             )));
         }
@@ -186,7 +185,7 @@ fn scene(
     let frames = scene.frame_count();
     if frame as usize >= frames {
         let place = files.first().map_or("level ground", |file| file);
-        return Err(Error::Usage(match frames {
+        return Err(RunError::Usage(match frames {
             1 => format!("{place}: there is no frame {frame}; it has one, leave out --frame"),
             _ => format!("{place}: there is no frame {frame}; give --frame 0 to {}", frames - 1),
         }));

@@ -6,18 +6,15 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::bars::Bars;
-use super::begun::Begun;
-use super::command::command;
-use super::record::{BETWEEN_CHECKPOINTS, TIMES, priced};
-use super::request::NewRun;
+use super::request::{Begun, NewRun, command};
+use super::{BETWEEN_CHECKPOINTS, Bars, TIMES, priced};
 use crate::files::{FileError, Input, RunDir, Session, command_of as command_in, read_own};
 use crate::job::{Front, FrontObjectives, FrontState, FrontStopped, Job};
 use crate::report::front::front_plot;
-use crate::report::word::word;
+use crate::report::words::word;
 use crate::report::{FrontContext, FrontRecord, front_html};
 use crate::runs::inputs::note_repeated;
-use crate::runs::{Computing, Error, GRACE, Watcher, opening};
+use crate::runs::{Computing, GRACE, RunError, Watcher, opening};
 use crate::search::{Event, Settings, TimeLimit};
 
 /// Front, record and folder of a finished search.
@@ -72,7 +69,7 @@ pub fn front(
     from: &FrontStart,
     max_seconds: Option<f64>,
     computing: &Computing<'_>,
-) -> Result<Option<Fronted>, Error> {
+) -> Result<Option<Fronted>, RunError> {
     let _session = Session::begin();
     let (start, watcher) = (Instant::now(), computing.watcher);
     let (folder, mut saved) = match from {
@@ -135,7 +132,7 @@ fn search(
     saved: &mut SavedFront,
     folder: &RunDir<SavedFront>,
     watcher: &dyn Watcher,
-) -> Result<Front, Error> {
+) -> Result<Front, RunError> {
     let (mut bars, objectives) = (Bars::new(watcher), saved.objectives.clone());
     let failed = std::cell::RefCell::new(None::<FileError>);
     let (mut last, mut state) = (Instant::now(), std::mem::take(&mut saved.state));
@@ -169,7 +166,7 @@ fn is_worth_writing(
     begun: &Begun,
     folder: &RunDir<SavedFront>,
     watcher: &dyn Watcher,
-) -> Result<bool, Error> {
+) -> Result<bool, RunError> {
     let go_on = || format!("go on with --resume {}", folder.path().display());
     match (found.points.len(), found.stopped) {
         (0, FrontStopped::Interrupted) if holds_front(folder.path()) => {
@@ -180,7 +177,7 @@ fn is_worth_writing(
             watcher.note("stopped before any placement was scored; nothing is written");
             Ok(false)
         }
-        (0, _) => Err(Error::Usage(format!(
+        (0, _) => Err(RunError::Usage(format!(
             "{}: no placement found has a value of each of {}; give the scene frames in which something moves, or move \
              the mounts",
             begun.files.scene.display(),
@@ -233,7 +230,7 @@ fn write(
     job: &Job,
     found: &Front,
     record: &FrontRecord,
-) -> Result<(), Error> {
+) -> Result<(), RunError> {
     let placements = found.points.iter().map(|point| priced(job, &point.placement));
     let placements: Vec<Value> = placements.collect();
     folder.write_json("placements.json", &json!({ "placements": placements }))?;

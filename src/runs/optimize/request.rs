@@ -1,9 +1,17 @@
-//! Request of a search in a run folder.
+//! Request of a run, its checkpoint, and the command that repeats it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use crate::job::JobFiles;
-use crate::search::Settings;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use crate::job::{JobFiles, JobState};
+use crate::problem::Problem;
+use crate::report::words::word;
+use crate::runs::inputs::Given;
+use crate::runs::{Computing, RunError};
+use crate::search::{FrameChoice, Settings};
+use crate::vehicle::{MountRules, read_placements};
 
 /// A search to begin or to go on with.
 #[derive(Debug, Clone)]
@@ -44,4 +52,140 @@ pub struct NewRun {
     pub baselines: Option<PathBuf>,
     /// More placements to start from.
     pub inject: Option<PathBuf>,
+}
+
+/// Files and options that a run was begun with.
+#[derive(Clone, Serialize, Deserialize)]
+pub(super) struct Begun {
+    /// Files and options of the job; paths are absolute.
+    #[serde(flatten)]
+    pub files: JobFiles,
+    /// File of the placements to compare with.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub baselines: Option<PathBuf>,
+    /// File of the placements to start from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inject: Option<PathBuf>,
+}
+
+/// Content of a checkpoint.
+#[derive(Serialize, Deserialize)]
+pub(super) struct RunCheckpoint {
+    pub begun: Begun,
+    #[serde(flatten)]
+    pub state: JobState,
+}
+
+impl Begun {
+    /// Default name of the run's folder.
+    pub fn folder(&self) -> String {
+        let stem = self.files.scene.file_stem().unwrap_or_default().to_string_lossy();
+        match self.files.more_scenes.len() {
+            0 => stem.into_owned(),
+            more => format!("{stem}-and-{more}-more"),
+        }
+    }
+}
+
+impl NewRun {
+    /// Files and options that the checkpoint keeps.
+    pub(super) fn begun(&self) -> Result<Begun, RunError> {
+        let absolute = |path: &PathBuf| std::path::absolute(path).map_err(RunError::io(path));
+        let files = &self.files;
+        if files.scene.as_os_str().is_empty() {
+            return Err(RunError::Usage("give a scene to search in".into()));
+        }
+        let files = JobFiles {
+            scene: absolute(&files.scene)?,
+            more_scenes: files.more_scenes.iter().map(absolute).collect::<Result<_, _>>()?,
+            vehicle: files.vehicle.as_ref().map(absolute).transpose()?,
+            ..files.clone()
+        };
+        let baselines = self.baselines.as_ref().map(absolute).transpose()?;
+        Ok(Begun { files, baselines, inject: self.inject.as_ref().map(absolute).transpose()? })
+    }
+
+    /// The settings with the objective and the placements of the request.
+    pub(super) fn settings(&self) -> Result<Settings, RunError> {
+        let mut settings = self.settings.clone();
+        if let Some(text) = &self.objective {
+            settings.objective = text.parse()?;
+        }
+        if let Some(file) = &self.baselines {
+            settings.baselines = read_placements(file)?;
+        }
+        if let Some(file) = &self.inject {
+            settings.starts = read_placements(file)?;
+        }
+        Ok(settings)
+    }
+
+    /// Looks at the placements of the request's files; rules of the mount that they break stand in the result.
+    pub(super) fn look(
+        &self,
+        settings: &mut Settings,
+        problem: &Problem,
+        computing: &Computing<'_>,
+    ) -> Result<(), RunError> {
+        if let ([choice, ..], None, None) = (&computing.sensors[..], &self.baselines, &self.inject)
+        {
+            return Err(RunError::Usage(format!(
+                "--sensor {choice}: names LiDARs of a file of placements; give one with --baselines or \
+                 --inject, or leave it out"
+            )));
+        }
+        let files =
+            [(&self.baselines, &mut settings.baselines), (&self.inject, &mut settings.starts)];
+        for (file, placements) in files {
+            if let Some(file) = file {
+                Given::in_problem(file, problem, computing).ruled().all(placements)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The command line of a run's files and settings; with `max_seconds` where time ended the run.
+pub(super) fn command(begun: &Begun, settings: &Settings, max_seconds: Option<f64>) -> String {
+    let path = |path: &Path| path.to_string_lossy().into_owned();
+    let mut words = vec!["sightline".to_owned(), "optimize".to_owned()];
+    words.extend(begun.files.scenes().map(|scene| word(&path(scene))));
+    let mut give = |option: &str, value: Option<String>| {
+        words.extend(value.map(|value| format!("--{option} {}", word(&value))));
+    };
+    let number = |value: Option<f64>| value.map(|value| value.to_string());
+    give("vehicle", begun.files.vehicle.as_deref().map(path));
+    give("budget", number(begun.files.budget));
+    give("tolerance", begun.files.tolerance.map(|tolerance| tolerance.to_string()));
+    give("objective", Some(settings.objective.to_string()));
+    give("method", json!(settings.method).as_str().map(str::to_owned));
+    give("seed", Some(settings.seed.to_string()));
+    give("evaluations", Some(settings.evaluations.to_string()));
+    give("population", settings.population.map(|count| count.to_string()));
+    give("target", number(settings.target));
+    give("max-seconds", number(max_seconds));
+    give("delta", settings.delta.map(|delta| format!("{},{}", delta.metres, delta.radians)));
+    match settings.frames {
+        FrameChoice::OnDemand => {}
+        FrameChoice::All => give("fidelity", Some("full".to_owned())),
+        FrameChoice::Count(frames) => give("frames", Some(frames.to_string())),
+    }
+    for condition in &begun.files.conditions {
+        give("condition", Some(condition.clone()));
+    }
+    let MountRules { equal_height, symmetric, fixed } = &begun.files.rules;
+    for (field, value) in fixed {
+        give("fix", Some(format!("{field}={value}")));
+    }
+    give("baselines", begun.baselines.as_deref().map(path));
+    give("inject", begun.inject.as_deref().map(path));
+    let flags = [
+        ("mirror", begun.files.mirror),
+        ("fewest", begun.files.fewest),
+        ("symmetric", *symmetric),
+        ("equal-height", *equal_height),
+    ];
+    words
+        .extend(flags.into_iter().filter(|(_, given)| *given).map(|(name, _)| format!("--{name}")));
+    words.join(" ")
 }

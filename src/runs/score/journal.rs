@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
-use super::request::ScoreRequest;
+use super::ScoreRequest;
 use crate::files::{FileError, Input, is_forced, is_no_input, will_read, write_whole};
-use crate::runs::Error;
+use crate::runs::RunError;
 use crate::scan::conditions::in_words;
 use crate::scene::Scene;
 
@@ -31,7 +31,7 @@ pub(super) struct Journal {
 
 /// First line: everything that decides about the scores, as one number.
 #[derive(Serialize, Deserialize)]
-struct Head {
+struct JournalHeader {
     sightline_partial: u32,
     digest: String,
 }
@@ -55,16 +55,16 @@ impl Journal {
         request: &ScoreRequest,
         scene: &Scene,
         placements: &Path,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, RunError> {
         let mut name = out.as_os_str().to_owned();
         name.push(".partial");
         let path = PathBuf::from(name);
         let digest = digest(request, scene, placements)?;
         let file = own_file(&path, request.resume, placements)?;
-        let is_new = file.metadata().map_err(Error::io(&path))?.len() == 0;
-        let head = json!(Head { sightline_partial: 1, digest: digest.clone() });
+        let is_new = file.metadata().map_err(RunError::io(&path))?.len() == 0;
+        let head = json!(JournalHeader { sightline_partial: 1, digest: digest.clone() });
         let head = format!("{head}\n");
-        if !is_new && !is_torn(&file, &head).map_err(Error::io(&path))? {
+        if !is_new && !is_torn(&file, &head).map_err(RunError::io(&path))? {
             return Self::resume(path, file, &digest);
         }
         let begun = file.set_len(0);
@@ -73,21 +73,21 @@ impl Journal {
             // It holds no scores that a run could go on with.
             let _ = std::fs::remove_file(&path);
         }
-        begun.map_err(Error::io(&path))?;
+        begun.map_err(RunError::io(&path))?;
         let file = BufWriter::new(file);
         Ok(Self { path, file, head: head.len() as u64, scored: 0 })
     }
 
-    /// Finds the end of the last whole block; what follows it is cut off.
-    fn resume(path: PathBuf, file: File, digest: &str) -> Result<Self, Error> {
-        let io = |error| Error::io(&path)(error);
+    /// Finds the end of the last whole block; the rest of the file is cut off.
+    fn resume(path: PathBuf, file: File, digest: &str) -> Result<Self, RunError> {
+        let io = |error| RunError::io(&path)(error);
         let mut reader = BufReader::new(&file);
         let first = line(&mut reader);
-        let head = first.as_ref().and_then(|line| serde_json::from_str::<Head>(line).ok());
+        let head = first.as_ref().and_then(|line| serde_json::from_str::<JournalHeader>(line).ok());
         match head {
             Some(head) if head.sightline_partial == 1 && head.digest == digest => {}
             _ => {
-                return Err(Error::Usage(format!(
+                return Err(RunError::Usage(format!(
                     "{}: was begun with other scenes, placements or options; give those again, or begin anew with \
                      --force and without --resume",
                     path.display()
@@ -106,23 +106,23 @@ impl Journal {
     }
 
     /// Keeps the text of a block that ends after so many placements.
-    pub fn push(&mut self, scored: u64, text: &str) -> Result<(), Error> {
+    pub fn push(&mut self, scored: u64, text: &str) -> Result<(), RunError> {
         let mark = Mark { scored, bytes: text.len() as u64, sha256: sha256(text.as_bytes()) };
         let written = writeln!(self.file, "{}", json!(mark))
             .and_then(|()| self.file.write_all(text.as_bytes()))
             .and_then(|()| self.file.flush());
         self.scored = scored;
-        written.map_err(Error::io(&self.path))
+        written.map_err(RunError::io(&self.path))
     }
 
     /// Leaves the scores so far for `--resume`, and returns the path; one that holds none is removed.
-    pub fn leave(mut self) -> Result<Option<PathBuf>, Error> {
+    pub fn leave(mut self) -> Result<Option<PathBuf>, RunError> {
         if self.scored == 0 {
             self.remove();
             return Ok(None);
         }
         let synced = self.file.flush().and_then(|()| self.file.get_ref().sync_all());
-        synced.map_err(Error::io(&self.path))?;
+        synced.map_err(RunError::io(&self.path))?;
         Ok(Some(self.path))
     }
 
@@ -132,22 +132,22 @@ impl Journal {
     }
 
     /// Writes the output: `head`, all blocks, `tail`.
-    pub fn finish(self, out: &Path, head: &str, tail: &str) -> Result<(), Error> {
+    pub fn finish(self, out: &Path, head: &str, tail: &str) -> Result<(), RunError> {
         let mut whole = self.file.get_ref();
-        whole.seek(std::io::SeekFrom::Start(self.head)).map_err(Error::io(&self.path))?;
+        whole.seek(std::io::SeekFrom::Start(self.head)).map_err(RunError::io(&self.path))?;
         let mut reader = BufReader::new(whole);
         write_whole(out, |file| {
-            file.write_all(head.as_bytes()).map_err(Error::io(out))?;
+            file.write_all(head.as_bytes()).map_err(RunError::io(out))?;
             let mut scored = 0;
             while let Some((mark, _, text)) = block(&mut reader) {
-                file.write_all(&text).map_err(Error::io(out))?;
+                file.write_all(&text).map_err(RunError::io(out))?;
                 scored = mark.scored;
             }
             if scored != self.scored {
                 let changed = std::io::Error::other("was changed meanwhile; run again");
-                return Err(Error::io(&self.path)(changed));
+                return Err(RunError::io(&self.path)(changed));
             }
-            file.write_all(tail.as_bytes()).map_err(Error::io(out))
+            file.write_all(tail.as_bytes()).map_err(RunError::io(out))
         })?;
         self.remove();
         Ok(())
@@ -156,8 +156,8 @@ impl Journal {
 
 /// The file of a journal: the one there to go on with, else a new one. With `--force` the one there is taken away, so
 /// that whatever else bears its name, or is linked to it, keeps its bytes.
-fn own_file(path: &Path, resumes: bool, placements: &Path) -> Result<File, Error> {
-    let refuse = |words: &str| Err(Error::Usage(format!("{}: {words}", path.display())));
+fn own_file(path: &Path, resumes: bool, placements: &Path) -> Result<File, RunError> {
+    let refuse = |words: &str| Err(RunError::Usage(format!("{}: {words}", path.display())));
     will_read(placements);
     is_no_input(path)?;
     let found = path.symlink_metadata().ok();
@@ -174,7 +174,7 @@ fn own_file(path: &Path, resumes: bool, placements: &Path) -> Result<File, Error
     }
     let open = |is_new: bool| {
         let mut options = File::options();
-        options.read(true).write(true).create_new(is_new).open(path).map_err(Error::io(path))
+        options.read(true).write(true).create_new(is_new).open(path).map_err(RunError::io(path))
     };
     let locked = |file: &File| !matches!(file.try_lock(), Err(TryLockError::WouldBlock));
     const HELD: &str = "another run writes into it; wait for its end, or name another file";
@@ -183,7 +183,7 @@ fn own_file(path: &Path, resumes: bool, placements: &Path) -> Result<File, Error
         return refuse(HELD);
     }
     if is_there && !resumes {
-        std::fs::remove_file(path).map_err(Error::io(path))?;
+        std::fs::remove_file(path).map_err(RunError::io(path))?;
         file = open(true)?;
         if !locked(&file) {
             return refuse(HELD);
@@ -233,8 +233,8 @@ fn digest(request: &ScoreRequest, scene: &Scene, placements: &Path) -> Result<St
         "frames": request.frames,
         "near_field": request.near_field,
         "draw": request.draw,
-        "tolerance": request.tolerance,
-        "conditions": in_words(&request.conditions),
+        "tolerance": request.mounting.tolerance,
+        "conditions": in_words(&request.conditions.condition),
         "coverage": request.coverage_out.is_some(),
     });
     Ok(sha256(all.to_string().as_bytes()))

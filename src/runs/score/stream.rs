@@ -10,7 +10,7 @@ use serde_json::ser::{CompactFormatter, Formatter};
 use serde_json::{Map, Value, json};
 
 use super::journal::Journal;
-use super::request::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out};
+use super::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out};
 use crate::csv::csv;
 use crate::files::{
     FileError, LinePerElement, is_sink, shared_folder, sync_disk, target, writable_file,
@@ -19,9 +19,9 @@ use crate::job::Job;
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
 use crate::report::tables::{score_rows, score_titles};
-use crate::runs::given::Given;
-use crate::runs::opening::{self, LoadTimes, Loaded, timings};
-use crate::runs::{Bar, Computing, Error, GRACE, TableFormat, Watcher};
+use crate::runs::inputs::Given;
+use crate::runs::opening::{LoadTimes, Loaded, timings};
+use crate::runs::{Bar, Computing, GRACE, RunError, TableFormat, Watcher, opening};
 use crate::scan::conditions::{in_words, under};
 use crate::score::Scores;
 use crate::search::Evaluator;
@@ -41,12 +41,12 @@ pub(super) fn score(
     total: u64,
     start: Instant,
     out: &mut dyn Write,
-) -> Result<(), Error> {
+) -> Result<(), RunError> {
     let scenes = [scene.to_owned()];
-    let files = opening::files(&scenes, &request.conditions, request.frames, computing);
+    let files = opening::files(&scenes, &request.conditions.condition, request.frames, computing);
     let Loaded { job, times } = opening::job(&files, computing)?;
     let mut loaded =
-        Loaded { job: job.draw(request.draw).tolerance(Some(request.tolerance)), times };
+        Loaded { job: job.draw(request.draw).tolerance(Some(request.mounting.tolerance)), times };
     let evaluator = loaded.evaluator(computing)?;
     let Loaded { job, times } = loaded;
     let scene = job.scene().clone();
@@ -63,7 +63,7 @@ pub(super) fn score(
             Some(Journal::open(file, request, &scene, placements)?)
         }
         _ if request.resume => {
-            return Err(Error::Usage(
+            return Err(RunError::Usage(
                 "--resume: goes on with the scores of a file of placements in a file; give both, and --out".into(),
             ));
         }
@@ -101,7 +101,7 @@ fn scoring<'a>(
     placements: &'a Path,
     total: u64,
     start: Instant,
-) -> Result<Scoring<'a>, Error> {
+) -> Result<Scoring<'a>, RunError> {
     let watcher = computing.watcher;
     let reader = PlacementReader::open(placements)?.peekable();
     let site = || NearSite::new(loaded.job.scene(), &loaded.evaluator.shared_problem());
@@ -156,16 +156,16 @@ struct Scoring<'a> {
 impl Scoring<'_> {
     /// Scores of the next placements, whose covered voxels are written if that was asked for; `None` at the
     /// end.
-    fn next(&mut self) -> Result<Option<Vec<Scores>>, Error> {
+    fn next(&mut self) -> Result<Option<Vec<Scores>>, RunError> {
         if self.reader.peek().is_none() {
             self.bar = None;
             return Ok(None);
         }
         let block: Result<Vec<Placement>, _> = self.reader.by_ref().take(BLOCK).collect();
         let looked = |mut block: Vec<Placement>| self.given.look(&mut block).map(|()| block);
-        let block = block.map_err(Error::from).and_then(looked);
+        let block = block.map_err(RunError::from).and_then(looked);
         if block.is_err() && self.count > 0 && self.request.out.is_none() {
-            // Of a stream only: a file was read to its end before.
+            // Streams only: a file was read to its end before.
             let count = self.count;
             let words = format!("only the scores of the first {count} placements were printed");
             self.watcher.note(&words);
@@ -197,7 +197,7 @@ impl Scoring<'_> {
 
     /// Scores of a block, computed a few placements at a time where they take long; `None` where the watcher ends the
     /// work in between.
-    fn scores(&mut self, block: &[Placement]) -> Result<Option<Vec<Scores>>, Error> {
+    fn scores(&mut self, block: &[Placement]) -> Result<Option<Vec<Scores>>, RunError> {
         let mut scores = Vec::with_capacity(block.len());
         while scores.len() < block.len() {
             if self.request.out.is_some() && !self.watcher.goes_on() {
@@ -230,7 +230,7 @@ impl Scoring<'_> {
     }
 
     /// Writes all scores to the caller's writer, as they are computed.
-    fn into_writer(mut self, path: &Path, out: &mut dyn Write) -> Result<(), Error> {
+    fn into_writer(mut self, path: &Path, out: &mut dyn Write) -> Result<(), RunError> {
         let mut first = true;
         let in_file = self.request.out.is_some();
         if in_file {
@@ -243,20 +243,20 @@ impl Scoring<'_> {
             // Not before: an input whose scores cannot be computed prints nothing.
             let head = if first { self.head()? } else { String::new() };
             let text = head + &self.text(&scores, first)?;
-            out.write_all(text.as_bytes()).map_err(Error::io(path))?;
+            out.write_all(text.as_bytes()).map_err(RunError::io(path))?;
             first = false;
         }
         if self.is_stopped {
             return Err(interrupted(self.request, self.count, self.total));
         }
         self.check(first)?;
-        out.write_all(self.tail()?.as_bytes()).map_err(Error::io(path))?;
+        out.write_all(self.tail()?.as_bytes()).map_err(RunError::io(path))?;
         self.note_rate();
-        out.flush().map_err(Error::io(path))
+        out.flush().map_err(RunError::io(path))
     }
 
     /// Writes all scores to a file. The journal keeps those so far where the watcher ends the work or the disk is full.
-    fn into_file(mut self, mut journal: Journal, out: &Path) -> Result<(), Error> {
+    fn into_file(mut self, mut journal: Journal, out: &Path) -> Result<(), RunError> {
         let scored = self
             .fill(&mut journal)
             .and_then(|()| self.check(journal.scored == 0 && !self.is_stopped));
@@ -280,7 +280,7 @@ impl Scoring<'_> {
             }
             Err(error) => {
                 match &error {
-                    Error::Library(crate::Error::File(_)) => drop(journal.leave()?),
+                    RunError::Library(crate::Error::File(_)) => drop(journal.leave()?),
                     _ => journal.remove(),
                 }
                 Err(error)
@@ -289,7 +289,7 @@ impl Scoring<'_> {
     }
 
     /// Adds the scores that the journal lacks, as long as the watcher lets it.
-    fn fill(&mut self, journal: &mut Journal) -> Result<(), Error> {
+    fn fill(&mut self, journal: &mut Journal) -> Result<(), RunError> {
         for _ in 0..journal.scored {
             self.reader.next().transpose()?;
         }
@@ -303,7 +303,7 @@ impl Scoring<'_> {
     }
 
     /// Refuses a file without any placement.
-    fn check(&mut self, is_empty: bool) -> Result<(), Error> {
+    fn check(&mut self, is_empty: bool) -> Result<(), RunError> {
         match is_empty && self.reader.peek().is_none() {
             true => Err(PlacementFileError::Empty { path: self.placements.to_owned() }.into()),
             false => Ok(()),
@@ -311,7 +311,7 @@ impl Scoring<'_> {
     }
 
     /// All before the scores.
-    fn head(&self) -> Result<String, Error> {
+    fn head(&self) -> Result<String, RunError> {
         let problem = self.evaluator.problem();
         let (scene, frames) = (self.job.scene().name(), problem.frame_count());
         let coverage = problem.coverage();
@@ -320,7 +320,7 @@ impl Scoring<'_> {
         }
         if self.request.format == TableFormat::Text {
             let beams = problem.sensors().beams_in_words();
-            let under = under(&in_words(&self.request.conditions));
+            let under = under(&in_words(&self.request.conditions.condition));
             return Ok(format!(
                 "{scene}: {coverage} over {frames} frame(s), {beams} a LiDAR{under}\n"
             ));
@@ -335,15 +335,15 @@ impl Scoring<'_> {
             "modelled": problem.modelled(),
             "threads": rayon::current_num_threads(),
         });
-        if !self.request.conditions.is_empty() {
-            head["conditions"] = json!(in_words(&self.request.conditions));
+        if !self.request.conditions.condition.is_empty() {
+            head["conditions"] = json!(in_words(&self.request.conditions.condition));
         }
         let text = self.json(&head, LinePerElement::default())?;
         Ok(format!("{},\"scores\":[", text.strip_suffix('}').unwrap_or(&text)))
     }
 
     /// Scores of a block, the first one or one after others.
-    fn text(&self, scores: &[Scores], first: bool) -> Result<String, Error> {
+    fn text(&self, scores: &[Scores], first: bool) -> Result<String, RunError> {
         let mut text = String::new();
         if self.request.format == TableFormat::Csv {
             let rows = score_rows(scores);
@@ -366,7 +366,7 @@ impl Scoring<'_> {
     }
 
     /// All after the scores.
-    fn tail(&self) -> Result<String, Error> {
+    fn tail(&self) -> Result<String, RunError> {
         if self.request.format != TableFormat::Json {
             return Ok(String::new());
         }
@@ -380,7 +380,7 @@ impl Scoring<'_> {
         Ok(format!("\n],{}\n", tail.strip_prefix('{').unwrap_or(&tail)))
     }
 
-    fn json(&self, value: &impl Serialize, format: impl Formatter) -> Result<String, Error> {
+    fn json(&self, value: &impl Serialize, format: impl Formatter) -> Result<String, RunError> {
         let path = self.request.out.as_deref().unwrap_or(Path::new("stdout"));
         let mut text = Vec::new();
         let mut writer = serde_json::Serializer::with_formatter(&mut text, format);

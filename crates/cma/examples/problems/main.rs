@@ -26,8 +26,8 @@ use rayon::prelude::*;
 use serde::Deserialize;
 use serde_json::json;
 
-use problems::{File, Problem};
-use runs::Run;
+use problems::{File, TestFunction};
+use runs::Attempt;
 
 /// Runs of pycma, written by `pycma.py`.
 const PYCMA: &str = include_str!("pycma.json");
@@ -67,7 +67,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         "problem", "success", "pycma", "mean", "pycma", "ratio"
     );
     for problem in file.problems.iter().filter(|p| p.id.starts_with(&args.only)) {
-        let done: Vec<Run> = (0..runs)
+        let done: Vec<Attempt> = (0..runs)
             .into_par_iter()
             .map(|run| runs::run(&file, problem, run))
             .collect::<Result<_, _>>()?;
@@ -113,8 +113,8 @@ fn mean(evaluations: &[Option<u64>]) -> Option<f64> {
 
 /// One line of the table; the ratio of the means where both have one.
 fn print_row(
-    problem: &Problem,
-    done: &[Run],
+    problem: &TestFunction,
+    done: &[Attempt],
     ours: &[Option<u64>],
     theirs: Option<&[Option<u64>]>,
 ) -> Option<f64> {

@@ -14,7 +14,7 @@ use serde_json::Value;
 pub struct File {
     pub schema: String,
     pub settings: Value,
-    pub problems: Vec<Problem>,
+    pub problems: Vec<TestFunction>,
     rotations: HashMap<usize, Vec<Vec<f64>>>,
     common: HashMap<usize, Common>,
 }
@@ -28,7 +28,7 @@ struct Common {
 }
 
 #[derive(Deserialize)]
-pub struct Problem {
+pub struct TestFunction {
     pub id: String,
     pub func: String,
     pub n: usize,
@@ -49,12 +49,12 @@ pub type Cost<'a> = Box<dyn Fn(&[f64]) -> f64 + 'a>;
 
 impl File {
     /// Start of one run.
-    pub fn start(&self, problem: &Problem, run: usize) -> Vec<f64> {
+    pub fn start(&self, problem: &TestFunction, run: usize) -> Vec<f64> {
         self.common[&problem.n].x0[run].iter().map(|x| x * problem.x0_scale).collect()
     }
 
     /// The function of a problem; `None` if this program does not know it.
-    pub fn cost<'a>(&'a self, problem: &'a Problem) -> Option<Cost<'a>> {
+    pub fn cost<'a>(&'a self, problem: &'a TestFunction) -> Option<Cost<'a>> {
         let n = problem.n;
         let common = self.common.get(&n)?;
         let rotation = self.rotations.get(&n)?;
@@ -113,7 +113,7 @@ pub struct Noise {
 }
 
 impl Noise {
-    pub fn new(problem: &Problem, run: usize) -> Self {
+    pub fn new(problem: &TestFunction, run: usize) -> Self {
         let noise = problem.params.get("noise").copied().unwrap_or(0.0);
         let of = |func: &str| if problem.func == func { noise } else { 0.0 };
         Self {

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use sightline_cma::{CmaOptions, RestartOptions, RestartStrategy, Restarts};
 
-use crate::problems::{File, Noise, Problem};
+use crate::problems::{File, Noise, TestFunction};
 
 /// Largest distance from the box that counts as rounding.
 const TOLERANCE: f64 = 1e-12;
@@ -13,7 +13,7 @@ const START: f64 = 4.0;
 
 /// Result of one run.
 #[derive(Serialize)]
-pub struct Run {
+pub struct Attempt {
     /// Evaluations to the target; `None` if it was not reached.
     pub evaluations: Option<u64>,
     /// Evaluations until the end of the run, whether it reached the target or not.
@@ -25,7 +25,7 @@ pub struct Run {
 }
 
 /// Runs one problem until its target, its budget or a stop of the optimizer.
-pub fn run(file: &File, problem: &Problem, run: usize) -> Result<Run, String> {
+pub fn run(file: &File, problem: &TestFunction, run: usize) -> Result<Attempt, String> {
     let cost = file.cost(problem).ok_or_else(|| format!("{}: unknown function", problem.id))?;
     let mut noise = Noise::new(problem, run);
     let bounds = problem.lower.zip(problem.upper);
@@ -48,7 +48,7 @@ pub fn run(file: &File, problem: &Problem, run: usize) -> Result<Run, String> {
     let of_mean = problem.indicator == "mean";
     let (mut evaluations, mut infeasible) = (0, 0);
     let end = |spent, success: bool, infeasible, stop: String| {
-        Ok(Run { evaluations: success.then_some(spent), spent, success, infeasible, stop })
+        Ok(Attempt { evaluations: success.then_some(spent), spent, success, infeasible, stop })
     };
     loop {
         if evaluations >= problem.budget {

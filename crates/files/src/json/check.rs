@@ -1,12 +1,15 @@
 //! Checks of single values; each error names the place, the value and the allowed ones.
 
-use super::{DescriptionError, Place};
+use std::fmt;
+use std::path::PathBuf;
+
+use super::FileKind;
 
 /// Largest coordinate or length in metres: finite in `f32` with room for sums and squares.
 pub const MAX_METRES: f64 = 1.0e9;
 
 /// Largest angle in radians; larger ones are most likely degrees.
-pub const MAX_RADIANS: f64 = std::f64::consts::TAU;
+const MAX_RADIANS: f64 = std::f64::consts::TAU;
 
 /// Longest name in characters.
 pub const MOST_CHARACTERS: usize = 200;
@@ -15,7 +18,7 @@ pub const MOST_CHARACTERS: usize = 200;
 const MOST_DIGITS: usize = 20;
 
 /// Error of a value that `at` does not allow.
-pub fn bad(at: &Place, value: impl ToString, wanted: impl Into<String>) -> DescriptionError {
+pub fn bad(at: &Location, value: impl ToString, wanted: impl Into<String>) -> DescriptionError {
     let mut value = value.to_string();
     // 1e300 prints with 301 digits, and was most likely written with an exponent.
     if value.len() > MOST_DIGITS
@@ -27,7 +30,7 @@ pub fn bad(at: &Place, value: impl ToString, wanted: impl Into<String>) -> Descr
 }
 
 /// A text for tables and drawings, without control characters.
-pub fn text(at: &Place, value: String) -> Result<String, DescriptionError> {
+pub fn text(at: &Location, value: String) -> Result<String, DescriptionError> {
     if !value.contains(char::is_control) {
         return Ok(value);
     }
@@ -35,7 +38,7 @@ pub fn text(at: &Place, value: String) -> Result<String, DescriptionError> {
 }
 
 /// A name for tables and drawings: a [`text`] of at most 200 characters.
-pub fn name(at: &Place, value: String) -> Result<String, DescriptionError> {
+pub fn name(at: &Location, value: String) -> Result<String, DescriptionError> {
     let length = value.chars().count();
     if length > MOST_CHARACTERS {
         let wanted = format!("a name of at most {MOST_CHARACTERS} characters");
@@ -45,7 +48,7 @@ pub fn name(at: &Place, value: String) -> Result<String, DescriptionError> {
 }
 
 /// A coordinate in metres.
-pub fn metres(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+pub fn metres(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     if value.abs() <= MAX_METRES {
         return Ok(value);
     }
@@ -53,7 +56,7 @@ pub fn metres(at: &Place, value: f64) -> Result<f64, DescriptionError> {
 }
 
 /// A length in metres above 0.
-pub fn length(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+pub fn length(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     if value > 0.0 && value <= MAX_METRES {
         return Ok(value);
     }
@@ -61,7 +64,7 @@ pub fn length(at: &Place, value: f64) -> Result<f64, DescriptionError> {
 }
 
 /// So many a second, above 0.
-pub fn rate(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+pub fn rate(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     if (1e-3..=1e4).contains(&value) {
         return Ok(value);
     }
@@ -69,7 +72,7 @@ pub fn rate(at: &Place, value: f64) -> Result<f64, DescriptionError> {
 }
 
 /// A heading in radians; logs add up turns.
-pub fn heading(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+pub fn heading(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     // Up to 1e9 an `f64` resolves 1e-6 rad.
     if value.abs() <= MAX_METRES {
         return Ok(value);
@@ -78,7 +81,7 @@ pub fn heading(at: &Place, value: f64) -> Result<f64, DescriptionError> {
 }
 
 /// An angle in radians.
-pub fn radians(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+pub fn radians(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     if value.abs() <= MAX_RADIANS {
         return Ok(value);
     }
@@ -86,7 +89,7 @@ pub fn radians(at: &Place, value: f64) -> Result<f64, DescriptionError> {
 }
 
 /// A point `[x, y, z]` in metres.
-pub fn point(at: &Place, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> {
+pub fn point(at: &Location, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> {
     for (i, v) in value.into_iter().enumerate() {
         metres(&at.item(i), v)?;
     }
@@ -94,7 +97,7 @@ pub fn point(at: &Place, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> 
 }
 
 /// A size `[x, y, z]` in metres, each above 0.
-pub fn size(at: &Place, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> {
+pub fn size(at: &Location, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> {
     for (i, v) in value.into_iter().enumerate() {
         length(&at.item(i), v)?;
     }
@@ -102,7 +105,7 @@ pub fn size(at: &Place, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> {
 }
 
 /// A point written `[x, y]` or `[x, y, z]`, in metres; z is 0 when it is left out.
-pub fn point_2_or_3(at: &Place, value: &[f64]) -> Result<[f64; 3], DescriptionError> {
+pub fn point_2_or_3(at: &Location, value: &[f64]) -> Result<[f64; 3], DescriptionError> {
     let xyz = match *value {
         [x, y] => [x, y, 0.0],
         [x, y, z] => [x, y, z],
@@ -118,7 +121,7 @@ pub fn point_2_or_3(at: &Place, value: &[f64]) -> Result<[f64; 3], DescriptionEr
 }
 
 /// A whole number in `lo..=hi`.
-pub fn count(at: &Place, value: u64, lo: u64, hi: u64) -> Result<u32, DescriptionError> {
+pub fn count(at: &Location, value: u64, lo: u64, hi: u64) -> Result<u32, DescriptionError> {
     if (lo..=hi).contains(&value) {
         return Ok(value as u32);
     }
@@ -126,7 +129,7 @@ pub fn count(at: &Place, value: u64, lo: u64, hi: u64) -> Result<u32, Descriptio
 }
 
 /// A range `[lo, hi]` of radians with lo ≤ hi.
-pub fn radian_range(at: &Place, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
+pub fn radian_range(at: &Location, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
     for (i, v) in value.into_iter().enumerate() {
         radians(&at.item(i), v)?;
     }
@@ -134,7 +137,7 @@ pub fn radian_range(at: &Place, value: [f64; 2]) -> Result<[f64; 2], Description
 }
 
 /// A vertical field of view `[lower, upper]` in degrees.
-pub fn fov(at: &Place, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
+pub fn fov(at: &Location, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
     for (i, v) in value.into_iter().enumerate() {
         elevation(&at.item(i), v)?;
     }
@@ -142,14 +145,14 @@ pub fn fov(at: &Place, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
 }
 
 /// An elevation in degrees.
-pub fn elevation(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+pub fn elevation(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     if value.abs() <= 90.0 {
         return Ok(value);
     }
     Err(bad(at, value, "an elevation from -90 to 90 degrees"))
 }
 
-fn ordered(at: &Place, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
+fn ordered(at: &Location, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
     if value[0] <= value[1] {
         return Ok(value);
     }
@@ -157,9 +160,267 @@ fn ordered(at: &Place, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
 }
 
 /// Range of a LiDAR in metres.
-pub fn range(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+pub fn range(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     if value > 0.0 && value <= 1.0e5 {
         return Ok(value);
     }
     Err(bad(at, value, "a range above 0 and at most 100000 m"))
+}
+
+/// Why a scene file, or a sensor or mesh file that it names, could not be read.
+///
+/// Every message is one sentence with the file, the place in it, the value and the mend.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DescriptionError {
+    /// A file could not be opened or read.
+    #[error("{file}: cannot be read: {source}")]
+    Read {
+        /// The file.
+        file: PathBuf,
+        /// Error of the system.
+        source: std::io::Error,
+    },
+    /// A file that is named here has a fault.
+    #[error("{at}: {source}")]
+    InFile {
+        /// Where the file is named.
+        at: Box<Location>,
+        /// Its fault.
+        source: Box<DescriptionError>,
+    },
+    /// A file is larger than this program reads.
+    #[error("{file}: is larger than the limit of {limit} bytes; split or simplify it")]
+    TooLarge {
+        /// The file.
+        file: PathBuf,
+        /// Largest size in bytes.
+        limit: u64,
+    },
+    /// The text is not JSON or YAML, or a value has the wrong type.
+    #[error("{at}: {problem} (line {line}, column {column})")]
+    Json {
+        /// Place of the fault.
+        at: Box<Location>,
+        /// Fault at this place.
+        problem: String,
+        /// Line, counted from 1.
+        line: usize,
+        /// Column, counted from 1.
+        column: usize,
+    },
+    /// A key that no scene has at this place.
+    #[error(
+        "{at}: unknown key `{key}`{} (line {line}, column {column})",
+        did_you_mean(.nearest, .known)
+    )]
+    UnknownKey {
+        /// The object that holds the key.
+        at: Box<Location>,
+        /// The key as written.
+        key: String,
+        /// Most similar known key, if one is similar.
+        nearest: Option<String>,
+        /// Every key known at this place.
+        known: Vec<String>,
+        /// Line, counted from 1.
+        line: usize,
+        /// Column, counted from 1.
+        column: usize,
+    },
+    /// The file has another version, or none.
+    #[error("{at}: {found}; this program reads version 1, write `\"sightline\": 1`")]
+    Version {
+        /// Place of the fault.
+        at: Box<Location>,
+        /// Version or lack of one, in words.
+        found: String,
+    },
+    /// A file of another kind than expected.
+    #[error("{file}: is {found}, where {wanted} belongs; give it {}", .found.place())]
+    OtherKind {
+        /// The file.
+        file: String,
+        /// Kind of file.
+        found: FileKind,
+        /// Kind of file expected there.
+        wanted: FileKind,
+    },
+    /// A number, name or list that the place does not allow.
+    #[error("{at}: {value} is not {wanted}")]
+    Value {
+        /// Place of the fault.
+        at: Box<Location>,
+        /// The value as written.
+        value: String,
+        /// Allowed values, in words.
+        wanted: String,
+    },
+    /// A required key is missing.
+    #[error("{at}: `{key}` is missing: {mend}")]
+    Missing {
+        /// The object that lacks it.
+        at: Box<Location>,
+        /// The key that is missing.
+        key: &'static str,
+        /// Addition that mends it.
+        mend: String,
+    },
+    /// Keys that exclude each other, or a key that has no meaning here.
+    #[error("{at}: `{key}` cannot stand here: {mend}")]
+    Misplaced {
+        /// The object that holds it.
+        at: Box<Location>,
+        /// The superfluous key.
+        key: &'static str,
+        /// Change that mends it.
+        mend: String,
+    },
+    /// None or several of a choice of keys.
+    #[error("{at}: has {}; give exactly one of {}", listed(.found, "none of the keys"), listed(.of, ""))]
+    Choice {
+        /// The object.
+        at: Box<Location>,
+        /// Keys of the choice that the object has.
+        found: Vec<&'static str>,
+        /// The choice.
+        of: &'static [&'static str],
+    },
+    /// A name that nothing defines.
+    #[error("{at}: no {kind} is called `{name}`{}", did_you_mean(.nearest, .known))]
+    UnknownName {
+        /// Where the name is used.
+        at: Box<Location>,
+        /// `class` or `shape`.
+        kind: &'static str,
+        /// The name as written.
+        name: String,
+        /// Most similar known name, if one is similar.
+        nearest: Option<String>,
+        /// Every known name.
+        known: Vec<String>,
+    },
+    /// A number of things above its limit.
+    #[error("{at}: {count} {what} are more than the limit of {limit}; {mend}")]
+    TooMany {
+        /// Place of the fault.
+        at: Box<Location>,
+        /// Things counted.
+        what: &'static str,
+        /// Requested number.
+        count: u64,
+        /// Largest number allowed.
+        limit: u64,
+        /// Change that mends it.
+        mend: &'static str,
+    },
+    /// The mount leaves the ROI sideways, or lies below it or more than 10 m above.
+    #[error(
+        "{at}: the mount runs from {min:?} to {max:?}, outside of the ROI ({roi_min:?} to \
+         {roi_max:?}) in {axis}; move the mount or enlarge the ROI"
+    )]
+    MountOutside {
+        /// Place of the fault.
+        at: Box<Location>,
+        /// `x`, `y` or `z`.
+        axis: char,
+        /// Lower corner of the mount in metres.
+        min: [f64; 3],
+        /// Upper corner of the mount in metres.
+        max: [f64; 3],
+        /// Lower corner of the ROI in metres.
+        roi_min: [f64; 3],
+        /// Upper corner of the ROI in metres.
+        roi_max: [f64; 3],
+    },
+    /// A mesh file that cannot be used.
+    #[error("{at}: mesh {mesh}: {element}: {problem}")]
+    Mesh {
+        /// The place in the scene that names the mesh.
+        at: Box<Location>,
+        /// The mesh file.
+        mesh: PathBuf,
+        /// Line, vertex, face or header entry of the mesh.
+        element: String,
+        /// Fault at this place.
+        problem: String,
+    },
+    /// A material of a mesh has no class, and the shape has no default.
+    #[error(
+        "{at}: mesh {mesh}: material `{material}` has no class; name it in `classes` or give the \
+         shape a `class` for the rest"
+    )]
+    Unclassed {
+        /// The place in the scene that names the mesh.
+        at: Box<Location>,
+        /// The mesh file.
+        mesh: PathBuf,
+        /// Material or label of the mesh.
+        material: String,
+    },
+}
+
+impl DescriptionError {
+    /// Wraps the fault of a file with the place that names the file.
+    pub fn of_file(self, at: Location) -> Self {
+        Self::InFile { at: Box::new(at), source: Box::new(self) }
+    }
+}
+
+fn listed(keys: &[&str], none: &str) -> String {
+    if keys.is_empty() {
+        return none.to_owned();
+    }
+    keys.iter().map(|k| format!("`{k}`")).collect::<Vec<_>>().join(", ")
+}
+
+/// End of an error about an unknown name: the nearest known name, or the list of known ones.
+pub fn did_you_mean(nearest: &Option<String>, known: &[String]) -> String {
+    match nearest {
+        Some(name) => format!("; did you mean `{name}`?"),
+        None if known.is_empty() => "; nothing is known here".to_owned(),
+        None => {
+            let known: Vec<_> = known.iter().map(|k| format!("`{k}`")).collect();
+            format!("; known are {}", known.join(", "))
+        }
+    }
+}
+
+/// Place of a value: the file and the JSON path inside it.
+///
+/// Prints as `scenes/x.json: static[3].box.size[1]`, and as the file alone at the top level.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Location {
+    /// The file as the user named it.
+    pub file: String,
+    /// JSON path from the top of the file; empty at the top level.
+    pub path: String,
+}
+
+impl Location {
+    /// The top level of `file`.
+    pub fn top(file: &str) -> Self {
+        Self { file: file.to_owned(), path: String::new() }
+    }
+
+    /// The value under `key` of the object here.
+    pub fn key(&self, key: &str) -> Self {
+        let dot = if self.path.is_empty() { "" } else { "." };
+        Self { file: self.file.clone(), path: format!("{}{dot}{key}", self.path) }
+    }
+
+    /// Item `i` of the list here, counted from 0.
+    pub fn item(&self, i: usize) -> Self {
+        Self { file: self.file.clone(), path: format!("{}[{i}]", self.path) }
+    }
+}
+
+impl fmt::Display for Location {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.file)?;
+        if !self.path.is_empty() {
+            write!(f, ": {}", self.path)?;
+        }
+        Ok(())
+    }
 }

@@ -55,6 +55,150 @@ pub fn shortened(value: Value) -> Value {
     }
 }
 
+/// Start of the tags that YAML itself defines; `!!` is short for it.
+const CORE: &str = "tag:yaml.org,2002:";
+/// Radians in one degree, computed as xacro does.
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
+/// Unit tags, the quantity of each, and its size in metres or radians.
+const UNITS: [(&str, Quantity, f64); 6] = [
+    ("!radians", Quantity::Angle, 1.0),
+    ("!degrees", Quantity::Angle, DEGREE),
+    ("!meters", Quantity::Length, 1.0),
+    ("!millimeters", Quantity::Length, 0.001),
+    ("!foot", Quantity::Length, 0.3048),
+    ("!inches", Quantity::Length, 0.0254),
+];
+
+/// Quantity that a key holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Radians.
+    Angle,
+    /// Metres.
+    Length,
+    /// A number without a unit.
+    Bare,
+}
+
+impl Quantity {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Angle => "an angle",
+            Self::Length => "a length",
+            Self::Bare => "a number without a unit",
+        }
+    }
+}
+
+/// Value of a scalar under a key of `quantity`, which is `None` if the key's quantity is unknown.
+///
+/// # Errors
+/// A tag that is not known, or that does not fit the text or the key; in words.
+pub(super) fn value(
+    text: &str,
+    is_plain: bool,
+    tag: Option<&str>,
+    quantity: Option<Quantity>,
+) -> Result<Value, String> {
+    let Some(tag) = tag else {
+        return Ok(if is_plain { plain(text) } else { Value::from(text) });
+    };
+    if let Some((_, unit, factor)) = UNITS.into_iter().find(|(name, ..)| *name == tag) {
+        let value = number(text.trim()).and_then(|number| number.as_f64());
+        let value = value.ok_or_else(|| {
+            format!(
+                "{} stands behind `{tag}`, where a number belongs; only xacro computes expressions",
+                shown(text)
+            )
+        })?;
+        return match quantity {
+            Some(wanted) if wanted != unit => Err(format!(
+                "`{tag}` is the unit of {}, and {} belongs here",
+                unit.name(),
+                wanted.name()
+            )),
+            _ => Ok(Number::from_f64(value * factor).map_or(Value::Null, Value::Number)),
+        };
+    }
+    let core = tag.strip_prefix(CORE).unwrap_or(if tag == "!" { "str" } else { "" });
+    let read = plain(text);
+    match core {
+        "str" => Ok(Value::from(text)),
+        "int" if read.is_i64() || read.is_u64() => Ok(read),
+        "float" if read.is_number() => Ok(read),
+        "bool" if read.is_boolean() => Ok(read),
+        "null" if read.is_null() => Ok(read),
+        "int" | "float" | "bool" | "null" => {
+            Err(format!("{} is not what its tag `!!{core}` says", shown(text)))
+        }
+        _ => Err(unknown_tag(tag)),
+    }
+}
+
+/// Checks the tag of a list (`seq`) or an object (`map`).
+pub(super) fn check_collection(tag: &str, kind: &str) -> Result<(), String> {
+    match tag.strip_prefix(CORE) {
+        Some(name) if name == kind => Ok(()),
+        _ if tag == "!" => Ok(()),
+        _ if UNITS.iter().any(|(unit, ..)| *unit == tag) => {
+            Err(format!("`{tag}` stands before a list or an object; write it before each number"))
+        }
+        _ => Err(unknown_tag(tag)),
+    }
+}
+
+fn unknown_tag(tag: &str) -> String {
+    let tag = tag.strip_prefix(CORE).map_or_else(|| tag.to_owned(), |name| format!("!!{name}"));
+    let units = UNITS.map(|(name, ..)| format!("`{name}`")).join(", ");
+    format!("the tag {} is not known; units are {units}", shown(&tag))
+}
+
+/// A text in quotes, shortened.
+pub(super) fn shown(text: &str) -> String {
+    let short: String = text.chars().take(40).collect();
+    let more = if short.len() < text.len() { "…" } else { "" };
+    format!("`{}{more}`", short.escape_debug())
+}
+
+/// Value of a plain scalar. Texts that YAML 1.1 and 1.2 read as different numbers stay texts: `010`, `0o7`,
+/// `1_000`, `1:30`.
+fn plain(text: &str) -> Value {
+    match text {
+        "" | "~" | "null" | "Null" | "NULL" => Value::Null,
+        "true" | "True" | "TRUE" => Value::Bool(true),
+        "false" | "False" | "FALSE" => Value::Bool(false),
+        _ => number(text).map_or_else(|| Value::from(text), Value::Number),
+    }
+}
+
+/// A finite number.
+fn number(text: &str) -> Option<Number> {
+    let digits = text.strip_prefix(['+', '-']).unwrap_or(text);
+    if let Some(hex) = digits.strip_prefix("0x") {
+        let is_hex = !hex.is_empty() && hex.bytes().all(|b| b.is_ascii_hexdigit());
+        return u64::from_str_radix(hex, 16)
+            .ok()
+            .filter(|_| is_hex && digits == text)
+            .map(Number::from);
+    }
+    if !digits.bytes().all(|b| b.is_ascii_digit() || b".eE+-".contains(&b)) {
+        return None;
+    }
+    if digits.bytes().all(|b| b.is_ascii_digit()) {
+        if digits.len() > 1 && digits.starts_with('0') {
+            return None;
+        }
+        // `-0` keeps its sign as a fraction alone.
+        if let (Ok(whole), false) = (text.parse::<i64>(), text == "-0") {
+            return Some(whole.into());
+        }
+        if let Ok(whole) = text.parse::<u64>() {
+            return Some(whole.into());
+        }
+    }
+    text.parse().ok().and_then(Number::from_f64)
+}
+
 #[cfg(test)]
 mod tests {
     use serde_json::json;
@@ -109,5 +253,35 @@ mod tests {
         let value = json!({"a": [1.0 / 3.0, -0.0, 2.0, 7, -6.632_394_361_889_102e-7], "b": null});
         let text = r#"{"a":[0.333333333,0.0,2.0,7,-6.63239436e-7],"b":null}"#;
         assert_eq!(shortened(value).to_string(), text);
+    }
+
+    #[test]
+    fn plain_numbers_are_those_of_every_yaml() {
+        let same = [("1", json!(1)), ("-2.5", json!(-2.5)), ("+3", json!(3)), (".5", json!(0.5))];
+        let more =
+            [("1.", json!(1.0)), ("0x10", json!(16)), ("1e3", json!(1e3)), ("~", json!(null))];
+        for (text, wanted) in same.into_iter().chain(more) {
+            assert_eq!(plain(text), wanted, "{text}");
+        }
+        for text in
+            ["010", "0o7", "1_000", "1:30", ".inf", "nan", "inf", "0x", "1e999", "-", "e5", "yes"]
+        {
+            assert_eq!(plain(text), json!(text));
+        }
+    }
+
+    #[test]
+    fn units_are_metres_and_radians_of_a_fitting_quantity() {
+        let read = |tag, text, quantity| value(text, true, Some(tag), quantity);
+        assert_eq!(read("!degrees", "40", Some(Quantity::Angle)), Ok(json!(40.0 * DEGREE)));
+        assert_eq!(read("!millimeters", "900", Some(Quantity::Length)), Ok(json!(0.9)));
+        assert_eq!(read("!foot", "10", None), Ok(json!(3.048)));
+        let fails = |tag, text, quantity| read(tag, text, quantity).unwrap_err();
+        assert!(fails("!degrees", "40", Some(Quantity::Length)).contains("a length belongs"));
+        assert!(fails("!inches", "1", Some(Quantity::Bare)).contains("without a unit"));
+        assert!(fails("!degrees", "2*45", None).contains("`2*45`"));
+        assert!(fails("!grad", "1", None).contains("`!grad` is not known"));
+        assert!(fails("tag:yaml.org,2002:binary", "AA==", None).contains("`!!binary`"));
+        assert!(fails("tag:yaml.org,2002:int", "up", None).contains("`!!int`"));
     }
 }

@@ -8,12 +8,12 @@ use std::path::Path;
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
 
-use super::{DescriptionError, Place, nearest};
+use super::{DescriptionError, Location, nearest};
 
 /// Reads `text` as a `T`, naming `file` in errors.
 pub fn parse<T: DeserializeOwned>(text: &str, file: &str) -> Result<T, DescriptionError> {
     if text.trim_ascii().is_empty() {
-        let (at, problem) = (Box::new(Place::top(file)), "the file is empty".to_owned());
+        let (at, problem) = (Box::new(Location::top(file)), "the file is empty".to_owned());
         return Err(DescriptionError::Json { at, problem, line: 1, column: 1 });
     }
     let mut json = serde_json::Deserializer::from_str(text);
@@ -33,7 +33,7 @@ pub fn check_version(text: &str, file: &str, wanted: FileKind) -> Result<(), Des
         sightline: Option<serde_json::Value>,
     }
     let version: Version = parse(text, file)?;
-    let top = Place::top(file);
+    let top = Location::top(file);
     let other = FileKind::of(text).filter(|kind| *kind != wanted);
     match (version.sightline, other) {
         (Some(v), _) if v != 1 => Err(DescriptionError::Version {
@@ -58,7 +58,7 @@ fn explain(file: &str, path: &str, error: &serde_json::Error) -> DescriptionErro
     let text = full.rsplit_once(" at line ").map_or(full.as_str(), |(text, _)| text);
     // The path ends in a question mark before the first key is read.
     let path = path.trim_end_matches('?').trim_end_matches('.');
-    let at = Box::new(Place { file: file.to_owned(), path: path.to_owned() });
+    let at = Box::new(Location { file: file.to_owned(), path: path.to_owned() });
     // serde_json says "trailing characters" after the whole object and after a list that is too long.
     let text = match text {
         "trailing characters" if path.is_empty() => "something follows the end of the object",
@@ -71,7 +71,7 @@ fn explain(file: &str, path: &str, error: &serde_json::Error) -> DescriptionErro
     // The path of an unknown key ends in the key itself; the message names it anyway.
     let parent = path.strip_suffix(key).map_or(path, |p| p.strip_suffix('.').unwrap_or(p));
     DescriptionError::UnknownKey {
-        at: Box::new(Place { file: file.to_owned(), path: parent.to_owned() }),
+        at: Box::new(Location { file: file.to_owned(), path: parent.to_owned() }),
         nearest: nearest(key, known.iter().map(String::as_str)),
         key: key.to_owned(),
         known,
@@ -190,5 +190,101 @@ impl fmt::Display for FileKind {
             Self::Placements => "a file of placements",
             Self::Target => "a target",
         })
+    }
+}
+
+/// Most attributes of one element: the library compares each with all before it.
+const MAX_ATTRIBUTES: usize = 256;
+/// Most declarations of namespaces: the library looks each up for every name.
+const MAX_NAMESPACES: usize = 64;
+/// Deepest element: readers recurse into elements.
+const MAX_DEPTH: usize = 128;
+
+/// Refuses constructs that an XML library takes more than linear time or stack for.
+pub fn check_xml(text: &str) -> Result<(), String> {
+    let (mut rest, mut depth, mut namespaces) = (text, 0_usize, 0);
+    while let Some(at) = rest.find('<') {
+        let line = || 1 + text[..text.len() - rest.len() + at].matches('\n').count();
+        let tag = &rest[at..];
+        let skipped = [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>"), ("<!", ">")];
+        if let Some((start, end)) = skipped.iter().find(|(start, _)| tag.starts_with(start)) {
+            let Some(to) = tag[start.len()..].find(end) else { return Ok(()) };
+            rest = &tag[start.len() + to + end.len()..];
+            continue;
+        }
+        let (inside, attributes) = tag_of(tag);
+        if attributes > MAX_ATTRIBUTES {
+            return Err(format!(
+                "line {}: an element has {attributes} attributes, at most {MAX_ATTRIBUTES} are read; split the element",
+                line()
+            ));
+        }
+        namespaces += inside.matches("xmlns").count();
+        if namespaces > MAX_NAMESPACES {
+            return Err(format!(
+                "line {}: more than {MAX_NAMESPACES} namespaces are declared; declare each once, at the root",
+                line()
+            ));
+        }
+        if tag.starts_with("</") {
+            depth = depth.saturating_sub(1);
+        } else if !inside.ends_with('/') {
+            depth += 1;
+        }
+        if depth > MAX_DEPTH {
+            return Err(format!(
+                "line {}: elements are nested more than {MAX_DEPTH} deep; leave the nesting out",
+                line()
+            ));
+        }
+        rest = &tag[(inside.len() + 1).min(tag.len())..];
+    }
+    Ok(())
+}
+
+/// A tag without its closing bracket, and the number of its attributes.
+fn tag_of(tag: &str) -> (&str, usize) {
+    let (mut quote, mut attributes) = (None, 0);
+    for (at, byte) in tag.bytes().enumerate() {
+        match (quote, byte) {
+            (Some(open), _) if byte == open => quote = None,
+            (Some(_), _) => {}
+            (None, b'"' | b'\'') => quote = Some(byte),
+            (None, b'=') => attributes += 1,
+            (None, b'>') => return (&tag[..at], attributes),
+            _ => {}
+        }
+    }
+    (tag, attributes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_attributes_namespaces_and_levels_are_refused_with_their_line() {
+        let attributes: String = (0..60_000).map(|k| format!(" a{k}='='")).collect();
+        let namespaces: String =
+            (0..70).map(|k| format!("<a xmlns:n{k}='u'>")).collect::<Vec<_>>().join("\n");
+        for (text, told) in [
+            (format!("<a>\n<b{attributes}/></a>"), "line 2: an element has 60000 attributes"),
+            (namespaces, "line 65: more than 64 namespaces"),
+            ("<a>".repeat(5000), "nested more than 128 deep"),
+        ] {
+            let error = check_xml(&text).unwrap_err();
+            assert!(error.contains(told), "{error}");
+        }
+    }
+
+    #[test]
+    fn signs_in_values_comments_and_data_count_nothing() {
+        let equals = "=".repeat(300);
+        let text = format!(
+            "<?x {equals}?><!-- <a {equals} --><a b='{equals}>' c=\"'\"><![CDATA[<b {equals}>]]></a>"
+        );
+        assert_eq!(check_xml(&text), Ok(()));
+        assert_eq!(check_xml("<a b='"), Ok(()));
+        assert_eq!(check_xml(&"<a></a><b/>".repeat(500)), Ok(()));
     }
 }

@@ -4,8 +4,8 @@ use saphyr_parser::{Event, Marker, Parser, ScalarStyle, Span};
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
-use super::scalar::{self, Quantity, shown};
-use super::{DescriptionError, Place, plain_words};
+use super::numbers::{Quantity, shown};
+use super::{DescriptionError, Location, numbers, plain_words};
 
 /// Most bytes of a YAML file; vendors' files have 40 000.
 const MAX_YAML: usize = 1 << 20;
@@ -36,7 +36,7 @@ impl YamlDocument {
             let path = error.path().to_string();
             let path = if path == "." { String::new() } else { path };
             let (line, column) = self.line_of(&path);
-            let at = Box::new(Place { file: self.file.clone(), path });
+            let at = Box::new(Location { file: self.file.clone(), path });
             let problem = plain_words(&error.into_inner().to_string());
             DescriptionError::Json { at, problem, line, column }
         })
@@ -101,7 +101,7 @@ pub fn parse_yaml(
         Some(second) => {
             let (line, column) = second.line_of("");
             let problem = "a second document begins behind `---`; keep one".to_owned();
-            let at = Box::new(Place::top(file));
+            let at = Box::new(Location::top(file));
             Err(DescriptionError::Json { at, problem, line, column })
         }
     }
@@ -118,7 +118,7 @@ pub fn parse_documents(
 ) -> Result<Vec<YamlDocument>, DescriptionError> {
     if text.len() > MAX_YAML {
         return Err(DescriptionError::TooMany {
-            at: Box::new(Place::top(file)),
+            at: Box::new(Location::top(file)),
             what: "bytes of YAML",
             count: text.len() as u64,
             limit: MAX_YAML as u64,
@@ -150,7 +150,7 @@ struct YamlFault {
 
 impl YamlFault {
     fn in_file(self, file: &str) -> DescriptionError {
-        let (at, problem) = (Box::new(Place::top(file)), self.problem);
+        let (at, problem) = (Box::new(Location::top(file)), self.problem);
         let (line, column) = (self.mark.0 as usize, self.mark.1 as usize);
         DescriptionError::Json { at, problem, line, column }
     }
@@ -245,11 +245,11 @@ impl YamlBuilder<'_> {
                 self.marks.push(*mark);
                 let quantity = (self.quantities)(spot.parent, spot.key);
                 let is_plain = *style == ScalarStyle::Plain;
-                scalar::value(text, is_plain, tag(its_tag).as_deref(), quantity).map_err(fault)
+                numbers::value(text, is_plain, tag(its_tag).as_deref(), quantity).map_err(fault)
             }
             Event::SequenceStart(_, its_tag) => {
                 tag(its_tag)
-                    .map_or(Ok(()), |tag| scalar::check_collection(&tag, "seq"))
+                    .map_or(Ok(()), |tag| numbers::check_collection(&tag, "seq"))
                     .map_err(fault)?;
                 self.take(spot, 0, *mark)?;
                 self.marks.push(*mark);
@@ -262,7 +262,7 @@ impl YamlBuilder<'_> {
             }
             Event::MappingStart(_, its_tag) => {
                 tag(its_tag)
-                    .map_or(Ok(()), |tag| scalar::check_collection(&tag, "map"))
+                    .map_or(Ok(()), |tag| numbers::check_collection(&tag, "map"))
                     .map_err(fault)?;
                 self.take(spot, 0, *mark)?;
                 self.marks.push(*mark);

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3};
-
-use super::error::HEIGHT_LIMIT;
-use super::sequence::{check_count, read_points, read_text, read_units};
-use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel, ground};
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
+
+use super::import::HEIGHT_LIMIT;
+use super::sequence::{check_count, read_points, read_text, read_units};
+use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel, ground};
 
 /// Height of the KITTI car's LiDAR above the ground, in metres.
 pub const KITTI_LIDAR_HEIGHT: f64 = 1.73;

@@ -14,20 +14,19 @@
 //! | `ground` | height of the labelled road, warnings about poses, plates and boxes of a scene |
 
 mod carla;
-mod error;
 mod ground;
 mod import;
 pub mod kitti;
 mod nuscenes;
 mod sequence;
-#[cfg(test)]
-mod tests;
 
 pub use carla::{CarlaSequence, CarlaTags};
-pub use error::DatasetError;
-pub use import::{ImportOptions, ImportedScene, to_scene};
+pub use import::{DatasetError, ImportOptions, ImportedScene, to_scene};
 pub use kitti::{KITTI_LIDAR_HEIGHT, KittiSequence};
 pub use nuscenes::{NUSCENES_CATEGORIES, NuscenesScene, read_nuscenes};
 pub use sequence::{
     BoxTrack, LabelledScan, LabelledSequence, PointLabel, PsogOptions, TrackPose, build_psog,
 };
+
+#[cfg(test)]
+mod tests;

@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::folder::{ABOUT, About, Folder, INCOMPLETE};
-use super::labels::{Label, check_map, of_classes};
-use super::plan::{Planned, plan};
-use super::{DatasetSettings, ExportError, Layout, SceneFacts, kitti, npz, nuscenes};
 use sightline_scan::Scan;
+
+use super::folder::{ABOUT, About, Folder, INCOMPLETE};
+use super::plan::{Label, Planned, check_map, of_classes, plan};
+use super::{DatasetSettings, ExportError, Layout, SceneFacts, kitti, nuscenes, record};
 
 /// A data set folder that grows scan by scan, of one placement; several scenes are sequences of it.
 ///
@@ -185,7 +185,7 @@ impl Dataset {
         }
         let (folder, name) = (&self.folder, &planned.name);
         let record = match self.settings.layout {
-            Layout::Npz => npz::write(folder, name, at, scan)?,
+            Layout::Npz => record::write(folder, name, at, scan)?,
             Layout::SemanticKitti => {
                 kitti::write(folder, name, at, scan, &self.labels[scene], &self.settings)?
             }

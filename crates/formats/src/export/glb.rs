@@ -4,20 +4,18 @@
 //! own frame (x left, y up, z forward), by a rotation whose four numbers are exact.
 
 mod container;
-mod marks;
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::Write;
 
 use glam::DQuat;
-use serde_json::{Value, json};
-
-use super::ExportError;
-use container::{Container, PrimitiveMode};
 use lidar_cast::geom::{Pose, TriangleSoup};
-use marks::Frustum;
+use serde_json::{Value, json};
 use sightline_scene::scene::{PartOwner, Scene};
 use sightline_scene::vehicle::{Placement, SensorPose, Sensors};
+
+use super::ExportError;
+use container::{Container, Frustum, PrimitiveMode};
 
 /// Takes ISO 8855 to glTF: x, y, z, w. A third of a turn about (1, 1, 1), backwards.
 const GLTF_FROM_ISO: [f64; 4] = [-0.5, -0.5, -0.5, 0.5];
@@ -121,7 +119,7 @@ impl Writer<'_> {
     /// Material of a class.
     fn material(&mut self, class: u16) -> usize {
         let name = self.class(class).to_owned();
-        self.out.material(&name, marks::of_class(&name))
+        self.out.material(&name, container::of_class(&name))
     }
 
     /// Static world, actors, ego body: a node each that has triangles.
@@ -212,7 +210,7 @@ impl Writer<'_> {
                 if let std::collections::hash_map::Entry::Vacant(slot) = frusta.entry(model) {
                     let frustum = Frustum::of(sensors.table(model));
                     let positions = self.out.positions(&frustum.lines())?;
-                    let material = self.out.material("frustum", marks::FRUSTUM);
+                    let material = self.out.material("frustum", container::FRUSTUM);
                     let lines = PrimitiveMode::Lines.primitive(positions, None, material);
                     let name = sensors.models()[model].name;
                     slot.insert((self.out.mesh(&format!("frustum {name}"), vec![lines]), frustum));

@@ -4,18 +4,18 @@
 //! poses are this LiDAR's, counted from the first frame as in KITTI. Each LiDAR by itself is a data set of its own,
 //! `lidar_0` and on.
 
-use std::io::{self, Write};
+use std::io;
+use std::io::Write;
 
 use glam::DMat3;
+use lidar_cast::geom::Pose;
+use sightline_scan::Scan;
 
 use super::folder::{Folder, StagedFile};
-use super::labels::{Label, PointLabels};
-use super::plan::Planned;
+use super::plan::{Label, Planned, PointLabels};
 use super::record::{CloudOrigin, FrameRecord, LidarRecord, Mover, Written, mounts};
 use super::{DatasetSettings, ExportError, SceneFacts, Split};
 use crate::datasets::kitti::EGO_FROM_LIDAR;
-use lidar_cast::geom::Pose;
-use sightline_scan::Scan;
 
 /// Floats of a point.
 const COLUMNS: i32 = 4;

@@ -11,8 +11,6 @@ mod error;
 mod folder;
 mod glb;
 mod kitti;
-mod labels;
-mod npz;
 mod nuscenes;
 mod plan;
 mod record;

@@ -4,20 +4,18 @@
 //! its y axis forward, as on the vehicles of nuScenes. Each LiDAR is a channel of its own, `LIDAR_0` and on.
 
 mod frames;
-mod tables;
 
 use glam::{DMat3, DVec3};
-use sha2::{Digest, Sha256};
-
-use super::folder::Folder;
-use super::labels::{Label, PointLabels, of_kind};
-use super::plan::Planned;
-use super::record::{CloudOrigin, FrameRecord, Mover, mounts};
-use super::{DatasetSettings, ExportError, Split};
 use lidar_cast::geom::Pose;
+use sha2::{Digest, Sha256};
 use sightline_scan::{BOX_MARGIN, Scan};
 
-pub(super) use tables::finish;
+use super::folder::Folder;
+use super::plan::{Label, Planned, PointLabels, of_kind};
+use super::record::{CloudOrigin, FrameRecord, Mover, mounts};
+use super::{DatasetSettings, ExportError, Split};
+
+pub(super) use frames::finish;
 
 /// Largest intensity.
 const FULL: f32 = 255.0;
@@ -117,7 +115,7 @@ pub(super) fn write(
     let category = |tracked: &sightline_scan::TrackedBox| {
         let class = classes.get(usize::from(tracked.class)).copied();
         let label = of_kind(tracked.kind).or(class).map(|label| label.nuscenes);
-        label.filter(|label| tables::BOXED.contains(label)).unwrap_or(tables::DEBRIS)
+        label.filter(|label| frames::BOXED.contains(label)).unwrap_or(frames::DEBRIS)
     };
     let boxes = scan.boxes.iter().map(category).zip(inside).collect();
     Ok(FrameRecord { files, ..FrameRecord::new(scan, boxes) })

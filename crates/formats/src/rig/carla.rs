@@ -4,13 +4,13 @@
 //! roll as it is; y, pitch, yaw and phase change sign. The bridge has the axes of ROS, and angles in degrees.
 
 use serde_json::{Map, Value, json};
-
-use super::fields::{self, Fields, PHASE, wrong};
-use super::frames::{FrameContent, FrameTree, RigFrame};
-use super::{BASE_LINK, Fan, Mounting, Rig, RigError, RigLidar, RigSource, beams};
-use sightline_files::Note;
-use sightline_files::json::{self, Place, written};
+use sightline_files::json::{Location, written};
+use sightline_files::{Note, json};
 use sightline_scene::vehicle::{SensorPose, of_degrees};
+
+use super::frames::{FrameContent, FrameTree, RigFrame};
+use super::yaml::{Fields, PHASE, wrong};
+use super::{BASE_LINK, Fan, Mounting, Rig, RigError, RigLidar, RigSource, beams, yaml};
 
 /// Type of the LiDAR that CARLA casts.
 const LIDAR: &str = "sensor.lidar.ray_cast";
@@ -66,13 +66,13 @@ const PASSED_OVER: [&str; 12] = [
 /// Reads the text of a list.
 pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let document: Value = json::parse(&source.text, &source.file)?;
-    read_list(&document, &Place::top(&source.file), frames)
+    read_list(&document, &Location::top(&source.file), frames)
 }
 
 /// Reads a list of objects, or the object whose `sensors` it is.
 pub(super) fn read_list(
     document: &Value,
-    top: &Place,
+    top: &Location,
     frames: &mut FrameTree,
 ) -> Result<(), RigError> {
     let (list, at) = match document.get("sensors") {
@@ -160,7 +160,7 @@ pub(super) fn write(
         let mut entry = Map::new();
         entry.insert("type".to_owned(), LIDAR.into());
         let pose = mirrored(&mounting.to_base(&lidar.pose), f64::to_degrees);
-        entry.extend(fields::pose_entries(&pose));
+        entry.extend(yaml::pose_entries(&pose));
         entry.insert("id".to_owned(), lidar.frame.as_str().into());
         entry.extend(attributes(fan(lidar)));
         Value::Object(entry)
@@ -204,7 +204,7 @@ fn turned(pose: SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
 /// Reads the sensors of the only vehicle that has LiDARs.
 pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let document: Value = json::parse(&source.text, &source.file)?;
-    let top = Fields::of(&document, Place::top(&source.file))?;
+    let top = Fields::of(&document, Location::top(&source.file))?;
     let mut vehicle = None;
     for object in items(&top, "objects")? {
         if !object.has("sensors") {
@@ -246,7 +246,7 @@ pub(super) fn write_objects(
     let sensor = |lidar: &RigLidar| {
         let pose = turned(mounting.to_base(&lidar.pose), f64::to_degrees);
         // The bridge passes every other key of a sensor to CARLA, which refuses unknown keys.
-        let spawn_point: Map<String, Value> = fields::pose_entries(&pose).collect();
+        let spawn_point: Map<String, Value> = yaml::pose_entries(&pose).collect();
         let mut sensor = Map::new();
         sensor.insert("type".to_owned(), LIDAR.into());
         sensor.insert("id".to_owned(), lidar.frame.as_str().into());

@@ -1,7 +1,7 @@
 //! Why a rig cannot be read or written.
 
 use super::RigFormat;
-use sightline_files::json::{DescriptionError, Place, YamlDocument, did_you_mean};
+use sightline_files::json::{DescriptionError, Location, YamlDocument, did_you_mean};
 use sightline_scene::vehicle::PlacementError;
 
 /// Most names that a message lists.
@@ -29,7 +29,7 @@ pub enum RigError {
     #[error("{at}: is no {what}: {problem}")]
     Syntax {
         /// File and, where it is known, place.
-        at: Box<Place>,
+        at: Box<Location>,
         /// `YAML`, `XML`, …
         what: &'static str,
         /// Fault, from the parser.
@@ -39,7 +39,7 @@ pub enum RigError {
     #[error("{at}: `{key}` is missing; add it")]
     Missing {
         /// Place that lacks it.
-        at: Box<Place>,
+        at: Box<Location>,
         /// Key that is missing.
         key: String,
     },
@@ -47,7 +47,7 @@ pub enum RigError {
     #[error("{at}: unknown key `{key}`{}", did_you_mean(nearest, known))]
     UnknownKey {
         /// The object that holds it.
-        at: Box<Place>,
+        at: Box<Location>,
         /// The key as written.
         key: String,
         /// Most similar known key, if one is similar.
@@ -69,7 +69,7 @@ pub enum RigError {
     #[error("{at}: {value} stands where {wanted} belongs")]
     Value {
         /// Place of the value.
-        at: Box<Place>,
+        at: Box<Location>,
         /// The value as written, shortened.
         value: String,
         /// Kind of value that belongs there.
@@ -79,7 +79,7 @@ pub enum RigError {
     #[error("{at}: the frame `{frame}` is placed a second time; keep one of the two")]
     Twice {
         /// The second entry.
-        at: Box<Place>,
+        at: Box<Location>,
         /// The frame.
         frame: String,
     },
@@ -125,7 +125,7 @@ pub enum RigError {
     )]
     Unconnected {
         /// Where the frame is placed.
-        at: Box<Place>,
+        at: Box<Location>,
         /// The frame.
         frame: String,
         /// End of its chain.
@@ -139,7 +139,7 @@ pub enum RigError {
     #[error("{at}: the frames {} hang on each other in a loop; break it", listed(frames))]
     Loop {
         /// Where one of them is placed.
-        at: Box<Place>,
+        at: Box<Location>,
         /// The frames of the loop.
         frames: Vec<String>,
     },
@@ -218,7 +218,7 @@ pub enum RigError {
     #[error("{at}: {what}, which is not read; {mend}")]
     Unread {
         /// The element.
-        at: Box<Place>,
+        at: Box<Location>,
         /// The part that is not read.
         what: &'static str,
         /// A way round it.

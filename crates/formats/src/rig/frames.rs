@@ -3,14 +3,14 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use glam::{DMat3, DQuat, DVec3};
-
-use super::fields::wrong;
-use super::{RigError, beams};
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
 use sightline_files::Note;
-use sightline_files::json::Place;
+use sightline_files::json::Location;
 use sightline_scene::vehicle::SensorPose;
+
+use super::yaml::wrong;
+use super::{RigError, beams};
 
 /// Content of a frame, as far as the file states it.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,7 +36,7 @@ pub(super) struct RigFrame {
     /// `parent_from_frame`.
     pub(super) pose: SensorPose,
     pub(super) holds: FrameContent,
-    pub(super) at: Place,
+    pub(super) at: Location,
 }
 
 /// All frames of a rig's files, in their order.
@@ -240,7 +240,7 @@ const LENGTH_TOLERANCE: f64 = 1e-2;
 pub(super) fn of_quaternion(
     position: [f64; 3],
     xyzw: [f64; 4],
-    at: &Place,
+    at: &Location,
 ) -> Result<SensorPose, RigError> {
     let square: f64 = xyzw.iter().map(|v| v * v).sum();
     // NaN is within no tolerance.

@@ -4,16 +4,16 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::PathBuf;
 
 use serde_json::Value;
+use sightline_files::json::Location;
+use sightline_files::{Note, json};
+use sightline_scene::vehicle::{MAX_LIDARS, SensorPose, doubt_of_ground, doubts_of_units};
 
-use super::fields::Fields;
 use super::frames::{FrameContent, FrameTree, IDENTITY, RigFrame, compose, up};
+use super::yaml::Fields;
 use super::{
     BASE_LINK, MODELS_FILE, Mounting, Rig, RigError, RigFormat, RigLidar, RigSource, beams, carla,
-    format, launch, model, sdf, sources, urdf, yaml,
+    format, launch, model, sdf, sources, yaml,
 };
-use sightline_files::Note;
-use sightline_files::json::{self, Place};
-use sightline_scene::vehicle::{MAX_LIDARS, SensorPose, doubt_of_ground, doubts_of_units};
 
 /// Words in the names of LiDAR frames, for formats that say no more.
 const WORDS: [&str; 10] = [
@@ -83,7 +83,7 @@ pub fn import(paths: &[PathBuf], settings: &ImportSettings) -> Result<ImportedRi
 /// Adds the models that `rig export` wrote beside files without a place for them, where none is given.
 fn add_models(source: &RigSource, known: &mut BTreeMap<String, String>) -> Result<Note, RigError> {
     let document: Value = json::parse(&source.text, &source.file)?;
-    let lidars = Fields::of(&document, Place::top(&source.file))?.inner("lidars")?;
+    let lidars = Fields::of(&document, Location::top(&source.file))?.inner("lidars")?;
     for (frame, _, _) in lidars.each() {
         let model = lidars.text(frame)?;
         known.entry(frame.clone()).or_insert_with(|| model.to_owned());
@@ -131,7 +131,7 @@ pub fn from_carla_sensors(
     settings: &ImportSettings,
 ) -> Result<ImportedRig, RigError> {
     let (name, mut frames) = ("sensors", FrameTree::default());
-    carla::read_list(sensors, &Place::top("CARLA").key(name), &mut frames)?;
+    carla::read_list(sensors, &Location::top("CARLA").key(name), &mut frames)?;
     rig_of(frames, RigFormat::Carla, settings, name)
 }
 
@@ -223,7 +223,7 @@ fn of_placements(source: &RigSource, settings: &ImportSettings) -> Result<Import
 fn read(format: RigFormat, source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     match format {
         RigFormat::Autoware => yaml::read_autoware(source, frames),
-        RigFormat::Urdf => urdf::read(source, frames),
+        RigFormat::Urdf => sdf::read_urdf(source, frames),
         RigFormat::Sdf => sdf::read(source, frames),
         RigFormat::Ros2Launch => launch::read(source, frames),
         RigFormat::Carla => carla::read(source, frames),

@@ -4,13 +4,13 @@ use std::collections::{BTreeSet, HashMap};
 use std::fmt::Write;
 
 use roxmltree::Node;
-
-use super::fields::{self, number, wrong};
-use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
-use super::{BASE_LINK, Mounting, Rig, RigError, RigSource};
 use sightline_files::Note;
-use sightline_files::json::{Place, written};
+use sightline_files::json::{Location, written};
 use sightline_scene::vehicle::SensorPose;
+
+use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
+use super::yaml::{number, wrong};
+use super::{BASE_LINK, Mounting, Rig, RigError, RigSource, yaml};
 
 /// Program of `tf2_ros` that publishes a transform.
 const PUBLISHER: &str = "static_transform_publisher";
@@ -40,7 +40,7 @@ const MOST_VALUE: usize = 4096;
 
 /// Reads every publisher of a launch file that its `if` and `unless` leave on.
 pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
-    let document = fields::parse(&source.text, &source.file)?;
+    let document = yaml::parse(&source.text, &source.file)?;
     let mut launch = Launch {
         file: &source.file,
         values: HashMap::new(),
@@ -112,7 +112,7 @@ impl Launch<'_> {
     fn is_on(&self, node: Node) -> Result<bool, RigError> {
         for (key, wanted) in [("if", true), ("unless", false)] {
             let Some(text) = node.attribute(key) else { continue };
-            let at = fields::place(node, self.file).key(key);
+            let at = yaml::place(node, self.file).key(key);
             if self.truth(text, &at)? != wanted {
                 return Ok(false);
             }
@@ -121,7 +121,7 @@ impl Launch<'_> {
     }
 
     /// The truth value of a text.
-    fn truth(&self, text: &str, at: &Place) -> Result<bool, RigError> {
+    fn truth(&self, text: &str, at: &Location) -> Result<bool, RigError> {
         match self.resolved(text, at)?.trim().to_lowercase().as_str() {
             "true" | "1" => Ok(true),
             "false" | "0" => Ok(false),
@@ -132,13 +132,13 @@ impl Launch<'_> {
     /// True if the values that a group sets end with it, which they do unless it says otherwise.
     fn is_scoped(&self, group: Node) -> Result<bool, RigError> {
         let Some(text) = group.attribute("scoped") else { return Ok(true) };
-        let at = fields::place(group, self.file).key("scoped");
+        let at = yaml::place(group, self.file).key("scoped");
         self.truth(text, &at)
     }
 
     /// Keeps the value of an argument: `value`, or the `default`, which counts where nothing has set one before.
     fn argument(&mut self, node: Node) -> Result<(), RigError> {
-        let at = fields::place(node, self.file);
+        let at = yaml::place(node, self.file);
         let is_set = node.attribute("name").is_some_and(|name| self.values.contains_key(name));
         let default = node.attribute("default").filter(|_| !is_set);
         let Some(text) = node.attribute("value").or(default) else {
@@ -152,7 +152,7 @@ impl Launch<'_> {
     }
 
     /// A text with the values of `$(arg NAME)` and `$(var NAME)` in their places.
-    fn resolved(&self, text: &str, at: &Place) -> Result<String, RigError> {
+    fn resolved(&self, text: &str, at: &Location) -> Result<String, RigError> {
         let (mut done, mut rest) = (String::new(), text);
         while let Some((before, behind)) = rest.split_once("$(") {
             let unknown = || wrong(at, text, "a text whose arguments have a default in this file");
@@ -173,8 +173,8 @@ impl Launch<'_> {
 
     /// Keeps the name of an included file, as far as it can be told.
     fn include(&mut self, node: Node) -> Result<(), RigError> {
-        let at = fields::place(node, self.file);
-        let name = fields::attribute(node, "file", &at)?;
+        let at = yaml::place(node, self.file);
+        let name = yaml::attribute(node, "file", &at)?;
         // A package has another path on each machine, so its part stays as written.
         let resolved = self.resolved(name, &at);
         self.included.insert(resolved.unwrap_or_else(|_| name.to_owned()));
@@ -200,12 +200,12 @@ impl Launch<'_> {
 
     /// The frame of a node that publishes one.
     fn node(&mut self, node: Node) -> Result<Option<RigFrame>, RigError> {
-        let at = Place::top(self.file).key("<node>").item(self.nodes);
+        let at = Location::top(self.file).key("<node>").item(self.nodes);
         self.nodes += 1;
         if node.attribute("exec").or(node.attribute("type")) != Some(PUBLISHER) {
             return Ok(None);
         }
-        let args = self.resolved(fields::attribute(node, "args", &at)?, &at)?;
+        let args = self.resolved(yaml::attribute(node, "args", &at)?, &at)?;
         let mut words: Vec<String> = args.split_whitespace().map(str::to_owned).collect();
         // `tf` of ROS 1 wants a period in milliseconds behind the two frames.
         let has_period = matches!(words.len(), 9 | 10)
@@ -220,7 +220,7 @@ impl Launch<'_> {
 
 /// The frame of a publisher's arguments: flags, or `x y z yaw pitch roll PARENT CHILD` as before ROS 2
 /// Humble, or that with a quaternion x y z w.
-fn publisher(words: Vec<String>, at: Place) -> Result<RigFrame, RigError> {
+fn publisher(words: Vec<String>, at: Location) -> Result<RigFrame, RigError> {
     let end = words.iter().position(|word| word == ROS_ARGS).unwrap_or(words.len());
     let words = &words[..end];
     let positional: &[&str] = match words.len() {
@@ -261,7 +261,7 @@ fn publisher(words: Vec<String>, at: Place) -> Result<RigFrame, RigError> {
 }
 
 /// Transform from flags; a missing flag is 0; angles and a quaternion exclude each other.
-fn pose(given: &HashMap<&str, &str>, at: &Place) -> Result<SensorPose, RigError> {
+fn pose(given: &HashMap<&str, &str>, at: &Location) -> Result<SensorPose, RigError> {
     let value = |flag: &str, other: f64| match given.get(flag) {
         Some(text) => number(&at.key(flag), text),
         None => Ok(other),
@@ -290,7 +290,7 @@ pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
             text,
             "  <node pkg=\"tf2_ros\" exec=\"{PUBLISHER}\"\n        \
              args=\"{numbers}--frame-id {BASE_LINK} --child-frame-id {}\"/>",
-            fields::escape(&lidar.frame)
+            yaml::escape(&lidar.frame)
         );
     }
     text + "</launch>\n"

@@ -6,27 +6,24 @@
 mod beams;
 mod carla;
 mod error;
-mod export;
-mod fields;
 mod format;
 mod frames;
 mod import;
 mod launch;
 mod model;
 mod sdf;
-#[cfg(test)]
-mod tests;
-mod urdf;
 mod yaml;
 
 pub use beams::{Fan, Models};
 pub use carla::mirrored;
 pub use error::RigError;
-pub use export::{Exported, MODELS_FILE, export};
-pub use format::{NamedText, RigFormat, RigSource, sources};
+pub use format::{Exported, MODELS_FILE, NamedText, RigFormat, RigSource, export, sources};
 pub use frames::Mounting;
 pub use import::{ImportSettings, ImportedRig, from_carla_sensors, import, import_texts};
 pub use model::{
     Asymmetry, BASE_LINK, Comparison, MovedLidar, Rig, RigLidar, compare, default_frame, read_rig,
     rig_json,
 };
+
+#[cfg(test)]
+mod tests;

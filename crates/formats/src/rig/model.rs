@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::frames::{tilt, turn};
 use super::{RigError, RigSource};
-use sightline_files::json::{self, Place};
+use sightline_files::json::{self, Location};
 use sightline_scene::vehicle::{
     Placement, SensorName, SensorPose, Vehicle, placement_to_nanometres,
 };
@@ -131,7 +131,7 @@ pub(super) fn rig_of(source: &RigSource, name: Option<&str>) -> Result<Rig, RigE
     };
     let Some(picked) = picked else {
         if all.is_empty() {
-            let at = Box::new(Place::top(file));
+            let at = Box::new(Location::top(file));
             return Err(RigError::Missing { at, key: "a placement".to_owned() });
         }
         return Err(RigError::PickPlacement {

@@ -2,7 +2,7 @@
 //!
 //! [`TreeCuts`] tells which nodes of the binary tree become wide nodes, and their children.
 
-use super::{Node, Triangle};
+use super::{BvhNode, Triangle};
 
 /// Children of a node, and most triangles of a block.
 pub const WIDTH: usize = 16;
@@ -52,7 +52,7 @@ pub struct Block16 {
 }
 
 struct Collapse<'a> {
-    nodes: &'a [Node],
+    nodes: &'a [BvhNode],
     triangles: &'a [Triangle],
     cuts: TreeCuts<'a, WIDTH>,
     tree: Bvh16,
@@ -60,7 +60,7 @@ struct Collapse<'a> {
 
 impl Bvh16 {
     /// Merges the binary tree's nodes where [`TreeCuts`] says. A subtree of at most sixteen triangles becomes a block.
-    pub fn collapse(nodes: &[Node], triangles: &[Triangle]) -> Self {
+    pub fn collapse(nodes: &[BvhNode], triangles: &[Triangle]) -> Self {
         let cuts = TreeCuts::new(nodes);
         let mut collapse = Collapse { nodes, triangles, cuts, tree: Self::default() };
         if let Some(root) = nodes.first() {
@@ -103,7 +103,7 @@ impl Node16 {
     const EMPTY: Self =
         Self { middle: [[0.0; WIDTH]; 3], half: [[0.0; WIDTH]; 3], children: [0; WIDTH], valid: 0 };
 
-    fn set_box(&mut self, slot: usize, node: &Node) {
+    fn set_box(&mut self, slot: usize, node: &BvhNode) {
         for axis in 0..3 {
             let (low, high) = (node.min[axis], node.max[axis]);
             let middle = 0.5 * low + 0.5 * high;
@@ -154,7 +154,7 @@ struct LeafRange {
 
 impl LeafRange {
     /// One for each node.
-    fn all(nodes: &[Node]) -> Vec<Self> {
+    fn all(nodes: &[BvhNode]) -> Vec<Self> {
         let mut below = vec![Self::default(); nodes.len()];
         // Children come after their parents.
         for (index, node) in nodes.iter().enumerate().rev() {
@@ -178,7 +178,7 @@ impl LeafRange {
 /// GPUs through compressed wide BVHs", HPG 2017; departure: blocks are as large as they can be, so that they cost the same
 /// however the tree is cut.)
 struct TreeCuts<'a, const WIDTH: usize> {
-    nodes: &'a [Node],
+    nodes: &'a [BvhNode],
     /// One for each binary node.
     below: Vec<LeafRange>,
     /// Row of each binary node in `places`; [`NO_WIDE_NODE`] for a node that is a block or lies in one.
@@ -192,7 +192,7 @@ struct TreeCuts<'a, const WIDTH: usize> {
 const NO_WIDE_NODE: u32 = u32::MAX;
 
 impl<'a, const WIDTH: usize> TreeCuts<'a, WIDTH> {
-    fn new(nodes: &'a [Node]) -> Self {
+    fn new(nodes: &'a [BvhNode]) -> Self {
         let (below, rows) = (LeafRange::all(nodes), vec![NO_WIDE_NODE; nodes.len()]);
         let mut cuts = Self { nodes, below, rows, places: Vec::new() };
         // Row by row: least sum of areas for k + 1 places.
@@ -247,14 +247,14 @@ impl<'a, const WIDTH: usize> TreeCuts<'a, WIDTH> {
     }
 }
 
-fn half_area(node: &Node) -> f32 {
+fn half_area(node: &BvhNode) -> f32 {
     let [x, y, z] = [0, 1, 2].map(|axis| node.max[axis] - node.min[axis]);
     x * y + y * z + z * x
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Bvh, Node};
+    use super::super::{Bvh, BvhNode};
     use super::{Bvh16, LeafRange, NO_WIDE_NODE, TreeCuts, half_area};
     use crate::geom::TriangleSoup;
     use crate::maths::mixed;
@@ -325,7 +325,7 @@ mod tests {
     }
 
     /// The least sum of all ways to say of each binary node whether a wide one begins there.
-    fn least(nodes: &[Node], below: &[LeafRange]) -> f64 {
+    fn least(nodes: &[BvhNode], below: &[LeafRange]) -> f64 {
         let wide: Vec<usize> =
             (1..nodes.len()).filter(|&node| below[node].count as usize > WIDTH).collect();
         assert!(wide.len() < 16);

@@ -9,7 +9,7 @@ use super::Triangle;
 pub const NO_HIT: u32 = u32::MAX;
 
 /// Triangle id of a beam that ends somewhere without a hit: nothing of it comes back.
-pub const ENDED: u32 = NO_HIT - 1;
+const ENDED: u32 = NO_HIT - 1;
 
 /// Stands for 1/0: larger than any quotient a scene can give, and still finite when multiplied by a
 /// distance, because shaders may assume that no infinity occurs.
@@ -169,6 +169,6 @@ fn permute(v: Vec3, major: usize) -> Vec3 {
 }
 
 #[inline(always)]
-pub fn safe_inverse(d: f32) -> f32 {
+fn safe_inverse(d: f32) -> f32 {
     if d == 0.0 { FAR_INVERSE } else { 1.0 / d }
 }

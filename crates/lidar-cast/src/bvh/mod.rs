@@ -17,10 +17,9 @@ pub(crate) mod bvh16;
 #[cfg(feature = "gpu")]
 mod bvh4;
 mod intersect;
-mod tree;
 
-pub use build::PAD_SHARE;
+pub use build::{Bvh, BvhNode, MAX_DEPTH, PAD_SHARE, Triangle};
+pub use intersect::{FAR_INVERSE, Hit, NO_HIT, Ray, axes_of, major_axis};
+
 #[cfg(feature = "gpu")]
 pub use bvh4::{Bvh4, QuantizedNode, TRIANGLE};
-pub use intersect::{FAR_INVERSE, Hit, NO_HIT, Ray, axes_of, major_axis};
-pub use tree::{Bvh, MAX_DEPTH, Node, Triangle};

@@ -304,7 +304,7 @@ pub trait FiringCaster: Send {
     /// Closest hit of every ray up to `range`, in order, with the bits of [`Firing::closest_hit`].
     ///
     /// # Errors
-    /// What kept the device from it, as a sentence.
+    /// Reason of the device, as a sentence.
     fn closest_hits(&mut self, firings: &[Firing<'_>], range: f32) -> Result<Vec<Hit>, String>;
 }
 

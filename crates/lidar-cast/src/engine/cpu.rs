@@ -45,16 +45,16 @@ pub struct CpuBackend {
     hits: Vec<Hit>,
     /// One a sensor model.
     casters: Vec<Caster>,
-    walks: Pool<WalkScratch>,
+    walks: Buffers<WalkScratch>,
     /// `[sensors × words]` in `order`, zero between tasks.
-    bitmaps: Pool<Vec<u64>>,
+    bitmaps: Buffers<Vec<u64>>,
 }
 
 /// Working memory of tasks, to be used again.
 #[derive(Default)]
-struct Pool<T>(Mutex<Vec<T>>);
+struct Buffers<T>(Mutex<Vec<T>>);
 
-impl<T: Default> Pool<T> {
+impl<T: Default> Buffers<T> {
     fn take(&self) -> T {
         self.0.lock().ok().and_then(|mut kept| kept.pop()).unwrap_or_default()
     }
@@ -84,7 +84,7 @@ impl CpuBackend {
         let order = BitOrder::rows(task.roi());
         let entropies = EntropyIndex::new(task.content(), &order);
         let times = StageTimes::default();
-        let (walks, bitmaps) = (Pool::default(), Pool::default());
+        let (walks, bitmaps) = (Buffers::default(), Buffers::default());
         let models = task.sensors().models();
         let casters = models.iter().map(|model| Caster::new(&model.table)).collect();
         let hits = Vec::new();

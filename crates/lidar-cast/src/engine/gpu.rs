@@ -6,8 +6,6 @@
 
 mod chunk;
 mod device;
-#[cfg(test)]
-mod exact;
 mod firings;
 #[cfg(test)]
 mod handed;
@@ -19,7 +17,6 @@ mod pipeline;
 mod readback;
 mod self_test;
 mod stages;
-mod stamps;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -39,7 +36,7 @@ use kernels::{Kernels, Rewrite};
 use pipeline::{ChunkResult, Pipeline, in_flight};
 use readback::BatchTallies;
 
-pub use device::{AdapterSummary, Traffic, list_adapters};
+pub use device::{AdapterSummary, TransferCounts, list_adapters};
 pub(super) use firings::GpuFirings;
 pub use self_test::{SelfTest, TestedAdapter, WrongAnswer, test_adapters};
 
@@ -128,7 +125,7 @@ impl GpuBackend {
     }
 
     /// Exchanges between host and device since it was opened.
-    pub fn traffic(&self) -> Traffic {
+    pub fn traffic(&self) -> TransferCounts {
         self.device.traffic()
     }
 

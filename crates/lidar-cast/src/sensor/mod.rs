@@ -2,10 +2,8 @@
 
 mod beam_table;
 mod models;
-mod name;
 mod placement;
 
 pub use beam_table::{BeamGrid, BeamTable, Echoes, Response, SensorError};
-pub use models::{ForeignLidar, Phase, SensorModel, Sensors, UnknownSensor};
-pub use name::{SensorName, nearest};
-pub use placement::{MAX_LIDARS, Placement, PlacementError, SensorPose};
+pub use models::{ForeignLidar, SensorModel, Sensors, SpinPhase, UnknownSensor};
+pub use placement::{MAX_LIDARS, Placement, PlacementError, SensorName, SensorPose, nearest};

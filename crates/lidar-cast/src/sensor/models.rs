@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::name::nearest;
+use super::placement::nearest;
 use super::{BeamTable, Placement, Response, SensorName, SensorPose};
 use crate::geom::Pose;
 use crate::maths::mixed;
@@ -13,7 +13,7 @@ use crate::maths::mixed;
 /// Start angle of a spinning sensor: radians about its own axis, added to every azimuth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Phase {
+pub enum SpinPhase {
     /// One fixed angle in radians for all frames: the sensors are locked to each other.
     Locked(f64),
     /// A random angle in every frame: the sensors spin freely.
@@ -22,7 +22,7 @@ pub enum Phase {
     Between(f64, f64),
 }
 
-impl Phase {
+impl SpinPhase {
     /// Phase in radians of a sensor whose pose gives none: 0 if free, else the allowed angle nearest to 0.
     pub fn at_rest(self) -> f64 {
         match self {
@@ -50,7 +50,7 @@ pub struct SensorModel {
     /// Its beams, and how far they go.
     pub table: BeamTable,
     /// Where in its turn it fires.
-    pub phase: Phase,
+    pub phase: SpinPhase,
     /// Price of one, in any currency.
     pub price: f64,
     /// Echo model: rated range, noise, beam divergence, echoes kept.
@@ -61,7 +61,7 @@ impl SensorModel {
     /// A model without a name, locked at 0, of the usual response.
     pub fn plain(table: BeamTable) -> Self {
         let response = Response::usual(f64::from(table.range()));
-        let (name, phase, price) = (SensorName::default(), Phase::Locked(0.0), 0.0);
+        let (name, phase, price) = (SensorName::default(), SpinPhase::Locked(0.0), 0.0);
         Self { name, table, phase, price, response }
     }
 }
@@ -271,7 +271,7 @@ impl Sensors {
     /// A copy with every model that turns free of the others.
     pub fn with_free_phases(&self) -> Self {
         let freed = |model: &SensorModel| match model.table.grid() {
-            Some(grid) if grid.turn => SensorModel { phase: Phase::Free, ..model.clone() },
+            Some(grid) if grid.turn => SensorModel { phase: SpinPhase::Free, ..model.clone() },
             _ => model.clone(),
         };
         Self { models: self.models.iter().map(freed).collect(), ..self.clone() }
@@ -290,12 +290,12 @@ impl Sensors {
     /// True if the phase of the model of a name differs from frame to frame; the first's for no name.
     pub fn is_free(&self, name: SensorName) -> bool {
         let named = |model: &&SensorModel| name.is_none() || model.name == name;
-        self.models.iter().find(named).is_some_and(|model| model.phase == Phase::Free)
+        self.models.iter().find(named).is_some_and(|model| model.phase == SpinPhase::Free)
     }
 
     /// True if any model's phase differs from frame to frame.
     pub fn has_free_phase(&self) -> bool {
-        self.models.iter().any(|model| model.phase == Phase::Free)
+        self.models.iter().any(|model| model.phase == SpinPhase::Free)
     }
 
     /// Sensor-to-ego transform of a sensor of a model in a frame: its pose after a turn by the phase,
@@ -304,7 +304,7 @@ impl Sensors {
         let rest = pose.ego_from_sensor();
         let phase = match (pose.phase, self.models[model].phase) {
             (Some(phase), _) => phase,
-            (None, Phase::Free) => {
+            (None, SpinPhase::Free) => {
                 self.chance(model, pose, frame) * self.models[model].table.period()
             }
             (None, locked) => locked.at_rest(),
@@ -337,7 +337,7 @@ impl BeamTable {
 mod tests {
     use super::*;
 
-    fn sensors(phase: Phase) -> Sensors {
+    fn sensors(phase: SpinPhase) -> Sensors {
         let table = BeamTable::spinning(&[(0.0, 0.0)], 250, 100.0).unwrap();
         let name = SensorName::new("spinning").unwrap();
         Sensors::new(vec![SensorModel { name, phase, ..SensorModel::plain(table) }]).unwrap()
@@ -353,8 +353,8 @@ mod tests {
     #[test]
     fn a_locked_phase_is_a_turn_about_the_sensors_own_axis() {
         let pose = SensorPose { roll: 0.3, pitch: -0.2, yaw: 1.0, ..SensorPose::at(0.1, 0.2, 2.0) };
-        assert!((turn(&sensors(Phase::Locked(0.01)), &pose, 7) - 0.01).abs() < 1e-14);
-        let still = sensors(Phase::Locked(0.0)).ego_from_sensor(0, &pose, 7);
+        assert!((turn(&sensors(SpinPhase::Locked(0.01)), &pose, 7) - 0.01).abs() < 1e-14);
+        let still = sensors(SpinPhase::Locked(0.0)).ego_from_sensor(0, &pose, 7);
         assert_eq!(still, pose.ego_from_sensor(), "to the bit");
     }
 
@@ -378,13 +378,13 @@ mod tests {
     fn a_pose_that_names_a_phase_is_locked_there() {
         let pose = SensorPose { roll: 0.3, yaw: 1.0, ..SensorPose::at(0.1, 0.2, 2.0) };
         let phased = SensorPose { phase: Some(0.004), ..pose };
-        for phase in [Phase::Free, Phase::Locked(0.01), Phase::Between(0.0, 0.02)] {
+        for phase in [SpinPhase::Free, SpinPhase::Locked(0.01), SpinPhase::Between(0.0, 0.02)] {
             assert!((turn(&sensors(phase), &phased, 7) - 0.004).abs() < 1e-14, "{phase:?}");
         }
-        assert!(turn(&sensors(Phase::Between(-0.01, 0.02)), &pose, 7).abs() < 1e-14);
-        assert!((turn(&sensors(Phase::Between(0.01, 0.02)), &pose, 7) - 0.01).abs() < 1e-14);
+        assert!(turn(&sensors(SpinPhase::Between(-0.01, 0.02)), &pose, 7).abs() < 1e-14);
+        assert!((turn(&sensors(SpinPhase::Between(0.01, 0.02)), &pose, 7) - 0.01).abs() < 1e-14);
         // A mirror image looks where the mirror shows it.
-        let both = sensors(Phase::Between(0.01, 0.02));
+        let both = sensors(SpinPhase::Between(0.01, 0.02));
         let image = both.mirrored().ego_from_sensor(0, &phased.mirrored(), 0).rotation.x_axis;
         let itself = both.ego_from_sensor(0, &phased, 0).rotation.x_axis;
         assert!((image - glam::DVec3::new(itself.x, -itself.y, itself.z)).length() < 1e-14);
@@ -393,7 +393,7 @@ mod tests {
 
     #[test]
     fn free_phases_are_spread_over_one_step_and_differ_by_frame_pose_and_seed() {
-        let free = sensors(Phase::Free);
+        let free = sensors(SpinPhase::Free);
         let pose = SensorPose::at(0.1, 0.2, 2.0);
         let step = TAU / 250.0;
         let of = |free: &Sensors, z: f64| -> Vec<f64> {
@@ -417,7 +417,7 @@ mod tests {
 
     #[test]
     fn an_unknown_sensor_is_named_beside_those_there_are() {
-        let sensors = sensors(Phase::Free);
+        let sensors = sensors(SpinPhase::Free);
         let pose = SensorPose::at(0.0, 0.0, 2.0);
         assert_eq!(sensors.number(&pose), Ok(0));
         let known = SensorPose { sensor: SensorName::new("spinning").unwrap(), ..pose };
@@ -446,7 +446,7 @@ mod tests {
          \"sensor\": \"spin-32\" to the LiDAR, or give --sensor 1=spin-32 (in Python sensors=[…])"
         );
         assert!(
-            sensors(Phase::Free)
+            sensors(SpinPhase::Free)
                 .check(&Placement { lidars: vec![at(SensorName::NONE)], ..placements[0].clone() })
                 .is_ok()
         );
@@ -454,6 +454,6 @@ mod tests {
         let named: Vec<_> = placements[0].lidars.iter().map(|pose| pose.sensor).collect();
         assert_eq!(named, [name("corner-8"), name("spin-32")]);
         assert_eq!(both.check(&placements[0]), Ok(()));
-        assert!(!sensors(Phase::Free).name_first(&mut placements));
+        assert!(!sensors(SpinPhase::Free).name_first(&mut placements));
     }
 }

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::MeshFault;
 use lidar_cast::geom::Pose;
-use sightline_files::json::{DescriptionError, Place, read_limited};
+use sightline_files::json::{DescriptionError, Location, read_limited};
 
 /// Largest robot file, in bytes.
 const MAX_FILE: u64 = 64 << 20;
@@ -27,7 +27,7 @@ pub enum Geometry {
 
 /// A shape of a robot.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Part {
+pub struct RobotPart {
     /// Shape in a frame of its own.
     pub geometry: Geometry,
     /// Takes the shape's frame to the root link's frame.
@@ -49,7 +49,11 @@ impl RobotFile<'_> {
     ///
     /// # Errors
     /// A file that is no URDF of known shapes; an error names the link or joint, and `at`.
-    pub fn parts(&self, at: &Place, without: &[String]) -> Result<Vec<Part>, DescriptionError> {
+    pub fn parts(
+        &self,
+        at: &Location,
+        without: &[String],
+    ) -> Result<Vec<RobotPart>, DescriptionError> {
         let fault = |fault: MeshFault| DescriptionError::Mesh {
             at: Box::new(at.clone()),
             mesh: self.file.to_owned(),
@@ -68,14 +72,14 @@ impl RobotFile<'_> {
     }
 
     #[cfg(feature = "mesh")]
-    fn read(&self, text: &str, without: &[String]) -> Result<Vec<Part>, MeshFault> {
+    fn read(&self, text: &str, without: &[String]) -> Result<Vec<RobotPart>, MeshFault> {
         let folder = self.file.parent().unwrap_or(Path::new(""));
         let Self { packages, tag, .. } = *self;
         super::urdf::Robot { text, folder, packages, tag, without }.parts()
     }
 
     #[cfg(not(feature = "mesh"))]
-    fn read(&self, _: &str, _: &[String]) -> Result<Vec<Part>, MeshFault> {
+    fn read(&self, _: &str, _: &[String]) -> Result<Vec<RobotPart>, MeshFault> {
         let _ = self.packages;
         Err(MeshFault::new("file", "cannot be read: this build is without the feature `mesh`"))
     }

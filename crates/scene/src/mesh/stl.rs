@@ -103,12 +103,12 @@ fn binary(bytes: &[u8]) -> Result<RawMesh, MeshFault> {
 }
 
 /// Words of a text with their lines.
-struct Words<'a> {
+struct Tokens<'a> {
     rest: &'a [u8],
     line: usize,
 }
 
-impl<'a> Words<'a> {
+impl<'a> Tokens<'a> {
     fn next(&mut self) -> Option<&'a [u8]> {
         self.skip_space();
         let end = self.rest.iter().position(u8::is_ascii_whitespace).unwrap_or(self.rest.len());
@@ -172,7 +172,7 @@ struct TextReader {
 
 impl TextReader {
     fn read(mut self, text: &[u8]) -> Result<RawMesh, MeshFault> {
-        let mut words = Words { rest: text, line: 1 };
+        let mut words = Tokens { rest: text, line: 1 };
         while let Some(word) = words.next() {
             let line = words.line;
             let read = match word.eq_ignore_ascii_case(b"solid") {
@@ -188,7 +188,7 @@ impl TextReader {
     }
 
     /// Triangles from behind the word `solid` to the end of the line of its `endsolid`.
-    fn solid(&mut self, words: &mut Words<'_>) -> Result<(), String> {
+    fn solid(&mut self, words: &mut Tokens<'_>) -> Result<(), String> {
         let name = String::from_utf8_lossy(words.line()).into_owned();
         let mut material = None;
         loop {

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DQuat, DVec3};
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::{Geometry, MeshFault, Part};
+use super::{Geometry, MeshFault, RobotPart};
 use lidar_cast::geom::Pose;
 use sightline_files::files::stays_inside;
 use sightline_files::json::{check, check_xml, nearest};
@@ -114,7 +114,7 @@ fn origin(node: Node, of: &str) -> Result<Pose, MeshFault> {
 
 impl Robot<'_> {
     /// The shapes of all links but those left out, in the order of the file.
-    pub fn parts(&self) -> Result<Vec<Part>, MeshFault> {
+    pub fn parts(&self) -> Result<Vec<RobotPart>, MeshFault> {
         let document = self.document()?;
         let robot = document.root_element();
         let (links, names) = links(robot)?;
@@ -134,7 +134,7 @@ impl Robot<'_> {
             for shape in links[link].children().filter(|node| node.has_tag_name(self.tag)) {
                 let of = called(links[link]);
                 let root_from_part = root_from_link.compose(&origin(shape, &of)?);
-                parts.push(Part { geometry: self.geometry(shape, &of)?, root_from_part });
+                parts.push(RobotPart { geometry: self.geometry(shape, &of)?, root_from_part });
             }
         }
         if parts.is_empty() {

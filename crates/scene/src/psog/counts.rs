@@ -32,7 +32,7 @@ pub struct Psog {
 
 impl Psog {
     /// Most classes: class ids are 16 bits, the last id is kept free.
-    pub const CLASS_LIMIT: usize = u16::MAX as usize;
+    const CLASS_LIMIT: usize = u16::MAX as usize;
 
     /// A P-SOG from its parts: T `frames`, M `classes` (without "empty"), K linear voxel indices in
     /// rising order, and `counts` `[K, M]`, row-major.

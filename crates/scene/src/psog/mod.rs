@@ -10,15 +10,14 @@
 
 mod counts;
 pub mod entropy;
-mod file;
 pub mod npz;
-#[cfg(test)]
-mod tests;
 pub mod vote;
 
 pub use counts::{Psog, PsogError};
 pub use entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, PsogInfo, fixed, to_nats};
-pub use file::{read_psog, write_psog};
 pub use lidar_cast::grid::{GridError, Roi};
-pub use npz::{NpzOut, PsogFileError, write_npz};
+pub use npz::{NpzOut, PsogFileError, read_psog, write_npz, write_psog};
 pub use vote::{BuildReport, FrameVotes, PsogBuilder};
+
+#[cfg(test)]
+mod tests;

@@ -159,7 +159,7 @@ impl PsogBuilder {
     /// [`Self::frame`] of several frames in their order, side by side.
     ///
     /// # Errors
-    /// As there; no frame is then added.
+    /// Errors of the frame; none is then added.
     pub fn frames(&mut self, votes: Vec<FrameVotes>) -> Result<(), PsogError> {
         let first = self.report.frames;
         let after = first + votes.len() as u64;

@@ -2,7 +2,7 @@
 
 use super::description::{ActorDescription, Dictionary};
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Place, nearest};
+use sightline_files::json::{DescriptionError, Location, nearest};
 
 /// The 21 classes of a scene that lists none, in the order of CARLA's semantic tags as Place3D
 /// prints them; a name's index is its class id.
@@ -88,14 +88,14 @@ const MAX_CLASSES: usize = 256;
 pub struct Classes {
     pub names: Vec<String>,
     /// Place and names of the scene's `detection`; `None` takes the defaults.
-    detection: Option<(Place, Vec<String>)>,
+    detection: Option<(Location, Vec<String>)>,
 }
 
 impl Classes {
     /// Checks the `classes` of a scene; `None` takes the defaults. [`Self::check_detection`] checks the
     /// names of `detection`.
     pub fn new(
-        top: &Place,
+        top: &Location,
         names: Option<Vec<String>>,
         detection: Option<Vec<String>>,
     ) -> Result<Self, DescriptionError> {
@@ -145,12 +145,12 @@ impl Classes {
     }
 
     /// Id of the name at `at`.
-    pub fn id(&self, at: &Place, name: &str) -> Result<u16, DescriptionError> {
+    pub fn id(&self, at: &Location, name: &str) -> Result<u16, DescriptionError> {
         self.find(name).ok_or_else(|| unknown(at, name, &self.names))
     }
 }
 
-fn unknown(at: &Place, name: &str, classes: &[String]) -> DescriptionError {
+fn unknown(at: &Location, name: &str, classes: &[String]) -> DescriptionError {
     DescriptionError::UnknownName {
         at: Box::new(at.clone()),
         kind: "class",
@@ -215,7 +215,7 @@ impl ActorKind {
 
     /// The kind of an actor whose first triangle has `class`: as written, or guessed from the class.
     pub(super) fn read(
-        at: &Place,
+        at: &Location,
         written: Option<&str>,
         class: Option<&str>,
     ) -> Result<Self, DescriptionError> {
@@ -249,7 +249,7 @@ impl Reflectances {
     /// # Errors
     /// A class that the scene does not have, a number that is no share.
     pub(super) fn new(
-        top: &Place,
+        top: &Location,
         classes: &Classes,
         of_classes: &Dictionary<f64>,
         actors: &[ActorDescription],
@@ -268,7 +268,7 @@ impl Reflectances {
     }
 }
 
-fn share(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+fn share(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     if (0.0..=1.0).contains(&value) {
         return Ok(value);
     }

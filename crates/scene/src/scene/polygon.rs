@@ -2,13 +2,13 @@
 
 use lidar_cast::geom::{crossing, turn};
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// Corners of one prism; checks and clipping are quadratic in it.
 const MAX_CORNERS: usize = 1000;
 
 /// Checks that `base` is a simple polygon; returns it counter-clockwise.
-pub fn simple(at: &Place, base: &[[f64; 2]]) -> Result<Vec<[f64; 2]>, DescriptionError> {
+pub fn simple(at: &Location, base: &[[f64; 2]]) -> Result<Vec<[f64; 2]>, DescriptionError> {
     let n = base.len();
     if !(3..=MAX_CORNERS).contains(&n) {
         return Err(bad(at, format!("a list of {n}"), format!("3 to {MAX_CORNERS} corners")));
@@ -97,7 +97,7 @@ mod tests {
         let mut turned = l;
         turned.reverse();
         for base in [l, turned] {
-            assert_eq!(area(&simple(&Place::top("t"), &base).unwrap()), 6.0);
+            assert_eq!(area(&simple(&Location::top("t"), &base).unwrap()), 6.0);
         }
         // A comb: many reflex corners.
         let mut comb = vec![[0.0, 0.0], [9.0, 0.0]];
@@ -105,7 +105,7 @@ mod tests {
             let height = if i % 2 == 0 { 3.0 } else { 1.0 };
             comb.extend([[f64::from(i) + 1.0, height], [f64::from(i), height]]);
         }
-        assert_eq!(area(&simple(&Place::top("t"), &comb).unwrap()), 5.0 * 3.0 + 4.0);
+        assert_eq!(area(&simple(&Location::top("t"), &comb).unwrap()), 5.0 * 3.0 + 4.0);
     }
 
     #[test]
@@ -122,7 +122,7 @@ mod tests {
             let corner = |a: &f64, r: f64| [(r * a.cos()).round(), (r * a.sin()).round()];
             let base: Vec<_> =
                 angles.iter().map(|a| corner(a, rng.random_range(2.0..12.0))).collect();
-            let Ok(outline) = simple(&Place::top("t"), &base) else { continue };
+            let Ok(outline) = simple(&Location::top("t"), &base) else { continue };
             let shoelace: f64 = (0..n)
                 .map(|i| (outline[i], outline[(i + 1) % n]))
                 .map(|(a, b)| (a[0] * b[1] - a[1] * b[0]) / 2.0)
@@ -140,14 +140,14 @@ mod tests {
             comb.extend([[f64::from(i) + 1.0, height], [f64::from(i), height]]);
         }
         let start = std::time::Instant::now();
-        assert_eq!(area(&simple(&Place::top("t"), &comb).unwrap()), 250.0 * 3.0 + 249.0);
+        assert_eq!(area(&simple(&Location::top("t"), &comb).unwrap()), 250.0 * 3.0 + 249.0);
         assert!(start.elapsed().as_secs_f64() < 5.0, "{:?}", start.elapsed());
     }
 
     #[test]
     fn a_straight_corner_is_allowed() {
         let base = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
-        assert_eq!(area(&simple(&Place::top("t"), &base).unwrap()), 4.0);
+        assert_eq!(area(&simple(&Location::top("t"), &base).unwrap()), 4.0);
     }
 
     #[test]
@@ -160,7 +160,7 @@ mod tests {
             &[[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [0.0, 1.0]],
         ];
         for base in bad {
-            assert!(simple(&Place::top("t"), base).is_err(), "{base:?}");
+            assert!(simple(&Location::top("t"), base).is_err(), "{base:?}");
         }
     }
 }

@@ -5,16 +5,18 @@
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
+use sightline_files::Note;
+use sightline_files::json::{DescriptionError, Location};
+
 use super::classes::Classes;
 use super::description::{
     BodyDescription, Dictionary, PoseDescription, SceneDescription, ShapeDescription, VehicleSource,
 };
-use super::own::{OwnBodies, OwnBody};
+use super::parts::{OwnBodies, OwnBody};
 use super::shapes::Builder;
 use super::*;
-use crate::vehicle::{self, Vehicle, VehicleDescription, read_vehicle};
-use sightline_files::Note;
-use sightline_files::json::{DescriptionError, Place};
+use crate::vehicle;
+use crate::vehicle::{Vehicle, VehicleDescription, read_vehicle};
 
 /// Scene of [`Scene::level_ground`]. The ground lies in the middle of a layer of voxels, so that an area of the ground has
 /// some.
@@ -48,7 +50,7 @@ impl Scene {
         let bytes = json::read_limited(path, MAX_FILE)?;
         let name = path.display().to_string();
         let text = String::from_utf8(bytes).map_err(|_| DescriptionError::Json {
-            at: Box::new(Place::top(&name)),
+            at: Box::new(Location::top(&name)),
             problem: "is not UTF-8 text; a scene is a JSON file".to_owned(),
             line: 1,
             column: 1,
@@ -99,7 +101,7 @@ impl Scene {
     ) -> Result<Self, DescriptionError> {
         json::check_version(text, name_for_errors, FileKind::Scene)?;
         let mut scene: SceneDescription = json::parse(text, name_for_errors)?;
-        let top = Place::top(name_for_errors);
+        let top = Location::top(name_for_errors);
         let angles = of_angles(&top, &scene);
         let name = name_of(&top, scene.name.take())?;
         let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
@@ -117,7 +119,7 @@ impl Scene {
 
     /// Assembles the scene: checks motion, coverage, P-SOG source and reflectances.
     fn of_parts(
-        top: &Place,
+        top: &Location,
         scene: SceneDescription,
         (name, roi, classes): (String, RoiBounds, Classes),
         carrier: SceneVehicle,
@@ -170,7 +172,7 @@ impl Scene {
 
 /// World, actors and ego body of a scene; their files and notes are added to the carrier.
 fn things(
-    top: &Place,
+    top: &Location,
     scene: &SceneDescription,
     classes: &Classes,
     carrier: &mut SceneVehicle,
@@ -192,7 +194,7 @@ fn things(
 }
 
 /// Stated name, or the file name without its ending.
-fn name_of(top: &Place, given: Option<String>) -> Result<String, DescriptionError> {
+fn name_of(top: &Location, given: Option<String>) -> Result<String, DescriptionError> {
     let given = given.filter(|name| !name.trim().is_empty());
     let given = given.map(|name| check::name(&top.key("name"), name)).transpose()?;
     let stem = || Path::new(&top.file).file_stem().unwrap_or_default().to_string_lossy();
@@ -214,7 +216,7 @@ struct VehicleBody {
     pub shapes: Vec<ShapeDescription>,
     /// Bodies beside the first.
     pub others: Vec<BodyDescription>,
-    pub at: Place,
+    pub at: Location,
     /// Where its files are.
     pub dir: PathBuf,
 }
@@ -237,13 +239,13 @@ impl VehicleBody {
 impl SceneVehicle {
     /// From a scene's description, or from the vehicle file given beside it.
     pub fn new(
-        top: &Place,
+        top: &Location,
         scene: &mut SceneDescription,
         dir: &Path,
         given: Option<&Path>,
     ) -> Result<Self, DescriptionError> {
         let source = match (given, scene.vehicle.take()) {
-            (Some(file), _) => Some((Place::top(&file.display().to_string()), file.to_owned())),
+            (Some(file), _) => Some((Location::top(&file.display().to_string()), file.to_owned())),
             (None, Some(VehicleSource::Inline(vehicle))) => {
                 only_vehicle(top, scene)?;
                 return Self::of_vehicle(top.key("vehicle"), *vehicle, None, dir);
@@ -251,7 +253,7 @@ impl SceneVehicle {
             (None, Some(VehicleSource::File(file))) => {
                 only_vehicle(top, scene)?;
                 let file = dir.join(file);
-                Some((Place::top(&file.display().to_string()), file))
+                Some((Location::top(&file.display().to_string()), file))
             }
             (None, None) => None,
         };
@@ -276,7 +278,7 @@ impl SceneVehicle {
     }
 
     fn of_vehicle(
-        at: Place,
+        at: Location,
         mut vehicle: VehicleDescription<ShapeDescription, BodyDescription>,
         file: Option<PathBuf>,
         dir: &Path,
@@ -294,7 +296,7 @@ impl SceneVehicle {
 }
 
 /// Refuses a LiDAR or mount beside a vehicle.
-fn only_vehicle(top: &Place, scene: &SceneDescription) -> Result<(), DescriptionError> {
+fn only_vehicle(top: &Location, scene: &SceneDescription) -> Result<(), DescriptionError> {
     for (key, there) in [("lidar", scene.lidar.is_some()), ("mount", scene.mount.is_some())] {
         if there {
             let (at, mend) =
@@ -306,7 +308,7 @@ fn only_vehicle(top: &Place, scene: &SceneDescription) -> Result<(), Description
 }
 
 /// Doubts about the angles that a scene file states.
-fn of_angles(top: &Place, scene: &SceneDescription) -> Vec<Note> {
+fn of_angles(top: &Location, scene: &SceneDescription) -> Vec<Note> {
     let mut doubts = of_shapes(&top.key("static"), &scene.world);
     for (name, shapes) in &scene.shapes.0 {
         doubts.extend(of_shapes(&top.key("shapes").key(name), shapes));
@@ -333,7 +335,11 @@ fn of_angles(top: &Place, scene: &SceneDescription) -> Vec<Note> {
 }
 
 /// Doubts about the angles of the own bodies.
-fn of_own_bodies(at: &Place, first: &[ShapeDescription], others: &[BodyDescription]) -> Vec<Note> {
+fn of_own_bodies(
+    at: &Location,
+    first: &[ShapeDescription],
+    others: &[BodyDescription],
+) -> Vec<Note> {
     let mut doubts = of_shapes(&at.key("body"), first);
     for (i, body) in others.iter().enumerate() {
         let at = at.key("bodies").item(i);
@@ -344,7 +350,7 @@ fn of_own_bodies(at: &Place, first: &[ShapeDescription], others: &[BodyDescripti
 }
 
 /// Doubts about the angles of meshes and robots. Boxes and copies are turned by whole radians, too.
-fn of_shapes(at: &Place, shapes: &[ShapeDescription]) -> Vec<Note> {
+fn of_shapes(at: &Location, shapes: &[ShapeDescription]) -> Vec<Note> {
     let mut doubts = Vec::new();
     for (i, shape) in shapes.iter().enumerate() {
         let mesh = shape.mesh.iter().map(|mesh| ("mesh", [mesh.roll, mesh.pitch, mesh.yaw]));
@@ -360,7 +366,7 @@ fn of_shapes(at: &Place, shapes: &[ShapeDescription]) -> Vec<Note> {
 }
 
 /// A doubt about the angles of a way. Headings may go on past a turn, step by step.
-fn track(at: &Place, poses: &[PoseDescription]) -> Option<Note> {
+fn track(at: &Location, poses: &[PoseDescription]) -> Option<Note> {
     let yaw: Vec<f64> = poses.iter().map(|pose| pose.yaw).collect();
     let leaps = |two: &[f64]| {
         let step = two[1] - two[0];

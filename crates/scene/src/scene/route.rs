@@ -6,7 +6,7 @@ use super::description::{PoseDescription, RouteDescription};
 use lidar_cast::geom::{Glide, Pose};
 use lidar_cast::maths;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// A pose for every frame.
 #[derive(Debug, Clone)]
@@ -23,7 +23,7 @@ impl Motion {
     /// Reads `poses` or `route` of the object at `at`; `None` where it has neither. On a route things pitch with the slope
     /// unless they stay `upright`.
     pub fn new(
-        at: &Place,
+        at: &Location,
         poses: Option<&[PoseDescription]>,
         route: Option<&RouteDescription>,
         upright: bool,
@@ -47,7 +47,7 @@ impl Motion {
     }
 
     /// Checks for one explicit pose a frame.
-    pub fn check_frames(&self, at: &Place, frames: usize) -> Result<(), DescriptionError> {
+    pub fn check_frames(&self, at: &Location, frames: usize) -> Result<(), DescriptionError> {
         match self {
             Self::Poses(poses) if poses.len() != frames => {
                 let value = format!("a list of {}", poses.len());
@@ -87,7 +87,7 @@ impl Motion {
     }
 }
 
-fn pose(at: &Place, p: &PoseDescription) -> Result<Pose, DescriptionError> {
+fn pose(at: &Location, p: &PoseDescription) -> Result<Pose, DescriptionError> {
     let x = check::metres(&at.key("x"), p.x)?;
     let y = check::metres(&at.key("y"), p.y)?;
     let z = check::metres(&at.key("z"), p.z)?;
@@ -112,7 +112,11 @@ pub struct Route {
 }
 
 impl Route {
-    fn new(at: &Place, route: &RouteDescription, upright: bool) -> Result<Self, DescriptionError> {
+    fn new(
+        at: &Location,
+        route: &RouteDescription,
+        upright: bool,
+    ) -> Result<Self, DescriptionError> {
         let here = at.key("points");
         if route.points.len() < 2 {
             let value = format!("a list of {}", route.points.len());
@@ -163,7 +167,8 @@ mod tests {
 
     fn route(points: &[[f64; 2]], start: f64, spacing: f64) -> Route {
         let points = points.iter().map(|p| p.to_vec()).collect();
-        Route::new(&Place::top("t"), &RouteDescription { points, start, spacing }, false).unwrap()
+        Route::new(&Location::top("t"), &RouteDescription { points, start, spacing }, false)
+            .unwrap()
     }
 
     #[test]
@@ -220,7 +225,7 @@ mod tests {
             spacing: 2.5,
         };
         for (upright, ahead) in [(true, DVec3::X), (false, DVec3::new(0.6, 0.0, 0.8))] {
-            let p = Route::new(&Place::top("t"), &slope, upright).unwrap().pose(1);
+            let p = Route::new(&Location::top("t"), &slope, upright).unwrap().pose(1);
             assert!((p.translation - DVec3::new(1.5, 0.0, 2.0)).length() < 1e-12);
             assert!((p.rotation * DVec3::X - ahead).length() < 1e-12);
             assert!((p.rotation * DVec3::Y - DVec3::Y).length() < 1e-12);

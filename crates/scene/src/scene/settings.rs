@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::description::{PsogDescription, RoiDescription, ScanDescription};
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// Largest distance in metres from the top of the ROI up to the mount.
 const MOUNT_HEADROOM: f64 = 10.0;
@@ -29,7 +29,7 @@ pub struct RoiBounds {
 }
 
 impl RoiBounds {
-    pub(crate) fn new(at: &Place, roi: &RoiDescription) -> Result<Self, DescriptionError> {
+    pub(crate) fn new(at: &Location, roi: &RoiDescription) -> Result<Self, DescriptionError> {
         let min = check::point(&at.key("min"), roi.min)?;
         let max = check::point(&at.key("max"), roi.max)?;
         let voxel = check::size(&at.key("voxel"), roi.voxel)?;
@@ -69,7 +69,7 @@ impl RoiBounds {
     /// `MOUNT_HEADROOM` above.
     pub fn check_mount(
         &self,
-        at: &Place,
+        at: &Location,
         [min, max]: [[f64; 3]; 2],
     ) -> Result<(), DescriptionError> {
         let inside = |i: usize| self.min[i] <= min[i] && max[i] <= self.max[i];
@@ -100,7 +100,7 @@ pub enum Coverage {
 
 impl Coverage {
     pub(crate) fn new(
-        at: &Place,
+        at: &Location,
         name: Option<&str>,
         has_geometry: bool,
     ) -> Result<Self, DescriptionError> {
@@ -158,7 +158,7 @@ impl ScanSettings {
     }
 
     fn new(
-        at: &Place,
+        at: &Location,
         scan: &ScanDescription,
         lidar_range: f64,
         highest: f64,
@@ -191,7 +191,7 @@ pub enum PsogSource {
 
 impl PsogSource {
     pub(crate) fn new(
-        top: &Place,
+        top: &Location,
         psog: Option<&PsogDescription>,
         has_geometry: bool,
         dir: &Path,

@@ -1,18 +1,20 @@
 //! From shape descriptions to triangles: classes, copies, named shapes, meshes and robots.
 
-mod robot;
-
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-use super::classes::Classes;
-use super::description::{Dictionary, MeshDescription, ShapeDescription};
-use super::solid::{Solid, copies, cuboid, cylinder, plane, prism};
-use crate::mesh::{self, MOST_TRIANGLES, Placing, RawMesh};
+use glam::DVec3;
+use lidar_cast::geom::Pose;
 use sightline_files::Note;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Place, nearest};
+use sightline_files::json::{DescriptionError, Location, check, nearest};
+
+use super::classes::Classes;
+use super::description::{Dictionary, MeshDescription, ShapeDescription, UrdfDescription};
+use super::solid::{Solid, copies, cuboid, cylinder, plane, prism};
+use crate::mesh;
+use crate::mesh::{Geometry, MOST_TRIANGLES, Placing, RawMesh, RobotFile};
 
 /// Most triangles of a scene: static world, actors, ego body and each named shape once.
 const MAX_TRIANGLES: u64 = MOST_TRIANGLES as u64;
@@ -27,7 +29,7 @@ pub struct Builder<'a> {
     /// Index in `named` by name.
     by_name: HashMap<&'a str, usize>,
     /// Place of the key `shapes`.
-    named_at: Place,
+    named_at: Location,
     dir: &'a Path,
     meshes: HashMap<PathBuf, Rc<RawMesh>>,
     /// Files that are no meshes.
@@ -42,7 +44,7 @@ pub struct Builder<'a> {
 
 impl<'a> Builder<'a> {
     pub fn new(
-        top: &Place,
+        top: &Location,
         classes: &'a Classes,
         named: &'a Dictionary<Vec<ShapeDescription>>,
         dir: &'a Path,
@@ -101,7 +103,7 @@ impl<'a> Builder<'a> {
     /// The triangles of a list of shapes, in order, and where each shape ends.
     pub fn list(
         &mut self,
-        at: &Place,
+        at: &Location,
         list: &[ShapeDescription],
     ) -> Result<Solid, DescriptionError> {
         self.nested_list(at, list, 0)
@@ -110,7 +112,7 @@ impl<'a> Builder<'a> {
     /// Triangles of an actor; an empty list is an error, an actor without area a note.
     pub fn actor(
         &mut self,
-        at: &Place,
+        at: &Location,
         parts: &[ShapeDescription],
     ) -> Result<Solid, DescriptionError> {
         if parts.is_empty() {
@@ -128,7 +130,7 @@ impl<'a> Builder<'a> {
 
     fn nested_list(
         &mut self,
-        at: &Place,
+        at: &Location,
         list: &[ShapeDescription],
         depth: usize,
     ) -> Result<Solid, DescriptionError> {
@@ -142,7 +144,7 @@ impl<'a> Builder<'a> {
 
     fn append(
         &mut self,
-        at: &Place,
+        at: &Location,
         shape: &ShapeDescription,
         depth: usize,
         out: &mut Solid,
@@ -182,7 +184,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Refuses more triangles than there may be.
-    fn check_count(&self, at: &Place, count: u64) -> Result<(), DescriptionError> {
+    fn check_count(&self, at: &Location, count: u64) -> Result<(), DescriptionError> {
         if count <= self.most {
             return Ok(());
         }
@@ -198,7 +200,7 @@ impl<'a> Builder<'a> {
     /// Shape called `name`, used at `at` inside `depth` other named shapes.
     fn named(
         &mut self,
-        at: &Place,
+        at: &Location,
         name: &str,
         depth: usize,
     ) -> Result<Rc<Solid>, DescriptionError> {
@@ -230,7 +232,11 @@ impl<'a> Builder<'a> {
     }
 
     /// Triangles of a primitive or mesh, before its copies are placed.
-    fn single(&mut self, at: &Place, shape: &ShapeDescription) -> Result<Solid, DescriptionError> {
+    fn single(
+        &mut self,
+        at: &Location,
+        shape: &ShapeDescription,
+    ) -> Result<Solid, DescriptionError> {
         let class = match &shape.class {
             Some(name) => Some(self.classes.id(&at.key("class"), name)?),
             None => None,
@@ -256,7 +262,7 @@ impl<'a> Builder<'a> {
 
     fn mesh(
         &mut self,
-        at: &Place,
+        at: &Location,
         mesh: &MeshDescription,
         default: Option<u16>,
     ) -> Result<Solid, DescriptionError> {
@@ -293,7 +299,7 @@ impl Builder<'_> {
     /// A mesh file, read on first use.
     fn raw(
         &mut self,
-        at: &Place,
+        at: &Location,
         file: &Path,
         placing: &Placing,
     ) -> Result<Rc<RawMesh>, DescriptionError> {
@@ -307,14 +313,14 @@ impl Builder<'_> {
     }
 }
 
-fn placing(at: &Place, mesh: &MeshDescription) -> Result<Placing, DescriptionError> {
+fn placing(at: &Location, mesh: &MeshDescription) -> Result<Placing, DescriptionError> {
     let MeshDescription { scale, translate, roll, pitch, yaw, .. } = *mesh;
     Placing::new(at, mesh.axes.as_deref(), scale, translate, [roll, pitch, yaw])
 }
 
 impl Builder<'_> {
     /// Notes material names that the mesh does not have: one map may serve several meshes, or hold a slip.
-    fn note_unused(&mut self, at: &Place, file: &Path, map: &HashMap<&str, u16>, raw: &RawMesh) {
+    fn note_unused(&mut self, at: &Location, file: &Path, map: &HashMap<&str, u16>, raw: &RawMesh) {
         let has = || raw.materials.iter().flatten().map(String::as_str);
         let mut unused: Vec<&str> =
             map.keys().copied().filter(|name| has().all(|known| known != *name)).collect();
@@ -329,5 +335,86 @@ impl Builder<'_> {
             file.display(),
             unused.join("`, `")
         )));
+    }
+}
+
+/// Corners of a cylinder's base, and of a sphere's circles of latitude.
+const SIDES: u32 = 32;
+/// Bands of a sphere from pole to pole.
+const BANDS: u32 = 16;
+
+impl Builder<'_> {
+    /// Triangles of a robot's links, with all joints at rest.
+    fn urdf(
+        &mut self,
+        at: &Location,
+        urdf: &UrdfDescription,
+        class: u16,
+    ) -> Result<Solid, DescriptionError> {
+        let UrdfDescription { translate, roll, pitch, yaw, .. } = *urdf;
+        let placing = Placing::new(at, None, None, translate, [roll, pitch, yaw])?;
+        let tag = urdf.geometry.as_deref().unwrap_or("visual");
+        if !["visual", "collision"].contains(&tag) {
+            let wanted = "\"visual\" or \"collision\"";
+            return Err(bad(&at.key("geometry"), format!("{tag:?}"), wanted));
+        }
+        let file = self.dir.join(&urdf.file);
+        let packages = urdf.packages.as_ref().map(|packages| self.dir.join(packages));
+        let robot = RobotFile { file: &file, packages: packages.as_deref(), tag };
+        let parts = robot.parts(at, &urdf.without)?;
+        self.others.push(file.clone());
+        let mut solid = Solid::default();
+        for part in parts {
+            let shape = self.part(at, &part.geometry, class)?;
+            let count = self.triangles + (solid.faces.len() + shape.faces.len()) as u64;
+            self.check_count(at, count)?;
+            solid.append(&shape, &placing.pose().compose(&part.root_from_part));
+        }
+        match solid.vertices.iter().all(|v| v.abs().max_element() <= check::MAX_METRES) {
+            true => Ok(solid),
+            false => {
+                let wanted = "a robot within 1e9 m of the origin; correct its origins and scales";
+                Err(bad(&at.key("file"), format!("{:?}", urdf.file), wanted))
+            }
+        }
+    }
+
+    fn part(
+        &mut self,
+        at: &Location,
+        geometry: &Geometry,
+        class: u16,
+    ) -> Result<Solid, DescriptionError> {
+        Ok(match geometry {
+            Geometry::Box(edges) => Solid::cuboid(DVec3::ZERO, *edges, 0.0, class),
+            Geometry::Cylinder(radius, length) => {
+                let foot = DVec3::Z * (-length / 2.0);
+                Solid::cylinder(foot, *radius, *length, SIDES, class)
+            }
+            Geometry::Sphere(radius) => Solid::sphere(*radius, [SIDES, BANDS], class),
+            Geometry::Mesh(file, scale) => self.mesh_of_link(at, file, *scale, class)?,
+        })
+    }
+
+    fn mesh_of_link(
+        &mut self,
+        at: &Location,
+        file: &Path,
+        scale: DVec3,
+        class: u16,
+    ) -> Result<Solid, DescriptionError> {
+        let placing = Placing::scaled(scale, Pose::IDENTITY);
+        let raw = self.raw(at, file, &placing)?;
+        Ok(Solid {
+            vertices: placing.vertices(at, file, &raw)?,
+            faces: raw.faces.clone(),
+            classes: vec![class; raw.faces.len()],
+            ends: Vec::new(),
+        })
+    }
+
+    /// Files that are no meshes.
+    fn other_files(&self) -> impl Iterator<Item = PathBuf> + '_ {
+        self.others.iter().cloned()
     }
 }

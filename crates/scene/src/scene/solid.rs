@@ -9,7 +9,7 @@ use super::polygon::{self, triangulate};
 use lidar_cast::geom::{Pose, TriangleSoup};
 use lidar_cast::maths;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// Triangles with a class each, in the frame of their owner: world, actor or ego.
 ///
@@ -136,7 +136,7 @@ impl Solid {
     }
 }
 
-pub fn cuboid(at: &Place, b: &BoxDescription, class: u16) -> Result<Solid, DescriptionError> {
+pub fn cuboid(at: &Location, b: &BoxDescription, class: u16) -> Result<Solid, DescriptionError> {
     let yaw = check::radians(&at.key("yaw"), b.yaw)?;
     let one_of = |found| {
         let of = &["center, size", "foot, size", "min, max"];
@@ -177,7 +177,7 @@ pub fn cuboid(at: &Place, b: &BoxDescription, class: u16) -> Result<Solid, Descr
     Ok(Solid::cuboid(center, size, yaw, class))
 }
 
-pub fn prism(at: &Place, p: &PrismDescription, class: u16) -> Result<Solid, DescriptionError> {
+pub fn prism(at: &Location, p: &PrismDescription, class: u16) -> Result<Solid, DescriptionError> {
     let base = polygon::simple(&at.key("base"), &p.base)?;
     let z = at.key("z");
     for i in 0..2 {
@@ -190,7 +190,7 @@ pub fn prism(at: &Place, p: &PrismDescription, class: u16) -> Result<Solid, Desc
 }
 
 pub fn cylinder(
-    at: &Place,
+    at: &Location,
     c: &CylinderDescription,
     class: u16,
 ) -> Result<Solid, DescriptionError> {
@@ -201,7 +201,7 @@ pub fn cylinder(
     Ok(Solid::cylinder(foot.into(), radius, height, sides, class))
 }
 
-pub fn plane(at: &Place, p: &PlaneDescription, class: u16) -> Result<Solid, DescriptionError> {
+pub fn plane(at: &Location, p: &PlaneDescription, class: u16) -> Result<Solid, DescriptionError> {
     for i in 0..2 {
         check::metres(&at.key("min").item(i), p.min[i])?;
         check::metres(&at.key("max").item(i), p.max[i])?;
@@ -216,7 +216,10 @@ pub fn plane(at: &Place, p: &PlaneDescription, class: u16) -> Result<Solid, Desc
 const MAX_COPIES: u64 = 100_000;
 
 /// Poses of the copies of a shape; without `at` and `repeat` one copy in place.
-pub(super) fn copies(at: &Place, shape: &ShapeDescription) -> Result<Vec<Pose>, DescriptionError> {
+pub(super) fn copies(
+    at: &Location,
+    shape: &ShapeDescription,
+) -> Result<Vec<Pose>, DescriptionError> {
     match (&shape.at, &shape.repeat) {
         (None, None) => Ok(vec![Pose::IDENTITY]),
         (Some(_), Some(_)) => Err(DescriptionError::Misplaced {

@@ -16,7 +16,7 @@ use lidar_cast::bvh::Bvh;
 use lidar_cast::geom::{Pose, TriangleSoup};
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{self, DescriptionError, FileKind, Place, nearest};
+use sightline_files::json::{self, DescriptionError, FileKind, Location, nearest};
 
 /// Largest target file, in bytes.
 const MAX_FILE: u64 = 64 << 20;
@@ -102,11 +102,15 @@ impl Target {
     /// # Errors
     /// No such preset and no such file; any [`DescriptionError`] of the file.
     pub fn named(text: &str) -> Result<Self, DescriptionError> {
-        Self::named_at(&Place::top("target"), Path::new(""), text)
+        Self::named_at(&Location::top("target"), Path::new(""), text)
     }
 
     /// Like [`Self::named`], with target files relative to a folder; an error names the place of the text.
-    pub(crate) fn named_at(at: &Place, dir: &Path, text: &str) -> Result<Self, DescriptionError> {
+    pub(crate) fn named_at(
+        at: &Location,
+        dir: &Path,
+        text: &str,
+    ) -> Result<Self, DescriptionError> {
         if let Some(preset) = preset_targets().iter().find(|preset| preset.name == text) {
             return Ok(preset.clone());
         }
@@ -144,7 +148,7 @@ impl Target {
         let TargetDescription { name, mut shapes, reflectance, source, .. } =
             json::parse(text, file)?;
         let written: Value = json::parse(text, file)?;
-        let at = Place::top(file);
+        let at = Location::top(file);
         let name = check::name(&at.key("name"), name)?;
         if name.trim().is_empty() {
             return Err(bad(&at.key("name"), "an empty text", "a name"));
@@ -195,7 +199,7 @@ fn to_micrometres(metres: f64) -> f64 {
 }
 
 /// Corners of the box around triangles, which must have an extent and fit a road.
-fn checked_corners(at: &Place, soup: &TriangleSoup) -> Result<[[f64; 3]; 2], DescriptionError> {
+fn checked_corners(at: &Location, soup: &TriangleSoup) -> Result<[[f64; 3]; 2], DescriptionError> {
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for vertex in &soup.vertices {
         for k in 0..3 {
@@ -219,7 +223,7 @@ fn checked_corners(at: &Place, soup: &TriangleSoup) -> Result<[[f64; 3]; 2], Des
 }
 
 /// Notes on a target that stands off the origin of its file, or not on the ground.
-fn off_centre(at: &Place, low: [f64; 3], high: [f64; 3]) -> Vec<Note> {
+fn off_centre(at: &Location, low: [f64; 3], high: [f64; 3]) -> Vec<Note> {
     let mut notes = Vec::new();
     let [x, y] = [0, 1].map(|k| 0.5 * (low[k] + high[k]));
     if x.abs().max(y.abs()) > OFF_CENTRE {

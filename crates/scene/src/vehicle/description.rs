@@ -3,7 +3,7 @@
 //! Keys, units and defaults are explained in `scenes/README.md`.
 
 use serde::Deserialize;
-use sightline_files::json::{DescriptionError, Place, check};
+use sightline_files::json::{DescriptionError, Location, check};
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -206,7 +206,7 @@ impl RequirementDescription {
     ///
     /// # Errors
     /// A name that is not one.
-    pub fn named(&self, at: &Place, default: String) -> Result<String, DescriptionError> {
+    pub fn named(&self, at: &Location, default: String) -> Result<String, DescriptionError> {
         match &self.name {
             Some(name) => check::name(&at.key("name"), name.clone()),
             None => Ok(default),
@@ -216,10 +216,10 @@ impl RequirementDescription {
     /// Refuses a key of the rule at `at` beside its name and the `keys` of its kind.
     ///
     /// # Errors
-    /// The first of them; `mend` says what to do about it.
+    /// The first of them; `mend` says how to mend it.
     pub fn has_only(
         &self,
-        at: &Place,
+        at: &Location,
         keys: &[&str],
         mend: impl Fn(&str) -> &'static str,
     ) -> Result<(), DescriptionError> {
@@ -252,7 +252,7 @@ impl RequirementDescription {
     ///
     /// # Errors
     /// None is given.
-    pub fn share(&self, at: &Place) -> Result<f64, DescriptionError> {
+    pub fn share(&self, at: &Location) -> Result<f64, DescriptionError> {
         self.share.ok_or_else(|| DescriptionError::Missing {
             at: Box::new(at.clone()),
             key: "share",

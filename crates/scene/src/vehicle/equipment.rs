@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::{
-    Constraints, GroundRule, Lidar, MAX_LIDARS, OtherSensor, OverlapRule, Phase, Region,
-    Requirement, Response, SensorError, SensorModel, SensorName, Sensors, Slot, TargetRule, Ties,
+    Constraints, GroundRule, Lidar, MAX_LIDARS, OtherSensor, OverlapRule, Region, Requirement,
+    Response, SensorError, SensorModel, SensorName, Sensors, Slot, SpinPhase, TargetRule, Ties,
 };
 use sightline_files::Note;
 
@@ -16,7 +16,7 @@ pub struct VehicleSensor {
     /// Its beams.
     pub lidar: Lidar,
     /// Where in its turn it fires.
-    pub phase: Phase,
+    pub phase: SpinPhase,
     /// Price of one, in any currency.
     pub price: f64,
     /// Echo model: rated range, noise, beam divergence, echoes kept.
@@ -164,8 +164,8 @@ impl Vehicle {
             .find(|model| model.name == sensor)?
             .phase
         {
-            Phase::Between(from, to) => Some([from, to]),
-            Phase::Locked(_) | Phase::Free => None,
+            SpinPhase::Between(from, to) => Some([from, to]),
+            SpinPhase::Locked(_) | SpinPhase::Free => None,
         };
         let slot = |&(mount, sensor): &(usize, SensorName)| Slot {
             region: self.mounts[mount].region.clone(),

@@ -9,7 +9,7 @@ use super::sensor_file::{
 };
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{self, DescriptionError, Place};
+use sightline_files::json::{self, DescriptionError, Location};
 
 const MAX_STEPS: u64 = 100_000;
 
@@ -26,7 +26,7 @@ impl Lidar {
         azimuth_steps: u32,
         range: f64,
     ) -> Result<Self, DescriptionError> {
-        let at = Place::top(&path.display().to_string());
+        let at = Location::top(&path.display().to_string());
         let pattern = sensor_file::read(path, None)?;
         let (steps, azimuth) = pattern.columns(azimuth_steps);
         match pattern.beams {
@@ -49,7 +49,7 @@ impl Lidar {
         dir: &Path,
         name_for_errors: &str,
     ) -> Result<(Self, Vec<Note>), DescriptionError> {
-        let top = Place::top(name_for_errors);
+        let top = Location::top(name_for_errors);
         let DescribedLidar { lidar, mut notes, .. } =
             DescribedLidar::new(&top, json::parse(text, name_for_errors)?, dir)?;
         let doubts = super::of_lidar("the LiDAR", &lidar);
@@ -71,7 +71,7 @@ pub struct DescribedLidar {
 impl DescribedLidar {
     /// Reads a description; `dir` is where its sensor file is.
     pub(crate) fn new(
-        at: &Place,
+        at: &Location,
         lidar: LidarDescription,
         dir: &Path,
     ) -> Result<Self, DescriptionError> {
@@ -119,7 +119,7 @@ impl DescribedLidar {
 
     /// Beams of a sensor file. Numbers of the description count; the file fills the gaps.
     fn of_pattern(
-        at: &Place,
+        at: &Location,
         lidar: &LidarDescription,
         mut pattern: SensorPattern,
         range: f64,
@@ -163,7 +163,7 @@ impl DescribedLidar {
 }
 
 /// The key that says where the beams come from; keys that belong to another one are refused.
-fn form(at: &Place, lidar: &LidarDescription) -> Result<&'static str, DescriptionError> {
+fn form(at: &Location, lidar: &LidarDescription) -> Result<&'static str, DescriptionError> {
     let mut found = Vec::new();
     found.extend(lidar.channels.map(|_| "channels"));
     found.extend(lidar.file.as_ref().map(|_| "file"));
@@ -179,7 +179,7 @@ fn form(at: &Place, lidar: &LidarDescription) -> Result<&'static str, Descriptio
     Ok(form)
 }
 
-fn no_steps(at: &Place) -> DescriptionError {
+fn no_steps(at: &Location) -> DescriptionError {
     DescriptionError::Missing {
         at: Box::new(at.clone()),
         key: "azimuth_steps",
@@ -188,14 +188,14 @@ fn no_steps(at: &Place) -> DescriptionError {
 }
 
 /// A note on a number that the sensor file states otherwise; the description's own counts.
-pub(super) fn other(at: &Place, key: &str, given: f64, stated: Option<f64>) -> Option<Note> {
+pub(super) fn other(at: &Location, key: &str, given: f64, stated: Option<f64>) -> Option<Note> {
     let stated = stated.filter(|stated| (stated - given).abs() > 1e-9 * given.abs())?;
     let at = at.key(key);
     Some(Note::fact(format!("{at}: {given}; the sensor file states {stated}. The first counts.")))
 }
 
 /// A doubt about a field of view that looks like radians.
-fn narrow_fov(at: &Place, channels: u64, fov: Option<[f64; 2]>) -> Option<Note> {
+fn narrow_fov(at: &Location, channels: u64, fov: Option<[f64; 2]>) -> Option<Note> {
     let [low, high] = fov.filter(|_| channels > 1)?;
     let at = at.key("fov");
     let text =
@@ -212,7 +212,7 @@ fn lists(channels: &[Channel]) -> Channels {
 
 /// Channels that turn, or sweep the horizontal field of view of a description.
 fn spinning_in(
-    at: &Place,
+    at: &Location,
     channels: Channels,
     steps: u64,
     azimuth: Option<[f64; 2]>,
@@ -223,7 +223,7 @@ fn spinning_in(
 }
 
 fn spinning(
-    at: &Place,
+    at: &Location,
     (elevations, azimuth_offsets): Channels,
     steps: u64,
     azimuth: Option<[f64; 2]>,
@@ -244,7 +244,7 @@ fn spinning(
 }
 
 /// A horizontal field of view in degrees that is less than a turn.
-fn sector(at: &Place, [from, to]: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
+fn sector(at: &Location, [from, to]: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
     for (i, angle) in [from, to].into_iter().enumerate() {
         if !(-360.0..=360.0).contains(&angle) {
             return Err(bad(&at.item(i), angle, "an azimuth from -360 to 360 degrees"));
@@ -262,7 +262,12 @@ fn sector(at: &Place, [from, to]: [f64; 2]) -> Result<[f64; 2], DescriptionError
 }
 
 /// Refuses a key that has no meaning beside the others.
-fn spare(at: &Place, key: &'static str, there: bool, mend: &str) -> Result<(), DescriptionError> {
+fn spare(
+    at: &Location,
+    key: &'static str,
+    there: bool,
+    mend: &str,
+) -> Result<(), DescriptionError> {
     if !there {
         return Ok(());
     }
@@ -270,7 +275,7 @@ fn spare(at: &Place, key: &'static str, there: bool, mend: &str) -> Result<(), D
 }
 
 fn no_turning(
-    at: &Place,
+    at: &Location,
     steps: Option<u64>,
     azimuth: Option<[f64; 2]>,
 ) -> Result<(), DescriptionError> {
@@ -281,7 +286,7 @@ fn no_turning(
 
 /// Elevations and offsets of `count` channels spread evenly over `fov`; one channel takes the lower end.
 fn even_channels(
-    at: &Place,
+    at: &Location,
     count: u64,
     fov: Option<[f64; 2]>,
 ) -> Result<Channels, DescriptionError> {
@@ -304,7 +309,7 @@ fn even_channels(
 
 /// The sensor file of a description, with its offsets counter-clockwise.
 fn file_pattern(
-    at: &Place,
+    at: &Location,
     lidar: &LidarDescription,
     file: &Path,
 ) -> Result<SensorPattern, DescriptionError> {
@@ -333,7 +338,7 @@ fn file_pattern(
     Ok(pattern)
 }
 
-fn unit_vectors(at: &Place, mut list: Vec<[f64; 3]>) -> Result<Vec<[f64; 3]>, DescriptionError> {
+fn unit_vectors(at: &Location, mut list: Vec<[f64; 3]>) -> Result<Vec<[f64; 3]>, DescriptionError> {
     if list.is_empty() || list.len() as u64 > MAX_BEAMS {
         let wanted = format!("1 to {MAX_BEAMS} directions");
         return Err(bad(at, format!("a list of {}", list.len()), wanted));

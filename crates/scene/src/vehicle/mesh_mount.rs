@@ -17,7 +17,7 @@ use crate::mesh::{self, Placing};
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// Widest angle from the direction that triangles face unless the mount says so, radians.
 const FACING: f64 = std::f64::consts::FRAC_PI_3;
@@ -31,7 +31,7 @@ const MOST_TRIANGLES: usize = 1_000_000;
 /// The surface of a mount, its frame, and the files read. Bounds of the two fields in its plane are set; those
 /// of the others are the caller's.
 pub(super) fn patch(
-    at: &Place,
+    at: &Location,
     patch: &MeshPatchDescription,
     dir: &Path,
 ) -> Result<(Region, Vec<PathBuf>), DescriptionError> {
@@ -65,7 +65,7 @@ pub(super) fn patch(
     Ok((region, raw.files))
 }
 
-fn direction(at: &Place, facing: &FacingDescription) -> Result<(DVec3, f64), DescriptionError> {
+fn direction(at: &Location, facing: &FacingDescription) -> Result<(DVec3, f64), DescriptionError> {
     let here = at.key("direction");
     let direction = DVec3::from(check::point(&here, facing.direction)?).try_normalize();
     let Some(direction) = direction else {

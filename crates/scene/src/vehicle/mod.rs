@@ -4,42 +4,37 @@ pub mod constraints;
 mod description;
 mod doubts;
 mod equipment;
-mod ground_rule;
 mod lidar;
 mod lidar_reading;
 mod mesh_mount;
 mod mount;
 mod mounting;
-mod other_sensor;
-mod overlap_rule;
 mod pairing;
 pub mod placement_file;
 pub mod placements;
 pub mod pose_grid;
 mod region;
+mod rules;
 pub mod sensor_file;
 mod surface;
-mod target_rule;
 mod variables;
 pub mod vehicle_file;
 
+pub use self::rules::{FARTHEST_GROUND, GroundAsked, GroundRule, OverlapRule, Side, TargetRule};
 pub use constraints::{Constraints, Slot, Ties, Violation};
 pub(crate) use description::{LidarDescription, MountDescription, VehicleDescription};
 pub use doubts::{
     Doubts, doubt_of_ground, doubts_of_units, is_degrees, of_angles, of_degrees, of_lidar,
 };
 pub use equipment::{Equipment, Vehicle, VehicleMount, VehicleSensor};
-pub use ground_rule::{FARTHEST_GROUND, GroundAsked, GroundRule, Side};
-pub use lidar::{Lidar, stated};
+pub use lidar::{LIDAR, Lidar, OtherSensor, stated};
 pub use lidar_cast::sensor::{
-    BeamGrid, BeamTable, Echoes, ForeignLidar, MAX_LIDARS, Phase, Placement, PlacementError,
-    Response, SensorError, SensorModel, SensorName, SensorPose, Sensors, UnknownSensor,
+    BeamGrid, BeamTable, Echoes, ForeignLidar, MAX_LIDARS, Placement, PlacementError, Response,
+    SensorError, SensorModel, SensorName, SensorPose, Sensors, SpinPhase, UnknownSensor,
 };
 pub use lidar_cast::task::Requirement;
 pub use lidar_reading::DescribedLidar;
 pub use mount::MountRules;
-pub use other_sensor::{LIDAR, OtherSensor};
-pub use overlap_rule::OverlapRule;
 pub use placement_file::{PlacementFileError, PlacementReader, read_placements};
 pub use placements::{
     SensorChoice, in_millimetres, millimetres, name_lidars, placement_to_nanometres,
@@ -48,5 +43,4 @@ pub use placements::{
 pub use pose_grid::{PoseGrid, PoseGridError, Spacing};
 pub use region::{Outline, Region};
 pub use surface::Surface;
-pub use target_rule::TargetRule;
 pub use vehicle_file::read as read_vehicle;

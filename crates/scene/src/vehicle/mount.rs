@@ -13,10 +13,10 @@ use super::mounting::{angles, box_of, corners};
 use super::pairing::{MIRRORED, SLACK};
 use super::sensor_file::Measures;
 use super::{
-    Constraints, MAX_LIDARS, Phase, Placement, Region, Response, SensorName, SensorPose, Ties,
+    Constraints, MAX_LIDARS, Placement, Region, Response, SensorName, SensorPose, SpinPhase, Ties,
 };
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// Most keep-out boxes of a mount.
 const MAX_KEEP_OUT: usize = 32;
@@ -37,7 +37,7 @@ impl Vehicle {
     ///
     /// The model is locked at 0 and costs nothing.
     pub(crate) fn nameless(
-        top: &Place,
+        top: &Location,
         lidar: LidarDescription,
         mount: &MountDescription,
         dir: &Path,
@@ -70,7 +70,7 @@ impl Vehicle {
         vehicle.check_room(&at)?;
         let DescribedLidar { lidar, measures, notes } =
             DescribedLidar::new(&top.key("lidar"), lidar, dir)?;
-        let phase = Phase::Locked(0.0);
+        let phase = SpinPhase::Locked(0.0);
         // Beams are as long as the f32 of the range, and so is the range of a response that nothing states.
         let response = match measures == Measures::default() {
             true => Response::usual(f64::from(lidar.range() as f32)),
@@ -89,7 +89,7 @@ impl Vehicle {
     /// Vehicle of a scene's `lidar` and `mount` with further rules of the mount, which `at` names.
     pub(crate) fn narrowed(
         mut self,
-        at: &Place,
+        at: &Location,
         rules: &MountRules,
     ) -> Result<Self, DescriptionError> {
         if *rules == MountRules::default() {
@@ -122,7 +122,7 @@ impl Vehicle {
     }
 
     /// Checks that the rules leave room for a placement on the first mount, a box.
-    fn check_room(&self, at: &Place) -> Result<(), DescriptionError> {
+    fn check_room(&self, at: &Location) -> Result<(), DescriptionError> {
         let VehicleMount { region, count: [_, lidars], .. } = &self.mounts[0];
         if self.is_kept_out(region) {
             let wanted = "a choice that leaves room for a sensor: the boxes cover the whole mount; make \
@@ -194,7 +194,7 @@ impl Vehicle {
 }
 
 /// Least distance between two LiDARs, in metres.
-pub(super) fn least_distance(at: &Place, metres: f64) -> Result<f64, DescriptionError> {
+pub(super) fn least_distance(at: &Location, metres: f64) -> Result<f64, DescriptionError> {
     if (0.0..=check::MAX_METRES).contains(&metres) {
         return Ok(metres);
     }
@@ -203,7 +203,7 @@ pub(super) fn least_distance(at: &Place, metres: f64) -> Result<f64, Description
 
 /// Lower and upper corners of boxes.
 pub(super) fn keep_out_boxes(
-    at: &Place,
+    at: &Location,
     boxes: &[KeepOutDescription],
 ) -> Result<Vec<[[f64; 3]; 2]>, DescriptionError> {
     if boxes.len() > MAX_KEEP_OUT {
@@ -216,7 +216,7 @@ pub(super) fn keep_out_boxes(
 }
 
 fn keep_out_box(
-    at: &Place,
+    at: &Location,
     cuboid: &KeepOutDescription,
 ) -> Result<[[f64; 3]; 2], DescriptionError> {
     let min = check::point(&at.key("min"), cuboid.min)?;

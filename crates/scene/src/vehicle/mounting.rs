@@ -12,7 +12,7 @@ use super::surface::{is_roof, rest};
 use super::{MAX_LIDARS, Outline, Region, SensorName};
 use lidar_cast::geom::{Pose, crossing};
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// Most corners of a polygon.
 const MOST_CORNERS: usize = 256;
@@ -21,7 +21,7 @@ const FLAT: f64 = 0.01;
 
 /// Checks a mount, which may hold some of `sensors`; `dir` is where its mesh is. Returns the files read too.
 pub(super) fn mounting(
-    at: &Place,
+    at: &Location,
     mount: MountingDescription,
     sensors: &[VehicleSensor],
     dir: &Path,
@@ -63,7 +63,7 @@ pub(super) fn mounting(
 
 /// Models that a mount may hold: all that it names, or all of the vehicle; at least one.
 fn allowed_models(
-    at: &Place,
+    at: &Location,
     names: Option<&[String]>,
     sensors: &[VehicleSensor],
 ) -> Result<Vec<SensorName>, DescriptionError> {
@@ -94,7 +94,7 @@ fn allowed_models(
 
 /// Ranges of roll, pitch and yaw in radians.
 pub(super) fn angles(
-    at: &Place,
+    at: &Location,
     [roll, pitch, yaw]: [[f64; 2]; 3],
 ) -> Result<[[f64; 2]; 3], DescriptionError> {
     Ok([
@@ -106,7 +106,7 @@ pub(super) fn angles(
 
 /// Lower and upper corner of a box of the ego frame, metres.
 pub(super) fn corners(
-    at: &Place,
+    at: &Location,
     min: [f64; 3],
     max: [f64; 3],
 ) -> Result<[[f64; 3]; 2], DescriptionError> {
@@ -131,7 +131,7 @@ pub(super) fn box_of(corners: [[f64; 3]; 2], [roll, pitch, yaw]: [[f64; 2]; 3]) 
 }
 
 fn boxed(
-    at: &Place,
+    at: &Location,
     mount: &MountingDescription,
     min: [f64; 3],
     max: [f64; 3],
@@ -146,7 +146,7 @@ fn boxed(
 
 /// A flat polygon, its corners counter-clockwise as seen from outside the vehicle.
 fn patch(
-    at: &Place,
+    at: &Location,
     mount: &MountingDescription,
     corners: &[[f64; 3]],
 ) -> Result<Region, DescriptionError> {
@@ -207,7 +207,7 @@ fn patch(
 
 /// A patch with the ranges of `offset`, in front of it, and of the angles.
 fn with_ranges(
-    at: &Place,
+    at: &Location,
     mount: &MountingDescription,
     mut region: Region,
     along: usize,
@@ -228,7 +228,7 @@ fn with_ranges(
 ///
 /// # Errors
 /// A patch of a mesh; several mounts, unless all are boxes with a height in common.
-pub(super) fn level(at: &Place, mounts: &mut [VehicleMount]) -> Result<(), DescriptionError> {
+pub(super) fn level(at: &Location, mounts: &mut [VehicleMount]) -> Result<(), DescriptionError> {
     let at = at.key("equal_height");
     if let Some(mount) = mounts.iter().find(|mount| mount.region.surface.is_some()) {
         let wanted = format!(
@@ -273,7 +273,7 @@ pub(super) fn level(at: &Place, mounts: &mut [VehicleMount]) -> Result<(), Descr
 ///
 /// # Errors
 /// A mount without a mirror image for as many sensors of the same models, or more sensors than a placement has.
-pub(super) fn check_pairs(at: &Place, mounts: &[VehicleMount]) -> Result<(), DescriptionError> {
+pub(super) fn check_pairs(at: &Location, mounts: &[VehicleMount]) -> Result<(), DescriptionError> {
     let at = at.key("symmetric");
     for mount in mounts {
         let name = &mount.region.name;

@@ -1,25 +1,20 @@
 //! Sensor files of the vendors, told apart by content.
 
-mod binary;
 mod csv;
 mod isaac;
-mod isaac_out;
 mod ouster;
-mod ouster_columns;
 mod pattern;
 mod table;
-#[cfg(test)]
-mod tests;
 
 use std::path::Path;
 
 use serde::Deserialize;
 use serde::de::IgnoredAny;
-
+use sightline_files::json;
 use sightline_files::json::check::bad;
-use sightline_files::json::{self, DescriptionError, Place, read_limited};
+use sightline_files::json::{DescriptionError, Location, read_limited};
 
-pub use isaac_out::isaac_profile;
+pub use isaac::isaac_profile;
 pub(super) use pattern::NARROWEST;
 pub use pattern::{Beams, Channel, MAX_BEAMS, MAX_CHANNELS, Measures, SensorFormat, SensorPattern};
 
@@ -30,14 +25,14 @@ const MAX_SENSOR_FILE: u64 = 64 << 20;
 ///
 /// `window` cuts a span `[from, to)` in seconds from a pattern that lists times, the first 0.1 s by default.
 /// Signs are turned to counter-clockwise, angles to degrees, directions to the frame x forward, y left,
-/// z up. `docs/formats/sensors.md` says what each format holds and what is dropped.
+/// z up. `docs/formats/sensors.md` lists the content of each format and the parts that are dropped.
 ///
 /// # Errors
 /// A file that cannot be read, has no format that is read here, or breaks its rules; and a `window` for a
 /// format without times.
 pub fn read(path: &Path, window: Option<[f64; 2]>) -> Result<SensorPattern, DescriptionError> {
     let bytes = read_limited(path, MAX_SENSOR_FILE)?;
-    let at = Place::top(&path.display().to_string());
+    let at = Location::top(&path.display().to_string());
     let pattern = parse(&at, &bytes, window)?;
     if window.is_some() && pattern.format != SensorFormat::Livox {
         return Err(DescriptionError::Misplaced {
@@ -50,7 +45,7 @@ pub fn read(path: &Path, window: Option<[f64; 2]>) -> Result<SensorPattern, Desc
 }
 
 fn parse(
-    at: &Place,
+    at: &Location,
     bytes: &[u8],
     window: Option<[f64; 2]>,
 ) -> Result<SensorPattern, DescriptionError> {
@@ -60,12 +55,12 @@ fn parse(
 }
 
 fn parse_any(
-    at: &Place,
+    at: &Location,
     bytes: &[u8],
     window: Option<[f64; 2]>,
 ) -> Result<SensorPattern, DescriptionError> {
-    if binary::is_npy(bytes) {
-        return binary::parse_npy(at, bytes);
+    if csv::is_npy(bytes) {
+        return csv::parse_npy(at, bytes);
     }
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
         return Err(bad(at, "UTF-16 text", "UTF-8 text; save the file as UTF-8"));
@@ -73,7 +68,7 @@ fn parse_any(
     let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
     let text = match std::str::from_utf8(bytes) {
         Ok(text) if !text.contains('\0') => text,
-        _ if binary::is_rgl(bytes) => return binary::parse_rgl(at, bytes),
+        _ if csv::is_rgl(bytes) => return csv::parse_rgl(at, bytes),
         _ => return Err(unknown(at)),
     };
     if table::is_velodyne(text) {
@@ -107,7 +102,7 @@ fn parse_any(
 }
 
 /// JSON of several owners: one key of each tells them apart.
-fn parse_json(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
+fn parse_json(at: &Location, text: &str) -> Result<SensorPattern, DescriptionError> {
     #[derive(Deserialize)]
     struct VendorKeys {
         elevation_deg: Option<IgnoredAny>,
@@ -139,7 +134,10 @@ fn listed() -> String {
     SensorFormat::ALL.map(|format| format.to_string()).join(", ")
 }
 
-fn unknown(at: &Place) -> DescriptionError {
+fn unknown(at: &Location) -> DescriptionError {
     let wanted = format!("that of a sensor file that is read here: {}", listed());
     bad(at, "the content", wanted)
 }
+
+#[cfg(test)]
+mod tests;

@@ -15,12 +15,12 @@ use super::mesh_mount::mirror_meshes;
 use super::mount::{keep_out_boxes, least_distance};
 use super::mounting::{check_pairs, level, mounting};
 use super::{
-    GroundRule, MAX_LIDARS, OtherSensor, OverlapRule, Phase, Requirement, SensorName, TargetRule,
-    Ties, lidar,
+    GroundRule, MAX_LIDARS, OtherSensor, OverlapRule, Requirement, SensorName, SpinPhase,
+    TargetRule, Ties, lidar,
 };
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{self, DescriptionError, FileKind, Place};
+use sightline_files::json::{self, DescriptionError, FileKind, Location};
 
 /// Largest vehicle file, in bytes.
 const MAX_FILE: u64 = 64 << 20;
@@ -47,13 +47,13 @@ impl Vehicle {
     pub fn read(path: &Path) -> Result<Self, DescriptionError> {
         let dir = path.parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let at = Place::top(&path.display().to_string());
+        let at = Location::top(&path.display().to_string());
         Ok(Self::new(&at, read::<IgnoredAny, IgnoredAny>(path)?, &stem, dir)?.0)
     }
 
     /// Checks a description; `dir` is where its files are. Returns the vehicle and the files it names.
     pub fn new<B, M>(
-        at: &Place,
+        at: &Location,
         vehicle: VehicleDescription<B, M>,
         stem: &str,
         dir: &Path,
@@ -115,7 +115,7 @@ impl Vehicle {
 
 /// All sensor models, which differ in their names; `files` and `notes` get the names of sensor files and the notes on them.
 fn models(
-    at: &Place,
+    at: &Location,
     list: Vec<ModelDescription>,
     dir: &Path,
     files: &mut Vec<PathBuf>,
@@ -159,7 +159,7 @@ fn angles(i: usize, mount: &MountingDescription) -> Vec<String> {
 
 /// All mounts, which differ in their names and hold 1 to 16 sensors together, and the files of their meshes.
 fn mounts(
-    at: &Place,
+    at: &Location,
     list: Vec<MountingDescription>,
     sensors: &[VehicleSensor],
     dir: &Path,
@@ -187,7 +187,7 @@ fn mounts(
 }
 
 fn sensor(
-    at: &Place,
+    at: &Location,
     model: ModelDescription,
     dir: &Path,
     notes: &mut Vec<Note>,
@@ -198,13 +198,13 @@ fn sensor(
     let DescribedLidar { lidar, measures, notes: said } = described;
     notes.extend(said);
     let phase = match model.phase {
-        None if lidar.turns() => Phase::Free,
-        None => Phase::Locked(0.0),
+        None if lidar.turns() => SpinPhase::Free,
+        None => SpinPhase::Locked(0.0),
         Some(PhaseDescription::Angle(angle)) => {
-            Phase::Locked(check::radians(&at.key("phase"), angle)?)
+            SpinPhase::Locked(check::radians(&at.key("phase"), angle)?)
         }
         Some(PhaseDescription::Range(range)) => phase_between(&at.key("phase"), range)?,
-        Some(PhaseDescription::Word(word)) if word == "free" => Phase::Free,
+        Some(PhaseDescription::Word(word)) if word == "free" => SpinPhase::Free,
         Some(PhaseDescription::Word(word)) => {
             let wanted = "\"free\", an angle in radians at which the sensor is locked, or a range of such \
                           angles";
@@ -220,20 +220,20 @@ fn sensor(
 }
 
 /// Angles to choose from, at most a whole turn of them.
-fn phase_between(at: &Place, [from, to]: [f64; 2]) -> Result<Phase, DescriptionError> {
+fn phase_between(at: &Location, [from, to]: [f64; 2]) -> Result<SpinPhase, DescriptionError> {
     let [from, to] = [check::radians(&at.item(0), from)?, check::radians(&at.item(1), to)?];
     if from == to {
-        return Ok(Phase::Locked(from));
+        return Ok(SpinPhase::Locked(from));
     }
     if !(0.0..=std::f64::consts::TAU).contains(&(to - from)) {
         let wanted = "a range of angles in radians, the smaller first, at most a turn; one azimuth step is enough";
         return Err(bad(at, format!("{:?}", [from, to]), wanted));
     }
-    Ok(Phase::Between(from, to))
+    Ok(SpinPhase::Between(from, to))
 }
 
 /// An area of the vehicle's surroundings that beams must pass.
-fn area(at: &Place, required: &RequirementDescription) -> Result<Requirement, DescriptionError> {
+fn area(at: &Location, required: &RequirementDescription) -> Result<Requirement, DescriptionError> {
     let missing = |key, mend: &str| DescriptionError::Missing {
         at: Box::new(at.clone()),
         key,
@@ -273,7 +273,7 @@ struct Requirements {
 
 impl Requirements {
     fn new(
-        at: &Place,
+        at: &Location,
         list: &[RequirementDescription],
         dir: &Path,
     ) -> Result<Self, DescriptionError> {

@@ -3,11 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use roxmltree::Node;
-
-use super::{doubts, reach};
-use crate::world::WorldError;
 use sightline_files::Note;
 use sightline_files::json::check_xml;
+
+use super::{doubts, objects};
+use crate::world::WorldError;
 
 /// Elements that are read: their numbers decide a surface, a shape or a way.
 const READ: &[&str] = &[
@@ -325,7 +325,7 @@ fn check(node: Node<'_, '_>, name: &str, file: &str) -> Result<(), WorldError> {
         }
     }
     let numbers: Vec<&str> = must.iter().chain(*may).copied().collect();
-    reach::check(node, name, &numbers).map_err(|what| refused(file, node, what))?;
+    objects::check(node, name, &numbers).map_err(|what| refused(file, node, what))?;
     if name == "geometry" {
         let shapes: Vec<&str> = node
             .children()

@@ -140,7 +140,7 @@ fn seeds_lay_out_worlds_anew_and_repeat_themselves() {
 
 #[test]
 fn default_classes_have_the_ids_that_worlds_write() {
-    use crate::model::class::*;
+    use crate::network::class::*;
     let ids = [
         (BUILDING, "building"),
         (FENCE, "fence"),

@@ -1,8 +1,7 @@
 //! Parts of OpenDRIVE maps: heights, sides of the road, objects, signals, and numbers that are none.
 
 use super::*;
-use crate::model::class;
-use crate::network::Network;
+use crate::network::{Network, class};
 use crate::{import_opendrive, opendrive};
 
 /// A straight road of 200 m along x with walks of 2 m; `walk` stands in the lanes of the walks, `beside` in those

@@ -132,7 +132,7 @@ fn nothing_stands_on_the_road(world: &GeneratedWorld, name: &str) {
     let mut by_cell = std::collections::HashMap::<[i64; 2], Vec<DVec2>>::new();
     places.iter().for_each(|p| by_cell.entry(cell(*p)).or_default().push(*p));
     for face in 0..world.mesh().faces.len() {
-        if world.mesh().face_class[face] != super::model::class::ROAD {
+        if world.mesh().face_class[face] != crate::network::class::ROAD {
             continue;
         }
         let triangle = corners(world, face);

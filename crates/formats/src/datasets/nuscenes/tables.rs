@@ -8,14 +8,14 @@ use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
+use lidar_cast::geom::Pose;
 use serde::de::{DeserializeSeed, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
-
-use super::watched::{Unknown, Watched};
-use crate::datasets::{DatasetError, sequence};
-use lidar_cast::geom::Pose;
 use sightline_files::Note;
 use sightline_files::files::stays_inside;
+
+use super::{Unknown, Watched};
+use crate::datasets::{DatasetError, sequence};
 
 /// Most bytes of a row; rows of nuScenes have up to 800.
 const MOST_OF_A_ROW: usize = 1 << 20;

@@ -47,7 +47,7 @@ fn a_quaternion_of_length_1_is_a_rotation() {
     // formats: w .958683, x −.132385, y .084807, z −.237084 for roll −.3, pitch .1, yaw −.5.
     let quaternion = [-0.132_385_31, 0.084_807_05, -0.237_083_55, 0.958_683_1];
     let pose = |length: f64| {
-        let at = sightline_files::json::Place::top("file");
+        let at = sightline_files::json::Location::top("file");
         of_quaternion([1.0, 2.0, 3.0], quaternion.map(|v| v * length), &at)
     };
     for length in [1.0, 0.9999, 1.0001] {

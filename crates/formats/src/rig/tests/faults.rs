@@ -1,11 +1,12 @@
 //! Faulty files: each error names the file, the place and the mend.
 
+use sightline_scene::vehicle::SensorPose;
+
 use super::{read, source};
 use crate::rig::{
     ImportSettings, Models, Mounting, Rig, RigError, RigFormat, RigLidar, RigSource, export,
     import_texts,
 };
-use sightline_scene::vehicle::SensorPose;
 
 const KIT: &str = "base_link: {kit: {x: 1, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0}}\n";
 

@@ -5,13 +5,12 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use sightline_scene::vehicle::{SensorPose, to_nanometres};
 
 use super::{difference, matrix};
 use crate::rig::{
     ImportSettings, Models, Mounting, Rig, RigFormat, RigLidar, RigSource, export, import_texts,
 };
-use sightline_scene::vehicle::SensorPose;
-use sightline_scene::vehicle::to_nanometres;
 
 /// Names that need quotes, escapes, or look like something else to some reader.
 const FRAMES: [&str; 16] = [

@@ -3,13 +3,14 @@
 //! x 0.6, y −0.4, z 2.8, roll −0.3, pitch 0.1, yaw −0.5: CARLA's numbers by its own matrix, the quaternion
 //! by transforms3d: `python3 -c "from transforms3d.euler import euler2quat as q; print(q(-.3, .1, -.5))"`.
 
+use sightline_scene::vehicle::{
+    Lidar, Response, SensorName, SensorPose, SpinPhase, Ties, Vehicle, VehicleSensor,
+};
+
 use super::{read, source};
 use crate::rig::{
     Fan, ImportSettings, Models, Mounting, Rig, RigFormat, RigLidar, RigSource, export,
     import_texts,
-};
-use sightline_scene::vehicle::{
-    Lidar, Phase, Response, SensorName, SensorPose, Ties, Vehicle, VehicleSensor,
 };
 
 const POSE: SensorPose = SensorPose::from_values([0.6, -0.4, 2.8, -0.3, 0.1, -0.5]);
@@ -171,7 +172,7 @@ fn table(elevations: &[f64], offset: f64, azimuth: Option<[f64; 2]>) -> Lidar {
 /// Models of a vehicle with one LiDAR without a name, which sees nothing within half a metre.
 fn models(lidar: Lidar) -> Models {
     let response = Response { min_range: 0.5, ..Response::usual(lidar.range()) };
-    let (name, phase) = (SensorName::NONE, Phase::Locked(0.0));
+    let (name, phase) = (SensorName::NONE, SpinPhase::Locked(0.0));
     Models::from(&Vehicle {
         name: String::new(),
         sensors: vec![VehicleSensor { name, lidar, phase, price: 0.0, response }],

@@ -205,7 +205,7 @@ impl RowLookup {
         let (mut first, mut last): (Box<[i32; CELLS]>, Box<[i32; CELLS]>) =
             (zeroed_box(), zeroed_box());
         for i in 0..CELLS {
-            // Half a cell to spare; what lies beyond the table is kept in its ends.
+            // Half a cell to spare; values beyond the table are kept in its ends.
             let below = if i == 0 { f64::MIN } else { from + (i as f64 - 0.5) * cell };
             let above = if i == CELLS - 1 { f64::MAX } else { from + (i as f64 + 1.5) * cell };
             first[i] = measures.partition_point(|&m| m < below) as i32;

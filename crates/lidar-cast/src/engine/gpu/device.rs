@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use super::stamps::Stamps;
+use super::stages::Stamps;
 use crate::engine::BackendError;
 
 /// An open device. Errors of the driver wait here for [`Self::check`], instead of wgpu's default, a panic.
@@ -19,12 +19,12 @@ pub(super) struct Device {
     staging: Mutex<Vec<wgpu::Buffer>>,
     /// Times of a step; `None` on a device that tells none.
     stamps: Option<Stamps>,
-    traffic: Mutex<Traffic>,
+    traffic: Mutex<TransferCounts>,
 }
 
 /// Exchanges between host and device so far.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Traffic {
+pub struct TransferCounts {
     /// Lists of commands handed to the device.
     pub submissions: u64,
     /// Times that the host waited for the device.
@@ -178,12 +178,12 @@ impl Device {
     }
 
     /// Exchanges with the host so far.
-    pub(super) fn traffic(&self) -> Traffic {
-        self.traffic.lock().map_or_else(|_| Traffic::default(), |traffic| *traffic)
+    pub(super) fn traffic(&self) -> TransferCounts {
+        self.traffic.lock().map_or_else(|_| TransferCounts::default(), |traffic| *traffic)
     }
 
     /// Takes note of an exchange with the host.
-    pub(super) fn count(&self, note: impl FnOnce(&mut Traffic)) {
+    pub(super) fn count(&self, note: impl FnOnce(&mut TransferCounts)) {
         if let Ok(mut traffic) = self.traffic.lock() {
             note(&mut traffic);
         }

@@ -186,7 +186,7 @@ mod tests {
     };
 
     use super::*;
-    use crate::bvh::{QuantizedNode as Node, Triangle};
+    use crate::bvh::{QuantizedNode as BvhNode, Triangle};
     use crate::engine::gpu::layout::{GpuInstance, Sensor, Uniforms};
     use crate::task::{DevicePose, OccupiedVoxel};
 
@@ -286,7 +286,7 @@ mod tests {
             offset_of!(Sensor, covered_by_host),
         ];
         assert_eq!(host, [0, 4, 8, 12, 16, 20, 24, 28]);
-        same_layout!("cast_closest", Node, [
+        same_layout!("cast_closest", BvhNode, [
             corner => "corner", low_x => "low_x", step => "step", low_y => "low_y",
             high => "high", low_z => "low_z", children => "children",
         ]);

@@ -19,7 +19,7 @@ use super::chunk::{
 use super::device::Device;
 use super::kernels::Kernels;
 use super::readback::ReadBack;
-use super::stamps::{STAMP_BYTES, Stage, stage_ticks};
+use super::stages::{STAMP_BYTES, StepStage, stage_ticks};
 use crate::bvh::Hit;
 use crate::engine::BackendError;
 use crate::task::{StageTimes, Task};
@@ -35,7 +35,7 @@ const MOST_REDONE: f64 = 0.25;
 
 /// A chunk in a frame of a batch.
 #[derive(Clone)]
-struct Step<'a> {
+struct FrameChunk<'a> {
     chunk: Rc<GpuChunk<'a>>,
     /// Number of the frame in the batch's list.
     turn: usize,
@@ -44,8 +44,8 @@ struct Step<'a> {
 
 /// A step's commands on the device, and the copy of their results.
 struct Pending<'a> {
-    step: Step<'a>,
-    stages: Vec<Stage>,
+    step: FrameChunk<'a>,
+    stages: Vec<StepStage>,
     results: ReadBack,
 }
 
@@ -78,7 +78,7 @@ struct Clock {
     begun: Instant,
     /// Time of slow steps.
     slow: StageTimes,
-    /// Ticks of the device in all other steps, by [`Stage`].
+    /// Ticks of the device in all other steps, by [`StepStage`].
     ticks: [u64; 3],
     steps: usize,
     redone: usize,
@@ -104,11 +104,11 @@ impl Clock {
             0 => times.cover += rest,
             all => {
                 let share =
-                    |stage: Stage| rest.mul_f64(self.ticks[stage as usize] as f64 / all as f64);
+                    |stage: StepStage| rest.mul_f64(self.ticks[stage as usize] as f64 / all as f64);
                 times += StageTimes {
-                    cast: share(Stage::Cast),
-                    cover: share(Stage::Cover),
-                    reduce: share(Stage::Reduce),
+                    cast: share(StepStage::Cast),
+                    cover: share(StepStage::Cover),
+                    reduce: share(StepStage::Reduce),
                 };
             }
         }
@@ -139,7 +139,7 @@ impl<'a> Pipeline<'a> {
         for cut in &batch.chunks {
             let chunk = Rc::new(GpuChunk::new(self.task, batch, cut)?);
             for (turn, &frame) in batch.frames.iter().enumerate() {
-                let step = Step { chunk: chunk.clone(), turn, frame };
+                let step = FrameChunk { chunk: chunk.clone(), turn, frame };
                 let standing = step.chunk.standing(self.task.roi(), frame);
                 clock.steps += 1;
                 if self.needs_host(&standing) || clock.expects_leftovers() {
@@ -168,7 +168,7 @@ impl<'a> Pipeline<'a> {
     /// Hands a whole step to the device.
     fn queue(
         &self,
-        step: Step<'a>,
+        step: FrameChunk<'a>,
         standing: &ChunkSensors,
         batch: &GpuBatch<'_>,
     ) -> Result<Pending<'a>, BackendError> {
@@ -176,12 +176,12 @@ impl<'a> Pipeline<'a> {
         let mut stages = Vec::new();
         let mut sources = self.results(&step.chunk, batch);
         if self.task.ends_at_hits() {
-            stages.push(Stage::Cast);
+            stages.push(StepStage::Cast);
             sources.push(self.counters(&step.chunk));
         }
-        stages.push(Stage::Cover);
+        stages.push(StepStage::Cover);
         if batch.sums {
-            stages.push(Stage::Reduce);
+            stages.push(StepStage::Reduce);
         }
         if let Some(stamps) = self.device.stamps() {
             sources.push((stamps.resolved(), STAMP_BYTES));
@@ -189,9 +189,9 @@ impl<'a> Pipeline<'a> {
         let record = |encoder: &mut wgpu::CommandEncoder| {
             for (number, &stage) in stages.iter().enumerate() {
                 match stage {
-                    Stage::Cast => self.record_cast(encoder, &step.chunk, Some(number)),
-                    Stage::Cover => self.record_cover(encoder, &step.chunk, Some(number)),
-                    Stage::Reduce => self.record_reduce(encoder, &step.chunk, Some(number)),
+                    StepStage::Cast => self.record_cast(encoder, &step.chunk, Some(number)),
+                    StepStage::Cover => self.record_cover(encoder, &step.chunk, Some(number)),
+                    StepStage::Reduce => self.record_reduce(encoder, &step.chunk, Some(number)),
                 }
             }
             if let Some(stamps) = self.device.stamps() {
@@ -242,13 +242,13 @@ impl<'a> Pipeline<'a> {
     /// Does a step with the host between casting and coverage, and waits for its end.
     fn slow_step(
         &self,
-        step: &Step<'a>,
+        step: &FrameChunk<'a>,
         standing: &ChunkSensors,
         batch: &GpuBatch<'_>,
         clock: &mut Clock,
         take: Take<'_>,
     ) -> Result<(), BackendError> {
-        let Step { chunk, turn, frame } = step;
+        let FrameChunk { chunk, turn, frame } = step;
         let mut since = Instant::now();
         let mut lap = |stage: &mut Duration| {
             let now = Instant::now();

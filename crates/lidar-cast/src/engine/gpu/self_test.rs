@@ -147,7 +147,7 @@ impl SelfTest {
     }
 
     /// The first wrong answer in words; none where the device passed.
-    pub fn complaint(&self) -> Option<String> {
+    fn complaint(&self) -> Option<String> {
         let WrongAnswer { operation, operands: [a, b, c], got, expected } =
             self.examples.first()?;
         Some(format!(

@@ -212,7 +212,7 @@ fn a_flake_and_a_target_add_up_as_the_sum_of_their_pulses() {
 #[test]
 #[ignore = "prints a time"]
 fn what_snow_costs() {
-    use crate::chance::{Chance, Purpose};
+    use crate::fires::{Chance, Purpose};
     for (rate, speed) in [(0.5, 2.0), (1.0, 1.6), (2.5, 1.6)] {
         let snow = Falling::snow(rate, speed);
         let (beams, mut sum) = (1_000_000, snow.beam(WIDE, 50.0, || 0.5).passed);

@@ -1,6 +1,6 @@
 //! Wet ground: Fresnel's equations and the power that is left.
 
-use crate::conditions::faults::mirrored;
+use crate::conditions::condition::mirrored;
 use crate::conditions::{WetGround, holds_water};
 
 #[test]

@@ -230,7 +230,7 @@ fn gltf_parts_that_cannot_be_read_are_refused_by_name() {
 
 #[test]
 fn axes_are_those_of_the_description_then_of_the_file_then_of_the_format() {
-    let (at, y_up, z_up) = (Place::top("s.json"), [1.0, -3.0, 2.0], [1.0, 2.0, 3.0]);
+    let (at, y_up, z_up) = (Location::top("s.json"), [1.0, -3.0, 2.0], [1.0, 2.0, 3.0]);
     let forward = [3.0, 1.0, 2.0];
     let own = Some(MeshAxes::ZForward);
     let cases = [

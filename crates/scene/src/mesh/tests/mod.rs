@@ -69,7 +69,7 @@ fn garbled_meshes_never_panic() {
 
 #[test]
 fn unknown_endings_and_missing_files_are_told() {
-    let at = Place::top("s.json").key("static").item(0).key("mesh");
+    let at = Location::top("s.json").key("static").item(0).key("mesh");
     let message = load(&at, Path::new("car.dae")).unwrap_err().to_string();
     assert_eq!(
         message,
@@ -84,7 +84,7 @@ fn unknown_endings_and_missing_files_are_told() {
 
 /// A mesh of the real data that `build.rs` looked for.
 fn real(file: &str) -> RawMesh {
-    load(&Place::top("test"), &Path::new(env!("REAL_DATA")).join(file)).unwrap()
+    load(&Location::top("test"), &Path::new(env!("REAL_DATA")).join(file)).unwrap()
 }
 
 fn bounds(mesh: &RawMesh) -> [DVec3; 2] {

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::near;
 use crate::mesh::urdf::Robot;
-use crate::mesh::{Geometry, Part};
+use crate::mesh::{Geometry, RobotPart};
 
 fn robot(body: &str) -> String {
     format!("<?xml version=\"1.0\"?><robot name=\"r\">{body}</robot>")
@@ -24,7 +24,7 @@ fn joint(kind: &str, parent: &str, child: &str, origin: &str) -> String {
     )
 }
 
-fn read(text: &str, without: &[&str]) -> Result<Vec<Part>, String> {
+fn read(text: &str, without: &[&str]) -> Result<Vec<RobotPart>, String> {
     let without: Vec<String> = without.iter().map(|name| (*name).to_owned()).collect();
     let folder = std::path::Path::new("nowhere");
     let robot = Robot { text, folder, packages: None, tag: "visual", without: &without };

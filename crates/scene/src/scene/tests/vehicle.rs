@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::*;
-use crate::vehicle::{Phase, SensorName, SensorPose};
+use crate::vehicle::{SensorName, SensorPose, SpinPhase};
 
 const VEHICLE: &str = r#"{ "sightline": 1, "name": "van", "body": [
     { "class": "vehicle", "box": { "foot": [0, 0, 0.2], "size": [4, 2, 1] } }],
@@ -30,10 +30,10 @@ fn a_vehicle_brings_sensors_mounts_and_body() {
     let scene = read(&with(VEHICLE)).unwrap();
     let vehicle = scene.vehicle();
     assert_eq!((vehicle.name.as_str(), vehicle.min_distance), ("van", 0.3));
-    let phases: Vec<Phase> = vehicle.sensors.iter().map(|sensor| sensor.phase).collect();
-    assert_eq!(phases, [Phase::Free, Phase::Locked(0.1)]);
+    let phases: Vec<SpinPhase> = vehicle.sensors.iter().map(|sensor| sensor.phase).collect();
+    assert_eq!(phases, [SpinPhase::Free, SpinPhase::Locked(0.1)]);
     let chosen = read(&with(&VEHICLE.replace("\"phase\": 0.1", "\"phase\": [0, 0.1]"))).unwrap();
-    assert_eq!(chosen.vehicle().sensors[1].phase, Phase::Between(0.0, 0.1));
+    assert_eq!(chosen.vehicle().sensors[1].phase, SpinPhase::Between(0.0, 0.1));
     let models = scene.sensors().unwrap();
     assert_eq!((models.table(0).directions().len(), models.table(1).directions().len()), (240, 63));
     assert_eq!(models.longest_range(), 80.0);

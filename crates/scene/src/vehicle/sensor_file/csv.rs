@@ -1,22 +1,24 @@
-//! Sensor files of comma-separated numbers, from Hesai, Livox and RoboSense: any line ends, cells in quotes.
+//! Sensor files with a line or a record a beam: CSV, and the binary tables of RGL.
 //!
-//! - Hesai's angle correction: degrees; offsets count clockwise with the encoder. A version may stand above the
-//!   titles, and a SHA-256 below the last channel.
-//! - Livox's scan patterns, which do not repeat from frame to frame: seconds and degrees; azimuths count
-//!   counter-clockwise, zenith angles down from +z (livox_laser_simulation, livox_points_plugin.cpp).
-//! - RoboSense's angles of the ROS driver, without titles: degrees; elevations alone, or with azimuth offsets that
-//!   count clockwise (the driver adds them to the encoder and takes y = -sin; ros_rslidar, rawdata.cc).
+//! Sensor files of plain numbers: NumPy arrays of angles, and patterns of RGL.
+//!
+//! An `.npy` holds azimuth and elevation of each beam in radians, counter-clockwise. RGL has rays as 3×4 matrices, `f32` in
+//! little-endian byte order, row by row. A ray leaves the matrix's last column along its third one, in the frame x forward,
+//! y left, z up (RGLGazeboPlugin, LidarPatternLoader.cc: a level ray ahead has the pitch π/2).
 
 use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
 
-use super::pattern::{
-    self, Beams, MAX_BEAMS, SensorFormat, SensorPattern, azimuth, channel, check_count, direction,
-    quoted,
-};
+use npyz::{DType, Deserialize, NpyFile, NpyHeader, Order, TypeChar};
 use sightline_files::Note;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location, check};
+use sightline_files::npy::{read_header, transpose};
+
+use super::pattern;
+use super::pattern::{
+    Beams, MAX_BEAMS, SensorFormat, SensorPattern, azimuth, channel, check_count, direction, quoted,
+};
 
 /// Most cells of a row that are looked at; tables of sensors have up to five.
 const MOST_CELLS: usize = 32;
@@ -55,7 +57,7 @@ fn unknown<'a>(titles: &[&'a str], known: &[&str]) -> Vec<&'a str> {
 }
 
 /// Refuses a column whose title names radians; tables of vendors have degrees.
-fn in_degrees(at: &Place, title: &str) -> Result<(), DescriptionError> {
+fn in_degrees(at: &Location, title: &str) -> Result<(), DescriptionError> {
     if title.to_ascii_lowercase().contains("rad") {
         return Err(bad(at, quoted(title), "a column of degrees; convert it"));
     }
@@ -63,12 +65,12 @@ fn in_degrees(at: &Place, title: &str) -> Result<(), DescriptionError> {
 }
 
 /// The place of a row.
-pub(super) fn at_line(at: &Place, number: usize) -> Place {
+pub(super) fn at_line(at: &Location, number: usize) -> Location {
     at.key(&format!("line {number}"))
 }
 
 /// Refuses a row with more cells than there are columns: decimal commas split numbers.
-fn check_width(at: &Place, cells: &[&str], columns: usize) -> Result<(), DescriptionError> {
+fn check_width(at: &Location, cells: &[&str], columns: usize) -> Result<(), DescriptionError> {
     match cells.iter().skip(columns).find(|cell| !cell.is_empty()) {
         None => Ok(()),
         Some(_) => {
@@ -79,7 +81,7 @@ fn check_width(at: &Place, cells: &[&str], columns: usize) -> Result<(), Descrip
 }
 
 /// The number in a cell.
-fn number_in(at: &Place, cells: &[&str], column: usize) -> Result<f64, DescriptionError> {
+fn number_in(at: &Location, cells: &[&str], column: usize) -> Result<f64, DescriptionError> {
     let cell = cells.get(column).copied().unwrap_or_default();
     match cell.parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number),
@@ -90,7 +92,7 @@ fn number_in(at: &Place, cells: &[&str], column: usize) -> Result<f64, Descripti
 /// Titles that are read, and of the channel's number.
 const HESAI_TITLES: [&str; 4] = ["elevation", "azimuth", "channel", "laser"];
 
-pub(super) fn parse_hesai(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse_hesai(at: &Location, text: &str) -> Result<SensorPattern, DescriptionError> {
     let mut rows = rows(text).filter(|(_, cells)| !is_version(cells));
     let (line, titles) = rows.next().unwrap_or_default();
     let title_at = at_line(at, line);
@@ -130,7 +132,7 @@ pub(super) fn parse_hesai(at: &Place, text: &str) -> Result<SensorPattern, Descr
 }
 
 /// A doubt where channels are numbered from 0 or 1 on and one is left out.
-fn gap(at: &Place, numbers: &BTreeSet<u64>) -> Option<Note> {
+fn gap(at: &Location, numbers: &BTreeSet<u64>) -> Option<Note> {
     let sorted = || numbers.iter().map(|bits| f64::from_bits(*bits));
     let (first, last) = (sorted().fold(f64::INFINITY, f64::min), sorted().fold(0.0, f64::max));
     let span = last - first + 1.0;
@@ -156,7 +158,7 @@ const LIVOX_COLUMNS: [usize; 3] = [0, 1, 2];
 const LIVOX_TITLES: [&str; 3] = ["time", "azimuth", "zenith"];
 
 pub(super) fn parse_livox(
-    at: &Place,
+    at: &Location,
     text: &str,
     window: Option<[f64; 2]>,
 ) -> Result<SensorPattern, DescriptionError> {
@@ -210,7 +212,7 @@ pub(super) fn parse_livox(
 
 /// Units that most likely are not degrees and seconds: azimuths within 2π and zeniths within π, and frames of
 /// next to no samples.
-fn doubts(at: &Place, [across, zenith]: [f64; 2], taken: usize, samples: u64) -> Vec<Note> {
+fn doubts(at: &Location, [across, zenith]: [f64; 2], taken: usize, samples: u64) -> Vec<Note> {
     let mut notes = Vec::new();
     if samples >= 10 && across <= TAU && zenith <= PI {
         notes.push(Note::doubt(format!(
@@ -226,7 +228,7 @@ fn doubts(at: &Place, [across, zenith]: [f64; 2], taken: usize, samples: u64) ->
 }
 
 /// Columns of time, azimuth and zenith by their titles.
-fn columns_of(at: &Place, titles: &[&str]) -> Result<[usize; 3], DescriptionError> {
+fn columns_of(at: &Location, titles: &[&str]) -> Result<[usize; 3], DescriptionError> {
     let find = |title| {
         column(titles, title).ok_or_else(|| {
             let wanted = format!("a row of titles with `{title}`");
@@ -243,7 +245,10 @@ fn columns_of(at: &Place, titles: &[&str]) -> Result<[usize; 3], DescriptionErro
     Ok(columns)
 }
 
-pub(super) fn parse_robosense(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse_robosense(
+    at: &Location,
+    text: &str,
+) -> Result<SensorPattern, DescriptionError> {
     let mut channels = Vec::new();
     let mut columns = None;
     for (line, cells) in rows(text) {
@@ -260,4 +265,115 @@ pub(super) fn parse_robosense(at: &Place, text: &str) -> Result<SensorPattern, D
     }
     check_count(at, channels.len())?;
     Ok(SensorPattern::new(SensorFormat::RoboSense, Beams::Channels(channels)))
+}
+
+/// First bytes of an array.
+const MAGIC: &[u8] = b"\x93NUMPY";
+
+/// True if bytes begin with the magic of a NumPy array.
+pub(super) fn is_npy(bytes: &[u8]) -> bool {
+    bytes.starts_with(MAGIC)
+}
+
+pub(super) fn parse_npy(at: &Location, bytes: &[u8]) -> Result<SensorPattern, DescriptionError> {
+    let wanted = "an array [N, 2] of float32 or float64, as np.save writes it: azimuth and elevation of each beam \
+                  in radians";
+    let mut rest = bytes;
+    let (header, _) = read_header(&mut rest)
+        .map_err(|fault| bad(at, format!("a header where {fault}"), wanted))?;
+    let size = match header.dtype() {
+        DType::Plain(kind) if kind.type_char() == TypeChar::Float => kind.size_field(),
+        _ => 0,
+    };
+    let &[rows, 2] = header.shape() else {
+        return Err(bad(at, format!("an array of shape {:?}", header.shape()), wanted));
+    };
+    if ![4, 8].contains(&size) {
+        return Err(bad(at, format!("an array of {}", header.dtype().descr()), wanted));
+    }
+    // Cannot overflow: the header's numbers are bounded together.
+    if rows == 0 || rows * 2 * size != rest.len() as u64 {
+        let found = format!("{} bytes of data", rest.len());
+        return Err(bad(at, found, format!("{rows} rows of {} bytes; write it again", 2 * size)));
+    }
+    if rows > MAX_BEAMS {
+        return Err(bad(at, format!("a list of {rows}"), format!("1 to {MAX_BEAMS} beams")));
+    }
+    let angles = match size {
+        4 => angles::<f32>(at, header, rest)?,
+        _ => angles::<f64>(at, header, rest)?,
+    };
+    let directions = angles.chunks_exact(2).enumerate().map(|(i, pair)| {
+        let at = at.item(i);
+        let across = azimuth(&at, pair[0].to_degrees())?;
+        if (2.0..=90.0).contains(&pair[1].abs()) {
+            let wanted = "an elevation in radians from -1.5708 to 1.5708: is it in degrees? Write np.radians of it";
+            return Err(bad(&at, pair[1], wanted));
+        }
+        Ok(direction(across, check::elevation(&at, pair[1].to_degrees())?))
+    });
+    let beams = Beams::Directions(directions.collect::<Result<_, DescriptionError>>()?);
+    Ok(SensorPattern::new(SensorFormat::Numpy, beams))
+}
+
+/// The numbers row by row, whatever the order of the file.
+fn angles<T: Deserialize + Copy + Into<f64>>(
+    at: &Location,
+    header: NpyHeader,
+    data: &[u8],
+) -> Result<Vec<f64>, DescriptionError> {
+    let order = header.order();
+    let numbers = NpyFile::with_header(header, data).into_vec::<T>();
+    let numbers = numbers.map_err(|error| bad(at, "the data", format!("readable: {error}")))?;
+    let numbers: Vec<f64> = numbers.into_iter().map(Into::into).collect();
+    Ok(if order == Order::Fortran { transpose(&numbers, 2) } else { numbers })
+}
+
+/// Bytes of a matrix.
+const MATRIX: usize = 48;
+/// Farthest that the length of a ray's axis may be from 1.
+const TOLERANCE: f64 = 1e-3;
+
+/// True if bytes begin with a rigid transform.
+pub(super) fn is_rgl(bytes: &[u8]) -> bool {
+    bytes.first_chunk::<MATRIX>().is_some_and(|first| ray(first).is_some())
+}
+
+pub(super) fn parse_rgl(at: &Location, bytes: &[u8]) -> Result<SensorPattern, DescriptionError> {
+    let (rays, rest) = bytes.as_chunks::<MATRIX>();
+    if !rest.is_empty() {
+        let wanted = "a multiple of 48, the bytes of a matrix; copy the file again";
+        return Err(bad(at, format!("{} bytes", bytes.len()), wanted));
+    }
+    if rays.len() as u64 > MAX_BEAMS {
+        return Err(bad(at, format!("a list of {}", rays.len()), format!("1 to {MAX_BEAMS} rays")));
+    }
+    let mut directions = Vec::with_capacity(rays.len());
+    let mut farthest = 0.0_f64;
+    for (i, matrix) in rays.iter().enumerate() {
+        let Some((direction, origin)) = ray(matrix) else {
+            let at = at.key(&format!("matrix {i}"));
+            return Err(bad(&at, "its third column", "a unit vector, with a finite fourth one"));
+        };
+        directions.push(direction);
+        farthest = farthest.max(origin);
+    }
+    let note = Note::fact(format!(
+        "Rays start up to {:.0} mm from the origin; all beams start there here.",
+        1000.0 * farthest
+    ));
+    let notes = (farthest > 0.0).then_some(note).into_iter().collect();
+    let beams = Beams::Directions(directions);
+    Ok(SensorPattern { notes, ..SensorPattern::new(SensorFormat::Rgl, beams) })
+}
+
+/// Unit direction of a ray, and the metres from the origin at which it starts.
+fn ray(matrix: &[u8; MATRIX]) -> Option<([f64; 3], f64)> {
+    let (values, _) = matrix.as_chunks::<4>();
+    let column = |c: usize| [c, c + 4, c + 8].map(|i| f64::from(f32::from_le_bytes(values[i])));
+    let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let (axis, origin) = (column(2), norm(column(3)));
+    let length = norm(axis);
+    let is_rigid = (length - 1.0).abs() <= TOLERANCE && origin.is_finite();
+    is_rigid.then(|| (axis.map(|x| x / length), origin))
 }

@@ -14,7 +14,7 @@ use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, Visitor};
 use lidar_cast::maths;
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 /// Most channels of a sensor.
 pub const MAX_CHANNELS: usize = 1024;
@@ -172,8 +172,8 @@ impl SensorPattern {
 
 /// A checked channel; `elevation` and `offset` are places and values.
 pub(super) fn channel(
-    elevation: (&Place, f64),
-    offset: (&Place, f64),
+    elevation: (&Location, f64),
+    offset: (&Location, f64),
 ) -> Result<Channel, DescriptionError> {
     Ok(Channel {
         elevation: check::elevation(elevation.0, elevation.1)?,
@@ -182,7 +182,7 @@ pub(super) fn channel(
 }
 
 /// An azimuth in degrees.
-pub(super) fn azimuth(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+pub(super) fn azimuth(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     if value.abs() <= 360.0 {
         return Ok(value);
     }
@@ -191,7 +191,7 @@ pub(super) fn azimuth(at: &Place, value: f64) -> Result<f64, DescriptionError> {
 
 /// Channels of two lists of the same length: elevations, and offsets counted by `sign`.
 pub(super) fn channels_of(
-    [elevation_at, offset_at]: [&Place; 2],
+    [elevation_at, offset_at]: [&Location; 2],
     elevations: &[f64],
     offsets: &[f64],
     sign: f64,
@@ -211,7 +211,7 @@ pub(super) fn channels_of(
 }
 
 /// Refuses a sensor without channels or with too many.
-pub(super) fn check_count(at: &Place, count: usize) -> Result<(), DescriptionError> {
+pub(super) fn check_count(at: &Location, count: usize) -> Result<(), DescriptionError> {
     if (1..=MAX_CHANNELS).contains(&count) {
         return Ok(());
     }
@@ -219,7 +219,7 @@ pub(super) fn check_count(at: &Place, count: usize) -> Result<(), DescriptionErr
 }
 
 /// Doubts about the angles of a pattern, whatever its format: radians, and channels that are listed twice.
-pub(super) fn doubts(at: &Place, beams: &Beams) -> Vec<Note> {
+pub(super) fn doubts(at: &Location, beams: &Beams) -> Vec<Note> {
     let Beams::Channels(channels) = beams else { return Vec::new() };
     let mut notes: Vec<Note> = narrow(at, channels).into_iter().collect();
     let mut seen = BTreeMap::new();
@@ -243,7 +243,7 @@ pub(super) fn doubts(at: &Place, beams: &Beams) -> Vec<Note> {
 
 /// A doubt about elevations that look like radians: spread over less than a degree, or within ±π/2 in steps
 /// finer than sensors have.
-fn narrow(at: &Place, channels: &[Channel]) -> Option<Note> {
+fn narrow(at: &Location, channels: &[Channel]) -> Option<Note> {
     let all = || channels.iter().map(|channel| channel.elevation);
     let [low, high] =
         [all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max)];
@@ -312,7 +312,7 @@ const MOST_NAMED: usize = 8;
 const LONGEST: usize = 40;
 
 /// The keys of `rest` that `passed` does not list.
-pub(super) fn unknown(at: &Place, rest: &Rest, passed: Passed) -> Option<Note> {
+pub(super) fn unknown(at: &Location, rest: &Rest, passed: Passed) -> Option<Note> {
     let is_passed = |Key(key): &Key| {
         let comment = key.trim_start_matches('_').to_ascii_lowercase().starts_with("comment");
         comment || passed.iter().any(|(keys, _)| keys.split(' ').any(|known| known == key))
@@ -322,7 +322,7 @@ pub(super) fn unknown(at: &Place, rest: &Rest, passed: Passed) -> Option<Note> {
 }
 
 /// A note on names that are not known here, keys or titles of columns.
-pub(super) fn unread<S: AsRef<str>>(at: &Place, names: &[S]) -> Option<Note> {
+pub(super) fn unread<S: AsRef<str>>(at: &Location, names: &[S]) -> Option<Note> {
     let short =
         |name: &S| format!("`{}`", name.as_ref().escape_debug().take(LONGEST).collect::<String>());
     let named: Vec<String> = names.iter().take(MOST_NAMED).map(short).collect();
@@ -345,7 +345,7 @@ pub(super) enum Answer<T> {
 
 impl<T> Answer<T> {
     /// The part; a text in its place becomes a note.
-    pub(super) fn or_note(self, at: &Place, notes: &mut Vec<Note>) -> Option<T> {
+    pub(super) fn or_note(self, at: &Location, notes: &mut Vec<Note>) -> Option<T> {
         match self {
             Self::Read(part) => Some(part),
             Self::Text(text) => {

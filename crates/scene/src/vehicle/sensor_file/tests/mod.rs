@@ -7,10 +7,10 @@ mod real;
 mod samples;
 
 use super::{SensorPattern, parse};
-use sightline_files::json::{DescriptionError, Place};
+use sightline_files::json::{DescriptionError, Location};
 
 fn read(bytes: impl AsRef<[u8]>) -> Result<SensorPattern, DescriptionError> {
-    parse(&Place::top("f"), bytes.as_ref(), None)
+    parse(&Location::top("f"), bytes.as_ref(), None)
 }
 
 fn message(bytes: impl AsRef<[u8]>) -> String {

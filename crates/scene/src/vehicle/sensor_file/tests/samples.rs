@@ -2,7 +2,7 @@
 
 use super::super::{Beams, SensorFormat, SensorPattern, parse};
 use super::{message, read};
-use sightline_files::json::Place;
+use sightline_files::json::Location;
 
 /// Elevation and offset of each channel.
 fn channels(pattern: &SensorPattern) -> Vec<[f64; 2]> {
@@ -144,9 +144,9 @@ fn livox_cuts_a_window() {
         let pattern = read(text).unwrap();
         assert_near(directions(&pattern), &[[1.0, 0.0, 0.0], [0.0, root, half]]);
         assert!(pattern.notes[0].text().contains("2 of 4 samples"), "{:?}", pattern.notes);
-        let later = parse(&Place::top("f"), text.as_bytes(), Some([0.1, 1.0])).unwrap();
+        let later = parse(&Location::top("f"), text.as_bytes(), Some([0.1, 1.0])).unwrap();
         assert_near(directions(&later), &[[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]);
-        let none = parse(&Place::top("f"), text.as_bytes(), Some([2.0, 3.0])).unwrap_err();
+        let none = parse(&Location::top("f"), text.as_bytes(), Some([2.0, 3.0])).unwrap_err();
         assert!(none.to_string().contains("0 of 4 samples from 2 to 3 s"), "{none}");
     }
     assert!(

@@ -1,0 +1,255 @@
+//! Rules of a vehicle on the view of a placement: ground, targets, overlap of LiDARs.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use sightline_files::json::check::bad;
+use sightline_files::json::{DescriptionError, Location, check};
+
+use super::description::RequirementDescription;
+use crate::scene::Target;
+
+/// Farthest ground of a rule, metres from the outline of the own body.
+pub const FARTHEST_GROUND: f64 = 10.0;
+
+/// A side of the vehicle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// Before the front edge.
+    Ahead,
+    /// Behind the rear edge.
+    Behind,
+    /// Beside the left edge.
+    Left,
+    /// Beside the right edge.
+    Right,
+}
+
+impl Side {
+    /// Every side.
+    pub const ALL: [Self; 4] = [Self::Ahead, Self::Behind, Self::Left, Self::Right];
+
+    /// Its name in files and results.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ahead => "ahead",
+            Self::Behind => "behind",
+            Self::Left => "left",
+            Self::Right => "right",
+        }
+    }
+
+    /// The side as a mirror at the plane y = 0 shows it.
+    #[must_use]
+    pub fn mirrored(self) -> Self {
+        match self {
+            Self::Left => Self::Right,
+            Self::Right => Self::Left,
+            other => other,
+        }
+    }
+}
+
+/// Ground that a rule asks for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum GroundAsked {
+    /// All ground up to a distance from the outline of the own body, metres. The share counts cells.
+    Within(f64),
+    /// The blind zone on one side ends within a distance from the edge, metres. The share counts lanes.
+    BlindZone(Side, f64),
+}
+
+/// Ground near the vehicle that must be seen, as the near field measures it in a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GroundRule {
+    /// Name in reports.
+    pub name: String,
+    /// Ground that it asks for.
+    pub asked: GroundAsked,
+    /// Least share of it, from 0 to 1.
+    pub share: f64,
+    /// The share must hold without any one LiDAR, whichever is lost.
+    pub without_any_one: bool,
+}
+
+impl GroundRule {
+    /// Reads the rule at `at`; `None` where it is of another kind.
+    pub(super) fn read(
+        at: &Location,
+        required: &RequirementDescription,
+    ) -> Result<Option<Self>, DescriptionError> {
+        let asked = match (required.ground, &required.blind_zone) {
+            (None, None) => return Ok(None),
+            (Some(_), Some(_)) => {
+                return Err(misplaced(at, "blind_zone", "`ground` is another rule; write two"));
+            }
+            (Some(within), None) => GroundAsked::Within(distance(at, "ground", within)?),
+            (None, Some(side)) => {
+                let side = side_named(at, side)?;
+                let depth = required.depth.ok_or_else(|| DescriptionError::Missing {
+                    at: Box::new(at.clone()),
+                    key: "depth",
+                    mend: "say within how many metres the blind zone must end, `\"depth\": 2` for example"
+                        .to_owned(),
+                })?;
+                GroundAsked::BlindZone(side, distance(at, "depth", depth)?)
+            }
+        };
+        let (default, share) = match asked {
+            GroundAsked::Within(metres) => (format!("ground to {metres} m"), required.share(at)?),
+            GroundAsked::BlindZone(side, metres) => {
+                let name = format!("blind zone {} to {metres} m", side.name());
+                (name, required.share.unwrap_or(1.0))
+            }
+        };
+        let own: &[&str] = match asked {
+            GroundAsked::Within(_) => &["ground", "share", "without_any_one"],
+            GroundAsked::BlindZone(..) => &["blind_zone", "depth", "share", "without_any_one"],
+        };
+        required.has_only(
+            at,
+            own,
+            |_| "a rule on the ground has `ground` and `share`, or `blind_zone` and `depth`",
+        )?;
+        let name = required.named(at, default)?;
+        let without_any_one = required.without_any_one;
+        Ok(Some(Self { name, asked, share, without_any_one }))
+    }
+}
+
+fn misplaced(at: &Location, key: &'static str, mend: &str) -> DescriptionError {
+    DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend: mend.to_owned() }
+}
+
+fn distance(at: &Location, key: &'static str, metres: f64) -> Result<f64, DescriptionError> {
+    if metres > 0.0 && metres <= FARTHEST_GROUND {
+        return Ok(metres);
+    }
+    let wanted = format!("metres from the own body, above 0 and at most {FARTHEST_GROUND}");
+    Err(bad(&at.key(key), metres, wanted))
+}
+
+fn side_named(at: &Location, name: &str) -> Result<Side, DescriptionError> {
+    let known = Side::ALL.iter().find(|side| side.name() == name);
+    known.copied().ok_or_else(|| {
+        bad(&at.key("blind_zone"), format!("`{name}`"), "a side: ahead, behind, left or right")
+    })
+}
+
+/// Distance from which on a rule counts where it does not say, metres.
+const FROM: f64 = 5.0;
+/// Beams from which on a target is met where a rule does not say.
+const BEAMS: u64 = 5;
+/// Most beams of a rule.
+const MOST_BEAMS: u64 = 100;
+/// Farthest distance of a rule, metres.
+const FARTHEST: f64 = 1000.0;
+
+/// A target that must be met at a share of places on level ground around the vehicle, the own body in the way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TargetRule {
+    /// Name in reports.
+    pub name: String,
+    /// The target.
+    pub target: Arc<Target>,
+    /// Nearest distance from the ego origin to the middle of the target, metres.
+    pub from: f64,
+    /// Farthest distance, metres.
+    pub within: f64,
+    /// First and last bearing, degrees counter-clockwise from straight ahead; 360 apart for all round.
+    pub bearings: [f64; 2],
+    /// Beams of all LiDARs together from which on the target is met.
+    pub beams: u32,
+    /// Least share of the places at which it must be met, from 0 to 1.
+    pub share: f64,
+    /// The share must hold without any one LiDAR, whichever is lost.
+    pub without_any_one: bool,
+}
+
+impl TargetRule {
+    /// Reads the rule at `at`; target files are in `dir`.
+    pub(super) fn new(
+        at: &Location,
+        required: &RequirementDescription,
+        target: &str,
+        dir: &Path,
+    ) -> Result<Self, DescriptionError> {
+        let missing = |key, mend: &str| DescriptionError::Missing {
+            at: Box::new(at.clone()),
+            key,
+            mend: mend.to_owned(),
+        };
+        const OWN: [&str; 7] =
+            ["target", "from", "within", "bearing", "beams", "share", "without_any_one"];
+        required.has_only(at, &OWN, |key| match key {
+            "depth" => "it is of a `blind_zone`; a `target` has `within`",
+            _ => "a `target` stands on the ground around the vehicle; leave the box out",
+        })?;
+        let target = Target::named_at(&at.key("target"), dir, target)?;
+        let within = required.within.ok_or_else(|| {
+            missing("within", "say up to which distance, `\"within\": 40` for example")
+        })?;
+        let from = required.from.unwrap_or(FROM.min(within.max(0.0)));
+        if !(0.0..=FARTHEST).contains(&from) {
+            return Err(bad(&at.key("from"), from, format!("metres from 0 to {FARTHEST}")));
+        }
+        if !(from..=FARTHEST).contains(&within) || within == 0.0 {
+            let wanted = format!("metres from {from} (`from`) to {FARTHEST}");
+            return Err(bad(&at.key("within"), within, wanted));
+        }
+        let [low, high] = required.bearing.unwrap_or([-180.0, 180.0]);
+        let is_turn = (-360.0..=360.0).contains(&low) && low <= high && high - low <= 360.0;
+        if !is_turn {
+            let wanted = "[first, last] in degrees, the smaller first, at most a turn apart";
+            return Err(bad(&at.key("bearing"), format!("{:?}", [low, high]), wanted));
+        }
+        let beams = required.beams.unwrap_or(BEAMS);
+        let beams = check::count(&at.key("beams"), beams, 1, MOST_BEAMS)?;
+        let name = required.named(at, format!("{} to {within} m", target.name))?;
+        Ok(Self {
+            name,
+            target: Arc::new(target),
+            from,
+            within,
+            bearings: [low, high],
+            beams,
+            share: required.share(at)?,
+            without_any_one: required.without_any_one,
+        })
+    }
+}
+
+/// Name of a rule that gives itself none.
+const NAME: &str = "overlap of LiDARs";
+
+/// Overlap by which pairs must connect every LiDAR to every other one, in each scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OverlapRule {
+    /// Name in reports.
+    pub name: String,
+    /// Least overlap of a pair that counts, from 0 to 1: surface voxels that both have hits in, as a share of the voxels of
+    /// the LiDAR that has fewer.
+    pub share: f64,
+    /// The others must stay connected without any one LiDAR, whichever is lost.
+    pub without_any_one: bool,
+}
+
+impl OverlapRule {
+    /// Reads the rule at `at`; `None` where it is of another kind.
+    pub(super) fn read(
+        at: &Location,
+        required: &RequirementDescription,
+    ) -> Result<Option<Self>, DescriptionError> {
+        let Some(share) = required.overlap else { return Ok(None) };
+        required.has_only(at, &["overlap", "without_any_one"], |key| match key {
+            "share" => "`overlap` itself is the share; leave `share` out",
+            _ => "a rule on overlap has `overlap` alone; write two rules",
+        })?;
+        if !(share > 0.0 && share <= 1.0) {
+            let wanted = "a share of the surface voxels of two LiDARs, above 0 and at most 1, 0.05 for example";
+            return Err(bad(&at.key("overlap"), share, wanted));
+        }
+        let name = required.named(at, NAME.to_owned())?;
+        Ok(Some(Self { name, share, without_any_one: required.without_any_one }))
+    }
+}

@@ -1,0 +1,226 @@
+//! `audit`, `verify`, `bench` and `devices`: checks of scores, of engines and of devices.
+
+use serde_json::{Value, json};
+
+use super::args::{Compute, Format, UnnamedModelArgs};
+use super::output::Exit;
+use crate::audit::Audit;
+use crate::chart::Chart;
+use crate::engine::gpu::{TestedAdapter, test_adapters};
+use crate::internals::{
+    align_columns, audit_text, audits_text, chart_text, charts_text, verification_text,
+};
+use crate::runs::RunError;
+use crate::runs::chart::{ChartRequest, Charted, chart_scenes};
+use crate::runs::coverage::{AuditRequest, audit_scenes};
+use crate::runs::devices::{
+    DeviceBenchRequest, Verified, VerifyRequest, bench_device, verify_scenes,
+};
+
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  sightline audit scenes/highway.json
+  sightline audit scenes/highway.json scenes/residential.json scenes/placements.json")]
+pub struct AuditArgs {
+    #[command(flatten)]
+    request: AuditRequest,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    #[command(flatten)]
+    named: UnnamedModelArgs,
+    #[command(flatten)]
+    compute: Compute,
+}
+
+pub fn run_audit(args: &AuditArgs) -> Result<Exit, RunError> {
+    let terminal = args.compute.start()?;
+    let mut gap = "";
+    let print = |found: &Audit| match args.format {
+        Format::Json => Ok(()),
+        Format::Text => out!("{}{}", std::mem::replace(&mut gap, "\n"), audit_text(found)),
+    };
+    let all = audit_scenes(&args.request, &args.named.computing(&args.compute, &terminal), print)?;
+    let passed = all.iter().all(|found| found.passed);
+    match (args.format, &all[..]) {
+        (Format::Json, [found]) => outln!("{}", json!(found))?,
+        (Format::Json, all) => outln!("{}", json!({ "scenes": all, "passed": passed }))?,
+        (Format::Text, [_]) => {}
+        (Format::Text, all) => out!("{}", audits_text(all))?,
+    }
+    Ok(if passed { Exit::Done } else { Exit::CheckFailed })
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  sightline verify scenes/highway.json
+  sightline verify scenes/highway.json scenes/placements.json --frames 20 --format json
+  sightline verify scenes/highway.json --condition snow:rate=2.5 --condition wet:water=1.2")]
+pub struct VerifyArgs {
+    #[command(flatten)]
+    request: VerifyRequest,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    /// The same as --format json
+    #[arg(long, conflicts_with = "format")]
+    json: bool,
+    #[command(flatten)]
+    named: UnnamedModelArgs,
+    #[command(flatten)]
+    compute: Compute,
+}
+
+pub fn run_verify(args: &VerifyArgs) -> Result<Exit, RunError> {
+    let terminal = args.compute.start()?;
+    let format = if args.json { Format::Json } else { args.format };
+    let print = |one: &Verified| match format {
+        Format::Json => Ok(()),
+        Format::Text => out!("{}", verification_text(&one.scene, &one.conditions, &one.found)),
+    };
+    let all = verify_scenes(&args.request, &args.named.computing(&args.compute, &terminal), print)?;
+    let passed = all.iter().all(|one| one.found.passed);
+    match (format, &all[..]) {
+        (Format::Json, [one]) => outln!("{}", json!(one))?,
+        (Format::Json, all) => outln!("{}", json!({ "scenes": all, "passed": passed }))?,
+        (Format::Text, _) => {}
+    }
+    Ok(if passed { Exit::Done } else { Exit::CheckFailed })
+}
+
+#[derive(clap::Subcommand)]
+pub enum BenchCommand {
+    /// Measure a Vulkan device: self-test, bits beside the CPU's, placements a second
+    #[command(after_help = "Example:
+  sightline bench device scenes/highway.json scenes/residential.json > device.md")]
+    Device(DeviceArgs),
+}
+
+#[derive(clap::Args)]
+pub struct DeviceArgs {
+    #[command(flatten)]
+    request: DeviceBenchRequest,
+    /// How to print: text is a block of Markdown
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    #[command(flatten)]
+    named: UnnamedModelArgs,
+    #[command(flatten)]
+    compute: Compute,
+}
+
+pub fn run_bench(command: &BenchCommand) -> Result<Exit, RunError> {
+    let BenchCommand::Device(args) = command;
+    let terminal = args.compute.start()?;
+    let found = bench_device(&args.request, &args.named.computing(&args.compute, &terminal))?;
+    match args.format {
+        Format::Json => outln!("{}", serde_json::json!(found))?,
+        Format::Text => out!("{found}")?,
+    }
+    Ok(if found.passed() { Exit::Done } else { Exit::CheckFailed })
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  sightline devices")]
+pub struct DevicesArgs {
+    /// How to print
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+}
+
+pub fn run_devices(args: &DevicesArgs) -> Result<Exit, RunError> {
+    let adapters = test_adapters();
+    match args.format {
+        Format::Json => outln!("{}", serde_json::json!({ "devices": adapters }))?,
+        Format::Text if adapters.is_empty() => {
+            outln!("no Vulkan device: --backend auto computes on the CPU")?;
+        }
+        Format::Text => {
+            let titles = [
+                "device",
+                "kind",
+                "driver",
+                "max binding",
+                "max workgroup",
+                "self-test",
+                "product + sum",
+                "division",
+                "denormals",
+                "auto",
+            ];
+            let mut rows = vec![titles.map(str::to_owned).to_vec()];
+            rows.extend(adapters.iter().map(device_row));
+            out!("{}", align_columns(&rows))?;
+            for TestedAdapter { summary, refused, .. } in &adapters {
+                if let Some(why) = refused {
+                    let name = &summary.name;
+                    outln!("{name} is not used: {why}; --inexact takes it all the same")?;
+                }
+            }
+            if !adapters.iter().any(|a| a.summary.auto) {
+                outln!("no hardware that passed: --backend auto computes on the CPU")?;
+            }
+        }
+    }
+    Ok(Exit::Done)
+}
+
+fn device_row(TestedAdapter { summary, self_test, .. }: &TestedAdapter) -> Vec<String> {
+    let arithmetic = match self_test {
+        None => ["not run", "", "", ""],
+        Some(test) => test.words(),
+    };
+    let auto = if summary.auto { "yes" } else { "" };
+    let mut row = vec![
+        summary.name.clone(),
+        summary.kind.to_owned(),
+        format!("{} {}", summary.driver, summary.driver_info),
+        format!("{} MiB", summary.max_binding >> 20),
+        summary.max_workgroup.to_string(),
+    ];
+    row.extend(arithmetic.into_iter().chain([auto]).map(str::to_owned));
+    row
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  sightline chart scenes/urban-crossing.json --out runs/chart
+  sightline chart scenes/highway.json --full --objective information_gain
+  sightline chart scenes/highway.json scenes/residential.json --quick
+  sightline chart --resume runs/chart")]
+pub struct ChartArgs {
+    #[command(flatten)]
+    request: ChartRequest,
+    /// How to print the result
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    #[command(flatten)]
+    named: UnnamedModelArgs,
+    #[command(flatten)]
+    compute: Compute,
+}
+
+pub fn run_chart(args: &ChartArgs) -> Result<Exit, RunError> {
+    let terminal = args.compute.start()?;
+    let mut gap = "";
+    let print = |found: &Charted| match args.format {
+        Format::Json => Ok(()),
+        Format::Text => {
+            let svg = found.folder.join("chart.svg");
+            let gap = std::mem::replace(&mut gap, "\n");
+            outln!("{gap}{}chart: {}", chart_text(&found.chart), svg.display())
+        }
+    };
+    let (count, found) =
+        chart_scenes(&args.request, &args.named.computing(&args.compute, &terminal), print)?;
+    let (charts, answers): (Vec<Chart>, Vec<Value>) =
+        found.into_iter().map(|found| (found.chart, found.answer)).unzip();
+    match (args.format, &answers[..]) {
+        (Format::Json, [answer]) if count == 1 => outln!("{answer}")?,
+        (Format::Json, answers) => outln!("{}", json!({ "scenes": answers }))?,
+        (Format::Text, [_]) => {}
+        (Format::Text, _) => out!("{}", charts_text(&charts))?,
+    }
+    let is_finished = charts.len() == count && charts.iter().all(|chart| chart.missing == 0);
+    Ok(if is_finished { Exit::Done } else { Exit::Interrupted })
+}

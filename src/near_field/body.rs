@@ -1,0 +1,264 @@
+//! The own body: its footprint and wheels, and the guard `self_hit`.
+
+use glam::DVec3;
+
+use crate::cast::closest_hit_in;
+use crate::engine::{Backend, BackendError};
+use crate::geom::Pose;
+use crate::maths;
+use crate::problem::{Frame, Problem, SensorBatch};
+use crate::scene::{EgoBody, Scene};
+use crate::score::{Guard, MOST_SELF_HITS};
+use crate::vehicle::Placement;
+
+/// Convex hull of the own body seen from above: corners in the ego frame, metres, counter-clockwise.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[serde(transparent)]
+pub struct Footprint {
+    corners: Vec<[f64; 2]>,
+}
+
+/// Twice the signed area of a triangle, positive where it turns left.
+fn turn([ax, ay]: [f64; 2], [bx, by]: [f64; 2], [cx, cy]: [f64; 2]) -> f64 {
+    (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+}
+
+impl Footprint {
+    /// The hull of points; `None` where they enclose no area.
+    ///
+    /// Monotone chain (Andrew 1979).
+    pub fn of(points: impl IntoIterator<Item = [f64; 2]>) -> Option<Self> {
+        let mut points: Vec<[f64; 2]> = points.into_iter().collect();
+        points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+        points.dedup();
+        let chain = |points: &mut dyn Iterator<Item = &[f64; 2]>| {
+            let mut chain: Vec<[f64; 2]> = Vec::new();
+            for &point in points {
+                while let [.., a, b] = chain[..] {
+                    if turn(a, b, point) > 0.0 {
+                        break;
+                    }
+                    chain.pop();
+                }
+                chain.push(point);
+            }
+            chain.pop();
+            chain
+        };
+        let mut corners = chain(&mut points.iter());
+        corners.extend(chain(&mut points.iter().rev()));
+        let footprint = Self { corners };
+        (footprint.corners.len() > 2 && footprint.area() > 0.0).then_some(footprint)
+    }
+
+    /// Corners, counter-clockwise.
+    pub fn corners(&self) -> &[[f64; 2]] {
+        &self.corners
+    }
+
+    /// Edges from corner to corner.
+    fn edges(&self) -> impl Iterator<Item = ([f64; 2], [f64; 2])> + '_ {
+        let next = self.corners.iter().cycle().skip(1);
+        self.corners.iter().zip(next).map(|(a, b)| (*a, *b))
+    }
+
+    /// Lower and upper corner of the box around it along the axes.
+    pub fn bounds(&self) -> [[f64; 2]; 2] {
+        let fold = |start: f64, least: fn(f64, f64) -> f64| {
+            [0, 1].map(|k| self.corners.iter().map(|c| c[k]).fold(start, least))
+        };
+        [fold(f64::INFINITY, f64::min), fold(f64::NEG_INFINITY, f64::max)]
+    }
+
+    /// Middle of the box around it.
+    pub fn middle(&self) -> [f64; 2] {
+        let [low, high] = self.bounds();
+        [0, 1].map(|k| 0.5 * (low[k] + high[k]))
+    }
+
+    /// Square metres.
+    pub fn area(&self) -> f64 {
+        polygon_area(&self.corners)
+    }
+
+    /// Metres from the outline to a point outside; 0 inside.
+    pub fn distance(&self, point: [f64; 2]) -> f64 {
+        if self.edges().all(|(a, b)| turn(a, b, point) >= 0.0) {
+            return 0.0;
+        }
+        let from_edge = |(a, b): ([f64; 2], [f64; 2])| {
+            let (along, to) = ([b[0] - a[0], b[1] - a[1]], [point[0] - a[0], point[1] - a[1]]);
+            let length = along[0] * along[0] + along[1] * along[1];
+            let share = ((to[0] * along[0] + to[1] * along[1]) / length).clamp(0.0, 1.0);
+            maths::hypot(to[0] - share * along[0], to[1] - share * along[1])
+        };
+        self.edges().map(from_edge).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Metres from the middle to the outline in a direction of unit length.
+    pub fn reach(&self, direction: [f64; 2]) -> f64 {
+        let middle = self.middle();
+        let leaving = self.edges().filter_map(|(a, b)| {
+            // Outward normal of an edge of a counter-clockwise polygon.
+            let normal = [b[1] - a[1], a[0] - b[0]];
+            let towards = direction[0] * normal[0] + direction[1] * normal[1];
+            let gap = (a[0] - middle[0]) * normal[0] + (a[1] - middle[1]) * normal[1];
+            (towards > 0.0).then(|| gap / towards)
+        });
+        leaving.fold(f64::INFINITY, f64::min).max(0.0)
+    }
+}
+
+/// Square metres of a polygon without crossings.
+pub(super) fn polygon_area(corners: &[[f64; 2]]) -> f64 {
+    let next = corners.iter().cycle().skip(1);
+    let doubled: f64 = corners.iter().zip(next).map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum();
+    0.5 * doubled.abs()
+}
+
+/// Metres above and below z = 0 of the ego frame in which ground under the wheels is looked for.
+const REACH: f64 = 2.0;
+/// Metres below a surface from which the next one is looked for.
+const STEP: f64 = 1e-3;
+/// Surfaces above each other that are looked at, at most.
+const MOST_SURFACES: usize = 64;
+
+/// Heights over the ego frame's plane z = 0 that grow evenly, metres.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct WheelPlane {
+    /// Place in plan that `height` is of.
+    middle: [f64; 2],
+    height: f64,
+    /// Metres up a metre along x and y.
+    slope: [f64; 2],
+}
+
+impl WheelPlane {
+    /// The plane through the ground under the four corners of the box around a footprint, by least squares; z = 0 where
+    /// there is no ground within 2 m of it under one of them.
+    pub fn of(footprint: &Footprint, frame: &Frame, is_ground: &[bool]) -> Self {
+        let [low, high] = footprint.bounds();
+        let under = |x: f64, y: f64| ground_under(frame, is_ground, [x, y]);
+        let [Some(a), Some(b), Some(c), Some(d)] = [
+            under(low[0], low[1]),
+            under(high[0], low[1]),
+            under(low[0], high[1]),
+            under(high[0], high[1]),
+        ] else {
+            return Self::default();
+        };
+        let along =
+            |ahead: f64, behind: f64, k: usize| (ahead - behind) / (2.0 * (high[k] - low[k]));
+        Self {
+            middle: footprint.middle(),
+            height: (a + b + c + d) / 4.0,
+            slope: [along(b + d, a + c, 0), along(c + d, a + b, 1)],
+        }
+    }
+
+    /// Height at a place in plan.
+    pub fn at(&self, [x, y]: [f64; 2]) -> f64 {
+        let [dx, dy] = [x - self.middle[0], y - self.middle[1]];
+        self.height + self.slope[0] * dx + self.slope[1] * dy
+    }
+}
+
+/// Height of the ground surface nearest to z = 0 straight above or below a place.
+fn ground_under(frame: &Frame, is_ground: &[bool], [x, y]: [f64; 2]) -> Option<f64> {
+    let mut from = REACH;
+    let mut nearest: Option<f64> = None;
+    for _ in 0..MOST_SURFACES {
+        let pose = Pose { translation: DVec3::new(x, y, from), ..Pose::IDENTITY };
+        let range = (from + REACH).max(STEP) as f32;
+        let hit = closest_hit_in(frame, &pose, [0.0, 0.0, -1.0], range);
+        if !hit.is_hit() {
+            break;
+        }
+        let height = from - f64::from(hit.t);
+        let is_ground = is_ground.get(hit.prim as usize) == Some(&true);
+        if is_ground && nearest.is_none_or(|known| height.abs() < known.abs()) {
+            nearest = Some(height);
+        }
+        from = height - STEP;
+    }
+    nearest
+}
+
+/// Most placements for which scores include the guard by default: it takes casts of its own.
+pub const FEW_PLACEMENTS: usize = 64;
+
+/// Share of each LiDAR's beams that end at the own body in the first frame of a problem of the scene;
+/// zeros where beams end at nothing. The body stands nearest and is the same in every frame, so that one
+/// frame tells; of bodies that move the largest share of all frames counts.
+///
+/// # Errors
+/// A sensor of a model that the vehicle does not have, or as [`Backend::hits`].
+fn own_shares(
+    scene: &Scene,
+    problem: &Problem,
+    engine: &mut dyn Backend,
+    placement: &Placement,
+) -> Result<Vec<f64>, BackendError> {
+    let own = scene.triangles(EgoBody::Exclude);
+    if !problem.ends_at_hits() || scene.triangles(EgoBody::Include) == own {
+        return Ok(vec![0.0; placement.lidars.len()]);
+    }
+    let batch = SensorBatch::new(problem, &placement.lidars, None)?;
+    let frames = match scene.has_moving_bodies() {
+        true => problem.distinct_frames().into_iter().map(|(frame, _)| frame).collect(),
+        false => vec![0],
+    };
+    let mut shares = vec![0.0_f64; batch.len()];
+    for frame in frames {
+        let hits = engine.hits(&placement.lidars, frame)?;
+        for (lidar, share) in shares.iter_mut().enumerate() {
+            let hits = &hits[batch.beams_of(lidar)];
+            let own = hits.iter().filter(|hit| hit.is_hit() && hit.prim as usize >= own);
+            *share = share.max(own.count() as f64 / hits.len() as f64);
+        }
+    }
+    Ok(shares)
+}
+
+/// The guards of a placement's LiDARs that waste more than a quarter of their beams on the own vehicle.
+///
+/// Needs hits of its own: tallies count those of all LiDARs together, whatever is hit. So a search does
+/// not know this guard; it is for placements that are reported.
+///
+/// # Errors
+/// A device that fails, a sensor that the vehicle does not have.
+pub fn self_hits(
+    scene: &Scene,
+    problem: &Problem,
+    engine: &mut dyn Backend,
+    placement: &Placement,
+) -> Result<Vec<Guard>, BackendError> {
+    let shares = own_shares(scene, problem, engine, placement)?;
+    let much = shares.into_iter().enumerate().filter(|(_, share)| *share > MOST_SELF_HITS);
+    Ok(much.map(|(lidar, share)| Guard::SelfHit { lidar, share }).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_box_with_points_inside_and_on_its_edges() {
+        let corners = [[-2.0, -1.0], [2.0, -1.0], [2.0, 1.0], [-2.0, 1.0]];
+        let others = [[0.0, 0.0], [0.0, 1.0], [2.0, 1.0], [1.0, -1.0]];
+        let hull = Footprint::of(others.into_iter().chain(corners)).unwrap();
+        assert_eq!(hull.corners(), corners);
+        assert_eq!((hull.area(), hull.middle()), (8.0, [0.0, 0.0]));
+        assert_eq!(hull.distance([1.9, 0.9]), 0.0);
+        assert_eq!(hull.distance([5.0, 0.0]), 3.0);
+        assert_eq!(hull.distance([5.0, 5.0]), 5.0);
+        assert_eq!(hull.reach([1.0, 0.0]), 2.0);
+        assert!((hull.reach([0.6, 0.8]) - 1.25).abs() < 1e-12);
+    }
+
+    #[test]
+    fn points_on_a_line_are_no_outline() {
+        assert_eq!(Footprint::of([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]), None);
+        assert_eq!(Footprint::of([]), None);
+    }
+}

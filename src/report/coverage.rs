@@ -1,0 +1,318 @@
+//! Near field, and things that several LiDARs see, as text and figures.
+
+use std::fmt::Write;
+
+use maud::{Markup, html};
+
+use super::optional;
+use super::svg::{ACCENT, FAINT, GREY, INK, SECOND, SOFT, corners, page, px};
+use super::text::{align_columns, shortened};
+use crate::json::fixed;
+use crate::maths;
+use crate::near_field::{CELL, Footprint, NEAR, NearField, RING, Standard};
+use crate::shared::{Overlap, Redundancy, SeenBy, SeenByTechnologies, Technologies};
+use crate::vehicle::{Placement, SensorName};
+
+/// Drawings beside each other.
+const COLUMNS: usize = 3;
+/// Pixels of a metre, and of the line of words over a drawing.
+const SCALE: f64 = 14.0;
+const TITLE: f64 = 40.0;
+const UNSEEN: &str = "#f0d3d6";
+const GOOD: &str = "#3d8f5f";
+
+/// A line a placement: shares, blind ground, depth of the blind zone in four directions, poles seen by standard, wasted
+/// beams.
+pub fn near_field_text(all: &[NearField]) -> String {
+    let titles = [
+        "placement",
+        "near %",
+        "3 m %",
+        "blind m²",
+        "zone m²",
+        "blind ahead m",
+        "behind",
+        "left",
+        "right",
+    ];
+    let standards = Standard::ALL.map(|(_, name)| name.to_owned());
+    let mut rows = vec![titles.map(str::to_owned).into_iter().chain(standards).collect::<Vec<_>>()];
+    rows[0].push("own body %, by LiDAR".to_owned());
+    rows.extend(all.iter().map(|near| {
+        let zone = &near.zone;
+        let mut row = vec![near.name.clone(), format!("{:.1}", 100.0 * near.near_field)];
+        row.push(optional(near.ring.map(|share| 100.0 * share), 1));
+        row.extend([near.blind_area, zone.area].map(|area| format!("{area:.0}")));
+        let depth = |depth: Option<f64>| depth.map_or(format!("> {NEAR}"), |d| format!("{d:.1}"));
+        row.extend([zone.ahead, zone.behind, zone.left, zone.right].map(depth));
+        row.extend(Standard::ALL.map(|(standard, _)| {
+            let [seen, poles] = seen_of(near, standard);
+            format!("{seen}/{poles}")
+        }));
+        let wasted = near.beams.iter().map(|beams| format!("{:.0}", 100.0 * beams.own));
+        row.push(wasted.collect::<Vec<_>>().join(" "));
+        row
+    }));
+    align_columns(&rows)
+}
+
+/// Poles seen, and poles, of a standard.
+pub(super) fn seen_of(near: &NearField, standard: Standard) -> [usize; 2] {
+    let poles = near.poles.iter().filter(|pole| pole.standard == standard);
+    poles.fold([0; 2], |[seen, all], pole| [seen + usize::from(pole.seen), all + 1])
+}
+
+/// One drawing a placement, from above: ground that is not seen, the blind zone, poles and LiDARs. Forward
+/// is to the right, left is up.
+pub fn near_field_svg(footprint: &Footprint, all: &[(&Placement, &NearField)]) -> String {
+    let [low, high] = footprint.bounds();
+    let size = [0, 1].map(|k| (high[k] - low[k] + 2.0 * NEAR + 1.0) * SCALE);
+    let at = |[x, y]: [f64; 2]| {
+        ((x - low[0] + NEAR + 0.5) * SCALE, TITLE + (high[1] - y + NEAR + 0.5) * SCALE)
+    };
+    let columns = all.len().clamp(1, COLUMNS);
+    let rows = all.len().div_ceil(columns);
+    let drawing = html! {
+        @for (k, (placement, near)) in all.iter().enumerate() {
+            @let left = (k % columns) as f64 * size[0];
+            @let top = (k / columns) as f64 * (size[1] + TITLE);
+            g transform={ "translate(" (px(left)) " " (px(top)) ")" } {
+                (panel(footprint, placement, near, &at))
+            }
+        }
+        g transform={ "translate(8 " (px(rows as f64 * (size[1] + TITLE) + 18.0)) ")" } { (legend()) }
+    };
+    let width = (columns as f64 * size[0]).max(660.0).round();
+    let height = (rows as f64 * (size[1] + TITLE) + 34.0).round();
+    page([width, height], "Ground near the vehicle that is not seen, from above", &drawing)
+}
+
+fn panel(
+    footprint: &Footprint,
+    placement: &Placement,
+    near: &NearField,
+    at: &dyn Fn([f64; 2]) -> (f64, f64),
+) -> Markup {
+    let seen = near.poles.iter().filter(|pole| pole.seen).count();
+    let words = format!(
+        "{:.0} % within 10 m, {} % of the ring, {seen} of {} poles",
+        100.0 * near.near_field,
+        optional(near.ring.map(|share| 100.0 * share), 0),
+        near.poles.len()
+    );
+    html! {
+        text x="8" y="18" font-weight="600" { (near.name) }
+        text x="8" y="34" fill=(SOFT) { (words) }
+        path d=(unseen(near, at)) stroke=(UNSEEN) stroke-width=(px(CELL * SCALE)) {}
+        @for within in [RING, NEAR] {
+            polygon points=(corners(around(footprint, within).into_iter().map(at))) fill="none"
+                stroke=(GREY) stroke-dasharray="3 3" stroke-width=".7" {}
+        }
+        polygon points=(corners(near.zone.polygon.iter().map(|c| at(*c)))) fill=(ACCENT)
+            fill-opacity=".18" stroke=(ACCENT) {}
+        polygon points=(corners(footprint.corners().iter().map(|c| at(*c)))) fill=(FAINT) stroke=(INK) {}
+        @for pole in &near.poles {
+            @let (x, y) = at(pole.at);
+            circle cx=(px(x)) cy=(px(y)) r="2.6" stroke="#fff" stroke-width=".6"
+                fill=(if pole.seen { GOOD } else { INK }) {}
+        }
+        @for pose in &placement.lidars {
+            @let (x, y) = at([pose.x, pose.y]);
+            rect x=(px(x - 3.0)) y=(px(y - 3.0)) width="6" height="6" fill=(SECOND) stroke="#fff" {}
+        }
+    }
+}
+
+/// Cells seen in less than half of their frames, as runs along y.
+fn unseen(near: &NearField, at: &dyn Fn([f64; 2]) -> (f64, f64)) -> String {
+    let mut path = String::new();
+    let mut cells = near.cells.iter().filter(|(_, share)| *share < 0.5).map(|(c, _)| *c).peekable();
+    while let Some(first) = cells.next() {
+        let mut last = first;
+        while let Some(next) = cells.next_if(|c| c[0] == last[0] && c[1] - last[1] < 1.5 * CELL) {
+            last = next;
+        }
+        let (x, y) = at([first[0], first[1] - CELL / 2.0]);
+        let _ = write!(path, "M{x:.1} {y:.1}v{:.1}", -(last[1] - first[1] + CELL) * SCALE);
+    }
+    path
+}
+
+/// Points at a distance around a footprint: each corner with a round.
+fn around(footprint: &Footprint, within: f64) -> Vec<[f64; 2]> {
+    let turns = (0..180).map(|k| maths::sin_cos(f64::from(k).to_radians() * 2.0));
+    let farthest = |(sin, cos): (f64, f64)| {
+        let along = |c: &&[f64; 2]| c[0] * cos + c[1] * sin;
+        let corners = footprint.corners().iter();
+        let corner = corners.max_by(|a, b| along(a).total_cmp(&along(b)));
+        corner.map(|c| [c[0] + within * cos, c[1] + within * sin])
+    };
+    turns.filter_map(farthest).collect()
+}
+
+fn legend() -> Markup {
+    let dots = [(GOOD, "pole with 5 beams or more", 0.0), (INK, "pole with fewer", 205.0)];
+    html! {
+        @for (colour, words, x) in dots {
+            circle cx=(x + 5.0) cy="-4" r="4" fill=(colour) {}
+            text x=(x + 14.0) y="0" { (words) }
+        }
+        rect x="328" y="-10" width="12" height="12" fill=(UNSEEN) {}
+        text x="345" y="0" { "ground not seen" }
+        rect x="463" y="-10" width="12" height="12" fill=(ACCENT) fill-opacity=".3" {}
+        text x="480" y="0" { "blind zone; 3 m, 10 m" }
+    }
+}
+
+/// Longest line of the table of technologies, in characters.
+const WIDEST: usize = 100;
+/// Longest name of a thing in the table of technologies, in characters.
+const LONGEST_NAME: usize = 24;
+
+/// LiDAR by its number, with its model where it has a name: `0 roof-64`.
+fn lidar(number: usize, sensor: SensorName) -> String {
+    if sensor.is_none() { number.to_string() } else { format!("{number} {sensor}") }
+}
+
+fn percent(share: Option<f64>) -> String {
+    super::optional(share.map(|share| 100.0 * share), 1)
+}
+
+/// A line of a table: a name, how many things there are, shares in percent.
+fn line(name: String, seen: &SeenBy) -> Vec<String> {
+    let mut row = vec![name, fixed(seen.all, 0)];
+    row.extend((0..seen.by.len()).map(|k| percent(seen.share.map(|share| share[k]))));
+    row.extend(seen.alone.iter().map(|alone| percent(alone.share)));
+    row
+}
+
+/// Title of a row: the scene and the placement.
+fn heading(scene: &str, placement: &str, lidars: usize, frames: usize) -> String {
+    format!("{placement} in {scene}: {lidars} LiDARs, {frames} frame(s)")
+}
+
+/// A table a placement and scene: things that count, and the shares of them that no, one, two, three and more LiDARs
+/// see.
+pub fn redundancy_text(all: &[&Redundancy]) -> String {
+    let of = |row: &&Redundancy| {
+        let titles = ["% seen by", "of", "0", "1", "2", "3+"].map(str::to_owned);
+        let alone = row.voxels.alone.iter().map(|alone| format!("{} alone", alone.sensor));
+        let mut rows = vec![titles.into_iter().chain(alone).collect::<Vec<_>>()];
+        rows.push(line("voxels, occupied".to_owned(), &row.occupied));
+        rows.push(line("voxels, all".to_owned(), &row.voxels));
+        let ground = [("ground to 3 m", &row.ground_3m), ("ground to 10 m", &row.ground_10m)];
+        for (name, seen) in ground {
+            rows.extend(seen.as_ref().map(|seen| line(name.to_owned(), seen)));
+        }
+        rows.extend(row.targets.iter().map(|of| line(of.target.clone(), &of.seen)));
+        let heading = heading(&row.scene, &row.placement, row.lidars.len(), row.frames);
+        let technologies = row.technologies.as_ref().map(technologies_text).unwrap_or_default();
+        format!("{heading}\n{}{technologies}", align_columns(&rows))
+    };
+    all.iter().map(of).collect::<Vec<_>>().join("\n")
+}
+
+/// Tables of at most [`WIDEST`] characters: shares of things by the number of technologies, and that each technology sees.
+fn technologies_text(all: &Technologies) -> String {
+    let ground = [("ground to 3 m", &all.ground_3m), ("ground to 10 m", &all.ground_10m)];
+    let ground = ground.into_iter().filter_map(|(name, seen)| Some((name, seen.as_ref()?)));
+    let targets = all.targets.iter().map(|of| (of.target.as_str(), &of.seen));
+    let things = std::iter::once(("voxels, occupied", &all.occupied)).chain(ground).chain(targets);
+    let things: Vec<(&str, &SeenByTechnologies)> = things.collect();
+    let name = |name: &str| vec![shortened(name, LONGEST_NAME)];
+    let numbers = ["% by technologies", "of", "blind to all", "by 1", "2", "3+"].map(str::to_owned);
+    let mut table = vec![numbers.to_vec()];
+    table.extend(things.iter().map(|(thing, seen)| {
+        let number = &seen.number;
+        let shares = (0..number.by.len()).map(|k| percent(number.share.map(|share| share[k])));
+        name(thing).into_iter().chain([fixed(number.all, 0)]).chain(shares).collect()
+    }));
+    let mut tables = vec![table];
+    for (k, of) in all.sensors.iter().enumerate() {
+        let mut column = vec![format!("{} {}", of.count, of.technology)];
+        column.extend(things.iter().map(|(_, seen)| percent(seen.each[k].share)));
+        let wider = |table: &[Vec<String>]| {
+            let rows = table.iter().zip(&column);
+            rows.map(|(row, cell)| [&row[..], std::slice::from_ref(cell)].concat()).collect()
+        };
+        let wide: Vec<Vec<String>> = tables.last().map(|table| wider(table)).unwrap_or_default();
+        match align_columns(&wide).lines().all(|line| line.chars().count() <= WIDEST) {
+            true => {
+                tables.pop();
+                tables.push(wide);
+            }
+            false => {
+                let mut first = vec![name("% seen by")];
+                first.extend(things.iter().map(|(thing, _)| name(thing)));
+                tables.push(wider(&first));
+            }
+        }
+    }
+    tables.iter().map(|table| format!("\n{}", align_columns(table))).collect()
+}
+
+/// A matrix whose rows and columns are LiDARs.
+fn matrix(title: &str, row: &Overlap, cell: impl Fn(usize, usize) -> String) -> String {
+    let count = row.lidars.len();
+    let titles = std::iter::once(title.to_owned()).chain((0..count).map(|k| k.to_string()));
+    let mut rows = vec![titles.collect::<Vec<_>>()];
+    for (a, sensor) in row.lidars.iter().enumerate() {
+        let cells = (0..count).map(|b| cell(a, b));
+        rows.push(std::iter::once(lidar(a, *sensor)).chain(cells).collect());
+    }
+    align_columns(&rows)
+}
+
+/// A sentence on the pairs that connect the LiDARs, or on the LiDARs that none connects.
+fn verdict(row: &Overlap) -> String {
+    let names = |lidars: &[usize]| {
+        let named = lidars.iter().map(|&k| lidar(k, row.lidars[k]));
+        named.collect::<Vec<_>>().join(", ")
+    };
+    let least = row.least_shared;
+    if !row.connected {
+        let cut_off = row.cut_off.iter().map(|&cut| {
+            let others = (0..row.lidars.len()).filter(|&other| other != cut);
+            let best = others.max_by(|&a, &b| {
+                let shared = &row.shared_voxels[cut];
+                shared[a].total_cmp(&shared[b]).then(b.cmp(&a))
+            });
+            let best = best.filter(|&best| row.shared_voxels[cut][best] > 0.0);
+            let most = best.map_or("nothing with any other".to_owned(), |best| {
+                format!("{} with {best}", fixed(row.shared_voxels[cut][best], 0))
+            });
+            format!("{} (shares {most})", lidar(cut, row.lidars[cut]))
+        });
+        return format!(
+            "NOT CONNECTED at {least} shared voxels; cut off from {}: {}",
+            names(&row.groups[0]),
+            cut_off.collect::<Vec<_>>().join(", ")
+        );
+    }
+    let chain = row.chain.iter().map(|pair| format!("{}–{}", pair.lidars[0], pair.lidars[1]));
+    format!(
+        "Connected at {least} shared voxels, and up to {}, by the pairs {}",
+        fixed(row.connected_up_to.floor(), 0),
+        chain.collect::<Vec<_>>().join(", ")
+    )
+}
+
+/// Three matrices a placement and scene, and whether pairs connect all LiDARs.
+pub fn overlap_text(all: &[Overlap]) -> String {
+    let of = |row: &Overlap| {
+        let heading = heading(&row.scene, &row.placement, row.lidars.len(), row.frames);
+        let voxels = matrix("surface voxels", row, |a, b| fixed(row.shared_voxels[a][b], 0));
+        let overlap = matrix("overlap %", row, |a, b| fixed(100.0 * row.overlap[a][b], 1));
+        let directions =
+            matrix("% of the sphere", row, |a, b| fixed(100.0 * row.shared_directions[a][b], 1));
+        // Rounded down, so that a requirement that is not met never reads as met.
+        let up_to = (1e3 * row.overlap_up_to + 1e-9).floor() / 10.0;
+        let up_to = match row.overlap_up_to > 0.0 {
+            true => format!("All connected up to an overlap of {up_to:.1} %"),
+            false => "No overlap connects all".to_owned(),
+        };
+        let verdict = format!("{}\n{up_to}", verdict(row));
+        format!("{heading}\n{voxels}\n{overlap}\n{directions}\n{verdict}\n")
+    };
+    all.iter().map(of).collect::<Vec<_>>().join("\n")
+}

@@ -1,0 +1,341 @@
+//! The drawing of a rig for others: from above, from the right and from the front at one scale, with mounts, fields of
+//! view and the blind zone on the ground.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `views` | the rig in each view, in metres |
+//! | `sheet` | scale and places of the views on the sheet |
+//! | `draw` | a view on the sheet, with its measures |
+//! | `legend` | words beside the views |
+
+mod draw;
+
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
+
+use super::drawing::{Drawing, Point, outline};
+use crate::geom::Pose;
+use crate::maths;
+use crate::near_field::{Footprint, NearField};
+use crate::shared::FieldOfView;
+use crate::vehicle::SensorPose;
+
+/// A LiDAR as it is drawn.
+pub(crate) struct DrawnLidar {
+    pub pose: SensorPose,
+    /// The pose after a turn by the phase.
+    pub ego_from_sensor: Pose,
+    pub view: FieldOfView,
+    /// Words for its model and its mount; may be empty.
+    pub model: String,
+    pub mount: String,
+}
+
+/// A box around a mount, in the ego frame, metres.
+pub(crate) struct DrawnMount {
+    /// May be empty.
+    pub name: String,
+    pub corners: [[f64; 3]; 2],
+}
+
+/// A rig with all that its drawing shows.
+pub(crate) struct DrawnRig<'a> {
+    /// Names of vehicle and placement.
+    pub vehicle: &'a str,
+    pub placement: &'a str,
+    /// Triangles of the own body in the ego frame, metres.
+    pub body: &'a [[[f32; 3]; 3]],
+    pub lidars: Vec<DrawnLidar>,
+    pub mounts: Vec<DrawnMount>,
+    /// Outline on the ground and blind zone; or a sentence that says why there is none.
+    pub near: Result<(&'a Footprint, &'a NearField), String>,
+}
+
+impl DrawnRig<'_> {
+    /// The drawing on a sheet of A3, across.
+    pub(crate) fn drawing(&self) -> Drawing {
+        let views = Views::of(self);
+        let sheet = Sheet::of(&views, self.lidars.len());
+        let mut drawing = Drawing::new(
+            A3,
+            &format!(
+                "{}, {}: LiDARs from above, from the right and from the front",
+                self.vehicle, self.placement
+            ),
+        );
+        draw::top(&mut drawing, self, &views, &sheet);
+        draw::side(&mut drawing, self, &views, &sheet);
+        draw::front(&mut drawing, self, &views, &sheet);
+        draw::scale_bar(&mut drawing, &sheet);
+        draw::draw(&mut drawing, self, &sheet);
+        drawing
+    }
+}
+
+/// A3 across, millimetres.
+const A3: [f64; 2] = [420.0, 297.0];
+/// Millimetres at the sheet's edges.
+const EDGE: f64 = 10.0;
+/// Millimetres over each row of views, for its titles, and below, for measures.
+const OVER: f64 = 7.0;
+const BELOW: f64 = 11.0;
+/// Millimetres between two views of a row, for a measure.
+const BETWEEN: f64 = 14.0;
+/// Least width of the legend.
+const LEGEND: f64 = 135.0;
+/// Height of the scale bar with its numbers.
+const BAR: f64 = 8.0;
+/// Millimetres on the vehicle that one on the sheet stands for.
+const SCALES: [f64; 13] =
+    [5.0, 10.0, 20.0, 25.0, 50.0, 75.0, 100.0, 150.0, 200.0, 250.0, 500.0, 1000.0, 2000.0];
+
+/// A view on the sheet.
+#[derive(Clone, Copy)]
+struct Panel {
+    /// Metres at the panel's left and lower edge.
+    low: Flat,
+    /// Metres at its right and upper edge.
+    high: Flat,
+    /// Its lower left corner on the sheet.
+    corner: Point,
+    /// Millimetres a metre.
+    pub scale: f64,
+}
+
+impl Panel {
+    /// Place on the sheet of metres to the right and upwards.
+    pub fn at(&self, [right, up]: Flat) -> Point {
+        [
+            self.corner[0] + (right - self.low[0]) * self.scale,
+            self.corner[1] - (up - self.low[1]) * self.scale,
+        ]
+    }
+
+    pub fn all(&self, points: &[Flat]) -> Vec<Point> {
+        points.iter().map(|point| self.at(*point)).collect()
+    }
+
+    /// Left, right, upper and lower edge on the sheet.
+    pub fn edges(&self) -> [f64; 4] {
+        let ([left, lower], [right, upper]) = (self.at(self.low), self.at(self.high));
+        [left, right, upper, lower]
+    }
+}
+
+/// All panels, the legend's corner, and the scale.
+struct Sheet {
+    /// One millimetre on the sheet stands for as many.
+    pub one_to: f64,
+    pub top: Panel,
+    pub side: Panel,
+    pub front: Panel,
+    /// Upper left corner of the legend.
+    pub legend: Point,
+    /// Left end of the scale bar.
+    pub bar: Point,
+}
+
+/// Height of the legend of so many LiDARs.
+fn legend_height(lidars: usize) -> f64 {
+    82.0 + 4.2 * lidars as f64
+}
+
+fn size(view: &View) -> [f64; 2] {
+    [0, 1].map(|k| view.high[k] - view.low[k])
+}
+
+impl Sheet {
+    pub fn of(views: &Views, lidars: usize) -> Self {
+        let [top, side, front] = [&views.top, &views.side, &views.front].map(size);
+        let legend = legend_height(lidars);
+        let free =
+            [A3[0] - 2.0 * EDGE - BETWEEN, A3[1] - 2.0 * EDGE - 2.0 * OVER - 2.0 * BELOW - BAR];
+        let fits = |one_to: f64| {
+            let scale = 1000.0 / one_to;
+            let width = scale * top[0] + (scale * front[0]).max(LEGEND);
+            let height = (scale * top[1]).max(legend) + scale * side[1];
+            width <= free[0] && height <= free[1]
+        };
+        let usual = SCALES.into_iter().find(|one_to| fits(*one_to));
+        let larger =
+            || (1..).map(|k| 5000.0 * f64::from(k)).take(10_000).find(|one_to| fits(*one_to));
+        let one_to = usual.or_else(larger).unwrap_or(5e7);
+        let scale = 1000.0 / one_to;
+        let panel = |view: &View, left: f64, lower: f64| Panel {
+            low: view.low,
+            high: view.high,
+            corner: [left, lower],
+            scale,
+        };
+        let first = EDGE + OVER + (scale * top[1]).max(legend);
+        let second = first + BELOW + OVER + scale * side[1];
+        let right = EDGE + scale * top[0] + BETWEEN;
+        Self {
+            one_to,
+            top: panel(&views.top, EDGE, EDGE + OVER + scale * top[1]),
+            side: panel(&views.side, EDGE, second),
+            front: panel(&views.front, right, second),
+            legend: [right, EDGE],
+            bar: [EDGE, second + BELOW + BAR],
+        }
+    }
+}
+
+/// Metres that fields of view are drawn to.
+const REACH: f64 = 2.0;
+/// Metres from the body that the blind zone is drawn to.
+const DRAWN: f64 = 5.0;
+/// Most radians between two corners of a field of view.
+const STEP: f64 = PI / 36.0;
+/// Metres around everything in a view.
+const AROUND: f64 = 0.3;
+
+type Flat = [f64; 2];
+/// Corners of the fields of view of a LiDAR, each with its number.
+type Fans<'a> = &'a dyn Fn(usize, &DrawnLidar) -> Vec<(usize, Vec<DVec3>)>;
+
+/// One view of the drawing, in metres.
+struct View {
+    /// Metres to the right and upwards of a point of the ego frame.
+    pub flat: fn(DVec3) -> Flat,
+    /// Outline of the body, holes among its loops.
+    pub outline: Vec<Vec<Flat>>,
+    /// Fields of view: number of the LiDAR and the corners around it.
+    pub fans: Vec<(usize, Vec<Flat>)>,
+    /// Corners of the box around everything.
+    pub low: Flat,
+    pub high: Flat,
+}
+
+/// All views, and the blind zone as far as it is drawn.
+struct Views {
+    pub top: View,
+    pub side: View,
+    pub front: View,
+    pub zone: Vec<Flat>,
+}
+
+/// Ahead is to the right, left is up.
+fn above(point: DVec3) -> Flat {
+    [point.x, point.y]
+}
+
+/// From the right side: ahead is to the right.
+fn aside(point: DVec3) -> Flat {
+    [point.x, point.z]
+}
+
+/// From ahead: the vehicle's left is to the right.
+fn ahead(point: DVec3) -> Flat {
+    [point.y, point.z]
+}
+
+impl Views {
+    pub fn of(rig: &DrawnRig<'_>) -> Self {
+        let zone = match &rig.near {
+            Ok((footprint, near)) => zone(footprint, near),
+            Err(_) => Vec::new(),
+        };
+        let level = |k: usize, lidar: &DrawnLidar| vec![(k, horizontal(lidar))];
+        let upright = |axis: DVec3| {
+            move |k: usize, lidar: &DrawnLidar| {
+                let both = [axis, -axis].into_iter().filter_map(|towards| vertical(lidar, towards));
+                both.map(|fan| (k, fan)).collect::<Vec<_>>()
+            }
+        };
+        let mut views = Self {
+            top: View::of(rig, above, &level, &zone),
+            side: View::of(rig, aside, &upright(DVec3::X), &[[0.0; 2]]),
+            front: View::of(rig, ahead, &upright(DVec3::Y), &[[0.0; 2]]),
+            zone,
+        };
+        // The views from above and from the right stand one over the other, those upright side by side.
+        let (low, high) =
+            ([views.top.low[0], views.side.low[0]], [views.top.high[0], views.side.high[0]]);
+        (views.top.low[0], views.side.low[0]) = (low[0].min(low[1]), low[0].min(low[1]));
+        (views.top.high[0], views.side.high[0]) = (high[0].max(high[1]), high[0].max(high[1]));
+        let (low, high) =
+            ([views.front.low[1], views.side.low[1]], [views.front.high[1], views.side.high[1]]);
+        (views.front.low[1], views.side.low[1]) = (low[0].min(low[1]), low[0].min(low[1]));
+        (views.front.high[1], views.side.high[1]) = (high[0].max(high[1]), high[0].max(high[1]));
+        views
+    }
+}
+
+impl View {
+    fn of(rig: &DrawnRig<'_>, flat: fn(DVec3) -> Flat, fans: Fans<'_>, more: &[Flat]) -> Self {
+        let corner = |corner: [f32; 3]| flat(DVec3::from(corner.map(f64::from)));
+        let body: Vec<[Flat; 3]> = rig.body.iter().map(|t| t.map(corner)).collect();
+        let fans = rig.lidars.iter().enumerate().flat_map(|(k, lidar)| fans(k, lidar));
+        let fans: Vec<(usize, Vec<Flat>)> =
+            fans.map(|(k, fan)| (k, fan.into_iter().map(flat).collect())).collect();
+        let outline = outline(&body);
+        let mounts = rig.mounts.iter().flat_map(|mount| mount.corners);
+        let points = outline
+            .iter()
+            .chain(fans.iter().map(|(_, fan)| fan))
+            .flatten()
+            .copied()
+            .chain(more.iter().copied())
+            .chain(mounts.map(|corner| flat(corner.into())))
+            .chain(rig.lidars.iter().map(|lidar| flat(lidar.pose.position())));
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for point in points {
+            for k in 0..2 {
+                low[k] = low[k].min(point[k] - AROUND);
+                high[k] = high[k].max(point[k] + AROUND);
+            }
+        }
+        Self { flat, outline, fans, low, high }
+    }
+}
+
+/// A direction in the sensor's frame by azimuth and elevation.
+fn direction(azimuth: f64, elevation: f64) -> DVec3 {
+    let ((sin_a, cos_a), (sin_e, cos_e)) = (maths::sin_cos(azimuth), maths::sin_cos(elevation));
+    DVec3::new(cos_e * cos_a, cos_e * sin_a, sin_e)
+}
+
+/// Angles from one to another in steps of at most [`STEP`], both among them.
+fn steps(from: f64, width: f64) -> impl Iterator<Item = f64> {
+    let count = (width / STEP).ceil().max(1.0);
+    (0..=count as u32).map(move |k| from + width * f64::from(k) / count)
+}
+
+/// The field of view in the sensor's own plane, around the LiDAR where it is a sector.
+fn horizontal(lidar: &DrawnLidar) -> Vec<DVec3> {
+    let sector = lidar.view.sector();
+    let [from, width] = sector.unwrap_or([0.0, TAU]);
+    let end = |azimuth| lidar.ego_from_sensor.apply(REACH * direction(azimuth, 0.0));
+    let middle = sector.map(|_| lidar.ego_from_sensor.apply(DVec3::ZERO));
+    middle.into_iter().chain(steps(from, width).map(end)).collect()
+}
+
+/// The field of view in the upright plane that holds a direction of the ego frame, on its side; `None` where the
+/// sensor does not look there.
+fn vertical(lidar: &DrawnLidar, towards: DVec3) -> Option<Vec<DVec3>> {
+    let pose = &lidar.ego_from_sensor;
+    let towards = pose.rotation.transpose() * towards;
+    let azimuth = maths::atan2(towards.y, towards.x);
+    let [low, high] = lidar.view.elevations(azimuth)?;
+    let end = |elevation| pose.apply(REACH * direction(azimuth, elevation));
+    let corners = std::iter::once(pose.apply(DVec3::ZERO));
+    Some(corners.chain(steps(low, high - low).map(end)).collect())
+}
+
+/// Corners of the blind zone, those farther than [`DRAWN`] from the body moved there.
+fn zone(footprint: &Footprint, near: &NearField) -> Vec<Flat> {
+    let middle = footprint.middle();
+    let corner = |[x, y]: &Flat| {
+        let (x, y) = (x - middle[0], y - middle[1]);
+        let radius = maths::hypot(x, y);
+        let reach = footprint.reach([x / radius, y / radius]);
+        let share = radius.min(reach + DRAWN) / radius;
+        [middle[0] + share * x, middle[1] + share * y]
+    };
+    near.zone.polygon.iter().map(corner).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,413 @@
+//! The page of a run, or of placements alone: one file that opens offline and loads nothing.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `figures` | the drawings, and the data computed for them |
+//! | `front` | the page of a front |
+//! | `subject` | subject of a page, and the command that makes it again |
+//! | `required` | requirements: met or not, margins, missing shares |
+//! | `stage` | the first screen: result in a sentence, 3-D view |
+//! | `scores` | result against baselines, guards, scene by scene |
+//! | `layout` | poses of the result, and the gain of each LiDAR |
+//! | `gains` | gain by class and by distance |
+//! | `search` | convergence, findings, how the run was made |
+//! | `repeat` | the command that makes the page again, and every setting |
+//! | `parts` | tables and bars |
+
+mod layout;
+mod scores;
+mod search;
+
+use std::sync::Arc;
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::coverage::near_field_svg;
+use super::targets::{range_card_rows, range_card_svg};
+use super::view::ViewData;
+use super::{
+    InformationMap, RunRecord, SceneRecord, convergence_svg, judged, placement_svg,
+    spread_in_words, verdict,
+};
+use crate::engine::{BackendError, EngineChoice, open};
+use crate::job::Job;
+use crate::near_field::{Footprint, NearField, NearSite};
+use crate::problem::{Problem, spread};
+use crate::scan::conditions::under;
+use crate::scene::Scene;
+use crate::search::{GenerationRecord, Member, Scored, Suite};
+use crate::vehicle::{Constraints, Placement};
+
+pub use search::front_html;
+
+/// The page of a run: the result in a sentence and a picture, then all that is known of it.
+pub fn report_html(run: &RunRecord, figures: &Figures) -> String {
+    page(&Subject::of(run), figures, Some(run)).into_string()
+}
+
+/// The page of a placement that was not searched for.
+pub fn view_html(subject: &Subject<'_>, figures: &Figures) -> String {
+    page(subject, figures, None).into_string()
+}
+
+/// Policy that loads and sends nothing: styles, scripts and pictures are part of the page.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; \
+                      base-uri 'none'; form-action 'none'";
+
+/// Head of every page.
+fn head(title: &str) -> Markup {
+    html! {
+        head {
+            meta charset="utf-8";
+            meta http-equiv="Content-Security-Policy" content=(POLICY);
+            meta name="viewport" content="width=device-width, initial-scale=1";
+            meta name="color-scheme" content="light dark";
+            title { (title) }
+            style { (PreEscaped(include_str!("page/style.css"))) }
+        }
+    }
+}
+
+fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Markup {
+    let (first, rest) = subject.verdict.split_once(". ").unwrap_or((&subject.verdict, ""));
+    let stop = if rest.is_empty() { "" } else { "." };
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            (head(&format!("sightline: {}", subject.scene)))
+            body {
+                header {
+                    p.scene { "sightline · " (subject.scene) (under(subject.conditions)) }
+                    h1 { (unbroken(first)) (stop) }
+                    @if !rest.is_empty() { p { (rest) } }
+                }
+                main {
+                    (scores::required(subject))
+                    (layout::stage(subject, figures))
+                    (scores::usual(subject))
+                    @if let Some(words) = run.and_then(|run| run.equipment.as_ref()) { p { "Equipment: " (words) "." } }
+                    @if let Some(words) = run.and_then(spread_in_words) { p { (words) } }
+                    @if let Some(phases) = run.and_then(|run| run.phases.as_ref()) { p { (phases.words) } }
+                    (range_card(subject))
+                    (scores::against(subject, run))
+                    (scores::guards(subject))
+                    (layout::layout(subject, figures, run))
+                    (scores::gains(subject, figures))
+                    (near_field(figures))
+                    (maps(figures))
+                    (scores::scores(subject))
+                    (scores::scenes(subject))
+                    @if let Some(run) = run { (search::search(run, figures)) }
+                    (search::repeat_repeat(subject, run))
+                }
+                footer { p { "Made by sightline " (env!("CARGO_PKG_VERSION")) "." } }
+                (layout::script(figures))
+            }
+        }
+    }
+}
+
+/// Words of a heading; names with a hyphen stay on one line.
+fn unbroken(words: &str) -> Markup {
+    html! {
+        @for (index, word) in words.split(' ').enumerate() {
+            @if index > 0 { " " }
+            @if word.contains('-') { span.name { (word) } } @else { (word) }
+        }
+    }
+}
+
+/// Distances of detection, and the sectors in which the result is blind.
+fn range_card(subject: &Subject<'_>) -> Markup {
+    let Some((best, card)) =
+        subject.result.and_then(|best| Some((best, best.scores.range_card.as_ref()?)))
+    else {
+        return html! {};
+    };
+    let rows = range_card_rows(card);
+    let titles: Vec<&str> = rows[0].iter().map(String::as_str).collect();
+    let cells = |row: &Vec<String>| (false, row.iter().map(layout::text).collect());
+    html! {
+        section aria-labelledby="range" {
+            h2 #range { "Range card" }
+            @if card.blind.is_empty() {
+                p { "A car is met by " (card.beams) " beams or more everywhere between 5 and 50 m, all round." }
+            } @else {
+                p { "Blind sectors:" }
+                ul.guards { @for sector in &card.blind { li { (sector.to_string()) } } }
+            }
+            p {
+                "Metres from the vehicle's origin to the middle of a target on level ground, alone, at which "
+                (card.beams) " beams or more end at it, the own body in the way. Bearings count to the left from \
+                 straight ahead."
+            }
+            div.polar {
+                (layout::figure(&range_card_svg(&best.placement.name, card), "Distances at which targets are met"))
+            }
+            (layout::table("Metres at which a target is met", &titles, &rows[1..].iter().map(cells).collect::<Vec<_>>()))
+        }
+    }
+}
+
+/// The blind zone from above.
+fn near_field(figures: &Figures) -> Markup {
+    html! {
+        section aria-labelledby="near" {
+            h2 #near { "Ground near the vehicle" }
+            @match &figures.near_field {
+                Ok(svg) => {
+                    p {
+                        "From above, forward is right: ground within 10 m that no beam sees, and the zone in \
+                         which nothing on the ground is seen, over " (figures.near_frames) " frame(s) spread evenly"
+                        @if figures.views.len() > 1 { " over the first scene" }
+                        "."
+                    }
+                    (layout::figure(svg, "Blind zone from above"))
+                }
+                Err(why) => p { "Not drawn: " (why) "." }
+            }
+        }
+    }
+}
+
+/// Information gained from above, scene by scene.
+fn maps(figures: &Figures) -> Markup {
+    html! {
+        @if !figures.maps.is_empty() {
+            section #map aria-labelledby="seen" {
+                h2 #seen { "What it sees, from above" }
+                p {
+                    "Information of each column of voxels: red where the beams gain it, grey where it stays \
+                     unseen."
+                }
+                @for (scene, map) in &figures.maps {
+                    @if figures.maps.len() > 1 { h3 { (scene) } }
+                    div.paper { (layout::figure(map, "Information gained, from above")) }
+                }
+            }
+        }
+    }
+}
+
+/// Subject of a page, whether it was searched for or given.
+#[derive(Debug, Clone)]
+pub struct Subject<'a> {
+    /// Name of the scene; all names where there are several.
+    pub scene: &'a str,
+    /// Each of several scenes.
+    pub scenes: &'a [SceneRecord],
+    /// Score of the comparison.
+    pub objective: &'a str,
+    /// Weather and faults that it holds for, as they are written.
+    pub conditions: &'a [String],
+    /// The result in sentences, the first of which heads the page.
+    pub verdict: String,
+    /// The placement of the page; `None` where a search found nothing.
+    pub result: Option<&'a Scored>,
+    /// Layouts to compare with.
+    pub baselines: &'a [Scored],
+    /// The command that makes this page again.
+    pub command: String,
+}
+
+impl<'a> Subject<'a> {
+    /// The subject of a run.
+    pub fn of(run: &'a RunRecord) -> Self {
+        Self {
+            scene: &run.scene,
+            scenes: &run.scenes,
+            objective: &run.objective,
+            conditions: &run.conditions,
+            verdict: verdict(run.best.as_ref(), &run.baselines, &run.objective),
+            result: run.best.as_ref(),
+            baselines: &run.baselines,
+            command: format!("{} --backend {}", run.command, run.backend),
+        }
+    }
+
+    /// A placement that was given, by `objective` in clear air; `command` makes the page again.
+    pub fn given(
+        scene: &'a str,
+        scenes: &'a [SceneRecord],
+        result: &'a Scored,
+        baselines: &'a [Scored],
+        objective: &'a str,
+        command: String,
+    ) -> Self {
+        let verdict = judged(&result.placement.name, result, baselines, objective);
+        let (conditions, result) = (&[][..], Some(result));
+        Self { scene, scenes, objective, conditions, verdict, result, baselines, command }
+    }
+
+    /// The subject with weather and faults that it holds for.
+    #[must_use]
+    pub fn under(self, conditions: &'a [String]) -> Self {
+        Self { conditions, ..self }
+    }
+
+    /// The best baseline that keeps all rules.
+    fn rival(&self) -> Option<&'a Scored> {
+        Scored::yardstick(self.baselines)
+    }
+}
+
+/// Frames that the near field is taken over.
+const NEAR_FRAMES: u32 = 4;
+
+/// Figures that are computed of a placement for its page, beyond its scores.
+pub struct Looks {
+    /// Information that the placement gains, seen from above, by name of the scene.
+    maps: Vec<(String, InformationMap)>,
+    /// 3-D view of the placement in each scene.
+    views: Vec<ViewData>,
+    /// Ground near the vehicle in the first scene that placement and best baseline see, or why there is none.
+    near: Result<Near, String>,
+}
+
+/// Near fields of some placements around one body.
+struct Near {
+    footprint: Footprint,
+    /// Frames that they are taken over.
+    frames: usize,
+    all: Vec<(Placement, NearField)>,
+}
+
+impl Looks {
+    /// Looks at a placement and its baselines in the scenes of a job, whose suite is over all frames, on the CPU
+    /// within the memory of the job's engine.
+    ///
+    /// # Errors
+    /// Like [`open`] and the stages of the engine.
+    pub fn new(
+        job: &Job,
+        suite: &Suite,
+        placement: &Placement,
+        baselines: &[Scored],
+    ) -> Result<Self, BackendError> {
+        let choice = EngineChoice { memory: job.settings().engine.memory, ..EngineChoice::cpu() };
+        let rival = Scored::yardstick(baselines).map(|rival| &rival.placement);
+        let layouts: Vec<Placement> = baselines.iter().map(|b| b.placement.clone()).collect();
+        let (mut maps, mut views, mut ground) = (Vec::new(), Vec::new(), None);
+        let places: Vec<&Member> =
+            suite.members().iter().filter(|member| !member.is_mirrored()).collect();
+        for member in &places {
+            let (name, problem) = (member.name(), member.problem());
+            let scene = &**job.scenes()[member.scene()].scene();
+            // Much of either is work of one thread.
+            let (seen, near) = rayon::join(
+                || -> Result<_, BackendError> {
+                    let mut engine = open(problem.task(), &choice, |_| {})?.engine;
+                    let engine = &mut *engine;
+                    let map = InformationMap::of(problem, engine, placement)?;
+                    let count = places.len();
+                    let view = ViewData::new(scene, problem, engine, placement, &layouts, count)?;
+                    Ok((map, view))
+                },
+                || {
+                    let both = std::iter::once(placement).chain(rival);
+                    ground.is_none().then(|| near(scene, problem, &choice, both))
+                },
+            );
+            let (map, view) = seen?;
+            maps.push((name.to_owned(), map));
+            views.push(view);
+            ground = near.transpose()?.or(ground);
+        }
+        let near = ground.expect("a suite has a scene that is no mirror image");
+        Ok(Self { maps, views, near })
+    }
+}
+
+/// Near fields of placements over a few frames.
+fn near<'a>(
+    scene: &Scene,
+    problem: &Problem,
+    choice: &EngineChoice,
+    placements: impl Iterator<Item = &'a Placement>,
+) -> Result<Result<Near, String>, BackendError> {
+    // A P-SOG without geometry has no frame to cast into.
+    let frames = spread(problem.geometry_frame_count(), Some(NEAR_FRAMES));
+    let few = Arc::new(problem.over(&frames));
+    let site = match NearSite::new(scene, &few) {
+        Ok(site) => site,
+        Err(why) => return Ok(Err(why.to_string())),
+    };
+    let mut engine = open(few.task(), choice, |_| {})?.engine;
+    let look = |placement: &Placement| Ok((placement.clone(), site.look(&mut *engine, placement)?));
+    let all = placements.map(look).collect::<Result<Vec<_>, BackendError>>()?;
+    Ok(Ok(Near { footprint: site.footprint().clone(), frames: frames.len(), all }))
+}
+
+/// The drawings of a page, as SVG, and the data of its 3-D view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Figures {
+    /// Objective against evaluations; `None` without a search.
+    pub convergence: Option<String>,
+    /// The placement on the vehicle; `None` without a result.
+    pub placement: Option<String>,
+    /// Mount of each LiDAR, where mounts have names; `None` for one that stands on none.
+    pub mounts: Vec<Option<String>>,
+    /// Information gained, seen from above, with the name of each scene; empty without a result.
+    pub maps: Vec<(String, String)>,
+    /// The blind zone from above, or why it is not drawn.
+    pub near_field: Result<String, String>,
+    /// Frames that it is taken over.
+    pub near_frames: usize,
+    /// The 3-D view of each scene; empty without a result.
+    pub views: Vec<ViewData>,
+}
+
+impl Figures {
+    /// Draws a placement; `body` holds the ego body's triangles in the ego frame.
+    pub fn new(
+        shown: Option<&Scored>,
+        constraints: &Constraints,
+        body: &[[[f32; 3]; 3]],
+        looks: Option<Looks>,
+    ) -> Self {
+        let mounts = shown.map(|shown| constraints.mount_names(&shown.placement));
+        let mounts = mounts.unwrap_or_default().into_iter();
+        let none = Self {
+            mounts: mounts.map(|name| name.map(str::to_owned)).collect(),
+            convergence: None,
+            placement: shown.map(|shown| placement_svg(shown, constraints, body)),
+            maps: Vec::new(),
+            near_field: Err("there is no result".to_owned()),
+            near_frames: 0,
+            views: Vec::new(),
+        };
+        let Some((Looks { maps, views, near }, shown)) = looks.zip(shown) else { return none };
+        let near_frames = near.as_ref().map_or(0, |near| near.frames);
+        let near_field = near.map(|Near { footprint, all, .. }| {
+            let drawn: Vec<(&Placement, &NearField)> = all.iter().map(|(p, n)| (p, n)).collect();
+            near_field_svg(&footprint, &drawn)
+        });
+        let maps = maps.into_iter().map(|(name, map)| (name, map.svg(&shown.placement)));
+        Self { maps: maps.collect(), near_field, near_frames, views, ..none }
+    }
+
+    /// Every drawing with a name of its own; `result` is the placement that they show.
+    pub fn files(&self, result: Option<&Scored>) -> Vec<(String, String)> {
+        let mut all = Vec::new();
+        let mut add = |name: &str, svg: &str| all.push((name.to_owned(), svg.to_owned()));
+        self.placement.iter().for_each(|svg| add("placement", svg));
+        self.convergence.iter().for_each(|svg| add("convergence", svg));
+        if let Some((best, card)) = result.and_then(|b| Some((b, b.scores.range_card.as_ref()?))) {
+            add("range-card", &range_card_svg(&best.placement.name, card));
+        }
+        self.near_field.iter().for_each(|svg| add("near-field", svg));
+        for (scene, map) in &self.maps {
+            add(&format!("information-{scene}"), map);
+        }
+        all
+    }
+
+    /// Adds the convergence of a run.
+    pub fn with_search(mut self, run: &RunRecord, history: &[GenerationRecord]) -> Self {
+        let best = run.best.as_ref();
+        let steps = run.fidelity.as_ref().map_or(&[][..], |frames| &frames.steps);
+        let svg = convergence_svg(history, &run.objective, &run.baselines, best, steps);
+        self.convergence = Some(svg);
+        self
+    }
+}

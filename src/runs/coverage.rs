@@ -1,0 +1,437 @@
+//! Near field and targets of placements, scene by scene.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::inputs::{Files, Given, held, published};
+use super::opening::{LoadTimes, Loaded};
+use super::{Computing, GRACE, RunError, opening, outputs};
+use crate::audit::{AUDIT_FRAMES, AUDIT_PARTS, Audit, AuditEvent, audit};
+use crate::engine::BackendError;
+use crate::files::{Session, writable_file, write_whole};
+use crate::job::Job;
+use crate::near_field::{Footprint, NearField, NearSite};
+use crate::report::coverage::near_field_svg;
+use crate::report::targets::{targets_figures, targets_svg};
+use crate::runs::{Conditions, FiguresOut};
+use crate::scan::conditions::{in_words, weather};
+use crate::scene::{Scene, Target};
+use crate::score::Objective;
+use crate::targets::{GroundBelow, Receiving, TargetQuestion, TargetSite, TargetTable};
+use crate::vehicle::{Placement, read_placements};
+
+/// Placements whose near field is looked at.
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct NearFieldRequest {
+    /// Scene file; it must have geometry and an own body
+    pub scene: PathBuf,
+    /// Placements [default: Table 7 of the paper, where the vehicle is its car: one model, a mount that holds them]
+    pub placements: Option<PathBuf>,
+    /// Draw blind zones and poles from above into this SVG file
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub out: Option<PathBuf>,
+    /// Average over this many frames, spread evenly over the scene [default: all]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
+    pub frames: Option<u32>,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub figures: FiguresOut,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub conditions: Conditions,
+}
+
+/// Near fields in one scene; an interrupted answer holds the first ones.
+#[derive(Debug, Serialize)]
+pub struct NearFields {
+    /// Name of the scene.
+    pub scene: String,
+    /// Frames averaged over.
+    pub frames: usize,
+    /// Weather and faults, as they are written.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub conditions: Vec<String>,
+    /// Outline of the own vehicle.
+    pub footprint: Footprint,
+    /// Ground within 10 m in m², mean of the frames.
+    pub ground_area: f64,
+    /// Near field of each placement, in order.
+    pub near_fields: Vec<NearField>,
+}
+
+/// Looks at the near field of each placement, and draws it where the request names a file.
+///
+/// # Errors
+/// Files that cannot be read or written, a scene without geometry or own body, a condition given twice.
+pub fn near_fields(
+    request: &NearFieldRequest,
+    computing: &Computing<'_>,
+) -> Result<NearFields, RunError> {
+    let _session = Session::begin();
+    let watcher = computing.watcher;
+    let read = request.placements.as_deref().map(read_placements).transpose()?;
+    let mend = "static shapes, actors and an ego body";
+    let scene = opening::geometry(&request.scene, mend, computing)?;
+    opening::note_frames(&scene, request.frames, watcher);
+    if let Some(file) = &request.out {
+        writable_file(file)?;
+    }
+    outputs::check_figures(request.figures.figures.as_deref())?;
+    opening::note_conditions(&in_words(&request.conditions.condition), watcher);
+    let job = Job::new(scene).geometry_alone().frames(request.frames);
+    let job = job.conditions(&request.conditions.condition).engine(computing.engine.clone());
+    let mut loaded = Loaded { job, times: LoadTimes::default() };
+    let mut evaluator = loaded.evaluator(computing)?;
+    let scene = loaded.job.scene();
+    let placements = match request.placements.as_deref().zip(read) {
+        Some((file, mut read)) => {
+            Given::in_problem(file, evaluator.problem(), computing).all(&mut read)?;
+            read
+        }
+        None => held(scene.vehicle(), evaluator.problem().sensors(), computing)?,
+    };
+    if request.placements.is_none() && placements.is_empty() {
+        return Err(RunError::Usage(format!(
+            "{}: the vehicle is not the paper's car, whose layouts are looked at by default; give a file of placements \
+             behind the scene",
+            request.scene.display()
+        )));
+    }
+    let site = NearSite::new(scene, &evaluator.shared_problem())?;
+    watcher.listen(GRACE);
+    let bar = watcher.bar(placements.len() as u64, Some("placements"));
+    let mut all = Vec::new();
+    for placement in placements.iter().take_while(|_| watcher.goes_on()) {
+        all.push(site.look(evaluator.backend_mut(), placement)?);
+        bar.advance(1);
+    }
+    drop(bar);
+    if watcher.goes_on() {
+        let drawn: Vec<(&Placement, &NearField)> = placements.iter().zip(&all).collect();
+        draw(request, site.footprint(), &drawn)?;
+    } else {
+        watcher.note_interrupted(request.out.as_deref().or(request.figures.figures.as_deref()));
+    }
+    Ok(NearFields {
+        scene: scene.name().to_owned(),
+        frames: evaluator.problem().frame_count(),
+        conditions: in_words(&request.conditions.condition),
+        footprint: site.footprint().clone(),
+        ground_area: site.ground_area(),
+        near_fields: all,
+    })
+}
+
+/// Draws all placements into one file, and each into one of its own, where the request names places.
+fn draw(
+    request: &NearFieldRequest,
+    footprint: &Footprint,
+    drawn: &[(&Placement, &NearField)],
+) -> Result<(), RunError> {
+    // First, since the file may lie in their folder.
+    let figure = |one: &(&Placement, &NearField)| {
+        (format!("near-field-{}", one.0.name), near_field_svg(footprint, &[*one]))
+    };
+    outputs::write_figures(request.figures.figures.as_deref(), drawn.iter().map(figure).collect())?;
+    if let Some(file) = &request.out {
+        let svg = near_field_svg(footprint, drawn);
+        write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(RunError::io(file)))?;
+    }
+    Ok(())
+}
+
+/// Placements, targets and their places.
+#[derive(Debug, Clone)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct TargetsRequest {
+    /// Scene files, none for level ground, and a file of placements
+    #[cfg_attr(feature = "cli", arg(value_name = "[SCENE…] PLACEMENTS", required = true))]
+    pub files: Vec<PathBuf>,
+    /// Target: a preset, or a file { "sightline": 1, "name", "shapes", "reflectance" }; may be given several
+    /// times [default: child, adult, cyclist, car, tyre]
+    #[cfg_attr(feature = "cli", arg(long = "target", value_name = "NAME|FILE"))]
+    pub targets: Vec<String>,
+    /// Metres from the vehicle's origin to the middle of the target, separated by commas [default: 5 to 100]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "M,…", value_delimiter = ',', value_parser = super::parse::distance))]
+    pub distances: Vec<f64>,
+    /// Degrees counter-clockwise from straight ahead, separated by commas [default: sixteen all round]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DEG,…", value_delimiter = ',', value_parser = super::parse::bearing))]
+    pub bearings: Vec<f64>,
+    /// Beams from which on a target is detected in a frame
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..)))]
+    pub beams: u32,
+    /// Frames to look at in each scene, spread evenly
+    #[cfg_attr(feature = "cli", arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..)))]
+    pub frames: u32,
+    /// Frames in which the target must be detected [default: all]
+    #[cfg_attr(feature = "cli", arg(long = "in", value_name = "M", value_parser = clap::value_parser!(u32).range(1..)))]
+    pub of_frames: Option<u32>,
+    /// Count only beams of which the sensor sees enough light: by the target's reflectance and the sensor's response
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub response: bool,
+    /// Draw the distances of detection by bearing into this SVG file
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub out: Option<PathBuf>,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub figures: FiguresOut,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub conditions: Conditions,
+}
+
+/// Beams on targets, and the settings behind the numbers.
+#[derive(Debug, Serialize)]
+pub struct TargetsFound {
+    /// Targets with their dimensions and where these are from.
+    pub targets: Vec<Target>,
+    /// Least beams on a target for a frame to count.
+    pub beams: u32,
+    /// Frames that must count for a detection.
+    pub of_frames: usize,
+    /// Weather, as it is written.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub conditions: Vec<String>,
+    /// Rows and ranges.
+    #[serde(flatten)]
+    pub table: TargetTable,
+}
+
+/// Counts the beams of each placement on each target, and draws the ranges of detection where a file is given.
+///
+/// # Errors
+/// Files that cannot be read or written, neither scene nor vehicle, weather that no beam is dimmed by.
+pub fn targets(
+    request: &TargetsRequest,
+    computing: &Computing<'_>,
+) -> Result<TargetsFound, RunError> {
+    let _session = Session::begin();
+    let watcher = computing.watcher;
+    let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
+    let question = question(request, computing)?;
+    let receiving = receiving(request)?;
+    if let Some(file) = &request.out {
+        writable_file(file)?;
+    }
+    outputs::check_figures(request.figures.figures.as_deref())?;
+    let placements = read_placements(&file)?;
+    let mut table = TargetTable::default();
+    watcher.listen(GRACE);
+    if let Some(vehicle) = computing.vehicle.as_deref().filter(|_| scenes.is_empty()) {
+        table = on_level_ground(
+            &question,
+            receiving.clone(),
+            vehicle,
+            (&file, &placements),
+            computing,
+        )?;
+    }
+    for scene in scenes.iter().take_while(|_| watcher.goes_on()) {
+        let given = (&*file, &*placements);
+        table.append(in_scene(
+            &question,
+            receiving.clone(),
+            (scene, request.frames),
+            given,
+            computing,
+        )?);
+    }
+    if !watcher.goes_on() {
+        watcher.note_interrupted(request.out.as_deref().or(request.figures.figures.as_deref()));
+    } else {
+        // First, since the file may lie in their folder.
+        outputs::write_figures(
+            request.figures.figures.as_deref(),
+            targets_figures(&question, &table),
+        )?;
+        if let Some(file) = &request.out {
+            let svg = targets_svg(&question, &table);
+            write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(RunError::io(file)))?;
+        }
+    }
+    let TargetQuestion { targets, beams, of_frames, .. } = question;
+    let conditions = in_words(&request.conditions.condition);
+    Ok(TargetsFound { targets, beams, of_frames, conditions, table })
+}
+
+/// Table of placements of a file on level ground, with the vehicle of another.
+fn on_level_ground(
+    question: &TargetQuestion,
+    receiving: Option<Receiving>,
+    vehicle: &Path,
+    (file, placements): (&Path, &[Placement]),
+    computing: &Computing<'_>,
+) -> Result<TargetTable, RunError> {
+    let (watcher, mut placements) = (computing.watcher, placements.to_vec());
+    let scene = Scene::level_ground(vehicle)?;
+    scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
+    let site = TargetSite::of_vehicle(&scene)?.receiving(receiving);
+    if !site.has_body() {
+        let vehicle = vehicle.display();
+        watcher.note(&format!(
+            "{vehicle}: has no `body`, so that nothing stands in the way of a beam"
+        ));
+    }
+    Given::new(file, site.sensors(), &scene.constraints(), computing).all(&mut placements)?;
+    let bar = watcher.bar(placements.len() as u64, Some("placements"));
+    let mut table = TargetTable::default();
+    for placement in placements.iter().take_while(|_| watcher.goes_on()) {
+        let found = question.on_level_ground(&site, placement);
+        table.append(found.map_err(BackendError::from)?);
+        bar.advance(1);
+    }
+    Ok(table)
+}
+
+/// Table of placements of a file in a scene, over some of its frames.
+fn in_scene(
+    question: &TargetQuestion,
+    receiving: Option<Receiving>,
+    (path, frames): (&Path, u32),
+    (file, placements): (&Path, &[Placement]),
+    computing: &Computing<'_>,
+) -> Result<TargetTable, RunError> {
+    let (watcher, mut placements) = (computing.watcher, placements.to_vec());
+    let scene = opening::geometry(path, "static shapes and actors", computing)?;
+    opening::note_frames(&scene, Some(frames), watcher);
+    let ground = GroundBelow::new(&scene);
+    let job = Job::new(scene).geometry_alone().frames(Some(frames));
+    let job = job.engine(computing.engine.clone());
+    let mut loaded = Loaded { job, times: LoadTimes::default() };
+    let mut evaluator = loaded.evaluator(computing)?;
+    let problem = evaluator.shared_problem();
+    Given::in_problem(file, &problem, computing).all(&mut placements)?;
+    let site = TargetSite::of(&problem).receiving(receiving);
+    let bar = watcher.bar(placements.len() as u64, Some("placements"));
+    let mut table = TargetTable::default();
+    for placement in placements.iter().take_while(|_| watcher.goes_on()) {
+        let place = (&*problem, &ground);
+        table.append(question.in_scene(&site, place, evaluator.backend_mut(), placement)?);
+        bar.advance(1);
+    }
+    Ok(table.of_scene(loaded.job.scene().name()))
+}
+
+/// Targets of a study that names none.
+const TARGETS: [&str; 5] = ["child", "adult", "cyclist", "car", "tyre"];
+
+/// Distances of a study that names none: every 5 m to 60 m, then every 10 m.
+fn usual_distances() -> Vec<f64> {
+    (1..=12).map(|k| 5.0 * f64::from(k)).chain((7..=10).map(|k| 10.0 * f64::from(k))).collect()
+}
+
+/// Reads targets by preset or file, each once.
+pub(super) fn named(names: &[String], computing: &Computing<'_>) -> Result<Vec<Target>, RunError> {
+    let mut targets: Vec<Target> = Vec::new();
+    for name in names {
+        let target = Target::named(name)?;
+        target.notes.iter().try_for_each(|note| computing.watcher.tell(note))?;
+        if targets.iter().any(|known| known.name == target.name) {
+            let name = &target.name;
+            return Err(RunError::Usage(format!("--target {name}: is given twice; leave one out")));
+        }
+        targets.push(target);
+    }
+    Ok(targets)
+}
+
+/// Reads the targets, and orders distances.
+fn question(
+    request: &TargetsRequest,
+    computing: &Computing<'_>,
+) -> Result<TargetQuestion, RunError> {
+    let or = |given: &[f64], usual: Vec<f64>| if given.is_empty() { usual } else { given.to_vec() };
+    let targets = match &request.targets[..] {
+        [] => named(&TARGETS.map(str::to_owned), computing)?,
+        given => named(given, computing)?,
+    };
+    let mut distances = or(&request.distances, usual_distances());
+    distances.sort_by(f64::total_cmp);
+    distances.dedup();
+    let mut bearings = or(&request.bearings, (0..16).map(|k| 22.5 * f64::from(k)).collect());
+    bearings.dedup();
+    let of_frames = request.of_frames.unwrap_or(request.frames).min(request.frames) as usize;
+    Ok(TargetQuestion { targets, distances, bearings, beams: request.beams, of_frames })
+}
+
+/// Light that must come back, where it counts.
+fn receiving(request: &TargetsRequest) -> Result<Option<Receiving>, RunError> {
+    for condition in &request.conditions.condition {
+        if !condition.dims_light() {
+            return Err(RunError::Usage(format!(
+                "--condition {condition}: beams on targets are dimmed by fog, snow and rain alone; leave it out"
+            )));
+        }
+    }
+    let weather = weather(&request.conditions.condition)?;
+    let counts = request.response || !request.conditions.condition.is_empty();
+    Ok(counts.then(|| Receiving::from(weather)))
+}
+
+/// Files and settings of an audit.
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct AuditRequest {
+    /// Scene files, and placements to start from, which should be sound ones: the best of them is changed so
+    /// that it sees less, and no score may rise unnoticed [default: Table 7 of the paper]
+    #[cfg_attr(feature = "cli", arg(value_name = "SCENE… [PLACEMENTS]", required = true))]
+    pub files: Vec<PathBuf>,
+    /// Score by which the best placement is chosen, and that is watched while the model changes
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = Objective::default().to_string()))]
+    pub objective: String,
+    /// Frames to average over, spread evenly over the scene [default: 2]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
+    pub frames: Option<u32>,
+}
+
+/// Audits scene after scene, and calls `each` with every result.
+///
+/// # Errors
+/// Files that cannot be read, errors of [`audit`] and of `each`.
+pub fn audit_scenes(
+    request: &AuditRequest,
+    computing: &Computing<'_>,
+    mut each: impl FnMut(&Audit) -> Result<(), RunError>,
+) -> Result<Vec<Audit>, RunError> {
+    let Files { scenes, placements } = Files::sort(&request.files, computing.watcher)?;
+    let honest = placements.as_deref().map(read_placements).transpose()?;
+    let objective: Objective = request.objective.parse()?;
+    let mut all = Vec::new();
+    for path in &scenes {
+        let given = placements.as_deref();
+        let given = given.zip(honest.as_deref());
+        let found = of_scene(path, given, &objective, request.frames, computing)?;
+        each(&found)?;
+        all.push(found);
+    }
+    Ok(all)
+}
+
+/// The audit of one scene.
+fn of_scene(
+    path: &Path,
+    given: Option<(&Path, &[Placement])>,
+    objective: &Objective,
+    frames: Option<u32>,
+    computing: &Computing<'_>,
+) -> Result<Audit, RunError> {
+    let watcher = computing.watcher;
+    let files = opening::files(&[path.to_owned()], &[], frames, computing);
+    let job = opening::job(&files, computing)?.job.frames(frames.or(Some(AUDIT_FRAMES)));
+    let job = job.objective(objective.clone());
+    let scene = job.scene();
+    let sensors = scene.sensors()?;
+    let honest = match given {
+        Some((file, given)) => {
+            let mut given = given.to_vec();
+            Given::new(file, &sensors, &scene.constraints(), computing).all(&mut given)?;
+            given
+        }
+        None => published(&sensors, computing)?,
+    };
+    let bar = watcher.bar(AUDIT_PARTS, Some("parts"));
+    let tell = |event: AuditEvent| match event {
+        AuditEvent::Note(note) => watcher.note(note),
+        AuditEvent::PartDone => bar.advance(1),
+    };
+    Ok(audit(&job, &honest, &tell)?)
+}

@@ -1,0 +1,440 @@
+//! A search in a run folder: begun or resumed, saved on the way, recorded at its end.
+
+mod front;
+mod request;
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use super::inputs::note_repeated;
+use super::opening::LoadTimes;
+use super::{Bar, Computing, GRACE, RunError, Watcher, opening, outputs};
+use crate::export::GltfView;
+use crate::files::{Input, RunDir, Session, holds_run, read_own};
+use crate::job::{Job, JobError, JobRun, JobState, JobStep};
+use crate::problem::Content;
+use crate::report::record::peak_memory;
+use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
+use crate::search::{
+    Equipped, Event, FrameChoice, LeftOut, Outcome, Run, Scored, Settings, Stopped, TimeLimit, Work,
+};
+use crate::vehicle::{Placement, SensorName, SensorPose};
+use request::{Begun, RunCheckpoint, command};
+
+pub use front::{FrontStart, Fronted, front, holds_front};
+pub use request::{NewRun, OptimizeRequest, Start};
+
+/// Record and folder of a finished search.
+#[derive(Debug)]
+pub struct Optimized {
+    /// All of `result.json`.
+    pub record: RunRecord,
+    /// The run folder.
+    pub folder: PathBuf,
+}
+
+/// Searches in a run folder until the end or until the watcher stops it; `None` if it stopped while a vehicle's sensors
+/// were chosen.
+///
+/// # Errors
+/// Files that cannot be read or written, settings that do not fit the scenes, no candidate that keeps the rules.
+pub fn optimize(
+    request: &OptimizeRequest,
+    computing: &Computing<'_>,
+) -> Result<Option<Optimized>, RunError> {
+    let _session = Session::begin();
+    let start = Instant::now();
+    let (folder, begun, mut going_on, mut settings) = match &request.start {
+        Start::Resume(path) => {
+            check_no_front(path)?;
+            let (folder, RunCheckpoint { begun, state }) =
+                RunDir::<RunCheckpoint>::resume("optimize", path)?;
+            (Some(folder), begun, Some(state), Settings::default())
+        }
+        Start::New(new) => {
+            let scenes: Vec<PathBuf> = new.files.scenes().cloned().collect();
+            note_repeated(&scenes, computing.watcher);
+            (None, new.begun()?, None, new.settings()?)
+        }
+    };
+    let length = request.max_seconds.map(Duration::from_secs_f64);
+    let time = length.map(|length| TimeLimit { start, length });
+    let mut loaded = opening::job_within(&begun.files, time, computing)?;
+    loaded.suite(computing)?;
+    let mut inputs = Vec::new();
+    for scene in loaded.job.scenes() {
+        opening::note_frames(scene.scene(), request.frames, computing.watcher);
+        inputs.extend(Input::of(scene.scene().files())?);
+    }
+    outputs::check_gltf(request.gltf.as_deref())?;
+    outputs::check_figures(request.figures.as_deref())?;
+    if let Start::New(new) = &request.start {
+        new.look(&mut settings, &*loaded.job.problem()?, computing)?;
+    }
+    let (is_given, baselines) = (begun.baselines.is_some(), settings.baselines.clone());
+    let job = loaded.job.search(settings).engine(computing.engine.clone()).within(time);
+    let job = if is_given { job.baselines(baselines) } else { job };
+    if going_on.is_none() {
+        check_value(&begun, &job)?;
+    }
+    computing.watcher.listen(GRACE);
+    let folder = match (folder, &request.start) {
+        (None, Start::New(new)) => {
+            // Before the search, so that a folder that cannot be written is found out now.
+            RunDir::create("optimize", new.out.as_deref(), &begun.folder(), inputs.clone())?
+        }
+        (folder, _) => folder.expect("a run that goes on has a folder"),
+    };
+    folder.check(&inputs)?;
+    outputs::check_figures_apart(request.figures.as_deref(), folder.path())?;
+    let run = begin(&job, going_on.take(), &folder)?;
+    let (earlier, times) = (read_spent(&folder), loaded.times);
+    let mut sitting =
+        RunSession { request, computing, begun, job: &job, folder, run, times, earlier, start };
+    let Some(outcome) = sitting.search()? else { return Ok(None) };
+    let record = finish(&sitting, &outcome)?;
+    sitting.check(&record)?;
+    sitting.write_gltf(&record)?;
+    Ok(Some(Optimized { record, folder: sitting.folder.path().to_owned() }))
+}
+
+/// Refuses the folder of a front that an earlier program wrote, without a checkpoint.
+fn check_no_front(folder: &Path) -> Result<(), RunError> {
+    if holds_run(folder) || !folder.join("front.svg").exists() {
+        return Ok(());
+    }
+    Err(RunError::Usage(format!(
+        "{}: holds a front without a checkpoint, which does not go on; run `sightline optimize … --front …` again, into \
+         another folder or with --force",
+        folder.display()
+    )))
+}
+
+/// The search at its beginning, or where a checkpoint left it.
+fn begin<'a>(
+    job: &'a Job,
+    state: Option<JobState>,
+    folder: &RunDir<RunCheckpoint>,
+) -> Result<JobRun<'a>, RunError> {
+    let run = match state {
+        Some(state) => job.resume(state),
+        None => job.begin(),
+    };
+    run.map_err(|error| match error {
+        JobError::OtherState { why } => folder.refusal(&why).into(),
+        other => other.into(),
+    })
+}
+
+/// Checks that some placement can have a value.
+fn check_value(begun: &Begun, job: &Job) -> Result<(), RunError> {
+    let (objective, suite) = (&job.settings().objective, job.suite()?);
+    // A missing detection target is reported by the search.
+    let exists = |content: &Content| {
+        objective.exists_in(content) || objective.needs_detection() && !content.has_detection()
+    };
+    if suite.members().iter().any(|member| exists(member.problem().content())) {
+        return Ok(());
+    }
+    Err(RunError::Usage(format!(
+        "{}: nothing is uncertain in its P-SOG, so that no placement has a value of `{objective}`; give it frames in \
+         which something moves",
+        begun.files.scene.display()
+    )))
+}
+
+impl RunSession<'_> {
+    /// Runs to the outcome; the state is saved on the way. `None` after Ctrl-C in the choice of sensors.
+    fn search(&mut self) -> Result<Option<Outcome>, RunError> {
+        let watcher = self.computing.watcher;
+        let folder = self.folder.path().display().to_string();
+        let mut bars = Bars::new(watcher);
+        let mut saved: Option<Instant> = None;
+        let outcome = loop {
+            let mut observe = |event: &Event| {
+                bars.show(event);
+                watcher.goes_on()
+            };
+            let step = self.run.step(&mut observe)?;
+            let is_due = saved.is_none_or(|saved| saved.elapsed() > BETWEEN_CHECKPOINTS);
+            if is_due || !matches!(step, JobStep::On) {
+                save(self)?;
+                saved = Some(Instant::now());
+            }
+            match step {
+                JobStep::On => {}
+                JobStep::Stopped => {
+                    bars.clear();
+                    watcher.note(&format!(
+                        "stopped while the sensors were chosen; go on with --resume {folder}"
+                    ));
+                    return Ok(None);
+                }
+                JobStep::Done(outcome) => break outcome,
+            }
+        };
+        bars.clear();
+        let generation = outcome.history.len();
+        let mut line = format!("stopped after generation {generation}: {}", outcome.stopped);
+        if outcome.stopped.is_unfinished() {
+            line += &format!("; go on with --resume {folder}");
+        }
+        watcher.note(&line);
+        Ok(Some(*outcome))
+    }
+
+    /// A search without a result is an error, unless it was stopped before its end.
+    fn check(&self, record: &RunRecord) -> Result<(), RunError> {
+        if record.best.is_some() || !self.computing.watcher.goes_on() {
+            return Ok(());
+        }
+        let scene = self.begun.files.scene.display();
+        let history = self.run.run().map_or(&[][..], |run| run.state().history());
+        let broken: u64 = history.iter().map(|record| record.infeasible as u64).sum();
+        let kept = history.last().map_or(0, |record| record.evaluations).saturating_sub(broken);
+        Err(RunError::Usage(match kept {
+            0 => format!(
+                "{scene}: mount: no candidate kept its rules ({}); widen the mount or relax them",
+                record.constraints.join("; ")
+            ),
+            kept => format!(
+                "{scene}: mount: {kept} candidates kept its rules, but none has a value of `{}`: their beams reach \
+                 nothing in the region of interest that counts; move the mount, or allow other angles",
+                record.objective
+            ),
+        }))
+    }
+
+    /// Writes the result in the first scene where the request names a file.
+    fn write_gltf(&self, record: &RunRecord) -> Result<(), RunError> {
+        let Some(best) = &record.best else { return Ok(()) };
+        let (scene, placements) = (&**self.job.scene(), std::slice::from_ref(&best.placement));
+        let view = GltfView { scene, frame: 0, placements, points: &[] };
+        outputs::write_gltf(self.request.gltf.as_deref(), self.computing.watcher, &view)
+    }
+}
+
+/// One run of the program on a run folder.
+struct RunSession<'a> {
+    request: &'a OptimizeRequest,
+    computing: &'a Computing<'a>,
+    begun: Begun,
+    job: &'a Job,
+    folder: RunDir<RunCheckpoint>,
+    run: JobRun<'a>,
+    /// Seconds until the search could begin.
+    times: LoadTimes,
+    /// Times of earlier sittings.
+    earlier: Spent,
+    start: Instant,
+}
+
+/// Time between two checkpoints: one after each generation would take longer than the search itself
+/// where generations are quick.
+const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(1);
+
+/// File of the times of earlier sittings. The checkpoint does not hold them: it is the same bytes however often a run
+/// was interrupted.
+const TIMES: &str = "times.json";
+
+/// Work and wall times of all sittings of a run.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+struct Spent {
+    /// Placements × frames that the generations scored.
+    searched: u64,
+    /// Seconds of the generations, with going to other frames.
+    seconds: f64,
+    times: RunTimes,
+}
+
+/// The times of earlier sittings; a run that was killed before it wrote its first times has none.
+fn read_spent(folder: &RunDir<RunCheckpoint>) -> Spent {
+    let text = read_own(&folder.path().join(TIMES), 1 << 20).ok();
+    text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
+}
+
+impl RunSession<'_> {
+    /// Work and wall times of all sittings up to now.
+    fn spent(&self) -> Spent {
+        let now = self.run.run().map(Run::times).unwrap_or_default();
+        let Spent { searched, seconds, times } = self.earlier;
+        Spent {
+            searched: searched + now.scored,
+            seconds: seconds + now.until_swaps,
+            times: RunTimes {
+                load: times.load + self.times.load,
+                build: times.build + self.times.build + now.frames,
+                search: times.search + now.search,
+                generations: times.generations + now.generations,
+                bookkeeping: times.bookkeeping + now.bookkeeping,
+                swaps: times.swaps + now.swaps,
+                bounds: times.bounds + now.bounds,
+                confirm: times.confirm + now.confirm,
+                page: times.page,
+                total: times.total + self.start.elapsed().as_secs_f64(),
+            },
+        }
+    }
+}
+
+/// Saves the state: the history first, so that it is never behind.
+fn save(sitting: &RunSession) -> Result<(), RunError> {
+    if let Some(run) = sitting.run.run() {
+        sitting.folder.write_lines("history.jsonl", run.state().history())?;
+    }
+    let state = sitting.run.state();
+    sitting.folder.save(&RunCheckpoint { begun: sitting.begun.clone(), state })?;
+    Ok(sitting.folder.write_json(TIMES, &sitting.spent())?)
+}
+
+/// A placement as a file lists it, with the price of its sensors on a vehicle that has prices.
+fn priced(job: &Job, placement: &Placement) -> Value {
+    let (mut listed, vehicle) = (json!(placement), job.scene().vehicle());
+    if !vehicle.is_nameless() {
+        let first = vehicle.sensors.first().map_or(SensorName::NONE, |sensor| sensor.name);
+        let model = |lidar: &SensorPose| if lidar.sensor.is_none() { first } else { lidar.sensor };
+        let price: f64 = placement.lidars.iter().map(|lidar| vehicle.price(model(lidar))).sum();
+        listed["price"] = json!(price);
+    }
+    listed
+}
+
+/// Writes result, charts and page, and hands out the record.
+fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError> {
+    let (folder, suite, job) = (&sitting.folder, sitting.run.suite(), sitting.job);
+    let spent = sitting.spent();
+    let settings = sitting.run.run().map_or(job.settings(), |run| run.state().settings());
+    // A limit that did not end the run does not matter.
+    let limit = sitting.request.max_seconds.filter(|_| outcome.stopped == Stopped::Time);
+    let mut settled =
+        settings_json(&sitting.begun, sitting.run.equipped(), settings, &outcome.left_out);
+    if let Some(seconds) = limit {
+        settled["max_seconds"] = json!(seconds);
+    }
+    let mut record = RunRecord::new(
+        outcome,
+        RunContext {
+            scene: job.scene().name(),
+            settings: settled,
+            command: command(&sitting.begun, settings, limit),
+            suite,
+            equipment: sitting.run.equipment_in_words(),
+            seed: settings.seed,
+            objective: settings.objective.to_string(),
+            conditions: sitting.begun.files.conditions.clone(),
+            rate: spent.searched as f64 / spent.seconds,
+            timings: spent.times,
+            peak_memory: peak_memory(),
+        },
+    );
+    let drawing = Instant::now();
+    let (best, baselines) = (&record.best, &record.baselines);
+    let look = |best: &Scored| Looks::new(job, suite, &best.placement, baselines);
+    let looks = best.as_ref().map(look).transpose()?;
+    let drawings = Figures::new(best.as_ref(), suite.constraints(), &job.scene().body(), looks)
+        .with_search(&record, &outcome.history);
+    // All but writing the files is over.
+    let mut spent = sitting.spent();
+    spent.times.page += drawing.elapsed().as_secs_f64();
+    record.timings = spent.times;
+    folder.write_json(TIMES, &spent)?;
+    folder.write_json("result.json", &record.json())?;
+    let found = record.best.iter().chain(&record.baselines);
+    let found: Vec<Value> = found.map(|scored| priced(job, &scored.placement)).collect();
+    folder.write_json("placements.json", &json!({ "placements": found }))?;
+    if let Some(figure) = &drawings.convergence {
+        folder.write_text("convergence.svg", figure)?;
+    }
+    if let Some(figure) = &drawings.placement {
+        folder.write_text("placement.svg", figure)?;
+    }
+    for (index, (_, map)) in drawings.maps.iter().enumerate() {
+        let number = if index > 0 { format!("-{}", index + 1) } else { String::new() };
+        folder.write_text(&format!("map{number}.svg"), map)?;
+    }
+    folder.write_text("report.html", &report_html(&record, &drawings))?;
+    let wanted = sitting.request.figures.as_deref();
+    outputs::write_figures(wanted, drawings.files(record.best.as_ref()))?;
+    Ok(record)
+}
+
+/// Every setting that decides about the result, in the keys of `result.json`.
+fn settings_json(
+    begun: &Begun,
+    equipped: Option<&Equipped>,
+    settings: &Settings,
+    left_out: &[LeftOut],
+) -> Value {
+    let mut all = json!(begun.files);
+    all["frames"] = match settings.frames {
+        FrameChoice::OnDemand => Value::Null,
+        FrameChoice::All => json!(u32::MAX),
+        FrameChoice::Count(frames) => json!(frames),
+    };
+    all["baselines"] = json!(settings.baselines);
+    all["method"] = json!(settings.method);
+    all["target"] = json!(settings.target);
+    all["left_out"] = json!(left_out);
+    all["search"] = json!({
+        "objective": settings.objective,
+        "evaluations": settings.evaluations,
+        "population": settings.population,
+        "seed": settings.seed,
+        "delta": settings.delta,
+    });
+    if !settings.starts.is_empty() {
+        all["starts"] = json!(settings.starts);
+    }
+    let given = [("baselines_file", &begun.baselines), ("starts_file", &begun.inject)];
+    for (key, file) in given {
+        if let Some(file) = file {
+            all[key] = json!(file.to_string_lossy());
+        }
+    }
+    if let Some(equipped) = equipped {
+        all["budget"] = json!(begun.files.budget);
+        all["equipped"] = json!(equipped);
+    }
+    all
+}
+
+/// Progress of a run.
+struct Bars<'a> {
+    shown: Option<(Work, Box<dyn Bar>)>,
+    watcher: &'a dyn Watcher,
+}
+
+impl<'a> Bars<'a> {
+    pub fn new(watcher: &'a dyn Watcher) -> Self {
+        Self { shown: None, watcher }
+    }
+
+    pub fn show(&mut self, event: &Event) {
+        match *event {
+            Event::Asks => {}
+            Event::Note(sentence) => self.watcher.note(sentence),
+            Event::Generation(record) => {
+                if let (Some((_, bar)), Some(best)) = (&self.shown, record.best_so_far) {
+                    bar.say(format!("· best {best:.4e}"));
+                }
+            }
+            Event::Progress { work, done, total } => {
+                if self.shown.as_ref().is_none_or(|(shown, _)| *shown != work) {
+                    self.clear();
+                    let bar = self.watcher.bar(total, Some(&work.to_string()));
+                    self.shown = Some((work, bar));
+                }
+                if let Some((_, bar)) = &self.shown {
+                    bar.set(done, total);
+                }
+            }
+        }
+    }
+
+    pub fn clear(&mut self) {
+        self.shown = None;
+    }
+}

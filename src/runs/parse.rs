@@ -1,0 +1,98 @@
+//! Values of options from text, each with the sentence that refuses another one.
+
+use std::str::FromStr;
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+
+use crate::study::{Kind, Subregion};
+use crate::targets::{is_bearing, is_distance};
+
+/// A whole number, as of a seed.
+pub fn whole<T: FromStr>(text: &str) -> Result<T, String> {
+    let most = u128::MAX >> (128 - 8 * size_of::<T>());
+    text.parse().map_err(|_| format!("give a whole number from 0 to {most}"))
+}
+
+/// A count of something without which nothing is done.
+pub fn at_least_one(text: &str) -> Result<u64, String> {
+    text.parse()
+        .ok()
+        .filter(|n| *n > 0)
+        .ok_or(format!("give a whole number from 1 to {}", u64::MAX))
+}
+
+/// A number below, at or above 0.
+pub fn finite(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|v: &f64| v.is_finite()).ok_or("give a number, as in -8e-8".to_owned())
+}
+
+/// A share from 0 to 1.
+pub fn share(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "write a number, as in 0.01".to_owned())?;
+    if (0.0..=1.0).contains(&value) { Ok(value) } else { Err("give 0 to 1, as in 0.01".into()) }
+}
+
+/// Metres above 0.
+pub fn metres(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "write a number, as in 0.1".to_owned())?;
+    if value > 0.0 && value.is_finite() { Ok(value) } else { Err("give metres above 0".into()) }
+}
+
+/// Metres from the vehicle to a target.
+pub fn distance(text: &str) -> Result<f64, String> {
+    let found = text.trim().parse().ok().filter(|metres| is_distance(*metres));
+    found.ok_or("give metres above 0 and up to 1000, as 10,20,30".to_owned())
+}
+
+/// Degrees of a bearing.
+pub fn bearing(text: &str) -> Result<f64, String> {
+    let found = text.trim().parse().ok().filter(|degrees| is_bearing(*degrees));
+    found.ok_or("give degrees from -360 to 360, as 0,90,180".to_owned())
+}
+
+/// Metres that a crop box reaches beyond the own body.
+pub fn margin(text: &str) -> Result<f64, String> {
+    let found = text.trim().parse().ok().filter(|metres| (0.0..=10.0).contains(metres));
+    found.ok_or("give metres from 0 to 10".to_owned())
+}
+
+/// Position of `base_link` in the ego frame, metres.
+pub fn base_link(text: &str) -> Result<[f64; 3], String> {
+    let fault = || "give X or X,Y,Z in metres, as in -1.4,0,0".to_owned();
+    let numbers =
+        text.split(',').map(|word| word.trim().parse().ok().filter(|v: &f64| v.is_finite()));
+    match numbers.collect::<Option<Vec<f64>>>().ok_or_else(fault)?[..] {
+        [x] => Ok([x, 0.0, 0.0]),
+        [x, y, z] => Ok([x, y, z]),
+        _ => Err(fault()),
+    }
+}
+
+/// Kinds of study by name, with the question that each answers.
+pub fn kinds() -> impl TypedValueParser<Value = Kind> {
+    let values = Kind::ALL.map(|(_, name, answers)| PossibleValue::new(name).help(answers));
+    PossibleValuesParser::new(values).try_map(|name| Kind::from_str(&name))
+}
+
+/// A region: its name and two corners, metres.
+pub fn parse_box(text: &str) -> Result<Subregion, String> {
+    let wrong = || {
+        format!("`{text}` is no box; write NAME:x0,y0,z0,x1,y1,z1 in metres, lower corner first")
+    };
+    let (name, numbers) = text.split_once(':').ok_or_else(wrong)?;
+    let numbers: Vec<f64> = numbers
+        .split(',')
+        .map(|n| n.trim().parse().map_err(|_| wrong()))
+        .collect::<Result<_, _>>()?;
+    let [x0, y0, z0, x1, y1, z1] = numbers[..] else { return Err(wrong()) };
+    if name.is_empty() || !(x0 < x1 && y0 < y1 && z0 < z1) {
+        return Err(wrong());
+    }
+    Ok(Subregion::of_box(name, [x0, y0, z0], [x1, y1, z1]))
+}
+
+/// A length above 0, metres.
+pub fn parse_length(text: &str) -> Result<f64, String> {
+    let wrong = || format!("`{text}` is no length; write metres, as 0.1");
+    text.parse().ok().filter(|v: &f64| *v > 0.0 && v.is_finite()).ok_or_else(wrong)
+}

@@ -1,0 +1,339 @@
+//! Scores of a batch of placements: as a stream in one scene, with their mean in several.
+
+mod journal;
+mod stream;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde_json::{Value, json};
+
+use super::inputs::{Files, Given};
+use super::opening::{LoadTimes, Loaded, timings};
+use super::{Computing, GRACE, RunError, TableFormat, opening};
+use crate::csv::csv;
+use crate::files::{
+    Session, safe_name, safe_names, shared_folder, sync_disk, writable_file, write_many, write_npy,
+    write_own, write_whole,
+};
+use crate::job::Job;
+use crate::near_field::{FEW_PLACEMENTS, NearSite};
+use crate::report;
+use crate::report::tables::{score_rows, score_titles};
+use crate::runs::{Conditions, MountingArgs};
+use crate::scan::conditions::{in_words, under};
+use crate::score::Scores;
+use crate::search::{Evaluator, Judged, Member};
+use crate::vehicle::placement_file::count_placements;
+use crate::vehicle::{Placement, PlacementFileError, PlacementReader};
+
+/// Scores placements and writes the scores as they are computed, to the request's file or else to `out`.
+///
+/// # Errors
+/// Files that cannot be read or written, errors of the engine; mistakes in files are found before the first score.
+pub fn score(
+    request: &ScoreRequest,
+    computing: &Computing<'_>,
+    out: &mut dyn Write,
+) -> Result<(), RunError> {
+    let _session = Session::begin();
+    let start = Instant::now();
+    let (scenes, placements) = Files::with_placements(&request.files, computing.watcher)?;
+    // Everything that can be wrong is found before the first score is computed or printed; a pipe can
+    // be read only once.
+    let is_file = placements != Path::new("-") && placements.is_file();
+    let total = if is_file { count_placements(&placements)? } else { 0 };
+    if request.draw > 0 && scenes.len() > 1 {
+        return Err(RunError::Usage("--draw: takes one scene".to_owned()));
+    }
+    match &scenes[..] {
+        [scene] => stream::score(request, computing, scene, &placements, total, start, out),
+        _ => score_each(request, computing, &scenes, &placements, start, out),
+    }
+}
+
+/// Placements that are read, scored and printed at a time.
+const BLOCK: usize = 1024;
+
+/// A batch of placements to be scored.
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct ScoreRequest {
+    /// Scene files, and placements: a .json document, or a .jsonl file with one placement a line, read as a
+    /// stream; - is stdin. Several scenes share one LiDAR and mount, and get the mean beside each
+    #[cfg_attr(feature = "cli", arg(value_name = "SCENE… PLACEMENTS", required = true))]
+    pub files: Vec<PathBuf>,
+    /// How to print
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
+    pub format: TableFormat,
+    /// Write the scores to this file instead of stdout
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub out: Option<PathBuf>,
+    /// Go on with the scores of an interrupted run, which stand in FILE.partial beside the file of --out
+    #[cfg_attr(feature = "cli", arg(long, requires = "out"))]
+    pub resume: bool,
+    /// Write the covered voxels of each placement to DIR/NAME.npy: u64 linear indices, rising; with
+    /// several frames, voxels covered in at least one; of several scenes DIR/SCENE/NAME.npy
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DIR"))]
+    pub coverage_out: Option<PathBuf>,
+    /// Average over this many frames, spread evenly over each scene [default: all]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
+    pub frames: Option<u32>,
+    /// Score the near field, too: the share of the ground within 10 m, and within 3 m, of the own body with a hit close
+    /// by; takes casts of its own
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub near_field: bool,
+    /// Draw of what is left to chance, of free phases and of the beams that come back through weather; the mean
+    /// over several is the expectation; one scene
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0, value_parser = super::parse::whole::<u64>))]
+    pub draw: u64,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub mounting: MountingArgs,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub conditions: Conditions,
+}
+
+/// Hands out the file of the request, which is whole at any time, or the caller's writer.
+fn write_out(
+    request: &ScoreRequest,
+    out: &mut dyn Write,
+    print: impl FnOnce(&Path, &mut dyn Write) -> Result<(), RunError>,
+) -> Result<(), RunError> {
+    match &request.out {
+        Some(path) => write_whole(path, |file| print(path, file)),
+        None => print(Path::new("stdout"), out),
+    }
+}
+
+/// Says how far a batch came whose scores are not kept; `total` is 0 where it is not known.
+fn interrupted(request: &ScoreRequest, scored: u64, total: u64) -> RunError {
+    let all = if total > 0 { format!(" of {total}") } else { String::new() };
+    let left = request.out.as_ref().map(|out| format!("; {} is not written", out.display()));
+    let left = left.unwrap_or_default();
+    RunError::Interrupted(format!("interrupted after {scored}{all} placements{left}"))
+}
+
+/// Writes the covered voxels of a placement, in rising order.
+fn write_coverage(
+    folder: &Path,
+    placement: &Placement,
+    covered: Vec<u64>,
+    resumes: bool,
+) -> Result<(), RunError> {
+    let path = folder.join(format!("{}.npy", safe_name(&placement.name)));
+    // The last block of an interrupted batch is written again.
+    match resumes && path.exists() {
+        true => write_own(&path, |file| write_npy(file, covered).map_err(RunError::io(&path))),
+        false => write_many(&path, |file| write_npy(file, covered).map_err(RunError::io(&path))),
+    }
+}
+
+/// Placements that are held at once at most: a mean needs their scores in every scene.
+const MOST: usize = 100_000;
+
+/// Scores placements in all scenes and writes tables or JSON, to the request's file or else to `out`.
+fn score_each(
+    request: &ScoreRequest,
+    computing: &Computing<'_>,
+    scenes: &[PathBuf],
+    placements: &Path,
+    start: Instant,
+    out: &mut dyn Write,
+) -> Result<(), RunError> {
+    let files = opening::files(scenes, &request.conditions.condition, request.frames, computing);
+    let mut loaded = opening::job(&files, computing)?;
+    let evaluator = loaded.evaluator(computing)?;
+    let Loaded { job, times } = loaded;
+    let job = job.tolerance(Some(request.mounting.tolerance));
+    computing.watcher.listen(GRACE);
+    if let Some(file) = &request.out {
+        writable_file(file)?;
+    }
+    if request.resume {
+        return Err(RunError::Usage("--resume: takes one scene".into()));
+    }
+    let (file, mut placements) = (placements, read(placements)?);
+    Given::in_problem(file, evaluator.problem(), computing).all(&mut placements)?;
+    let conditions = in_words(&request.conditions.condition);
+    let mut batch = Batch { evaluator, times, start, conditions, judged: Vec::new() };
+    let bar = computing.watcher.bar(placements.len() as u64, Some("placements"));
+    for block in placements.chunks(BLOCK) {
+        let scored = batch.judged.len();
+        if !computing.watcher.goes_on() {
+            return Err(interrupted(request, scored as u64, placements.len() as u64));
+        }
+        batch.judged.extend(batch.evaluator.judged(block)?);
+        bar.advance(block.len() as u64);
+    }
+    drop(bar);
+    if placements.len() <= FEW_PLACEMENTS {
+        job.look_closely_by_scene(&mut batch.evaluator, &placements, &mut batch.judged)?;
+    }
+    if request.near_field {
+        batch.add_near_fields(&job, &placements)?;
+    }
+    if let Some(folder) = &request.coverage_out {
+        batch.write_coverage(folder, &placements)?;
+    }
+    let seconds = start.elapsed().as_secs_f64() - batch.times.load - batch.times.build;
+    write_out(request, out, |path, out| {
+        let text = match request.format {
+            TableFormat::Json => format!("{:#}\n", batch.json()),
+            TableFormat::Csv => batch.csv(),
+            TableFormat::Text => batch.text(),
+        };
+        out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(RunError::io(path))
+    })?;
+    let (count, frames) = (placements.len(), batch.evaluator.frame_count());
+    computing.watcher.note(&format!(
+        "{count} placements × {frames} frames of all scenes in {seconds:.2} s: {:.1} placements × frames/s",
+        (count * frames) as f64 / seconds
+    ));
+    Ok(())
+}
+
+/// All placements of a file, unless these are too many to be held with their scores in every scene.
+fn read(path: &Path) -> Result<Vec<Placement>, RunError> {
+    let mut placements = Vec::new();
+    for placement in PlacementReader::open(path)? {
+        placements.push(placement?);
+        if placements.len() > MOST {
+            return Err(RunError::Usage(format!(
+                "{}: holds more than {MOST} placements, too many for several scenes at once; score one scene \
+                 at a time",
+                path.display()
+            )));
+        }
+    }
+    if placements.is_empty() {
+        return Err(PlacementFileError::Empty { path: path.to_owned() }.into());
+    }
+    Ok(placements)
+}
+
+/// Placements with their scores in every scene.
+struct Batch {
+    evaluator: Evaluator,
+    times: LoadTimes,
+    start: Instant,
+    /// Weather and faults, as they are written.
+    conditions: Vec<String>,
+    judged: Vec<Judged>,
+}
+
+impl Batch {
+    fn members(&self) -> impl Iterator<Item = (usize, &Member)> {
+        self.evaluator.members().map(|(member, _)| member).enumerate()
+    }
+
+    /// Adds the near field in every scene, and its mean.
+    fn add_near_fields(&mut self, job: &Job, placements: &[Placement]) -> Result<(), RunError> {
+        for (index, scene) in job.scenes().iter().enumerate() {
+            let (member, engine) = self.evaluator.member_mut(index);
+            let of_scene = self.judged.iter_mut().map(|judged| &mut judged.by_scene[index].scores);
+            let site = NearSite::new(scene.scene(), member.problem())?;
+            site.score(engine, placements.iter().zip(of_scene))?;
+        }
+        for Judged { scores, by_scene } in &mut self.judged {
+            let mean = |of: fn(&Scores) -> Option<f64>| {
+                let sum: Option<f64> = by_scene.iter().map(|scene| of(&scene.scores)).sum();
+                sum.map(|sum| sum / by_scene.len() as f64)
+            };
+            (scores.near_field, scores.near_ring) = (mean(|s| s.near_field), mean(|s| s.near_ring));
+        }
+        Ok(())
+    }
+
+    /// Scores of all placements in one scene.
+    fn of_scene(&self, scene: usize) -> Vec<&Scores> {
+        self.judged.iter().map(|judged| &judged.by_scene[scene].scores).collect()
+    }
+
+    fn mean(&self) -> Vec<Scores> {
+        self.judged.iter().map(|judged| judged.scores.clone()).collect()
+    }
+
+    /// A table a scene, and the mean.
+    fn text(&self) -> String {
+        let mut text = String::new();
+        for (index, member) in self.members() {
+            let problem = member.problem();
+            text += &format!(
+                "{}: {} over {} frame(s), {} a LiDAR{}\n",
+                member.name(),
+                problem.coverage(),
+                problem.frame_count(),
+                problem.sensors().beams_in_words(),
+                under(&self.conditions)
+            );
+            let scores: Vec<Scores> = self.of_scene(index).into_iter().cloned().collect();
+            text += &format!("{}\n", report::scores_text(&scores));
+        }
+        let names: Vec<&str> = self.members().map(|(_, member)| member.name()).collect();
+        text += &format!(
+            "mean of {}: each scene's gain as a share of its own total, in nats of the mean total\n",
+            names.join(", ")
+        );
+        text + &report::scores_text(&self.mean())
+    }
+
+    /// The placements in each scene, then their means.
+    fn csv(&self) -> String {
+        let titles = std::iter::once("scene".to_owned()).chain(score_titles()).collect();
+        let mut rows: Vec<Vec<String>> = vec![titles];
+        let mut add = |scene: &str, scores: Vec<Vec<String>>| {
+            let named = |row| std::iter::once(scene.to_owned()).chain(row).collect();
+            rows.extend(scores.into_iter().map(named));
+        };
+        for (index, member) in self.members() {
+            add(member.name(), score_rows(self.of_scene(index)));
+        }
+        add("mean", score_rows(&self.mean()));
+        csv(rows)
+    }
+
+    /// An object a scene, as `score` of that scene alone prints it, and the mean.
+    fn json(&self) -> Value {
+        let engines: Vec<_> = self.evaluator.members().map(|(_, engine)| engine).collect();
+        let scene = |(index, member): (usize, &Member)| {
+            let (problem, engine) = (member.problem(), engines[index]);
+            let stages = engine.times();
+            let mut scene = json!({
+                "scene": member.name(),
+                "backend": engine.name(),
+                "adapter": engine.adapter(),
+                "coverage": problem.coverage(),
+                "frames": problem.frame_count(),
+                "modelled": problem.modelled(),
+                "threads": rayon::current_num_threads(),
+                "scores": self.of_scene(index),
+                // Loading and the whole are those of all scenes together.
+                "timings": timings(self.times, stages, self.start),
+            });
+            if !self.conditions.is_empty() {
+                scene["conditions"] = json!(self.conditions);
+            }
+            if !engine.changes().is_empty() {
+                scene["backend_changes"] = json!(engine.changes());
+            }
+            scene
+        };
+        json!({ "scenes": self.members().map(scene).collect::<Vec<_>>(), "mean": self.mean() })
+    }
+
+    /// Covered voxels of each placement, in a folder a scene.
+    fn write_coverage(&mut self, folder: &Path, placements: &[Placement]) -> Result<(), RunError> {
+        let names = safe_names(self.members().map(|(_, member)| member.name()));
+        for (scene, name) in names.iter().enumerate() {
+            let folder = folder.join(name);
+            shared_folder(&folder)?;
+            for placement in placements {
+                let covered = self.evaluator.covered_in(scene, placement)?;
+                write_coverage(&folder, placement, covered, false)?;
+            }
+            sync_disk(&folder);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,356 @@
+//! Scores along one field of a placement, and under errors of mounting.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::coverage::named;
+use super::inputs::{Files, Given, note_repeated};
+use super::opening::{LoadTimes, Loaded};
+use super::{Computing, GRACE, RunError, opening, outputs};
+use crate::files::{Session, writable_file, write_whole};
+use crate::job::{Job, Room, RoomSteps, Sweep, SweptField, TILTS};
+use crate::report::study::sweep_plot;
+use crate::scan::conditions::{Condition, in_words};
+use crate::scene::{Scene, Target};
+use crate::search::Evaluator;
+use crate::shared::{Overlap, Redundancy, redundancy_question};
+use crate::vehicle::{Placement, read_placements};
+
+/// Most values of a sweep.
+pub const MOST_VALUES: u32 = 1000;
+/// Values that are scored at once.
+const AT_ONCE: usize = 8;
+
+/// A pose field, its values, and the scenes and placements to score.
+#[derive(Debug, Clone)]
+pub struct SweepRequest {
+    /// Scenes, none for level ground, and a file of placements; frames and weather.
+    pub shared: SharedRequest,
+    /// `LIDAR.FIELD`, see [`SweptField::find`].
+    pub field: String,
+    /// First value, metres or degrees.
+    pub from: f64,
+    /// Last value.
+    pub to: f64,
+    /// Values from the first to the last, at equal distances.
+    pub values: u32,
+    /// SVG file for the chart of a single placement.
+    pub out: Option<PathBuf>,
+    /// Folder for the chart of each placement.
+    pub figures: Option<PathBuf>,
+}
+
+/// Rows of every placement.
+#[derive(Debug, Serialize)]
+pub struct SweepFound {
+    /// Weather and faults, as they are written.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub conditions: Vec<String>,
+    /// A sweep a placement.
+    pub sweeps: Vec<Sweep>,
+}
+
+/// Scores each placement as it is given and with the field at each value.
+///
+/// # Errors
+/// Files that cannot be read, a LiDAR or field that a placement does not have, a range of no length.
+pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepFound, RunError> {
+    let _session = Session::begin();
+    let SweepRequest { from, to, .. } = *request;
+    if !(from.is_finite() && to.is_finite()) || from == to {
+        let range = format!("--from {from} --to {to}");
+        return Err(RunError::Usage(format!("{range}: give two different numbers")));
+    }
+    if let Some(out) = &request.out {
+        writable_file(out)?;
+    }
+    outputs::check_figures(request.figures.as_deref())?;
+    let (scenes, file) = Files::or_level_ground(&request.shared.files, computing)?;
+    let mut opened = OpenJob::new(&request.shared, &scenes, &file, computing)?;
+    let fields = opened.fields(&request.field, &file.display().to_string())?;
+    if request.out.is_some() && opened.placements.len() > 1 {
+        let words = "--out draws one placement; leave the other placements out of the file";
+        return Err(RunError::Usage(format!("{}: {words}", file.display())));
+    }
+    let steps = f64::from(request.values - 1).max(1.0);
+    let value = |k: u32| from + (to - from) * f64::from(k) / steps;
+    // Values between two good ones are good.
+    let mut each = opened.placements.iter().zip(&fields);
+    each.try_for_each(|(placement, field)| field.check(placement, &[from, to]))?;
+    let as_given = std::iter::once(None);
+    let values: Vec<Option<f64>> =
+        as_given.chain((0..request.values).map(|k| Some(value(k)))).collect();
+    let total = values.len() * opened.placements.len();
+    let bar = computing.watcher.bar(total as u64, Some("placements"));
+    let mut sweeps = Vec::new();
+    for (placement, field) in opened.placements.clone().iter().zip(fields) {
+        let mut rows = Vec::new();
+        for some in values.chunks(AT_ONCE) {
+            let (evaluator, go_on) = (&mut opened.evaluator, &mut || computing.watcher.goes_on());
+            let Some(more) = opened.job.sweep_rows(evaluator, placement, field, some, go_on)?
+            else {
+                break;
+            };
+            rows.extend(more);
+            bar.advance(some.len() as u64);
+        }
+        sweeps.push(Sweep::new(placement, field, rows));
+    }
+    drop(bar);
+    opened.finish(computing);
+    if computing.watcher.goes_on() {
+        draw(request, &sweeps)?;
+    }
+    Ok(SweepFound { conditions: in_words(&request.shared.conditions), sweeps })
+}
+
+/// Draws a chart where the request names places.
+fn draw(request: &SweepRequest, sweeps: &[Sweep]) -> Result<(), RunError> {
+    // First, since the file may lie in their folder.
+    let figure = |sweep: &Sweep| (format!("sweep-{}", sweep.placement), sweep_plot(sweep));
+    outputs::write_figures(request.figures.as_deref(), sweeps.iter().map(figure).collect())?;
+    if let (Some(out), [sweep]) = (&request.out, sweeps) {
+        let svg = sweep_plot(sweep);
+        write_whole(out, |file| file.write_all(svg.as_bytes()).map_err(RunError::io(out)))?;
+    }
+    Ok(())
+}
+
+impl OpenJob {
+    /// The field that `text` names in each placement of a file.
+    fn fields(&self, text: &str, file: &str) -> Result<Vec<SweptField>, RunError> {
+        let problem = self.job.problem()?;
+        let find = |placement: &Placement| {
+            let found = SweptField::find(text, placement, problem.constraints());
+            found.map_err(|error| RunError::Usage(format!("{file}: --of {text}: {error}")))
+        };
+        self.placements.iter().map(find).collect()
+    }
+}
+
+/// Room of each placement; an interrupted answer holds the first ones.
+#[derive(Debug, Serialize)]
+pub struct RoomFound {
+    /// Weather and faults, as they are written.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub conditions: Vec<String>,
+    /// Deviations that were looked at.
+    #[serde(flatten)]
+    pub steps: RoomSteps,
+    /// A row a placement.
+    pub rows: Vec<Room>,
+}
+
+impl RoomFound {
+    /// True if every placement meets its requirements as it is.
+    pub fn all_meet(&self) -> bool {
+        self.rows.iter().all(|row| row.missed.is_empty())
+    }
+}
+
+/// Looks how far each field of each placement may be off, and how far the body may tilt.
+///
+/// # Errors
+/// Files that cannot be read, a vehicle that requires nothing.
+pub fn room(
+    request: &SharedRequest,
+    steps: RoomSteps,
+    computing: &Computing<'_>,
+) -> Result<RoomFound, RunError> {
+    let _session = Session::begin();
+    let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
+    let mut opened = OpenJob::new(request, &scenes, &file, computing)?;
+    let moves = |placement: &Placement| SweptField::all(placement).count() as u64 + TILTS;
+    let bar = computing.watcher.bar(opened.placements.iter().map(moves).sum(), Some("moves"));
+    let mut go_on = |moves: u64| {
+        bar.advance(moves);
+        computing.watcher.goes_on()
+    };
+    let mut rows = Vec::new();
+    for placement in &opened.placements {
+        if !go_on(0) {
+            break;
+        }
+        rows.push(opened.job.room_while(&mut opened.evaluator, placement, &steps, &mut go_on)?);
+    }
+    drop(bar);
+    opened.finish(computing);
+    Ok(RoomFound { conditions: in_words(&request.conditions), steps, rows })
+}
+
+/// Scenes and placements that are looked at.
+#[derive(Debug, Clone, Default)]
+pub struct SharedRequest {
+    /// Scenes, none for level ground, and a file of placements.
+    pub files: Vec<PathBuf>,
+    /// Frames of each scene to average over; all if none.
+    pub frames: Option<u32>,
+    /// Weather and faults. Beams that do not come back see nothing.
+    pub conditions: Vec<Condition>,
+}
+
+/// Redundancy of placements, and the settings behind the numbers; an interrupted answer holds the first rows.
+#[derive(Debug, Serialize)]
+pub struct RedundancyFound {
+    /// Least beams of a LiDAR on a target that it sees.
+    pub beams: u32,
+    /// Targets with their dimensions and where these are from.
+    pub targets: Vec<Target>,
+    /// Metres from the ego origin to the middle of a target.
+    pub distances: Vec<f64>,
+    /// Degrees counter-clockwise from straight ahead.
+    pub bearings: Vec<f64>,
+    /// Weather and faults, as they are written.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub conditions: Vec<String>,
+    /// For each scene, each placement.
+    pub rows: Vec<Redundancy>,
+    /// Means over several scenes, a row a placement; empty where there is one scene.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub mean: Vec<Redundancy>,
+}
+
+/// Overlap of placements; an interrupted answer holds the first rows.
+#[derive(Debug, Serialize)]
+pub struct OverlapFound {
+    /// Weather and faults, as they are written.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub conditions: Vec<String>,
+    /// For each scene, each placement.
+    pub rows: Vec<Overlap>,
+}
+
+/// Counts the LiDARs of each placement that see voxels, ground and targets given by preset or file.
+///
+/// # Errors
+/// Files that cannot be read, an unknown target or one given twice, neither scene nor vehicle.
+pub fn redundancy(
+    request: &SharedRequest,
+    targets: &[String],
+    computing: &Computing<'_>,
+) -> Result<RedundancyFound, RunError> {
+    let _session = Session::begin();
+    let question = redundancy_question(named(targets, computing)?);
+    let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
+    for condition in request.conditions.iter().filter(|condition| !condition.dims_light()) {
+        let words = "changes voxels and ground; targets are dimmed by fog, snow and rain alone";
+        computing.watcher.note(&format!("--condition {condition}: {words}"));
+    }
+    let mut opened = OpenJob::new(request, &scenes, &file, computing)?;
+    let mut rows = Vec::new();
+    let bar = opened.bar(computing);
+    for (index, scene) in opened.job.scenes().iter().enumerate() {
+        let (site, (_, engine)) = (scene.redundancy_site()?, opened.evaluator.member_mut(index));
+        if let Some(reason) = site.no_ground() {
+            computing.watcher.note(reason);
+        }
+        site.notes().iter().for_each(|note| computing.watcher.note(note));
+        if index == 0 && site.has_cones() && !request.conditions.is_empty() {
+            let words =
+                "weather and faults change the sight of LiDARs; other_sensors see as in clear air";
+            computing.watcher.note(words);
+        }
+        for placement in opened.placements.iter().take_while(|_| computing.watcher.goes_on()) {
+            rows.push(site.look(engine, &question, placement)?);
+            bar.advance(1);
+        }
+    }
+    drop(bar);
+    opened.finish(computing);
+    Ok(RedundancyFound {
+        beams: question.beams,
+        targets: question.targets,
+        distances: question.distances,
+        bearings: question.bearings,
+        conditions: in_words(&request.conditions),
+        mean: Redundancy::means(&rows, opened.placements.len()),
+        rows,
+    })
+}
+
+/// Looks at the overlap of each placement's pairs; those of `least_shared` voxels or more count.
+///
+/// # Errors
+/// Files that cannot be read, a scene without geometry or in which beams end at nothing, a placement of one LiDAR.
+pub fn overlap(
+    request: &SharedRequest,
+    least_shared: u64,
+    computing: &Computing<'_>,
+) -> Result<OverlapFound, RunError> {
+    let _session = Session::begin();
+    let (scenes, file) = Files::with_placements(&request.files, computing.watcher)?;
+    for placement in read_placements(&file)? {
+        if placement.lidars.len() < 2 {
+            return Err(RunError::Usage(format!(
+                "{}: placement `{}` has one LiDAR, and overlap is between two; add a second LiDAR, or leave the \
+                 placement out",
+                file.display(),
+                placement.name
+            )));
+        }
+    }
+    let mut opened = OpenJob::new(request, &scenes, &file, computing)?;
+    let mut rows = Vec::new();
+    let bar = opened.bar(computing);
+    for (index, scene) in opened.job.scenes().iter().enumerate() {
+        let (member, engine) = opened.evaluator.member_mut(index);
+        for placement in opened.placements.iter().take_while(|_| computing.watcher.goes_on()) {
+            let (scene, problem) = (scene.scene(), member.problem());
+            rows.push(Overlap::new(scene, problem, engine, placement, least_shared)?);
+            bar.advance(1);
+        }
+    }
+    drop(bar);
+    opened.finish(computing);
+    Ok(OverlapFound { conditions: in_words(&request.conditions), rows })
+}
+
+/// A job over the scenes of a request with its engines, and the placements.
+pub(super) struct OpenJob {
+    pub job: Job,
+    pub evaluator: Evaluator,
+    pub placements: Vec<Placement>,
+}
+
+impl OpenJob {
+    pub fn new(
+        request: &SharedRequest,
+        scenes: &[PathBuf],
+        file: &Path,
+        computing: &Computing<'_>,
+    ) -> Result<Self, RunError> {
+        let (watcher, mut placements) = (computing.watcher, read_placements(file)?);
+        let mut loaded = match (scenes, &computing.vehicle) {
+            ([], Some(vehicle)) => {
+                let scene = Scene::level_ground(vehicle)?;
+                scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
+                opening::note_frames(&scene, request.frames, watcher);
+                let job = Job::new(scene).conditions(&request.conditions);
+                let job = job.engine(computing.engine.clone());
+                Loaded { job, times: LoadTimes::default() }
+            }
+            _ => {
+                note_repeated(scenes, watcher);
+                let (conditions, frames) = (&request.conditions, request.frames);
+                opening::job(&opening::files(scenes, conditions, frames, computing), computing)?
+            }
+        };
+        let evaluator = loaded.evaluator(computing)?;
+        Given::in_problem(file, evaluator.problem(), computing).all(&mut placements)?;
+        watcher.listen(GRACE);
+        Ok(Self { job: loaded.job, evaluator, placements })
+    }
+
+    fn bar<'a>(&self, computing: &Computing<'a>) -> Box<dyn super::Bar> {
+        let rows = self.placements.len() * self.job.scenes().len();
+        computing.watcher.bar(rows as u64, Some("placements"))
+    }
+
+    pub fn finish(&self, computing: &Computing<'_>) {
+        if !computing.watcher.goes_on() {
+            computing.watcher.note_interrupted(None);
+        }
+    }
+}
