@@ -12,6 +12,8 @@ def show(event):
         print(f"{event['evaluations']} placements, best {event['best_so_far']:.2%}")
 
 
+if len(sys.argv) != 3:
+    sys.exit("usage: python quickstart.py MESH.obj PLOT.png")
 mesh, plot = sys.argv[1:]
 scene = sightline.Scene.from_dict({
     "sightline": 1, "name": "quickstart", "frames": 12,

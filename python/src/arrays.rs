@@ -69,7 +69,7 @@ pub fn wholes<T: Element + TryFrom<i128>>(
 }
 
 /// Index in an array of the element of number `n` in C order.
-fn place(mut n: usize, shape: &[usize]) -> Vec<usize> {
+pub fn place(mut n: usize, shape: &[usize]) -> Vec<usize> {
     let mut place = vec![0; shape.len()];
     for (at, &length) in place.iter_mut().zip(shape).rev() {
         *at = n % length.max(1);

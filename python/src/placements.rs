@@ -132,7 +132,8 @@ pub fn placements_in(
     Ok(placements)
 }
 
-fn parsed(
+/// Placements as they were given, whatever models there are.
+pub fn parsed(
     given: &Bound<'_, PyAny>,
     sensors: Option<Vec<String>>,
     phases: Option<&Bound<'_, PyAny>>,

@@ -20,7 +20,7 @@ use crate::arguments::{self, entries, room_for};
 use crate::arrays::{column, few_numbers, matrix, numbers, rows, shape_in_words, wholes};
 use crate::errors::{bad, raised};
 use crate::json::to_python;
-use crate::wait::interruptible;
+use crate::wait::{interruptible, pooled};
 
 /// Required shape of a region, in words.
 const CORNERS: &str = "[2, 3]: the lower and the upper corner, metres";
@@ -193,18 +193,19 @@ impl PyPsog {
     /// `[K]` f64, entropy of each listed voxel in nats; every other voxel has none.
     fn entropy<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         let psog = &self.0;
-        let entropies = py.detach(|| psog.entropies(EntropyKind::Segmentation));
+        let entropies = py.detach(|| pooled(|| psog.entropies(EntropyKind::Segmentation)));
         column(py, entropies.into_iter().map(|fixed| to_nats(fixed.into())).collect())
     }
 
     /// The P-SOG over the frames of both.
     fn merge(&self, other: &Self) -> PyResult<Self> {
-        Ok(Self(Arc::new(self.0.merge(&other.0).map_err(raised)?)))
+        let merged = pooled(|| self.0.merge(&other.0));
+        Ok(Self(Arc::new(merged.map_err(raised)?)))
     }
 
     /// The facts that `sightline psog info` prints.
     fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        to_python(py, &PsogInfo::new(&self.0, None))
+        to_python(py, &pooled(|| PsogInfo::new(&self.0, None)))
     }
 
     fn __len__(&self) -> usize {

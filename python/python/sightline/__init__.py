@@ -23,10 +23,12 @@ from ._native import (  # noqa: E402
     DoubtWarning,
     Placement,
     Psog,
+    Raycaster,
     Rig,
     ScanIterator,
     Scene,
     Sensor,
+    Space,
     Suite,
     Vehicle,
     __version__,
@@ -36,7 +38,8 @@ from ._native import (  # noqa: E402
     read_placements,
     set_threads,
 )
-from ._records import Boxes, Front, Result, Scan, Scores, Status  # noqa: E402
+from ._records import Boxes, Front, Result, Scan, Status  # noqa: E402
+from ._scores import Scores  # noqa: E402
 
 __all__ = [
     "Boxes",
@@ -44,6 +47,7 @@ __all__ = [
     "Front",
     "Placement",
     "Psog",
+    "Raycaster",
     "Result",
     "Rig",
     "Scan",
@@ -51,6 +55,7 @@ __all__ = [
     "Scene",
     "Scores",
     "Sensor",
+    "Space",
     "Status",
     "Suite",
     "Vehicle",
