@@ -1,5 +1,6 @@
 //! Scores as columns: one array a score, `NaN` where there is none.
 
+use std::borrow::Borrow;
 use std::sync::atomic::AtomicBool;
 
 use pyo3::prelude::*;
@@ -25,6 +26,34 @@ const TASK: [(&str, OfTask); 6] = [
     ("information_gain_share", |task| task.information_gain_share),
 ];
 
+/// A score of each placement, `NaN` where it has none.
+fn values_of<S: Borrow<Scores>>(scores: &[S], of: &dyn Fn(&Scores) -> Option<f64>) -> Vec<f64> {
+    scores.iter().map(|scores| of(scores.borrow()).unwrap_or(f64::NAN)).collect()
+}
+
+/// Columns that depend on sums over covered voxels alone, by name.
+pub fn summed<S: Borrow<Scores>>(scores: &[S]) -> Vec<(String, Vec<f64>)> {
+    let mut columns = Vec::new();
+    let mut add = |name: &str, of: &dyn Fn(&Scores) -> Option<f64>| {
+        columns.push((name.to_owned(), values_of(scores, of)));
+    };
+    TASK.iter().for_each(|(name, of)| add(name, &|s| of(&s.segmentation)));
+    add("near_gain", &|s| s.near_gain);
+    add("near_gain_2", &|s| s.near_gain_2);
+    add("near_gain_3", &|s| s.near_gain_3);
+    add("s_mig", &|s| s.s_mig);
+    add("entropy_sum", &|s| s.entropy_sum);
+    add("covered", &|s| Some(s.covered));
+    add("covered_nonzero", &|s| Some(s.covered_nonzero));
+    if scores.iter().any(|scores| scores.borrow().detection.is_some()) {
+        for (name, of) in TASK {
+            let of = |s: &Scores| s.detection.as_ref().and_then(of);
+            add(&format!("detection.{name}"), &of);
+        }
+    }
+    columns
+}
+
 /// The `Scores` object of the package, with a column for everything that is known about placements of a vehicle.
 pub fn scores_object<'a, 'py>(
     py: Python<'py>,
@@ -33,31 +62,16 @@ pub fn scores_object<'a, 'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let (placements, scores): (Vec<&Placement>, Vec<&Scores>) = scored.into_iter().unzip();
     let columns = PyDict::new(py);
-    let maybe = |of: &dyn Fn(&Scores) -> Option<f64>| {
-        column(py, scores.iter().map(|s| of(s).unwrap_or(f64::NAN)).collect::<Vec<f64>>())
-    };
-    for (name, of) in TASK {
-        columns.set_item(name, maybe(&|s| of(&s.segmentation)))?;
+    for (name, values) in summed(&scores) {
+        columns.set_item(name, column(py, values))?;
     }
-    columns.set_item("near_gain", maybe(&|s| s.near_gain))?;
-    columns.set_item("near_gain_2", maybe(&|s| s.near_gain_2))?;
-    columns.set_item("near_gain_3", maybe(&|s| s.near_gain_3))?;
+    let maybe = |of: &dyn Fn(&Scores) -> Option<f64>| column(py, values_of(&scores, of));
     if scores.iter().any(|s| s.near_field.is_some()) {
         columns.set_item("near_field", maybe(&|s| s.near_field))?;
         columns.set_item("near_ring", maybe(&|s| s.near_ring))?;
     }
-    columns.set_item("s_mig", maybe(&|s| s.s_mig))?;
-    columns.set_item("entropy_sum", maybe(&|s| s.entropy_sum))?;
-    columns.set_item("covered", maybe(&|s| Some(s.covered)))?;
-    columns.set_item("covered_nonzero", maybe(&|s| Some(s.covered_nonzero)))?;
     columns.set_item("beams", column(py, scores.iter().map(|s| s.beams).collect()))?;
     columns.set_item("hit_share", maybe(&|s| s.hit_share))?;
-    if scores.iter().any(|s| s.detection.is_some()) {
-        for (name, of) in TASK {
-            let name = format!("detection.{name}");
-            columns.set_item(name, maybe(&|s| s.detection.as_ref().and_then(of)))?;
-        }
-    }
     let classes: Vec<&str> = scores
         .first()
         .map(|s| s.covered_by_class.iter().map(|(name, _)| name.as_str()).collect())

@@ -10,6 +10,8 @@
 //! | `engine` | P-SOG, problem and engine of a scene, built once |
 //! | `columns` | scores as arrays |
 //! | `space` | variables, bounds and rules for optimizers of others |
+//! | `atlas` | sensor poses cast once, placements of them without a cast |
+//! | `by_hand` | a search by ask and tell |
 //! | `rules` | rules of a vehicle for a placement |
 //! | `rays` | rays of callers, into meshes and frames |
 //! | `scans` | scans as an iterator |
@@ -19,6 +21,8 @@
 
 mod arguments;
 mod arrays;
+mod atlas;
+mod by_hand;
 mod columns;
 mod engine;
 mod errors;
@@ -71,6 +75,10 @@ fn set_threads(#[pyo3(from_py_with = arguments::threads)] count: usize) -> PyRes
 mod _native {
     use pyo3::prelude::*;
 
+    #[pymodule_export]
+    use super::atlas::PyAtlas;
+    #[pymodule_export]
+    use super::by_hand::PySearch;
     #[pymodule_export]
     use super::front::front;
     #[pymodule_export]

@@ -17,6 +17,7 @@ use sightline::{Placement, Scene, engine};
 
 use crate::arguments::{self, room_for};
 use crate::arrays::{column, homogeneous, matrix};
+use crate::atlas::PyAtlas;
 use crate::columns::scored_object;
 use crate::engine::{Built, Options, add_near_fields, guard, score};
 use crate::errors::{bad, raised, warn_of};
@@ -380,6 +381,19 @@ impl PyScene {
             verify(&problem, &mut *engine, &placements, sample, seed, &|| {}).map_err(raised)
         })??;
         to_python(py, &found)
+    }
+
+    /// Casts M sensor poses `[M, 6]` once, over the frames of the scene's scores, so that placements of them are scored without
+    /// a cast. `sensors` names their model, or that of each. Raises `MemoryError` where their coverage does not fit into
+    /// `memory` of the scene, 4 GiB unless given.
+    #[pyo3(signature = (poses, *, sensors = None))]
+    fn atlas(
+        &self,
+        py: Python<'_>,
+        poses: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
+    ) -> PyResult<PyAtlas> {
+        PyAtlas::new(py, self.built.clone(), poses, sensors)
     }
 
     /// The space of placements by the mounts, for optimizers: `equipment` is a list of pairs, name of a mount and of a

@@ -50,6 +50,11 @@ impl PySpace {
         Ok(Self { scene: scene.clone().unbind(), equipment, rules, bounds })
     }
 
+    /// Rules of the mounts for its LiDARs.
+    pub fn constraints(&self) -> &Constraints {
+        &self.rules
+    }
+
     fn bounds_of<'py>(&self, py: Python<'py>, of: usize) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let regions = self.rules.slots.iter().map(|slot| &slot.region);
         matrix(py, regions.flat_map(|at| [at.lower, at.upper][of]).collect(), 6)
@@ -273,7 +278,8 @@ impl PySpace {
     }
 }
 
-fn poses_of<'py>(
+/// Poses of placements, f64 in an array of a shape.
+pub fn poses_of<'py>(
     py: Python<'py>,
     placements: &[Placement],
     shape: &[usize],

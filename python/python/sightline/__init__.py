@@ -20,6 +20,7 @@ import os as _os
 _os.environ.setdefault("NODEVICE_SELECT", "1")
 
 from ._native import (  # noqa: E402
+    Atlas,
     DoubtWarning,
     Placement,
     Psog,
@@ -27,6 +28,7 @@ from ._native import (  # noqa: E402
     Rig,
     ScanIterator,
     Scene,
+    Search,
     Sensor,
     Space,
     Suite,
@@ -42,6 +44,7 @@ from ._records import Boxes, Front, Result, Scan, Status  # noqa: E402
 from ._scores import Scores  # noqa: E402
 
 __all__ = [
+    "Atlas",
     "Boxes",
     "DoubtWarning",
     "Front",
@@ -54,6 +57,7 @@ __all__ = [
     "ScanIterator",
     "Scene",
     "Scores",
+    "Search",
     "Sensor",
     "Space",
     "Status",

@@ -11,6 +11,7 @@ from ._records import F32, F64, I64, U16, U32, Front, Result, Scan
 from ._scores import Scores
 
 __all__ = [
+    "Atlas",
     "DoubtWarning",
     "FEW_PLACEMENTS",
     "Placement",
@@ -19,6 +20,7 @@ __all__ = [
     "Rig",
     "ScanIterator",
     "Scene",
+    "Search",
     "Sensor",
     "Space",
     "Suite",
@@ -65,6 +67,15 @@ class _RayHits(TypedDict):
     uvs: NotRequired[F32]
 
 @final
+class Atlas:
+    @property
+    def poses(self) -> F64: ...
+    @property
+    def size_bytes(self) -> int: ...
+    def score(self, index: npt.ArrayLike) -> dict[str, F64]: ...
+    def __len__(self) -> int: ...
+
+@final
 class Placement:
     def __new__(
         cls,
@@ -89,6 +100,16 @@ class Placement:
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 class DoubtWarning(UserWarning): ...
+
+@final
+class Search:
+    def __new__(cls, space: Space, *, seed: int = 1, population: int | None = None) -> Search: ...
+    def ask(self) -> F64: ...
+    def ask_placements(self) -> list[Placement]: ...
+    def tell(self, values: npt.ArrayLike) -> None: ...
+    def result(self) -> tuple[Placement, float] | None: ...
+    @property
+    def told(self) -> int: ...
 
 @final
 class Sensor:
@@ -386,6 +407,7 @@ class Scene:
         sample: int = 20_000,
         seed: int = 1,
     ) -> dict[str, Any]: ...
+    def atlas(self, poses: npt.ArrayLike, *, sensors: Sequence[str] | None = None) -> Atlas: ...
     def space(self, equipment: Sequence[tuple[str, str]] | None = None) -> Space: ...
     def random_poses(self, count: int, *, seed: int = 1) -> F64: ...
     def _inputs(self) -> list[dict[str, str]]: ...
