@@ -11,7 +11,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::bundle::{RayBundle, SLACK, TraversalStack};
-use crate::bvh::bvh16::{BLOCK, Block16, Bvh16, WIDTH};
+use crate::bvh::bvh16::{BLOCK, Block16, Bvh16, Node16, WIDTH};
 use crate::bvh::{Bvh, Hit, Ray, axes_of};
 use crate::geom::{Pose, TriangleSoup};
 use crate::task::{Frame, Instance};
@@ -25,6 +25,8 @@ pub struct RayScene {
     things: Vec<Thing>,
     /// Tree over the boxes of things in the ego frame: each a triangle whose corners are those of the box.
     upper: Bvh,
+    /// Boxes of the things of each block of the tree.
+    leaves: Vec<Node16>,
 }
 
 /// An instance as rays see it.
@@ -80,7 +82,9 @@ impl RayScene {
             boxes.faces.push([first, first + 1, first]);
             boxes.face_class.push(0);
         }
-        Self { things, upper: Bvh::build(&boxes, 0.0) }
+        let upper = Bvh::build(&boxes, 0.0);
+        let leaves = upper.bvh16.blocks.iter().map(|block| block.boxes(upper.pad)).collect();
+        Self { things, upper, leaves }
     }
 
     /// Triangles of all instances.
@@ -116,7 +120,7 @@ impl RayScene {
     }
 
     /// Casts all rays; `answer` is told what was found and the length of the direction.
-    fn all<T: Send>(
+    fn all<T: Clone + Send>(
         &self,
         rays: &[[f32; 6]],
         range: f32,
@@ -140,7 +144,7 @@ impl RayScene {
             rays.iter().map(one).collect::<Vec<T>>()
         };
         let parts: Vec<Vec<T>> = rays.par_chunks(RAYS_A_TASK).map(some).collect();
-        parts.into_iter().flatten().collect()
+        parts.concat()
     }
 
     fn cast(
@@ -155,7 +159,7 @@ impl RayScene {
             return thing.cast(origin, unit, wanted, found, &mut stacks.lower);
         }
         let ray = Ray::new(origin.as_vec3(), unit.as_vec3(), found.hit.t);
-        boxes_met(&self.upper, &ray, &mut stacks.upper, &mut stacks.met);
+        boxes_met(&self.upper, &self.leaves, &ray, &mut stacks.upper, &mut stacks.met);
         stacks.met.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         for &(begin, thing) in &stacks.met {
             if begin > found.hit.t || found.is_enough(wanted) {
@@ -207,7 +211,7 @@ fn descend(
     single: &RayBundle<'_>,
     mut reach: f32,
     left: &mut TraversalStack,
-    mut block: impl FnMut(&Block16, &mut f32),
+    mut block: impl FnMut(usize, &mut f32),
 ) {
     if tree.nodes.is_empty() {
         return;
@@ -219,7 +223,7 @@ fn descend(
             continue;
         }
         if child & BLOCK != 0 {
-            block(&tree.blocks[(child ^ BLOCK) as usize], &mut reach);
+            block((child ^ BLOCK) as usize, &mut reach);
             continue;
         }
         let node = &tree.nodes[child as usize];
@@ -244,16 +248,23 @@ fn descend(
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
-fn boxes_met(upper: &Bvh, ray: &Ray, left: &mut TraversalStack, met: &mut Vec<(f32, u32)>) {
+fn boxes_met(
+    upper: &Bvh,
+    leaves: &[Node16],
+    ray: &Ray,
+    left: &mut TraversalStack,
+    met: &mut Vec<(f32, u32)>,
+) {
     met.clear();
     let single = RayBundle::single(ray, upper);
     descend(&upper.bvh16, &single, ray.t_max, left, |block, reach| {
         let mut begins = [0.0; WIDTH];
-        let mut seen = single.triangles(block, *reach, &mut begins) & block.valid;
+        let leaf = &leaves[block];
+        let mut seen = single.children(leaf, *reach, &mut begins) & leaf.valid;
         while seen != 0 {
             let slot = seen.trailing_zeros() as usize % WIDTH;
             seen &= seen - 1;
-            met.push((begins[slot], block.prim[slot] as u32));
+            met.push((begins[slot], leaf.children[slot]));
         }
     });
 }
@@ -273,6 +284,7 @@ fn triangles_hit(
 ) {
     let single = RayBundle::single(ray, bvh);
     descend(&bvh.bvh16, &single, ray.t_max, left, |block, reach| {
+        let block = &bvh.bvh16.blocks[block];
         let mut passed = edges_passed(block, ray) & block.valid;
         while passed != 0 {
             let slot = passed.trailing_zeros() as usize % WIDTH;
