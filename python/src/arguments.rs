@@ -106,9 +106,9 @@ pub fn budget(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
     maybe_real("budget", given, "a price of 0 or more, or None", |price| price >= 0.0)
 }
 
-/// The argument `conditions`.
-pub fn conditions(given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
-    texts("conditions", given)
+/// The argument `conditions`, which may be `None`.
+pub fn conditions(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
+    if given.is_none() { Ok(None) } else { texts("conditions", given).map(Some) }
 }
 
 /// The argument `classes`.

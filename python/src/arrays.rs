@@ -78,6 +78,18 @@ pub fn place(mut n: usize, shape: &[usize]) -> Vec<usize> {
     place
 }
 
+/// An object as NumPy sees it: tensors without their gradients, and those of DLPack alone.
+fn as_array<'py>(given: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
+    let numpy = given.py().import("numpy")?;
+    let given = match given.getattr_opt("detach")? {
+        Some(detach) => detach.call0()?,
+        None => given.clone(),
+    };
+    let is_shared = given.hasattr("__dlpack__")? && !given.hasattr("__array__")?;
+    let make = if is_shared { "from_dlpack" } else { "asarray" };
+    Ok(numpy.call_method1(make, (given,))?.cast_into()?)
+}
+
 /// An array of real numbers, of which there is room for copies as `T`; and the letter of their kind: `f`, `i` or `u`.
 fn real_numbers<'py, T: Element>(
     what: &str,
@@ -88,8 +100,8 @@ fn real_numbers<'py, T: Element>(
     if let (Ok(length), false) = (given.len(), given.hasattr("__array__")?) {
         room_for("lists of numbers", length, LISTED_BYTES)?;
     }
-    let array = match py.import("numpy")?.call_method1("asarray", (given,)) {
-        Ok(array) => array.cast_into::<PyUntypedArray>()?,
+    let array = match as_array(given) {
+        Ok(array) => array,
         Err(error) => {
             or_raised(py, error)?;
             return Err(bad(format!("{what}: is no array of numbers; give {wanted}")));

@@ -23,6 +23,7 @@ const BARREN: usize = 1000;
 ///
 /// Placements that break rules of the mount are never asked about; they rank behind all others. Equal seeds and values give
 /// equal placements. `population` is the number of placements of a generation, unless given by the number of variables.
+/// Raises `ValueError` for a space in which nothing may vary.
 #[pyclass(name = "Search", module = "sightline", frozen)]
 pub struct PySearch {
     rules: Constraints,

@@ -24,7 +24,7 @@ use crate::search::{beside, scenes_of};
 /// requires, summed) are better when less, scores such as `near_gain` when more. Sensors are chosen on a coarse grid of poses
 /// under a row of limits, for at most `budget`; all placements are scored over all frames. `evaluations` search around each
 /// point, 0 leave them on the grid. `seconds`, `mirror`, `tolerance` and `callback` are those of `optimize`; `StopIteration` and Ctrl-C
-/// keep the points found so far.
+/// keep the points found so far. Raises `ValueError` for objectives and settings that are not usable.
 #[pyfunction(name = "front")]
 #[pyo3(signature = (scenes, objectives, *, evaluations = 40, seed = 1, seconds = None, mirror = false, budget = None,
     tolerance = "5mm,0.5deg", callback = None))]

@@ -29,6 +29,7 @@ impl PyScene {
     /// Range card of one placement, as a `dict`: distances in metres at which five beams or more meet a car, an adult and a
     /// tyre, at sixteen bearings in degrees counter-clockwise from straight ahead, and the sectors that lose a car between
     /// 5 and 50 m. On level ground, the own body in the way. `None` where beams end at nothing.
+    /// Raises `ValueError` as `score`, and for several placements.
     #[pyo3(signature = (poses, *, sensors = None, phases = None))]
     fn range_card<'py>(
         &self,

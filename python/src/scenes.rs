@@ -49,13 +49,16 @@ enum Source {
 pub struct PyScene {
     pub built: Arc<Built>,
     source: Source,
+    /// Current folder when it was read: that of relative paths.
+    root: PathBuf,
 }
 
 impl PyScene {
     /// Warns of every note on the scene's files.
     fn new(py: Python<'_>, scene: Scene, source: Source, options: Options) -> PyResult<Self> {
         warn_of(py, scene.notes())?;
-        Ok(Self { built: Arc::new(Built::new(scene, options)), source })
+        let root = std::env::current_dir().unwrap_or_default();
+        Ok(Self { built: Arc::new(Built::new(scene, options)), source, root })
     }
 }
 
@@ -66,9 +69,10 @@ impl PyScene {
     /// `vehicle` is a vehicle file in place of the scene's LiDAR and mount, `psog` a P-SOG in place of its own. Scores are
     /// means over all frames, or over `frames` of them, spread evenly. `conditions` are weather and faults, as `"fog:mor=50"`.
     /// `backend` is `auto` (the best hardware Vulkan device, else the CPU), `gpu` (any device, `adapter` a part of its name)
-    /// or `cpu`; all give the same bits. `memory` bounds work buffers, in bytes.
+    /// or `cpu`; all give the same bits. `memory` bounds work buffers, in bytes. Raises `FileNotFoundError` and other kinds of
+    /// `OSError` for files that cannot be read, `ValueError` for what is wrong in them and in arguments.
     #[staticmethod]
-    #[pyo3(signature = (path, *, vehicle = None, psog = None, frames = None, conditions = Vec::new(),
+    #[pyo3(signature = (path, *, vehicle = None, psog = None, frames = None, conditions = None,
         backend = "auto", adapter = None, memory = None))]
     #[allow(clippy::too_many_arguments)]
     fn load(
@@ -77,36 +81,41 @@ impl PyScene {
         vehicle: Option<PathBuf>,
         psog: Option<&Bound<'_, PyPsog>>,
         #[pyo3(from_py_with = arguments::frames)] frames: Option<u32>,
-        #[pyo3(from_py_with = arguments::conditions)] conditions: Vec<String>,
+        #[pyo3(from_py_with = arguments::conditions)] conditions: Option<Vec<String>>,
         backend: &str,
         adapter: Option<String>,
         #[pyo3(from_py_with = arguments::memory)] memory: Option<u64>,
     ) -> PyResult<Self> {
         let psog = psog.map(|psog| psog.get().0.clone());
-        let options = Options::new(psog, frames, &conditions, backend, adapter, memory)?;
+        let options =
+            Options::new(psog, frames, &conditions.unwrap_or_default(), backend, adapter, memory)?;
         let scene =
             py.detach(|| pooled(|| Scene::read_with(&path, vehicle.as_deref()))).map_err(raised)?;
         Self::new(py, scene, Source::File { path, vehicle }, options)
     }
 
-    /// A scene from the dict of a scene file; files that it names are relative to `folder`. Options as for `load`.
+    /// A scene from the dict of a scene file; files that it names are relative to `folder`, the current one unless
+    /// given. Options as for `load`. Raises `ValueError` and `OSError` as
+    /// `load`.
     #[staticmethod]
-    #[pyo3(signature = (scene, *, folder = PathBuf::from("."), psog = None, frames = None,
-        conditions = Vec::new(), backend = "auto", adapter = None, memory = None))]
+    #[pyo3(signature = (scene, *, folder = None, psog = None, frames = None,
+        conditions = None, backend = "auto", adapter = None, memory = None))]
     #[allow(clippy::too_many_arguments)]
     fn from_dict(
         scene: &Bound<'_, PyAny>,
-        folder: PathBuf,
+        folder: Option<PathBuf>,
         psog: Option<&Bound<'_, PyPsog>>,
         #[pyo3(from_py_with = arguments::frames)] frames: Option<u32>,
-        #[pyo3(from_py_with = arguments::conditions)] conditions: Vec<String>,
+        #[pyo3(from_py_with = arguments::conditions)] conditions: Option<Vec<String>>,
         backend: &str,
         adapter: Option<String>,
         #[pyo3(from_py_with = arguments::memory)] memory: Option<u64>,
     ) -> PyResult<Self> {
         let psog = psog.map(|psog| psog.get().0.clone());
-        let options = Options::new(psog, frames, &conditions, backend, adapter, memory)?;
+        let options =
+            Options::new(psog, frames, &conditions.unwrap_or_default(), backend, adapter, memory)?;
         let text = to_text("scene", scene)?;
+        let folder = folder.unwrap_or_else(|| PathBuf::from("."));
         let read = pooled(|| Scene::from_json(&text, &folder, "scene")).map_err(raised)?;
         Self::new(scene.py(), read, Source::Text { text, folder }, options)
     }
@@ -177,7 +186,7 @@ impl PyScene {
         Ok(PyPsog(interruptible(py, move |_| built.psog())??))
     }
 
-    /// `[4, 4]` f64, takes the ego frame of a frame to the world.
+    /// `[4, 4]` f64, takes the ego frame of a frame to the world. Raises `ValueError` for a frame that is not there.
     fn world_from_ego<'py>(
         &self,
         py: Python<'py>,
@@ -188,7 +197,7 @@ impl PyScene {
     }
 
     /// Triangles of a frame in the ego frame: `vertices` `[V, 3]` f32 in metres, `faces` `[F, 3]` u32, `class_ids` `[F]` u16;
-    /// without those of the own vehicle where `body` is false.
+    /// without those of the own vehicle where `body` is false. Raises `ValueError` for a frame that is not there.
     #[pyo3(signature = (frame = 0, *, body = true))]
     fn mesh<'py>(
         &self,
@@ -206,7 +215,9 @@ impl PyScene {
         Ok(mesh)
     }
 
-    /// Scores of N placements, as `Scores`: an array a score. The bits are those of `sightline score`.
+    /// Scores of N placements, as `Scores`: a mapping of columns `[N]`, `print(scores.describe())` says unit and meaning of each.
+    /// The bits are those of `sightline score`. Raises `ValueError` for poses of another shape, that are not finite, or of models
+    /// that the vehicle does not have, `MemoryError` for what does not fit, `OSError` where a device fails.
     ///
     /// The guards `self_hit` and `blind_sector` take casts of their own: they are looked for with up to 64 placements, as in
     /// the program, with any number where `self_hits` is true, and not at all where it is false. So do the columns `near_field` and `near_ring`,
@@ -238,7 +249,8 @@ impl PyScene {
         })
     }
 
-    /// u64, rising linear indices of the voxels that a placement covers in any frame.
+    /// `[K]` u64, rising linear indices of the voxels that one placement covers in any frame. Raises `ValueError` as `score`, and for
+    /// several placements.
     #[pyo3(signature = (poses, *, sensors = None, phases = None))]
     fn covered<'py>(
         &self,
@@ -259,7 +271,8 @@ impl PyScene {
     ///
     /// `origin`, `direction` `[B, 3]` f32 in the ego frame, unit directions; `t_hit` `[B]` f32 metres, `inf` for no hit within
     /// range; `primitive_ids` `[B]` int64, faces of `mesh(frame)`, −1 for none; `class_ids` `[B]` int64, −1 for none;
-    /// `placement`, `lidar` `[B]` int64, from 0.
+    /// `placement`, `lidar` `[B]` int64, from 0. Raises `ValueError` as `score`, for a frame that is not there, and for scenes without
+    /// geometry.
     #[pyo3(signature = (poses, *, frame = 0, sensors = None, phases = None))]
     fn cast<'py>(
         &self,
@@ -294,7 +307,8 @@ impl PyScene {
         Ok(columns)
     }
 
-    /// Rays into one frame, as a `Raycaster` in the ego frame: closest hits, occlusion, counts.
+    /// Rays into one frame, as a `Raycaster` in the ego frame: closest hits, occlusion, counts. Raises `ValueError` for a
+    /// frame that is not there, and for scenes without geometry.
     #[pyo3(signature = (frame = 0))]
     fn raycaster(
         &self,
@@ -307,7 +321,7 @@ impl PyScene {
     }
 
     /// Closest hits of `rays` `[..., 6]`, origin and direction in the ego frame in metres, in one frame: as
-    /// `raycaster(frame).cast_rays(rays)`.
+    /// `raycaster(frame).cast_rays(rays)`. Raises `ValueError` as these do.
     #[pyo3(signature = (rays, *, frame = 0, t_max = None, normals = false, uvs = false))]
     #[allow(clippy::too_many_arguments)]
     fn cast_rays<'py>(
@@ -327,8 +341,8 @@ impl PyScene {
     ///
     /// `conditions` are weather and faults of the scan, as `"snow:rate=1"`; `ideal` leaves the sensor's own limits out; `frames`
     /// are all unless given, a number of them spread evenly, or a list of their numbers from 0; with `misses` every beam is there, not only the points. Chance depends on `seed` alone. The scene's `backend` casts; the
-    /// numbers are the same on all.
-    #[pyo3(signature = (poses, *, sensors = None, phases = None, conditions = Vec::new(), ideal = false, seed = 1,
+    /// numbers are the same on all. Raises `ValueError` as `score`, for unknown conditions, and for scenes without geometry.
+    #[pyo3(signature = (poses, *, sensors = None, phases = None, conditions = None, ideal = false, seed = 1,
         frames = None, misses = false))]
     #[allow(clippy::too_many_arguments)]
     fn scan(
@@ -336,19 +350,27 @@ impl PyScene {
         poses: &Bound<'_, PyAny>,
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'_, PyAny>>,
-        #[pyo3(from_py_with = arguments::conditions)] conditions: Vec<String>,
+        #[pyo3(from_py_with = arguments::conditions)] conditions: Option<Vec<String>>,
         ideal: bool,
         #[pyo3(from_py_with = arguments::seed)] seed: u64,
         frames: Option<&Bound<'_, PyAny>>,
         misses: bool,
     ) -> PyResult<ScanIterator> {
         let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
-        ScanIterator::begin(self.built.clone(), placement, &conditions, ideal, seed, frames, misses)
+        ScanIterator::begin(
+            self.built.clone(),
+            placement,
+            &conditions.unwrap_or_default(),
+            ideal,
+            seed,
+            frames,
+            misses,
+        )
     }
 
     /// Compares hits, voxels and sums of the scene's engine with the CPU reference, bit by bit, and `sample` beams of
     /// the reference with brute force in f64, over `frames` frames. Returns the output of `sightline verify --format
-    /// json`. Placements are Table 7, `random` and `hostile` ones unless given.
+    /// json`. Placements are Table 7, `random` and `hostile` ones unless given. Raises `ValueError` as `score`.
     #[pyo3(signature = (poses = None, *, sensors = None, phases = None, frames = 1, random = 200, hostile = 50,
         sample = 20_000, seed = 1))]
     #[allow(clippy::too_many_arguments)]
@@ -397,7 +419,7 @@ impl PyScene {
     }
 
     /// The space of placements by the mounts, for optimizers: `equipment` is a list of pairs, name of a mount and of a
-    /// model; the fullest unless given.
+    /// model; the fullest unless given. Raises `ValueError` for names that the vehicle does not have.
     #[pyo3(signature = (equipment = None))]
     fn space(slf: &Bound<'_, Self>, equipment: Option<&Bound<'_, PyAny>>) -> PyResult<PySpace> {
         PySpace::new(slf, equipment)
@@ -440,7 +462,7 @@ impl PyScene {
         };
         this.built.options.put(&options)?;
         let rebuild = py.import("sightline._pickle")?.getattr("scene")?;
-        let arguments = (make, first, options, this._inputs(py)?).into_pyobject(py)?;
+        let arguments = (make, first, options, this._inputs(py)?, &this.root).into_pyobject(py)?;
         PyTuple::new(py, [rebuild, arguments.into_any()])
     }
 }

@@ -26,7 +26,7 @@ use crate::placements::{PyPlacement, placements_in};
 use crate::scenes::PyScene;
 use crate::wait::{start, wait};
 
-/// Several scenes that share LiDARs and mount; each counts the same.
+/// Several scenes that share LiDARs and mount; each counts the same. Raises `ValueError` for none, and where they differ.
 #[pyclass(name = "Suite", module = "sightline", frozen)]
 pub struct PySuite {
     given: Vec<Py<PyScene>>,
@@ -51,7 +51,7 @@ impl PySuite {
     }
 
     /// Scores over all scenes: the mean of the scenes' shares of information. `poses` as for `Scene`. Up to 64
-    /// placements are looked at for the guard `self_hit`, as in the program.
+    /// placements are looked at for the guard `self_hit`, as in the program. Raises `ValueError` as `Scene.score`.
     #[pyo3(signature = (poses, *, sensors = None, phases = None))]
     fn score<'py>(
         &self,
@@ -145,7 +145,8 @@ fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
 /// `callback` is called with a dict for each event: `{"event": "note", "text"}`, `{"event": "generation", "generation",
 /// "evaluations", "best_so_far", …}`, `{"event": "progress", "work", "done", "total"}`. `StopIteration` raised by it ends the
 /// search, which confirms what it has, over few frames where a scene has more than 32, and returns it. So do Ctrl-C and any other exception, but
-/// that they go on to the caller, with the `Result` as their `result`.
+/// that they go on to the caller, with the `Result` as their `result`. Raises `ValueError` for settings that are not
+/// usable, `MemoryError` for what does not fit, `OSError` where a device fails.
 #[pyfunction(name = "optimize")]
 #[pyo3(signature = (scenes, *, objective = "near_gain", evaluations = 180, seed = 1,
     method = "both", frames = None, population = None, baselines = None, starts = None,

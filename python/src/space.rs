@@ -177,7 +177,8 @@ impl PySpace {
         poses_of(z.py(), &placements, &shape[usize::from(is_one)..])
     }
 
-    /// A `Placement` for each row of `z` `[N, dim]`, with its models and phases: `scene.score(space.placements(z))`.
+    /// A `Placement` for each row of `z` `[N, dim]`, with its models and phases: `scene.score(space.placements(z))`. Raises
+    /// `ValueError` as `poses`.
     fn placements(&self, z: &Bound<'_, PyAny>) -> PyResult<Vec<PyPlacement>> {
         Ok(self.placed(z)?.0.into_iter().map(PyPlacement).collect())
     }
@@ -206,7 +207,8 @@ impl PySpace {
 
     /// f64 `[N, 6]`: by how much `poses` `[N, L, 6]` break each of `rules`, 0 where one is kept: metres or radians outside
     /// the mounts, metres that are missing between LiDARs, metres inside keep-out boxes, metres between heights, metres and
-    /// radians from mirror images, LiDARs without a mount; sums over LiDARs and pairs.
+    /// radians from mirror images, LiDARs without a mount; sums over LiDARs and pairs. Raises `ValueError` for another number of
+    /// LiDARs.
     #[pyo3(signature = (poses, *, phases = None))]
     fn violations<'py>(
         &self,

@@ -139,7 +139,7 @@ def _known(value: Any) -> Any:
 
 def _made(scene: Scene) -> Any:
     """What a scene is made of, and the SHA-256 of its files; not what engine is to take it."""
-    _, first, options, _ = scene.__reduce__()[1]
+    _, first, options, *_ = scene.__reduce__()[1]
     options = {key: value for key, value in options.items() if key not in ("adapter", "memory", "backend")}
     if (psog := options.pop("psog", None)) is not None:
         options["psog"] = hashlib.sha256(psog.index.tobytes() + psog.counts.tobytes()).hexdigest()

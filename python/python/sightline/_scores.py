@@ -180,7 +180,7 @@ class Scores(Mapping[str, Column]):
         return self.rows[np.argsort(-values if descending else values, kind="stable")]
 
     def describe(self, column: str | None = None) -> str:
-        """Unit, better direction and meaning of a column, or of all, a line each."""
+        """Unit, better direction and meaning of a column, or of all, a line each. Raises ``KeyError`` for no column."""
         if column is None:
             width = max(map(len, self))
             return "\n".join(f"{name:{width}}  {self.describe(name)}" for name in self)
