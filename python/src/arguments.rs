@@ -106,6 +106,18 @@ pub fn budget(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
     maybe_real("budget", given, "a price of 0 or more, or None", |price| price >= 0.0)
 }
 
+/// The argument `objective`.
+pub fn objective<'a>(given: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {
+    let text = given.cast::<PyString>().map_err(|_| {
+        let found = shown(given);
+        bad(format!(
+            "objective: is {found}; give the name of a score or a weighted sum of scores as text, and for a function \
+             of your own take sightline.Search(scene.space())"
+        ))
+    })?;
+    text.to_str()
+}
+
 /// The argument `conditions`, which may be `None`.
 pub fn conditions(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
     if given.is_none() { Ok(None) } else { texts("conditions", given).map(Some) }

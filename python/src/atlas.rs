@@ -11,12 +11,13 @@ use sightline::problem::{Content, Tally};
 use sightline::score::{Needed, Scores};
 use sightline::vehicle::{Constraints, Region, SensorPose, Slot};
 
-use crate::arguments::room_for;
+use crate::arguments::{self, room_for};
 use crate::arrays::{column, matrix, shape_in_words, wholes};
 use crate::columns::summed;
 use crate::engine::Built;
 use crate::errors::{bad, raised};
 use crate::placements::placements_in;
+use crate::scenes::PyScene;
 use crate::wait::interruptible;
 
 /// Bytes of coverage that an atlas may hold where the scene does not say.
@@ -173,4 +174,20 @@ fn together(atlas: &Atlas, row: &[u32], content: &Content) -> Tally {
     let sums = atlas.tally_with(&union, *last);
     let zero = Tally::zero(content.set_count(), row.len());
     Tally { by_class: zero.by_class, unique: zero.unique, beams: 1, ..sums }
+}
+
+#[pymethods]
+impl PyScene {
+    /// Casts M sensor poses `[M, 6]` once, over the frames of the scene's scores, so that placements of them are scored without
+    /// a cast. `sensors` names their model, or that of each. Raises `MemoryError` where their coverage does not fit into
+    /// `memory` of the scene, 4 GiB unless given.
+    #[pyo3(signature = (poses, *, sensors = None))]
+    fn atlas(
+        &self,
+        py: Python<'_>,
+        poses: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
+    ) -> PyResult<PyAtlas> {
+        PyAtlas::new(py, self.built.clone(), poses, sensors)
+    }
 }

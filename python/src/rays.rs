@@ -18,6 +18,7 @@ use sightline::scene::EgoBody;
 use crate::arguments::{self, room_for};
 use crate::arrays::{numbers, place, rows, shape_in_words, shaped, wholes};
 use crate::errors::bad;
+use crate::scenes::PyScene;
 use crate::wait::interruptible;
 
 /// Metres within which rays of callers hit.
@@ -326,5 +327,38 @@ impl PyRaycaster {
 
     fn __repr__(&self) -> String {
         format!("Raycaster({} triangles)", self.__len__())
+    }
+}
+
+#[pymethods]
+impl PyScene {
+    /// Rays into one frame, as a `Raycaster` in the ego frame: closest hits, occlusion, counts. Raises `ValueError` for a
+    /// frame that is not there, and for scenes without geometry.
+    #[pyo3(signature = (frame = 0))]
+    fn raycaster(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = arguments::frame)] frame: i128,
+    ) -> PyResult<PyRaycaster> {
+        let frame = self.built.check_frame(frame)?;
+        let built = self.built.clone();
+        Ok(PyRaycaster(interruptible(py, move |_| built.frame(frame))??.rays))
+    }
+
+    /// Closest hits of `rays` `[..., 6]`, origin and direction in the ego frame in metres, in one frame: as
+    /// `raycaster(frame).cast_rays(rays)`. Raises `ValueError` as these do.
+    #[pyo3(signature = (rays, *, frame = 0, t_max = None, normals = false, uvs = false))]
+    #[allow(clippy::too_many_arguments)]
+    fn cast_rays<'py>(
+        &self,
+        py: Python<'py>,
+        rays: &Bound<'py, PyAny>,
+        #[pyo3(from_py_with = arguments::frame)] frame: i128,
+        t_max: Option<f64>,
+        normals: bool,
+        uvs: bool,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let target = self.raycaster(py, frame)?.0;
+        hits_object(py, target, rays, &Asked { t_max, normals, uvs })
     }
 }

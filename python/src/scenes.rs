@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use numpy::{PyArray1, PyArray2, PyArrayDyn};
+use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use sightline::engine::NO_HIT;
@@ -17,17 +17,15 @@ use sightline::{Placement, Scene, engine};
 
 use crate::arguments::{self, room_for};
 use crate::arrays::{column, homogeneous, matrix};
-use crate::atlas::PyAtlas;
 use crate::columns::scored_object;
 use crate::engine::{Built, Options, add_near_fields, guard, score};
 use crate::errors::{bad, raised, warn_of};
 use crate::json::{to_python, to_text};
 use crate::placements::{placement_bytes, placements_in};
 use crate::psogs::PyPsog;
-use crate::rays::{Asked, PyRaycaster, hits_object, signed};
+use crate::rays::signed;
 use crate::scans::ScanIterator;
 use crate::sensors::PySensor;
-use crate::space::PySpace;
 use crate::wait::{interruptible, pooled};
 
 /// Bytes of a beam that `verify` draws.
@@ -307,36 +305,6 @@ impl PyScene {
         Ok(columns)
     }
 
-    /// Rays into one frame, as a `Raycaster` in the ego frame: closest hits, occlusion, counts. Raises `ValueError` for a
-    /// frame that is not there, and for scenes without geometry.
-    #[pyo3(signature = (frame = 0))]
-    fn raycaster(
-        &self,
-        py: Python<'_>,
-        #[pyo3(from_py_with = arguments::frame)] frame: i128,
-    ) -> PyResult<PyRaycaster> {
-        let frame = self.built.check_frame(frame)?;
-        let built = self.built.clone();
-        Ok(PyRaycaster(interruptible(py, move |_| built.frame(frame))??.rays))
-    }
-
-    /// Closest hits of `rays` `[..., 6]`, origin and direction in the ego frame in metres, in one frame: as
-    /// `raycaster(frame).cast_rays(rays)`. Raises `ValueError` as these do.
-    #[pyo3(signature = (rays, *, frame = 0, t_max = None, normals = false, uvs = false))]
-    #[allow(clippy::too_many_arguments)]
-    fn cast_rays<'py>(
-        &self,
-        py: Python<'py>,
-        rays: &Bound<'py, PyAny>,
-        #[pyo3(from_py_with = arguments::frame)] frame: i128,
-        t_max: Option<f64>,
-        normals: bool,
-        uvs: bool,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        let target = self.raycaster(py, frame)?.0;
-        hits_object(py, target, rays, &Asked { t_max, normals, uvs })
-    }
-
     /// Labelled scans of one placement, frame after frame, as an iterator of `Scan`; the next frame is scanned meanwhile.
     ///
     /// `conditions` are weather and faults of the scan, as `"snow:rate=1"`; `ideal` leaves the sensor's own limits out; `frames`
@@ -403,37 +371,6 @@ impl PyScene {
             verify(&problem, &mut *engine, &placements, sample, seed, &|| {}).map_err(raised)
         })??;
         to_python(py, &found)
-    }
-
-    /// Casts M sensor poses `[M, 6]` once, over the frames of the scene's scores, so that placements of them are scored without
-    /// a cast. `sensors` names their model, or that of each. Raises `MemoryError` where their coverage does not fit into
-    /// `memory` of the scene, 4 GiB unless given.
-    #[pyo3(signature = (poses, *, sensors = None))]
-    fn atlas(
-        &self,
-        py: Python<'_>,
-        poses: &Bound<'_, PyAny>,
-        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
-    ) -> PyResult<PyAtlas> {
-        PyAtlas::new(py, self.built.clone(), poses, sensors)
-    }
-
-    /// The space of placements by the mounts, for optimizers: `equipment` is a list of pairs, name of a mount and of a
-    /// model; the fullest unless given. Raises `ValueError` for names that the vehicle does not have.
-    #[pyo3(signature = (equipment = None))]
-    fn space(slf: &Bound<'_, Self>, equipment: Option<&Bound<'_, PyAny>>) -> PyResult<PySpace> {
-        PySpace::new(slf, equipment)
-    }
-
-    /// Random placements by all rules of the mount, f64 `[count, L, 6]`, as `space().random(count, seed)`; equal seeds give
-    /// equal draws. Raises `ValueError` where hardly any draw keeps the rules.
-    #[pyo3(signature = (count, *, seed = 1))]
-    fn random_poses<'py>(
-        slf: &Bound<'py, Self>,
-        #[pyo3(from_py_with = arguments::count)] count: usize,
-        #[pyo3(from_py_with = arguments::seed)] seed: u64,
-    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        PySpace::new(slf, None)?.drawn(slf.py(), count, seed, true)
     }
 
     /// SHA-256 of every file that the scene is made of.

@@ -156,7 +156,7 @@ fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
 pub fn search<'py>(
     py: Python<'py>,
     scenes: &Bound<'py, PyAny>,
-    objective: &str,
+    #[pyo3(from_py_with = arguments::objective)] objective: &str,
     #[pyo3(from_py_with = arguments::evaluations)] evaluations: u64,
     #[pyo3(from_py_with = arguments::seed)] seed: u64,
     method: &str,

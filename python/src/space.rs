@@ -332,3 +332,24 @@ fn equipment_of(vehicle: &Vehicle, given: &Bound<'_, PyAny>) -> PyResult<Equipme
     }
     Ok(equipment)
 }
+
+#[pymethods]
+impl PyScene {
+    /// The space of placements by the mounts, for optimizers: `equipment` is a list of pairs, name of a mount and of a
+    /// model; the fullest unless given. Raises `ValueError` for names that the vehicle does not have.
+    #[pyo3(signature = (equipment = None))]
+    fn space(slf: &Bound<'_, Self>, equipment: Option<&Bound<'_, PyAny>>) -> PyResult<PySpace> {
+        PySpace::new(slf, equipment)
+    }
+
+    /// Random placements by all rules of the mount, f64 `[count, L, 6]`, as `space().random(count, seed)`; equal seeds give
+    /// equal draws. Raises `ValueError` where hardly any draw keeps the rules.
+    #[pyo3(signature = (count, *, seed = 1))]
+    fn random_poses<'py>(
+        slf: &Bound<'py, Self>,
+        #[pyo3(from_py_with = arguments::count)] count: usize,
+        #[pyo3(from_py_with = arguments::seed)] seed: u64,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        PySpace::new(slf, None)?.drawn(slf.py(), count, seed, true)
+    }
+}

@@ -86,6 +86,8 @@ def test_options(small, scene) -> None:
         Scene.load("scenes/highway.json", conditions=["hail"])
     with pytest.raises(ValueError, match="`gain` is no score; did you mean"):
         sightline.optimize(scene, objective="gain")
+    with pytest.raises(ValueError, match=r"objective: is <function .*take sightline.Search\(scene.space\(\)\)"):
+        sightline.optimize(scene, objective=lambda scores: scores["near_gain"])
     with pytest.raises(ValueError, match="method: `magic` is none; give both, cma, swaps"):
         sightline.optimize(scene, method="magic")
     with pytest.raises(ValueError, match="frames: is '8'; give a whole number"):
