@@ -242,8 +242,10 @@ impl<'a> RayBundle<'a> {
             for slot in 0..WIDTH {
                 let at = (middle[axis][slot] - origin[axis]) * inverse[axis];
                 let wide = (half[axis][slot] + grown[slot]) * steep;
-                near[slot] = near[slot].max(at - wide);
-                far[slot] = far[slot].min(at + wide);
+                // Comparisons, as `max` and `min` look for numbers that are none.
+                let (begin, end) = (at - wide, at + wide);
+                near[slot] = if begin > near[slot] { begin } else { near[slot] };
+                far[slot] = if end < far[slot] { end } else { far[slot] };
             }
         }
         let mut seen = 0;

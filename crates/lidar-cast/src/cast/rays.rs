@@ -133,7 +133,7 @@ impl RayScene {
             let one = |&[x, y, z, dx, dy, dz]: &[f32; 6]| {
                 let origin = DVec3::new(x.into(), y.into(), z.into());
                 let direction = DVec3::new(dx.into(), dy.into(), dz.into());
-                let length = direction.length();
+                let length = direction.length_squared().sqrt();
                 let mut found = Found { hit: Hit::none(range), count: 0 };
                 if origin.is_finite() && length.is_finite() && length > 0.0 {
                     found.hit.t = (f64::from(t_max) * length).min(f64::from(range)) as f32;
@@ -216,8 +216,10 @@ fn descend(
     if tree.nodes.is_empty() {
         return;
     }
+    // A root with one child is passed over: what goes down the tree has met its box.
+    let root = &tree.nodes[0];
     left.clear();
-    left.push((0.0, 0));
+    left.push((0.0, if root.valid == 1 { root.children[0] } else { 0 }));
     while let Some((near, child)) = left.pop() {
         if near > reach {
             continue;
