@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import html
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -64,6 +64,12 @@ class Rows:
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
         return (self[k] for k in range(len(self)))
+
+    @overload
+    def __getitem__(self, which: int) -> dict[str, Any]: ...
+
+    @overload
+    def __getitem__(self, which: slice | Sequence[int] | npt.NDArray[Any]) -> Scores: ...
 
     def __getitem__(self, which: Any) -> Any:
         scores = self._scores
@@ -210,7 +216,7 @@ class Scores(Mapping[str, Column]):
         """A ``polars.DataFrame`` with a row a placement. Raises ``ImportError`` without polars."""
         import polars
 
-        texts = {"name": polars.String, "guards": polars.List(polars.String)}
+        texts: dict[str, Any] = {"name": polars.String, "guards": polars.List(polars.String)}
         return polars.DataFrame(self.to_dict(), schema_overrides=texts)
 
     def to_arrow(self) -> Any:
