@@ -110,4 +110,6 @@ def test_feasible_placements_and_requirements() -> None:
 def test_one_lidar_too_few_or_beside_the_mount_is_not_feasible(small) -> None:
     inside, outside = [[0, 0, 1.75, 0, 0, 0]], [[0, 0.6, 1.75, 0, 0, 0]]
     assert small.score([inside, outside]).feasible.tolist() == [True, False]
-    assert small.score([inside * 2]).feasible.tolist() == [False]
+    # Far enough apart, and one more than the mount holds.
+    two = small.score([[[-0.4, 0, 1.75, 0, 0, 0], [0.4, 0, 1.75, 0, 0, 0]]])
+    assert all(guard.startswith("blind_sector") for guard in two.guards[0]) and two.feasible.tolist() == [False]
