@@ -28,6 +28,7 @@ impl<'a> Rules<'a> {
             let count = mounts.iter().flatten().filter(|region| on(region)).count();
             (mount.count[0]..=mount.count[1]).contains(&count)
         });
-        are_counted && self.every.violations(placement).is_empty()
+        let have_mounts = mounts.iter().all(Option::is_some);
+        have_mounts && are_counted && self.every.violations(placement).is_empty()
     }
 }
