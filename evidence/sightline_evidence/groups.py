@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -61,8 +62,9 @@ OBJECTS = {
 }
 
 
-def groups_of(classes: Sequence[str], class_id: np.ndarray[tuple[int, ...], np.dtype[np.uint16]]) -> U8:
-    """Groups ``[P]`` of class numbers ``[P]``; 0 for 65535 (fog, snow, nothing), ``other`` for unlisted names."""
+def groups_of(classes: Sequence[str], class_id: np.ndarray[tuple[int, ...], np.dtype[np.integer[Any]]]) -> U8:
+    """Groups ``[P]`` of class numbers ``[P]``; 0 for 65535 and −1 (fog, snow, nothing), ``other`` for unlisted names."""
     table = np.zeros(65536, np.uint8)
     table[: len(classes)] = [GROUPS.index(_OF_CLASS.get(name, "other")) for name in classes]
-    return table[class_id]
+    found: U8 = table[class_id]
+    return found

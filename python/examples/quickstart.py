@@ -12,7 +12,7 @@ def show(event):
         print(f"{event['evaluations']} placements, best {event['best_so_far']:.2%}")
 
 
-mesh, plot = sys.argv[1:]
+mesh, plot = sys.argv[1:] if len(sys.argv) == 3 else sys.exit("usage: python quickstart.py MESH.obj PLOT.png")
 scene = sightline.Scene.from_dict({
     "sightline": 1, "name": "quickstart", "frames": 12,
     "roi": {"min": [-40, -40, -0.5], "max": [40, 40, 5.5], "voxel": [0.4, 0.4, 0.4]},

@@ -17,7 +17,7 @@ class Scans(IterableDataset):
     def __iter__(self):
         for number, poses in enumerate(self.scene.random_poses(1000, seed=self.seed)):
             for scan in self.scene.scan(poses, seed=number, frames=[number % self.scene.frames]):
-                known = torch.from_numpy(scan.class_id.astype("int64"))
+                known = torch.from_numpy(scan.labels(ignore=-1))
                 columns = (scan.xyz, scan.intensity[:, None], scan.range[:, None])
                 yield torch.cat([torch.from_numpy(column) for column in columns], 1), known
 
@@ -32,7 +32,7 @@ optimizer = torch.optim.Adam(network.parameters(), lr=3e-3)
 losses = []
 for step, (points, labels) in enumerate(DataLoader(scans, batch_size=None)):
     # Fog, snow and crosstalk have no class.
-    loss = torch.nn.functional.cross_entropy(network(points), labels, ignore_index=65535)
+    loss = torch.nn.functional.cross_entropy(network(points), labels, ignore_index=-1)
     optimizer.zero_grad()
     loss.backward()
     optimizer.step()

@@ -12,8 +12,9 @@ use pyo3::exceptions::{
 };
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyString};
+use sightline::problem::spread;
 
-use crate::arrays::MOST_BYTES;
+use crate::arrays::{MOST_BYTES, wholes};
 use crate::errors::bad;
 
 /// Longest value in a message, in characters.
@@ -50,6 +51,7 @@ macro_rules! maybe_whole_numbers {
 
 whole_numbers! {
     count = "count": usize, 0, MOST;
+    drawn = "n": usize, 0, MOST;
     evaluations = "evaluations": u64, 1, u64::MAX;
     evaluations_around = "evaluations": u64, 0, u64::MAX;
     // The scene says how many frames it has.
@@ -59,6 +61,7 @@ whole_numbers! {
     random = "random": usize, 0, MOST;
     sample = "sample": u64, 0, MOST;
     seed = "seed": u64, 0, u64::MAX;
+    steps = "steps": u32, 1, 1000;
     counted_frames = "frames": u32, 0, u32::MAX;
     verified_frames = "frames": u32, 1, u32::MAX;
 }
@@ -82,6 +85,11 @@ pub fn range(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
     maybe_real("range", given, "metres, more than 0, or None", |metres| metres > 0.0)
 }
 
+/// The argument `reach` of ray casters.
+pub fn reach(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
+    maybe_real("reach", given, "metres, 0 or more, or None", |metres| metres >= 0.0)
+}
+
 /// The argument `target`.
 pub fn target(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
     maybe_real("target", given, "a finite number or None", |_| true)
@@ -98,9 +106,21 @@ pub fn budget(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
     maybe_real("budget", given, "a price of 0 or more, or None", |price| price >= 0.0)
 }
 
-/// The argument `conditions`.
-pub fn conditions(given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
-    texts("conditions", given)
+/// The argument `objective`.
+pub fn objective<'a>(given: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {
+    let text = given.cast::<PyString>().map_err(|_| {
+        let found = shown(given);
+        bad(format!(
+            "objective: is {found}; give the name of a score or a weighted sum of scores as text, and for a function \
+             of your own take sightline.Search(scene.space())"
+        ))
+    })?;
+    text.to_str()
+}
+
+/// The argument `conditions`, which may be `None`.
+pub fn conditions(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
+    if given.is_none() { Ok(None) } else { texts("conditions", given).map(Some) }
 }
 
 /// The argument `classes`.
@@ -139,6 +159,16 @@ pub fn listed<'py, T: PyClass>(
         item.map_err(|_| bad(format!("{what}[{k}]: is not {wanted}; give a list of them alone")))
     });
     items.collect::<PyResult<_>>().map(Some)
+}
+
+/// Numbers of frames of a scene that has `count`: all for `None`, so many spread evenly from the first on for a number,
+/// those that a list names.
+pub fn which_frames(given: Option<&Bound<'_, PyAny>>, count: usize) -> PyResult<Vec<usize>> {
+    let Some(given) = given else { return Ok((0..count).collect()) };
+    if given.len().is_ok() {
+        return Ok(wholes("frames", given, "numbers of frames", 0..=count as i128 - 1)?.0);
+    }
+    Ok(spread(count, Some(whole("frames", given, 1..=u32::MAX as i128)?)))
 }
 
 /// A list of texts.

@@ -69,13 +69,25 @@ pub fn wholes<T: Element + TryFrom<i128>>(
 }
 
 /// Index in an array of the element of number `n` in C order.
-fn place(mut n: usize, shape: &[usize]) -> Vec<usize> {
+pub fn place(mut n: usize, shape: &[usize]) -> Vec<usize> {
     let mut place = vec![0; shape.len()];
     for (at, &length) in place.iter_mut().zip(shape).rev() {
         *at = n % length.max(1);
         n /= length.max(1);
     }
     place
+}
+
+/// An object as NumPy sees it: tensors without their gradients, and those of DLPack alone.
+fn as_array<'py>(given: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
+    let numpy = given.py().import("numpy")?;
+    let given = match given.getattr_opt("detach")? {
+        Some(detach) => detach.call0()?,
+        None => given.clone(),
+    };
+    let is_shared = given.hasattr("__dlpack__")? && !given.hasattr("__array__")?;
+    let make = if is_shared { "from_dlpack" } else { "asarray" };
+    Ok(numpy.call_method1(make, (given,))?.cast_into()?)
 }
 
 /// An array of real numbers, of which there is room for copies as `T`; and the letter of their kind: `f`, `i` or `u`.
@@ -88,8 +100,8 @@ fn real_numbers<'py, T: Element>(
     if let (Ok(length), false) = (given.len(), given.hasattr("__array__")?) {
         room_for("lists of numbers", length, LISTED_BYTES)?;
     }
-    let array = match py.import("numpy")?.call_method1("asarray", (given,)) {
-        Ok(array) => array.cast_into::<PyUntypedArray>()?,
+    let array = match as_array(given) {
+        Ok(array) => array,
         Err(error) => {
             or_raised(py, error)?;
             return Err(bad(format!("{what}: is no array of numbers; give {wanted}")));

@@ -1,11 +1,17 @@
 //! Scores as columns: one array a score, `NaN` where there is none.
 
+use std::borrow::Borrow;
+use std::sync::atomic::AtomicBool;
+
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
-use sightline::Scores;
+use pyo3::types::{PyDict, PySlice};
 use sightline::score::TaskScores;
+use sightline::vehicle::Vehicle;
+use sightline::{Placement, Scores};
 
 use crate::arrays::{column, shaped};
+use crate::rules::Rules;
+use crate::wait::interruptible;
 
 /// Gets a score of a task.
 type OfTask = fn(&TaskScores) -> Option<f64>;
@@ -20,34 +26,52 @@ const TASK: [(&str, OfTask); 6] = [
     ("information_gain_share", |task| task.information_gain_share),
 ];
 
-/// The `Scores` object of the package, with a column for everything that is known about placements.
-pub fn scores_object<'py>(py: Python<'py>, scores: &[Scores]) -> PyResult<Bound<'py, PyAny>> {
-    let columns = PyDict::new(py);
-    let maybe = |of: &dyn Fn(&Scores) -> Option<f64>| {
-        column(py, scores.iter().map(|s| of(s).unwrap_or(f64::NAN)).collect::<Vec<f64>>())
+/// A score of each placement, `NaN` where it has none.
+fn values_of<S: Borrow<Scores>>(scores: &[S], of: &dyn Fn(&Scores) -> Option<f64>) -> Vec<f64> {
+    scores.iter().map(|scores| of(scores.borrow()).unwrap_or(f64::NAN)).collect()
+}
+
+/// Columns that depend on sums over covered voxels alone, by name.
+pub fn summed<S: Borrow<Scores>>(scores: &[S]) -> Vec<(String, Vec<f64>)> {
+    let mut columns = Vec::new();
+    let mut add = |name: &str, of: &dyn Fn(&Scores) -> Option<f64>| {
+        columns.push((name.to_owned(), values_of(scores, of)));
     };
-    for (name, of) in TASK {
-        columns.set_item(name, maybe(&|s| of(&s.segmentation)))?;
+    TASK.iter().for_each(|(name, of)| add(name, &|s| of(&s.segmentation)));
+    add("near_gain", &|s| s.near_gain);
+    add("near_gain_2", &|s| s.near_gain_2);
+    add("near_gain_3", &|s| s.near_gain_3);
+    add("s_mig", &|s| s.s_mig);
+    add("entropy_sum", &|s| s.entropy_sum);
+    add("covered", &|s| Some(s.covered));
+    add("covered_nonzero", &|s| Some(s.covered_nonzero));
+    if scores.iter().any(|scores| scores.borrow().detection.is_some()) {
+        for (name, of) in TASK {
+            let of = |s: &Scores| s.detection.as_ref().and_then(of);
+            add(&format!("detection.{name}"), &of);
+        }
     }
-    columns.set_item("near_gain", maybe(&|s| s.near_gain))?;
-    columns.set_item("near_gain_2", maybe(&|s| s.near_gain_2))?;
-    columns.set_item("near_gain_3", maybe(&|s| s.near_gain_3))?;
+    columns
+}
+
+/// The `Scores` object of the package, with a column for everything that is known about placements of a vehicle.
+pub fn scores_object<'a, 'py>(
+    py: Python<'py>,
+    vehicle: &Vehicle,
+    scored: impl IntoIterator<Item = (&'a Placement, &'a Scores)>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (placements, scores): (Vec<&Placement>, Vec<&Scores>) = scored.into_iter().unzip();
+    let columns = PyDict::new(py);
+    for (name, values) in summed(&scores) {
+        columns.set_item(name, column(py, values))?;
+    }
+    let maybe = |of: &dyn Fn(&Scores) -> Option<f64>| column(py, values_of(&scores, of));
     if scores.iter().any(|s| s.near_field.is_some()) {
         columns.set_item("near_field", maybe(&|s| s.near_field))?;
         columns.set_item("near_ring", maybe(&|s| s.near_ring))?;
     }
-    columns.set_item("s_mig", maybe(&|s| s.s_mig))?;
-    columns.set_item("entropy_sum", maybe(&|s| s.entropy_sum))?;
-    columns.set_item("covered", maybe(&|s| Some(s.covered)))?;
-    columns.set_item("covered_nonzero", maybe(&|s| Some(s.covered_nonzero)))?;
     columns.set_item("beams", column(py, scores.iter().map(|s| s.beams).collect()))?;
     columns.set_item("hit_share", maybe(&|s| s.hit_share))?;
-    if scores.iter().any(|s| s.detection.is_some()) {
-        for (name, of) in TASK {
-            let name = format!("detection.{name}");
-            columns.set_item(name, maybe(&|s| s.detection.as_ref().and_then(of)))?;
-        }
-    }
     let classes: Vec<&str> = scores
         .first()
         .map(|s| s.covered_by_class.iter().map(|(name, _)| name.as_str()).collect())
@@ -61,16 +85,41 @@ pub fn scores_object<'py>(py: Python<'py>, scores: &[Scores]) -> PyResult<Bound<
         row.resize(lidars, f64::NAN);
         row
     };
-    let unique: Vec<f64> = scores.iter().flat_map(unique).collect();
+    let unique: Vec<f64> = scores.iter().flat_map(|s| unique(s)).collect();
     columns.set_item("unique_share", shaped(py, unique, &[scores.len(), lidars])?)?;
     for (k, area) in scores.first().map(|s| &s.required[..]).unwrap_or_default().iter().enumerate()
     {
         let share = maybe(&|s| s.required.get(k).map(|seen| seen.share));
         columns.set_item(format!("seen.{}", area.name), share)?;
     }
+    let rules = Rules::new(vehicle);
+    let feasible = placements.iter().zip(&scores).map(|(one, scores)| rules.are_met(one, scores));
+    columns.set_item("feasible", column(py, feasible.collect()))?;
+    let required = scores.first().map(|s| &s.required[..]).unwrap_or_default();
+    let least = PyDict::new(py);
+    required.iter().try_for_each(|seen| least.set_item(&seen.name, seen.least))?;
     let names: Vec<&str> = scores.iter().map(|s| s.name.as_str()).collect();
     let guards: Vec<Vec<String>> =
         scores.iter().map(|s| s.guards.iter().map(ToString::to_string).collect()).collect();
-    let class = py.import("sightline._records")?.getattr("Scores")?;
-    class.call1((names, columns, guards, classes))
+    let class = py.import("sightline._scores")?.getattr("Scores")?;
+    class.call1((names, columns, guards, classes, least))
+}
+
+/// The `Scores` object of placements that `work` scores beside the interpreter. No placements have the columns of one.
+pub fn scored_object<'py>(
+    py: Python<'py>,
+    vehicle: &Vehicle,
+    mut placements: Vec<Placement>,
+    work: impl FnOnce(&[Placement], &AtomicBool) -> PyResult<Vec<Scores>> + Send + 'static,
+) -> PyResult<Bound<'py, PyAny>> {
+    let are_none = placements.is_empty();
+    if are_none {
+        let rules = vehicle.constraints(&vehicle.fullest());
+        let lowest: Vec<f64> = rules.variable_bounds().iter().map(|(low, _)| *low).collect();
+        placements.push(Placement { name: "none".to_owned(), lidars: rules.poses_of(&lowest) });
+    }
+    let (placements, scores) =
+        interruptible(py, move |stop| work(&placements, stop).map(|scores| (placements, scores)))??;
+    let all = scores_object(py, vehicle, placements.iter().zip(&scores))?;
+    if are_none { all.getattr("rows")?.get_item(PySlice::new(py, 0, 0, 1)) } else { Ok(all) }
 }

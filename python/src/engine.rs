@@ -1,7 +1,10 @@
 //! A scene and all that is built from it once: P-SOG, problem, engine.
 
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
 
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sightline::engine::{EngineChoice, EngineKind};
@@ -13,10 +16,15 @@ use sightline::{Evaluator, Job, Placement, Problem, Psog, Scene, Scores};
 use crate::arguments::room_for;
 use crate::errors::{bad, raised};
 use crate::psogs::PyPsog;
+use crate::rays::RayTarget;
+use crate::wait::{is_forked, pooled};
 
 /// Engines by their names in Python.
 const BACKENDS: [(&str, EngineKind); 3] =
     [("auto", EngineKind::Auto), ("cpu", EngineKind::Cpu), ("gpu", EngineKind::Gpu)];
+
+/// Frames to cast into that are kept at most.
+const FRAMES_KEPT: usize = 4;
 
 /// Settings for scoring a scene.
 #[derive(Clone, Default)]
@@ -63,22 +71,62 @@ impl Options {
     }
 }
 
+/// Name of engines that use no device.
+const CPU: &str = "cpu";
+/// Sentence for what a fork has cut off.
+const FORKED: &str = "; start processes before, or with multiprocessing's start method `spawn`";
+
 /// An evaluator that is opened when it is first needed.
 #[derive(Default)]
-pub struct Kept(Mutex<Option<Evaluator>>);
+pub struct Kept {
+    evaluator: Mutex<Option<Evaluator>>,
+    /// Process that worked with it last; 0 for none.
+    process: AtomicU32,
+}
 
 impl Kept {
+    /// The evaluator, once nobody else works with it. In a forked process that may be never, and a device does not
+    /// survive a fork: both are errors.
+    fn alone(&self) -> PyResult<MutexGuard<'_, Option<Evaluator>>> {
+        let here = std::process::id();
+        let before = self.process.load(Ordering::SeqCst);
+        let is_of_parent = is_forked() && before != 0 && before != here;
+        let kept = match self.evaluator.try_lock() {
+            Ok(kept) => kept,
+            Err(TryLockError::WouldBlock) if is_of_parent => {
+                let when = "the process was forked while the scene was at work in it";
+                return Err(PyRuntimeError::new_err(format!("{when}{FORKED}")));
+            }
+            Err(_) => self.evaluator.lock().unwrap_or_else(PoisonError::into_inner),
+        };
+        let on_device = kept.as_ref().is_some_and(|kept| kept.backend().name() != CPU);
+        if is_of_parent && on_device {
+            let when = "the process was forked after the scene had opened a GPU";
+            return Err(PyRuntimeError::new_err(format!("{when}{FORKED}")));
+        }
+        self.process.store(here, Ordering::SeqCst);
+        Ok(kept)
+    }
+
     /// Works with the evaluator, alone.
     pub fn with<T>(
         &self,
         open: impl FnOnce() -> PyResult<Evaluator>,
         work: impl FnOnce(&mut Evaluator) -> PyResult<T>,
     ) -> PyResult<T> {
-        match &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner) {
+        match &mut *self.alone()? {
             Some(evaluator) => work(evaluator),
             none => work(none.insert(open()?)),
         }
     }
+}
+
+/// One frame to cast into, for sensors and for single rays.
+#[derive(Clone)]
+pub struct Posed {
+    frame: usize,
+    pub problem: Arc<Problem>,
+    pub rays: Arc<RayTarget>,
 }
 
 /// Job over one scene, with the problem and engine that it builds on first use.
@@ -88,8 +136,8 @@ pub struct Built {
     pub job: Job,
     stage: OnceLock<Arc<Stage>>,
     evaluator: Kept,
-    /// The last frame that was cast into, and its problem.
-    frame: Mutex<Option<(usize, Arc<Problem>)>>,
+    /// The frames that were cast into last.
+    frames: Mutex<VecDeque<Posed>>,
 }
 
 impl Built {
@@ -102,8 +150,8 @@ impl Built {
         };
         let job = job.frames(options.frames).conditions(&options.conditions);
         let job = job.engine(options.engine.clone());
-        let (stage, evaluator, frame) = (OnceLock::new(), Kept::default(), Mutex::new(None));
-        Self { scene, options, job, stage, evaluator, frame }
+        let (stage, evaluator, frames) = (OnceLock::new(), Kept::default(), Mutex::default());
+        Self { scene, options, job, stage, evaluator, frames }
     }
 
     /// The trees that scans share.
@@ -134,29 +182,30 @@ impl Built {
     }
 
     /// One frame to cast into.
-    pub fn frame(&self, frame: usize) -> PyResult<Arc<Problem>> {
+    pub fn frame(&self, frame: usize) -> PyResult<Posed> {
         if !self.scene.has_geometry() {
             return Err(bad(
                 "the scene has no geometry to cast into; add static shapes, actors or an ego body",
             ));
         }
-        let mut last = self.frame.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((number, problem)) = &*last
-            && *number == frame
-        {
-            return Ok(problem.clone());
+        let mut last = self.frames.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(posed) = last.iter().find(|posed| posed.frame == frame) {
+            return Ok(posed.clone());
         }
         let job = Job::new(self.scene.clone()).geometry_alone().one_frame(frame);
         let problem = job.problem().map_err(raised)?;
-        *last = Some((frame, problem.clone()));
-        Ok(problem)
+        let rays = Arc::new(RayTarget::of_frame(&self.scene, frame, &problem)?);
+        let posed = Posed { frame, problem, rays };
+        last.truncate(FRAMES_KEPT - 1);
+        last.push_front(posed.clone());
+        Ok(posed)
     }
 }
 
 /// Job over several scenes, each with its own frames and weather, on the engine of the first.
 pub fn job_of(scenes: &[Arc<Built>]) -> PyResult<Job> {
     // Copies share the problems that are posed already.
-    scenes.iter().try_for_each(|built| built.job.problem().map(drop)).map_err(raised)?;
+    pooled(|| scenes.iter().try_for_each(|built| built.job.problem().map(drop))).map_err(raised)?;
     Job::join(scenes.iter().map(|built| built.job.clone())).map_err(raised)
 }
 

@@ -1,7 +1,9 @@
-//! The library's errors as exceptions: `OSError` for files and devices, `MemoryError`, else `ValueError`.
+//! The library's errors as exceptions: `OSError` for files and devices, with number and file name where the system says
+//! them, `MemoryError`, else `ValueError`.
 
 use std::error::Error as StdError;
 use std::ffi::CString;
+use std::io::{self, ErrorKind};
 
 use pyo3::create_exception;
 use pyo3::exceptions::{PyMemoryError, PyOSError, PyUserWarning, PyValueError};
@@ -19,6 +21,11 @@ pub fn raised(error: impl Into<Error>) -> PyErr {
     let sentence = error.to_string();
     if lacks_memory(&error) {
         PyMemoryError::new_err(sentence)
+    } else if let Some((number, file)) = of_system(&error) {
+        // Python makes a FileNotFoundError or PermissionError of the number.
+        let prefix = format!("{file}: ");
+        let sentence = sentence.strip_prefix(&prefix).unwrap_or(&sentence).to_owned();
+        PyOSError::new_err((number, sentence, file))
     } else if lacks_file_or_device(&error) {
         PyOSError::new_err(sentence)
     } else {
@@ -80,6 +87,29 @@ fn lacks_memory(error: &Error) -> bool {
         )
 }
 
+/// Number of the system's error and the file that it is about, where the error is of a file.
+fn of_system(error: &Error) -> Option<(i32, String)> {
+    let mut cause: &(dyn StdError + 'static) = error;
+    while let Some(source) = cause.source() {
+        if let Some(system) = source.downcast_ref::<io::Error>() {
+            let number = system.raw_os_error().or(match system.kind() {
+                ErrorKind::NotFound => Some(2),
+                ErrorKind::PermissionDenied => Some(13),
+                ErrorKind::NotADirectory => Some(20),
+                ErrorKind::IsADirectory => Some(21),
+                _ => None,
+            })?;
+            // Every error of a file begins with its name, and goes on with the system's words.
+            let told = cause.to_string();
+            let (told, _) = told.split_once(&system.to_string())?;
+            let file = told.trim_end_matches(": ").trim_end_matches(": cannot be read");
+            return Some((number, file.to_owned()));
+        }
+        cause = source;
+    }
+    None
+}
+
 fn lacks_file_or_device(error: &Error) -> bool {
     let engine = of_engine(error);
     if matches!(engine, Some(BackendError::NoDevice { .. } | BackendError::Device { .. })) {
@@ -87,7 +117,7 @@ fn lacks_file_or_device(error: &Error) -> bool {
     }
     let mut cause: Option<&(dyn StdError + 'static)> = Some(error);
     while let Some(error) = cause {
-        if error.is::<std::io::Error>() {
+        if error.is::<io::Error>() {
             return true;
         }
         cause = error.source();

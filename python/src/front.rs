@@ -8,6 +8,7 @@ use serde_json::json;
 use sightline::job::{Front, FrontObjectives, Tolerance};
 use sightline::report::{FrontContext, FrontRecord};
 use sightline::search::{Event, Settings, TimeLimit};
+use sightline::vehicle::Vehicle;
 
 use crate::arguments;
 use crate::columns::scores_object;
@@ -23,7 +24,7 @@ use crate::search::{beside, scenes_of};
 /// requires, summed) are better when less, scores such as `near_gain` when more. Sensors are chosen on a coarse grid of poses
 /// under a row of limits, for at most `budget`; all placements are scored over all frames. `evaluations` search around each
 /// point, 0 leave them on the grid. `seconds`, `mirror`, `tolerance` and `callback` are those of `optimize`; `StopIteration` and Ctrl-C
-/// keep the points found so far.
+/// keep the points found so far. Raises `ValueError` for objectives and settings that are not usable.
 #[pyfunction(name = "front")]
 #[pyo3(signature = (scenes, objectives, *, evaluations = 40, seed = 1, seconds = None, mirror = false, budget = None,
     tolerance = "5mm,0.5deg", callback = None))]
@@ -62,7 +63,7 @@ pub fn front<'py>(
     let start = std::time::Instant::now();
     let (found, signal) = beside(py, search, callback)?;
     context.seconds = start.elapsed().as_secs_f64();
-    let result = front_object(py, &found, context)?;
+    let result = front_object(py, scenes[0].scene.vehicle(), &found, context)?;
     match signal {
         Some(signal) => {
             signal.value(py).setattr("result", result)?;
@@ -75,6 +76,7 @@ pub fn front<'py>(
 /// The `Front` object of the package.
 fn front_object<'py>(
     py: Python<'py>,
+    vehicle: &Vehicle,
     front: &Front,
     context: FrontContext,
 ) -> PyResult<Bound<'py, PyAny>> {
@@ -82,7 +84,7 @@ fn front_object<'py>(
     let placements: Vec<_> =
         points.iter().map(|point| PyPlacement(point.placement.clone())).collect();
     let values: Vec<Vec<f64>> = points.iter().map(|point| point.values.clone()).collect();
-    let scores: Vec<_> = points.iter().map(|point| point.scores.clone()).collect();
+    let scored = points.iter().map(|point| (&point.placement, &point.scores));
     let picks = PyDict::new(py);
     for (pick, point) in &front.picks {
         picks.set_item(pick.to_string(), point)?;
@@ -94,7 +96,7 @@ fn front_object<'py>(
     fields.set_item("prices", points.iter().map(|point| point.price).collect::<Vec<_>>())?;
     fields.set_item("meets", points.iter().map(|point| point.meets).collect::<Vec<_>>())?;
     fields.set_item("picks", picks)?;
-    fields.set_item("scores", scores_object(py, &scores)?)?;
+    fields.set_item("scores", scores_object(py, vehicle, scored)?)?;
     fields.set_item("record", to_python(py, &FrontRecord::new(front, context))?)?;
     py.import("sightline._records")?.getattr("Front")?.call((), Some(&fields))
 }

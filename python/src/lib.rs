@@ -9,6 +9,11 @@
 //! | `sensors`, `placements`, `psogs`, `rigs`, `scenes` | objects of the user |
 //! | `engine` | P-SOG, problem and engine of a scene, built once |
 //! | `columns` | scores as arrays |
+//! | `space` | variables, bounds and rules for optimizers of others |
+//! | `atlas` | sensor poses cast once, placements of them without a cast |
+//! | `by_hand` | a search by ask and tell |
+//! | `rules` | rules of a vehicle for a placement |
+//! | `rays` | rays of callers, into meshes and frames |
 //! | `scans` | scans as an iterator |
 //! | `search` | suites and `optimize` |
 //! | `questions` | studies of one placement as methods of a scene |
@@ -16,6 +21,8 @@
 
 mod arguments;
 mod arrays;
+mod atlas;
+mod by_hand;
 mod columns;
 mod engine;
 mod errors;
@@ -24,11 +31,14 @@ mod json;
 mod placements;
 mod psogs;
 mod questions;
+mod rays;
 mod rigs;
+mod rules;
 mod scans;
 mod scenes;
 mod search;
 mod sensors;
+mod space;
 mod targets;
 mod wait;
 
@@ -48,10 +58,11 @@ static ALLOCATOR: Sentence = Sentence;
 /// Runs the program with the arguments that a shell would give, its own name first; returns the exit code.
 #[pyfunction]
 fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
-    py.detach(|| sightline::cli::run(arguments).code())
+    py.detach(|| wait::pooled(|| sightline::cli::run(arguments).code()))
 }
 
-/// Lets the CPU engine use `count` threads, up to 8 for each core; to be called before anything is computed.
+/// Lets the CPU engine use `count` threads, up to 8 for each core; to be called before anything is computed. Raises
+/// `ValueError` for another number and for a later call.
 #[pyfunction]
 fn set_threads(#[pyo3(from_py_with = arguments::threads)] count: usize) -> PyResult<()> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(count);
@@ -66,11 +77,17 @@ mod _native {
     use pyo3::prelude::*;
 
     #[pymodule_export]
+    use super::atlas::PyAtlas;
+    #[pymodule_export]
+    use super::by_hand::PySearch;
+    #[pymodule_export]
     use super::front::front;
     #[pymodule_export]
     use super::placements::{PyPlacement, published, read};
     #[pymodule_export]
     use super::psogs::PyPsog;
+    #[pymodule_export]
+    use super::rays::PyRaycaster;
     #[pymodule_export]
     use super::rigs::PyRig;
     #[pymodule_export]
@@ -82,10 +99,13 @@ mod _native {
     #[pymodule_export]
     use super::sensors::{PySensor, PyVehicle};
     #[pymodule_export]
+    use super::space::PySpace;
+    #[pymodule_export]
     use super::{main, set_threads};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        super::wait::remember_home();
         module.add("DoubtWarning", module.py().get_type::<super::errors::DoubtWarning>())?;
         module.add("FEW_PLACEMENTS", sightline::near_field::FEW_PLACEMENTS)?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))

@@ -24,7 +24,7 @@ const WANTED: &str =
 ///
 /// `poses` is `[L, 6]`: x, y, z in metres, roll, pitch, yaw in radians, in the ego frame. `sensors` names the model of
 /// each LiDAR on a vehicle that has several. `phases` `[L]` locks LiDARs that turn at angles about their own axes, radians;
-/// `NaN` for one that is as its model says.
+/// `NaN` for one that is as its model says. Raises `ValueError` for another shape and for numbers that are not finite.
 #[pyclass(name = "Placement", module = "sightline", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub struct PyPlacement(pub Placement);
@@ -132,7 +132,8 @@ pub fn placements_in(
     Ok(placements)
 }
 
-fn parsed(
+/// Placements as they were given, whatever models there are.
+pub fn parsed(
     given: &Bound<'_, PyAny>,
     sensors: Option<Vec<String>>,
     phases: Option<&Bound<'_, PyAny>>,

@@ -20,7 +20,7 @@ use crate::arguments::{self, entries, room_for};
 use crate::arrays::{column, few_numbers, matrix, numbers, rows, shape_in_words, wholes};
 use crate::errors::{bad, raised};
 use crate::json::to_python;
-use crate::wait::interruptible;
+use crate::wait::{interruptible, pooled};
 
 /// Required shape of a region, in words.
 const CORNERS: &str = "[2, 3]: the lower and the upper corner, metres";
@@ -30,7 +30,8 @@ const POINT_BYTES: usize = 64;
 /// A probabilistic semantic occupancy grid: in how many of T frames a voxel has each of M classes.
 ///
 /// Voxel (i, j, k) is `roi_min` + [i, i+1) · `voxel` × …, its linear index (i · ny + j) · nz + k. `index` `[K]` lists, rising,
-/// the voxels that have a class in some frame, `counts` `[K, M]` in how many; T − Σ is empty.
+/// the voxels that have a class in some frame, `counts` `[K, M]` in how many; T − Σ is empty. Raises `ValueError` for arrays that
+/// are none of a P-SOG.
 #[pyclass(name = "Psog", module = "sightline", frozen)]
 #[derive(Clone)]
 pub struct PyPsog(pub Arc<Psog>);
@@ -77,20 +78,21 @@ impl PyPsog {
         Ok(Self(Arc::new(psog)))
     }
 
-    /// Reads a `.npz` file.
+    /// Reads a `.npz` file. Raises `OSError`, such as `FileNotFoundError`, for a file that cannot be read, `ValueError` for what is
+    /// wrong in it.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         py.detach(|| Ok(Self(Arc::new(read_psog(&path).map_err(raised)?))))
     }
 
-    /// Writes a `.npz` file, whole at any time.
+    /// Writes a `.npz` file, whole at any time. Raises `OSError`, such as `FileNotFoundError`, for a file that cannot be written.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let write =
             || write_whole(&path, |file| write_psog(file, &self.0).map_err(FileError::io(&path)));
         py.detach(write).map_err(raised)
     }
 
-    /// From labelled points: lists with an entry a frame.
+    /// From labelled points: lists with an entry a frame. Raises `ValueError` for lists and arrays that do not fit together.
     ///
     /// `points[t]` `[N, 3]` in the vehicle's frame of frame t, metres; `labels[t]` `[N]`, positions in `classes`, 65535 and
     /// negative ones vote for nothing; `poses[t]` `[4, 4]`, world from vehicle. `roi` is the lower and the upper corner in the
@@ -193,18 +195,19 @@ impl PyPsog {
     /// `[K]` f64, entropy of each listed voxel in nats; every other voxel has none.
     fn entropy<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         let psog = &self.0;
-        let entropies = py.detach(|| psog.entropies(EntropyKind::Segmentation));
+        let entropies = py.detach(|| pooled(|| psog.entropies(EntropyKind::Segmentation)));
         column(py, entropies.into_iter().map(|fixed| to_nats(fixed.into())).collect())
     }
 
-    /// The P-SOG over the frames of both.
+    /// The P-SOG over the frames of both. Raises `ValueError` where their voxels or classes differ.
     fn merge(&self, other: &Self) -> PyResult<Self> {
-        Ok(Self(Arc::new(self.0.merge(&other.0).map_err(raised)?)))
+        let merged = pooled(|| self.0.merge(&other.0));
+        Ok(Self(Arc::new(merged.map_err(raised)?)))
     }
 
     /// The facts that `sightline psog info` prints.
     fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        to_python(py, &PsogInfo::new(&self.0, None))
+        to_python(py, &pooled(|| PsogInfo::new(&self.0, None)))
     }
 
     fn __len__(&self) -> usize {

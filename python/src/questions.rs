@@ -23,14 +23,13 @@ const _: () = assert!(LEAST_SHARED == 500);
 const AT_ONCE: usize = 16;
 /// Most values of a sweep.
 const MOST_VALUES: usize = 10_000;
-/// Most deviations of a tolerance, on each side.
-const MOST_STEPS: u32 = 1000;
 
 #[pymethods]
 impl PyScene {
     /// Range card of one placement, as a `dict`: distances in metres at which five beams or more meet a car, an adult and a
     /// tyre, at sixteen bearings in degrees counter-clockwise from straight ahead, and the sectors that lose a car between
     /// 5 and 50 m. On level ground, the own body in the way. `None` where beams end at nothing.
+    /// Raises `ValueError` as `score`, and for several placements.
     #[pyo3(signature = (poses, *, sensors = None, phases = None))]
     fn range_card<'py>(
         &self,
@@ -176,7 +175,7 @@ impl PyScene {
         most_deg: f64,
         most_tilt_deg: f64,
         tilt_about: Option<[f64; 2]>,
-        steps: i128,
+        #[pyo3(from_py_with = arguments::steps)] steps: u32,
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
@@ -197,9 +196,6 @@ impl PyScene {
             let found = format!("tilt_about: is {tilt_about:?}");
             return Err(bad(format!("{found}; give x and y in metres within ±{MOST_ABOUT}")));
         }
-        let number = u32::try_from(steps).ok().filter(|steps| (1..=MOST_STEPS).contains(steps));
-        let wrong = || bad(format!("steps: is {steps}; give 1 to {MOST_STEPS}"));
-        let steps = number.ok_or_else(wrong)?;
         let steps = RoomSteps { most_mm, most_deg, most_tilt_deg, tilt_about, steps };
         let built = self.built.clone();
         let found = interruptible(py, move |stop| {

@@ -128,13 +128,14 @@ impl PyRig {
         self.notes.iter().map(String::as_str).collect()
     }
 
-    /// The rig as a placement, under another name if one is given.
+    /// The rig as a placement, under another name if one is given. Raises `ValueError` for a name that no placement may have.
     #[pyo3(signature = (name = None))]
     fn placement(&self, name: Option<String>) -> PyResult<PyPlacement> {
         Ok(PyPlacement(self.named(name)?.placement()))
     }
 
-    /// Writes a file of placements with this one, whole at any time; `read_placements` and `Rig.load` read it.
+    /// Writes a file of placements with this one, whole at any time; `read_placements` and `Rig.load` read it. Raises
+    /// `OSError` for a file that cannot be written.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let text = format!("{:#}\n", rig_json(&[&self.named(None)?]));
         let write = || {

@@ -9,7 +9,8 @@ use pyo3::types::{PyDict, PyList};
 use sightline::scan::{Return, Scan, Scanner, Scanning, TrackedBox};
 use sightline::{Error, Placement};
 
-use crate::arrays::{column, homogeneous, matrix, shaped, wholes};
+use crate::arguments::which_frames;
+use crate::arrays::{column, homogeneous, matrix, shaped};
 use crate::engine::Built;
 use crate::errors::raised;
 use crate::wait::{start, wait};
@@ -37,10 +38,7 @@ impl ScanIterator {
         let scanning = Scanning { ideal, seed, conditions };
         Scanner::check(&built.scene, &placement, &scanning).map_err(raised)?;
         let count = built.scene.frame_count();
-        let frames: Vec<usize> = match frames {
-            Some(frames) => wholes("frames", frames, "numbers of frames", 0..=count as i128 - 1)?.0,
-            None => (0..count).collect(),
-        };
+        let frames = which_frames(frames, count)?;
         // One frame waits while another is scanned.
         let (sender, scans) = sync_channel(1);
         start(move || {

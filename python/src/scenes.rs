@@ -4,37 +4,32 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use numpy::{PyArray1, PyArray2, PyArrayDyn};
+use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use sightline::engine::cast_rays;
-use sightline::internals::{Input, draws, usual_placements};
+use sightline::engine::NO_HIT;
+use sightline::internals::{Input, usual_placements};
+use sightline::problem::spread;
 use sightline::scan::BeamHits;
 use sightline::scene::EgoBody;
 use sightline::verify::verify;
-use sightline::{Placement, Scene, SensorPose, engine};
+use sightline::{Placement, Scene, engine};
 
 use crate::arguments::{self, room_for};
-use crate::arrays::{column, homogeneous, matrix, numbers, rows, shaped};
-use crate::columns::scores_object;
+use crate::arrays::{column, homogeneous, matrix};
+use crate::columns::scored_object;
 use crate::engine::{Built, Options, add_near_fields, guard, score};
 use crate::errors::{bad, raised, warn_of};
 use crate::json::{to_python, to_text};
 use crate::placements::{placement_bytes, placements_in};
 use crate::psogs::PyPsog;
+use crate::rays::signed;
 use crate::scans::ScanIterator;
 use crate::sensors::PySensor;
-use crate::wait::interruptible;
+use crate::wait::{interruptible, pooled};
 
-/// Metres within which rays of callers hit.
-const RAY_RANGE: f32 = 1e6;
-
-/// Bytes of a ray with its hit, in records and then in columns.
-const RAY_BYTES: usize = 64;
 /// Bytes of a beam that `verify` draws.
 const SAMPLE_BYTES: usize = 256;
-/// Placements that are drawn between two looks whether to stop.
-const DRAWN_TOGETHER: usize = 4096;
 
 /// File or text that a scene is read from.
 #[derive(Clone)]
@@ -52,13 +47,16 @@ enum Source {
 pub struct PyScene {
     pub built: Arc<Built>,
     source: Source,
+    /// Current folder when it was read: that of relative paths.
+    root: PathBuf,
 }
 
 impl PyScene {
     /// Warns of every note on the scene's files.
     fn new(py: Python<'_>, scene: Scene, source: Source, options: Options) -> PyResult<Self> {
         warn_of(py, scene.notes())?;
-        Ok(Self { built: Arc::new(Built::new(scene, options)), source })
+        let root = std::env::current_dir().unwrap_or_default();
+        Ok(Self { built: Arc::new(Built::new(scene, options)), source, root })
     }
 }
 
@@ -69,9 +67,10 @@ impl PyScene {
     /// `vehicle` is a vehicle file in place of the scene's LiDAR and mount, `psog` a P-SOG in place of its own. Scores are
     /// means over all frames, or over `frames` of them, spread evenly. `conditions` are weather and faults, as `"fog:mor=50"`.
     /// `backend` is `auto` (the best hardware Vulkan device, else the CPU), `gpu` (any device, `adapter` a part of its name)
-    /// or `cpu`; all give the same bits. `memory` bounds work buffers, in bytes.
+    /// or `cpu`; all give the same bits. `memory` bounds work buffers, in bytes. Raises `FileNotFoundError` and other kinds of
+    /// `OSError` for files that cannot be read, `ValueError` for what is wrong in them and in arguments.
     #[staticmethod]
-    #[pyo3(signature = (path, *, vehicle = None, psog = None, frames = None, conditions = Vec::new(),
+    #[pyo3(signature = (path, *, vehicle = None, psog = None, frames = None, conditions = None,
         backend = "auto", adapter = None, memory = None))]
     #[allow(clippy::too_many_arguments)]
     fn load(
@@ -80,36 +79,42 @@ impl PyScene {
         vehicle: Option<PathBuf>,
         psog: Option<&Bound<'_, PyPsog>>,
         #[pyo3(from_py_with = arguments::frames)] frames: Option<u32>,
-        #[pyo3(from_py_with = arguments::conditions)] conditions: Vec<String>,
+        #[pyo3(from_py_with = arguments::conditions)] conditions: Option<Vec<String>>,
         backend: &str,
         adapter: Option<String>,
         #[pyo3(from_py_with = arguments::memory)] memory: Option<u64>,
     ) -> PyResult<Self> {
         let psog = psog.map(|psog| psog.get().0.clone());
-        let options = Options::new(psog, frames, &conditions, backend, adapter, memory)?;
-        let scene = py.detach(|| Scene::read_with(&path, vehicle.as_deref())).map_err(raised)?;
+        let options =
+            Options::new(psog, frames, &conditions.unwrap_or_default(), backend, adapter, memory)?;
+        let scene =
+            py.detach(|| pooled(|| Scene::read_with(&path, vehicle.as_deref()))).map_err(raised)?;
         Self::new(py, scene, Source::File { path, vehicle }, options)
     }
 
-    /// A scene from the dict of a scene file; files that it names are relative to `folder`. Options as for `load`.
+    /// A scene from the dict of a scene file; files that it names are relative to `folder`, the current one unless
+    /// given. Options as for `load`. Raises `ValueError` and `OSError` as
+    /// `load`.
     #[staticmethod]
-    #[pyo3(signature = (scene, *, folder = PathBuf::from("."), psog = None, frames = None,
-        conditions = Vec::new(), backend = "auto", adapter = None, memory = None))]
+    #[pyo3(signature = (scene, *, folder = None, psog = None, frames = None,
+        conditions = None, backend = "auto", adapter = None, memory = None))]
     #[allow(clippy::too_many_arguments)]
     fn from_dict(
         scene: &Bound<'_, PyAny>,
-        folder: PathBuf,
+        folder: Option<PathBuf>,
         psog: Option<&Bound<'_, PyPsog>>,
         #[pyo3(from_py_with = arguments::frames)] frames: Option<u32>,
-        #[pyo3(from_py_with = arguments::conditions)] conditions: Vec<String>,
+        #[pyo3(from_py_with = arguments::conditions)] conditions: Option<Vec<String>>,
         backend: &str,
         adapter: Option<String>,
         #[pyo3(from_py_with = arguments::memory)] memory: Option<u64>,
     ) -> PyResult<Self> {
         let psog = psog.map(|psog| psog.get().0.clone());
-        let options = Options::new(psog, frames, &conditions, backend, adapter, memory)?;
+        let options =
+            Options::new(psog, frames, &conditions.unwrap_or_default(), backend, adapter, memory)?;
         let text = to_text("scene", scene)?;
-        let read = Scene::from_json(&text, &folder, "scene").map_err(raised)?;
+        let folder = folder.unwrap_or_else(|| PathBuf::from("."));
+        let read = pooled(|| Scene::from_json(&text, &folder, "scene")).map_err(raised)?;
         Self::new(scene.py(), read, Source::Text { text, folder }, options)
     }
 
@@ -125,10 +130,16 @@ impl PyScene {
         self.built.scene.classes().to_vec()
     }
 
-    /// Frames of the scene.
+    /// Number of frames of the scene.
     #[getter]
     fn frames(&self) -> usize {
         self.built.scene.frame_count()
+    }
+
+    /// Numbers of the frames that scores are means over, from 0, rising: all, or as many as `load` was told.
+    #[getter]
+    fn scored_frames(&self) -> Vec<usize> {
+        spread(self.frames(), self.built.options.frames)
     }
 
     /// Frames a second.
@@ -173,7 +184,7 @@ impl PyScene {
         Ok(PyPsog(interruptible(py, move |_| built.psog())??))
     }
 
-    /// `[4, 4]` f64, takes the ego frame of a frame to the world.
+    /// `[4, 4]` f64, takes the ego frame of a frame to the world. Raises `ValueError` for a frame that is not there.
     fn world_from_ego<'py>(
         &self,
         py: Python<'py>,
@@ -184,7 +195,7 @@ impl PyScene {
     }
 
     /// Triangles of a frame in the ego frame: `vertices` `[V, 3]` f32 in metres, `faces` `[F, 3]` u32, `class_ids` `[F]` u16;
-    /// without those of the own vehicle where `body` is false.
+    /// without those of the own vehicle where `body` is false. Raises `ValueError` for a frame that is not there.
     #[pyo3(signature = (frame = 0, *, body = true))]
     fn mesh<'py>(
         &self,
@@ -194,7 +205,7 @@ impl PyScene {
     ) -> PyResult<Bound<'py, PyDict>> {
         let frame = self.built.check_frame(frame)?;
         let body = if body { EgoBody::Include } else { EgoBody::Exclude };
-        let soup = py.detach(|| self.built.scene.frame(frame, body));
+        let soup = py.detach(|| pooled(|| self.built.scene.frame(frame, body)));
         let mesh = PyDict::new(py);
         mesh.set_item("vertices", matrix(py, soup.vertices.into_flattened(), 3)?)?;
         mesh.set_item("faces", matrix(py, soup.faces.into_flattened(), 3)?)?;
@@ -202,7 +213,9 @@ impl PyScene {
         Ok(mesh)
     }
 
-    /// Scores of N placements, as `Scores`: an array a score. The bits are those of `sightline score`.
+    /// Scores of N placements, as `Scores`: a mapping of columns `[N]`, `print(scores.describe())` says unit and meaning of each.
+    /// The bits are those of `sightline score`. Raises `ValueError` for poses of another shape, that are not finite, or of models
+    /// that the vehicle does not have, `MemoryError` for what does not fit, `OSError` where a device fails.
     ///
     /// The guards `self_hit` and `blind_sector` take casts of their own: they are looked for with up to 64 placements, as in
     /// the program, with any number where `self_hits` is true, and not at all where it is false. So do the columns `near_field` and `near_ring`,
@@ -219,22 +232,23 @@ impl PyScene {
         near_field: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let placements = placements_in(&self.built.scene, poses, sensors, phases)?;
+        let vehicle = self.built.scene.vehicle();
         let built = self.built.clone();
-        let scores = interruptible(py, move |stop| {
+        scored_object(py, vehicle, placements, move |placements, stop| {
             let stopped = || stop.load(Ordering::SeqCst);
             built.evaluate(|evaluator| {
-                let mut scores = score(evaluator, &placements, stopped)?;
-                guard(&built.job, evaluator, &placements, &mut scores, self_hits)?;
+                let mut scores = score(evaluator, placements, stopped)?;
+                guard(&built.job, evaluator, placements, &mut scores, self_hits)?;
                 if near_field {
-                    add_near_fields(&built.scene, evaluator, &placements, &mut scores)?;
+                    add_near_fields(&built.scene, evaluator, placements, &mut scores)?;
                 }
                 Ok(scores)
             })
-        })??;
-        scores_object(py, &scores)
+        })
     }
 
-    /// u64, rising linear indices of the voxels that a placement covers in any frame.
+    /// `[K]` u64, rising linear indices of the voxels that one placement covers in any frame. Raises `ValueError` as `score`, and for
+    /// several placements.
     #[pyo3(signature = (poses, *, sensors = None, phases = None))]
     fn covered<'py>(
         &self,
@@ -254,8 +268,9 @@ impl PyScene {
     /// Closest hits of all B beams of placements in one frame, ordered by placement, LiDAR, channel, azimuth step.
     ///
     /// `origin`, `direction` `[B, 3]` f32 in the ego frame, unit directions; `t_hit` `[B]` f32 metres, `inf` for no hit within
-    /// range; `primitive_ids` `[B]` u32, faces of `mesh(frame)`, 2³²−1 for none; `class_ids` `[B]` u16, 65535 for none;
-    /// `placement` `[B]` u32, `lidar` `[B]` u16.
+    /// range; `primitive_ids` `[B]` int64, faces of `mesh(frame)`, −1 for none; `class_ids` `[B]` int64, −1 for none;
+    /// `placement`, `lidar` `[B]` int64, from 0. Raises `ValueError` as `score`, for a frame that is not there, and for scenes without
+    /// geometry.
     #[pyo3(signature = (poses, *, frame = 0, sensors = None, phases = None))]
     fn cast<'py>(
         &self,
@@ -269,7 +284,7 @@ impl PyScene {
         let placements = placements_in(&self.built.scene, poses, sensors, phases)?;
         let built = self.built.clone();
         let hits = interruptible(py, move |_| {
-            let problem = built.frame(frame)?;
+            let problem = built.frame(frame)?.problem;
             let class = built.scene.face_classes(EgoBody::Include);
             let opened = engine::open(problem.task(), &built.options.engine, |_| {});
             let mut engine = opened.map_err(raised)?.engine;
@@ -280,56 +295,22 @@ impl PyScene {
         columns.set_item("origin", matrix(py, hits.origin, 3)?)?;
         columns.set_item("direction", matrix(py, hits.direction, 3)?)?;
         columns.set_item("t_hit", column(py, hits.distance))?;
-        columns.set_item("primitive_ids", column(py, hits.triangle))?;
-        columns.set_item("class_ids", column(py, hits.class))?;
-        columns.set_item("placement", column(py, hits.placement))?;
-        columns.set_item("lidar", column(py, hits.lidar))?;
-        Ok(columns)
-    }
-
-    /// Closest hits of `rays` `[N, 6]`, origin and direction in the ego frame, in one frame: `t_hit` `[N]` f32 in
-    /// lengths of the direction, `inf` for none; `primitive_ids` and `class_ids` as in `cast`.
-    #[pyo3(signature = (rays, *, frame = 0))]
-    fn cast_rays<'py>(
-        &self,
-        py: Python<'py>,
-        rays: &Bound<'py, PyAny>,
-        #[pyo3(from_py_with = arguments::frame)] frame: i128,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        let frame = self.built.check_frame(frame)?;
-        let wanted = "[N, 6]: origin and direction in the ego frame, metres";
-        let array = numbers::<f32>("rays", rays, wanted)?;
-        let view = rows("rays", &array, 6)?;
-        if let Some(at) = view.rows().into_iter().position(|ray| !ray.iter().all(|v| v.is_finite()))
-        {
-            return Err(bad(format!("rays[{at}]: is not finite; leave the ray out")));
-        }
-        room_for("hits of all rays", view.nrows(), RAY_BYTES)?;
-        let rays: Vec<[f32; 6]> =
-            view.rows().into_iter().map(|r| std::array::from_fn(|k| r[k])).collect();
-        let built = self.built.clone();
-        let (hits, class) = interruptible(py, move |_| {
-            let problem = built.frame(frame)?;
-            let class = built.scene.face_classes(EgoBody::Include);
-            let geometry = problem.geometry(0).ok_or_else(|| bad("the frame has no geometry"))?;
-            Ok::<_, PyErr>((cast_rays(geometry, &rays, RAY_RANGE), class))
-        })??;
-        let columns = PyDict::new(py);
-        let t = hits.iter().map(|hit| if hit.is_hit() { hit.t } else { f32::INFINITY });
-        columns.set_item("t_hit", column(py, t.collect()))?;
-        let class = hits.iter().map(|hit| class.get(hit.prim as usize).copied());
-        let class = class.map(|class| class.unwrap_or(u16::MAX)).collect();
-        columns.set_item("primitive_ids", column(py, hits.iter().map(|hit| hit.prim).collect()))?;
-        columns.set_item("class_ids", column(py, class))?;
+        let number = |id: &u32| signed(Some(*id).filter(|id| *id != NO_HIT));
+        let class = |id: &u16| signed(Some(*id).filter(|id| *id != u16::MAX));
+        let wide = |ids: Vec<i64>| column(py, ids);
+        columns.set_item("primitive_ids", wide(hits.triangle.iter().map(number).collect()))?;
+        columns.set_item("class_ids", wide(hits.class.iter().map(class).collect()))?;
+        columns.set_item("placement", wide(hits.placement.into_iter().map(i64::from).collect()))?;
+        columns.set_item("lidar", wide(hits.lidar.into_iter().map(i64::from).collect()))?;
         Ok(columns)
     }
 
     /// Labelled scans of one placement, frame after frame, as an iterator of `Scan`; the next frame is scanned meanwhile.
     ///
     /// `conditions` are weather and faults of the scan, as `"snow:rate=1"`; `ideal` leaves the sensor's own limits out; `frames`
-    /// are all unless given; with `misses` every beam is there, not only the points. Chance depends on `seed` alone. The scene's `backend` casts; the
-    /// numbers are the same on all.
-    #[pyo3(signature = (poses, *, sensors = None, phases = None, conditions = Vec::new(), ideal = false, seed = 0,
+    /// are all unless given, a number of them spread evenly, or a list of their numbers from 0; with `misses` every beam is there, not only the points. Chance depends on `seed` alone. The scene's `backend` casts; the
+    /// numbers are the same on all. Raises `ValueError` as `score`, for unknown conditions, and for scenes without geometry.
+    #[pyo3(signature = (poses, *, sensors = None, phases = None, conditions = None, ideal = false, seed = 1,
         frames = None, misses = false))]
     #[allow(clippy::too_many_arguments)]
     fn scan(
@@ -337,19 +318,27 @@ impl PyScene {
         poses: &Bound<'_, PyAny>,
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'_, PyAny>>,
-        #[pyo3(from_py_with = arguments::conditions)] conditions: Vec<String>,
+        #[pyo3(from_py_with = arguments::conditions)] conditions: Option<Vec<String>>,
         ideal: bool,
         #[pyo3(from_py_with = arguments::seed)] seed: u64,
         frames: Option<&Bound<'_, PyAny>>,
         misses: bool,
     ) -> PyResult<ScanIterator> {
         let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
-        ScanIterator::begin(self.built.clone(), placement, &conditions, ideal, seed, frames, misses)
+        ScanIterator::begin(
+            self.built.clone(),
+            placement,
+            &conditions.unwrap_or_default(),
+            ideal,
+            seed,
+            frames,
+            misses,
+        )
     }
 
     /// Compares hits, voxels and sums of the scene's engine with the CPU reference, bit by bit, and `sample` beams of
     /// the reference with brute force in f64, over `frames` frames. Returns the output of `sightline verify --format
-    /// json`. Placements are Table 7, `random` and `hostile` ones unless given.
+    /// json`. Placements are Table 7, `random` and `hostile` ones unless given. Raises `ValueError` as `score`.
     #[pyo3(signature = (poses = None, *, sensors = None, phases = None, frames = 1, random = 200, hostile = 50,
         sample = 20_000, seed = 1))]
     #[allow(clippy::too_many_arguments)]
@@ -384,37 +373,15 @@ impl PyScene {
         to_python(py, &found)
     }
 
-    /// Random placements from the bounds of the mount, `[count, L, 6]`; its least distance and keep-out boxes are not asked.
-    #[pyo3(signature = (count, *, seed = 1))]
-    fn random_poses<'py>(
-        &self,
-        py: Python<'py>,
-        #[pyo3(from_py_with = arguments::count)] count: usize,
-        #[pyo3(from_py_with = arguments::seed)] seed: u64,
-    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let constraints = self.built.scene.constraints();
-        let lidars = constraints.lidars();
-        room_for("poses", count, lidars * size_of::<[f64; 6]>())?;
-        let values = interruptible(py, move |stop| {
-            let mut values = Vec::with_capacity(6 * lidars * count);
-            for (n, placement) in draws(&constraints, seed).take(count).enumerate() {
-                if n % DRAWN_TOGETHER == 0 && stop.load(Ordering::SeqCst) {
-                    break;
-                }
-                values.extend(placement.lidars.iter().flat_map(SensorPose::values));
-            }
-            values
-        })?;
-        shaped(py, values, &[count, lidars, 6])
-    }
-
     /// SHA-256 of every file that the scene is made of.
     fn _inputs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         to_python(py, &Input::of(self.built.scene.files()).map_err(raised)?)
     }
 
     fn __repr__(&self) -> String {
-        format!("Scene({:?}, {} frames)", self.name(), self.frames())
+        let (all, scored) = (self.frames(), self.scored_frames().len());
+        let of = if scored < all { format!(", scores over {scored}") } else { String::new() };
+        format!("Scene({:?}, {all} frames{of})", self.name())
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
@@ -432,7 +399,7 @@ impl PyScene {
         };
         this.built.options.put(&options)?;
         let rebuild = py.import("sightline._pickle")?.getattr("scene")?;
-        let arguments = (make, first, options, this._inputs(py)?).into_pyobject(py)?;
+        let arguments = (make, first, options, this._inputs(py)?, &this.root).into_pyobject(py)?;
         PyTuple::new(py, [rebuild, arguments.into_any()])
     }
 }

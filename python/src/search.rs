@@ -14,18 +14,19 @@ use sightline::engine::EngineChoice;
 use sightline::job::{Found, Tolerance};
 use sightline::report::{RunContext, RunRecord, RunTimes};
 use sightline::search::{Event, FrameChoice, Method, Scored, Settings, TimeLimit};
+use sightline::vehicle::Vehicle;
 use sightline::{Job, Objective};
 
 use crate::arguments::{self, listed};
-use crate::columns::scores_object;
+use crate::columns::{scored_object, scores_object};
 use crate::engine::{Built, Kept, guard, job_of, score};
 use crate::errors::{bad, raised};
 use crate::json::to_python;
 use crate::placements::{PyPlacement, placements_in};
 use crate::scenes::PyScene;
-use crate::wait::{interruptible, start, wait};
+use crate::wait::{start, wait};
 
-/// Several scenes that share LiDARs and mount; each counts the same.
+/// Several scenes that share LiDARs and mount; each counts the same. Raises `ValueError` for none, and where they differ.
 #[pyclass(name = "Suite", module = "sightline", frozen)]
 pub struct PySuite {
     given: Vec<Py<PyScene>>,
@@ -50,7 +51,7 @@ impl PySuite {
     }
 
     /// Scores over all scenes: the mean of the scenes' shares of information. `poses` as for `Scene`. Up to 64
-    /// placements are looked at for the guard `self_hit`, as in the program.
+    /// placements are looked at for the guard `self_hit`, as in the program. Raises `ValueError` as `Scene.score`.
     #[pyo3(signature = (poses, *, sensors = None, phases = None))]
     fn score<'py>(
         &self,
@@ -62,16 +63,15 @@ impl PySuite {
         let scene = &self.scenes[0].scene;
         let placements = placements_in(scene, poses, sensors, phases)?;
         let (job, kept) = (job_of(&self.scenes)?, self.evaluator.clone());
-        let scores = interruptible(py, move |stop| {
+        scored_object(py, scene.vehicle(), placements, move |placements, stop| {
             let open = || Ok(job.evaluator(|_| {}).map_err(raised)?.0);
             let stopped = || stop.load(Ordering::SeqCst);
             kept.with(open, |evaluator| {
-                let mut scores = score(evaluator, &placements, stopped)?;
-                guard(&job, evaluator, &placements, &mut scores, None)?;
+                let mut scores = score(evaluator, placements, stopped)?;
+                guard(&job, evaluator, placements, &mut scores, None)?;
                 Ok(scores)
             })
-        })??;
-        scores_object(py, &scores)
+        })
     }
 
     fn __len__(&self) -> usize {
@@ -137,7 +137,7 @@ fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
 /// Searches placements over a scene or several, as `sightline optimize` does with the same settings.
 ///
 /// `objective` is a score by name, as `near_gain_2` for what two LiDARs see, or a weighted sum; `method` `both`, `cma` or
-/// `swaps`; `frames` `on-demand`, `all` or a number as text. The search ends after `evaluations` and their swaps, at `target`, or after `seconds`. `baselines` are compared
+/// `swaps`; `frames` is a number of frames, spread evenly, `"all"`, or `"on-demand"` (the default): as many as the search asks for. The search ends after `evaluations` and their swaps, at `target`, or after `seconds`. `baselines` are compared
 /// with (Table 7 unless given), `starts` started from. `mirror` adds the mirror image of each scene. A vehicle's sensors are
 /// chosen for at most `budget`; with `fewest` as few as meet all requirements, and as cheap. Each requirement is
 /// looked at in 200 copies mounted within `tolerance`, a length and an angle as text, or `None`.
@@ -145,21 +145,22 @@ fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
 /// `callback` is called with a dict for each event: `{"event": "note", "text"}`, `{"event": "generation", "generation",
 /// "evaluations", "best_so_far", …}`, `{"event": "progress", "work", "done", "total"}`. `StopIteration` raised by it ends the
 /// search, which confirms what it has, over few frames where a scene has more than 32, and returns it. So do Ctrl-C and any other exception, but
-/// that they go on to the caller, with the `Result` as their `result`.
+/// that they go on to the caller, with the `Result` as their `result`. Raises `ValueError` for settings that are not
+/// usable, `MemoryError` for what does not fit, `OSError` where a device fails.
 #[pyfunction(name = "optimize")]
 #[pyo3(signature = (scenes, *, objective = "near_gain", evaluations = 180, seed = 1,
-    method = "both", frames = "on-demand", population = None, baselines = None, starts = None,
+    method = "both", frames = None, population = None, baselines = None, starts = None,
     target = None, seconds = None, mirror = false, budget = None, fewest = false,
     tolerance = "5mm,0.5deg", callback = None))]
 #[allow(clippy::too_many_arguments)]
 pub fn search<'py>(
     py: Python<'py>,
     scenes: &Bound<'py, PyAny>,
-    objective: &str,
+    #[pyo3(from_py_with = arguments::objective)] objective: &str,
     #[pyo3(from_py_with = arguments::evaluations)] evaluations: u64,
     #[pyo3(from_py_with = arguments::seed)] seed: u64,
     method: &str,
-    frames: &str,
+    frames: Option<&Bound<'py, PyAny>>,
     #[pyo3(from_py_with = arguments::population)] population: Option<usize>,
     baselines: Option<&Bound<'py, PyAny>>,
     starts: Option<&Bound<'py, PyAny>>,
@@ -205,7 +206,9 @@ pub fn search<'py>(
     let asked = Asked { job, seconds };
     let (ended, signal) = beside(py, |observe| asked.run(observe), callback)?;
     let result = match ended {
-        Some((found, conditions)) => result_object(py, &found, conditions)?,
+        Some((found, conditions)) => {
+            result_object(py, scenes[0].scene.vehicle(), &found, conditions)?
+        }
         None => py.None().into_bound(py),
     };
     match signal {
@@ -284,6 +287,7 @@ pub fn beside<T: Send + 'static>(
 /// The `Result` object of the package.
 fn result_object<'py>(
     py: Python<'py>,
+    vehicle: &Vehicle,
     found: &Found,
     conditions: Vec<String>,
 ) -> PyResult<Bound<'py, PyAny>> {
@@ -317,11 +321,11 @@ fn result_object<'py>(
     );
     let placement = |scored: &Scored| PyPlacement(scored.placement.clone());
     let all = outcome.best.iter().chain(&outcome.baselines);
-    let scores: Vec<_> = all.map(|scored| scored.scores.clone()).collect();
+    let all = all.map(|scored| (&scored.placement, &scored.scores));
     let fields = PyDict::new(py);
     fields.set_item("best", outcome.best.as_ref().map(placement))?;
     fields.set_item("baselines", outcome.baselines.iter().map(placement).collect::<Vec<_>>())?;
-    fields.set_item("scores", scores_object(py, &scores)?)?;
+    fields.set_item("scores", scores_object(py, vehicle, all)?)?;
     fields.set_item("history", to_python(py, &outcome.history)?)?;
     fields.set_item("record", to_python(py, &record)?)?;
     py.import("sightline._records")?.getattr("Result")?.call((), Some(&fields))
@@ -336,16 +340,16 @@ fn word<T: Copy>(what: &str, given: &str, known: &[(&str, T)]) -> PyResult<T> {
     })
 }
 
-/// `on-demand`, `all`, or a number.
-fn frames_of(given: &str) -> PyResult<FrameChoice> {
-    match given {
-        "on-demand" => Ok(FrameChoice::OnDemand),
-        "all" => Ok(FrameChoice::All),
-        number => match number.parse() {
-            Ok(count) if count > 0 => Ok(FrameChoice::Count(count)),
-            _ => Err(bad(format!(
-                "frames: `{number}` is none; give on-demand, all, or a number as \"8\""
-            ))),
-        },
+/// A number of frames, `all`, or those that the search asks for.
+fn frames_of(given: Option<&Bound<'_, PyAny>>) -> PyResult<FrameChoice> {
+    let Some(given) = given else { return Ok(FrameChoice::OnDemand) };
+    match given.extract::<String>().as_deref() {
+        Ok("on-demand") => Ok(FrameChoice::OnDemand),
+        Ok("all") => Ok(FrameChoice::All),
+        Ok(_) => {
+            let found = arguments::shown(given);
+            Err(bad(format!("frames: is {found}; give a whole number, \"all\" or \"on-demand\"")))
+        }
+        Err(_) => Ok(FrameChoice::Count(arguments::whole("frames", given, 1..=u32::MAX as i128)?)),
     }
 }

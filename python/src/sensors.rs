@@ -38,7 +38,8 @@ impl PySensor {
 impl PySensor {
     /// Sensor of a vendor's file, whose format is told from its contents; `docs/formats/sensors.md` lists the formats.
     ///
-    /// `range` in metres and `azimuth_steps` a turn, where the file does not state them.
+    /// `range` in metres and `azimuth_steps` a turn, where the file does not state them. Raises `OSError`, such as `FileNotFoundError`, for a file that cannot be
+    /// read, `ValueError` for what is wrong in it.
     #[staticmethod]
     #[pyo3(signature = (path, *, range = None, azimuth_steps = None))]
     fn load(
@@ -64,7 +65,7 @@ impl PySensor {
     }
 
     /// From a dict as a scene has it under `lidar`, such as `{"channels": 16, "fov": [-24.8, 2], "azimuth_steps": 250,
-    /// "range": 100}`; files that it names are relative to `folder`.
+    /// "range": 100}`; files that it names are relative to `folder`. Raises `ValueError` for what is wrong in it.
     #[staticmethod]
     #[pyo3(signature = (lidar, *, folder = None))]
     fn from_dict(lidar: &Bound<'_, PyAny>, folder: Option<PathBuf>) -> PyResult<Self> {
@@ -132,17 +133,21 @@ impl PySensor {
 #[pyclass(name = "Vehicle", module = "sightline", frozen)]
 pub struct PyVehicle {
     pub path: PathBuf,
+    /// Current folder when it was read: that of a relative path.
+    root: PathBuf,
     vehicle: Vehicle,
 }
 
 #[pymethods]
 impl PyVehicle {
-    /// Reads a vehicle file; warns of every note.
+    /// Reads a vehicle file; warns of every note. Raises `OSError`, such as `FileNotFoundError`, for a file that cannot be read, `ValueError`
+    /// for what is wrong in it.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let vehicle = Vehicle::read(&path).map_err(raised)?;
         warn_of(py, &vehicle.notes)?;
-        Ok(Self { path, vehicle })
+        let root = std::env::current_dir().unwrap_or_default();
+        Ok(Self { path, root, vehicle })
     }
 
     /// The file.
@@ -197,8 +202,9 @@ impl PyVehicle {
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
-        let load = slf.getattr("load")?;
-        let arguments = (&slf.get().path,).into_pyobject(slf.py())?;
-        PyTuple::new(slf.py(), [load, arguments.into_any()])
+        let (py, this) = (slf.py(), slf.get());
+        let rebuild = py.import("sightline._pickle")?.getattr("file")?;
+        let arguments = (slf.getattr("load")?, &this.path, &this.root).into_pyobject(py)?;
+        PyTuple::new(py, [rebuild, arguments.into_any()])
     }
 }

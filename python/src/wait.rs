@@ -1,19 +1,48 @@
-//! Long work beside the interpreter: the GIL is free, and Ctrl-C is heard.
+//! Long work beside the interpreter: the GIL is free, Ctrl-C is heard, and a forked process gets threads of its own.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 use pyo3::exceptions::{PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
+
+/// The process that imported the module. Threads of the shared pool may live in it, and in no copy of it.
+static HOME: OnceLock<u32> = OnceLock::new();
+
+/// Remembers this process as the one whose threads are shared; called when the module is imported.
+pub fn remember_home() {
+    HOME.get_or_init(std::process::id);
+}
+
+/// True in a copy of the process, which a fork has made: threads do not survive a fork.
+pub fn is_forked() -> bool {
+    HOME.get().is_some_and(|home| *home != std::process::id())
+}
+
+/// Runs work that may use the shared threads; in a forked process on threads of its own, as many as the parent has.
+pub fn pooled<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    if !is_forked() {
+        return work();
+    }
+    let threads = rayon::current_num_threads();
+    match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+        Ok(pool) => pool.install(work),
+        // Without any thread, work waits for threads that are not there; one is enough.
+        Err(error) => {
+            panic!("a forked process gets no threads: {error}; use the start method `spawn`")
+        }
+    }
+}
 
 /// Starts work on a thread of its own.
 ///
 /// # Errors
 /// `OSError`: the system refuses another thread.
 pub fn start(work: impl FnOnce() + Send + 'static) -> PyResult<()> {
-    let started = std::thread::Builder::new().name("sightline".into()).spawn(work);
+    let named = std::thread::Builder::new().name("sightline".into());
+    let started = named.spawn(|| pooled(work));
     started.map(drop).map_err(|error| {
         PyOSError::new_err(format!(
             "cannot start a thread: {error}; raise the limits of memory (ulimit -v) or threads (ulimit -u) of this process"

@@ -52,11 +52,16 @@ def test_units_that_are_hardly_meant_are_warned_of(scene) -> None:
 
 
 def test_an_empty_batch_has_no_scores(scene) -> None:
-    assert len(scene.score(np.zeros((0, 4, 6)))) == 0
+    some, none = scene.score(np.zeros((2, 4, 6)) + [0, 0, 2, 0, 0, 0]), scene.score(np.zeros((0, 4, 6)))
+    assert len(none.rows) == 0 and none.names == [] and list(none) == list(some)
+    assert {name: (values.dtype, values.shape[1:]) for name, values in none.items()} == {
+        name: (values.dtype, values.shape[1:]) for name, values in some.items()
+    }
+    assert sightline.Scores.concatenate([none, some]) == some
 
 
 def test_rays(small) -> None:
-    with pytest.raises(ValueError, match=r"rays: has the shape \[4, 5\]; give \[N, 6\]"):
+    with pytest.raises(ValueError, match=r"rays: has the shape \[4, 5\]; give \[\.\.\., 6\]"):
         small.cast_rays(np.zeros((4, 5)))
     with pytest.raises(ValueError, match=r"rays\[2\]: is not finite"):
         small.cast_rays(np.array([[0, 0, 0, 1, 0, 0]] * 2 + [[0, 0, 0, np.nan, 0, 0]]))
@@ -81,10 +86,12 @@ def test_options(small, scene) -> None:
         Scene.load("scenes/highway.json", conditions=["hail"])
     with pytest.raises(ValueError, match="`gain` is no score; did you mean"):
         sightline.optimize(scene, objective="gain")
+    with pytest.raises(ValueError, match=r"objective: is <function .*take sightline.Search\(scene.space\(\)\)"):
+        sightline.optimize(scene, objective=lambda scores: scores["near_gain"])
     with pytest.raises(ValueError, match="method: `magic` is none; give both, cma, swaps"):
         sightline.optimize(scene, method="magic")
-    with pytest.raises(ValueError, match="frames: `few` is none"):
-        sightline.optimize(scene, frames="few")
+    with pytest.raises(ValueError, match="frames: is '8'; give a whole number"):
+        sightline.optimize(scene, frames="8")
     with pytest.raises(ValueError, match="budget: the scene has one LiDAR and no prices"):
         sightline.optimize(small, budget=10.0)
     with pytest.raises(ValueError, match="scenes: give a Scene or a list of them"):

@@ -57,6 +57,14 @@ def test_train() -> None:
     assert "loss" in run("train.py", "scenes/industrial-yard.json")
 
 
+@pytest.mark.parametrize(("name", "package"), [("optuna", "optuna"), ("pymoo", "pymoo"), ("pycma", "cma"), ("search", "sightline")])
+def test_optimizers_of_others(name: str, package: str) -> None:
+    pytest.importorskip(package)
+    printed = run("optimizers.py", name, "scenes/industrial-yard.json")
+    # The best of 60 random placements has .353.
+    assert float(printed.split()[-1]) > 0.345, printed
+
+
 def test_beyond_one_machine() -> None:
     pytest.importorskip("ray")
     printed = run("beyond_one_machine.py", "scenes/industrial-yard.json", "--placements", 150, "--frames", 1)

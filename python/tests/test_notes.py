@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import warnings
 from pathlib import Path
@@ -86,4 +87,24 @@ def test_lidars_without_a_model_are_refused_where_a_vehicle_has_several(tmp_path
         for use in (scene.score, scene.cast, sightline.Suite([scene]).score):
             with pytest.raises(ValueError, match=sentence):
                 use(poses)
-    assert len(scene.score(POSE, sensors=[second])) == 1
+    assert len(scene.score(POSE, sensors=[second]).rows) == 1
+
+
+def test_help_says_what_is_raised() -> None:
+    silent = {"Boxes", "Front", "Result", "Rig", "Scan", "Scores", "Status", "front"} | {"Scan.labels"}
+    for name in sightline.__all__:
+        thing = getattr(sightline, name)
+        if not callable(thing) or (inspect.isclass(thing) and issubclass(thing, Warning)):
+            continue
+        named = [(name, thing)]
+        if inspect.isclass(thing):
+            named += [(f"{name}.{key}", value) for key, value in vars(thing).items() if not key.startswith("_")]
+        for full, of in named:
+            of = getattr(of, "__func__", of)
+            if inspect.ismemberdescriptor(of) or full.startswith("Status."):
+                continue
+            told, signature = inspect.getdoc(of) or "", getattr(of, "__text_signature__", None)
+            assert told, full
+            takes = signature not in (None, "()", "($self)", "($self, /)") and callable(of)
+            assert not takes or "Raises" in told or full in silent, (full, signature)
+            assert "Ellipsis" not in str(signature) and "..." not in str(signature), (full, signature)

@@ -209,3 +209,50 @@ def test_the_program_answers(tmp_path: Path) -> None:
     assert "Usage: sightline" in program("--help").stdout
     wrong = program("score", "nowhere.json", "scenes/placements.json")
     assert wrong.returncode == 2 and wrong.stderr.startswith("sightline: nowhere.json: ")
+
+
+AWAY = """
+import pickle, sys
+scene, suite, sensor, vehicle, space = pickle.load(sys.stdin.buffer)
+poses = [[0, 0, 2, 0, 0, 0]]
+names = ["spinning-32"]
+print(scene.score(poses, sensors=names)["near_gain"][0], suite.score(poses, sensors=names)["near_gain"][0],
+      len(sensor), vehicle.name, space.dim)
+"""
+
+
+def test_pickles_are_read_in_another_folder(tmp_path: Path) -> None:
+    scene = Scene.load("scenes/highway.json", vehicle="scenes/vehicles/car.json", frames=1, backend="cpu")
+    vehicle, sensor = sightline.Vehicle.load("scenes/vehicles/car.json"), scene.sensors["spinning-32"]
+    sent = pickle.dumps((scene, sightline.Suite([scene]), sensor, vehicle, scene.space()))
+    done = subprocess.run([sys.executable, "-c", AWAY], input=sent, capture_output=True, cwd=tmp_path, timeout=100)
+    assert done.returncode == 0, done.stderr.decode()
+    poses, names = [[0, 0, 2, 0, 0, 0]], ["spinning-32"]
+    gain = scene.score(poses, sensors=names)["near_gain"][0]
+    told = [gain, gain, len(sensor), vehicle.name, scene.space().dim]
+    assert done.stdout.decode().split() == [str(value) for value in told]
+
+
+def test_tensors_that_need_gradients_and_those_of_dlpack_alone_are_poses(scene) -> None:
+    poses = scene.random_poses(2)
+
+    class Graph:
+        """As a tensor of PyTorch that needs a gradient: NumPy takes it once it is detached."""
+
+        def __array__(self, *_, **__):
+            raise RuntimeError("Can't call numpy() on Tensor that requires grad. Use tensor.detach().numpy() instead.")
+
+        def detach(self):
+            return poses
+
+    class Exported:
+        """As a tensor of Open3D or JAX: memory by DLPack, and no `__array__`."""
+
+        def __dlpack__(self, **options):
+            return poses.__dlpack__(**options)
+
+        def __dlpack_device__(self):
+            return poses.__dlpack_device__()
+
+    expected = scene.score(poses)
+    assert scene.score(Graph()) == expected and scene.score(Exported()) == expected

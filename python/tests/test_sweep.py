@@ -79,7 +79,7 @@ def test_a_tolerance_is_that_of_the_program(rig: sightline.Placement, vehicle: P
     plain = Scene.load(YARD, backend="cpu", frames=1)
     with pytest.raises(ValueError, match="requires nothing"):
         plain.tolerance(rig)
-    with pytest.raises(ValueError, match="steps: is 0; give 1 to 1000"):
+    with pytest.raises(ValueError, match="steps: is 0; give a whole number, 1 to 1000"):
         scene.tolerance(rig, steps=0)
     with pytest.raises(ValueError, match="most_mm: is -1"):
         scene.tolerance(rig, most_mm=-1)

@@ -27,7 +27,7 @@ use crate::sensor::{Placement, SensorPose, UnknownSensor};
 use crate::task::{StageTimes, Tally, Task};
 
 pub use crate::bvh::{Hit, NO_HIT};
-pub use crate::cast::cast_rays;
+pub use crate::cast::{RayScene, cast_rays};
 pub use crate::memory::{OutOfMemory, available_memory};
 pub use cpu::CpuBackend;
 pub use opening::{

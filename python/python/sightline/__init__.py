@@ -20,13 +20,17 @@ import os as _os
 _os.environ.setdefault("NODEVICE_SELECT", "1")
 
 from ._native import (  # noqa: E402
+    Atlas,
     DoubtWarning,
     Placement,
     Psog,
+    Raycaster,
     Rig,
     ScanIterator,
     Scene,
+    Search,
     Sensor,
+    Space,
     Suite,
     Vehicle,
     __version__,
@@ -36,21 +40,26 @@ from ._native import (  # noqa: E402
     read_placements,
     set_threads,
 )
-from ._records import Boxes, Front, Result, Scan, Scores, Status  # noqa: E402
+from ._records import Boxes, Front, Result, Scan, Status  # noqa: E402
+from ._scores import Scores  # noqa: E402
 
 __all__ = [
+    "Atlas",
     "Boxes",
     "DoubtWarning",
     "Front",
     "Placement",
     "Psog",
+    "Raycaster",
     "Result",
     "Rig",
     "Scan",
     "ScanIterator",
     "Scene",
     "Scores",
+    "Search",
     "Sensor",
+    "Space",
     "Status",
     "Suite",
     "Vehicle",

@@ -26,7 +26,7 @@ def gaps(count: int, parts: Mapping[int, Scores]) -> Iterator[tuple[int, int]]:
     for start in sorted(parts):
         if at < start:
             yield at, start
-        at = max(at, start + len(parts[start]))
+        at = max(at, start + len(parts[start].names))
     if at < count:
         yield at, count
 
@@ -86,7 +86,8 @@ class Checkpoint:
 
 def pack_scores(scores: Scores) -> Packed:
     """Scores as words and columns."""
-    words = {"names": scores.names, "columns": list(scores), "guards": scores.guards, "classes": scores.classes}
+    words = {"names": scores.names, "columns": list(scores), "guards": scores.guards, "classes": scores.classes,
+             "least": scores.least}
     return words, {f"column:{name}": scores[name] for name in scores}
 
 
@@ -94,7 +95,7 @@ def unpack_scores(packed: Packed) -> Scores:
     """Scores of words and columns."""
     words, arrays = packed
     columns = {name: arrays[f"column:{name}"] for name in words["columns"]}
-    return Scores(words["names"], columns, words["guards"], words["classes"])
+    return Scores(words["names"], columns, words["guards"], words["classes"], words["least"])
 
 
 def pack_result(result: Result) -> Packed:
@@ -138,7 +139,7 @@ def _known(value: Any) -> Any:
 
 def _made(scene: Scene) -> Any:
     """What a scene is made of, and the SHA-256 of its files; not what engine is to take it."""
-    _, first, options, _ = scene.__reduce__()[1]
+    _, first, options, *_ = scene.__reduce__()[1]
     options = {key: value for key, value in options.items() if key not in ("adapter", "memory", "backend")}
     if (psog := options.pop("psog", None)) is not None:
         options["psog"] = hashlib.sha256(psog.index.tobytes() + psog.counts.tobytes()).hexdigest()

@@ -2,20 +2,27 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from os import PathLike
 from typing import Any, Literal, TypedDict, final
 
+from typing_extensions import NotRequired
+
 import numpy as np
 import numpy.typing as npt
 
-from ._records import F32, F64, U16, U32, Front, Result, Scan, Scores
+from ._records import F32, F64, I64, U16, U32, Front, Result, Scan
+from ._scores import Scores
 
 __all__ = [
+    "Atlas",
     "DoubtWarning",
     "FEW_PLACEMENTS",
     "Placement",
     "Psog",
+    "Raycaster",
     "Rig",
     "ScanIterator",
     "Scene",
+    "Search",
     "Sensor",
+    "Space",
     "Suite",
     "Vehicle",
     "__version__",
@@ -40,16 +47,33 @@ class _Mesh(TypedDict):
     faces: U32
     class_ids: U16
 
-class _RayHits(TypedDict):
+class _BeamHits(TypedDict):
     t_hit: F32
-    primitive_ids: U32
-    class_ids: U16
-
-class _BeamHits(_RayHits):
+    primitive_ids: I64
+    class_ids: I64
     origin: F32
     direction: F32
-    placement: U32
-    lidar: U16
+    placement: I64
+    lidar: I64
+
+class _RayHits(TypedDict):
+    t_hit: F32
+    primitive_ids: I64
+    #: Where triangles have classes.
+    class_ids: I64
+    #: With `normals`.
+    normals: NotRequired[F32]
+    #: With `uvs`.
+    uvs: NotRequired[F32]
+
+@final
+class Atlas:
+    @property
+    def poses(self) -> F64: ...
+    @property
+    def size_bytes(self) -> int: ...
+    def score(self, index: npt.ArrayLike) -> dict[str, F64]: ...
+    def __len__(self) -> int: ...
 
 @final
 class Placement:
@@ -76,6 +100,16 @@ class Placement:
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 class DoubtWarning(UserWarning): ...
+
+@final
+class Search:
+    def __new__(cls, space: Space, *, seed: int = 1, population: int | None = None) -> Search: ...
+    def ask(self) -> F64: ...
+    def ask_placements(self) -> list[Placement]: ...
+    def tell(self, values: npt.ArrayLike) -> None: ...
+    def result(self) -> tuple[Placement, float] | None: ...
+    @property
+    def told(self) -> int: ...
 
 @final
 class Sensor:
@@ -155,6 +189,23 @@ class Psog:
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
+class Raycaster:
+    def __new__(
+        cls,
+        vertices: npt.ArrayLike,
+        faces: npt.ArrayLike,
+        *,
+        class_ids: npt.ArrayLike | None = None,
+        reach: float | None = None,
+    ) -> Raycaster: ...
+    def cast_rays(
+        self, rays: npt.ArrayLike, *, t_max: float | None = None, normals: bool = False, uvs: bool = False
+    ) -> _RayHits: ...
+    def occluded(self, rays: npt.ArrayLike, *, t_max: float | None = None) -> npt.NDArray[np.bool_]: ...
+    def count(self, rays: npt.ArrayLike, *, t_max: float | None = None) -> I64: ...
+    def __len__(self) -> int: ...
+
+@final
 class Rig:
     @staticmethod
     def from_carla(
@@ -205,7 +256,7 @@ class Scene:
         vehicle: _Path | None = None,
         psog: Psog | None = None,
         frames: int | None = None,
-        conditions: Sequence[str] = ...,
+        conditions: Sequence[str] | None = None,
         backend: _Backend = "auto",
         adapter: str | None = None,
         memory: int | None = None,
@@ -214,10 +265,10 @@ class Scene:
     def from_dict(
         scene: Mapping[str, Any],
         *,
-        folder: _Path = ...,
+        folder: _Path | None = None,
         psog: Psog | None = None,
         frames: int | None = None,
-        conditions: Sequence[str] = ...,
+        conditions: Sequence[str] | None = None,
         backend: _Backend = "auto",
         adapter: str | None = None,
         memory: int | None = None,
@@ -228,6 +279,8 @@ class Scene:
     def classes(self) -> list[str]: ...
     @property
     def frames(self) -> int: ...
+    @property
+    def scored_frames(self) -> list[int]: ...
     @property
     def rate(self) -> float: ...
     @property
@@ -320,17 +373,26 @@ class Scene:
         sensors: Sequence[str] | None = None,
         phases: npt.ArrayLike | None = None,
     ) -> _BeamHits: ...
-    def cast_rays(self, rays: npt.ArrayLike, *, frame: int = 0) -> _RayHits: ...
+    def cast_rays(
+        self,
+        rays: npt.ArrayLike,
+        *,
+        frame: int = 0,
+        t_max: float | None = None,
+        normals: bool = False,
+        uvs: bool = False,
+    ) -> _RayHits: ...
+    def raycaster(self, frame: int = 0) -> Raycaster: ...
     def scan(
         self,
         poses: _Poses,
         *,
         sensors: Sequence[str] | None = None,
         phases: npt.ArrayLike | None = None,
-        conditions: Sequence[str] = ...,
+        conditions: Sequence[str] | None = None,
         ideal: bool = False,
-        seed: int = 0,
-        frames: Sequence[int] | None = None,
+        seed: int = 1,
+        frames: int | Sequence[int] | None = None,
         misses: bool = False,
     ) -> ScanIterator: ...
     def verify(
@@ -345,8 +407,31 @@ class Scene:
         sample: int = 20_000,
         seed: int = 1,
     ) -> dict[str, Any]: ...
+    def atlas(self, poses: npt.ArrayLike, *, sensors: Sequence[str] | None = None) -> Atlas: ...
+    def space(self, equipment: Sequence[tuple[str, str]] | None = None) -> Space: ...
     def random_poses(self, count: int, *, seed: int = 1) -> F64: ...
     def _inputs(self) -> list[dict[str, str]]: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class Space:
+    @property
+    def dim(self) -> int: ...
+    @property
+    def lower(self) -> F64: ...
+    @property
+    def upper(self) -> F64: ...
+    @property
+    def sensors(self) -> list[str] | None: ...
+    @property
+    def mounts(self) -> list[str]: ...
+    @property
+    def rules(self) -> list[str]: ...
+    def poses(self, z: npt.ArrayLike) -> F64: ...
+    def placements(self, z: npt.ArrayLike) -> list[Placement]: ...
+    def vector(self, poses: _Poses, *, phases: npt.ArrayLike | None = None) -> F64: ...
+    def violations(self, poses: _Poses, *, phases: npt.ArrayLike | None = None) -> F64: ...
+    def random(self, n: int, rng: int | np.random.Generator | None = None, *, feasible: bool = True) -> F64: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
@@ -375,7 +460,7 @@ def optimize(
     evaluations: int = 180,
     seed: int = 1,
     method: Literal["both", "cma", "swaps"] = "both",
-    frames: str = "on-demand",
+    frames: int | Literal["all", "on-demand"] | None = None,
     population: int | None = None,
     baselines: Sequence[Placement] | None = None,
     starts: Sequence[Placement] | None = None,

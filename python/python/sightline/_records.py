@@ -1,14 +1,15 @@
-"""What comes back from scenes: scores, scans, results; arrays with names."""
+"""What comes back from scenes: scans, results; arrays with names."""
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+
+from ._scores import Scores
 
 if TYPE_CHECKING:
     from ._native import Placement
@@ -17,120 +18,10 @@ F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 U16 = npt.NDArray[np.uint16]
 U32 = npt.NDArray[np.uint32]
+I64 = npt.NDArray[np.int64]
 
-
-class Scores:
-    """Scores of N placements, one array a score.
-
-    ``scores["near_gain"]`` is an array ``[N]``; ``NaN`` where a placement has no such score. Two columns have
-    more axes: ``covered_by_class`` ``[N, classes]`` and ``unique_share`` ``[N, L]``, ``NaN`` beyond a placement's own
-    LiDARs. ``near_gain_2`` and ``near_gain_3`` count each voxel for up to two and three LiDARs that cover it. Names and
-    meaning are those of ``sightline score --format json``.
-    """
-
-    __slots__ = ("classes", "columns", "guards", "names")
-
-    def __init__(
-        self,
-        names: list[str],
-        columns: dict[str, npt.NDArray[Any]],
-        guards: list[list[str]],
-        classes: list[str],
-    ) -> None:
-        #: Name of each placement; its number for those from an array.
-        self.names = names
-        #: Arrays by score.
-        self.columns = columns
-        #: Of each placement, sentences why its scores should not be believed; mostly none.
-        self.guards = guards
-        #: Names of the classes of ``covered_by_class``.
-        self.classes = classes
-
-    def __getitem__(self, column: str) -> npt.NDArray[Any]:
-        try:
-            return self.columns[column]
-        except KeyError:
-            raise KeyError(f"`{column}` is no score; there are {', '.join(self.columns)}") from None
-
-    def __len__(self) -> int:
-        return len(self.names)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.columns)
-
-    def __contains__(self, column: object) -> bool:
-        return column in self.columns
-
-    def __repr__(self) -> str:
-        return f"Scores({len(self)} placements: {', '.join(self.columns)})"
-
-    def __eq__(self, other: object) -> bool:
-        """Whether names, guards and every bit of every column are the same."""
-        if not isinstance(other, Scores) or list(self) != list(other):
-            return False
-        same = all(_same(self[name], other[name]) for name in self)
-        return same and (self.names, self.guards, self.classes) == (
-            other.names,
-            other.guards,
-            other.classes,
-        )
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Names, guards and all columns by name; ``covered_by_class`` a column a class."""
-        table: dict[str, Any] = {"name": list(self.names)}
-        for name, values in self.columns.items():
-            if values.ndim == 1:
-                table[name] = values
-            else:
-                parts = self.classes if name == "covered_by_class" else range(values.shape[1])
-                table.update({f"{name}.{part}": values[:, k] for k, part in enumerate(parts)})
-        table["guards"] = [list(guards) for guards in self.guards]
-        return table
-
-    def to_pandas(self) -> Any:
-        """A ``pandas.DataFrame`` with a row a placement."""
-        import pandas
-
-        return pandas.DataFrame(self.to_dict()).set_index("name")
-
-    @staticmethod
-    def concatenate(parts: Iterable[Scores]) -> Scores:
-        """The scores of several batches of one scene, in order."""
-        parts = list(parts)
-        if not parts:
-            raise ValueError("parts: are none; give at least one batch of scores")
-        first = parts[0]
-        for part in parts:
-            if list(part) != list(first) or part.classes != first.classes:
-                raise ValueError("parts: have different columns; they must come from one scene")
-        width = {
-            name: max(part[name].shape[1] for part in parts)
-            for name in first
-            if first[name].ndim > 1
-        }
-        columns = {
-            name: np.concatenate(
-                [_widened(part[name], width[name]) if name in width else part[name] for part in parts]
-            )
-            for name in first
-        }
-        return Scores(
-            [name for part in parts for name in part.names],
-            columns,
-            [guards for part in parts for guards in part.guards],
-            first.classes,
-        )
-
-
-def _same(a: npt.NDArray[Any], b: npt.NDArray[Any]) -> bool:
-    return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
-
-
-def _widened(values: npt.NDArray[Any], width: int) -> npt.NDArray[Any]:
-    missing = width - values.shape[1]
-    return np.pad(values, ((0, 0), (0, missing)), constant_values=np.nan) if missing else values
+#: ``Scan.class_id`` of points of no class.
+NO_CLASS = 65535
 
 
 class Status(enum.IntEnum):
@@ -230,6 +121,10 @@ class Scan:
     def __len__(self) -> int:
         return len(self.xyz)
 
+    def labels(self, ignore: int = -1) -> npt.NDArray[np.int64]:
+        """``[P]`` class of each point, as losses of PyTorch take it; ``ignore`` for points of no class."""
+        return np.where(self.class_id == NO_CLASS, ignore, self.class_id.astype(np.int64))
+
     def __repr__(self) -> str:
         return f"Scan({self.scene!r}, frame {self.frame}, {len(self)} points, {len(self.boxes)} boxes)"
 
@@ -250,7 +145,8 @@ class Result:
     record: dict[str, Any]
 
     def __repr__(self) -> str:
-        return f"Result(best={self.best!r}, {self.record['evaluations']} evaluations)"
+        by_method = (f"{method['method']} {method['evaluations']}" for method in self.record["methods"])
+        return f"Result(best={self.best!r}, placements looked at: {', '.join(by_method)})"
 
 
 @dataclass(frozen=True, eq=False)

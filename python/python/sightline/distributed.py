@@ -166,7 +166,7 @@ def score(
             cut[scene] = True
             yield from rest(scene, (stop - start) / max(seconds, 1e-6))
 
-    have = sum(len(part) for parts in finished for part in parts.values())
+    have = sum(len(part.names) for parts in finished for part in parts.values())
     pool = _pool(actors, threads, list(scenes), array, named, progress)
     with pool:
         first = [task for scene in range(len(scenes)) for task in probe(scene)]

@@ -4,22 +4,19 @@
 //! a line is a bundle of rays. Sixteen boxes, or the boxes of sixteen triangles, are tested at once; what is
 //! left goes to `Ray::intersect`, so the bits are those of the reference.
 //!
-//! [`cast_rays`] takes any rays of callers who bring their own instead of sensors. A [`Firing`] is a group of rays
-//! that leave one place at one moment: the batches that a device casts for scans.
+//! A [`Firing`] is a group of rays that leave one place at one moment: the batches that a device casts for scans.
 
-use glam::DVec3;
 use multiversion::multiversion;
-use rayon::prelude::*;
 
 use super::sight::SightSphere;
 use crate::bvh::bvh16::{BLOCK, Block16, Node16, WIDTH};
 use crate::bvh::{Bvh, Hit, Ray, Triangle};
 use crate::geom::Pose;
-use crate::task::{DevicePose, Frame, beam_direction, beam_origin};
+use crate::task::{DevicePose, beam_direction, beam_origin};
 
 /// Rounding of a box's bounds, as a share of the largest coordinate: 2⁻²³ of each of middle, half extent and
 /// origin, with room.
-const SLACK: f32 = 1e-6;
+pub(super) const SLACK: f32 = 1e-6;
 /// Rounding of a distance, as a share of it.
 const STRETCH: f32 = 1e-6;
 
@@ -183,7 +180,7 @@ pub(super) fn descend(
 }
 
 /// A ray and all that lies within an angle around it.
-struct RayBundle<'a> {
+pub(super) struct RayBundle<'a> {
     ray: &'a Ray,
     width: f32,
     /// Metres by which boxes grow for rounding.
@@ -192,16 +189,22 @@ struct RayBundle<'a> {
     around: f32,
 }
 
-impl RayBundle<'_> {
+impl<'a> RayBundle<'a> {
+    /// A ray alone, on its way down a tree.
+    pub fn single(ray: &'a Ray, bvh: &Bvh) -> Self {
+        let largest = bvh.bvh16.largest + ray.origin.abs().max_element();
+        Self { ray, width: 0.0, slack: SLACK * largest + bvh.pad, around: SLACK }
+    }
+
     /// A bit for each box of a node that begins within `reach`, and where they begin.
     #[inline(always)]
-    fn children(&self, node: &Node16, reach: f32, begins: &mut [f32; WIDTH]) -> u16 {
+    pub fn children(&self, node: &Node16, reach: f32, begins: &mut [f32; WIDTH]) -> u16 {
         self.boxes(&node.middle, &node.half, reach, begins)
     }
 
     /// A bit for each triangle of a block whose box begins within `reach`, and where they begin.
     #[inline(always)]
-    fn triangles(&self, block: &Block16, reach: f32, begins: &mut [f32; WIDTH]) -> u16 {
+    pub fn triangles(&self, block: &Block16, reach: f32, begins: &mut [f32; WIDTH]) -> u16 {
         let (mut middle, mut half) = ([[0.0; WIDTH]; 3], [[0.0; WIDTH]; 3]);
         for axis in 0..3 {
             for slot in 0..WIDTH {
@@ -239,8 +242,10 @@ impl RayBundle<'_> {
             for slot in 0..WIDTH {
                 let at = (middle[axis][slot] - origin[axis]) * inverse[axis];
                 let wide = (half[axis][slot] + grown[slot]) * steep;
-                near[slot] = near[slot].max(at - wide);
-                far[slot] = far[slot].min(at + wide);
+                // Comparisons, as `max` and `min` look for numbers that are none.
+                let (begin, end) = (at - wide, at + wide);
+                near[slot] = if begin > near[slot] { begin } else { near[slot] };
+                far[slot] = if end < far[slot] { end } else { far[slot] };
             }
         }
         let mut seen = 0;
@@ -251,44 +256,6 @@ impl RayBundle<'_> {
         }
         seen
     }
-}
-
-/// Rays of one parallel task.
-const RAYS_A_TASK: usize = 1024;
-
-/// Closest hit of every ray in a frame, in order; `[rays]`.
-///
-/// A ray is its origin and its direction in the ego frame, metres; a hit's `t` counts in lengths of the
-/// direction, so that origin + t · direction is the point, and `range` bounds it in metres. Rays with an origin or a
-/// direction that is not finite, or without a direction, hit nothing. Trees are built for hits up to a distance
-/// (see [`crate::bvh::Bvh::build`]): from farther away rounding may let a ray slip through an edge.
-pub fn cast_rays(frame: &Frame, rays: &[[f32; 6]], range: f32) -> Vec<Hit> {
-    let from_ego: Vec<Pose> =
-        frame.instances().iter().map(|instance| instance.ego_from_instance.inverse()).collect();
-    let mut hits = vec![Hit::none(range); rays.len()];
-    let tasks = hits.par_chunks_mut(RAYS_A_TASK).zip(rays.par_chunks(RAYS_A_TASK));
-    tasks.for_each(|(hits, rays)| {
-        let mut left = TraversalStack::new();
-        for (hit, &[x, y, z, dx, dy, dz]) in hits.iter_mut().zip(rays) {
-            let origin = DVec3::new(x.into(), y.into(), z.into());
-            let direction = DVec3::new(dx.into(), dy.into(), dz.into());
-            let length = direction.length();
-            if !origin.is_finite() || !length.is_finite() || length == 0.0 {
-                continue;
-            }
-            let unit = direction / length;
-            for (instance, from_ego) in frame.instances().iter().zip(&from_ego) {
-                let origin = from_ego.apply(origin).as_vec3();
-                let ray = Ray::new(origin, (from_ego.rotation * unit).as_vec3(), hit.t);
-                let (tree, first) = (&instance.tree, instance.first_prim);
-                descend(tree, first, &[ray], 0.0, std::slice::from_mut(hit), &mut left);
-            }
-            if hit.is_hit() {
-                hit.t = (f64::from(hit.t) / length) as f32;
-            }
-        }
-    });
-    hits
 }
 
 /// Rays that leave one place at the same moment, and the trees as that place sees them.
@@ -320,54 +287,5 @@ impl Firing<'_> {
             target.tree.closer_hit(&ray, target.first_prim, &mut hit);
         }
         hit
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::f64::consts::FRAC_PI_2;
-    use std::sync::Arc;
-
-    use super::*;
-    use crate::bvh::Bvh;
-    use crate::geom::TriangleSoup;
-    use crate::task::Instance;
-
-    /// The plane x = 2, |y|, |z| ≤ 1, as two triangles, in a thing that is turned by 90° and moved.
-    fn wall() -> Frame {
-        let vertices = vec![[2.0, -1.0, -1.0], [2.0, 1.0, -1.0], [2.0, 1.0, 1.0], [2.0, -1.0, 1.0]];
-        let faces = vec![[0, 1, 2], [0, 2, 3]];
-        let soup = TriangleSoup { vertices, faces, face_class: vec![0, 0] };
-        let tree = Arc::new(Bvh::build(&soup, 100.0));
-        let turned = Pose::new(DVec3::new(0.0, 10.0, 0.0), 0.0, 0.0, FRAC_PI_2);
-        let here =
-            Instance { tree: tree.clone(), ego_from_instance: Pose::IDENTITY, first_prim: 0 };
-        Frame::new([here, Instance { tree, ego_from_instance: turned, first_prim: 2 }])
-    }
-
-    #[test]
-    fn a_ray_of_any_length_hits_what_stands_before_it() {
-        let rays = [
-            [0.0, 0.2, 0.1, 1.0, 0.0, 0.0],
-            // Four metres a unit: the wall is half a unit away.
-            [0.0, 0.2, 0.1, 4.0, 0.0, 0.0],
-            // The turned wall is the plane y = 12.
-            [0.1, 9.0, 0.5, 0.0, 2.0, 0.0],
-            [0.0, 0.2, 0.1, -1.0, 0.0, 0.0],
-            [f32::NAN, 0.0, 0.0, 1.0, 0.0, 0.0],
-            [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-        ];
-        let hits = cast_rays(&wall(), &rays, 100.0);
-        let close = |hit: &Hit, t: f32| hit.is_hit() && (hit.t - t).abs() < 1e-5;
-        assert!(close(&hits[0], 2.0) && hits[0].prim < 2, "{hits:?}");
-        assert!(close(&hits[1], 0.5) && hits[1].prim < 2, "{hits:?}");
-        assert!(close(&hits[2], 1.5) && hits[2].prim >= 2, "{hits:?}");
-        assert!(hits[3..].iter().all(|hit| !hit.is_hit()), "{hits:?}");
-    }
-
-    #[test]
-    fn hits_beyond_the_range_do_not_count() {
-        let ray = [0.0, 0.2, 0.1, 1.0, 0.0, 0.0];
-        assert!(!cast_rays(&wall(), &[ray], 1.9)[0].is_hit());
     }
 }

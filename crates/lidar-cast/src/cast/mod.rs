@@ -5,15 +5,17 @@
 
 mod batch;
 mod bundle;
+mod rays;
 mod reference;
 mod sight;
 mod walk;
 
 pub use batch::{Caster, Casting};
 pub use bundle::{
-    BundleOrigin, BundleTree, Firing, FiringCaster, TraversalStack, all_hit, cast_rays,
-    closer_hits_of_beams, closer_hits_of_bundle,
+    BundleOrigin, BundleTree, Firing, FiringCaster, TraversalStack, all_hit, closer_hits_of_beams,
+    closer_hits_of_bundle,
 };
+pub use rays::{RayScene, cast_rays};
 pub use reference::{cast_closest, cast_frame_closest, closest_hit_in};
 #[cfg(feature = "gpu")]
 pub use sight::SightSphere;

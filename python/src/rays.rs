@@ -1,0 +1,364 @@
+//! Rays of callers: into a mesh of theirs, or a frame of a scene.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
+
+use glam::DVec3;
+use lidar_cast::bvh::Bvh;
+use numpy::{PyArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use rayon::prelude::*;
+use sightline::Scene;
+use sightline::engine::{Hit, RayScene};
+use sightline::geom::TriangleSoup;
+use sightline::problem::{Frame, Problem};
+use sightline::scene::EgoBody;
+
+use crate::arguments::{self, room_for};
+use crate::arrays::{numbers, place, rows, shape_in_words, shaped, wholes};
+use crate::errors::bad;
+use crate::scenes::PyScene;
+use crate::wait::interruptible;
+
+/// Metres within which rays of callers hit.
+const RANGE: f32 = 1e6;
+/// Bytes of a ray with its hit, in records and then in columns.
+const RAY_BYTES: usize = 96;
+/// Rays that are cast between two looks whether to stop.
+const AT_ONCE: usize = 1 << 17;
+/// Required shape of rays, in words.
+const WANTED: &str = "[..., 6]: origin and direction in the ego frame, metres";
+
+/// Trees and triangles that rays are cast into.
+pub struct RayTarget {
+    rays: RayScene,
+    triangles: Triangles,
+    /// Class of each triangle; none where nobody has said.
+    classes: Vec<u16>,
+}
+
+/// Where the corners of triangles come from, for those who want normals.
+enum Triangles {
+    Given(TriangleSoup),
+    Of { scene: Arc<Scene>, frame: usize, soup: OnceLock<TriangleSoup> },
+}
+
+impl RayTarget {
+    /// A frame of a scene, from the problem of that frame alone.
+    pub fn of_frame(scene: &Arc<Scene>, frame: usize, problem: &Problem) -> PyResult<Self> {
+        let geometry = problem.geometry(0).ok_or_else(|| bad("the frame has no geometry"))?;
+        let classes = scene.face_classes(EgoBody::Include);
+        let (scene, soup) = (scene.clone(), OnceLock::new());
+        let triangles = Triangles::Of { scene, frame, soup };
+        Ok(Self { rays: RayScene::new(geometry), triangles, classes })
+    }
+
+    fn soup(&self) -> &TriangleSoup {
+        match &self.triangles {
+            Triangles::Given(soup) => soup,
+            Triangles::Of { scene, frame, soup } => {
+                soup.get_or_init(|| scene.frame(*frame, EgoBody::Include))
+            }
+        }
+    }
+}
+
+/// Columns of closest hits.
+#[derive(Default)]
+struct Columns {
+    t: Vec<f32>,
+    triangle: Vec<i64>,
+    class: Vec<i64>,
+    normal: Vec<f32>,
+    uv: Vec<f32>,
+}
+
+/// Number as PyTorch takes it: −1 for none.
+pub fn signed<T: Into<i64>>(number: Option<T>) -> i64 {
+    number.map_or(-1, Into::into)
+}
+
+impl Columns {
+    fn add(&mut self, target: &RayTarget, rays: &[[f32; 6]], hits: &[Hit], asked: (bool, bool)) {
+        let met = |hit: &Hit| hit.is_hit().then_some(hit.prim);
+        self.t.extend(hits.iter().map(|hit| if hit.is_hit() { hit.t } else { f32::INFINITY }));
+        self.triangle.extend(hits.iter().map(|hit| signed(met(hit))));
+        if !target.classes.is_empty() {
+            let class = |prim: u32| target.classes.get(prim as usize).copied();
+            self.class.extend(hits.iter().map(|hit| signed(met(hit).and_then(class))));
+        }
+        if asked == (false, false) {
+            return;
+        }
+        let soup = target.soup();
+        let none = ([f32::NAN; 3], [f32::NAN; 2]);
+        let shape = |(ray, hit): (&[f32; 6], &Hit)| {
+            met(hit).map_or(none, |prim| normal_and_uv(soup.corners(prim), ray))
+        };
+        let shapes: Vec<_> = rays.par_iter().zip(hits).map(shape).collect();
+        if asked.0 {
+            self.normal.extend(shapes.iter().flat_map(|(normal, _)| normal));
+        }
+        if asked.1 {
+            self.uv.extend(shapes.iter().flat_map(|(_, uv)| uv));
+        }
+    }
+}
+
+/// Unit normal of a triangle by the order of its corners, and the weights of its second and third corner where a ray meets
+/// its plane (Möller and Trumbore, 1997, in f64).
+fn normal_and_uv(corners: [[f32; 3]; 3], ray: &[f32; 6]) -> ([f32; 3], [f32; 2]) {
+    let at = |of: &[f32]| DVec3::new(of[0].into(), of[1].into(), of[2].into());
+    let [a, b, c] = [0, 1, 2].map(|k| at(&corners[k]));
+    let (origin, direction) = (at(&ray[..3]), at(&ray[3..]));
+    let (ab, ac) = (b - a, c - a);
+    let across = direction.cross(ac);
+    let determinant = ab.dot(across);
+    let from = origin - a;
+    let u = from.dot(across) / determinant;
+    let v = direction.dot(from.cross(ab)) / determinant;
+    (ab.cross(ac).normalize_or_zero().as_vec3().to_array(), [u as f32, v as f32])
+}
+
+/// Rays that were given, and the axes before their last one.
+struct Given {
+    rays: Vec<[f32; 6]>,
+    shape: Vec<usize>,
+}
+
+impl Given {
+    fn new(rays: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let array = numbers::<f32>("rays", rays, WANTED)?;
+        let Some((6, shape)) = array.shape().split_last().map(|(last, rest)| (*last, rest)) else {
+            let found = shape_in_words(array.shape());
+            return Err(bad(format!("rays: has the shape {found}; give {WANTED}")));
+        };
+        let shape = shape.to_vec();
+        room_for("hits of all rays", shape.iter().product(), RAY_BYTES)?;
+        let values: Vec<f32> = match array.as_slice() {
+            Ok(values) => values.to_vec(),
+            Err(_) => array.as_array().iter().copied().collect(),
+        };
+        if let Some(at) = values.iter().position(|value| !value.is_finite()) {
+            let ray: Vec<String> = place(at / 6, &shape).iter().map(ToString::to_string).collect();
+            return Err(bad(format!("rays[{}]: is not finite; leave the ray out", ray.join(", "))));
+        }
+        let ray = |six: &[f32]| std::array::from_fn(|k| six[k]);
+        Ok(Self { rays: values.chunks_exact(6).map(ray).collect(), shape })
+    }
+
+    /// Answers to all rays, a part at a time, without the GIL.
+    fn answers<T: Default + Send + 'static>(
+        self,
+        py: Python<'_>,
+        add: impl Fn(&mut T, &[[f32; 6]]) + Send + 'static,
+    ) -> PyResult<T> {
+        interruptible(py, move |stop: &AtomicBool| {
+            let mut all = T::default();
+            let mut parts = self.rays.chunks(AT_ONCE);
+            while let Some(some) = parts.next().filter(|_| !stop.load(Ordering::SeqCst)) {
+                add(&mut all, some);
+            }
+            all
+        })
+    }
+}
+
+/// What a call asks for beside the rays.
+pub struct Asked {
+    pub t_max: Option<f64>,
+    pub normals: bool,
+    pub uvs: bool,
+}
+
+impl Asked {
+    /// The largest distance in lengths of the direction.
+    fn t_max(&self) -> PyResult<f32> {
+        match self.t_max {
+            None => Ok(f32::INFINITY),
+            Some(most) if most > 0.0 => Ok(most as f32),
+            Some(most) => Err(bad(format!(
+                "t_max: is {most}; give lengths of the direction, more than 0, or None"
+            ))),
+        }
+    }
+}
+
+/// Closest hits as a dict of arrays.
+pub fn hits_object<'py>(
+    py: Python<'py>,
+    target: Arc<RayTarget>,
+    rays: &Bound<'py, PyAny>,
+    asked: &Asked,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (t_max, given) = (asked.t_max()?, Given::new(rays)?);
+    let (shape, shapes) = (given.shape.clone(), (asked.normals, asked.uvs));
+    let has_classes = !target.classes.is_empty();
+    let found = given.answers(py, move |all: &mut Columns, rays| {
+        all.add(&target, rays, &target.rays.closest_hits(rays, RANGE, t_max), shapes);
+    })?;
+    let columns = PyDict::new(py);
+    columns.set_item("t_hit", shaped(py, found.t, &shape)?)?;
+    columns.set_item("primitive_ids", shaped(py, found.triangle, &shape)?)?;
+    if has_classes {
+        columns.set_item("class_ids", shaped(py, found.class, &shape)?)?;
+    }
+    if asked.normals {
+        columns.set_item("normals", shaped(py, found.normal, &[&shape[..], &[3]].concat())?)?;
+    }
+    if asked.uvs {
+        columns.set_item("uvs", shaped(py, found.uv, &[&shape[..], &[2]].concat())?)?;
+    }
+    Ok(columns)
+}
+
+/// A mesh that rays are cast into: triangles `faces` `[F, 3]` of corners `vertices` `[V, 3]`, in metres.
+///
+/// `class_ids` `[F]` gives each triangle a class. `reach` is how far away rays begin, in metres: from farther, rounding
+/// may let a ray slip through an edge; four times the largest coordinate unless given. `Scene.raycaster(frame)` is one over
+/// a frame of a scene. Raises `ValueError` for a face of corners that are not there and for corners that are not finite.
+#[pyclass(name = "Raycaster", module = "sightline", frozen)]
+pub struct PyRaycaster(pub Arc<RayTarget>);
+
+#[pymethods]
+impl PyRaycaster {
+    #[new]
+    #[pyo3(signature = (vertices, faces, *, class_ids = None, reach = None))]
+    fn new(
+        py: Python<'_>,
+        vertices: &Bound<'_, PyAny>,
+        faces: &Bound<'_, PyAny>,
+        class_ids: Option<&Bound<'_, PyAny>>,
+        #[pyo3(from_py_with = arguments::reach)] reach: Option<f64>,
+    ) -> PyResult<Self> {
+        let array = numbers::<f32>("vertices", vertices, "[V, 3]: x, y, z in metres")?;
+        let view = rows("vertices", &array, 3)?;
+        if let Some(at) = view.rows().into_iter().position(|v| !v.iter().all(|v| v.is_finite())) {
+            return Err(bad(format!("vertices[{at}]: is not finite; leave out its faces")));
+        }
+        let vertices: Vec<[f32; 3]> = view.rows().into_iter().map(|v| [v[0], v[1], v[2]]).collect();
+        let most = vertices.len() as i128 - 1;
+        let (corners, shape) = wholes::<u32>("faces", faces, "[F, 3]: rows of vertices", 0..=most)?;
+        if shape.len() != 2 || shape[1] != 3 {
+            let found = shape_in_words(&shape);
+            return Err(bad(format!(
+                "faces: has the shape {found}; give [F, 3]: rows of vertices"
+            )));
+        }
+        let faces: Vec<[u32; 3]> = corners.chunks_exact(3).map(|f| [f[0], f[1], f[2]]).collect();
+        let classes = match class_ids {
+            None => Vec::new(),
+            Some(given) => wholes::<u16>("class_ids", given, "[F]: a class a face", 0..=65534)?.0,
+        };
+        if class_ids.is_some() && classes.len() != faces.len() {
+            let (found, wanted) = (classes.len(), faces.len());
+            return Err(bad(format!(
+                "class_ids: are {found} for {wanted} faces; give one for each"
+            )));
+        }
+        let largest = vertices.iter().flatten().fold(0.0, |most: f32, v| most.max(v.abs()));
+        let reach = reach.map_or(4.0 * largest, |metres| metres as f32);
+        let soup = TriangleSoup { vertices, face_class: vec![0; faces.len()], faces };
+        let build = move |soup: TriangleSoup| {
+            let tree = Arc::new(Bvh::build(&soup, reach));
+            let rays = RayScene::new(&Frame::from(tree));
+            RayTarget { rays, triangles: Triangles::Given(soup), classes }
+        };
+        Ok(Self(Arc::new(interruptible(py, move |_| build(soup))?)))
+    }
+
+    /// Closest hits of `rays` `[..., 6]`, origin and direction in metres, as a dict.
+    ///
+    /// `t_hit` f32 `[...]` in lengths of the direction, at most `t_max`, `inf` for none; `primitive_ids` int64 `[...]`, −1 for
+    /// none; `class_ids` int64 `[...]`, −1 for none, where triangles have classes. With `normals` also `normals` f32 `[..., 3]`,
+    /// unit normals by the order of corners; with `uvs` `uvs` f32 `[..., 2]`, weights of the second and third corner; both `NaN`
+    /// for none. Directions need not be of unit length; one of length 0 hits nothing. Raises `ValueError` for other shapes
+    /// and for rays that are not finite.
+    #[pyo3(signature = (rays, *, t_max = None, normals = false, uvs = false))]
+    fn cast_rays<'py>(
+        &self,
+        rays: &Bound<'py, PyAny>,
+        t_max: Option<f64>,
+        normals: bool,
+        uvs: bool,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        hits_object(rays.py(), self.0.clone(), rays, &Asked { t_max, normals, uvs })
+    }
+
+    /// bool `[...]`: whether each of `rays` `[..., 6]` hits anything within `t_max` lengths of its direction. Raises
+    /// `ValueError` as `cast_rays`.
+    #[pyo3(signature = (rays, *, t_max = None))]
+    fn occluded<'py>(
+        &self,
+        rays: &Bound<'py, PyAny>,
+        t_max: Option<f64>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<bool>>> {
+        let t_max = Asked { t_max, normals: false, uvs: false }.t_max()?;
+        let (target, given) = (self.0.clone(), Given::new(rays)?);
+        let shape = given.shape.clone();
+        let add = move |all: &mut Vec<bool>, some: &[[f32; 6]]| {
+            all.extend(target.rays.occluded(some, RANGE, t_max));
+        };
+        shaped(rays.py(), given.answers(rays.py(), add)?, &shape)
+    }
+
+    /// int64 `[...]`: triangles that each of `rays` `[..., 6]` hits within `t_max` lengths of its direction; a ray through an
+    /// edge that triangles share counts each. Raises `ValueError` as `cast_rays`.
+    #[pyo3(signature = (rays, *, t_max = None))]
+    fn count<'py>(
+        &self,
+        rays: &Bound<'py, PyAny>,
+        t_max: Option<f64>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
+        let t_max = Asked { t_max, normals: false, uvs: false }.t_max()?;
+        let (target, given) = (self.0.clone(), Given::new(rays)?);
+        let shape = given.shape.clone();
+        let add = move |all: &mut Vec<i64>, some: &[[f32; 6]]| {
+            all.extend(target.rays.counts(some, RANGE, t_max).into_iter().map(i64::from));
+        };
+        shaped(rays.py(), given.answers(rays.py(), add)?, &shape)
+    }
+
+    /// Number of triangles.
+    fn __len__(&self) -> usize {
+        self.0.rays.triangle_count()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Raycaster({} triangles)", self.__len__())
+    }
+}
+
+#[pymethods]
+impl PyScene {
+    /// Rays into one frame, as a `Raycaster` in the ego frame: closest hits, occlusion, counts. Raises `ValueError` for a
+    /// frame that is not there, and for scenes without geometry.
+    #[pyo3(signature = (frame = 0))]
+    fn raycaster(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = arguments::frame)] frame: i128,
+    ) -> PyResult<PyRaycaster> {
+        let frame = self.built.check_frame(frame)?;
+        let built = self.built.clone();
+        Ok(PyRaycaster(interruptible(py, move |_| built.frame(frame))??.rays))
+    }
+
+    /// Closest hits of `rays` `[..., 6]`, origin and direction in the ego frame in metres, in one frame: as
+    /// `raycaster(frame).cast_rays(rays)`. Raises `ValueError` as these do.
+    #[pyo3(signature = (rays, *, frame = 0, t_max = None, normals = false, uvs = false))]
+    #[allow(clippy::too_many_arguments)]
+    fn cast_rays<'py>(
+        &self,
+        py: Python<'py>,
+        rays: &Bound<'py, PyAny>,
+        #[pyo3(from_py_with = arguments::frame)] frame: i128,
+        t_max: Option<f64>,
+        normals: bool,
+        uvs: bool,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let target = self.raycaster(py, frame)?.0;
+        hits_object(py, target, rays, &Asked { t_max, normals, uvs })
+    }
+}
