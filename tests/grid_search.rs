@@ -269,3 +269,40 @@ fn swaps_tell_other_ends_that_are_about_as_good() {
     }
     assert!(told > 0);
 }
+
+/// The best end of swaps among some poses of a grid of 2 835: its neighbours were cast, and none of them is better.
+#[test]
+fn swaps_among_some_poses_go_on_until_no_neighbour_is_better() {
+    let objective: Objective = "information_gain".parse().unwrap();
+    let spacing = Spacing { metres: 0.5, radians: 0.1 };
+    for seed in 1..=4 {
+        let problem = random_problem(seed, true);
+        let rules = constraints(3, 0.0);
+        let backend = Box::new(CpuBackend::new(problem.task().clone(), MEMORY));
+        let mut evaluator = Evaluator::new(mounted(&problem, &rules), backend);
+        let grid = PoseGrid::new(&rules, spacing).unwrap();
+        assert_eq!(grid.len(), 9 * 9 * 5 * 7);
+        let settings = SwapSettings { spacing, casts: 600, whole: false, memory: MEMORY, seed };
+        let swapped = swap_anywhere(&mut evaluator, &objective, &settings, &[], &mut |_| true);
+        let swapped = swapped.unwrap().unwrap();
+        assert!(swapped.poses_cast > 360, "{} poses: none beside the first", swapped.poses_cast);
+        assert!(swapped.poses_cast <= 600, "{} poses", swapped.poses_cast);
+        let mut tried = vec![swapped.placement.clone()];
+        for (lidar, pose) in swapped.placement.lidars.iter().enumerate() {
+            let number = grid.nearest(lidar, pose);
+            assert_eq!(grid.pose(number), *pose, "on the grid");
+            for next in grid.along(number, 1) {
+                let mut moved = swapped.placement.clone();
+                moved.lidars[lidar] = grid.pose(next);
+                tried.push(moved);
+            }
+        }
+        let scores = evaluator.scores(&tried).unwrap();
+        let value = objective.value(&scores[0]).unwrap();
+        assert!((value - swapped.value).abs() <= 1e-9 * value);
+        let is_sound = |s: &&sightline::score::Scores| s.guards.is_empty();
+        let best = scores.iter().filter(is_sound).filter_map(|s| objective.value(s));
+        let best = best.fold(0.0, f64::max);
+        assert!(best <= value * (1.0 + 1e-9), "seed {seed}: {best} beside {value}");
+    }
+}

@@ -16,8 +16,8 @@ use super::{Axis, Plot, Series};
 use crate::problem::Modelled;
 use crate::scan::conditions::under;
 use crate::search::{
-    Certificate, Finding, FramesUsed, GainSpread, GenerationRecord, LeftOut, Member, MethodRecord,
-    Outcome, PhaseCheck, Scored, Suite, rules_in_words,
+    Certificate, Climbs, Finding, FramesUsed, GainSpread, GenerationRecord, LeftOut, Member,
+    MethodRecord, Outcome, PhaseCheck, Scored, Suite, rules_in_words,
 };
 
 /// Wall times of a run in seconds.
@@ -121,6 +121,9 @@ pub struct RunRecord {
     pub certificate: Option<Certificate>,
     /// Result of each search method, and which one won.
     pub methods: Vec<MethodRecord>,
+    /// How far apart the climbs of the swaps ended; `None` without swaps.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub climbs: Option<Climbs>,
     /// Correlations of layout properties with the objective, over random placements on the grid.
     pub findings: Vec<Finding>,
     /// Frames that `--fidelity auto` used, saved and risked; `None` where the frames were given.
@@ -236,6 +239,7 @@ impl RunRecord {
             phases: outcome.phases,
             certificate: outcome.certificate,
             methods: outcome.methods,
+            climbs: outcome.climbs,
             findings: outcome.findings,
             fidelity: outcome.frames_used,
             active_bounds: outcome.active_bounds,
@@ -311,15 +315,28 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
         text += &format!("\n{}\n", frames.words);
     }
     text + &format!(
-        "\nstopped: {}, after {} evaluations in {:.1} s ({:.1} placements × frames/s on {}); report: \
-         {}\n",
+        "\nstopped: {}, after {} in {:.1} s ({:.1} placements × frames/s on {}); report: {}\n",
         record.stopped,
-        record.evaluations,
+        evaluations_in_words(record),
         record.timings.total,
         record.rate,
         record.backend,
         folder.join("report.html").display()
     )
+}
+
+/// Placements that each method looked at.
+fn evaluations_in_words(record: &RunRecord) -> String {
+    let swaps = record.methods.iter().find(|method| method.method == "swaps");
+    match swaps {
+        Some(swaps) if record.evaluations == 0 => {
+            format!("{} evaluations of swaps", swaps.evaluations)
+        }
+        Some(swaps) => {
+            format!("{} evaluations, and {} of swaps,", record.evaluations, swaps.evaluations)
+        }
+        None => format!("{} evaluations", record.evaluations),
+    }
 }
 
 /// Poses, range card, requirements and certificate of the placement found.
@@ -346,6 +363,9 @@ fn best_text(best: &Scored, record: &RunRecord) -> String {
         text += &format!("\nrules kept: {}\n", record.constraints.join("; "));
     }
     text += &format!("\nfound by: {}\n", methods_in_words(record));
+    if let Some(climbs) = &record.climbs {
+        text += &format!("draw: {climbs}.\n");
+    }
     text += &format!("certificate: {}\n", certificate_in_words(record));
     text += &format!("\n{}\n", findings_text(&record.findings));
     text

@@ -63,4 +63,5 @@ pub(crate) use seat::FRAMES_AT_ONCE;
 pub use settings::{FrameChoice, Method, Settings, TimeLimit};
 pub use spread::{Gain, GainSpread};
 pub use suite::{Member, Suite};
+pub use swaps::Climbs;
 pub(crate) use swaps::SWAP_SPACING;

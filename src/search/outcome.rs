@@ -12,6 +12,7 @@ use super::generations::{GenerationRecord, GenerationsStop};
 use super::on_demand::FramesUsed;
 use super::phases::PhaseCheck;
 use super::spread::GainSpread;
+use super::swaps::Climbs;
 use crate::score::{Guard, Objective, Scores, Standing};
 use crate::vehicle::{Constraints, Placement};
 
@@ -191,6 +192,8 @@ pub struct Outcome {
     pub unscored_baselines: usize,
     /// Result of each method, and which one won.
     pub methods: Vec<MethodRecord>,
+    /// How far apart the climbs of the swaps ended; `None` without swaps.
+    pub climbs: Option<Climbs>,
     /// Bounds on how much better than the result another placement could be; `None` without a result, or where
     /// the run ended before its bounds.
     pub certificate: Option<Certificate>,

@@ -1,6 +1,7 @@
 //! Swaps: single LiDARs move to other poses of a grid while that gains.
 
 use std::collections::{BTreeSet, HashSet};
+use std::fmt;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -34,6 +35,8 @@ const OTHERS: usize = 3;
 /// Largest distance of their objective from the best, as a share of it: few frames tell ends that differ by less
 /// apart badly.
 const AS_GOOD: f64 = 0.03;
+/// Distance of an end from the best, as a share of it, below which it counts as near it.
+const NEAR_BEST: f64 = 0.005;
 /// Random placements of which the best is a start of the swaps where greedy has no place.
 const DRAWN: usize = 64;
 
@@ -70,15 +73,58 @@ pub struct Swapped {
     /// Ends of other climbs that are about as good, the best first: over more frames one of them may be
     /// the best.
     pub others: Vec<Placement>,
+    /// Ends of the climbs on the first grid.
+    pub climbs: Climbs,
     /// Placements looked at.
     pub evaluations: u64,
     /// Sensor poses cast.
     pub poses_cast: u64,
 }
 
+/// How far apart the climbs of one search ended: how good a draw its result is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Climbs {
+    /// Climbs from greedy's placement, from layouts given, after kicks, and on from ends.
+    pub count: usize,
+    /// Frames over which they were compared.
+    pub frames: usize,
+    /// Those that ended within half a per cent of the best, itself among them.
+    pub near_best: usize,
+    /// Distance of the median of their ends from the best, as a share of it.
+    pub median_below: f64,
+}
+
+impl Climbs {
+    fn new(ends: &[GridPlacement], best: f64, frames: usize) -> Self {
+        let mut below: Vec<f64> =
+            ends.iter().map(|end| (best - end.value) / best.abs().max(f64::MIN_POSITIVE)).collect();
+        below.sort_by(f64::total_cmp);
+        let near_best = below.iter().filter(|&&below| below <= NEAR_BEST).count();
+        Self { count: ends.len(), frames, near_best, median_below: below[below.len() / 2] }
+    }
+}
+
+impl fmt::Display for Climbs {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { count, frames, near_best, median_below } = self;
+        write!(
+            f,
+            "{count} climbs over {frames} frame(s), of which {near_best} ended within {} % of the best; the median end \
+             is {:.1} % below it. Another seed draws other climbs",
+            100.0 * NEAR_BEST,
+            100.0 * median_below
+        )
+    }
+}
+
 impl Swapped {
     /// The best placement of a search, with its counts; `ends` are the ends of all climbs, the best first.
-    fn new(search: &GridSearch, best: &GridPlacement, ends: &[&GridPlacement]) -> Self {
+    fn new(
+        search: &GridSearch,
+        best: &GridPlacement,
+        ends: &[&GridPlacement],
+        climbs: Climbs,
+    ) -> Self {
         let as_good = |end: &&&GridPlacement| {
             set_of(end) != set_of(best)
                 && (end.value - best.value).abs() <= AS_GOOD * best.value.abs()
@@ -88,6 +134,7 @@ impl Swapped {
             placement: placed(best),
             value: best.value,
             others: ends.iter().filter(as_good).take(OTHERS).map(|end| placed(end)).collect(),
+            climbs,
             evaluations: search.evaluations(),
             poses_cast: search.atlas().poses_cast(),
         }
@@ -96,6 +143,7 @@ impl Swapped {
     /// This result of swaps that went on from those `before`, with the work of both.
     pub(super) fn after(self, before: &Self) -> Self {
         Self {
+            climbs: before.climbs,
             evaluations: before.evaluations + self.evaluations,
             poses_cast: before.poses_cast + self.poses_cast,
             ..self
@@ -155,9 +203,10 @@ impl Ends {
         ends
     }
 
-    fn swapped(&self, search: &GridSearch) -> Option<Swapped> {
+    fn swapped(&self, search: &GridSearch, frames: usize) -> Option<Swapped> {
         let best = self.best.as_ref().filter(|best| best.value.is_finite())?;
-        Some(Swapped::new(search, best, &self.distinct()))
+        let climbs = Climbs::new(&self.all, best.value, frames);
+        Some(Swapped::new(search, best, &self.distinct(), climbs))
     }
 }
 
@@ -205,7 +254,7 @@ pub(super) fn swap_from(
         let Some(top) = search.climb(evaluator, &start.poses, moves, go_on)? else { break };
         ends.add(&mut search, evaluator, top, go_on)?;
     }
-    Ok(ends.swapped(&search))
+    Ok(ends.swapped(&search, evaluator.frame_count()))
 }
 
 /// Swaps single LiDARs anywhere among poses of a grid that are spread over it, all of them where the grid has no more
@@ -256,7 +305,7 @@ pub fn swap_anywhere(
         ends.add(&mut search, evaluator, top, go_on)?;
     }
     widen(&mut search, evaluator, &mut ends, most, go_on)?;
-    Ok(ends.swapped(&search))
+    Ok(ends.swapped(&search, evaluator.frame_count()))
 }
 
 /// Poses to cast first, and the most to cast in all.

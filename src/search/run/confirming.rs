@@ -91,6 +91,7 @@ impl Run {
             baselines: baselines.into_iter().map(Scored::settled).collect(),
             unscored_baselines: unscored,
             methods,
+            climbs: self.state.swaps.as_ref().map(|swaps| swaps.climbs),
             certificate,
             spread,
             phases,
