@@ -15,13 +15,19 @@ use super::grid_search::{GridPlacement, GridSearch};
 use super::on_demand::drawn;
 use crate::score::Objective;
 use crate::targets::CAR_WEIGHT;
-use crate::vehicle::{Placement, PoseGrid, Spacing};
+use crate::vehicle::{Placement, PoseGrid, PoseGridError, Spacing};
 
 /// Default grid of the swaps: the spacing of the published placements.
 pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
 
-/// Share of the casts that goes to poses spread over the grid; the rest goes to poses next to those of good ends.
-const SPREAD: f64 = 0.6;
+/// Poses spread over the grid, and most poses in all, as multiples of the casts of the settings; those beyond the first lie
+/// next to poses of good ends.
+const SPREAD: f64 = 0.75;
+const MOST: f64 = 1.25;
+/// Most poses of the grid that the first are chosen from, as a multiple of the casts.
+const MANY: u64 = 8;
+/// Largest multiple of a spacing: beyond it no mount has two poses along a field.
+const MOST_TIMES: u32 = 1000;
 /// Ends of climbs whose neighbours are cast, at most at a time.
 const WIDENED: usize = 4;
 /// Kicks out of local optima among as many poses as are cast: more among fewer.
@@ -277,7 +283,7 @@ pub fn swap_anywhere(
     go_on: &mut dyn FnMut(u64) -> bool,
 ) -> Result<Option<Swapped>, SearchError> {
     let mut search = grid_search(evaluator, objective, settings, starts)?;
-    let (pool, most) = pool_of(&search, settings);
+    let (pool, most) = pool_of(&search, settings)?;
     // Some of them, spread over the grid, where the time is over.
     let held = search.hold_while(evaluator, &pool, go_on)?;
     if pool.len() < search.atlas().grid().len() as usize {
@@ -308,21 +314,32 @@ pub fn swap_anywhere(
     Ok(ends.swapped(&search, evaluator.frame_count()))
 }
 
-/// Poses to cast first, and the most to cast in all.
-fn pool_of(search: &GridSearch, settings: &SwapSettings) -> (Vec<u32>, u64) {
+/// Poses to cast first, and the most to cast in all. The first are spread over a grid whose spacing is the least multiple
+/// that leaves it at most [`MANY`] times the casts: of a larger grid too few poses would lie on the bounds of the mount,
+/// where good ones often are.
+fn pool_of(search: &GridSearch, settings: &SwapSettings) -> Result<(Vec<u32>, u64), PoseGridError> {
     let grid = search.atlas().grid();
-    let all = u64::from(grid.len());
-    let most = settings.casts.min(search.atlas().capacity() as u64);
+    let (all, room) = (u64::from(grid.len()), search.atlas().capacity() as u64);
+    let most = ((MOST * settings.casts as f64) as u64).min(room);
     if settings.whole || all <= most {
-        return (grid.spread(all), all);
+        return Ok((grid.spread(all), all));
     }
-    let first = (SPREAD * most as f64) as u64;
-    if !search.constraints.ties.symmetric {
-        return (grid.spread(first), most);
+    let (rules, Spacing { metres, radians }) = (&search.constraints, settings.spacing);
+    let (mut times, mut coarse) = (1, grid.clone());
+    while u64::from(coarse.len()) > MANY.saturating_mul(settings.casts) && times < MOST_TIMES {
+        times += 1;
+        let [metres, radians] = [metres, radians].map(|step| step * f64::from(times));
+        coarse = PoseGrid::new(rules, Spacing { metres, radians })?;
     }
-    let half = grid.spread(first / 2).into_iter();
-    let both: BTreeSet<u32> = half.flat_map(|pose| [pose, grid.mirrored(pose)]).collect();
-    (both.into_iter().collect(), most)
+    let first = most.min((SPREAD * settings.casts as f64) as u64);
+    let symmetric = rules.ties.symmetric;
+    let some = coarse.spread(if symmetric { first / 2 } else { first });
+    let both = some.into_iter().flat_map(|pose| {
+        let pose = grid.same_as(&coarse, pose);
+        [pose, if symmetric { grid.mirrored(pose) } else { pose }]
+    });
+    let both: BTreeSet<u32> = both.collect();
+    Ok((both.into_iter().collect(), most))
 }
 
 /// Casts poses next to those of the best ends and climbs on from these, one end after the other, while that gains new

@@ -174,6 +174,11 @@ impl PoseGrid {
         self.part(number).pose(number)
     }
 
+    /// Number of the pose nearest to one of another grid of the same mount, within the same kind of slot.
+    pub fn same_as(&self, other: &Self, number: u32) -> u32 {
+        self.parts[other.kind(number)].nearest(&other.pose(number))
+    }
+
     /// Number of the pose nearest to `pose` along each field, among the poses of one LiDAR.
     pub fn nearest(&self, lidar: usize, pose: &SensorPose) -> u32 {
         self.parts[self.part_of_lidar[lidar]].nearest(pose)
