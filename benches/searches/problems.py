@@ -45,7 +45,7 @@ class Problem:
 
 
 def problems(out: Path) -> dict[str, Problem]:
-    """All problems by key; generated scenes lie in `out`."""
+    """All problems by key, of the steep street where its file is; generated scenes lie in `out`."""
     scenes = ROOT / "scenes"
     own = {"uc": "urban-crossing", "hw": "highway", "re": "residential", "iy": "industrial-yard"}
     crossing, residential = (scenes / f"{own[key]}.json" for key in ("uc", "re"))
@@ -57,6 +57,9 @@ def problems(out: Path) -> dict[str, Problem]:
                 street, "van on a street"),
         Problem("two", (crossing, residential), title="urban-crossing and residential at once"),
     ]
+    hill = ROOT.parent / "shared/data/hill/hill.json"
+    if hill.is_file():
+        found.append(Problem("hill", (hill,), title="a steep street"))
     return {problem.key: problem for problem in found}
 
 

@@ -144,7 +144,7 @@ impl PoseGrid {
     }
 
     /// About `most` poses, or all where there are no more, rising: of each kind of slot a share by its number of poses,
-    /// [`FEWEST_OF_KIND`] at least, spread evenly over every pose field.
+    /// a hundred at least, spread evenly over every pose field.
     pub fn spread(&self, most: u64) -> Vec<u32> {
         let all = u64::from(self.len());
         let count_of = |part: &SlotGrid| {
