@@ -22,7 +22,7 @@ const FEW_POSES: usize = 4096;
 pub enum Moves {
     /// At most this many steps along one pose field.
     Along(u32),
-    /// To any pose of the pool, see [`GridSearch::keep_to`].
+    /// To any pose of the grid, or of those that the search keeps to.
     Anywhere,
 }
 
