@@ -84,6 +84,21 @@ fn sensors_are_chosen_for_the_money_and_put_where_they_may_stand() {
 }
 
 #[test]
+fn the_vehicle_of_the_readme_gets_a_rig_for_its_budget() {
+    let dir = garage();
+    let readme = include_str!("../README.md");
+    let (_, rest) = readme.split_once("```json\n").unwrap();
+    let (text, rest) = rest.split_once("```").unwrap();
+    assert!(rest.contains("--vehicle car.json --budget 9000"), "the command below it");
+    fs::write(dir.path().join("car.json"), text).unwrap();
+    let run =
+        ["optimize", "room.json", "--vehicle", "car.json", "--budget", "9000", "--out", "own"];
+    let result = ok(dir.path(), &[&run[..], &["--evaluations", "8"], &CPU].concat());
+    assert_eq!(result["settings"]["equipped"]["cost"], 8400.0, "three sensors of 2800");
+    assert_eq!(result["best"]["scores"]["required"][0]["name"], "child to 30 m");
+}
+
+#[test]
 fn a_run_that_was_killed_while_sensors_were_chosen_goes_on_to_the_same_bytes() {
     let dir = garage();
     ok(dir.path(), &optimize("16", "whole"));

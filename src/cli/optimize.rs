@@ -79,7 +79,7 @@ pub struct OptimizeArgs {
     #[arg(long, value_name = "N", conflicts_with_all = ["resume", "fidelity"],
           value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
-    /// How to search: CMA-ES, then swaps of single LiDARs on a coarse grid and their refinement (both), the first alone
+    /// How to search: CMA-ES, then swaps of single LiDARs among poses of a grid and their refinement (both), the first alone
     /// (cma), or swaps over every pose of the grid and their refinement (swaps)
     #[arg(long, value_parser = method, default_value = "both", conflicts_with = "resume")]
     method: Method,
