@@ -306,3 +306,18 @@ fn swaps_among_some_poses_go_on_until_no_neighbour_is_better() {
         assert!(best <= value * (1.0 + 1e-9), "seed {seed}: {best} beside {value}");
     }
 }
+
+#[test]
+fn a_whole_grid_that_does_not_fit_into_memory_is_refused_before_a_cast() {
+    let problem = random_problem(1, true);
+    let rules = constraints(3, 0.0);
+    let backend = Box::new(CpuBackend::new(problem.task().clone(), MEMORY));
+    let mut evaluator = Evaluator::new(mounted(&problem, &rules), backend);
+    let spacing = Spacing { metres: 0.5, radians: 0.1 };
+    let settings = SwapSettings { spacing, casts: 600, whole: true, memory: 1 << 10, seed: 1 };
+    let objective: Objective = "information_gain".parse().unwrap();
+    let never = &mut |_| panic!("nothing is cast");
+    let error = swap_anywhere(&mut evaluator, &objective, &settings, &[], never).unwrap_err();
+    let words = error.to_string();
+    assert!(words.contains("2835 sensor poses") && words.contains("raise --memory"), "{words}");
+}

@@ -38,6 +38,17 @@ pub enum SearchError {
         /// The objective.
         objective: String,
     },
+    /// Swaps over every pose of a grid that has too many.
+    #[error(
+        "--method swaps: the grid has {poses} sensor poses, and the bitmaps of {room} fit into memory; raise --memory, \
+         widen --delta, or take --method both"
+    )]
+    WholeGrid {
+        /// Poses of the grid.
+        poses: u64,
+        /// Poses whose bitmaps fit.
+        room: u64,
+    },
     /// A suite without a scene.
     #[error("there is no scene to search over; give one at least")]
     NoScene,

@@ -15,7 +15,7 @@ use super::grid_search::{GridPlacement, GridSearch};
 use super::on_demand::drawn;
 use crate::score::Objective;
 use crate::targets::CAR_WEIGHT;
-use crate::vehicle::{Placement, PoseGrid, PoseGridError, Spacing};
+use crate::vehicle::{Placement, PoseGrid, Spacing};
 
 /// Default grid of the swaps: the spacing of the published placements.
 pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
@@ -274,7 +274,7 @@ pub(super) fn swap_from(
 /// [`GridSearch::climb`]; once it says no the best end so far is the result, `None` where there is none.
 ///
 /// # Errors
-/// A spacing that gives no grid, or from the backend.
+/// A spacing that gives no grid, a whole grid that does not fit into memory, or from the backend.
 pub fn swap_anywhere(
     evaluator: &mut Evaluator,
     objective: &Objective,
@@ -317,10 +317,13 @@ pub fn swap_anywhere(
 /// Poses to cast first, and the most to cast in all. The first are spread over a grid whose spacing is the least multiple
 /// that leaves it at most [`MANY`] times the casts: of a larger grid too few poses would lie on the bounds of the mount,
 /// where good ones often are.
-fn pool_of(search: &GridSearch, settings: &SwapSettings) -> Result<(Vec<u32>, u64), PoseGridError> {
+fn pool_of(search: &GridSearch, settings: &SwapSettings) -> Result<(Vec<u32>, u64), SearchError> {
     let grid = search.atlas().grid();
     let (all, room) = (u64::from(grid.len()), search.atlas().capacity() as u64);
     let most = ((MOST * settings.casts as f64) as u64).min(room);
+    if settings.whole && all > room {
+        return Err(SearchError::WholeGrid { poses: all, room });
+    }
     if settings.whole || all <= most {
         return Ok((grid.spread(all), all));
     }
