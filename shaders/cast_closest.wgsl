@@ -23,7 +23,7 @@ const LEAST_FACTOR: f32 = 0x1p-51f;
 // are below 2^42, such a coordinate's product is below 2^-58, which turns no sign of a difference of 2^-50.
 const SURE: f32 = 0x1p-50f;
 
-struct Node {
+struct BvhNode {
     corner: vec3<f32>,
     low_x: u32,
     step: vec3<f32>,
@@ -68,7 +68,7 @@ struct Ray {
 @group(0) @binding(0) var<storage, read> instances: array<Instance>;
 @group(0) @binding(1) var<storage, read> sensors: array<Sensor>;
 @group(0) @binding(2) var<storage, read> directions: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read> nodes: array<Node>;
+@group(0) @binding(3) var<storage, read> nodes: array<BvhNode>;
 @group(0) @binding(4) var<storage, read> triangles: array<Triangle>;
 @group(0) @binding(5) var<storage, read_write> hits: array<Hit>;
 @group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
@@ -201,7 +201,7 @@ fn planes(begin: f32, bytes: u32, step: f32) -> vec4<f32> {
 // Distance at which the ray enters each child's box; NO_CROSSING for a box it misses or enters behind `limit`. A
 // box entered at `limit` counts: a triangle at an equal distance may have a lower id. Decides only the order of visits and
 // which boxes are left out, for which they have room: see crates/lidar-cast/src/bvh/bvh4.rs (why no triangle is missed).
-fn enter_children(ray: Ray, node: Node, limit: f32) -> vec4<f32> {
+fn enter_children(ray: Ray, node: BvhNode, limit: f32) -> vec4<f32> {
     let inverse = ray.inverse;
     let back = inverse < vec3(0.0);
     let low = vec3(node.low_x, node.low_y, node.low_z);
