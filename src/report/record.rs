@@ -396,15 +396,18 @@ pub fn convergence_svg(
     let mut levels: Vec<ReferenceLine> =
         baselines.iter().filter_map(|b| level(b, b.placement.name.as_str(), false)).collect();
     levels.extend(best.and_then(|best| level(best, "the result", true)));
+    let mut drawn = vec![
+        series("best so far", points(|r| r.best_so_far.filter(|_| r.missing.is_none()))),
+        series("best that misses requirements", points(|r| r.missing.and(r.best_so_far))),
+        series("median of a generation", points(|r| r.median)),
+    ];
+    drawn.retain(|series| !series.points.is_empty());
     let plot = Plot {
         title: "Convergence of the search".to_owned(),
         x_title: "placements evaluated".to_owned(),
         y_title: format!("{objective} (larger is better)"),
         x: Axis::Numbers,
-        series: vec![
-            series("best so far", points(|r| r.best_so_far)),
-            series("median of a generation", points(|r| r.median)),
-        ],
+        series: drawn,
     };
     let change = |&(generation, frames): &(u64, u32)| {
         let last = history.iter().rfind(|record| record.generation <= generation)?;
@@ -432,6 +435,7 @@ mod tests {
             best: Some(1.0),
             median: Some(0.5),
             best_so_far: Some(1.0 + generation as f64),
+            missing: None,
             infeasible: 0,
             guarded: 0,
             step_size: 0.3,
@@ -442,6 +446,14 @@ mod tests {
         // 20 evaluations of 10 to 40, with 6 % of margin: a third of the way.
         let x = 90.0 + 560.0 * (0.06 + 1.0 / 3.0) / 1.12;
         assert!(svg.contains(&format!("d=\"M{x:.1} 50V350\"")), "{x} {svg}");
-        assert!(!convergence_svg(&history, "near_gain", &[], None, &[]).contains(" frames<"));
+        let of =
+            |history: &[GenerationRecord]| convergence_svg(history, "near_gain", &[], None, &[]);
+        assert!(!of(&history).contains(" frames<"));
+        // Rigs that miss requirements are a curve of their own.
+        assert!(!of(&history).contains("misses requirements"));
+        let mut missing = history;
+        missing[..2].iter_mut().for_each(|record| record.missing = Some(0.1));
+        assert!(of(&missing).contains("best that misses requirements"));
+        assert!(of(&missing).contains(">best so far<"));
     }
 }

@@ -418,7 +418,10 @@ impl<'a> Bars<'a> {
             Event::Note(sentence) => self.watcher.note(sentence),
             Event::Generation(record) => {
                 if let (Some((_, bar)), Some(best)) = (&self.shown, record.best_so_far) {
-                    bar.say(format!("· best {best:.4e}"));
+                    let missing = record.missing.map_or(String::new(), |missing| {
+                        format!(", misses {:.1} % of the requirements", 100.0 * missing)
+                    });
+                    bar.say(format!("· best {best:.4e}{missing}"));
                 }
             }
             Event::Progress { work, done, total } => {

@@ -38,8 +38,12 @@ pub struct GenerationRecord {
     pub best: Option<f64>,
     /// Median of this generation over all that were scored, as for `best`.
     pub median: Option<f64>,
-    /// Best so far, as for `best`.
+    /// Best so far, as for `best`; it falls only where more frames are averaged from now on, or where a placement that
+    /// misses less of the requirements takes its place.
     pub best_so_far: Option<f64>,
+    /// Share of the requirements that the best so far misses, summed over them; `None` where it meets all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub missing: Option<f64>,
     /// Candidates of this generation that break a rule of the mount; they are not evaluated.
     pub infeasible: usize,
     /// Candidates of this generation that violate a guard.
@@ -321,6 +325,7 @@ impl Generations {
             best: Standing::best(standings).and_then(|best| standings[best].worth()),
             median: values.get(values.len() / 2).copied(),
             best_so_far: self.best.as_ref().and_then(|best| best.standing.worth()),
+            missing: self.best.as_ref().map(|best| best.standing.violation).filter(|&v| v > 0.0),
             infeasible: standings.iter().filter(|s| s.violation > 0.0).count(),
             guarded: standings.iter().filter(|s| s.guards > 0).count(),
             step_size: self.cma.as_ref().map_or(0.0, |cma| cma.running().step_size()),
