@@ -136,9 +136,11 @@ impl Given {
         };
         let shape = shape.to_vec();
         room_for("hits of all rays", shape.iter().product(), RAY_BYTES)?;
-        let values: Vec<f32> = match array.as_slice() {
-            Ok(values) => values.to_vec(),
-            Err(_) => array.as_array().iter().copied().collect(),
+        let view = array.as_array();
+        // In C order: the slice of NumPy's own would be the memory of a column-major array, too.
+        let values: Vec<f32> = match view.as_slice() {
+            Some(values) => values.to_vec(),
+            None => view.iter().copied().collect(),
         };
         if let Some(at) = values.iter().position(|value| !value.is_finite()) {
             let ray: Vec<String> = place(at / 6, &shape).iter().map(ToString::to_string).collect();

@@ -62,6 +62,9 @@ def test_rays_of_any_shape(small) -> None:
     shaped = small.cast_rays(rays, frame=1, normals=True)
     assert shaped["t_hit"].shape == (3, 4, 5) and shaped["normals"].shape == (3, 4, 5, 3)
     assert all(shaped[name].tobytes() == flat[name].tobytes() for name in flat)
+    for memory in (np.asfortranarray(rays), np.asfortranarray(rays.astype(np.float32))):
+        by_column = small.cast_rays(memory, frame=1)
+        assert by_column["primitive_ids"].tobytes() == flat["primitive_ids"].tobytes()
     one = small.cast_rays([0, 0, 1, 1, 0, 0])
     assert one["t_hit"].shape == () and one["t_hit"] == pytest.approx(4.5) and one["primitive_ids"].dtype == np.int64
     assert small.raycaster(1).occluded(rays).shape == (3, 4, 5)
