@@ -11,7 +11,7 @@
 //! | `evaluator`, `seat` | scores of placements: over all scenes, and in one on its engine |
 //! | `generations` | CMA-ES over the free pose fields |
 //! | `pilot`, `levels`, `on_demand` | few frames that stand for all, and when more are needed |
-//! | `atlas`, `atlases`, `grid_search`, `grid_values`, `climb`, `swaps` | placements on a grid of poses |
+//! | `atlas`, `atlases`, `coarse_grid`, `grid_search`, `grid_values`, `climb`, `swaps` | placements on a grid of poses |
 //! | `equip` | models and numbers of sensors under a budget; requirements |
 //! | `phases` | check of a result at draws of phases that the search has not seen |
 //! | `bound` | bounds on how much better than the result another placement could be |
@@ -22,6 +22,7 @@ pub(crate) mod atlas;
 pub(crate) mod atlases;
 pub(crate) mod bound;
 pub(crate) mod climb;
+mod coarse_grid;
 mod equip;
 mod error;
 mod evaluator;

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::atlases::Atlases;
 use super::climb::Moves;
+use super::coarse_grid::coarse_grid;
 use super::error::SearchError;
 use super::evaluator::Evaluator;
 use super::grid_search::{GridPlacement, GridSearch};
@@ -26,8 +27,6 @@ const SPREAD: f64 = 0.75;
 const MOST: f64 = 1.25;
 /// Most poses of the grid that the first are chosen from, as a multiple of the casts.
 const MANY: u64 = 8;
-/// Largest multiple of a spacing: beyond it no mount has two poses along a field.
-const MOST_TIMES: u32 = 1000;
 /// Ends of climbs whose neighbours are cast, at most at a time.
 const WIDENED: usize = 4;
 /// Kicks out of local optima among as many poses as are cast: more among fewer.
@@ -327,13 +326,8 @@ fn pool_of(search: &GridSearch, settings: &SwapSettings) -> Result<(Vec<u32>, u6
     if settings.whole || all <= most {
         return Ok((grid.spread(all), all));
     }
-    let (rules, Spacing { metres, radians }) = (&search.constraints, settings.spacing);
-    let (mut times, mut coarse) = (1, grid.clone());
-    while u64::from(coarse.len()) > MANY.saturating_mul(settings.casts) && times < MOST_TIMES {
-        times += 1;
-        let [metres, radians] = [metres, radians].map(|step| step * f64::from(times));
-        coarse = PoseGrid::new(rules, Spacing { metres, radians })?;
-    }
+    let rules = &search.constraints;
+    let (coarse, _) = coarse_grid(rules, settings.spacing, 1, MANY.saturating_mul(settings.casts))?;
     let first = most.min((SPREAD * settings.casts as f64) as u64);
     let symmetric = rules.ties.symmetric;
     let some = coarse.spread(if symmetric { first / 2 } else { first });
@@ -363,8 +357,9 @@ fn widen(
         }
         let held = search.hold_while(evaluator, &new, go_on)?;
         search.keep_to(held);
-        let top = search.climb(evaluator, &start, Moves::Anywhere, go_on)?;
-        let Some(top) = top.filter(|_| search.may_turn(go_on)) else { return Ok(()) };
+        let Some(top) = search.climb(evaluator, &start, Moves::Anywhere, go_on)? else {
+            return Ok(());
+        };
         ends.add(search, evaluator, top, go_on)?;
     }
 }

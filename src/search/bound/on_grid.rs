@@ -6,20 +6,17 @@ use super::branch_and_bound::{Effort, GainBound, bound_gain};
 use super::sample::GridSample;
 use crate::search::atlases::Atlases;
 use crate::search::climb::{Check, Moves};
+use crate::search::coarse_grid::coarse_grid;
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
 use crate::search::grid_search::GridSearch;
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::settings::Settings;
 use crate::search::swaps::SWAP_SPACING;
-use crate::vehicle::{Constraints, PoseGrid, PoseGridError, Spacing};
+use crate::vehicle::{Constraints, PoseGrid, PoseGridError};
 
 /// Least spacing of the bound's grid where none is given, as a multiple of that of the swaps; every pose of it is cast.
 const COARSE: u32 = 2;
-/// Poses of a grid that needs no widening.
-const FEW_POSES: u64 = 100;
-/// Largest multiple of a spacing: beyond it no mount has two poses along a field.
-const MOST_TIMES: u32 = 1000;
 /// Pairs of placements sampled for the constants of the paper's bound and for the findings.
 const SAMPLES: usize = 24;
 
@@ -139,22 +136,11 @@ fn gain(
     Ok(Ok(bound_gain(search, evaluator, &top, &effort, &mut go_on)?))
 }
 
-/// The grid of the bound on the gain: as given, or the finest of no more poses than the swaps cast, or of a few where that
-/// is less, whose spacing is [`COARSE`] times that of the swaps or a larger multiple.
+/// The grid of the bound on the gain: as given, or a coarse one of no more poses than the swaps cast.
 fn grid(constraints: &Constraints, settings: &Settings) -> Result<PoseGrid, PoseGridError> {
     if let Some(spacing) = settings.delta {
         return PoseGrid::new(constraints, spacing);
     }
-    let most = settings.poses_for_swaps(constraints.lidars()).max(FEW_POSES);
-    let Spacing { metres, radians } = SWAP_SPACING;
-    let mut times = COARSE;
-    loop {
-        let wide = f64::from(times);
-        let spacing = Spacing { metres: metres * wide, radians: radians * wide };
-        match PoseGrid::new(constraints, spacing) {
-            Ok(grid) if u64::from(grid.len()) <= most => return Ok(grid),
-            Ok(_) | Err(PoseGridError::TooManyPoses { .. }) if times < MOST_TIMES => times += 1,
-            made => return made,
-        }
-    }
+    let most = settings.poses_for_swaps(constraints.lidars());
+    Ok(coarse_grid(constraints, SWAP_SPACING, COARSE, most)?.0)
 }

@@ -3,13 +3,14 @@
 use super::state::{Phase, Run};
 use crate::score::Standing;
 use crate::search::bound::bounds;
+use crate::search::coarse_grid::coarse_grid;
 use crate::search::error::SearchError;
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::outcome::Scored;
 use crate::search::seat::FRAMES_AT_ONCE;
 use crate::search::settings::Method;
 use crate::search::swaps::{SwapSettings, swap_anywhere, swap_from};
-use crate::vehicle::{Constraints, Placement, PoseGrid, PoseGridError, Spacing};
+use crate::vehicle::{Placement, PoseGrid, Spacing};
 
 /// Swaps over more frames than before: frames, as a multiple of those of the first swaps, steps along a pose field, and
 /// how often the spacing is then halved.
@@ -54,7 +55,9 @@ impl Run {
         let evaluator = self.evaluator(watch)?;
         let casts = settings.poses_for_swaps(evaluator.constraints().lidars());
         let whole = settings.method == Method::Swaps;
-        let (grid, spacing) = numbered_grid(evaluator.constraints(), settings.spacing())?;
+        // Coarser only where the poses are too many to number.
+        let rules = evaluator.constraints();
+        let (grid, spacing) = coarse_grid(rules, settings.spacing(), 1, u64::MAX)?;
         let all = u64::from(grid.len());
         let total = if whole { all } else { all.min(casts) };
         let on_grid = SwapSettings { spacing, casts, whole, memory, seed: settings.seed };
@@ -197,22 +200,5 @@ impl Run {
         self.state.bounds = Some(bounds);
         self.state.phase = Phase::Confirm;
         Ok(())
-    }
-}
-
-/// The grid of a spacing, or of the least power of two times it that gives no more poses than can be numbered; and its
-/// spacing.
-fn numbered_grid(
-    constraints: &Constraints,
-    mut spacing: Spacing,
-) -> Result<(PoseGrid, Spacing), PoseGridError> {
-    loop {
-        match PoseGrid::new(constraints, spacing) {
-            Err(PoseGridError::TooManyPoses { .. }) if spacing.metres < f64::MAX / 4.0 => {
-                let Spacing { metres, radians } = spacing;
-                spacing = Spacing { metres: 2.0 * metres, radians: 2.0 * radians };
-            }
-            made => return Ok((made?, spacing)),
-        }
     }
 }
