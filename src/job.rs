@@ -5,11 +5,8 @@
 //! | `scene` | one scene of a job: P-SOG, frames, sensors and weather, and the problem that these pose |
 //! | `search` | the search of a job step by step: sensors for the money, placements, own body |
 //! | `files` | a job as its files and options say it, to be saved and repeated |
-//! | `fewest` | how few sensors meet the requirements, step by step |
-//! | `shared` | things by the number of LiDARs that see them, overlap of pairs |
 //! | `sweep` | one pose field of one LiDAR moved through a range |
 //! | `room` | how far each pose field may be off until a requirement breaks |
-//! | `tilt` | how far the body may tilt, all LiDARs with it |
 //! | `front` | the front of two or three objectives |
 //! | `tolerance` | requirements in copies that are mounted a little off |
 //! | `error` | why a job cannot be posed or searched |

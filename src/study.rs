@@ -3,12 +3,11 @@
 //! | file | holds |
 //! |---|---|
 //! | `scene` | problems, searches and scores of one scene, shared by its cases |
-//! | `cases` | the cases, measured once and kept by name; the observer |
-//! | `table`, `mean` | the result, and the mean of several scenes |
-//! | `lidars`, `cost`, `sensors`, `height` | number, price, model and height of LiDARs |
-//! | `random`, `tasks`, `regions`, `loss`, `weather` | placements of one scene against each other |
-//! | `rig` | sensors of a vehicle for the budget, whose placements are searched |
-//! | `voxels`, `transfer`, `published` | other voxels, other scenes, the published results |
+//! | `settings` | settings of a study, and its observer |
+//! | `table` | the result, and the mean of several scenes |
+//! | `lidars`, `sensors` | number, price, model and height of LiDARs |
+//! | `regions`, `loss` | placements of one scene against each other |
+//! | `transfer`, `published` | other scenes, the published results |
 
 mod lidars;
 mod loss;

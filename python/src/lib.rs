@@ -17,6 +17,7 @@
 //! | `scans` | scans as an iterator |
 //! | `search` | suites and `optimize` |
 //! | `questions` | studies of one placement as methods of a scene |
+//! | `targets` | beams on targets, range cards, redundancy and overlap |
 //! | `front` | the front of objectives |
 
 mod arguments;

@@ -5,13 +5,11 @@
 //! |---|---|
 //! | `run` | the chart: every setting measured in turn; settings, state, observer |
 //! | `setting` | a setting, and the settings that a scene allows |
-//! | `world` | the problem that a scene poses at a setting |
-//! | `simplify` | triangles merged below a size |
+//! | `world` | the problem that a scene poses at a setting; triangles merged below a size |
 //! | `exact`, `exact_tree` | the finest setting: casting, coverage and sums in `f64` |
 //! | `ranking` | score error, Kendall's τ, top-1 regret, bootstrap intervals |
-//! | `measure`, `scorer` | cost and scores of one setting |
+//! | `measure` | cost and scores of one setting |
 //! | `early` | settings that are left early or not begun |
-//! | `verdict` | the Pareto front and the cheapest setting that keeps the ranking |
 
 pub(crate) mod early;
 mod exact;

@@ -24,14 +24,11 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `footprint` | the outline of the body |
+//! | `body` | the outline of the body, the plane under its wheels, the guard of placements that look at the own vehicle |
 //! | `ground` | cells, and which of them are ground |
-//! | `wheels` | the plane of the ground under the wheels |
 //! | `look` | ends of beams, cells seen, and their shares: the near field of a placement |
 //! | `zone` | the blind zone |
 //! | `required` | ground that the vehicle's rules ask for, as bits that a search adds up |
-//! | `poles` | the preset of poles, and the beams on each |
-//! | `self_hit` | the guard of placements that look at the own vehicle |
 
 mod body;
 mod ground;

@@ -2,7 +2,6 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `svg` | the drawing as SVG |
 //! | `pdf` | the drawing as PDF, with the standard font Helvetica |
 //! | `outline` | outline of flat triangles |
 

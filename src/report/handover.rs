@@ -1,12 +1,7 @@
 //! The drawing of a rig for others: from above, from the right and from the front at one scale, with mounts, fields of
 //! view and the blind zone on the ground.
 //!
-//! | file | holds |
-//! |---|---|
-//! | `views` | the rig in each view, in metres |
-//! | `sheet` | scale and places of the views on the sheet |
-//! | `draw` | a view on the sheet, with its measures |
-//! | `legend` | words beside the views |
+//! `draw` puts a view on the sheet, with its measures.
 
 mod draw;
 

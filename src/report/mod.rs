@@ -2,27 +2,20 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `record` | all of `result.json` |
-//! | `words`, `record_text` | the findings of a run as sentences, all findings as text |
-//! | `by_scene` | gains in each of several scenes |
-//! | `table` | columns of scores |
+//! | `record` | all of `result.json`; a run as text; convergence of the search |
+//! | `words` | the findings of a run as sentences |
 //! | `svg` | parts of every drawing: page, colours, axes |
-//! | `plot`, `plot_labels`, `convergence`, `study`, `sweep` | plain charts of some series |
-//! | `sensor`, `sensor_svg` | facts of a sensor file |
-//! | `chart`, `chart_labels`, `chart_table`, `chart_text`, `chart_words` | cost against ranking error |
-//! | `audit`, `verification`, `psog`, `rig` | results of these commands as text |
-//! | `near_field` | ground near the vehicle that placements see |
+//! | `plot`, `study` | plain charts of some series |
+//! | `sensor` | facts of a sensor file, its pattern as SVG |
+//! | `chart`, `chart_text` | cost against ranking error |
+//! | `coverage` | ground near the vehicle, things by the number of LiDARs that see them, overlap of pairs |
 //! | `drawing` | a drawing as a list of shapes, written as SVG and PDF |
 //! | `handover` | the drawing of a rig in three views |
-//! | `room` | how far pose fields may be off until a requirement breaks |
-//! | `shared` | things by the number of LiDARs that see them, overlap of pairs |
 //! | `targets` | distances at which targets are met, by bearing |
-//! | `placement`, `map` | a placement on its vehicle, and the information that it gains from above |
-//! | `tables` | tables of scores and studies as CSV |
-//! | `table`, `text` | the one table of scores, tables as text |
+//! | `map` | a placement on its vehicle, and the information that it gains from above |
+//! | `tables` | tables of scores and studies as CSV; gains in each of several scenes |
+//! | `text` | tables and answers of commands as text |
 //! | `front` | the front of two or three objectives: `result.json`, table, drawing |
-//! | `against` | the result against every baseline, with intervals |
-//! | `word` | a text as one word of a shell |
 //! | `view` | the 3-D view of a page |
 //! | `page` | the page |
 

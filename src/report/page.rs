@@ -2,18 +2,12 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `figures` | the drawings, and the data computed for them |
+//! | `scores` | requirements, result against baselines, guards, scene by scene |
+//! | `layout` | poses of the result, and the gain of each LiDAR; tables and figures |
+//! | `search` | convergence, findings, how the run was made and how to repeat it |
 //! | `front` | the page of a front |
-//! | `subject` | subject of a page, and the command that makes it again |
-//! | `required` | requirements: met or not, margins, missing shares |
-//! | `stage` | the first screen: result in a sentence, 3-D view |
-//! | `scores` | result against baselines, guards, scene by scene |
-//! | `layout` | poses of the result, and the gain of each LiDAR |
-//! | `gains` | gain by class and by distance |
-//! | `search` | convergence, findings, how the run was made |
-//! | `repeat` | the command that makes the page again, and every setting |
-//! | `parts` | tables and bars |
 
+mod front;
 mod layout;
 mod scores;
 mod search;
@@ -38,7 +32,7 @@ use crate::scene::Scene;
 use crate::search::{GenerationRecord, Member, Scored, Suite};
 use crate::vehicle::{Constraints, Placement};
 
-pub use search::front_html;
+pub use front::front_html;
 
 /// The page of a run: the result in a sentence and a picture, then all that is known of it.
 pub fn report_html(run: &RunRecord, figures: &Figures) -> String {
@@ -98,7 +92,7 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                     (scores::scores(subject))
                     (scores::scenes(subject))
                     @if let Some(run) = run { (search::search(run, figures)) }
-                    (search::repeat_repeat(subject, run))
+                    (search::run_again(subject, run))
                 }
                 footer { p { "Made by sightline " (env!("CARGO_PKG_VERSION")) "." } }
                 (layout::script(figures))

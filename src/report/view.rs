@@ -2,10 +2,7 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `world` | shapes once, and the pose of each thing by frame |
 //! | `sight` | voxels with information, and which layouts see them |
-//! | `beams` | ends of the beams of each LiDAR |
-//! | `pack` | all of it as one JSON header and one run of bytes |
 //! | `view.js`, `gl.js` | the view itself, in the page |
 
 pub(crate) mod sight;

@@ -4,11 +4,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `rig` | the placement with everything that is computed about it |
-//! | `tables` | poses and bill of materials |
-//! | `mask` | masks of the beams that end at the own body |
-//! | `png` | a grey picture as PNG |
-//! | `crop` | crop boxes of the own body for Autoware |
-//! | `readme` | the text about the folder |
+//! | `mask` | masks of the beams that end at the own body, and a grey picture as PNG |
 
 mod mask;
 mod rig;

@@ -15,8 +15,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `counts` | things seen by no, one, two, three and more LiDARs, from sets of bits |
-//! | `cones` | points and boxes that sensors of other technologies see |
-//! | `technologies` | voxels, ground and targets by the technologies that see them |
+//! | `technologies` | points and boxes that sensors of other technologies see; things by the technologies that see them |
 //! | `redundancy` | voxels, ground and targets of a scene by the number of LiDARs that see them |
 //! | `field_of_view` | the directions that a sensor looks into |
 //! | `overlap` | shared voxels and directions of pairs, and whether pairs connect all LiDARs |

@@ -7,11 +7,9 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `finder` | beams of a model near a direction |
 //! | `beams` | beams of a placement on targets |
 //! | `card` | the range card, and blind sectors |
 //! | `places` | where in a scene a target can stand |
-//! | `sight` | places and ground that rules ask for, and a car all round, for scores and searches |
 //! | `rules` | rules on targets, near ground and overlap, and how far they are met |
 //! | `table` | the study: beams by distance and bearing, the range of first detection |
 

@@ -5,8 +5,7 @@
 //! |---|---|
 //! | `guard` | inputs of a command, and the outputs that must not replace them |
 //! | `paths` | where paths lead, names that become files, references of one file to another |
-//! | `whole` | files that are either whole or not there |
-//! | `whole_folder` | a folder of files that is either whole or not there |
+//! | `whole` | files, and folders of files, that are either whole or not there |
 //! | `folder`, `run_dir` | folders that are locked, files that a run was begun with, and the state of a run |
 
 mod folder;

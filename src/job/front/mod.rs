@@ -6,7 +6,6 @@
 //! | `sweep` | choices of sensors on the coarse grid, under a row of prices or numbers |
 //! | `pool` | placements found, scored over all frames, and searches of poses around them |
 //! | `pareto` | the Pareto filter and the knee |
-//! | `state` | finished parts, from which a stopped search goes on |
 //!
 //! Poses are cast once. For each of a row of limits the best sensors are chosen among them (the ε-constraint method;
 //! Haimes, Lasdon, Wismer 1971). All placements are then scored over all frames, and those that no other one beats are the

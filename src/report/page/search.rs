@@ -1,16 +1,12 @@
 //! The search: convergence, properties that go with the score, and how the run was made.
 
-use maud::{DOCTYPE, Markup, html};
+use maud::{Markup, html};
+use serde_json::Value;
 
 use super::layout::{figure, table, text};
-use super::{Figures, Subject, head, layout, unbroken};
-use crate::job::Front;
-use crate::report::front::{front_plot, front_rows, front_verdict, has_requirements, picks_of};
+use super::{Figures, Subject};
 use crate::report::record::steps_of_generations;
-use crate::report::{
-    FrontRecord, RunRecord, certificate_in_words, methods_in_words, optional, scores_text,
-};
-use crate::scan::conditions::under;
+use crate::report::{RunRecord, certificate_in_words, methods_in_words, optional};
 
 /// Section of the page on how the result was found.
 pub(super) fn search(run: &RunRecord, figures: &Figures) -> Markup {
@@ -113,112 +109,30 @@ fn facts(run: &RunRecord) -> Markup {
     }
 }
 
-/// The page of a front, one file that loads nothing.
-pub fn front_html(front: &Front, record: &FrontRecord) -> String {
-    let verdict = front_verdict(front);
-    let (first, rest) = verdict.split_once(". ").unwrap_or((&verdict, ""));
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            (head(&format!("sightline: front in {}", record.scene)))
-            body {
-                header {
-                    p.scene { "sightline · " (record.scene) (under(&record.conditions)) }
-                    h1 { (unbroken(first)) "." }
-                    @if !rest.is_empty() { p { (rest) "." } }
-                }
-                main {
-                    (trade(front))
-                    (sensors(front))
-                    (scores(front))
-                    (repeat(record))
-                }
-                footer { p { "Made by sightline " (env!("CARGO_PKG_VERSION")) "." } }
-            }
-        }
-    }
-    .into_string()
+/// The command of a run, and every setting behind it.
+pub(super) fn run_again(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup {
+    let promise = run.map(promise);
+    repeat(None, &subject.command, promise.as_deref(), run.map(|run| &run.settings))
 }
 
-/// The picture, and the table with the picks.
-fn trade(front: &Front) -> Markup {
-    let (titles, rows) = front_rows(front);
-    let titles: Vec<&str> = titles.iter().map(String::as_str).collect();
-    let is_picked = |k: usize| !picks_of(front, k).is_empty();
-    let rows: Vec<(bool, Vec<Markup>)> = rows
-        .iter()
-        .enumerate()
-        .map(|(k, row)| (is_picked(k), row.iter().map(layout::text).collect()))
-        .collect();
-    html! {
-        section aria-labelledby="front" {
-            h2 #front { "The front" }
-            p {
-                "Each point is a placement that no other one found beats in all objectives together."
-                @if has_requirements(front) {
-                    " One that misses a requirement takes the place of none that meets all."
-                }
-                " The knee is farthest from the line or plane between the best of each objective, each axis scaled to \
-                 [0, 1]. Sensors are chosen on a coarse grid of poses: other placements may be better."
-            }
-            div.paper { (layout::figure(&front_plot(front).svg(), "The objectives against each other")) }
-            (layout::table("Points of the front", &titles, &rows))
-        }
-    }
-}
-
-/// Sensors of each point.
-fn sensors(front: &Front) -> Markup {
-    html! {
-        section aria-labelledby="sensors" {
-            h2 #sensors { "Sensors" }
-            ul { @for point in &front.points { li { (point.placement.name) ": " (point.equipment) } } }
-        }
-    }
-}
-
-/// Scores, requirements and guards of all points.
-fn scores(front: &Front) -> Markup {
-    let all: Vec<_> = front.points.iter().map(|point| point.scores.clone()).collect();
-    html! {
-        section aria-labelledby="scores" {
-            h2 #scores { "Scores, requirements and guards" }
-            pre.wide tabindex="0" role="group" aria-label="Scores" { code { (scores_text(&all)) } }
-        }
-    }
-}
-
-/// The command, and every setting behind it.
-fn repeat(record: &FrontRecord) -> Markup {
+/// A command with sentences before and after it, and the settings behind it.
+pub(super) fn repeat(
+    before: Option<&str>,
+    command: &str,
+    after: Option<&str>,
+    settings: Option<&Value>,
+) -> Markup {
     html! {
         section aria-labelledby="repeat" {
             h2 #repeat { "How to repeat it" }
-            p { "Stopped: " (record.stopped) "." }
-            pre.wide tabindex="0" role="group" aria-label="Command" {
-                code { (record.command) " --backend " (record.backend) }
-            }
-            details {
-                summary { "Every setting" }
-                pre.wide tabindex="0" role="group" aria-label="Settings" {
-                    code { (format!("{:#}", record.settings)) }
-                }
-            }
-        }
-    }
-}
-
-/// The command, and every setting behind it.
-pub(super) fn repeat_repeat(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup {
-    html! {
-        section aria-labelledby="repeat" {
-            h2 #repeat { "How to repeat it" }
-            pre.wide tabindex="0" role="group" aria-label="Command" { code { (subject.command) } }
-            @if let Some(run) = run {
-                p { (promise(run)) }
+            @if let Some(sentence) = before { p { (sentence) } }
+            pre.wide tabindex="0" role="group" aria-label="Command" { code { (command) } }
+            @if let Some(sentence) = after { p { (sentence) } }
+            @if let Some(settings) = settings {
                 details {
                     summary { "Every setting" }
                     pre.wide tabindex="0" role="group" aria-label="Settings" {
-                        code { (format!("{:#}", run.settings)) }
+                        code { (format!("{settings:#}")) }
                     }
                 }
             }

@@ -3,8 +3,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `counts` | frames counted per voxel and class |
-//! | `file` | the P-SOG file |
-//! | `npz` | arrays of `.npz` archives, read and written |
+//! | `npz` | the P-SOG file; arrays of `.npz` archives, read and written |
 //! | `entropy` | entropy of each voxel, in nats and in fixed point; sums that `psog info` prints |
 //! | `vote` | labelled points to one class a voxel and frame, frames to a P-SOG |
 

@@ -1,0 +1,87 @@
+//! The page of a front: its picture, points, sensors and scores.
+
+use maud::{DOCTYPE, Markup, html};
+
+use super::search::repeat;
+use super::{head, layout, unbroken};
+use crate::job::Front;
+use crate::report::front::{front_plot, front_rows, front_verdict, has_requirements, picks_of};
+use crate::report::{FrontRecord, scores_text};
+use crate::scan::conditions::under;
+
+/// The page of a front, one file that loads nothing.
+pub fn front_html(front: &Front, record: &FrontRecord) -> String {
+    let verdict = front_verdict(front);
+    let stopped = format!("Stopped: {}.", record.stopped);
+    let command = format!("{} --backend {}", record.command, record.backend);
+    let (first, rest) = verdict.split_once(". ").unwrap_or((&verdict, ""));
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            (head(&format!("sightline: front in {}", record.scene)))
+            body {
+                header {
+                    p.scene { "sightline · " (record.scene) (under(&record.conditions)) }
+                    h1 { (unbroken(first)) "." }
+                    @if !rest.is_empty() { p { (rest) "." } }
+                }
+                main {
+                    (trade(front))
+                    (sensors(front))
+                    (scores(front))
+                    (repeat(Some(&stopped), &command, None, Some(&record.settings)))
+                }
+                footer { p { "Made by sightline " (env!("CARGO_PKG_VERSION")) "." } }
+            }
+        }
+    }
+    .into_string()
+}
+
+/// The picture, and the table with the picks.
+fn trade(front: &Front) -> Markup {
+    let (titles, rows) = front_rows(front);
+    let titles: Vec<&str> = titles.iter().map(String::as_str).collect();
+    let is_picked = |k: usize| !picks_of(front, k).is_empty();
+    let rows: Vec<(bool, Vec<Markup>)> = rows
+        .iter()
+        .enumerate()
+        .map(|(k, row)| (is_picked(k), row.iter().map(layout::text).collect()))
+        .collect();
+    html! {
+        section aria-labelledby="front" {
+            h2 #front { "The front" }
+            p {
+                "Each point is a placement that no other one found beats in all objectives together."
+                @if has_requirements(front) {
+                    " One that misses a requirement takes the place of none that meets all."
+                }
+                " The knee is farthest from the line or plane between the best of each objective, each axis scaled to \
+                 [0, 1]. Sensors are chosen on a coarse grid of poses: other placements may be better."
+            }
+            div.paper { (layout::figure(&front_plot(front).svg(), "The objectives against each other")) }
+            (layout::table("Points of the front", &titles, &rows))
+        }
+    }
+}
+
+/// Sensors of each point.
+fn sensors(front: &Front) -> Markup {
+    html! {
+        section aria-labelledby="sensors" {
+            h2 #sensors { "Sensors" }
+            ul { @for point in &front.points { li { (point.placement.name) ": " (point.equipment) } } }
+        }
+    }
+}
+
+/// Scores, requirements and guards of all points.
+fn scores(front: &Front) -> Markup {
+    let all: Vec<_> = front.points.iter().map(|point| point.scores.clone()).collect();
+    html! {
+        section aria-labelledby="scores" {
+            h2 #scores { "Scores, requirements and guards" }
+            pre.wide tabindex="0" role="group" aria-label="Scores" { code { (scores_text(&all)) } }
+        }
+    }
+}
