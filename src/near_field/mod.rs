@@ -26,7 +26,7 @@
 //! |---|---|
 //! | `body` | the outline of the body, the plane under its wheels, the guard of placements that look at the own vehicle |
 //! | `ground` | cells, and which of them are ground |
-//! | `look` | ends of beams, cells seen, and their shares: the near field of a placement |
+//! | `look` | ends of beams, cells and poles seen, and their shares: the near field of a placement |
 //! | `zone` | the blind zone |
 //! | `required` | ground that the vehicle's rules ask for, as bits that a search adds up |
 
