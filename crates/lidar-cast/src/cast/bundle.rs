@@ -9,7 +9,7 @@
 use multiversion::multiversion;
 
 use super::sight::SightSphere;
-use crate::bvh::bvh16::{BLOCK, Block16, Node16, WIDTH};
+use crate::bvh::bvh16::{BLOCK, Block16, Bvh16, Node16, WIDTH};
 use crate::bvh::{Bvh, Hit, Ray, Triangle};
 use crate::geom::Pose;
 use crate::task::{DevicePose, beam_direction, beam_origin};
@@ -135,48 +135,23 @@ pub(super) fn descend(
 ) {
     let tree = &bvh.bvh16;
     let Some(first) = rays.first().filter(|_| !tree.nodes.is_empty()) else { return };
-    let largest = tree.largest + first.origin.abs().max_element();
-    let tube =
-        RayBundle { ray: first, width, slack: SLACK * largest + bvh.pad, around: SLACK + width };
+    let tube = RayBundle::new(first, width, bvh);
     let farthest = |hits: &[Hit]| hits.iter().fold(0.0, |t: f32, hit| t.max(hit.t));
-    let mut reach = farthest(hits);
-    left.clear();
-    left.push((0.0, 0));
-    while let Some((near, child)) = left.pop() {
-        if near > reach {
-            continue;
-        }
-        if child & BLOCK == 0 {
-            let node = &tree.nodes[child as usize];
-            let mut begins = [0.0; WIDTH];
-            let mut seen = tube.children(node, reach, &mut begins) & node.valid;
-            let from = left.len();
-            while seen != 0 {
-                let slot = seen.trailing_zeros() as usize % WIDTH;
-                seen &= seen - 1;
-                // The nearest on top.
-                let mut at = left.len();
-                while at > from && left[at - 1].0 < begins[slot] {
-                    at -= 1;
-                }
-                left.insert(at, (begins[slot], node.children[slot]));
+    tube.visit(tree, farthest(hits), left, |block, reach| {
+        let block = &tree.blocks[block];
+        let mut begins = [0.0; WIDTH];
+        let mut seen = tube.triangles(block, *reach, &mut begins) & block.valid;
+        while seen != 0 {
+            let slot = seen.trailing_zeros() as usize % WIDTH;
+            seen &= seen - 1;
+            let triangle = block.triangle(slot);
+            let closer = rays.iter().zip(&mut *hits).filter(|(_, hit)| begins[slot] <= hit.t);
+            for (ray, hit) in closer {
+                ray.intersect(&triangle, bvh.pad, first_prim, hit);
             }
-        } else {
-            let block = &tree.blocks[(child ^ BLOCK) as usize];
-            let mut begins = [0.0; WIDTH];
-            let mut seen = tube.triangles(block, reach, &mut begins) & block.valid;
-            while seen != 0 {
-                let slot = seen.trailing_zeros() as usize % WIDTH;
-                seen &= seen - 1;
-                let triangle = block.triangle(slot);
-                let closer = rays.iter().zip(&mut *hits).filter(|(_, hit)| begins[slot] <= hit.t);
-                for (ray, hit) in closer {
-                    ray.intersect(&triangle, bvh.pad, first_prim, hit);
-                }
-            }
-            reach = farthest(hits);
         }
-    }
+        *reach = farthest(hits);
+    });
 }
 
 /// A ray and all that lies within an angle around it.
@@ -190,10 +165,52 @@ pub(super) struct RayBundle<'a> {
 }
 
 impl<'a> RayBundle<'a> {
-    /// A ray alone, on its way down a tree.
-    pub fn single(ray: &'a Ray, bvh: &Bvh) -> Self {
+    /// The rays within `width` radians of one, on their way down a tree.
+    pub fn new(ray: &'a Ray, width: f32, bvh: &Bvh) -> Self {
         let largest = bvh.bvh16.largest + ray.origin.abs().max_element();
-        Self { ray, width: 0.0, slack: SLACK * largest + bvh.pad, around: SLACK }
+        Self { ray, width, slack: SLACK * largest + bvh.pad, around: SLACK + width }
+    }
+
+    /// Goes down a tree from near to far: blocks go to `block`, which may lower the distance that is still looked at;
+    /// below 0 it ends the search.
+    #[inline(always)]
+    pub fn visit(
+        &self,
+        tree: &Bvh16,
+        mut reach: f32,
+        left: &mut TraversalStack,
+        mut block: impl FnMut(usize, &mut f32),
+    ) {
+        if tree.nodes.is_empty() {
+            return;
+        }
+        // A root with one child is passed over: what goes down the tree has met its box.
+        let root = &tree.nodes[0];
+        left.clear();
+        left.push((0.0, if root.valid == 1 { root.children[0] } else { 0 }));
+        while let Some((near, child)) = left.pop() {
+            if near > reach {
+                continue;
+            }
+            if child & BLOCK != 0 {
+                block((child ^ BLOCK) as usize, &mut reach);
+                continue;
+            }
+            let node = &tree.nodes[child as usize];
+            let mut begins = [0.0; WIDTH];
+            let mut seen = self.children(node, reach, &mut begins) & node.valid;
+            let from = left.len();
+            while seen != 0 {
+                let slot = seen.trailing_zeros() as usize % WIDTH;
+                seen &= seen - 1;
+                // The nearest on top.
+                let mut at = left.len();
+                while at > from && left[at - 1].0 < begins[slot] {
+                    at -= 1;
+                }
+                left.insert(at, (begins[slot], node.children[slot]));
+            }
+        }
     }
 
     /// A bit for each box of a node that begins within `reach`, and where they begin.

@@ -11,7 +11,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::bundle::{RayBundle, SLACK, TraversalStack};
-use crate::bvh::bvh16::{BLOCK, Block16, Bvh16, Node16, WIDTH};
+use crate::bvh::bvh16::{Block16, Node16, WIDTH};
 use crate::bvh::{Bvh, Hit, Ray, axes_of};
 use crate::geom::{Pose, TriangleSoup};
 use crate::task::{Frame, Instance};
@@ -203,48 +203,6 @@ fn box_of(instance: &Instance) -> [[f32; 3]; 2] {
     [low.as_vec3().to_array(), high.as_vec3().to_array()]
 }
 
-/// Goes down a tree from near to far: blocks go to `block`, which may lower the distance that is still looked at; below 0
-/// it ends the search.
-#[inline(always)]
-fn descend(
-    tree: &Bvh16,
-    single: &RayBundle<'_>,
-    mut reach: f32,
-    left: &mut TraversalStack,
-    mut block: impl FnMut(usize, &mut f32),
-) {
-    if tree.nodes.is_empty() {
-        return;
-    }
-    // A root with one child is passed over: what goes down the tree has met its box.
-    let root = &tree.nodes[0];
-    left.clear();
-    left.push((0.0, if root.valid == 1 { root.children[0] } else { 0 }));
-    while let Some((near, child)) = left.pop() {
-        if near > reach {
-            continue;
-        }
-        if child & BLOCK != 0 {
-            block((child ^ BLOCK) as usize, &mut reach);
-            continue;
-        }
-        let node = &tree.nodes[child as usize];
-        let mut begins = [0.0; WIDTH];
-        let mut seen = single.children(node, reach, &mut begins) & node.valid;
-        let from = left.len();
-        while seen != 0 {
-            let slot = seen.trailing_zeros() as usize % WIDTH;
-            seen &= seen - 1;
-            // The nearest on top.
-            let mut at = left.len();
-            while at > from && left[at - 1].0 < begins[slot] {
-                at -= 1;
-            }
-            left.insert(at, (begins[slot], node.children[slot]));
-        }
-    }
-}
-
 /// Boxes that a ray meets, with where they begin.
 #[multiversion(targets(
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
@@ -258,8 +216,8 @@ fn boxes_met(
     met: &mut Vec<(f32, u32)>,
 ) {
     met.clear();
-    let single = RayBundle::single(ray, upper);
-    descend(&upper.bvh16, &single, ray.t_max, left, |block, reach| {
+    let single = RayBundle::new(ray, 0.0, upper);
+    single.visit(&upper.bvh16, ray.t_max, left, |block, reach| {
         let mut begins = [0.0; WIDTH];
         let leaf = &leaves[block];
         let mut seen = single.children(leaf, *reach, &mut begins) & leaf.valid;
@@ -284,8 +242,8 @@ fn triangles_hit(
     found: &mut Found,
     left: &mut TraversalStack,
 ) {
-    let single = RayBundle::single(ray, bvh);
-    descend(&bvh.bvh16, &single, ray.t_max, left, |block, reach| {
+    let single = RayBundle::new(ray, 0.0, bvh);
+    single.visit(&bvh.bvh16, ray.t_max, left, |block, reach| {
         let block = &bvh.bvh16.blocks[block];
         let mut passed = edges_passed(block, ray) & block.valid;
         while passed != 0 {
