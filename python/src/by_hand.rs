@@ -27,34 +27,34 @@ const BARREN: usize = 1000;
 #[pyclass(name = "Search", module = "sightline", frozen)]
 pub struct PySearch {
     rules: Constraints,
-    state: Mutex<State>,
+    state: Mutex<GenerationState>,
 }
 
-struct State {
+struct GenerationState {
     cma: Restarts,
-    asked: Option<Asked>,
+    asked: Option<PendingGeneration>,
     best: Option<(Placement, f64)>,
     told: u64,
 }
 
 /// A generation that waits for its values.
-struct Asked {
+struct PendingGeneration {
     candidates: Vec<Candidate>,
     placements: Vec<Placement>,
     /// Metres and radians by which each breaks the rules.
     broken: Vec<f64>,
 }
 
-impl Asked {
+impl PendingGeneration {
     fn kept(&self) -> impl Iterator<Item = &Placement> {
         let all = self.placements.iter().zip(&self.broken);
         all.filter(|(_, broken)| **broken == 0.0).map(|(placement, _)| placement)
     }
 }
 
-impl State {
+impl GenerationState {
     /// The next generation, drawn.
-    fn draw(&mut self, rules: &Constraints) -> Asked {
+    fn draw(&mut self, rules: &Constraints) -> PendingGeneration {
         let candidates = self.cma.ask();
         let placement = |candidate: &Candidate| Placement {
             name: "asked".to_owned(),
@@ -65,11 +65,11 @@ impl State {
         let amount =
             |one: &Placement| rules.violations(one).iter().fold(0.0, |sum, v| sum + v.amount());
         let broken = placements.iter().map(amount).collect();
-        Asked { candidates, placements, broken }
+        PendingGeneration { candidates, placements, broken }
     }
 
     /// Ranks a generation by its rules first, then by values, none of which may be missing but for `NaN`.
-    fn rank(&mut self, asked: &Asked, values: &[f64]) -> PyResult<()> {
+    fn rank(&mut self, asked: &PendingGeneration, values: &[f64]) -> PyResult<()> {
         let mut values = values.iter().map(|value| Some(*value).filter(|value| !value.is_nan()));
         let standing = |&violation: &f64| match violation == 0.0 {
             true => Standing { violation, guards: 0, value: values.next().flatten(), blind: 0.0 },
@@ -106,7 +106,7 @@ impl PySearch {
             CmaOptions { population, seed, bounds: Some(bounds), ..CmaOptions::default() };
         let cma = Restarts::new(&middle, STEP_SIZE, options, RestartOptions::default());
         let cma = cma.map_err(|error| bad(format!("space: {error}")))?;
-        let state = Mutex::new(State { cma, asked: None, best: None, told: 0 });
+        let state = Mutex::new(GenerationState { cma, asked: None, best: None, told: 0 });
         Ok(Self { rules, state })
     }
 
@@ -162,7 +162,7 @@ impl PySearch {
 }
 
 impl PySearch {
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, GenerationState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

@@ -40,7 +40,7 @@ pub struct RayTarget {
 
 /// Where the corners of triangles come from, for those who want normals.
 enum Triangles {
-    Given(TriangleSoup),
+    RayArray(TriangleSoup),
     Of { scene: Arc<Scene>, frame: usize, soup: OnceLock<TriangleSoup> },
 }
 
@@ -56,7 +56,7 @@ impl RayTarget {
 
     fn soup(&self) -> &TriangleSoup {
         match &self.triangles {
-            Triangles::Given(soup) => soup,
+            Triangles::RayArray(soup) => soup,
             Triangles::Of { scene, frame, soup } => {
                 soup.get_or_init(|| scene.frame(*frame, EgoBody::Include))
             }
@@ -122,12 +122,12 @@ fn normal_and_uv(corners: [[f32; 3]; 3], ray: &[f32; 6]) -> ([f32; 3], [f32; 2])
 }
 
 /// Rays that were given, and the axes before their last one.
-struct Given {
+struct RayArray {
     rays: Vec<[f32; 6]>,
     shape: Vec<usize>,
 }
 
-impl Given {
+impl RayArray {
     fn new(rays: &Bound<'_, PyAny>) -> PyResult<Self> {
         let array = numbers::<f32>("rays", rays, WANTED)?;
         let Some((6, shape)) = array.shape().split_last().map(|(last, rest)| (*last, rest)) else {
@@ -167,14 +167,14 @@ impl Given {
     }
 }
 
-/// What a call asks for beside the rays.
-pub struct Asked {
+/// Options of a call beside its rays.
+pub struct HitOptions {
     pub t_max: Option<f64>,
     pub normals: bool,
     pub uvs: bool,
 }
 
-impl Asked {
+impl HitOptions {
     /// The largest distance in lengths of the direction.
     fn t_max(&self) -> PyResult<f32> {
         match self.t_max {
@@ -192,9 +192,9 @@ pub fn hits_object<'py>(
     py: Python<'py>,
     target: Arc<RayTarget>,
     rays: &Bound<'py, PyAny>,
-    asked: &Asked,
+    asked: &HitOptions,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let (t_max, given) = (asked.t_max()?, Given::new(rays)?);
+    let (t_max, given) = (asked.t_max()?, RayArray::new(rays)?);
     let (shape, shapes) = (given.shape.clone(), (asked.normals, asked.uvs));
     let has_classes = !target.classes.is_empty();
     let found = given.answers(py, move |all: &mut Columns, rays| {
@@ -265,7 +265,7 @@ impl PyRaycaster {
         let build = move |soup: TriangleSoup| {
             let tree = Arc::new(Bvh::build(&soup, reach));
             let rays = RayScene::new(&Frame::from(tree));
-            RayTarget { rays, triangles: Triangles::Given(soup), classes }
+            RayTarget { rays, triangles: Triangles::RayArray(soup), classes }
         };
         Ok(Self(Arc::new(interruptible(py, move |_| build(soup))?)))
     }
@@ -285,7 +285,7 @@ impl PyRaycaster {
         normals: bool,
         uvs: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        hits_object(rays.py(), self.0.clone(), rays, &Asked { t_max, normals, uvs })
+        hits_object(rays.py(), self.0.clone(), rays, &HitOptions { t_max, normals, uvs })
     }
 
     /// bool `[...]`: whether each of `rays` `[..., 6]` hits anything within `t_max` lengths of its direction. Raises
@@ -296,8 +296,8 @@ impl PyRaycaster {
         rays: &Bound<'py, PyAny>,
         t_max: Option<f64>,
     ) -> PyResult<Bound<'py, PyArrayDyn<bool>>> {
-        let t_max = Asked { t_max, normals: false, uvs: false }.t_max()?;
-        let (target, given) = (self.0.clone(), Given::new(rays)?);
+        let t_max = HitOptions { t_max, normals: false, uvs: false }.t_max()?;
+        let (target, given) = (self.0.clone(), RayArray::new(rays)?);
         let shape = given.shape.clone();
         let add = move |all: &mut Vec<bool>, some: &[[f32; 6]]| {
             all.extend(target.rays.occluded(some, RANGE, t_max));
@@ -313,8 +313,8 @@ impl PyRaycaster {
         rays: &Bound<'py, PyAny>,
         t_max: Option<f64>,
     ) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
-        let t_max = Asked { t_max, normals: false, uvs: false }.t_max()?;
-        let (target, given) = (self.0.clone(), Given::new(rays)?);
+        let t_max = HitOptions { t_max, normals: false, uvs: false }.t_max()?;
+        let (target, given) = (self.0.clone(), RayArray::new(rays)?);
         let shape = given.shape.clone();
         let add = move |all: &mut Vec<i64>, some: &[[f32; 6]]| {
             all.extend(target.rays.counts(some, RANGE, t_max).into_iter().map(i64::from));
@@ -361,6 +361,6 @@ impl PyScene {
         uvs: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
         let target = self.raycaster(py, frame)?.0;
-        hits_object(py, target, rays, &Asked { t_max, normals, uvs })
+        hits_object(py, target, rays, &HitOptions { t_max, normals, uvs })
     }
 }

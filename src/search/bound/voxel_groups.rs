@@ -34,7 +34,7 @@ pub(in crate::search) struct Columns {
 
 /// Columns that similar shares of the typical poses cover.
 pub(in crate::search) struct Group {
-    levels: Vec<Level>,
+    levels: Vec<WorthLevel>,
     /// Σ worth of the columns that each pose covers.
     pub singles: Vec<u64>,
     /// Σ worth of the columns.
@@ -42,7 +42,7 @@ pub(in crate::search) struct Group {
 }
 
 /// Columns of about equal worth.
-struct Level {
+struct WorthLevel {
     words: Range<usize>,
     least: u64,
 }
@@ -56,13 +56,13 @@ struct Place {
 }
 
 /// Bits, groups and worths of the columns that are in a group.
-struct Places {
+struct ColumnPlaces {
     /// A bit for each column of the atlas.
     grouped: Vec<u64>,
     of: Vec<Place>,
 }
 
-impl Places {
+impl ColumnPlaces {
     fn none(columns: usize) -> Self {
         Self { grouped: vec![0; columns / 64], of: vec![Place::default(); columns] }
     }
@@ -110,7 +110,7 @@ impl Columns {
         if !go_on() {
             return None;
         }
-        let mut places = Places::none(counts.len());
+        let mut places = ColumnPlaces::none(counts.len());
         let none = || Group { levels: vec![], singles: vec![0; poses as usize], total: 0 };
         let mut groups: Vec<Group> = shares.iter().map(|_| none()).collect();
         let mut end = 0;
@@ -131,7 +131,7 @@ impl Columns {
             end += level.len().div_ceil(64);
             let group = &mut groups[first.0];
             group.total += level.iter().map(|column| u64::from(column.1)).sum::<u64>();
-            group.levels.push(Level { words: start..end, least: u64::from(first.1) });
+            group.levels.push(WorthLevel { words: start..end, least: u64::from(first.1) });
         }
         let mut columns = Self {
             poses: poses as usize,
@@ -145,7 +145,7 @@ impl Columns {
     }
 
     /// Sets the bits of the poses, and sums up what each covers alone.
-    fn fill(&mut self, pages: &[&[u64]], places: &Places) {
+    fn fill(&mut self, pages: &[&[u64]], places: &ColumnPlaces) {
         let groups = self.groups.len();
         let bitmaps = self.bitmaps.par_chunks_mut(self.words.max(1)).zip(pages);
         let singles = bitmaps.map(|(bitmap, page)| {
@@ -216,7 +216,7 @@ impl Columns {
             let first = start + block * ROWS;
             let last = first + rows.len() / n;
             let mut sums = vec![0u64; rows.len()];
-            let alike = |a: &Level, b: &Level| b.words.end - a.words.start <= WORDS;
+            let alike = |a: &WorthLevel, b: &WorthLevel| b.words.end - a.words.start <= WORDS;
             let mut left = levels.as_slice();
             while let Some(start) = left.first() {
                 let some = left.partition_point(|level| alike(start, level)).max(1);
@@ -274,7 +274,7 @@ fn counts(pages: &[&[u64]]) -> Vec<u32> {
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+avx512vpopcntdq+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
-fn overlap(a: &[u64], b: &[u64], levels: &[Level]) -> u64 {
+fn overlap(a: &[u64], b: &[u64], levels: &[WorthLevel]) -> u64 {
     let mut sum = 0;
     for level in levels {
         let (a, b) = (&a[level.words.clone()], &b[level.words.clone()]);

@@ -22,7 +22,7 @@ const RAYS_A_TASK: usize = 1024;
 /// A frame that single rays are cast into; made in microseconds.
 #[derive(Debug, Clone)]
 pub struct RayScene {
-    things: Vec<Thing>,
+    things: Vec<RayInstance>,
     /// Tree over the boxes of things in the ego frame: each a triangle whose corners are those of the box.
     upper: Bvh,
     /// Boxes of the things of each block of the tree.
@@ -31,15 +31,15 @@ pub struct RayScene {
 
 /// An instance as rays see it.
 #[derive(Debug, Clone)]
-struct Thing {
+struct RayInstance {
     tree: Arc<Bvh>,
     from_ego: Pose,
     first_prim: u32,
 }
 
-/// Answer to a ray, which decides how far it is followed.
+/// Question of a ray, which decides how far it is followed.
 #[derive(Clone, Copy, PartialEq)]
-enum Wanted {
+enum RayQuery {
     Closest,
     Any,
     Count,
@@ -54,14 +54,14 @@ struct Stacks {
 }
 
 /// Hit and number of hits of one ray so far.
-struct Found {
+struct RayHits {
     hit: Hit,
     count: u32,
 }
 
-impl Found {
-    fn is_enough(&self, wanted: Wanted) -> bool {
-        wanted == Wanted::Any && self.hit.is_hit()
+impl RayHits {
+    fn is_enough(&self, wanted: RayQuery) -> bool {
+        wanted == RayQuery::Any && self.hit.is_hit()
     }
 }
 
@@ -69,12 +69,12 @@ impl RayScene {
     /// Prepares a frame.
     pub fn new(frame: &Frame) -> Self {
         let mut boxes = TriangleSoup::default();
-        let thing = |instance: &Instance| Thing {
+        let thing = |instance: &Instance| RayInstance {
             tree: instance.tree.clone(),
             from_ego: instance.ego_from_instance.inverse(),
             first_prim: instance.first_prim,
         };
-        let things: Vec<Thing> = frame.instances().iter().map(thing).collect();
+        let things: Vec<RayInstance> = frame.instances().iter().map(thing).collect();
         for instance in frame.instances() {
             let [low, high] = box_of(instance);
             let first = boxes.vertices.len() as u32;
@@ -99,7 +99,7 @@ impl RayScene {
     /// a direction that is not finite, or without a direction, hit nothing. Trees are built for hits up to a distance (see
     /// [`Bvh::build`]): from farther away rounding may let a ray slip through an edge.
     pub fn closest_hits(&self, rays: &[[f32; 6]], range: f32, t_max: f32) -> Vec<Hit> {
-        self.all(rays, range, t_max, Wanted::Closest, |found, length| {
+        self.all(rays, range, t_max, RayQuery::Closest, |found, length| {
             let mut hit = found.hit;
             if hit.is_hit() {
                 hit.t = (f64::from(hit.t) / length) as f32;
@@ -110,13 +110,13 @@ impl RayScene {
 
     /// True for each ray that hits anything within `range` metres and `t_max` lengths of its direction.
     pub fn occluded(&self, rays: &[[f32; 6]], range: f32, t_max: f32) -> Vec<bool> {
-        self.all(rays, range, t_max, Wanted::Any, |found, _| found.hit.is_hit())
+        self.all(rays, range, t_max, RayQuery::Any, |found, _| found.hit.is_hit())
     }
 
     /// Number of triangles that each ray hits within `range` metres and `t_max` lengths of its direction; a ray through an
     /// edge that triangles share hits each of them.
     pub fn counts(&self, rays: &[[f32; 6]], range: f32, t_max: f32) -> Vec<u32> {
-        self.all(rays, range, t_max, Wanted::Count, |found, _| found.count)
+        self.all(rays, range, t_max, RayQuery::Count, |found, _| found.count)
     }
 
     /// Casts all rays; `answer` is told what was found and the length of the direction.
@@ -125,8 +125,8 @@ impl RayScene {
         rays: &[[f32; 6]],
         range: f32,
         t_max: f32,
-        wanted: Wanted,
-        answer: impl Fn(Found, f64) -> T + Sync,
+        wanted: RayQuery,
+        answer: impl Fn(RayHits, f64) -> T + Sync,
     ) -> Vec<T> {
         let some = |rays: &[[f32; 6]]| {
             let mut stacks = Stacks::default();
@@ -134,7 +134,7 @@ impl RayScene {
                 let origin = DVec3::new(x.into(), y.into(), z.into());
                 let direction = DVec3::new(dx.into(), dy.into(), dz.into());
                 let length = direction.length_squared().sqrt();
-                let mut found = Found { hit: Hit::none(range), count: 0 };
+                let mut found = RayHits { hit: Hit::none(range), count: 0 };
                 if origin.is_finite() && length.is_finite() && length > 0.0 {
                     found.hit.t = (f64::from(t_max) * length).min(f64::from(range)) as f32;
                     self.cast(origin, direction / length, wanted, &mut found, &mut stacks);
@@ -151,8 +151,8 @@ impl RayScene {
         &self,
         origin: DVec3,
         unit: DVec3,
-        wanted: Wanted,
-        found: &mut Found,
+        wanted: RayQuery,
+        found: &mut RayHits,
         stacks: &mut Stacks,
     ) {
         if let [thing] = &self.things[..] {
@@ -170,13 +170,13 @@ impl RayScene {
     }
 }
 
-impl Thing {
+impl RayInstance {
     fn cast(
         &self,
         origin: DVec3,
         unit: DVec3,
-        wanted: Wanted,
-        found: &mut Found,
+        wanted: RayQuery,
+        found: &mut RayHits,
         left: &mut TraversalStack,
     ) {
         let origin = self.from_ego.apply(origin).as_vec3();
@@ -238,8 +238,8 @@ fn triangles_hit(
     bvh: &Bvh,
     first_prim: u32,
     ray: &Ray,
-    wanted: Wanted,
-    found: &mut Found,
+    wanted: RayQuery,
+    found: &mut RayHits,
     left: &mut TraversalStack,
 ) {
     let single = RayBundle::new(ray, 0.0, bvh);
@@ -250,7 +250,7 @@ fn triangles_hit(
             let slot = passed.trailing_zeros() as usize % WIDTH;
             passed &= passed - 1;
             let triangle = block.triangle(slot);
-            if wanted == Wanted::Count {
+            if wanted == RayQuery::Count {
                 let mut hit = Hit::none(ray.t_max);
                 ray.intersect(&triangle, bvh.pad, first_prim, &mut hit);
                 found.count += u32::from(hit.is_hit());
@@ -258,7 +258,7 @@ fn triangles_hit(
                 ray.intersect(&triangle, bvh.pad, first_prim, &mut found.hit);
             }
         }
-        if wanted != Wanted::Count {
+        if wanted != RayQuery::Count {
             *reach = if found.is_enough(wanted) { -1.0 } else { found.hit.t };
         }
     });
