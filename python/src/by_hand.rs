@@ -117,7 +117,7 @@ impl PySearch {
         poses_of(py, &kept, &[kept.len(), self.rules.lidars(), 6])
     }
 
-    /// As `ask`, a `Placement` each, with models and phases.
+    /// Placements of the next generation, with models and phases; `ask` gives their poses alone.
     fn ask_placements(&self) -> PyResult<Vec<PyPlacement>> {
         Ok(self.generation()?.into_iter().map(PyPlacement).collect())
     }

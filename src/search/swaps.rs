@@ -89,11 +89,11 @@ pub struct Swapped {
 /// How far apart the climbs of one search ended: how good a draw its result is.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Climbs {
-    /// Climbs from greedy's placement, from layouts given, after kicks, and on from ends.
+    /// Number of climbs.
     pub count: usize,
     /// Frames over which they were compared.
     pub frames: usize,
-    /// Those that ended within half a per cent of the best, itself among them.
+    /// Climbs that ended within half a per cent of the best one; it is counted, too.
     pub near_best: usize,
     /// Distance of the median of their ends from the best, as a share of it.
     pub median_below: f64,

@@ -23,9 +23,9 @@ const RAYS_A_TASK: usize = 1024;
 #[derive(Debug, Clone)]
 pub struct RayScene {
     things: Vec<RayInstance>,
-    /// Tree over the boxes of things in the ego frame: each a triangle whose corners are those of the box.
+    /// Tree over the instances' boxes in the ego frame. A box stands in it as a triangle with the same two corners.
     upper: Bvh,
-    /// Boxes of the things of each block of the tree.
+    /// Boxes of the instances in each block of `upper`.
     leaves: Vec<Node16>,
 }
 
@@ -119,7 +119,7 @@ impl RayScene {
         self.all(rays, range, t_max, RayQuery::Count, |found, _| found.count)
     }
 
-    /// Casts all rays; `answer` is told what was found and the length of the direction.
+    /// Casts all rays. `answer` makes the result of a ray from its hits and the length of its direction.
     fn all<T: Clone + Send>(
         &self,
         rays: &[[f32; 6]],
