@@ -8,7 +8,7 @@
 //! | `sweep` | one pose field of one LiDAR moved through a range |
 //! | `room` | how far each pose field may be off until a requirement breaks |
 //! | `front` | the front of two or three objectives |
-//! | `tolerance` | requirements in copies that are mounted a little off |
+//! | `holds` | requirements in copies that are mounted a little off |
 //! | `error` | why a job cannot be posed or searched |
 //!
 //! Program, Python module, studies, chart and audit hold a [`Job`] and take nothing of this chain apart.
@@ -16,11 +16,11 @@
 mod error;
 mod files;
 mod front;
+mod holds;
 mod room;
 mod scene;
 mod search;
 mod sweep;
-mod tolerance;
 
 use std::sync::{Arc, OnceLock};
 
@@ -36,6 +36,7 @@ use crate::targets::{RangeCard, TargetSite};
 use crate::vehicle::{Constraints, Placement, Sensors};
 use scene::{Frames, Worth};
 
+pub use crate::search::Tolerance;
 pub use error::JobError;
 pub use files::JobFiles;
 pub use front::{
@@ -50,7 +51,6 @@ pub use room::{
 pub use scene::JobScene;
 pub use search::{Found, JobRun, JobState, JobStep};
 pub use sweep::{Sweep, SweepRow, SweptField};
-pub use tolerance::Tolerance;
 
 /// The main job: poses for the LiDARs of a vehicle, in one scene or several.
 #[derive(Debug, Clone)]

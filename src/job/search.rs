@@ -313,7 +313,8 @@ impl JobRun<'_> {
                 run.map_err(|error| self.job.in_scene(error))?
             }
         };
-        run.open_with(self.job.settings.engine.clone(), self.job.settings.time);
+        let settings = &self.job.settings;
+        run.open_with(settings.engine.clone(), settings.time, self.job.tolerance);
         self.run = Some(run);
         Ok(())
     }

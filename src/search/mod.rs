@@ -13,6 +13,7 @@
 //! | `pilot`, `levels`, `on_demand` | few frames that stand for all, and when more are needed |
 //! | `atlas`, `atlases`, `coarse_grid`, `grid_search`, `grid_values`, `climb`, `swaps` | placements on a grid of poses |
 //! | `equip` | models and numbers of sensors under a budget; requirements |
+//! | `tolerance` | requirements in copies of a placement that are mounted a little off |
 //! | `phases` | check of a result at draws of phases that the search has not seen |
 //! | `bound` | bounds on how much better than the result another placement could be |
 //! | `spread` | gain over the best baseline beside the spread between scenes |
@@ -45,8 +46,8 @@ mod suite;
 pub(crate) mod swaps;
 #[cfg(test)]
 mod tests;
+mod tolerance;
 
-pub(crate) use atlas::AreaBits;
 pub use bound::{Certificate, GainBound};
 pub(crate) use equip::REQUIRED;
 pub use equip::{Choosing, EquipStep, Equipped, Equipping, Limits, cost_front};
@@ -66,3 +67,5 @@ pub use spread::{Gain, GainSpread};
 pub use suite::{Member, Suite};
 pub use swaps::Climbs;
 pub(crate) use swaps::SWAP_SPACING;
+pub use tolerance::Tolerance;
+pub(crate) use tolerance::{FRAMES_OF_COPIES, Moved};

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use super::swaps::SWAP_SPACING;
+use super::tolerance::Tolerance;
 use crate::engine::EngineChoice;
 use crate::score::Objective;
 use crate::vehicle::{Placement, Spacing, table_7};
@@ -114,6 +115,10 @@ pub struct Settings {
     pub starts: Vec<Placement>,
     /// Objective over all frames at which the search ends.
     pub target: Option<f64>,
+    /// Mounting within which requirements are to hold: where they do not, LiDARs of the result move a little until they do.
+    /// No part of a saved state.
+    #[serde(skip)]
+    pub tolerance: Option<Tolerance>,
     /// Limit of wall time; no part of a saved state.
     #[serde(skip)]
     pub time: Option<TimeLimit>,
@@ -150,6 +155,7 @@ impl Default for Settings {
             baselines: table_7(),
             starts: Vec::new(),
             target: None,
+            tolerance: None,
             time: None,
             engine: EngineChoice::cpu(),
         }

@@ -14,7 +14,7 @@
 //! If time or an interruption cuts a phase short, the run goes on to its outcome, but its state stays that before
 //! the cut: a resumed run does the phase anew.
 //!
-//! `state` holds the value and the run around it; `choosing`, `generating`, `on_grid` and `confirming` hold
+//! `state` holds the value and the run around it; `choosing`, `generating`, `on_grid`, `securing` and `confirming` hold
 //! the steps; `machine` puts them together.
 
 mod choosing;
@@ -22,6 +22,7 @@ mod confirming;
 mod generating;
 mod machine;
 mod on_grid;
+mod securing;
 mod state;
 
 pub use machine::optimize;

@@ -20,6 +20,7 @@ use crate::search::seat::FRAMES_AT_ONCE;
 use crate::search::settings::{FrameChoice, Settings, TimeLimit};
 use crate::search::suite::Suite;
 use crate::search::swaps::Swapped;
+use crate::search::tolerance::Tolerance;
 use crate::vehicle::{MAX_LIDARS, Placement, PoseGrid};
 
 /// Largest population of a loaded state.
@@ -200,9 +201,15 @@ impl Run {
         Self { suite: scenes.into(), state, before_cut: None, sitting: Sitting::default() }
     }
 
-    /// Sets engine and time limit, which are no part of a saved state.
-    pub fn open_with(&mut self, engine: EngineChoice, time: Option<TimeLimit>) {
-        (self.state.settings.engine, self.state.settings.time) = (engine, time);
+    /// Sets engine, time limit and mounting tolerance, which are no part of a saved state.
+    pub fn open_with(
+        &mut self,
+        engine: EngineChoice,
+        time: Option<TimeLimit>,
+        tolerance: Option<Tolerance>,
+    ) {
+        let settings = &mut self.state.settings;
+        (settings.engine, settings.time, settings.tolerance) = (engine, time, tolerance);
     }
 
     /// The state to save: that before the first phase that time or an interruption cut short.

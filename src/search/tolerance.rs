@@ -9,11 +9,11 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Job, JobError};
+use super::atlas::AreaBits;
+use super::evaluator::Evaluator;
+use super::suite::Member;
 use crate::engine::BackendError;
 use crate::problem::Problem;
-use crate::score::{Scores, Seen};
-use crate::search::{AreaBits, Evaluator};
 use crate::targets::{Sight, SightBeams};
 use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 
@@ -21,8 +21,8 @@ use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 const COPIES: usize = 200;
 /// Poses of each LiDAR that the copies are made of.
 const POSES: usize = 16;
-/// Frames of each scene over which areas are looked at, spread evenly.
-const FRAMES: u32 = 4;
+/// Frames of each scene over which areas are looked at in copies, spread evenly.
+pub(crate) const FRAMES_OF_COPIES: u32 = 4;
 /// Seed of the moves: every placement is moved alike.
 const SEED: u64 = 0x746f_6c65;
 
@@ -92,128 +92,123 @@ impl fmt::Display for Tolerance {
 }
 
 impl Tolerance {
-    /// Poses of a LiDAR within the tolerance, the first as it is.
-    fn poses(&self, pose: &SensorPose, rng: &mut ChaCha8Rng) -> Vec<SensorPose> {
-        let mut off = |most: f64| most * rng.random_range(-1.0..=1.0);
-        let mut moved = |_| {
-            let most = [[self.metres; 3], [self.radians; 3]].concat();
-            let mut values = pose.values();
-            values.iter_mut().zip(most).for_each(|(value, most)| *value += off(most));
-            let [x, y, z, roll, pitch, yaw] = values;
-            SensorPose { x, y, z, roll, pitch, yaw, ..*pose }
-        };
-        std::iter::once(*pose).chain((1..POSES).map(&mut moved)).collect()
+    /// True if LiDARs may be off at all.
+    pub fn is_some(&self) -> bool {
+        self.metres > 0.0 || self.radians > 0.0
+    }
+
+    /// What is added to the pose fields of each LiDAR in each of its poses, `[lidars][poses]`: nothing in the first.
+    fn offsets(&self, lidars: usize) -> Vec<Vec<[f64; 6]>> {
+        let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+        let most =
+            [self.metres, self.metres, self.metres, self.radians, self.radians, self.radians];
+        let mut off = |_| most.map(|most| most * rng.random_range(-1.0..=1.0));
+        let of_lidar = |_| std::iter::once([0.0; 6]).chain((1..POSES).map(&mut off)).collect();
+        (0..lidars).map(of_lidar).collect()
     }
 }
 
-/// Beams on targets and bits of areas of each LiDAR in each of its poses, `[lidars][poses]`.
-struct Moved {
-    targets: Vec<Vec<SightBeams>>,
-    /// One for each member of the suite; empty where no area is required.
-    areas: Vec<AreasOfMember>,
+/// A LiDAR in each of its poses: beams on targets, and bits of areas.
+pub(crate) struct Column {
+    /// `[poses]`; empty where no rule looks for targets.
+    targets: Vec<SightBeams>,
+    /// `[members][poses]`, frame after frame; of members where an area is required.
+    areas: Vec<Vec<Vec<u64>>>,
+}
+
+/// A placement whose LiDARs each stand in one of 16 poses within the tolerance.
+pub(crate) struct Moved {
+    offsets: Vec<Vec<[f64; 6]>>,
+    columns: Vec<Column>,
+    /// Required areas of each member; empty where none is required.
+    areas: Vec<AreaBits>,
     /// Problem that says the order of requirements.
     problem: Arc<Problem>,
-}
-
-/// Voxels of required areas in one scene, for each LiDAR in each of its poses.
-struct AreasOfMember {
-    areas: AreaBits,
-    /// `[lidars][poses]`, frame after frame.
-    bits: Vec<Vec<Vec<u64>>>,
-}
-
-impl AreasOfMember {
-    /// Share of each area that LiDARs see, each in one of its poses.
-    fn shares(&self, poses: &[usize]) -> Vec<f64> {
-        let mut union = self.bits[0][poses[0]].clone();
-        for (of_lidar, &pose) in self.bits.iter().zip(poses).skip(1) {
-            union.iter_mut().zip(&of_lidar[pose]).for_each(|(all, bits)| *all |= bits);
-        }
-        self.areas.shares(&union)
-    }
-}
-
-impl Job {
-    /// Adds to each requirement the share of copies that still meet it: copies whose LiDARs are off by the job's
-    /// tolerance, each in one of 16 poses. Nothing without a tolerance or requirements.
-    ///
-    /// Targets are looked at as the requirement asks. Areas and ground are looked at in four frames of each scene, and
-    /// the change there is added to the share over all frames.
-    ///
-    /// # Errors
-    /// An engine that fails, a sensor that the vehicle does not have.
-    pub(super) fn add_holds(&self, all: &mut [(&Placement, &mut Scores)]) -> Result<(), JobError> {
-        let Some(tolerance) = self.tolerance.filter(|t| t.metres > 0.0 || t.radians > 0.0) else {
-            return Ok(());
-        };
-        let all = all.iter_mut().filter(|(_, scores)| !scores.required.is_empty());
-        let mut all: Vec<_> = all.collect();
-        if all.is_empty() {
-            return Ok(());
-        }
-        let suite = self.suite()?;
-        let few = suite.over(&suite.spread(Some(FRAMES)));
-        let scenes = few.members().iter().map(|member| (member.problem(), member.is_mirrored()));
-        let sight = Sight::of(scenes, false);
-        let mut evaluator = Evaluator::suite_on_cpu(&few, self.settings.engine.memory_budget() / 2);
-        for (placement, scores) in &mut all {
-            let moved = Moved::new(tolerance, placement, sight.as_ref(), &mut evaluator)?;
-            let holds = moved.holds(sight.as_ref(), &scores.required);
-            scores.requirements_hold_in = Some(holds.all);
-            for (seen, share) in scores.required.iter_mut().zip(holds.each) {
-                seen.holds_in = Some(share);
-            }
-        }
-        Ok(())
-    }
+    sight: Option<Arc<Sight>>,
 }
 
 /// Shares of the copies that meet requirements.
-struct Holds {
+pub(crate) struct Holds {
     /// Share for each requirement, in the order of the scores.
-    each: Vec<f64>,
+    pub each: Vec<f64>,
     /// Share that meets all of them.
-    all: f64,
+    pub all: f64,
 }
 
 impl Moved {
-    fn new(
+    /// Casts the LiDARs of a placement in each of their poses, over the evaluator's frames.
+    ///
+    /// # Errors
+    /// An engine that fails, a sensor that the vehicle does not have.
+    pub fn new(
         tolerance: Tolerance,
         placement: &Placement,
-        sight: Option<&Sight>,
         evaluator: &mut Evaluator,
     ) -> Result<Self, BackendError> {
-        let mut rng = ChaCha8Rng::seed_from_u64(SEED);
-        let poses: Vec<Vec<SensorPose>> =
-            placement.lidars.iter().map(|lidar| tolerance.poses(lidar, &mut rng)).collect();
+        let of_member = |(member, _): (&Member, _)| AreaBits::new(member.problem().content());
+        let areas = evaluator.members().map(of_member).filter(|areas| areas.words() > 0).collect();
+        let mut moved = Self {
+            offsets: tolerance.offsets(placement.lidars.len()),
+            columns: Vec::new(),
+            areas,
+            problem: evaluator.shared_problem(),
+            sight: evaluator.sight().cloned(),
+        };
+        let lidars: Vec<_> = placement.lidars.iter().copied().enumerate().collect();
+        moved.columns = moved.columns_of(&lidars, evaluator)?;
+        Ok(moved)
+    }
+
+    /// Casts LiDARs, each by its number and the pose that it is to have, in each of their poses.
+    ///
+    /// # Errors
+    /// See [`Self::new`].
+    pub fn columns_of(
+        &self,
+        lidars: &[(usize, SensorPose)],
+        evaluator: &mut Evaluator,
+    ) -> Result<Vec<Column>, BackendError> {
+        let moved = |&(lidar, pose): &(usize, SensorPose)| {
+            let values = pose.values();
+            self.offsets[lidar].iter().map(move |off| {
+                let [x, y, z, roll, pitch, yaw] = std::array::from_fn(|k| values[k] + off[k]);
+                SensorPose { x, y, z, roll, pitch, yaw, ..pose }
+            })
+        };
+        let poses: Vec<SensorPose> = lidars.iter().flat_map(moved).collect();
         let mut targets = Vec::new();
-        if let Some(sight) = sight {
-            for of_lidar in &poses {
-                let beams = of_lidar.par_iter().map(|pose| sight.beams(pose));
-                targets.push(beams.collect::<Result<Vec<_>, UnknownSensor>>()?);
-            }
+        if let Some(sight) = &self.sight {
+            let beams = poses.par_iter().map(|pose| sight.beams(pose));
+            targets = beams.collect::<Result<Vec<_>, UnknownSensor>>()?;
         }
         let mut areas = Vec::new();
         let members = evaluator.members().len();
         for member in 0..members {
             areas.extend(Self::areas(&poses, member, evaluator)?);
         }
-        Ok(Self { targets, areas, problem: evaluator.shared_problem() })
+        let mut columns = Vec::new();
+        for first in (0..poses.len()).step_by(POSES) {
+            let own = first..first + POSES;
+            let areas = areas.iter().map(|of: &Vec<Vec<u64>>| of[own.clone()].to_vec()).collect();
+            let targets = targets.get(own).map_or_else(Vec::new, <[_]>::to_vec);
+            columns.push(Column { targets, areas });
+        }
+        Ok(columns)
     }
 
-    /// Bits of areas in one scene; `None` where nothing is required of them.
+    /// Bits of areas of each pose in one scene; `None` where nothing is required of them.
     fn areas(
-        poses: &[Vec<SensorPose>],
+        poses: &[SensorPose],
         member: usize,
         evaluator: &mut Evaluator,
-    ) -> Result<Option<AreasOfMember>, BackendError> {
+    ) -> Result<Option<Vec<Vec<u64>>>, BackendError> {
         let (member, backend) = evaluator.member_mut(member);
         let problem = member.problem().clone();
         let areas = AreaBits::new(problem.content());
         if areas.words() == 0 {
             return Ok(None);
         }
-        let mut all: Vec<SensorPose> = poses.iter().flatten().copied().collect();
+        let mut all = poses.to_vec();
         if member.is_mirrored() {
             all.iter_mut().for_each(|pose| *pose = pose.mirrored());
         }
@@ -229,42 +224,61 @@ impl Moved {
             })?;
         }
         let bits = bits.into_iter().map(|bits| bits.into_inner().unwrap_or_default());
-        let bits: Vec<Vec<u64>> = bits.collect();
-        let bits = bits.chunks(POSES).map(<[_]>::to_vec).collect();
-        Ok(Some(AreasOfMember { areas, bits }))
+        Ok(Some(bits.collect()))
     }
 
-    /// Share of every requirement with each LiDAR in one of its poses, in the order of the scores.
-    fn shares(&self, sight: Option<&Sight>, poses: &[usize]) -> Vec<f64> {
+    /// Share of every requirement where each LiDAR stands in one of its poses, in the order of the scores.
+    fn shares(&self, columns: &[&Column], poses: &[usize]) -> Vec<f64> {
         let mut shares: Vec<f64> = Vec::new();
-        for of_member in &self.areas {
-            let found = of_member.shares(poses);
+        for (member, areas) in self.areas.iter().enumerate() {
+            let mut union = vec![0; columns[0].areas[member][0].len()];
+            for (column, &pose) in columns.iter().zip(poses) {
+                let bits = &column.areas[member][pose];
+                union.iter_mut().zip(bits).for_each(|(all, bits)| *all |= bits);
+            }
+            let found = areas.shares(&union);
             shares.resize(found.len(), 0.0);
             let members = self.areas.len() as f64;
             shares.iter_mut().zip(found).for_each(|(mean, share)| *mean += share / members);
         }
-        if let Some(sight) = sight {
-            let each = self.targets.iter().zip(poses).map(|(of_lidar, &pose)| &of_lidar[pose]);
+        if let Some(sight) = &self.sight {
+            let each = columns.iter().zip(poses).map(|(column, &pose)| &column.targets[pose]);
             shares.extend(sight.shares(&each.collect::<Vec<_>>()));
         }
         self.problem.in_file_order(&mut shares);
         shares
     }
 
-    /// Copies that meet requirements, of which `found` says the shares over all frames.
-    fn holds(&self, sight: Option<&Sight>, found: &[Seen]) -> Holds {
-        let lidars = self.targets.len().max(self.areas.first().map_or(0, |of| of.bits.len()));
-        let as_it_is = self.shares(sight, &vec![0; lidars]);
+    /// The columns, one of them replaced where `instead` says so.
+    fn columns<'a>(&'a self, instead: Option<(usize, &'a Column)>) -> Vec<&'a Column> {
+        let mut columns: Vec<&Column> = self.columns.iter().collect();
+        if let Some((lidar, column)) = instead {
+            columns[lidar] = column;
+        }
+        columns
+    }
+
+    /// Share of every requirement with no LiDAR off, over the frames that were cast, in the order of the scores; with
+    /// another column `instead` of a LiDAR's own.
+    pub fn as_it_is(&self, instead: Option<(usize, &Column)>) -> Vec<f64> {
+        self.shares(&self.columns(instead), &vec![0; self.columns.len()])
+    }
+
+    /// Copies that meet requirements, of each of which `found` says share and least share over all frames; with another
+    /// column `instead` of a LiDAR's own.
+    pub fn holds(&self, instead: Option<(usize, &Column)>, found: &[(f64, f64)]) -> Holds {
+        let columns = self.columns(instead);
+        let as_it_is = self.as_it_is(instead);
         let mut rng = ChaCha8Rng::seed_from_u64(SEED ^ 1);
         let copies: Vec<Vec<usize>> = (0..COPIES)
-            .map(|_| (0..lidars).map(|_| rng.random_range(1..POSES)).collect())
+            .map(|_| columns.iter().map(|_| rng.random_range(1..POSES)).collect())
             .collect();
         let met: Vec<Vec<bool>> = copies
             .par_iter()
             .map(|poses| {
-                let moved = self.shares(sight, poses);
+                let moved = self.shares(&columns, poses);
                 let of = found.iter().zip(moved.iter().zip(&as_it_is));
-                of.map(|(seen, (moved, still))| seen.share + (moved - still) >= seen.least)
+                of.map(|((share, least), (moved, still))| share + (moved - still) >= *least)
                     .collect()
             })
             .collect();
@@ -298,14 +312,13 @@ mod tests {
     }
 
     #[test]
-    fn moved_poses_stay_within_the_tolerance_and_fill_it() {
-        let pose = SensorPose::from_values([1.0, 2.0, 3.0, 0.1, 0.2, 0.3]);
-        let (mut rng, tolerance) = (ChaCha8Rng::seed_from_u64(1), Tolerance::default());
-        let poses: Vec<_> = (0..40).flat_map(|_| tolerance.poses(&pose, &mut rng)).collect();
-        assert_eq!(poses[0], pose);
+    fn offsets_stay_within_the_tolerance_and_fill_it() {
+        let tolerance = Tolerance::default();
+        let poses: Vec<_> = tolerance.offsets(40).concat();
+        assert!(poses.iter().step_by(POSES).all(|off| *off == [0.0; 6]));
         for k in 0..6 {
             let most = if k < 3 { tolerance.metres } else { tolerance.radians };
-            let off = |moved: &SensorPose| (moved.values()[k] - pose.values()[k]) / most;
+            let off = |moved: &[f64; 6]| moved[k] / most;
             let [low, high] =
                 [f64::min, f64::max].map(|f| poses.iter().map(off).reduce(f).unwrap());
             assert!(
