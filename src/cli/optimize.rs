@@ -44,7 +44,8 @@ pub struct OptimizeArgs {
     ///
     /// near_gain, near_gain_2, near_gain_3, information_gain, information_gain_share, m_sog, m_sog_nonzero, m_sog_scaled,
     /// m_sog_scaled_nonzero, s_mig; all but the near gains and s_mig also of detection, as detection.m_sog_scaled.
-    /// m_sog_scaled is the paper's. The default counts near ground, which the others leave unseen (docs/evidence.md).
+    /// m_sog_scaled is the paper's. The default is justified by the near ground that its optima see, not by what learners
+    /// recognize (docs/evidence.md).
     /// near_gain_2 counts what one LiDAR sees half and what two see in full, for rigs that may lose one; near_gain_3 counts
     /// thirds up to three.
     #[arg(long, allow_hyphen_values = true, conflicts_with = "resume")]
