@@ -31,6 +31,8 @@ mod cli_ground;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_handover;
 #[cfg(feature = "cli")]
+mod cli_help;
+#[cfg(feature = "cli")]
 mod cli_inputs;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_interrupted;
