@@ -85,6 +85,7 @@ mod common;
 mod conditions;
 mod cover;
 mod deadlines;
+mod docs;
 #[cfg(feature = "gpu")]
 mod equal_frames;
 mod equip;
