@@ -19,7 +19,7 @@ const SHOWN: [(&str, &[&str]); 25] = [
     ("audit", &["objective", "vehicle"]),
     ("study", &["vehicle", "budget", "out"]),
     ("study nearfield", &["vehicle", "frames", "out"]),
-    ("study targets", &["target", "distances", "vehicle", "out"]),
+    ("study targets", &["targets", "distances", "vehicle", "out"]),
     ("study redundancy", &["vehicle", "frames"]),
     ("study overlap", &["least_shared", "vehicle", "frames"]),
     ("study sweep", &["field", "from", "to", "out"]),
