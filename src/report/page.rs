@@ -83,7 +83,9 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                     @if let Some(words) = run.and_then(|run| run.equipment.as_ref()) { p { "Equipment: " (words) "." } }
                     (layout::stage(subject, figures))
                     (scores::usual(subject))
-                    p.part { "For the engineer: what it sees and where it stands" }
+                    @if subject.result.is_some() {
+                        p.part { "For the engineer: what it sees and where it stands" }
+                    }
                     (seen::range_card(subject))
                     (seen::near_field(figures))
                     (layout::layout(subject, figures, run))
