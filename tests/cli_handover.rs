@@ -332,3 +332,30 @@ fn a_smaller_rig_leaves_no_mask_of_a_larger_one() {
     left.extend(["mask-2-notes.txt", "mask-old.csv"]);
     assert_eq!(masks(), left);
 }
+
+/// Place on the sheet of a text of the drawing, by the words that it begins with: x in millimetres, and the element.
+fn text_at<'a>(svg: &'a str, words: &str) -> (f64, &'a str) {
+    let at = svg.find(&format!(">{words}")).unwrap_or_else(|| panic!("no {words}"));
+    let element = &svg[svg[..at].rfind("<text").unwrap()..at];
+    let (_, rest) = element.split_once("x=\"").unwrap();
+    (rest.split_once('"').unwrap().0.parse().unwrap(), element)
+}
+
+#[test]
+fn the_name_of_the_blind_zone_ahead_ends_before_the_legend() {
+    let dir = TempDir::new().unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let path = |file: &str| root.join(file).to_str().unwrap().to_owned();
+    let (found, van) = (path("docs/van/found.json"), path("scenes/vehicles/van.json"));
+    ok(
+        dir.path(),
+        &["rig", "handover", &found, "--vehicle", &van, "--backend", "cpu", "--out", "h"],
+    );
+    let svg = fs::read_to_string(dir.path().join("h/drawing.svg")).unwrap();
+    let (end, element) = text_at(&svg, "ahead: blind to");
+    assert!(element.contains("text-anchor=\"end\""), "{element}");
+    let (legend, _) = text_at(&svg, "van: optimized");
+    assert!(legend - end > 4.9, "{end} mm, legend at {legend} mm");
+    // As committed beside the guide.
+    assert_eq!(svg, fs::read_to_string(root.join("docs/van/drawing.svg")).unwrap());
+}

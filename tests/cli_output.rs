@@ -110,7 +110,7 @@ fn numbers_below_0_reach_the_options() {
     let run = ok(dir.path(), &[&optimize[..], &["--target", "-8e-8"]].concat());
     assert_eq!(run["settings"]["target"], -8e-8);
     for (option, value, words) in [
-        ("--target", "nan", "give a number"),
+        ("--enough", "nan", "give a number"),
         ("--threads", "-1", "-1 is not in 1.."),
         ("--seed", "-1", "give a whole number from 0 to 18446744073709551615"),
         ("--max-seconds", "-1", "give 0 to 1000000000 seconds"),
@@ -118,7 +118,7 @@ fn numbers_below_0_reach_the_options() {
         let message = fails(dir.path(), &[&optimize[..], &[option, value]].concat());
         assert!(message.contains(option) && message.contains(words), "{message}");
     }
-    let message = fails(dir.path(), &["chart", "scene.json", "--tolerance", "-1"]);
+    let message = fails(dir.path(), &["chart", "scene.json", "--regret", "-1"]);
     assert!(message.contains("give 0 to 1"), "{message}");
 }
 

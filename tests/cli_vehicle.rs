@@ -65,6 +65,17 @@ fn sensors_are_chosen_for_the_money_and_put_where_they_may_stand() {
     assert_eq!(sensors(&poor), ["solid", "solid"]);
     let gain = |result: &Value| result["best"]["scores"]["information_gain"].as_f64().unwrap();
     assert!(gain(&rich) > gain(&poor), "{} and {}", gain(&rich), gain(&poor));
+    // First for the engineer, then for the sceptic.
+    let page = fs::read_to_string(dir.path().join("rich/report.html")).unwrap();
+    let at = |heading: &str| page.find(heading).unwrap_or_else(|| panic!("no {heading}"));
+    let order = [
+        "Range card<",
+        "The placement<",
+        "Overlap of the LiDARs<",
+        "Warnings<",
+        "How to repeat it<",
+    ];
+    assert!(order.map(at).is_sorted(), "{:?}", order.map(at));
     let words = rich["phases"]["words"].as_str().unwrap();
     assert!(words.contains("8 other draws of the azimuth phases"), "{words}");
     assert!(poor.get("phases").is_none(), "solid sensors do not turn");
@@ -183,6 +194,9 @@ fn what_must_be_seen_changes_what_is_bought() {
     assert!(sensors(&found) == ["solid"] && lidar["y"].as_f64().unwrap() > 0.0, "{lidar}");
     let seen = &found["best"]["scores"]["requirements"][0];
     assert!(seen["found"].as_f64().unwrap() >= 0.5 && seen["met"] == true, "{seen}");
+    let page = fs::read_to_string(dir.path().join("one/report.html")).unwrap();
+    let heading = "<h1>The placement found meets its requirement, left for 3 of 3.</h1>";
+    assert!(page.contains(heading), "{page:.3000}");
 }
 
 #[cfg(feature = "gpu")]

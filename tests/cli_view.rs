@@ -33,7 +33,7 @@ fn a_page_of_a_placement_compares_it_with_those_given() {
     let dir = TempDir::new().unwrap();
     yard(dir.path());
     let args =
-        ["view", "yard.json", "two.json:high", "--baseline", "two.json:low", "--out", "v.html"];
+        ["view", "yard.json", "two.json:high", "--baselines", "two.json:low", "--out", "v.html"];
     let run = sightline(dir.path(), &[&args[..], &["--backend", "cpu"]].concat());
     assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));
     let page = fs::read_to_string(dir.path().join("v.html")).unwrap();
@@ -43,7 +43,7 @@ fn a_page_of_a_placement_compares_it_with_those_given() {
     let command = page.split("sightline view ").nth(1).unwrap().split('<').next().unwrap();
     let words: Vec<&str> = command.split(' ').collect();
     let ends =
-        ["yard.json", "two.json:high", "--baseline", "two.json:low", "--out", "v.html", "--force"];
+        ["yard.json", "two.json:high", "--baselines", "two.json:low", "--out", "v.html", "--force"];
     let all_end = words.iter().zip(ends).all(|(word, end)| word.ends_with(end));
     assert!(words.len() == ends.len() && all_end, "{command}");
     assert!(!page.contains("The search"), "nothing was searched");

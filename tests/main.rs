@@ -31,6 +31,8 @@ mod cli_ground;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_handover;
 #[cfg(feature = "cli")]
+mod cli_help;
+#[cfg(feature = "cli")]
 mod cli_inputs;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_interrupted;
@@ -83,6 +85,7 @@ mod common;
 mod conditions;
 mod cover;
 mod deadlines;
+mod docs;
 #[cfg(feature = "gpu")]
 mod equal_frames;
 mod equip;

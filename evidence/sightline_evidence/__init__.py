@@ -10,7 +10,7 @@
 | ``layouts``, ``worlds``, ``scores`` | placements and scenes of the studies, and what is said of them |
 | ``plan`` | what is to be done, fixed and hashed before it is done |
 | ``trial``, ``run``, ``summary`` | one placement through a learner; all of them, resumably; the result |
-| ``present`` | tables and figure |
+| ``present``, ``displays`` | tables and figure of a run; of the kept records, for ``docs/evidence.md`` |
 
 ``python -m sightline_evidence quick --out DIR`` runs it; ``docs/evidence.md`` says what came out.
 """

@@ -1,4 +1,4 @@
-"""``python -m sightline_evidence quick|standard|tables --out DIR``; ``confirm``, ``cost``, ``learned``, ``predictions``, ``real``, ``restore``: see their ``--help``."""
+"""``python -m sightline_evidence quick|standard|tables --out DIR``; ``confirm``, ``cost``, ``displays``, ``learned``, ``predictions``, ``real``, ``restore``: see their ``--help``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 NAMES = ("quick", "standard", "towns")
 
 #: Commands with arguments of their own, each a module with a ``main``.
-OTHERS = ("confirm", "cost", "learned", "predictions", "real", "restore")
+OTHERS = ("confirm", "cost", "displays", "learned", "predictions", "real", "restore")
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -32,7 +32,9 @@ pub struct Compute {
     /// Memory for work buffers, as 800M or 2G [default: half of what is free]
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub memory: Option<u64>,
-    /// Vehicle file: its sensors, mounts and body in place of the scene's
+    /// Vehicle file: sensors, mounts, body
+    ///
+    /// They replace those of the scene.
     #[arg(long, value_name = "FILE")]
     pub vehicle: Option<PathBuf>,
     #[command(flatten)]

@@ -62,9 +62,6 @@ pub struct VerifyArgs {
     /// How to print
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
-    /// The same as --format json
-    #[arg(long, conflicts_with = "format")]
-    json: bool,
     #[command(flatten)]
     named: UnnamedModelArgs,
     #[command(flatten)]
@@ -73,7 +70,7 @@ pub struct VerifyArgs {
 
 pub fn run_verify(args: &VerifyArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
-    let format = if args.json { Format::Json } else { args.format };
+    let format = args.format;
     let print = |one: &Verified| match format {
         Format::Json => Ok(()),
         Format::Text => out!("{}", verification_text(&one.scene, &one.conditions, &one.found)),

@@ -18,7 +18,7 @@ use crate::shared::{LEAST_SHARED, REDUNDANCY_TARGETS};
 
 #[derive(clap::Args)]
 #[command(after_help = "Example:
-  sightline study nearfield scenes/urban-crossing.json scenes/placements.json --out near.svg
+  sightline study nearfield scenes/highway.json mine.json --out near.svg
 
 near %: ground cells within 10 m of the body with a hit within 0.5 m; poles: seen of all, by standard, at
 five beams or more; own body %: beams that end at the own vehicle. docs/nearfield.md has the definitions.")]
@@ -53,7 +53,7 @@ pub fn run_near_field(args: &NearFieldArgs) -> Result<Exit, RunError> {
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  sightline study targets scenes/placements.json --vehicle scenes/vehicles/car.json --target child --target car
+  sightline study targets mine.json --vehicle van.json --target child
   sightline study targets scenes/highway.json scenes/placements.json --frames 4 --in 3 --out polar.svg
 
 A beam counts if its closest hit is the target. Without a scene the target stands alone on level ground, with the own
@@ -107,7 +107,7 @@ pub(super) struct CommonArgs {
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  sightline study redundancy scenes/highway.json scenes/placements.json --frames 4
+  sightline study redundancy scenes/highway.json mine.json --frames 4
   sightline study redundancy scenes/placements.json --vehicle scenes/vehicles/car.json --target car
 
 A LiDAR sees a voxel that its beams cover, ground with a hit within 0.5 m, and a target that five of its beams meet, at
@@ -128,7 +128,7 @@ pub struct RedundancyArgs {
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  sightline study overlap scenes/urban-crossing.json scenes/placements.json --frames 4
+  sightline study overlap scenes/highway.json mine.json --frames 4
   sightline study overlap scenes/highway.json mine.json --least-shared 200 --format json
 
 Surface voxels in which both LiDARs have a hit, a mean over frames; on the diagonal the voxels of one LiDAR. Overlap:

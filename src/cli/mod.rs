@@ -16,6 +16,7 @@ mod scan;
 mod scene;
 mod score;
 mod sensitivity;
+mod short;
 mod study;
 mod usage;
 
@@ -50,19 +51,19 @@ enum Command {
     Optimize(Box<optimize::OptimizeArgs>),
     /// Score a batch of placements
     Score(score::ScoreArgs),
-    /// Write a page about a placement, with its 3-D view and the baselines beside it
+    /// Write a page about a placement: 3-D view, scores, baselines
     View(score::ViewArgs),
     /// Write every beam's hit
     Cast(scan::CastArgs),
-    /// Write labelled scans of placements, in good and bad weather, as data sets
+    /// Write labelled scans as data sets, in good and bad weather
     Scan(scan::ScanArgs),
-    /// Compare the GPU with the CPU reference bit by bit, and the reference with f64
+    /// Compare the GPU with the CPU bit by bit, and the CPU with f64
     Verify(checks::VerifyArgs),
-    /// Chart cost against accuracy, and find the cheapest setting that keeps the ranking
+    /// Find the cheapest model of a scene that keeps the ranking
     Chart(checks::ChartArgs),
     /// Try to make the scores fail, and say which guard notices
     Audit(checks::AuditArgs),
-    /// Answer a question that takes many runs: how many LiDARs, which sensor, the loss of one LiDAR
+    /// Answer a question about rigs: near field, loss, tolerance, cost
     Study(study::StudyCommand),
     /// Build, inspect and merge P-SOG files
     #[command(
@@ -75,11 +76,11 @@ enum Command {
     /// Look into sensor files of the vendors
     #[command(subcommand, after_help = "Example:\n  sightline sensor info os1-metadata.json")]
     Sensor(psog::SensorCommand),
-    /// Read, write and compare rigs of Autoware, URDF, SDF, ROS 2 and CARLA
+    /// Read, write, compare and hand over rigs; Autoware, URDF, CARLA
     #[command(
         subcommand,
         after_help = "Examples:
-  sightline rig export scenes/placements.json:Center --format urdf --out center.urdf
+  sightline rig export mine.json:roof --format urdf --out roof.urdf
   sightline rig compare center.urdf scenes/placements.json:Center"
     )]
     Rig(rig::RigCommand),
@@ -93,15 +94,15 @@ enum Command {
     Scene(scene::SceneCommand),
     /// List Vulkan devices and which one is taken by default
     Devices(checks::DevicesArgs),
-    /// Measure this machine for the tables of the documentation
+    /// Measure this machine
     #[command(
         subcommand,
         after_help = "Example:\n  sightline bench device scenes/highway.json > device.md"
     )]
     Bench(checks::BenchCommand),
-    /// Print what a shell needs to complete commands and options
+    /// Print the completions for a shell
     Completions(usage::CompletionsArgs),
-    /// Print the manual page of the program or of a command, or write all of them
+    /// Print or write manual pages
     Man(usage::ManArgs),
 }
 
@@ -161,7 +162,10 @@ fn parse(arguments: &[OsString]) -> Result<Parsed, Refused> {
     if let Some(told) = usage::not_utf8(arguments) {
         return Err(Refused::Sentence(told));
     }
-    let program = usage::with_examples(program());
+    let program = match short::is_short(arguments) {
+        true => short::on_one_screen(program()),
+        false => usage::with_examples(program()),
+    };
     let refused = |error| match usage::is_help(&error) {
         true => Refused::Help(error),
         false => Refused::Sentence(usage::sentence(&error, &program, arguments)),
@@ -201,7 +205,7 @@ fn dispatch(command: Command) -> Result<Exit, RunError> {
 
 /// The program's arguments.
 fn program() -> clap::Command {
-    with_force(taking_negative_numbers(Cli::command()))
+    short::with_short_help(with_force(taking_negative_numbers(Cli::command())))
 }
 
 /// Name of the option that lets outputs replace files.

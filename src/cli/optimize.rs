@@ -27,8 +27,9 @@ use crate::vehicle::{MountRules, SensorPose};
   sightline optimize scenes/urban-crossing.json --vehicle scenes/vehicles/car.json --front price,near_gain
   sightline optimize --resume runs/highway")]
 pub struct OptimizeArgs {
-    /// Scene file; of several, which share LiDAR and mount, the mean is maximized, each normalized by its own
-    /// total
+    /// Scene files; of several the mean is maximized
+    ///
+    /// They share LiDAR and mount; each is normalized by its own total.
     #[arg(value_name = "SCENE", required_unless_present = "resume", conflicts_with = "resume")]
     scenes: Vec<PathBuf>,
     /// Add each scene mirrored left to right, so that a result is not lopsided because one street is
@@ -44,7 +45,8 @@ pub struct OptimizeArgs {
     ///
     /// near_gain, near_gain_2, near_gain_3, information_gain, information_gain_share, m_sog, m_sog_nonzero, m_sog_scaled,
     /// m_sog_scaled_nonzero, s_mig; all but the near gains and s_mig also of detection, as detection.m_sog_scaled.
-    /// m_sog_scaled is the paper's. The default counts near ground, which the others leave unseen (docs/evidence.md).
+    /// m_sog_scaled is the paper's. The default is justified by the near ground that its optima see, not by what learners
+    /// recognize (docs/evidence.md).
     /// near_gain_2 counts what one LiDAR sees half and what two see in full, for rigs that may lose one; near_gain_3 counts
     /// thirds up to three.
     #[arg(long, allow_hyphen_values = true, conflicts_with = "resume")]
@@ -61,10 +63,10 @@ pub struct OptimizeArgs {
     /// The last fifth of a run over more than 32 frames is kept to confirm the result over all of them; where that is
     /// not enough, result and baselines are scored over few frames, and `stopped` says so. A P-SOG that is not scanned
     /// in that time ends the run with an error. The scores over few frames and the page, seconds each, come on top.
-    #[arg(long, value_name = "S", visible_alias = "time", value_parser = parse_seconds)]
+    #[arg(long, value_name = "S", alias = "time", value_parser = parse_seconds)]
     max_seconds: Option<f64>,
     /// Score over all frames at which the search ends
-    #[arg(long, value_name = "SCORE", conflicts_with = "resume", allow_hyphen_values = true,
+    #[arg(long = "enough", alias = "target", value_name = "SCORE", conflicts_with = "resume", allow_hyphen_values = true,
           value_parser = finite)]
     target: Option<f64>,
     /// Placements of a generation [default: chosen from the number of variables]
@@ -97,8 +99,9 @@ pub struct OptimizeArgs {
     /// More placements to start from where the mount allows them; not compared with
     #[arg(long, value_name = "FILE", conflicts_with = "resume")]
     inject: Option<PathBuf>,
-    /// Most that the sensors of a vehicle may cost, in the currency of its prices; its models, mounts and
-    /// numbers are chosen for the money
+    /// Most that the sensors may cost, in the vehicle's currency
+    ///
+    /// Models, mounts and numbers of sensors are chosen for the money.
     #[arg(long, value_name = "PRICE", conflicts_with = "resume", value_parser = finite)]
     budget: Option<f64>,
     /// Take the fewest sensors of a vehicle that meet all of its requirements: among equal numbers the cheapest, and

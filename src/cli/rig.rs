@@ -22,7 +22,7 @@ pub enum RigCommand {
     Import(ImportArgs),
     /// Compare two rigs LiDAR by LiDAR, and each with its mirror image
     Compare(CompareArgs),
-    /// Write a folder to hand over: poses, bill of materials, masks and crop boxes of the body, drawing, profiles
+    /// Write a folder to hand over: poses, materials, masks, drawing
     Handover(HandoverArgs),
 }
 
@@ -42,7 +42,7 @@ struct Mounted {
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  sightline rig export scenes/placements.json:Center --format urdf --out center.urdf
+  sightline rig export mine.json:roof --format urdf --out roof.urdf
   sightline rig export runs/mine/placements.json:optimized --format autoware --base-link=-1.4 --out calibration
   sightline rig export placements.json --format carla-objects --scene scenes/highway.json
   sightline rig export placements.json:optimized --format urdf --vehicle scenes/vehicles/car.json")]
@@ -86,7 +86,7 @@ struct Reading {
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  sightline rig import sensors_calibration.yaml sensor_kit_calibration.yaml --out placements.json
+  sightline rig import calibration --out mine.json
   sightline rig import robot.urdf --sensor velodyne=VLP-16 --base-link=-1.4")]
 pub struct ImportArgs {
     /// Files, or a folder of YAML files
@@ -209,7 +209,7 @@ fn run_compare(args: &CompareArgs) -> Result<(), RunError> {
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  sightline rig handover runs/mine/placements.json:optimized --vehicle van.json --out handover
+  sightline rig handover mine.json:roof --vehicle van.json --out handover
   sightline rig handover scenes/urban-crossing.json scenes/placements.json:Center --frame 3 --out handover
 
 The folder has poses in millimetres and degrees beside metres and radians, the bill of materials, for each LiDAR a mask

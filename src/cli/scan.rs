@@ -17,7 +17,7 @@ use crate::scan::conditions::Condition;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  sightline scan scenes/urban-crossing.json --placement scenes/placements.json:Pyramid --out scans
+  sightline scan scenes/highway.json --placement mine.json:roof --out scans
   sightline scan scenes/highway.json scenes/residential.json --placement scenes/placements.json:Ours-seg \
     --layout nuscenes --out nusc
   sightline scan scenes/highway.json --placement scenes/placements.json:Line --condition fog:mor=50 --condition snow:rate=1 --out winter
@@ -26,7 +26,7 @@ The same command again goes on with a folder that was not finished. docs/scans.m
 docs/exports.md what the layouts hold.")]
 pub struct ScanArgs {
     /// Scene files; they must have geometry
-    #[arg(required = true)]
+    #[arg(value_name = "SCENE", required = true)]
     scenes: Vec<PathBuf>,
     /// File of placements, or one of them; several give a folder each
     #[arg(long, required = true, value_name = "FILE[:NAME]")]
@@ -40,8 +40,9 @@ pub struct ScanArgs {
     /// Geometry alone: every beam returns at once, without error, from what it meets
     #[arg(long)]
     ideal: bool,
-    /// Weather or a fault, as fog:mor=50, snow:rate=1, rain:rate=5, wet:water=1, blur, crosstalk:share=0.01,
-    /// echo:ratio=0.85, or with level=light|moderate|heavy
+    /// Weather or a fault, as fog:mor=50 or snow:rate=1; may be given several times
+    ///
+    /// Also rain:rate=5, wet:water=1, blur, crosstalk:share=0.01, echo:ratio=0.85, or with level=light|moderate|heavy.
     #[arg(long, value_name = "NAME[:KEY=VALUE,…]")]
     condition: Vec<Condition>,
     /// Seed of all that is left to chance
@@ -175,7 +176,7 @@ fn request(args: &ScanArgs) -> ScanRequest {
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  sightline cast scenes/highway.json scenes/placements.json --frame 3 --out hits.npz
+  sightline cast scenes/highway.json mine.json --frame 3 --out hits.npz
   sightline cast scenes/highway.json scenes/placements.json --gltf highway.glb")]
 pub struct CastArgs {
     #[command(flatten)]

@@ -30,9 +30,9 @@ pub fn run(args: &ScoreArgs) -> Result<Exit, RunError> {
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  sightline view scenes/urban-crossing.json scenes/placements.json:Pyramid --out view.html
+  sightline view scenes/highway.json mine.json:roof --out view.html
   sightline view scenes/highway.json scenes/residential.json mine.json:roof \
-    --baseline mine.json:bumper --out view.html")]
+    --baselines mine.json:bumper --out view.html")]
 pub struct ViewArgs {
     #[command(flatten)]
     request: ViewRequest,
@@ -59,7 +59,7 @@ fn command(args: &ViewArgs) -> String {
     };
     words.extend(args.request.files.iter().map(|file| word(&absolute(file))));
     let mut give = |option: &str, value: &str| words.extend([format!("--{option}"), word(value)]);
-    args.request.baselines.iter().for_each(|baseline| give("baseline", &absolute(baseline)));
+    args.request.baselines.iter().for_each(|baseline| give("baselines", &absolute(baseline)));
     args.request.conditions.condition.iter().for_each(|one| give("condition", &one.to_string()));
     args.named.sensor.iter().for_each(|choice| give("sensor", &choice.to_string()));
     args.compute

@@ -12,8 +12,10 @@ use crate::runs::sensitivity::{MOST_VALUES, SweepRequest, room, sweep};
 use crate::scan::conditions::under;
 
 #[derive(clap::Args)]
+#[command(override_usage = "sightline study sweep [OPTIONS] --of <LIDAR.FIELD> --from <V> --to <V>
+                             <[SCENE…] PLACEMENTS>...")]
 #[command(after_help = "Examples:
-  sightline study sweep scenes/highway.json mine.json --of 0.pitch --from -10 --to 20
+  sightline study sweep mine.json --vehicle van.json --of 0.z --from 2 --to 3
   sightline study sweep scenes/highway.json mine.json --of roof.z --from 1.8 --to 2.4 --values 13 --out z.svg
 
 LIDAR is the number of a LiDAR in the placement, from 0, or the name of a mount or model that one LiDAR has. Angles are

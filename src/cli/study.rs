@@ -65,18 +65,17 @@ impl clap::FromArgMatches for StudyCommand {
 impl clap::Args for StudyCommand {
     fn augment_args(command: clap::Command) -> clap::Command {
         let near = coverage::NearFieldArgs::augment_args(clap::Command::new(NEAR_FIELD))
-            .about("Ground and poles near the vehicle: what is seen, what is blind, what hits the own body");
+            .about("Ground and poles near the vehicle: seen, blind, own body");
         let targets = coverage::TargetsArgs::augment_args(clap::Command::new(TARGETS))
-            .about("Targets at range: beams on a car, a child, a tyre by distance and bearing, the first detection");
+            .about("Targets at range: beams on a car, a child, a tyre");
         let redundancy = coverage::RedundancyArgs::augment_args(clap::Command::new(REDUNDANCY))
-            .about("Voxels, ground and targets that no, one, two, three and more LiDARs see");
+            .about("Ground, targets and voxels by the number of LiDARs that see them");
         let overlap = coverage::OverlapArgs::augment_args(clap::Command::new(OVERLAP))
-            .about("Surfaces and directions that pairs of LiDARs share, and which LiDARs cannot be calibrated by pairs");
-        let sweep = sensitivity::SweepArgs::augment_args(clap::Command::new(SWEEP)).about(
-            "One pose field of one LiDAR moved through a range: scores, requirements, rules",
-        );
+            .about("Overlap of each pair of LiDARs, for calibration");
+        let sweep = sensitivity::SweepArgs::augment_args(clap::Command::new(SWEEP))
+            .about("One pose field of one LiDAR moved through a range");
         let tolerance = sensitivity::RoomArgs::augment_args(clap::Command::new(TOLERANCE))
-            .about("How far each LiDAR may be off until a requirement breaks, and which one");
+            .about("How far each LiDAR may be off until a requirement breaks");
         StudyArgs::augment_args(command)
             .subcommand(near)
             .subcommand(targets)
@@ -96,14 +95,14 @@ impl clap::Args for StudyCommand {
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   sightline study lidars scenes/highway.json
-  sightline study channels scenes/highway.json --sensor velodyne_vlp_32c.json --sensor os1_64.json
+  sightline study channels scenes/highway.json --sensor-file vlp_32c.json --sensor-file os1_64.json
   sightline study loss scenes/highway.json scenes/residential.json
   sightline study loss scenes/highway.json scenes/placements.json --frames 2
   sightline study lidars scenes/highway.json --vehicle van.json --budget 12000
   sightline study regions scenes/residential.json mine.json --box crossing:10,-5,0,30,5,2
   sightline study weather scenes/highway.json mine.json --condition fog:mor=50 --condition rain:rate=25
   sightline study nearfield scenes/highway.json --out near.svg
-  sightline study targets scenes/placements.json --vehicle scenes/vehicles/car.json
+  sightline study targets mine.json --vehicle van.json
   sightline study redundancy scenes/highway.json scenes/placements.json
   sightline study overlap scenes/highway.json scenes/placements.json
   sightline study sweep scenes/highway.json mine.json --of 0.pitch --from -10 --to 20

@@ -82,9 +82,9 @@ pub fn with_examples(command: Command) -> Command {
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  sightline completions bash > ~/.local/share/bash-completion/completions/sightline
-  sightline completions zsh > ~/.zfunc/_sightline
   sightline completions fish > ~/.config/fish/completions/sightline.fish
+  sightline completions zsh > ~/.zfunc/_sightline
+  sightline completions bash > ~/.local/share/bash-completion/completions/sightline
   sightline completions powershell >> $PROFILE")]
 pub struct CompletionsArgs {
     /// The shell

@@ -18,6 +18,8 @@ const COLUMNS: usize = 3;
 /// Pixels of a metre, and of the line of words over a drawing.
 const SCALE: f64 = 14.0;
 const TITLE: f64 = 40.0;
+/// Metres ahead of the body at which the arrow to the front begins: behind the farthest pole.
+const ARROW: f64 = 5.0;
 const UNSEEN: &str = "#f0d3d6";
 const GOOD: &str = "#3d8f5f";
 
@@ -83,7 +85,7 @@ pub fn near_field_svg(footprint: &Footprint, all: &[(&Placement, &NearField)]) -
         g transform={ "translate(8 " (px(rows as f64 * (size[1] + TITLE) + 18.0)) ")" } { (legend()) }
     };
     let width = (columns as f64 * size[0]).max(660.0).round();
-    let height = (rows as f64 * (size[1] + TITLE) + 34.0).round();
+    let height = (rows as f64 * (size[1] + TITLE) + 62.0).round();
     page([width, height], "Ground near the vehicle that is not seen, from above", &drawing)
 }
 
@@ -120,6 +122,18 @@ fn panel(
             @let (x, y) = at([pose.x, pose.y]);
             rect x=(px(x - 3.0)) y=(px(y - 3.0)) width="6" height="6" fill=(SECOND) stroke="#fff" {}
         }
+        (front(footprint, at))
+    }
+}
+
+/// An arrow ahead of the poles, with its name.
+fn front(footprint: &Footprint, at: &dyn Fn([f64; 2]) -> (f64, f64)) -> Markup {
+    let [low, high] = footprint.bounds();
+    let (x, y) = at([high[0] + ARROW, 0.5 * (low[1] + high[1])]);
+    html! {
+        path d={ "M" (px(x)) " " (px(y)) "h" (px(1.5 * SCALE)) } stroke=(INK) stroke-width="1.5" {}
+        path d={ "M" (px(x + 1.5 * SCALE)) " " (px(y)) "l-7 -4v8z" } fill=(INK) {}
+        text x=(px(x)) y=(px(y - 8.0)) fill=(INK) font-size="12" { "front" }
     }
 }
 
@@ -160,7 +174,15 @@ fn legend() -> Markup {
         rect x="328" y="-10" width="12" height="12" fill=(UNSEEN) {}
         text x="345" y="0" { "ground not seen" }
         rect x="463" y="-10" width="12" height="12" fill=(ACCENT) fill-opacity=".3" {}
-        text x="480" y="0" { "blind zone; 3 m, 10 m" }
+        text x="480" y="0" { "blind zone" }
+        rect x="1" y="15" width="8" height="8" fill=(SECOND) {}
+        text x="14" y="24" { "LiDAR" }
+        rect x="78" y="14" width="12" height="10" fill=(FAINT) stroke=(INK) {}
+        text x="96" y="24" { "own body" }
+        path d="M200 19h14" stroke=(GREY) stroke-dasharray="3 3" {}
+        text x="219" y="24" { "3 m and 10 m from it" }
+        path d={ "M400 19h" (px(5.0 * SCALE)) "m0 -4v8m-" (px(5.0 * SCALE)) " 0v-8" } stroke=(INK) fill="none" {}
+        text x=(px(406.0 + 5.0 * SCALE)) y="24" { "5 m" }
     }
 }
 

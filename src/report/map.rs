@@ -270,6 +270,10 @@ pub fn placement_svg(
         text x="20" y=(px(views.above_y + (views.half_y + 0.4) * views.scale)) { "from the right" }
         path d={ "M20 505h" (unit) "m0 -4v8m-" (unit) " 0v-8" } stroke=(INK) fill="none" {}
         text x=(px(28.0 + views.scale)) y="510" { "1 m" }
+        rect x=(px(90.0 + views.scale)) y="498" width="22" height="13" fill="none" stroke=(INK) stroke-dasharray="5 4" {}
+        text x=(px(118.0 + views.scale)) y="510" { "box around a mount" }
+        circle cx=(px(270.0 + views.scale)) cy="505" r="7" fill=(COLOURS[0]) {}
+        text x=(px(282.0 + views.scale)) y="510" { "LiDAR by its number" }
         @for (index, pose) in placement.placement.lidars.iter().enumerate() {
             @for (x, y) in both([pose.x, pose.y, pose.z]) {
                 circle cx=(px(x)) cy=(px(y)) r="9" fill=(COLOURS[index % COLOURS.len()]) {}

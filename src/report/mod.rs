@@ -46,4 +46,6 @@ pub(crate) use record::convergence_svg;
 pub use record::{RunContext, RunRecord, RunTimes, SceneRecord};
 pub(crate) use tables::{ScoreColumn, optional};
 pub use text::scores_text;
-pub(crate) use words::{certificate_in_words, judged, methods_in_words, spread_in_words, verdict};
+pub(crate) use words::{
+    certificate_in_words, judged, methods_in_words, run_verdict, spread_in_words,
+};

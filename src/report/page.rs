@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `scores` | requirements, result against baselines, guards, scene by scene |
 //! | `layout` | poses of the result, and the gain of each LiDAR; tables and figures |
+//! | `seen` | range card, blind zone, overlap and map of the result |
 //! | `search` | convergence, findings, how the run was made and how to repeat it |
 //! | `front` | the page of a front |
 
@@ -11,17 +12,18 @@ mod front;
 mod layout;
 mod scores;
 mod search;
+mod seen;
 
 use std::sync::Arc;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::coverage::near_field_svg;
-use super::targets::{range_card_rows, range_card_svg};
+use super::targets::range_card_svg;
 use super::view::ViewData;
 use super::{
-    InformationMap, RunRecord, SceneRecord, convergence_svg, judged, placement_svg,
-    spread_in_words, verdict,
+    InformationMap, RunRecord, SceneRecord, convergence_svg, judged, placement_svg, run_verdict,
+    spread_in_words,
 };
 use crate::engine::{BackendError, EngineChoice, open};
 use crate::job::Job;
@@ -30,6 +32,7 @@ use crate::problem::{Problem, spread};
 use crate::scan::conditions::under;
 use crate::scene::Scene;
 use crate::search::{GenerationRecord, Member, Scored, Suite};
+use crate::shared::{LEAST_SHARED, Overlap};
 use crate::vehicle::{Constraints, Placement};
 
 pub use front::front_html;
@@ -77,18 +80,23 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                 }
                 main {
                     (scores::required(subject))
+                    @if let Some(words) = run.and_then(|run| run.equipment.as_ref()) { p { "Equipment: " (words) "." } }
                     (layout::stage(subject, figures))
                     (scores::usual(subject))
-                    @if let Some(words) = run.and_then(|run| run.equipment.as_ref()) { p { "Equipment: " (words) "." } }
+                    @if subject.result.is_some() {
+                        p.part { "For the engineer: what it sees and where it stands" }
+                    }
+                    (seen::range_card(subject))
+                    (seen::near_field(figures))
+                    (layout::layout(subject, figures, run))
+                    (seen::overlap(figures))
+                    p.part { "For the sceptic: what to doubt, and how to repeat it" }
+                    (scores::guards(subject))
                     @if let Some(words) = run.and_then(spread_in_words) { p { (words) } }
                     @if let Some(phases) = run.and_then(|run| run.phases.as_ref()) { p { (phases.words) } }
-                    (range_card(subject))
                     (scores::against(subject, run))
-                    (scores::guards(subject))
-                    (layout::layout(subject, figures, run))
                     (scores::gains(subject, figures))
-                    (near_field(figures))
-                    (maps(figures))
+                    (seen::maps(figures))
                     (scores::scores(subject))
                     (scores::scenes(subject))
                     @if let Some(run) = run { (search::search(run, figures)) }
@@ -107,78 +115,6 @@ fn unbroken(words: &str) -> Markup {
         @for (index, word) in words.split(' ').enumerate() {
             @if index > 0 { " " }
             @if word.contains('-') { span.name { (word) } } @else { (word) }
-        }
-    }
-}
-
-/// Distances of detection, and the sectors in which the result is blind.
-fn range_card(subject: &Subject<'_>) -> Markup {
-    let Some((best, card)) =
-        subject.result.and_then(|best| Some((best, best.scores.range_card.as_ref()?)))
-    else {
-        return html! {};
-    };
-    let rows = range_card_rows(card);
-    let titles: Vec<&str> = rows[0].iter().map(String::as_str).collect();
-    let cells = |row: &Vec<String>| (false, row.iter().map(layout::text).collect());
-    html! {
-        section aria-labelledby="range" {
-            h2 #range { "Range card" }
-            @if card.blind.is_empty() {
-                p { "A car is met by " (card.beams) " beams or more everywhere between 5 and 50 m, all round." }
-            } @else {
-                p { "Blind sectors:" }
-                ul.guards { @for sector in &card.blind { li { (sector.to_string()) } } }
-            }
-            p {
-                "Metres from the vehicle's origin to the middle of a target on level ground, alone, at which "
-                (card.beams) " beams or more end at it, the own body in the way. Bearings count to the left from \
-                 straight ahead."
-            }
-            div.polar {
-                (layout::figure(&range_card_svg(&best.placement.name, card), "Distances at which targets are met"))
-            }
-            (layout::table("Metres at which a target is met", &titles, &rows[1..].iter().map(cells).collect::<Vec<_>>()))
-        }
-    }
-}
-
-/// The blind zone from above.
-fn near_field(figures: &Figures) -> Markup {
-    html! {
-        section aria-labelledby="near" {
-            h2 #near { "Ground near the vehicle" }
-            @match &figures.near_field {
-                Ok(svg) => {
-                    p {
-                        "From above, forward is right: ground within 10 m that no beam sees, and the zone in \
-                         which nothing on the ground is seen, over " (figures.near_frames) " frame(s) spread evenly"
-                        @if figures.views.len() > 1 { " over the first scene" }
-                        "."
-                    }
-                    (layout::figure(svg, "Blind zone from above"))
-                }
-                Err(why) => p { "Not drawn: " (why) "." }
-            }
-        }
-    }
-}
-
-/// Information gained from above, scene by scene.
-fn maps(figures: &Figures) -> Markup {
-    html! {
-        @if !figures.maps.is_empty() {
-            section #map aria-labelledby="seen" {
-                h2 #seen { "What it sees, from above" }
-                p {
-                    "Information of each column of voxels: red where the beams gain it, grey where it stays \
-                     unseen."
-                }
-                @for (scene, map) in &figures.maps {
-                    @if figures.maps.len() > 1 { h3 { (scene) } }
-                    div.paper { (layout::figure(map, "Information gained, from above")) }
-                }
-            }
         }
     }
 }
@@ -212,7 +148,7 @@ impl<'a> Subject<'a> {
             scenes: &run.scenes,
             objective: &run.objective,
             conditions: &run.conditions,
-            verdict: verdict(run.best.as_ref(), &run.baselines, &run.objective),
+            verdict: run_verdict(run),
             result: run.best.as_ref(),
             baselines: &run.baselines,
             command: format!("{} --backend {}", run.command, run.backend),
@@ -256,6 +192,8 @@ pub struct Looks {
     views: Vec<ViewData>,
     /// Ground near the vehicle in the first scene that placement and best baseline see, or why there is none.
     near: Result<Near, String>,
+    /// Pairs of LiDARs of the placement in the first scene; `None` where it has one, or beams end at nothing.
+    overlap: Option<Overlap>,
 }
 
 /// Near fields of some placements around one body.
@@ -307,29 +245,32 @@ impl Looks {
             views.push(view);
             ground = near.transpose()?.or(ground);
         }
-        let near = ground.expect("a suite has a scene that is no mirror image");
-        Ok(Self { maps, views, near })
+        let (near, overlap) = ground.expect("a suite has a scene that is no mirror image");
+        Ok(Self { maps, views, near, overlap })
     }
 }
 
-/// Near fields of placements over a few frames.
+/// Near fields of placements over a few frames, and the overlap of the first one's LiDARs.
 fn near<'a>(
     scene: &Scene,
     problem: &Problem,
     choice: &EngineChoice,
-    placements: impl Iterator<Item = &'a Placement>,
-) -> Result<Result<Near, String>, BackendError> {
+    placements: impl Iterator<Item = &'a Placement> + Clone,
+) -> Result<(Result<Near, String>, Option<Overlap>), BackendError> {
     // A P-SOG without geometry has no frame to cast into.
     let frames = spread(problem.geometry_frame_count(), Some(NEAR_FRAMES));
     let few = Arc::new(problem.over(&frames));
+    let mut engine = open(few.task(), choice, |_| {})?.engine;
+    let pairs = |first| Overlap::new(scene, &few, &mut *engine, first, LEAST_SHARED).ok();
+    let overlap = placements.clone().next().and_then(pairs);
     let site = match NearSite::new(scene, &few) {
         Ok(site) => site,
-        Err(why) => return Ok(Err(why.to_string())),
+        Err(why) => return Ok((Err(why.to_string()), overlap)),
     };
-    let mut engine = open(few.task(), choice, |_| {})?.engine;
     let look = |placement: &Placement| Ok((placement.clone(), site.look(&mut *engine, placement)?));
     let all = placements.map(look).collect::<Result<Vec<_>, BackendError>>()?;
-    Ok(Ok(Near { footprint: site.footprint().clone(), frames: frames.len(), all }))
+    let near = Near { footprint: site.footprint().clone(), frames: frames.len(), all };
+    Ok((Ok(near), overlap))
 }
 
 /// The drawings of a page, as SVG, and the data of its 3-D view.
@@ -347,6 +288,8 @@ pub struct Figures {
     pub near_field: Result<String, String>,
     /// Frames that it is taken over.
     pub near_frames: usize,
+    /// Overlap of pairs of LiDARs over the same frames; `None` where there is none to tell.
+    pub overlap: Option<Overlap>,
     /// The 3-D view of each scene; empty without a result.
     pub views: Vec<ViewData>,
 }
@@ -368,16 +311,19 @@ impl Figures {
             maps: Vec::new(),
             near_field: Err("there is no result".to_owned()),
             near_frames: 0,
+            overlap: None,
             views: Vec::new(),
         };
-        let Some((Looks { maps, views, near }, shown)) = looks.zip(shown) else { return none };
+        let Some((Looks { maps, views, near, overlap }, shown)) = looks.zip(shown) else {
+            return none;
+        };
         let near_frames = near.as_ref().map_or(0, |near| near.frames);
         let near_field = near.map(|Near { footprint, all, .. }| {
             let drawn: Vec<(&Placement, &NearField)> = all.iter().map(|(p, n)| (p, n)).collect();
             near_field_svg(&footprint, &drawn)
         });
         let maps = maps.into_iter().map(|(name, map)| (name, map.svg(&shown.placement)));
-        Self { maps: maps.collect(), near_field, near_frames, views, ..none }
+        Self { maps: maps.collect(), near_field, near_frames, overlap, views, ..none }
     }
 
     /// Every drawing with a name of its own; `result` is the placement that they show.

@@ -10,7 +10,7 @@ use super::tables::by_scene;
 use super::targets::range_card_text;
 use super::text::{align_columns, findings_text, poses_text, scores_text_by};
 use super::words::{
-    broken_in_words, certificate_in_words, methods_in_words, spread_in_words, verdict,
+    broken_in_words, certificate_in_words, methods_in_words, run_verdict, spread_in_words,
 };
 use super::{Axis, Plot, Series};
 use crate::problem::Modelled;
@@ -276,7 +276,7 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     let mut text = String::new();
     let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
     rows.extend(record.baselines.iter().map(|baseline| baseline.scores.clone()));
-    text += &format!("{}\n\n", verdict(record.best.as_ref(), &record.baselines, &record.objective));
+    text += &format!("{}\n\n", run_verdict(record));
     if let Some(words) = spread_in_words(record) {
         text += &format!("{words}\n\n");
     }

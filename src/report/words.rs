@@ -1,5 +1,7 @@
 //! Findings of a run as sentences: result against baselines, search methods, certificate.
 
+use serde_json::Value;
+
 use super::RunRecord;
 use crate::json::spoken;
 use crate::score::Guard;
@@ -11,17 +13,46 @@ use crate::search::Scored;
 /// A baseline counts if it keeps the rules of the mount and violates no guard. A result that gains less information
 /// than such a baseline is never called better without saying so.
 pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> String {
+    verdict_at("", best, baselines, objective)
+}
+
+/// [`verdict`] on a run, with the price of its sensors where these have one.
+pub fn run_verdict(run: &RunRecord) -> String {
+    verdict_at(&price_in_words(&run.settings), run.best.as_ref(), &run.baselines, &run.objective)
+}
+
+/// Price of the sensors and the budget, such as ` for 9200 of 12000`; empty where nothing has a price.
+fn price_in_words(settings: &Value) -> String {
+    let cost = settings["equipped"]["cost"].as_f64().filter(|cost| *cost > 0.0);
+    match (cost, settings["budget"].as_f64()) {
+        (Some(cost), Some(budget)) => format!(" for {cost} of {budget}"),
+        (Some(cost), None) => format!(" for {cost}"),
+        (None, _) => String::new(),
+    }
+}
+
+fn verdict_at(price: &str, best: Option<&Scored>, baselines: &[Scored], objective: &str) -> String {
     let Some(best) = best else {
         return format!(
             "No candidate both kept the rules of the mount and had a value of {objective}; widen the mount or lower \
              its min_distance."
         );
     };
-    judged("The placement found", best, baselines, objective)
+    judged_at("The placement found", price, best, baselines, objective)
 }
 
 /// Like [`verdict`], for a placement that `subject` names, whether searched for or given.
 pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) -> String {
+    judged_at(subject, "", best, baselines, objective)
+}
+
+fn judged_at(
+    subject: &str,
+    price: &str,
+    best: &Scored,
+    baselines: &[Scored],
+    objective: &str,
+) -> String {
     let against = against(subject, best, baselines, objective).unwrap_or_else(|| {
         let lidars = best.placement.lidars.len();
         let first = baselines.iter().find_map(|b| Some((&b.placement.name, b.reasons().into_iter().next()?)));
@@ -58,16 +89,26 @@ pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &st
         .filter(|seen| !seen.is_met())
         .map(|seen| format!("{seen}. "))
         .collect();
-    let required = if lacking.is_empty() { met_in_words(subject, best) } else { lacking.concat() };
+    let required = if lacking.is_empty() {
+        met_in_words(subject, price, best)
+    } else if price.is_empty() {
+        lacking.concat()
+    } else {
+        format!(
+            "{}This is for the price of{}. ",
+            lacking.concat(),
+            price.trim_start_matches(" for")
+        )
+    };
     format!("{required}{}{against}{share} {guards}", blind_in_words(best))
 }
 
 /// Sentence on requirements that are all met; empty where there are none.
-fn met_in_words(subject: &str, best: &Scored) -> String {
+fn met_in_words(subject: &str, price: &str, best: &Scored) -> String {
     match &best.scores.required[..] {
         [] => String::new(),
-        [one] => format!("{subject} meets its requirement, {}. ", one.name),
-        all => format!("{subject} meets all {} requirements. ", all.len()),
+        [one] => format!("{subject} meets its requirement, {}{price}. ", one.name),
+        all => format!("{subject} meets all {} requirements{price}. ", all.len()),
     }
 }
 
@@ -190,8 +231,10 @@ pub fn word(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
     use super::*;
-    use crate::score::{Guard, Scores, TaskScores};
+    use crate::score::{Guard, SEEN, Scores, Seen, TaskScores};
     use crate::vehicle::Placement;
 
     /// A planted placement: name, M-SOG/N, nats gained of 1000.
@@ -335,6 +378,32 @@ mod tests {
         assert!(first.ends_with("gains as much information as that one"), "{first}");
         let first = first_sentence(&planted("found", 1.0, 1.0), &none, "m_sog_scaled");
         assert!(first.starts_with("The placement found is better than Center"), "{first}");
+    }
+
+    #[test]
+    fn the_first_sentence_has_the_price_where_there_is_one() {
+        let seen = |name: &str, share: f64| Seen {
+            name: name.to_owned(),
+            share,
+            done: SEEN,
+            least: 0.9,
+            missing: None,
+            holds_in: None,
+        };
+        let settings = json!({ "budget": 12_000.0, "equipped": { "cost": 9200.0 } });
+        let price = price_in_words(&settings);
+        assert_eq!(price, " for 9200 of 12000");
+        assert_eq!(price_in_words(&json!({ "equipped": { "cost": 9200.5 } })), " for 9200.5");
+        assert_eq!(price_in_words(&json!({ "budget": 5.0, "equipped": { "cost": 0.0 } })), "");
+        let mut found = planted("found", -1.0, 500.0);
+        found.scores.required = vec![seen("child", 0.95), seen("ring", 0.9)];
+        let words = verdict_at(&price, Some(&found), &[], "m_sog_scaled");
+        let start = "The placement found meets all 2 requirements for 9200 of 12000. ";
+        assert!(words.starts_with(start), "{words}");
+        found.scores.required[1].share = 0.8;
+        let words = verdict_at(&price, Some(&found), &[], "m_sog_scaled");
+        assert!(words.starts_with("NOT MET: ring: 80.0 % seen, 90.0 % required"), "{words}");
+        assert!(words.contains(". This is for the price of 9200 of 12000. "), "{words}");
     }
 
     #[test]

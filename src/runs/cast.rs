@@ -132,13 +132,13 @@ fn frame(request: &CastRequest, computing: &Computing<'_>) -> Result<Loaded, Run
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct ViewRequest {
-    /// Scene files, and last a file of placements with the name of the one to show behind a colon [default:
-    /// its first]
-    #[cfg_attr(feature = "cli", arg(value_name = "SCENE… PLACEMENTS[:NAME]", required = true, num_args = 2..))]
+    /// Scene files, then a file of placements, with :NAME of the one to show [default: its first]
+    #[cfg_attr(feature = "cli", arg(value_name = "FILE", required = true, num_args = 2..))]
     pub files: Vec<String>,
-    /// Placement to compare with, or a file of them; may be given several times [default: Table 7 of the
-    /// paper, where the vehicle is its car: one model, a mount that holds them; else none]
-    #[cfg_attr(feature = "cli", arg(long = "baseline", value_name = "FILE[:NAME]"))]
+    /// Placement to compare with, or a file of them; may be given several times
+    ///
+    /// Without it those of Table 7 of the paper, where the vehicle is its car: one model, a mount that holds them.
+    #[cfg_attr(feature = "cli", arg(long, alias = "baseline", value_name = "FILE[:NAME]"))]
     pub baselines: Vec<String>,
     /// Page to write
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]

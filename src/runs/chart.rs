@@ -39,11 +39,11 @@ pub struct ChartRequest {
     #[cfg_attr(feature = "cli", arg(long, default_value_t = ChartSettings::default().objective.to_string(), conflicts_with = "resume"))]
     pub objective: String,
     /// Random placements within the mount, ranked together with the given ones
-    #[cfg_attr(feature = "cli", arg(long = "placements", value_name = "N", default_value_t = 100, conflicts_with = "resume", value_parser = clap::value_parser!(u32).range(0..=2_000)))]
+    #[cfg_attr(feature = "cli", arg(long, alias = "placements", value_name = "N", default_value_t = 100, conflicts_with = "resume", value_parser = clap::value_parser!(u32).range(0..=2_000)))]
     pub random: u32,
     /// How much worse than the best placement that of a coarser setting may be, as a share of the score;
     /// pairs of placements farther apart than that must keep their order, 19 of 20 of them
-    #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = super::parse::share))]
+    #[cfg_attr(feature = "cli", arg(long = "regret", alias = "tolerance", value_name = "SHARE", default_value_t = 0.01, value_parser = super::parse::share))]
     pub tolerance: f64,
     /// Edge of the finest voxels in metres, which all other settings are compared with
     /// [default: half of the scene's, where that is 0.1 or more]

@@ -97,8 +97,10 @@ pub enum TableFormat {
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct Conditions {
-    /// Weather or a fault, as fog:mor=50, snow:rate=1, rain:rate=5, wet:water=1, crosstalk:share=0.01, echo:ratio=0.85:
-    /// beams that do not come back cover and see nothing
+    /// Weather or a fault, as fog:mor=50 or snow:rate=1; may be given several times
+    ///
+    /// Also rain:rate=5, wet:water=1, crosstalk:share=0.01, echo:ratio=0.85. Beams that do not come back cover and see
+    /// nothing.
     #[cfg_attr(feature = "cli", arg(long, value_name = "NAME[:KEY=VALUE,…]"))]
     pub condition: Vec<Condition>,
 }

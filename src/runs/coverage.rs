@@ -162,7 +162,7 @@ pub struct TargetsRequest {
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..)))]
     pub beams: u32,
     /// Frames to look at in each scene, spread evenly
-    #[cfg_attr(feature = "cli", arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..)))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..)))]
     pub frames: u32,
     /// Frames in which the target must be detected [default: all]
     #[cfg_attr(feature = "cli", arg(long = "in", value_name = "M", value_parser = clap::value_parser!(u32).range(1..)))]

@@ -31,8 +31,8 @@ use rig::HandoverRig;
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct HandoverRequest {
-    /// A scene, none for level ground, and placements, with the name of one of them where there are several
-    #[cfg_attr(feature = "cli", arg(value_name = "[SCENE] PLACEMENTS[:NAME]", required = true, num_args = 1..))]
+    /// A scene, none for level ground, then a file of placements, with :NAME of one where it has several
+    #[cfg_attr(feature = "cli", arg(value_name = "FILE", required = true, num_args = 1..))]
     pub files: Vec<String>,
     /// Folder to write, new or empty
     #[cfg_attr(feature = "cli", arg(long, value_name = "DIR"))]

@@ -25,11 +25,15 @@ pub struct StudyRequest {
     /// What to study
     #[cfg_attr(feature = "cli", arg(value_parser = super::parse::kinds()))]
     pub kind: Kind,
-    /// Scene files: `transfer` looks at all together, every other kind at one after the other; `loss`, `random`, `regions`,
-    /// `voxels` and `weather` take a file of own rigs behind them
+    /// Scene files, and for some kinds a file of own rigs behind them
+    ///
+    /// `transfer` looks at all scenes together, every other kind at one after the other; `loss`, `random`, `regions`, `voxels`
+    /// and `weather` take own rigs.
     #[cfg_attr(feature = "cli", arg(required = true))]
     pub scenes: Vec<PathBuf>,
-    /// Folder for the study, of several scenes one in it for each [default: studies/SCENE-KIND]
+    /// Folder for the study [default: studies/SCENE-KIND]
+    ///
+    /// Of several scenes one in it for each.
     #[cfg_attr(feature = "cli", arg(long, value_name = "DIR"))]
     pub out: Option<PathBuf>,
     /// Score to maximize where placements are searched
@@ -44,11 +48,13 @@ pub struct StudyRequest {
     /// Random placements, where the study draws some
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = StudySettings::default().random, value_parser = clap::value_parser!(u32).range(2..=100_000)))]
     pub random: u32,
-    /// Most that the sensors of a vehicle may cost, in the currency of its prices, where placements are searched
+    /// Most that the sensors may cost, in the vehicle's currency
+    ///
+    /// For kinds that search placements.
     #[cfg_attr(feature = "cli", arg(long, value_name = "PRICE", value_parser = super::parse::finite))]
     pub budget: Option<f64>,
     /// Sensor file to compare, for `channels`; may be given several times
-    #[cfg_attr(feature = "cli", arg(long = "sensor", value_name = "FILE"))]
+    #[cfg_attr(feature = "cli", arg(long = "sensor-file", alias = "sensor", value_name = "FILE"))]
     pub sensors: Vec<PathBuf>,
     /// Further region, for `regions`: NAME:x0,y0,z0,x1,y1,z1 in metres; may be given several times
     #[cfg_attr(feature = "cli", arg(long = "box", value_name = "BOX", value_parser = super::parse::parse_box))]

@@ -90,9 +90,9 @@ pub enum ObjectiveError {
 }
 
 impl Default for Objective {
-    /// The near gain: learned models lose least with the placements that it ranks first, among all
-    /// scores (`docs/evidence.md`). Like the information gain it is monotone in the set of sensors, comparable between
-    /// any number and kind of them, and comes with a bound on every other placement.
+    /// The near gain: its optima see more of the ground near the vehicle than those of other scores. For what learners
+    /// recognize it is level with the information gain (`docs/evidence.md`). Like that gain it is monotone in the set of
+    /// sensors, comparable between any number and kind of them, and comes with a bound on every other placement.
     fn default() -> Self {
         let (name, of) = METRICS[0];
         let metric = Metric { name, detection: false, of };

@@ -106,7 +106,7 @@ impl Kind {
         (
             Self::Channels,
             "channels",
-            "16 to 128 channels, elevations crowded at the horizon, and real sensors (--sensor): gain and near field",
+            "16 to 128 channels, elevations crowded at the horizon, and real sensors (--sensor-file): gain and near field",
         ),
         (Self::Voxels, "voxels", "Own rigs ranked at the four voxel sizes of the paper"),
         (Self::Random, "random", "Random placements against own rigs and an optimized one"),

@@ -1,6 +1,6 @@
 //! A view on the sheet: body, mounts, fields of view, blind zone, LiDARs and measures.
 
-use super::{DRAWN, DrawnMount, DrawnRig, Flat, Panel, REACH, Sheet, View, Views};
+use super::{BETWEEN, DRAWN, DrawnMount, DrawnRig, Flat, Panel, REACH, Sheet, View, Views};
 use crate::report::drawing::{Anchor, Drawing, Ink, Point, Stroke};
 use crate::report::svg::{ACCENT, COLOURS, FAINT, GREY, INK, SOFT};
 use crate::report::text::shortened;
@@ -9,6 +9,8 @@ use crate::report::text::shortened;
 pub(super) const TITLE: f64 = 3.6;
 pub(super) const WORDS: f64 = 2.7;
 const SMALL: f64 = 2.1;
+/// Least millimetres between the name of the blind zone ahead and the legend.
+const CLEAR: f64 = 5.0;
 pub(super) const RADIUS: f64 = 1.7;
 pub(super) const BODY: Ink = Ink::full(FAINT);
 const BODY_EDGE: Stroke = Stroke::solid(INK, 0.3);
@@ -45,7 +47,7 @@ pub(super) fn top(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, shee
             Some(depth) => format!("{name}: blind to {depth:.1} m"),
             None => format!("{name}: blind beyond 10 m"),
         };
-        let [left, _, upper, lower] = panel.edges();
+        let [left, right, upper, lower] = panel.edges();
         let middle = panel.at([0.5 * (low[0] + high[0]), 0.0])[0];
         let ink = Ink::full(ACCENT);
         drawing.text(
@@ -66,8 +68,9 @@ pub(super) fn top(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, shee
         );
         let behind = [left, panel.at([0.0, low[1]])[1] + 3.0];
         drawing.text(behind, SMALL + 0.3, words("behind", zone.behind), Anchor::Start, false, ink);
-        let ahead = [to[0] - 6.0, panel.at([0.0, low[1]])[1] + 3.0];
-        drawing.text(ahead, SMALL + 0.3, words("ahead", zone.ahead), Anchor::Start, false, ink);
+        // Ends well before the legend, which begins a gap to the right of the view.
+        let ahead = [right + BETWEEN - CLEAR, panel.at([0.0, low[1]])[1] + 3.0];
+        drawing.text(ahead, SMALL + 0.3, words("ahead", zone.ahead), Anchor::End, false, ink);
     }
 }
 

@@ -9,8 +9,8 @@ use crate::report::svg::COLOURS;
 use crate::report::text::{mount_text, phase_text};
 use crate::vehicle::millimetres;
 
-/// Titles of poses in small units.
-const SMALL: [&str; 7] = ["LiDAR", "x mm", "y mm", "z mm", "roll °", "pitch °", "yaw °"];
+/// Titles of poses in the units of a workshop.
+const SMALL: [&str; 6] = ["x mm", "y mm", "z mm", "roll °", "pitch °", "yaw °"];
 
 /// Poses of the result, and for each LiDAR its gain alone and the gain that only it has.
 pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Markup {
@@ -19,23 +19,26 @@ pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunR
     let named = poses.iter().any(|pose| !pose.sensor.is_none());
     let mut titles = vec!["LiDAR", "x m", "y m", "z m", "roll rad", "pitch rad", "yaw rad"];
     let mounts = &figures.mounts;
-    titles.extend((!mounts.is_empty()).then_some("mount"));
-    titles.extend(named.then_some("sensor"));
     let phased = poses.iter().any(|pose| pose.phase.is_some());
     titles.extend(phased.then_some("phase rad"));
     let rows: Vec<_> = (0..poses.len())
         .map(|index| {
             let mut row = vec![text(index.to_string())];
             row.extend(poses[index].fields().map(|(_, value)| text(fixed(value, 3))));
-            row.extend((!mounts.is_empty()).then(|| text(mount_text(mounts, index))));
-            row.extend(named.then(|| text(poses[index].sensor.to_string())));
             row.extend(phased.then(|| text(phase_text(&poses[index]))));
             (false, row)
         })
         .collect();
+    let mut workshop = vec!["LiDAR"];
+    workshop.extend((!mounts.is_empty()).then_some("mount"));
+    workshop.extend(named.then_some("sensor"));
+    workshop.extend(SMALL);
     let small = poses.iter().enumerate().map(|(index, pose)| {
-        let numbers = millimetres(pose).map(|(_, value)| text(value.to_string()));
-        (false, std::iter::once(text(index.to_string())).chain(numbers).collect())
+        let mut row = vec![text(index.to_string())];
+        row.extend((!mounts.is_empty()).then(|| text(mount_text(mounts, index))));
+        row.extend(named.then(|| text(pose.sensor.to_string())));
+        row.extend(millimetres(pose).map(|(_, value)| text(value.to_string())));
+        (false, row)
     });
     let small: Vec<_> = small.collect();
     let active = run.map_or(&[][..], |run| &run.active_bounds);
@@ -43,8 +46,15 @@ pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunR
         section aria-labelledby="placement" {
             h2 #placement { "The placement" }
             @if let Some(svg) = &figures.placement { (figure(svg, "The placement on the vehicle")) }
-            (table("Poses in the vehicle's frame: x forward, y left, z up", &titles, &rows))
-            (table("In millimetres and degrees", &SMALL, &small))
+            (table(
+                "Poses in millimetres and degrees: x ahead, y left, z up; positive pitch looks down, positive yaw turns left",
+                &workshop,
+                &small,
+            ))
+            details {
+                summary { "The same in metres and radians" }
+                (table("Poses in metres and radians", &titles, &rows))
+            }
             @if !active.is_empty() {
                 p { "On a bound or a rule of the mount: " (active.join("; ")) "." }
             }
@@ -92,7 +102,7 @@ pub(super) fn table(caption: &str, titles: &[&str], rows: &[(bool, Vec<Markup>)]
     html! {
         div.wide tabindex="0" role="group" aria-label=(caption) {
             table {
-                caption { (caption) }
+                caption { span { (caption) } }
                 thead { tr { @for title in titles { th scope="col" { (title) } } } }
                 tbody {
                     @for (best, cells) in rows {
@@ -166,7 +176,8 @@ pub(super) fn stage(subject: &Subject<'_>, figures: &Figures) -> Markup {
             (controls(subject, figures, lidars))
             p.small #view-help {
                 "Drag to turn, with Shift or two fingers to move, pinch or scroll in the picture to zoom; or arrow \
-                 keys, Shift and arrow keys, + and −, and 0 for the first view. Voxels are the larger the more \
+                 keys, Shift and arrow keys, + and −, and 0 for the first view. The vehicle carries the numbered LiDARs; grey stands around it. \
+                 Voxels are the larger the more \
                  information they hold. "
                 @for (index, view) in views.iter().enumerate() {
                     span.left-out hidden[index > 0] { @for words in view.left_out() { (words) " " } }

@@ -130,7 +130,8 @@ pub(super) fn scores(subject: &Subject<'_>) -> Markup {
             p.small {
                 "Scores are means over frames; larger is better. The gain is ΣH over covered voxels, in nats: \
                  the more of what changes in the scene the beams reach, the larger it is. Near gain is "
-                (near_gain(argued).unwrap_or_else(|| NEAR_GAIN.to_owned())) ". M-SOG is the negative mean of the gain, −(1/N)·ΣH, and can be raised by looking at \
+                (near_gain(argued).unwrap_or_else(|| NEAR_GAIN.to_owned())) "; it is the default for the near ground that its optima see, not for what \
+                 learners recognize. M-SOG is the negative mean of the gain, −(1/N)·ΣH, and can be raised by looking at \
                  what never changes. The objective is " code { (subject.objective) } "."
             }
         }

@@ -1,0 +1,103 @@
+//! `-h` on one screen: the options of each command that matter most, and one example. `--help` has all.
+
+use std::ffi::OsString;
+
+use clap::Command;
+
+/// Columns of `-h`.
+const COLUMNS: usize = 80;
+
+/// Options that `-h` shows, by command; those of the commands below `study` count for each of them alone.
+const SHOWN: [(&str, &[&str]); 25] = [
+    ("optimize", &["vehicle", "budget", "out", "resume"]),
+    ("score", &["vehicle", "format", "out", "condition"]),
+    ("view", &["vehicle", "baselines", "out"]),
+    ("cast", &["frame", "vehicle", "out"]),
+    ("scan", &["placement", "layout", "condition", "out"]),
+    ("verify", &["backend", "frames", "random"]),
+    ("chart", &["objective", "full", "out"]),
+    ("audit", &["objective", "vehicle"]),
+    ("study", &["vehicle", "budget", "out"]),
+    ("study nearfield", &["vehicle", "frames", "out"]),
+    ("study targets", &["targets", "distances", "vehicle", "out"]),
+    ("study redundancy", &["vehicle", "frames"]),
+    ("study overlap", &["least_shared", "vehicle", "frames"]),
+    ("study sweep", &["field", "from", "to", "out"]),
+    ("study tolerance", &["vehicle", "most_mm", "most_deg", "steps"]),
+    ("psog build", &["kitti", "nuscenes", "carla", "out"]),
+    ("rig export", &["format", "vehicle", "base_link", "out"]),
+    ("rig import", &["format", "sensor", "base_link", "out"]),
+    ("rig compare", &["base_frame", "base_link", "format"]),
+    ("rig handover", &["vehicle", "base_link", "out"]),
+    ("scene new", &["kind", "seed", "frames", "out"]),
+    ("scene import", &["nuscenes", "carla", "seed", "out"]),
+    ("scene info", &["format"]),
+    ("sensor info", &["azimuth_steps", "format", "out"]),
+    ("bench device", &["placements", "frames", "rounds"]),
+];
+
+/// True where `-h` is asked for, or a command that needs others is given alone: help of one screen.
+pub fn is_short(arguments: &[OsString]) -> bool {
+    !arguments.iter().skip(1).any(|word| word == "--help" || word == "help")
+}
+
+/// Leaves the options of [`SHOWN`] in `-h`, in every command that the table has.
+pub fn with_short_help(command: Command) -> Command {
+    below(command, "")
+}
+
+fn below(command: Command, path: &str) -> Command {
+    let names: Vec<String> = command.get_subcommands().map(|it| it.get_name().to_owned()).collect();
+    let command = names.iter().fold(command, |command, name| {
+        let path = format!("{path} {name}").trim().to_owned();
+        command.mut_subcommand(name, |command| below(command, &path))
+    });
+    match SHOWN.iter().find(|(name, _)| *name == path) {
+        Some((_, shown)) => command.mut_args(|arg| {
+            let is_hidden = !arg.is_positional() && !shown.contains(&arg.get_id().as_str());
+            if is_hidden { arg.hide_short_help(true) } else { arg }
+        }),
+        None => command,
+    }
+}
+
+/// One screen: the first example alone, at the width of a narrow terminal.
+pub fn on_one_screen(command: Command) -> Command {
+    with_one_example(command).term_width(COLUMNS)
+}
+
+fn with_one_example(command: Command) -> Command {
+    let written = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+    let command = command.mut_subcommands(with_one_example);
+    match written.lines().find(|line| line.starts_with("  ")) {
+        Some(example) => command.help_template(format!(
+            "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{{all-args}}\n\nExample:\n{example}"
+        )),
+        None => command,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn option_of<'a>(command: &'a Command, path: &str, id: &str) -> Option<&'a clap::Arg> {
+        let command = path.split(' ').try_fold(command, |at, name| at.find_subcommand(name))?;
+        command.get_arguments().find(|arg| arg.get_id() == id)
+    }
+
+    #[test]
+    fn every_entry_names_an_option_that_is_there() {
+        let program = crate::cli::program();
+        for (path, shown) in SHOWN {
+            assert!(shown.len() <= 4, "{path}");
+            for id in shown {
+                let found = option_of(&program, path, id);
+                let found = found.unwrap_or_else(|| panic!("{path} has no option `{id}`"));
+                assert!(!found.is_hide_short_help_set(), "{path} {id}");
+            }
+        }
+        let hidden = option_of(&program, "optimize", "adapter").unwrap();
+        assert!(hidden.is_hide_short_help_set());
+    }
+}

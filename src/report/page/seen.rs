@@ -1,0 +1,112 @@
+//! What the result sees: range card, blind zone, overlap of its LiDARs, and the map from above.
+
+use maud::{Markup, html};
+
+use super::layout::{figure, table, text};
+use super::{Figures, Subject};
+use crate::report::targets::{range_card_rows, range_card_svg};
+
+/// Distances of detection, and the sectors in which the result is blind.
+pub(super) fn range_card(subject: &Subject<'_>) -> Markup {
+    let Some((best, card)) =
+        subject.result.and_then(|best| Some((best, best.scores.range_card.as_ref()?)))
+    else {
+        return html! {};
+    };
+    let rows = range_card_rows(card);
+    let titles: Vec<&str> = rows[0].iter().map(String::as_str).collect();
+    let cells = |row: &Vec<String>| (false, row.iter().map(text).collect());
+    html! {
+        section aria-labelledby="range" {
+            h2 #range { "Range card" }
+            @if card.blind.is_empty() {
+                p { "A car is met by " (card.beams) " beams or more everywhere between 5 and 50 m, all round." }
+            } @else {
+                p { "Blind sectors:" }
+                ul.guards { @for sector in &card.blind { li { (sector.to_string()) } } }
+            }
+            p {
+                "Metres from the vehicle's origin to the middle of a target on level ground, alone, at which "
+                (card.beams) " beams or more end at it, the own body in the way. Bearings count to the left from \
+                 straight ahead."
+            }
+            div.polar {
+                (figure(&range_card_svg(&best.placement.name, card), "Distances at which targets are met"))
+            }
+            (table("Metres at which a target is met", &titles, &rows[1..].iter().map(cells).collect::<Vec<_>>()))
+        }
+    }
+}
+
+/// The blind zone from above.
+pub(super) fn near_field(figures: &Figures) -> Markup {
+    html! {
+        section aria-labelledby="near" {
+            h2 #near { "Ground near the vehicle" }
+            @match &figures.near_field {
+                Ok(svg) => {
+                    p {
+                        "From above, the front is right: ground within 10 m that no beam sees, and the zone in \
+                         which nothing on the ground is seen, over " (figures.near_frames) " frame(s) spread evenly"
+                        @if figures.views.len() > 1 { " over the first scene" }
+                        "."
+                    }
+                    (figure(svg, "Blind zone from above"))
+                }
+                Err(why) => p { "Not drawn: " (why) "." }
+            }
+        }
+    }
+}
+
+/// Information gained from above, scene by scene.
+pub(super) fn maps(figures: &Figures) -> Markup {
+    html! {
+        @if !figures.maps.is_empty() {
+            section #map aria-labelledby="seen" {
+                h2 #seen { "What it sees, from above" }
+                p {
+                    "Information of each column of voxels: red where the beams gain it, grey where it stays \
+                     unseen."
+                }
+                @for (scene, map) in &figures.maps {
+                    @if figures.maps.len() > 1 { h3 { (scene) } }
+                    div.paper { (figure(map, "Information gained, from above")) }
+                }
+            }
+        }
+    }
+}
+
+/// Overlap of every pair of LiDARs in per cent, and whether pairs connect all of them.
+pub(super) fn overlap(figures: &Figures) -> Markup {
+    let Some(found) = &figures.overlap else { return html! {} };
+    let count = found.lidars.len();
+    let names: Vec<String> = (0..count).map(|lidar| lidar.to_string()).collect();
+    let titles: Vec<&str> =
+        std::iter::once("LiDAR").chain(names.iter().map(String::as_str)).collect();
+    let percent = |share: f64| format!("{:.1}", (1e3 * share + 1e-9).floor() / 10.0);
+    let row = |a: usize| {
+        let cells = (0..count).map(|b| match a == b {
+            true => text("–"),
+            false => text(percent(found.overlap[a][b])),
+        });
+        (false, std::iter::once(text(&names[a])).chain(cells).collect())
+    };
+    let rows: Vec<_> = (0..count).map(row).collect();
+    html! {
+        section aria-labelledby="overlap" {
+            h2 #overlap { "Overlap of the LiDARs" }
+            p {
+                @if found.overlap_up_to > 0.0 {
+                    "Pairs connect all LiDARs up to an overlap of " (percent(found.overlap_up_to)) " %"
+                } @else {
+                    "No chain of pairs connects all LiDARs"
+                }
+                ": surface voxels that two LiDARs share, as a share of those of the LiDAR that has fewer, over "
+                (found.frames) " frame(s). Calibration against each other needs it."
+            }
+            (table("Overlap of each pair, %", &titles, &rows))
+        }
+    }
+}
