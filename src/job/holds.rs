@@ -30,7 +30,7 @@ impl Job {
             let moved = Moved::new(tolerance, placement, &mut evaluator)?;
             let found: Vec<_> =
                 scores.required.iter().map(|seen| (seen.share, seen.least)).collect();
-            let holds = moved.holds(None, &found);
+            let holds = moved.holds(&[], &found);
             scores.requirements_hold_in = Some(holds.all);
             for (seen, share) in scores.required.iter_mut().zip(holds.each) {
                 seen.holds_in = Some(share);

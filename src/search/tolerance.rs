@@ -163,7 +163,7 @@ impl Moved {
     ///
     /// # Errors
     /// See [`Self::new`].
-    pub fn columns_of(
+    fn columns_of(
         &self,
         lidars: &[(usize, SensorPose)],
         evaluator: &mut Evaluator,
@@ -249,24 +249,44 @@ impl Moved {
         shares
     }
 
-    /// The columns, one of them replaced where `instead` says so.
-    fn columns<'a>(&'a self, instead: Option<(usize, &'a Column)>) -> Vec<&'a Column> {
+    /// Columns of the LiDARs that stand elsewhere in other placements than in one, by their number.
+    ///
+    /// # Errors
+    /// See [`Self::new`].
+    pub fn columns_beside(
+        &self,
+        one: &Placement,
+        others: &[Placement],
+        evaluator: &mut Evaluator,
+    ) -> Result<Vec<Vec<(usize, Column)>>, BackendError> {
+        let differ = |other: &Placement| -> Vec<(usize, SensorPose)> {
+            let lidars = other.lidars.iter().copied().enumerate();
+            lidars.filter(|(lidar, pose)| one.lidars[*lidar] != *pose).collect()
+        };
+        let moved: Vec<Vec<(usize, SensorPose)>> = others.iter().map(differ).collect();
+        let mut columns = self.columns_of(&moved.concat(), evaluator)?.into_iter();
+        let beside = moved
+            .iter()
+            .map(|moved| moved.iter().map(|(lidar, _)| *lidar).zip(columns.by_ref()).collect());
+        Ok(beside.collect())
+    }
+
+    /// The columns, some of them replaced where `instead` says so.
+    fn columns<'a>(&'a self, instead: &'a [(usize, Column)]) -> Vec<&'a Column> {
         let mut columns: Vec<&Column> = self.columns.iter().collect();
-        if let Some((lidar, column)) = instead {
-            columns[lidar] = column;
-        }
+        instead.iter().for_each(|(lidar, column)| columns[*lidar] = column);
         columns
     }
 
     /// Share of every requirement with no LiDAR off, over the frames that were cast, in the order of the scores; with
-    /// another column `instead` of a LiDAR's own.
-    pub fn as_it_is(&self, instead: Option<(usize, &Column)>) -> Vec<f64> {
+    /// other columns `instead` of LiDARs' own.
+    pub fn as_it_is(&self, instead: &[(usize, Column)]) -> Vec<f64> {
         self.shares(&self.columns(instead), &vec![0; self.columns.len()])
     }
 
-    /// Copies that meet requirements, of each of which `found` says share and least share over all frames; with another
-    /// column `instead` of a LiDAR's own.
-    pub fn holds(&self, instead: Option<(usize, &Column)>, found: &[(f64, f64)]) -> Holds {
+    /// Copies that meet requirements, of each of which `found` says share and least share over all frames; with other
+    /// columns `instead` of LiDARs' own.
+    pub fn holds(&self, instead: &[(usize, Column)], found: &[(f64, f64)]) -> Holds {
         let columns = self.columns(instead);
         let as_it_is = self.as_it_is(instead);
         let mut rng = ChaCha8Rng::seed_from_u64(SEED ^ 1);

@@ -6,13 +6,13 @@ use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
 use crate::search::observer::Watch;
 use crate::search::tolerance::{Column, FRAMES_OF_COPIES, Moved, Tolerance};
-use crate::vehicle::{Placement, PoseGrid, SensorPose, Spacing};
+use crate::vehicle::{Placement, placement_to_nanometres};
 
 /// Moves of a LiDAR, one after the other, at most.
 const MOVES: usize = 6;
-/// Steps of a move along one pose field, at most, and their length as a share of the grid of the swaps.
-const STEPS: u32 = 3;
-const STEP: f64 = 0.25;
+/// Steps of a move of one search variable, at most, and their length in m or rad.
+const STEPS: i32 = 3;
+const STEP: f64 = 0.025;
 /// Moves that hold in most copies, of which all scores are computed.
 const SCORED: usize = 12;
 
@@ -55,7 +55,7 @@ impl Run {
         let few = self.suite.over(&self.suite.spread(Some(FRAMES_OF_COPIES)));
         let mut evaluator = Evaluator::suite_on_cpu(&few, self.memory() / 2);
         let mut moved = Moved::new(tolerance, &placement, &mut evaluator)?;
-        let holds = moved.holds(None, &found(&scores)).all;
+        let holds = moved.holds(&[], &found(&scores)).all;
         let mut now = Secured { placement, scores, holds };
         for _ in 0..MOVES {
             if now.holds >= HOLDS || watch.is_over() {
@@ -80,39 +80,31 @@ impl Run {
         watch: &mut Watch,
     ) -> Result<Option<Secured>, SearchError> {
         let moves = self.moves(&now.placement);
-        let columns = moved.columns_of(&moves, evaluator)?;
-        let (before, still) = (now.found(), moved.as_it_is(None));
-        let mut ranked: Vec<(f64, (usize, SensorPose), Column)> = Vec::new();
-        for (of, column) in moves.into_iter().zip(columns) {
-            let instead = Some((of.0, &column));
+        let columns = moved.columns_beside(&now.placement, &moves, evaluator)?;
+        let (before, still) = (now.found(), moved.as_it_is(&[]));
+        let mut ranked: Vec<(f64, Placement, Vec<(usize, Column)>)> = Vec::new();
+        for (placement, instead) in moves.into_iter().zip(columns) {
             // Over all frames a share is taken to change as it does over few.
-            let changed = moved.as_it_is(instead).into_iter().zip(&still);
+            let changed = moved.as_it_is(&instead).into_iter().zip(&still);
             let found = before.iter().zip(changed);
             let found = found.map(|((share, least), (new, old))| (share + (new - old), *least));
-            let holds = moved.holds(instead, &found.collect::<Vec<_>>()).all;
-            ranked.push((holds, of, column));
+            let holds = moved.holds(&instead, &found.collect::<Vec<_>>()).all;
+            ranked.push((holds, placement, instead));
         }
         // Stable: of equal ones the first.
         ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
         ranked.truncate(SCORED);
-        let with = |&(_, (lidar, pose), _): &(f64, (usize, SensorPose), Column)| {
-            let mut placement = now.placement.clone();
-            placement.lidars[lidar] = pose;
-            placement
-        };
-        let placements: Vec<Placement> = ranked.iter().map(with).collect();
+        let placements: Vec<Placement> = ranked.iter().map(|(_, p, _)| p.clone()).collect();
         let Some(scores) = self.scores_over_all(&placements, watch)? else { return Ok(None) };
         if let Some(swaps) = &mut self.state.swaps {
             swaps.evaluations += placements.len() as u64;
         }
         let objective = self.objective();
         let (mut best, mut best_rank) = (None, (now.holds.min(HOLDS), f64::INFINITY));
-        for ((placement, scores), (_, (lidar, _), column)) in
-            placements.into_iter().zip(scores).zip(&ranked)
-        {
+        for ((_, placement, instead), scores) in ranked.into_iter().zip(scores) {
             let is_sound = scores.missing() <= 0.0 && objective.guards_against(&scores) == 0;
             let Some(value) = objective.value(&scores).filter(|_| is_sound) else { continue };
-            let holds = moved.holds(Some((*lidar, column)), &found(&scores)).all;
+            let holds = moved.holds(&instead, &found(&scores)).all;
             let rank = (holds.min(HOLDS), value);
             if rank > best_rank {
                 (best, best_rank) = (Some(Secured { placement, scores, holds }), rank);
@@ -121,20 +113,19 @@ impl Run {
         Ok(best)
     }
 
-    /// LiDARs, by number, beside poses a few steps away along one pose field with which the placement keeps the rules.
-    fn moves(&self, placement: &Placement) -> Vec<(usize, SensorPose)> {
+    /// Placements that keep the rules, a few steps of one search variable away; LiDARs that the rules tie move together.
+    fn moves(&self, placement: &Placement) -> Vec<Placement> {
         let constraints = self.suite.constraints();
-        let Spacing { metres, radians } = self.state.settings.spacing();
-        let spacing = Spacing { metres: STEP * metres, radians: STEP * radians };
-        // No grid: more poses than can be numbered.
-        let Ok(grid) = PoseGrid::new(constraints, spacing) else { return Vec::new() };
+        let Some(here) = constraints.variables_of(placement) else { return Vec::new() };
         let mut moves = Vec::new();
-        for (lidar, pose) in placement.lidars.iter().enumerate() {
-            for number in grid.along(grid.nearest(lidar, pose), STEPS) {
-                let mut moved = placement.clone();
-                moved.lidars[lidar] = grid.pose(number);
-                if moved.lidars[lidar] != *pose && constraints.violations(&moved).is_empty() {
-                    moves.push((lidar, moved.lidars[lidar]));
+        for (variable, &(low, high)) in constraints.variable_bounds().iter().enumerate() {
+            for steps in (-STEPS..=STEPS).filter(|&steps| steps != 0) {
+                let mut there = here.clone();
+                there[variable] = (here[variable] + f64::from(steps) * STEP).clamp(low, high);
+                let lidars = constraints.poses_of(&there);
+                let moved = placement_to_nanometres(&Placement { lidars, ..placement.clone() });
+                if moved.lidars != placement.lidars && constraints.violations(&moved).is_empty() {
+                    moves.push(moved);
                 }
             }
         }
