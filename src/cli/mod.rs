@@ -99,6 +99,8 @@ enum Command {
         after_help = "Example:\n  sightline bench device scenes/highway.json > device.md"
     )]
     Bench(checks::BenchCommand),
+    /// Print the JSON Schema of a kind of file, by which editors complete and check it
+    Schema(usage::SchemaArgs),
     /// Print what a shell needs to complete commands and options
     Completions(usage::CompletionsArgs),
     /// Print the manual page of the program or of a command, or write all of them
@@ -194,6 +196,7 @@ fn dispatch(command: Command) -> Result<Exit, RunError> {
         Command::Scene(command) => scene::run(&command),
         Command::Devices(args) => checks::run_devices(&args),
         Command::Bench(command) => checks::run_bench(&command),
+        Command::Schema(args) => usage::schema(&args),
         Command::Completions(args) => usage::completions(&args, program()),
         Command::Man(args) => usage::man(&args, program()),
     }

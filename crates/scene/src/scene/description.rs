@@ -9,10 +9,16 @@ use crate::vehicle::{LidarDescription, MountDescription, VehicleDescription};
 
 /// A whole scene file.
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SceneDescription {
-    /// Checked before the rest is read; here only so that the key is known.
+    /// JSON Schema of this file, which editors read.
+    #[serde(rename = "$schema")]
+    pub _schema: Option<String>,
+    /// Version of the format, 1.
+    // Checked before the rest is read; here only so that the key is known.
     #[serde(rename = "sightline")]
+    #[cfg_attr(feature = "schema", schemars(extend("const" = 1)))]
     pub _version: u64,
     pub name: Option<String>,
     pub roi: RoiDescription,
@@ -69,6 +75,7 @@ impl<'de> Deserialize<'de> for VehicleSource {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct RoiDescription {
     pub min: [f64; 3],
@@ -77,6 +84,7 @@ pub struct RoiDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct PsogDescription {
     pub file: Option<String>,
@@ -84,6 +92,7 @@ pub struct PsogDescription {
 }
 
 #[derive(Debug, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ScanDescription {
     pub channels: Option<u64>,
@@ -97,6 +106,7 @@ pub struct ScanDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ActorDescription {
     pub name: Option<String>,
@@ -108,6 +118,7 @@ pub struct ActorDescription {
 }
 
 #[derive(Debug, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct EgoDescription {
     #[serde(default)]
@@ -120,6 +131,7 @@ pub struct EgoDescription {
 
 /// Another body of the vehicle, with poses in the ego frame.
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct BodyDescription {
     pub name: Option<String>,
@@ -128,6 +140,7 @@ pub struct BodyDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct PoseDescription {
     pub x: f64,
@@ -143,6 +156,7 @@ pub struct PoseDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct RouteDescription {
     pub points: Vec<Vec<f64>>,
@@ -152,6 +166,7 @@ pub struct RouteDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ShapeDescription {
     pub class: Option<String>,
@@ -168,6 +183,7 @@ pub struct ShapeDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct RepeatDescription {
     pub count: u64,
@@ -175,6 +191,7 @@ pub struct RepeatDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct BoxDescription {
     pub center: Option<[f64; 3]>,
@@ -187,6 +204,7 @@ pub struct BoxDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct PrismDescription {
     pub base: Vec<[f64; 2]>,
@@ -194,6 +212,7 @@ pub struct PrismDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct CylinderDescription {
     pub foot: [f64; 3],
@@ -203,6 +222,7 @@ pub struct CylinderDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct PlaneDescription {
     pub min: [f64; 2],
@@ -211,6 +231,7 @@ pub struct PlaneDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct MeshDescription {
     pub file: String,
@@ -229,6 +250,7 @@ pub struct MeshDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct UrdfDescription {
     pub file: String,
@@ -244,6 +266,19 @@ pub struct UrdfDescription {
     pub pitch: f64,
     #[serde(default)]
     pub yaw: f64,
+}
+
+#[cfg(feature = "schema")]
+impl schemars::JsonSchema for VehicleSource {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "VehicleSource".into()
+    }
+
+    fn json_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        type Inline = VehicleDescription<ShapeDescription, BodyDescription>;
+        let inline = generator.subschema_for::<Inline>();
+        schemars::json_schema!({ "anyOf": [{ "type": "string" }, inline] })
+    }
 }
 
 /// A JSON object with free keys, in file order; a key that comes twice is an error.
@@ -277,5 +312,21 @@ impl<'de, V: Deserialize<'de>> Deserialize<'de> for Dictionary<V> {
             }
         }
         deserializer.deserialize_map(Entries(std::marker::PhantomData))
+    }
+}
+
+#[cfg(feature = "schema")]
+impl<V: schemars::JsonSchema> schemars::JsonSchema for Dictionary<V> {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        format!("Dictionary_of_{}", V::schema_name()).into()
+    }
+
+    fn json_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        let value = generator.subschema_for::<V>();
+        schemars::json_schema!({ "type": "object", "additionalProperties": value })
     }
 }

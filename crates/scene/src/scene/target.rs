@@ -74,9 +74,15 @@ impl PartialEq for Target {
 
 /// A target file as it is written.
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
-struct TargetDescription {
+pub(crate) struct TargetDescription {
+    /// JSON Schema of this file, which editors read.
+    #[serde(rename = "$schema")]
+    _schema: Option<String>,
+    /// Version of the format, 1.
     #[serde(rename = "sightline")]
+    #[cfg_attr(feature = "schema", schemars(extend("const" = 1)))]
     _version: u64,
     name: String,
     shapes: Vec<ShapeDescription>,

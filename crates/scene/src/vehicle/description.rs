@@ -6,6 +6,7 @@ use serde::Deserialize;
 use sightline_files::json::{DescriptionError, Location, check};
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct LidarDescription {
     pub(crate) channels: Option<u64>,
@@ -20,6 +21,7 @@ pub(crate) struct LidarDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct MountDescription {
     pub(crate) min: [f64; 3],
@@ -42,22 +44,31 @@ pub(crate) struct MountDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct KeepOutDescription {
     pub min: [f64; 3],
     pub max: [f64; 3],
 }
 
-/// A vehicle file; `B` is a shape of the body and `M` a further body, which a scene reads.
+/// A vehicle, in a file of its own or in a scene.
+// `B` is a shape of the body and `M` a further body, which a scene reads.
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "schema", schemars(rename = "VehicleDescription"))]
 pub struct VehicleDescription<B, M> {
+    /// JSON Schema of this file, which editors read.
+    #[serde(rename = "$schema")]
+    _schema: Option<String>,
+    /// Version of the format, 1.
     #[serde(rename = "sightline")]
+    #[cfg_attr(feature = "schema", schemars(extend("const" = 1)))]
     _version: Option<u64>,
     pub(crate) name: Option<String>,
-    #[serde(default = "Vec::new")]
+    #[serde(default = "Vec::<B>::new")]
     pub(crate) body: Vec<B>,
-    #[serde(default = "Vec::new")]
+    #[serde(default = "Vec::<M>::new")]
     pub(crate) bodies: Vec<M>,
     pub(crate) sensors: Vec<ModelDescription>,
     pub(crate) mounts: Vec<MountingDescription>,
@@ -76,6 +87,7 @@ pub struct VehicleDescription<B, M> {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct OtherSensorDescription {
     pub name: String,
@@ -94,6 +106,7 @@ pub struct OtherSensorDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ModelDescription {
     pub name: String,
@@ -105,6 +118,7 @@ pub struct ModelDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ResponseDescription {
     pub rate: Option<f64>,
@@ -118,6 +132,7 @@ pub struct ResponseDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged, expecting = "expected \"free\", an angle in radians, or a range of them")]
 pub enum PhaseDescription {
     Angle(f64),
@@ -126,6 +141,7 @@ pub enum PhaseDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct MountingDescription {
     pub name: String,
@@ -145,6 +161,7 @@ pub struct MountingDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct MeshPatchDescription {
     pub file: String,
@@ -163,6 +180,7 @@ pub struct MeshPatchDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct FacingDescription {
     pub direction: [f64; 3],
@@ -170,6 +188,7 @@ pub struct FacingDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(
     untagged,
     expecting = "expected a number of sensors, 4 for example, or a range, [0, 2] for example"
@@ -180,6 +199,7 @@ pub enum CountDescription {
 }
 
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct RequirementDescription {
     pub name: Option<String>,
