@@ -8,6 +8,7 @@
 
 mod classes;
 pub(crate) mod description;
+mod dictionary;
 mod doubts;
 mod parts;
 mod polygon;

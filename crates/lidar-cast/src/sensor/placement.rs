@@ -120,8 +120,11 @@ pub struct Placement {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct ListedPlacement {
+    /// 1 to 64 letters, digits, `.`, `_`, `-`.
     name: String,
+    /// 1 to 16 poses.
     lidars: Vec<SensorPose>,
+    /// Price of its sensors, which is not read.
     #[serde(rename = "price", default)]
     _price: Option<f64>,
 }

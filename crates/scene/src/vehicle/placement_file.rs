@@ -179,6 +179,7 @@ pub(crate) struct PlacementFile {
     /// JSON Schema of this file, which editors read.
     #[serde(rename = "$schema")]
     _schema: Option<String>,
+    /// Placements, each of a name of its own.
     placements: Vec<Placement>,
 }
 
