@@ -1,4 +1,4 @@
-"""JSON Schemas of `docs/schemas` by another validator: own files are valid, and wrong ones are refused by it and by the program."""
+"""JSON Schemas by another validator: own files are valid, wrong ones are refused by it and by the program."""
 
 from __future__ import annotations
 

@@ -19,10 +19,11 @@ POSES = np.stack([POSE, POSE + [0.1, 0, 0.2, 0, 0, 0], POSE + [0.3, 0.1, 0.1, 0,
 
 
 def test_item_k_is_that_scan_and_its_labels(small: sightline.Scene) -> None:
-    scans = ScanDataset(small, POSES, frames=[1, 0], columns=["xyz", "ring"], ignore=-7, conditions=["crosstalk:share=0.3"], seed=5)
+    weather = ["crosstalk:share=0.3"]
+    scans = ScanDataset(small, POSES, frames=[1, 0], columns=["xyz", "ring"], ignore=-7, conditions=weather, seed=5)
     assert len(scans) == 6
     for k, (placement, frame) in enumerate([(0, 1), (0, 0), (1, 1), (1, 0), (2, 1), (2, 0)]):
-        scan = next(small.scan(POSES[placement], frames=[frame], conditions=["crosstalk:share=0.3"], seed=5 + placement))
+        scan = next(small.scan(POSES[placement], frames=[frame], conditions=weather, seed=5 + placement))
         item = scans[k]
         assert (item["placement"], item["frame"]) == (placement, frame)
         assert item["points"].dtype == torch.float32 and item["labels"].dtype == torch.int64

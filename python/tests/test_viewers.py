@@ -14,7 +14,8 @@ import sightline
 from .conftest import POSE, SMALL
 
 #: Columns of a file beside x, y, z.
-COLUMNS = ["range", "intensity", "time_offset", "incidence", "lidar", "ring", "column", "class_id", "clean_class_id", "instance", "status"]
+COLUMNS = ["range", "intensity", "time_offset", "incidence", "lidar", "ring", "column", "class_id",
+           "clean_class_id", "instance", "status"]  # fmt: skip
 PLACEMENTS = [sightline.Placement(POSE, name="low"), sightline.Placement(POSE + [0, 0, 0.3, 0, 0.1, 0.4], name="high")]
 
 
@@ -102,7 +103,9 @@ def test_mcap_is_read_again_by_rosbags(moving: sightline.Scene, tmp_path: Path) 
                 clouds[connection.topic.split("/")[1], round(time * 5 / 1e9)] = message
             else:
                 for edge in message.transforms:
-                    edges[edge.header.frame_id, edge.child_frame_id, round(time * 5 / 1e9)] = edge
+                    key = edge.header.frame_id, edge.child_frame_id, round(time * 5 / 1e9)
+                    assert key not in edges, "tf2 warns of transforms that come twice"
+                    edges[key] = edge
     assert clouds.keys() == own.keys()
     kinds = {2: "u1", 4: "<u2", 6: "<u4", 7: "<f4"}
     for key, cloud in clouds.items():
@@ -219,7 +222,8 @@ def test_what_is_missing_names_the_extra(
 
 def test_examples_are_the_projects_scenes() -> None:
     scenes = Path("scenes")
-    assert sightline.examples.names() == sorted(str(file.relative_to(scenes).with_suffix("")) for file in scenes.rglob("*.json"))
+    own = sorted(str(file.relative_to(scenes).with_suffix("")) for file in scenes.rglob("*.json"))
+    assert sightline.examples.names() == own
     for name in sightline.examples.names():
         assert sightline.examples.path(name).read_bytes() == (scenes / f"{name}.json").read_bytes()
     assert sightline.Scene.load(sightline.examples.path("urban-crossing"), backend="cpu").name == "urban-crossing"

@@ -62,6 +62,7 @@ def to_rerun(scene: Scene, placements: Given, path: str | os.PathLike[str], opti
             turns = [_quaternion(pose) for pose in poses]
             boxes = rr.Boxes3D(sizes=scan.boxes.size, centers=poses[:, :3, 3], quaternions=turns, labels=scan.boxes.names)
             recording.log("world/ego/boxes", boxes)
+        recording.disconnect()
 
 
 def to_mcap(scene: Scene, placements: Given, path: str | os.PathLike[str], options: dict[str, Any]) -> None:
@@ -71,14 +72,17 @@ def to_mcap(scene: Scene, placements: Given, path: str | os.PathLike[str], optio
         writer = ros.Writer(file)
         cloud = writer.register_msgdef("sensor_msgs/msg/PointCloud2", _definition(_CLOUD))
         tree = writer.register_msgdef("tf2_msgs/msg/TFMessage", _definition("geometry_msgs/TransformStamped[] transforms"))
+        stamped = set()
         for name, is_first, scan in _scans(scene, placements, options):
             time = round(scan.time * 1e9)
             if is_first:
                 poses = enumerate(lidar["ego_from_sensor"] for lidar in scan.lidars)
                 frames = [_edge(0, "base_link", f"{name}/lidar_{k}", pose) for k, pose in poses]
                 writer.write_message("/tf_static", tree, {"transforms": frames}, log_time=0)
-            edge = _edge(time, "map", "base_link", scan.world_from_ego)
-            writer.write_message("/tf", tree, {"transforms": [edge]}, log_time=time)
+            if time not in stamped:
+                stamped.add(time)
+                edge = _edge(time, "map", "base_link", scan.world_from_ego)
+                writer.write_message("/tf", tree, {"transforms": [edge]}, log_time=time)
             writer.write_message(f"/{name}/points", cloud, _cloud(time, scan), log_time=time)
         writer.finish()
 

@@ -1,4 +1,7 @@
-"""Results as plots: ``pip install 'sightline-lidar[plot]'``; each function draws into ``axes``, or new ones, and returns them."""
+"""Results as plots: ``pip install 'sightline-lidar[plot]'``.
+
+Each function draws into ``axes``, or new ones, and returns them.
+"""
 
 from __future__ import annotations
 
