@@ -63,7 +63,7 @@ def whole(path: Path) -> Iterator[Path]:
 
 def _columns(rows: npt.NDArray[Any]) -> list[tuple[str, str]]:
     """Name and type of each column, as ``f4``."""
-    return [(name, kind.lstrip("<|")) for name, kind in rows.dtype.descr]
+    return [(name, rows.dtype[name].str.lstrip("<|")) for name in rows.dtype.names or ()]
 
 
 def _ply(rows: npt.NDArray[Any]) -> str:
