@@ -7,8 +7,8 @@ from typing import Any
 
 
 def missing(package: str, extra: str) -> ImportError:
-    """The error of a call whose package is not installed; ``extra`` is the extra that installs it."""
-    return ImportError(f"this call needs {package}; pip install 'sightline-lidar[{extra}]'")
+    """The error where a package is not installed; ``extra`` is the extra that installs it."""
+    return ImportError(f"{package} is not installed; pip install 'sightline-lidar[{extra}]'")
 
 
 def load(package: str, extra: str) -> Any:
