@@ -293,7 +293,7 @@ pub fn checkpoint_json(folder: &Path, bytes: &[u8]) {
     }
     let mut search = Run::resume(SEARCHED.clone(), state);
     let engine = EngineChoice { memory: Some(16 << 20), ..EngineChoice::cpu() };
-    search.open_with(engine, Some(TimeLimit::from_now(Duration::from_millis(50))));
+    search.open_with(engine, Some(TimeLimit::from_now(Duration::from_millis(50))), None);
     let _ = said(search.step(&mut |_: &Event<'_>| true));
 }
 

@@ -62,6 +62,8 @@ mod cli_scan_clouds;
 mod cli_scene;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_scenes;
+#[cfg(all(unix, feature = "cli"))]
+mod cli_schema;
 #[cfg(feature = "cli")]
 mod cli_shared;
 #[cfg(all(unix, feature = "cli"))]

@@ -74,7 +74,7 @@ pub fn finish(mut run: Run, on: &mut dyn FnMut(&Event) -> bool) -> (Vec<String>,
 pub fn loaded(problem: &Arc<Problem>, text: &str) -> Run {
     let state: State = serde_json::from_str(text).unwrap();
     let mut run = Run::resume(problem.clone(), state);
-    run.open_with(settings().engine, None);
+    run.open_with(settings().engine, None, None);
     run
 }
 

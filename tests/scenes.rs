@@ -188,7 +188,7 @@ fn a_run_over_scenes_goes_on_from_any_step_to_the_same_bits() {
     for state in states.iter().step_by(3).chain(states.last()) {
         let state: State = serde_json::from_str(state).unwrap();
         let mut run = Run::resume(suite.clone(), state);
-        run.open_with(settings().engine, None);
+        run.open_with(settings().engine, None, None);
         let resumed = loop {
             if let Some(outcome) = run.step(&mut |_: &sightline::Event| true).unwrap() {
                 break outcome;

@@ -3,36 +3,25 @@
 import sys
 
 import torch
-from torch.utils.data import DataLoader, IterableDataset
+from torch.utils.data import DataLoader
 
 import sightline
+from sightline.torch import ScanDataset, collate
 
-
-class Scans(IterableDataset):
-    """Points `[P, 5]` (x, y, z, intensity, range) and classes `[P]` of fresh random placements."""
-
-    def __init__(self, path: str, seed: int) -> None:
-        self.scene, self.seed = sightline.Scene.load(path, backend="cpu"), seed
-
-    def __iter__(self):
-        for number, poses in enumerate(self.scene.random_poses(1000, seed=self.seed)):
-            for scan in self.scene.scan(poses, seed=number, frames=[number % self.scene.frames]):
-                known = torch.from_numpy(scan.labels(ignore=-1))
-                columns = (scan.xyz, scan.intensity[:, None], scan.range[:, None])
-                yield torch.cat([torch.from_numpy(column) for column in columns], 1), known
-
-
-scans = Scans(sys.argv[1], seed=1)
-classes = len(scans.scene.classes)
+scene = sightline.Scene.load(sys.argv[1], backend="cpu")
+# Points `[P, 5]` (x, y, z, intensity, range) and classes `[P]` of random placements.
+scans = ScanDataset(scene, scene.random_poses(1000))
+classes = len(scene.classes)
 network = torch.nn.Sequential(
     torch.nn.BatchNorm1d(5), torch.nn.Linear(5, 64), torch.nn.ReLU(), torch.nn.Linear(64, 64),
     torch.nn.ReLU(), torch.nn.Linear(64, classes),
 )  # fmt: skip
 optimizer = torch.optim.Adam(network.parameters(), lr=3e-3)
 losses = []
-for step, (points, labels) in enumerate(DataLoader(scans, batch_size=None)):
+torch.manual_seed(1)
+for step, batch in enumerate(DataLoader(scans, batch_size=1, shuffle=True, collate_fn=collate)):
     # Fog, snow and crosstalk have no class.
-    loss = torch.nn.functional.cross_entropy(network(points), labels, ignore_index=-1)
+    loss = torch.nn.functional.cross_entropy(network(batch["points"]), batch["labels"], ignore_index=-1)
     optimizer.zero_grad()
     loss.backward()
     optimizer.step()

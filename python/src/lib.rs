@@ -15,6 +15,7 @@
 //! | `rules` | rules of a vehicle for a placement |
 //! | `rays` | rays of callers, into meshes and frames |
 //! | `scans` | scans as an iterator |
+//! | `recordings` | scans over time as files of viewers |
 //! | `search` | suites and `optimize` |
 //! | `questions` | studies of one placement as methods of a scene |
 //! | `targets` | beams on targets, range cards, redundancy and overlap |
@@ -33,6 +34,7 @@ mod placements;
 mod psogs;
 mod questions;
 mod rays;
+mod recordings;
 mod rigs;
 mod rules;
 mod scans;

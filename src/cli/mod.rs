@@ -100,9 +100,12 @@ enum Command {
         after_help = "Example:\n  sightline bench device scenes/highway.json > device.md"
     )]
     Bench(checks::BenchCommand),
+    /// Print the JSON Schema of a kind of file, for editors
+    Schema(usage::SchemaArgs),
     /// Print the completions for a shell
     Completions(usage::CompletionsArgs),
-    /// Print or write manual pages
+    /// Print or write manual pages, as packages hold them
+    #[command(hide = true)]
     Man(usage::ManArgs),
 }
 
@@ -198,6 +201,7 @@ fn dispatch(command: Command) -> Result<Exit, RunError> {
         Command::Scene(command) => scene::run(&command),
         Command::Devices(args) => checks::run_devices(&args),
         Command::Bench(command) => checks::run_bench(&command),
+        Command::Schema(args) => usage::schema(&args),
         Command::Completions(args) => usage::completions(&args, program()),
         Command::Man(args) => usage::man(&args, program()),
     }

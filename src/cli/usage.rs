@@ -1,4 +1,4 @@
-//! Help with examples, one sentence for each wrong argument, completions for shells, manual pages.
+//! Help with examples, one sentence for each wrong argument, completions for shells, manual pages, schemas for editors.
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -8,6 +8,7 @@ use clap::Command;
 use clap::error::ErrorKind;
 use clap_complete::Shell;
 use clap_mangen::Man;
+use sightline_files::json::FileKind;
 
 use super::output::Exit;
 use crate::internals::{shared_folder, write_whole};
@@ -102,6 +103,36 @@ pub struct ManArgs {
     /// Write the pages of all commands to this folder instead: sightline.1, sightline-optimize.1, …
     #[arg(long, value_name = "DIR", conflicts_with = "command")]
     out: Option<PathBuf>,
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  sightline schema scene > scene.schema.json
+  sightline schema vehicle | check-jsonschema --schemafile /dev/stdin van.json")]
+pub struct SchemaArgs {
+    /// The kind of file
+    kind: SchemaKind,
+}
+
+/// Kinds of files that a schema describes.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum SchemaKind {
+    Scene,
+    Vehicle,
+    Placements,
+    Targets,
+}
+
+/// Prints the JSON Schema of a kind of file.
+pub fn schema(args: &SchemaArgs) -> Result<Exit, RunError> {
+    let kind = match args.kind {
+        SchemaKind::Scene => FileKind::Scene,
+        SchemaKind::Vehicle => FileKind::Vehicle,
+        SchemaKind::Placements => FileKind::Placements,
+        SchemaKind::Targets => FileKind::Target,
+    };
+    out!("{:#}\n", sightline_scene::schema::schema(kind))?;
+    Ok(Exit::Done)
 }
 
 /// Prints the completions of the program for a shell.

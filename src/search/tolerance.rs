@@ -116,6 +116,9 @@ pub(crate) struct Column {
     areas: Vec<Vec<Vec<u64>>>,
 }
 
+/// Columns that take the place of those of LiDARs, by their number.
+pub(crate) type Instead = Vec<(usize, Column)>;
+
 /// A placement whose LiDARs each stand in one of 16 poses within the tolerance.
 pub(crate) struct Moved {
     offsets: Vec<Vec<[f64; 6]>>,
@@ -258,7 +261,7 @@ impl Moved {
         one: &Placement,
         others: &[Placement],
         evaluator: &mut Evaluator,
-    ) -> Result<Vec<Vec<(usize, Column)>>, BackendError> {
+    ) -> Result<Vec<Instead>, BackendError> {
         let differ = |other: &Placement| -> Vec<(usize, SensorPose)> {
             let lidars = other.lidars.iter().copied().enumerate();
             lidars.filter(|(lidar, pose)| one.lidars[*lidar] != *pose).collect()

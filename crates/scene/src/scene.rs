@@ -7,7 +7,8 @@
 //! it into the ego frame and only then rounds it to `f32`, and so does a part with its own frame.
 
 mod classes;
-mod description;
+pub(crate) mod description;
+mod dictionary;
 mod doubts;
 mod parts;
 mod polygon;
@@ -17,7 +18,7 @@ mod settings;
 mod shapes;
 mod solid;
 pub mod street;
-mod target;
+pub(crate) mod target;
 
 use std::path::PathBuf;
 use std::sync::OnceLock;

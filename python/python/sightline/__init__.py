@@ -40,6 +40,7 @@ from ._native import (  # noqa: E402
     read_placements,
     set_threads,
 )
+from . import examples  # noqa: E402
 from ._records import Boxes, Front, Result, Scan, Status  # noqa: E402
 from ._scores import Scores  # noqa: E402
 
@@ -64,6 +65,7 @@ __all__ = [
     "Suite",
     "Vehicle",
     "__version__",
+    "examples",
     "front",
     "optimize",
     "published",

@@ -395,6 +395,12 @@ class Scene:
         frames: int | Sequence[int] | None = None,
         misses: bool = False,
     ) -> ScanIterator: ...
+    def to_rerun(
+        self, placements: Placement | Sequence[Placement], path: _Path, **options: Any
+    ) -> None: ...
+    def to_mcap(
+        self, placements: Placement | Sequence[Placement], path: _Path, **options: Any
+    ) -> None: ...
     def verify(
         self,
         poses: _Poses | None = None,

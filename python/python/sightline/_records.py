@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +23,9 @@ I64 = npt.NDArray[np.int64]
 
 #: ``Scan.class_id`` of points of no class.
 NO_CLASS = 65535
+#: Fields of :class:`Scan` that have a row for each point.
+COLUMNS = ("xyz", "raw", "range", "intensity", "time_offset", "incidence", "lidar", "ring", "column", "class_id",
+           "clean_class_id", "instance", "status")  # fmt: skip
 
 
 class Status(enum.IntEnum):
@@ -124,6 +128,27 @@ class Scan:
     def labels(self, ignore: int = -1) -> npt.NDArray[np.int64]:
         """``[P]`` class of each point, as losses of PyTorch take it; ``ignore`` for points of no class."""
         return np.where(self.class_id == NO_CLASS, ignore, self.class_id.astype(np.int64))
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Writes binary ``.ply`` or ``.pcd``, whole at any time: ``x``, ``y``, ``z`` and all columns but ``raw`` by name.
+
+        Raises ``ValueError`` for another ending, ``OSError`` for a file that cannot be written.
+        """
+        from ._clouds import save
+
+        save(self, path)
+
+    def to_open3d(self) -> Any:
+        """An ``open3d.t.geometry.PointCloud``; columns are its attributes by name. Raises ``ImportError`` without Open3D."""
+        from ._clouds import to_open3d
+
+        return to_open3d(self)
+
+    def to_pyvista(self) -> Any:
+        """A ``pyvista.PolyData``; columns are its point data by name. Raises ``ImportError`` without PyVista."""
+        from ._clouds import to_pyvista
+
+        return to_pyvista(self)
 
     def __repr__(self) -> str:
         return f"Scan({self.scene!r}, frame {self.frame}, {len(self)} points, {len(self.boxes)} boxes)"

@@ -10,6 +10,8 @@ from typing import Any, overload
 import numpy as np
 import numpy.typing as npt
 
+from ._extra import load
+
 Column = npt.NDArray[Any]
 
 #: Rows that a notebook shows at most.
@@ -208,21 +210,18 @@ class Scores(Mapping[str, Column]):
 
     def to_pandas(self) -> Any:
         """A ``pandas.DataFrame`` with a row a placement, named by it. Raises ``ImportError`` without pandas."""
-        import pandas
-
+        pandas = load("pandas", "pandas")
         return pandas.DataFrame(self.to_dict()).set_index("name")
 
     def to_polars(self) -> Any:
         """A ``polars.DataFrame`` with a row a placement. Raises ``ImportError`` without polars."""
-        import polars
-
+        polars = load("polars", "polars")
         texts: dict[str, Any] = {"name": polars.String, "guards": polars.List(polars.String)}
         return polars.DataFrame(self.to_dict(), schema_overrides=texts)
 
     def to_arrow(self) -> Any:
         """A ``pyarrow.Table`` with a row a placement. Raises ``ImportError`` without pyarrow."""
-        import pyarrow
-
+        pyarrow = load("pyarrow", "arrow")
         table = self.to_dict()
         table["name"] = pyarrow.array(table["name"], pyarrow.string())
         table["guards"] = pyarrow.array(table["guards"], pyarrow.list_(pyarrow.string()))

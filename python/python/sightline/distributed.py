@@ -1,4 +1,4 @@
-"""Beyond one machine, with Ray: ``pip install sightline[ray]``.
+"""Beyond one machine, with Ray: ``pip install 'sightline-lidar[ray]'``.
 
 >>> import sightline
 >>> from sightline import distributed
@@ -27,10 +27,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ._extra import missing
+
 try:
     import ray
 except ImportError as _missing:
-    raise ImportError("sightline.distributed needs Ray; pip install sightline[ray]") from _missing
+    raise missing("Ray", "ray") from _missing
 
 from . import Placement, Result, Scene, Scores, optimize as _optimize, set_threads
 from ._checkpoint import Checkpoint, gaps, pack_result, pack_scores, unpack_result, unpack_scores

@@ -5,7 +5,7 @@ use crate::score::{HOLDS, Scores};
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
 use crate::search::observer::Watch;
-use crate::search::tolerance::{Column, FRAMES_OF_COPIES, Moved, Tolerance};
+use crate::search::tolerance::{FRAMES_OF_COPIES, Instead, Moved, Tolerance};
 use crate::vehicle::{Placement, placement_to_nanometres};
 
 /// Moves of a LiDAR, one after the other, at most.
@@ -82,7 +82,7 @@ impl Run {
         let moves = self.moves(&now.placement);
         let columns = moved.columns_beside(&now.placement, &moves, evaluator)?;
         let (before, still) = (now.found(), moved.as_it_is(&[]));
-        let mut ranked: Vec<(f64, Placement, Vec<(usize, Column)>)> = Vec::new();
+        let mut ranked: Vec<(f64, Placement, Instead)> = Vec::new();
         for (placement, instead) in moves.into_iter().zip(columns) {
             // Over all frames a share is taken to change as it does over few.
             let changed = moved.as_it_is(&instead).into_iter().zip(&still);
@@ -100,9 +100,10 @@ impl Run {
             swaps.evaluations += placements.len() as u64;
         }
         let objective = self.objective();
+        let guards = objective.guards_against(&now.scores);
         let (mut best, mut best_rank) = (None, (now.holds.min(HOLDS), f64::INFINITY));
         for ((_, placement, instead), scores) in ranked.into_iter().zip(scores) {
-            let is_sound = scores.missing() <= 0.0 && objective.guards_against(&scores) == 0;
+            let is_sound = scores.missing() <= 0.0 && objective.guards_against(&scores) <= guards;
             let Some(value) = objective.value(&scores).filter(|_| is_sound) else { continue };
             let holds = moved.holds(&instead, &found(&scores)).all;
             let rank = (holds.min(HOLDS), value);

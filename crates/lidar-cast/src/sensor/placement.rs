@@ -19,6 +19,7 @@ const MAX_NAME: usize = 64;
 
 /// Pose of one LiDAR in the ego frame, and its model; metres and radians, `R = Rz(yaw)·Ry(pitch)·Rx(roll)`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SensorPose {
     /// Forward.
@@ -105,6 +106,7 @@ impl SensorPose {
 
 /// Named LiDAR poses on one vehicle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(from = "ListedPlacement")]
 pub struct Placement {
     /// Name of 1 to 64 letters, digits, `.`, `_`, `-`.
@@ -115,10 +117,14 @@ pub struct Placement {
 
 /// A placement as files list it: `sightline optimize` writes the price of its sensors beside it, which is not read.
 #[derive(Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct ListedPlacement {
+    /// 1 to 64 letters, digits, `.`, `_`, `-`.
     name: String,
+    /// 1 to 16 poses.
     lidars: Vec<SensorPose>,
+    /// Price of its sensors, which is not read.
     #[serde(rename = "price", default)]
     _price: Option<f64>,
 }
@@ -309,6 +315,21 @@ impl<'de> Deserialize<'de> for SensorName {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let name = String::deserialize(deserializer)?;
         Self::new(&name).map_err(de::Error::custom)
+    }
+}
+
+#[cfg(feature = "schema")]
+impl schemars::JsonSchema for SensorName {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "SensorName".into()
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({ "type": "string", "minLength": 1, "maxLength": MAX_NAME })
     }
 }
 

@@ -10,8 +10,9 @@ use sightline_files::json::{DescriptionError, Location};
 
 use super::classes::Classes;
 use super::description::{
-    BodyDescription, Dictionary, PoseDescription, SceneDescription, ShapeDescription, VehicleSource,
+    BodyDescription, PoseDescription, SceneDescription, ShapeDescription, VehicleSource,
 };
+use super::dictionary::Dictionary;
 use super::parts::{OwnBodies, OwnBody};
 use super::shapes::Builder;
 use super::*;

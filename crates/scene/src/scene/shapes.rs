@@ -11,7 +11,8 @@ use sightline_files::json::check::bad;
 use sightline_files::json::{DescriptionError, Location, check, nearest};
 
 use super::classes::Classes;
-use super::description::{Dictionary, MeshDescription, ShapeDescription, UrdfDescription};
+use super::description::{MeshDescription, ShapeDescription, UrdfDescription};
+use super::dictionary::Dictionary;
 use super::solid::{Solid, copies, cuboid, cylinder, plane, prism};
 use crate::mesh;
 use crate::mesh::{Geometry, MOST_TRIANGLES, Placing, RawMesh, RobotFile};

@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::classes::Classes;
-use super::description::{Dictionary, ShapeDescription};
+use super::description::ShapeDescription;
+use super::dictionary::Dictionary;
 use super::shapes::Builder;
 use lidar_cast::bvh::Bvh;
 use lidar_cast::geom::{Pose, TriangleSoup};
@@ -74,13 +75,23 @@ impl PartialEq for Target {
 
 /// A target file as it is written.
 #[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
-struct TargetDescription {
+pub(crate) struct TargetDescription {
+    /// JSON Schema of this file, which editors read.
+    #[serde(rename = "$schema")]
+    _schema: Option<String>,
+    /// Version of the format, 1.
     #[serde(rename = "sightline")]
+    #[cfg_attr(feature = "schema", schemars(extend("const" = 1)))]
     _version: u64,
+    /// Name in tables and requirements.
     name: String,
+    /// Shapes, z = 0 on the ground and x along the target.
     shapes: Vec<ShapeDescription>,
+    /// Share of light that it reflects, above 0 and at most 1; 0.1.
     reflectance: Option<f64>,
+    /// Source of its dimensions.
     source: Option<String>,
 }
 

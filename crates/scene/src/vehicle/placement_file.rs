@@ -173,8 +173,13 @@ fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, P
 }
 
 #[derive(Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
-struct PlacementFile {
+pub(crate) struct PlacementFile {
+    /// JSON Schema of this file, which editors read.
+    #[serde(rename = "$schema")]
+    _schema: Option<String>,
+    /// Placements, each of a name of its own.
     placements: Vec<Placement>,
 }
 
@@ -193,10 +198,30 @@ enum PlacementSource {
     Lines { reader: Box<dyn BufRead>, line: u64 },
 }
 
-/// First bytes of a document, without spaces.
-const DOCUMENT: &[u8] = b"{\"placements\"";
+/// First key of a document.
+const DOCUMENT: &[u8] = b"\"placements\"";
+/// Key that may stand before it, with a text.
+const SCHEMA: &[u8] = b"\"$schema\":\"";
 /// Mark that some editors write before UTF-8 text.
 const BYTE_ORDER_MARK: &str = "\u{feff}";
+
+/// True if bytes without spaces begin a document of placements; `None` if more bytes must tell.
+fn begins_document(seen: &[u8]) -> Option<bool> {
+    let Some(keys) = seen.strip_prefix(b"{") else {
+        return seen.first().map(|first| *first == b'[');
+    };
+    let keys = match keys.strip_prefix(SCHEMA) {
+        Some(text) => {
+            let ends = |at: usize| text[at] == b'"' && !text[..at].ends_with(b"\\");
+            let after = &text[(0..text.len()).find(|&at| ends(at))? + 1..];
+            after.strip_prefix(b",").unwrap_or(after)
+        }
+        None if SCHEMA.starts_with(keys) => return None,
+        None => keys,
+    };
+    let is_short = keys.len() < DOCUMENT.len() && DOCUMENT.starts_with(keys);
+    (!is_short).then(|| keys.starts_with(DOCUMENT))
+}
 
 /// Reads the first bytes of a stream; returns them, and whether a document begins there.
 fn sniff(reader: &mut impl BufRead) -> io::Result<(Vec<u8>, bool)> {
@@ -204,15 +229,15 @@ fn sniff(reader: &mut impl BufRead) -> io::Result<(Vec<u8>, bool)> {
     for byte in reader.bytes().take(MAX_LINE as usize) {
         let byte = byte?;
         head.push(byte);
-        if !byte.is_ascii_whitespace() && !BYTE_ORDER_MARK.as_bytes().contains(&byte) {
-            seen.push(byte);
+        if byte.is_ascii_whitespace() || BYTE_ORDER_MARK.as_bytes().contains(&byte) {
+            continue;
         }
-        if seen.len() == DOCUMENT.len() || !DOCUMENT.starts_with(&seen) {
-            break;
+        seen.push(byte);
+        if let Some(is_document) = begins_document(&seen) {
+            return Ok((head, is_document));
         }
     }
-    let is_document = seen == DOCUMENT || seen.starts_with(b"[");
-    Ok((head, is_document))
+    Ok((head, false))
 }
 
 /// True if a file is one of placements rather than a scene: standard input and pipes, `.jsonl` by its name, a
