@@ -128,7 +128,8 @@ pub struct Gltf {
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct MountingArgs {
     /// Most by which a LiDAR's mounting is off: each coordinate and each angle, to either side; 0 for none. Each
-    /// requirement is looked at in 200 copies mounted so: one that fewer than 95 % of them meet is met on paper only
+    /// requirement is looked at in 200 copies mounted so: one that fewer than 95 % of them meet is met on paper only,
+    /// and a search then moves its result a little until enough do
     #[cfg_attr(feature = "cli", arg(long, value_name = "LENGTH,ANGLE", default_value_t = Tolerance::default()))]
     pub tolerance: Tolerance,
 }

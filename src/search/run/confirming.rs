@@ -134,8 +134,11 @@ impl Run {
             });
             finalists.push(given);
         }
+        let mut result = finalists.swap_remove(best);
         methods[best].won = true;
-        Ok(Some((methods, Some(finalists.swap_remove(best)))))
+        methods[best].evaluations += self.secure(&mut result, watch)?;
+        methods[best].objective = result.objective;
+        Ok(Some((methods, Some(result))))
     }
 
     /// Placements that each method found; `None` where the run is to end before they are scored.

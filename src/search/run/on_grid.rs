@@ -108,10 +108,6 @@ impl Run {
                 return Ok(());
             }
         }
-        self.secure(watch)?;
-        if watch.is_over() {
-            self.cut_at(before, watch);
-        }
         Ok(())
     }
 
