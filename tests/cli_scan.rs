@@ -223,9 +223,7 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
     assert!(error.contains("dataset.json: cannot be read (EOF"), "{error}");
     assert!(error.contains("put it back as it was, or name another folder"), "{error}");
     let help = sightline(dir.path(), &["scan", "--help"]);
-    assert!(
-        String::from_utf8_lossy(&help.stdout).contains("sightline scan scenes/urban-crossing.json")
-    );
+    assert!(String::from_utf8_lossy(&help.stdout).contains("sightline scan scenes/highway.json"));
 }
 
 #[test]
