@@ -1,4 +1,4 @@
-//! What the speed of the CPU stages is measured on: sensors, placements, worth of voxels.
+//! Sensors, placements and worths of voxels on which the CPU stages are timed.
 
 #![allow(clippy::unwrap_used)]
 

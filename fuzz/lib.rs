@@ -1,4 +1,4 @@
-//! What the fuzz targets share: the readers, and a folder for their files.
+//! Readers that the fuzz targets share, and a folder for their files.
 //!
 //! ```sh
 //! cargo install cargo-fuzz

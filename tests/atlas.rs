@@ -125,7 +125,7 @@ fn a_search_along_a_grid_forgets_poses_and_casts_them_again() {
     atlas.forget_beyond(4, 0);
     atlas.hold(&mut cpu, &[20]).unwrap();
     assert_eq!(atlas.held(), 4, "7, 8, 9 and 20");
-    // What is asked for at once stays, and what comes back counts once.
+    // Poses asked for at once stay, and poses that come back count once.
     let poses = [0, 1, 2, 3, 9];
     atlas.hold(&mut cpu, &poses).unwrap();
     assert_eq!((atlas.held(), atlas.poses_cast()), (5, 11));

@@ -126,7 +126,7 @@ fn scores_of_a_corridor_worked_out_by_hand() {
         assert_eq!(ahead["beams"], 1);
         assert!(ahead["hit_share"].is_null());
         assert_eq!(ahead["guards"], json!([]));
-        // The same pose twice covers the same, and each LiDAR is redundant.
+        // One pose twice covers as much, and each LiDAR is redundant.
         let twice = &answer["scores"][1];
         assert_eq!((&twice["covered"], &twice["beams"]), (&json!(10), &json!(2)));
         assert_eq!(twice["guards"].as_array().unwrap().len(), 2);

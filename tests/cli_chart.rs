@@ -162,7 +162,7 @@ fn a_scene_without_geometry_has_fewer_settings() {
     for why in ["the P-SOG is a file", "no geometry", "--backend cpu"] {
         assert!(left_out.contains(why), "{left_out}");
     }
-    // What covers nothing has no score.
+    // A placement that covers nothing has no score.
     assert!(answer["measured"][0]["scores"][0].is_f64());
     assert!(answer["measured"][0]["scores"][1].is_null());
     scene["detection"] = json!([]);

@@ -1,4 +1,4 @@
-//! What is at the edge of use: P-SOGs that tell nothing, folders that two runs want, names that a
+//! The edge of use: P-SOGs that tell nothing, folders that two runs want, names that a
 //! terminal would obey.
 
 use std::fs::{self, File};

@@ -356,6 +356,6 @@ fn the_name_of_the_blind_zone_ahead_ends_before_the_legend() {
     assert!(element.contains("text-anchor=\"end\""), "{element}");
     let (legend, _) = text_at(&svg, "van: optimized");
     assert!(legend - end > 4.9, "{end} mm, legend at {legend} mm");
-    // As committed beside the guide.
+    // The drawing beside the guide.
     assert_eq!(svg, fs::read_to_string(root.join("docs/van/drawing.svg")).unwrap());
 }

@@ -77,7 +77,7 @@ fn placements_come_through_pipes_as_lines_or_as_a_document() {
     let document = format!(" {{\n \"placements\":\n[{},{}]}}", line("a"), line("b"));
     assert_eq!(names(piped(&dir, &document, &[])), ["a", "b"]);
     assert_eq!(names(piped(&dir, &format!("\u{feff}{}", line("a")), &[])), ["a"]);
-    // What is wrong late in a stream leaves no file; nor does an empty one.
+    // A fault late in a stream leaves no file; nor does an empty one.
     for (end, words) in [
         (line("p7"), "-, line 1501: the name `p7` is used twice"),
         ("{\"name\": 3}".to_owned(), "-, line 1501, column 10: name: the number `3` stands where"),
@@ -159,7 +159,7 @@ fn what_is_most_likely_not_meant_is_told_once_and_taken_as_it_is() {
     assert!(!told.contains("`fine`") && !told.contains("`p1`"), "{told}");
 }
 
-/// What the program answers to a scene with another value at a JSON pointer.
+/// Answer of the program to a scene with another value at a JSON pointer.
 fn with_scene(pointer: &str, value: Value, args: &[&str]) -> String {
     let dir = corridor();
     let mut scene = scene();

@@ -38,7 +38,7 @@ fn optimize_writes_its_folder_and_repeats_itself() {
     ] {
         assert!(dir.path().join("first").join(file).exists(), "{file} is missing");
     }
-    // What was found goes on to the other commands.
+    // Other commands take the placement found.
     let found =
         ok(dir.path(), &["score", "room.json", "first/placements.json", "--backend", "cpu"]);
     assert_eq!(found["scores"][0]["name"], "optimized");

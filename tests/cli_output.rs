@@ -38,7 +38,7 @@ fn a_closed_pipe_ends_quietly_and_a_full_disk_in_a_sentence() {
             }
         }
     }
-    // What is said on stderr is lost with it, and no more than that.
+    // Its words on stderr are lost, and no more than that.
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
     let mut command = Command::new(env!("CARGO_BIN_EXE_sightline"));

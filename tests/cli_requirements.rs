@@ -128,10 +128,10 @@ fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
         told.contains("no equipment of 1 sensor(s) was found that meets all requirements"),
         "{told}"
     );
-    // What it wrote is a file of placements.
+    // It wrote a file of placements.
     let again = ["score", "street.json", "round/placements.json", "--backend", "cpu"];
     assert_eq!(ok(dir.path(), &again)["scores"][0]["requirements"][0]["met"], true);
-    // What nothing meets: as many as there may be, and exit code 1.
+    // A requirement that nothing meets: as many as there may be, and exit code 1.
     let hopeless = json!({ "target": "tyre", "from": 15, "within": 15, "beams": 100, "share": 1 });
     let (code, sensors, _, found, _) = search("hopeless", json!([hopeless]));
     assert_eq!((code, sensors.len()), (Some(1), 4));

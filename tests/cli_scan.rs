@@ -98,7 +98,7 @@ fn several_placements_have_a_folder_each_and_weather_changes_the_points() {
         ok(dir.path(), &[&args[..], condition].concat())["scores"][1]["covered"].as_f64().unwrap()
     };
     assert!(score(&["--condition", "fog:mor=10"]) < score(&[]));
-    // What was scored in bad weather says so, in text and in JSON.
+    // Scores in bad weather say so, in text and in JSON.
     let score = ["score", "s.json", "p.json", "--backend", "cpu", "--condition", "wet:water=1"];
     assert_eq!(ok(dir.path(), &score)["conditions"], json!(["wet:water=1"]));
     let text = String::from_utf8(sightline(dir.path(), &score).stdout).unwrap();
@@ -110,7 +110,7 @@ fn several_placements_have_a_folder_each_and_weather_changes_the_points() {
     assert!(words.contains("blur: takes no beam away") && words.contains("fog:mor=inf"), "{words}");
     let words = noted(&[&blur[..], &["--condition", "wet:water=1"]].concat());
     assert!(words.contains("scores are those of the other conditions"), "{words}");
-    // What the sensor itself does not see is lost in clear air, too.
+    // Beams that the sensor itself loses are lost in clear air, too.
     let scores =
         |condition: &[&str]| ok(dir.path(), &[&blur[..5], condition].concat())["scores"].clone();
     let blurred = scores(&["--condition", "blur"]);
@@ -210,7 +210,7 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
     let error =
         fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set", "--seed", "7"]);
     assert!(error.contains("holds a data set of other settings (seed); name"), "{error}");
-    // What a run that was killed had begun goes, by the number of its process.
+    // Files that a killed run had begun go, by the number of its process.
     let mut ended = std::process::Command::new("true").spawn().unwrap();
     ended.wait().unwrap();
     let begun = format!("set/.sightline/.sightline-{}-AbCdEf.tmp", ended.id());
@@ -251,7 +251,7 @@ fn a_folder_is_gone_on_with_only_with_the_same_files() {
         assert!(!frame.exists());
         fs::write(&path, before).unwrap();
     }
-    // The same files by other paths.
+    // Equal files by other paths.
     let away = dir.path().join("away");
     fs::create_dir(&away).unwrap();
     let placements = "../p.json:one";
@@ -270,7 +270,7 @@ fn a_device_casts_to_the_same_bytes_and_is_named() {
         said
     };
     let by_device = scan("device", &["--backend", "gpu"]);
-    // Of two placements, and once a run.
+    // For two placements, and once a run.
     assert_eq!(by_device.matches("casting on gpu: ").count(), 1, "{by_device}");
     scan("host", &["--backend", "cpu"]);
     let [host, device] = ["host", "device"].map(|out| files(&dir.path().join(out)));

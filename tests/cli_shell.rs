@@ -84,7 +84,7 @@ fn pages_are_there_for_all_commands_and_groff_finds_no_fault() {
     }
 }
 
-/// What a package would hold; `cargo publish --workspace --dry-run` also builds it.
+/// Contents of a package; `cargo publish --workspace --dry-run` also builds it.
 #[test]
 fn packages_hold_what_a_user_builds_and_nothing_else() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -168,7 +168,7 @@ fn random_placements_see_either_row_and_the_optimized_one_the_better() {
     let dir = level_corridor(1);
     let [first, second] = rows_of_the_corridor();
     let table = of_corridor(&dir, "random", &[&["--random", "9"], &BY_GAIN[..]].concat());
-    // The same draws, and which row each is in.
+    // Equal draws, and the row of each.
     let mount: Value =
         serde_json::from_slice(&fs::read(dir.path().join("scene.json")).unwrap()).unwrap();
     assert_eq!((&mount["mount"]["min"][1], &mount["mount"]["max"][1]), (&json!(0.1), &json!(1.9)));

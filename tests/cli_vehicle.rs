@@ -82,7 +82,7 @@ fn sensors_are_chosen_for_the_money_and_put_where_they_may_stand() {
     let lidars = poor["best"]["placement"]["lidars"].as_array().unwrap();
     let sides = [0, 1].map(|k| lidars[k]["y"].as_f64().unwrap());
     assert!(sides[0] > 0.49 && sides[1] < -0.49, "{sides:?}");
-    // What a run writes, others read.
+    // Other commands read a run's files.
     let best = json!({ "placements": [rich["best"]["placement"]] });
     fs::write(dir.path().join("best.json"), best.to_string()).unwrap();
     let again = ok(

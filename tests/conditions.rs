@@ -158,7 +158,7 @@ fn weather_acts_on_beams_that_meet_nothing() {
     let seen = |condition: &str| tallies(&problem(&scene, &psog, &[condition])).swap_remove(0);
     let clear = seen("fog:mor=inf");
     assert!(clear.hits == 0 && clear.covered > 500, "{clear:?}");
-    // What is left are the voxels that the two LiDARs stand in, in two frames.
+    // Voxels are left that the two LiDARs stand in, in two frames.
     assert!(seen("crosstalk:share=1").covered <= 4);
     let half = seen("crosstalk:share=0.5").covered;
     assert!(half > 0 && half < clear.covered, "{half}");

@@ -39,7 +39,7 @@ fn scene() -> Scene {
     Scene::from_json(text, Path::new(""), "waiting.json").unwrap()
 }
 
-/// The same problem twice: as a scene poses it, and with a tree for every frame.
+/// One problem twice: as a scene poses it, and with a tree for every frame.
 fn problems() -> [Arc<Problem>; 2] {
     let scene = scene();
     let bounds = scene.roi();

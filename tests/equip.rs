@@ -230,7 +230,7 @@ fn no_other_equipment_of_a_small_vehicle_gains_much_more() {
         for budget in [2.0, 5.5, 6.0, 8.5, 9.9, 10.5, 30.0] {
             let found = equipped(&problem, &vehicle, budget);
             assert!(found.cost <= budget && !found.equipment.is_empty());
-            // The same search with each equipment fixed: no choice is left but that of poses.
+            // One search with each equipment fixed: no choice is left but that of poses.
             let mut best = f64::MIN;
             for front in [
                 vec![],
@@ -365,7 +365,7 @@ fn sensors_of_a_symmetric_vehicle_are_chosen_in_pairs() {
         let on = |mount: usize| found.equipment.iter().filter(move |(k, _)| *k == mount);
         assert!(on(1).map(|(_, name)| name).eq(on(2).map(|(_, name)| name)), "{found:?}");
         bought.push((on(0).count(), on(1).count()));
-        // What it must hold it holds, also where that is an odd number.
+        // It holds as many as it must, also where that is an odd number.
         vehicle.mounts[0].count = [3, 3];
         let full = equipped(&problem, &vehicle, budget + 100.0);
         assert_eq!(full.equipment.iter().filter(|(k, _)| *k == 0).count(), 3, "{full:?}");

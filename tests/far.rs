@@ -1,4 +1,4 @@
-//! What `f32` loses far from the origin of the static world's frame, and worlds that it cannot hold.
+//! Loss of `f32` far from the origin of the static world's frame, and worlds that it cannot hold.
 
 use std::path::Path;
 

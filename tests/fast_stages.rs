@@ -38,7 +38,7 @@ fn compare(problem: &Arc<Problem>, placements: &[Placement], range: f32) -> u64 
         let geometry = problem.geometry(frame).filter(|_| problem.ends_at_hits());
         let hits = geometry.map(|frame| cast_frame_closest(&sensors, table, frame, range));
         if let (Some(frame), Some(hits)) = (geometry, &hits) {
-            // What was there before must not shine through.
+            // Hits of before must not shine through.
             let mut fast = vec![Hit { t: f32::NAN, prim: 77 }; 5000];
             Caster::new(table).cast_frame(&sensors, frame, range, &mut fast);
             assert!(fast.iter().zip(hits).all(|(a, b)| a.t.to_bits() == b.t.to_bits()));
@@ -173,7 +173,7 @@ fn own_scenes_have_the_reference_s_bits() {
         let bvh = Arc::new(Bvh::build(&scene.frame(0, EgoBody::Include), 100.0));
         let content = random_content(55, &roi);
         let problem = Arc::new(Problem::from(Task::new(roi, content, table, vec![bvh], true)));
-        // As many level ones, whose directions are the same.
+        // Nine of them are level, so that their directions are equal.
         let mut placements = scattered(&constraints, 14, 1);
         for lidar in placements.iter_mut().take(9).flat_map(|p| &mut p.lidars) {
             (lidar.roll, lidar.pitch, lidar.yaw) = (0.0, 0.0, 0.0);

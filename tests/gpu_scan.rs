@@ -75,7 +75,7 @@ fn the_bytes_are_those_of_the_host() {
     let list = format!(r#"{{ "directions": [{}], "range": 60 }}"#, directions.join(", "));
     for (lidar, way) in [
         (spinning(12), 2.0),
-        // Of so many channels, the beams of a column go down the host's trees together.
+        // With so many channels, the beams of a column go down the host's trees together.
         (spinning(40), 2.0),
         (spinning(12), 0.0),
         (list, 2.0),

@@ -74,7 +74,7 @@ fn bounds_bracket_the_best_of_all_placements() {
         (5, 1, 0.0, gain, 1.12),
         (6, 4, 0.5, tasks, 1.12),
         (7, 3, 0.0, "near_gain", 1.12),
-        // As many LiDARs as count: a sum over them, which the best single poses bound to the bit or so.
+        // Two and three LiDARs, which all count: a sum over them, which the best single poses bound to the bit or so.
         (8, 2, 0.0, "near_gain_2", 1.0 + 1e-11),
         (9, 3, 0.0, "near_gain_3", 1.0 + 1e-11),
         (10, 3, 0.0, "near_gain_2", 1.12),

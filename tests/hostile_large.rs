@@ -159,7 +159,7 @@ fn two_million_triangles_are_hit_where_brute_force_says() {
     assert!(hits.iter().filter(|hit| hit.is_hit()).count() > hits.len() / 2);
     assert_eq!(bits(&hits), bits(&gpu.hits(&placement.lidars, 0).unwrap()));
     let bvh = &problem.geometry(0).unwrap().instances()[0].tree;
-    // As the backends round it.
+    // Rounded like in the backends.
     let pose = DevicePose::new(&placement.lidars[0].ego_from_sensor(), problem.roi());
     let origin = Vec3::from(pose.rows.map(|row| row[3]));
     hits.par_iter().zip(problem.sensors().table(0).directions()).for_each(|(hit, &direction)| {

@@ -96,7 +96,7 @@ fn a_run_resumed_after_any_step_gives_the_same_bits() {
         for (step, state) in states.iter().enumerate() {
             let run = loaded(&problem, state);
             let phase = run.state().phase();
-            // Of many generations some will do.
+            // Some of many generations will do.
             if phases.contains(&phase) && step % 4 > 0 {
                 continue;
             }

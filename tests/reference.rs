@@ -18,7 +18,7 @@ use crate::own_scenes::Own;
 /// Entropies of a scene's voxels, and its triangles in `f64`.
 pub struct Reference<'a> {
     own: &'a Own,
-    /// Of every frame: corners of each triangle.
+    /// Corners of each triangle, in every frame.
     frames: Vec<Vec<[DVec3; 3]>>,
     entropies: Vec<u32>,
 }

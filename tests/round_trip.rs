@@ -30,7 +30,7 @@ const NUSCENES: [(&str, &[&str]); 7] = [
         &["fence", "pole", "wall", "traffic_sign", "bridge", "guard_rail", "traffic_light"],
     ),
 ];
-/// The same of SemanticKITTI, by the names of its benchmark.
+/// SemanticKITTI likewise, by the names of its benchmark.
 const KITTI: [(&str, &[&str]); 11] = [
     ("car", &["vehicle"]),
     ("person", &["pedestrian"]),
@@ -45,7 +45,7 @@ const KITTI: [(&str, &[&str]); 11] = [
     ("other-ground", &["ground", "rail_track"]),
 ];
 
-/// What a class counts as, once it was exported.
+/// Name under which an exported class counts.
 fn merged<'a>(name: &'a str, classes: &[(&'a str, &[&str])]) -> &'a str {
     classes.iter().find(|(_, others)| others.contains(&name)).map_or(name, |(into, _)| into)
 }

@@ -102,7 +102,7 @@ fn each_way_gives_the_bits_of_the_reference() {
                 for range in [30.0, 2.5] {
                     let want = cast_closest(&poses, &table, &bvh, range);
                     for way in ways {
-                        // What was there before must not shine through.
+                        // Values of before must not shine through.
                         let mut got = vec![Hit { t: f32::NAN, prim: 77 }; 5000];
                         let caster = Caster::by(way, Instructions::Best, &table);
                         caster.closest_hits(&poses, &bvh, range, &mut got);

@@ -91,7 +91,7 @@ fn instance(soup: &TriangleSoup, ego_from_instance: Pose, first_prim: u32) -> In
 
 #[test]
 fn equal_distances_go_to_the_lowest_triangle_of_the_frame() {
-    // The same triangles three times: in the static world and in two actors, at the same place.
+    // Equal triangles three times: in the static world and in two actors, at the same place.
     let soup = random_soup(5, 120, 6.0);
     let count = soup.faces.len() as u32;
     let tree = Arc::new(Bvh::build(&soup, RANGE as f32));

@@ -144,7 +144,7 @@ class Space:
     mounts: list[Mount]
     min_distance: float = 0.0
     sensors: list[str] | None = None
-    #: Of a symmetric rig, for each LiDAR the earlier one that it mirrors, itself if it lies in the plane.
+    #: For each LiDAR of a symmetric rig: the earlier one that it mirrors, itself if it lies in the plane.
     partner: list[int | None] = field(default_factory=list)
 
     def __post_init__(self) -> None:

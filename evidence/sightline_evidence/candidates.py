@@ -20,7 +20,7 @@ from .groups import GROUND, groups_of
 from .metrics.objects import distance_to
 from .metrics.targets import OVERHEAD
 
-#: What each sums up, and why.
+#: Sum of each candidate, and the reason for it.
 CANDIDATES = {
     "gain": "Σ H over covered voxels: the engine's information_gain, here to be compared with the rest",
     "gain_by_class": "mean over classes of the share of their H that is covered: else walls, most of all voxels, decide",
@@ -39,7 +39,7 @@ CANDIDATES = {
     "class_and_field": "gain_by_class + near_field / 5: every class alike, and near ground",
 }
 
-#: Candidates that are sums of others: factor of each part. Those of ``blend`` are one over the spread among 28 placements
+#: Candidates that are sums of others: factor of each part. In ``blend`` a factor is one over the spread among 28 placements
 #: of four LiDARs, fixed before any placement was searched with it; the others were chosen on the test scenes of the first
 #: standard run (seeds 101 to 103), which since then test nothing.
 SUMS = {
@@ -54,7 +54,7 @@ BLOCK = 0.6
 #: Metres from the body within which ground counts as near.
 NEAR = 10.0
 
-#: Of the occupied voxels H ``[V]``, middles ``[V, 3]`` (m), commonest classes ``[V]``, and which are near ground ``[V]``.
+#: For the occupied voxels: H ``[V]``, middles ``[V, 3]`` (m), commonest classes ``[V]``, and which are near ground ``[V]``.
 _Weight = Callable[[F64, F64, I64, Bools], F64]
 
 

@@ -35,7 +35,7 @@ FRAMES, SETTINGS = 2, unet.Settings(steps=1000)
 #: Finalists that are judged.
 FINALISTS = 5
 
-#: What they are judged by.
+#: Metric that judges them.
 METRIC = "birds_eye_miou"
 
 #: Draws of the bootstrap over worlds and seeds.
@@ -125,7 +125,7 @@ def taught_with(scene: Path) -> str:
     """Name of the folder of worlds and nets: twelve digits of the SHA-256 of all that decides about them."""
     own = json.loads(scene.read_text(encoding="utf-8"))
     lidar = own.get("lidar", {})
-    # What the LiDAR is told by its vendor stands in a file of its own.
+    # A vendor's description of the LiDAR stands in a file of its own.
     file = (scene.parent / lidar["file"]).read_bytes() if "file" in lidar else b""
     of = {
         "scene": {key: own.get(key) for key in ("lidar", "mount")} | {"body": own.get("ego", {}).get("body")},

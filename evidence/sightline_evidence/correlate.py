@@ -42,7 +42,7 @@ def partial(x: Floats, y: Floats, given: Floats) -> float:
         return float("nan")
     design = np.c_[np.ones(len(ranks[2])), ranks[2]]
     left, right = (r - design @ np.linalg.lstsq(design, r, rcond=None)[0] for r in ranks[:2])
-    # What the given ranks explain wholly leaves rounding errors, which correlate with nothing.
+    # Ranks that the given ones explain wholly leave rounding errors, which correlate with nothing.
     bound = 1e-9 * len(left)
     return _linear(left, right) if min(np.ptp(left), np.ptp(right)) > bound else float("nan")
 
@@ -131,7 +131,7 @@ def partial_of(score: Means, metric: Means, given: Means) -> Interval:
     xy, xz, yz = (_by_row(a.ranks, b.ranks) for a, b in ((score, metric), (score, given), (metric, given)))
     left = (1 - xz**2) * (1 - yz**2)
     with np.errstate(invalid="ignore", divide="ignore"):
-        # What the given ranks explain wholly leaves nothing but rounding errors.
+        # Ranks that the given ones explain wholly leave nothing but rounding errors.
         values = np.where(left > 1e-12, (xy - xz * yz) / np.sqrt(left), np.nan)
     return interval(partial(score.whole, metric.whole, given.whole), values)
 

@@ -190,7 +190,7 @@ def chart(found: list[Way]) -> bytes:
 
     page = Figure(figsize=(7, 4.2), layout="constrained")
     spot = page.subplots()
-    # What costs nothing stands at the left edge of a logarithmic axis.
+    # A way that costs nothing stands at the left edge of a logarithmic axis.
     least = min((way.seconds for way in found if way.seconds > 0), default=1.0) / 10
     told = [way for way in found if way.tells()]
     of_cost = {way.seconds: [other for other in told if other.seconds == way.seconds] for way in told}

@@ -17,14 +17,14 @@ from .trial import METRICS
 #: Seed of all bootstraps.
 SEED = 11
 
-#: What is decided on: every metric on fixed targets, of every learner.
+#: Metrics that decide: every metric on fixed targets, of every learner.
 DECIDING = (
     *(metric for metric in METRICS if not metric.startswith("own_")),
     "unet_birds_eye_miou",
     "unet_centre_recall",
 )
 
-#: The same by what they are about, for a reader; the rule takes all alike.
+#: Deciding metrics by their subject, for a reader; the rule takes all alike.
 ABOUT = {
     "recognized": ("voxel_miou", "voxel_1m_miou", "birds_eye_miou", "unet_birds_eye_miou"),
     "objects": ("objects_5", "objects_20", "unet_centre_recall"),
@@ -34,10 +34,10 @@ ABOUT = {
 #: Scores that no search would follow: null models, and the sums of which others are made.
 NULL = ("hits", "mean_height", "shuffled", "covered")
 
-#: What regrets are compared with: the default of ``optimize`` until these studies.
+#: Score that regrets are compared with: the default of ``optimize`` until these studies.
 GAIN = "information_gain"
 
-#: What the optima of other scores are compared with, too: the default of ``optimize`` since.
+#: Score that the optima of others are compared with, too: the default of ``optimize`` since.
 DEFAULT = OBJECTIVES[0]
 
 #: The best published optimum.

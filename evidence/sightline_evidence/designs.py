@@ -60,7 +60,7 @@ _ALL = (
     Design(
         name="standard",
         train=_worlds(1, 2, 3, 4),
-        # Of the first run, with seeds 101 to 103, candidates were made, with the second, 201 to 203, one was chosen,
+        # Candidates were made on the first run, with seeds 101 to 103; one was chosen on the second, 201 to 203;
         # the third, 301 to 303, tried it; no run before this one looked at 401 to 403, Town03 and Town04.
         test=_worlds(401, 402, 403),
         train_towns=(("Town01", 1), ("Town06", 1)),
@@ -75,7 +75,7 @@ _ALL = (
         seeds=(1, 2),
         learner=Settings(points=90_000),
     ),
-    # What the standard run had of four in the mount, in towns on real road maps alone. Every map is tested on with two
+    # The standard run's four in the mount, in towns on real road maps alone. Every map is tested on with two
     # seeds of houses and traffic that no run has looked at; two maps are trained on.
     Design(
         name="towns",

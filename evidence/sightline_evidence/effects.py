@@ -17,7 +17,7 @@ from .gathered import Gathered, mean
 from .layouts import Layout
 from .worlds import OWN
 
-#: What describes a placement of four in the mount, in the order of ``described``.
+#: Numbers that describe a placement of four in the mount, in the order of ``described``.
 QUANTITIES = ("mean_height", "spread_of_heights", "spread_in_plan", "mean_roll")
 
 

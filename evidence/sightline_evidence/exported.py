@@ -168,13 +168,13 @@ class Export:
         if not names:
             raise ValueError(f"{self.root}: has no box of nuScenes' ten kinds in the split {eval_set}; take another --split")
         ap = {name: float(metrics.mean_dist_aps[name]) for name in names}
-        # Of kinds that are not there the devkit makes errors of 1; some kinds have no heading, which is NaN.
+        # Kinds that are not there have errors of 1 in the devkit; some kinds have no heading, which is NaN.
         errors = {
             error: float(np.nanmean([metrics.get_label_tp(name, error) for name in names]))
             for error in ("trans_err", "scale_err", "orient_err")
         }
         mean = float(np.mean(list(ap.values())))
-        # Those of velocity and attribute are 1, the worst: a network of single frames knows neither.
+        # Errors of velocity and attribute are 1, the worst: a network of single frames knows neither.
         nds = (5 * mean + sum(1 - min(1.0, error) for error in errors.values())) / 10
         return {"ap": ap, "mean_ap": mean, "nds": nds, "errors": errors}
 

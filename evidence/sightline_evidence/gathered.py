@@ -115,7 +115,7 @@ def _of_others(out: Path, layouts: list[Layout], scenes: list[str]) -> dict[str,
         rows = [[read_json(some[k]) if k < len(some) else None for some in of] for k in range(most)]
         for metric in LEARNT if most else ():
             table = _table(rows, scenes, metric)
-            # Of fewer nothing can be said.
+            # Fewer say nothing.
             if np.isfinite(table).any(axis=(0, 2)).sum() >= 4:
                 found[f"{learner}_{metric}"] = table
     return found

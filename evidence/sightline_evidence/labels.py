@@ -9,7 +9,7 @@ import numpy as np
 from ._types import U8, Ints
 from .groups import GROUPS
 
-#: What voxels are told apart as; 0 is none of them.
+#: Kinds of voxels that are told apart; 0 is none of them.
 COMMON = ("none", "road", "other ground", "built", "vegetation", "vehicle", "pedestrian")
 
 #: Our groups in the common ones.

@@ -28,7 +28,7 @@ from .trial import METRICS
 from .truth import DENSE, VERSION, VISIBLE, Source
 from .worlds import LIDAR, World
 
-#: What the engine maximizes: its optima are among the placements, and one of these is the default whatever comes out.
+#: Scores that the engine maximizes: their optima are among the placements, and one of these is the default whatever comes out.
 OBJECTIVES = ("near_gain", "information_gain", "m_sog_scaled", "m_sog_scaled_nonzero")
 
 #: Candidates whose optima over a pool of poses are, of four in the mount and of two there and two low round the body.

@@ -16,7 +16,7 @@ from .candidates import SUMS, WEIGHTS, Ground
 from .truth import body_of
 from .worlds import World
 
-#: Of the occupied voxels of a frame so many are looked at, drawn at random: shares to a part in a thousand.
+#: Occupied voxels of a frame that are looked at, drawn at random: shares are right to a part in a thousand.
 MOST = 20_000
 
 #: Kinds of poses: in the mount, and low around the body.
@@ -92,7 +92,7 @@ class Sets:
     #: Things of pose p are ``index[starts[p] : starts[p + 1]]``.
     starts: I64
     index: I64
-    #: Of each thing; the sum over all is 1.
+    #: Weight of each thing; the sum over all is 1.
     weight: F64
 
     def gains(self, seen: Bools) -> F64:

@@ -16,7 +16,7 @@ from .layouts import Layout
 from .truth import Source, body_of
 from .worlds import World, at, opened
 
-#: Those of the engine.
+#: Scores of the engine.
 _ENGINE = (
     "near_gain",
     "information_gain",
@@ -51,7 +51,7 @@ def of_world(world: World, placements: list[Layout], frames: int = FRAMES) -> di
         for name, values in _of_one_lidar(world, psog, among, frames).items():
             table[name][kept] = values
     table["mean_height"] = np.array([layout.poses[:, 2].mean() for layout in placements])
-    # The same permutation in every scene, or means over scenes would know the gain again.
+    # One permutation for all scenes, or means over scenes would know the gain again.
     order = np.random.default_rng(7).permutation(len(placements))
     table["shuffled"] = table["information_gain"][order]
     return {name: table[name].tolist() for name in SCORES}

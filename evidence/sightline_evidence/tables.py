@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-#: What a reader sees first; the rest is in ``result.json``.
+#: Metrics that a reader sees first; the rest is in ``result.json``.
 SHOWN = ("voxel_miou", "voxel_1m_miou", "birds_eye_miou", "objects_5", "ground_seen_10m", "own_miou", "unet_birds_eye_miou")
 
 

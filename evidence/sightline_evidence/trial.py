@@ -20,7 +20,7 @@ from .metrics.calibration import calibration
 from .truth import KINDS, VISIBLE, Truth, points_on
 from .worlds import World
 
-#: What placements are ranked by; larger is better.
+#: Metrics that rank placements; larger is better.
 METRICS = (
     "voxel_miou",
     "voxel_1m_miou",

@@ -167,7 +167,7 @@ def test_lidarseg_and_boxes_as_the_devkit_reads_them(small_file: Path, tmp_path:
     result.write_text(json.dumps({"meta": {**meta, "use_lidar": True}, "results": boxes}))
     perfect = export.detection(result, "val")
     assert set(perfect["ap"]) == {"car", "pedestrian"} and min(perfect["ap"].values()) > 0.999
-    # Of ten parts five are of the mAP, three of the errors that are none, and two of velocity and attribute, at their worst.
+    # Ten parts: five are of the mAP, three of the errors that are none, and two of velocity and attribute, at their worst.
     assert perfect["nds"] == pytest.approx(0.8, abs=1e-3) and max(perfect["errors"].values()) < 1e-6
     says = predictions.shown(perfect)
     assert "mAP 1.000, ATE 0.000 m, ASE 0.000, AOE 0.000 rad" in says and "NDS 0.800, with AVE and AAE at 1" in says

@@ -75,7 +75,7 @@ def test_scans_and_versions_of_another_run_are_refused(tmp_path: Path, monkeypat
     with pytest.raises(ValueError, match="plan.json: judged_points are not those of this call; give another --out"):
         real.settled(files, out)
     monkeypatch.undo()
-    # The same names, other points.
+    # Equal names, other points.
     write(tmp_path, "01", 0, 4)
     with pytest.raises(ValueError, match="plan.json: scans are not those of this call"):
         real.settled(files, out)

@@ -54,7 +54,7 @@ def test_a_score_that_is_shuffled_tells_nothing(result: dict[str, Any]) -> None:
     pool = result["pools"]["all but the gamed"]["metrics"]["voxel_1m_miou"]["scores"]
     assert pool["shuffled"]["spearman"]["low"] < 0 < pool["shuffled"]["spearman"]["high"]
     assert pool["covered"]["spearman"]["low"] > 0
-    # What it picks is a random placement, of which the regret is 1.
+    # It picks a random placement, of which the regret is 1.
     assert result["checks"]["shuffled_is_random"]["all but the gamed"] is True
     assert "interval of the regret of `shuffled` holds 1: four in the mount " in tables.tables(result)
 
@@ -66,7 +66,7 @@ def test_shuffled_labels_do_not_beat_chance(result: dict[str, Any]) -> None:
 
 
 def test_one_more_lidar_is_better(result: dict[str, Any]) -> None:
-    # Of one frame a world, what is within 1 m of a point follows the noise of the learner.
+    # With one frame a world, metrics within 1 m of a point follow the noise of the learner.
     for metric in ("voxel_miou", "ground_seen_10m"):
         found = result["checks"]["one_more_lidar"][metric]
         one, two = found["means"]
@@ -153,7 +153,7 @@ def test_another_learner_stands_beside(result: dict[str, Any], out: Path, tmp_pa
     found = summary.of(plan.read(tiny.DESIGN, tmp_path / "run", out), tmp_path / "run")
     agreed = found["agreement"]["unet_birds_eye_miou, box"]
     assert agreed["value"] == pytest.approx(1) and agreed["of"] == 11
-    # What it was told was not written down by earlier programs.
+    # Earlier programs did not write its settings down.
     assert found["checks"]["second_learner"] == "settings not recorded"
     assert "second learner: settings not recorded" in tables.tables(found)
     regret = found["pools"]["four in the mount"]["regret"]

@@ -74,7 +74,7 @@ def test_arrays_of_any_layout_give_the_same_bits(scene, placements) -> None:
     frozen.flags.writeable = False
     for given in (poses, np.asfortranarray(poses), strided[::2, :, ::2], frozen, poses.tolist(), poses[::-1][::-1]):
         assert scene.score(given)["information_gain"].tobytes() == expected["information_gain"].tobytes()
-    # What f32 holds of a pose is another pose; it is taken as it is.
+    # A pose in f32 is another pose; it is taken as it is.
     single = scene.score(poses.astype(np.float32))
     widened = scene.score(poses.astype(np.float32).astype(np.float64))
     assert single == widened

@@ -218,7 +218,7 @@ pub struct DeviceBenchRequest {
     pub rounds: u32,
 }
 
-/// A device measured in scene files. As text it is a block of Markdown.
+/// A device measured in scene files. Its text is a block of Markdown.
 #[derive(Debug, Serialize)]
 pub struct DeviceBench {
     /// Version of this program.

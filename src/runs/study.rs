@@ -33,7 +33,7 @@ pub struct StudyRequest {
     pub scenes: Vec<PathBuf>,
     /// Folder for the study [default: studies/SCENE-KIND]
     ///
-    /// Of several scenes one in it for each.
+    /// With several scenes, a folder in it for each.
     #[cfg_attr(feature = "cli", arg(long, value_name = "DIR"))]
     pub out: Option<PathBuf>,
     /// Score to maximize where placements are searched

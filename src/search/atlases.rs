@@ -32,7 +32,7 @@ pub struct Atlases {
 pub(super) struct Units {
     /// By kind of information, for voxels that no LiDAR covered before.
     pub once: [f64; KINDS],
-    /// Of near information, for voxels that one LiDAR, and two, covered before.
+    /// For near information: voxels that one LiDAR, and two, covered before.
     pub repeated: [f64; REPEATS],
 }
 

@@ -97,7 +97,7 @@ impl Tolerance {
         self.metres > 0.0 || self.radians > 0.0
     }
 
-    /// What is added to the pose fields of each LiDAR in each of its poses, `[lidars][poses]`: nothing in the first.
+    /// Offsets of the pose fields of each LiDAR in each of its poses, `[lidars][poses]`: none in the first.
     fn offsets(&self, lidars: usize) -> Vec<Vec<[f64; 6]>> {
         let mut rng = ChaCha8Rng::seed_from_u64(SEED);
         let most =

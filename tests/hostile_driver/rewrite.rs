@@ -242,8 +242,8 @@ fn fused_at(tokens: &[String], at: usize) -> Option<(usize, usize, String)> {
     Some((from, end, fused(&a, &b, &c)))
 }
 
-/// a · b + c with the error of the product (Dekker 1971) and that of the sum (Knuth) added at the end. Of integers both
-/// errors are 0, and the text says the same as before.
+/// a · b + c with the error of the product (Dekker 1971) and that of the sum (Knuth) added at the end. Both errors are 0
+/// for integers, and the text means what it did.
 fn fused(a: &str, b: &str, c: &str) -> String {
     let high = |x: &str| format!("(({x}) * 4097 - (({x}) * 4097 - ({x})))");
     let (ah, bh) = (high(a), high(b));

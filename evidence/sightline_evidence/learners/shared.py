@@ -23,7 +23,7 @@ MOST = 6
 #: Every so many-th frame is seen by other LiDARs of as many points, each world by one kind of them.
 OTHER = 4
 
-#: Those: other channels and fields of view, as the studies have them.
+#: Variants: other channels and fields of view, as the studies have them.
 _POINTS = 16 * 250
 VARIANTS: tuple[dict[str, Any], ...] = (
     {"channels": 8, "azimuth_steps": _POINTS // 8},

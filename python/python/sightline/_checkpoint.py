@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from . import Placement, Result, Scene, Scores, __version__
 
-#: What the folder belongs to.
+#: File that says to which job the folder belongs.
 PLAN = "plan.json"
 #: Result in a file: words as JSON holds them, and arrays by name; no pickle, for reading a pickle runs code.
 Packed = tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]

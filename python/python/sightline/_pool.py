@@ -25,7 +25,7 @@ class Task:
 
     method: str
     arguments: tuple[Any, ...]
-    #: What a worker has to build for it; workers keep to what they have built.
+    #: Number of the scene that a worker builds for it; workers keep to the scenes that they have built.
     home: int
     #: Where its result belongs.
     index: tuple[int, ...] = ()

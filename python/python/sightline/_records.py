@@ -91,7 +91,7 @@ class Scan:
     classes: list[str]
     #: ``[4, 4]``, takes the ego frame to the world.
     world_from_ego: F64
-    #: Of each LiDAR ``model``, ``ego_from_sensor`` ``[4, 4]``, ``channels``, ``columns``, ``range``.
+    #: For each LiDAR: ``model``, ``ego_from_sensor`` ``[4, 4]``, ``channels``, ``columns``, ``range``.
     lidars: list[dict[str, Any]]
     #: ``[P, 3]`` metres in the ego frame at ``time``, the vehicle's own motion made up for.
     xyz: F32

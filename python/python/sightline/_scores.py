@@ -108,7 +108,7 @@ class Scores(Mapping[str, Column]):
         #: Name of each placement; its number for those from an array.
         self.names = names
         self._columns = columns
-        #: Of each placement, sentences why its scores should not be believed; mostly none.
+        #: For each placement, reasons why its scores should not be believed; mostly none.
         self.guards = guards
         #: Names of the classes of ``covered_by_class``.
         self.classes = classes

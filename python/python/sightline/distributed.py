@@ -81,7 +81,7 @@ class _Worker:
     def _scored(self, scene: int, start: int, stop: int) -> Scores:
         phases = self.named["phases"]
         phases = phases if phases is None else phases[start:stop]
-        # As few placements as one process looks at, however they are cut into chunks.
+        # One process looks at as few placements, however they are cut into chunks.
         few = len(self.poses) <= FEW_PLACEMENTS
         return self.scenes[scene].score(
             self.poses[start:stop], sensors=self.named["sensors"], phases=phases, self_hits=few

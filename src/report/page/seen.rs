@@ -1,4 +1,4 @@
-//! What the result sees: range card, blind zone, overlap of its LiDARs, and the map from above.
+//! Section of the page about sight: range card, blind zone, overlap of its LiDARs, and the map from above.
 
 use maud::{Markup, html};
 

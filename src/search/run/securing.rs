@@ -24,8 +24,8 @@ fn found(scored: &Scored) -> Vec<(f64, f64)> {
 
 impl Run {
     /// Moves single LiDARs of a result a little, one after the other, until 95 % of its copies within the mounting tolerance
-    /// meet all requirements, or no move makes more of them do so. Of the moves after which enough copies do, the one of
-    /// the largest objective is taken; before that, the one after which most do. Returns the placements scored for it.
+    /// meet all requirements, or no move makes more of them do so. If enough copies do after several moves, the move
+    /// of the largest objective is taken; else the one after which most do. Returns the placements scored for it.
     ///
     /// Does nothing without a tolerance or requirements, and where the result itself does not meet these.
     pub(super) fn secure(
