@@ -195,7 +195,7 @@ fn what_must_be_seen_changes_what_is_bought() {
     let seen = &found["best"]["scores"]["requirements"][0];
     assert!(seen["found"].as_f64().unwrap() >= 0.5 && seen["met"] == true, "{seen}");
     let page = fs::read_to_string(dir.path().join("one/report.html")).unwrap();
-    let heading = "<h1>The placement found meets its requirement, left for 3 of 3.</h1>";
+    let heading = "<h1>The placement found meets its requirement (left) for 3 of 3.</h1>";
     assert!(page.contains(heading), "{page:.3000}");
 }
 

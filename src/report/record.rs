@@ -357,7 +357,7 @@ fn best_text(best: &Scored, record: &RunRecord) -> String {
         text += &format!("  {words}\n");
     }
     for bound in &record.active_bounds {
-        text += &format!("  active: {bound}\n");
+        text += &format!("  {bound}\n");
     }
     if !record.constraints.is_empty() {
         text += &format!("\nrules kept: {}\n", record.constraints.join("; "));

@@ -107,7 +107,7 @@ fn judged_at(
 fn met_in_words(subject: &str, price: &str, best: &Scored) -> String {
     match &best.scores.required[..] {
         [] => String::new(),
-        [one] => format!("{subject} meets its requirement, {}{price}. ", one.name),
+        [one] => format!("{subject} meets its requirement ({}){price}. ", one.name),
         all => format!("{subject} meets all {} requirements{price}. ", all.len()),
     }
 }
