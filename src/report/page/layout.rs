@@ -80,14 +80,14 @@ fn each_lidar(subject: &Subject<'_>, figures: &Figures) -> Markup {
     html! {
         h3 { "What each LiDAR gives" }
         (table(
-            "Per cent of the placement's gain that a LiDAR reaches alone, and that only it reaches",
-            &["LiDAR", "alone %", "only it %", ""],
+            "Per cent of the placement's gain that a LiDAR delivers alone, and that is lost if it fails",
+            &["LiDAR", "alone %", "lost with it %", ""],
             &rows,
         ))
         p.small {
             "Bar: alone"
             @if figures.views.len() > 1 { ", in the first scene" }
-            "; mark: only it, which is lost with that LiDAR."
+            "; mark: lost with it."
         }
     }
 }
