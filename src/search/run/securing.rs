@@ -16,6 +16,8 @@ const STEPS: i32 = 3;
 const STEP: f64 = 0.025;
 /// Moves that hold in most copies, of which all scores are computed.
 const SCORED: usize = 12;
+/// Moves whose beams are cast between two looks at the time: no more LiDARs at once than a placement has.
+const CAST_AT_ONCE: usize = 6;
 
 /// Requirements of a placement, and their least shares.
 fn found(scored: &Scored) -> Vec<(f64, f64)> {
@@ -45,7 +47,7 @@ impl Run {
             if holds >= HOLDS || watch.is_over() {
                 break;
             }
-            let offers = self.offers(result, &moved, &mut evaluator)?;
+            let offers = self.offers(result, &moved, &mut evaluator, watch)?;
             looked_at += offers.len() as u64;
             let Some(next) = self.more_secure((&*result, holds), offers, &moved, watch)? else {
                 break;
@@ -62,22 +64,26 @@ impl Run {
         now: &Scored,
         moved: &Moved,
         evaluator: &mut Evaluator,
+        watch: &mut Watch,
     ) -> Result<Vec<(Placement, Instead)>, SearchError> {
-        let moves = self.moves(&now.placement);
-        let columns = moved.columns_beside(&now.placement, &moves, evaluator)?;
         let (before, still) = (found(now), moved.as_it_is(&[]));
         let mut ranked: Vec<(f64, (Placement, Instead))> = Vec::new();
-        for (placement, instead) in moves.into_iter().zip(columns) {
-            // Over all frames a share is taken to change as it does over few.
-            let changed = moved.as_it_is(&instead).into_iter().zip(&still);
-            let found = before.iter().zip(changed);
-            let found = found.map(|((share, least), (new, old))| (share + (new - old), *least));
-            let holds = moved.holds(&instead, &found.collect::<Vec<_>>()).all;
-            ranked.push((holds, (placement, instead)));
+        let mut moves = self.moves(&now.placement).into_iter().peekable();
+        while moves.peek().is_some() && watch.goes_on() {
+            let some: Vec<Placement> = moves.by_ref().take(CAST_AT_ONCE).collect();
+            let columns = moved.columns_beside(&now.placement, &some, evaluator)?;
+            for (placement, instead) in some.into_iter().zip(columns) {
+                // Over all frames a share is taken to change as it does over few.
+                let changed = moved.as_it_is(&instead).into_iter().zip(&still);
+                let found = before.iter().zip(changed);
+                let found = found.map(|((share, least), (new, old))| (share + (new - old), *least));
+                let holds = moved.holds(&instead, &found.collect::<Vec<_>>()).all;
+                ranked.push((holds, (placement, instead)));
+            }
+            // Stable: of equal ones the first. The others' beams need not be kept.
+            ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+            ranked.truncate(SCORED);
         }
-        // Stable: of equal ones the first.
-        ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
-        ranked.truncate(SCORED);
         Ok(ranked.into_iter().map(|(_, offer)| offer).collect())
     }
 
