@@ -158,6 +158,13 @@ impl Seen {
     pub fn is_met(&self) -> bool {
         self.share >= self.least
     }
+
+    /// A requirement of 90 %, for tests.
+    #[cfg(test)]
+    pub(crate) fn of(name: &str, share: f64) -> Self {
+        let name = name.to_owned();
+        Self { name, share, done: SEEN, least: 0.9, missing: None, holds_in: None }
+    }
 }
 
 impl Serialize for Seen {

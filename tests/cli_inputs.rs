@@ -1,13 +1,12 @@
 //! Files that are read: what they are taken for, and what a run does when they change.
 
 use std::fs;
-use std::io::Write;
-use std::process::{Command, Output, Stdio};
+use std::process::Output;
 
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::cli::{corridor, fails, ok, room, scene, sightline};
+use crate::cli::{self, corridor, fails, ok, room, scene, sightline};
 
 #[test]
 fn a_run_does_not_go_on_with_other_files() {
@@ -48,18 +47,8 @@ fn line(name: &str) -> String {
 
 /// Scores placements that come through a pipe.
 fn piped(dir: &TempDir, input: &str, more: &[&str]) -> Output {
-    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
-        .args(["score", "scene.json", "-", "--format", "json", "--backend", "cpu"])
-        .args(more)
-        .current_dir(dir.path())
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    // Whatever ends early does not read all of it.
-    let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
-    child.wait_with_output().unwrap()
+    let args = ["score", "scene.json", "-", "--format", "json", "--backend", "cpu"];
+    cli::piped(dir.path(), &[&args[..], more].concat(), input.as_bytes())
 }
 
 #[test]

@@ -3,14 +3,12 @@
 //! `python/tests/test_schemas.py` holds the schemas against another validator and the files of the project.
 
 use std::fs;
-use std::io::Write;
 use std::path::Path;
-use std::process::{Command, Stdio};
 
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::cli::fails;
+use crate::cli::{fails, piped};
 use crate::cli_shell::printed;
 
 const KINDS: [&str; 4] = ["scene", "vehicle", "placements", "targets"];
@@ -78,16 +76,8 @@ fn a_pipe_of_placements_may_name_its_schema_first() {
     for text in
         [format!("{{ \"$schema\" : \"p, q\",\n \"placements\": [{lines}]}}"), lines.to_owned()]
     {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
-            .args(["score", "yard.json", "-", "--frames", "1", "--backend", "cpu"])
-            .current_dir(dir.path())
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        child.stdin.take().unwrap().write_all(text.as_bytes()).unwrap();
-        let output = child.wait_with_output().unwrap();
+        let args = ["score", "yard.json", "-", "--frames", "1", "--backend", "cpu"];
+        let output = piped(dir.path(), &args, text.as_bytes());
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     }
 }

@@ -23,7 +23,7 @@ from .layouts import Layout
 from .tables import head, row
 from .worlds import OWN
 
-#: Records that the repository keeps, by what the tables call them.
+#: Records that the repository keeps, by their names in the tables.
 RUNS = {"standard": "standard.json.gz", "towns": "towns.json.gz"}
 
 #: Groups of deciding metrics, and whether a learner is part of them. Without the U-Net, whose units are not kept.
@@ -116,7 +116,7 @@ def _bare(value: float, digits: int) -> str:
 
 
 def table_of_runs(given: dict[str, Gathered]) -> str:
-    """Which scenes judged in each record, and what had looked at them before."""
+    """Scenes that judged in each record, and runs that had looked at them before."""
     text = head(["record", "placements in the mount", "of which in the other record", "test scenes", "own scenes, looked at by earlier runs", "maps in the other record"])
     for name, run in given.items():
         others = [other for called, other in given.items() if called != name]

@@ -103,7 +103,7 @@ def test_seeds_widen_a_difference() -> None:
     assert both.value == pytest.approx(mean.value) and both.high - both.low > 1.1 * (mean.high - mean.low)
     # Scenes alone see nothing of what a seed changes.
     assert decide.over_scenes(alike.mean(axis=0)).high == 0 and decide.over_scenes(alike).high > 0.3
-    # With one seed scenes alone are drawn, and what is missing is left out.
+    # With one seed scenes alone are drawn, and missing values are left out.
     seeds[1, 3], seeds[:, 4] = np.nan, np.nan
     assert decide.over_scenes(seeds).value == pytest.approx(np.nanmean([np.nanmean(c) for c in seeds.T if np.isfinite(c).any()]))
 

@@ -289,20 +289,11 @@ mod tests {
     use std::f64::consts::FRAC_PI_2;
 
     use super::*;
-    use crate::score::SEEN;
 
     #[test]
     fn a_side_ends_before_the_first_requirement_that_breaks() {
-        let seen = |name: &str, share: f64| Seen {
-            name: name.to_owned(),
-            share,
-            done: SEEN,
-            least: 0.9,
-            missing: None,
-            holds_in: None,
-        };
         let at = |a: f64, b: f64| Scores {
-            required: vec![seen("a", a), seen("b", b)],
+            required: vec![Seen::of("a", a), Seen::of("b", b)],
             ..Scores::default()
         };
         let found = side(5.0, &[at(0.95, 0.9), at(0.9, 1.0), at(0.8, 0.7), at(1.0, 1.0)]);

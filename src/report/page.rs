@@ -65,19 +65,26 @@ fn head(title: &str) -> Markup {
     }
 }
 
-fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Markup {
-    let (first, rest) = subject.verdict.split_once(". ").unwrap_or((&subject.verdict, ""));
+/// Head of a page: scene and weather, the first sentence of the verdict large, the others below.
+fn heading(scene: &str, conditions: &[String], verdict: &str) -> Markup {
+    let (first, rest) = verdict.split_once(". ").unwrap_or((verdict, ""));
     let stop = if rest.is_empty() { "" } else { "." };
+    html! {
+        header {
+            p.scene { "sightline · " (scene) (under(conditions)) }
+            h1 { (unbroken(first)) (stop) }
+            @if !rest.is_empty() { p { (rest) } }
+        }
+    }
+}
+
+fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Markup {
     html! {
         (DOCTYPE)
         html lang="en" {
             (head(&format!("sightline: {}", subject.scene)))
             body {
-                header {
-                    p.scene { "sightline · " (subject.scene) (under(subject.conditions)) }
-                    h1 { (unbroken(first)) (stop) }
-                    @if !rest.is_empty() { p { (rest) } }
-                }
+                (heading(subject.scene, subject.conditions, &subject.verdict))
                 main {
                     (scores::required(subject))
                     @if let Some(words) = run.and_then(|run| run.equipment.as_ref()) { p { "Equipment: " (words) "." } }

@@ -234,7 +234,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::score::{Guard, SEEN, Scores, Seen, TaskScores};
+    use crate::score::{Guard, Scores, Seen, TaskScores};
     use crate::vehicle::Placement;
 
     /// A planted placement: name, M-SOG/N, nats gained of 1000.
@@ -382,21 +382,13 @@ mod tests {
 
     #[test]
     fn the_first_sentence_has_the_price_where_there_is_one() {
-        let seen = |name: &str, share: f64| Seen {
-            name: name.to_owned(),
-            share,
-            done: SEEN,
-            least: 0.9,
-            missing: None,
-            holds_in: None,
-        };
         let settings = json!({ "budget": 12_000.0, "equipped": { "cost": 9200.0 } });
         let price = price_in_words(&settings);
         assert_eq!(price, " for 9200 of 12000");
         assert_eq!(price_in_words(&json!({ "equipped": { "cost": 9200.5 } })), " for 9200.5");
         assert_eq!(price_in_words(&json!({ "budget": 5.0, "equipped": { "cost": 0.0 } })), "");
         let mut found = planted("found", -1.0, 500.0);
-        found.scores.required = vec![seen("child", 0.95), seen("ring", 0.9)];
+        found.scores.required = vec![Seen::of("child", 0.95), Seen::of("ring", 0.9)];
         let words = verdict_at(&price, Some(&found), &[], "m_sog_scaled");
         let start = "The placement found meets all 2 requirements for 9200 of 12000. ";
         assert!(words.starts_with(start), "{words}");

@@ -3,28 +3,22 @@
 use maud::{DOCTYPE, Markup, html};
 
 use super::search::repeat;
-use super::{head, layout, unbroken};
+use super::{head, heading, layout};
 use crate::job::Front;
 use crate::report::front::{front_plot, front_rows, front_verdict, has_requirements, picks_of};
 use crate::report::{FrontRecord, scores_text};
-use crate::scan::conditions::under;
 
 /// The page of a front, one file that loads nothing.
 pub fn front_html(front: &Front, record: &FrontRecord) -> String {
     let verdict = front_verdict(front);
     let stopped = format!("Stopped: {}.", record.stopped);
     let command = format!("{} --backend {}", record.command, record.backend);
-    let (first, rest) = verdict.split_once(". ").unwrap_or((&verdict, ""));
     html! {
         (DOCTYPE)
         html lang="en" {
             (head(&format!("sightline: front in {}", record.scene)))
             body {
-                header {
-                    p.scene { "sightline · " (record.scene) (under(&record.conditions)) }
-                    h1 { (unbroken(first)) "." }
-                    @if !rest.is_empty() { p { (rest) "." } }
-                }
+                (heading(&record.scene, &record.conditions, &format!("{verdict}.")))
                 main {
                     (trade(front))
                     (sensors(front))

@@ -58,7 +58,7 @@ impl Run {
         Ok(looked_at)
     }
 
-    /// Placements after one move that hold in most copies, by what is seen over few frames.
+    /// Placements after one move that hold in most copies, as far as few frames tell.
     fn offers(
         &self,
         now: &Scored,
