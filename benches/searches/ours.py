@@ -20,9 +20,11 @@ def children() -> float:
 
 
 def made(problem: Problem, program: Path) -> None:
-    """Makes the scene of a problem that has none in the repository."""
+    """Makes scene and vehicle of a problem that has none in the repository."""
     if problem.made and not problem.scenes[0].exists():
         called(program, ["scene", "new", *problem.made, "--out", str(problem.scenes[0])], (0,))
+    if problem.vehicle_made and problem.vehicle:
+        problem.vehicle.write_text(problem.vehicle_made)
 
 
 def called(program: Path, arguments: list[str], codes: tuple[int, ...]) -> str:

@@ -27,6 +27,8 @@ class Problem:
     options: tuple[str, ...] = ()
     #: Arguments of `scene new` that make the one scene, if it is not there.
     made: tuple[str, ...] = ()
+    #: Text of the vehicle file, if it is not there.
+    vehicle_made: str = ""
     title: str = ""
 
     @property
@@ -40,7 +42,8 @@ class Problem:
         """The same with paths from the root of the repository, and names of generated scenes."""
         inside = [path.relative_to(ROOT) if path.is_relative_to(ROOT) and not self.made else path.name
                   for path in self.scenes]
-        vehicle = ["--vehicle", str(self.vehicle.relative_to(ROOT))] if self.vehicle else []
+        vehicle = ["--vehicle", self.vehicle.name if self.vehicle_made else str(self.vehicle.relative_to(ROOT))] \
+            if self.vehicle else []
         return [*map(str, inside), *vehicle, *self.options]
 
 
@@ -57,10 +60,35 @@ def problems(out: Path) -> dict[str, Problem]:
                 street, "van on a street"),
         Problem("two", (crossing, residential), title="urban-crossing and residential at once"),
     ]
-    hill = ROOT.parent / "shared/data/hill/hill.json"
-    if hill.is_file():
-        found.append(Problem("hill", (hill,), title="a steep street"))
+    shared = ROOT.parent / "shared/data"
+    if (shared / "rigs/lexus").is_dir():
+        found.append(Problem("lexus", (out / "street.json",), out / "lexus.json", made=street,
+                             vehicle_made=lexus(shared), title="Lexus of Autoware on a street"))
+    if (shared / "hill/hill.json").is_file():
+        found.append(Problem("hill", (shared / "hill/hill.json",), title="a steep street"))
     return {problem.key: problem for problem in found}
+
+
+def lexus(shared: Path) -> str:
+    """A vehicle file: Autoware's Lexus, each LiDAR free within 0.2 m and 0.3 rad of where its users put it.
+
+    Poses and models: awsim_sensor_kit of autoware_individual_params, base_link on the ground. The body is two
+    boxes, since no drawing is published: lengths are about those of the car.
+    """
+    top = {"file": str(shared / "sensors/velodyne_vls_128.json"), "azimuth_steps": 900, "range": 200}
+    side = {"channels": 16, "fov": [-15, 15], "azimuth_steps": 900, "range": 100}
+    places = {"top": (0.9, 0.0, 2.07, 0.0, 0.0), "left": (0.9, 0.59, 1.73, 0.71, 1.575),
+              "right": (0.9, -0.59, 1.73, 0.71, -1.575), "rear": (-0.358, 0.0, 1.67, 0.728, 3.1)}
+    mounts = [{"name": name, "sensors": ["VLS-128" if name == "top" else "VLP-16"],
+               "count": [1, 1], "min": [x - 0.2, y - 0.2 if y else 0.0, z],
+               "max": [x + 0.2, y + 0.2 if y else 0.0, z + 0.2],
+               "pitch": [pitch - 0.3, pitch + 0.3], "yaw": [yaw, yaw]}
+              for name, (x, y, z, pitch, yaw) in places.items()]
+    boxes = [((-1.05, -0.95, 0.3), (3.85, 0.95, 1.0)), ((-0.9, -0.75, 1.0), (2.2, 0.75, 1.6))]
+    body = [{"class": "vehicle", "box": {"min": low, "max": high}} for low, high in boxes]
+    sensors = [{"name": "VLS-128", "lidar": top}, {"name": "VLP-16", "lidar": side}]
+    return json.dumps({"sightline": 1, "name": "lexus", "body": body, "sensors": sensors, "mounts": mounts,
+                       "min_distance": 0.2})
 
 
 @dataclass(frozen=True)

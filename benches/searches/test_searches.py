@@ -35,6 +35,19 @@ def test_quartiles_interpolate_between_ranks_and_put_the_unmet_last():
     assert table.quantile([table.UNMET, table.UNMET], 0.5) == table.UNMET
 
 
+def test_a_vehicle_that_is_made_is_written_and_named_without_its_folder(tmp_path):
+    known = problems(tmp_path)
+    if "lexus" not in known:
+        pytest.skip("../shared is not there")
+    lexus = known["lexus"]
+    lexus.scenes[0].write_text("{}")  # Stands for the scene, which the program would make.
+    ours.made(lexus, PROGRAM)
+    vehicle = json.loads(lexus.vehicle.read_text())
+    top = next(mount for mount in vehicle["mounts"] if mount["name"] == "top")
+    assert (top["min"][0], top["max"][0]) == pytest.approx((0.7, 1.1))
+    assert lexus.shown == ["street.json", "--vehicle", "lexus.json"]
+
+
 def test_margins_are_of_the_peers_value_and_infinite_where_one_met_nothing():
     assert table.margin(1.1, 1.0) == pytest.approx(10.0)
     assert table.margin(-1.0, -2.0) == pytest.approx(50.0), "above the peer is above zero"

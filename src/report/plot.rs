@@ -123,7 +123,7 @@ impl Plot {
                 (changed(changes, &axes))
                 (self.levels(levels, &axes))
                 @for (index, (series, names)) in self.series.iter().zip(&names).enumerate() {
-                    (self.draw(series, self.colour(index), &axes))
+                    (self.draw(series, self.colour(index), &axes, changes))
                     (names.draw())
                     (legend(&series.name, self.colour(index), index))
                 }
@@ -167,18 +167,21 @@ impl Plot {
         }
     }
 
-    fn draw(&self, series: &Series, colour: &str, axes: &Axes) -> Markup {
+    /// A series; its line ends at each change, beyond which values are of another kind.
+    fn draw(&self, series: &Series, colour: &str, axes: &Axes, changes: &[Change]) -> Markup {
         let is_drawn = |p: &&(f64, f64)| p.0.is_finite() && p.1.is_finite();
-        let drawn: Vec<(f64, f64)> =
-            series.points.iter().filter(is_drawn).map(|p| axes.at(*p)).collect();
+        let drawn: Vec<(f64, f64)> = series.points.iter().filter(is_drawn).copied().collect();
+        let changes_before = |x: f64| changes.iter().filter(|change| change.at < x).count();
         html! {
             @if series.line {
-                polyline points=(corners(drawn.iter().copied())) fill="none" stroke=(colour)
-                    stroke-width="2" {}
+                @for part in drawn.chunk_by(|a, b| changes_before(a.0) == changes_before(b.0)) {
+                    polyline points=(corners(part.iter().map(|&p| axes.at(p)))) fill="none"
+                        stroke=(colour) stroke-width="2" {}
+                }
             }
             @if !series.line || drawn.len() <= DOTTED {
-                @for (x, y) in &drawn {
-                    circle cx=(px(*x)) cy=(px(*y)) r="4" fill=(colour) {}
+                @for (x, y) in drawn.iter().map(|&p| axes.at(p)) {
+                    circle cx=(px(x)) cy=(px(y)) r="4" fill=(colour) {}
                 }
             }
         }

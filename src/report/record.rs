@@ -372,8 +372,8 @@ fn best_text(best: &Scored, record: &RunRecord) -> String {
 }
 
 /// The best and the median objective against evaluations. Baselines and result are lines across, since swaps may find
-/// the result after the generations. An upright line marks each change of frames in `steps`, (generation, frames), the
-/// start first.
+/// the result after the generations. Curves end at each change of frames in `steps`, (generation, frames), the start
+/// first: values over other frames do not compare. An upright line marks it.
 pub fn convergence_svg(
     history: &[GenerationRecord],
     objective: &str,
@@ -443,12 +443,15 @@ mod tests {
         let history: Vec<GenerationRecord> = (1..=4).map(record).collect();
         let svg = convergence_svg(&history, "near_gain", &[], None, &[(0, 1), (2, 6), (4, 24)]);
         assert!(svg.contains(">6 frames<") && !svg.contains(">24 frames<"), "{svg}");
+        // Two curves of two parts each: values over other frames are not joined.
+        let parts = |svg: &str| svg.matches("<polyline").count();
+        assert_eq!(parts(&svg), 4, "{svg}");
         // 20 evaluations of 10 to 40, with 6 % of margin: a third of the way.
         let x = 90.0 + 560.0 * (0.06 + 1.0 / 3.0) / 1.12;
         assert!(svg.contains(&format!("d=\"M{x:.1} 50V350\"")), "{x} {svg}");
         let of =
             |history: &[GenerationRecord]| convergence_svg(history, "near_gain", &[], None, &[]);
-        assert!(!of(&history).contains(" frames<"));
+        assert!(!of(&history).contains(" frames<") && parts(&of(&history)) == 2);
         // Rigs that miss requirements are a curve of their own.
         assert!(!of(&history).contains("misses requirements"));
         let mut missing = history;
