@@ -43,10 +43,9 @@ pub use front::{
     FRONT_EVALUATIONS, Front, FrontError, FrontObjective, FrontObjectives, FrontPoint, FrontState,
     FrontStopped, Pick,
 };
-pub(crate) use room::TILTS;
 pub use room::{
     MOST_ABOUT, MOST_TILT, Room, RoomOfCopies, RoomOfField, RoomOfSide, RoomOfTilt, RoomSteps,
-    TiltedTo,
+    TiltedTo, moves_of,
 };
 pub use scene::JobScene;
 pub use search::{Found, JobRun, JobState, JobStep};

@@ -1,7 +1,7 @@
 //! `completions` and `man`: what the shells and groff at hand make of them.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use sightline::score::{Objective, ObjectiveError};
@@ -84,30 +84,87 @@ fn pages_are_there_for_all_commands_and_groff_finds_no_fault() {
     }
 }
 
-/// Contents of a package; `cargo publish --workspace --dry-run` also builds it.
+/// Files of a package, as Cargo packs them from a folder of the workspace.
+fn packed(package: &str) -> Vec<String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let args = ["package", "--list", "--allow-dirty", "--offline", "--package", package];
+    let output = Command::new(env!("CARGO")).args(args).current_dir(root).output().unwrap();
+    let faults = String::from_utf8_lossy(&output.stderr);
+    // The program has no address of its own yet that a manifest could name.
+    let known = "warning: manifest has no documentation, homepage or repository";
+    let mut warnings = faults.lines().filter(|line| line.starts_with("warning"));
+    assert!(output.status.success() && warnings.all(|line| line == known), "{package}: {faults}");
+    String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect()
+}
+
+/// Contents of the program's package; `cargo publish --workspace --dry-run` also builds it.
 #[test]
 fn packages_hold_what_a_user_builds_and_nothing_else() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     for (package, wanted) in [
         ("sightline", &["src/main.rs", "README.md", "LICENSE", "scenes/highway.json"][..]),
         ("sightline-cma", &["src/lib.rs", "README.md"]),
     ] {
-        let args = ["package", "--list", "--allow-dirty", "--offline", "--package", package];
-        let output = Command::new(env!("CARGO")).args(args).current_dir(root).output().unwrap();
-        let faults = String::from_utf8_lossy(&output.stderr);
-        // The program has no address of its own yet that a manifest could name.
-        let known = "warning: manifest has no documentation, homepage or repository";
-        let mut warnings = faults.lines().filter(|line| line.starts_with("warning"));
-        let are_known = warnings.all(|line| line == known && package == "sightline");
-        assert!(output.status.success() && are_known, "{package}: {faults}");
-        let list = String::from_utf8(output.stdout).unwrap();
-        let files: Vec<&str> = list.lines().collect();
+        let files = packed(package);
         for file in wanted {
-            assert!(files.contains(file), "{package} lacks {file}");
+            assert!(files.iter().any(|packed| packed == file), "{package} lacks {file}");
         }
-        let foreign = |file: &&&str| ["fuzz/", "python/"].iter().any(|dir| file.starts_with(dir));
+        let foreign = |file: &&String| ["fuzz/", "python/"].iter().any(|dir| file.starts_with(dir));
         assert!(files.iter().find(foreign).is_none(), "{package}");
     }
+}
+
+/// Path with its `..` resolved; `None` where they lead out of the folder that it begins in.
+fn resolved(path: &Path) -> Option<PathBuf> {
+    let mut found = PathBuf::new();
+    for part in path.components() {
+        let fits = match part {
+            Component::ParentDir => found.pop(),
+            part => {
+                found.push(part);
+                true
+            }
+        };
+        if !fits {
+            return None;
+        }
+    }
+    Some(found)
+}
+
+/// A package is compiled where the rest of the project is not: shaders and tables must be in it.
+#[test]
+fn packages_hold_every_file_that_their_sources_include() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut included = 0;
+    for (folder, package) in [
+        ("", "sightline"),
+        ("crates/cma", "sightline-cma"),
+        ("crates/files", "sightline-files"),
+        ("crates/formats", "sightline-formats"),
+        ("crates/lidar-cast", "lidar-cast"),
+        ("crates/scan", "sightline-scan"),
+        ("crates/scene", "sightline-scene"),
+        ("crates/worlds", "sightline-worlds"),
+    ] {
+        let files = packed(package);
+        let is_source = |file: &&String| {
+            file.starts_with("src/") && file.ends_with(".rs") && !file.contains("/tests")
+        };
+        for file in files.iter().filter(is_source) {
+            let text = fs::read_to_string(root.join(folder).join(file)).unwrap();
+            for rest in text.split("include_str!(\"").skip(1) {
+                let name = rest.split('"').next().unwrap();
+                let target = resolved(&Path::new(file).parent().unwrap().join(name));
+                let target = target.map(|path| path.to_str().unwrap().to_owned());
+                assert!(
+                    target.is_some_and(|path| files.contains(&path)),
+                    "{package}: {file}: {name}"
+                );
+                included += 1;
+            }
+        }
+    }
+    assert!(included >= 10, "{included} files are included");
 }
 
 /// Names in the help of `--objective` are those that an unknown one is answered with.

@@ -94,16 +94,51 @@ fn every_link_between_documents_leads_to_a_file_and_a_heading() {
     assert!(dead.is_empty(), "{dead:#?}");
 }
 
+/// Pages in the table of contents of the site, `mkdocs.yml`.
+fn listed() -> BTreeSet<String> {
+    let settings = fs::read_to_string(root().join("mkdocs.yml")).unwrap();
+    let (_, contents) = settings.split_once("\nnav:\n").unwrap();
+    let entries = contents.lines().filter_map(|line| line.rsplit_once(": "));
+    entries.map(|(_, page)| page.to_owned()).collect()
+}
+
 #[test]
 fn every_page_of_the_documents_is_in_the_table_of_contents() {
-    let contents = fs::read_to_string(root().join("docs/SUMMARY.md")).unwrap();
-    let listed: BTreeSet<String> = links(&contents).into_iter().collect();
     let mut found = Vec::new();
     pages(&root().join("docs"), &mut found);
-    for page in found {
-        let name = page.strip_prefix(root().join("docs")).unwrap().to_str().unwrap().to_owned();
-        assert!(name == "SUMMARY.md" || listed.contains(&name), "{name}");
+    let name = |page: &PathBuf| {
+        page.strip_prefix(root().join("docs")).unwrap().to_str().unwrap().to_owned()
+    };
+    let mut found: BTreeSet<String> = found.iter().map(name).collect();
+    // The front page is the README.
+    found.insert("index.md".to_owned());
+    assert_eq!(found, listed());
+}
+
+/// Names of the pictures in a folder and the folders below it, relative to `docs`.
+fn pictures(folder: &Path, found: &mut BTreeSet<String>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            pictures(&path, found);
+        } else if path.extension().is_some_and(|ending| ending == "svg" || ending == "png") {
+            let name = path.strip_prefix(root().join("docs")).unwrap();
+            found.insert(name.to_str().unwrap().to_owned());
+        }
     }
+}
+
+#[test]
+fn the_gallery_shows_every_picture_with_its_command() {
+    let text = fs::read_to_string(root().join("docs/gallery.md")).unwrap();
+    let mut found = BTreeSet::new();
+    pictures(&root().join("docs"), &mut found);
+    let shown: Vec<&str> = text.split("\n## ").skip(1).collect();
+    for part in &shown {
+        let picture = links(part).into_iter().find(|link| found.remove(link));
+        assert!(picture.is_some() && part.contains("```sh\n"), "{part}");
+    }
+    assert!(found.is_empty(), "{found:?} are not in the gallery");
 }
 
 #[test]

@@ -17,6 +17,7 @@ use crate::columns::summed;
 use crate::engine::Built;
 use crate::errors::{bad, raised};
 use crate::placements::placements_in;
+use crate::progress::Watch;
 use crate::scenes::PyScene;
 use crate::wait::interruptible;
 
@@ -70,7 +71,7 @@ impl PyAtlas {
         }
         let poses: Vec<SensorPose> = given.iter().map(|one| one.lidars[0]).collect();
         let (rules, numbers) = points(&poses);
-        let atlas = interruptible(py, move |_| held(&built, &rules))??;
+        let atlas = interruptible(py, move |watch| held(&built, &rules, watch))??;
         let poses = numbers.iter().map(|number| atlas.grid().pose(*number)).collect();
         Ok(Self { atlas: Arc::new(Mutex::new(atlas)), numbers, poses })
     }
@@ -93,17 +94,28 @@ fn points(poses: &[SensorPose]) -> (Constraints, Vec<u32>) {
     (Constraints { slots, ..Constraints::default() }, numbers)
 }
 
-/// An atlas that holds every pose of such rules.
-fn held(built: &Built, rules: &Constraints) -> PyResult<Atlas> {
+/// Poses that are cast between two looks at the watch.
+const CAST_TOGETHER: usize = 32;
+
+/// An atlas that holds every pose of such rules, unless the watch is stopped.
+fn held(built: &Built, rules: &Constraints, watch: &Watch) -> PyResult<Atlas> {
     let spacing = Spacing { metres: 1.0, radians: 1.0 };
     let grid = PoseGrid::new(rules, spacing).map_err(raised)?;
     let all: Vec<u32> = (0..grid.len()).collect();
     let memory = built.options.engine.memory.unwrap_or(MEMORY);
-    built.evaluate(|evaluator| {
+    built.evaluate(watch, |evaluator| {
         let problem = evaluator.shared_problem();
         let mut atlas = Atlas::new(problem, grid, Needed::all(true), memory);
         room_for("the atlas", all.len(), atlas.page_bytes())?;
-        atlas.hold(evaluator.backend_mut(), &all).map_err(raised)?;
+        // One call is refused that holds too many; several would drop the first.
+        let together = if all.len() > atlas.capacity() { all.len() } else { CAST_TOGETHER };
+        for (k, some) in all.chunks(together).enumerate() {
+            if !watch.reach("poses", k * together, all.len()) {
+                break;
+            }
+            atlas.hold(evaluator.backend_mut(), some).map_err(raised)?;
+        }
+        watch.reach("poses", all.len(), all.len());
         Ok(atlas)
     })
 }

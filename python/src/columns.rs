@@ -1,7 +1,6 @@
 //! Scores as columns: one array a score, `NaN` where there is none.
 
 use std::borrow::Borrow;
-use std::sync::atomic::AtomicBool;
 
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice};
@@ -10,8 +9,9 @@ use sightline::vehicle::Vehicle;
 use sightline::{Placement, Scores};
 
 use crate::arrays::{column, shaped};
+use crate::progress::{Progress, Watch};
 use crate::rules::Rules;
-use crate::wait::interruptible;
+use crate::wait::watched;
 
 /// Gets a score of a task.
 type OfTask = fn(&TaskScores) -> Option<f64>;
@@ -110,7 +110,8 @@ pub fn scored_object<'py>(
     py: Python<'py>,
     vehicle: &Vehicle,
     mut placements: Vec<Placement>,
-    work: impl FnOnce(&[Placement], &AtomicBool) -> PyResult<Vec<Scores>> + Send + 'static,
+    progress: Progress,
+    work: impl FnOnce(&[Placement], &Watch) -> PyResult<Vec<Scores>> + Send + 'static,
 ) -> PyResult<Bound<'py, PyAny>> {
     let are_none = placements.is_empty();
     if are_none {
@@ -118,8 +119,9 @@ pub fn scored_object<'py>(
         let lowest: Vec<f64> = rules.variable_bounds().iter().map(|(low, _)| *low).collect();
         placements.push(Placement { name: "none".to_owned(), lidars: rules.poses_of(&lowest) });
     }
-    let (placements, scores) =
-        interruptible(py, move |stop| work(&placements, stop).map(|scores| (placements, scores)))??;
+    let (placements, scores) = watched(py, progress, move |watch| {
+        work(&placements, watch).map(|scores| (placements, scores))
+    })??;
     let all = scores_object(py, vehicle, placements.iter().zip(&scores))?;
     if are_none { all.getattr("rows")?.get_item(PySlice::new(py, 0, 0, 1)) } else { Ok(all) }
 }

@@ -15,6 +15,7 @@ use sightline::{Evaluator, Job, Placement, Problem, Psog, Scene, Scores};
 
 use crate::arguments::room_for;
 use crate::errors::{bad, raised};
+use crate::progress::{Level, Watch, log};
 use crate::psogs::PyPsog;
 use crate::rays::RayTarget;
 use crate::wait::{is_forked, pooled};
@@ -163,14 +164,23 @@ impl Built {
         Ok(self.stage.get_or_init(|| stage).clone())
     }
 
-    /// The P-SOG: given, read, or built from virtual scans.
-    pub fn psog(&self) -> PyResult<Arc<Psog>> {
-        self.job.scenes()[0].psog(|_| true).map_err(raised)
+    /// The P-SOG: given, read, or built from virtual scans, until the watch is stopped.
+    pub fn psog(&self, watch: &Watch) -> PyResult<Arc<Psog>> {
+        let frames = self.scene.frame_count();
+        let reach = |done| watch.reach(SCANNED, done, frames);
+        self.job.scenes()[0].psog(reach).map_err(raised)
     }
 
     /// Works with the engine, which is opened first if it was not.
-    pub fn evaluate<T>(&self, work: impl FnOnce(&mut Evaluator) -> PyResult<T>) -> PyResult<T> {
-        let open = || Ok(self.job.evaluator(|_| {}).map_err(raised)?.0);
+    pub fn evaluate<T>(
+        &self,
+        watch: &Watch,
+        work: impl FnOnce(&mut Evaluator) -> PyResult<T>,
+    ) -> PyResult<T> {
+        let open = || {
+            self.psog(watch)?;
+            opened(&self.job)
+        };
         self.evaluator.with(open, work)
     }
 
@@ -202,6 +212,14 @@ impl Built {
     }
 }
 
+/// An evaluator of a job, whose sentences on the engine go to the log.
+pub fn opened(job: &Job) -> PyResult<Evaluator> {
+    let (evaluator, notes) =
+        job.evaluator(|sentence| log(Level::Warning, sentence)).map_err(raised)?;
+    notes.iter().for_each(|sentence| log(Level::Info, sentence));
+    Ok(evaluator)
+}
+
 /// Job over several scenes, each with its own frames and weather, on the engine of the first.
 pub fn job_of(scenes: &[Arc<Built>]) -> PyResult<Job> {
     // Copies share the problems that are posed already.
@@ -214,26 +232,31 @@ const SCORES_BYTES: usize = size_of::<Scores>() + 512;
 /// Bytes that each class adds to them.
 const CLASS_BYTES: usize = 64;
 
+/// Steps of the work that a call waits for, in words.
+const SCANNED: &str = "frames scanned for the P-SOG";
+const SCORED: &str = "placements";
+
 /// Seconds that a chunk of placements is to take.
 const CHUNK_SECONDS: f64 = 0.25;
 
-/// Scores placements chunk by chunk until `stopped`; chunks change no bit.
+/// Scores placements chunk by chunk until the watch is stopped; chunks change no bit.
 pub fn score(
     evaluator: &mut Evaluator,
     placements: &[Placement],
-    stopped: impl Fn() -> bool,
+    watch: &Watch,
 ) -> PyResult<Vec<Scores>> {
     let classes = evaluator.shared_problem().content().classes().len();
     room_for("scores", placements.len(), SCORES_BYTES + CLASS_BYTES * classes)?;
     let mut scores = Vec::with_capacity(placements.len());
     let mut size = 16;
-    while scores.len() < placements.len() && !stopped() {
+    while scores.len() < placements.len() && watch.reach(SCORED, scores.len(), placements.len()) {
         let rest = &placements[scores.len()..];
         let start = std::time::Instant::now();
         scores.extend(evaluator.scores(&rest[..rest.len().min(size)]).map_err(raised)?);
         let seconds = start.elapsed().as_secs_f64().max(1e-4);
         size = ((size as f64 * CHUNK_SECONDS / seconds) as usize).clamp(1, 4096);
     }
+    watch.reach(SCORED, scores.len(), placements.len());
     Ok(scores)
 }
 

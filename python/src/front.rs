@@ -16,6 +16,7 @@ use crate::engine::job_of;
 use crate::errors::{bad, raised};
 use crate::json::to_python;
 use crate::placements::PyPlacement;
+use crate::progress::Progress;
 use crate::search::{beside, scenes_of};
 
 /// Searches the front of two or three objectives over a vehicle's sensors and poses, as `sightline optimize --front` does.
@@ -23,11 +24,11 @@ use crate::search::{beside, scenes_of};
 /// `objectives` are names: `price`, `sensors` and `requirements` (also `targets`: the missing share of what the vehicle
 /// requires, summed) are better when less, scores such as `near_gain` when more. Sensors are chosen on a coarse grid of poses
 /// under a row of limits, for at most `budget`; all placements are scored over all frames. `evaluations` search around each
-/// point, 0 leave them on the grid. `seconds`, `mirror`, `tolerance` and `callback` are those of `optimize`; `StopIteration` and Ctrl-C
+/// point, 0 leave them on the grid. `seconds`, `mirror`, `tolerance`, `callback` and `progress` are those of `optimize`; `StopIteration` and Ctrl-C
 /// keep the points found so far. Raises `ValueError` for objectives and settings that are not usable.
 #[pyfunction(name = "front")]
 #[pyo3(signature = (scenes, objectives, *, evaluations = 40, seed = 1, seconds = None, mirror = false, budget = None,
-    tolerance = "5mm,0.5deg", callback = None))]
+    tolerance = "5mm,0.5deg", callback = None, progress = None))]
 #[allow(clippy::too_many_arguments)]
 pub fn front<'py>(
     py: Python<'py>,
@@ -40,6 +41,7 @@ pub fn front<'py>(
     #[pyo3(from_py_with = arguments::budget)] budget: Option<f64>,
     tolerance: Option<&str>,
     callback: Option<Py<PyAny>>,
+    progress: Option<Progress>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let scenes = scenes_of(scenes)?;
     let objectives = FrontObjectives::named(&objectives).map_err(raised)?;
@@ -61,7 +63,7 @@ pub fn front<'py>(
         job.front(&objectives, &mut |event: &Event| observe(event)).map_err(raised)
     };
     let start = std::time::Instant::now();
-    let (found, signal) = beside(py, search, callback)?;
+    let (found, signal) = beside(py, search, callback, progress)?;
     context.seconds = start.elapsed().as_secs_f64();
     let result = front_object(py, scenes[0].scene.vehicle(), &found, context)?;
     match signal {

@@ -6,6 +6,7 @@
 //! | `arrays`, `json` | conversions |
 //! | `errors` | exceptions |
 //! | `wait` | long work without the GIL, with Ctrl-C |
+//! | `progress` | how far it is, as bars, records of `logging`, or for a function |
 //! | `sensors`, `placements`, `psogs`, `rigs`, `scenes` | objects of the user |
 //! | `engine` | P-SOG, problem and engine of a scene, built once |
 //! | `columns` | scores as arrays |
@@ -31,6 +32,7 @@ mod errors;
 mod front;
 mod json;
 mod placements;
+mod progress;
 mod psogs;
 mod questions;
 mod rays;

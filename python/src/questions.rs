@@ -1,10 +1,8 @@
 //! Questions about one placement in a scene, each with the answer of the study of that name.
 
-use std::sync::atomic::Ordering;
-
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
-use sightline::job::{MOST_ABOUT, MOST_TILT, RoomSteps, Sweep, SweptField};
+use sightline::job::{MOST_ABOUT, MOST_TILT, RoomSteps, Sweep, SweptField, moves_of};
 use sightline::shared::LEAST_SHARED;
 
 use crate::arguments;
@@ -12,9 +10,10 @@ use crate::arrays::shaped;
 use crate::errors::{bad, raised};
 use crate::json::to_python;
 use crate::placements::placements_in;
+use crate::progress::Progress;
 use crate::scenes::{PyScene, only};
 use crate::targets::{redundancy_targets, row, target_question};
-use crate::wait::interruptible;
+use crate::wait::{interruptible, watched};
 
 // Python shows defaults that are literals.
 const _: () = assert!(LEAST_SHARED == 500);
@@ -90,7 +89,8 @@ impl PyScene {
         let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
         let question = redundancy_targets(targets)?;
         let built = self.built.clone();
-        let found = interruptible(py, move |_| built.redundancy(&question, &placement))??;
+        let found =
+            interruptible(py, move |watch| built.redundancy(&question, &placement, watch))??;
         to_python(py, &found)
     }
 
@@ -110,7 +110,8 @@ impl PyScene {
     ) -> PyResult<Bound<'py, PyAny>> {
         let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
         let built = self.built.clone();
-        let found = interruptible(py, move |_| built.overlap(least_shared, &placement))??;
+        let found =
+            interruptible(py, move |watch| built.overlap(least_shared, &placement, watch))??;
         to_python(py, &found)
     }
 
@@ -118,8 +119,9 @@ impl PyScene {
     /// `sightline study sweep` prints: `rows` with `value`, `as_given`, `broken_rules` and `scores`, the placement as it is
     /// first. `of` is `"LIDAR.FIELD"` (`"0.pitch"`, `"roof.z"`: a number from 0, a mount or a model); `values` `[N]` are metres, or
     /// degrees of an angle (positive pitch looks down). Raises `ValueError` for an unknown LiDAR or field and for values
-    /// that a placement may not have.
-    #[pyo3(signature = (poses, of, values, *, sensors = None, phases = None))]
+    /// that a placement may not have. `progress` as for `optimize`.
+    #[pyo3(signature = (poses, of, values, *, sensors = None, phases = None, progress = None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn sweep<'py>(
         &self,
         py: Python<'py>,
@@ -128,6 +130,7 @@ impl PyScene {
         values: &Bound<'py, PyAny>,
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
+        progress: Option<Progress>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
         let field = SweptField::find(of, &placement, &self.built.scene.constraints());
@@ -139,17 +142,18 @@ impl PyScene {
         }
         field.check(&placement, &values).map_err(|error| bad(format!("values: {error}")))?;
         let built = self.built.clone();
-        let found = interruptible(py, move |stop| {
+        let found = watched(py, progress.unwrap_or_default(), move |watch| {
             let values = values.into_iter().map(Some);
             let values: Vec<Option<f64>> = std::iter::once(None).chain(values).collect();
-            let go_on = &mut || !stop.load(Ordering::SeqCst);
-            built.evaluate(|evaluator| {
+            built.evaluate(watch, |evaluator| {
                 let mut rows = Vec::new();
                 for some in values.chunks(AT_ONCE) {
+                    let go_on = &mut || watch.reach("values", rows.len(), values.len());
                     let more = built.job.sweep_rows(evaluator, &placement, field, some, go_on);
                     let Some(more) = more.map_err(raised)? else { break };
                     rows.extend(more);
                 }
+                watch.reach("values", rows.len(), values.len());
                 Ok(Sweep::new(&placement, field, rows))
             })
         })??;
@@ -161,10 +165,10 @@ impl PyScene {
     /// `down` and `up` (`holds_to`, `breaks_at`, `breaks`; mm or degrees), `tilt` with its `directions`, and `copies`. Fields
     /// move up to `most_mm` millimetres and `most_deg` degrees, in `steps` steps to either side; all LiDARs tilt together up
     /// to `most_tilt_deg` degrees about the point `tilt_about` `(x, y)` of the ground, metres of the ego frame, or its origin. Raises
-    /// `ValueError` where the vehicle requires nothing.
+    /// `ValueError` where the vehicle requires nothing. `progress` as for `optimize`.
     #[pyo3(signature = (
         poses, *, most_mm = 100.0, most_deg = 5.0, most_tilt_deg = 3.0, tilt_about = None, steps = 10,
-        sensors = None, phases = None
+        sensors = None, phases = None, progress = None
     ))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn tolerance<'py>(
@@ -178,6 +182,7 @@ impl PyScene {
         #[pyo3(from_py_with = arguments::steps)] steps: u32,
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
+        progress: Option<Progress>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
         for (name, value, most) in [
@@ -198,9 +203,13 @@ impl PyScene {
         }
         let steps = RoomSteps { most_mm, most_deg, most_tilt_deg, tilt_about, steps };
         let built = self.built.clone();
-        let found = interruptible(py, move |stop| {
-            let go_on = &mut |_| !stop.load(Ordering::SeqCst);
-            built.evaluate(|evaluator| {
+        let found = watched(py, progress.unwrap_or_default(), move |watch| {
+            let (mut done, moves) = (0, moves_of(&placement) as usize);
+            let go_on = &mut |more: u64| {
+                done += more as usize;
+                watch.reach("moves", done, moves)
+            };
+            built.evaluate(watch, |evaluator| {
                 built.job.room_while(evaluator, &placement, &steps, go_on).map_err(raised)
             })
         })??;

@@ -1,6 +1,5 @@
 //! Rays of callers: into a mesh of theirs, or a frame of a scene.
 
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
@@ -156,10 +155,10 @@ impl RayArray {
         py: Python<'_>,
         add: impl Fn(&mut T, &[[f32; 6]]) + Send + 'static,
     ) -> PyResult<T> {
-        interruptible(py, move |stop: &AtomicBool| {
+        interruptible(py, move |watch| {
             let mut all = T::default();
             let mut parts = self.rays.chunks(AT_ONCE);
-            while let Some(some) = parts.next().filter(|_| !stop.load(Ordering::SeqCst)) {
+            while let Some(some) = parts.next().filter(|_| watch.goes_on()) {
                 add(&mut all, some);
             }
             all

@@ -12,7 +12,7 @@ impl PyScene {
     /// Writes a recording of Rerun (`.rrd`): points, LiDARs and boxes of one or several placements over time.
     ///
     /// Entities are `world/ego/NAME/points`, `world/ego/NAME/lidar_K` and `world/ego/boxes`, by the timelines `frame` and
-    /// `time`. `options` are those of `scan`. Raises as `scan`, `ValueError` for equal names, `ImportError` without
+    /// `time`. `options` are those of `scan`, and `progress` as for `optimize`. Raises as `scan`, `ValueError` for equal names, `ImportError` without
     /// rerun-sdk.
     #[pyo3(signature = (placements, path, **options))]
     fn to_rerun(
@@ -28,7 +28,8 @@ impl PyScene {
     ///
     /// Topics are `/NAME/points`, `sensor_msgs/PointCloud2` in `base_link` with a scan's columns as fields, `/tf` (`map` to
     /// `base_link`) and `/tf_static` (`base_link` to `NAME/lidar_K`). Stamps count from frame 0. `options` are those of
-    /// `scan`. Raises as `scan`, `ValueError` for equal names, `ImportError` without mcap-ros2-support.
+    /// `scan`, and `progress` as for `optimize`. Raises as `scan`, `ValueError` for equal names, `ImportError` without
+    /// mcap-ros2-support.
     #[pyo3(signature = (placements, path, **options))]
     fn to_mcap(
         slf: &Bound<'_, Self>,

@@ -69,7 +69,7 @@ impl ScanIterator {
     }
 
     fn __next__<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        match wait(py, &self.scans)? {
+        match wait(py, &self.scans, None)? {
             Some(scan) => Ok(Some(scan_object(py, &scan.map_err(raised)?, self.misses)?)),
             None => Ok(None),
         }

@@ -1,8 +1,8 @@
 //! Scenes: reading, scoring, casting, verifying.
 
+use std::cell::Cell;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -12,7 +12,7 @@ use sightline::internals::{Input, usual_placements};
 use sightline::problem::spread;
 use sightline::scan::BeamHits;
 use sightline::scene::EgoBody;
-use sightline::verify::verify;
+use sightline::verify::{compared_frames, verify};
 use sightline::{Placement, Scene, engine};
 
 use crate::arguments::{self, room_for};
@@ -22,11 +22,12 @@ use crate::engine::{Built, Options, add_near_fields, guard, score};
 use crate::errors::{bad, raised, warn_of};
 use crate::json::{to_python, to_text};
 use crate::placements::{placement_bytes, placements_in};
+use crate::progress::Progress;
 use crate::psogs::PyPsog;
 use crate::rays::signed;
 use crate::scans::ScanIterator;
 use crate::sensors::PySensor;
-use crate::wait::{interruptible, pooled};
+use crate::wait::{interruptible, pooled, watched};
 
 /// Bytes of a beam that `verify` draws.
 const SAMPLE_BYTES: usize = 256;
@@ -181,7 +182,7 @@ impl PyScene {
     #[getter]
     fn psog(&self, py: Python<'_>) -> PyResult<PyPsog> {
         let built = self.built.clone();
-        Ok(PyPsog(interruptible(py, move |_| built.psog())??))
+        Ok(PyPsog(interruptible(py, move |watch| built.psog(watch))??))
     }
 
     /// `[4, 4]` f64, takes the ego frame of a frame to the world. Raises `ValueError` for a frame that is not there.
@@ -221,7 +222,10 @@ impl PyScene {
     /// the program, with any number where `self_hits` is true, and not at all where it is false. So do the columns `near_field` and `near_ring`,
     /// the shares of the ground within 10 m and 3 m of the own body with a hit close by, which are there where
     /// `near_field` is true.
-    #[pyo3(signature = (poses, *, sensors = None, phases = None, self_hits = None, near_field = false))]
+    ///
+    /// `progress` as for `optimize`.
+    #[pyo3(signature = (poses, *, sensors = None, phases = None, self_hits = None, near_field = false, progress = None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn score<'py>(
         &self,
         py: Python<'py>,
@@ -230,14 +234,15 @@ impl PyScene {
         phases: Option<&Bound<'py, PyAny>>,
         self_hits: Option<bool>,
         near_field: bool,
+        progress: Option<Progress>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let placements = placements_in(&self.built.scene, poses, sensors, phases)?;
         let vehicle = self.built.scene.vehicle();
         let built = self.built.clone();
-        scored_object(py, vehicle, placements, move |placements, stop| {
-            let stopped = || stop.load(Ordering::SeqCst);
-            built.evaluate(|evaluator| {
-                let mut scores = score(evaluator, placements, stopped)?;
+        let progress = progress.unwrap_or_default();
+        scored_object(py, vehicle, placements, progress, move |placements, watch| {
+            built.evaluate(watch, |evaluator| {
+                let mut scores = score(evaluator, placements, watch)?;
                 guard(&built.job, evaluator, placements, &mut scores, self_hits)?;
                 if near_field {
                     add_near_fields(&built.scene, evaluator, placements, &mut scores)?;
@@ -259,8 +264,8 @@ impl PyScene {
     ) -> PyResult<Bound<'py, PyArray1<u64>>> {
         let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
         let built = self.built.clone();
-        let covered = interruptible(py, move |_| {
-            built.evaluate(|evaluator| evaluator.covered(&placement).map_err(raised))
+        let covered = interruptible(py, move |watch| {
+            built.evaluate(watch, |evaluator| evaluator.covered(&placement).map_err(raised))
         })??;
         Ok(column(py, covered))
     }
@@ -339,8 +344,9 @@ impl PyScene {
     /// Compares hits, voxels and sums of the scene's engine with the CPU reference, bit by bit, and `sample` beams of
     /// the reference with brute force in f64, over `frames` frames. Returns the output of `sightline verify --format
     /// json`. Placements are Table 7, `random` and `hostile` ones unless given. Raises `ValueError` as `score`.
+    /// `progress` as for `optimize`.
     #[pyo3(signature = (poses = None, *, sensors = None, phases = None, frames = 1, random = 200, hostile = 50,
-        sample = 20_000, seed = 1))]
+        sample = 20_000, seed = 1, progress = None))]
     #[allow(clippy::too_many_arguments)]
     fn verify<'py>(
         &self,
@@ -353,6 +359,7 @@ impl PyScene {
         #[pyo3(from_py_with = arguments::hostile)] hostile: usize,
         #[pyo3(from_py_with = arguments::sample)] sample: u64,
         #[pyo3(from_py_with = arguments::seed)] seed: u64,
+        progress: Option<Progress>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let given = poses
             .map(|poses| placements_in(&self.built.scene, poses, sensors, phases))
@@ -361,14 +368,20 @@ impl PyScene {
         room_for("placements", random.saturating_add(hostile), placement_bytes(lidars))?;
         room_for("beams of the sample", sample as usize, SAMPLE_BYTES)?;
         let built = self.built.clone();
-        let found = interruptible(py, move |_| {
+        let found = watched(py, progress.unwrap_or_default(), move |watch| {
+            built.psog(watch)?;
             let job = built.job.clone().frames(Some(frames)).conditions(&[]);
             let problem = job.problem().map_err(raised)?;
             let usual = || usual_placements(&problem, random, hostile, seed);
             let placements = given.unwrap_or_else(usual);
             let opened = engine::open(problem.task(), &built.options.engine, |_| {});
             let mut engine = opened.map_err(raised)?.engine;
-            verify(&problem, &mut *engine, &placements, sample, seed, &|| {}).map_err(raised)
+            let (done, steps) = (Cell::new(0), placements.len() * compared_frames(&problem));
+            let tell = || {
+                done.set(done.get() + 1);
+                watch.reach("placements compared", done.get(), steps);
+            };
+            verify(&problem, &mut *engine, &placements, sample, seed, &tell).map_err(raised)
         })??;
         to_python(py, &found)
     }

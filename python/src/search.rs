@@ -1,7 +1,6 @@
 //! Suites of scenes, and the search for a better placement.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -19,10 +18,11 @@ use sightline::{Job, Objective};
 
 use crate::arguments::{self, listed};
 use crate::columns::{scored_object, scores_object};
-use crate::engine::{Built, Kept, guard, job_of, score};
+use crate::engine::{Built, Kept, guard, job_of, opened, score};
 use crate::errors::{bad, raised};
 use crate::json::to_python;
 use crate::placements::{PyPlacement, placements_in};
+use crate::progress::{Level, Progress, Shown, Watch, log};
 use crate::scenes::PyScene;
 use crate::wait::{start, wait};
 
@@ -52,25 +52,29 @@ impl PySuite {
 
     /// Scores over all scenes: the mean of the scenes' shares of information. `poses` as for `Scene`. Up to 64
     /// placements are looked at for the guard `self_hit`, as in the program. Raises `ValueError` as `Scene.score`.
-    #[pyo3(signature = (poses, *, sensors = None, phases = None))]
+    /// `progress` as for `optimize`.
+    #[pyo3(signature = (poses, *, sensors = None, phases = None, progress = None))]
     fn score<'py>(
         &self,
         py: Python<'py>,
         poses: &Bound<'py, PyAny>,
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
+        progress: Option<Progress>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let scene = &self.scenes[0].scene;
         let placements = placements_in(scene, poses, sensors, phases)?;
         let (job, kept) = (job_of(&self.scenes)?, self.evaluator.clone());
-        scored_object(py, scene.vehicle(), placements, move |placements, stop| {
-            let open = || Ok(job.evaluator(|_| {}).map_err(raised)?.0);
-            let stopped = || stop.load(Ordering::SeqCst);
-            kept.with(open, |evaluator| {
-                let mut scores = score(evaluator, placements, stopped)?;
-                guard(&job, evaluator, placements, &mut scores, None)?;
-                Ok(scores)
-            })
+        let progress = progress.unwrap_or_default();
+        scored_object(py, scene.vehicle(), placements, progress, move |placements, watch| {
+            kept.with(
+                || opened(&job),
+                |evaluator| {
+                    let mut scores = score(evaluator, placements, watch)?;
+                    guard(&job, evaluator, placements, &mut scores, None)?;
+                    Ok(scores)
+                },
+            )
         })
     }
 
@@ -145,13 +149,17 @@ fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
 /// `callback` is called with a dict for each event: `{"event": "note", "text"}`, `{"event": "generation", "generation",
 /// "evaluations", "best_so_far", …}`, `{"event": "progress", "work", "done", "total"}`. `StopIteration` raised by it ends the
 /// search, which confirms what it has, over few frames where a scene has more than 32, and returns it. So do Ctrl-C and any other exception, but
-/// that they go on to the caller, with the `Result` as their `result`. Raises `ValueError` for settings that are not
+/// that they go on to the caller, with the `Result` as their `result`.
+///
+/// `progress` says how a call shows how far it is: `None` after two seconds by a bar where tqdm is installed and stderr is a
+/// terminal or a notebook, else by `INFO` records of the logger `sightline`; `True` by a bar; `False` not at all. A
+/// function is called with a `Progress`, at most ten times a second; its exceptions end the call. Raises `ValueError` for settings that are not
 /// usable, `MemoryError` for what does not fit, `OSError` where a device fails.
 #[pyfunction(name = "optimize")]
 #[pyo3(signature = (scenes, *, objective = "near_gain", evaluations = 180, seed = 1,
     method = "both", frames = None, population = None, baselines = None, starts = None,
     target = None, seconds = None, mirror = false, budget = None, fewest = false,
-    tolerance = "5mm,0.5deg", callback = None))]
+    tolerance = "5mm,0.5deg", callback = None, progress = None))]
 #[allow(clippy::too_many_arguments)]
 pub fn search<'py>(
     py: Python<'py>,
@@ -171,6 +179,7 @@ pub fn search<'py>(
     fewest: bool,
     tolerance: Option<&str>,
     callback: Option<Py<PyAny>>,
+    progress: Option<Progress>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let scenes = scenes_of(scenes)?;
     let engine: EngineChoice = scenes[0].options.engine.clone();
@@ -204,7 +213,7 @@ pub fn search<'py>(
         None => job,
     };
     let asked = Asked { job, seconds };
-    let (ended, signal) = beside(py, |observe| asked.run(observe), callback)?;
+    let (ended, signal) = beside(py, |observe| asked.run(observe), callback, progress)?;
     let result = match ended {
         Some((found, conditions)) => {
             result_object(py, scenes[0].scene.vehicle(), &found, conditions)?
@@ -246,42 +255,50 @@ pub fn beside<T: Send + 'static>(
     py: Python<'_>,
     search: impl FnOnce(&mut dyn FnMut(&Event) -> bool) -> PyResult<T> + Send + 'static,
     callback: Option<Py<PyAny>>,
+    progress: Option<Progress>,
 ) -> PyResult<Ended<T>> {
-    let stop = Arc::new(AtomicBool::new(false));
+    let watch = Arc::new(Watch::default());
+    let mut shown = Shown::new(progress.unwrap_or_default(), watch.clone());
     let failed: Arc<Mutex<Option<PyErr>>> = Arc::default();
     let (sender, receiver) = channel();
-    let (told, failing) = (stop.clone(), failed.clone());
+    let (told, failing) = (watch.clone(), failed.clone());
     start(move || {
         let mut observe = |event: &Event| {
-            if let Some(callback) = callback.as_ref().filter(|_| !told.load(Ordering::SeqCst)) {
+            match event {
+                Event::Note(sentence) => log(Level::Info, sentence),
+                Event::Progress { work, done, total } => {
+                    told.reach(&work.to_string(), *done as usize, *total as usize);
+                }
+                _ => {}
+            }
+            if let Some(callback) = callback.as_ref().filter(|_| told.goes_on()) {
                 match Python::attach(|py| tell(py, callback, event)) {
                     Ok(true) => {}
-                    Ok(false) => told.store(true, Ordering::SeqCst),
+                    Ok(false) => told.stop(),
                     Err(error) => {
                         *failing.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
-                        told.store(true, Ordering::SeqCst);
+                        told.stop();
                     }
                 }
             }
-            !told.load(Ordering::SeqCst)
+            told.goes_on()
         };
         drop(sender.send(search(&mut observe)));
     })?;
     let receiver = Mutex::new(receiver);
     let mut signal = None;
-    let ended = match wait(py, &receiver) {
-        Err(first) => {
-            stop.store(true, Ordering::SeqCst);
-            signal = Some(first);
-            wait(py, &receiver)?
-        }
-        Ok(ended) => ended,
-    };
-    let Some(ended) = ended else {
+    let mut waited = wait(py, &receiver, Some(&mut shown));
+    if let Err(first) = waited {
+        watch.stop();
+        signal = Some(first);
+        waited = wait(py, &receiver, Some(&mut shown));
+    }
+    let told = shown.end(py, waited.is_ok() && signal.is_none());
+    let Some(ended) = waited? else {
         return Err(PyRuntimeError::new_err("the search ended without a result; see stderr"));
     };
     let failed = failed.lock().unwrap_or_else(PoisonError::into_inner).take();
-    Ok((ended?, signal.or(failed)))
+    Ok((ended?, signal.or(failed).or(told.err())))
 }
 
 /// The `Result` object of the package.

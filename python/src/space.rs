@@ -1,7 +1,5 @@
 //! The space that an optimizer searches: variables from 0 to 1, poses that the mounts allow, rules that poses break.
 
-use std::sync::atomic::Ordering::SeqCst;
-
 use numpy::{PyArray2, PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -261,8 +259,8 @@ impl PySpace {
         let lidars = self.rules.lidars();
         room_for("poses", count, placement_bytes(lidars))?;
         let rules = self.rules.clone();
-        let placements = interruptible(py, move |stop| {
-            let goes_on = |n: usize| !n.is_multiple_of(DRAWN_TOGETHER) || !stop.load(SeqCst);
+        let placements = interruptible(py, move |watch| {
+            let goes_on = |n: usize| !n.is_multiple_of(DRAWN_TOGETHER) || watch.goes_on();
             let most = if by_the_rules { count.saturating_mul(DRAWS) } else { count };
             let all = draws(&rules, seed).take(most).enumerate();
             let all = all.take_while(|(n, _)| goes_on(*n)).map(|(_, placement)| placement);

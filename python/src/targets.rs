@@ -11,6 +11,7 @@ use crate::arguments::{self, room_for};
 use crate::arrays::{numbers, shape_in_words};
 use crate::engine::Built;
 use crate::errors::{bad, raised};
+use crate::progress::Watch;
 
 /// Bytes of a row of a table, with its names and the beams of each LiDAR.
 const ROW_BYTES: usize = size_of::<TargetRow>() + 128;
@@ -79,17 +80,25 @@ impl Built {
         &self,
         question: &TargetQuestion,
         placement: &Placement,
+        watch: &Watch,
     ) -> PyResult<Redundancy> {
+        self.psog(watch)?;
         let site = self.job.scenes()[0].redundancy_site().map_err(raised)?;
-        self.evaluate(|evaluator| {
+        self.evaluate(watch, |evaluator| {
             site.look(evaluator.backend_mut(), question, placement).map_err(raised)
         })
     }
 
     /// Surfaces and directions that pairs of LiDARs of a placement share.
-    pub fn overlap(&self, least_shared: u64, placement: &Placement) -> PyResult<Overlap> {
+    pub fn overlap(
+        &self,
+        least_shared: u64,
+        placement: &Placement,
+        watch: &Watch,
+    ) -> PyResult<Overlap> {
+        self.psog(watch)?;
         let problem = self.job.problem().map_err(raised)?;
-        self.evaluate(|evaluator| {
+        self.evaluate(watch, |evaluator| {
             let engine = evaluator.backend_mut();
             Overlap::new(&self.scene, &problem, engine, placement, least_shared).map_err(raised)
         })

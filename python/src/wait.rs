@@ -1,12 +1,13 @@
 //! Long work beside the interpreter: the GIL is free, Ctrl-C is heard, and a forked process gets threads of its own.
 
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 use pyo3::exceptions::{PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
+
+use crate::progress::{Progress, Shown, Watch};
 
 /// The process that imported the module. Threads of the shared pool may live in it, and in no copy of it.
 static HOME: OnceLock<u32> = OnceLock::new();
@@ -53,40 +54,62 @@ pub fn start(work: impl FnOnce() + Send + 'static) -> PyResult<()> {
 /// Time between two looks for a signal.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Waits for a value without the GIL, looking for signals in between; `None` where the sender is gone.
+/// Waits for a value without the GIL, looking for signals in between, and at how far the work is; `None` where the sender
+/// is gone.
 ///
 /// # Errors
-/// A signal whose handler raises, as Ctrl-C does.
-pub fn wait<T: Send>(py: Python<'_>, receiver: &Mutex<Receiver<T>>) -> PyResult<Option<T>> {
+/// A signal whose handler raises, as Ctrl-C does; an exception of the function that is told of progress.
+pub fn wait<T: Send>(
+    py: Python<'_>,
+    receiver: &Mutex<Receiver<T>>,
+    mut shown: Option<&mut Shown>,
+) -> PyResult<Option<T>> {
     let receive = || receiver.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(LOOK);
     loop {
         match py.detach(receive) {
             Ok(value) => return Ok(Some(value)),
-            Err(RecvTimeoutError::Timeout) => py.check_signals()?,
+            Err(RecvTimeoutError::Timeout) => {
+                py.check_signals()?;
+                shown.as_mut().map_or(Ok(()), |shown| shown.look(py))?;
+            }
             Err(RecvTimeoutError::Disconnected) => return Ok(None),
         }
     }
 }
 
-/// Runs `work` on a thread of its own and waits for it. A signal that raises sets the flag that `work` gets; `work`
-/// goes on in the background until it looks at the flag.
+/// Runs `work` on a thread of its own and waits for it, showing how far it is as calls do that are not told how. A signal
+/// that raises stops the watch that `work` gets; `work` goes on in the background until it looks there.
 ///
 /// # Errors
 /// Like [`wait`]; a panic of `work`.
 pub fn interruptible<T: Send + 'static>(
     py: Python<'_>,
-    work: impl FnOnce(&AtomicBool) -> T + Send + 'static,
+    work: impl FnOnce(&Watch) -> T + Send + 'static,
 ) -> PyResult<T> {
-    let stop = Arc::new(AtomicBool::new(false));
+    watched(py, Progress::default(), work)
+}
+
+/// Like [`interruptible`], and shows how far the work is as `progress` says.
+///
+/// # Errors
+/// Like [`wait`]; a panic of `work`.
+pub fn watched<T: Send + 'static>(
+    py: Python<'_>,
+    progress: Progress,
+    work: impl FnOnce(&Watch) -> T + Send + 'static,
+) -> PyResult<T> {
+    let watch = Arc::new(Watch::default());
+    let mut shown = Shown::new(progress, watch.clone());
     let (sender, receiver) = channel();
-    let told = stop.clone();
+    let told = watch.clone();
     start(move || drop(sender.send(work(&told))))?;
-    match wait(py, &Mutex::new(receiver)) {
-        Ok(Some(value)) => Ok(value),
-        Ok(None) => Err(PyRuntimeError::new_err("the work ended without a result; see stderr")),
-        Err(signal) => {
-            stop.store(true, Ordering::SeqCst);
-            Err(signal)
-        }
+    let ended = wait(py, &Mutex::new(receiver), Some(&mut shown));
+    if ended.is_err() {
+        watch.stop();
     }
+    // What ended the work is told before what a function said of its last step.
+    let closed = shown.end(py, ended.is_ok());
+    let value = ended?;
+    closed?;
+    value.ok_or_else(|| PyRuntimeError::new_err("the work ended without a result; see stderr"))
 }

@@ -172,6 +172,11 @@ impl Job {
     }
 }
 
+/// Moves of a placement that [`Job::room_while`] looks at: each pose field, and each direction of the tilt.
+pub fn moves_of(placement: &Placement) -> u64 {
+    SweptField::all(placement).count() as u64 + TILTS
+}
+
 /// How far one field may be off to either side; `None` once `go_on` says no.
 fn room_of_field(
     evaluator: &mut Evaluator,
@@ -282,7 +287,7 @@ fn room_of_tilt(
 }
 
 /// Directions that are looked at.
-pub(crate) const TILTS: u64 = DIRECTIONS.len() as u64;
+const TILTS: u64 = DIRECTIONS.len() as u64;
 
 #[cfg(test)]
 mod tests {

@@ -10,7 +10,7 @@ use super::inputs::{Files, Given, note_repeated};
 use super::opening::{LoadTimes, Loaded};
 use super::{Computing, GRACE, RunError, opening, outputs};
 use crate::files::{Session, writable_file, write_whole};
-use crate::job::{Job, Room, RoomSteps, Sweep, SweptField, TILTS};
+use crate::job::{Job, Room, RoomSteps, Sweep, SweptField, moves_of};
 use crate::report::study::sweep_plot;
 use crate::scan::conditions::{Condition, in_words};
 use crate::scene::{Scene, Target};
@@ -162,8 +162,7 @@ pub fn room(
     let _session = Session::begin();
     let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
     let mut opened = OpenJob::new(request, &scenes, &file, computing)?;
-    let moves = |placement: &Placement| SweptField::all(placement).count() as u64 + TILTS;
-    let bar = computing.watcher.bar(opened.placements.iter().map(moves).sum(), Some("moves"));
+    let bar = computing.watcher.bar(opened.placements.iter().map(moves_of).sum(), Some("moves"));
     let mut go_on = |moves: u64| {
         bar.advance(moves);
         computing.watcher.goes_on()

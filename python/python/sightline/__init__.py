@@ -11,7 +11,8 @@ seconds. A pose is ``x, y, z, roll, pitch, yaw``, with R = Rz(yaw) · Ry(pitch) 
 
 Errors are ``ValueError`` for what is wrong in arguments and files, ``OSError`` for files and devices that cannot be
 used, ``MemoryError`` for work that does not fit. Sentences on files are a ``UserWarning``, likely mistakes a
-``DoubtWarning``. Long work leaves the GIL to others and ends at Ctrl-C.
+``DoubtWarning``. Long work leaves the GIL to others, ends at Ctrl-C, and shows how far it is by a bar of tqdm or to the
+logger ``sightline``.
 """
 
 import os as _os
@@ -41,6 +42,7 @@ from ._native import (  # noqa: E402
     set_threads,
 )
 from . import examples  # noqa: E402
+from ._progress import Progress  # noqa: E402
 from ._records import Boxes, Front, Result, Scan, Status  # noqa: E402
 from ._scores import Scores  # noqa: E402
 
@@ -50,6 +52,7 @@ __all__ = [
     "DoubtWarning",
     "Front",
     "Placement",
+    "Progress",
     "Psog",
     "Raycaster",
     "Result",

@@ -7,6 +7,7 @@ from typing_extensions import NotRequired
 import numpy as np
 import numpy.typing as npt
 
+from ._progress import Progress
 from ._records import F32, F64, I64, U16, U32, Front, Result, Scan
 from ._scores import Scores
 
@@ -39,6 +40,7 @@ __version__: str
 
 _Path = str | PathLike[str]
 _Poses = Placement | Sequence[Placement] | npt.ArrayLike
+_Progress = bool | Callable[[Progress], object] | None
 _Backend = Literal["auto", "cpu", "gpu"]
 _RigFormat = Literal["autoware", "urdf", "sdf", "ros2-launch", "carla", "carla-objects", "tf", "pandaset", "json"]
 
@@ -303,6 +305,7 @@ class Scene:
         phases: npt.ArrayLike | None = None,
         self_hits: bool | None = None,
         near_field: bool = False,
+        progress: _Progress = None,
     ) -> Scores: ...
     def range_card(
         self,
@@ -345,6 +348,7 @@ class Scene:
         *,
         sensors: Sequence[str] | None = None,
         phases: npt.ArrayLike | None = None,
+        progress: _Progress = None,
     ) -> dict[str, Any]: ...
     def tolerance(
         self,
@@ -357,6 +361,7 @@ class Scene:
         steps: int = 10,
         sensors: Sequence[str] | None = None,
         phases: npt.ArrayLike | None = None,
+        progress: _Progress = None,
     ) -> dict[str, Any]: ...
     def covered(
         self,
@@ -412,6 +417,7 @@ class Scene:
         hostile: int = 50,
         sample: int = 20_000,
         seed: int = 1,
+        progress: _Progress = None,
     ) -> dict[str, Any]: ...
     def atlas(self, poses: npt.ArrayLike, *, sensors: Sequence[str] | None = None) -> Atlas: ...
     def space(self, equipment: Sequence[tuple[str, str]] | None = None) -> Space: ...
@@ -451,6 +457,7 @@ class Suite:
         *,
         sensors: Sequence[str] | None = None,
         phases: npt.ArrayLike | None = None,
+        progress: _Progress = None,
     ) -> Scores: ...
     def __len__(self) -> int: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
@@ -477,6 +484,7 @@ def optimize(
     fewest: bool = False,
     tolerance: str | None = "5mm,0.5deg",
     callback: Callable[[dict[str, Any]], object] | None = None,
+    progress: _Progress = None,
 ) -> Result: ...
 def front(
     scenes: Scene | Sequence[Scene],
@@ -489,4 +497,5 @@ def front(
     budget: float | None = None,
     tolerance: str | None = "5mm,0.5deg",
     callback: Callable[[dict[str, Any]], object] | None = None,
+    progress: _Progress = None,
 ) -> Front: ...

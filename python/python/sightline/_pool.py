@@ -11,6 +11,8 @@ from typing import Any
 import ray
 from ray.exceptions import GetTimeoutError, RayError, RayTaskError
 
+from . import _progress
+
 #: Tasks in flight for each actor: one at work, one behind it.
 IN_FLIGHT = 2
 #: Times that a task is lost with its worker, or a worker before it stands, until it is given up.
@@ -33,19 +35,13 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Progress:
-    """How far the work is."""
+class Progress(_progress.Progress):
+    """How far the work is, and who does it; ``seconds`` are those of this call."""
 
-    done: int
-    total: int
-    #: Since the start of this call.
-    seconds: float
-    #: Until the end at the rate so far; ``None`` before anything is done.
-    seconds_left: float | None
     #: Workers that answer.
-    workers: int
+    workers: int = 0
     #: Workers lost so far.
-    lost: int
+    lost: int = 0
 
 
 @dataclass(eq=False)
@@ -66,9 +62,10 @@ class Pool:
         self,
         start: Callable[[float], Any],
         cores: list[float],
-        progress: Callable[[Progress], object] | None,
+        progress: _progress.Wanted,
+        work: str,
     ) -> None:
-        self._start, self._progress = start, progress
+        self._start, self._progress, self._work = start, progress, work
         self._members: list[_Member] = []
         self._flying: dict[Any, tuple[_Member, Task | None]] = {}
         self._lost = 0
@@ -100,6 +97,18 @@ class Pool:
         waiting: dict[int, deque[Task]] = {}
         for first in tasks:
             waiting.setdefault(first.home, deque()).append(first)
+        with _progress.shown(None if callable(self._progress) else self._progress) as step:
+            self._run(waiting, done, total, already, weigh, step)
+
+    def _run(
+        self,
+        waiting: dict[int, deque[Task]],
+        done: Callable[[Task, Any], Iterator[Task]],
+        total: int,
+        already: int,
+        weigh: Callable[[Task], int],
+        step: _progress.Reporter,
+    ) -> None:
         begun, finished = time.monotonic(), 0
         while any(waiting.values()) or any(flying for _, flying in self._flying.values()):
             self._hand_out(waiting)
@@ -123,7 +132,7 @@ class Pool:
                 finished += weigh(task)
                 for further in done(task, value):
                     waiting.setdefault(further.home, deque()).append(further)
-                self._tell(finished, already, total, begun)
+                self._tell(finished, already, total, begun, step)
 
     def _hire(self, cores: float, tries: int = 0) -> None:
         member = _Member(self._start(cores), cores, tries=tries)
@@ -174,13 +183,14 @@ class Pool:
             reference = getattr(member.actor, task.method).remote(*task.arguments)
             self._flying[reference] = (member, task)
 
-    def _tell(self, finished: int, already: int, total: int, begun: float) -> None:
-        if self._progress is None:
+    def _tell(self, finished: int, already: int, total: int, begun: float, step: _progress.Reporter) -> None:
+        if not callable(self._progress):
+            step(self._work, already + finished, total)
             return
         seconds = time.monotonic() - begun
         left = seconds * (total - already - finished) / finished if finished else None
         workers = sum(member.is_ready for member in self._members)
-        self._progress(Progress(already + finished, total, seconds, left, workers, self._lost))
+        self._progress(Progress(already + finished, total, seconds, left, self._work, workers, self._lost))
 
 
 def _said(error: Exception) -> str:

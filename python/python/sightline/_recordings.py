@@ -13,6 +13,7 @@ import numpy.typing as npt
 from . import Placement, Scan, Scene
 from ._clouds import table, whole
 from ._extra import load
+from ._progress import shown
 
 if TYPE_CHECKING:
     Given = Placement | list[Placement] | tuple[Placement, ...]
@@ -39,9 +40,25 @@ def _scans(scene: Scene, placements: Given, options: dict[str, Any]) -> Iterator
     names = [placement.name for placement in placements]
     if not names or len(set(names)) < len(names):
         raise ValueError(f"placements: have the names {names}; give one or several, each of a name of its own")
-    for placement in placements:
-        for k, scan in enumerate(scene.scan(placement, **options)):
-            yield placement.name, k == 0, scan
+    options = dict(options)
+    with shown(options.pop("progress", None)) as step:
+        total, done = len(placements) * _count(scene, options.get("frames")), 0
+        for placement in placements:
+            for k, scan in enumerate(scene.scan(placement, **options)):
+                step("scans", done, total)
+                yield placement.name, k == 0, scan
+                done += 1
+        step("scans", done, total)
+
+
+def _count(scene: Scene, frames: Any) -> int:
+    """Frames that a scan with this argument has; 0 where the scan will refuse it."""
+    if frames is None:
+        return scene.frames
+    try:
+        return len(frames)
+    except TypeError:
+        return min(int(frames), scene.frames) if isinstance(frames, (int, float)) else 0
 
 
 def to_rerun(scene: Scene, placements: Given, path: str | os.PathLike[str], options: dict[str, Any]) -> None:

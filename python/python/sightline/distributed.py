@@ -119,14 +119,14 @@ def score(
     actors: int | None = None,
     threads: int | None = None,
     checkpoint: str | Path | None = None,
-    progress: Callable[[Progress], object] | None = None,
+    progress: bool | Callable[[Progress], object] | None = None,
 ) -> list[Scores]:
     """Scores of N placements in each of some scenes.
 
     ``poses`` is an array as for :meth:`sightline.Scene.score`, ``[N, L, 6]``, or ``[L, 6]`` for one placement;
     ``sensors`` names the model of each LiDAR, and ``phases`` ``[L]`` or ``[N, L]`` locks them. There is an actor a node
     with all of its cores, or ``actors`` of them with ``threads`` threads each. ``checkpoint`` is a folder that finished
-    chunks are kept in. ``progress`` is told after each chunk.
+    chunks are kept in. ``progress`` is as for :func:`sightline.optimize`; a function is told after each chunk.
 
     Raises ``ValueError`` for what :meth:`sightline.Scene.score` refuses, in its words, and for a checkpoint of other
     inputs; ``RuntimeError`` where a chunk, or each worker at its start, is lost over and over. Poses and phases are
@@ -169,7 +169,7 @@ def score(
             yield from rest(scene, (stop - start) / max(seconds, 1e-6))
 
     have = sum(len(part.names) for parts in finished for part in parts.values())
-    pool = _pool(actors, threads, list(scenes), array, named, progress)
+    pool = _pool(actors, threads, list(scenes), array, named, progress, "placements")
     with pool:
         first = [task for scene in range(len(scenes)) for task in probe(scene)]
         weigh = lambda task: task.arguments[2] - task.arguments[1]  # noqa: E731
@@ -185,7 +185,7 @@ def optimize(
     actors: int | None = None,
     threads: int | None = None,
     checkpoint: str | Path | None = None,
-    progress: Callable[[Progress], object] | None = None,
+    progress: bool | Callable[[Progress], object] | None = None,
     **settings: Any,
 ) -> list[list[Result]]:
     """A search in each scene with each seed: ``[scene][seed]``.
@@ -214,7 +214,7 @@ def optimize(
         return iter(())
 
     total = len(scenes) * len(seeds)
-    with _pool(actors, threads, list(scenes), None, None, progress) as pool:
+    with _pool(actors, threads, list(scenes), None, None, progress, "searches") as pool:
         pool.run(tasks, done, total=total, already=total - len(tasks))
     return [[row[k] for k in range(len(seeds))] for row in results]
 
@@ -225,7 +225,7 @@ def run(
     actors: int | None = None,
     threads: int | None = None,
     checkpoint: str | Path | None = None,
-    progress: Callable[[Progress], object] | None = None,
+    progress: bool | Callable[[Progress], object] | None = None,
 ) -> list[Completed]:
     """Commands of the program, each on some node, as ``["study", "cost", "scenes/highway.json"]``; in their order.
 
@@ -248,7 +248,7 @@ def run(
             kept.write(0, task.index[0], (asdict(value), {}))
         return iter(())
 
-    with _pool(actors, None, [], None, None, progress) as pool:
+    with _pool(actors, None, [], None, None, progress, "commands") as pool:
         pool.run(tasks, done, total=len(given), already=len(given) - len(tasks))
     return [results[k] for k in range(len(given))]
 
@@ -288,7 +288,8 @@ def _pool(
     scenes: list[Scene],
     poses: npt.NDArray[np.float64] | None,
     named: dict[str, Any] | None,
-    progress: Callable[[Progress], object] | None,
+    progress: bool | Callable[[Progress], object] | None,
+    work: str,
 ) -> Pool:
     if not ray.is_initialized():
         ray.init(log_to_driver=False, include_dashboard=False)
@@ -304,4 +305,4 @@ def _pool(
     wanted = [float(threads or 1)] * actors if actors else [cores for cores in alive if cores >= 1]
     if not wanted:
         raise RuntimeError("Ray has no node with a core; start one, or give actors=")
-    return Pool(start, wanted, progress)
+    return Pool(start, wanted, progress, work)

@@ -39,7 +39,7 @@ pub fn draws(constraints: &Constraints, seed: u64) -> impl Iterator<Item = Place
     })
 }
 
-const TABLE_7: &str = include_str!("../../../../scenes/placements.json");
+const TABLE_7: &str = include_str!("../../placements.json");
 
 /// The eleven hand-made layouts of four LiDARs of Table 7 of Place3D: the baselines where no others are
 /// given.

@@ -6,27 +6,24 @@ use std::sync::{Mutex, OnceLock};
 use super::device::Device;
 use super::layout::{MAX_WORKGROUPS, WORKGROUP_SIZE, prelude};
 
-const EXACT: &str = include_str!("../../../../../shaders/common/exact.wgsl");
-const BEAM: &str = include_str!("../../../../../shaders/common/beam.wgsl");
-const COVERED: &str = include_str!("../../../../../shaders/common/covered.wgsl");
+const EXACT: &str = include_str!("../../../shaders/common/exact.wgsl");
+const BEAM: &str = include_str!("../../../shaders/common/beam.wgsl");
+const COVERED: &str = include_str!("../../../shaders/common/covered.wgsl");
 
 /// (kernel, parts of its source): file, entry point, pipeline label and CPU twin share the name.
 pub(super) const SOURCES: [(&str, &[&str]); 6] = [
-    ("cast_closest", &[EXACT, BEAM, include_str!("../../../../../shaders/cast_closest.wgsl")]),
-    ("cover_voxels", &[EXACT, BEAM, include_str!("../../../../../shaders/cover_voxels.wgsl")]),
-    (
-        "reduce_words",
-        &[EXACT, BEAM, include_str!("../../../../../shaders/reduce_words.wgsl"), COVERED],
-    ),
+    ("cast_closest", &[EXACT, BEAM, include_str!("../../../shaders/cast_closest.wgsl")]),
+    ("cover_voxels", &[EXACT, BEAM, include_str!("../../../shaders/cover_voxels.wgsl")]),
+    ("reduce_words", &[EXACT, BEAM, include_str!("../../../shaders/reduce_words.wgsl"), COVERED]),
     (
         "reduce_occupied",
-        &[EXACT, BEAM, include_str!("../../../../../shaders/reduce_occupied.wgsl"), COVERED],
+        &[EXACT, BEAM, include_str!("../../../shaders/reduce_occupied.wgsl"), COVERED],
     ),
     (
         "reduce_classes",
-        &[EXACT, BEAM, include_str!("../../../../../shaders/reduce_classes.wgsl"), COVERED],
+        &[EXACT, BEAM, include_str!("../../../shaders/reduce_classes.wgsl"), COVERED],
     ),
-    ("self_test", &[EXACT, BEAM, include_str!("../../../../../shaders/self_test.wgsl")]),
+    ("self_test", &[EXACT, BEAM, include_str!("../../../shaders/self_test.wgsl")]),
 ];
 
 /// Key of a bind group: the number of a kernel and its buffers.
