@@ -191,7 +191,7 @@ impl LeafRange {
 /// most `WIDTH` triangles is a block, which takes one place. (Ylitie, Karras, Laine: "Efficient incoherent ray traversal on
 /// GPUs through compressed wide BVHs", HPG 2017; departure: blocks are as large as they can be, so that they cost the same
 /// however the tree is cut.)
-struct TreeCuts<'a, const WIDTH: usize> {
+pub(super) struct TreeCuts<'a, const WIDTH: usize> {
     nodes: &'a [BvhNode],
     /// One for each binary node.
     below: Vec<LeafRange>,
@@ -206,7 +206,7 @@ struct TreeCuts<'a, const WIDTH: usize> {
 const NO_WIDE_NODE: u32 = u32::MAX;
 
 impl<'a, const WIDTH: usize> TreeCuts<'a, WIDTH> {
-    fn new(nodes: &'a [BvhNode]) -> Self {
+    pub fn new(nodes: &'a [BvhNode]) -> Self {
         let (below, rows) = (LeafRange::all(nodes), vec![NO_WIDE_NODE; nodes.len()]);
         let mut cuts = Self { nodes, below, rows, places: Vec::new() };
         // Row by row: least sum of areas for k + 1 places.
@@ -241,8 +241,19 @@ impl<'a, const WIDTH: usize> TreeCuts<'a, WIDTH> {
         cuts
     }
 
+    /// A binary node.
+    pub fn node(&self, index: usize) -> &'a BvhNode {
+        &self.nodes[index]
+    }
+
+    /// Triangles below a binary node, in leaf order.
+    pub fn triangles(&self, index: usize) -> std::ops::Range<usize> {
+        let LeafRange { first, count } = self.below[index];
+        first as usize..(first + count) as usize
+    }
+
     /// The children of a wide node that begins at a binary one, at most `WIDTH`; a block is its own only child.
-    fn children(&self, from: usize) -> Vec<usize> {
+    pub fn children(&self, from: usize) -> Vec<usize> {
         let mut children = Vec::with_capacity(WIDTH);
         self.gather(from, WIDTH, &mut children);
         children

@@ -17,7 +17,7 @@ pub const FAR_INVERSE: f32 = 1e20;
 
 /// Closest hit of a ray.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct Hit {
     /// Metres along the unit direction; the ray's `t_max` when nothing was hit.
     pub t: f32,

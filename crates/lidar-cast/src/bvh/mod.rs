@@ -16,6 +16,7 @@ mod build;
 pub(crate) mod bvh16;
 #[cfg(feature = "gpu")]
 mod bvh4;
+pub(crate) mod bvh8;
 mod intersect;
 
 pub use build::{Bvh, BvhNode, MAX_DEPTH, PAD_SHARE, Triangle};
