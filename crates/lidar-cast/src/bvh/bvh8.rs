@@ -9,6 +9,8 @@ use super::{BvhNode, Triangle};
 pub const WIDTH: usize = 8;
 /// Row of [`Node8`] with the children.
 const CHILDREN: usize = 6;
+/// Row of [`Node8`] whose first place has their number.
+const COUNT: usize = 7;
 
 /// The binary tree with its nodes merged eight by eight, and its lowest subtrees made blocks of triangles.
 #[derive(Debug, Clone, Default)]
@@ -94,6 +96,13 @@ impl Node8 {
             self.rows[axis + 3][slot] = node.max[axis];
         }
         self.rows[CHILDREN][slot] = f32::from_bits(child);
+        self.rows[COUNT][0] = f32::from_bits(slot as u32 + 1);
+    }
+
+    /// Number of children, which lie in the first slots.
+    #[inline(always)]
+    pub fn count(&self) -> usize {
+        self.rows[COUNT][0].to_bits() as usize % (WIDTH + 1)
     }
 
     /// Replaces the children.

@@ -9,7 +9,7 @@ mod lanes;
 
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use multiversion::multiversion;
 use multiversion::target::match_target;
 use rayon::prelude::*;
@@ -21,18 +21,26 @@ use crate::bvh::{Bvh, BvhNode, Hit, Ray};
 use crate::geom::{Aabb, Pose, TriangleSoup};
 use crate::task::{Frame, Instance};
 use descent::{STACK, Stack};
+use lanes::W;
 
 /// Rays of one parallel task.
 const RAYS_A_TASK: usize = 1024;
-
+/// Least cosine between rays that go down together.
+const ALIKE: f64 = 0.97;
+/// How far from each other rays that go down together may begin, as a share of the scene's extent.
+const NEAR: f64 = 0.05;
 /// Largest coordinate in metres whose products with inverses of directions stay far from the largest number.
-const LARGEST: f32 = 1e17;
+const LARGEST: f32 = 1e16;
 
 /// A frame that single rays are cast into; made in microseconds, but for trees that no ray has gone down before.
 #[derive(Debug, Clone)]
 pub struct RayScene {
     things: Vec<RayInstance>,
     upper: UpperTree,
+    /// Box of all in the ego frame.
+    bounds: Aabb,
+    /// Largest coordinate, without its sign, of boxes in any frame.
+    largest: f32,
 }
 
 /// Tree over the instances' boxes in the ego frame; blocks stand for instances.
@@ -59,13 +67,30 @@ enum RayQuery {
     Count,
 }
 
-/// A ray in a frame of several instances.
+/// Eight rays in a frame.
 struct FrameRays<'a> {
     upper: &'a UpperTree,
     things: &'a [RayInstance],
-    origin: DVec3,
-    unit: DVec3,
+    origins: [DVec3; W],
+    units: [DVec3; W],
+    /// In the ego frame.
+    rays: [Ray; W],
     wanted: RayQuery,
+}
+
+impl FrameRays<'_> {
+    /// Tells whether the rays of `mask` begin within `near` metres of the first and point where it does.
+    #[inline(always)]
+    fn are_alike(&self, mask: u32, near: f64) -> bool {
+        let first = mask.trailing_zeros() as usize % W;
+        let (origin, unit) = (self.origins[first], self.units[first]);
+        let mut alike = true;
+        for lane in 0..W {
+            let is_near = (self.origins[lane] - origin).abs().max_element() <= near;
+            alike &= mask >> lane & 1 == 0 || is_near && self.units[lane].dot(unit) > ALIKE;
+        }
+        alike
+    }
 }
 
 /// Hit and number of hits of one ray so far.
@@ -78,6 +103,12 @@ struct RayHits {
 impl RayHits {
     fn is_enough(&self, wanted: RayQuery) -> bool {
         wanted == RayQuery::Any && self.hit.is_hit()
+    }
+
+    /// Metres within which a ray still looks; below 0 it does not.
+    #[inline(always)]
+    fn reach(&self, wanted: RayQuery) -> f32 {
+        if self.is_enough(wanted) { -1.0 } else { self.hit.t }
     }
 }
 
@@ -98,7 +129,12 @@ impl RayScene {
             boxes.faces.push([first, first + 1, first]);
             boxes.face_class.push(0);
         }
-        Self { things, upper: UpperTree::new(&Bvh::build(&boxes, 0.0)) }
+        let upper = Bvh::build(&boxes, 0.0);
+        let all = things.iter().filter_map(|thing| thing.tree.bounds()).chain(upper.bounds());
+        let of = |bounds: Aabb| bounds.min.abs().max(bounds.max.abs()).max_element();
+        let largest = all.map(of).fold(0.0, f32::max);
+        let bounds = upper.bounds().unwrap_or(Aabb::EMPTY);
+        Self { things, upper: UpperTree::new(&upper), bounds, largest }
     }
 
     /// Triangles of all instances.
@@ -138,18 +174,40 @@ impl RayScene {
     ) -> Vec<T> {
         let mut answers = vec![T::default(); rays.len()];
         let parts = answers.par_chunks_mut(RAYS_A_TASK).zip(rays.par_chunks(RAYS_A_TASK));
-        let none = RayHits { hit: Hit::none(range), count: 0 };
-        let memory = || ([none; RAYS_A_TASK], [0; STACK]);
-        parts.for_each_init(memory, |(hits, stack), (answers, rays)| {
-            let hits = &mut hits[..rays.len()];
-            hits.fill(none);
-            cast_all(self, rays, t_max, wanted, hits, stack);
-            for (to, found) in answers.iter_mut().zip(hits) {
-                *to = answer(*found);
-            }
-        });
+        parts.for_each_init(
+            || [0; STACK],
+            |stack, (answers, rays)| {
+                let inputs = RayInputs { rays, range, t_max, wanted };
+                cast_all(self, &inputs, stack, |ray, found| answers[ray] = answer(found));
+            },
+        );
         answers
     }
+
+    /// Hits of one ray, by the reference: where products of coordinates may be no numbers.
+    #[cold]
+    fn by_reference(&self, origin: DVec3, unit: DVec3, wanted: RayQuery, found: &mut RayHits) {
+        for thing in &self.things {
+            let ray = thing.ray(origin, unit, found.hit.t);
+            if wanted == RayQuery::Count {
+                for triangle in &thing.tree.triangles {
+                    let mut hit = Hit::none(ray.t_max);
+                    ray.intersect(triangle, thing.tree.pad, thing.first_prim, &mut hit);
+                    found.count += u32::from(hit.is_hit());
+                }
+            } else {
+                thing.tree.closer_hit(&ray, thing.first_prim, &mut found.hit);
+            }
+        }
+    }
+}
+
+/// Rays and the question that is asked of them.
+struct RayInputs<'a> {
+    rays: &'a [[f32; 6]],
+    range: f32,
+    t_max: f32,
+    wanted: RayQuery,
 }
 
 impl UpperTree {
@@ -176,46 +234,65 @@ impl UpperTree {
     }
 }
 
-/// Closest hits, or numbers of hits, of rays within the distances that `hits` begin with.
+/// Hits of rays, each given to `answer` with the number of the ray.
 #[multiversion(targets("x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt"))]
 fn cast_all(
     scene: &RayScene,
-    rays: &[[f32; 6]],
-    t_max: f32,
-    wanted: RayQuery,
-    hits: &mut [RayHits],
+    inputs: &RayInputs<'_>,
     stack: &mut Stack,
+    mut answer: impl FnMut(usize, RayHits),
 ) {
-    for (&[x, y, z, dx, dy, dz], found) in rays.iter().zip(hits) {
-        let origin = DVec3::new(x.into(), y.into(), z.into());
-        let direction = DVec3::new(dx.into(), dy.into(), dz.into());
-        let length = direction.length_squared().sqrt();
-        if !(origin.is_finite() && length.is_finite() && length > 0.0) {
-            continue;
-        }
-        found.hit.t = (f64::from(t_max) * length).min(f64::from(found.hit.t)) as f32;
-        let unit = direction / length;
-        if let [thing] = &scene.things[..] {
-            let ray = thing.ray(origin, unit, found.hit.t);
-            match_target! {
-                "x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt" => {
-                    descent::avx2::triangles_hit(&thing.tree, thing.first_prim, &ray, wanted, found, stack, 0)
+    let RayInputs { rays, range, t_max, wanted } = *inputs;
+    let near = NEAR * f64::from((scene.bounds.max - scene.bounds.min).max_element());
+    let none = Ray::new(Vec3::ZERO, Vec3::X, 0.0);
+    let mut frame = FrameRays {
+        upper: &scene.upper,
+        things: &scene.things,
+        origins: [DVec3::ZERO; W],
+        units: [DVec3::X; W],
+        rays: [none; W],
+        wanted,
+    };
+    for (first, rays) in (0..).step_by(W).zip(rays.chunks(W)) {
+        let (mut lengths, mut mask) = ([1.0; W], 0);
+        let mut found = [RayHits { hit: Hit::none(range), count: 0 }; W];
+        for (lane, &[x, y, z, dx, dy, dz]) in rays.iter().enumerate() {
+            let origin = DVec3::new(x.into(), y.into(), z.into());
+            let direction = DVec3::new(dx.into(), dy.into(), dz.into());
+            let length = direction.length_squared().sqrt();
+            if origin.is_finite() && length.is_finite() && length > 0.0 {
+                let t_max = (f64::from(t_max) * length).min(f64::from(range)) as f32;
+                found[lane].hit.t = t_max;
+                let unit = direction / length;
+                lengths[lane] = length;
+                if scene.largest + origin.as_vec3().abs().max_element() > LARGEST {
+                    scene.by_reference(origin, unit, wanted, &mut found[lane]);
+                    continue;
                 }
-                _ => descent::plain::triangles_hit(&thing.tree, thing.first_prim, &ray, wanted, found, stack, 0),
-            }
-        } else {
-            let ray = Ray::new(origin.as_vec3(), unit.as_vec3(), found.hit.t);
-            let frame =
-                FrameRays { upper: &scene.upper, things: &scene.things, origin, unit, wanted };
-            match_target! {
-                "x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt" => {
-                    descent::avx2::instances_hit(&frame, &ray, found, stack)
-                }
-                _ => descent::plain::instances_hit(&frame, &ray, found, stack),
+                (frame.origins[lane], frame.units[lane]) = (origin, unit);
+                frame.rays[lane] = match &scene.things[..] {
+                    [thing] => thing.ray(origin, unit, t_max),
+                    _ => Ray::new(origin.as_vec3(), unit.as_vec3(), t_max),
+                };
+                mask |= 1 << lane;
             }
         }
-        if found.hit.is_hit() {
-            found.hit.t = (f64::from(found.hit.t) / length) as f32;
+        let thing = match &scene.things[..] {
+            [thing] => Some((thing, &frame.rays)),
+            _ => None,
+        };
+        let is_packet = frame.are_alike(mask, near);
+        match_target! {
+            "x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt" => {
+                descent::avx2::packet_hits(&frame, thing, mask, is_packet, &mut found, stack, 0)
+            }
+            _ => descent::plain::packet_hits(&frame, thing, mask, is_packet, &mut found, stack, 0),
+        }
+        for (lane, found) in found.iter_mut().enumerate().take(rays.len()) {
+            if found.hit.is_hit() {
+                found.hit.t = (f64::from(found.hit.t) / lengths[lane]) as f32;
+            }
+            answer(first + lane, *found);
         }
     }
 }
