@@ -20,7 +20,7 @@ use crate::bvh::bvh16::BLOCK;
 use crate::bvh::{Bvh, BvhNode, Hit, Ray};
 use crate::geom::{Aabb, Pose, TriangleSoup};
 use crate::task::{Frame, Instance};
-use descent::{STACK, Stack};
+use descent::STACK;
 use lanes::W;
 
 /// Rays of one parallel task.
@@ -152,6 +152,18 @@ impl RayScene {
         self.all(rays, range, t_max, RayQuery::Closest, |found| found.hit)
     }
 
+    /// [`Self::closest_hits`] on this thread alone, each handed to `take` with the index of its ray.
+    pub fn each_closest_hit(
+        &self,
+        rays: &[[f32; 6]],
+        range: f32,
+        t_max: f32,
+        mut take: impl FnMut(usize, Hit),
+    ) {
+        let inputs = RayInputs { rays, range, t_max, wanted: RayQuery::Closest };
+        cast_all(self, &inputs, |ray, found| take(ray, found.hit));
+    }
+
     /// True for each ray that hits anything within `range` metres and `t_max` lengths of its direction.
     pub fn occluded(&self, rays: &[[f32; 6]], range: f32, t_max: f32) -> Vec<bool> {
         self.all(rays, range, t_max, RayQuery::Any, |found| found.hit.is_hit())
@@ -174,13 +186,10 @@ impl RayScene {
     ) -> Vec<T> {
         let mut answers = vec![T::default(); rays.len()];
         let parts = answers.par_chunks_mut(RAYS_A_TASK).zip(rays.par_chunks(RAYS_A_TASK));
-        parts.for_each_init(
-            || [0; STACK],
-            |stack, (answers, rays)| {
-                let inputs = RayInputs { rays, range, t_max, wanted };
-                cast_all(self, &inputs, stack, |ray, found| answers[ray] = answer(found));
-            },
-        );
+        parts.for_each(|(answers, rays)| {
+            let inputs = RayInputs { rays, range, t_max, wanted };
+            cast_all(self, &inputs, |ray, found| answers[ray] = answer(found));
+        });
         answers
     }
 
@@ -236,13 +245,9 @@ impl UpperTree {
 
 /// Hits of rays, each given to `answer` with the number of the ray.
 #[multiversion(targets("x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt"))]
-fn cast_all(
-    scene: &RayScene,
-    inputs: &RayInputs<'_>,
-    stack: &mut Stack,
-    mut answer: impl FnMut(usize, RayHits),
-) {
+fn cast_all(scene: &RayScene, inputs: &RayInputs<'_>, mut answer: impl FnMut(usize, RayHits)) {
     let RayInputs { rays, range, t_max, wanted } = *inputs;
+    let mut stack = [0; STACK];
     let near = NEAR * f64::from((scene.bounds.max - scene.bounds.min).max_element());
     let none = Ray::new(Vec3::ZERO, Vec3::X, 0.0);
     let mut frame = FrameRays {
@@ -284,9 +289,9 @@ fn cast_all(
         let is_packet = frame.are_alike(mask, near);
         match_target! {
             "x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt" => {
-                descent::avx2::packet_hits(&frame, thing, mask, is_packet, &mut found, stack, 0)
+                descent::avx2::packet_hits(&frame, thing, mask, is_packet, &mut found, &mut stack, 0)
             }
-            _ => descent::plain::packet_hits(&frame, thing, mask, is_packet, &mut found, stack, 0),
+            _ => descent::plain::packet_hits(&frame, thing, mask, is_packet, &mut found, &mut stack, 0),
         }
         for (lane, found) in found.iter_mut().enumerate().take(rays.len()) {
             if found.hit.is_hit() {
