@@ -15,6 +15,7 @@ use multiversion::target::match_target;
 use rayon::prelude::*;
 
 use super::bundle::SLACK;
+use super::walk::Instructions;
 use crate::bvh::bvh8::{Bvh8, Node8};
 use crate::bvh::bvh16::BLOCK;
 use crate::bvh::{Bvh, BvhNode, Hit, Ray};
@@ -41,6 +42,7 @@ pub struct RayScene {
     bounds: Aabb,
     /// Largest coordinate, without its sign, of boxes in any frame.
     largest: f32,
+    instructions: Instructions,
 }
 
 /// Tree over the instances' boxes in the ego frame; blocks stand for instances.
@@ -134,7 +136,18 @@ impl RayScene {
         let of = |bounds: Aabb| bounds.min.abs().max(bounds.max.abs()).max_element();
         let largest = all.map(of).fold(0.0, f32::max);
         let bounds = upper.bounds().unwrap_or(Aabb::EMPTY);
-        Self { things, upper: UpperTree::new(&upper), bounds, largest }
+        Self {
+            things,
+            upper: UpperTree::new(&upper),
+            bounds,
+            largest,
+            instructions: Instructions::Best,
+        }
+    }
+
+    /// The same with other instructions than the best; AVX-512 is not used.
+    pub fn with_instructions(self, instructions: Instructions) -> Self {
+        Self { instructions, ..self }
     }
 
     /// Triangles of all instances.
@@ -286,12 +299,17 @@ fn cast_all(scene: &RayScene, inputs: &RayInputs<'_>, mut answer: impl FnMut(usi
             [thing] => Some((thing, &frame.rays)),
             _ => None,
         };
-        let is_packet = frame.are_alike(mask, near);
+        let together = frame.are_alike(mask, near);
+        let found = &mut found;
         match_target! {
             "x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt" => {
-                descent::avx2::packet_hits(&frame, thing, mask, is_packet, &mut found, &mut stack, 0)
+                if scene.instructions == Instructions::Plain {
+                    descent::plain::packet_hits(&frame, thing, mask, together, found, &mut stack, 0)
+                } else {
+                    descent::avx2::packet_hits(&frame, thing, mask, together, found, &mut stack, 0)
+                }
             }
-            _ => descent::plain::packet_hits(&frame, thing, mask, is_packet, &mut found, &mut stack, 0),
+            _ => descent::plain::packet_hits(&frame, thing, mask, together, found, &mut stack, 0),
         }
         for (lane, found) in found.iter_mut().enumerate().take(rays.len()) {
             if found.hit.is_hit() {

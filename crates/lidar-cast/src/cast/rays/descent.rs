@@ -26,6 +26,7 @@ macro_rules! per_target {
             /// A ray as boxes see it.
             pub struct RayLanes { pub inverse: [V; 3], pub enter: [V; 3], pub leave: [V; 3], pub near: [usize; 3] }
             $($(#[$meta])*
+            #[allow(clippy::too_many_arguments)]
             #[inline]
             #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
             pub fn $name $args $(-> $result)? $body)*
@@ -36,6 +37,7 @@ macro_rules! per_target {
             /// A ray as boxes see it.
             pub struct RayLanes { pub inverse: [V; 3], pub enter: [V; 3], pub leave: [V; 3], pub near: [usize; 3] }
             $($(#[$meta])*
+            #[allow(clippy::too_many_arguments)]
             #[inline]
             pub fn $name $args $(-> $result)? $body)*
         }
@@ -102,67 +104,74 @@ per_target! {
         Some(nearest as u32)
     }
 
-    /// Hits of a ray among the triangles of a block, whose faces are numbered from the first one of `thing` on: the operations of
-    /// `Ray::intersect` in its order, eight triangles at once.
-    fn block_hits(thing: &RayInstance, block: &Block8, ray: &Ray, wanted: RayQuery, found: &mut RayHits) {
-        let axes = axes_of(ray.major);
-        let origin = three!(AXIS => splat(ray.origin[AXIS]));
-        let from = |corner: usize, axis: usize| sub(load(&block.corners[corner][axis]), origin[axis]);
+    /// A bit for each triangle of a block that `Ray::intersect` does not refuse for its edges: its sums, eight at once.
+    fn edges_passed(block: &Block8, ray: &Ray) -> u32 {
+        let [x, y, z] = axes_of(ray.major);
+        let at = three!(K => splat(ray.origin[[x, y, z][K]]));
         let (along, across) = (splat(ray.shear[0]), splat(ray.shear[1]));
-        let [x, y, z] = axes;
-        let [at_x, at_y, at_z] = axes.map(|axis| splat(ray.origin[axis]));
         let corner = |k: usize| {
             let corner = &block.corners[k];
-            let depth = sub(load(&corner[z]), at_z);
+            let depth = sub(load(&corner[z]), at[2]);
             (
-                sub(sub(load(&corner[x]), at_x), mul(along, depth)),
-                sub(sub(load(&corner[y]), at_y), mul(across, depth)),
+                sub(sub(load(&corner[x]), at[0]), mul(along, depth)),
+                sub(sub(load(&corner[y]), at[1]), mul(across, depth)),
             )
         };
-        let ((ax, ay), (bx, by), (cx, cy)) = (corner(0), corner(1), corner(2));
+        let [(ax, ay), (bx, by), (cx, cy)] = three!(K => corner(K));
         let u = sub(mul(cx, by), mul(cy, bx));
         let v = sub(mul(ax, cy), mul(ay, cx));
         let w = sub(mul(bx, ay), mul(by, ax));
         let zero = splat(0.0);
         let (least, most) = (min(u, min(v, w)), max(u, max(v, w)));
         let refused = (below(least, zero) & below(zero, most)) | same(add(add(u, v), w), zero);
-        let mut passed = !refused & 0xff;
-        if passed == 0 {
-            return;
-        }
-        // Where an inverse is not finite, sides may be no numbers.
-        if !ray.inverse.is_finite() {
-            return block_hits_one_by_one(thing, block, passed, ray, wanted, found);
-        }
+        !refused & 0xff
+    }
+
+    /// Distances of a block's triangles along a ray, and a bit for each that `Ray::intersect` does not refuse for its box or its
+    /// plane: its operations in its order. Sides may be no numbers where an inverse is not finite.
+    fn distances(block: &Block8, ray: &Ray, pad: f32) -> (V, u32) {
+        let zero = splat(0.0);
+        let origin = three!(AXIS => splat(ray.origin[AXIS]));
+        let inverse = three!(AXIS => splat(ray.inverse[AXIS]));
         let side = |axis: usize| {
             let [a, b, c] = three!(K => load(&block.corners[K][axis]));
             (min(min(a, b), c), max(max(a, b), c))
         };
         let sides = three!(AXIS => side(AXIS));
-        let inverse = three!(AXIS => splat(ray.inverse[AXIS]));
-        let slab = |pad: f32| {
+        let slab = |pad: V| {
             let part = |axis: usize| {
-                let (low, high) = (sub(sides[axis].0, splat(pad)), add(sides[axis].1, splat(pad)));
-                let t0 = mul(sub(low, origin[axis]), inverse[axis]);
-                let t1 = mul(sub(high, origin[axis]), inverse[axis]);
+                let t0 = mul(sub(sub(sides[axis].0, pad), origin[axis]), inverse[axis]);
+                let t1 = mul(sub(add(sides[axis].1, pad), origin[axis]), inverse[axis]);
                 (min(t0, t1), max(t0, t1))
             };
             let [x, y, z] = three!(AXIS => part(AXIS));
             (max(max(max(x.0, y.0), z.0), zero), min(min(x.1, y.1), z.1))
         };
-        let (bare, padded) = (slab(0.0), slab(thing.tree.pad));
+        let (bare, padded) = (slab(zero), slab(splat(pad)));
         let enter = if_above(bare.0, bare.1, padded.0, bare.0);
         let leave = if_above(bare.0, bare.1, padded.1, bare.1);
         let normal = three!(AXIS => load(&block.normal[AXIS]));
-        let dot = |x: V, y: V, z: V| add(add(mul(normal[0], x), mul(normal[1], y)), mul(normal[2], z));
-        let direction = three!(AXIS => splat(ray.direction[AXIS]));
-        let towards = dot(direction[0], direction[1], direction[2]);
-        let quotient = div(dot(from(0, 0), from(0, 1), from(0, 2)), towards);
+        let dot = |a: [V; 3]| add(add(mul(normal[0], a[0]), mul(normal[1], a[1])), mul(normal[2], a[2]));
+        let towards = dot(three!(AXIS => splat(ray.direction[AXIS])));
+        let quotient = div(dot(three!(AXIS => sub(load(&block.corners[0][AXIS]), origin[AXIS]))), towards);
         let t = min(max(quotient, enter), leave);
-        // Quotients of 0 are no numbers, or infinite.
-        passed &= at_most(enter, leave) & !same(towards, zero) & below(zero, quotient) & below(zero, t);
+        // Where `towards` is 0, quotients are infinite or no numbers.
+        let is_ahead = below(zero, quotient) & below(zero, t);
+        (t, at_most(enter, leave) & !same(towards, zero) & is_ahead)
+    }
+
+    /// Hits of a ray among the triangles of a block, whose faces are numbered from the first one of `thing` on.
+    fn block_hits(thing: &RayInstance, block: &Block8, ray: &Ray, wanted: RayQuery, found: &mut RayHits) {
+        let mut passed = edges_passed(block, ray);
+        if passed == 0 {
+            return;
+        }
+        if !ray.inverse.is_finite() {
+            return block_hits_one_by_one(thing, block, passed, ray, wanted, found);
+        }
+        let (t, ahead) = distances(block, ray, thing.tree.pad);
         let reach = if wanted == RayQuery::Count { ray.t_max } else { found.hit.t };
-        passed &= at_most(t, splat(reach));
+        passed &= ahead & at_most(t, splat(reach));
         let t = store(t);
         while passed != 0 {
             let slot = passed.trailing_zeros() as usize % W;
@@ -312,12 +321,51 @@ per_target! {
         }
     }
 
+    /// Hits of the rays of `mask` below a node or block: in the block together, below all else one by one if they are `alone`.
+    fn below_packet(
+        frame: &FrameRays<'_>,
+        thing: Option<(&RayInstance, &[Ray; W])>,
+        child: u32,
+        mask: u32,
+        alone: bool,
+        hits: &mut [RayHits; W],
+        stack: &mut Stack,
+        top: usize,
+    ) {
+        match thing {
+            Some((thing, rays)) if !alone => {
+                let block = &thing.tree.bvh8().blocks[(child ^ BLOCK) as usize];
+                for lane in lanes_of(mask) {
+                    block_hits(thing, block, &rays[lane], frame.wanted, &mut hits[lane]);
+                }
+            }
+            Some((thing, rays)) => {
+                for lane in lanes_of(mask) {
+                    triangles_hit(thing, child, &rays[lane], frame.wanted, &mut hits[lane], stack, top);
+                }
+            }
+            None if alone => {
+                for lane in lanes_of(mask) {
+                    instances_hit(frame, child, lane, &mut hits[lane], stack, top);
+                }
+            }
+            None => {
+                let thing = &frame.things[(child ^ BLOCK) as usize];
+                let mut rays = frame.rays;
+                for lane in lanes_of(mask) {
+                    rays[lane] = thing.ray(frame.origins[lane], frame.units[lane], hits[lane].hit.t);
+                }
+                packet_hits(frame, Some((thing, &rays)), mask, true, hits, stack, top);
+            }
+        }
+    }
+
     /// Hits of the rays of `mask` in an instance, or in all instances of the frame.
     fn packet_hits(
         frame: &FrameRays<'_>,
         thing: Option<(&RayInstance, &[Ray; W])>,
         mask: u32,
-        is_packet: bool,
+        together: bool,
         hits: &mut [RayHits; W],
         stack: &mut Stack,
         base: usize,
@@ -330,7 +378,7 @@ per_target! {
             None => (frame.upper.root, frame.upper.largest, &frame.rays),
         };
         let Some(root) = root else { return };
-        let packet = if !is_packet || mask.count_ones() < TOGETHER { None } else { packet(rays, mask, largest) };
+        let packet = if !together || mask.count_ones() < TOGETHER { None } else { packet(rays, mask, largest) };
         let mut top = base;
         let mut reach = [-1.0; W];
         for (lane, reach) in reach.iter_mut().enumerate() {
@@ -349,36 +397,10 @@ per_target! {
                 };
                 children_of_packet(node, packet, &reach, stack, &mut top);
             } else {
-                let mut left = 0;
-                for lane in lanes_of(mask) {
-                    left |= u32::from(f32::from_bits(begin) <= reach[lane]) << lane;
-                }
-                match thing {
-                    Some((thing, rays)) if !alone => {
-                        let block = &thing.tree.bvh8().blocks[(child ^ BLOCK) as usize];
-                        for lane in lanes_of(left) {
-                            block_hits(thing, block, &rays[lane], frame.wanted, &mut hits[lane]);
-                        }
-                    }
-                    Some((thing, rays)) => {
-                        for lane in lanes_of(left) {
-                            triangles_hit(thing, child, &rays[lane], frame.wanted, &mut hits[lane], stack, top);
-                        }
-                    }
-                    None if child & BLOCK == 0 => {
-                        for lane in lanes_of(left) {
-                            instances_hit(frame, child, lane, &mut hits[lane], stack, top);
-                        }
-                    }
-                    None => {
-                        let thing = &frame.things[(child ^ BLOCK) as usize];
-                        let mut rays = frame.rays;
-                        for lane in lanes_of(left) {
-                            rays[lane] = thing.ray(frame.origins[lane], frame.units[lane], hits[lane].hit.t);
-                        }
-                        packet_hits(frame, Some((thing, &rays)), left, is_packet, hits, stack, top);
-                    }
-                }
+                let begin = f32::from_bits(begin);
+                let left = lanes_of(mask).filter(|&lane| begin <= reach[lane]);
+                let left = left.fold(0, |left, lane| left | 1 << lane);
+                below_packet(frame, thing, child, left, alone, hits, stack, top);
                 for lane in lanes_of(left) {
                     reach[lane] = hits[lane].reach(frame.wanted);
                 }
