@@ -2,8 +2,7 @@
 //!
 //! [`TreeCuts`] tells which nodes of the binary tree become wide nodes, and their children.
 
-use super::{Bvh, BvhNode, Triangle};
-use crate::geom::Aabb;
+use super::{BvhNode, Triangle};
 
 /// Children of a node, and most triangles of a block.
 pub const WIDTH: usize = 16;
@@ -135,19 +134,6 @@ impl Block16 {
             block.prim[slot] = triangle.prim as i32;
         }
         block
-    }
-
-    /// The padded boxes of its triangles, with their indices as children.
-    pub fn boxes(&self, pad: f32) -> Node16 {
-        let mut boxes = Node16::EMPTY;
-        for slot in (0..WIDTH).filter(|slot| self.valid >> slot & 1 == 1) {
-            let triangle = self.triangle(slot);
-            let Aabb { min, max } = Bvh::padded_box(&triangle, pad);
-            let node = BvhNode { min: min.into(), first: 0, max: max.into(), count: 1 };
-            boxes.set_box(slot, &node);
-            boxes.children[slot] = triangle.prim;
-        }
-        boxes
     }
 
     /// The triangle of a slot as it was built.
