@@ -262,13 +262,12 @@ fn cast_all(scene: &RayScene, inputs: &RayInputs<'_>, mut answer: impl FnMut(usi
     let RayInputs { rays, range, t_max, wanted } = *inputs;
     let mut stack = [0; STACK];
     let near = NEAR * f64::from((scene.bounds.max - scene.bounds.min).max_element());
-    let none = Ray::new(Vec3::ZERO, Vec3::X, 0.0);
     let mut frame = FrameRays {
         upper: &scene.upper,
         things: &scene.things,
         origins: [DVec3::ZERO; W],
         units: [DVec3::X; W],
-        rays: [none; W],
+        rays: [Ray::new(Vec3::ZERO, Vec3::X, 0.0); W],
         wanted,
     };
     for (first, rays) in (0..).step_by(W).zip(rays.chunks(W)) {
