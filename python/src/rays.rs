@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 use sightline::Scene;
-use sightline::engine::{Hit, RayScene};
+use sightline::engine::RayScene;
 use sightline::geom::TriangleSoup;
 use sightline::problem::{Frame, Problem};
 use sightline::scene::EgoBody;
@@ -17,13 +17,16 @@ use sightline::scene::EgoBody;
 use crate::arguments::{self, room_for};
 use crate::arrays::{numbers, place, rows, shape_in_words, shaped, wholes};
 use crate::errors::bad;
+use crate::progress::Watch;
 use crate::scenes::PyScene;
 use crate::wait::interruptible;
 
 /// Metres within which rays of callers hit.
 const RANGE: f32 = 1e6;
-/// Bytes of a ray with its hit, in records and then in columns.
-const RAY_BYTES: usize = 96;
+/// Bytes of a ray with its columns.
+const RAY_BYTES: usize = 72;
+/// Rays of a parallel task.
+const RAYS_A_TASK: usize = 1024;
 /// Rays that are cast between two looks whether to stop.
 const AT_ONCE: usize = 1 << 17;
 /// Required shape of rays, in words.
@@ -63,14 +66,24 @@ impl RayTarget {
     }
 }
 
-/// Columns of closest hits.
+/// Columns of closest hits; those that nobody asked for are empty.
 #[derive(Default)]
 struct Columns {
     t: Vec<f32>,
     triangle: Vec<i64>,
     class: Vec<i64>,
-    normal: Vec<f32>,
-    uv: Vec<f32>,
+    normal: Vec<[f32; 3]>,
+    uv: Vec<[f32; 2]>,
+}
+
+/// The columns of some rays in a row.
+#[derive(Default)]
+struct ColumnsPart<'a> {
+    t: &'a mut [f32],
+    triangle: &'a mut [i64],
+    class: &'a mut [i64],
+    normal: &'a mut [[f32; 3]],
+    uv: &'a mut [[f32; 2]],
 }
 
 /// Number as PyTorch takes it: −1 for none.
@@ -79,29 +92,62 @@ pub fn signed<T: Into<i64>>(number: Option<T>) -> i64 {
 }
 
 impl Columns {
-    fn add(&mut self, target: &RayTarget, rays: &[[f32; 6]], hits: &[Hit], asked: (bool, bool)) {
-        let met = |hit: &Hit| hit.is_hit().then_some(hit.prim);
-        self.t.extend(hits.iter().map(|hit| if hit.is_hit() { hit.t } else { f32::INFINITY }));
-        self.triangle.extend(hits.iter().map(|hit| signed(met(hit))));
-        if !target.classes.is_empty() {
-            let class = |prim: u32| target.classes.get(prim as usize).copied();
-            self.class.extend(hits.iter().map(|hit| signed(met(hit).and_then(class))));
+    fn new(rays: usize, target: &RayTarget, asked: &HitOptions) -> Self {
+        let of = |is_asked: bool| if is_asked { rays } else { 0 };
+        Self {
+            t: vec![0.0; rays],
+            triangle: vec![0; rays],
+            class: vec![0; of(!target.classes.is_empty())],
+            normal: vec![[0.0; 3]; of(asked.normals)],
+            uv: vec![[0.0; 2]; of(asked.uvs)],
         }
-        if asked == (false, false) {
-            return;
-        }
-        let soup = target.soup();
-        let none = ([f32::NAN; 3], [f32::NAN; 2]);
-        let shape = |(ray, hit): (&[f32; 6], &Hit)| {
-            met(hit).map_or(none, |prim| normal_and_uv(soup.corners(prim), ray))
+    }
+
+    /// Fills the columns for all rays, until it is told to stop.
+    fn fill(&mut self, target: &RayTarget, rays: &[[f32; 6]], t_max: f32, watch: &Watch) {
+        let (mut t, mut triangle) =
+            (self.t.chunks_mut(RAYS_A_TASK), self.triangle.chunks_mut(RAYS_A_TASK));
+        let (mut normal, mut uv) =
+            (self.normal.chunks_mut(RAYS_A_TASK), self.uv.chunks_mut(RAYS_A_TASK));
+        let mut class = self.class.chunks_mut(RAYS_A_TASK);
+        let part = |rays| {
+            let columns = ColumnsPart {
+                t: t.next().unwrap_or_default(),
+                triangle: triangle.next().unwrap_or_default(),
+                class: class.next().unwrap_or_default(),
+                normal: normal.next().unwrap_or_default(),
+                uv: uv.next().unwrap_or_default(),
+            };
+            (rays, columns)
         };
-        let shapes: Vec<_> = rays.par_iter().zip(hits).map(shape).collect();
-        if asked.0 {
-            self.normal.extend(shapes.iter().flat_map(|(normal, _)| normal));
-        }
-        if asked.1 {
-            self.uv.extend(shapes.iter().flat_map(|(_, uv)| uv));
-        }
+        let parts: Vec<_> = rays.chunks(RAYS_A_TASK).map(part).collect();
+        parts.into_par_iter().for_each(|(rays, columns)| {
+            if watch.goes_on() {
+                columns.fill(target, rays, t_max);
+            }
+        });
+    }
+}
+
+impl ColumnsPart<'_> {
+    fn fill(self, target: &RayTarget, rays: &[[f32; 6]], t_max: f32) {
+        let Self { t, triangle, class, normal, uv } = self;
+        let soup = if normal.is_empty() && uv.is_empty() { None } else { Some(target.soup()) };
+        target.rays.each_closest_hit(rays, RANGE, t_max, |k, hit| {
+            let met = hit.is_hit().then_some(hit.prim);
+            t[k] = if hit.is_hit() { hit.t } else { f32::INFINITY };
+            triangle[k] = signed(met);
+            if let Some(class) = class.get_mut(k) {
+                *class = signed(met.and_then(|prim| target.classes.get(prim as usize).copied()));
+            }
+            if let Some(soup) = soup {
+                let none = ([f32::NAN; 3], [f32::NAN; 2]);
+                let shape = |prim| normal_and_uv(soup.corners(prim), &rays[k]);
+                let shape = met.map_or(none, shape);
+                normal.get_mut(k).into_iter().for_each(|normal| *normal = shape.0);
+                uv.get_mut(k).into_iter().for_each(|uv| *uv = shape.1);
+            }
+        });
     }
 }
 
@@ -122,7 +168,7 @@ fn normal_and_uv(corners: [[f32; 3]; 3], ray: &[f32; 6]) -> ([f32; 3], [f32; 2])
 
 /// Rays that were given, and the axes before their last one.
 struct RayArray {
-    rays: Vec<[f32; 6]>,
+    numbers: Vec<f32>,
     shape: Vec<usize>,
 }
 
@@ -141,12 +187,17 @@ impl RayArray {
             Some(values) => values.to_vec(),
             None => view.iter().copied().collect(),
         };
-        if let Some(at) = values.iter().position(|value| !value.is_finite()) {
-            let ray: Vec<String> = place(at / 6, &shape).iter().map(ToString::to_string).collect();
+        // A ray at a time without a branch a number.
+        let is_bad = |ray: &[f32]| ray.iter().fold(false, |bad, number| bad | !number.is_finite());
+        if let Some(ray) = values.chunks_exact(6).position(is_bad) {
+            let ray: Vec<String> = place(ray, &shape).iter().map(ToString::to_string).collect();
             return Err(bad(format!("rays[{}]: is not finite; leave the ray out", ray.join(", "))));
         }
-        let ray = |six: &[f32]| std::array::from_fn(|k| six[k]);
-        Ok(Self { rays: values.chunks_exact(6).map(ray).collect(), shape })
+        Ok(Self { numbers: values, shape })
+    }
+
+    fn rays(&self) -> &[[f32; 6]] {
+        self.numbers.as_chunks().0
     }
 
     /// Answers to all rays, a part at a time, without the GIL.
@@ -157,7 +208,7 @@ impl RayArray {
     ) -> PyResult<T> {
         interruptible(py, move |watch| {
             let mut all = T::default();
-            let mut parts = self.rays.chunks(AT_ONCE);
+            let mut parts = self.rays().chunks(AT_ONCE);
             while let Some(some) = parts.next().filter(|_| watch.goes_on()) {
                 add(&mut all, some);
             }
@@ -194,10 +245,12 @@ pub fn hits_object<'py>(
     asked: &HitOptions,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (t_max, given) = (asked.t_max()?, RayArray::new(rays)?);
-    let (shape, shapes) = (given.shape.clone(), (asked.normals, asked.uvs));
+    let shape = given.shape.clone();
     let has_classes = !target.classes.is_empty();
-    let found = given.answers(py, move |all: &mut Columns, rays| {
-        all.add(&target, rays, &target.rays.closest_hits(rays, RANGE, t_max), shapes);
+    let mut found = Columns::new(given.rays().len(), &target, asked);
+    let found = interruptible(py, move |watch| {
+        found.fill(&target, given.rays(), t_max, watch);
+        found
     })?;
     let columns = PyDict::new(py);
     columns.set_item("t_hit", shaped(py, found.t, &shape)?)?;
@@ -206,10 +259,16 @@ pub fn hits_object<'py>(
         columns.set_item("class_ids", shaped(py, found.class, &shape)?)?;
     }
     if asked.normals {
-        columns.set_item("normals", shaped(py, found.normal, &[&shape[..], &[3]].concat())?)?;
+        columns.set_item(
+            "normals",
+            shaped(py, found.normal.into_flattened(), &[&shape[..], &[3]].concat())?,
+        )?;
     }
     if asked.uvs {
-        columns.set_item("uvs", shaped(py, found.uv, &[&shape[..], &[2]].concat())?)?;
+        columns.set_item(
+            "uvs",
+            shaped(py, found.uv.into_flattened(), &[&shape[..], &[2]].concat())?,
+        )?;
     }
     Ok(columns)
 }

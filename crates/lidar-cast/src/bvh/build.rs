@@ -1,9 +1,12 @@
 //! Build of the binary tree, and its nodes.
 
+use std::sync::OnceLock;
+
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::bvh8::Bvh8;
 use super::bvh16::{Bvh16, WIDTH};
 use crate::geom::{Aabb, TriangleSoup};
 
@@ -102,7 +105,7 @@ impl Bvh {
             .collect();
         drop(items);
         let bvh16 = Bvh16::collapse(&nodes, &triangles);
-        Self { nodes, triangles, pad, bvh16 }
+        Self { nodes, triangles, pad, bvh16, bvh8: OnceLock::new() }
     }
 }
 
@@ -308,6 +311,8 @@ pub struct Bvh {
     pub pad: f32,
     /// The triangles again in a tree of sixteen-wide nodes, for packets of beams.
     pub bvh16: Bvh16,
+    /// The triangles in a tree of eight-wide nodes, for single rays; made when the first one comes.
+    bvh8: OnceLock<Bvh8>,
 }
 
 /// Defect found by [`Bvh::validate`].
@@ -359,10 +364,15 @@ impl Bvh {
         self.nodes.first().map(|root| Aabb { min: root.min.into(), max: root.max.into() })
     }
 
+    /// The tree that single rays go down.
+    pub(crate) fn bvh8(&self) -> &Bvh8 {
+        self.bvh8.get_or_init(|| Bvh8::collapse(&self.nodes, &self.triangles))
+    }
+
     /// Bytes of the triangles, the binary and the wide trees.
     pub fn bytes(&self) -> u64 {
         let own = size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice());
-        own as u64 + self.bvh16.bytes()
+        own as u64 + self.bvh16.bytes() + self.bvh8.get().map_or(0, Bvh8::bytes)
     }
 
     /// Checks that every triangle is in one leaf, boxes nest exactly, and no path is too deep.

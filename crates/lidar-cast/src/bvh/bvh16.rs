@@ -2,8 +2,7 @@
 //!
 //! [`TreeCuts`] tells which nodes of the binary tree become wide nodes, and their children.
 
-use super::{Bvh, BvhNode, Triangle};
-use crate::geom::Aabb;
+use super::{BvhNode, Triangle};
 
 /// Children of a node, and most triangles of a block.
 pub const WIDTH: usize = 16;
@@ -137,19 +136,6 @@ impl Block16 {
         block
     }
 
-    /// The padded boxes of its triangles, with their indices as children.
-    pub fn boxes(&self, pad: f32) -> Node16 {
-        let mut boxes = Node16::EMPTY;
-        for slot in (0..WIDTH).filter(|slot| self.valid >> slot & 1 == 1) {
-            let triangle = self.triangle(slot);
-            let Aabb { min, max } = Bvh::padded_box(&triangle, pad);
-            let node = BvhNode { min: min.into(), first: 0, max: max.into(), count: 1 };
-            boxes.set_box(slot, &node);
-            boxes.children[slot] = triangle.prim;
-        }
-        boxes
-    }
-
     /// The triangle of a slot as it was built.
     pub fn triangle(&self, slot: usize) -> Triangle {
         let at = |numbers: &[[f32; WIDTH]; 3]| [0, 1, 2].map(|axis: usize| numbers[axis][slot]);
@@ -191,7 +177,7 @@ impl LeafRange {
 /// most `WIDTH` triangles is a block, which takes one place. (Ylitie, Karras, Laine: "Efficient incoherent ray traversal on
 /// GPUs through compressed wide BVHs", HPG 2017; departure: blocks are as large as they can be, so that they cost the same
 /// however the tree is cut.)
-struct TreeCuts<'a, const WIDTH: usize> {
+pub(super) struct TreeCuts<'a, const WIDTH: usize> {
     nodes: &'a [BvhNode],
     /// One for each binary node.
     below: Vec<LeafRange>,
@@ -206,7 +192,7 @@ struct TreeCuts<'a, const WIDTH: usize> {
 const NO_WIDE_NODE: u32 = u32::MAX;
 
 impl<'a, const WIDTH: usize> TreeCuts<'a, WIDTH> {
-    fn new(nodes: &'a [BvhNode]) -> Self {
+    pub fn new(nodes: &'a [BvhNode]) -> Self {
         let (below, rows) = (LeafRange::all(nodes), vec![NO_WIDE_NODE; nodes.len()]);
         let mut cuts = Self { nodes, below, rows, places: Vec::new() };
         // Row by row: least sum of areas for k + 1 places.
@@ -241,8 +227,19 @@ impl<'a, const WIDTH: usize> TreeCuts<'a, WIDTH> {
         cuts
     }
 
+    /// A binary node.
+    pub fn node(&self, index: usize) -> &'a BvhNode {
+        &self.nodes[index]
+    }
+
+    /// Triangles below a binary node, in leaf order.
+    pub fn triangles(&self, index: usize) -> std::ops::Range<usize> {
+        let LeafRange { first, count } = self.below[index];
+        first as usize..(first + count) as usize
+    }
+
     /// The children of a wide node that begins at a binary one, at most `WIDTH`; a block is its own only child.
-    fn children(&self, from: usize) -> Vec<usize> {
+    pub fn children(&self, from: usize) -> Vec<usize> {
         let mut children = Vec::with_capacity(WIDTH);
         self.gather(from, WIDTH, &mut children);
         children

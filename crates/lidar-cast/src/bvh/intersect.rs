@@ -17,7 +17,7 @@ pub const FAR_INVERSE: f32 = 1e20;
 
 /// Closest hit of a ray.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct Hit {
     /// Metres along the unit direction; the ray's `t_max` when nothing was hit.
     pub t: f32,
@@ -63,6 +63,7 @@ pub struct Ray {
 
 impl Ray {
     /// Prepares a ray; `direction` is of unit length.
+    #[inline]
     pub fn new(origin: Vec3, direction: Vec3, t_max: f32) -> Self {
         let major = major_axis(direction);
         let d = permute(direction, major);
@@ -137,15 +138,14 @@ impl Ray {
 }
 
 /// Axis of the largest component.
+#[inline]
 pub fn major_axis(direction: Vec3) -> usize {
     let size = direction.abs();
-    if size.x > size.y {
-        if size.x > size.z { 0 } else { 2 }
-    } else if size.y > size.z {
-        1
-    } else {
-        2
-    }
+    // Without branches, which rays of random directions would mispredict.
+    let (x_over_y, x_over_z, y_over_z) = (size.x > size.y, size.x > size.z, size.y > size.z);
+    let y = usize::from(!x_over_y & y_over_z);
+    let z = usize::from(x_over_y & !x_over_z) | usize::from(!x_over_y & !y_over_z);
+    y + 2 * z
 }
 
 /// The two axes of the shear, and the one of the largest component.
@@ -160,12 +160,10 @@ fn dot(a: Vec3, b: Vec3) -> f32 {
 }
 
 /// Moves the major axis to z, keeping the handedness.
+#[inline(always)]
 fn permute(v: Vec3, major: usize) -> Vec3 {
-    match major {
-        0 => Vec3::new(v.y, v.z, v.x),
-        1 => Vec3::new(v.z, v.x, v.y),
-        _ => v,
-    }
+    let ([x, y, z], v) = (axes_of(major), v.to_array());
+    Vec3::new(v[x], v[y], v[z])
 }
 
 #[inline(always)]

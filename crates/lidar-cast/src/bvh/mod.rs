@@ -1,7 +1,8 @@
 //! Bounding volume hierarchy over the triangles of one rigid thing, and the tests of a ray with its parts.
 //!
 //! Built once on the host as a binary tree with a binned surface-area heuristic (Wald 2007), which the
-//! reference goes down. Devices and walks go down copies of it with four and sixteen children a node.
+//! reference goes down. Devices, single rays and walks go down copies of it with four, eight and
+//! sixteen children a node.
 //!
 //! # Why every traversal gives the same bits
 //! A triangle's hit distance is clamped to the interval in which the ray is inside the triangle's own
@@ -16,6 +17,7 @@ mod build;
 pub(crate) mod bvh16;
 #[cfg(feature = "gpu")]
 mod bvh4;
+pub(crate) mod bvh8;
 mod intersect;
 
 pub use build::{Bvh, BvhNode, MAX_DEPTH, PAD_SHARE, Triangle};

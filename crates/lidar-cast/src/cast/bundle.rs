@@ -155,7 +155,7 @@ pub(super) fn descend(
 }
 
 /// A ray and all that lies within an angle around it.
-pub(super) struct RayBundle<'a> {
+struct RayBundle<'a> {
     ray: &'a Ray,
     width: f32,
     /// Metres by which boxes grow for rounding.
@@ -166,7 +166,7 @@ pub(super) struct RayBundle<'a> {
 
 impl<'a> RayBundle<'a> {
     /// The rays within `width` radians of one, on their way down a tree.
-    pub fn new(ray: &'a Ray, width: f32, bvh: &Bvh) -> Self {
+    fn new(ray: &'a Ray, width: f32, bvh: &Bvh) -> Self {
         let largest = bvh.bvh16.largest + ray.origin.abs().max_element();
         Self { ray, width, slack: SLACK * largest + bvh.pad, around: SLACK + width }
     }
@@ -174,7 +174,7 @@ impl<'a> RayBundle<'a> {
     /// Goes down a tree from near to far: blocks go to `block`, which may lower the distance that is still looked at;
     /// below 0 it ends the search.
     #[inline(always)]
-    pub fn visit(
+    fn visit(
         &self,
         tree: &Bvh16,
         mut reach: f32,
@@ -215,13 +215,13 @@ impl<'a> RayBundle<'a> {
 
     /// A bit for each box of a node that begins within `reach`, and where they begin.
     #[inline(always)]
-    pub fn children(&self, node: &Node16, reach: f32, begins: &mut [f32; WIDTH]) -> u16 {
+    fn children(&self, node: &Node16, reach: f32, begins: &mut [f32; WIDTH]) -> u16 {
         self.boxes(&node.middle, &node.half, reach, begins)
     }
 
     /// A bit for each triangle of a block whose box begins within `reach`, and where they begin.
     #[inline(always)]
-    pub fn triangles(&self, block: &Block16, reach: f32, begins: &mut [f32; WIDTH]) -> u16 {
+    fn triangles(&self, block: &Block16, reach: f32, begins: &mut [f32; WIDTH]) -> u16 {
         let (mut middle, mut half) = ([[0.0; WIDTH]; 3], [[0.0; WIDTH]; 3]);
         for axis in 0..3 {
             for slot in 0..WIDTH {

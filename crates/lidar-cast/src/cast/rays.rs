@@ -1,32 +1,56 @@
 //! Single rays of callers who bring their own instead of sensors: closest hits, occlusion and counts in a frame.
 //!
 //! A frame has a tree over the boxes of its instances, so that a ray goes down the trees of those few that it passes.
-//! Sixteen boxes, or the edges of sixteen triangles, are tested at once; triangles whose edges a ray passes go to
+//! Eight boxes, or the edges of eight triangles, are tested at once; triangles whose edges a ray passes go to
 //! `Ray::intersect`, so the bits are those of a loop over all triangles.
+
+mod descent;
+mod lanes;
 
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use multiversion::multiversion;
+use multiversion::target::match_target;
 use rayon::prelude::*;
 
-use super::bundle::{RayBundle, SLACK, TraversalStack};
-use crate::bvh::bvh16::{Block16, Node16, WIDTH};
-use crate::bvh::{Bvh, Hit, Ray, axes_of};
-use crate::geom::{Pose, TriangleSoup};
+use super::bundle::SLACK;
+use super::walk::Instructions;
+use crate::bvh::bvh8::{Bvh8, Node8};
+use crate::bvh::bvh16::BLOCK;
+use crate::bvh::{Bvh, BvhNode, Hit, Ray};
+use crate::geom::{Aabb, Pose, TriangleSoup};
 use crate::task::{Frame, Instance};
+use descent::STACK;
+use lanes::W;
 
 /// Rays of one parallel task.
 const RAYS_A_TASK: usize = 1024;
+/// Least cosine between rays that go down together.
+const ALIKE: f64 = 0.97;
+/// How far from each other rays that go down together may begin, as a share of the scene's extent.
+const NEAR: f64 = 0.05;
+/// Largest coordinate in metres whose products with inverses of directions stay far from the largest number.
+const LARGEST: f32 = 1e16;
 
-/// A frame that single rays are cast into; made in microseconds.
+/// A frame that single rays are cast into; made in microseconds, but for trees that no ray has gone down before.
 #[derive(Debug, Clone)]
 pub struct RayScene {
     things: Vec<RayInstance>,
-    /// Tree over the instances' boxes in the ego frame. A box stands in it as a triangle with the same two corners.
-    upper: Bvh,
-    /// Boxes of the instances in each block of `upper`.
-    leaves: Vec<Node16>,
+    upper: UpperTree,
+    /// Box of all in the ego frame.
+    bounds: Aabb,
+    /// Largest coordinate, without its sign, of boxes in any frame.
+    largest: f32,
+    instructions: Instructions,
+}
+
+/// Tree over the instances' boxes in the ego frame; blocks stand for instances.
+#[derive(Debug, Clone, Default)]
+struct UpperTree {
+    root: Option<u32>,
+    nodes: Vec<Node8>,
+    largest: f32,
 }
 
 /// An instance as rays see it.
@@ -45,15 +69,34 @@ enum RayQuery {
     Count,
 }
 
-/// Stacks that are kept from ray to ray.
-#[derive(Default)]
-struct Stacks {
-    upper: TraversalStack,
-    lower: TraversalStack,
-    met: Vec<(f32, u32)>,
+/// Eight rays in a frame.
+struct FrameRays<'a> {
+    upper: &'a UpperTree,
+    things: &'a [RayInstance],
+    origins: [DVec3; W],
+    units: [DVec3; W],
+    /// In the ego frame.
+    rays: [Ray; W],
+    wanted: RayQuery,
+}
+
+impl FrameRays<'_> {
+    /// Tells whether the rays of `mask` begin within `near` metres of the first and point where it does.
+    #[inline(always)]
+    fn are_alike(&self, mask: u32, near: f64) -> bool {
+        let first = mask.trailing_zeros() as usize % W;
+        let (origin, unit) = (self.origins[first], self.units[first]);
+        let mut alike = true;
+        for lane in 0..W {
+            let is_near = (self.origins[lane] - origin).abs().max_element() <= near;
+            alike &= mask >> lane & 1 == 0 || is_near && self.units[lane].dot(unit) > ALIKE;
+        }
+        alike
+    }
 }
 
 /// Hit and number of hits of one ray so far.
+#[derive(Clone, Copy)]
 struct RayHits {
     hit: Hit,
     count: u32,
@@ -62,6 +105,12 @@ struct RayHits {
 impl RayHits {
     fn is_enough(&self, wanted: RayQuery) -> bool {
         wanted == RayQuery::Any && self.hit.is_hit()
+    }
+
+    /// Metres within which a ray still looks; below 0 it does not.
+    #[inline(always)]
+    fn reach(&self, wanted: RayQuery) -> f32 {
+        if self.is_enough(wanted) { -1.0 } else { self.hit.t }
     }
 }
 
@@ -83,8 +132,22 @@ impl RayScene {
             boxes.face_class.push(0);
         }
         let upper = Bvh::build(&boxes, 0.0);
-        let leaves = upper.bvh16.blocks.iter().map(|block| block.boxes(upper.pad)).collect();
-        Self { things, upper, leaves }
+        let all = things.iter().filter_map(|thing| thing.tree.bounds()).chain(upper.bounds());
+        let of = |bounds: Aabb| bounds.min.abs().max(bounds.max.abs()).max_element();
+        let largest = all.map(of).fold(0.0, f32::max);
+        let bounds = upper.bounds().unwrap_or(Aabb::EMPTY);
+        Self {
+            things,
+            upper: UpperTree::new(&upper),
+            bounds,
+            largest,
+            instructions: Instructions::Best,
+        }
+    }
+
+    /// The same with other instructions than the best; AVX-512 is not used.
+    pub fn with_instructions(self, instructions: Instructions) -> Self {
+        Self { instructions, ..self }
     }
 
     /// Triangles of all instances.
@@ -99,89 +162,169 @@ impl RayScene {
     /// a direction that is not finite, or without a direction, hit nothing. Trees are built for hits up to a distance (see
     /// [`Bvh::build`]): from farther away rounding may let a ray slip through an edge.
     pub fn closest_hits(&self, rays: &[[f32; 6]], range: f32, t_max: f32) -> Vec<Hit> {
-        self.all(rays, range, t_max, RayQuery::Closest, |found, length| {
-            let mut hit = found.hit;
-            if hit.is_hit() {
-                hit.t = (f64::from(hit.t) / length) as f32;
-            }
-            hit
-        })
+        self.all(rays, range, t_max, RayQuery::Closest, |found| found.hit)
+    }
+
+    /// [`Self::closest_hits`] on this thread alone, each handed to `take` with the index of its ray.
+    pub fn each_closest_hit(
+        &self,
+        rays: &[[f32; 6]],
+        range: f32,
+        t_max: f32,
+        mut take: impl FnMut(usize, Hit),
+    ) {
+        let inputs = RayInputs { rays, range, t_max, wanted: RayQuery::Closest };
+        cast_all(self, &inputs, |ray, found| take(ray, found.hit));
     }
 
     /// True for each ray that hits anything within `range` metres and `t_max` lengths of its direction.
     pub fn occluded(&self, rays: &[[f32; 6]], range: f32, t_max: f32) -> Vec<bool> {
-        self.all(rays, range, t_max, RayQuery::Any, |found, _| found.hit.is_hit())
+        self.all(rays, range, t_max, RayQuery::Any, |found| found.hit.is_hit())
     }
 
     /// Number of triangles that each ray hits within `range` metres and `t_max` lengths of its direction; a ray through an
     /// edge that triangles share hits each of them.
     pub fn counts(&self, rays: &[[f32; 6]], range: f32, t_max: f32) -> Vec<u32> {
-        self.all(rays, range, t_max, RayQuery::Count, |found, _| found.count)
+        self.all(rays, range, t_max, RayQuery::Count, |found| found.count)
     }
 
-    /// Casts all rays. `answer` makes the result of a ray from its hits and the length of its direction.
-    fn all<T: Clone + Send>(
+    /// Casts all rays. `answer` makes the result of a ray from its hits.
+    fn all<T: Clone + Default + Send>(
         &self,
         rays: &[[f32; 6]],
         range: f32,
         t_max: f32,
         wanted: RayQuery,
-        answer: impl Fn(RayHits, f64) -> T + Sync,
+        answer: impl Fn(RayHits) -> T + Sync,
     ) -> Vec<T> {
-        let some = |rays: &[[f32; 6]]| {
-            let mut stacks = Stacks::default();
-            let one = |&[x, y, z, dx, dy, dz]: &[f32; 6]| {
-                let origin = DVec3::new(x.into(), y.into(), z.into());
-                let direction = DVec3::new(dx.into(), dy.into(), dz.into());
-                let length = direction.length_squared().sqrt();
-                let mut found = RayHits { hit: Hit::none(range), count: 0 };
-                if origin.is_finite() && length.is_finite() && length > 0.0 {
-                    found.hit.t = (f64::from(t_max) * length).min(f64::from(range)) as f32;
-                    self.cast(origin, direction / length, wanted, &mut found, &mut stacks);
-                }
-                answer(found, length)
-            };
-            rays.iter().map(one).collect::<Vec<T>>()
-        };
-        let parts: Vec<Vec<T>> = rays.par_chunks(RAYS_A_TASK).map(some).collect();
-        parts.concat()
+        let mut answers = vec![T::default(); rays.len()];
+        let parts = answers.par_chunks_mut(RAYS_A_TASK).zip(rays.par_chunks(RAYS_A_TASK));
+        parts.for_each(|(answers, rays)| {
+            let inputs = RayInputs { rays, range, t_max, wanted };
+            cast_all(self, &inputs, |ray, found| answers[ray] = answer(found));
+        });
+        answers
     }
 
-    fn cast(
-        &self,
-        origin: DVec3,
-        unit: DVec3,
-        wanted: RayQuery,
-        found: &mut RayHits,
-        stacks: &mut Stacks,
-    ) {
-        if let [thing] = &self.things[..] {
-            return thing.cast(origin, unit, wanted, found, &mut stacks.lower);
-        }
-        let ray = Ray::new(origin.as_vec3(), unit.as_vec3(), found.hit.t);
-        boxes_met(&self.upper, &self.leaves, &ray, &mut stacks.upper, &mut stacks.met);
-        stacks.met.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        for &(begin, thing) in &stacks.met {
-            if begin > found.hit.t || found.is_enough(wanted) {
-                break;
+    /// Hits of one ray, by the reference: where products of coordinates may be no numbers.
+    #[cold]
+    fn by_reference(&self, origin: DVec3, unit: DVec3, wanted: RayQuery, found: &mut RayHits) {
+        for thing in &self.things {
+            let ray = thing.ray(origin, unit, found.hit.t);
+            if wanted == RayQuery::Count {
+                for triangle in &thing.tree.triangles {
+                    let mut hit = Hit::none(ray.t_max);
+                    ray.intersect(triangle, thing.tree.pad, thing.first_prim, &mut hit);
+                    found.count += u32::from(hit.is_hit());
+                }
+            } else {
+                thing.tree.closer_hit(&ray, thing.first_prim, &mut found.hit);
             }
-            self.things[thing as usize].cast(origin, unit, wanted, found, &mut stacks.lower);
+        }
+    }
+}
+
+/// Rays and the question that is asked of them.
+struct RayInputs<'a> {
+    rays: &'a [[f32; 6]],
+    range: f32,
+    t_max: f32,
+    wanted: RayQuery,
+}
+
+impl UpperTree {
+    /// From a tree in which each box is a triangle with the same two corners.
+    fn new(boxes: &Bvh) -> Self {
+        let Bvh8 { root, nodes, blocks, largest } = boxes.bvh8();
+        let node = |child: u32| match child & BLOCK {
+            0 => child,
+            _ => nodes.len() as u32 + (child ^ BLOCK),
+        };
+        let mut own = nodes.clone();
+        own.iter_mut().for_each(|node_8| node_8.map_children(node));
+        own.extend(blocks.iter().map(|block| {
+            let mut leaf = Node8::EMPTY;
+            for slot in 0..block.count {
+                let triangle = block.triangle(slot as usize);
+                let Aabb { min, max } = Bvh::padded_box(&triangle, boxes.pad);
+                let node = BvhNode { min: min.into(), first: 0, max: max.into(), count: 1 };
+                leaf.set(slot as usize, &node, BLOCK | triangle.prim);
+            }
+            leaf
+        }));
+        Self { root: root.map(node), nodes: own, largest: *largest }
+    }
+}
+
+/// Hits of rays, each given to `answer` with the number of the ray.
+#[multiversion(targets("x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt"))]
+fn cast_all(scene: &RayScene, inputs: &RayInputs<'_>, mut answer: impl FnMut(usize, RayHits)) {
+    let RayInputs { rays, range, t_max, wanted } = *inputs;
+    let mut stack = [0; STACK];
+    let near = NEAR * f64::from((scene.bounds.max - scene.bounds.min).max_element());
+    let mut frame = FrameRays {
+        upper: &scene.upper,
+        things: &scene.things,
+        origins: [DVec3::ZERO; W],
+        units: [DVec3::X; W],
+        rays: [Ray::new(Vec3::ZERO, Vec3::X, 0.0); W],
+        wanted,
+    };
+    for (first, rays) in (0..).step_by(W).zip(rays.chunks(W)) {
+        let (mut lengths, mut mask) = ([1.0; W], 0);
+        let mut found = [RayHits { hit: Hit::none(range), count: 0 }; W];
+        for (lane, &[x, y, z, dx, dy, dz]) in rays.iter().enumerate() {
+            let origin = DVec3::new(x.into(), y.into(), z.into());
+            let direction = DVec3::new(dx.into(), dy.into(), dz.into());
+            let length = direction.length_squared().sqrt();
+            if origin.is_finite() && length.is_finite() && length > 0.0 {
+                let t_max = (f64::from(t_max) * length).min(f64::from(range)) as f32;
+                found[lane].hit.t = t_max;
+                let unit = direction / length;
+                lengths[lane] = length;
+                if scene.largest + origin.as_vec3().abs().max_element() > LARGEST {
+                    scene.by_reference(origin, unit, wanted, &mut found[lane]);
+                    continue;
+                }
+                (frame.origins[lane], frame.units[lane]) = (origin, unit);
+                frame.rays[lane] = match &scene.things[..] {
+                    [thing] => thing.ray(origin, unit, t_max),
+                    _ => Ray::new(origin.as_vec3(), unit.as_vec3(), t_max),
+                };
+                mask |= 1 << lane;
+            }
+        }
+        let thing = match &scene.things[..] {
+            [thing] => Some((thing, &frame.rays)),
+            _ => None,
+        };
+        let together = frame.are_alike(mask, near);
+        let found = &mut found;
+        match_target! {
+            "x86_64+avx+avx2+fma+bmi1+bmi2+popcnt+lzcnt" => {
+                if scene.instructions == Instructions::Plain {
+                    descent::plain::packet_hits(&frame, thing, mask, together, found, &mut stack, 0)
+                } else {
+                    descent::avx2::packet_hits(&frame, thing, mask, together, found, &mut stack, 0)
+                }
+            }
+            _ => descent::plain::packet_hits(&frame, thing, mask, together, found, &mut stack, 0),
+        }
+        for (lane, found) in found.iter_mut().enumerate().take(rays.len()) {
+            if found.hit.is_hit() {
+                found.hit.t = (f64::from(found.hit.t) / lengths[lane]) as f32;
+            }
+            answer(first + lane, *found);
         }
     }
 }
 
 impl RayInstance {
-    fn cast(
-        &self,
-        origin: DVec3,
-        unit: DVec3,
-        wanted: RayQuery,
-        found: &mut RayHits,
-        left: &mut TraversalStack,
-    ) {
+    /// A ray of the ego frame in the tree's.
+    #[inline(always)]
+    fn ray(&self, origin: DVec3, unit: DVec3, t_max: f32) -> Ray {
         let origin = self.from_ego.apply(origin).as_vec3();
-        let ray = Ray::new(origin, (self.from_ego.rotation * unit).as_vec3(), found.hit.t);
-        triangles_hit(&self.tree, self.first_prim, &ray, wanted, found, left);
+        Ray::new(origin, (self.from_ego.rotation * unit).as_vec3(), t_max)
     }
 }
 
@@ -201,90 +344,6 @@ fn box_of(instance: &Instance) -> [[f32; 3]; 2] {
         (low, high) = (low - slack, high + slack);
     }
     [low.as_vec3().to_array(), high.as_vec3().to_array()]
-}
-
-/// Boxes that a ray meets, with where they begin.
-#[multiversion(targets(
-    "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
-    "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
-))]
-fn boxes_met(
-    upper: &Bvh,
-    leaves: &[Node16],
-    ray: &Ray,
-    left: &mut TraversalStack,
-    met: &mut Vec<(f32, u32)>,
-) {
-    met.clear();
-    let single = RayBundle::new(ray, 0.0, upper);
-    single.visit(&upper.bvh16, ray.t_max, left, |block, reach| {
-        let mut begins = [0.0; WIDTH];
-        let leaf = &leaves[block];
-        let mut seen = single.children(leaf, *reach, &mut begins) & leaf.valid;
-        while seen != 0 {
-            let slot = seen.trailing_zeros() as usize % WIDTH;
-            seen &= seen - 1;
-            met.push((begins[slot], leaf.children[slot]));
-        }
-    });
-}
-
-/// Hits of a ray in a tree, whose faces are numbered from `first_prim` on.
-#[multiversion(targets(
-    "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
-    "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
-))]
-fn triangles_hit(
-    bvh: &Bvh,
-    first_prim: u32,
-    ray: &Ray,
-    wanted: RayQuery,
-    found: &mut RayHits,
-    left: &mut TraversalStack,
-) {
-    let single = RayBundle::new(ray, 0.0, bvh);
-    single.visit(&bvh.bvh16, ray.t_max, left, |block, reach| {
-        let block = &bvh.bvh16.blocks[block];
-        let mut passed = edges_passed(block, ray) & block.valid;
-        while passed != 0 {
-            let slot = passed.trailing_zeros() as usize % WIDTH;
-            passed &= passed - 1;
-            let triangle = block.triangle(slot);
-            if wanted == RayQuery::Count {
-                let mut hit = Hit::none(ray.t_max);
-                ray.intersect(&triangle, bvh.pad, first_prim, &mut hit);
-                found.count += u32::from(hit.is_hit());
-            } else {
-                ray.intersect(&triangle, bvh.pad, first_prim, &mut found.hit);
-            }
-        }
-        if wanted != RayQuery::Count {
-            *reach = if found.is_enough(wanted) { -1.0 } else { found.hit.t };
-        }
-    });
-}
-
-/// A bit for each triangle of a block that `Ray::intersect` does not refuse for its edges: its sums, sixteen at once.
-#[inline(always)]
-fn edges_passed(block: &Block16, ray: &Ray) -> u16 {
-    let [x, y, z] = axes_of(ray.major);
-    let (origin, [along, across]) = (ray.origin.to_array(), ray.shear);
-    let mut passed = 0;
-    for slot in 0..WIDTH {
-        let corner = |k: usize| {
-            let at = &block.corners[k];
-            let depth = at[z][slot] - origin[z];
-            (at[x][slot] - origin[x] - along * depth, at[y][slot] - origin[y] - across * depth)
-        };
-        let [(ax, ay), (bx, by), (cx, cy)] = [corner(0), corner(1), corner(2)];
-        let u = cx * by - cy * bx;
-        let v = ax * cy - ay * cx;
-        let w = bx * ay - by * ax;
-        let below = (u < 0.0) | (v < 0.0) | (w < 0.0);
-        let above = (u > 0.0) | (v > 0.0) | (w > 0.0);
-        passed |= u16::from(!(below & above)) << slot;
-    }
-    passed
 }
 
 /// Closest hits in a frame that is cast into once; see [`RayScene::closest_hits`].

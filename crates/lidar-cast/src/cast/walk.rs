@@ -11,6 +11,8 @@ mod ops;
 mod packet;
 mod triangles;
 
+pub(super) use ops::three;
+
 use std::sync::Mutex;
 
 use multiversion::multiversion;

@@ -80,4 +80,4 @@ macro_rules! three {
     };
 }
 pub(super) use per_target;
-pub(super) use three;
+pub(in crate::cast) use three;

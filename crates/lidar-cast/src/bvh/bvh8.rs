@@ -1,0 +1,157 @@
+//! The eight-wide tree that single rays go down, collapsed from the binary one when the first ray comes.
+//!
+//! Boxes keep both sides, so that a ray reads the side that it enters by and the one that it leaves by without a comparison.
+
+use super::bvh16::{BLOCK, TreeCuts};
+use super::{BvhNode, Triangle};
+
+/// Children of a node, and most triangles of a block.
+pub const WIDTH: usize = 8;
+/// Row of [`Node8`] with the children.
+const CHILDREN: usize = 6;
+/// Row of [`Node8`] whose first place has their number.
+const COUNT: usize = 7;
+
+/// The binary tree with its nodes merged eight by eight, and its lowest subtrees made blocks of triangles.
+#[derive(Debug, Clone, Default)]
+pub struct Bvh8 {
+    /// Index of a node, or of a block with bit 31 set; none without triangles.
+    pub root: Option<u32>,
+    /// Inner nodes.
+    pub nodes: Vec<Node8>,
+    /// Leaves.
+    pub blocks: Vec<Block8>,
+    /// Largest coordinate of all boxes, without its sign.
+    pub largest: f32,
+}
+
+/// Eight descendants of a binary node side by side, 256 bytes: a row of 32 bytes for each of lower x, y, z, upper x, y, z,
+/// and the bits of the children, and one that fills the last cache line. No ray meets the box of an unused slot.
+#[repr(C, align(64))]
+#[derive(Debug, Clone)]
+pub struct Node8 {
+    /// Lower sides by axis, upper sides by axis, children.
+    pub rows: [[f32; WIDTH]; 8],
+}
+
+/// Up to eight triangles side by side, 448 bytes: 288 of corners, 32 of `prim`, 96 of normals, and 32 that fill the last
+/// cache line. An unused slot is a point, which no ray hits.
+#[repr(C, align(64))]
+#[derive(Debug, Clone)]
+pub struct Block8 {
+    /// Corners by corner, axis and triangle.
+    pub corners: [[[f32; WIDTH]; 3]; 3],
+    /// Indices of the faces.
+    pub prim: [u32; WIDTH],
+    /// Number of triangles.
+    pub count: u32,
+    /// Normals by axis and triangle.
+    pub normal: [[f32; WIDTH]; 3],
+}
+
+impl Bvh8 {
+    /// Merges the binary tree's nodes where [`TreeCuts`] says. A subtree of at most eight triangles becomes a block.
+    pub fn collapse(nodes: &[BvhNode], triangles: &[Triangle]) -> Self {
+        let (mut tree, cuts) = (Self::default(), TreeCuts::new(nodes));
+        if let Some(root) = nodes.first() {
+            let sides = root.min.iter().chain(&root.max);
+            tree.largest = sides.fold(0.0, |largest, side| largest.max(side.abs()));
+            tree.root = Some(tree.child(&cuts, triangles, 0));
+        }
+        tree
+    }
+
+    /// Bytes of nodes and blocks.
+    pub fn bytes(&self) -> u64 {
+        (size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice())) as u64
+    }
+
+    /// Adds what is below a binary node; returns where it lies.
+    fn child(&mut self, cuts: &TreeCuts<'_, WIDTH>, triangles: &[Triangle], from: usize) -> u32 {
+        let below = cuts.triangles(from);
+        if below.len() <= WIDTH {
+            self.blocks.push(Block8::new(&triangles[below]));
+            return BLOCK | (self.blocks.len() - 1) as u32;
+        }
+        let at = self.nodes.len();
+        self.nodes.push(Node8::EMPTY);
+        for (slot, index) in cuts.children(from).into_iter().enumerate() {
+            let child = self.child(cuts, triangles, index);
+            self.nodes[at].set(slot, cuts.node(index), child);
+        }
+        at as u32
+    }
+}
+
+impl Node8 {
+    pub const EMPTY: Self = {
+        let (low, high) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
+        Self { rows: [low, low, low, high, high, high, [0.0; WIDTH], [0.0; WIDTH]] }
+    };
+
+    /// Puts a child with its box into a slot.
+    pub fn set(&mut self, slot: usize, node: &BvhNode, child: u32) {
+        for axis in 0..3 {
+            self.rows[axis][slot] = node.min[axis];
+            self.rows[axis + 3][slot] = node.max[axis];
+        }
+        self.rows[CHILDREN][slot] = f32::from_bits(child);
+        self.rows[COUNT][0] = f32::from_bits(slot as u32 + 1);
+    }
+
+    /// Number of children, which lie in the first slots.
+    #[inline(always)]
+    pub fn count(&self) -> usize {
+        self.rows[COUNT][0].to_bits() as usize % (WIDTH + 1)
+    }
+
+    /// Replaces the children.
+    pub fn map_children(&mut self, new: impl Fn(u32) -> u32) {
+        for child in &mut self.rows[CHILDREN] {
+            *child = f32::from_bits(new(child.to_bits()));
+        }
+    }
+
+    /// The child of a slot.
+    #[inline(always)]
+    pub fn child(&self, slot: usize) -> u32 {
+        self.rows[CHILDREN][slot % WIDTH].to_bits()
+    }
+}
+
+impl Block8 {
+    fn new(triangles: &[Triangle]) -> Self {
+        let [zero, none] = [[[0.0; WIDTH]; 3]; 2];
+        let mut block = Self {
+            corners: [zero; 3],
+            prim: [0; WIDTH],
+            count: triangles.len() as u32,
+            normal: none,
+        };
+        for slot in 0..WIDTH {
+            let triangle = triangles.get(slot);
+            let Triangle { a, b, c, normal, prim, .. } = triangle.copied().unwrap_or_else(|| {
+                let at = triangles[0].a;
+                Triangle { b: at, c: at, ..triangles[0] }
+            });
+            for axis in 0..3 {
+                for (k, corner) in [a, b, c].iter().enumerate() {
+                    block.corners[k][axis][slot] = corner[axis];
+                }
+                block.normal[axis][slot] = normal[axis];
+            }
+            block.prim[slot] = prim;
+        }
+        block
+    }
+
+    /// The triangle of a slot as it was built.
+    #[inline(always)]
+    pub fn triangle(&self, slot: usize) -> Triangle {
+        let at =
+            |numbers: &[[f32; WIDTH]; 3]| [0, 1, 2].map(|axis: usize| numbers[axis][slot % WIDTH]);
+        let [a, b, c] = &self.corners;
+        let (normal, prim) = (at(&self.normal), self.prim[slot % WIDTH]);
+        Triangle { a: at(a), prim, b: at(b), pad0: 0, c: at(c), pad1: 0, normal, pad2: 0 }
+    }
+}
