@@ -2,11 +2,11 @@
 
 pip install ./python pymoo moocore; python3 -m benches.searches.front [--seeds 3] [--program FILE] [--out DIR]
 
-The problem is the car on urban-crossing, with its requirement. NSGA-II gets as many sensor poses × frames as ours
-cast. Its variables are, for each place of a mount, which sensor stands there, if any, and the pose; it searches over
---peer-frames and its last front is scored over all frames. A placement that breaks a rule, a guard or a requirement is
-infeasible by what is missing. Hypervolume (moocore): price from the fullest equipment's downwards, near gain from 0
-upwards, as a share of that rectangle.
+The problem is the car on urban-crossing, with its requirement. NSGA-II gets the CPU seconds that ours took. Its
+variables are, for each place of a mount, which sensor stands there, if any, and the pose; it searches over
+--peer-frames and its last front is scored over all frames. A placement that breaks a rule, a guard or a
+requirement is infeasible by what is missing. Hypervolume (moocore): price from the fullest equipment's downwards,
+near gain from 0 upwards, as a share of that rectangle.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import argparse
 import importlib
 import json
 import math
+import resource
 import sys
 from dataclasses import dataclass
 from itertools import combinations
@@ -22,7 +23,8 @@ from pathlib import Path
 from typing import Any
 
 from .ours import called, doubts
-from .problems import FIELDS, ROOT, Mount, mount_of
+from .problems import ROOT, Mount, mount_of
+from .scoring import processor
 
 SCENE, VEHICLE = ROOT / "scenes/urban-crossing.json", ROOT / "scenes/vehicles/car.json"
 TOGETHER = 64
@@ -67,12 +69,12 @@ def variables(places: list[Place]) -> int:
 
 
 class Scored:
-    """Price, near gain and what is missing of placements, and the work that was done."""
+    """Price, near gain and what is missing of placements, and how many were cast."""
 
     def __init__(self, scene: Any, vehicle: dict[str, Any], frames: int) -> None:
-        self.scene, self.frames, self.work = scene, frames, 0
+        self.scene, self.frames, self.cast = scene, frames, 0
         self.prices = {sensor["name"]: sensor["price"] for sensor in vehicle["sensors"]}
-        self.least, self.required = vehicle["min_distance"], [rule["name"] for rule in vehicle["require"]]
+        self.least = vehicle["min_distance"]
         self.shares = {rule["name"]: rule["share"] for rule in vehicle["require"]}
 
     def all(self, rigs: list[list[tuple[str, list[float]]]]) -> list[tuple[float, float, float]]:
@@ -89,7 +91,7 @@ class Scored:
             for start in range(0, len(indices), TOGETHER):
                 some = indices[start : start + TOGETHER]
                 scores = self.scene.score([[pose for _, pose in rigs[k]] for k in some], sensors=list(sensors))
-                self.work += len(some) * len(sensors) * self.frames
+                self.cast += len(some)
                 for row, k in enumerate(some):
                     missing = sum(max(0.0, share - float(scores[f"seen.{name}"][row]))
                                   for name, share in self.shares.items())
@@ -103,22 +105,24 @@ class Scored:
 
 
 class Spent(Exception):
-    """The work is done."""
+    """The time is over."""
 
 
-def nsga2(scored: Scored, places: list[Place], seed: int, work: int) -> list[list[tuple[str, list[float]]]]:
+def nsga2(scored: Scored, places: list[Place], seed: int, seconds: float) -> list[list[tuple[str, list[float]]]]:
     """The last population's feasible front, of NSGA-II with pymoo's defaults (100 placements)."""
     numpy = importlib.import_module("numpy")
     algorithm = importlib.import_module("pymoo.algorithms.moo.nsga2").NSGA2(pop_size=100)
     base = importlib.import_module("pymoo.core.problem").Problem
     sorting = importlib.import_module("moocore").is_nondominated
 
+    begun = processor()
+
     class Rigs(base):  # type: ignore[misc, valid-type]
         def __init__(self) -> None:
             super().__init__(n_var=variables(places), n_obj=2, n_ieq_constr=1, xl=0.0, xu=1.0)
 
         def _evaluate(self, shares: Any, out: Any, *_: Any, **__: Any) -> None:
-            if scored.work >= work:
+            if processor() - begun >= seconds:
                 raise Spent
             table = numpy.array(scored.all([equipped(places, row) for row in shares]))
             out["F"], out["G"] = table[:, :2] * [1.0, -1.0], table[:, 2:]
@@ -145,15 +149,20 @@ def volume(points: list[tuple[float, float]], most: float) -> float:
     return float(hypervolume([[price / most, 1.0 - gain] for price, gain in points], ref=[1.0, 1.0]))
 
 
-def ours(program: Path, seed: int, out: Path) -> tuple[list[tuple[float, float]], int]:
-    """Front and work of `optimize --front price,near_gain`."""
-    folder = out / f"front-{seed}"
-    if not (folder / "result.json").exists():
+def ours(program: Path, seed: int, out: Path) -> tuple[list[tuple[float, float]], float]:
+    """Front of `optimize --front price,near_gain`, and its CPU seconds. A run that is there is not repeated."""
+    folder, kept = out / f"front-{seed}", out / f"front-{seed}.json"
+    if not kept.exists():
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
         called(program, ["optimize", str(SCENE), "--vehicle", str(VEHICLE), "--front", "price,near_gain", "--seed",
                          str(seed), "--backend", "cpu", "--force", "--out", str(folder)], (0, 1))
-    result = json.loads((folder / "result.json").read_text())
-    points = [(point["values"][0], point["values"][1]) for point in result["front"] if point["meets_all"]]
-    return points, result["work"]
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        front = json.loads((folder / "result.json").read_text())["front"]
+        points = [(point["price"], point["objectives"]["near_gain"]) for point in front if point["requirements_met"]]
+        kept.write_text(json.dumps({"points": points, "cpu_seconds": seconds}))
+    result = json.loads(kept.read_text())
+    return [tuple(point) for point in result["points"]], result["cpu_seconds"]
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -173,15 +182,16 @@ def main(arguments: list[str] | None = None) -> int:
                for place in places)
     whole = sightline.Scene.load(SCENE, vehicle=VEHICLE, backend="cpu")
     few = sightline.Scene.load(SCENE, vehicle=VEHICLE, frames=args.peer_frames, psog=whole.psog, backend="cpu")
-    print("| seed | hypervolume of ours, % | of NSGA-II, % | points of ours | of NSGA-II | poses × frames |")
-    print("|---|--:|--:|--:|--:|--:|")
+    print("| seed | hypervolume of ours, % | of NSGA-II, % | points of ours | of NSGA-II | it cast | CPU s each |")
+    print("|---|--:|--:|--:|--:|--:|--:|")
     for seed in range(1, args.seeds + 1):
-        points, work = ours(args.program, seed, args.out)
-        front = nsga2(Scored(few, vehicle, args.peer_frames), places, seed, work)
+        points, seconds = ours(args.program, seed, args.out)
+        search = Scored(few, vehicle, args.peer_frames)
+        front = nsga2(search, places, seed, seconds)
         table = Scored(whole, vehicle, whole.frames).all(front)
         peers = [(price, gain) for price, gain, missing in table if missing <= 0.0]
         print(f"| {seed} | {100 * volume(points, most):.2f} | {100 * volume(peers, most):.2f} | {len(points)} | "
-              f"{len(peers)} | {work} |", flush=True)
+              f"{len(peers)} | {search.cast} | {seconds:.0f} |", flush=True)
     return 0
 
 

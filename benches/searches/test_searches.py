@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benches.searches import ours, peers, table  # noqa: E402
 from benches.searches.bench import lidars  # noqa: E402
 from benches.searches.__main__ import main, parsed  # noqa: E402
+from benches.searches.front import Place, Scored, equipped, volume  # noqa: E402
 from benches.searches.figure import drawn, steps  # noqa: E402
 from benches.searches.problems import Mount, Space, mount_of, partners, problems, space_of  # noqa: E402
 from benches.searches.records import BestKnown, Store  # noqa: E402
@@ -46,6 +47,37 @@ def test_a_vehicle_that_is_made_is_written_and_named_without_its_folder(tmp_path
     top = next(mount for mount in vehicle["mounts"] if mount["name"] == "top")
     assert (top["min"][0], top["max"][0]) == pytest.approx((0.7, 1.1))
     assert lexus.shown == ["street.json", "--vehicle", "lexus.json"]
+
+
+def test_a_rig_of_variables_has_the_sensors_and_the_poses_that_they_say():
+    places = [Place(("a", "b"), BOX, "roof"), Place(("c",), BOX, "nose")]
+    rig = equipped(places, [0.5, 0.25, 0.5, 1.0, 0.49, 0.0, 0.0, 0.0])
+    assert [sensor for sensor, _ in rig] == ["a"], "the second place stays empty below a half"
+    # BOX has x, y and roll free.
+    assert rig[0][1] == pytest.approx([-0.5, 0.0, 1.0, 0.3, 0.0, 0.0])
+    assert [sensor for sensor, _ in equipped(places, [1.0, 0, 0, 0, 1.0, 0, 0, 0])] == ["b", "c"]
+
+
+def test_a_hypervolume_is_the_share_of_the_rectangle_that_is_beaten():
+    pytest.importorskip("moocore")
+    assert volume([], 10.0) == 0.0
+    # Two rectangles that overlap: half the price times 0.2, and the rest of the price to 0.8 times 0.6, less none twice.
+    assert volume([(5.0, 0.2), (8.0, 0.6), (9.0, 0.5)], 10.0) == pytest.approx(0.5 * 0.2 + 0.2 * 0.4)
+
+
+def test_rigs_that_break_a_rule_are_not_cast_and_miss_more_than_a_requirement_can():
+    class Scene:
+        def score(self, placements, sensors):
+            assert (len(placements), sensors) == (1, ["a", "a"])
+            table = {"near_gain": [0.5], "seen.ring": [0.25]}
+            return type("Scores", (dict,), {"guards": [[]]})(table)
+
+    vehicle = {"sensors": [{"name": "a", "price": 2}], "min_distance": 0.2, "require": [{"name": "ring", "share": 0.75}]}
+    scored = Scored(Scene(), vehicle, 4)
+    apart, close = (([("a", [0.0] * 6), ("a", [x, 0, 0, 0, 0, 0])]) for x in (0.5, 0.1))
+    found = scored.all([apart, close, []])
+    assert found[0] == (4.0, 0.5, 0.5) and scored.cast == 1
+    assert found[1] == (4.0, 0.0, pytest.approx(10.1)) and found[2][0] == 0.0 and found[2][2] >= 10.0
 
 
 def test_margins_are_of_the_peers_value_and_infinite_where_one_met_nothing():
