@@ -39,7 +39,11 @@ fn the_near_field_of_two_heights() {
     let (low, high) = (of(0), of(1));
     assert!(number(&low["ring"]) < number(&high["ring"]), "{low} {high}");
     assert!(number(&low["beams"][0]["own"]) > number(&high["beams"][0]["own"]));
-    assert_eq!(low["zone"]["polygon"].as_array().unwrap().len(), 72);
+    // The outline is as deep before an edge as the depth that is told.
+    let lanes = low["zone"]["lanes"].as_array().unwrap();
+    let depths =
+        lanes.iter().filter(|lane| lane["side"] == "left").map(|lane| number(&lane["depth"]));
+    assert_eq!(depths.fold(0.0, f64::max), number(&low["zone"]["left"]), "{lanes:?}");
     assert_eq!(low["poles"].as_array().unwrap().len(), 58);
     let area = number(&found["ground_area"]);
     let (share, blind) = (number(&high["near_field"]), number(&high["blind_area"]));

@@ -102,7 +102,8 @@ fn a_table_for_people_and_a_chart() {
     assert!(run.status.success(), "{run:?}");
     let text = String::from_utf8(run.stdout).unwrap();
     assert!(
-        text.contains("two: z of LiDAR 1") && text.contains("req 1: car to 20 m, 90.0 % required"),
+        text.contains("two: z of LiDAR 1")
+            && text.contains("req 1: car from 5 to 20 m, 90.0 % required"),
         "{text}"
     );
     assert!(
@@ -113,7 +114,7 @@ fn a_table_for_people_and_a_chart() {
     );
     assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     let svg = fs::read_to_string(dir.path().join("z.svg")).unwrap();
-    for part in ["near gain", "car to 20 m", "as given", "z, m"] {
+    for part in ["near gain", "car from 5 to 20 m", "as given", "z, m"] {
         assert!(svg.contains(part), "{part}");
     }
     let level = ["study", "sweep", "two.json", "--vehicle", "cart.json", "--backend", "cpu"];
@@ -242,7 +243,10 @@ fn a_rig_without_room_is_exit_code_1_and_a_vehicle_without_requirements_an_error
     let run = sightline(dir.path(), &args);
     assert_eq!(run.status.code(), Some(1), "{run:?}");
     let text = String::from_utf8(run.stdout).unwrap();
-    assert!(text.contains("NOT MET: car to 300 m") && text.contains("there is no room"), "{text}");
+    assert!(
+        text.contains("NOT MET: car from 5 to 300 m") && text.contains("there is no room"),
+        "{text}"
+    );
     let told = fails(dir.path(), &[&args[..], &["--most-mm", "0"]].concat());
     assert!(told.contains("millimetres above 0"), "{told}");
 }

@@ -296,7 +296,9 @@ fn rules_on_targets_are_shares_of_their_places() {
     assert_eq!(missing(0), Value::Null);
     let round = missing(1).as_str().unwrap().to_owned();
     assert!(round.starts_with("missing at 10 to 15 m between -180° and "), "{round}");
-    assert_eq!(missing(2), "missing at 10 to 15 m between -60° and 60° without LiDAR 0");
+    assert_eq!(missing(2), "missing at 10 to 15 m between -60° and 60°");
+    let one_lost = &found["scores"][0]["requirements"][2];
+    assert_eq!((&one_lost["intact"], &one_lost["worst_without"]), (&json!(1.0), &json!(0)));
     assert_eq!(single[3], (0.0, false));
     let twice = shares(1);
     assert_eq!((twice[0], twice[2]), ((1.0, true), (1.0, true)));
@@ -337,13 +339,13 @@ fn a_search_meets_a_rule_that_gain_alone_does_not_and_says_so_where_it_cannot() 
         (Some(0), &json!(true)),
         "{requirement}"
     );
-    assert_eq!(requirement["name"], "adult to 15 m");
+    assert_eq!(requirement["name"], "adult from 5 to 15 m");
     // No rig puts 100 beams on an adult at 15 m: the run ends with 1, its page begins with what is not met.
     ruled(dir.path(), rule(1.0, 100));
     let output = sightline(dir.path(), &args("unmet"));
     assert_eq!(output.status.code(), Some(1), "{output:?}");
     let page = fs::read_to_string(dir.path().join("unmet/report.html")).unwrap();
-    assert!(page.contains("NOT MET: adult to 15 m: "), "the page begins with it");
+    assert!(page.contains("NOT MET: adult from 5 to 15 m: "), "the page begins with it");
 }
 
 #[test]
@@ -355,7 +357,10 @@ fn wrong_rules_are_refused_with_their_place() {
     let street = fs::read_to_string(&path).unwrap().replace("first-hit", "through");
     fs::write(&path, street).unwrap();
     let through = fails(dir.path(), &["score", "street.json", "rigs.json"]);
-    assert!(through.contains("requires `car to 10 m`, and beams end at nothing"), "{through}");
+    assert!(
+        through.contains("requires `car from 5 to 10 m`, and beams end at nothing"),
+        "{through}"
+    );
     let told = |rule: Value| {
         ruled(dir.path(), json!([rule]));
         fails(dir.path(), &["score", "street.json", "rigs.json"])

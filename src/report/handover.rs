@@ -229,7 +229,7 @@ fn ahead(point: DVec3) -> Flat {
 impl Views {
     pub fn of(rig: &DrawnRig<'_>) -> Self {
         let zone = match &rig.near {
-            Ok((footprint, near)) => zone(footprint, near),
+            Ok((footprint, near)) => near.zone.outline(footprint, DRAWN),
             Err(_) => Vec::new(),
         };
         let level = |k: usize, lidar: &DrawnLidar| vec![(k, horizontal(lidar))];
@@ -317,19 +317,6 @@ fn vertical(lidar: &DrawnLidar, towards: DVec3) -> Option<Vec<DVec3>> {
     let end = |elevation| pose.apply(REACH * direction(azimuth, elevation));
     let corners = std::iter::once(pose.apply(DVec3::ZERO));
     Some(corners.chain(steps(low, high - low).map(end)).collect())
-}
-
-/// Corners of the blind zone, those farther than [`DRAWN`] from the body moved there.
-fn zone(footprint: &Footprint, near: &NearField) -> Vec<Flat> {
-    let middle = footprint.middle();
-    let corner = |[x, y]: &Flat| {
-        let (x, y) = (x - middle[0], y - middle[1]);
-        let radius = maths::hypot(x, y);
-        let reach = footprint.reach([x / radius, y / radius]);
-        let share = radius.min(reach + DRAWN) / radius;
-        [middle[0] + share * x, middle[1] + share * y]
-    };
-    near.zone.polygon.iter().map(corner).collect()
 }
 
 #[cfg(test)]

@@ -195,8 +195,11 @@ pub fn room_text(all: &[Room]) -> String {
         for missed in &room.missed {
             text += &format!("  ! {missed}\n");
         }
+        if !room.missed.is_empty() && room.fields.is_empty() {
+            return text + "  missed as it is: there is no room\n";
+        }
         if !room.missed.is_empty() {
-            return text + "  a requirement is missed as it is: there is no room\n";
+            text += "  missed as it is and left out; below are the requirements that it meets\n";
         }
         let titles =
             ["LiDAR", "field", "", "− holds to", "then breaks", "+ holds to", "then breaks"];

@@ -295,9 +295,15 @@ fn signs(drawing: &mut Drawing, rig: &DrawnRig<'_>, [left, mut y]: [f64; 2]) {
     sign(Some(Ink(colour(0), 0.08)), Stroke::solid(colour(0), 0.2), &view);
     match &rig.near {
         Ok((_, near)) => {
-            sign(Some(ZONE), ZONE_EDGE, "blind zone: ground before the nearest that a LiDAR sees,");
-            let area =
-                format!("drawn up to {DRAWN} m from the body; {:.1} m² in all", near.zone.area);
+            sign(
+                Some(ZONE),
+                ZONE_EDGE,
+                "blind zone: ground straight before an edge, up to the nearest seen,",
+            );
+            let area = format!(
+                "drawn to {DRAWN} m; {:.1} m² to 10 m; corners are not counted",
+                near.zone.area
+            );
             drawing.words([left + 8.0, y - 1.0], WORDS, area);
         }
         Err(why) => {
