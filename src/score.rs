@@ -171,6 +171,12 @@ impl Seen {
         self.share >= self.least
     }
 
+    /// Its name, which ends in [`ANY_LOST`] where it must hold whichever one LiDAR is lost.
+    pub(crate) fn title(&self) -> String {
+        let suffix = self.lost.filter(|_| !self.name.ends_with(ANY_LOST)).map_or("", |_| ANY_LOST);
+        format!("{}{suffix}", self.name)
+    }
+
     /// A requirement of 90 %, for tests.
     #[cfg(test)]
     pub(crate) fn of(name: &str, share: f64) -> Self {
@@ -210,12 +216,11 @@ impl Serialize for Seen {
 
 impl std::fmt::Display for Seen {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { name, share, done, least, missing, holds_in, lost } = self;
+        let Self { share, done, least, missing, holds_in, lost, .. } = self;
         let not = if self.is_met() { "" } else { "NOT MET: " };
         // Rounded down, so that a requirement that is not met never reads as met.
         let percent = |share: f64| (1e3 * share + 1e-9).floor() / 10.0;
-        let suffix = lost.filter(|_| !name.ends_with(ANY_LOST)).map_or("", |_| ANY_LOST);
-        write!(f, "{not}{name}{suffix}: {:.1} % {done}", percent(*share))?;
+        write!(f, "{not}{}: {:.1} % {done}", self.title(), percent(*share))?;
         lost.iter().try_for_each(|lost| write!(f, " (intact {:.1} %)", percent(lost.intact)))?;
         write!(f, ", {:.1} % required", 100.0 * least)?;
         missing.iter().try_for_each(|missing| write!(f, ", {missing}"))?;

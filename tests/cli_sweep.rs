@@ -225,6 +225,37 @@ fn a_tolerance_ends_where_score_says_that_a_requirement_breaks() {
 }
 
 #[test]
+fn a_requirement_that_is_missed_is_left_out_and_the_others_are_studied() {
+    let dir = required_yard();
+    let path = dir.path().join("cart.json");
+    let mut require = |rules: Value| {
+        let text = fs::read_to_string(&path).unwrap();
+        let mut vehicle: Value = serde_json::from_str(&text).unwrap();
+        vehicle["require"] = rules;
+        fs::write(&path, vehicle.to_string()).unwrap();
+    };
+    let near = json!({ "name": "near", "target": "car", "within": 20, "share": 0.9 });
+    let far = json!({ "name": "far", "target": "car", "within": 300, "share": 1 });
+    let args = ["study", "tolerance", "yard.json", "two.json", "--backend", "cpu", "--frames", "1"];
+    let few = ["--steps", "2", "--most-mm", "2000"];
+    let args = [&args[..], &few].concat();
+    require(json!([near]));
+    let alone = ok(dir.path(), &args)["rows"][0].clone();
+    require(json!([near, far]));
+    let run = sightline(dir.path(), &[&args[..], &["--format", "json"]].concat());
+    assert_eq!(run.status.code(), Some(1), "{run:?}");
+    let both: Value = serde_json::from_slice(&run.stdout).unwrap();
+    let both = &both["rows"][0];
+    for key in ["fields", "tilt", "copies"] {
+        assert!(!alone[key].is_null() && both[key] == alone[key], "{key}: {both} {alone}");
+    }
+    let missed = both["missed"].as_array().unwrap();
+    assert!(missed.len() == 1 && missed[0].to_string().contains("NOT MET: far: "), "{missed:?}");
+    let text = String::from_utf8(sightline(dir.path(), &args).stdout).unwrap();
+    assert!(text.contains("missed as it is and left out") && text.contains("holds to"), "{text}");
+}
+
+#[test]
 fn a_rig_without_room_is_exit_code_1_and_a_vehicle_without_requirements_an_error() {
     let dir = yard();
     let args =

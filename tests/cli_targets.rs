@@ -306,6 +306,13 @@ fn rules_on_targets_are_shares_of_their_places() {
     assert_eq!((opposite[1], opposite[2].1), ((1.0, true), false));
     let names = &found["scores"][0]["requirements"];
     assert_eq!((&names[0]["name"], &names[0]["required"]), (&json!("ahead"), &json!(0.9)));
+    // One of two that look alike could be left out, but for the rule that one may be lost.
+    let redundant =
+        |found: &Value| found["scores"][1]["guards"].to_string().contains("redundant_lidar");
+    assert!(!redundant(&found), "{found}");
+    ruled(dir.path(), json!([rule(json!({ "name": "ahead", "bearing": [-60, 60] }))]));
+    let found = ok(dir.path(), &["score", "street.json", "rigs.json", "--backend", "cpu"]);
+    assert!(redundant(&found), "{found}");
 }
 
 #[test]
@@ -398,7 +405,9 @@ fn wrong_rules_are_refused_with_their_place() {
 fn own_rigs_lose_each_lidar_in_turn() {
     let dir = TempDir::new().unwrap();
     let ahead = json!({ "name": "ahead", "target": "car", "from": 10, "within": 15, "bearing": [-60, 60], "share": 0.9 });
-    ruled(dir.path(), json!([ahead]));
+    let mut pair = ahead.clone();
+    (pair["name"], pair["without_any_one"]) = (json!("pair"), json!(true));
+    ruled(dir.path(), json!([ahead, pair]));
     let lidar = |yaw: f64| json!({ "x": 0, "y": 0, "z": 1, "yaw": yaw, "sensor": "half" });
     let rigs = json!({ "placements": [
         { "name": "both", "lidars": [lidar(0.0), lidar(std::f64::consts::PI)] },
@@ -425,6 +434,8 @@ fn own_rigs_lose_each_lidar_in_turn() {
         notes.contains("both without LiDAR 1: left and behind and right (75° to -75°)"),
         "{notes}"
     );
+    // A rule that allows for a loss is looked at with this one LiDAR lost, and no second.
+    assert!(notes.contains("; NOT MET: pair: 0.0 % seen, 90.0 % required"), "{notes}");
     assert!(!notes.contains("twice without LiDAR 0"), "{notes}");
     // In fog cars are lost where `score` of the LiDARs that are left says so in the same fog.
     let fog = ["--condition", "fog:mor=12", "--backend", "cpu"];

@@ -1,9 +1,13 @@
 //! The drawing of a rig for others: from above, from the right and from the front at one scale, with mounts, fields of
 //! view and the blind zone on the ground.
 //!
-//! `draw` puts a view on the sheet, with its measures.
+//! | file | holds |
+//! |---|---|
+//! | `draw` | a view on the sheet, with its measures, and the legend |
+//! | `labels` | places of words and numbers, so that none lies over another |
 
 mod draw;
+mod labels;
 
 use std::f64::consts::{PI, TAU};
 
@@ -45,13 +49,18 @@ pub(crate) struct DrawnRig<'a> {
     pub mounts: Vec<DrawnMount>,
     /// Outline on the ground and blind zone; or a sentence that says why there is none.
     pub near: Result<(&'a Footprint, &'a NearField), String>,
+    /// Lines of the title block: tolerance, origin of the placement.
+    pub about: Vec<String>,
+    /// Requirements that it misses, in words, or why they were not looked at.
+    pub warnings: Vec<String>,
 }
 
 impl DrawnRig<'_> {
     /// The drawing on a sheet of A3, across.
     pub(crate) fn drawing(&self) -> Drawing {
         let views = Views::of(self);
-        let sheet = Sheet::of(&views, self.lidars.len());
+        let lines = self.lidars.len() + self.about.len() + draw::warnings(self).len();
+        let sheet = Sheet::of(&views, lines);
         let mut drawing = Drawing::new(
             A3,
             &format!(
@@ -131,9 +140,9 @@ struct Sheet {
     pub bar: Point,
 }
 
-/// Height of the legend of so many LiDARs.
-fn legend_height(lidars: usize) -> f64 {
-    82.0 + 4.2 * lidars as f64
+/// Height of a legend with so many lines of LiDARs and of the title block.
+fn legend_height(lines: usize) -> f64 {
+    84.0 + 4.2 * lines as f64
 }
 
 fn size(view: &View) -> [f64; 2] {
@@ -141,9 +150,9 @@ fn size(view: &View) -> [f64; 2] {
 }
 
 impl Sheet {
-    pub fn of(views: &Views, lidars: usize) -> Self {
+    pub fn of(views: &Views, lines: usize) -> Self {
         let [top, side, front] = [&views.top, &views.side, &views.front].map(size);
-        let legend = legend_height(lidars);
+        let legend = legend_height(lines);
         let free =
             [A3[0] - 2.0 * EDGE - BETWEEN, A3[1] - 2.0 * EDGE - 2.0 * OVER - 2.0 * BELOW - BAR];
         let fits = |one_to: f64| {
@@ -240,7 +249,7 @@ impl Views {
             }
         };
         let mut views = Self {
-            top: View::of(rig, above, &level, &zone),
+            top: View::of(rig, above, &level, &[&zone[..], &[[0.0; 2]]].concat()),
             side: View::of(rig, aside, &upright(DVec3::X), &[[0.0; 2]]),
             front: View::of(rig, ahead, &upright(DVec3::Y), &[[0.0; 2]]),
             zone,

@@ -153,7 +153,7 @@ fn unwarned(best: &Scored) -> String {
 fn met_in_words(subject: &str, price: &str, best: &Scored) -> String {
     match &best.scores.required[..] {
         [] => String::new(),
-        [one] => format!("{subject} meets its requirement ({}){price}. ", one.name),
+        [one] => format!("{subject} meets its requirement ({}){price}. ", one.title()),
         all => format!("{subject} meets all {} requirements{price}. ", all.len()),
     }
 }
