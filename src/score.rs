@@ -171,9 +171,10 @@ impl Seen {
         self.share >= self.least
     }
 
-    /// Its name, which ends in [`ANY_LOST`] where it must hold whichever one LiDAR is lost.
+    /// Its name, followed by [`ANY_LOST`] where it must hold whichever one LiDAR is lost and its name does not say so.
     pub(crate) fn title(&self) -> String {
-        let suffix = self.lost.filter(|_| !self.name.ends_with(ANY_LOST)).map_or("", |_| ANY_LOST);
+        let suffix = self.lost.filter(|_| !self.name.contains("LiDAR lost"));
+        let suffix = suffix.map_or("", |_| ANY_LOST);
         format!("{}{suffix}", self.name)
     }
 

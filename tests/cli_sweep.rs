@@ -228,7 +228,7 @@ fn a_tolerance_ends_where_score_says_that_a_requirement_breaks() {
 fn a_requirement_that_is_missed_is_left_out_and_the_others_are_studied() {
     let dir = required_yard();
     let path = dir.path().join("cart.json");
-    let mut require = |rules: Value| {
+    let require = |rules: Value| {
         let text = fs::read_to_string(&path).unwrap();
         let mut vehicle: Value = serde_json::from_str(&text).unwrap();
         vehicle["require"] = rules;

@@ -40,8 +40,12 @@ pub fn next_in_words(run: &RunRecord) -> Vec<String> {
         let budget = run.settings["budget"]
             .as_f64()
             .map_or(String::new(), |budget| format!("a --budget above {budget}, "));
+        let time = match run.settings["max_seconds"].is_number() {
+            true => "more time (--resume goes on), ",
+            false => "",
+        };
         steps.push(format!(
-            "Next, since requirements are not met, in this order: another seed (--seed {}), more evaluations \
+            "Next, since requirements are not met, in this order: {time}another seed (--seed {}), more evaluations \
              (--evaluations {evaluations}), {budget}more or wider mounts in the vehicle file.",
             run.seed + 1
         ));

@@ -107,7 +107,11 @@ struct Missing {
 impl std::fmt::Display for Missing {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let ([from, to], [near, far]) = (self.bearings, self.distances);
-        write!(f, "missing at {near:.0} to {far:.0} m between {from:.0}° and {to:.0}°")
+        let range = match (format!("{near:.0}"), format!("{far:.0}")) {
+            (near, far) if near == far => near,
+            (near, far) => format!("{near} to {far}"),
+        };
+        write!(f, "missing at {range} m between {from:.0}° and {to:.0}°")
     }
 }
 
