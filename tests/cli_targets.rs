@@ -421,7 +421,7 @@ fn own_rigs_lose_each_lidar_in_turn() {
         |row: usize| -> Vec<Value> { found["rows"][row]["values"].as_array().unwrap().clone() };
     // One of two: nothing ahead, or nothing behind but what the half turns share.
     let both = values(0);
-    assert_eq!((&both[2], &both[6]), (&json!(1.0), &Value::Null));
+    assert_eq!((&both[2], &both[6]), (&json!(2.0), &Value::Null));
     assert!(both[3].as_f64().unwrap() > 150.0, "{both:?}");
     // Without the first of two that look alike nothing changes.
     let twice = values(1);

@@ -485,7 +485,8 @@ fn a_rig_of_the_second_model_of_a_mount_is_legal_everywhere() {
         { "name": "B", "lidars": [roof("solid", 0.0)] }] });
     fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
     let room = ["room.json", "rigs.json:B", "--vehicle", "two.json", "--baselines", "rigs.json:A"];
-    ok(dir.path(), &[&["view"], &room[..], &["--out", "b.html"], &CPU].concat());
+    let run = sightline(dir.path(), &[&["view"], &room[..], &["--out", "b.html"], &CPU].concat());
+    assert!(run.status.success(), "{run:?}");
     let page = fs::read_to_string(dir.path().join("b.html")).unwrap();
     assert!(!page.contains("no mount for"), "{page}");
     let sweep = ["study", "sweep", "room.json", "rigs.json:B", "--vehicle", "two.json"];
