@@ -489,7 +489,9 @@ fn a_rig_of_the_second_model_of_a_mount_is_legal_everywhere() {
     assert!(run.status.success(), "{run:?}");
     let page = fs::read_to_string(dir.path().join("b.html")).unwrap();
     assert!(!page.contains("no mount for"), "{page}");
-    let sweep = ["study", "sweep", "room.json", "rigs.json:B", "--vehicle", "two.json"];
+    let own = json!({ "placements": [rigs["placements"][1]] });
+    fs::write(dir.path().join("b.json"), own.to_string()).unwrap();
+    let sweep = ["study", "sweep", "room.json", "b.json", "--vehicle", "two.json"];
     let swept = ok(
         dir.path(),
         &[&sweep[..], &["--of", "roof.z", "--from", "1.5", "--to", "1.9", "--values", "2"], &CPU]
@@ -502,7 +504,7 @@ fn a_rig_of_the_second_model_of_a_mount_is_legal_everywhere() {
     // A rig given to compare with is judged by what the mounts may hold, whatever the search was to take.
     let search =
         ["optimize", "room.json", "--vehicle", "two.json", "--budget", "10", "--evaluations", "20"];
-    let more = ["--baselines", "rigs.json:B", "--out", "run", "--backend", "cpu"];
+    let more = ["--baselines", "b.json", "--out", "run", "--backend", "cpu"];
     let found = ok(dir.path(), &[&search[..], &more].concat());
     assert_eq!(found["baselines"][0]["violations"], json!([]), "{found}");
 }

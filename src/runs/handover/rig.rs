@@ -16,6 +16,7 @@ use crate::runs::opening::{LoadTimes, Loaded};
 use crate::runs::{Computing, RunError, opening};
 use crate::scene::{EgoBody, Scene};
 use crate::score::Seen;
+use crate::search::Evaluator;
 use crate::vehicle::{BeamTable, Placement, Sensors, name_lidars};
 
 /// A placement on its vehicle, in one frame.
@@ -79,13 +80,7 @@ impl HandoverRig {
         };
         let own = (0..placement.lidars.len()).map(is_own).collect();
         let poses = batch.ego_from_sensors(0);
-        let near = match NearSite::new(scene, &problem) {
-            Ok(site) => {
-                let near = site.look(evaluator.backend_mut(), &placement)?;
-                Ok((site.footprint().clone(), near))
-            }
-            Err(why) => Err(why.to_string()),
-        };
+        let near = near_field(scene, &mut evaluator, &placement)?;
         if let Err(why) = &near {
             computing.watcher.note(&format!("the drawing has no blind zone: {why}"));
         }
@@ -150,6 +145,22 @@ impl HandoverRig {
         };
         (0..self.own.len()).map(mask).collect()
     }
+}
+
+/// Outline of the body and near field of a placement, or why there is none.
+fn near_field(
+    scene: &Scene,
+    evaluator: &mut Evaluator,
+    placement: &Placement,
+) -> Result<Result<(Footprint, NearField), String>, RunError> {
+    let problem = evaluator.shared_problem();
+    Ok(match NearSite::new(scene, &problem) {
+        Ok(site) => {
+            let near = site.look(evaluator.backend_mut(), placement)?;
+            Ok((site.footprint().clone(), near))
+        }
+        Err(why) => Err(why.to_string()),
+    })
 }
 
 /// A placement on its scene, and what the title block says about it.
