@@ -420,7 +420,9 @@ fn run_folder() -> TempDir {
         "static": [{ "class": "road", "plane": { "min": [-99, -99], "max": [99, 99], "z": 0 } },
                    { "class": "building", "box": { "foot": [8, 0, 0], "size": [1, 6, 2.5] } }],
         "ego": { "poses": [{ "x": 0, "y": 0, "z": 0 }, { "x": 1, "y": 0, "z": 0 }] },
-        "vehicle": "cart.json" });
+        // A vehicle of its own, in whose place the run has another.
+        "lidar": { "channels": 4, "fov": [-20, 0], "azimuth_steps": 90, "range": 40 },
+        "mount": { "min": [-1, -0.5, 2], "max": [1, 0.5, 2.2], "lidars": 2 } });
     fs::write(dir.path().join("yard.json"), scene.to_string()).unwrap();
     let line =
         "optimize yard.json --vehicle cart.json --evaluations 10 --backend cpu --out runs/yard";
