@@ -167,7 +167,7 @@ pub mod internals {
     pub use crate::search::levels::Level;
     pub use crate::search::pilot::Pilot;
     pub use crate::search::rules::rules_in_words;
-    pub use crate::search::swaps::{SwapSettings, Swapped, swap_anywhere};
+    pub use crate::search::swaps::{Climbing, SwapSettings, Swapped, swap_anywhere};
     pub use crate::vehicle::constraints::Ties;
     pub use crate::vehicle::placement_file::{count_placements, holds_placements};
     pub use crate::vehicle::placements::{draws, random_placements_by_the_rules};

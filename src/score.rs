@@ -13,6 +13,7 @@ use serde::{Serialize, Serializer};
 
 use crate::problem::{Content, Entropy, Tally};
 use crate::targets::{CAR_WEIGHT, RangeCard};
+use crate::vehicle::ANY_LOST;
 use objective::Tasks;
 
 pub use guard::Guard;
@@ -134,8 +135,8 @@ pub const HOLDS: f64 = 0.95;
 /// The word for a share of voxels, places or ground.
 pub const SEEN: &str = "seen";
 
-/// A requirement: a share of something that must be seen, or be shared by LiDARs. In JSON `name`, `required`, `found`, `met`, and `missing` and
-/// `holds_in` where they are known.
+/// A requirement: a share of something that must be seen, or be shared by LiDARs. In JSON `name`, `required`, `found`, `met`, and `missing`,
+/// `holds_in`, `intact` and `worst_without` where they are known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Seen {
     /// Name on the vehicle.
@@ -151,6 +152,17 @@ pub struct Seen {
     pub missing: Option<String>,
     /// Share of copies within the mounting tolerance that still meet it; `None` where not looked at.
     pub holds_in: Option<f64>,
+    /// The intact rig, of a requirement that must hold whichever one LiDAR is lost: `share` is then the least one.
+    pub lost: Option<Lost>,
+}
+
+/// A requirement that must hold whichever one LiDAR is lost: the share of the intact rig, and the worst loss.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lost {
+    /// Share with every LiDAR.
+    pub intact: f64,
+    /// LiDAR whose loss leaves least; `None` of a rig without LiDARs.
+    pub worst: Option<usize>,
 }
 
 impl Seen {
@@ -159,17 +171,24 @@ impl Seen {
         self.share >= self.least
     }
 
+    /// Its name, followed by [`ANY_LOST`] where it must hold whichever one LiDAR is lost and its name does not say so.
+    pub(crate) fn title(&self) -> String {
+        let suffix = self.lost.filter(|_| !self.name.contains("LiDAR lost"));
+        let suffix = suffix.map_or("", |_| ANY_LOST);
+        format!("{}{suffix}", self.name)
+    }
+
     /// A requirement of 90 %, for tests.
     #[cfg(test)]
     pub(crate) fn of(name: &str, share: f64) -> Self {
         let name = name.to_owned();
-        Self { name, share, done: SEEN, least: 0.9, missing: None, holds_in: None }
+        Self { name, share, done: SEEN, least: 0.9, missing: None, holds_in: None, lost: None }
     }
 }
 
 impl Serialize for Seen {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut object = serializer.serialize_struct("Seen", 6)?;
+        let mut object = serializer.serialize_struct("Seen", 8)?;
         object.serialize_field("name", &self.name)?;
         object.serialize_field("required", &self.least)?;
         object.serialize_field("found", &self.share)?;
@@ -182,18 +201,32 @@ impl Serialize for Seen {
             Some(share) => object.serialize_field("holds_in", share)?,
             None => object.skip_field("holds_in")?,
         }
+        match &self.lost {
+            Some(Lost { intact, worst }) => {
+                object.serialize_field("intact", intact)?;
+                object.serialize_field("worst_without", worst)?;
+            }
+            None => {
+                object.skip_field("intact")?;
+                object.skip_field("worst_without")?;
+            }
+        }
         object.end()
     }
 }
 
 impl std::fmt::Display for Seen {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { name, share, done, least, missing, holds_in } = self;
+        let Self { share, done, least, missing, holds_in, lost, .. } = self;
         let not = if self.is_met() { "" } else { "NOT MET: " };
         // Rounded down, so that a requirement that is not met never reads as met.
-        let found = (1e3 * share + 1e-9).floor() / 10.0;
-        write!(f, "{not}{name}: {found:.1} % {done}, {:.1} % required", 100.0 * least)?;
+        let percent = |share: f64| (1e3 * share + 1e-9).floor() / 10.0;
+        write!(f, "{not}{}: {:.1} % {done}", self.title(), percent(*share))?;
+        lost.iter().try_for_each(|lost| write!(f, " (intact {:.1} %)", percent(lost.intact)))?;
+        write!(f, ", {:.1} % required", 100.0 * least)?;
         missing.iter().try_for_each(|missing| write!(f, ", {missing}"))?;
+        let worst = lost.and_then(|lost| lost.worst);
+        worst.iter().try_for_each(|lidar| write!(f, "; worst without LiDAR {lidar}"))?;
         let Some(holds) = holds_in.filter(|_| self.is_met()) else { return Ok(()) };
         let paper = if holds < HOLDS { "ON PAPER ONLY, " } else { "" };
         write!(f, ", {paper}met by {:.0} % of copies mounted within the tolerance", 100.0 * holds)
@@ -210,6 +243,7 @@ fn required(tally: &Tally, content: &Content, frames: usize) -> Vec<Seen> {
         least: area.required.share,
         missing: None,
         holds_in: None,
+        lost: None,
     });
     seen.collect()
 }
@@ -343,6 +377,25 @@ mod tests {
         assert_eq!(json["covered"], 8);
         assert_eq!(json["covered_by_class"]["a"], 1.5);
         assert!(json["m_sog"].is_f64());
+    }
+
+    #[test]
+    fn a_requirement_without_any_one_lidar_has_the_intact_rig_beside_it() {
+        let lost = Some(Lost { intact: 0.4305, worst: Some(2) });
+        let mut seen =
+            Seen { share: 0.188, lost, ..Seen::of("ground to 3 m, any one LiDAR lost", 0.0) };
+        let words = "NOT MET: ground to 3 m, any one LiDAR lost: 18.8 % seen (intact 43.0 %), 90.0 % required; \
+                     worst without LiDAR 2";
+        assert_eq!(seen.to_string(), words);
+        // A name that does not say so is followed by it.
+        seen.name = "ring".into();
+        assert_eq!(seen.to_string(), words.replace("ground to 3 m", "ring"));
+        let json = serde_json::to_value(&seen).unwrap();
+        assert_eq!(
+            (json["intact"].as_f64(), json["worst_without"].as_u64()),
+            (Some(0.4305), Some(2))
+        );
+        assert!(serde_json::to_value(Seen::of("ring", 1.0)).unwrap().get("intact").is_none());
     }
 
     #[test]

@@ -39,7 +39,16 @@ fn the_near_field_of_two_heights() {
     let (low, high) = (of(0), of(1));
     assert!(number(&low["ring"]) < number(&high["ring"]), "{low} {high}");
     assert!(number(&low["beams"][0]["own"]) > number(&high["beams"][0]["own"]));
-    assert_eq!(low["zone"]["polygon"].as_array().unwrap().len(), 72);
+    // The outline is as deep before an edge as the depth that is told.
+    for (side, rig) in
+        ["ahead", "left", "right"].iter().flat_map(|side| [(side, &low), (side, &high)])
+    {
+        let lanes = rig["zone"]["lanes"].as_array().unwrap().iter();
+        let depths = lanes.filter(|lane| lane["side"] == *side).map(|lane| lane["depth"].as_f64());
+        // A lane that does not end leaves none.
+        let deepest = depths.reduce(|a, b| Some(a?.max(b?))).unwrap();
+        assert_eq!(deepest, rig["zone"][side].as_f64(), "{side}: {rig}");
+    }
     assert_eq!(low["poles"].as_array().unwrap().len(), 58);
     let area = number(&found["ground_area"]);
     let (share, blind) = (number(&high["near_field"]), number(&high["blind_area"]));

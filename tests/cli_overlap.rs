@@ -126,8 +126,8 @@ fn without_any_one_the_least_that_is_left_counts() {
     let lefts: Vec<f64> = (0..4).map(|k| found(&each, k)).collect();
     assert_eq!(found(&all, 3), lefts.iter().copied().fold(f64::INFINITY, f64::min), "{lefts:?}");
     assert!(lefts[1] > lefts[0], "the roof alone joins the others: {lefts:?}");
-    let told = all[3]["requirements"][0]["missing"].as_str().unwrap();
-    assert!(told.ends_with(" without LiDAR 0"), "{told}");
+    assert_eq!(all[3]["requirements"][0]["worst_without"], 0, "{all}");
+    assert_eq!(all[3]["requirements"][0]["name"], "overlap of LiDARs, any one LiDAR lost");
 }
 
 #[test]

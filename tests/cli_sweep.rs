@@ -102,7 +102,8 @@ fn a_table_for_people_and_a_chart() {
     assert!(run.status.success(), "{run:?}");
     let text = String::from_utf8(run.stdout).unwrap();
     assert!(
-        text.contains("two: z of LiDAR 1") && text.contains("req 1: car to 20 m, 90.0 % required"),
+        text.contains("two: z of LiDAR 1")
+            && text.contains("req 1: car from 5 to 20 m, 90.0 % required"),
         "{text}"
     );
     assert!(
@@ -113,7 +114,7 @@ fn a_table_for_people_and_a_chart() {
     );
     assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     let svg = fs::read_to_string(dir.path().join("z.svg")).unwrap();
-    for part in ["near gain", "car to 20 m", "as given", "z, m"] {
+    for part in ["near gain", "car from 5 to 20 m", "as given", "z, m"] {
         assert!(svg.contains(part), "{part}");
     }
     let level = ["study", "sweep", "two.json", "--vehicle", "cart.json", "--backend", "cpu"];
@@ -224,6 +225,37 @@ fn a_tolerance_ends_where_score_says_that_a_requirement_breaks() {
 }
 
 #[test]
+fn a_requirement_that_is_missed_is_left_out_and_the_others_are_studied() {
+    let dir = required_yard();
+    let path = dir.path().join("cart.json");
+    let require = |rules: Value| {
+        let text = fs::read_to_string(&path).unwrap();
+        let mut vehicle: Value = serde_json::from_str(&text).unwrap();
+        vehicle["require"] = rules;
+        fs::write(&path, vehicle.to_string()).unwrap();
+    };
+    let near = json!({ "name": "near", "target": "car", "within": 20, "share": 0.9 });
+    let far = json!({ "name": "far", "target": "car", "within": 300, "share": 1 });
+    let args = ["study", "tolerance", "yard.json", "two.json", "--backend", "cpu", "--frames", "1"];
+    let few = ["--steps", "2", "--most-mm", "2000"];
+    let args = [&args[..], &few].concat();
+    require(json!([near]));
+    let alone = ok(dir.path(), &args)["rows"][0].clone();
+    require(json!([near, far]));
+    let run = sightline(dir.path(), &[&args[..], &["--format", "json"]].concat());
+    assert_eq!(run.status.code(), Some(1), "{run:?}");
+    let both: Value = serde_json::from_slice(&run.stdout).unwrap();
+    let both = &both["rows"][0];
+    for key in ["fields", "tilt", "copies"] {
+        assert!(!alone[key].is_null() && both[key] == alone[key], "{key}: {both} {alone}");
+    }
+    let missed = both["missed"].as_array().unwrap();
+    assert!(missed.len() == 1 && missed[0].to_string().contains("NOT MET: far: "), "{missed:?}");
+    let text = String::from_utf8(sightline(dir.path(), &args).stdout).unwrap();
+    assert!(text.contains("missed as it is and left out") && text.contains("holds to"), "{text}");
+}
+
+#[test]
 fn a_rig_without_room_is_exit_code_1_and_a_vehicle_without_requirements_an_error() {
     let dir = yard();
     let args =
@@ -242,7 +274,10 @@ fn a_rig_without_room_is_exit_code_1_and_a_vehicle_without_requirements_an_error
     let run = sightline(dir.path(), &args);
     assert_eq!(run.status.code(), Some(1), "{run:?}");
     let text = String::from_utf8(run.stdout).unwrap();
-    assert!(text.contains("NOT MET: car to 300 m") && text.contains("there is no room"), "{text}");
+    assert!(
+        text.contains("NOT MET: car from 5 to 300 m") && text.contains("there is no room"),
+        "{text}"
+    );
     let told = fails(dir.path(), &[&args[..], &["--most-mm", "0"]].concat());
     assert!(told.contains("millimetres above 0"), "{told}");
 }

@@ -106,7 +106,7 @@ fn the_vehicle_of_the_readme_gets_a_rig_for_its_budget() {
         ["optimize", "room.json", "--vehicle", "car.json", "--budget", "9000", "--out", "own"];
     let result = ok(dir.path(), &[&run[..], &["--evaluations", "8"], &CPU].concat());
     assert_eq!(result["settings"]["equipped"]["cost"], 8400.0, "three sensors of 2800");
-    assert_eq!(result["best"]["scores"]["requirements"][0]["name"], "child to 30 m");
+    assert_eq!(result["best"]["scores"]["requirements"][0]["name"], "child from 5 to 30 m");
 }
 
 #[test]
@@ -471,4 +471,40 @@ fn a_mixed_rig_keeps_its_score_through_every_format_or_is_refused() {
     assert!(
         fails(dir.path(), &plain).contains("`roof_lidar` names no sensor, and the vehicle has")
     );
+}
+
+#[test]
+fn a_rig_of_the_second_model_of_a_mount_is_legal_everywhere() {
+    let dir = garage();
+    changed(dir.path(), "two.json", |cart| {
+        cart["mounts"][0]["sensors"] = json!(["spinning", "solid"]);
+    });
+    let roof = |sensor: &str, x: f64| json!({ "x": x, "y": 0.0, "z": 1.5, "roll": 0.0, "pitch": 0.0, "yaw": 0.0, "sensor": sensor });
+    let rigs = json!({ "placements": [
+        { "name": "A", "lidars": [roof("spinning", 0.1)] },
+        { "name": "B", "lidars": [roof("solid", 0.0)] }] });
+    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+    let room = ["room.json", "rigs.json:B", "--vehicle", "two.json", "--baselines", "rigs.json:A"];
+    let run = sightline(dir.path(), &[&["view"], &room[..], &["--out", "b.html"], &CPU].concat());
+    assert!(run.status.success(), "{run:?}");
+    let page = fs::read_to_string(dir.path().join("b.html")).unwrap();
+    assert!(!page.contains("no mount for"), "{page}");
+    let own = json!({ "placements": [rigs["placements"][1]] });
+    fs::write(dir.path().join("b.json"), own.to_string()).unwrap();
+    let sweep = ["study", "sweep", "room.json", "b.json", "--vehicle", "two.json"];
+    let swept = ok(
+        dir.path(),
+        &[&sweep[..], &["--of", "roof.z", "--from", "1.5", "--to", "1.9", "--values", "2"], &CPU]
+            .concat(),
+    );
+    let rows = swept["sweeps"][0]["rows"].as_array().unwrap();
+    let broken: Vec<usize> =
+        rows.iter().map(|row| row["broken_rules"].as_array().unwrap().len()).collect();
+    assert_eq!(broken, [0, 0, 1], "{rows:?}");
+    // A rig given to compare with is judged by what the mounts may hold, whatever the search was to take.
+    let search =
+        ["optimize", "room.json", "--vehicle", "two.json", "--budget", "10", "--evaluations", "20"];
+    let more = ["--baselines", "b.json", "--out", "run", "--backend", "cpu"];
+    let found = ok(dir.path(), &[&search[..], &more].concat());
+    assert_eq!(found["baselines"][0]["violations"], json!([]), "{found}");
 }

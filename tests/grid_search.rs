@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use sightline::engine::CpuBackend;
 use sightline::internals::{
-    Atlas, Effort, GridPlacement, GridSample, GridSearch, Moves, PoseGrid, Spacing, SwapSettings,
-    Ties, bound_gain, swap_anywhere,
+    Atlas, Climbing, Effort, GridPlacement, GridSample, GridSearch, Moves, PoseGrid, Spacing,
+    SwapSettings, Ties, bound_gain, swap_anywhere,
 };
 use sightline::problem::Problem;
 use sightline::score::{Needed, Objective};
@@ -253,7 +253,14 @@ fn swaps_tell_other_ends_that_are_about_as_good() {
         let start = [-1.0, 0.0, 1.0].map(|x| SensorPose::at(x, 0.0, 0.0));
         let start = Placement { name: "start".into(), lidars: start.to_vec() };
         let settings = SwapSettings { spacing, casts: 2000, whole: true, memory: MEMORY, seed };
-        let swapped = swap_anywhere(&mut evaluator, &objective, &settings, &[start], &mut |_| true);
+        let swapped = swap_anywhere(
+            &mut evaluator,
+            &objective,
+            &settings,
+            &[start],
+            &Climbing::default(),
+            &mut |_| true,
+        );
         let swapped = swapped.unwrap().unwrap();
         let all = [vec![swapped.placement], swapped.others].concat();
         let scores = evaluator.scores(&all).unwrap();
@@ -283,7 +290,18 @@ fn swaps_among_some_poses_go_on_until_no_neighbour_is_better() {
         let grid = PoseGrid::new(&rules, spacing).unwrap();
         assert_eq!(grid.len(), 9 * 9 * 5 * 7);
         let settings = SwapSettings { spacing, casts: 600, whole: false, memory: MEMORY, seed };
-        let swapped = swap_anywhere(&mut evaluator, &objective, &settings, &[], &mut |_| true);
+        let (climbing, mut climbs) = (Climbing::default(), Vec::new());
+        let mut go_on = |_| {
+            climbs.extend(climbing.progress());
+            true
+        };
+        let swapped =
+            swap_anywhere(&mut evaluator, &objective, &settings, &[], &climbing, &mut go_on);
+        // Climbs among poses that are cast tell how far they are, and end.
+        let total = climbs[0][1];
+        assert!(climbs.is_sorted() && climbs.iter().all(|[done, all]| done < all && *all == total));
+        assert!(climbs.iter().any(|[done, _]| *done + 2 >= total), "{climbs:?}");
+        assert_eq!(climbing.progress(), None);
         let swapped = swapped.unwrap().unwrap();
         assert!(swapped.poses_cast > 450, "{} poses: none beside the first", swapped.poses_cast);
         assert!(swapped.poses_cast <= 750, "{} poses", swapped.poses_cast);
@@ -317,7 +335,9 @@ fn a_whole_grid_that_does_not_fit_into_memory_is_refused_before_a_cast() {
     let settings = SwapSettings { spacing, casts: 600, whole: true, memory: 1 << 10, seed: 1 };
     let objective: Objective = "information_gain".parse().unwrap();
     let never = &mut |_| panic!("nothing is cast");
-    let error = swap_anywhere(&mut evaluator, &objective, &settings, &[], never).unwrap_err();
+    let error =
+        swap_anywhere(&mut evaluator, &objective, &settings, &[], &Climbing::default(), never)
+            .unwrap_err();
     let words = error.to_string();
     assert!(words.contains("2835 sensor poses") && words.contains("raise --memory"), "{words}");
 }

@@ -86,7 +86,7 @@ fn points(poses: &[SensorPose]) -> (Constraints, Vec<u32>) {
         *known.entry(key).or_insert_with(|| {
             let (lower, upper) = (pose.values(), pose.values());
             let region = Arc::new(Region { lower, upper, ..Region::default() });
-            slots.push(Slot { region, sensor: pose.sensor, phase: None });
+            slots.push(Slot { region, sensor: pose.sensor, phase: None, others: Vec::new() });
             slots.len() as u32 - 1
         })
     };

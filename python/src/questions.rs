@@ -133,7 +133,7 @@ impl PyScene {
         progress: Option<Progress>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
-        let field = SweptField::find(of, &placement, &self.built.scene.constraints());
+        let field = SweptField::find(of, &placement, &self.built.scene.rules());
         let field = field.map_err(|error| bad(format!("of: {error}")))?;
         let values = row("values", values, "metres or degrees", f64::is_finite)?;
         if values.is_empty() || values.len() > MOST_VALUES {
@@ -161,7 +161,8 @@ impl PyScene {
     }
 
     /// How far each pose field of each LiDAR of one placement may be off, and how far the body may tilt, until a requirement
-    /// of the vehicle breaks, as a `dict` with the row that `sightline study tolerance` prints: `missed`, `fields` with
+    /// of the vehicle breaks, as a `dict` with the row that `sightline study tolerance` prints: `missed` (left
+    /// out of all else), `fields` with
     /// `down` and `up` (`holds_to`, `breaks_at`, `breaks`; mm or degrees), `tilt` with its `directions`, and `copies`. Fields
     /// move up to `most_mm` millimetres and `most_deg` degrees, in `steps` steps to either side; all LiDARs tilt together up
     /// to `most_tilt_deg` degrees about the point `tilt_about` `(x, y)` of the ground, metres of the ego frame, or its origin. Raises

@@ -6,12 +6,12 @@ use sightline::{Constraints, Scores};
 /// Rules of a vehicle, whatever of its equipment a placement has.
 pub struct Rules<'a> {
     vehicle: &'a Vehicle,
-    every: Constraints,
+    rules: Constraints,
 }
 
 impl<'a> Rules<'a> {
     pub fn new(vehicle: &'a Vehicle) -> Self {
-        Self { vehicle, every: vehicle.every_kind() }
+        Self { vehicle, rules: vehicle.rules() }
     }
 
     /// True if a placement keeps every rule of the mounts, meets all requirements, and no guard doubts its scores.
@@ -22,13 +22,13 @@ impl<'a> Rules<'a> {
 
     /// True if a placement keeps every rule of the mounts, with as many LiDARs on each as it holds.
     fn are_kept(&self, placement: &Placement) -> bool {
-        let mounts = self.every.mounts_of(&placement.lidars);
+        let mounts = self.rules.mounts_of(&placement.lidars);
         let are_counted = self.vehicle.mounts.iter().all(|mount| {
             let on = |region: &&sightline::vehicle::Region| **region == *mount.region;
             let count = mounts.iter().flatten().filter(|region| on(region)).count();
             (mount.count[0]..=mount.count[1]).contains(&count)
         });
         let have_mounts = mounts.iter().all(Option::is_some);
-        have_mounts && are_counted && self.every.violations(placement).is_empty()
+        have_mounts && are_counted && self.rules.violations(placement).is_empty()
     }
 }

@@ -32,6 +32,8 @@ pub struct PySpace {
     scene: Py<PyScene>,
     equipment: Equipment,
     rules: Constraints,
+    /// Rules of given placements: of the space's models, or of all where no equipment was given.
+    given: Constraints,
     bounds: Vec<(f64, f64)>,
 }
 
@@ -39,13 +41,15 @@ impl PySpace {
     /// The space of some equipment, or of the fullest.
     pub fn new(scene: &Bound<'_, PyScene>, equipment: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         let vehicle = scene.get().built.scene.vehicle();
+        let is_given = equipment.is_some();
         let equipment = match equipment {
             Some(given) => equipment_of(vehicle, given)?,
             None => vehicle.fullest(),
         };
         let rules = vehicle.constraints(&equipment);
+        let given = if is_given { rules.clone() } else { vehicle.rules() };
         let bounds = rules.variable_bounds();
-        Ok(Self { scene: scene.clone().unbind(), equipment, rules, bounds })
+        Ok(Self { scene: scene.clone().unbind(), equipment, rules, given, bounds })
     }
 
     /// Rules of the mounts for its LiDARs.
@@ -112,7 +116,7 @@ impl PySpace {
     /// Metres or radians by which each of [`RULES`] is broken, summed over LiDARs and pairs.
     fn broken(&self, placement: &Placement) -> [f64; RULES.len()] {
         let mut sums = [0.0; RULES.len()];
-        for violation in self.rules.violations(placement) {
+        for violation in self.given.violations(placement) {
             let rule = match violation {
                 Violation::OutsideMount { .. } => 0,
                 Violation::TooClose { .. } => 1,

@@ -4,17 +4,17 @@ use std::fmt::Arguments;
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Once};
-use std::time::Duration;
+use std::sync::{Arc, Mutex, Once, PoisonError};
+use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use serde::Serialize;
 use serde_json::json;
 
 use crate::Note;
 use crate::files::remove_temporaries;
 use crate::internals::{FileError, visible};
-use crate::runs::{Bar, RunError, TableFormat, Watcher};
+use crate::runs::{Bar, RunError, Silent, TableFormat, Watcher};
 
 /// Like `print!`, with an [`RunError`] instead of a panic where stdout cannot be written.
 macro_rules! out {
@@ -292,13 +292,15 @@ impl Watcher for Terminal {
         Arc::new(move |sentence| talk.note(sentence))
     }
 
-    /// A bar with rate and time left, or with share and time left; nothing where stderr is no terminal.
+    /// A bar with rate and time left, or with share and time left; where stderr is no terminal a line every half minute.
     fn bar(&self, total: u64, unit: Option<&str>) -> Box<dyn Bar> {
-        let bar = ProgressBar::new(total);
-        if self.talk.quiet || !std::io::stderr().is_terminal() {
-            bar.set_draw_target(ProgressDrawTarget::hidden());
-            return Box::new(Shown(bar));
+        if self.talk.quiet {
+            return Box::new(Silent);
         }
+        if !std::io::stderr().is_terminal() {
+            return Box::new(Lines::new(total, unit));
+        }
+        let bar = ProgressBar::new(total);
         let rate = |state: &ProgressState, out: &mut dyn std::fmt::Write| {
             let _ = write!(out, "{:.1}", state.per_sec());
         };
@@ -324,6 +326,62 @@ impl Watcher for Terminal {
 
     fn goes_on(&self) -> bool {
         !STOPS.load(Ordering::SeqCst)
+    }
+}
+
+/// Time between two lines of progress where stderr is no terminal.
+const BETWEEN_LINES: Duration = Duration::from_secs(30);
+
+/// Progress as a line on stderr now and then.
+struct Lines {
+    unit: Option<String>,
+    begun: Instant,
+    state: Mutex<LinesState>,
+}
+
+struct LinesState {
+    done: u64,
+    total: u64,
+    told: Instant,
+}
+
+impl Lines {
+    fn new(total: u64, unit: Option<&str>) -> Self {
+        let begun = Instant::now();
+        let state = Mutex::new(LinesState { done: 0, total, told: begun });
+        Self { unit: unit.map(str::to_owned), begun, state }
+    }
+
+    fn change(&self, change: impl FnOnce(&mut LinesState)) {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        change(&mut state);
+        if state.told.elapsed() >= BETWEEN_LINES {
+            state.told = Instant::now();
+            say(&line(state.done, state.total, self.unit.as_deref(), self.begun.elapsed()));
+        }
+    }
+}
+
+/// Progress in words: `120/300 poses for swaps, 45 s left`.
+fn line(done: u64, total: u64, unit: Option<&str>, took: Duration) -> String {
+    let progress = match unit {
+        Some(unit) => format!("{done}/{total} {unit}"),
+        None => format!("{} %", 100 * done.min(total) / total.max(1)),
+    };
+    let left = took.as_secs_f64() * (total.saturating_sub(done)) as f64 / done.max(1) as f64;
+    match done {
+        0 => format!("{progress}, for {:.0} s now", took.as_secs_f64()),
+        _ => format!("{progress}, {left:.0} s left"),
+    }
+}
+
+impl Bar for Lines {
+    fn advance(&self, steps: u64) {
+        self.change(|state| state.done += steps);
+    }
+
+    fn set(&self, done: u64, total: u64) {
+        self.change(|state| (state.done, state.total) = (done, total));
     }
 }
 
@@ -354,6 +412,16 @@ impl Drop for Shown {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_line_of_progress_has_the_time_left() {
+        let took = Duration::from_secs(30);
+        // Thirty seconds for a quarter: ninety for the rest.
+        assert_eq!(line(5, 20, Some("climbs"), took), "5/20 climbs, 90 s left");
+        assert_eq!(line(5, 20, None, took), "25 %, 90 s left");
+        assert_eq!(line(0, 20, Some("climbs"), took), "0/20 climbs, for 30 s now");
+        assert_eq!(line(20, 20, Some("climbs"), took), "20/20 climbs, 0 s left");
+    }
 
     #[test]
     fn a_long_name_is_cut_out_of_a_sentence_and_hidden_characters_are_spelled() {

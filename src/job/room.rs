@@ -35,7 +35,8 @@ pub struct RoomSteps {
 pub struct Room {
     /// Name of the placement.
     pub placement: String,
-    /// Requirements that it misses as it is, in words; with any, no deviation is looked at.
+    /// Requirements that it misses as it is, in words. They are left out: deviations are looked at for all others, if there
+    /// are any.
     pub missed: Vec<String>,
     /// Each field of each LiDAR alone; one that is interrupted has the first ones.
     pub fields: Vec<RoomOfField>,
@@ -78,6 +79,11 @@ pub struct RoomOfCopies {
     pub tolerance: Tolerance,
     /// Share of 200 copies that meet all requirements.
     pub holds_in: f64,
+}
+
+/// Requirements that are missed as the placement is, by position: no deviation breaks them.
+fn set_aside(scores: &mut Scores, missed: &[usize]) {
+    missed.iter().for_each(|&k| scores.required[k].least = f64::NEG_INFINITY);
 }
 
 /// The requirement that lacks most; `None` where all are met.
@@ -143,19 +149,26 @@ impl Job {
         let Some(mut scores) = as_given.and_then(|mut scores| scores.pop()) else {
             return Ok(room);
         };
-        let unmet = scores.required.iter().filter(|seen| !seen.is_met());
-        room.missed = unmet.map(ToString::to_string).collect();
-        if !room.missed.is_empty() {
+        let all = scores.required.iter().enumerate();
+        let missed: Vec<usize> = all.filter(|(_, seen)| !seen.is_met()).map(|(k, _)| k).collect();
+        room.missed = missed.iter().map(|&k| scores.required[k].to_string()).collect();
+        if missed.len() == scores.required.len() {
             return Ok(room);
         }
+        set_aside(&mut scores, &missed);
+        let mut look = |moved: &[Placement], go_on: &mut dyn FnMut(u64) -> bool| {
+            let mut scores = evaluator.scores_while(moved, &mut || go_on(0))?;
+            scores.iter_mut().flatten().for_each(|scores| set_aside(scores, &missed));
+            Ok::<_, BackendError>(scores)
+        };
         for field in SweptField::all(placement) {
-            let Some(of_field) = room_of_field(evaluator, placement, field, steps, go_on)? else {
+            let Some(of_field) = room_of_field(&mut look, placement, field, steps, go_on)? else {
                 return Ok(room);
             };
             room.fields.push(of_field);
             go_on(1);
         }
-        room.tilt = room_of_tilt(evaluator, placement, steps, go_on)?;
+        room.tilt = room_of_tilt(&mut look, placement, steps, go_on)?;
         let usual = Tolerance::default();
         for times in COPIES_WITHIN {
             if !go_on(0) {
@@ -177,9 +190,13 @@ pub fn moves_of(placement: &Placement) -> u64 {
     SweptField::all(placement).count() as u64 + TILTS
 }
 
+/// Scores of some placements, requirements missed as they are set aside; `None` once the question says no.
+type Look<'a> = dyn FnMut(&[Placement], &mut dyn FnMut(u64) -> bool) -> Result<Option<Vec<Scores>>, BackendError>
+    + 'a;
+
 /// How far one field may be off to either side; `None` once `go_on` says no.
 fn room_of_field(
-    evaluator: &mut Evaluator,
+    look: &mut Look<'_>,
     placement: &Placement,
     field: SweptField,
     steps: &RoomSteps,
@@ -190,7 +207,7 @@ fn room_of_field(
         (1..=steps.steps).map(move |k| field.moved(placement, value + sign * step * f64::from(k)))
     };
     let moved: Vec<Placement> = off(-1.0).chain(off(1.0)).collect();
-    let Some(scores) = evaluator.scores_while(&moved, &mut || go_on(0))? else { return Ok(None) };
+    let Some(scores) = look(&moved, go_on)? else { return Ok(None) };
     let (down, up) = scores.split_at(steps.steps as usize);
     let (unit, scale) = if field.unit() == "m" { ("mm", 1e3) } else { ("deg", 1.0) };
     let [down, up] = [down, up].map(|scores| side(scale * step, scores));
@@ -258,7 +275,7 @@ fn tilted(placement: &Placement, [x, y]: [f64; 2], turn: DMat3) -> Placement {
 
 /// How far a placement that meets all requirements may tilt towards each direction; `None` once `go_on` says no.
 fn room_of_tilt(
-    evaluator: &mut Evaluator,
+    look: &mut Look<'_>,
     placement: &Placement,
     steps: &RoomSteps,
     go_on: &mut dyn FnMut(u64) -> bool,
@@ -271,7 +288,7 @@ fn room_of_tilt(
             tilted(placement, steps.tilt_about, turn)
         };
         let moved: Vec<Placement> = (1..=steps.steps).map(at).collect();
-        let scores = evaluator.scores_while(&moved, &mut || go_on(0))?;
+        let scores = look(&moved, go_on)?;
         let Some(scores) = scores else { return Ok(None) };
         directions.push(TiltedTo { direction, side: side(step, &scores) });
         go_on(1);

@@ -141,7 +141,7 @@ impl Job {
         match &run.state.equipped {
             Some(equipped) => {
                 check_equipped(vehicle, equipped)?;
-                run.suite = run.suite.with_constraints(&vehicle.constraints(&equipped.equipment));
+                run.suite = run.suite.with_equipment(&vehicle.constraints(&equipped.equipment));
                 run.search()?;
             }
             None if vehicle.is_nameless() => run.search()?,
@@ -288,7 +288,7 @@ impl JobRun<'_> {
         };
         tell_equipment(vehicle, &found, observer);
         self.equipping = None;
-        self.suite = self.suite.with_constraints(&vehicle.constraints(&found.equipment));
+        self.suite = self.suite.with_equipment(&vehicle.constraints(&found.equipment));
         self.state.equipped = Some(found);
         self.search()?;
         Ok(JobStep::On)
@@ -379,7 +379,7 @@ fn taken(
     let next = fewest.next(found, most_sensors(vehicle), vehicle.cost(&vehicle.cheapest()));
     if matches!(next, Next::Again(limits) if limits.sensors > sensors) {
         observer.on(&Event::Note(&format!(
-            "no equipment of {sensors} sensor(s) was found that meets all requirements: it is {short:.0} points short"
+            "no equipment of {sensors} sensor(s) was found that meets all requirements: it misses them by {short:.0} percentage points, summed"
         )));
     }
     next
@@ -391,8 +391,8 @@ fn tell_equipment(vehicle: &Vehicle, found: &Equipped, observer: &mut dyn Observ
     observer.on(&Event::Note(&words));
     if found.missing > 0.0 {
         observer.on(&Event::Note(&format!(
-            "first estimate, over few frames: the sensors chosen are {:.1} points short of what is required; the search \
-             tries to close it",
+            "first estimate, over few frames: the sensors chosen miss the requirements by {:.1} percentage points, summed \
+             over those that are not met; the search tries to close it",
             100.0 * found.missing
         )));
     }
@@ -457,7 +457,7 @@ mod tests {
     fn found(sensors: usize, cost: f64, missing: f64) -> Equipped {
         let placement = Placement { name: "x".to_owned(), lidars: vec![] };
         let equipment = vec![(0, crate::vehicle::SensorName::NONE); sensors];
-        Equipped { equipment, placement, cost, value: 0.0, missing }
+        Equipped { equipment, placement, cost, value: 0.0, missing, out_of_reach: Vec::new() }
     }
 
     #[test]

@@ -190,7 +190,7 @@ impl Job {
         self.add_range_cards(moved.iter().zip(&mut scores))?;
         let problem = self.problem()?;
         let row = |((value, placement), scores): ((&Option<f64>, &Placement), Scores)| {
-            let broken = problem.constraints().violations(placement);
+            let broken = problem.rules().violations(placement);
             SweepRow {
                 value: value.unwrap_or_else(|| field.value_in(placement)),
                 as_given: value.is_none(),

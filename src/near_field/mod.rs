@@ -15,8 +15,9 @@
 //!   ground that nothing can hide on, since rings of 16 channels lie up to 1.3 m apart there.
 //! - **`near_field`**: share of the cells that count which are seen, a mean over the frames; blind ground is
 //!   the mean number of the others times 0.0625 m².
-//! - **Blind zone**: a polygon over 72 directions from the middle of the footprint; a cell takes part if it
-//!   is seen in at least half of the frames in which it counts.
+//! - **Blind zone**: lanes one cell wide straight before the edges of the box around the footprint, each up to its
+//!   nearest cell that is seen in at least half of the frames in which it counts. Corners lie before no edge, and are not
+//!   counted.
 //! - **Bodies that move**: the footprint is of frame 0; ground, hits and wasted beams are looked at in each frame.
 //! - **Wasted**: share of a LiDAR's beams that end at the own body, a mean over the frames.
 //! - **Poles** stand alone on level ground, with the own body and without the scene; one is seen with five

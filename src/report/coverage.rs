@@ -84,7 +84,7 @@ pub fn near_field_svg(footprint: &Footprint, all: &[(&Placement, &NearField)]) -
         }
         g transform={ "translate(8 " (px(rows as f64 * (size[1] + TITLE) + 18.0)) ")" } { (legend()) }
     };
-    let width = (columns as f64 * size[0]).max(660.0).round();
+    let width = (columns as f64 * size[0]).max(690.0).round();
     let height = (rows as f64 * (size[1] + TITLE) + 62.0).round();
     page([width, height], "Ground near the vehicle that is not seen, from above", &drawing)
 }
@@ -174,7 +174,7 @@ fn legend() -> Markup {
         rect x="328" y="-10" width="12" height="12" fill=(UNSEEN) {}
         text x="345" y="0" { "ground not seen" }
         rect x="463" y="-10" width="12" height="12" fill=(ACCENT) fill-opacity=".3" {}
-        text x="480" y="0" { "blind zone" }
+        text x="480" y="0" { "blind zone, corners not counted" }
         rect x="1" y="15" width="8" height="8" fill=(SECOND) {}
         text x="14" y="24" { "LiDAR" }
         rect x="78" y="14" width="12" height="10" fill=(FAINT) stroke=(INK) {}

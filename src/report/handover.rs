@@ -1,9 +1,13 @@
 //! The drawing of a rig for others: from above, from the right and from the front at one scale, with mounts, fields of
 //! view and the blind zone on the ground.
 //!
-//! `draw` puts a view on the sheet, with its measures.
+//! | file | holds |
+//! |---|---|
+//! | `draw` | a view on the sheet, with its measures, and the legend |
+//! | `labels` | places of words and numbers, so that none lies over another |
 
 mod draw;
+mod labels;
 
 use std::f64::consts::{PI, TAU};
 
@@ -45,13 +49,18 @@ pub(crate) struct DrawnRig<'a> {
     pub mounts: Vec<DrawnMount>,
     /// Outline on the ground and blind zone; or a sentence that says why there is none.
     pub near: Result<(&'a Footprint, &'a NearField), String>,
+    /// Lines of the title block: tolerance, origin of the placement.
+    pub about: Vec<String>,
+    /// Requirements that it misses, in words, or why they were not looked at.
+    pub warnings: Vec<String>,
 }
 
 impl DrawnRig<'_> {
     /// The drawing on a sheet of A3, across.
     pub(crate) fn drawing(&self) -> Drawing {
         let views = Views::of(self);
-        let sheet = Sheet::of(&views, self.lidars.len());
+        let lines = self.lidars.len() + self.about.len() + draw::warnings(self).len();
+        let sheet = Sheet::of(&views, lines);
         let mut drawing = Drawing::new(
             A3,
             &format!(
@@ -131,9 +140,9 @@ struct Sheet {
     pub bar: Point,
 }
 
-/// Height of the legend of so many LiDARs.
-fn legend_height(lidars: usize) -> f64 {
-    82.0 + 4.2 * lidars as f64
+/// Height of a legend with so many lines of LiDARs and of the title block.
+fn legend_height(lines: usize) -> f64 {
+    84.0 + 4.2 * lines as f64
 }
 
 fn size(view: &View) -> [f64; 2] {
@@ -141,9 +150,9 @@ fn size(view: &View) -> [f64; 2] {
 }
 
 impl Sheet {
-    pub fn of(views: &Views, lidars: usize) -> Self {
+    pub fn of(views: &Views, lines: usize) -> Self {
         let [top, side, front] = [&views.top, &views.side, &views.front].map(size);
-        let legend = legend_height(lidars);
+        let legend = legend_height(lines);
         let free =
             [A3[0] - 2.0 * EDGE - BETWEEN, A3[1] - 2.0 * EDGE - 2.0 * OVER - 2.0 * BELOW - BAR];
         let fits = |one_to: f64| {
@@ -229,7 +238,7 @@ fn ahead(point: DVec3) -> Flat {
 impl Views {
     pub fn of(rig: &DrawnRig<'_>) -> Self {
         let zone = match &rig.near {
-            Ok((footprint, near)) => zone(footprint, near),
+            Ok((footprint, near)) => near.zone.outline(footprint, DRAWN),
             Err(_) => Vec::new(),
         };
         let level = |k: usize, lidar: &DrawnLidar| vec![(k, horizontal(lidar))];
@@ -240,7 +249,7 @@ impl Views {
             }
         };
         let mut views = Self {
-            top: View::of(rig, above, &level, &zone),
+            top: View::of(rig, above, &level, &[&zone[..], &[[0.0; 2]]].concat()),
             side: View::of(rig, aside, &upright(DVec3::X), &[[0.0; 2]]),
             front: View::of(rig, ahead, &upright(DVec3::Y), &[[0.0; 2]]),
             zone,
@@ -317,19 +326,6 @@ fn vertical(lidar: &DrawnLidar, towards: DVec3) -> Option<Vec<DVec3>> {
     let end = |elevation| pose.apply(REACH * direction(azimuth, elevation));
     let corners = std::iter::once(pose.apply(DVec3::ZERO));
     Some(corners.chain(steps(low, high - low).map(end)).collect())
-}
-
-/// Corners of the blind zone, those farther than [`DRAWN`] from the body moved there.
-fn zone(footprint: &Footprint, near: &NearField) -> Vec<Flat> {
-    let middle = footprint.middle();
-    let corner = |[x, y]: &Flat| {
-        let (x, y) = (x - middle[0], y - middle[1]);
-        let radius = maths::hypot(x, y);
-        let reach = footprint.reach([x / radius, y / radius]);
-        let share = radius.min(reach + DRAWN) / radius;
-        [middle[0] + share * x, middle[1] + share * y]
-    };
-    near.zone.polygon.iter().map(corner).collect()
 }
 
 #[cfg(test)]

@@ -47,5 +47,5 @@ pub use record::{RunContext, RunRecord, RunTimes, SceneRecord};
 pub(crate) use tables::{ScoreColumn, optional};
 pub use text::scores_text;
 pub(crate) use words::{
-    certificate_in_words, judged, methods_in_words, run_verdict, spread_in_words,
+    certificate_in_words, judged, methods_in_words, next_in_words, run_verdict, spread_in_words,
 };

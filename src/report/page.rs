@@ -22,8 +22,8 @@ use super::coverage::near_field_svg;
 use super::targets::range_card_svg;
 use super::view::ViewData;
 use super::{
-    InformationMap, RunRecord, SceneRecord, convergence_svg, judged, placement_svg, run_verdict,
-    spread_in_words,
+    InformationMap, RunRecord, SceneRecord, convergence_svg, judged, next_in_words, placement_svg,
+    run_verdict, spread_in_words,
 };
 use crate::engine::{BackendError, EngineChoice, open};
 use crate::job::Job;
@@ -87,6 +87,7 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                 (heading(subject.scene, subject.conditions, &subject.verdict))
                 main {
                     (scores::required(subject))
+                    @for step in run.map(next_in_words).unwrap_or_default() { p { (step) } }
                     @if let Some(words) = run.and_then(|run| run.equipment.as_ref()) { p { "Equipment: " (words) "." } }
                     (layout::stage(subject, figures))
                     (scores::usual(subject))

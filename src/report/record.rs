@@ -10,7 +10,8 @@ use super::tables::by_scene;
 use super::targets::range_card_text;
 use super::text::{align_columns, findings_text, poses_text, scores_text_by};
 use super::words::{
-    broken_in_words, certificate_in_words, methods_in_words, run_verdict, spread_in_words,
+    broken_in_words, certificate_in_words, methods_in_words, next_in_words, run_verdict,
+    spread_in_words,
 };
 use super::{Axis, Plot, Series};
 use crate::problem::Modelled;
@@ -277,6 +278,7 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
     rows.extend(record.baselines.iter().map(|baseline| baseline.scores.clone()));
     text += &format!("{}\n\n", run_verdict(record));
+    next_in_words(record).iter().for_each(|step| text += &format!("{step}\n\n"));
     if let Some(words) = spread_in_words(record) {
         text += &format!("{words}\n\n");
     }

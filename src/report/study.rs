@@ -114,7 +114,7 @@ pub fn sweep_text(all: &[Sweep]) -> String {
         let Some(first) = sweep.rows.first() else { return text };
         for (k, seen) in first.scores.required.iter().enumerate() {
             let least = 100.0 * seen.least;
-            text += &format!("req {}: {}, {least:.1} % required; ! not met\n", k + 1, seen.name);
+            text += &format!("req {}: {}, {least:.1} % required; ! not met\n", k + 1, seen.title());
         }
         let broken: Vec<usize> =
             (0..sweep.rows.len()).filter(|&k| !sweep.rows[k].broken_rules.is_empty()).collect();
@@ -144,7 +144,7 @@ pub fn sweep_plot(sweep: &Sweep) -> String {
         .map(|(column, name)| series((*name).to_owned(), &|scores| column.share(scores)));
     let required = sweep.rows.first().map_or(&[][..], |row| &row.scores.required[..]);
     let required = required.iter().take(MOST_DRAWN).enumerate().map(|(k, seen)| {
-        series(seen.name.clone(), &|scores| scores.required.get(k).map(|seen| seen.share))
+        series(seen.title(), &|scores| scores.required.get(k).map(|seen| seen.share))
     });
     let plot = Plot {
         title: format!("{}: {} of LiDAR {}", sweep.placement, sweep.field, sweep.lidar),
@@ -195,8 +195,11 @@ pub fn room_text(all: &[Room]) -> String {
         for missed in &room.missed {
             text += &format!("  ! {missed}\n");
         }
+        if !room.missed.is_empty() && room.fields.is_empty() {
+            return text + "  missed as it is: there is no room\n";
+        }
         if !room.missed.is_empty() {
-            return text + "  a requirement is missed as it is: there is no room\n";
+            text += "  missed as it is and left out; below are the requirements that it meets\n";
         }
         let titles =
             ["LiDAR", "field", "", "− holds to", "then breaks", "+ holds to", "then breaks"];

@@ -210,8 +210,8 @@ pub fn sweep_csv(all: &[Sweep]) -> String {
     csv(std::iter::once(first).chain(rows))
 }
 
-/// A row a field of a LiDAR: how far it holds to either side and what breaks; of a placement that misses a requirement as
-/// it is, one row that says so.
+/// A row a field of a LiDAR: how far it holds to either side and what breaks; of a placement that misses
+/// requirements as it is, a row first that names them: the others leave them out.
 pub fn room_csv(all: &[Room]) -> String {
     let mut rows = vec![titles(&[
         "placement",
@@ -228,7 +228,7 @@ pub fn room_csv(all: &[Room]) -> String {
     ])];
     let width = rows[0].len();
     for room in all {
-        if room.fields.is_empty() {
+        if room.fields.is_empty() || !room.missed.is_empty() {
             let mut row = vec![String::new(); width];
             row[0].clone_from(&room.placement);
             row[10] = joined(&room.missed);

@@ -21,6 +21,38 @@ pub fn run_verdict(run: &RunRecord) -> String {
     verdict_at(&price_in_words(&run.settings), run.best.as_ref(), &run.baselines, &run.objective)
 }
 
+/// Steps to take next where a result misses requirements: those out of reach first, then what a search may still find.
+/// Empty where all are met.
+pub fn next_in_words(run: &RunRecord) -> Vec<String> {
+    let required = run.best.iter().flat_map(|best| &best.scores.required);
+    let unmet: Vec<String> =
+        required.filter(|seen| !seen.is_met()).map(|seen| format!("{}: ", seen.name)).collect();
+    if unmet.is_empty() {
+        return Vec::new();
+    }
+    let beyond = run.settings["equipped"]["out_of_reach"].as_array();
+    let beyond: Vec<&str> = beyond.into_iter().flatten().filter_map(Value::as_str).collect();
+    let mut steps: Vec<String> =
+        beyond.iter().map(|words| format!("Out of reach: {words}.")).collect();
+    let is_beyond = |name: &String| beyond.iter().any(|words| words.starts_with(name));
+    if !unmet.iter().all(is_beyond) {
+        let evaluations = 2 * run.settings["search"]["evaluations"].as_u64().unwrap_or(180);
+        let budget = run.settings["budget"]
+            .as_f64()
+            .map_or(String::new(), |budget| format!("a --budget above {budget}, "));
+        let time = match run.settings["max_seconds"].is_number() {
+            true => "more time (--resume goes on), ",
+            false => "",
+        };
+        steps.push(format!(
+            "Next, since requirements are not met, in this order: {time}another seed (--seed {}), more evaluations \
+             (--evaluations {evaluations}), {budget}more or wider mounts in the vehicle file.",
+            run.seed + 1
+        ));
+    }
+    steps
+}
+
 /// Price of the sensors and the budget, such as ` for 9200 of 12000`; empty where nothing has a price.
 fn price_in_words(settings: &Value) -> String {
     let cost = settings["equipped"]["cost"].as_f64().filter(|cost| *cost > 0.0);
@@ -76,7 +108,7 @@ fn judged_at(
     });
     let doubts: Vec<&Guard> = best.scores.guards.iter().filter(|guard| guard.is_doubt()).collect();
     let guards = match &doubts[..] {
-        [] => "No warning: all checks passed.".to_owned(),
+        [] => unwarned(best),
         [guard] => format!("Warning: {guard}."),
         [first, others @ ..] => {
             format!("{} warnings, the first: {first}.", others.len() + 1)
@@ -103,11 +135,29 @@ fn judged_at(
     format!("{required}{}{against}{share} {guards}", blind_in_words(best))
 }
 
+/// Sentence of a placement that violates no guard: what else stands against it is said before.
+fn unwarned(best: &Scored) -> String {
+    let lacking = best.scores.required.iter().filter(|seen| !seen.is_met()).count();
+    let card = best.scores.range_card.as_ref();
+    let is_blind = card.is_some_and(|card| !card.blind.is_empty());
+    let lacks = match lacking {
+        0 => None,
+        1 => Some("1 requirement is not met (above)".to_owned()),
+        more => Some(format!("{more} requirements are not met (above)")),
+    };
+    let blind = is_blind.then(|| "blind sectors are named above".to_owned());
+    let broken = (!best.violations.is_empty()).then(|| "rules of the mount are broken".to_owned());
+    match [lacks, blind, broken].into_iter().flatten().collect::<Vec<_>>() {
+        none if none.is_empty() => "No warning: all checks passed.".to_owned(),
+        against => format!("No guard was violated; {}.", against.join(", and ")),
+    }
+}
+
 /// Sentence on requirements that are all met; empty where there are none.
 fn met_in_words(subject: &str, price: &str, best: &Scored) -> String {
     match &best.scores.required[..] {
         [] => String::new(),
-        [one] => format!("{subject} meets its requirement ({}){price}. ", one.name),
+        [one] => format!("{subject} meets its requirement ({}){price}. ", one.title()),
         all => format!("{subject} meets all {} requirements{price}. ", all.len()),
     }
 }
@@ -396,6 +446,19 @@ mod tests {
         let words = verdict_at(&price, Some(&found), &[], "m_sog_scaled");
         assert!(words.starts_with("NOT MET: ring: 80.0 % seen, 90.0 % required"), "{words}");
         assert!(words.contains(". This is for the price of 9200 of 12000. "), "{words}");
+    }
+
+    #[test]
+    fn checks_are_not_all_passed_where_a_requirement_or_a_sector_is_missed() {
+        let mut found = planted("found", -1.0, 500.0);
+        let words = |found: &Scored| verdict(Some(found), &[], "m_sog_scaled");
+        assert!(words(&found).ends_with("No warning: all checks passed."), "{}", words(&found));
+        found.scores.required = vec![Seen::of("child", 0.5), Seen::of("ring", 0.8)];
+        let end = "No guard was violated; 2 requirements are not met (above).";
+        assert!(words(&found).ends_with(end), "{}", words(&found));
+        found.scores.required.pop();
+        let end = "No guard was violated; 1 requirement is not met (above).";
+        assert!(words(&found).ends_with(end), "{}", words(&found));
     }
 
     #[test]

@@ -210,13 +210,13 @@ fn page(
     let all: Vec<Placement> = std::iter::once(shown).chain(baselines).cloned().collect();
     let objective = Objective::default();
     let scored = all.iter().zip(evaluator.judged(&all)?);
-    let scored = scored.map(|(p, judged)| Scored::new(p, judged, &objective, suite.constraints()));
+    let scored = scored.map(|(p, judged)| Scored::new(p, judged, &objective, suite.rules()));
     let mut scored: Vec<Scored> = scored.collect();
     let all = scored.iter_mut().map(|Scored { placement, scores, .. }| (&*placement, scores));
     job.look_closely(evaluator.backend_mut(), all)?;
     let (result, baselines) = (&scored[0], &scored[1..]);
     let looks = Looks::new(job, suite, shown, baselines)?;
-    let figures = Figures::new(Some(result), suite.constraints(), &job.scene().body(), Some(looks));
+    let figures = Figures::new(Some(result), suite.rules(), &job.scene().body(), Some(looks));
     let records = SceneRecord::several(suite);
     let names: Vec<&str> = job.scenes().iter().map(|scene| scene.scene().name()).collect();
     let names = names.join(", ");

@@ -175,7 +175,7 @@ fn of_scene(
     let sensors = scene.sensors()?;
     match placements {
         Some(file) => {
-            let given = Given::new(&file, &sensors, &scene.constraints(), computing);
+            let given = Given::new(&file, &sensors, &scene.rules(), computing);
             given.all(&mut saved.settings.given)?;
         }
         None => name_published(&mut saved.settings.given, &sensors, computing)?,

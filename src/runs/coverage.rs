@@ -271,7 +271,7 @@ fn on_level_ground(
             "{vehicle}: has no `body`, so that nothing stands in the way of a beam"
         ));
     }
-    Given::new(file, site.sensors(), &scene.constraints(), computing).all(&mut placements)?;
+    Given::new(file, site.sensors(), &scene.rules(), computing).all(&mut placements)?;
     let bar = watcher.bar(placements.len() as u64, Some("placements"));
     let mut table = TargetTable::default();
     for placement in placements.iter().take_while(|_| watcher.goes_on()) {
@@ -423,7 +423,7 @@ fn of_scene(
     let honest = match given {
         Some((file, given)) => {
             let mut given = given.to_vec();
-            Given::new(file, &sensors, &scene.constraints(), computing).all(&mut given)?;
+            Given::new(file, &sensors, &scene.rules(), computing).all(&mut given)?;
             given
         }
         None => published(&sensors, computing)?,

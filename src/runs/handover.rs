@@ -4,10 +4,12 @@
 //! | file | holds |
 //! |---|---|
 //! | `rig` | the placement with everything that is computed about it |
+//! | `run` | the folder of a run in place of a file of placements |
 //! | `mask` | masks of the beams that end at the own body, and a grey picture as PNG |
 
 mod mask;
 mod rig;
+mod run;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -31,7 +33,8 @@ use rig::HandoverRig;
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct HandoverRequest {
-    /// A scene, none for level ground, then a file of placements, with :NAME of one where it has several
+    /// A scene, none for level ground, then a file of placements, with :NAME of one where it has several; or the folder
+    /// of a run, for its optimum on the vehicle of the run
     #[cfg_attr(feature = "cli", arg(value_name = "FILE", required = true, num_args = 1..))]
     pub files: Vec<String>,
     /// Folder to write, new or empty
@@ -162,6 +165,8 @@ fn drawn(rig: &HandoverRig) -> DrawnRig<'_> {
         lidars: lidars.collect(),
         mounts: mounts.collect(),
         near: rig.near.as_ref().map(|(outline, near)| (outline, near)).map_err(Clone::clone),
+        about: rig.about.clone(),
+        warnings: rig.warnings.clone(),
     }
 }
 
@@ -273,9 +278,9 @@ fn text<'a>(
     files: impl Iterator<Item = &'a str>,
 ) -> Result<String, RunError> {
     let (vehicle, placement) = (rig.vehicle_name(), &rig.placement.name);
-    let mut text = format!(
-        "{vehicle}, placement {placement}: LiDARs to be handed over\n\n{CONVENTION}\nFiles\n"
-    );
+    let mut text = format!("{vehicle}, placement {placement}: LiDARs to be handed over\n\n");
+    rig.warnings.iter().chain(&rig.about).for_each(|line| text += &format!("{line}\n"));
+    let _ = write!(text, "\n{CONVENTION}\nFiles\n");
     for file in files {
         let known = FILES.iter().find(|(name, _)| file.ends_with(name));
         let words = known.map_or("mask of the own body, see below", |(_, words)| *words);

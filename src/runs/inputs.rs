@@ -207,7 +207,7 @@ impl<'a> Given<'a> {
 
     /// Checks placements against the sensors and mounts of a problem.
     pub fn in_problem(file: &Path, problem: &Problem, computing: &Computing<'a>) -> Self {
-        Self::new(file, problem.sensors(), problem.constraints(), computing)
+        Self::new(file, problem.sensors(), problem.rules(), computing)
     }
 
     /// Leaves out doubts about the mount's rules, which the search reports; units are still checked.

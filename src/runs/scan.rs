@@ -75,7 +75,7 @@ pub fn scan(
             // Scenes of a data set share the vehicle: once is enough.
             let watcher: &dyn Watcher = if k == 0 { watcher } else { &Silent };
             let computing = Computing { watcher, ..computing.clone() };
-            let given = Given::new(file, &scene.sensors()?, &scene.constraints(), &computing);
+            let given = Given::new(file, &scene.sensors()?, &scene.rules(), &computing);
             given.all([&mut *placement])?;
             Scanner::check(scene, placement, &request.scanning)?;
         }

@@ -123,7 +123,7 @@ impl OpenJob {
     fn fields(&self, text: &str, file: &str) -> Result<Vec<SweptField>, RunError> {
         let problem = self.job.problem()?;
         let find = |placement: &Placement| {
-            let found = SweptField::find(text, placement, problem.constraints());
+            let found = SweptField::find(text, placement, problem.rules());
             found.map_err(|error| RunError::Usage(format!("{file}: --of {text}: {error}")))
         };
         self.placements.iter().map(find).collect()

@@ -86,10 +86,15 @@ pub enum Guard {
 impl Guard {
     /// True for a LiDAR that could be left out, in some scene.
     pub fn is_of_redundancy(&self) -> bool {
+        self.redundant_lidar().is_some()
+    }
+
+    /// The LiDAR that could be left out, in some scene; `None` of other guards.
+    pub(crate) fn redundant_lidar(&self) -> Option<usize> {
         match self {
-            Self::RedundantLidar { .. } => true,
-            Self::InScene { guard, .. } => guard.is_of_redundancy(),
-            _ => false,
+            Self::RedundantLidar { lidar, .. } => Some(*lidar),
+            Self::InScene { guard, .. } => guard.redundant_lidar(),
+            _ => None,
         }
     }
 

@@ -123,6 +123,7 @@ fn required(scenes: &[(&str, &Scores, [f64; 2])]) -> Vec<Seen> {
         shares.map(|seen| seen.share).sum::<f64>() / scenes.len() as f64
     };
     let areas = first.required.iter().enumerate();
+    // Areas alone: all other requirements are measured over all scenes at once.
     areas.map(|(area, seen)| Seen { share: mean(area), ..seen.clone() }).collect()
 }
 

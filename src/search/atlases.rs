@@ -11,7 +11,7 @@ use super::evaluator::Evaluator;
 use crate::engine::BackendError;
 use crate::problem::{Content, KINDS, REPEATS, Tally};
 use crate::score::{Needed, Objective};
-use crate::targets::{Sight, SightBeams};
+use crate::targets::{MountPoses, Sight, SightBeams};
 use crate::vehicle::{PoseGrid, UnknownSensor};
 
 /// Fixed-point sum by which the worth of one unit is found: a power of two, and large, so that it is as
@@ -142,6 +142,25 @@ impl Atlases {
     /// True if the vehicle has requirements on targets, near ground or overlap.
     pub(super) fn has_target_rules(&self) -> bool {
         self.sight.as_ref().is_some_and(|sight| sight.has_rules())
+    }
+
+    /// Rules on targets that no rig meets whose poses are among those held, in words. `mounts` says for each mount the most
+    /// sensors that it holds and the numbers of its poses. See [`Sight::out_of_reach`].
+    pub(super) fn out_of_reach(&self, mounts: &[(usize, Vec<u32>)]) -> Vec<String> {
+        let Some(sight) = &self.sight else { return Vec::new() };
+        let held = |pose: &u32| self.targets.get(pose);
+        let mounts: Vec<MountPoses<'_>> = mounts
+            .iter()
+            .map(|(most, poses)| MountPoses {
+                most: *most,
+                poses: poses.iter().filter_map(held).collect(),
+            })
+            .collect();
+        let count: usize = mounts.iter().map(|mount| mount.poses.len()).sum();
+        let over =
+            format!("every mount full, measured over {count} poses of a grid over the mounts");
+        let rules = sight.out_of_reach(&mounts).into_iter();
+        rules.map(|rule| format!("{} ({over})", rule.words)).collect()
     }
 
     /// Shares that a union and one more held pose, if any, lack: beams on a car all round, and places of the rules on

@@ -11,8 +11,8 @@ use super::seat::Seat;
 use super::suite::{Member, Suite};
 use crate::engine::{Backend, BackendError, CpuBackend, EngineChoice, open};
 use crate::problem::{Problem, Tally};
-use crate::score::{Objective, Scores, Seen, totals};
-use crate::targets::{RuleMet, Sight, SightBeams};
+use crate::score::{Guard, Lost, Objective, Scores, Seen, totals};
+use crate::targets::{Sight, SightBeams};
 use crate::vehicle::{Constraints, Placement, UnknownSensor};
 
 /// Scores placements on an engine for each scene; most have one scene.
@@ -41,29 +41,35 @@ pub struct Judged {
     pub by_scene: Vec<SceneScores>,
 }
 
-/// Places or ground that a rule lacks, and the LiDAR that is lost then.
-fn missing_in_words(met: &RuleMet<'_>) -> Option<String> {
-    let missing = met.missing.as_ref()?;
-    let without = met.without.map(|lidar| format!(" without LiDAR {lidar}")).unwrap_or_default();
-    Some(format!("{missing}{without}"))
+/// A placement as the rules on targets, ground and overlap see it.
+struct Met {
+    /// Share of beams on a car that are missing, if a search looks.
+    car_missing: Option<f64>,
+    /// Results of the rules.
+    seen: Vec<Seen>,
+    /// LiDARs of those looked at that a rule needs for the loss of another one.
+    needed: Vec<usize>,
 }
 
-/// Share of beams on a car that are missing, if a search looks, and the results of the rules on targets.
-fn met(sight: &Sight, placement: &Placement) -> Result<(Option<f64>, Vec<Seen>), UnknownSensor> {
+/// Looks at a placement, and whether a rule needs some of its LiDARs that gain little.
+fn met(sight: &Sight, placement: &Placement, idle: &[usize]) -> Result<Met, UnknownSensor> {
     let each = placement.lidars.iter().map(|lidar| sight.beams(lidar));
     let each = each.collect::<Result<Vec<_>, _>>()?;
     let mut all = SightBeams::default();
     each.iter().for_each(|beams| all.add(beams));
-    let rules = sight.rules_met(&each.iter().collect::<Vec<_>>());
+    let each: Vec<&SightBeams> = each.iter().collect();
+    let rules = sight.rules_met(&each);
+    let needed = idle.iter().copied().filter(|lidar| sight.needs(&each, *lidar)).collect();
     let seen = rules.iter().map(|met| Seen {
         name: met.name.to_owned(),
         share: met.share,
         done: met.done,
         least: met.least,
-        missing: missing_in_words(met),
+        missing: met.missing.clone(),
         holds_in: None,
+        lost: met.intact.map(|intact| Lost { intact, worst: met.without }),
     });
-    Ok((sight.car_missing(&all), seen.collect()))
+    Ok(Met { car_missing: sight.car_missing(&all), seen: seen.collect(), needed })
 }
 
 fn scores_of(judged: Vec<Judged>) -> Vec<Scores> {
@@ -317,8 +323,14 @@ impl Evaluator {
         by_member: &[Vec<Scores>],
     ) -> Result<Vec<Judged>, UnknownSensor> {
         let sight = self.sight.as_deref();
-        let of = |placement: &Placement| sight.map(|sight| met(sight, placement)).transpose();
-        let met = placements.par_iter().map(of).collect::<Result<Vec<_>, _>>()?;
+        let of = |(index, placement): (usize, &Placement)| {
+            let guards = by_member.iter().flat_map(|scores| &scores[index].guards);
+            let mut idle: Vec<usize> = guards.filter_map(Guard::redundant_lidar).collect();
+            idle.sort_unstable();
+            idle.dedup();
+            sight.map(|sight| met(sight, placement, &idle)).transpose()
+        };
+        let met = placements.par_iter().enumerate().map(of).collect::<Result<Vec<_>, _>>()?;
         let judged = |index: usize| {
             let seats = self.seats.iter().zip(by_member);
             let scenes: Vec<_> = seats
@@ -334,11 +346,15 @@ impl Evaluator {
             let mut by_scene =
                 if scenes.len() > 1 { scenes.iter().map(of_scene).collect() } else { vec![] };
             let mut scores = Scores::over_scenes(&scenes);
-            if let Some((car_missing, rules)) = &met[index] {
+            if let Some(Met { car_missing, seen, needed }) = &met[index] {
+                let is_idle = |guard: &Guard| {
+                    guard.redundant_lidar().is_none_or(|lidar| !needed.contains(&lidar))
+                };
                 scores.car_missing = *car_missing;
                 let own = by_scene.iter_mut().map(|of: &mut SceneScores| &mut of.scores);
                 own.chain([&mut scores]).for_each(|of| {
-                    of.required.extend(rules.iter().cloned());
+                    of.guards.retain(is_idle);
+                    of.required.extend(seen.iter().cloned());
                     self.problem().in_file_order(&mut of.required);
                 });
             }

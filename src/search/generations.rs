@@ -342,7 +342,7 @@ pub fn why_left_out(constraints: &Constraints, start: &Placement) -> Vec<String>
     let has_models =
         constraints.kinds().len() == 1 || constraints.in_slots(&start.lidars).is_some();
     if !has_models {
-        return vec!["its LiDARs are not of the models that the mounts are to hold".into()];
+        return vec!["its LiDARs are of other models than this search chose for the mounts".into()];
     }
     let broken = constraints.violations(start);
     if broken.is_empty() && constraints.variables_of(start).is_none() {

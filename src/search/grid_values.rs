@@ -106,6 +106,11 @@ impl GridSearch {
         self.blind = if self.atlas.has_sight() { blind } else { 0.0 };
     }
 
+    /// See [`Atlases::out_of_reach`](crate::search::atlases::Atlases::out_of_reach).
+    pub(super) fn out_of_reach(&self, mounts: &[(usize, Vec<u32>)]) -> Vec<String> {
+        self.atlas.out_of_reach(mounts)
+    }
+
     /// Share that held poses miss of the requirements, summed over areas and targets.
     pub(super) fn missing(&self, poses: &[u32]) -> f64 {
         let mut unions = Unions::default();

@@ -61,8 +61,12 @@ pub enum Work {
     Generations,
     /// Sensor poses cast for swaps.
     Swaps,
+    /// Climbs of swaps among poses that are cast.
+    Climbs,
     /// Casts, of a sensor pose in a frame, for swaps over more frames.
     Refinements,
+    /// Moves of single LiDARs, looked at for requirements that are to hold within the mounting tolerance.
+    Securing,
     /// Sets of sensors looked at for the bound on the gain.
     Bounds,
     /// Placements scored over all frames.
@@ -83,6 +87,8 @@ impl fmt::Display for Work {
             Self::Looks => f.write_str("placements of the front looked at closely"),
             Self::Generations => f.write_str("placements"),
             Self::Swaps => f.write_str("poses for swaps"),
+            Self::Climbs => f.write_str("climbs of swaps at most"),
+            Self::Securing => f.write_str("moves within the mounting tolerance at most"),
             Self::Refinements => f.write_str("casts for swaps over more frames at most"),
             Self::Bounds => f.write_str("sets of sensors bounded"),
             Self::Confirming { frames } => {

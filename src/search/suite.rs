@@ -146,6 +146,11 @@ impl Suite {
         self.members[0].problem.constraints()
     }
 
+    /// The rules of given placements, which all members share.
+    pub fn rules(&self) -> &Constraints {
+        self.members[0].problem.rules()
+    }
+
     /// Frames of all members together.
     pub fn frame_count(&self) -> usize {
         self.members.iter().map(|member| member.problem.frame_count()).sum()
@@ -200,11 +205,11 @@ impl Suite {
         Self { members: self.members.iter().map(drawn).collect() }
     }
 
-    /// A copy with other rules of the mount.
+    /// A copy whose search is over some equipment; given placements are judged by the rules that they had.
     #[must_use]
-    pub fn with_constraints(&self, constraints: &Constraints) -> Self {
+    pub fn with_equipment(&self, constraints: &Constraints) -> Self {
         let changed = |member: &Member| {
-            let problem = Problem::clone(&member.problem).with_constraints(constraints.clone());
+            let problem = Problem::clone(&member.problem).with_equipment(constraints.clone());
             Member { problem: Arc::new(problem), ..member.clone() }
         };
         Self { members: self.members.iter().map(changed).collect() }

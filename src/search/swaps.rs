@@ -1,5 +1,6 @@
 //! Swaps: single LiDARs move to other poses of a grid while that gains.
 
+use std::cell::Cell;
 use std::collections::{BTreeSet, HashSet};
 use std::fmt;
 
@@ -66,6 +67,25 @@ pub struct SwapSettings {
     pub memory: u64,
     /// Seed of the random moves.
     pub seed: u64,
+}
+
+/// How far the climbs of swaps are, for whoever is asked whether to go on: among poses that are cast no cast tells it.
+#[derive(Debug, Default)]
+pub struct Climbing(Cell<Option<[u64; 2]>>);
+
+impl Climbing {
+    /// Climbs done and climbs in all, at most; `None` while poses are cast.
+    pub fn progress(&self) -> Option<[u64; 2]> {
+        self.0.get()
+    }
+
+    fn at(&self, done: usize, total: usize) {
+        self.0.set(Some([done as u64, total as u64]));
+    }
+
+    fn over(&self) {
+        self.0.set(None);
+    }
 }
 
 /// Result of swaps.
@@ -270,7 +290,8 @@ pub(super) fn swap_from(
 /// not keep them.
 ///
 /// `None` where no start, moved to the grid, keeps the rules of the mount. `go_on` is asked as by
-/// [`GridSearch::climb`]; once it says no the best end so far is the result, `None` where there is none.
+/// [`GridSearch::climb`]; once it says no the best end so far is the result, `None` where there is none. `climbing` tells it
+/// how far the climbs are.
 ///
 /// # Errors
 /// A spacing that gives no grid, a whole grid that does not fit into memory, or from the backend.
@@ -279,6 +300,7 @@ pub fn swap_anywhere(
     objective: &Objective,
     settings: &SwapSettings,
     starts: &[Placement],
+    climbing: &Climbing,
     go_on: &mut dyn FnMut(u64) -> bool,
 ) -> Result<Option<Swapped>, SearchError> {
     let mut search = grid_search(evaluator, objective, settings, starts)?;
@@ -295,20 +317,25 @@ pub fn swap_anywhere(
         first.extend(search.greedy(evaluator, &held)?.map(|greedy| greedy.poses));
     }
     first.extend(starts.iter().filter_map(|start| search.start_of(start)));
+    let kicks = KICKS.saturating_mul(settings.casts) / pool.len().max(1) as u64;
+    let kicks = kicks.min(MOST_KICKS);
+    let climbs = first.len() + kicks as usize;
     let mut ends = Ends::default();
     for start in first {
+        climbing.at(ends.all.len(), climbs);
         let Some(top) = search.climb(evaluator, &start, Moves::Anywhere, go_on)? else { break };
         ends.add(&mut search, evaluator, top, go_on)?;
     }
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
-    let kicks = KICKS.saturating_mul(settings.casts) / pool.len().max(1) as u64;
-    for _ in 0..kicks.min(MOST_KICKS) {
+    for _ in 0..kicks {
+        climbing.at(ends.all.len(), climbs);
         let Some(best) = ends.best.as_ref().filter(|_| search.may_turn(go_on)) else { break };
         let kick = |poses: Vec<u32>, _| search.kicked(&poses, &mut rng);
         let start = (0..KICKED).fold(best.poses.clone(), kick);
         let Some(top) = search.climb(evaluator, &start, Moves::Anywhere, go_on)? else { break };
         ends.add(&mut search, evaluator, top, go_on)?;
     }
+    climbing.over();
     widen(&mut search, evaluator, &mut ends, most, go_on)?;
     Ok(ends.swapped(&search, evaluator.frame_count()))
 }

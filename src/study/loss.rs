@@ -55,8 +55,8 @@ fn own_rigs(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> 
         }
     }
     notes.push(format!(
-        "`{objective}` with one LiDAR failed. not met: most requirements that a loss leaves unmet; blind °: width of the \
-         sectors in which a car is lost between 5 and 50 m, after the loss that leaves most."
+        "`{objective}` with one LiDAR failed. not met: most requirements that a loss leaves unmet; one that must \
+         hold without any one LiDAR is looked at with this one lost; blind °: width of the sectors in which a car is lost between 5 and 50 m, after the loss that leaves most."
     ));
     let losses: Vec<String> = (0..most).map(|lidar| format!("without LiDAR {lidar}")).collect();
     let columns = OWN.into_iter().chain(losses.iter().map(String::as_str));
@@ -89,7 +89,8 @@ impl Losses {
         let without = without_each(rig);
         let without: Vec<Placement> =
             without.into_iter().filter(|left| !left.lidars.is_empty()).collect();
-        let (whole, left) = (scene.score(evaluator, rig)?, scene.scores(evaluator, &without)?);
+        let (whole, mut left) = (scene.score(evaluator, rig)?, scene.scores(evaluator, &without)?);
+        left.iter_mut().for_each(|scores| scores.required.iter_mut().for_each(as_it_is));
         let all: Vec<Placement> = std::iter::once(rig).chain(&without).cloned().collect();
         let cards = scene.range_cards(scene.job(), &all)?;
         let (known, cards) = match cards.split_first() {
@@ -106,9 +107,21 @@ impl Losses {
         Ok(Self { whole, left, blind: cards.iter().map(width).collect(), words })
     }
 
-    /// True if the whole rig meets a requirement.
+    /// True if the whole rig meets a requirement, before any loss.
     fn is_met(&self, name: &str) -> bool {
-        self.whole.required.iter().any(|seen| seen.name == name && seen.is_met())
+        let mut whole = self.whole.required.iter().cloned();
+        whole.any(|mut seen| {
+            as_it_is(&mut seen);
+            seen.name == name && seen.is_met()
+        })
+    }
+}
+
+/// Turns a requirement that must hold without any one LiDAR into that on the rig as it is: one LiDAR of it is lost
+/// already, and it is not to lose a second.
+fn as_it_is(seen: &mut Seen) {
+    if let Some(lost) = seen.lost.take() {
+        (seen.share, seen.missing) = (lost.intact, None);
     }
 }
 

@@ -10,18 +10,21 @@
 //! | `beams` | beams of a placement on targets |
 //! | `card` | the range card, and blind sectors |
 //! | `places` | where in a scene a target can stand |
+//! | `reach` | rules on targets that no rig on some poses meets |
 //! | `rules` | rules on targets, near ground and overlap, and how far they are met |
 //! | `table` | the study: beams by distance and bearing, the range of first detection |
 
 mod beams;
 mod card;
 mod places;
+mod reach;
 mod rules;
 mod table;
 
 pub use beams::{PlacedTarget, Receiving, TargetSite};
 pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges};
 pub use places::{CAR_WEIGHT, GroundBelow, Sight, SightBeams};
+pub(crate) use reach::MountPoses;
 pub use rules::RuleMet;
 pub use table::{Detection, TargetQuestion, TargetRow, TargetTable, is_bearing, is_distance};
 

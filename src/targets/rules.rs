@@ -89,6 +89,8 @@ pub struct RuleMet<'a> {
     pub done: &'static str,
     /// LiDAR whose loss leaves least, of a rule that must hold without any one.
     pub without: Option<usize>,
+    /// Share with every LiDAR, of a rule that must hold without any one.
+    pub intact: Option<f64>,
     /// Missing places or ground, in words; `None` where the rule is met.
     pub missing: Option<String>,
 }
@@ -105,7 +107,11 @@ struct Missing {
 impl std::fmt::Display for Missing {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let ([from, to], [near, far]) = (self.bearings, self.distances);
-        write!(f, "missing at {near:.0} to {far:.0} m between {from:.0}° and {to:.0}°")
+        let range = match (format!("{near:.0}"), format!("{far:.0}")) {
+            (near, far) if near == far => near,
+            (near, far) => format!("{near} to {far}"),
+        };
+        write!(f, "missing at {range} m between {from:.0}° and {to:.0}°")
     }
 }
 
@@ -187,6 +193,17 @@ impl Sight {
         least.unwrap_or_else(|| share(None))
     }
 
+    /// True if a requirement that must hold whichever one LiDAR is lost needs this LiDAR: without it for good, the share
+    /// after one more loss is lower, and less than required.
+    pub fn needs(&self, each: &[&SightBeams], lidar: usize) -> bool {
+        let left: Vec<&SightBeams> = [&each[..lidar], &each[lidar + 1..]].concat();
+        let (all, left) = (self.looked(each), self.looked(&left));
+        self.rules.iter().filter(|rule| rule.without_any_one()).any(|rule| {
+            let share = self.least(&left, rule).0;
+            share < rule.least() && share < self.least(&all, rule).0
+        })
+    }
+
     /// The share of every rule, as [`Self::rules_met`] has it.
     pub fn shares(&self, each: &[&SightBeams]) -> Vec<f64> {
         let looked = self.looked(each);
@@ -202,7 +219,8 @@ impl Sight {
             let (name, least, done) = (rule.name(), rule.least(), rule.done());
             let missing =
                 (share < least).then(|| self.missing_in_words(&looked, without, rule)).flatten();
-            all.push(RuleMet { name, least, share, done, without, missing });
+            let intact = rule.without_any_one().then(|| self.met_share(&looked, None, rule));
+            all.push(RuleMet { name, least, share, done, without, intact, missing });
         }
         all
     }

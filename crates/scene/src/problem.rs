@@ -71,6 +71,8 @@ pub enum ProblemError {
 pub struct Problem {
     task: Arc<Task>,
     constraints: Constraints,
+    /// Rules of given placements, where they allow more than `constraints`.
+    rules: Option<Constraints>,
     /// Own bodies alone, in the ego frame of frame 0.
     body: Frame,
     /// Targets that must be met.
@@ -116,6 +118,7 @@ impl From<Task> for Problem {
         Self {
             task: Arc::new(task),
             constraints,
+            rules: None,
             body,
             target_rules: [].into(),
             ground: Arc::default(),
@@ -134,6 +137,11 @@ impl Problem {
     /// Rules of the mount: none where the problem was put together without.
     pub fn constraints(&self) -> &Constraints {
         &self.constraints
+    }
+
+    /// Rules of given placements: every model that a mount lists may stand there, whatever equipment is searched.
+    pub fn rules(&self) -> &Constraints {
+        self.rules.as_ref().unwrap_or(&self.constraints)
     }
 
     /// Own bodies alone, in the ego frame of frame 0; without triangles where the scene has no body.
@@ -175,9 +183,20 @@ impl Problem {
         list.extend(placed.into_iter().map(|(_, thing)| thing));
     }
 
-    /// A copy with other rules of the mount.
+    /// A copy with other rules of the mount, also for given placements.
     pub fn with_constraints(self, constraints: Constraints) -> Self {
-        Self { constraints, ..self }
+        Self { constraints, rules: None, ..self }
+    }
+
+    /// A copy whose search is over some equipment; rules of given placements stay.
+    pub fn with_equipment(self, constraints: Constraints) -> Self {
+        let rules = self.rules.or(Some(self.constraints));
+        Self { constraints, rules, ..self }
+    }
+
+    /// A copy with rules of given placements that differ from those of the search.
+    pub fn with_rules(self, rules: Constraints) -> Self {
+        Self { rules: Some(rules), ..self }
     }
 
     /// A copy with other sensor models.

@@ -270,7 +270,13 @@ impl Scene {
         Ok(sensors)
     }
 
-    /// Rules of placements: of the vehicle with its fullest equipment.
+    /// Rules of given placements, whatever sensors of the vehicle they have: every model that a mount lists may stand
+    /// there.
+    pub fn rules(&self) -> Constraints {
+        self.vehicle.rules()
+    }
+
+    /// Rules by which placements are drawn and searched: of the vehicle with its fullest equipment.
     pub fn constraints(&self) -> Constraints {
         self.vehicle.constraints(&self.vehicle.fullest())
     }

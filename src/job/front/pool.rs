@@ -108,8 +108,14 @@ impl<'a> Pool<'a> {
             return Ok(());
         };
         let meets = judged.scores.missing() <= 0.0;
-        let equipped =
-            Equipped { equipment: kinds, placement, cost: price, value: 0.0, missing: 0.0 };
+        let equipped = Equipped {
+            equipment: kinds,
+            placement,
+            cost: price,
+            value: 0.0,
+            missing: 0.0,
+            out_of_reach: Vec::new(),
+        };
         let equipment = equipped.words(self.vehicle);
         let Equipped { equipment: kinds, placement, .. } = equipped;
         self.candidates.push(FrontCandidate {
@@ -188,7 +194,7 @@ impl<'a> Pool<'a> {
                 known.map(|best| self.score(best, from.kinds, from.gain)).transpose()?;
                 continue;
             }
-            let suite = self.suite.with_constraints(&self.vehicle.constraints(&from.kinds));
+            let suite = self.suite.with_equipment(&self.vehicle.constraints(&from.kinds));
             let suite = if is_bound { suite } else { suite.without_requirements() };
             let (mut end, mut step) = (End::Done, 0);
             let mut observe = |event: &Event| {

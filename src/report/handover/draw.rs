@@ -1,17 +1,18 @@
 //! A view on the sheet: body, mounts, fields of view, blind zone, LiDARs and measures.
 
+use super::labels::{Labels, Marker, RADIUS};
 use super::{BETWEEN, DRAWN, DrawnMount, DrawnRig, Flat, Panel, REACH, Sheet, View, Views};
+use crate::maths;
 use crate::report::drawing::{Anchor, Drawing, Ink, Point, Stroke};
 use crate::report::svg::{ACCENT, COLOURS, FAINT, GREY, INK, SOFT};
 use crate::report::text::shortened;
 
-/// Font sizes and the radius of a LiDAR's number, millimetres.
+/// Font sizes, millimetres.
 pub(super) const TITLE: f64 = 3.6;
 pub(super) const WORDS: f64 = 2.7;
 const SMALL: f64 = 2.1;
 /// Least millimetres between the name of the blind zone ahead and the legend.
 const CLEAR: f64 = 5.0;
-pub(super) const RADIUS: f64 = 1.7;
 pub(super) const BODY: Ink = Ink::full(FAINT);
 const BODY_EDGE: Stroke = Stroke::solid(INK, 0.3);
 pub(super) const MOUNT: Stroke = Stroke::dashed(SOFT, 0.2);
@@ -31,59 +32,104 @@ pub(super) fn top(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, shee
         drawing.area(vec![panel.all(&views.zone)], Some(ZONE), Some(ZONE_EDGE));
     }
     view(drawing, rig, &views.top, panel);
-    for mount in &rig.mounts {
-        let [_, [right, up]] = rectangle(&views.top, mount);
-        let [x, y] = panel.at([right, up]);
-        drawing.text([x, y - 0.6], SMALL, &mount.name, Anchor::End, false, Ink::full(SOFT));
-    }
-    lidars(drawing, rig, &views.top, panel);
+    let markers = Marker::of(rig, &views.top, panel);
+    let mut labels = Labels::default();
+    labels.keep_markers(&markers);
+    datum(drawing, panel, ["x", "y"], &mut labels);
     let [low, high] = bounds(&views.top.outline).unwrap_or([[-1.0; 2], [1.0; 2]]);
     let [from, to] = [0.3, 1.3].map(|by| panel.at([high[0] + by, 0.5 * (low[1] + high[1])]));
     arrow(drawing, from, to);
-    drawing.text([to[0] + 1.0, to[1] + 1.0], WORDS, "front", Anchor::Start, true, Ink::full(INK));
-    if let Ok((_, near)) = &rig.near {
-        let zone = &near.zone;
-        let words = |name: &str, depth: Option<f64>| match depth {
-            Some(depth) => format!("{name}: blind to {depth:.1} m"),
-            None => format!("{name}: blind beyond 10 m"),
+    let front = [to[0] + 1.0, to[1] + 1.0];
+    labels.keep(front, WORDS, "front", Anchor::Start);
+    drawing.text(front, WORDS, "front", Anchor::Start, true, Ink::full(INK));
+    depths(drawing, rig, panel, [low, high], &mut labels);
+    for mount in &rig.mounts {
+        let [[left, below], [right, up]] = rectangle(&views.top, mount);
+        let ([left, above], [right, under]) = (panel.at([left, up]), panel.at([right, below]));
+        let places = [
+            ([right, above - 0.6], Anchor::End),
+            ([left, above - 0.6], Anchor::Start),
+            ([right, under + SMALL], Anchor::End),
+            ([left, under + SMALL], Anchor::Start),
+        ];
+        let (at, anchor) = labels.place(&places, SMALL, &mount.name);
+        drawing.text(at, SMALL, &mount.name, anchor, false, Ink::full(SOFT));
+    }
+    numbers(drawing, &markers);
+}
+
+/// Depths of the blind zone before each edge of the body, in words at the edges of the view from above.
+fn depths(
+    drawing: &mut Drawing,
+    rig: &DrawnRig<'_>,
+    panel: &Panel,
+    [low, high]: [Flat; 2],
+    labels: &mut Labels,
+) {
+    let Ok((_, near)) = &rig.near else { return };
+    let zone = &near.zone;
+    let words = |name: &str, depth: Option<f64>| match depth {
+        Some(depth) => format!("{name}: blind to {depth:.1} m"),
+        None => format!("{name}: blind beyond 10 m"),
+    };
+    let [left, right, upper, lower] = panel.edges();
+    let middle = panel.at([0.5 * (low[0] + high[0]), 0.0])[0];
+    let beside = panel.at([0.0, low[1]])[1] + 3.0;
+    // Ends well before the legend, which begins a gap to the right of the view.
+    let ahead = [right + BETWEEN - CLEAR, beside];
+    for (at, words, anchor) in [
+        ([middle, upper + SMALL], words("left", zone.left), Anchor::Middle),
+        ([middle, lower - 0.6], words("right", zone.right), Anchor::Middle),
+        ([left, beside], words("behind", zone.behind), Anchor::Start),
+        (ahead, words("ahead", zone.ahead), Anchor::End),
+    ] {
+        labels.keep(at, SMALL + 0.3, &words, anchor);
+        drawing.text(at, SMALL + 0.3, words, anchor, false, Ink::full(ACCENT));
+    }
+}
+
+/// Length of the datum's axes on the sheet, millimetres.
+const AXIS: f64 = 7.0;
+
+/// The datum of a view, the origin of the ego frame: a target with two axes, named, to the right and upwards.
+fn datum(drawing: &mut Drawing, panel: &Panel, names: [&str; 2], labels: &mut Labels) {
+    let [x, y] = panel.at([0.0; 2]);
+    let thin = Stroke::solid(INK, 0.3);
+    drawing.disc([x, y], 1.3, Ink::full("#ffffff"));
+    let rim = |degrees: f64| {
+        let (sin, cos) = maths::sin_cos(degrees.to_radians());
+        [x + 1.3 * cos, y - 1.3 * sin]
+    };
+    let quarter = |from: f64| -> Vec<Point> {
+        let arc = (0..=6).map(|k| rim(from + 15.0 * f64::from(k)));
+        std::iter::once([x, y]).chain(arc).collect()
+    };
+    drawing.area(vec![quarter(0.0), quarter(180.0)], Some(Ink::full(INK)), None);
+    let circle: Vec<Point> = (0..=24).map(|k| rim(15.0 * f64::from(k))).collect();
+    drawing.line(circle, thin);
+    for (name, [right, up]) in names.into_iter().zip([[1.0, 0.0], [0.0, 1.0]]) {
+        let at = |along: f64, across: f64| {
+            [x + along * right + across * up, y - along * up - across * right]
         };
-        let [left, right, upper, lower] = panel.edges();
-        let middle = panel.at([0.5 * (low[0] + high[0]), 0.0])[0];
-        let ink = Ink::full(ACCENT);
-        drawing.text(
-            [middle, upper + SMALL],
-            SMALL + 0.3,
-            words("left", zone.left),
-            Anchor::Middle,
-            false,
-            ink,
-        );
-        drawing.text(
-            [middle, lower - 0.6],
-            SMALL + 0.3,
-            words("right", zone.right),
-            Anchor::Middle,
-            false,
-            ink,
-        );
-        let behind = [left, panel.at([0.0, low[1]])[1] + 3.0];
-        drawing.text(behind, SMALL + 0.3, words("behind", zone.behind), Anchor::Start, false, ink);
-        // Ends well before the legend, which begins a gap to the right of the view.
-        let ahead = [right + BETWEEN - CLEAR, panel.at([0.0, low[1]])[1] + 3.0];
-        drawing.text(ahead, SMALL + 0.3, words("ahead", zone.ahead), Anchor::End, false, ink);
+        drawing.line([at(1.3, 0.0), at(AXIS, 0.0)], thin);
+        let tip = vec![at(AXIS, 0.0), at(AXIS - 1.6, 0.6), at(AXIS - 1.6, -0.6)];
+        drawing.area(vec![tip], Some(Ink::full(INK)), None);
+        let word = if up > 0.0 { [x + 0.8, y - AXIS] } else { [x + AXIS + 0.5, y - 0.6] };
+        labels.keep(word, WORDS, name, Anchor::Start);
+        drawing.text(word, WORDS, name, Anchor::Start, true, Ink::full(INK));
     }
 }
 
 pub(super) fn side(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, sheet: &Sheet) {
     title(drawing, &sheet.side, "From the right");
     let depths = rig.near.as_ref().ok().map(|(_, near)| [near.zone.behind, near.zone.ahead]);
-    upright(drawing, rig, &views.side, &sheet.side, depths);
+    upright(drawing, rig, &views.side, &sheet.side, ("x", depths));
 }
 
 pub(super) fn front(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, sheet: &Sheet) {
     title(drawing, &sheet.front, "From the front");
     let depths = rig.near.as_ref().ok().map(|(_, near)| [near.zone.right, near.zone.left]);
-    upright(drawing, rig, &views.front, &sheet.front, depths);
+    upright(drawing, rig, &views.front, &sheet.front, ("y", depths));
     let Some([low, high]) = bounds(&views.front.outline) else { return };
     // The height stands beside the view from the front.
     let x = sheet.front.edges()[1] + 3.0;
@@ -92,7 +138,7 @@ pub(super) fn front(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, sh
     for y in [lower, upper] {
         drawing.line([[x - 1.0, y], [x + 1.0, y]], THIN);
     }
-    let words = format!("{:.2} m", high[1]);
+    let words = format!("{:.0}", 1000.0 * high[1]);
     drawing.text(
         [x + 1.5, 0.5 * (lower + upper)],
         WORDS,
@@ -109,12 +155,13 @@ fn upright(
     rig: &DrawnRig<'_>,
     shown: &View,
     panel: &Panel,
-    depths: Option<[Option<f64>; 2]>,
+    (across, depths): (&str, Option<[Option<f64>; 2]>),
 ) {
     let ([left, right, ..], [_, ground]) = (panel.edges(), panel.at([0.0; 2]));
     drawing.line([[left, ground], [right, ground]], Stroke::solid(GREY, 0.25));
     view(drawing, rig, shown, panel);
-    lidars(drawing, rig, shown, panel);
+    datum(drawing, panel, [across, "z"], &mut Labels::default());
+    numbers(drawing, &Marker::of(rig, shown, panel));
     let Some([low, high]) = bounds(&shown.outline) else { return };
     if let Some([before, behind]) = depths {
         for (edge, sign, depth) in [(low[0], -1.0, before), (high[0], 1.0, behind)] {
@@ -129,7 +176,7 @@ fn upright(
     for x in [from, to] {
         drawing.line([[x, y - 1.0], [x, y + 1.0]], THIN);
     }
-    let words = format!("{:.2} m", high[0] - low[0]);
+    let words = format!("{:.0}", 1000.0 * (high[0] - low[0]));
     drawing.text([0.5 * (from + to), y + 3.6], WORDS, words, Anchor::Middle, false, Ink::full(INK));
 }
 
@@ -154,26 +201,28 @@ fn view(drawing: &mut Drawing, rig: &DrawnRig<'_>, shown: &View, panel: &Panel) 
     }
 }
 
-/// LiDARs as numbers; where several stand in one place their numbers stand side by side.
-fn lidars(drawing: &mut Drawing, rig: &DrawnRig<'_>, shown: &View, panel: &Panel) {
-    let places: Vec<Point> =
-        rig.lidars.iter().map(|lidar| panel.at((shown.flat)(lidar.pose.position()))).collect();
-    let mut labels: Vec<Point> = Vec::new();
-    for at in &places {
-        let mut label = *at;
-        let is_taken = |label: Point| {
-            let near = |k: usize, other: &Point| (other[k] - label[k]).abs() < 1.9 * RADIUS;
-            labels.iter().any(|other| near(0, other) && near(1, other))
-        };
-        while is_taken(label) {
-            label[0] += 2.0 * RADIUS;
+/// LiDARs as numbers; those behind one another share a sign.
+fn numbers(drawing: &mut Drawing, markers: &[Marker]) {
+    for marker in markers {
+        let stroke = Stroke::solid(colour(marker.lidars[0]), 0.4);
+        if marker.at != marker.label {
+            drawing.line([marker.at, marker.label], stroke);
         }
-        labels.push(label);
     }
-    for (k, (at, label)) in places.iter().zip(&labels).enumerate() {
-        drawing.line([*at, *label], Stroke::solid(colour(k), 0.4));
+    for marker in markers {
+        let ([x, y], [lidar, others @ ..]) = (marker.label, &marker.lidars[..]) else { continue };
+        if others.is_empty() {
+            number(drawing, marker.label, *lidar);
+            continue;
+        }
+        let half = marker.half_width() - RADIUS;
+        let ink = Ink::full(colour(*lidar));
+        [x - half, x + half].into_iter().for_each(|x| drawing.disc([x, y], RADIUS, ink));
+        let corners = [[-half, -RADIUS], [half, -RADIUS], [half, RADIUS], [-half, RADIUS]];
+        drawing.area(vec![corners.map(|[dx, dy]| [x + dx, y + dy]).to_vec()], Some(ink), None);
+        let white = Ink::full("#ffffff");
+        drawing.text([x, y + 0.85], 2.4, marker.words(), Anchor::Middle, true, white);
     }
-    labels.into_iter().enumerate().for_each(|(k, label)| number(drawing, label, k));
 }
 
 /// A LiDAR's number on its colour.
@@ -225,6 +274,23 @@ pub(super) fn scale_bar(drawing: &mut Drawing, sheet: &Sheet) {
     }
 }
 
+/// Most lines of warnings, and most characters of a line of the title block.
+const MOST_WARNINGS: usize = 6;
+const LONGEST_LINE: usize = 96;
+
+/// Lines of the title block on requirements that are missed.
+pub(super) fn warnings(rig: &DrawnRig<'_>) -> Vec<String> {
+    let mut lines: Vec<String> = rig
+        .warnings
+        .iter()
+        .take(MOST_WARNINGS)
+        .map(|words| shortened(words, LONGEST_LINE))
+        .collect();
+    let more = rig.warnings.len().saturating_sub(MOST_WARNINGS);
+    lines.extend((more > 0).then(|| format!("and {more} more requirements are not met")));
+    lines
+}
+
 /// Millimetres from line to line.
 const LINE: f64 = 4.2;
 /// Places of the columns of the table, from the legend's left edge: model, mount, then the right ends of six numbers.
@@ -240,14 +306,26 @@ pub(super) fn draw(drawing: &mut Drawing, rig: &DrawnRig<'_>, sheet: &Sheet) {
     let heading = format!("{}: {}", shortened(rig.vehicle, 30), shortened(rig.placement, 30));
     drawing.text([left, y], TITLE + 0.6, heading, Anchor::Start, true, Ink::full(INK));
     for words in [
-        format!("1 : {} on A3; measures in metres", sheet.one_to),
-        "Axes by ISO 8855: x ahead, y left, z up from the ground.".to_owned(),
-        "R = Rz(yaw) · Ry(pitch) · Rx(roll); a positive pitch looks down.".to_owned(),
-    ] {
+        format!("1 : {} on A3; dimensions in mm, angles in degrees", sheet.one_to),
+        "Datum: origin of the vehicle's frame, on the ground; x ahead, y left, z up (ISO 8855)."
+            .to_owned(),
+        "R = Rz(yaw) · Ry(pitch) · Rx(roll). Positive yaw turns left, positive pitch looks down,"
+            .to_owned(),
+        "positive roll leans to the right.".to_owned(),
+    ]
+    .into_iter()
+    .chain(rig.about.iter().map(|words| shortened(words, LONGEST_LINE)))
+    {
         y += LINE;
         drawing.words([left, y], WORDS, words);
     }
+    for words in warnings(rig) {
+        y += LINE;
+        drawing.text([left, y], WORDS, words, Anchor::Start, true, Ink::full(ACCENT));
+    }
     y += 1.8 * LINE;
+    drawing.words([left, y], WORDS, "Optical centres, mm from the datum:");
+    y += LINE;
     y = table(drawing, rig, [left, y]);
     signs(drawing, rig, [left, y + 1.2 * LINE]);
 }
@@ -295,9 +373,15 @@ fn signs(drawing: &mut Drawing, rig: &DrawnRig<'_>, [left, mut y]: [f64; 2]) {
     sign(Some(Ink(colour(0), 0.08)), Stroke::solid(colour(0), 0.2), &view);
     match &rig.near {
         Ok((_, near)) => {
-            sign(Some(ZONE), ZONE_EDGE, "blind zone: ground before the nearest that a LiDAR sees,");
-            let area =
-                format!("drawn up to {DRAWN} m from the body; {:.1} m² in all", near.zone.area);
+            sign(
+                Some(ZONE),
+                ZONE_EDGE,
+                "blind zone: ground straight before an edge, up to the nearest seen,",
+            );
+            let area = format!(
+                "drawn to {DRAWN} m; {:.1} m² to 10 m; corners are not counted",
+                near.zone.area
+            );
             drawing.words([left + 8.0, y - 1.0], WORDS, area);
         }
         Err(why) => {

@@ -276,8 +276,9 @@ fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {
     // Rounded down, so that a requirement that is not met never reads as met.
     let per_cent = |share: f64| format!("{:.1}", (1e3 * share + 1e-9).floor() / 10.0);
     let rows = best.scores.required.iter().enumerate().map(|(k, seen)| {
-        let mut row = vec![text(&seen.name), text(if seen.is_met() { "met" } else { "NOT MET" })];
-        row.push(text(per_cent(seen.share)));
+        let mut row = vec![text(seen.title()), text(if seen.is_met() { "met" } else { "NOT MET" })];
+        let intact = seen.lost.map(|lost| format!(" (intact {})", per_cent(lost.intact)));
+        row.push(text(per_cent(seen.share) + &intact.unwrap_or_default()));
         row.push(text(format!("{:.1}", 100.0 * seen.least)));
         row.push(text(format!("{:+.1}", 100.0 * (seen.share - seen.least))));
         row.push(text(seen.holds_in.map_or("–".into(), |share| format!("{:.0}", 100.0 * share))));

@@ -46,8 +46,8 @@ pub(super) fn near_field(figures: &Figures) -> Markup {
             @match &figures.near_field {
                 Ok(svg) => {
                     p {
-                        "From above, the front is right: ground within 10 m that no beam sees, and the zone in \
-                         which nothing on the ground is seen, over " (figures.near_frames) " frame(s) spread evenly"
+                        "From above, the front is right: ground within 10 m that no beam sees, and the blind zone: \
+                         ground straight before an edge, up to the nearest seen (corners are not counted), over " (figures.near_frames) " frame(s) spread evenly"
                         @if figures.views.len() > 1 { " over the first scene" }
                         "."
                     }

@@ -4,16 +4,20 @@ use std::path::Path;
 
 use super::HandoverRequest;
 use super::mask::SelfHitMask;
+use super::run::{self, RunFound};
+use crate::csv::rounded;
 use crate::engine::BackendError;
 use crate::geom::Pose;
-use crate::job::Job;
+use crate::job::{Job, Tolerance};
 use crate::near_field::{Footprint, NearField, NearSite};
 use crate::problem::SensorBatch;
 use crate::runs::inputs::{Given, file_and_name, named_placements};
 use crate::runs::opening::{LoadTimes, Loaded};
 use crate::runs::{Computing, RunError, opening};
 use crate::scene::{EgoBody, Scene};
-use crate::vehicle::{BeamTable, Placement, Sensors};
+use crate::score::Seen;
+use crate::search::Evaluator;
+use crate::vehicle::{BeamTable, Placement, Sensors, name_lidars};
 
 /// A placement on its vehicle, in one frame.
 pub(super) struct HandoverRig {
@@ -34,6 +38,10 @@ pub(super) struct HandoverRig {
     pub body: Vec<[[f32; 3]; 3]>,
     /// Blind zone on the ground, or why there is none.
     pub near: Result<(Footprint, NearField), String>,
+    /// Lines of the title block: mounting tolerance, origin of the placement.
+    pub about: Vec<String>,
+    /// Requirements that it misses, in words, or why they were not looked at.
+    pub warnings: Vec<String>,
 }
 
 impl HandoverRig {
@@ -41,15 +49,15 @@ impl HandoverRig {
         let Some((text, scenes)) = request.files.split_last() else {
             return Err(RunError::Usage("give a file of placements".to_owned()));
         };
-        let mut placement = one(text)?;
-        let scene = scene(scenes, text, request.frame, computing)?;
+        let Handed { mut placement, text, scene, about, warnings } =
+            Handed::new(request, text, scenes, computing)?;
         let job = Job::new(scene.without_requirements())
             .geometry_alone()
             .one_frame(request.frame as usize);
         let job = job.engine(computing.engine.clone());
         let mut loaded = Loaded { job, times: LoadTimes::default() };
         let mut evaluator = loaded.evaluator(computing)?;
-        let file = file_and_name(text).0;
+        let file = file_and_name(&text).0;
         let problem = evaluator.shared_problem();
         Given::in_problem(Path::new(file), &problem, computing).all([&mut placement])?;
         let sensors = problem.sensors().clone();
@@ -72,13 +80,7 @@ impl HandoverRig {
         };
         let own = (0..placement.lidars.len()).map(is_own).collect();
         let poses = batch.ego_from_sensors(0);
-        let near = match NearSite::new(scene, &problem) {
-            Ok(site) => {
-                let near = site.look(evaluator.backend_mut(), &placement)?;
-                Ok((site.footprint().clone(), near))
-            }
-            Err(why) => Err(why.to_string()),
-        };
+        let near = near_field(scene, &mut evaluator, &placement)?;
         if let Err(why) = &near {
             computing.watcher.note(&format!("the drawing has no blind zone: {why}"));
         }
@@ -86,7 +88,20 @@ impl HandoverRig {
         let mounts = mounts.into_iter().map(|name| name.map(str::to_owned)).collect();
         let body = scene.body();
         let file = file.to_owned();
-        Ok(Self { file, mounts, models, sensors, poses, own, body, near, placement, job })
+        Ok(Self {
+            job,
+            placement,
+            file,
+            mounts,
+            models,
+            sensors,
+            poses,
+            own,
+            body,
+            near,
+            about,
+            warnings,
+        })
     }
 
     pub fn scene(&self) -> &Scene {
@@ -132,8 +147,119 @@ impl HandoverRig {
     }
 }
 
+/// Outline of the body and near field of a placement, or why there is none.
+fn near_field(
+    scene: &Scene,
+    evaluator: &mut Evaluator,
+    placement: &Placement,
+) -> Result<Result<(Footprint, NearField), String>, RunError> {
+    let problem = evaluator.shared_problem();
+    Ok(match NearSite::new(scene, &problem) {
+        Ok(site) => {
+            let near = site.look(evaluator.backend_mut(), placement)?;
+            Ok((site.footprint().clone(), near))
+        }
+        Err(why) => Err(why.to_string()),
+    })
+}
+
+/// A placement on its scene, and what the title block says about it.
+struct Handed {
+    placement: Placement,
+    /// File of the placement, with its name where it has several.
+    text: String,
+    scene: Scene,
+    about: Vec<String>,
+    warnings: Vec<String>,
+}
+
+impl Handed {
+    fn new(
+        request: &HandoverRequest,
+        text: &str,
+        scenes: &[String],
+        computing: &Computing<'_>,
+    ) -> Result<Self, RunError> {
+        let given = run::Given::new(text)?;
+        let (text, run) = (&given.text, given.run.as_ref());
+        let placement = one(&request.files, text)?;
+        let is_own = scenes.is_empty() && computing.vehicle.is_none();
+        let own = run.filter(|_| is_own);
+        let computing = &with_vehicle(own, computing);
+        // A run whose vehicle its scene says.
+        let of_run = own.filter(|run| run.vehicle.is_none());
+        let of_run: Vec<String> =
+            of_run.iter().map(|run| run.scene.display().to_string()).collect();
+        let scenes = if of_run.is_empty() { scenes } else { &of_run };
+        let scene = scene(scenes, text, request.frame, computing)?;
+        let warnings = match own {
+            Some(run) => run.required.iter().filter(|seen| !seen.is_met()).map(told).collect(),
+            None => warnings(&scene, &placement, computing),
+        };
+        warnings.iter().for_each(|words| computing.watcher.note(words));
+        let about = about(run, text);
+        Ok(Self { placement, text: text.clone(), scene, about, warnings })
+    }
+}
+
+/// A requirement in words.
+fn told(seen: &Seen) -> String {
+    seen.to_string()
+}
+
+/// A command's engine and watcher with the vehicle of a run.
+fn with_vehicle<'a>(run: Option<&RunFound>, computing: &Computing<'a>) -> Computing<'a> {
+    let vehicle = run.and_then(|run| run.vehicle.clone());
+    Computing { vehicle: vehicle.or_else(|| computing.vehicle.clone()), ..computing.clone() }
+}
+
+/// Requirements that a placement misses, measured over all frames, in words; or a sentence that says why none was looked
+/// at.
+fn warnings(scene: &Scene, placement: &Placement, computing: &Computing<'_>) -> Vec<String> {
+    let job = Job::new(scene.clone()).geometry_alone().engine(computing.engine.clone());
+    if scene.vehicle().require_order.is_empty() {
+        return Vec::new();
+    }
+    let mut placement = placement.clone();
+    // A choice that does not fit is told where the models are looked up.
+    let _ = name_lidars(&computing.sensors, &mut placement);
+    match job.score(std::slice::from_ref(&placement)) {
+        Ok(judged) => {
+            let required = judged.iter().flat_map(|judged| &judged.scores.required);
+            required.filter(|seen| !seen.is_met()).map(told).collect()
+        }
+        Err(why) => vec![format!("requirements were not looked at: {why}")],
+    }
+}
+
+/// Lines of the title block.
+fn about(run: Option<&RunFound>, text: &str) -> Vec<String> {
+    let tolerance = match run {
+        Some(run) => run.tolerance,
+        None => Some(Tolerance::default()),
+    };
+    let usual = if run.is_none() { " (the usual one)" } else { "" };
+    let tolerance = tolerance.filter(Tolerance::is_some).map(|most| {
+        format!(
+            "Mounting tolerance: each coordinate ±{} mm, each angle ±{}°{usual}",
+            rounded(1000.0 * most.metres, 3),
+            rounded(most.radians.to_degrees(), 3)
+        )
+    });
+    let name = |path: &Path| {
+        let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
+        name.unwrap_or_else(|| path.display().to_string())
+    };
+    let version = env!("CARGO_PKG_VERSION");
+    let origin = match run {
+        Some(run) => format!("Found with seed {} in the run {}", run.seed, name(&run.folder)),
+        None => format!("Placement of {}", name(Path::new(file_and_name(text).0))),
+    };
+    tolerance.into_iter().chain([format!("{origin}; drawn by sightline {version}")]).collect()
+}
+
 /// The only placement of a file, or the one named behind a colon.
-fn one(text: &str) -> Result<Placement, RunError> {
+fn one(files: &[String], text: &str) -> Result<Placement, RunError> {
     let mut all = named_placements(text)?;
     match &all[..] {
         [_] => Ok(all.swap_remove(0)),
@@ -143,10 +269,9 @@ fn one(text: &str) -> Result<Placement, RunError> {
         [first, ..] => {
             let names: Vec<&str> = all.iter().map(|placement| &*placement.name).take(12).collect();
             Err(RunError::Usage(format!(
-                "{text}: holds {} placements, and one is handed over; name it behind a colon, as {}:{} (it has {})",
+                "{text}: holds {} placements, and one is handed over; name it behind a colon, as `{}` (it has {})",
                 all.len(),
-                file_and_name(text).0,
-                first.name,
+                run::command(files, text, &first.name),
                 names.join(", ")
             )))
         }

@@ -122,6 +122,8 @@ pub(super) struct Equip {
     kinds: Vec<(usize, SensorName)>,
     /// See [`GridSearch::require`].
     penalty: f64,
+    /// Requirements that no rig on the grid meets, in words.
+    out_of_reach: Vec<String>,
     /// True if sensors come in mirrored pairs; an odd one of a kind lies in the plane of symmetry.
     in_pairs: bool,
 }
@@ -144,6 +146,20 @@ fn every_kind(vehicle: &Vehicle) -> (Constraints, Vec<(usize, SensorName)>) {
     (constraints, kinds)
 }
 
+/// Requirements that no rig on the grid meets, all of whose poses are held, in words.
+fn out_of_reach(
+    vehicle: &Vehicle,
+    kinds: &[(usize, SensorName)],
+    grid: &GridSearch,
+) -> Vec<String> {
+    let poses = grid.atlas().grid();
+    let on =
+        |mount: usize| (0..poses.len()).filter(move |&pose| kinds[poses.kind(pose)].0 == mount);
+    let mounts = vehicle.mounts.iter().enumerate();
+    let mounts = mounts.map(|(k, mount)| (mount.count[1], on(k).collect()));
+    grid.out_of_reach(&mounts.collect::<Vec<_>>())
+}
+
 impl Equip {
     pub(super) fn open(
         suite: &Suite,
@@ -156,7 +172,7 @@ impl Equip {
         let (vehicle, (constraints, kinds)) = (vehicle.clone(), every_kind(vehicle));
         // The choice is between models and mounts: phases are left to the search that follows.
         let constraints = constraints.without_phases();
-        let suite = suite.over(&suite.spread(Some(FRAMES))).with_constraints(&constraints.untied());
+        let suite = suite.over(&suite.spread(Some(FRAMES))).with_equipment(&constraints.untied());
         let mut spacing = SPACING;
         let grid = loop {
             // The mirror image of a pose is on the grid where pairs are wanted.
@@ -194,7 +210,10 @@ impl Equip {
             grid.hold(&mut evaluator, poses)?;
         }
         let (in_pairs, places, penalty) = (constraints.ties.symmetric, grid.places(), 0.0);
-        let mut search = Self { vehicle, limits, grid, places, kinds, penalty, in_pairs };
+        let out_of_reach = out_of_reach(&vehicle, &kinds, &grid);
+        out_of_reach.iter().for_each(|words| watch.note(&format!("OUT OF REACH: {words}")));
+        let mut search =
+            Self { vehicle, limits, grid, places, kinds, penalty, out_of_reach, in_pairs };
         search.aim(objective, REQUIRED);
         Ok(Opened::Open(Box::new(search)))
     }
@@ -402,6 +421,7 @@ impl Equip {
             cost: self.cost(chosen),
             value,
             missing,
+            out_of_reach: self.out_of_reach.clone(),
         }
     }
 }

@@ -19,6 +19,9 @@ pub struct Equipped {
     pub value: f64,
     /// Missing share of the requirements, summed over areas and targets.
     pub missing: f64,
+    /// Requirements that no rig on the grid meets, in words: a bound over its poses.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub out_of_reach: Vec<String>,
 }
 
 impl Equipped {

@@ -154,6 +154,7 @@ fn plain(
         cost: vehicle.cost(&equipment),
         value: objective.value(&scores).unwrap_or(f64::NEG_INFINITY),
         missing: scores.missing(),
+        out_of_reach: Vec::new(),
         placement: Placement { name: "equipped".into(), ..placement },
         equipment,
     })

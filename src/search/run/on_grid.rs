@@ -9,7 +9,7 @@ use crate::search::observer::{Event, Watch, Work};
 use crate::search::outcome::Scored;
 use crate::search::seat::FRAMES_AT_ONCE;
 use crate::search::settings::Method;
-use crate::search::swaps::{SwapSettings, swap_anywhere, swap_from};
+use crate::search::swaps::{Climbing, SwapSettings, swap_anywhere, swap_from};
 use crate::vehicle::{Placement, PoseGrid, Spacing};
 
 /// Swaps over more frames than before: frames, as a multiple of those of the first swaps, steps along a pose field, and
@@ -61,14 +61,18 @@ impl Run {
         let all = u64::from(grid.len());
         let total = if whole { all } else { all.min(casts) };
         let on_grid = SwapSettings { spacing, casts, whole, memory, seed: settings.seed };
+        let climbing = Climbing::default();
         let mut go_on = |cast: u64| {
-            let done = cast.min(total);
-            watch.tell(&Event::Progress { work: Work::Swaps, done, total })
+            let (work, [done, total]) = match climbing.progress() {
+                Some(climbs) => (Work::Climbs, climbs),
+                None => (Work::Swaps, [cast.min(total), total]),
+            };
+            watch.tell(&Event::Progress { work, done, total })
         };
         let objective = &settings.objective;
         let swaps = match settings.method {
             Method::Cma => None,
-            _ => swap_anywhere(evaluator, objective, &on_grid, &starts, &mut go_on)?,
+            _ => swap_anywhere(evaluator, objective, &on_grid, &starts, &climbing, &mut go_on)?,
         };
         if watch.is_over() {
             self.cut(watch);

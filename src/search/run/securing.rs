@@ -4,7 +4,7 @@ use super::state::Run;
 use crate::score::HOLDS;
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
-use crate::search::observer::Watch;
+use crate::search::observer::{Event, Watch, Work};
 use crate::search::outcome::Scored;
 use crate::search::tolerance::{FRAMES_OF_COPIES, Instead, Moved, Tolerance};
 use crate::vehicle::{Placement, placement_to_nanometres};
@@ -43,11 +43,11 @@ impl Run {
         let mut moved = Moved::new(tolerance, &result.placement, &mut evaluator)?;
         let mut holds = moved.holds(&[], &found(result)).all;
         let mut looked_at = 0;
-        for _ in 0..MOVES {
+        for round in 0..MOVES {
             if holds >= HOLDS || watch.is_over() {
                 break;
             }
-            let offers = self.offers(result, &moved, &mut evaluator, watch)?;
+            let offers = self.offers(result, &moved, (&mut evaluator, round), watch)?;
             looked_at += offers.len() as u64;
             let Some(next) = self.more_secure((&*result, holds), offers, &moved, watch)? else {
                 break;
@@ -63,13 +63,20 @@ impl Run {
         &self,
         now: &Scored,
         moved: &Moved,
-        evaluator: &mut Evaluator,
+        (evaluator, round): (&mut Evaluator, usize),
         watch: &mut Watch,
     ) -> Result<Vec<(Placement, Instead)>, SearchError> {
         let (before, still) = (found(now), moved.as_it_is(&[]));
         let mut ranked: Vec<(f64, (Placement, Instead))> = Vec::new();
-        let mut moves = self.moves(&now.placement).into_iter().peekable();
-        while moves.peek().is_some() && watch.goes_on() {
+        let moves = self.moves(&now.placement);
+        let count = moves.len();
+        let mut moves = moves.into_iter().peekable();
+        while moves.peek().is_some() {
+            let (done, total) = (round * count + count - moves.len(), MOVES * count);
+            let (work, done, total) = (Work::Securing, done as u64, total as u64);
+            if !watch.tell(&Event::Progress { work, done, total }) {
+                break;
+            }
             let some: Vec<Placement> = moves.by_ref().take(CAST_AT_ONCE).collect();
             let columns = moved.columns_beside(&now.placement, &some, evaluator)?;
             for (placement, instead) in some.into_iter().zip(columns) {

@@ -382,7 +382,7 @@ impl Run {
 
     /// Placements with their scores and the rules that they break.
     pub(super) fn scored(&self, placements: &[Placement], judged: Vec<Judged>) -> Vec<Scored> {
-        let (objective, constraints) = (self.objective(), self.suite.constraints());
+        let (objective, constraints) = (self.objective(), self.suite.rules());
         let scored = placements.iter().zip(judged);
         let scored = scored.map(|(p, judged)| Scored::new(p, judged, &objective, constraints));
         scored.collect()

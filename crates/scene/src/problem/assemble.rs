@@ -211,7 +211,8 @@ impl Problem {
         let require_order = require_order.clone().into();
         let ground = Arc::new(ground_required(scene)?);
         let target_rules = targets.clone().into();
-        let problem = Self::from(task).with_constraints(scene.constraints());
+        let problem =
+            Self::from(task).with_constraints(scene.constraints()).with_rules(scene.rules());
         Ok(Self { body, target_rules, ground, overlap, require_order, ..problem })
     }
 }

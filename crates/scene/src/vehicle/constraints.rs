@@ -32,12 +32,31 @@ pub struct Slot {
     /// Bounds in radians, lowest and highest, of the phase at which the search locks it; `None` where the
     /// search leaves the phase alone.
     pub phase: Option<[f64; 2]>,
+    /// Further models that a given placement may have here; a search puts `sensor` here and no other.
+    pub others: Vec<OtherModel>,
+}
+
+/// A further model that a slot allows to given placements.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OtherModel {
+    /// Its name.
+    pub sensor: SensorName,
+    /// Bounds of its phase, as those of [`Slot`].
+    pub phase: Option<[f64; 2]>,
 }
 
 impl Slot {
     /// The phase of a sensor that names none.
     pub(super) fn phase_at_rest(&self) -> Option<f64> {
         self.phase.map(|[from, to]| 0.0_f64.clamp(from, to))
+    }
+
+    /// Bounds of the phase of a model, in radians; `None` where the slot does not allow the model at all.
+    fn allows(&self, sensor: SensorName) -> Option<Option<[f64; 2]>> {
+        if self.sensor == sensor {
+            return Some(self.phase);
+        }
+        self.others.iter().find(|other| other.sensor == sensor).map(|other| other.phase)
     }
 }
 
@@ -46,7 +65,8 @@ impl Constraints {
     /// bounds of x, y, z (m), roll, pitch and yaw (rad).
     pub fn in_box(lower: [f64; 6], upper: [f64; 6], lidars: usize) -> Self {
         let region = Arc::new(Region { lower, upper, ..Region::default() });
-        let slot = Slot { region, sensor: SensorName::default(), phase: None };
+        let sensor = SensorName::default();
+        let slot = Slot { region, sensor, phase: None, others: Vec::new() };
         Self { slots: vec![slot; lidars], ..Self::default() }
     }
 
@@ -208,7 +228,12 @@ impl std::fmt::Display for Violation {
 impl Constraints {
     /// True if a slot is for a sensor of this model.
     fn has_model(&self, slot: usize, pose: &SensorPose) -> bool {
-        self.slots[slot].sensor == if pose.sensor.is_none() { self.first } else { pose.sensor }
+        self.slots[slot].allows(self.model_of(pose)).is_some()
+    }
+
+    /// Model of a LiDAR.
+    fn model_of(&self, pose: &SensorPose) -> SensorName {
+        if pose.sensor.is_none() { self.first } else { pose.sensor }
     }
 
     /// A slot for each LiDAR of a placement, by its model and where it stands: the nearest ones where it
@@ -237,10 +262,39 @@ impl Constraints {
                 if let Some((slot, _)) = nearest {
                     free[slot] = false;
                     chosen[lidar] = Some(slot);
+                } else if must_fit {
+                    let mut tried = vec![false; self.slots.len()];
+                    self.make_room(lidar, lidars, &mut chosen, &mut tried);
+                    chosen.iter().flatten().for_each(|&slot| free[slot] = false);
                 }
             }
         }
         chosen
+    }
+
+    /// Gives a LiDAR a slot that it fits by moving those that hold such slots to others that they fit, too; slots in
+    /// `tried` are left alone. False if that is not possible.
+    fn make_room(
+        &self,
+        lidar: usize,
+        lidars: &[SensorPose],
+        chosen: &mut [Option<usize>],
+        tried: &mut [bool],
+    ) -> bool {
+        let pose = &lidars[lidar];
+        for slot in 0..self.slots.len() {
+            let is_open = !tried[slot] && self.has_model(slot, pose);
+            if !is_open || !self.slots[slot].region.outside(pose).is_empty() {
+                continue;
+            }
+            tried[slot] = true;
+            let holder = chosen.iter().position(|taken| *taken == Some(slot));
+            if holder.is_none_or(|holder| self.make_room(holder, lidars, chosen, tried)) {
+                chosen[lidar] = Some(slot);
+                return true;
+            }
+        }
+        false
     }
 
     /// The mount that each LiDAR of a placement stands on, by its model and pose: the nearest free one; `None` where none
@@ -276,7 +330,8 @@ impl Constraints {
             };
             let outside = self.slots[slot].region.outside(pose).into_iter();
             found.extend(outside.map(|(field, by)| Violation::OutsideMount { lidar, field, by }));
-            if let (Some([from, to]), Some(phase)) = (self.slots[slot].phase, pose.phase) {
+            let bounds = self.slots[slot].allows(self.model_of(pose)).flatten();
+            if let (Some([from, to]), Some(phase)) = (bounds, pose.phase) {
                 let (field, by) = ("phase", (from - phase).max(phase - to));
                 found.extend((by > SLACK).then_some(Violation::OutsideMount { lidar, field, by }));
             }
@@ -331,7 +386,10 @@ impl Constraints {
     /// Rules that leave no phase to the search: sensors are where those are that name none.
     pub fn without_phases(&self) -> Self {
         let mut changed = self.clone();
-        changed.slots.iter_mut().for_each(|slot| slot.phase = None);
+        for slot in &mut changed.slots {
+            slot.phase = None;
+            slot.others.iter_mut().for_each(|other| other.phase = None);
+        }
         changed
     }
 }

@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use super::{
-    Constraints, GroundRule, Lidar, MAX_LIDARS, OtherSensor, OverlapRule, Region, Requirement,
-    Response, SensorError, SensorModel, SensorName, Sensors, Slot, SpinPhase, TargetRule, Ties,
+    Constraints, GroundRule, Lidar, MAX_LIDARS, OtherModel, OtherSensor, OverlapRule, Region,
+    Requirement, Response, SensorError, SensorModel, SensorName, Sensors, Slot, SpinPhase,
+    TargetRule, Ties,
 };
 use sightline_files::Note;
 
@@ -158,23 +159,39 @@ impl Vehicle {
         sorted.sort_by_key(|&(mount, sensor)| {
             (mount, self.sensors.iter().position(|model| model.name == sensor))
         });
-        let phase = |sensor: SensorName| match self
-            .sensors
-            .iter()
-            .find(|model| model.name == sensor)?
-            .phase
-        {
+        let slots: Vec<Slot> =
+            sorted.iter().map(|&(mount, sensor)| self.slot(mount, sensor)).collect();
+        self.with_slots(if self.ties.symmetric { Slot::in_pairs(slots) } else { slots })
+    }
+
+    /// The rules of a given placement, whatever its equipment: as many slots as the mounts hold sensors, each for
+    /// every model of its mount.
+    pub fn rules(&self) -> Constraints {
+        let mounts = self.mounts.iter().enumerate();
+        let slots = mounts.flat_map(|(k, mount)| {
+            let of = |&sensor: &SensorName| OtherModel { sensor, phase: self.phase(sensor) };
+            let others = mount.sensors.iter().skip(1).map(of).collect();
+            vec![Slot { others, ..self.slot(k, mount.sensors[0]) }; mount.count[1]]
+        });
+        self.with_slots(slots.collect())
+    }
+
+    /// Bounds of the phase that the search chooses for a model, in radians.
+    fn phase(&self, sensor: SensorName) -> Option<[f64; 2]> {
+        match self.sensors.iter().find(|model| model.name == sensor)?.phase {
             SpinPhase::Between(from, to) => Some([from, to]),
             SpinPhase::Locked(_) | SpinPhase::Free => None,
-        };
-        let slot = |&(mount, sensor): &(usize, SensorName)| Slot {
-            region: self.mounts[mount].region.clone(),
-            sensor,
-            phase: phase(sensor),
-        };
-        let slots: Vec<Slot> = sorted.iter().map(slot).collect();
+        }
+    }
+
+    fn slot(&self, mount: usize, sensor: SensorName) -> Slot {
+        let region = self.mounts[mount].region.clone();
+        Slot { region, sensor, phase: self.phase(sensor), others: Vec::new() }
+    }
+
+    fn with_slots(&self, slots: Vec<Slot>) -> Constraints {
         Constraints {
-            slots: if self.ties.symmetric { Slot::in_pairs(slots) } else { slots },
+            slots,
             min_distance: self.min_distance,
             keep_out: self.keep_out.clone(),
             ties: self.ties,

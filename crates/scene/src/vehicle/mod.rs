@@ -20,8 +20,10 @@ mod surface;
 mod variables;
 pub mod vehicle_file;
 
-pub use self::rules::{FARTHEST_GROUND, GroundAsked, GroundRule, OverlapRule, Side, TargetRule};
-pub use constraints::{Constraints, Slot, Ties, Violation};
+pub use self::rules::{
+    ANY_LOST, FARTHEST_GROUND, GroundAsked, GroundRule, OverlapRule, Side, TargetRule,
+};
+pub use constraints::{Constraints, OtherModel, Slot, Ties, Violation};
 pub(crate) use description::{LidarDescription, MountDescription, VehicleDescription};
 pub use doubts::{
     Doubts, doubt_of_ground, doubts_of_units, is_degrees, of_angles, of_degrees, of_lidar,

@@ -285,6 +285,7 @@ mod tests {
             region: region.clone(),
             sensor: Default::default(),
             phase: None,
+            others: Vec::new(),
         };
         let (roof, wide, nose) = (region("roof", 0.0), region("wide", 0.0), region("nose", 3.0));
         let rules = Constraints {

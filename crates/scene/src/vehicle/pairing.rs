@@ -215,6 +215,7 @@ mod tests {
             region: Arc::new(region.clone()),
             sensor: SensorName::new(name).unwrap(),
             phase: None,
+            others: Vec::new(),
         };
         let [left, right] = [door(1.0), door(-1.0)];
         let [l, r] = [slot(&left, "solid"), slot(&right, "solid")];

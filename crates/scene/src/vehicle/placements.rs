@@ -56,7 +56,7 @@ pub fn table_7() -> Vec<Placement> {
 /// The layouts of Table 7 that fit on the mounts of a vehicle with one model, as on the paper's car. Empty for any other
 /// vehicle, inside or beside which they would stand.
 pub fn table_7_held_by(vehicle: &Vehicle) -> Vec<Placement> {
-    let rules = vehicle.constraints(&vehicle.fullest());
+    let rules = vehicle.rules();
     let outside = |violation: &Violation| {
         matches!(violation, Violation::OutsideMount { .. } | Violation::NoPlace { .. })
     };

@@ -12,6 +12,14 @@ use crate::scene::Target;
 /// Farthest ground of a rule, metres from the outline of the own body.
 pub const FARTHEST_GROUND: f64 = 10.0;
 
+/// End of the name of a rule that must hold whichever one LiDAR is lost.
+pub const ANY_LOST: &str = ", any one LiDAR lost";
+
+/// Name of a rule that gives itself none.
+fn default_name(rule: String, without_any_one: bool) -> String {
+    rule + if without_any_one { ANY_LOST } else { "" }
+}
+
 /// A side of the vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
@@ -111,8 +119,8 @@ impl GroundRule {
             own,
             |_| "a rule on the ground has `ground` and `share`, or `blind_zone` and `depth`",
         )?;
-        let name = required.named(at, default)?;
         let without_any_one = required.without_any_one;
+        let name = required.named(at, default_name(default, without_any_one))?;
         Ok(Some(Self { name, asked, share, without_any_one }))
     }
 }
@@ -205,7 +213,13 @@ impl TargetRule {
         }
         let beams = required.beams.unwrap_or(BEAMS);
         let beams = check::count(&at.key("beams"), beams, 1, MOST_BEAMS)?;
-        let name = required.named(at, format!("{} to {within} m", target.name))?;
+        let range = if from == within {
+            format!("at {within}")
+        } else {
+            format!("from {from} to {within}")
+        };
+        let default = format!("{} {range} m", target.name);
+        let name = required.named(at, default_name(default, required.without_any_one))?;
         Ok(Self {
             name,
             target: Arc::new(target),
@@ -219,7 +233,7 @@ impl TargetRule {
     }
 }
 
-/// Name of a rule that gives itself none.
+/// Name of a rule on overlap that gives itself none.
 const NAME: &str = "overlap of LiDARs";
 
 /// Overlap by which pairs must connect every LiDAR to every other one, in each scene.
@@ -249,7 +263,7 @@ impl OverlapRule {
             let wanted = "a share of the surface voxels of two LiDARs, above 0 and at most 1, 0.05 for example";
             return Err(bad(&at.key("overlap"), share, wanted));
         }
-        let name = required.named(at, NAME.to_owned())?;
+        let name = required.named(at, default_name(NAME.to_owned(), required.without_any_one))?;
         Ok(Some(Self { name, share, without_any_one: required.without_any_one }))
     }
 }

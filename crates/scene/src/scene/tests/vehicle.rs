@@ -201,3 +201,59 @@ fn what_is_wrong_with_a_vehicle_is_said_with_its_place() {
     assert!(message(&with("\"none.json\"")).contains("none.json: cannot be read"));
     assert!(message(&with("3")).contains("the name of a vehicle file, or a vehicle"));
 }
+
+/// Whether each LiDAR of a rig can have a place of its own: every order of the places tried.
+fn can_be_seated(lidars: &[SensorPose], places: &[(&str, Vec<&str>)]) -> bool {
+    let Some((first, rest)) = lidars.split_first() else { return true };
+    (0..places.len()).any(|k| {
+        let (mount, models) = &places[k];
+        let is_there = if *mount == "low" { first.x <= 0.2 } else { first.x >= -0.2 };
+        let mut others = places.to_vec();
+        others.remove(k);
+        is_there && models.contains(&first.sensor.as_str()) && can_be_seated(rest, &others)
+    })
+}
+
+#[test]
+fn every_model_that_a_mount_lists_may_stand_there_and_no_more_than_it_holds() {
+    let vehicle = r#"{ "sightline": 1, "sensors": [
+        { "name": "a", "lidar": { "channels": 4, "fov": [-20, 10], "azimuth_steps": 60, "range": 80 } },
+        { "name": "b", "lidar": { "channels": 3, "fov": [-10, 10], "azimuth_steps": 21, "range": 30 } },
+        { "name": "c", "lidar": { "channels": 2, "fov": [-10, 10], "azimuth_steps": 20, "range": 30 } }],
+      "mounts": [
+        { "name": "low", "min": [-1, 0, 2], "max": [0.2, 0, 2], "sensors": ["a", "b"], "count": [0, 2] },
+        { "name": "high", "min": [-0.2, 0, 2], "max": [1, 0, 2], "sensors": ["c", "b"], "count": [0, 1] }] }"#;
+    let scene = read(&with(vehicle)).unwrap();
+    let rules = scene.rules();
+    let low = || ("low", vec!["a", "b"]);
+    let places = [low(), low(), ("high", vec!["c", "b"])];
+    let kinds: Vec<SensorPose> = ["a", "b", "c"]
+        .iter()
+        .flat_map(|name| {
+            let sensor = SensorName::new(name).unwrap();
+            [-0.7, 0.0, 0.7].map(|x| SensorPose { sensor, ..SensorPose::at(x, 0.0, 2.0) })
+        })
+        .collect();
+    let mut kept = [0; 2];
+    // Rigs of one to four LiDARs, of three models at three places.
+    for rig in 0..9_usize.pow(4) + 9_usize.pow(3) + 90 {
+        let (count, number) = match rig {
+            0..9 => (1, rig),
+            9..90 => (2, rig - 9),
+            90..819 => (3, rig - 90),
+            _ => (4, rig - 819),
+        };
+        let lidars: Vec<SensorPose> =
+            (0..count).map(|k| kinds[number / 9_usize.pow(k) % 9]).collect();
+        let wanted = can_be_seated(&lidars, &places);
+        let rig = crate::vehicle::Placement { name: "rig".into(), lidars };
+        let broken = rules.violations(&rig);
+        let is_seated = |v: &crate::vehicle::Violation| {
+            !matches!(v, crate::vehicle::Violation::NoPlace { .. })
+                && !matches!(v, crate::vehicle::Violation::OutsideMount { .. })
+        };
+        assert_eq!(broken.iter().all(is_seated), wanted, "{rig:?}: {broken:?}");
+        kept[usize::from(wanted)] += 1;
+    }
+    assert!(kept[0] > 100 && kept[1] > 100, "{kept:?}");
+}

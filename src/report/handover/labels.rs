@@ -1,0 +1,144 @@
+//! Places of words and of the numbers of LiDARs on a view, so that none lies over another.
+
+use super::{DrawnRig, Panel, View};
+use crate::report::drawing::{Anchor, Point};
+
+/// Radius of the disc behind a LiDAR's number, millimetres.
+pub(super) const RADIUS: f64 = 1.7;
+/// Millimetres between two LiDARs that are one place on the sheet.
+const ONE_PLACE: f64 = 0.3;
+/// Width of a character, and its height above and depth below the base line, as shares of the size of the font.
+const CHARACTER: [f64; 3] = [0.56, 0.8, 0.25];
+/// Lines by which words are moved away at most.
+const MOST_LINES: usize = 12;
+
+/// LiDARs at one place of a view, and where their numbers stand.
+pub(super) struct Marker {
+    /// Their numbers, rising.
+    pub lidars: Vec<usize>,
+    /// Their place on the sheet.
+    pub at: Point,
+    /// Middle of their numbers.
+    pub label: Point,
+}
+
+impl Marker {
+    /// `0`, or `0, 1` where several LiDARs lie behind one another.
+    pub fn words(&self) -> String {
+        self.lidars.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")
+    }
+
+    /// Half of the width of its sign, millimetres.
+    pub fn half_width(&self) -> f64 {
+        match self.lidars.len() {
+            0 | 1 => RADIUS,
+            _ => RADIUS.max(0.5 * CHARACTER[0] * 2.4 * self.words().chars().count() as f64 + 0.8),
+        }
+    }
+
+    fn bounds(&self) -> [f64; 4] {
+        let ([x, y], half) = (self.label, self.half_width());
+        [x - half, y - RADIUS, x + half, y + RADIUS]
+    }
+
+    /// The LiDARs of a view: those behind one another as one, numbers that would touch side by side.
+    pub fn of(rig: &DrawnRig<'_>, shown: &View, panel: &Panel) -> Vec<Self> {
+        let mut markers: Vec<Self> = Vec::new();
+        for (lidar, drawn) in rig.lidars.iter().enumerate() {
+            let at = panel.at((shown.flat)(drawn.pose.position()));
+            let is_there =
+                |of: &&mut Self| (0..2).all(|k: usize| (of.at[k] - at[k]).abs() < ONE_PLACE);
+            match markers.iter_mut().find(is_there) {
+                Some(marker) => marker.lidars.push(lidar),
+                None => markers.push(Self { lidars: vec![lidar], at, label: at }),
+            }
+        }
+        for k in 1..markers.len() {
+            let (placed, rest) = markers.split_at_mut(k);
+            while placed.iter().any(|other| overlap(&other.bounds(), &rest[0].bounds())) {
+                rest[0].label[0] += 0.5 * RADIUS;
+            }
+        }
+        markers
+    }
+}
+
+fn overlap(a: &[f64; 4], b: &[f64; 4]) -> bool {
+    a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
+}
+
+/// Box around words, millimetres: left, upper, right, lower.
+fn bounds([x, y]: Point, size: f64, words: &str, anchor: Anchor) -> [f64; 4] {
+    let [wide, above, below] = CHARACTER.map(|share| share * size);
+    let width = wide * words.chars().count() as f64;
+    let left = match anchor {
+        Anchor::Start => x,
+        Anchor::Middle => x - 0.5 * width,
+        Anchor::End => x - width,
+    };
+    [left, y - above, left + width, y + below]
+}
+
+/// Places that are taken.
+#[derive(Default)]
+pub(super) struct Labels(Vec<[f64; 4]>);
+
+impl Labels {
+    /// Keeps the places of LiDARs' numbers.
+    pub fn keep_markers(&mut self, markers: &[Marker]) {
+        self.0.extend(markers.iter().map(Marker::bounds));
+    }
+
+    /// Keeps the place of words that stand where they stand.
+    pub fn keep(&mut self, at: Point, size: f64, words: &str, anchor: Anchor) {
+        self.0.push(bounds(at, size, words, anchor));
+    }
+
+    /// The first of some places at which words lie over nothing, else the first line above or below that is free; the
+    /// place is then taken.
+    pub fn place(
+        &mut self,
+        candidates: &[(Point, Anchor)],
+        size: f64,
+        words: &str,
+    ) -> (Point, Anchor) {
+        let is_free = |&([x, y], anchor): &(Point, Anchor)| {
+            let own = bounds([x, y], size, words, anchor);
+            !self.0.iter().any(|taken| overlap(taken, &own))
+        };
+        let lines = (1..=MOST_LINES).flat_map(|k| [-(k as f64), k as f64]);
+        let moved = lines.flat_map(|line| {
+            let by = 1.1 * size * line;
+            candidates.iter().map(move |&([x, y], anchor)| ([x, y + by], anchor))
+        });
+        let found = candidates.iter().copied().chain(moved).find(is_free);
+        let (at, anchor) = found.unwrap_or(candidates[0]);
+        self.keep(at, size, words, anchor);
+        (at, anchor)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_that_want_one_place_are_moved_apart() {
+        let mut labels = Labels::default();
+        let wanted = [([10.0, 20.0], Anchor::End), ([10.0, 20.0], Anchor::Start)];
+        let placed: Vec<(Point, Anchor)> =
+            (0..12).map(|_| labels.place(&wanted, 2.0, "side-front-left")).collect();
+        // By plain areas: no two of the boxes share any.
+        let boxes: Vec<[f64; 4]> = placed
+            .iter()
+            .map(|(at, anchor)| bounds(*at, 2.0, "side-front-left", *anchor))
+            .collect();
+        for (k, a) in boxes.iter().enumerate() {
+            for b in &boxes[k + 1..] {
+                let side = |k: usize| (a[k + 2].min(b[k + 2]) - a[k].max(b[k])).max(0.0);
+                assert!(side(0) * side(1) < 1e-9, "{placed:?}");
+            }
+        }
+        assert_eq!((placed[0], placed[1]), (wanted[0], wanted[1]));
+    }
+}
