@@ -5,7 +5,9 @@ use maud::{Markup, html};
 use super::svg::{COLOURS, FAINT, INK, SOFT, corners, page, px, trimmed};
 use super::text::align_columns;
 use crate::maths;
-use crate::targets::{Detection, RangeCard, TargetQuestion, TargetRanges, TargetTable};
+use crate::targets::{
+    BlindSector, Detection, RangeCard, TargetQuestion, TargetRanges, TargetTable,
+};
 
 /// Pixels of a panel, of the radius of its circle, of its title.
 const PANEL: f64 = 400.0;
@@ -87,8 +89,19 @@ fn of_card(card: &RangeCard) -> Vec<Met<'_>> {
 
 /// The range card of a placement: a line a bearing.
 pub fn range_card_text(card: &RangeCard) -> String {
+    let on_card = |sector: &&BlindSector| {
+        let bearings = card.targets.first().map_or(&[][..], |target| &target.bearings);
+        !bearings.iter().any(|of| of.bearing == sector.worst)
+    };
+    let between = card.blind.iter().filter(on_card);
+    let between: String = between
+        .map(|sector| {
+            let (bearing, lost) = (bearing_in_words(sector.worst), runs_in_words(&sector.lost));
+            format!("between these bearings: at {bearing} a car is lost at {lost} m\n")
+        })
+        .collect();
     format!(
-        "Range card: metres from the vehicle's origin at which {} beams or more meet a target on level ground\n{}",
+        "Range card: metres from the vehicle's origin at which {} beams or more meet a target on level ground\n{}{between}",
         card.beams,
         block(&of_card(card))
     )

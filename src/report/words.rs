@@ -5,7 +5,7 @@ use serde_json::Value;
 use super::RunRecord;
 use crate::json::spoken;
 use crate::score::Guard;
-use crate::search::Scored;
+use crate::search::{MethodRecord, Scored};
 
 /// The result of a run against the best baselines, by the objective and by information gain, and the guards that it
 /// violates.
@@ -201,10 +201,21 @@ pub fn spread_in_words(run: &RunRecord) -> Option<String> {
 
 /// Objective that each search method reached, and which method gave the result.
 pub fn methods_in_words(run: &RunRecord) -> String {
+    let won = run.methods.iter().find(|method| method.won);
+    let better = |m: &MethodRecord| won.is_some_and(|won| m.objective > won.objective);
+    let is_beaten = run.methods.iter().any(better);
     let each = run.methods.iter().map(|m| {
         let value = m.objective.map_or("nothing".into(), spoken);
-        let won = if m.won { " (the result)" } else { "" };
-        format!("{} reached {value} with {} poses cast{won}", m.method, m.poses_cast)
+        let met = match m.requirements {
+            [_, 0] => String::new(),
+            [met, of] => format!(" with {met} of {of} requirements met"),
+        };
+        let won = match (m.won, is_beaten && m.requirements[1] > 0) {
+            (true, true) => " (the result: requirements come before the objective)",
+            (true, false) => " (the result)",
+            (false, _) => "",
+        };
+        format!("{} reached {value}{met}, {} poses cast{won}", m.method, m.poses_cast)
     });
     each.collect::<Vec<_>>().join("; ")
 }

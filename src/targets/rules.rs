@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::places::{Sight, SightBeams};
+use crate::json::fixed;
 use crate::maths;
 use crate::near_field::RequiredGround;
 use crate::overlap::{Shares, connected_without, cut_off, part_connected};
@@ -105,7 +106,8 @@ struct Missing {
 impl std::fmt::Display for Missing {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let ([from, to], [near, far]) = (self.bearings, self.distances);
-        write!(f, "missing at {near:.0} to {far:.0} m between {from:.0}° and {to:.0}°")
+        let [from, to] = [from, to].map(|degrees| fixed(degrees, 0));
+        write!(f, "missing at {near:.0} to {far:.0} m between {from}° and {to}°")
     }
 }
 

@@ -181,12 +181,14 @@ fn a_card_names_the_sector_that_a_rig_does_not_see() {
     assert_eq!((car.bearing, car.met.last().unwrap()[1]), (0.0, 100.0));
     let site = site(&front, 100.0, &TriangleSoup::default());
     let ahead = RangeCard::new(&site, &[lidar(0.0)]).unwrap();
-    let [blind] = ahead.blind[..] else { panic!("{:?}", ahead.blind) };
+    let [blind] = &ahead.blind[..] else { panic!("{:?}", ahead.blind) };
     // Sectors around ±45° are seen up to ±60°; the next are around ±67.5°, whose edges lie at 52.5°.
     assert_eq!((blind.bearings, blind.distances), ([52.5, -52.5], [5.0, 50.0]));
     let told = blind.to_string();
     assert!(
-        told.starts_with("left and behind and right (52.5° to -52.5°) a car at 5 to 50 m"),
+        told.starts_with(
+            "left and behind and right (52.5° to -52.5°), worst at 75°: a car at 5 to 50 m is met"
+        ),
         "{told}"
     );
     // A second one that looks back closes it but for the sides.
