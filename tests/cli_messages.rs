@@ -204,3 +204,37 @@ fn mirrored_pairs_may_face_back() {
         assert!((-1.0 - 1e-6..=-0.5 + 1e-6).contains(&of(k, "x")), "{lidars:?}");
     }
 }
+
+#[test]
+fn two_rigs_are_told_apart_by_requirements_first() {
+    let dir = folder();
+    let mut car = car();
+    car["sensors"].as_array_mut().unwrap().push(json!({ "name": "idle", "price": 9,
+        "lidar": { "channels": 4, "fov": [-25, 15], "azimuth_steps": 90, "range": 30 } }));
+    car["require"] = json!([{ "ground": 5, "share": 0.0 }, { "target": "car", "from": 5, "within": 10, "share": 0.5 }]);
+    write(&dir, "car.json", &car.to_string());
+    // Looking up meets no car: the rig behind it is better though it gains less at the same place.
+    let rigs = json!({ "placements": [
+        { "name": "up", "lidars": [{ "x": 0.5, "y": 0, "z": 2, "pitch": -0.7, "sensor": "spin" }] },
+        { "name": "level", "lidars": [{ "x": 0.5, "y": 0, "z": 2, "sensor": "spin" },
+                                      { "x": 0.5, "y": 0.4, "z": 2, "sensor": "spin" }] }] });
+    write(&dir, "rigs.json", &rigs.to_string());
+    let output = sightline(dir.path(), &["score", "s.json", "rigs.json", "--backend", "cpu"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains(", 480 beams a LiDAR"), "no rig has the other model: {text}");
+    assert!(text.contains("\nup: price 2; range card, worst of 16 bearings: car "), "{text}");
+    assert!(text.contains("\nlevel: price 4; range card"), "{text}");
+    let last = text.lines().last().unwrap();
+    assert!(last.starts_with("better: level (2 of 2 requirements met, near_gain "), "{text}");
+    assert!(last.ends_with("requirements come first, then near_gain"), "{text}");
+    let scores = ok(dir.path(), &["score", "s.json", "rigs.json", "--backend", "cpu"]);
+    let card = &scores["scores"][0]["range_card"];
+    for of in card["targets"][0]["bearings"].as_array().unwrap() {
+        let bearing = of["bearing"].as_f64().unwrap();
+        assert!(bearing > -180.0 && bearing <= 180.0, "{bearing}");
+    }
+    let blind = &card["blind"][0];
+    assert!(blind["worst"].is_number() && blind["lost"][0].is_array(), "{blind}");
+    let one = sightline(dir.path(), &["score", "s.json", "rigs.json:up", "--backend", "cpu"]);
+    assert!(!String::from_utf8(one.stdout).unwrap().contains("better"));
+}

@@ -15,7 +15,7 @@ use crate::problem::Modelled;
 use crate::scan::conditions::under;
 use crate::search::{
     Certificate, Climbs, Finding, FramesUsed, GainSpread, GenerationRecord, LeftOut, Member,
-    MethodRecord, Outcome, PhaseCheck, Scored, Suite, rules_in_words,
+    MethodRecord, Outcome, PLAIN, PhaseCheck, Scored, Suite, rules_in_words,
 };
 
 /// Wall times of a run in seconds.
@@ -269,6 +269,10 @@ pub fn peak_memory() -> Option<u64> {
     Some(kilobytes << 10)
 }
 
+/// Meaning of the baseline that a choice of sensors comes with.
+const PLAIN_IN_WORDS: &str = "the same sensors as without a search, level in the middle of their mounts or evenly around \
+                              their edges";
+
 /// Result of a run and its folder as text: words first, then the table.
 pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     let mut text = String::new();
@@ -286,6 +290,9 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
         under(&record.conditions)
     );
     text += &scores_text_by(&rows, &record.objective);
+    if record.baselines.iter().any(|baseline| baseline.placement.name == PLAIN) {
+        text += &format!("{PLAIN}: {PLAIN_IN_WORDS}\n");
+    }
     // Guards stand in the table.
     let broken = broken_in_words(&record.baselines);
     if !broken.is_empty() {

@@ -15,6 +15,9 @@ const RADIUS: f64 = 150.0;
 const TITLE: f64 = 44.0;
 /// Panels beside each other.
 const COLUMNS: usize = 3;
+/// Bearing of the labels of circles, between two of sixteen bearings, in degrees; and the halo around them.
+const LABELS: f64 = -11.25;
+const PAPER: &str = "#fff";
 /// Circles of a panel.
 const RINGS: usize = 4;
 /// Widest wedge of a bearing, in degrees, and the share of it that is drawn.
@@ -264,7 +267,9 @@ fn panel(heading: &str, all: &[Met<'_>], names: &[&str], farthest: f64) -> Marku
         }
         @for ring in 1..=RINGS {
             @let share = ring as f64 / RINGS as f64;
-            text x=(px(middle[0] + 3.0)) y=(px(middle[1] - RADIUS * share - 3.0)) font-size="11" fill=(SOFT) { (trimmed(farthest * share, 1)) }
+            @let (x, y) = at(LABELS, farthest * share);
+            text x=(px(x)) y=(px(y + 4.0)) font-size="11" text-anchor="middle" fill=(INK) stroke=(PAPER) stroke-width="3"
+                paint-order="stroke" { (trimmed(farthest * share, 1)) }
         }
         polygon points=(corners([(middle[0], middle[1] - 8.0), (middle[0] + 5.0, middle[1] + 6.0),
             (middle[0] - 5.0, middle[1] + 6.0)])) fill=(INK) {}

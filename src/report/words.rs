@@ -91,14 +91,12 @@ fn judged_at(
         .collect();
     let required = if lacking.is_empty() {
         met_in_words(subject, price, best)
-    } else if price.is_empty() {
-        lacking.concat()
     } else {
-        format!(
-            "{}This is for the price of{}. ",
-            lacking.concat(),
-            price.trim_start_matches(" for")
-        )
+        let met = match best.scores.met() {
+            [_, 1] => "The requirement is not met".to_owned(),
+            [met, of] => format!("{met} of {of} requirements met"),
+        };
+        format!("{met}{price}. {}", lacking.concat())
     };
     format!("{required}{}{against}{share} {guards}", blind_in_words(best))
 }
@@ -405,8 +403,8 @@ mod tests {
         assert!(words.starts_with(start), "{words}");
         found.scores.required[1].share = 0.8;
         let words = verdict_at(&price, Some(&found), &[], "m_sog_scaled");
-        assert!(words.starts_with("NOT MET: ring: 80.0 % seen, 90.0 % required"), "{words}");
-        assert!(words.contains(". This is for the price of 9200 of 12000. "), "{words}");
+        let start = "1 of 2 requirements met for 9200 of 12000. NOT MET: ring: 80.0 % seen, 90.0 % required";
+        assert!(words.starts_with(start), "{words}");
     }
 
     #[test]

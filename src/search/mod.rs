@@ -50,7 +50,7 @@ mod tolerance;
 
 pub use bound::{Certificate, GainBound};
 pub(crate) use equip::REQUIRED;
-pub use equip::{Choosing, EquipStep, Equipped, Equipping, Limits, cost_front};
+pub use equip::{Choosing, EquipStep, Equipped, Equipping, Limits, PLAIN, cost_front};
 pub use error::SearchError;
 pub use evaluator::{Evaluator, Judged, SceneScores};
 pub use findings::Finding;

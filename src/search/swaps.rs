@@ -408,3 +408,25 @@ fn best_drawn(
     }
     Ok(ends.best.map(|best| best.poses))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ends_that_miss_requirements_are_no_per_cent_of_the_best() {
+        let said = |ends: &[(f64, Option<bool>)]| Climbs::new(ends, 0.5, 4).to_string();
+        let plain = said(&[(0.5, None), (0.499, None), (0.4, None)]);
+        assert!(
+            plain.starts_with("3 climbs over 4 frame(s), of which 2 ended within 0.5 %"),
+            "{plain}"
+        );
+        assert!(plain.contains("the median end is 0.2 % below it"), "{plain}");
+        let some = said(&[(0.5, Some(true)), (-0.04, Some(false)), (0.45, Some(true))]);
+        let words = "of which 2 met all requirements on areas and targets, and 1 of these ended within 0.5 %";
+        assert!(some.contains(words) && some.contains("is 10.0 % below it"), "{some}");
+        let none = said(&[(-0.04, Some(false)), (-0.3, Some(false))]);
+        assert!(none.contains("of which none met all requirements"), "{none}");
+        assert!(!none.contains('%') && none.ends_with("Another seed draws other climbs"), "{none}");
+    }
+}

@@ -319,7 +319,7 @@ impl SceneVehicle {
         files.extend(file);
         let is_there = !(shapes.is_empty() && others.is_empty());
         let (place, dir) = (at.clone(), dir.to_owned());
-        let body = is_there.then(|| VehicleBody { shapes, others, at: place, dir });
+        let body = is_there.then_some(VehicleBody { shapes, others, at: place, dir });
         let notes = vehicle.notes.clone();
         Ok(Self { at, notes, vehicle, owns_body: is_there, body, files })
     }

@@ -1,7 +1,7 @@
 //! A small file of each format, and errors of broken ones.
 
 use super::super::{Beams, SensorFormat, SensorPattern, parse};
-use super::{message, read};
+use super::{message, notes, read};
 use sightline_files::json::Location;
 
 /// Elevation and offset of each channel.
