@@ -113,10 +113,11 @@ pub fn with_kind(program: Command, arguments: &[OsString]) -> Command {
                 "Example:\n  sightline study {} {}\n\n{rest}",
                 kind.name, kind.example
             ))
-            .mut_arg("kind", |arg| arg.hide(true))
-            .mut_args(|arg| match kind.own.contains(&arg.get_id().as_str()) {
-                true => arg.hide_short_help(false),
-                false => arg,
+            // `mut_arg` would move the kind behind the scenes.
+            .mut_args(|arg| match arg.get_id().as_str() {
+                "kind" => arg.hide(true),
+                id if kind.own.contains(&id) => arg.hide_short_help(false),
+                _ => arg,
             })
             .mut_subcommands(|below| below.hide(true))
     })

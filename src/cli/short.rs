@@ -80,7 +80,7 @@ pub fn on_one_screen(command: Command) -> Command {
     };
     program.mut_subcommand("study", study).help_template(format!(
         "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\nCommands:\n{{subcommands}}\n\
-         Options: -h, --help; -V, --version; `sightline COMMAND -h` has those of a command\n{example}"
+         Options: -h, --help; -V, --version; of a command: sightline COMMAND -h\n{example}"
     ))
 }
 

@@ -195,7 +195,6 @@ mod tests {
         };
         assert!(of_lidar("a", &lidar([-25.0, 15.0], Some([-60.0, 60.0]), 100.0)).is_empty());
         for (lidar, word) in [
-            (lidar([-0.4, 0.2], None, 100.0), "0.600° (`fov`)"),
             (lidar([-25.0, 15.0], Some([-1.0, 1.0]), 100.0), "2.000° (`azimuth`)"),
             (lidar([-25.0, 15.0], None, 0.1), "a range of 0.1 m"),
         ] {
