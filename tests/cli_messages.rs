@@ -108,8 +108,7 @@ fn doubts_about_a_vehicle_are_told_once() {
     assert_eq!(narrow.matches("radians?").count(), 1, "{narrow}");
     assert!(narrow.contains("0.690 rad are 39.5°"), "{narrow}");
     let far = of_car(&dir, |car| {
-        car["require"] =
-            json!([{ "target": "child", "within": 10 }, { "target": "car", "within": 31 }]);
+        car["require"] = json!([{ "target": "child", "within": 10, "share": 0.1 }, { "target": "car", "within": 31, "share": 0.1 }]);
     });
     let beyond = "require[1].within: 31 m is farther than any sensor of the vehicle reaches, 30 m";
     assert!(far.contains(beyond) && !far.contains("require[0]"), "{far}");
@@ -126,6 +125,10 @@ fn one_placement_of_a_file_is_read_alike_by_every_command() {
     };
     assert_eq!(names(&["score", "s.json", "rigs.json"]), ["A", "B"]);
     assert_eq!(names(&["score", "s.json", "rigs.json:B"]), ["B"]);
+    // LiDARs that name no model are of the only one.
+    let output = sightline(dir.path(), &["score", "s.json", "rigs.json:B", "--backend", "cpu"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains(", 480 beams a LiDAR") && text.contains("\nB: price 4; range"), "{text}");
     for args in [
         ["score", "s.json", "rigs.json:C", "--backend", "cpu"],
         ["study", "tolerance", "s.json", "rigs.json:C", "--frames=1"],
@@ -135,7 +138,7 @@ fn one_placement_of_a_file_is_read_alike_by_every_command() {
         assert!(told.contains("rigs.json: has no placement `C`; it has A, B"), "{told}");
     }
     let missing = fails(dir.path(), &["score", "s.json", "none.json:A"]);
-    assert!(missing.contains("none.json:A: cannot be read"), "{missing}");
+    assert!(missing.contains("none.json: cannot be read"), "{missing}");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::svg::trimmed;
 use crate::json::spoken;
 use crate::score::{Objective, Scores, Standing};
 use crate::targets::RangeCard;
-use crate::vehicle::{Placement, Vehicle};
+use crate::vehicle::{Placement, SensorName, Vehicle};
 
 /// Price of the sensors of each placement and the range card in short, a line a placement; then the better of several
 /// placements: requirements first, then the default objective. Empty where nothing is known.
@@ -12,7 +12,9 @@ pub fn rigs_text(vehicle: &Vehicle, placements: &[Placement], all: &[Scores]) ->
     let has_prices = vehicle.sensors.iter().any(|model| model.price > 0.0);
     let mut text = String::new();
     for (placement, scores) in placements.iter().zip(all) {
-        let sensors = placement.lidars.iter().map(|pose| vehicle.price(pose.sensor));
+        // A LiDAR without a name is of the only model.
+        let name = |name: SensorName| if name.is_none() { vehicle.sensors[0].name } else { name };
+        let sensors = placement.lidars.iter().map(|pose| vehicle.price(name(pose.sensor)));
         let price = has_prices.then(|| format!("price {}", sensors.sum::<f64>()));
         let card = scores.range_card.as_ref().map(card_in_words);
         let facts: Vec<String> = price.into_iter().chain(card).collect();

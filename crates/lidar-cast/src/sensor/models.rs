@@ -254,9 +254,10 @@ impl Sensors {
     }
 
     /// Beams of one sensor in words: `4000 beams`, of several models `4000 or 8000 beams`. Models that are not `used` do not
-    /// count, unless none is.
+    /// count, unless none is; a LiDAR without a name may be of any.
     pub fn beams_in_words(&self, used: &HashSet<SensorName>) -> String {
-        let is_used = |model: &&SensorModel| used.is_empty() || used.contains(&model.name);
+        let all = used.is_empty() || used.contains(&SensorName::NONE);
+        let is_used = |model: &&SensorModel| all || used.contains(&model.name);
         let models = self.models.iter().filter(is_used);
         let mut beams: Vec<usize> = models.map(|model| model.table.directions().len()).collect();
         beams.sort_unstable();
