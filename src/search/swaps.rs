@@ -422,7 +422,12 @@ mod tests {
             "{plain}"
         );
         assert!(plain.contains("the median end is 0.2 % below it"), "{plain}");
-        let some = said(&[(0.5, Some(true)), (-0.04, Some(false)), (0.45, Some(true))]);
+        let some = said(&[
+            (0.5, Some(true)),
+            (-0.04, Some(false)),
+            (-0.3, Some(false)),
+            (0.45, Some(true)),
+        ]);
         let words = "of which 2 met all requirements on areas and targets, and 1 of these ended within 0.5 %";
         assert!(some.contains(words) && some.contains("is 10.0 % below it"), "{some}");
         let none = said(&[(-0.04, Some(false)), (-0.3, Some(false))]);
