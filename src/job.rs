@@ -374,7 +374,7 @@ fn add_range_cards<'a>(
     let Some(site) = site else { return Ok(()) };
     for (placement, scores) in all {
         let card = RangeCard::new(site, &placement.lidars)?;
-        scores.guards.extend(card.blind.iter().copied().map(Guard::BlindSector));
+        scores.guards.extend(card.blind.iter().cloned().map(Guard::BlindSector));
         scores.range_card = Some(card);
     }
     Ok(())

@@ -313,6 +313,11 @@ impl Scores {
         ))
     }
 
+    /// Requirements that are met, and their number.
+    pub fn met(&self) -> [usize; 2] {
+        [self.required.iter().filter(|seen| seen.is_met()).count(), self.required.len()]
+    }
+
     /// Missing share of the requirements, summed.
     pub fn missing(&self) -> f64 {
         self.required.iter().map(|seen| (seen.least - seen.share).max(0.0)).sum()

@@ -7,7 +7,7 @@ use tempfile::TempDir;
 use crate::cli::sightline;
 
 /// Lines and columns of one screen.
-const SCREEN: (usize, usize) = (30, 80);
+const SCREEN: (usize, usize) = (24, 80);
 
 /// Options of every command, by the completions for bash, which know nothing of what help shows.
 fn options(script: &str) -> BTreeMap<Vec<String>, BTreeSet<String>> {

@@ -170,7 +170,7 @@ fn every_score_carries_its_card_and_names_what_is_blind() {
     fs::write(dir.path().join("ahead.json"), ahead.to_string()).unwrap();
     let found = ok(dir.path(), &["score", "street.json", "ahead.json", "--backend", "cpu"]);
     let told = guards(&found["scores"][0]);
-    let want = "blind_sector: left and behind and right (75° to -75°) a car at 5 to 50 m";
+    let want = "blind_sector: left and behind and right (75° to -75°), worst at ";
     assert!(told.contains(want), "{told}");
 }
 

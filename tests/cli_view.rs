@@ -40,6 +40,8 @@ fn a_page_of_a_placement_compares_it_with_those_given() {
     // Twelve channels lose a car far away: that is said first.
     assert!(page.contains("<h1>BLIND: all round "), "{page}");
     assert!(page.contains("<p>high is ") && page.contains(" than low, the best baseline"));
+    let caption = "Percentage points that high gains more than each baseline";
+    assert!(page.contains(caption), "the rig that was given is named");
     let command = page.split("sightline view ").nth(1).unwrap().split('<').next().unwrap();
     let words: Vec<&str> = command.split(' ').collect();
     let ends =

@@ -39,6 +39,8 @@ mod cli_interrupted;
 #[cfg(feature = "cli")]
 mod cli_limits;
 #[cfg(feature = "cli")]
+mod cli_messages;
+#[cfg(feature = "cli")]
 mod cli_near_field;
 #[cfg(feature = "cli")]
 mod cli_numbers;

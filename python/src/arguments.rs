@@ -22,7 +22,9 @@ const LONGEST: usize = 60;
 /// Most placements and beams of a call: a zero too many is an error, not days of work.
 const MOST: i128 = 1_000_000_000;
 /// Most threads for each core.
-const THREADS_A_CORE: i128 = 8;
+const THREADS_A_CORE: i128 = 4;
+/// Threads that any machine may be asked for, as in the program.
+const THREADS_ANYWHERE: i128 = 16;
 /// Sizes below this many bytes are not checked: the check takes longer than they do.
 const FEW_BYTES: u128 = 1 << 20;
 
@@ -74,10 +76,10 @@ maybe_whole_numbers! {
     window = "window": u32, 0, u32::MAX;
 }
 
-/// The argument of `set_threads`: at most [`THREADS_A_CORE`] for each core.
+/// The argument of `set_threads`: at most [`THREADS_A_CORE`] for each core, and [`THREADS_ANYWHERE`] on any machine.
 pub fn threads(given: &Bound<'_, PyAny>) -> PyResult<usize> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    whole("count", given, 1..=THREADS_A_CORE * cores as i128)
+    whole("count", given, 1..=(THREADS_A_CORE * cores as i128).max(THREADS_ANYWHERE))
 }
 
 /// The argument `range` of sensors.

@@ -66,7 +66,7 @@ fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
     py.detach(|| wait::pooled(|| sightline::cli::run(arguments).code()))
 }
 
-/// Lets the CPU engine use `count` threads, up to 8 for each core; to be called before anything is computed. Raises
+/// Lets the CPU engine use `count` threads, up to 4 for each core, and 16 on any machine; to be called before anything is computed. Raises
 /// `ValueError` for another number and for a later call.
 #[pyfunction]
 fn set_threads(#[pyo3(from_py_with = arguments::threads)] count: usize) -> PyResult<()> {

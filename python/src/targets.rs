@@ -34,7 +34,7 @@ pub fn target_question(
 
 /// Targets by preset or file.
 fn named(names: &[String]) -> PyResult<Vec<Target>> {
-    let named = |name: &String| Target::named(name).map_err(|error| bad(error.to_string()));
+    let named = |name: &String| Target::named(name).map_err(raised);
     names.iter().map(named).collect()
 }
 

@@ -141,6 +141,9 @@ def test_missing_files_have_number_and_name(tmp_path: Path) -> None:
             read(missing)
         assert (raised.value.errno, raised.value.filename) == (errno.ENOENT, missing), read
         assert "cannot be read" in str(raised.value) or "No such file" in str(raised.value)
+    with pytest.raises(FileNotFoundError) as raised:
+        Scene.load("scenes/highway.json").beams_on([[0, 0, 2, 0, 0, 0]], [missing], [10], [0])
+    assert (raised.value.errno, raised.value.filename) == (errno.ENOENT, missing)
     with pytest.raises(IsADirectoryError) as raised:
         Scene.load(tmp_path)
     assert raised.value.filename == str(tmp_path)

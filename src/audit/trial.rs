@@ -234,10 +234,15 @@ mod tests {
         assert_eq!(blind.verdict, TrialResult::Caught);
         assert_eq!(Trial::new("blind", &base, scores(100, 5, None)).verdict, TrialResult::Fooled);
         // Equal information, more of it near: only the car that is lost speaks against it.
-        let sector = BlindSector { bearings: [-15.0, 15.0], distances: [25.0, 50.0] };
+        let sector = BlindSector {
+            bearings: [-15.0, 15.0],
+            distances: [25.0, 50.0],
+            worst: 0.0,
+            lost: vec![[25.0, 50.0]],
+        };
         let near =
             |near_gain, guards| Scores { near_gain: Some(near_gain), guards, ..base.clone() };
-        let lost = || vec![Guard::BlindSector(sector)];
+        let lost = || vec![Guard::BlindSector(sector.clone())];
         let (seeing, away) = (near(0.5, Vec::new()), near(0.6, lost()));
         assert_eq!(Trial::new("away", &seeing, away.clone()).verdict, TrialResult::Caught);
         assert_eq!(

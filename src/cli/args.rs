@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use super::output::{Talk, Terminal};
 use crate::datasets::CarlaTags;
 use crate::engine::{EngineChoice, EngineKind};
-use crate::runs::parse::finite;
+use crate::runs::parse::number_as;
 use crate::runs::psog::CarlaScans;
 use crate::runs::{Computing, RunError};
 use crate::vehicle::SensorChoice;
@@ -198,7 +198,7 @@ pub struct DatasetArgs {
     pub carla_tags: Option<Tags>,
     /// Height of the recording LiDAR above the ground in metres, for KITTI and CARLA [default: what an export
     /// of this program says, else above the labelled road within 10 m; 1.73 for KITTI where the road lies so]
-    #[arg(long, value_name = "M", conflicts_with = "nuscenes", value_parser = finite)]
+    #[arg(long, value_name = "M", conflicts_with = "nuscenes", value_parser = number_as("1.73"))]
     pub lidar_height: Option<f64>,
 }
 

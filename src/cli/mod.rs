@@ -9,8 +9,10 @@ mod output;
 mod args;
 mod checks;
 mod coverage;
+mod kinds;
 mod optimize;
 mod psog;
+mod refusal;
 mod rig;
 mod scan;
 mod scene;
@@ -35,7 +37,7 @@ pub use output::Exit;
 /// Casts every beam of candidate LiDAR placements through a scene, finds the voxels the beams cover,
 /// and scores how much they tell about a probabilistic semantic occupancy grid (P-SOG).
 #[derive(Parser)]
-#[command(name = "sightline", version, max_term_width = 100, arg_required_else_help = true)]
+#[command(name = "sightline", version, arg_required_else_help = true)]
 #[command(after_help = "Examples:
   sightline optimize scenes/urban-crossing.json --max-seconds 30
   sightline score scenes/urban-crossing.json scenes/placements.json
@@ -165,13 +167,15 @@ fn parse(arguments: &[OsString]) -> Result<Parsed, Refused> {
     if let Some(told) = usage::not_utf8(arguments) {
         return Err(Refused::Sentence(told));
     }
+    let arguments = &refusal::with_values_below_0(arguments);
     let program = match short::is_short(arguments) {
-        true => short::on_one_screen(program()),
-        false => usage::with_examples(program()),
-    };
+        true => short::on_one_screen(kinds::with_kind(program(), arguments)),
+        false => usage::with_examples(kinds::with_kind(program(), arguments)),
+    }
+    .term_width(short::COLUMNS);
     let refused = |error| match usage::is_help(&error) {
         true => Refused::Help(error),
-        false => Refused::Sentence(usage::sentence(&error, &program, arguments)),
+        false => Refused::Sentence(refusal::sentence(&error, &program, arguments)),
     };
     let matches = program.clone().try_get_matches_from(arguments).map_err(refused)?;
     if let Some(option) = dash(&matches) {

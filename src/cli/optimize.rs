@@ -9,7 +9,7 @@ use crate::job::{FRONT_EVALUATIONS, FrontError, FrontObjectives, JobFiles};
 use crate::runs::optimize::{
     FrontStart, NewRun, OptimizeRequest, Start, front, holds_front, optimize,
 };
-use crate::runs::parse::{finite, whole};
+use crate::runs::parse::{number_as, whole};
 use crate::runs::{Conditions, FiguresOut, Gltf, MountingArgs};
 use crate::runs::{RunError, Watcher};
 use crate::scan::conditions::in_words;
@@ -67,7 +67,7 @@ pub struct OptimizeArgs {
     max_seconds: Option<f64>,
     /// Score over all frames at which the search ends
     #[arg(long = "enough", alias = "target", value_name = "SCORE", conflicts_with = "resume", allow_hyphen_values = true,
-          value_parser = finite)]
+          value_parser = number_as("0.25"))]
     target: Option<f64>,
     /// Placements of a generation [default: chosen from the number of variables]
     #[arg(long, value_name = "N", conflicts_with = "resume",
@@ -102,7 +102,7 @@ pub struct OptimizeArgs {
     /// Most that the sensors may cost, in the vehicle's currency
     ///
     /// Models, mounts and numbers of sensors are chosen for the money.
-    #[arg(long, value_name = "PRICE", conflicts_with = "resume", value_parser = finite)]
+    #[arg(long, value_name = "PRICE", conflicts_with = "resume", value_parser = number_as("12000"))]
     budget: Option<f64>,
     /// Take the fewest sensors of a vehicle that meet all of its requirements: among equal numbers the cheapest, and
     /// their best placement

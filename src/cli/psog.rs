@@ -157,7 +157,7 @@ pub struct SensorInfoArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     azimuth_steps: Option<u32>,
     /// Window in seconds of a pattern that lists times [default: the first 0.1 s]
-    #[arg(long, num_args = 2, value_names = ["FROM", "TO"], value_parser = crate::runs::parse::finite)]
+    #[arg(long, num_args = 2, value_names = ["FROM", "TO"], value_parser = crate::runs::parse::number_as("0.1"))]
     window: Option<Vec<f64>>,
     /// How to print
     #[arg(long, value_enum, default_value_t = Format::Text)]

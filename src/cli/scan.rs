@@ -9,7 +9,7 @@ use super::output::{Exit, Talk, Terminal};
 use crate::export::{DatasetSettings, Layout, Splits};
 use crate::runs::Gltf;
 use crate::runs::cast::{CastRequest, cast};
-use crate::runs::parse::{finite, whole};
+use crate::runs::parse::{number_as, whole};
 use crate::runs::scan::{ScanRequest, scan};
 use crate::runs::{Computing, RunError};
 use crate::scan::Scanning;
@@ -52,7 +52,7 @@ pub struct ScanArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
     /// Shares of the scenes for training, validation and tests
-    #[arg(long, num_args = 3, value_names = ["TRAIN", "VAL", "TEST"], value_parser = finite)]
+    #[arg(long, num_args = 3, value_names = ["TRAIN", "VAL", "TEST"], value_parser = number_as("0.7"))]
     splits: Option<Vec<f64>>,
     /// nuscenes: of so many frames one is a keyframe, the others are sweeps [default: 5]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]

@@ -10,7 +10,7 @@ use super::output::{Exit, Talk, Terminal};
 use crate::datasets::ImportOptions;
 use crate::internals::{FEWEST_STREET_TRIANGLES as FEWEST, MOST_STREET_TRIANGLES as MOST};
 use crate::runs::RunError;
-use crate::runs::parse::{finite, whole};
+use crate::runs::parse::{number_as, whole};
 use crate::runs::scene::{Origin, SceneCounts, count, counts_text, new_street, new_world};
 use crate::worlds;
 
@@ -117,7 +117,7 @@ pub struct SceneImportArgs {
     #[command(flatten)]
     datasets: DatasetArgs,
     /// Edge of the cells that the plates and boxes of scans are made of, in metres [default: 0.4]
-    #[arg(long, value_name = "M", value_parser = finite)]
+    #[arg(long, value_name = "M", value_parser = number_as("0.4"))]
     cell: Option<f64>,
     /// Seed of all that the map does not say
     #[arg(long, value_name = "N", conflicts_with = "scans", default_value_t = 1, value_parser = whole::<u64>)]

@@ -4,12 +4,14 @@ use std::ffi::OsString;
 
 use clap::Command;
 
-/// Columns of `-h`.
-const COLUMNS: usize = 80;
+use super::kinds;
+
+/// Columns of help.
+pub const COLUMNS: usize = 80;
 
 /// Options that `-h` shows, by command; those of the commands below `study` count for each of them alone.
 const SHOWN: [(&str, &[&str]); 25] = [
-    ("optimize", &["vehicle", "budget", "out", "resume"]),
+    ("optimize", &["vehicle", "budget", "out", "resume", "seed", "baselines"]),
     ("score", &["vehicle", "format", "out", "condition"]),
     ("view", &["vehicle", "baselines", "out"]),
     ("cast", &["frame", "vehicle", "out"]),
@@ -17,12 +19,12 @@ const SHOWN: [(&str, &[&str]); 25] = [
     ("verify", &["backend", "frames", "random"]),
     ("chart", &["objective", "full", "out"]),
     ("audit", &["objective", "vehicle"]),
-    ("study", &["vehicle", "budget", "out"]),
+    ("study", &["vehicle", "out"]),
     ("study nearfield", &["vehicle", "frames", "out"]),
     ("study targets", &["targets", "distances", "vehicle", "out"]),
     ("study redundancy", &["vehicle", "frames"]),
     ("study overlap", &["least_shared", "vehicle", "frames"]),
-    ("study sweep", &["field", "from", "to", "out"]),
+    ("study sweep", &["field", "from", "to", "vehicle", "out"]),
     ("study tolerance", &["vehicle", "most_mm", "most_deg", "steps"]),
     ("psog build", &["kitti", "nuscenes", "carla", "out"]),
     ("rig export", &["format", "vehicle", "base_link", "out"]),
@@ -61,19 +63,46 @@ fn below(command: Command, path: &str) -> Command {
     }
 }
 
-/// One screen: the first example alone, at the width of a narrow terminal.
+/// One screen: the first example alone, no command `help`; the program and `study` list their commands tightly.
 pub fn on_one_screen(command: Command) -> Command {
-    with_one_example(command).term_width(COLUMNS)
+    let program = with_one_example(command).disable_help_subcommand(true);
+    let example = example_of(&program);
+    let study = |study: Command| {
+        let example = example_of(&study);
+        // The help of one kind is like that of a command.
+        if study.get_subcommands().all(Command::is_hide_set) {
+            return study;
+        }
+        study.help_template(format!(
+            "{{about-with-newline}}\nUsage: sightline study <KIND> [OPTIONS] <SCENES>...; options: study <KIND> -h\n\n{}{{subcommands}}\n\n{example}",
+            kinds::lines()
+        ))
+    };
+    program.mut_subcommand("study", study).help_template(format!(
+        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\nCommands:\n{{subcommands}}\n\
+         Options: -h, --help; -V, --version; of a command: sightline COMMAND -h\n{example}"
+    ))
+}
+
+/// The first example of a command: on one line where it fits.
+fn example_of(command: &Command) -> String {
+    let written = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+    let example = written.lines().find(|line| line.starts_with("  ")).unwrap_or_default();
+    match "Example:".len() + example.chars().count() <= COLUMNS {
+        true => format!("Example:{example}"),
+        false => format!("Example:\n{example}"),
+    }
 }
 
 fn with_one_example(command: Command) -> Command {
-    let written = command.get_after_help().map(ToString::to_string).unwrap_or_default();
-    let command = command.mut_subcommands(with_one_example);
-    match written.lines().find(|line| line.starts_with("  ")) {
-        Some(example) => command.help_template(format!(
-            "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{{all-args}}\n\nExample:\n{example}"
+    let command = command.mut_subcommands(with_one_example).disable_help_subcommand(true);
+    let is_there = command.get_after_help().is_some();
+    let example = example_of(&command);
+    match is_there {
+        true => command.help_template(format!(
+            "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{{all-args}}\n\n{example}"
         )),
-        None => command,
+        false => command,
     }
 }
 
@@ -90,7 +119,7 @@ mod tests {
     fn every_entry_names_an_option_that_is_there() {
         let program = crate::cli::program();
         for (path, shown) in SHOWN {
-            assert!(shown.len() <= 4, "{path}");
+            assert!(shown.len() <= 6, "{path}");
             for id in shown {
                 let found = option_of(&program, path, id);
                 let found = found.unwrap_or_else(|| panic!("{path} has no option `{id}`"));

@@ -1,4 +1,4 @@
-//! Help with examples, one sentence for each wrong argument, completions for shells, manual pages, schemas for editors.
+//! Help with examples, completions for shells, manual pages, schemas for editors.
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -32,40 +32,6 @@ pub fn not_utf8(arguments: &[OsString]) -> Option<String> {
     Some(format!(
         "{shown}: this folder's name is not UTF-8, and results name it in JSON; rename it"
     ))
-}
-
-/// An error of the arguments in one line: the mistake, the guess of clap, the command that prints the help.
-pub fn sentence(error: &clap::Error, program: &Command, arguments: &[OsString]) -> String {
-    let text = error.render().to_string();
-    let lines = text.lines().map(str::trim);
-    // The fault, lists that belong to it and tips; the usage, which is long, stands in the help.
-    let told = lines
-        .take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more information"))
-        .filter(|line| !line.is_empty());
-    let mut words = String::new();
-    for line in told {
-        let (between, line) = match (line.strip_prefix("tip: "), words.ends_with(':')) {
-            _ if words.is_empty() => ("", line.strip_prefix("error: ").unwrap_or(line)),
-            (Some(tip), _) => ("; ", tip),
-            (None, true) => (" ", line),
-            (None, false) if line.starts_with('[') => (" ", line),
-            (None, false) => (", ", line),
-        };
-        words += between;
-        words += line;
-    }
-    format!("{words}; see `{} --help`", path(program, arguments).join(" "))
-}
-
-/// Names of the program and of the command that the arguments begin with.
-fn path<'a>(program: &'a Command, arguments: &[OsString]) -> Vec<&'a str> {
-    let (mut at, mut path) = (program, vec![program.get_name()]);
-    for word in arguments.iter().skip(1) {
-        let Some(next) = word.to_str().and_then(|word| at.find_subcommand(word)) else { break };
-        at = next;
-        path.push(at.get_name());
-    }
-    path
 }
 
 /// Prints the text below the options unchanged: clap would break commands at the width of the terminal.
@@ -189,7 +155,7 @@ mod tests {
     use clap::CommandFactory;
 
     use super::*;
-    use crate::cli::{Cli, taking_negative_numbers};
+    use crate::cli::Cli;
 
     /// Every command below one, with its names.
     fn each(command: &Command, names: &str, look: &mut impl FnMut(&str, &Command)) {
@@ -228,38 +194,5 @@ mod tests {
         let told = not_utf8(&["sightline".into(), odd]).expect("a sentence");
         assert!(told.starts_with("a\u{fffd}b.json: is not UTF-8"), "{told}");
         assert_eq!(not_utf8(&["sightline".into(), "é.json".into()]), None);
-    }
-
-    #[test]
-    fn wrong_arguments_are_one_sentence() {
-        let program = with_examples(taking_negative_numbers(Cli::command()));
-        for (line, words) in [
-            ("scan s.json", "arguments were not provided: --placement <FILE[:NAME]>, --out <DIR>"),
-            (
-                "score s.json p.json --fromat json",
-                "unexpected argument '--fromat' found; a similar",
-            ),
-            (
-                "score s.json --format jsn",
-                "for '--format <FORMAT>' [possible values: text, json, csv]",
-            ),
-            (
-                "scan s.json --seed -1",
-                "'--seed <N>': give a whole number from 0 to 18446744073709551615",
-            ),
-            ("scene make", "unrecognized subcommand 'make'"),
-        ] {
-            let arguments: Vec<OsString> =
-                "sightline".split(' ').chain(line.split(' ')).map(OsString::from).collect();
-            let error = program.clone().try_get_matches_from(&arguments).unwrap_err();
-            assert!(!is_help(&error), "{line}");
-            let told = sentence(&error, &program, &arguments);
-            assert!(told.contains(words), "{line}: {told}");
-            assert!(!told.contains('\n') && !told.contains("error:"), "{line}: {told}");
-            let command = line.split(' ').next().unwrap();
-            assert!(told.ends_with(&format!("; see `sightline {command} --help`")), "{told}");
-        }
-        let help = program.try_get_matches_from(["sightline", "scan", "--help"]).unwrap_err();
-        assert!(is_help(&help));
     }
 }

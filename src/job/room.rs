@@ -9,7 +9,7 @@ use crate::engine::BackendError;
 use crate::geom::Pose;
 use crate::maths;
 use crate::score::{Scores, Seen};
-use crate::search::Evaluator;
+use crate::search::{Evaluator, error_of_share};
 use crate::vehicle::{Placement, SensorPose};
 
 /// Tolerances in which copies are mounted, as multiples of the usual one.
@@ -79,6 +79,8 @@ pub struct RoomOfCopies {
     pub tolerance: Tolerance,
     /// Share of 200 copies that meet all requirements.
     pub holds_in: f64,
+    /// Two standard errors of the share: the copies are a draw.
+    pub error: f64,
 }
 
 /// Requirements that are missed as the placement is, by position: no deviation breaks them.
@@ -179,7 +181,8 @@ impl Job {
             let job = self.clone().tolerance(Some(tolerance));
             job.add_holds(&mut [(placement, &mut scores)])?;
             let holds_in = scores.requirements_hold_in.unwrap_or_default();
-            room.copies.push(RoomOfCopies { tolerance, holds_in });
+            let error = error_of_share(holds_in, placement.lidars.len());
+            room.copies.push(RoomOfCopies { tolerance, holds_in, error });
         }
         Ok(room)
     }

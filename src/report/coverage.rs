@@ -97,7 +97,7 @@ fn panel(
 ) -> Markup {
     let seen = near.poles.iter().filter(|pole| pole.seen).count();
     let words = format!(
-        "{:.0} % within 10 m, {} % of the ring, {seen} of {} poles",
+        "seen: {:.0} % within 10 m, {} % of the ring, {seen} of {} poles",
         100.0 * near.near_field,
         optional(near.ring.map(|share| 100.0 * share), 0),
         near.poles.len()

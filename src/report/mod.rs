@@ -14,6 +14,7 @@
 //! | `targets` | distances at which targets are met, by bearing |
 //! | `map` | a placement on its vehicle, and the information that it gains from above |
 //! | `tables` | tables of scores and studies as CSV; gains in each of several scenes |
+//! | `rigs` | price, range card and order of rigs below their scores |
 //! | `text` | tables and answers of commands as text |
 //! | `front` | the front of two or three objectives: `result.json`, table, drawing |
 //! | `view` | the 3-D view of a page |
@@ -29,6 +30,7 @@ pub(crate) mod map;
 mod page;
 pub(crate) mod plot;
 pub(crate) mod record;
+mod rigs;
 pub(crate) mod sensor;
 pub(crate) mod study;
 mod svg;
@@ -44,6 +46,7 @@ pub(crate) use page::{Figures, Looks, Subject, front_html, report_html, view_htm
 pub(crate) use plot::{Axis, Plot, Series};
 pub(crate) use record::convergence_svg;
 pub use record::{RunContext, RunRecord, RunTimes, SceneRecord};
+pub use rigs::rigs_text;
 pub(crate) use tables::{ScoreColumn, optional};
 pub use text::scores_text;
 pub(crate) use words::{

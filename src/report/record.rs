@@ -10,15 +10,14 @@ use super::tables::by_scene;
 use super::targets::range_card_text;
 use super::text::{align_columns, findings_text, poses_text, scores_text_by};
 use super::words::{
-    broken_in_words, certificate_in_words, methods_in_words, next_in_words, run_verdict,
-    spread_in_words,
+    broken_in_words, methods_in_words, next_in_words, run_verdict, spread_in_words,
 };
 use super::{Axis, Plot, Series};
 use crate::problem::Modelled;
 use crate::scan::conditions::under;
 use crate::search::{
     Certificate, Climbs, Finding, FramesUsed, GainSpread, GenerationRecord, LeftOut, Member,
-    MethodRecord, Outcome, PhaseCheck, Scored, Suite, rules_in_words,
+    MethodRecord, Outcome, PLAIN, PhaseCheck, Scored, Suite, rules_in_words,
 };
 
 /// Wall times of a run in seconds.
@@ -272,6 +271,10 @@ pub fn peak_memory() -> Option<u64> {
     Some(kilobytes << 10)
 }
 
+/// Meaning of the baseline that a choice of sensors comes with.
+const PLAIN_IN_WORDS: &str = "the same sensors as without a search, level in the middle of their mounts or evenly around \
+                              their edges";
+
 /// Result of a run and its folder as text: words first, then the table.
 pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     let mut text = String::new();
@@ -290,6 +293,9 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
         under(&record.conditions)
     );
     text += &scores_text_by(&rows, &record.objective);
+    if record.baselines.iter().any(|baseline| baseline.placement.name == PLAIN) {
+        text += &format!("{PLAIN}: {PLAIN_IN_WORDS}\n");
+    }
     // Guards stand in the table.
     let broken = broken_in_words(&record.baselines);
     if !broken.is_empty() {
@@ -368,8 +374,13 @@ fn best_text(best: &Scored, record: &RunRecord) -> String {
     if let Some(climbs) = &record.climbs {
         text += &format!("draw: {climbs}.\n");
     }
-    text += &format!("certificate: {}\n", certificate_in_words(record));
-    text += &format!("\n{}\n", findings_text(&record.findings));
+    // The paper's bound tells nothing about a result; the page and the JSON have it.
+    if let Some(certificate) = &record.certificate {
+        text += &format!("certificate: on a grid, {}\n", certificate.gain_says);
+    }
+    if !record.findings.is_empty() {
+        text += &format!("\n{}\n", findings_text(&record.findings));
+    }
     text
 }
 

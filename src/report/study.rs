@@ -211,9 +211,12 @@ pub fn room_text(all: &[Room]) -> String {
         text += &align_columns(&rows);
         text += &room.tilt.as_ref().map(tilt_text).unwrap_or_default();
         for copies in &room.copies {
-            let share = 100.0 * copies.holds_in;
+            let [share, error] = [copies.holds_in, copies.error].map(|share| 100.0 * share);
             let line = "all LiDARs off at random within";
-            text += &format!("{line} {}: {share:.0} % of copies meet all\n", copies.tolerance);
+            text += &format!(
+                "{line} {}: {share:.0} % of copies meet all (± {error:.0} by the draw of 200)\n",
+                copies.tolerance
+            );
         }
         text
     };

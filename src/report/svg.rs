@@ -1,5 +1,6 @@
 //! Parts of every drawing: page, colours, numbers as words, and axes with their ticks.
 
+use crate::json::fixed;
 use crate::maths;
 use maud::{Markup, html};
 
@@ -54,8 +55,11 @@ pub(super) fn number(value: f64) -> String {
 
 /// A number without the zeros at the end of its decimals.
 pub(super) fn trimmed(value: f64, decimals: usize) -> String {
-    let text = format!("{value:.decimals$}");
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    let text = fixed(value, decimals);
+    if text.contains('.') {
+        return text.trim_end_matches('0').trim_end_matches('.').to_owned();
+    }
+    text
 }
 
 /// Maps a value range to a pixel range.

@@ -5,7 +5,9 @@ use maud::{Markup, html};
 use super::svg::{COLOURS, FAINT, INK, SOFT, corners, page, px, trimmed};
 use super::text::align_columns;
 use crate::maths;
-use crate::targets::{Detection, RangeCard, TargetQuestion, TargetRanges, TargetTable};
+use crate::targets::{
+    BlindSector, Detection, RangeCard, TargetQuestion, TargetRanges, TargetTable,
+};
 
 /// Pixels of a panel, of the radius of its circle, of its title.
 const PANEL: f64 = 400.0;
@@ -13,6 +15,9 @@ const RADIUS: f64 = 150.0;
 const TITLE: f64 = 44.0;
 /// Panels beside each other.
 const COLUMNS: usize = 3;
+/// Bearing of the labels of circles, between two of sixteen bearings, in degrees; and the halo around them.
+const LABELS: f64 = -11.25;
+const PAPER: &str = "#fff";
 /// Circles of a panel.
 const RINGS: usize = 4;
 /// Widest wedge of a bearing, in degrees, and the share of it that is drawn.
@@ -87,8 +92,19 @@ fn of_card(card: &RangeCard) -> Vec<Met<'_>> {
 
 /// The range card of a placement: a line a bearing.
 pub fn range_card_text(card: &RangeCard) -> String {
+    let on_card = |sector: &&BlindSector| {
+        let bearings = card.targets.first().map_or(&[][..], |target| &target.bearings);
+        !bearings.iter().any(|of| of.bearing == sector.worst)
+    };
+    let between = card.blind.iter().filter(on_card);
+    let between: String = between
+        .map(|sector| {
+            let (bearing, lost) = (bearing_in_words(sector.worst), runs_in_words(&sector.lost));
+            format!("between these bearings: at {bearing} a car is lost at {lost} m\n")
+        })
+        .collect();
     format!(
-        "Range card: metres from the vehicle's origin at which {} beams or more meet a target on level ground\n{}",
+        "Range card: metres from the vehicle's origin at which {} beams or more meet a target on level ground\n{}{between}",
         card.beams,
         block(&of_card(card))
     )
@@ -251,7 +267,9 @@ fn panel(heading: &str, all: &[Met<'_>], names: &[&str], farthest: f64) -> Marku
         }
         @for ring in 1..=RINGS {
             @let share = ring as f64 / RINGS as f64;
-            text x=(px(middle[0] + 3.0)) y=(px(middle[1] - RADIUS * share - 3.0)) font-size="11" fill=(SOFT) { (trimmed(farthest * share, 1)) }
+            @let (x, y) = at(LABELS, farthest * share);
+            text x=(px(x)) y=(px(y + 4.0)) font-size="11" text-anchor="middle" fill=(INK) stroke=(PAPER) stroke-width="3"
+                paint-order="stroke" { (trimmed(farthest * share, 1)) }
         }
         polygon points=(corners([(middle[0], middle[1] - 8.0), (middle[0] + 5.0, middle[1] + 6.0),
             (middle[0] - 5.0, middle[1] + 6.0)])) fill=(INK) {}

@@ -5,7 +5,7 @@ use serde_json::Value;
 use super::RunRecord;
 use crate::json::spoken;
 use crate::score::Guard;
-use crate::search::Scored;
+use crate::search::{MethodRecord, Scored};
 
 /// The result of a run against the best baselines, by the objective and by information gain, and the guards that it
 /// violates.
@@ -123,14 +123,12 @@ fn judged_at(
         .collect();
     let required = if lacking.is_empty() {
         met_in_words(subject, price, best)
-    } else if price.is_empty() {
-        lacking.concat()
     } else {
-        format!(
-            "{}This is for the price of{}. ",
-            lacking.concat(),
-            price.trim_start_matches(" for")
-        )
+        let met = match best.scores.met() {
+            [_, 1] => "The requirement is not met".to_owned(),
+            [met, of] => format!("{met} of {of} requirements met"),
+        };
+        format!("{met}{price}. {}", lacking.concat())
     };
     format!("{required}{}{against}{share} {guards}", blind_in_words(best))
 }
@@ -251,10 +249,21 @@ pub fn spread_in_words(run: &RunRecord) -> Option<String> {
 
 /// Objective that each search method reached, and which method gave the result.
 pub fn methods_in_words(run: &RunRecord) -> String {
+    let won = run.methods.iter().find(|method| method.won);
+    let better = |m: &MethodRecord| won.is_some_and(|won| m.objective > won.objective);
+    let is_beaten = run.methods.iter().any(better);
     let each = run.methods.iter().map(|m| {
         let value = m.objective.map_or("nothing".into(), spoken);
-        let won = if m.won { " (the result)" } else { "" };
-        format!("{} reached {value} with {} poses cast{won}", m.method, m.poses_cast)
+        let met = match m.requirements {
+            [_, 0] => String::new(),
+            [met, of] => format!(" with {met} of {of} requirements met"),
+        };
+        let won = match (m.won, is_beaten && m.requirements[1] > 0) {
+            (true, true) => " (the result: requirements come before the objective)",
+            (true, false) => " (the result)",
+            (false, _) => "",
+        };
+        format!("{} reached {value}{met}, {} poses cast{won}", m.method, m.poses_cast)
     });
     each.collect::<Vec<_>>().join("; ")
 }
@@ -444,8 +453,8 @@ mod tests {
         assert!(words.starts_with(start), "{words}");
         found.scores.required[1].share = 0.8;
         let words = verdict_at(&price, Some(&found), &[], "m_sog_scaled");
-        assert!(words.starts_with("NOT MET: ring: 80.0 % seen, 90.0 % required"), "{words}");
-        assert!(words.contains(". This is for the price of 9200 of 12000. "), "{words}");
+        let start = "1 of 2 requirements met for 9200 of 12000. NOT MET: ring: 80.0 % seen, 90.0 % required";
+        assert!(words.starts_with(start), "{words}");
     }
 
     #[test]

@@ -133,7 +133,7 @@ fn frame(request: &CastRequest, computing: &Computing<'_>) -> Result<Loaded, Run
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct ViewRequest {
     /// Scene files, then a file of placements, with :NAME of the one to show [default: its first]
-    #[cfg_attr(feature = "cli", arg(value_name = "FILE", required = true, num_args = 2..))]
+    #[cfg_attr(feature = "cli", arg(value_names = ["SCENE", "RIGS[:NAME]"], required = true, num_args = 2..))]
     pub files: Vec<String>,
     /// Placement to compare with, or a file of them; may be given several times
     ///

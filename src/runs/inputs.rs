@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::{Computing, RunError, Watcher};
 use crate::json::FileKind;
 use crate::problem::Problem;
+pub use crate::vehicle::placement_file::file_and_name;
 use crate::vehicle::placement_file::holds_placements;
 use crate::vehicle::{
     Constraints, Doubts, ForeignLidar, Placement, PlacementFileError, SensorChoice, Sensors,
@@ -117,6 +118,7 @@ impl Files {
 /// # Errors
 /// The reason of the operating system.
 pub fn can_be_read(file: &Path) -> Result<(), RunError> {
+    let file = file.to_str().map_or(file, |text| Path::new(file_and_name(text).0));
     let is_stream = file == Path::new("-") || (file.exists() && !file.is_file() && !file.is_dir());
     let opened = if is_stream { Ok(()) } else { files::open(file).map(drop) };
     opened.map_err(|source| {
@@ -154,29 +156,12 @@ pub fn note_repeated(scenes: &[PathBuf], watcher: &dyn Watcher) {
     }
 }
 
-/// A file of placements, and the name behind its colon if there is one.
-pub fn file_and_name(text: &str) -> (&str, Option<&str>) {
-    match text.rsplit_once(':') {
-        Some((file, name)) if !Path::new(text).exists() => (file, Some(name)),
-        _ => (text, None),
-    }
-}
-
 /// All placements of a file, or one by its name behind a colon.
 ///
 /// # Errors
 /// A file that cannot be read, or has no placement of the name.
 pub fn named_placements(text: &str) -> Result<Vec<Placement>, RunError> {
-    let (file, name) = file_and_name(text);
-    let all = read_placements(Path::new(file))?;
-    let Some(name) = name else { return Ok(all) };
-    let known: Vec<String> = all.iter().map(|placement| placement.name.clone()).collect();
-    let wanted: Vec<Placement> = all.into_iter().filter(|p| p.name == name).collect();
-    if wanted.is_empty() {
-        let known = known.join(", ");
-        return Err(RunError::Usage(format!("{file}: has no placement `{name}`; it has {known}")));
-    }
-    Ok(wanted)
+    Ok(read_placements(text)?)
 }
 
 /// Most doubts that are noted: of a million placements in degrees the first few say enough.

@@ -117,9 +117,9 @@ pub fn stopped(
             ))
         }
         (PsogError::Stopped { done, frames }, Some(time)) => RunError::Usage(format!(
-            "{place}: --max-seconds {} ended after {done} of {frames} frames were scanned for its P-SOG, before the \
-             search could begin; give more seconds, or build the P-SOG once with `sightline psog build` and name the \
-             file under psog.file in the scene",
+            "{place}: --max-seconds {} was over before the search could begin, while the scene was looked at to learn \
+             what is uncertain in it ({done} of {frames} frames); give more seconds, or do this once with `sightline \
+             psog build` and name its file under `psog.file` of the scene",
             time.length.as_secs_f64()
         )),
         (error, _) => error.into(),

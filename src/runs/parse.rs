@@ -21,9 +21,12 @@ pub fn at_least_one(text: &str) -> Result<u64, String> {
         .ok_or(format!("give a whole number from 1 to {}", u64::MAX))
 }
 
-/// A number below, at or above 0.
-pub fn finite(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|v: &f64| v.is_finite()).ok_or("give a number, as in -8e-8".to_owned())
+/// A number below, at or above 0; `example` is one that fits the option.
+pub fn number_as(example: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| {
+        let found = text.parse().ok().filter(|value: &f64| value.is_finite());
+        found.ok_or_else(|| format!("give a number, as {example}"))
+    }
 }
 
 /// A share from 0 to 1.

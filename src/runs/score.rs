@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::inputs::{Files, Given};
+use super::inputs::{Files, Given, file_and_name};
 use super::opening::{LoadTimes, Loaded, timings};
 use super::{Computing, GRACE, RunError, TableFormat, opening};
 use crate::csv::csv;
@@ -26,7 +26,7 @@ use crate::scan::conditions::{in_words, under};
 use crate::score::Scores;
 use crate::search::{Evaluator, Judged, Member};
 use crate::vehicle::placement_file::count_placements;
-use crate::vehicle::{Placement, PlacementFileError, PlacementReader};
+use crate::vehicle::{Placement, PlacementFileError, PlacementReader, Vehicle};
 
 /// Scores placements and writes the scores as they are computed, to the request's file or else to `out`.
 ///
@@ -42,7 +42,8 @@ pub fn score(
     let (scenes, placements) = Files::with_placements(&request.files, computing.watcher)?;
     // Everything that can be wrong is found before the first score is computed or printed; a pipe can
     // be read only once.
-    let is_file = placements != Path::new("-") && placements.is_file();
+    let file = placements.to_str().map_or(&*placements, |text| Path::new(file_and_name(text).0));
+    let is_file = placements != Path::new("-") && file.is_file();
     let total = if is_file { count_placements(&placements)? } else { 0 };
     if request.draw > 0 && scenes.len() > 1 {
         return Err(RunError::Usage("--draw: takes one scene".to_owned()));
@@ -60,8 +61,9 @@ const BLOCK: usize = 1024;
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct ScoreRequest {
-    /// Scene files, and placements: a .json document, or a .jsonl file with one placement a line, read as a
-    /// stream; - is stdin. Several scenes share one LiDAR and mount, and get the mean beside each
+    /// Scene files, then placements: .json or, one a line, .jsonl; with :NAME one of them; - is stdin
+    ///
+    /// A .jsonl file is read as a stream. Several scenes share one LiDAR and mount, and get the mean beside each.
     #[cfg_attr(feature = "cli", arg(value_name = "SCENE… PLACEMENTS", required = true))]
     pub files: Vec<PathBuf>,
     /// How to print
@@ -156,7 +158,16 @@ fn score_each(
     let (file, mut placements) = (placements, read(placements)?);
     Given::in_problem(file, evaluator.problem(), computing).all(&mut placements)?;
     let conditions = in_words(&request.conditions.condition);
-    let mut batch = Batch { evaluator, times, start, conditions, judged: Vec::new() };
+    let vehicle = job.scene().vehicle().clone();
+    let mut batch = Batch {
+        evaluator,
+        times,
+        start,
+        conditions,
+        judged: Vec::new(),
+        placements: placements.clone(),
+        vehicle,
+    };
     let bar = computing.watcher.bar(placements.len() as u64, Some("placements"));
     for block in placements.chunks(BLOCK) {
         let scored = batch.judged.len();
@@ -220,6 +231,9 @@ struct Batch {
     /// Weather and faults, as they are written.
     conditions: Vec<String>,
     judged: Vec<Judged>,
+    /// The placements, and the vehicle of the first scene.
+    placements: Vec<Placement>,
+    vehicle: Vehicle,
 }
 
 impl Batch {
@@ -257,6 +271,7 @@ impl Batch {
     /// A table a scene, and the mean.
     fn text(&self) -> String {
         let mut text = String::new();
+        let used = stream::models_of(&self.placements).collect();
         for (index, member) in self.members() {
             let problem = member.problem();
             text += &format!(
@@ -264,7 +279,7 @@ impl Batch {
                 member.name(),
                 problem.coverage(),
                 problem.frame_count(),
-                problem.sensors().beams_in_words(),
+                problem.sensors().beams_in_words(&used),
                 under(&self.conditions)
             );
             let scores: Vec<Scores> = self.of_scene(index).into_iter().cloned().collect();
@@ -275,7 +290,12 @@ impl Batch {
             "mean of {}: each scene's gain as a share of its own total, in nats of the mean total\n",
             names.join(", ")
         );
-        text + &report::scores_text(&self.mean())
+        let mean = self.mean();
+        text += &report::scores_text(&mean);
+        if mean.len() <= FEW_PLACEMENTS {
+            text += &report::rigs_text(&self.vehicle, &self.placements, &mean);
+        }
+        text
     }
 
     /// The placements in each scene, then their means.

@@ -51,7 +51,7 @@ pub struct StudyRequest {
     /// Most that the sensors may cost, in the vehicle's currency
     ///
     /// For kinds that search placements.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "PRICE", value_parser = super::parse::finite))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PRICE", value_parser = super::parse::number_as("12000")))]
     pub budget: Option<f64>,
     /// Sensor file to compare, for `channels`; may be given several times
     #[cfg_attr(feature = "cli", arg(long = "sensor-file", alias = "sensor", value_name = "FILE"))]

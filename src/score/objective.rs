@@ -4,6 +4,8 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
+use sightline_files::json::nearest;
+
 use super::over_scenes::totals;
 use super::{Guard, Scores, TaskScores};
 use crate::problem::{Content, Entropy, REPEATS, Tally};
@@ -65,13 +67,14 @@ pub struct Objective {
 pub enum ObjectiveError {
     /// No score of that name.
     #[error(
-        "`{name}` is no score; did you mean `{nearest}`? There are {known}; all but {} also with `detection.` before them", OF_NO_TASK.join(", ")
+        "`{name}` is no score; {}there are {known}; all but {} also with `detection.` before them",
+        nearest.as_ref().map(|near| format!("did you mean `{near}`? ")).unwrap_or_default(), OF_NO_TASK.join(", ")
     )]
     UnknownMetric {
         /// Text as given.
         name: String,
-        /// The most similar name.
-        nearest: &'static str,
+        /// The most similar name, if one is similar.
+        nearest: Option<String>,
         /// All names.
         known: String,
     },
@@ -146,15 +149,11 @@ fn term(text: &str) -> Result<(f64, Metric), ObjectiveError> {
             Err(ObjectiveError::OfNoTask { name })
         }
         Some(&(name, of)) => Ok((weight, Metric { name, detection, of })),
-        None => {
-            let distance = |metric: &str| strsim::damerau_levenshtein(metric, bare);
-            let nearest = METRICS.iter().map(|m| m.0).min_by_key(|m| distance(m));
-            Err(ObjectiveError::UnknownMetric {
-                name: name.to_owned(),
-                nearest: nearest.unwrap_or_default(),
-                known: METRICS.map(|m| m.0).join(", "),
-            })
-        }
+        None => Err(ObjectiveError::UnknownMetric {
+            name: name.to_owned(),
+            nearest: nearest(bare, METRICS.map(|metric| metric.0)),
+            known: METRICS.map(|m| m.0).join(", "),
+        }),
     }
 }
 

@@ -38,8 +38,16 @@ pub struct Finding {
     pub beside_height: Option<f64>,
 }
 
-/// Rank correlations of layout properties with the score over a sample, also with mean height held fixed.
+/// Fewest placements that are correlated: of two each correlation is 1 or −1.
+const FEWEST: usize = 10;
+
+/// Rank correlations of layout properties with the score over a sample, also with mean height held fixed; none of fewer
+/// than ten placements.
 pub fn findings(sample: &[(Placement, f64)]) -> Vec<Finding> {
+    if sample.len() < FEWEST { Vec::new() } else { correlated(sample) }
+}
+
+fn correlated(sample: &[(Placement, f64)]) -> Vec<Finding> {
     let scores: Vec<f64> = sample.iter().map(|(_, score)| *score).collect();
     let of = |describe: fn(&Placement) -> f64| -> Vec<f64> {
         // Rounded, so that equal layouts have equal numbers whatever the order of their sums.
@@ -91,7 +99,8 @@ mod tests {
             .iter()
             .map(|&(x, z)| (placement(&[(x, 0.0, z, 0.0), (-x, 0.0, z, 0.0)]), z))
             .collect();
-        let found = findings(&sample);
+        assert_eq!(findings(&sample), [], "four placements are too few");
+        let found = correlated(&sample);
         assert_eq!(found[0].correlation, Some(1.0));
         assert_eq!(found[0].beside_height, None);
         assert_eq!(found[1].correlation, None, "no height spread at all");

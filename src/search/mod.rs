@@ -50,7 +50,7 @@ mod tolerance;
 
 pub use bound::{Certificate, GainBound};
 pub(crate) use equip::REQUIRED;
-pub use equip::{Choosing, EquipStep, Equipped, Equipping, Limits, cost_front};
+pub use equip::{Choosing, EquipStep, Equipped, Equipping, Limits, PLAIN, cost_front};
 pub use error::SearchError;
 pub use evaluator::{Evaluator, Judged, SceneScores};
 pub use findings::Finding;
@@ -68,4 +68,4 @@ pub use suite::{Member, Suite};
 pub use swaps::Climbs;
 pub(crate) use swaps::SWAP_SPACING;
 pub use tolerance::Tolerance;
-pub(crate) use tolerance::{FRAMES_OF_COPIES, Moved};
+pub(crate) use tolerance::{FRAMES_OF_COPIES, Moved, error_of_share};

@@ -107,6 +107,8 @@ pub struct MethodRecord {
     pub method: &'static str,
     /// Its placement's objective over all frames of the scene.
     pub objective: Option<f64>,
+    /// Requirements that its placement meets, and their number; requirements come before the objective.
+    pub requirements: [usize; 2],
     /// Placements that it looked at.
     pub evaluations: u64,
     /// Sensor poses that it cast.

@@ -113,32 +113,53 @@ pub struct Climbs {
     pub count: usize,
     /// Frames over which they were compared.
     pub frames: usize,
-    /// Climbs that ended within half a per cent of the best one; it is counted, too.
+    /// Climbs that ended where all requirements are met; `None` where there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub met: Option<usize>,
+    /// Climbs that ended within half a per cent of the best one; it is counted, too. Where there are requirements, of those
+    /// that met all of them.
     pub near_best: usize,
-    /// Distance of the median of their ends from the best, as a share of it.
+    /// Distance of the median of their ends from the best, as a share of it; 0 where none met all requirements.
     pub median_below: f64,
 }
 
 impl Climbs {
-    fn new(ends: &[GridPlacement], best: f64, frames: usize) -> Self {
+    /// From the value of each end, and whether it meets all requirements, where there are some.
+    fn new(ends: &[(f64, Option<bool>)], best: f64, frames: usize) -> Self {
+        let met = ends.iter().any(|end| end.1.is_some());
+        let met = met.then(|| ends.iter().filter(|end| end.1 == Some(true)).count());
+        // Penalties for what is missing are no per cent of the objective.
+        let alike = ends.iter().filter(|end| end.1 != Some(false));
         let mut below: Vec<f64> =
-            ends.iter().map(|end| (best - end.value) / best.abs().max(f64::MIN_POSITIVE)).collect();
+            alike.map(|end| (best - end.0) / best.abs().max(f64::MIN_POSITIVE)).collect();
         below.sort_by(f64::total_cmp);
         let near_best = below.iter().filter(|&&below| below <= NEAR_BEST).count();
-        Self { count: ends.len(), frames, near_best, median_below: below[below.len() / 2] }
+        let median_below = below.get(below.len() / 2).copied().unwrap_or(0.0);
+        Self { count: ends.len(), frames, met, near_best, median_below }
     }
 }
 
 impl fmt::Display for Climbs {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { count, frames, near_best, median_below } = self;
-        write!(
-            f,
-            "{count} climbs over {frames} frame(s), of which {near_best} ended within {} % of the best; the median end \
-             is {:.1} % below it. Another seed draws other climbs",
-            100.0 * NEAR_BEST,
-            100.0 * median_below
-        )
+        let Self { count, frames, met, near_best, median_below } = self;
+        write!(f, "{count} climbs over {frames} frame(s), of which ")?;
+        match met {
+            Some(0) => write!(f, "none met all requirements on areas and targets")?,
+            Some(met) => write!(
+                f,
+                "{met} met all requirements on areas and targets, and {near_best} of these"
+            )?,
+            None => write!(f, "{near_best}")?,
+        }
+        if *met != Some(0) {
+            let near = 100.0 * NEAR_BEST;
+            write!(
+                f,
+                " ended within {near} % of the best; the median end is {:.1} % below it",
+                100.0 * median_below
+            )?;
+        }
+        write!(f, ". Another seed draws other climbs")
     }
 }
 
@@ -230,7 +251,11 @@ impl Ends {
 
     fn swapped(&self, search: &GridSearch, frames: usize) -> Option<Swapped> {
         let best = self.best.as_ref().filter(|best| best.value.is_finite())?;
-        let climbs = Climbs::new(&self.all, best.value, frames);
+        let required = search.has_requirements();
+        let met = |end: &GridPlacement| required.then(|| search.missing(&end.poses) == 0.0);
+        let ends: Vec<(f64, Option<bool>)> =
+            self.all.iter().map(|end| (end.value, met(end))).collect();
+        let climbs = Climbs::new(&ends, best.value, frames);
         Some(Swapped::new(search, best, &self.distinct(), climbs))
     }
 }
@@ -409,4 +434,31 @@ fn best_drawn(
         ends.add(search, evaluator, GridPlacement { poses, value }, go_on)?;
     }
     Ok(ends.best.map(|best| best.poses))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ends_that_miss_requirements_are_no_per_cent_of_the_best() {
+        let said = |ends: &[(f64, Option<bool>)]| Climbs::new(ends, 0.5, 4).to_string();
+        let plain = said(&[(0.5, None), (0.499, None), (0.4, None)]);
+        assert!(
+            plain.starts_with("3 climbs over 4 frame(s), of which 2 ended within 0.5 %"),
+            "{plain}"
+        );
+        assert!(plain.contains("the median end is 0.2 % below it"), "{plain}");
+        let some = said(&[
+            (0.5, Some(true)),
+            (-0.04, Some(false)),
+            (-0.3, Some(false)),
+            (0.45, Some(true)),
+        ]);
+        let words = "of which 2 met all requirements on areas and targets, and 1 of these ended within 0.5 %";
+        assert!(some.contains(words) && some.contains("is 10.0 % below it"), "{some}");
+        let none = said(&[(-0.04, Some(false)), (-0.3, Some(false))]);
+        assert!(none.contains("of which none met all requirements"), "{none}");
+        assert!(!none.contains('%') && none.ends_with("Another seed draws other climbs"), "{none}");
+    }
 }

@@ -49,7 +49,13 @@ impl FromStr for Tolerance {
     /// A length in m, cm or mm and an angle in deg or rad, as `5mm,0.5deg`.
     fn from_str(text: &str) -> Result<Self, String> {
         let wrong = || {
-            format!("`{text}` is no tolerance; write a length and an angle, as 5mm,0.5deg, or 0")
+            let why = match text.contains('-') && !text.contains("e-") {
+                true => "a tolerance is not below 0: ",
+                false => "",
+            };
+            format!(
+                "`{text}` is no tolerance; {why}write a length and an angle, as 5mm,0.5deg, or 0"
+            )
         };
         let with_unit = |text: &str, units: [(&str, f64); 3], most: f64| {
             let (number, scale) =
@@ -106,6 +112,14 @@ impl Tolerance {
         let of_lidar = |_| std::iter::once([0.0; 6]).chain((1..POSES).map(&mut off)).collect();
         (0..lidars).map(of_lidar).collect()
     }
+}
+
+/// Two standard errors of a share of the copies of so many LiDARs (Agresti and Coull 1998). The copies are made of 15 poses
+/// of each LiDAR, which are fewer than copies where there are few LiDARs.
+pub(crate) fn error_of_share(share: f64, lidars: usize) -> f64 {
+    let drawn = ((POSES - 1) * lidars).min(COPIES) as f64;
+    let middle = (share * drawn + 2.0) / (drawn + 4.0);
+    2.0 * (middle * (1.0 - middle) / (drawn + 4.0)).sqrt()
 }
 
 /// A LiDAR in each of its poses: beams on targets, and bits of areas.
@@ -332,6 +346,20 @@ mod tests {
         {
             assert!(read(wrong).unwrap_err().contains("5mm,0.5deg"), "{wrong}");
         }
+    }
+
+    #[test]
+    fn an_error_of_a_share_covers_what_draws_give() {
+        // 30 draws of a chance of 0.9, again and again: 95 % of the shares lie within their own error of 0.9.
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        let is_near = |_| {
+            let met = (0..30).filter(|_| rng.random::<f64>() < 0.9).count();
+            let share = met as f64 / 30.0;
+            (share - 0.9).abs() <= error_of_share(share, 2)
+        };
+        let near = (0..2000).map(is_near).filter(|near| *near).count();
+        assert!((1840..2000).contains(&near), "{near} of 2000");
+        assert!(error_of_share(1.0, 1) > 0.1 && error_of_share(0.5, 16) < 0.08);
     }
 
     #[test]

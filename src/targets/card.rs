@@ -60,12 +60,17 @@ pub struct BearingRanges {
 }
 
 /// Neighbouring bearings at which a car is lost somewhere between 5 and 50 m.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BlindSector {
     /// First and last bearing, degrees counter-clockwise from straight ahead; −180 and 180 all round.
     pub bearings: [f64; 2],
     /// Nearest and farthest distance at which a car is lost in it, metres.
     pub distances: [f64; 2],
+    /// Bearing of the sector at which a car is lost at most distances, degrees from −180 to 180; it may lie between those
+    /// of the card.
+    pub worst: f64,
+    /// First and last of neighbouring distances from 5 to 50 m at which a car is lost there, metres.
+    pub lost: Vec<[f64; 2]>,
 }
 
 impl BlindSector {
@@ -77,7 +82,7 @@ impl BlindSector {
         }
     }
 
-    /// The four directions that a sector holds, in words: `ahead and left`.
+    /// The four directions that a sector holds, in words: `ahead and left`; of one between two of them `ahead left`.
     fn sides(&self) -> String {
         let [from, to] = self.bearings;
         let holds = |side: f64| {
@@ -88,21 +93,29 @@ impl BlindSector {
         let held: Vec<&str> =
             sides.iter().filter(|side| holds(side.1)).map(|side| side.0).collect();
         match held[..] {
-            [] => String::new(),
-            [_, _, _, _] => "all round ".to_owned(),
-            _ => format!("{} ", held.join(" and ")),
+            [] => format!(
+                "{} {}",
+                if from.abs() < 90.0 { "ahead" } else { "behind" },
+                if from > 0.0 { "left" } else { "right" }
+            ),
+            [_, _, _, _] => "all round".to_owned(),
+            _ => held.join(" and "),
         }
     }
 }
 
 impl std::fmt::Display for BlindSector {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let ([from, to], [near, far]) = (self.bearings, self.distances);
-        let sides = self.sides();
-        let range = if near == far { format!("{near} m") } else { format!("{near} to {far} m") };
+        let ([from, to], worst, sides) = (self.bearings, self.worst, self.sides());
+        let run = |[near, far]: &[f64; 2]| match near == far {
+            true => near.to_string(),
+            false => format!("{near} to {far}"),
+        };
+        let lost: Vec<String> = self.lost.iter().map(run).collect();
+        let lost = lost.join(" and ");
         write!(
             f,
-            "{sides}({from}° to {to}°) a car at {range} is met by fewer than {CARD_BEAMS} beams"
+            "{sides} ({from}° to {to}°), worst at {worst}°: a car at {lost} m is met by fewer than {CARD_BEAMS} beams"
         )
     }
 }
@@ -178,7 +191,7 @@ impl RangeCard {
             bearings: (0..BEARINGS)
                 .map(|bearing| {
                     let fine = bearing * (FINE / BEARINGS);
-                    BearingRanges { bearing: degrees(fine), met: runs(&met[fine], &distances) }
+                    BearingRanges { bearing: turned(fine), met: runs(&met[fine], &distances) }
                 })
                 .collect(),
         };
@@ -186,6 +199,12 @@ impl RangeCard {
         let blind = blind_sectors(&met[0], &distances);
         Ok(Self { beams: CARD_BEAMS, distances, targets: ranges, blind })
     }
+}
+
+/// Degrees of a fine bearing, from −180 (not included) to 180.
+fn turned(fine: usize) -> f64 {
+    let degrees = degrees(fine % FINE);
+    if degrees > 180.0 { degrees - 360.0 } else { degrees }
 }
 
 /// Degrees of a fine bearing.
@@ -210,30 +229,39 @@ pub(super) fn runs(met: &[Option<bool>], distances: &[f64]) -> Vec<[f64; 2]> {
 
 /// Sectors of ±15° around the card's bearings in which a car is lost at some distance from 5 to 50 m; neighbours are
 /// one.
-fn blind_sectors(met: &[Vec<Option<bool>>], distances: &[f64]) -> Vec<BlindSector> {
+fn blind_sectors(met: &[Vec<Option<bool>>], distances_of: &[f64]) -> Vec<BlindSector> {
     let [near, far] = SECTOR_RANGE;
     let lost = |fine: usize| -> Vec<f64> {
-        let at = met[fine].iter().zip(distances);
+        let at = met[fine].iter().zip(distances_of);
         let lost = at.filter(|(met, d)| **met == Some(false) && (near..=far).contains(*d));
         lost.map(|(_, &distance)| distance).collect()
     };
     let lost: Vec<Vec<f64>> = (0..FINE).map(lost).collect();
     let around = |bearing: usize| {
         let middle = bearing * (FINE / BEARINGS) + FINE;
-        (middle - HALF_SECTOR..=middle + HALF_SECTOR).flat_map(|fine| lost[fine % FINE].iter())
+        (middle - HALF_SECTOR..=middle + HALF_SECTOR).map(|fine| fine % FINE)
     };
-    let is_blind: Vec<bool> = (0..BEARINGS).map(|b| around(b).next().is_some()).collect();
-    let half = degrees(HALF_SECTOR);
+    let is_lost = |bearing: usize| around(bearing).any(|fine| !lost[fine].is_empty());
+    let is_blind: Vec<bool> = (0..BEARINGS).map(is_lost).collect();
     let span = |first: usize, count: usize| {
-        let of = (first..first + count).flat_map(|b| around(b % BEARINGS));
-        let distances = of.fold([far, near], |[low, high], &d| [low.min(d), high.max(d)]);
-        let turned = |degrees: f64| if degrees > 180.0 { degrees - 360.0 } else { degrees };
-        let middle = |b: usize| degrees((b % BEARINGS) * (FINE / BEARINGS));
+        let of = || (first..first + count).flat_map(|b| around(b % BEARINGS));
+        let distances = of().flat_map(|fine| &lost[fine]);
+        let distances = distances.fold([far, near], |[low, high], &d| [low.min(d), high.max(d)]);
+        let middle = |b: usize| (b % BEARINGS) * (FINE / BEARINGS) + FINE;
         let bearings = match count == BEARINGS {
             true => [-180.0, 180.0],
-            false => [turned(middle(first) - half), turned(middle(first + count - 1) + half)],
+            false => [
+                turned(middle(first) - HALF_SECTOR),
+                turned(middle(first + count - 1) + HALF_SECTOR),
+            ],
         };
-        BlindSector { bearings, distances }
+        // The first of equal ones.
+        let worse = |a: usize, b: usize| if lost[b].len() > lost[a].len() { b } else { a };
+        let worst = of().reduce(worse).unwrap_or_default();
+        let there: Vec<Option<bool>> =
+            distances_of.iter().map(|d| Some(lost[worst].contains(d))).collect();
+        let lost = runs(&there, distances_of);
+        BlindSector { bearings, distances, worst: turned(worst), lost }
     };
     if is_blind.iter().all(|blind| *blind) {
         return vec![span(0, BEARINGS)];

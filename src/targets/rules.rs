@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::places::{Sight, SightBeams};
+use crate::json::fixed;
 use crate::maths;
 use crate::near_field::RequiredGround;
 use crate::overlap::{Shares, connected_without, cut_off, part_connected};
@@ -111,7 +112,8 @@ impl std::fmt::Display for Missing {
             (near, far) if near == far => near,
             (near, far) => format!("{near} to {far}"),
         };
-        write!(f, "missing at {range} m between {from:.0}° and {to:.0}°")
+        let [from, to] = [from, to].map(|degrees| fixed(degrees, 0));
+        write!(f, "missing at {range} m between {from}° and {to}°")
     }
 }
 

@@ -181,12 +181,14 @@ fn a_card_names_the_sector_that_a_rig_does_not_see() {
     assert_eq!((car.bearing, car.met.last().unwrap()[1]), (0.0, 100.0));
     let site = site(&front, 100.0, &TriangleSoup::default());
     let ahead = RangeCard::new(&site, &[lidar(0.0)]).unwrap();
-    let [blind] = ahead.blind[..] else { panic!("{:?}", ahead.blind) };
+    let [blind] = &ahead.blind[..] else { panic!("{:?}", ahead.blind) };
     // Sectors around ±45° are seen up to ±60°; the next are around ±67.5°, whose edges lie at 52.5°.
     assert_eq!((blind.bearings, blind.distances), ([52.5, -52.5], [5.0, 50.0]));
     let told = blind.to_string();
     assert!(
-        told.starts_with("left and behind and right (52.5° to -52.5°) a car at 5 to 50 m"),
+        told.starts_with(
+            "left and behind and right (52.5° to -52.5°), worst at 90°: a car at 5 to 50 m is met"
+        ),
         "{told}"
     );
     // A second one that looks back closes it but for the sides.
@@ -197,4 +199,32 @@ fn a_card_names_the_sector_that_a_rig_does_not_see() {
     let sky = RangeCard::new(&site, &[SensorPose { pitch: -0.9, ..lidar(0.0) }]).unwrap();
     assert_eq!(sky.blind[0].bearings, [-180.0, 180.0]);
     assert!(sky.targets.iter().all(|target| target.bearings.iter().all(|b| b.met.is_empty())));
+}
+
+#[test]
+fn a_gap_between_the_bearings_of_a_card_is_named() {
+    let elevations: Vec<f64> = (0..32).map(|k| (-0.5 * f64::from(k)).to_radians()).collect();
+    let all = directions(&elevations, 1800);
+    // No beam within 6° of 37.5°: a car at 50 m is 5° wide there, one at 45° is met.
+    let is_kept = |d: &DVec3| (d.y.atan2(d.x).to_degrees() - 37.5).abs() > 6.0;
+    let kept: Vec<DVec3> = all.into_iter().filter(is_kept).collect();
+    let lidar = SensorPose::at(0.0, 0.0, 1.6);
+    let card = RangeCard::new(&site(&kept, 100.0, &TriangleSoup::default()), &[lidar]).unwrap();
+    let [gap] = &card.blind[..] else { panic!("{:?}", card.blind) };
+    assert_eq!((gap.bearings, gap.worst), ([7.5, 60.0], 37.5));
+    let [[near, far]] = gap.lost[..] else { panic!("{gap:?}") };
+    // Across the line of sight half of a car of 4.5 by 1.8 m is at most 2.1 m wide, and half of the gap r · tan 6°.
+    assert!(near > 10.0 && near <= 25.0 && far == 50.0, "{gap:?}");
+    let told = gap.to_string();
+    assert!(
+        told.starts_with(&format!(
+            "ahead left (7.5° to 60°), worst at 37.5°: a car at {near} to 50 m"
+        )),
+        "{told}"
+    );
+    let text = crate::internals::range_card_text(&card);
+    let line = format!("between these bearings: at 37.5° a car is lost at {near}–50 m\n");
+    assert!(text.ends_with(&line), "{text}");
+    let bearings: Vec<f64> = card.targets[0].bearings.iter().map(|of| of.bearing).collect();
+    assert_eq!(bearings[7..10], [157.5, 180.0, -157.5]);
 }

@@ -24,6 +24,11 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
     let ends = |one: &Against| one.interval.map_or([one.difference; 2], |i| [i.low, i.high]);
     let widest = all.iter().flat_map(ends).map(f64::abs).fold(1e-12, f64::max);
     let several = !subject.scenes.is_empty();
+    // A rig that was given has a name; one that was found is the result.
+    let who = if run.is_some() { "the result" } else { &*best.placement.name };
+    let caption = format!(
+        "Percentage points that {who} gains more than each baseline, or less where negative"
+    );
     let places = subject.scenes.iter().filter(|scene| !scene.mirrored).count();
     let titles = ["", column.title(), "more by", "95 % interval", ""];
     let percent = |share: f64| format!("{:+.2}", 100.0 * share);
@@ -52,7 +57,7 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
                         "Information gained, in per cent of what "
                     }
                     (if several { "the scenes hold, a mean over them" } else { "the scene holds" })
-                    ": the result has "
+                    ": " (who) " has "
                     (column.cell(&best.scores)) " %. "
                     @if several {
                         "The interval resamples the " (places) " scenes: one that does not hold 0 is more than their \
@@ -64,7 +69,7 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
                          the scenes' own spread."
                     }
                 }
-                (table("Percentage points that the result gains more than each baseline", &titles, &rows))
+                (table(&caption, &titles, &rows))
             }
         }
     }
@@ -231,7 +236,7 @@ pub(super) fn required(subject: &Subject<'_>) -> Markup {
         @if !all.is_empty() {
             section aria-labelledby="required" {
                 h2 #required { "Requirements" }
-                (met_or_not(best, subject.baselines))
+                div.required { (met_or_not(best, subject.baselines)) }
                 ul.guards {
                     @for seen in all.iter().filter(|seen| !seen.is_met() || is_on_paper(seen)) { li { (seen) } }
                 }

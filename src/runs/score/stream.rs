@@ -1,5 +1,6 @@
 //! Scores of a batch of placements in one scene, written as they are computed.
 
+use std::collections::HashSet;
 use std::io::Write;
 use std::iter::Peekable;
 use std::path::Path;
@@ -25,7 +26,7 @@ use crate::runs::{Bar, Computing, GRACE, RunError, TableFormat, Watcher, opening
 use crate::scan::conditions::{in_words, under};
 use crate::score::Scores;
 use crate::search::Evaluator;
-use crate::vehicle::{Placement, PlacementFileError, PlacementReader};
+use crate::vehicle::{Placement, PlacementFileError, PlacementReader, SensorName};
 
 /// Placements that are scored in one go at first.
 const FEWEST: usize = 32;
@@ -121,11 +122,18 @@ fn scoring<'a>(
         bar,
         total,
         count,
+        used: HashSet::new(),
+        below: String::new(),
         at_once: FEWEST,
         is_stopped: false,
         times,
         start,
     })
+}
+
+/// Models of the LiDARs of placements.
+pub(super) fn models_of(placements: &[Placement]) -> impl Iterator<Item = SensorName> {
+    placements.iter().flat_map(|placement| &placement.lidars).map(|pose| pose.sensor)
 }
 
 /// Placements that are read, scored and handed on block by block.
@@ -145,6 +153,10 @@ struct Scoring<'a> {
     total: u64,
     /// Placements scored so far.
     count: u64,
+    /// Models of the placements so far.
+    used: HashSet<SensorName>,
+    /// Text below the scores of few placements.
+    below: String,
     /// Placements that are scored in one go.
     at_once: usize,
     /// True if the watcher ended the work within a block.
@@ -171,6 +183,7 @@ impl Scoring<'_> {
             self.watcher.note(&words);
         }
         let block = block?;
+        self.used.extend(models_of(&block));
         let Some(mut scores) = self.scores(&block)? else {
             self.is_stopped = true;
             return Ok(None);
@@ -178,6 +191,7 @@ impl Scoring<'_> {
         if self.count == 0 && block.len() <= FEW_PLACEMENTS && self.reader.peek().is_none() {
             let all = block.iter().zip(&mut scores);
             self.job.look_closely(self.evaluator.backend_mut(), all)?;
+            self.below = report::rigs_text(self.job.scene().vehicle(), &block, &scores);
         }
         if let Some(site) = &self.near {
             site.score(self.evaluator.backend_mut(), block.iter().zip(&mut scores))?;
@@ -291,7 +305,8 @@ impl Scoring<'_> {
     /// Adds the scores that the journal lacks, as long as the watcher lets it.
     fn fill(&mut self, journal: &mut Journal) -> Result<(), RunError> {
         for _ in 0..journal.scored {
-            self.reader.next().transpose()?;
+            let known = self.reader.next().transpose()?;
+            self.used.extend(models_of(known.as_slice()));
         }
         self.count = journal.scored;
         while self.watcher.goes_on() {
@@ -319,7 +334,7 @@ impl Scoring<'_> {
             return Ok(String::new());
         }
         if self.request.format == TableFormat::Text {
-            let beams = problem.sensors().beams_in_words();
+            let beams = problem.sensors().beams_in_words(&self.used);
             let under = under(&in_words(&self.request.conditions.condition));
             return Ok(format!(
                 "{scene}: {coverage} over {frames} frame(s), {beams} a LiDAR{under}\n"
@@ -367,8 +382,10 @@ impl Scoring<'_> {
 
     /// All after the scores.
     fn tail(&self) -> Result<String, RunError> {
-        if self.request.format != TableFormat::Json {
-            return Ok(String::new());
+        match self.request.format {
+            TableFormat::Json => {}
+            TableFormat::Text => return Ok(self.below.clone()),
+            TableFormat::Csv => return Ok(String::new()),
         }
         let changes = self.evaluator.backend().changes();
         let mut tail = Map::new();

@@ -6,6 +6,9 @@ use crate::score::reference_layout;
 use crate::search::settings::Settings;
 use crate::vehicle::{Constraints, Equipment, Placement, SensorName, Vehicle};
 
+/// Name of the baseline that chosen sensors are compared with where none is given.
+pub const PLAIN: &str = "plain";
+
 /// Chosen sensors of a vehicle, and their poses on the coarse grid.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Equipped {
@@ -38,7 +41,7 @@ impl Equipped {
     /// Baseline `plain`: the chosen sensors in the middle of their mounts, or level and evenly around their edges.
     fn plain(&self, constraints: &Constraints) -> Placement {
         let models: Vec<SensorName> = self.equipment.iter().map(|(_, sensor)| *sensor).collect();
-        Placement { name: "plain".into(), ..reference_layout(constraints, &models) }
+        Placement { name: PLAIN.to_owned(), ..reference_layout(constraints, &models) }
     }
 
     /// Sensors by mount and their price, in words: `2 × spinning-16 on roof, …, 14000 in all`.

@@ -10,7 +10,7 @@ mod equipped;
 
 pub(crate) use choosing::REQUIRED;
 pub use choosing::{Choosing, EquipStep, Limits};
-pub use equipped::Equipped;
+pub use equipped::{Equipped, PLAIN};
 
 use choosing::{Equip, FRAMES, Opened};
 

@@ -128,6 +128,7 @@ impl Run {
             methods.push(MethodRecord {
                 method: "layout given",
                 objective: given.objective,
+                requirements: given.scores.met(),
                 evaluations: 0,
                 poses_cast: 0,
                 won: false,
@@ -138,6 +139,7 @@ impl Run {
         methods[best].won = true;
         methods[best].evaluations += self.secure(&mut result, watch)?;
         methods[best].objective = result.objective;
+        methods[best].requirements = result.scores.met();
         Ok(Some((methods, Some(result))))
     }
 
@@ -213,6 +215,7 @@ impl Run {
         let method = MethodRecord {
             method: "cma-es",
             objective: scored.objective,
+            requirements: scored.scores.met(),
             evaluations,
             poses_cast: evaluations * named[0].lidars.len() as u64,
             won: false,
@@ -243,6 +246,7 @@ impl Run {
         let method = MethodRecord {
             method: "swaps",
             objective: scored.objective,
+            requirements: scored.scores.met(),
             evaluations: swaps.evaluations,
             poses_cast: swaps.poses_cast,
             won: false,

@@ -209,6 +209,16 @@ pub enum DescriptionError {
         /// Column, counted from 1.
         column: usize,
     },
+    /// A text that is no JSON.
+    #[error("{file}: {told}; a {} file begins with {{", .wanted.word())]
+    NotJson {
+        /// The file.
+        file: String,
+        /// Fault, and kind of file that it looks like.
+        told: String,
+        /// Kind of file expected there.
+        wanted: FileKind,
+    },
     /// A key that no scene has at this place.
     #[error(
         "{at}: unknown key `{key}`{} (line {line}, column {column})",
@@ -316,12 +326,15 @@ pub enum DescriptionError {
     },
     /// The mount leaves the ROI sideways, or lies below it or more than 10 m above.
     #[error(
-        "{at}: the mount runs from {min:?} to {max:?}, outside of the ROI ({roi_min:?} to \
-         {roi_max:?}) in {axis}; move the mount or enlarge the ROI"
+        "{at}: the mount runs from {min:?} to {max:?}, outside of the region of {scene} ({roi_min:?} to \
+         {roi_max:?}) in {axis}; {}",
+        in_metres(min, max)
     )]
     MountOutside {
         /// Place of the fault.
         at: Box<Location>,
+        /// The scene file with the ROI.
+        scene: String,
         /// `x`, `y` or `z`.
         axis: char,
         /// Lower corner of the mount in metres.
@@ -358,6 +371,24 @@ pub enum DescriptionError {
         /// Material or label of the mesh.
         material: String,
     },
+}
+
+/// Metres from the origin from which on a place of a vehicle was written in millimetres.
+const MILLIMETRES: f64 = 100.0;
+
+/// Mend of a mount outside the ROI.
+fn in_metres(min: &[f64; 3], max: &[f64; 3]) -> String {
+    let far = min
+        .iter()
+        .chain(max)
+        .copied()
+        .fold(0.0, |far: f64, v| if v.abs() > far.abs() { v } else { far });
+    match far.abs() >= MILLIMETRES {
+        true => {
+            format!("is it in millimetres? lengths are in metres, {far} mm are {}", far / 1000.0)
+        }
+        false => "move the mount or enlarge the `roi`".to_owned(),
+    }
 }
 
 impl DescriptionError {

@@ -1,14 +1,16 @@
 //! Reading of JSON and YAML descriptions: parsing with places, checks of values, errors as sentences.
 
 pub mod check;
+mod foreign;
 mod numbers;
 mod parse;
 mod yaml;
 
 pub use check::{DescriptionError, Location, did_you_mean};
+pub use foreign::not_json;
 pub use lidar_cast::sensor::nearest;
 pub use numbers::{Quantity, fixed, shortened, spoken, written};
 pub use parse::{
-    FileKind, check_version, check_xml, parse, plain_words, read_limited, unknown_key,
+    FileKind, check_version, check_xml, parse, plain_words, read_limited, unknown_key, version_1,
 };
 pub use yaml::{YamlDocument, parse_documents, parse_yaml};

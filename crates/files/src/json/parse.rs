@@ -8,7 +8,7 @@ use std::path::Path;
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
 
-use super::{DescriptionError, Location, nearest};
+use super::{DescriptionError, Location, nearest, not_json};
 
 /// Reads `text` as a `T`, naming `file` in errors.
 pub fn parse<T: DeserializeOwned>(text: &str, file: &str) -> Result<T, DescriptionError> {
@@ -32,6 +32,9 @@ pub fn check_version(text: &str, file: &str, wanted: FileKind) -> Result<(), Des
     struct Version {
         sightline: Option<serde_json::Value>,
     }
+    if let Some(told) = not_json(text) {
+        return Err(DescriptionError::NotJson { file: file.to_owned(), told, wanted });
+    }
     let version: Version = parse(text, file)?;
     let top = Location::top(file);
     let other = FileKind::of(text).filter(|kind| *kind != wanted);
@@ -48,6 +51,19 @@ pub fn check_version(text: &str, file: &str, wanted: FileKind) -> Result<(), Des
             at: Box::new(top),
             found: "the key `sightline` is missing".to_owned(),
         }),
+    }
+}
+
+/// Version of a file that may leave it out; 1 is the only one.
+///
+/// # Errors
+/// Any other version.
+pub fn version_1<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Option<u64>, D::Error> {
+    match u64::deserialize(from)? {
+        1 => Ok(Some(1)),
+        other => Err(serde::de::Error::custom(format!(
+            "version {other} is unknown; this program reads version 1, write `\"sightline\": 1`"
+        ))),
     }
 }
 
@@ -190,6 +206,18 @@ impl fmt::Display for FileKind {
             Self::Placements => "a file of placements",
             Self::Target => "a target",
         })
+    }
+}
+
+impl FileKind {
+    /// The kind as the word before `file`.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Scene => "scene",
+            Self::Vehicle => "vehicle",
+            Self::Placements => "placements",
+            Self::Target => "target",
+        }
     }
 }
 

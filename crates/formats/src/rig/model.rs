@@ -104,6 +104,10 @@ pub fn default_frame(index: usize) -> String {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RigFile {
+    #[serde(rename = "$schema", skip_serializing)]
+    _schema: Option<String>,
+    #[serde(default, rename = "sightline", deserialize_with = "json::version_1", skip_serializing)]
+    _version: Option<u64>,
     placements: Vec<Placement>,
 }
 
@@ -155,7 +159,7 @@ pub(super) fn rig_of(source: &RigSource, name: Option<&str>) -> Result<Rig, RigE
 /// The placements file of rigs, with numbers of at most nine digits.
 pub fn rig_json(rigs: &[&Rig]) -> Value {
     let written = rigs.iter().map(|rig| placement_to_nanometres(&rig.placement()));
-    serde_json::json!(RigFile { placements: written.collect() })
+    serde_json::json!(RigFile { _schema: None, _version: None, placements: written.collect() })
 }
 
 /// Largest difference of angles that are taken for equal, in radians.

@@ -1,5 +1,6 @@
 //! The sensor models of a vehicle, and where in a turn each sensor is.
 
+use std::collections::HashSet;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -252,10 +253,13 @@ impl Sensors {
         any
     }
 
-    /// Beams of one sensor in words: `4000 beams`, of several models `4000 or 8000 beams`.
-    pub fn beams_in_words(&self) -> String {
-        let mut beams: Vec<usize> =
-            self.models.iter().map(|model| model.table.directions().len()).collect();
+    /// Beams of one sensor in words: `4000 beams`, of several models `4000 or 8000 beams`. Models that are not `used` do not
+    /// count, unless none is; a LiDAR without a name may be of any.
+    pub fn beams_in_words(&self, used: &HashSet<SensorName>) -> String {
+        let all = used.is_empty() || used.contains(&SensorName::NONE);
+        let is_used = |model: &&SensorModel| all || used.contains(&model.name);
+        let models = self.models.iter().filter(is_used);
+        let mut beams: Vec<usize> = models.map(|model| model.table.directions().len()).collect();
         beams.sort_unstable();
         beams.dedup();
         let beams: Vec<String> = beams.iter().map(usize::to_string).collect();

@@ -2,9 +2,10 @@
 
 use glam::DVec3;
 
-use super::{Ground, Scene, Solid};
+use super::{Coverage, Ground, Scene, Solid};
 use crate::vehicle;
 use sightline_files::Note;
+use sightline_files::json::Location;
 
 /// Largest edge of a voxel that is no doubt, metres: larger ones hold a car and the street around it.
 const LARGEST_VOXEL: f64 = 5.0;
@@ -22,27 +23,46 @@ const GROUND: f64 = 1.0;
 const BESIDE: f64 = 2.5;
 const REACH: f64 = 8.0;
 
+/// Where scene, vehicle and body are described.
+pub(super) struct Places {
+    /// The scene file.
+    pub scene: String,
+    /// The vehicle.
+    pub vehicle: Location,
+    /// Each of its mounts.
+    pub mounts: Vec<Location>,
+    /// File of the body.
+    pub body: String,
+}
+
 impl Scene {
-    /// Every doubt about the scene; `file` names it.
-    pub(super) fn doubts(&self, file: &str) -> Vec<Note> {
+    /// Every doubt about the scene.
+    pub(super) fn doubts(&self, places: &Places) -> Vec<Note> {
         let scene = self;
-        let mut doubts: Vec<String> = Vec::new();
-        doubts.extend(body("ego body", &scene.body));
-        doubts.extend(
+        let mut of_body: Vec<String> = body("ego body", &scene.body).into_iter().collect();
+        of_body.extend(
             scene
                 .bodies
                 .iter()
                 .enumerate()
                 .filter_map(|(i, other)| body(&format!("ego's body {i} that moves"), &other.parts)),
         );
+        let mut doubts: Vec<String> = Vec::new();
         doubts.extend(world(&scene.world));
         doubts.extend(actors(scene));
         doubts.extend(sideways("ego", scene.frames, |t| scene.ego_pose(t)));
         doubts.extend(ground(scene));
         doubts.extend(sensors(scene));
-        doubts.extend(far_mounts(scene));
         doubts.extend(voxels(scene));
-        doubts.into_iter().map(|doubt| Note::doubt(format!("{file}: {doubt}"))).collect()
+        let in_file = |file: &str, doubts: Vec<String>| {
+            let doubts = doubts.into_iter().map(|doubt| Note::doubt(format!("{file}: {doubt}")));
+            doubts.collect::<Vec<_>>()
+        };
+        let mut all = in_file(&places.body, of_body);
+        all.extend(in_file(&places.scene, doubts));
+        all.extend(mounts(scene, &places.mounts).into_iter().map(Note::doubt));
+        all.extend(no_body(scene, &places.vehicle));
+        all
     }
 }
 
@@ -76,8 +96,8 @@ fn body(who: &str, solid: &Solid) -> Option<String> {
     let longest = size.max_element();
     if longest > BODY[1] {
         return Some(format!(
-            "the {who} is {longest:.1} m large; lengths are in metres, {longest:.0} mm would be {:.2} m: give \
-             its mesh `\"scale\": 0.001`, or 0.01 for centimetres",
+            "the {who} is {longest:.1} m large; lengths are in metres, {longest:.0} mm would be {:.2} m: divide the \
+             numbers of its shapes by 1000, or give its mesh `\"scale\": 0.001`, or 0.01 for centimetres",
             longest / 1000.0
         ));
     }
@@ -213,40 +233,47 @@ fn sensors(scene: &Scene) -> Vec<String> {
     let nameless = scene.vehicle.sensors.iter().filter(|model| model.name.is_none());
     let doubts = nameless.flat_map(|model| vehicle::of_lidar("the LiDAR", &model.lidar));
     let mut doubts: Vec<String> = doubts.collect();
-    let [low, high] = scene.vehicle().corners();
+    let [_, high] = scene.vehicle().corners();
     if high[2] < 0.0 {
         doubts.push(format!(
             "the mount ends {:.2} m under the ground; z is up from the ground: give positive heights",
             -high[2]
         ));
     }
-    let corner =
-        |k: usize| DVec3::from([0, 1, 2].map(|i| if k >> i & 1 == 0 { low[i] } else { high[i] }));
-    if !scene.body.faces.is_empty() && (0..8).all(|k| inside(&scene.body, corner(k))) {
-        doubts.push(
-            "the whole mount lies inside the ego body, where every beam ends at once; move it onto the body".to_owned(),
-        );
-    }
     doubts
 }
 
-/// Doubts about mounts that stand far from the body.
-fn far_mounts(scene: &Scene) -> Vec<String> {
+/// A fact about a vehicle whose beams nothing of its own stops.
+fn no_body(scene: &Scene, at: &Location) -> Option<Note> {
+    let is_bare = scene.body.faces.is_empty() && scene.bodies.is_empty();
+    let beams_end = scene.coverage == Coverage::FirstHit && !scene.vehicle.is_nameless();
+    (is_bare && beams_end).then(|| {
+        let words = "has no `body`: beams pass through the vehicle; give its boxes or its mesh under `body`";
+        Note::fact(format!("{at}: {words}"))
+    })
+}
+
+/// Doubts about mounts inside the body, or far from it.
+fn mounts(scene: &Scene, places: &[Location]) -> Vec<String> {
     let Some([low, high]) = corners(&scene.body) else { return Vec::new() };
-    let name = |i: usize| match scene.vehicle.is_nameless() {
-        true => "the mount".to_owned(),
-        false => format!("mounts[{i}] of the vehicle"),
-    };
-    let far = scene.vehicle.mounts.iter().enumerate().filter_map(|(i, mount)| {
+    let far = scene.vehicle.mounts.iter().zip(places).filter_map(|(mount, at)| {
         let [from, to] = mount.region.corners().map(DVec3::from);
+        let corner = |k: usize| DVec3::from([0, 1, 2].map(|i| if k >> i & 1 == 0 { from[i] } else { to[i] }));
+        // A patch lies on the body, a little inside where it is drawn so.
+        let is_box = mount.region.ego_from_region.is_none();
+        if is_box && (0..8).all(|k| inside(&scene.body, corner(k))) {
+            return Some(format!(
+                "{at}: the whole mount lies inside the ego body, where every beam ends at once; move it onto the body: \
+                 heights are in metres from the ground"
+            ));
+        }
         let nearest = (low - to).max(from - high).max(DVec3::ZERO).length();
         let farthest = (low - from).max(to - high).max(DVec3::ZERO).length();
         let outside = if nearest > BESIDE { nearest } else { farthest };
         (nearest > BESIDE || farthest > REACH).then(|| {
             format!(
-                "{} reaches {outside:.1} m outside the ego body; positions are in metres, from the ego's origin: \
-                 check `min` and `max`, and the place of the body",
-                name(i)
+                "{at}: reaches {outside:.1} m outside the ego body; positions are in metres, from the ego's origin: \
+                 check `min` and `max`, and the place of the body"
             )
         })
     });
@@ -362,8 +389,8 @@ mod tests {
             (told(CAR, poses, 0.0, LIDAR, ROOF), "ego moves sideways: in 3 of 3 steps"),
             (told(CAR, AHEAD, -1.73, LIDAR, ROOF), "1.73 m below its origin"),
             (told(CAR, AHEAD, 0.0, &short, ROOF), "a range of 0.1 m"),
-            (told(CAR, AHEAD, 0.0, &narrow, ROOF), "a field of view of 0.500°"),
-            (told(CAR, AHEAD, 0.0, LIDAR, inside), "the whole mount lies inside the ego body"),
+            (told(CAR, AHEAD, 0.0, &narrow, ROOF), "fov: 0.500 degrees for 16 channels: radians?"),
+            (told(CAR, AHEAD, 0.0, LIDAR, inside), "s.json: mount: the whole mount lies inside"),
             (told(CAR, AHEAD, 0.0, LIDAR, &away), "reaches 7.2 m outside the ego body"),
             (told(CAR, AHEAD, 0.0, LIDAR, &degrees), "mount.yaw is 5 rad; degrees? 5° are 0.0873"),
             (told(CAR, turned, 0.0, LIDAR, ROOF), "ego.poses: yaw of 90 rad; degrees?"),

@@ -13,6 +13,7 @@ use super::description::{
     BodyDescription, PoseDescription, SceneDescription, ShapeDescription, VehicleSource,
 };
 use super::dictionary::Dictionary;
+use super::doubts::Places;
 use super::parts::{OwnBodies, OwnBody};
 use super::shapes::Builder;
 use super::*;
@@ -107,13 +108,14 @@ impl Scene {
         let name = name_of(&top, scene.name.take())?;
         let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
         let mut carrier = SceneVehicle::new(&top, &mut scene, dir, vehicle)?;
-        roi.check_mount(&top.key("mount"), carrier.vehicle.corners())?;
+        roi.check_mounts(&top, &carrier.vehicle, |mount| carrier.mount(mount))?;
         let classes = std::mem::take(&mut scene.classes);
         let classes = Classes::new(&top, classes, std::mem::take(&mut scene.detection))?;
         let things = things(&top, &scene, &classes, &mut carrier, dir)?;
         carrier.notes.extend(angles);
+        let places = carrier.places(&top);
         let mut scene = Self::of_parts(&top, scene, (name, roi, classes), carrier, things, dir)?;
-        let doubts = scene.doubts(name_for_errors);
+        let doubts = scene.doubts(&places);
         scene.notes.extend(doubts);
         Ok(scene)
     }
@@ -204,7 +206,11 @@ fn name_of(top: &Location, given: Option<String>) -> Result<String, DescriptionE
 
 /// A scene's vehicle, its body and its files.
 struct SceneVehicle {
+    /// Where the vehicle is described: its file, or a place in the scene.
+    pub at: Location,
     pub vehicle: Vehicle,
+    /// True if a body of the vehicle takes the place of the scene's own.
+    pub owns_body: bool,
     /// A body that takes the place of the scene's own.
     pub body: Option<VehicleBody>,
     pub files: Vec<PathBuf>,
@@ -275,7 +281,28 @@ impl SceneVehicle {
             .ok_or_else(|| missing("mount", "say where sensors may stand, or give a `vehicle`"))?;
         let files = lidar.file.iter().map(|file| dir.join(file)).collect();
         let vehicle = Vehicle::nameless(top, lidar, &mount, dir)?;
-        Ok(Self { notes: vehicle.notes.clone(), vehicle, body: None, files })
+        let (at, notes) = (top.clone(), vehicle.notes.clone());
+        Ok(Self { at, notes, vehicle, owns_body: false, body: None, files })
+    }
+
+    /// Where a mount is described.
+    fn mount(&self, index: usize) -> Location {
+        match self.vehicle.is_nameless() {
+            true => self.at.key("mount"),
+            false => self.at.key("mounts").item(index),
+        }
+    }
+
+    /// Where scene, mounts and body are described.
+    fn places(&self, top: &Location) -> Places {
+        let body = if self.owns_body { &self.at } else { top };
+        let mounts = (0..self.vehicle.mounts.len()).map(|mount| self.mount(mount)).collect();
+        Places {
+            scene: top.file.clone(),
+            vehicle: self.at.clone(),
+            mounts,
+            body: body.file.clone(),
+        }
     }
 
     fn of_vehicle(
@@ -291,8 +318,10 @@ impl SceneVehicle {
         let (vehicle, mut files) = Vehicle::new(&at, vehicle, &stem, dir)?;
         files.extend(file);
         let is_there = !(shapes.is_empty() && others.is_empty());
-        let body = is_there.then(|| VehicleBody { shapes, others, at, dir: dir.to_owned() });
-        Ok(Self { notes: vehicle.notes.clone(), vehicle, body, files })
+        let (place, dir) = (at.clone(), dir.to_owned());
+        let body = is_there.then_some(VehicleBody { shapes, others, at: place, dir });
+        let notes = vehicle.notes.clone();
+        Ok(Self { at, notes, vehicle, owns_body: is_there, body, files })
     }
 }
 

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::vehicle::Vehicle;
+
 use super::description::{PsogDescription, RoiDescription, ScanDescription};
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{DescriptionError, Location};
@@ -65,27 +67,33 @@ impl RoiBounds {
 }
 
 impl RoiBounds {
-    /// Checks that the box around all mounts lies in the ROI sideways, and in z at least touches it or stands at most
-    /// `MOUNT_HEADROOM` above.
-    pub fn check_mount(
+    /// Checks that every mount lies in the ROI of `scene` sideways, and that the box around all touches it in z or stands
+    /// at most `MOUNT_HEADROOM` above. `place` is where each mount is written.
+    pub fn check_mounts(
         &self,
-        at: &Location,
-        [min, max]: [[f64; 3]; 2],
+        scene: &Location,
+        vehicle: &Vehicle,
+        place: impl Fn(usize) -> Location,
     ) -> Result<(), DescriptionError> {
-        let inside = |i: usize| self.min[i] <= min[i] && max[i] <= self.max[i];
-        let over = min[2] <= self.max[2] + MOUNT_HEADROOM && max[2] >= self.min[2];
-        let fits = [('x', inside(0)), ('y', inside(1)), ('z', over)];
-        match fits.into_iter().find(|(_, fits)| !fits) {
-            None => Ok(()),
-            Some((axis, _)) => Err(DescriptionError::MountOutside {
-                at: Box::new(at.clone()),
-                axis,
-                min,
-                max,
-                roi_min: self.min,
-                roi_max: self.max,
-            }),
+        let [lowest, highest] = vehicle.corners().map(|corner| corner[2]);
+        let over = lowest <= self.max[2] + MOUNT_HEADROOM && highest >= self.min[2];
+        for (k, mount) in vehicle.mounts.iter().enumerate() {
+            let [min, max] = mount.region.corners();
+            let inside = |i: usize| self.min[i] <= min[i] && max[i] <= self.max[i];
+            let fits = [('x', inside(0)), ('y', inside(1)), ('z', over)];
+            if let Some((axis, _)) = fits.into_iter().find(|(_, fits)| !fits) {
+                return Err(DescriptionError::MountOutside {
+                    at: Box::new(place(k)),
+                    scene: scene.file.clone(),
+                    axis,
+                    min,
+                    max,
+                    roi_min: self.min,
+                    roi_max: self.max,
+                });
+            }
         }
+        Ok(())
     }
 }
 

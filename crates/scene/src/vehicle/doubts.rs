@@ -14,8 +14,8 @@ const SLACK: f64 = 2e-3;
 
 /// Ranges in metres that LiDARs have.
 const RANGE: [f64; 2] = [1.0, 1000.0];
-/// Smallest fields of view in degrees, up and across; smaller numbers are radians.
-const VIEW: [f64; 2] = [1.0, PI];
+/// Smallest field of view across in degrees; smaller numbers are radians.
+const ACROSS: f64 = PI;
 
 /// True if an angle in radians is most likely one in degrees: more than a turn, or a whole number from 2 up.
 pub fn is_degrees(angle: f64) -> bool {
@@ -47,7 +47,8 @@ pub fn of_degrees(what: &str, degrees: &[f64]) -> Option<String> {
     Some(format!("{what} is {angle}°; radians? {angle} rad are {:.2}°", angle.to_degrees()))
 }
 
-/// Doubts about a LiDAR, which `who` names: its range and its field of view.
+/// Doubts about a LiDAR, which `who` names: its range and its field of view across. Elevations are doubted where they are
+/// read.
 pub fn of_lidar(who: &str, lidar: &Lidar) -> Vec<String> {
     let mut doubts = Vec::new();
     let range = lidar.range();
@@ -56,18 +57,14 @@ pub fn of_lidar(who: &str, lidar: &Lidar) -> Vec<String> {
             "{who} has a range of {range} m; ranges are in metres: write 100 for 100 m"
         ));
     }
-    let Lidar::Spinning { elevations, azimuth, .. } = lidar else { return doubts };
-    let high = elevations.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let low = elevations.iter().copied().fold(f64::INFINITY, f64::min);
+    let Lidar::Spinning { azimuth, .. } = lidar else { return doubts };
     let across = azimuth.map_or(360.0, |[from, to]| to - from);
-    for (view, least, key) in [(high - low, VIEW[0], "fov"), (across, VIEW[1], "azimuth")] {
-        if view > 0.0 && view < least {
-            doubts.push(format!(
-                "{who} has a field of view of {view:.3}° (`{key}`); radians? degrees are expected, {view:.3} rad are \
-                 {:.1}°",
-                view.to_degrees()
-            ));
-        }
+    if across > 0.0 && across < ACROSS {
+        doubts.push(format!(
+            "{who} has a field of view of {across:.3}° (`azimuth`); radians? degrees are expected, {across:.3} rad \
+             are {:.1}°",
+            across.to_degrees()
+        ));
     }
     doubts
 }
@@ -198,7 +195,6 @@ mod tests {
         };
         assert!(of_lidar("a", &lidar([-25.0, 15.0], Some([-60.0, 60.0]), 100.0)).is_empty());
         for (lidar, word) in [
-            (lidar([-0.4, 0.2], None, 100.0), "0.600° (`fov`)"),
             (lidar([-25.0, 15.0], Some([-1.0, 1.0]), 100.0), "2.000° (`azimuth`)"),
             (lidar([-25.0, 15.0], None, 0.1), "a range of 0.1 m"),
         ] {

@@ -198,8 +198,11 @@ pub(super) fn other(at: &Location, key: &str, given: f64, stated: Option<f64>) -
 fn narrow_fov(at: &Location, channels: u64, fov: Option<[f64; 2]>) -> Option<Note> {
     let [low, high] = fov.filter(|_| channels > 1)?;
     let at = at.key("fov");
-    let text =
-        format!("{at}: {:.3} degrees for {channels} channels: radians? Write degrees.", high - low);
+    let view = high - low;
+    let text = format!(
+        "{at}: {view:.3} degrees for {channels} channels: radians? Write degrees, {view:.3} rad are {:.1}°",
+        view.to_degrees()
+    );
     (high - low < NARROWEST && high > low).then(|| Note::doubt(text))
 }
 

@@ -1,5 +1,6 @@
 //! Mounts of a vehicle file: their regions, the models they may hold, how many, and room for the rules that tie LiDARs.
 
+use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -11,6 +12,7 @@ use super::mesh_mount::{self, OFF};
 use super::surface::{is_roof, rest};
 use super::{MAX_LIDARS, Outline, Region, SensorName};
 use lidar_cast::geom::{Pose, crossing};
+use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{DescriptionError, Location};
 
@@ -53,6 +55,11 @@ pub(super) fn mounting(
     let at_count = at.key("count");
     let [least, most] = match mount.count {
         CountDescription::Exactly(count) => [count; 2],
+        CountDescription::Range([least, most]) if least > most => {
+            let wanted =
+                format!("[least, most]: the least is above the most; write [{most}, {least}]");
+            return Err(bad(&at_count, format!("[{least}, {most}]"), wanted));
+        }
         CountDescription::Range(range) => range,
     };
     let most = check::count(&at_count, most, 0, MAX_LIDARS as u64)? as usize;
@@ -269,6 +276,32 @@ pub(super) fn level(at: &Location, mounts: &mut [VehicleMount]) -> Result<(), De
     Ok(())
 }
 
+/// Turns the frames of boxes that face straight back and are no image of another mount, so that their sensors can be
+/// mirrored; returns a note where the range of yaw is cut to do so.
+pub(super) fn face_back(at: &Location, mounts: &mut [VehicleMount]) -> Vec<Note> {
+    let mut notes = Vec::new();
+    for k in 0..mounts.len() {
+        let region = mounts[k].region.clone();
+        if mounts.iter().any(|other| other.region.is_image_of(&region)) {
+            continue;
+        }
+        let Some(turned) = region.turned_back() else { continue };
+        let [from, to] = [region.lower[5], region.upper[5]];
+        let half = turned.upper[5];
+        if to - from > 2.0 * half + 1e-9 {
+            let middle = if from + to > 0.0 { PI } else { -PI };
+            notes.push(Note::fact(format!(
+                "{}: {from} to {to}; mirrored pairs stand from {:.4} to {:.4}, the part of it that is its own image",
+                at.key("mounts").item(k).key("yaw"),
+                middle - half,
+                middle + half
+            )));
+        }
+        mounts[k].region = Arc::new(turned);
+    }
+    notes
+}
+
 /// Checks that LiDARs can come in mirrored pairs.
 ///
 /// # Errors
@@ -284,8 +317,9 @@ pub(super) fn check_pairs(at: &Location, mounts: &[VehicleMount]) -> Result<(), 
         if !mounts.iter().any(|other| holds(&other)) {
             let wanted = format!(
                 "possible with `{name}`, which has no mirror image at the plane y = 0: y, roll and yaw must run \
-                 from -a to a, or another mount be its image (of meshes to within {OFF} m), with the same `count` \
-                 and `sensors`; leave it out"
+                 from -a to a (yaw of a mount that faces back from 3.1416 - a to 3.1416 + a), or another mount be its \
+                 image (of meshes to within {OFF} m), with the same `count` and `sensors`; change the mount, or leave \
+                 `symmetric` out"
             );
             return Err(bad(&at, true, wanted));
         }

@@ -1,6 +1,8 @@
 //! Mirrored pairs at the plane y = 0, over several mounts: images among regions, and LiDARs in the order of pairs.
 
-use glam::DVec3;
+use std::f64::consts::PI;
+
+use glam::{DMat3, DVec3};
 
 use super::{Constraints, Outline, Region, SensorPose, Slot};
 use lidar_cast::geom::Pose;
@@ -56,6 +58,32 @@ impl Region {
             && close(self.upper, image.upper)
             && outlines[0].len() == outlines[1].len()
             && outlines[0].iter().all(has)
+    }
+}
+
+/// Most radians by which a range of yaw about straight back may be off its own mirror image: a half turn is written in
+/// decimals.
+const OFF_BACK: f64 = 0.02;
+
+impl Region {
+    /// A box whose sensors face straight back, in a frame that is turned half around: there its yaw, too, runs from -a
+    /// to a, and poses can be mirrored. The range is cut to the part that is its own mirror image. `None` for any other
+    /// region.
+    pub(super) fn turned_back(&self) -> Option<Self> {
+        let [from, to] = [self.lower[5], self.upper[5]];
+        let off = (0.5 * (from + to)).abs() - PI;
+        let half = 0.5 * (to - from) - off.abs();
+        if self.ego_from_region.is_some() || 2.0 * off.abs() > OFF_BACK || half < 0.0 {
+            return None;
+        }
+        let mut turned = self.clone();
+        for k in [0, 1] {
+            (turned.lower[k], turned.upper[k]) = (0.0 - self.upper[k], 0.0 - self.lower[k]);
+        }
+        (turned.lower[5], turned.upper[5]) = (0.0 - half, half);
+        let rotation = DMat3::from_diagonal(DVec3::new(-1.0, -1.0, 1.0));
+        turned.ego_from_region = Some(Pose { rotation, translation: DVec3::ZERO });
+        Some(turned)
     }
 }
 
@@ -267,6 +295,33 @@ mod tests {
                 assert!(a.mirrored().difference(&b) < 1e-9, "{a:?} {b:?}");
             }
         }
+    }
+
+    #[test]
+    fn a_box_that_faces_back_is_its_own_image_in_a_turned_frame() {
+        let back = Region {
+            lower: [-2.0, -0.5, 1.0, -0.1, 0.0, 2.6],
+            upper: [-1.0, 0.5, 1.2, 0.1, 0.2, 3.7],
+            ..Region::default()
+        };
+        assert!(!back.is_image_of(&back));
+        let turned = back.turned_back().expect("within 0.02 rad of its own image");
+        assert!(turned.is_image_of(&turned));
+        assert_eq!(turned.corners(), back.corners());
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        for _ in 0..50 {
+            let draw = |k: usize| rng.random_range(turned.lower[k]..=turned.upper[k]);
+            let fields: [f64; 6] = std::array::from_fn(draw);
+            let pose = turned.pose(fields, SensorName::NONE);
+            let yaw = pose.yaw.rem_euclid(2.0 * PI);
+            assert!((2.6..=3.7).contains(&yaw), "{yaw}");
+            let moved = SensorPose { yaw, ..pose };
+            assert!(back.outside(&moved).is_empty(), "{moved:?}");
+            assert!(turned.outside(&pose.mirrored()).is_empty(), "{pose:?}");
+        }
+        let ahead = Region { lower: [-0.5; 6], upper: [0.5; 6], ..Region::default() };
+        let askew = Region { upper: [-1.0, 0.5, 1.2, 0.1, 0.2, 3.8], ..back };
+        assert!(ahead.turned_back().is_none() && askew.turned_back().is_none());
     }
 
     #[test]

@@ -10,12 +10,17 @@ use serde::de::DeserializeOwned;
 
 use super::{ForeignLidar, Placement, PlacementError};
 use sightline_files::files;
-use sightline_files::json::{FileKind, did_you_mean, nearest, plain_words, unknown_key};
+use sightline_files::json::{
+    self, FileKind, did_you_mean, nearest, not_json, plain_words, unknown_key,
+};
 
 /// Longest line of a `.jsonl` file, in bytes: 16 LiDARs need far less.
 const MAX_LINE: u64 = 1 << 20;
 /// Largest document that is read at once, in bytes: some million placements.
 const MAX_DOCUMENT: u64 = 1 << 30;
+
+/// Most names that an error lists.
+const MOST_KNOWN: usize = 20;
 
 /// Why a placement file could not be read.
 #[derive(Debug, thiserror::Error)]
@@ -42,6 +47,16 @@ pub enum PlacementFileError {
         near: Option<String>,
         /// Place in the document or line, and the fault there.
         problem: String,
+    },
+    /// A text that is no JSON.
+    #[error("{}{}: {told}; a file of placements begins with {{", path.display(), at_line(*line))]
+    NotJson {
+        /// File.
+        path: PathBuf,
+        /// Line of a `.jsonl` file, from 1.
+        line: Option<u64>,
+        /// Fault, and kind of file that it looks like.
+        told: String,
     },
     /// Placements without the object around them.
     #[error("{}: is a bare list; write {{\"placements\": [ … ]}} around it", path.display())]
@@ -113,6 +128,16 @@ pub enum PlacementFileError {
         /// File.
         path: PathBuf,
     },
+    /// No placement of the name behind the file's colon.
+    #[error("{}: has no placement `{name}`; it has {known}", path.display())]
+    NoSuch {
+        /// File.
+        path: PathBuf,
+        /// Name that was asked for.
+        name: String,
+        /// First names of the file.
+        known: String,
+    },
     /// A file without placements.
     #[error("{}: holds no placement; add at least one", path.display())]
     Empty {
@@ -141,6 +166,10 @@ fn name_in(text: &str, index: usize) -> Option<String> {
 fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, PlacementFileError> {
     // Parsing with the place takes longer, so it runs on errors alone.
     serde_json::from_str(text).map_err(|error| {
+        if let Some(told) = not_json(text) {
+            let line = (line > 1).then_some(line);
+            return PlacementFileError::NotJson { path: path.to_owned(), line, told };
+        }
         let mut json = serde_json::Deserializer::from_str(text);
         let place = match serde_path_to_error::deserialize::<_, T>(&mut json) {
             Err(error) => error.path().to_string(),
@@ -160,7 +189,9 @@ fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, P
         };
         let place = place.trim_end_matches('?').trim_end_matches('.');
         let index = place.strip_prefix("placements[").and_then(|rest| rest.split(']').next());
-        let index = index.map_or(Some(0), |index| index.parse().ok());
+        // A line of a `.jsonl` file is one placement.
+        let is_document = FileKind::of(text).is_some();
+        let index = index.map_or((!is_document).then_some(0), |index| index.parse().ok());
         let near = index.filter(|_| !(place.is_empty() || problem.contains("`name`")));
         PlacementFileError::Json {
             path: path.to_owned(),
@@ -179,18 +210,47 @@ pub(crate) struct PlacementFile {
     /// JSON Schema of this file, which editors read.
     #[serde(rename = "$schema")]
     _schema: Option<String>,
+    /// Version of the format: 1.
+    #[serde(default, rename = "sightline", deserialize_with = "json::version_1")]
+    _version: Option<u64>,
     /// Placements, each of a name of its own.
     placements: Vec<Placement>,
+}
+
+/// A file, and the name of one placement behind its colon: `rigs.json:roof`. A file whose own name is the whole text has
+/// none behind it.
+pub fn file_and_name(text: &str) -> (&str, Option<&str>) {
+    match text.rsplit_once(':') {
+        Some((file, name)) if !Path::new(text).exists() => (file, Some(name)),
+        _ => (text, None),
+    }
+}
+
+/// The same for a path.
+fn split(path: &Path) -> (&Path, Option<&str>) {
+    let (file, name) = path.to_str().map(file_and_name).unwrap_or_default();
+    if name.is_some() { (Path::new(file), name) } else { (path, None) }
 }
 
 /// Iterator over the checked placements of a file, in order; `-` is stdin.
 ///
 /// `.jsonl` is read a line at a time, with one placement in memory; `.json` is one document
 /// `{"placements": […]}`. Under any other name, such as a pipe's, the first bytes tell the form.
+///
+/// A name behind the path and a colon picks one placement: `rigs.json:roof`.
 pub struct PlacementReader {
     path: PathBuf,
     source: PlacementSource,
     names: HashSet<String>,
+    picked: Option<Picked>,
+}
+
+/// The one placement that is wanted.
+struct Picked {
+    name: String,
+    is_found: bool,
+    /// First names of the file.
+    known: Vec<String>,
 }
 
 enum PlacementSource {
@@ -202,24 +262,30 @@ enum PlacementSource {
 const DOCUMENT: &[u8] = b"\"placements\"";
 /// Key that may stand before it, with a text.
 const SCHEMA: &[u8] = b"\"$schema\":\"";
+/// Key that may stand before it, with a whole number.
+const VERSION: &[u8] = b"\"sightline\":";
 /// Mark that some editors write before UTF-8 text.
 const BYTE_ORDER_MARK: &str = "\u{feff}";
 
 /// True if bytes without spaces begin a document of placements; `None` if more bytes must tell.
 fn begins_document(seen: &[u8]) -> Option<bool> {
-    let Some(keys) = seen.strip_prefix(b"{") else {
+    let Some(mut keys) = seen.strip_prefix(b"{") else {
         return seen.first().map(|first| *first == b'[');
     };
-    let keys = match keys.strip_prefix(SCHEMA) {
-        Some(text) => {
+    loop {
+        let value = if let Some(text) = keys.strip_prefix(SCHEMA) {
             let ends = |at: usize| text[at] == b'"' && !text[..at].ends_with(b"\\");
-            let after = &text[(0..text.len()).find(|&at| ends(at))? + 1..];
-            after.strip_prefix(b",").unwrap_or(after)
-        }
-        None if SCHEMA.starts_with(keys) => return None,
-        None => keys,
-    };
-    let is_short = keys.len() < DOCUMENT.len() && DOCUMENT.starts_with(keys);
+            &text[(0..text.len()).find(|&at| ends(at))? + 1..]
+        } else if let Some(number) = keys.strip_prefix(VERSION) {
+            &number[number.iter().position(|byte| !byte.is_ascii_digit())?..]
+        } else {
+            break;
+        };
+        keys = value.strip_prefix(b",").unwrap_or(value);
+    }
+    let is_short = [DOCUMENT, SCHEMA, VERSION]
+        .iter()
+        .any(|key| keys.len() < key.len() && key.starts_with(keys));
     (!is_short).then(|| keys.starts_with(DOCUMENT))
 }
 
@@ -243,6 +309,7 @@ fn sniff(reader: &mut impl BufRead) -> io::Result<(Vec<u8>, bool)> {
 /// True if a file is one of placements rather than a scene: standard input and pipes, `.jsonl` by its name, a
 /// document by its first key. False where it cannot be read.
 pub fn holds_placements(path: &Path) -> bool {
+    let path = split(path).0;
     let is_stream = path == Path::new("-") || (path.exists() && !path.is_file() && !path.is_dir());
     if is_stream || path.extension().is_some_and(|ending| ending == "jsonl") {
         return true;
@@ -263,6 +330,9 @@ impl PlacementReader {
     /// # Errors
     /// The file cannot be opened, or is no JSON of the expected form.
     pub fn open(path: &Path) -> Result<Self, PlacementFileError> {
+        let (path, name) = split(path);
+        let picked =
+            name.map(|name| Picked { name: name.to_owned(), is_found: false, known: Vec::new() });
         let io = |source| PlacementFileError::Io { path: path.to_owned(), source };
         let mut length = 0;
         let mut reader: Box<dyn BufRead> = if path == Path::new("-") {
@@ -291,7 +361,7 @@ impl PlacementReader {
         } else {
             PlacementSource::Lines { reader, line: 0 }
         };
-        Ok(Self { path: path.to_owned(), source, names: HashSet::new() })
+        Ok(Self { path: path.to_owned(), source, names: HashSet::new(), picked })
     }
 
     fn next_placement(&mut self) -> Option<Result<Placement, PlacementFileError>> {
@@ -376,7 +446,27 @@ impl Iterator for PlacementReader {
     type Item = Result<Placement, PlacementFileError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        self.next_placement()
+        loop {
+            let next = self.next_placement();
+            let Some(picked) = &mut self.picked else { return next };
+            match next {
+                Some(Ok(placement)) if placement.name == picked.name => {
+                    picked.is_found = true;
+                    return Some(Ok(placement));
+                }
+                Some(Ok(placement)) if picked.known.len() < MOST_KNOWN => {
+                    picked.known.push(placement.name);
+                }
+                Some(Ok(_)) => {}
+                None if !picked.is_found && !self.names.is_empty() => {
+                    picked.is_found = true;
+                    let (path, name) = (self.path.clone(), picked.name.clone());
+                    let known = picked.known.join(", ");
+                    return Some(Err(PlacementFileError::NoSuch { path, name, known }));
+                }
+                other => return other,
+            }
+        }
     }
 }
 

@@ -13,7 +13,7 @@ use super::equipment::{Vehicle, VehicleMount, VehicleSensor};
 use super::lidar_reading::DescribedLidar;
 use super::mesh_mount::mirror_meshes;
 use super::mount::{keep_out_boxes, least_distance};
-use super::mounting::{check_pairs, level, mounting};
+use super::mounting::{check_pairs, face_back, level, mounting};
 use super::{
     GroundRule, MAX_LIDARS, OtherSensor, OverlapRule, Requirement, SensorName, SpinPhase,
     TargetRule, Ties, lidar,
@@ -82,6 +82,7 @@ impl Vehicle {
         }
         if ties.symmetric {
             mirror_meshes(&mut mounts);
+            notes.extend(face_back(at, &mut mounts));
             check_pairs(at, &mounts)?;
         }
         let required = Requirements::new(&at.key("require"), &vehicle.require, dir)?;
@@ -89,6 +90,7 @@ impl Vehicle {
         let Requirements { areas, targets, ground, overlap, files: read, notes: told } = required;
         files.extend(read);
         notes.extend(told);
+        notes.extend(out_of_reach(&at.key("require"), &targets, &sensors));
         let at = at.key("other_sensors");
         let other_sensors = OtherSensor::read_all(&at, vehicle.other_sensors, &mut notes)?;
         let name = name.unwrap_or_else(|| stem.to_owned());
@@ -252,6 +254,25 @@ fn area(at: &Location, required: &RequirementDescription) -> Result<Requirement,
     let inside = keep_out_boxes(at, std::slice::from_ref(&inside))?[0];
     let without = keep_out_boxes(&at.key("without"), &required.without)?;
     Ok(Requirement { name, inside, without, share: required.share(at)? })
+}
+
+/// Doubts about targets at distances that no beam of any model reaches.
+fn out_of_reach(
+    at: &Location,
+    rules: &[(usize, TargetRule)],
+    sensors: &[VehicleSensor],
+) -> Vec<Note> {
+    let farthest = sensors.iter().map(|model| model.lidar.range()).fold(0.0, f64::max);
+    let beyond = rules.iter().filter(|(_, rule)| rule.within > farthest);
+    let doubt = |(position, rule): &(usize, TargetRule)| {
+        Note::doubt(format!(
+            "{}: {} m is farther than any sensor of the vehicle reaches, {farthest} m; lower it, or give a sensor of \
+             longer range",
+            at.item(*position).key("within"),
+            rule.within
+        ))
+    };
+    beyond.map(doubt).collect()
 }
 
 /// Rules without their positions in the file.

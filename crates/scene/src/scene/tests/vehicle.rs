@@ -144,7 +144,7 @@ fn what_is_wrong_with_a_vehicle_is_said_with_its_place() {
         ("[-1, 1.05, 0.9], [1, 1.05, 0.9]]", "[-3, 1.05, 0.5]]", "its corners lie on a line"),
         ("[1, 1.05, 0.9]]", "[1, 1.25, 0.9]]", "of the plane of the others"),
         ("\"count\": 1", "\"count\": 17", "mounts[0].count: 17 is not a whole number from 0 to 16"),
-        ("\"count\": [0, 2]", "\"count\": [3, 2]", "mounts[1].count: 3 is not"),
+        ("\"count\": [0, 2]", "\"count\": [3, 2]", "mounts[1].count: [3, 2] is not [least, most]"),
         ("\"count\": 1", "\"count\": \"two\"", "a number of sensors, 4 for example"),
         ("\"count\": 1", "\"cuont\": 1", "unknown key `cuont`"),
         ("\"phase\": 0.1", "\"phase\": [0.2, 0.1]", "sensors[1].phase: [0.2, 0.1] is not a range"),

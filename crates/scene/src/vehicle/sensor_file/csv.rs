@@ -102,7 +102,16 @@ pub(super) fn parse_hesai(at: &Location, text: &str) -> Result<SensorPattern, De
         })?;
         in_degrees(&title_at, titles[column]).map(|()| column)
     };
-    let (elevation, azimuth) = (find("elevation")?, find("azimuth")?);
+    let elevation = find("elevation")?;
+    // A title that is not known may be one of offsets.
+    let has_offsets = column(&titles, "azimuth").is_some();
+    let strange = unknown(&titles, &HESAI_TITLES);
+    if !has_offsets && !strange.is_empty() {
+        let wanted = "a row of known titles: write `Channel,Elevation,Azimuth`, or delete the row above a plain list of \
+                      elevations in degrees";
+        return Err(bad(&title_at, quoted(&titles.join(",")), wanted));
+    }
+    let azimuth = if has_offsets { Some(find("azimuth")?) } else { None };
     let number = column(&titles, "channel").or(column(&titles, "laser"));
     let mut numbers = BTreeSet::new();
     let mut channels = Vec::new();
@@ -118,12 +127,18 @@ pub(super) fn parse_hesai(at: &Location, text: &str) -> Result<SensorPattern, De
         }
         let up = number_in(&at, &cells, elevation)?;
         // Subtracting turns the sign without making -0 of 0.
-        let offset = 0.0 - number_in(&at, &cells, azimuth)?;
+        let offset = match azimuth {
+            Some(azimuth) => 0.0 - number_in(&at, &cells, azimuth)?,
+            None => 0.0,
+        };
         channels.push(channel((&at, up), (&at, offset))?);
     }
     check_count(at, channels.len())?;
     let mut notes = Vec::new();
-    notes.extend(pattern::unread(&title_at, &unknown(&titles, &HESAI_TITLES)));
+    notes.extend(pattern::unread(&title_at, &strange));
+    if azimuth.is_none() {
+        notes.push(Note::fact(format!("{title_at}: has no column `Azimuth`; offsets are 0")));
+    }
     notes.extend(gap(at, &numbers));
     Ok(SensorPattern {
         notes,

@@ -1,7 +1,7 @@
 //! A small file of each format, and errors of broken ones.
 
 use super::super::{Beams, SensorFormat, SensorPattern, parse};
-use super::{message, read};
+use super::{message, notes, read};
 use sightline_files::json::Location;
 
 /// Elevation and offset of each channel.
@@ -100,8 +100,15 @@ fn hesai_in_all_its_forms() {
     }
     let gap = message("Channel,Elevation,Azimuth\n1,14.5,-1.25\n5,,\n");
     assert_eq!(gap, "f: line 3: \"\" is not a number in column 2, as 1.5");
-    let untitled = message("Channel,Elevation\n1,2\n");
-    assert!(untitled.contains("line 1: ") && untitled.contains("titles with `azimuth`"));
+    let untitled = message("Channel,Elevation,Horizontal offset\n1,2,3\n");
+    assert!(
+        untitled.contains("line 1: ") && untitled.contains("write `Channel,Elevation,Azimuth`")
+    );
+    for plain in ["elevation\n14.5\n-3\n", "channel,elevation_deg\n1,14.5\n2,-3\n"] {
+        let pattern = read(plain).unwrap();
+        assert_eq!(channels(&pattern), [[14.5, 0.0], [-3.0, 0.0]], "{plain}");
+        assert!(notes(&pattern).contains("line 1: has no column `Azimuth`; offsets are 0"));
+    }
     assert!(message("Channel,Elevation,Azimuth\n").contains("a list of 0"));
     // The firing table of a Hesai holds no angles.
     assert!(

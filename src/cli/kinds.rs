@@ -1,0 +1,156 @@
+//! Kinds of study in help: a line each in `study -h`, and help of its own behind `study KIND -h`.
+
+use std::ffi::OsString;
+
+use clap::Command;
+
+use crate::study::Kind;
+
+/// A kind of study in help.
+struct KindHelp {
+    name: &'static str,
+    /// Its question in a line of `study -h`.
+    line: &'static str,
+    /// Arguments of an example, behind the kind.
+    example: &'static str,
+    /// Options that `-h` shows beside those of every kind.
+    own: &'static [&'static str],
+}
+
+const KINDS: [KindHelp; 12] = [
+    KindHelp {
+        name: "lidars",
+        line: "How many LiDARs: the best rig of each number",
+        example: "scenes/highway.json --vehicle scenes/vehicles/car.json",
+        own: &["budget"],
+    },
+    KindHelp {
+        name: "cost",
+        line: "What a vehicle's sensors gain for their price",
+        example: "scenes/highway.json --vehicle scenes/vehicles/car.json --budget 12000",
+        own: &["budget"],
+    },
+    KindHelp {
+        name: "channels",
+        line: "16 to 128 channels, and sensors of files",
+        example: "scenes/highway.json --sensor-file vlp_32c.json",
+        own: &["sensors"],
+    },
+    KindHelp {
+        name: "voxels",
+        line: "Own rigs ranked at the four voxel sizes of the paper",
+        example: "scenes/highway.json scenes/placements.json",
+        own: &[],
+    },
+    KindHelp {
+        name: "random",
+        line: "Random placements against own rigs and an optimized one",
+        example: "scenes/highway.json scenes/placements.json --random 200",
+        own: &["random"],
+    },
+    KindHelp {
+        name: "tasks",
+        line: "One placement for segmentation and detection",
+        example: "scenes/highway.json",
+        own: &[],
+    },
+    KindHelp {
+        name: "height",
+        line: "All LiDARs at one height, against free heights",
+        example: "scenes/highway.json",
+        own: &[],
+    },
+    KindHelp {
+        name: "regions",
+        line: "Near, middle, far; front, side, rear; boxes; classes",
+        example: "scenes/residential.json mine.json --box crossing:10,-5,0,30,5,2",
+        own: &["regions"],
+    },
+    KindHelp {
+        name: "loss",
+        line: "Each LiDAR lost in turn: what fails, where it is blind",
+        example: "scenes/highway.json scenes/placements.json",
+        own: &[],
+    },
+    KindHelp {
+        name: "weather",
+        line: "Own rigs in clear air, fog, snow, rain",
+        example: "scenes/highway.json mine.json --condition fog:mor=50",
+        own: &["condition"],
+    },
+    KindHelp {
+        name: "transfer",
+        line: "A placement optimized on one scene, scored on others",
+        example: "scenes/highway.json scenes/residential.json",
+        own: &[],
+    },
+    KindHelp {
+        name: "published",
+        line: "The paper's placements against its published results",
+        example: "scenes/highway.json --voxel 0.2",
+        own: &["voxel"],
+    },
+];
+
+/// Lines of all kinds, as wide as those of commands.
+pub fn lines() -> String {
+    KINDS.iter().map(|kind| format!("  {:<11} {}\n", kind.name, kind.line)).collect()
+}
+
+/// The program with help of the kind of study that the arguments name: its question, its example, its own options.
+pub fn with_kind(program: Command, arguments: &[OsString]) -> Command {
+    let word = |at: usize| arguments.get(at).and_then(|word| word.to_str());
+    let named = word(2).filter(|_| word(1) == Some("study"));
+    let Some(kind) = KINDS.iter().find(|kind| named == Some(kind.name)) else { return program };
+    let answer = Kind::ALL.iter().find(|(_, name, _)| *name == kind.name).map(|found| found.2);
+    program.mut_subcommand("study", |study| {
+        let rest = study.get_after_help().map(ToString::to_string).unwrap_or_default();
+        let rest = rest.split_once("\n\n").map_or("", |(_, rest)| rest).to_owned();
+        study
+            .about(answer.unwrap_or_default())
+            .override_usage(format!("sightline study {} [OPTIONS] <SCENES>...", kind.name))
+            .after_help(format!(
+                "Example:\n  sightline study {} {}\n\n{rest}",
+                kind.name, kind.example
+            ))
+            // `mut_arg` would move the kind behind the scenes.
+            .mut_args(|arg| match arg.get_id().as_str() {
+                "kind" => arg.hide(true),
+                id if kind.own.contains(&id) => arg.hide_short_help(false),
+                _ => arg,
+            })
+            .mut_subcommands(|below| below.hide(true))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::{Refused, parse, program};
+
+    #[test]
+    fn every_kind_has_its_line_and_its_own_help() {
+        assert_eq!(KINDS.each_ref().map(|kind| kind.name), Kind::ALL.map(|(_, name, _)| name));
+        let study = program();
+        let study = study.find_subcommand("study").unwrap();
+        for KindHelp { name, example, own, .. } in &KINDS {
+            for flag in ["-h", "--help"] {
+                let words = ["sightline", "study", name, flag].map(OsString::from);
+                let Err(Refused::Help(help)) = parse(&words) else { panic!("{name}: no help") };
+                let help = help.to_string();
+                let told = format!("  sightline study {name} {example}");
+                assert!(help.contains(&told), "{name}: {help}");
+                assert!(
+                    help.contains(&format!("Usage: sightline study {name} [OPTIONS]")),
+                    "{help}"
+                );
+                assert!(!help.contains("possible values: lidars"), "{help}");
+                for id in *own {
+                    let arg = study.get_arguments().find(|arg| arg.get_id() == id).unwrap();
+                    let long = format!("--{}", arg.get_long().unwrap());
+                    assert!(help.contains(&long), "{name} {flag}: {help}");
+                }
+            }
+        }
+    }
+}

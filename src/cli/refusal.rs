@@ -1,0 +1,223 @@
+//! One sentence for each wrong argument; numbers below 0 as values of options.
+
+use std::ffi::OsString;
+
+use clap::Command;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+
+use sightline_files::json::nearest;
+
+/// Most commands that a sentence names as owners of an option.
+const MOST_OWNERS: usize = 3;
+
+/// Values that begin with a minus and a digit, joined to the option before them: `--tolerance -1mm,2deg` becomes
+/// `--tolerance=-1mm,2deg`, so that the option's own message refuses it. Plain numbers reach options anyway.
+pub fn with_values_below_0(arguments: &[OsString]) -> Vec<OsString> {
+    let mut joined: Vec<OsString> = Vec::with_capacity(arguments.len());
+    for word in arguments {
+        let is_value = word.to_str().is_some_and(is_below_0);
+        match joined.last_mut().filter(|last| is_value && last.to_str().is_some_and(is_option)) {
+            Some(option) => {
+                option.push("=");
+                option.push(word);
+            }
+            None => joined.push(word.clone()),
+        }
+    }
+    joined
+}
+
+/// True for `-1mm`, `-.5,2`: no option begins so, and it is no plain number.
+fn is_below_0(word: &str) -> bool {
+    let digits = word.strip_prefix('-').map(|rest| rest.trim_start_matches('.'));
+    digits.is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
+        && word.parse::<f64>().is_err()
+}
+
+/// True for `--name`, without a value behind it.
+fn is_option(word: &str) -> bool {
+    word.len() > 2 && word.starts_with("--") && !word.contains('=')
+}
+
+/// An error of the arguments in one line: the mistake, a near name, the command that prints the help.
+pub fn sentence(error: &clap::Error, program: &Command, arguments: &[OsString]) -> String {
+    let (command, names) = command_of(program, arguments);
+    let told = unknown_option(error, program, command).unwrap_or_else(|| told(error));
+    format!("{told}; see `{} --help`", names.join(" "))
+}
+
+/// Words of clap: the fault, lists that belong to it, and tips but for the one to write `--` before an option.
+fn told(error: &clap::Error) -> String {
+    let text = error.render().to_string();
+    let lines = text.lines().map(str::trim);
+    // The usage, which is long, stands in the help.
+    let told = lines
+        .take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more information"))
+        .filter(|line| !line.is_empty() && !line.starts_with("tip: to pass "));
+    let mut words = String::new();
+    for line in told {
+        let (between, line) = match (line.strip_prefix("tip: "), words.ends_with(':')) {
+            _ if words.is_empty() => ("", line.strip_prefix("error: ").unwrap_or(line)),
+            (Some(tip), _) => ("; ", tip),
+            (None, true) => (" ", line),
+            (None, false) if line.starts_with('[') => (" ", line),
+            (None, false) => (", ", line),
+        };
+        words += between;
+        words += line;
+    }
+    words
+}
+
+/// An option that the command does not have: the commands that have it, and the command's own option of a near name.
+fn unknown_option(error: &clap::Error, program: &Command, command: &Command) -> Option<String> {
+    if error.kind() != ErrorKind::UnknownArgument {
+        return None;
+    }
+    let Some(ContextValue::String(given)) = error.get(ContextKind::InvalidArg) else { return None };
+    let name = given.strip_prefix("--")?.split('=').next()?;
+    let owners = owners(program, name, "");
+    let near = nearest(name, command.get_arguments().filter_map(clap::Arg::get_long));
+    // A name that another command knows is no slip, unless it begins alike.
+    let near = near.filter(|near| owners.is_empty() || near.get(..1) == name.get(..1));
+    let near = near.map(|near| format!("; a similar argument exists: '--{near}'"));
+    let said = match &owners[..] {
+        [] => format!("unexpected argument '{given}' found"),
+        _ => format!("`--{name}` is an option of {}", listed(&owners)),
+    };
+    let mend = match (owners.is_empty(), std::ptr::eq(command, program)) {
+        (false, true) => "; write it behind the command".to_owned(),
+        (false, false) => format!(", not of `{}`", command.get_name()),
+        (true, _) => String::new(),
+    };
+    Some(format!("{said}{mend}{}", near.unwrap_or_default()))
+}
+
+/// Names of all commands that have an option.
+fn owners(command: &Command, option: &str, names: &str) -> Vec<String> {
+    let has = |command: &Command| command.get_arguments().any(|arg| arg.get_long() == Some(option));
+    let mut found = Vec::new();
+    for below in command.get_subcommands().filter(|below| !below.is_hide_set()) {
+        let names = format!("{names} {}", below.get_name()).trim().to_owned();
+        let of_below = owners(below, option, &names);
+        found.extend(has(below).then_some(names));
+        found.extend(of_below);
+    }
+    found
+}
+
+/// The first names in words.
+fn listed(owners: &[String]) -> String {
+    let quoted = |owners: &[String]| owners.iter().map(|it| format!("`{it}`")).collect::<Vec<_>>();
+    match owners.len() {
+        0..=1 => quoted(owners).concat(),
+        2..=MOST_OWNERS => {
+            let (last, first) = owners.split_last().unwrap_or((&owners[0], owners));
+            format!("{} and `{last}`", quoted(first).join(", "))
+        }
+        _ => format!("{} and others", quoted(&owners[..MOST_OWNERS]).join(", ")),
+    }
+}
+
+/// The command that the arguments begin with, and its names, the program's first.
+fn command_of<'a>(program: &'a Command, arguments: &[OsString]) -> (&'a Command, Vec<&'a str>) {
+    let (mut at, mut path) = (program, vec![program.get_name()]);
+    for word in arguments.iter().skip(1) {
+        let Some(next) = word.to_str().and_then(|word| at.find_subcommand(word)) else { break };
+        at = next;
+        path.push(at.get_name());
+    }
+    (at, path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::usage::{is_help, with_examples};
+    use super::*;
+    use crate::cli::{Refused, parse, program};
+
+    fn words(line: &str) -> Vec<OsString> {
+        "sightline".split(' ').chain(line.split(' ')).map(OsString::from).collect()
+    }
+
+    fn refused(line: &str) -> String {
+        match parse(&words(line)) {
+            Err(Refused::Sentence(told)) => told,
+            _ => panic!("{line}: is not refused"),
+        }
+    }
+
+    #[test]
+    fn wrong_arguments_are_one_sentence() {
+        for (line, told) in [
+            ("scan s.json", "arguments were not provided: --placement <FILE[:NAME]>, --out <DIR>"),
+            (
+                "score s.json p.json --fromat json",
+                "unexpected argument '--fromat' found; a similar argument exists: '--format'",
+            ),
+            (
+                "score s.json --format jsn",
+                "for '--format <FORMAT>' [possible values: text, json, csv]",
+            ),
+            (
+                "scan s.json --seed -1",
+                "'--seed <N>': give a whole number from 0 to 18446744073709551615",
+            ),
+            ("scene make", "unrecognized subcommand 'make'"),
+        ] {
+            let said = refused(line);
+            assert!(said.contains(told), "{line}: {said}");
+            assert!(!said.contains('\n') && !said.contains("error:"), "{line}: {said}");
+            let command = line.split(' ').next().unwrap();
+            assert!(said.ends_with(&format!("; see `sightline {command} --help`")), "{said}");
+        }
+        let help = with_examples(program()).try_get_matches_from(["sightline", "scan", "--help"]);
+        assert!(is_help(&help.unwrap_err()));
+    }
+
+    #[test]
+    fn an_option_of_another_command_is_named_with_its_command() {
+        for (line, told) in [
+            ("optimize s.json --random 4", "`--random` is an option of `verify`"),
+            (
+                "score s.json --budget=3",
+                "`--budget` is an option of `optimize` and `study`, not of `score`;",
+            ),
+            (
+                "optimize s.json --of 0.pitch",
+                "`--of` is an option of `study sweep`, not of `optimize`;",
+            ),
+            ("score s.json --frame 3", "not of `score`; a similar argument exists: '--frames';"),
+            ("--seed 3 optimize", "and others; write it behind the command;"),
+            ("optimize s.json --gui", "unexpected argument '--gui' found; see"),
+            ("optimize s.json -z", "unexpected argument '-z' found; see"),
+        ] {
+            let said = refused(line);
+            assert!(said.contains(told), "{line}: {said}");
+            assert!(!said.contains("to pass"), "{line}: {said}");
+        }
+    }
+
+    #[test]
+    fn values_below_0_reach_the_option() {
+        let every = |line: &str| with_values_below_0(&words(line));
+        assert_eq!(every("a --b -1mm,2 --c -1 -2 -3"), words("a --b=-1mm,2 --c -1 -2 -3"));
+        assert_eq!(every("a -- -1mm --b=1 -1mm -q -.5x"), words("a -- -1mm --b=1 -1mm -q -.5x"));
+        for (line, told) in [
+            (
+                "optimize s.json --tolerance -1mm,2deg",
+                "is not below 0: write a length and an angle",
+            ),
+            ("optimize s.json --delta -0.1,2", "is no spacing"),
+            ("optimize s.json --memory -1G", "give at least one byte"),
+            ("study targets s.json --distances -1,2", "give metres above 0 and up to 1000"),
+            ("optimize s.json --budget 12k", "give a number, as 12000"),
+        ] {
+            let said = refused(line);
+            assert!(said.contains(told), "{line}: {said}");
+        }
+        assert!(
+            parse(&words("rig export a.json --format urdf --out b --base-link -1,0,2")).is_ok()
+        );
+    }
+}

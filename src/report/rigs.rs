@@ -1,0 +1,72 @@
+//! Below a table of scores: price and range card of each rig in a line, and the better of several.
+
+use super::svg::trimmed;
+use crate::json::spoken;
+use crate::score::{Objective, Scores, Standing};
+use crate::targets::RangeCard;
+use crate::vehicle::{Placement, SensorName, Vehicle};
+
+/// Price of the sensors of each placement and the range card in short, a line a placement; then the better of several
+/// placements: requirements first, then the default objective. Empty where nothing is known.
+pub fn rigs_text(vehicle: &Vehicle, placements: &[Placement], all: &[Scores]) -> String {
+    let has_prices = vehicle.sensors.iter().any(|model| model.price > 0.0);
+    let mut text = String::new();
+    for (placement, scores) in placements.iter().zip(all) {
+        // A LiDAR without a name is of the only model.
+        let name = |name: SensorName| if name.is_none() { vehicle.sensors[0].name } else { name };
+        let sensors = placement.lidars.iter().map(|pose| vehicle.price(name(pose.sensor)));
+        let price = has_prices.then(|| format!("price {}", sensors.sum::<f64>()));
+        let card = scores.range_card.as_ref().map(card_in_words);
+        let facts: Vec<String> = price.into_iter().chain(card).collect();
+        if !facts.is_empty() {
+            text += &format!("{}: {}\n", scores.name, facts.join("; "));
+        }
+    }
+    text + &better_in_words(all).unwrap_or_default()
+}
+
+/// The distance up to which each target is met at the worst of the card's bearings.
+fn card_in_words(card: &RangeCard) -> String {
+    let least = |bearings: &[crate::targets::BearingRanges]| {
+        let ends = bearings.iter().map(|of| of.met.last().map_or(0.0, |run| run[1]));
+        ends.fold(f64::INFINITY, f64::min)
+    };
+    let each = card.targets.iter().map(|of| match least(&of.bearings) {
+        metres if metres > 0.0 => format!("{} to {} m", of.target, trimmed(metres, 1)),
+        _ => format!("{} nowhere", of.target),
+    });
+    let each: Vec<String> = each.collect();
+    format!("range card, worst of {} bearings: {}", bearings_of(card), each.join(", "))
+}
+
+fn bearings_of(card: &RangeCard) -> usize {
+    card.targets.first().map_or(0, |target| target.bearings.len())
+}
+
+/// The better of several placements, and why; `None` of one.
+fn better_in_words(all: &[Scores]) -> Option<String> {
+    let objective = Objective::default();
+    let standings: Vec<Standing> = all.iter().map(|one| Standing::of(one, &objective)).collect();
+    let best = Standing::best(&standings).filter(|_| all.len() > 1)?;
+    let others = (0..all.len()).filter(|&k| k != best);
+    let rival = others.min_by(|&a, &b| standings[a].compare(&standings[b]))?;
+    let (word, name, next) = match all.len() {
+        2 => ("better", &all[best].name, &all[rival].name),
+        _ => ("best", &all[best].name, &all[rival].name),
+    };
+    if !standings[best].beats(&standings[rival]) {
+        return Some(format!("{word}: {name} and {next} are level\n"));
+    }
+    let met = |k: usize| {
+        let [met, of] = all[k].met();
+        (of > 0).then(|| format!("{met} of {of} requirements met"))
+    };
+    let value = |k: usize| {
+        let value = objective.value(&all[k]).map_or("–".to_owned(), spoken);
+        let parts: Vec<String> = met(k).into_iter().chain([format!("near_gain {value}")]).collect();
+        parts.join(", ")
+    };
+    let order = if met(best).is_some() { "; requirements come first, then near_gain" } else { "" };
+    let (ours, theirs) = (value(best), value(rival));
+    Some(format!("{word}: {name} ({ours}), before {next} ({theirs}){order}\n"))
+}

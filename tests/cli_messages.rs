@@ -1,0 +1,243 @@
+//! Slips of newcomers: each message names the file, the place in it and the mend.
+
+use std::fs;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{fails, ok, sightline};
+
+/// A car with one mount on its roof.
+fn car() -> Value {
+    json!({ "sightline": 1, "name": "car",
+        "body": [{ "class": "vehicle", "box": { "min": [-1, -0.9, 0.3], "max": [3.5, 0.9, 1.6] } }],
+        "sensors": [{ "name": "spin", "price": 2, "phase": 0,
+            "lidar": { "channels": 8, "fov": [-25, 15], "azimuth_steps": 60, "range": 30 } }],
+        "mounts": [{ "name": "roof", "min": [0, -0.6, 1.9], "max": [1.5, 0.6, 2.2], "count": [1, 2] }] })
+}
+
+/// A folder with `s.json`, a scene of level ground and a box, `car.json` and placements.
+fn folder() -> TempDir {
+    let dir = TempDir::new().unwrap();
+    let scene = json!({ "sightline": 1, "name": "s", "vehicle": "car.json", "frames": 2,
+        "roi": { "min": [-14, -14, -0.4], "max": [14, 14, 2.8], "voxel": [0.4, 0.4, 0.4] },
+        "static": [{ "class": "road", "plane": { "min": [-60, -60], "max": [60, 60], "z": 0 } }],
+        "actors": [{ "name": "walker",
+            "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.6, 1.8] } }],
+            "poses": [{ "x": 6, "y": 2 }, { "x": -4, "y": 3 }] }] });
+    let rigs = json!({ "$schema": "a, \"b\"", "sightline": 1, "placements": [
+        { "name": "A", "lidars": [{ "x": 0.5, "y": 0, "z": 2 }] },
+        { "name": "B", "lidars": [{ "x": 0.5, "y": 0.4, "z": 2 }, { "x": 0.5, "y": -0.4, "z": 2 }] }] });
+    write(&dir, "s.json", &scene.to_string());
+    write(&dir, "car.json", &car().to_string());
+    write(&dir, "rigs.json", &rigs.to_string());
+    dir
+}
+
+fn write(dir: &TempDir, name: &str, text: &str) {
+    fs::write(dir.path().join(name), text).unwrap();
+}
+
+/// What the program says of the scene on a car that is changed.
+fn of_car(dir: &TempDir, change: impl Fn(&mut Value)) -> String {
+    let mut car = car();
+    change(&mut car);
+    write(dir, "own.json", &car.to_string());
+    let args = ["score", "s.json", "rigs.json:A", "--vehicle", "own.json", "--backend", "cpu"];
+    String::from_utf8(sightline(dir.path(), &args).stderr).unwrap()
+}
+
+#[test]
+fn files_of_other_kinds_are_named() {
+    let dir = folder();
+    for (name, text, looks) in [
+        ("a.csv", "x,y,z\n1,2,3\n", "is not JSON, it looks like CSV"),
+        ("a.yaml", "sightline: 1\nname: x\n", "is not JSON, it looks like YAML"),
+        ("a.ply", "ply\nformat ascii 1.0\n", "is not JSON, it looks like a PLY mesh"),
+        ("a.zip", "PK\u{3}\u{4}....", "is not JSON, it looks like a ZIP archive"),
+    ] {
+        write(&dir, name, text);
+        for (args, begins) in [
+            (["score", "s.json", "rigs.json", "--vehicle", name], "a vehicle file begins with {"),
+            (["score", name, "rigs.json", "--backend", "cpu"], "a scene file begins with {"),
+            (["score", "s.json", name, "--backend", "cpu"], "a file of placements begins with {"),
+        ] {
+            let told = fails(dir.path(), &args);
+            let begins = format!("{name}: {looks}; {begins}");
+            assert!(told.contains(&begins), "{begins}: {told}");
+        }
+    }
+}
+
+#[test]
+fn millimetres_are_told_with_the_file_and_the_mount() {
+    let dir = folder();
+    let told = of_car(&dir, |car| {
+        car["mounts"][0]["min"] = json!([0, -600, 1900]);
+        car["mounts"][0]["max"] = json!([4800, 600, 2200]);
+    });
+    assert!(told.contains("own.json: mounts[0]: the mount runs from"), "{told}");
+    assert!(
+        told.contains("is it in millimetres? lengths are in metres, 4800 mm are 4.8"),
+        "{told}"
+    );
+    let told = of_car(&dir, |car| {
+        car["mounts"][0]["min"] = json!([0, -0.6, 0.9]);
+        car["mounts"][0]["max"] = json!([1.5, 0.6, 1.2]);
+    });
+    assert!(
+        told.contains("own.json: mounts[0]: the whole mount lies inside the ego body"),
+        "{told}"
+    );
+    let told = of_car(&dir, |car| {
+        car["body"][0]["box"] = json!({ "min": [-1000, -900, 300], "max": [3500, 900, 1600] });
+    });
+    assert!(told.contains("own.json: the ego body is 4500.0 m large"), "{told}");
+    assert!(told.contains("divide the numbers of its shapes by 1000"), "{told}");
+}
+
+#[test]
+fn doubts_about_a_vehicle_are_told_once() {
+    let dir = folder();
+    assert!(!of_car(&dir, |_| {}).contains("own.json"));
+    let count = of_car(&dir, |car| car["mounts"][0]["count"] = json!([3, 1]));
+    let least =
+        "mounts[0].count: [3, 1] is not [least, most]: the least is above the most; write [1, 3]";
+    assert!(count.contains(least), "{count}");
+    let narrow = of_car(&dir, |car| car["sensors"][0]["lidar"]["fov"] = json!([-0.43, 0.26]));
+    assert_eq!(narrow.matches("radians?").count(), 1, "{narrow}");
+    assert!(narrow.contains("0.690 rad are 39.5°"), "{narrow}");
+    let far = of_car(&dir, |car| {
+        car["require"] = json!([{ "target": "child", "within": 10, "share": 0.1 }, { "target": "car", "within": 31, "share": 0.1 }]);
+    });
+    let beyond = "require[1].within: 31 m is farther than any sensor of the vehicle reaches, 30 m";
+    assert!(far.contains(beyond) && !far.contains("require[0]"), "{far}");
+    let bare = of_car(&dir, |car| drop(car.as_object_mut().unwrap().remove("body")));
+    assert!(bare.contains("own.json: has no `body`: beams pass through the vehicle"), "{bare}");
+}
+
+#[test]
+fn one_placement_of_a_file_is_read_alike_by_every_command() {
+    let dir = folder();
+    let names = |args: &[&str]| -> Vec<String> {
+        let scores = ok(dir.path(), args)["scores"].as_array().unwrap().clone();
+        scores.iter().map(|one| one["name"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(names(&["score", "s.json", "rigs.json"]), ["A", "B"]);
+    assert_eq!(names(&["score", "s.json", "rigs.json:B"]), ["B"]);
+    // LiDARs that name no model are of the only one.
+    let output = sightline(dir.path(), &["score", "s.json", "rigs.json:B", "--backend", "cpu"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains(", 480 beams a LiDAR") && text.contains("\nB: price 4; range"), "{text}");
+    for args in [
+        ["score", "s.json", "rigs.json:C", "--backend", "cpu"],
+        ["study", "tolerance", "s.json", "rigs.json:C", "--frames=1"],
+        ["audit", "s.json", "rigs.json:C", "--backend", "cpu"],
+    ] {
+        let told = fails(dir.path(), &args);
+        assert!(told.contains("rigs.json: has no placement `C`; it has A, B"), "{told}");
+    }
+    let missing = fails(dir.path(), &["score", "s.json", "none.json:A"]);
+    assert!(missing.contains("none.json: cannot be read"), "{missing}");
+}
+
+#[test]
+fn placements_may_state_the_version_of_other_files() {
+    let dir = folder();
+    let compared = sightline(dir.path(), &["rig", "compare", "rigs.json:A", "rigs.json:A"]);
+    assert!(compared.status.success(), "{compared:?}");
+    let rigs = fs::read_to_string(dir.path().join("rigs.json")).unwrap();
+    for (from, to, told) in [
+        (
+            "\"sightline\":1",
+            "\"sightline\":2",
+            "version 2 is unknown; this program reads version 1",
+        ),
+        ("\"sightline\"", "\"sihgtline\"", "unknown key `sihgtline`; did you mean `sightline`?"),
+        (
+            "\"sightline\"",
+            "\"q\"",
+            "unknown key `q`; known are `$schema`, `sightline`, `placements`",
+        ),
+    ] {
+        write(&dir, "other.json", &rigs.replace(from, to));
+        for args in [["score", "s.json", "other.json"], ["rig", "compare", "other.json:A"]] {
+            let mut args = args.to_vec();
+            if args[0] == "rig" {
+                args.push("rigs.json:A");
+            }
+            let said = fails(dir.path(), &args);
+            assert!(said.contains(told) && !said.contains("placement `A`"), "{args:?}: {said}");
+        }
+    }
+}
+
+#[test]
+fn mirrored_pairs_may_face_back() {
+    let dir = folder();
+    let back = |yaw: Value, x: f64| {
+        move |car: &mut Value| {
+            car["symmetric"] = json!(true);
+            car["mounts"] = json!([{ "name": "rear", "min": [x, -0.6, 1.9], "max": [-0.5, 0.6, 2.2],
+                "yaw": yaw, "count": 2 }]);
+            car["sensors"][0]["lidar"]["azimuth"] = json!([-60, 60]);
+        }
+    };
+    let told = of_car(&dir, back(json!([2.6, 3.9]), -1.0));
+    assert!(
+        told.contains("yaw of a mount that faces back from 3.1416 - a to 3.1416 + a"),
+        "{told}"
+    );
+    let told = of_car(&dir, back(json!([2.6, 3.7]), -1.0));
+    assert!(
+        told.contains("mounts[0].yaw: 2.6 to 3.7; mirrored pairs stand from 2.6000 to 3.6832"),
+        "{told}"
+    );
+    let args =
+        ["optimize", "s.json", "--vehicle", "own.json", "--backend", "cpu", "--evaluations", "20"];
+    let found = ok(dir.path(), &args);
+    let lidars = found["best"]["placement"]["lidars"].as_array().unwrap().clone();
+    let of = |lidar: usize, key: &str| lidars[lidar][key].as_f64().unwrap();
+    assert!((of(0, "y") + of(1, "y")).abs() < 1e-6, "{lidars:?}");
+    let turn = (of(0, "yaw") + of(1, "yaw")).rem_euclid(std::f64::consts::TAU);
+    assert!(turn.min(std::f64::consts::TAU - turn) < 1e-6, "{lidars:?}");
+    for k in 0..2 {
+        let yaw = of(k, "yaw").rem_euclid(std::f64::consts::TAU);
+        assert!((2.6 - 1e-6..=3.7).contains(&yaw), "{lidars:?}");
+        assert!((-1.0 - 1e-6..=-0.5 + 1e-6).contains(&of(k, "x")), "{lidars:?}");
+    }
+}
+
+#[test]
+fn two_rigs_are_told_apart_by_requirements_first() {
+    let dir = folder();
+    let mut car = car();
+    car["sensors"].as_array_mut().unwrap().push(json!({ "name": "idle", "price": 9,
+        "lidar": { "channels": 4, "fov": [-25, 15], "azimuth_steps": 90, "range": 30 } }));
+    car["require"] = json!([{ "ground": 5, "share": 0.0 }, { "target": "car", "from": 5, "within": 10, "share": 0.5 }]);
+    write(&dir, "car.json", &car.to_string());
+    // Looking up meets no car: the rig behind it is better though it gains less at the same place.
+    let rigs = json!({ "placements": [
+        { "name": "up", "lidars": [{ "x": 0.5, "y": 0, "z": 2, "pitch": -0.7, "sensor": "spin" }] },
+        { "name": "level", "lidars": [{ "x": 0.5, "y": 0, "z": 2, "sensor": "spin" },
+                                      { "x": 0.5, "y": 0.4, "z": 2, "sensor": "spin" }] }] });
+    write(&dir, "rigs.json", &rigs.to_string());
+    let output = sightline(dir.path(), &["score", "s.json", "rigs.json", "--backend", "cpu"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains(", 480 beams a LiDAR"), "no rig has the other model: {text}");
+    assert!(text.contains("\nup: price 2; range card, worst of 16 bearings: car "), "{text}");
+    assert!(text.contains("\nlevel: price 4; range card"), "{text}");
+    let last = text.lines().last().unwrap();
+    assert!(last.starts_with("better: level (2 of 2 requirements met, near_gain "), "{text}");
+    assert!(last.ends_with("requirements come first, then near_gain"), "{text}");
+    let scores = ok(dir.path(), &["score", "s.json", "rigs.json", "--backend", "cpu"]);
+    let card = &scores["scores"][0]["range_card"];
+    for of in card["targets"][0]["bearings"].as_array().unwrap() {
+        let bearing = of["bearing"].as_f64().unwrap();
+        assert!(bearing > -180.0 && bearing <= 180.0, "{bearing}");
+    }
+    let blind = &card["blind"][0];
+    assert!(blind["worst"].is_number() && blind["lost"][0].is_array(), "{blind}");
+    let one = sightline(dir.path(), &["score", "s.json", "rigs.json:up", "--backend", "cpu"]);
+    assert!(!String::from_utf8(one.stdout).unwrap().contains("better"));
+}
