@@ -143,6 +143,6 @@ fn bodies_that_cannot_be_end_in_one_sentence_and_exit_code_2() {
     fs::write(path("mm.stl"), format!("solid\n{millimetres}endsolid\n")).unwrap();
     room_with(dir.path(), "r.json", &mesh("mm.stl"));
     let message = fails(dir.path(), &["cast", "r.json", "p.json", "--out", "h.npz", "--strict"]);
-    let told = "the ego body is 4400.0 m large; lengths are in metres, 4400 mm would be 4.40 m: give its mesh `\"scale\": 0.001`";
+    let told = "the ego body is 4400.0 m large; lengths are in metres, 4400 mm would be 4.40 m: divide the numbers of its shapes by 1000, or give its mesh `\"scale\": 0.001`";
     assert!(message.contains(told), "{message}");
 }

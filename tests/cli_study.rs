@@ -343,7 +343,7 @@ fn wrong_input_is_named() {
         (&["study", "transfer", "room.json"][..], "two or more scene files"),
         (&["study", "regions", "room.json", "--box", "a:1,2,3"][..], "NAME:x0,y0,z0,x1,y1,z1"),
         (&["study", "channels", "room.json", "--sensor", "none.json"][..], "none.json"),
-        (&["study", "lidars", "room.json", "--objective", "gain"][..], "did you mean"),
+        (&["study", "lidars", "room.json", "--objective", "near_gan"][..], "did you mean"),
     ] {
         let refused = sightline(dir.path(), args);
         assert_eq!(refused.status.code(), Some(2), "{args:?}");

@@ -99,7 +99,7 @@ def test_searches_and_programs_are_spread(scenes) -> None:
 def test_what_is_wrong_is_said(scenes) -> None:
     with pytest.raises(ValueError, match="scenes: are none"):
         distributed.score([], np.zeros((1, 1, 6)))
-    with pytest.raises(ValueError, match="is no score; did you mean"):
+    with pytest.raises(ValueError, match="is no score; there are near_gain"):
         distributed.optimize(scenes[:1], objective="gain", actors=1)
 
 
