@@ -21,7 +21,7 @@ struct Reached {
     total: u64,
 }
 
-/// What a thread that works and the one that waits for it tell each other.
+/// Messages between a thread that works and the one that waits for it.
 #[derive(Default)]
 pub struct Watch {
     stop: AtomicBool,

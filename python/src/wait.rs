@@ -107,7 +107,7 @@ pub fn watched<T: Send + 'static>(
     if ended.is_err() {
         watch.stop();
     }
-    // What ended the work is told before what a function said of its last step.
+    // The end of the work is told before an exception that a function raised at its last step.
     let closed = shown.end(py, ended.is_ok());
     let value = ended?;
     closed?;

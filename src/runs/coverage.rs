@@ -265,12 +265,6 @@ fn on_level_ground(
     let scene = Scene::level_ground(vehicle)?;
     scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
     let site = TargetSite::of_vehicle(&scene)?.receiving(receiving);
-    if !site.has_body() {
-        let vehicle = vehicle.display();
-        watcher.note(&format!(
-            "{vehicle}: has no `body`, so that nothing stands in the way of a beam"
-        ));
-    }
     Given::new(file, site.sensors(), &scene.rules(), computing).all(&mut placements)?;
     let bar = watcher.bar(placements.len() as u64, Some("placements"));
     let mut table = TargetTable::default();

@@ -128,7 +128,7 @@ impl Climbs {
     fn new(ends: &[(f64, Option<bool>)], best: f64, frames: usize) -> Self {
         let met = ends.iter().any(|end| end.1.is_some());
         let met = met.then(|| ends.iter().filter(|end| end.1 == Some(true)).count());
-        // Penalties for what is missing are no per cent of the objective.
+        // Penalties of unmet requirements are no per cent of the objective.
         let alike = ends.iter().filter(|end| end.1 != Some(false));
         let mut below: Vec<f64> =
             alike.map(|end| (best - end.0) / best.abs().max(f64::MIN_POSITIVE)).collect();

@@ -225,11 +225,6 @@ impl TargetSite {
         Looking { model: of, finder, ego_from_sensor, ends, receiving }
     }
 
-    /// True if the vehicle has a body.
-    pub fn has_body(&self) -> bool {
-        self.bounds.is_some()
-    }
-
     /// True if a target at a position stands beside the own body: their boxes in plan do not overlap.
     pub fn has_room(&self, target: &Target, at: [f64; 3]) -> bool {
         let Some([low, high]) = self.bounds else { return true };

@@ -16,7 +16,7 @@ const MOST: u64 = 1 << 30;
 const RESULT: &str = "result.json";
 const PLACEMENTS: &str = "placements.json";
 
-/// What is handed over, as given: a file of placements, or what the folder of a run holds.
+/// Rig to hand over, as given: a file of placements, or the folder of a run.
 pub(super) struct Given {
     /// File of placements, with the name of one behind a colon where there are several.
     pub text: String,

@@ -145,7 +145,7 @@ impl RayScene {
         }
     }
 
-    /// The same with other instructions than the best; AVX-512 is not used.
+    /// A copy that uses other instructions than the best; AVX-512 is not used.
     pub fn with_instructions(self, instructions: Instructions) -> Self {
         Self { instructions, ..self }
     }

@@ -226,7 +226,7 @@ pub fn file_and_name(text: &str) -> (&str, Option<&str>) {
     }
 }
 
-/// The same for a path.
+/// Like [`file_and_name`], for a path.
 fn split(path: &Path) -> (&Path, Option<&str>) {
     let (file, name) = path.to_str().map(file_and_name).unwrap_or_default();
     if name.is_some() { (Path::new(file), name) } else { (path, None) }
