@@ -17,7 +17,7 @@ use crate::errors::{bad, raised};
 use crate::json::to_python;
 use crate::placements::PyPlacement;
 use crate::progress::Progress;
-use crate::search::{beside, scenes_of};
+use crate::search::{beside, scenes_of, signalled};
 
 /// Searches the front of two or three objectives over a vehicle's sensors and poses, as `sightline optimize --front` does.
 ///
@@ -66,13 +66,7 @@ pub fn front<'py>(
     let (found, signal) = beside(py, search, callback, progress)?;
     context.seconds = start.elapsed().as_secs_f64();
     let result = front_object(py, scenes[0].scene.vehicle(), &found, context)?;
-    match signal {
-        Some(signal) => {
-            signal.value(py).setattr("result", result)?;
-            Err(signal)
-        }
-        None => Ok(result),
-    }
+    signalled(py, signal, result)
 }
 
 /// The `Front` object of the package.

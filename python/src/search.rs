@@ -220,13 +220,18 @@ pub fn search<'py>(
         }
         None => py.None().into_bound(py),
     };
-    match signal {
-        Some(signal) => {
-            signal.value(py).setattr("result", result)?;
-            Err(signal)
-        }
-        None => Ok(result),
-    }
+    signalled(py, signal, result)
+}
+
+/// A result, or the signal that ended its search, with the result as its attribute.
+pub fn signalled<'py>(
+    py: Python<'py>,
+    signal: Option<PyErr>,
+    result: Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let Some(signal) = signal else { return Ok(result) };
+    signal.value(py).setattr("result", result)?;
+    Err(signal)
 }
 
 /// The built scenes of a `Scene`, or of a list of at least one.

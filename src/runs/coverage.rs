@@ -19,7 +19,9 @@ use crate::runs::{Conditions, FiguresOut};
 use crate::scan::conditions::{in_words, weather};
 use crate::scene::{Scene, Target};
 use crate::score::Objective;
-use crate::targets::{GroundBelow, Receiving, TargetQuestion, TargetSite, TargetTable};
+use crate::targets::{
+    GroundBelow, Receiving, TargetQuestion, TargetSite, TargetTable, card_bearings,
+};
 use crate::vehicle::{Placement, read_placements};
 
 /// Placements whose near field is looked at.
@@ -341,16 +343,10 @@ fn question(
     let mut distances = or(&request.distances, usual_distances());
     distances.sort_by(f64::total_cmp);
     distances.dedup();
-    let mut bearings = or(&request.bearings, (0..16).map(turned).collect());
+    let mut bearings = or(&request.bearings, card_bearings());
     bearings.dedup();
     let of_frames = request.of_frames.unwrap_or(request.frames).min(request.frames) as usize;
     Ok(TargetQuestion { targets, distances, bearings, beams: request.beams, of_frames })
-}
-
-/// One of sixteen bearings, as a range card has them: degrees above −180 and up to 180.
-fn turned(bearing: u32) -> f64 {
-    let degrees = 22.5 * f64::from(bearing);
-    if degrees > 180.0 { degrees - 360.0 } else { degrees }
 }
 
 /// Light that must come back, where it counts.

@@ -196,11 +196,7 @@ fn score_each(
         };
         out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(RunError::io(path))
     })?;
-    let (count, frames) = (placements.len(), batch.evaluator.frame_count());
-    computing.watcher.note(&format!(
-        "{count} placements × {frames} frames of all scenes in {seconds:.2} s: {:.1} placements × frames/s",
-        (count * frames) as f64 / seconds
-    ));
+    computing.watcher.note(&batch.pace(seconds));
     Ok(())
 }
 
@@ -237,6 +233,15 @@ struct Batch {
 }
 
 impl Batch {
+    /// Count and speed of a batch that took `seconds`, in words.
+    fn pace(&self, seconds: f64) -> String {
+        let (count, frames) = (self.placements.len(), self.evaluator.frame_count());
+        let each = (count * frames) as f64 / seconds;
+        format!(
+            "{count} placements × {frames} frames of all scenes in {seconds:.2} s: {each:.1} placements × frames/s"
+        )
+    }
+
     fn members(&self) -> impl Iterator<Item = (usize, &Member)> {
         self.evaluator.members().map(|(member, _)| member).enumerate()
     }

@@ -201,6 +201,11 @@ impl RangeCard {
     }
 }
 
+/// The sixteen bearings of a range card: degrees above −180 and up to 180, counter-clockwise from straight ahead.
+pub fn card_bearings() -> Vec<f64> {
+    (0..BEARINGS).map(|bearing| turned(bearing * (FINE / BEARINGS))).collect()
+}
+
 /// Degrees of a fine bearing, from −180 (not included) to 180.
 fn turned(fine: usize) -> f64 {
     let degrees = degrees(fine % FINE);

@@ -22,7 +22,7 @@ mod rules;
 mod table;
 
 pub use beams::{PlacedTarget, Receiving, TargetSite};
-pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges};
+pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges, card_bearings};
 pub use places::{CAR_WEIGHT, GroundBelow, Sight, SightBeams};
 pub(crate) use reach::MountPoses;
 pub use rules::RuleMet;

@@ -194,7 +194,7 @@ impl Problem {
         Self { constraints, rules, ..self }
     }
 
-    /// A copy with rules of given placements that differ from those of the search.
+    /// A copy with separate rules for given placements.
     pub fn with_rules(self, rules: Constraints) -> Self {
         Self { rules: Some(rules), ..self }
     }

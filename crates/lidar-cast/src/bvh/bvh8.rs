@@ -66,7 +66,7 @@ impl Bvh8 {
         (size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice())) as u64
     }
 
-    /// Adds what is below a binary node; returns where it lies.
+    /// Adds the subtree of a binary node; returns its index, of a block with bit 31 set.
     fn child(&mut self, cuts: &TreeCuts<'_, WIDTH>, triangles: &[Triangle], from: usize) -> u32 {
         let below = cuts.triangles(from);
         if below.len() <= WIDTH {

@@ -41,7 +41,7 @@ pub struct Slot {
 pub struct OtherModel {
     /// Its name.
     pub sensor: SensorName,
-    /// Bounds of its phase, as those of [`Slot`].
+    /// Bounds in radians, lowest and highest, of the phase at which it is locked; `None` where any phase will do.
     pub phase: Option<[f64; 2]>,
 }
 
@@ -272,8 +272,8 @@ impl Constraints {
         chosen
     }
 
-    /// Gives a LiDAR a slot that it fits by moving those that hold such slots to others that they fit, too; slots in
-    /// `tried` are left alone. False if that is not possible.
+    /// Gives a LiDAR a slot that it fits; the LiDAR that held the slot moves to another one that it fits, and so on. Slots
+    /// in `tried` stay as they are. False if there is no such slot.
     fn make_room(
         &self,
         lidar: usize,

@@ -260,7 +260,7 @@ per_target! {
         }
     }
 
-    /// Rays that go down a tree together, a lane each; `None` where those of `mask` do not point alike along each axis.
+    /// Rays that go down a tree together, a lane each; `None` where two rays of `mask` differ in the sign of an axis.
     fn packet(rays: &[Ray; W], mask: u32, largest: f32) -> Option<RayLanes> {
         let mut numbers = [[[0.0; W]; 3]; 3];
         let mut negative = [0; 3];
@@ -406,7 +406,7 @@ per_target! {
                 }
             }
             let farthest = reach.iter().fold(-1.0, |far: f32, &reach| if reach > far { reach } else { far });
-            // The bits of rays stand below those of where an entry begins.
+            // The low eight bits of an entry's distance name its rays.
             let farthest = f32::from_bits(farthest.to_bits() | 0xff);
             let Some(next) = next(stack, &mut top, base, farthest) else { return };
             entry = next;

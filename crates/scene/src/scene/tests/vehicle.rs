@@ -202,7 +202,7 @@ fn what_is_wrong_with_a_vehicle_is_said_with_its_place() {
     assert!(message(&with("3")).contains("the name of a vehicle file, or a vehicle"));
 }
 
-/// Whether each LiDAR of a rig can have a place of its own: every order of the places tried.
+/// True if each LiDAR of a rig can have a place of its own; tries every order of the places.
 fn can_be_seated(lidars: &[SensorPose], places: &[(&str, Vec<&str>)]) -> bool {
     let Some((first, rest)) = lidars.split_first() else { return true };
     (0..places.len()).any(|k| {
