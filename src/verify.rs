@@ -194,10 +194,10 @@ pub fn usual_placements(
 }
 
 /// A kind of pose that methods fail at, from the grid and a number that varies it.
-type Kind = (&'static str, fn(&Roi, f64) -> SensorPose);
+type HostileKind = (&'static str, fn(&Roi, f64) -> SensorPose);
 
 /// One line a kind.
-const KINDS: [Kind; 14] = [
+const KINDS: [HostileKind; 14] = [
     ("voxel-corner", |roi, u| at(corner(roi, u), [0.0; 3])),
     ("voxel-face", |roi, u| at([corner(roi, u)[0], 0.37 * u, 1.0 + u], [0.0; 3])),
     ("axis-parallel", |_, u| at([0.0, 0.0, 2.0 + u], [0.0, 0.0, quarter(u)])),

@@ -17,7 +17,7 @@ use crate::columns::summed;
 use crate::engine::Built;
 use crate::errors::{bad, raised};
 use crate::placements::placements_in;
-use crate::progress::Watch;
+use crate::progress::WorkMessages;
 use crate::scenes::PyScene;
 use crate::wait::interruptible;
 
@@ -98,7 +98,7 @@ fn points(poses: &[SensorPose]) -> (Constraints, Vec<u32>) {
 const CAST_TOGETHER: usize = 32;
 
 /// An atlas that holds every pose of such rules, unless the watch is stopped.
-fn held(built: &Built, rules: &Constraints, watch: &Watch) -> PyResult<Atlas> {
+fn held(built: &Built, rules: &Constraints, watch: &WorkMessages) -> PyResult<Atlas> {
     let spacing = Spacing { metres: 1.0, radians: 1.0 };
     let grid = PoseGrid::new(rules, spacing).map_err(raised)?;
     let all: Vec<u32> = (0..grid.len()).collect();

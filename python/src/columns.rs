@@ -9,7 +9,7 @@ use sightline::vehicle::Vehicle;
 use sightline::{Placement, Scores};
 
 use crate::arrays::{column, shaped};
-use crate::progress::{Progress, Watch};
+use crate::progress::{Progress, WorkMessages};
 use crate::rules::Rules;
 use crate::wait::watched;
 
@@ -111,7 +111,7 @@ pub fn scored_object<'py>(
     vehicle: &Vehicle,
     mut placements: Vec<Placement>,
     progress: Progress,
-    work: impl FnOnce(&[Placement], &Watch) -> PyResult<Vec<Scores>> + Send + 'static,
+    work: impl FnOnce(&[Placement], &WorkMessages) -> PyResult<Vec<Scores>> + Send + 'static,
 ) -> PyResult<Bound<'py, PyAny>> {
     let are_none = placements.is_empty();
     if are_none {

@@ -15,7 +15,7 @@ use sightline::{Evaluator, Job, Placement, Problem, Psog, Scene, Scores};
 
 use crate::arguments::room_for;
 use crate::errors::{bad, raised};
-use crate::progress::{Level, Watch, log};
+use crate::progress::{Urgency, WorkMessages, log};
 use crate::psogs::PyPsog;
 use crate::rays::RayTarget;
 use crate::wait::{is_forked, pooled};
@@ -165,7 +165,7 @@ impl Built {
     }
 
     /// The P-SOG: given, read, or built from virtual scans, until the watch is stopped.
-    pub fn psog(&self, watch: &Watch) -> PyResult<Arc<Psog>> {
+    pub fn psog(&self, watch: &WorkMessages) -> PyResult<Arc<Psog>> {
         let frames = self.scene.frame_count();
         let reach = |done| watch.reach(SCANNED, done, frames);
         self.job.scenes()[0].psog(reach).map_err(raised)
@@ -174,7 +174,7 @@ impl Built {
     /// Works with the engine, which is opened first if it was not.
     pub fn evaluate<T>(
         &self,
-        watch: &Watch,
+        watch: &WorkMessages,
         work: impl FnOnce(&mut Evaluator) -> PyResult<T>,
     ) -> PyResult<T> {
         let open = || {
@@ -215,8 +215,8 @@ impl Built {
 /// An evaluator of a job, whose sentences on the engine go to the log.
 pub fn opened(job: &Job) -> PyResult<Evaluator> {
     let (evaluator, notes) =
-        job.evaluator(|sentence| log(Level::Warning, sentence)).map_err(raised)?;
-    notes.iter().for_each(|sentence| log(Level::Info, sentence));
+        job.evaluator(|sentence| log(Urgency::Warning, sentence)).map_err(raised)?;
+    notes.iter().for_each(|sentence| log(Urgency::Info, sentence));
     Ok(evaluator)
 }
 
@@ -243,7 +243,7 @@ const CHUNK_SECONDS: f64 = 0.25;
 pub fn score(
     evaluator: &mut Evaluator,
     placements: &[Placement],
-    watch: &Watch,
+    watch: &WorkMessages,
 ) -> PyResult<Vec<Scores>> {
     let classes = evaluator.shared_problem().content().classes().len();
     room_for("scores", placements.len(), SCORES_BYTES + CLASS_BYTES * classes)?;

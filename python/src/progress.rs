@@ -23,12 +23,12 @@ struct Reached {
 
 /// Messages between a thread that works and the one that waits for it.
 #[derive(Default)]
-pub struct Watch {
+pub struct WorkMessages {
     stop: AtomicBool,
     reached: Mutex<Reached>,
 }
 
-impl Watch {
+impl WorkMessages {
     /// False once the caller no longer waits for the result.
     pub fn goes_on(&self) -> bool {
         !self.stop.load(Ordering::SeqCst)
@@ -73,7 +73,7 @@ impl FromPyObject<'_, '_> for Progress {
 /// Shows how far work is while it is waited for.
 pub struct Shown {
     progress: Progress,
-    watch: Arc<Watch>,
+    watch: Arc<WorkMessages>,
     begun: Instant,
     looked: Instant,
     /// The `Reporter` of the package, once the work has taken [`LOOK`].
@@ -82,7 +82,7 @@ pub struct Shown {
 }
 
 impl Shown {
-    pub fn new(progress: Progress, watch: Arc<Watch>) -> Self {
+    pub fn new(progress: Progress, watch: Arc<WorkMessages>) -> Self {
         let now = Instant::now();
         let told = Reached::default();
         Self { progress, watch, begun: now, looked: now, reporter: None, told }
@@ -145,7 +145,7 @@ impl Shown {
 }
 
 /// Hands a sentence of the library to the logger `sightline`, from any thread.
-pub fn log(level: Level, sentence: &str) {
+pub fn log(level: Urgency, sentence: &str) {
     // A thread that outlives the interpreter has nobody to tell.
     let _ = Python::try_attach(|py| -> PyResult<()> {
         let logger = py.import("sightline._progress")?.getattr("logger")?;
@@ -155,14 +155,14 @@ pub fn log(level: Level, sentence: &str) {
 
 /// How urgent a sentence is.
 #[derive(Clone, Copy)]
-pub enum Level {
+pub enum Urgency {
     /// Facts on how work is done, such as the engine taken.
     Info,
     /// Something went wrong, and the work goes on in another way.
     Warning,
 }
 
-impl Level {
+impl Urgency {
     fn method(self) -> &'static str {
         match self {
             Self::Info => "info",

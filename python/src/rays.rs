@@ -17,7 +17,7 @@ use sightline::scene::EgoBody;
 use crate::arguments::{self, room_for};
 use crate::arrays::{numbers, place, rows, shape_in_words, shaped, wholes};
 use crate::errors::bad;
-use crate::progress::Watch;
+use crate::progress::WorkMessages;
 use crate::scenes::PyScene;
 use crate::wait::interruptible;
 
@@ -66,9 +66,9 @@ impl RayTarget {
     }
 }
 
-/// Columns of closest hits; those that nobody asked for are empty.
+/// HitColumns of closest hits; those that nobody asked for are empty.
 #[derive(Default)]
-struct Columns {
+struct HitColumns {
     t: Vec<f32>,
     triangle: Vec<i64>,
     class: Vec<i64>,
@@ -91,7 +91,7 @@ pub fn signed<T: Into<i64>>(number: Option<T>) -> i64 {
     number.map_or(-1, Into::into)
 }
 
-impl Columns {
+impl HitColumns {
     fn new(rays: usize, target: &RayTarget, asked: &HitOptions) -> Self {
         let of = |is_asked: bool| if is_asked { rays } else { 0 };
         Self {
@@ -104,7 +104,7 @@ impl Columns {
     }
 
     /// Fills the columns for all rays, until it is told to stop.
-    fn fill(&mut self, target: &RayTarget, rays: &[[f32; 6]], t_max: f32, watch: &Watch) {
+    fn fill(&mut self, target: &RayTarget, rays: &[[f32; 6]], t_max: f32, watch: &WorkMessages) {
         let (mut t, mut triangle) =
             (self.t.chunks_mut(RAYS_A_TASK), self.triangle.chunks_mut(RAYS_A_TASK));
         let (mut normal, mut uv) =
@@ -247,7 +247,7 @@ pub fn hits_object<'py>(
     let (t_max, given) = (asked.t_max()?, RayArray::new(rays)?);
     let shape = given.shape.clone();
     let has_classes = !target.classes.is_empty();
-    let mut found = Columns::new(given.rays().len(), &target, asked);
+    let mut found = HitColumns::new(given.rays().len(), &target, asked);
     let found = interruptible(py, move |watch| {
         found.fill(&target, given.rays(), t_max, watch);
         found

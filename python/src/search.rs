@@ -22,7 +22,7 @@ use crate::engine::{Built, Kept, guard, job_of, opened, score};
 use crate::errors::{bad, raised};
 use crate::json::to_python;
 use crate::placements::{PyPlacement, placements_in};
-use crate::progress::{Level, Progress, Shown, Watch, log};
+use crate::progress::{Progress, Shown, Urgency, WorkMessages, log};
 use crate::scenes::PyScene;
 use crate::wait::{start, wait};
 
@@ -252,7 +252,7 @@ fn given_scenes<'py>(given: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PySce
 }
 
 /// Result of a search, and the signal or the callback's exception that ended it.
-type Ended<T> = (T, Option<PyErr>);
+type SearchEnd<T> = (T, Option<PyErr>);
 
 /// Searches on a thread of its own. After Ctrl-C, or an exception of the callback, the search ends its generation and
 /// confirms its best so far; after a second one it is left alone.
@@ -261,8 +261,8 @@ pub fn beside<T: Send + 'static>(
     search: impl FnOnce(&mut dyn FnMut(&Event) -> bool) -> PyResult<T> + Send + 'static,
     callback: Option<Py<PyAny>>,
     progress: Option<Progress>,
-) -> PyResult<Ended<T>> {
-    let watch = Arc::new(Watch::default());
+) -> PyResult<SearchEnd<T>> {
+    let watch = Arc::new(WorkMessages::default());
     let mut shown = Shown::new(progress.unwrap_or_default(), watch.clone());
     let failed: Arc<Mutex<Option<PyErr>>> = Arc::default();
     let (sender, receiver) = channel();
@@ -270,7 +270,7 @@ pub fn beside<T: Send + 'static>(
     start(move || {
         let mut observe = |event: &Event| {
             match event {
-                Event::Note(sentence) => log(Level::Info, sentence),
+                Event::Note(sentence) => log(Urgency::Info, sentence),
                 Event::Progress { work, done, total } => {
                     told.reach(&work.to_string(), *done as usize, *total as usize);
                 }

@@ -11,7 +11,7 @@ use crate::arguments::{self, room_for};
 use crate::arrays::{numbers, shape_in_words};
 use crate::engine::Built;
 use crate::errors::{bad, raised};
-use crate::progress::Watch;
+use crate::progress::WorkMessages;
 
 /// Bytes of a row of a table, with its names and the beams of each LiDAR.
 const ROW_BYTES: usize = size_of::<TargetRow>() + 128;
@@ -80,7 +80,7 @@ impl Built {
         &self,
         question: &TargetQuestion,
         placement: &Placement,
-        watch: &Watch,
+        watch: &WorkMessages,
     ) -> PyResult<Redundancy> {
         self.psog(watch)?;
         let site = self.job.scenes()[0].redundancy_site().map_err(raised)?;
@@ -94,7 +94,7 @@ impl Built {
         &self,
         least_shared: u64,
         placement: &Placement,
-        watch: &Watch,
+        watch: &WorkMessages,
     ) -> PyResult<Overlap> {
         self.psog(watch)?;
         let problem = self.job.problem().map_err(raised)?;

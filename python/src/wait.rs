@@ -7,7 +7,7 @@ use std::time::Duration;
 use pyo3::exceptions::{PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
 
-use crate::progress::{Progress, Shown, Watch};
+use crate::progress::{Progress, Shown, WorkMessages};
 
 /// The process that imported the module. Threads of the shared pool may live in it, and in no copy of it.
 static HOME: OnceLock<u32> = OnceLock::new();
@@ -84,7 +84,7 @@ pub fn wait<T: Send>(
 /// Like [`wait`]; a panic of `work`.
 pub fn interruptible<T: Send + 'static>(
     py: Python<'_>,
-    work: impl FnOnce(&Watch) -> T + Send + 'static,
+    work: impl FnOnce(&WorkMessages) -> T + Send + 'static,
 ) -> PyResult<T> {
     watched(py, Progress::default(), work)
 }
@@ -96,9 +96,9 @@ pub fn interruptible<T: Send + 'static>(
 pub fn watched<T: Send + 'static>(
     py: Python<'_>,
     progress: Progress,
-    work: impl FnOnce(&Watch) -> T + Send + 'static,
+    work: impl FnOnce(&WorkMessages) -> T + Send + 'static,
 ) -> PyResult<T> {
-    let watch = Arc::new(Watch::default());
+    let watch = Arc::new(WorkMessages::default());
     let mut shown = Shown::new(progress, watch.clone());
     let (sender, receiver) = channel();
     let told = watch.clone();

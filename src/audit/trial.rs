@@ -49,8 +49,8 @@ impl Trial {
     /// Judges an attempt that is worse than `base` by construction. One that loses a car where the base sees it is
     /// caught: its blind sectors are guards.
     pub fn new(name: &str, base: &Scores, scores: Scores) -> Self {
-        type Getter = fn(&Scores) -> Option<f64>;
-        let metrics: [(&'static str, Getter); 6] = [
+        type TrialMetric = fn(&Scores) -> Option<f64>;
+        let metrics: [(&'static str, TrialMetric); 6] = [
             ("m_sog", |s| s.segmentation.m_sog),
             ("m_sog_scaled", |s| s.segmentation.m_sog_scaled),
             ("information_gain", |s| s.segmentation.information_gain),
@@ -58,7 +58,7 @@ impl Trial {
             ("s_mig", |s| s.s_mig),
             ("detection.m_sog_scaled", |s| s.detection.and_then(|d| d.m_sog_scaled)),
         ];
-        let better = |of: &Getter| match (of(&scores), of(base)) {
+        let better = |of: &TrialMetric| match (of(&scores), of(base)) {
             (Some(attempt), Some(base)) => attempt > base,
             _ => false,
         };

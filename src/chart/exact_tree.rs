@@ -14,12 +14,12 @@ const SLACK: f64 = 1e-9;
 /// Triangles under a tree by surface area, all in `f64`; shares no code with [`crate::bvh`].
 #[derive(Debug, Clone)]
 pub(super) struct ExactTree {
-    nodes: Vec<ExactNode>,
+    nodes: Vec<NodeF64>,
     triangles: Vec<[DVec3; 3]>,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct ExactNode {
+struct NodeF64 {
     min: DVec3,
     max: DVec3,
     /// Leaf: first triangle. Inner node: right child; the left one is the next node.
@@ -96,14 +96,14 @@ fn split(
     triangles: &mut [[DVec3; 3]],
     [begin, end]: [usize; 2],
     depth: usize,
-    nodes: &mut Vec<ExactNode>,
+    nodes: &mut Vec<NodeF64>,
 ) {
     let part = &mut triangles[begin..end];
     let corners = || part.iter().flatten();
     let min = corners().fold(DVec3::INFINITY, |low, c| low.min(*c));
     let max = corners().fold(DVec3::NEG_INFINITY, |high, c| high.max(*c));
     let own = nodes.len();
-    nodes.push(ExactNode { min, max, first: begin as u32, count: part.len() as u32 });
+    nodes.push(NodeF64 { min, max, first: begin as u32, count: part.len() as u32 });
     if part.len() <= LEAF {
         return;
     }
@@ -147,7 +147,7 @@ fn areas<'a>(triangles: impl Iterator<Item = &'a [DVec3; 3]>) -> Vec<f64> {
 }
 
 /// Entry of the ray into the box, if it is somewhere in 0 ≤ t ≤ `limit`; rounding and 0 · ∞ only add visits.
-fn enter(node: &ExactNode, origin: DVec3, inverse: DVec3, limit: f64) -> Option<f64> {
+fn enter(node: &NodeF64, origin: DVec3, inverse: DVec3, limit: f64) -> Option<f64> {
     let (mut enter, mut leave) = (0.0_f64, limit);
     for axis in 0..3 {
         let a = (node.min[axis] - origin[axis]) * inverse[axis];

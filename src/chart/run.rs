@@ -220,7 +220,7 @@ pub fn chart(
     }
     check_resumed(&mut bench, &ladder, state)?;
     let rule = StoppingRule::new(settings.full, tolerance, settings.seed);
-    let Progress { missing, skipped } =
+    let ChartProgress { missing, skipped } =
         measure(&mut bench, &mut ladder, rule, edge, state, observer)?;
     let rated = rate(&state.measured, tolerance, settings.seed);
     Ok(Chart {
@@ -291,8 +291,8 @@ fn check_resumed(
     if same { Ok(()) } else { Err(ChartError::OtherState) }
 }
 
-/// Progress of a chart.
-struct Progress {
+/// ChartProgress of a chart.
+struct ChartProgress {
     /// Settings that are missing because the observer said stop.
     missing: usize,
     skipped: Vec<Skipped>,
@@ -307,7 +307,7 @@ fn measure(
     edge: f64,
     state: &mut ChartState,
     observer: &dyn ChartObserver,
-) -> Result<Progress, ChartError> {
+) -> Result<ChartProgress, ChartError> {
     let efforts: Vec<f64> = settings.all.iter().map(|s| s.effort(bench.world().scene())).collect();
     let order = rule.order(&efforts);
     let whole: f64 = efforts.iter().sum();
@@ -317,7 +317,7 @@ fn measure(
         let is_missing = |&&i: &&usize| state.measured.iter().all(|m| m.setting != settings.all[i]);
         if !observer.goes_on() {
             let missing = order[place..].iter().filter(is_missing).count();
-            return Ok(Progress { missing, skipped });
+            return Ok(ChartProgress { missing, skipped });
         }
         let held = state.measured.iter().position(|m| m.setting == setting);
         if held.is_none() && rule.skips(&setting, effort) {
@@ -333,7 +333,7 @@ fn measure(
                 },
                 Ok(None) => {
                     let missing = order[place..].iter().filter(is_missing).count();
-                    return Ok(Progress { missing, skipped });
+                    return Ok(ChartProgress { missing, skipped });
                 }
                 Err(error) if error.spares_others(&setting) => {
                     settings.left_out.push(format!("{words}: {error}"));
@@ -349,7 +349,7 @@ fn measure(
         before += effort;
         observer.progress(before / whole);
     }
-    Ok(Progress { missing: 0, skipped })
+    Ok(ChartProgress { missing: 0, skipped })
 }
 
 /// Measures one setting as far as the rule says.

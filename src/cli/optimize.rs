@@ -134,7 +134,7 @@ pub struct OptimizeArgs {
     #[command(flatten)]
     gltf: Gltf,
     #[command(flatten)]
-    rules: Rules,
+    rules: RuleArgs,
     #[command(flatten)]
     named: UnnamedModelArgs,
     #[command(flatten)]
@@ -257,7 +257,7 @@ fn method(text: &str) -> Result<Method, String> {
 }
 
 #[derive(clap::Args)]
-struct Rules {
+struct RuleArgs {
     /// All LiDARs stand at one height
     #[arg(long, conflicts_with = "resume")]
     equal_height: bool,
@@ -271,7 +271,7 @@ struct Rules {
     fix: Vec<(String, f64)>,
 }
 
-impl Rules {
+impl RuleArgs {
     fn for_mount(&self) -> MountRules {
         MountRules {
             equal_height: self.equal_height,

@@ -1,4 +1,4 @@
-//! Lines on stdout and stderr, answers that are tables, and exit codes.
+//! ProgressLines on stdout and stderr, answers that are tables, and exit codes.
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, IsTerminal, Write};
@@ -58,7 +58,7 @@ impl<W: Write> Write for ForTerminal<W> {
     }
 }
 
-/// Lines as a terminal may show them; see [`visible`].
+/// ProgressLines as a terminal may show them; see [`visible`].
 fn for_terminal(text: &str) -> String {
     let line = |line: &str| line.split('\t').map(visible).collect::<Vec<_>>().join("\t");
     text.split('\n').map(line).collect::<Vec<_>>().join("\n")
@@ -298,7 +298,7 @@ impl Watcher for Terminal {
             return Box::new(Silent);
         }
         if !std::io::stderr().is_terminal() {
-            return Box::new(Lines::new(total, unit));
+            return Box::new(ProgressLines::new(total, unit));
         }
         let bar = ProgressBar::new(total);
         let rate = |state: &ProgressState, out: &mut dyn std::fmt::Write| {
@@ -315,7 +315,7 @@ impl Watcher for Terminal {
             bar.set_style(style.with_key("rate", rate).progress_chars("=> "));
         }
         bar.enable_steady_tick(Duration::from_millis(200));
-        Box::new(Shown(bar))
+        Box::new(TerminalBar(bar))
     }
 
     fn listen(&self, grace: Duration) {
@@ -333,7 +333,7 @@ impl Watcher for Terminal {
 const BETWEEN_LINES: Duration = Duration::from_secs(30);
 
 /// Progress as a line on stderr now and then.
-struct Lines {
+struct ProgressLines {
     unit: Option<String>,
     begun: Instant,
     state: Mutex<LinesState>,
@@ -345,7 +345,7 @@ struct LinesState {
     told: Instant,
 }
 
-impl Lines {
+impl ProgressLines {
     fn new(total: u64, unit: Option<&str>) -> Self {
         let begun = Instant::now();
         let state = Mutex::new(LinesState { done: 0, total, told: begun });
@@ -375,7 +375,7 @@ fn line(done: u64, total: u64, unit: Option<&str>, took: Duration) -> String {
     }
 }
 
-impl Bar for Lines {
+impl Bar for ProgressLines {
     fn advance(&self, steps: u64) {
         self.change(|state| state.done += steps);
     }
@@ -386,9 +386,9 @@ impl Bar for Lines {
 }
 
 /// A bar on stderr until it is dropped.
-struct Shown(ProgressBar);
+struct TerminalBar(ProgressBar);
 
-impl Bar for Shown {
+impl Bar for TerminalBar {
     fn advance(&self, steps: u64) {
         self.0.inc(steps);
     }
@@ -403,7 +403,7 @@ impl Bar for Shown {
     }
 }
 
-impl Drop for Shown {
+impl Drop for TerminalBar {
     fn drop(&mut self) {
         self.0.finish_and_clear();
     }

@@ -53,7 +53,7 @@ fn points_and_axes(
     let area = Area::around(rated, points);
     let line: Vec<(f64, f64)> = front.iter().map(|&i| area.at(&rated[i])).collect();
     let taken = points.iter().map(|&i| area.at(&rated[i])).collect();
-    let mut labels = Labels { area: AREA, taken, line: &line };
+    let mut labels = PointLabels { area: AREA, taken, line: &line };
     let numbers: Vec<Markup> =
         (1..).zip(listed).map(|(number, &i)| labels.write(area.at(&rated[i]), number)).collect();
     let ink = |i: usize| match i {
@@ -168,7 +168,7 @@ fn half_below(value: f64) -> f64 {
 }
 
 /// Numbers beside points.
-pub(super) struct Labels<'a> {
+pub(super) struct PointLabels<'a> {
     /// Left, right, top and bottom of the plot area, in pixels.
     pub area: [f64; 4],
     /// Points, and numbers written so far.
@@ -177,7 +177,7 @@ pub(super) struct Labels<'a> {
     pub line: &'a [(f64, f64)],
 }
 
-impl Labels<'_> {
+impl PointLabels<'_> {
     /// A number where least is in its way, joined to its point where that is not near.
     pub fn write(&mut self, (x, y): (f64, f64), number: usize) -> Markup {
         let around = (0..16).map(|k| std::f64::consts::TAU * (f64::from(k) / 16.0 - 0.125));

@@ -10,7 +10,7 @@ mod pdf;
 
 use maud::{Markup, html};
 
-pub(super) use outline::outline;
+pub(super) use outline::{Flat, outline};
 
 /// A point on the sheet: millimetres from its left and its upper edge.
 pub(super) type Point = [f64; 2];

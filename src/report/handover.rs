@@ -13,7 +13,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use super::drawing::{Drawing, Point, outline};
+use super::drawing::{Drawing, Flat, Point, outline};
 use crate::geom::Pose;
 use crate::maths;
 use crate::near_field::{Footprint, NearField};
@@ -195,7 +195,6 @@ const STEP: f64 = PI / 36.0;
 /// Metres around everything in a view.
 const AROUND: f64 = 0.3;
 
-type Flat = [f64; 2];
 /// Corners of the fields of view of a LiDAR, each with its number.
 type Fans<'a> = &'a dyn Fn(usize, &DrawnLidar) -> Vec<(usize, Vec<DVec3>)>;
 

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::chart::Labels;
+use super::chart::PointLabels;
 use super::svg::{ACCENT, Axes, COLOURS, GREY, INK, SOFT, Scale, Tick, corners, number, page, px};
 
 /// Pixels of the plot area.
@@ -296,7 +296,7 @@ impl PlotLabels {
                 }
             };
         }
-        let mut labels = Labels { area: self.area, taken: self.points.clone(), line: &[] };
+        let mut labels = PointLabels { area: self.area, taken: self.points.clone(), line: &[] };
         html! {
             @for (number, (at, _)) in (1..).zip(&self.places) { (labels.write(*at, number)) }
         }

@@ -16,9 +16,9 @@ use crate::targets::TargetTable;
 /// Between the parts of a cell that holds several.
 const BETWEEN: &str = "; ";
 
-type Row = Vec<String>;
+type Cells = Vec<String>;
 
-fn titles(words: &[&str]) -> Row {
+fn titles(words: &[&str]) -> Cells {
     words.iter().map(|word| (*word).to_owned()).collect()
 }
 
@@ -27,17 +27,19 @@ fn joined(parts: impl IntoIterator<Item = impl ToString>) -> String {
 }
 
 /// Titles of [`score_rows`].
-pub(crate) fn score_titles() -> Row {
-    let mut row: Row = ScoreColumn::ALL.iter().map(|column| column.key().to_owned()).collect();
+pub(crate) fn score_titles() -> Cells {
+    let mut row: Cells = ScoreColumn::ALL.iter().map(|column| column.key().to_owned()).collect();
     row.extend(titles(&["near_ring_share", "requirements_met", "requirements", "warnings"]));
     row
 }
 
 /// A row a placement: every score, whether all requirements are met, each with the share seen and the share required, and
 /// the guards in words.
-pub(crate) fn score_rows<'a>(all: impl IntoIterator<Item = &'a Scores, IntoIter: 'a>) -> Vec<Row> {
+pub(crate) fn score_rows<'a>(
+    all: impl IntoIterator<Item = &'a Scores, IntoIter: 'a>,
+) -> Vec<Cells> {
     let row = |scores: &Scores| {
-        let mut row: Row = ScoreColumn::ALL.iter().map(|c| c.plain_cell(scores)).collect();
+        let mut row: Cells = ScoreColumn::ALL.iter().map(|c| c.plain_cell(scores)).collect();
         let required = &scores.required;
         let met = (!required.is_empty()).then(|| required.iter().all(Seen::is_met).to_string());
         let seen =

@@ -25,7 +25,7 @@ const WIDEST: f64 = 22.5;
 const DRAWN: f64 = 0.86;
 
 /// One bearing of one target: where it is met.
-struct Met<'a> {
+struct MetRuns<'a> {
     target: &'a str,
     bearing: f64,
     runs: &'a [[f64; 2]],
@@ -57,7 +57,7 @@ fn bearing_in_words(bearing: f64) -> String {
 }
 
 /// A line a bearing, a column a target.
-fn block(met: &[Met<'_>]) -> String {
+fn block(met: &[MetRuns<'_>]) -> String {
     let mut targets: Vec<&str> = Vec::new();
     let mut bearings: Vec<f64> = Vec::new();
     for one in met {
@@ -82,10 +82,10 @@ fn block(met: &[Met<'_>]) -> String {
 }
 
 /// Every bearing of every target of a card.
-fn of_card(card: &RangeCard) -> Vec<Met<'_>> {
+fn of_card(card: &RangeCard) -> Vec<MetRuns<'_>> {
     let of_target = card.targets.iter().map(|target| (&*target.target, &target.bearings));
     let all = of_target.flat_map(|(target, bearings)| {
-        bearings.iter().map(move |of| Met { target, bearing: of.bearing, runs: &of.met })
+        bearings.iter().map(move |of| MetRuns { target, bearing: of.bearing, runs: &of.met })
     });
     all.collect()
 }
@@ -127,7 +127,7 @@ pub(super) fn range_card_rows(card: &RangeCard) -> Vec<Vec<String>> {
 }
 
 /// Metres at the outer circle of a plot: the farthest detection, rounded up to whole circles of 5 m.
-fn farthest(all: &[Met<'_>]) -> f64 {
+fn farthest(all: &[MetRuns<'_>]) -> f64 {
     let step = 5.0 * RINGS as f64;
     let most = all.iter().flat_map(|one| one.runs).map(|run| run[1]).fold(0.0, f64::max);
     (most / step).ceil().max(1.0) * step
@@ -158,10 +158,10 @@ fn heading(of: &Detection) -> String {
     }
 }
 
-fn of_detections(detections: &[Detection]) -> Vec<Met<'_>> {
+fn of_detections(detections: &[Detection]) -> Vec<MetRuns<'_>> {
     let mut all = Vec::new();
     for Detection { target, bearing, detected, .. } in detections {
-        all.push(Met { target, bearing: *bearing, runs: detected });
+        all.push(MetRuns { target, bearing: *bearing, runs: detected });
     }
     all
 }
@@ -177,7 +177,7 @@ pub fn targets_text(table: &TargetTable) -> String {
 /// A polar plot a placement: for each bearing the distances of detection, a strip a target. Ahead is up, left is left.
 pub fn targets_svg(question: &TargetQuestion, table: &TargetTable) -> String {
     let panels = by_placement(table);
-    let all: Vec<Met<'_>> = panels.iter().flat_map(|of| of_detections(of)).collect();
+    let all: Vec<MetRuns<'_>> = panels.iter().flat_map(|of| of_detections(of)).collect();
     panels_svg(question, &panels, farthest(&all))
 }
 
@@ -187,7 +187,7 @@ pub(crate) fn targets_figures(
     table: &TargetTable,
 ) -> Vec<(String, String)> {
     let panels = by_placement(table);
-    let all: Vec<Met<'_>> = panels.iter().flat_map(|of| of_detections(of)).collect();
+    let all: Vec<MetRuns<'_>> = panels.iter().flat_map(|of| of_detections(of)).collect();
     let farthest = farthest(&all);
     let figure = |of: &&[Detection]| {
         let scene = of[0].scene.as_ref().map_or(String::new(), |scene| format!("-in-{scene}"));
@@ -232,7 +232,7 @@ fn legend(names: &[&str], height: f64) -> Markup {
 }
 
 /// One polar plot.
-fn panel(heading: &str, all: &[Met<'_>], names: &[&str], farthest: f64) -> Markup {
+fn panel(heading: &str, all: &[MetRuns<'_>], names: &[&str], farthest: f64) -> Markup {
     let (middle, scale) = ([PANEL / 2.0, TITLE + PANEL / 2.0], RADIUS / farthest);
     let at = |bearing: f64, metres: f64| {
         let (sin, cos) = maths::sin_cos(bearing.to_radians());
@@ -244,7 +244,7 @@ fn panel(heading: &str, all: &[Met<'_>], names: &[&str], farthest: f64) -> Marku
     let gaps = bearings.windows(2).map(|pair| pair[1] - pair[0]);
     let width = DRAWN * gaps.fold(WIDEST, f64::min);
     let strip = width / names.len().max(1) as f64;
-    let wedge = |one: &Met<'_>, run: &[f64; 2]| {
+    let wedge = |one: &MetRuns<'_>, run: &[f64; 2]| {
         let index = names.iter().position(|name| *name == one.target).unwrap_or(0);
         let from = one.bearing - 0.5 * width + index as f64 * strip;
         let [inner, outer] = if run[0] == run[1] { [run[0] - 1.0, run[1] + 1.0] } else { *run };

@@ -67,12 +67,12 @@ pub struct HandoverMade {
 }
 
 /// Names and bytes of the files of the folder.
-type Files = Vec<(String, Vec<u8>)>;
+type NamedFiles = Vec<(String, Vec<u8>)>;
 
 /// Writes the folder of a placement, whole or not at all.
 ///
 /// # Errors
-/// Files that cannot be read or written, several placements without a name, a frame that the scene does not have.
+/// NamedFiles that cannot be read or written, several placements without a name, a frame that the scene does not have.
 pub fn handover(
     request: &HandoverRequest,
     computing: &Computing<'_>,
@@ -82,7 +82,7 @@ pub fn handover(
     let rig = HandoverRig::new(request, computing)?;
     let masks = rig.masks();
     let (materials, price) = materials(&rig);
-    let mut files: Files = Vec::new();
+    let mut files: NamedFiles = Vec::new();
     let mut add = |name: &str, bytes: Vec<u8>| files.push((name.to_owned(), bytes));
     add("poses.csv", poses(&rig).into_bytes());
     add("materials.csv", materials.into_bytes());
@@ -121,7 +121,7 @@ pub fn handover(
 }
 
 /// Removes masks that an earlier rig of more or other LiDARs has left in a folder: they would be taken for this one's.
-fn remove_stale_masks(out: &Path, files: &Files) -> Result<(), RunError> {
+fn remove_stale_masks(out: &Path, files: &NamedFiles) -> Result<(), RunError> {
     for entry in std::fs::read_dir(out).map_err(RunError::io(out))? {
         let entry = entry.map_err(RunError::io(out))?;
         let name = entry.file_name().to_string_lossy().into_owned();
@@ -171,7 +171,7 @@ fn drawn(rig: &HandoverRig) -> DrawnRig<'_> {
 }
 
 /// Isaac Sim's profile of each model that the rig has.
-fn profiles(rig: &HandoverRig) -> Files {
+fn profiles(rig: &HandoverRig) -> NamedFiles {
     let used = rig.used_models();
     let names: Vec<String> = used.iter().map(|model| rig.model_name(*model)).collect();
     let files = safe_names(names.iter().map(|name| &**name)).into_iter();

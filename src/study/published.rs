@@ -21,10 +21,10 @@ const PUBLISHED: [(&str, f64, f64, f64); 8] = [
 ];
 
 /// A score by name.
-type Metric = (&'static str, fn(&Scores) -> Option<f64>);
+type ComparedScore = (&'static str, fn(&Scores) -> Option<f64>);
 
 /// Every score that is compared with the published results.
-const METRICS: [Metric; 10] = [
+const METRICS: [ComparedScore; 10] = [
     ("m_sog", |s| s.segmentation.m_sog),
     ("m_sog_scaled", |s| s.segmentation.m_sog_scaled),
     ("m_sog_nonzero", |s| s.segmentation.m_sog_nonzero),

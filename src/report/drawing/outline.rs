@@ -12,7 +12,8 @@ const FINEST: f64 = 0.01;
 /// The corners of a slope's steps lie up to one cell apart.
 const SLACK: f64 = 1.05;
 
-type Flat = [f64; 2];
+/// A point of a view.
+pub type Flat = [f64; 2];
 /// A corner of the grid.
 type Corner = [i32; 2];
 

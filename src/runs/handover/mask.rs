@@ -103,7 +103,7 @@ impl<'a> SelfHitMask<'a> {
 }
 
 /// Lower and upper corner, metres.
-type Corners = [[f64; 3]; 2];
+type BoxCorners = [[f64; 3]; 2];
 
 /// A node for the box around the whole body, and where the body has several shapes one for each: a ROS 2 parameter file.
 /// Boxes reach `margin` metres beyond the body and count from `base_link`, whose position in the ego frame is given.
@@ -112,7 +112,7 @@ pub(super) fn boxes(rig: &HandoverRig, margin: f64, base_link: [f64; 3]) -> Opti
     let around = |triangles: &[[[f32; 3]; 3]]| {
         let corners = triangles.iter().flatten().map(|corner| corner.map(f64::from));
         let each = corners.map(|corner| [corner, corner]);
-        let all = each.reduce(|[low, high]: Corners, [corner, _]| {
+        let all = each.reduce(|[low, high]: BoxCorners, [corner, _]| {
             [[0, 1, 2].map(|k| low[k].min(corner[k])), [0, 1, 2].map(|k| high[k].max(corner[k]))]
         })?;
         Some(grown(all, margin, base_link))
@@ -147,7 +147,7 @@ fn word(name: &str) -> String {
 }
 
 /// A box with a margin around it, counted from elsewhere; corners are rounded outwards to millimetres.
-fn grown([low, high]: Corners, margin: f64, base_link: [f64; 3]) -> Corners {
+fn grown([low, high]: BoxCorners, margin: f64, base_link: [f64; 3]) -> BoxCorners {
     // A millimetre that rounding alone makes is none.
     let out = |value: f64| (1000.0 * value - 1e-4).ceil() / 1000.0;
     [0, 1, 2]
@@ -160,7 +160,7 @@ fn grown([low, high]: Corners, margin: f64, base_link: [f64; 3]) -> Corners {
         })
 }
 
-fn node(text: &mut String, name: &str, [low, high]: &Corners) {
+fn node(text: &mut String, name: &str, [low, high]: &BoxCorners) {
     let _ = write!(
         text,
         "/**/{name}:\n  ros__parameters:\n    input_pointcloud_frame: base_link\n    input_frame: base_link\n    \

@@ -180,7 +180,7 @@ impl Handed {
         scenes: &[String],
         computing: &Computing<'_>,
     ) -> Result<Self, RunError> {
-        let given = run::Given::new(text)?;
+        let given = run::GivenRig::new(text)?;
         let (text, run) = (&given.text, given.run.as_ref());
         let placement = one(&request.files, text)?;
         let is_own = scenes.is_empty() && computing.vehicle.is_none();

@@ -17,7 +17,7 @@ const RESULT: &str = "result.json";
 const PLACEMENTS: &str = "placements.json";
 
 /// Rig to hand over, as given: a file of placements, or the folder of a run.
-pub(super) struct Given {
+pub(super) struct GivenRig {
     /// File of placements, with the name of one behind a colon where there are several.
     pub text: String,
     /// The run, where a folder was given.
@@ -40,7 +40,7 @@ pub(super) struct RunFound {
     pub required: Vec<Seen>,
 }
 
-impl Given {
+impl GivenRig {
     /// Looks whether a folder is given, with or without `:NAME` of another of its placements.
     ///
     /// # Errors

@@ -47,12 +47,12 @@ struct Choice {
 
 /// Sensors added together: one, and its mirror image where the rules want pairs.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Group {
+struct SensorGroup {
     one: Choice,
     image: Option<Choice>,
 }
 
-impl Group {
+impl SensorGroup {
     fn choices(&self) -> impl Iterator<Item = Choice> + use<> {
         std::iter::once(self.one).chain(self.image)
     }
@@ -307,7 +307,7 @@ impl Equip {
             };
             let candidates = self.candidates(&chosen).into_iter();
             let next = candidates.filter(|group| group.choices().any(|one| lacks(one.mount)));
-            let price = |group: &Group| -> f64 {
+            let price = |group: &SensorGroup| -> f64 {
                 group.choices().map(|choice| self.vehicle.price(choice.sensor)).sum()
             };
             let Some(next) = next.min_by(|a, b| price(a).total_cmp(&price(b))) else { break };

@@ -28,10 +28,10 @@ fn left_out(part: &str, watch: &mut Watch) {
 }
 
 /// The result of each method, and the best of all that was found and given.
-type Chosen = (Vec<MethodRecord>, Option<Scored>);
+type ConfirmedResults = (Vec<MethodRecord>, Option<Scored>);
 
 /// Result of a method.
-enum Found {
+enum MethodResult {
     Nothing,
     /// The run is to end before it is scored.
     Stopped,
@@ -116,7 +116,7 @@ impl Run {
         &mut self,
         baselines: &[Scored],
         watch: &mut Watch,
-    ) -> Result<Option<Chosen>, SearchError> {
+    ) -> Result<Option<ConfirmedResults>, SearchError> {
         let Some(found) = self.found(watch)? else { return Ok(None) };
         let (mut methods, mut finalists): (Vec<_>, Vec<_>) = found.into_iter().unzip();
         let Some(given) = self.best_given(baselines, watch)? else { return Ok(None) };
@@ -151,9 +151,9 @@ impl Run {
         let mut found = Vec::new();
         for of_method in [Self::found_by_generations, Self::found_by_swaps] {
             match of_method(self, watch)? {
-                Found::Nothing => {}
-                Found::Stopped => return Ok(None),
-                Found::One(method, scored) => found.push((method, *scored)),
+                MethodResult::Nothing => {}
+                MethodResult::Stopped => return Ok(None),
+                MethodResult::One(method, scored) => found.push((method, *scored)),
             }
         }
         Ok(Some(found))
@@ -203,13 +203,15 @@ impl Run {
     }
 
     /// The best of the generations.
-    fn found_by_generations(&mut self, watch: &mut Watch) -> Result<Found, SearchError> {
+    fn found_by_generations(&mut self, watch: &mut Watch) -> Result<MethodResult, SearchError> {
         let best = self.state.generations.best().map(|best| best.placement.clone());
         let Some(best) = self.state.chosen.clone().or(best) else {
-            return Ok(Found::Nothing);
+            return Ok(MethodResult::Nothing);
         };
         let named = [self.written(&Placement { name: "optimized".into(), ..best })];
-        let Some(judged) = self.judged_over_all(&named, watch)? else { return Ok(Found::Stopped) };
+        let Some(judged) = self.judged_over_all(&named, watch)? else {
+            return Ok(MethodResult::Stopped);
+        };
         let scored = self.scored(&named, judged).remove(0);
         let evaluations = self.state.generations.evaluations();
         let method = MethodRecord {
@@ -220,7 +222,7 @@ impl Run {
             poses_cast: evaluations * named[0].lidars.len() as u64,
             won: false,
         };
-        Ok(Found::One(method, Box::new(scored)))
+        Ok(MethodResult::One(method, Box::new(scored)))
     }
 
     /// A placement as files have it, to the nanometre: scores are those of the poses that are written. One that breaks a rule
@@ -232,14 +234,16 @@ impl Run {
     }
 
     /// The best of the ends of the swaps. Fewer frames than all tell the ends apart too badly to take the first.
-    fn found_by_swaps(&mut self, watch: &mut Watch) -> Result<Found, SearchError> {
-        let Some(swaps) = self.state.swaps.clone() else { return Ok(Found::Nothing) };
+    fn found_by_swaps(&mut self, watch: &mut Watch) -> Result<MethodResult, SearchError> {
+        let Some(swaps) = self.state.swaps.clone() else { return Ok(MethodResult::Nothing) };
         let mut ends = vec![swaps.placement];
         if !self.is_over_all() {
             ends.extend(swaps.others);
         }
         let ends: Vec<Placement> = ends.iter().map(|end| self.written(end)).collect();
-        let Some(judged) = self.judged_over_all(&ends, watch)? else { return Ok(Found::Stopped) };
+        let Some(judged) = self.judged_over_all(&ends, watch)? else {
+            return Ok(MethodResult::Stopped);
+        };
         let mut scored = self.scored(&ends, judged);
         let standings: Vec<Standing> = scored.iter().map(Scored::standing).collect();
         let scored = scored.swap_remove(Standing::best(&standings).unwrap_or(0));
@@ -251,7 +255,7 @@ impl Run {
             poses_cast: swaps.poses_cast,
             won: false,
         };
-        Ok(Found::One(method, Box::new(scored)))
+        Ok(MethodResult::One(method, Box::new(scored)))
     }
 
     /// The bounds beside the result, which is scored over the frames of the bounds for that.

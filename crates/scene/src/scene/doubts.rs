@@ -24,7 +24,7 @@ const BESIDE: f64 = 2.5;
 const REACH: f64 = 8.0;
 
 /// Where scene, vehicle and body are described.
-pub(super) struct Places {
+pub(super) struct SceneLocations {
     /// The scene file.
     pub scene: String,
     /// The vehicle.
@@ -37,7 +37,7 @@ pub(super) struct Places {
 
 impl Scene {
     /// Every doubt about the scene.
-    pub(super) fn doubts(&self, places: &Places) -> Vec<Note> {
+    pub(super) fn doubts(&self, places: &SceneLocations) -> Vec<Note> {
         let scene = self;
         let mut of_body: Vec<String> = body("ego body", &scene.body).into_iter().collect();
         of_body.extend(

@@ -13,7 +13,7 @@ use super::description::{
     BodyDescription, PoseDescription, SceneDescription, ShapeDescription, VehicleSource,
 };
 use super::dictionary::Dictionary;
-use super::doubts::Places;
+use super::doubts::SceneLocations;
 use super::parts::{OwnBodies, OwnBody};
 use super::shapes::Builder;
 use super::*;
@@ -294,10 +294,10 @@ impl SceneVehicle {
     }
 
     /// Where scene, mounts and body are described.
-    fn places(&self, top: &Location) -> Places {
+    fn places(&self, top: &Location) -> SceneLocations {
         let body = if self.owns_body { &self.at } else { top };
         let mounts = (0..self.vehicle.mounts.len()).map(|mount| self.mount(mount)).collect();
-        Places {
+        SceneLocations {
             scene: top.file.clone(),
             vehicle: self.at.clone(),
             mounts,

@@ -3,7 +3,7 @@
 use super::*;
 
 /// Sensors on a mount among those chosen and a group.
-fn count_on(mount: usize, chosen: &[Choice], group: &Group) -> usize {
+fn count_on(mount: usize, chosen: &[Choice], group: &SensorGroup) -> usize {
     let all = chosen.iter().copied().chain(group.choices());
     all.filter(|choice| choice.mount == mount).count()
 }
@@ -11,7 +11,7 @@ fn count_on(mount: usize, chosen: &[Choice], group: &Group) -> usize {
 impl Equip {
     /// Groups that may join `chosen`: with room on the mounts, far enough from the others, and money left for the
     /// sensors that other mounts must hold.
-    pub(super) fn candidates(&self, chosen: &[Choice]) -> Vec<Group> {
+    pub(super) fn candidates(&self, chosen: &[Choice]) -> Vec<SensorGroup> {
         let most = self.limits.sensors.min(MAX_LIDARS);
         if chosen.len() >= most {
             return Vec::new();
@@ -28,7 +28,7 @@ impl Equip {
                 Some(image) if image > pose => Some(self.choice(image)),
                 _ => None,
             };
-            let group = Group { one, image };
+            let group = SensorGroup { one, image };
             let (reserve, sensors) = self.owed(chosen, &group, &cheapest);
             let price: f64 = group.choices().map(|choice| self.vehicle.price(choice.sensor)).sum();
             let affordable = spent + price + reserve <= self.limits.budget * (1.0 + 1e-12);
@@ -47,7 +47,7 @@ impl Equip {
     }
 
     /// Price and number of the sensors that mounts still lack beside `chosen` and `group`, in the cheapest models.
-    fn owed(&self, chosen: &[Choice], group: &Group, cheapest: &Equipment) -> (f64, usize) {
+    fn owed(&self, chosen: &[Choice], group: &SensorGroup, cheapest: &Equipment) -> (f64, usize) {
         let mounts = self.vehicle.mounts.iter().enumerate();
         let owed = mounts.map(|(mount, of)| {
             let missing = of.count[0].saturating_sub(count_on(mount, chosen, group));
@@ -60,7 +60,7 @@ impl Equip {
 
     /// True if the mounts of a group hold it beside `chosen`. Where pairs are wanted one sensor of a kind may be
     /// odd, and the others that a mount must hold come in pairs.
-    fn has_room(&self, chosen: &[Choice], group: &Group) -> bool {
+    fn has_room(&self, chosen: &[Choice], group: &SensorGroup) -> bool {
         let holds = |choice: Choice| {
             let count = self.vehicle.mounts[choice.mount].count;
             let on = count_on(choice.mount, chosen, group);
@@ -86,13 +86,13 @@ impl Equip {
         &mut self,
         chosen: &[Choice],
         rating: impl Fn(f64, f64) -> f64,
-    ) -> Option<(Group, f64)> {
+    ) -> Option<(SensorGroup, f64)> {
         let candidates = self.candidates(chosen);
         let (poses, before) = (Self::poses(chosen), self.worth(chosen));
         let groups: Vec<(u32, Option<u32>)> =
             candidates.iter().map(|of| (of.one.pose, of.image.map(|image| image.pose))).collect();
         let values = self.grid.values_with_groups(&poses, &groups);
-        let of = |(group, value): (Group, f64)| {
+        let of = |(group, value): (SensorGroup, f64)| {
             let added = value - before;
             let price = group.choices().map(|choice| self.vehicle.price(choice.sensor)).sum();
             (group, rating(added, price), added)

@@ -10,9 +10,9 @@ use crate::task::{DevicePose, TINY_COMPONENT};
 /// Rays of a packet.
 pub const RAYS: usize = 8;
 /// A number of each ray.
-type RayLanes = [f32; RAYS];
+type PacketNumbers = [f32; RAYS];
 /// Unit directions of a packet's rays in the sensor's frame, by axis.
-pub type Rays = [RayLanes; 3];
+pub type Rays = [PacketNumbers; 3];
 
 /// Stands for the part of a packet that was aimed at none.
 const NOWHERE: u32 = u32::MAX;
@@ -23,11 +23,11 @@ const MIXED: usize = 3;
 #[repr(align(64))]
 #[derive(Clone)]
 pub(super) struct Packet {
-    pub(super) t: RayLanes,
+    pub(super) t: PacketNumbers,
     pub(super) prim: [u32; RAYS],
     /// Directions and shears in the frame of the part that the packet is aimed at.
-    direction: [RayLanes; 3],
-    shear: [RayLanes; 2],
+    direction: [PacketNumbers; 3],
+    shear: [PacketNumbers; 2],
     /// Axis along which all rays go farthest, or [`MIXED`].
     major: usize,
     /// Number of the part.

@@ -16,7 +16,7 @@ use crate::engine::BackendError;
 use crate::task::{Air, Frame};
 
 /// A buffer whose first bytes are read back, and their number.
-type Source<'b> = (&'b wgpu::Buffer, u64);
+type BufferHead<'b> = (&'b wgpu::Buffer, u64);
 
 impl Pipeline<'_> {
     /// Uploads a chunk and where its sensors stand in a frame, for all commands from now on.
@@ -94,7 +94,7 @@ impl Pipeline<'_> {
     }
 
     /// Counters of the casting: unfinished beams, then hits by sensor.
-    pub(super) fn counters(&self, chunk: &GpuChunk<'_>) -> Source<'_> {
+    pub(super) fn counters(&self, chunk: &GpuChunk<'_>) -> BufferHead<'_> {
         (&self.work.counters, 4 * (1 + chunk.batch.len() as u64))
     }
 
@@ -239,7 +239,11 @@ impl Pipeline<'_> {
     }
 
     /// Results of a chunk in a frame: totals and partial sums, or bitmaps.
-    pub(super) fn results(&self, chunk: &GpuChunk<'_>, batch: &GpuBatch<'_>) -> Vec<Source<'_>> {
+    pub(super) fn results(
+        &self,
+        chunk: &GpuChunk<'_>,
+        batch: &GpuBatch<'_>,
+    ) -> Vec<BufferHead<'_>> {
         let (work, count) = (self.work, chunk.placements.len() as u64);
         if !batch.sums {
             let bytes = 4 * chunk.batch.len() as u64 * u64::from(self.bitmap_words());
