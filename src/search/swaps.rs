@@ -47,9 +47,9 @@ const NEAR_BEST: f64 = 0.005;
 const DRAWN: usize = 64;
 
 /// Poses, and bytes of their bitmaps, that are kept by climbs along a grid: these look at neighbours of where they
-/// stand.
-const AMPLE_POSES: usize = 256;
-const AMPLE_BYTES: u64 = 192 << 20;
+/// stand. Next to none in the tests of this crate.
+const AMPLE_POSES: usize = if cfg!(test) { 4 } else { 256 };
+const AMPLE_BYTES: u64 = if cfg!(test) { 0 } else { 192 << 20 };
 
 /// Penalty for a missing share of 1, as a multiple of a start's objective: no gain makes up for a missing place.
 const MISSING: f64 = 1e4;
@@ -221,6 +221,8 @@ fn grid_search(
 #[derive(Default)]
 struct Ends {
     all: Vec<GridPlacement>,
+    /// For each end, whether it meets all requirements; `None` where there are none.
+    met: Vec<Option<bool>>,
     best: Option<GridPlacement>,
 }
 
@@ -232,6 +234,9 @@ impl Ends {
         end: GridPlacement,
         go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<(), SearchError> {
+        // An atlas that forgets may not hold the end any more.
+        search.hold(evaluator, &end.poses)?;
+        self.met.push(search.has_requirements().then(|| search.missing(&end.poses) == 0.0));
         self.all.push(end.clone());
         self.best = Some(match self.best.take() {
             Some(best) => search.preferred(evaluator, best, end, go_on)?,
@@ -251,10 +256,8 @@ impl Ends {
 
     fn swapped(&self, search: &GridSearch, frames: usize) -> Option<Swapped> {
         let best = self.best.as_ref().filter(|best| best.value.is_finite())?;
-        let required = search.has_requirements();
-        let met = |end: &GridPlacement| required.then(|| search.missing(&end.poses) == 0.0);
-        let ends: Vec<(f64, Option<bool>)> =
-            self.all.iter().map(|end| (end.value, met(end))).collect();
+        let values = self.all.iter().map(|end| end.value);
+        let ends: Vec<(f64, Option<bool>)> = values.zip(self.met.iter().copied()).collect();
         let climbs = Climbs::new(&ends, best.value, frames);
         Some(Swapped::new(search, best, &self.distinct(), climbs))
     }

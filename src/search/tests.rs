@@ -14,9 +14,10 @@ use super::pilot::{Known, Pilot};
 use super::run::Run;
 use super::settings::Settings;
 use super::suite::Suite;
+use super::swaps::{SwapSettings, swap_from};
 use crate::bvh::Bvh;
 use crate::geom::TriangleSoup;
-use crate::problem::{Content, OccupiedVoxel, Problem, Task};
+use crate::problem::{Content, OccupiedVoxel, Problem, Requirement, Task};
 use crate::psog::Roi;
 use crate::score::Objective;
 use crate::vehicle::{BeamTable, Constraints, Placement, PoseGrid, SensorPose, Spacing};
@@ -30,8 +31,12 @@ fn problem() -> Arc<Problem> {
     problem_over(FRAMES)
 }
 
-/// A wall that stands elsewhere in each frame; beams end before the far voxels.
 fn problem_over(frames: [usize; 2]) -> Arc<Problem> {
+    problem_with(frames, &[])
+}
+
+/// A wall that stands elsewhere in each frame; beams end before the far voxels.
+fn problem_with(frames: [usize; 2], required: &[Requirement]) -> Arc<Problem> {
     let roi = Roi::new([-6.0, -5.0, -2.0], [0.5; 3], [24, 20, 8]).unwrap();
     let channels: Vec<(f64, f64)> = (0..5).map(|k| (-20.0 + 10.0 * f64::from(k), 0.3)).collect();
     let table = BeamTable::spinning(&channels, 30, 5.0).unwrap();
@@ -46,7 +51,7 @@ fn problem_over(frames: [usize; 2]) -> Arc<Problem> {
     let voxel = |index: u32| OccupiedVoxel { index, entropy: [1 + index % 7; 4] };
     let occupied: Vec<OccupiedVoxel> =
         (0..roi.voxel_count() as u32).step_by(3).map(voxel).collect();
-    let content = Content::new(vec![], occupied, &[], false);
+    let content = Content::new(vec![], occupied, &[], false).with_areas(&roi, required);
     let rules =
         Constraints::in_box([-1.0, -1.0, -0.5, 0.0, 0.0, 0.0], [1.0, 1.0, 0.5, 0.0, 0.0, 0.0], 2);
     Arc::new(Problem::from(Task::new(roi, content, table, trees, true)).with_constraints(rules))
@@ -238,4 +243,27 @@ fn an_interrupted_run_scores_the_first_of_many_baselines_and_a_resumed_one_all()
     assert!(scored > 0 && left > 0 && scored + left == 40, "{scored} and {left}");
     let mut resumed = Run::resume(problem, run.state().clone());
     assert_eq!(run_to_end(&mut resumed, true), (40, 0));
+}
+
+#[test]
+fn ends_of_climbs_are_told_apart_by_requirements_though_their_poses_were_forgotten() {
+    let seen = |reach: f64, share: f64| {
+        let inside = [[-3.0, -2.0, -1.0], [reach, 2.0, 1.0]];
+        let required = [Requirement { name: "near".into(), inside, without: vec![], share }];
+        let mut evaluator = Evaluator::on_cpu(problem_with([2, 0], &required));
+        let spacing = Spacing { metres: 0.25, radians: 0.1 };
+        let settings = SwapSettings { spacing, casts: 500, whole: false, memory: MEMORY, seed: 1 };
+        let starts: Vec<Placement> = [[-1.0, 1.0], [0.5, -0.5], [1.0, 0.0]]
+            .map(|[x, y]| Placement {
+                name: "start".into(),
+                lidars: vec![SensorPose::at(x, y, 0.0), SensorPose::at(-x, -y, 0.5)],
+            })
+            .to_vec();
+        let objective = Objective::default();
+        let swapped = swap_from(&mut evaluator, &objective, &settings, 1, &starts, &mut |_| true);
+        let climbs = swapped.unwrap().unwrap().climbs;
+        (climbs.count, climbs.met)
+    };
+    assert_eq!(seen(1.0, 0.01), (3, Some(3)));
+    assert_eq!(seen(6.0, 1.0), (3, Some(0)), "no beam goes through the wall");
 }
