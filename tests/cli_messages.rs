@@ -241,3 +241,61 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     let one = sightline(dir.path(), &["score", "s.json", "rigs.json:up", "--backend", "cpu"]);
     assert!(!String::from_utf8(one.stdout).unwrap().contains("better"));
 }
+
+#[test]
+fn rules_that_ask_for_nothing_radians_and_mounts_below_the_ground_are_told() {
+    let dir = folder();
+    let child = |more: Value| {
+        let mut rule = json!({ "target": "child", "within": 20, "share": 0.5 });
+        rule.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        rule
+    };
+    for (rule, told) in [
+        (child(json!({ "share": 0 })), "require[0].share: 0 asks for nothing; 0.9 asks for 90 %"),
+        (
+            child(json!({ "bearing": [-0.26, 0.26] })),
+            "require[0].bearing: -0.26 to 0.26 are degrees; radians? 0.26 rad are 14.9°",
+        ),
+        (child(json!({ "within": -40 })), "require[0].within: -40 is not metres above 0 to 1000"),
+        (
+            child(json!({ "from": 9, "within": 4 })),
+            "require[0].within: 4 is not metres from 9 (`from`) to 1000",
+        ),
+        (json!({}), "require[0]: `min` is missing: give the corners of a box, a `target`"),
+    ] {
+        let said = of_car(&dir, |car| car["require"] = json!([rule]));
+        assert!(said.contains(&format!("own.json: {told}")), "{told}: {said}");
+    }
+    let fine = of_car(&dir, |car| car["require"] = json!([child(json!({ "bearing": [-2, 2] }))]));
+    assert!(!fine.contains("radians?"), "{fine}");
+    let low = of_car(&dir, |car| {
+        car["mounts"][0]["min"] = json!([4, -0.6, -0.5]);
+        car["mounts"][0]["max"] = json!([4.5, 0.6, 0.2]);
+    });
+    assert!(low.contains("mounts[0] reaches down to z = -0.5, below the ground"), "{low}");
+    let tilted = of_car(&dir, |car| car["mounts"][0]["pitch"] = json!([-10, 10]));
+    assert!(
+        tilted.contains("mounts[0].pitch[0]: -10 is not an angle in radians within"),
+        "{tilted}"
+    );
+    assert!(tilted.contains("-10° are -0.1745 rad"), "{tilted}");
+}
+
+#[test]
+fn an_origin_in_millimetres_and_a_model_without_its_vehicle_are_told() {
+    let dir = folder();
+    let args = ["rig", "handover", "rigs.json:A", "--vehicle", "car.json", "--out", "h"];
+    let told = fails(dir.path(), &[&args[..], &["--base-link=-1400"]].concat());
+    assert!(told.contains("-1400 m is far from any vehicle; -1400 mm are -1.4 m"), "{told}");
+    let rig = r#"{ "sightline": 1, "placements": [{ "name": "A", "lidars": [
+        { "x": 0.5, "y": 0, "z": 2, "sensor": "spin" }] }] }"#;
+    write(&dir, "named.json", rig);
+    let mut scene: Value =
+        serde_json::from_str(&fs::read_to_string(dir.path().join("s.json")).unwrap()).unwrap();
+    scene.as_object_mut().unwrap().remove("vehicle");
+    scene["lidar"] = json!({ "channels": 8, "fov": [-25, 15], "azimuth_steps": 60, "range": 30 });
+    scene["mount"] = json!({ "min": [0, -1, 1], "max": [1, 1, 2], "lidars": 1 });
+    write(&dir, "plain.json", &scene.to_string());
+    let told = fails(dir.path(), &["score", "plain.json", "named.json", "--backend", "cpu"]);
+    assert!(told.contains("names of models come with the file of a vehicle"), "{told}");
+}

@@ -66,7 +66,21 @@ fn told(error: &clap::Error) -> String {
         words += between;
         words += line;
     }
-    words
+    in_words(&words)
+}
+
+/// Clap's ranges of whole numbers without their largest value, which is a limit of the computer.
+fn in_words(told: &str) -> String {
+    let most = format!("..={}", u32::MAX);
+    match told.split_once(" is not in ") {
+        Some((before, range)) if range.contains(&most) => {
+            format!(
+                "{before} is too small; give a whole number from {}",
+                range.replace(&most, " on")
+            )
+        }
+        _ => told.to_owned(),
+    }
 }
 
 /// An option that the command does not have: the commands that have it, and the command's own option of a near name.
@@ -163,6 +177,7 @@ mod tests {
                 "scan s.json --seed -1",
                 "'--seed <N>': give a whole number from 0 to 18446744073709551615",
             ),
+            ("score s.json --frames 0", "0 is too small; give a whole number from 1 on"),
             ("scene make", "unrecognized subcommand 'make'"),
         ] {
             let said = refused(line);

@@ -19,7 +19,7 @@ pub enum JobError {
     #[error(transparent)]
     Scene(#[from] DescriptionError),
     /// Rules that the mounts of a scene do not allow.
-    #[error("options for the mount: {0}")]
+    #[error("options that set rules, such as --fix: {0}")]
     Rules(DescriptionError),
     /// From the region of interest, or from building the P-SOG.
     #[error(transparent)]

@@ -61,10 +61,16 @@ pub fn margin(text: &str) -> Result<f64, String> {
 
 /// Position of `base_link` in the ego frame, metres.
 pub fn base_link(text: &str) -> Result<[f64; 3], String> {
+    const FARTHEST: f64 = 100.0;
     let fault = || "give X or X,Y,Z in metres, as in -1.4,0,0".to_owned();
     let numbers =
         text.split(',').map(|word| word.trim().parse().ok().filter(|v: &f64| v.is_finite()));
-    match numbers.collect::<Option<Vec<f64>>>().ok_or_else(fault)?[..] {
+    let numbers = numbers.collect::<Option<Vec<f64>>>().ok_or_else(fault)?;
+    if let Some(far) = numbers.iter().find(|v| v.abs() > FARTHEST) {
+        let metres = far / 1000.0;
+        return Err(format!("{far} m is far from any vehicle; {far} mm are {metres} m"));
+    }
+    match numbers[..] {
         [x] => Ok([x, 0.0, 0.0]),
         [x, y, z] => Ok([x, y, z]),
         _ => Err(fault()),

@@ -85,7 +85,11 @@ pub fn radians(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     if value.abs() <= MAX_RADIANS {
         return Ok(value);
     }
-    Err(bad(at, value, "an angle in radians within one turn (-6.2832 to 6.2832)"))
+    let radians = value.to_radians();
+    let wanted = format!(
+        "an angle in radians within one turn (-6.2832 to 6.2832); {value}° are {radians:.4} rad"
+    );
+    Err(bad(at, value, wanted))
 }
 
 /// A point `[x, y, z]` in metres.

@@ -3,7 +3,7 @@
 use serde::de::IgnoredAny;
 
 /// Bytes or words that files of other kinds begin with.
-const BEGINNINGS: [(&str, &str); 10] = [
+const BEGINNINGS: &[(&str, &str)] = &[
     ("ply\n", "a PLY mesh"),
     ("ply\r", "a PLY mesh"),
     ("PK\u{3}\u{4}", "a ZIP archive"),
@@ -13,6 +13,8 @@ const BEGINNINGS: [(&str, &str); 10] = [
     ("NUMPY", "a NumPy array"),
     ("\u{1f}", "a gzip file"),
     ("---", "YAML"),
+    ("//", "JSON with comments, which JSON does not have"),
+    ("/*", "JSON with comments, which JSON does not have"),
     ("v ", "an OBJ mesh"),
 ];
 
@@ -64,6 +66,10 @@ mod tests {
             ("PK\u{3}\u{4}\0\0", "is not JSON, it looks like a ZIP archive"),
             ("\u{fffd}NUMPY\u{1}", "is not JSON, it looks like a NumPy array"),
             ("<?xml version='1.0'?>", "is not JSON, it looks like XML"),
+            (
+                "// rig\n{}",
+                "is not JSON, it looks like JSON with comments, which JSON does not have",
+            ),
             ("hello", "is not JSON"),
             ("\u{1}\u{2}", "is not JSON"),
         ] {

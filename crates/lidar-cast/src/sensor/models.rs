@@ -127,6 +127,9 @@ pub enum ForeignLidar {
     },
 }
 
+/// The models of a scene's own `lidar`, in words.
+const NAMELESS: &str = "one model without a name: names of models come with the file of a vehicle";
+
 fn list(models: &[SensorName]) -> String {
     models.iter().map(SensorName::as_str).collect::<Vec<_>>().join(", ")
 }
@@ -135,8 +138,7 @@ impl UnknownSensor {
     fn among(models: &[SensorName], name: SensorName) -> Self {
         let named = models.iter().filter(|model| !model.is_none());
         let names: Vec<String> = named.map(|model| format!("`{model}`")).collect();
-        let known =
-            if names.is_empty() { "one model without a name".into() } else { names.join(", ") };
+        let known = if names.is_empty() { NAMELESS.into() } else { names.join(", ") };
         let nearest = nearest(name.as_str(), models.iter().map(SensorName::as_str));
         Self { name, nearest, known }
     }

@@ -104,9 +104,10 @@ fn number(key: &ConditionKey, kind: ConditionKind, text: &str) -> Result<f64, Co
         key: key.name,
         value: text.to_owned(),
         condition: kind.name(),
-        least: least.to_string(),
-        most: most.to_string(),
-        unit: key.unit,
+        limits: match most.is_finite() {
+            true => format!("a number from {least} to {most}{}", key.unit),
+            false => format!("a number from {least}{} on", key.unit),
+        },
     })
 }
 
@@ -240,7 +241,8 @@ fn keys(kind: ConditionKind) -> &'static [ConditionKey] {
 pub enum ConditionError {
     /// There is no condition of that name.
     #[error(
-        "there is no condition `{name}`; known are fog, wet, snow, rain, blur, crosstalk and echo"
+        "there is no condition `{name}`; known are fog, wet, snow, rain, blur, crosstalk and echo, with values behind a \
+         colon, as in fog:mor=200"
     )]
     UnknownCondition {
         /// Text as written.
@@ -289,7 +291,7 @@ pub enum ConditionError {
         known: String,
     },
     /// A value that is no number or outside of its limits.
-    #[error("`{key}={value}` of {condition}: wanted is a number from {least} to {most}{unit}")]
+    #[error("`{key}={value}` of {condition}: wanted is {limits}")]
     BadNumber {
         /// The key.
         key: &'static str,
@@ -297,12 +299,8 @@ pub enum ConditionError {
         value: String,
         /// The condition's name.
         condition: &'static str,
-        /// Least value.
-        least: String,
-        /// Greatest value.
-        most: String,
-        /// Unit with a space before it.
-        unit: &'static str,
+        /// Limits and unit in words.
+        limits: String,
     },
     /// A condition given twice.
     #[error("the condition {condition} is given twice; give it once")]

@@ -202,7 +202,11 @@ impl TargetRule {
             return Err(bad(&at.key("from"), from, format!("metres from 0 to {FARTHEST}")));
         }
         if !(from..=FARTHEST).contains(&within) || within == 0.0 {
-            let wanted = format!("metres from {from} (`from`) to {FARTHEST}");
+            let least = match required.from {
+                Some(from) => format!("from {from} (`from`)"),
+                None => "above 0".to_owned(),
+            };
+            let wanted = format!("metres {least} to {FARTHEST}");
             return Err(bad(&at.key("within"), within, wanted));
         }
         let [low, high] = required.bearing.unwrap_or([-180.0, 180.0]);

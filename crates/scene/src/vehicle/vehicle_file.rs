@@ -1,6 +1,7 @@
 //! Vehicle files: reading and checking them.
 
 use std::collections::HashSet;
+use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
 use serde::de::{DeserializeOwned, IgnoredAny};
@@ -70,8 +71,9 @@ impl Vehicle {
         let name = name.map(|name| check::name(&at.key("name"), name)).transpose()?;
         let (mut files, mut notes) = (Vec::new(), Vec::new());
         let sensors = models(at, vehicle.sensors, dir, &mut files, &mut notes)?;
-        let angles = vehicle.mounts.iter().enumerate().flat_map(|(i, mount)| angles(i, mount));
-        notes.extend(angles.map(|doubt| Note::doubt(format!("{at}: {doubt}"))));
+        let doubts = vehicle.mounts.iter().enumerate();
+        let doubts = doubts.flat_map(|(i, mount)| doubts_of_mount(i, mount));
+        notes.extend(doubts.map(|doubt| Note::doubt(format!("{at}: {doubt}"))));
         let (mut mounts, meshes) = mounts(at, vehicle.mounts, &sensors, dir)?;
         files.extend(meshes);
         let min_distance = least_distance(at, vehicle.min_distance)?;
@@ -141,11 +143,19 @@ fn models(
     Ok(sensors)
 }
 
-/// Doubts about the angles of a mount and of its mesh.
-fn angles(i: usize, mount: &MountingDescription) -> Vec<String> {
+/// Doubts about the angles of a mount and of its mesh, and about a mount below the ground.
+fn doubts_of_mount(i: usize, mount: &MountingDescription) -> Vec<String> {
     let of = |key: &str, angles: &[f64]| super::of_angles(&format!("mounts[{i}].{key}"), angles);
     let own = [("roll", mount.roll), ("pitch", mount.pitch), ("yaw", mount.yaw)];
     let mut doubts: Vec<String> = own.iter().filter_map(|(key, range)| of(key, range)).collect();
+    let low = mount.min.iter().chain(mount.polygon.iter().flatten());
+    let low = low.map(|corner| corner[2]).fold(0.0, f64::min);
+    if low < 0.0 {
+        doubts.push(format!(
+            "mounts[{i}] reaches down to z = {low}, below the ground; heights are counted from the ground below the \
+             vehicle"
+        ));
+    }
     if let Some(mesh) = &mount.mesh {
         let facing = mesh.facing.as_ref().and_then(|facing| facing.angle);
         let own = [
@@ -241,11 +251,11 @@ fn area(at: &Location, required: &RequirementDescription) -> Result<Requirement,
         key,
         mend: mend.to_owned(),
     };
-    let name = required.name.clone().ok_or_else(|| missing("name", "name the area"))?;
-    let name = check::name(&at.key("name"), name)?;
     let corner = "give the corners of a box, a `target`, `ground`, a `blind_zone` or `overlap`";
     let min = required.min.ok_or_else(|| missing("min", corner))?;
     let max = required.max.ok_or_else(|| missing("max", corner))?;
+    let name = required.name.clone().ok_or_else(|| missing("name", "name the area"))?;
+    let name = check::name(&at.key("name"), name)?;
     required.has_only(at, &["min", "max", "without", "share"], |key| match key {
         "depth" => "it is of a `blind_zone`; a box has none",
         _ => "it is of a `target`; a box has none",
@@ -273,6 +283,23 @@ fn out_of_reach(
         ))
     };
     beyond.map(doubt).collect()
+}
+
+/// Doubts about a requirement that asks for nothing, or whose bearings are most likely radians.
+fn doubts_of_rule(at: &Location, required: &RequirementDescription) -> Vec<Note> {
+    let mut doubts = Vec::new();
+    if required.share == Some(0.0) {
+        doubts.push(format!("{}: 0 asks for nothing; 0.9 asks for 90 %", at.key("share")));
+    }
+    let [low, high] = required.bearing.unwrap_or_default();
+    if low.abs().max(high.abs()) <= PI && [low, high].iter().any(|b| b.fract() != 0.0) {
+        doubts.push(format!(
+            "{}: {low} to {high} are degrees; radians? {high} rad are {:.1}°",
+            at.key("bearing"),
+            high.to_degrees()
+        ));
+    }
+    doubts.into_iter().map(Note::doubt).collect()
 }
 
 /// Rules without their positions in the file.
@@ -304,6 +331,7 @@ impl Requirements {
             if let Some(share) = required.share.filter(|share| !(0.0..=1.0).contains(share)) {
                 return Err(bad(&at.key("share"), share, "a share from 0 to 1"));
             }
+            all.notes.extend(doubts_of_rule(&at, required));
             if let Some(rule) = OverlapRule::read(&at, required)? {
                 all.overlap.push((i, rule));
                 continue;
