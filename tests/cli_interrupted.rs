@@ -344,3 +344,19 @@ fn a_front_that_was_killed_goes_on_to_the_same_bytes() {
     }
     assert!(!all_files(dir.path()).iter().any(|(path, _)| is_litter(path)));
 }
+
+#[test]
+fn a_run_that_is_ended_at_once_says_how_to_go_on() {
+    let dir = world();
+    let line = "optimize town.json --backend cpu --evaluations 90000 --method cma --out cut";
+    let child = spawn(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    wait_for(|| dir.path().join("cut/checkpoint.json").exists());
+    // The checkpoint is a moment older than the words.
+    std::thread::sleep(Duration::from_millis(300));
+    interrupt(&child, "-INT");
+    interrupt(&child, "-TERM");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130));
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(told.contains("go on with --resume cut") && !told.contains("stopped"), "{told}");
+}

@@ -197,12 +197,18 @@ pub struct Terminal {
 static STOPS: AtomicBool = AtomicBool::new(false);
 /// Milliseconds that the command has to end after a signal; 0 before it listens for them.
 static GRACE: AtomicU64 = AtomicU64::new(0);
+/// How to go on after the process is ended; empty where nothing is kept for that.
+static RESUME: Mutex<String> = Mutex::new(String::new());
 /// The handler is set once a process.
 static HANDLER: Once = Once::new();
 
 /// Ends the process unless the command listens and has not been told yet; no half-written file is left.
 fn on_signal() {
     let end = || {
+        let go_on = RESUME.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        if !go_on.is_empty() {
+            say(&go_on);
+        }
         remove_temporaries();
         std::process::exit(i32::from(Exit::Interrupted.code()))
     };
@@ -256,6 +262,7 @@ impl Terminal {
     pub fn new(talk: Talk) -> Self {
         STOPS.store(false, Ordering::SeqCst);
         GRACE.store(0, Ordering::SeqCst);
+        RESUME.lock().unwrap_or_else(PoisonError::into_inner).clear();
         HANDLER.call_once(|| {
             if let Err(error) = hear_signals() {
                 talk.detail(format!("Ctrl-C ends at once: {error}"));
@@ -322,6 +329,10 @@ impl Watcher for Terminal {
         // At least one: 0 is a command that does not listen.
         let grace = u64::try_from(grace.as_millis()).unwrap_or(u64::MAX).max(1);
         GRACE.store(grace, Ordering::SeqCst);
+    }
+
+    fn resumes(&self, go_on: &str) {
+        *RESUME.lock().unwrap_or_else(PoisonError::into_inner) = go_on.to_owned();
     }
 
     fn goes_on(&self) -> bool {

@@ -47,6 +47,9 @@ pub trait Watcher: Sync {
     /// request may be ended with the process.
     fn listen(&self, _grace: Duration) {}
 
+    /// Hears, once the folder of a run holds a checkpoint, how to go on with it should the process be ended.
+    fn resumes(&self, _go_on: &str) {}
+
     /// Hears that the work was stopped: which placements its table holds, and that a file is not written.
     fn note_interrupted(&self, out: Option<&Path>) {
         let left = out.map(|out| format!("; {} is not written", out.display()));

@@ -162,6 +162,7 @@ impl RunSession<'_> {
             let is_due = saved.is_none_or(|saved| saved.elapsed() > BETWEEN_CHECKPOINTS);
             if is_due || !matches!(step, JobStep::On) {
                 save(self)?;
+                watcher.resumes(&format!("go on with --resume {folder}"));
                 saved = Some(Instant::now());
             }
             match step {

@@ -142,6 +142,7 @@ fn search(
             saved.state = state.clone();
             *failed.borrow_mut() = folder.save(saved).err();
             (last, is_saved) = (Instant::now(), true);
+            watcher.resumes(&format!("go on with --resume {}", folder.path().display()));
         }
     };
     let found = job.front_from(&objectives, &mut state, &mut keep, &mut |event: &Event| {
