@@ -300,13 +300,29 @@ impl Job {
         engine: &mut dyn Backend,
         all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
     ) -> Result<(), JobError> {
+        self.look_closely_while(engine, all, &mut || true)?;
+        Ok(())
+    }
+
+    /// Like [`Self::look_closely`]; false where `go_on`, which is asked often, said no before it was known how all
+    /// requirements hold.
+    ///
+    /// # Errors
+    /// See [`Self::look_closely`].
+    pub(crate) fn look_closely_while<'a>(
+        &self,
+        engine: &mut dyn Backend,
+        all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, JobError> {
         let problem = self.scenes[0].problem()?;
         let mut all: Vec<_> = all.into_iter().collect();
         for (placement, scores) in &mut all {
             scores.guards.extend(self_hits(self.scene(), &problem, engine, placement)?);
         }
-        self.add_holds(&mut all)?;
-        self.add_range_cards(all)
+        let is_whole = self.add_holds(&mut all, go_on)?;
+        self.add_range_cards(all)?;
+        Ok(is_whole)
     }
 
     /// Adds the range card to scores, and its blind sectors to their guards; nothing where beams end at nothing.

@@ -179,7 +179,9 @@ impl Job {
             let tolerance =
                 Tolerance { metres: times * usual.metres, radians: times * usual.radians };
             let job = self.clone().tolerance(Some(tolerance));
-            job.add_holds(&mut [(placement, &mut scores)])?;
+            if !job.add_holds(&mut [(placement, &mut scores)], &mut || go_on(0))? {
+                break;
+            }
             let holds_in = scores.requirements_hold_in.unwrap_or_default();
             let error = error_of_share(holds_in, placement.lidars.len());
             room.copies.push(RoomOfCopies { tolerance, holds_in, error });

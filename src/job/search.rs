@@ -1,6 +1,6 @@
 //! The search of a job step by step: sensors for the money, placements, own body.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
@@ -13,6 +13,8 @@ use crate::search::{
 };
 use crate::vehicle::{MAX_LIDARS, SensorName, Vehicle};
 
+/// Time to look closely at placements where a run is to end.
+const PATIENCE: Duration = Duration::from_secs(3);
 /// Baselines looked at closely at once; the observer is asked in between.
 const LOOKED_AT_ONCE: usize = 8;
 
@@ -194,13 +196,22 @@ impl JobRun<'_> {
     ) -> Result<(), JobError> {
         let problem = self.job.problem()?;
         let mut engine = open(problem.task(), &EngineChoice::cpu(), |_| {})?.engine;
-        let mut look = |some: &mut [Scored]| {
+        let deadline = self.job.settings.time.as_ref().map(TimeLimit::deadline);
+        let patience = Instant::now() + PATIENCE;
+        let mut look = |some: &mut [Scored], observer: &mut dyn Observer| {
             let some = some.iter_mut();
             let some = some.map(|Scored { placement, scores, .. }| (&*placement, scores));
-            self.job.look_closely(&mut *engine, some)
+            let is_early = |deadline: Instant| Instant::now() < deadline;
+            let mut go_on = || {
+                is_early(patience) || (deadline.is_none_or(is_early) && observer.on(&Event::Asks))
+            };
+            self.job.look_closely_while(&mut *engine, some, &mut go_on)
         };
-        look(outcome.best.as_mut_slice())?;
-        let deadline = self.job.settings.time.as_ref().map(TimeLimit::deadline);
+        if !look(outcome.best.as_mut_slice(), observer)? {
+            observer.on(&Event::Note(
+                "it is not known how the requirements hold in copies mounted a little off",
+            ));
+        }
         let few = outcome.baselines.len().min(FEW_PLACEMENTS);
         let mut looked = 0;
         for some in outcome.baselines[..few].chunks_mut(LOOKED_AT_ONCE) {
@@ -208,7 +219,9 @@ impl JobRun<'_> {
             if looked > 0 && (is_late || !observer.on(&Event::Asks)) {
                 break;
             }
-            look(some)?;
+            if !look(some, observer)? {
+                break;
+            }
             looked += some.len();
         }
         if looked < outcome.baselines.len() {

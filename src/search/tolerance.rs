@@ -21,6 +21,8 @@ use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 const COPIES: usize = 200;
 /// Poses of each LiDAR that the copies are made of.
 const POSES: usize = 16;
+/// Poses whose beams on targets are looked at between two questions whether to go on.
+const POSES_AT_ONCE: usize = 8;
 /// Frames of each scene over which areas are looked at in copies, spread evenly.
 pub(crate) const FRAMES_OF_COPIES: u32 = 4;
 /// Seed of the moves: every placement is moved alike.
@@ -153,7 +155,8 @@ pub(crate) struct Holds {
 }
 
 impl Moved {
-    /// Casts the LiDARs of a placement in each of their poses, over the evaluator's frames.
+    /// Casts the LiDARs of a placement in each of their poses, over the evaluator's frames. `None` once `go_on`, which is
+    /// asked after every few poses and frames, says no.
     ///
     /// # Errors
     /// An engine that fails, a sensor that the vehicle does not have.
@@ -161,7 +164,8 @@ impl Moved {
         tolerance: Tolerance,
         placement: &Placement,
         evaluator: &mut Evaluator,
-    ) -> Result<Self, BackendError> {
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Self>, BackendError> {
         let of_member = |(member, _): (&Member, _)| AreaBits::new(member.problem().content());
         let areas = evaluator.members().map(of_member).filter(|areas| areas.words() > 0).collect();
         let mut moved = Self {
@@ -172,11 +176,13 @@ impl Moved {
             sight: evaluator.sight().cloned(),
         };
         let lidars: Vec<_> = placement.lidars.iter().copied().enumerate().collect();
-        moved.columns = moved.columns_of(&lidars, evaluator)?;
-        Ok(moved)
+        let Some(columns) = moved.columns_of(&lidars, evaluator, go_on)? else { return Ok(None) };
+        moved.columns = columns;
+        Ok(Some(moved))
     }
 
-    /// Casts LiDARs, each by its number and the pose that it is to have, in each of their poses.
+    /// Casts LiDARs, each by its number and the pose that it is to have, in each of their poses; `go_on` and `None` work
+    /// as in [`Self::new`].
     ///
     /// # Errors
     /// See [`Self::new`].
@@ -184,7 +190,8 @@ impl Moved {
         &self,
         lidars: &[(usize, SensorPose)],
         evaluator: &mut Evaluator,
-    ) -> Result<Vec<Column>, BackendError> {
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Vec<Column>>, BackendError> {
         let moved = |&(lidar, pose): &(usize, SensorPose)| {
             let values = pose.values();
             self.offsets[lidar].iter().map(move |off| {
@@ -194,14 +201,21 @@ impl Moved {
         };
         let poses: Vec<SensorPose> = lidars.iter().flat_map(moved).collect();
         let mut targets = Vec::new();
-        if let Some(sight) = &self.sight {
-            let beams = poses.par_iter().map(|pose| sight.beams(pose));
-            targets = beams.collect::<Result<Vec<_>, UnknownSensor>>()?;
+        for some in poses.chunks(POSES_AT_ONCE) {
+            let Some(sight) = &self.sight else { break };
+            if !go_on() {
+                return Ok(None);
+            }
+            let beams = some.par_iter().map(|pose| sight.beams(pose));
+            targets.extend(beams.collect::<Result<Vec<_>, UnknownSensor>>()?);
         }
         let mut areas = Vec::new();
         let members = evaluator.members().len();
         for member in 0..members {
-            areas.extend(Self::areas(&poses, member, evaluator)?);
+            let Some(of_member) = Self::areas(&poses, member, evaluator, go_on)? else {
+                return Ok(None);
+            };
+            areas.extend(of_member);
         }
         let mut columns = Vec::new();
         for first in (0..poses.len()).step_by(POSES) {
@@ -210,20 +224,22 @@ impl Moved {
             let targets = targets.get(own).map_or_else(Vec::new, <[_]>::to_vec);
             columns.push(Column { targets, areas });
         }
-        Ok(columns)
+        Ok(Some(columns))
     }
 
-    /// Bits of areas of each pose in one scene; `None` where nothing is required of them.
+    /// Bits of areas of each pose in one scene, within which none is where nothing is required of them; `go_on` and `None`
+    /// work as in [`Self::new`].
     fn areas(
         poses: &[SensorPose],
         member: usize,
         evaluator: &mut Evaluator,
-    ) -> Result<Option<Vec<Vec<u64>>>, BackendError> {
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Option<Vec<Vec<u64>>>>, BackendError> {
         let (member, backend) = evaluator.member_mut(member);
         let problem = member.problem().clone();
         let areas = AreaBits::new(problem.content());
         if areas.words() == 0 {
-            return Ok(None);
+            return Ok(Some(None));
         }
         let mut all = poses.to_vec();
         if member.is_mirrored() {
@@ -232,6 +248,9 @@ impl Moved {
         let (frames, words) = (problem.frame_count(), areas.words());
         let bits: Vec<_> = all.iter().map(|_| Mutex::new(vec![0; frames * words])).collect();
         for frame in 0..frames {
+            if !go_on() {
+                return Ok(None);
+            }
             backend.each_bitmap(&all, frame, &|pose, order, bitmap| {
                 let Ok(mut bits) = bits[pose].lock() else { return };
                 let seen = &mut bits[frame * words..(frame + 1) * words];
@@ -241,7 +260,7 @@ impl Moved {
             })?;
         }
         let bits = bits.into_iter().map(|bits| bits.into_inner().unwrap_or_default());
-        Ok(Some(bits.collect()))
+        Ok(Some(Some(bits.collect())))
     }
 
     /// Share of every requirement where each LiDAR stands in one of its poses, in the order of the scores.
@@ -266,7 +285,8 @@ impl Moved {
         shares
     }
 
-    /// Columns of the LiDARs that stand elsewhere in other placements than in one, by their number.
+    /// Columns of the LiDARs that stand elsewhere in other placements than in one, by their number; `go_on` and `None`
+    /// work as in [`Self::new`].
     ///
     /// # Errors
     /// See [`Self::new`].
@@ -275,17 +295,19 @@ impl Moved {
         one: &Placement,
         others: &[Placement],
         evaluator: &mut Evaluator,
-    ) -> Result<Vec<Instead>, BackendError> {
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Vec<Instead>>, BackendError> {
         let differ = |other: &Placement| -> Vec<(usize, SensorPose)> {
             let lidars = other.lidars.iter().copied().enumerate();
             lidars.filter(|(lidar, pose)| one.lidars[*lidar] != *pose).collect()
         };
         let moved: Vec<Vec<(usize, SensorPose)>> = others.iter().map(differ).collect();
-        let mut columns = self.columns_of(&moved.concat(), evaluator)?.into_iter();
+        let columns = self.columns_of(&moved.concat(), evaluator, go_on)?;
+        let Some(mut columns) = columns.map(Vec::into_iter) else { return Ok(None) };
         let beside = moved
             .iter()
             .map(|moved| moved.iter().map(|(lidar, _)| *lidar).zip(columns.by_ref()).collect());
-        Ok(beside.collect())
+        Ok(Some(beside.collect()))
     }
 
     /// The columns, some of them replaced where `instead` says so.

@@ -40,7 +40,10 @@ impl Run {
         let Some(tolerance) = tolerance.filter(|_| required) else { return Ok(0) };
         let few = self.suite.over(&self.suite.spread(Some(FRAMES_OF_COPIES)));
         let mut evaluator = Evaluator::suite_on_cpu(&few, self.memory() / 2);
-        let mut moved = Moved::new(tolerance, &result.placement, &mut evaluator)?;
+        let moved_to = |result: &Scored, evaluator: &mut Evaluator, watch: &mut Watch| {
+            Moved::new(tolerance, &result.placement, evaluator, &mut || !watch.is_over())
+        };
+        let Some(mut moved) = moved_to(result, &mut evaluator, watch)? else { return Ok(0) };
         let mut holds = moved.holds(&[], &found(result)).all;
         let mut looked_at = 0;
         for round in 0..MOVES {
@@ -53,7 +56,8 @@ impl Run {
                 break;
             };
             (*result, holds) = next;
-            moved = Moved::new(tolerance, &result.placement, &mut evaluator)?;
+            let Some(after) = moved_to(result, &mut evaluator, watch)? else { break };
+            moved = after;
         }
         Ok(looked_at)
     }
@@ -78,7 +82,9 @@ impl Run {
                 break;
             }
             let some: Vec<Placement> = moves.by_ref().take(CAST_AT_ONCE).collect();
-            let columns = moved.columns_beside(&now.placement, &some, evaluator)?;
+            let go_on = &mut || !watch.is_over();
+            let columns = moved.columns_beside(&now.placement, &some, evaluator, go_on)?;
+            let Some(columns) = columns else { break };
             for (placement, instead) in some.into_iter().zip(columns) {
                 // Over all frames a share is taken to change as it does over few.
                 let changed = moved.as_it_is(&instead).into_iter().zip(&still);
