@@ -10,7 +10,7 @@ use sightline_files::json::{
 
 use super::beams::{Models, RigBeams};
 use super::yaml::PHASE;
-use super::{Fan, Mounting, Rig, RigError, RigLidar, carla, launch, model, sdf, yaml};
+use super::{Fan, Mounting, Rig, RigError, RigLidar, carla, launch, model, sdf, urdf, yaml};
 
 /// A format that holds a rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -263,7 +263,7 @@ pub fn export(
             files.extend(text.map(|text| NamedText { name: MODELS_FILE.to_owned(), text }));
             files
         }
-        RigFormat::Urdf => one("rig.urdf", sdf::write_urdf(rig, mounting, models)),
+        RigFormat::Urdf => one("rig.urdf", urdf::write(rig, mounting, models)),
         RigFormat::Sdf => one("rig.sdf", sdf::write(rig, mounting, models)),
         RigFormat::Ros2Launch => one("rig.launch.xml", launch::write(rig, mounting)),
         RigFormat::Carla => one("sensors.json", pretty(&carla::write(rig, mounting, fan))),
@@ -275,6 +275,7 @@ pub fn export(
     };
     let mut warnings = Vec::new();
     if let Some(program) = simulator(format) {
+        warnings.extend(usual_rates(rig, models));
         let unsaid = |lidar| unsaid_beams(lidar, models, program);
         warnings.extend(rig.lidars.iter().filter_map(unsaid));
     }
@@ -348,7 +349,7 @@ fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<Stri
     let of = lidar.sensor.as_deref().unwrap_or("the scene's sensor");
     let said = match models.of(lidar) {
         RigBeams::Known(_) => return None,
-        RigBeams::Given(given, _) => match Fan::of(given) {
+        RigBeams::Given(given, ..) => match Fan::of(given) {
             Some(fan) if !fan.is_even => format!(
                 "{program} casts channels at even steps only, and those of {of} are uneven; only their number, \
                  the lowest and the highest are kept"
@@ -373,6 +374,21 @@ fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<Stri
         ),
     };
     Some(format!("`{frame}`: {said}"))
+}
+
+/// Warning about LiDARs that are written with the usual turns a second, since nothing says another number.
+fn usual_rates(rig: &Rig, models: &Models) -> Option<String> {
+    let usual =
+        |lidar: &&RigLidar| models.fan(lidar).is_some_and(|fan| fan.rate == Fan::USUAL_RATE);
+    let frames: Vec<String> =
+        rig.lidars.iter().filter(usual).map(|lidar| format!("`{}`", lidar.frame)).collect();
+    (!frames.is_empty()).then(|| {
+        format!(
+            "{} turns a second are written for {}: no other `rate` is given in the vehicle or its sensor files",
+            Fan::USUAL_RATE,
+            frames.join(", ")
+        )
+    })
 }
 
 /// Warning about model names that the format has no place for.

@@ -85,6 +85,18 @@ fn each_fault_is_a_sentence() {
             robot(&[joint("a", "lidar"), joint("lidar", "a")]),
             &["file: <joint> `lidar_j`: the frames", "`a`, `lidar`", "loop"],
         ),
+        (
+            robot(&[joint("base_link", "lidar"), joint("lidar", "base_link")]),
+            &["file: <joint> `lidar_j`: the frames `base_link`, `lidar` hang", "loop"],
+        ),
+        (
+            robot(&[joint("base_link", "lidar"), joint("b", "c"), joint("c", "b")]),
+            &["the frames `c`, `b` hang on each other"],
+        ),
+        (
+            robot(&[joint("base_link", "lidar").replace("<child", "<parent link='b'/><child")]),
+            &["<joint> `lidar_j`.parent: `a second <parent>`"],
+        ),
         (robot(&[joint("lidar", "lidar")]), &["the frames `lidar` hang on each other"]),
         (
             robot(&[joint("map", "lidar")]),
@@ -272,6 +284,7 @@ fn one_of_several_placements_is_picked_by_name() {
         assert_eq!(pick(source, Some("b")).unwrap(), 2.0);
         let error = pick(source, None).unwrap_err().to_string();
         assert!(error.contains("several") && error.contains("`a`, `b`"), "{error}");
+        assert!(error.contains("--name NAME") && error.contains("FILE:NAME"), "{error}");
         assert!(
             pick(source, Some("c")).unwrap_err().to_string().contains("no placement is called `c`")
         );
