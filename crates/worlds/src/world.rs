@@ -370,6 +370,22 @@ pub enum WorldError {
         /// The limit.
         most: f64,
     },
+    /// Lanes whose points lie on one another.
+    #[error(
+        "{file}: {count} points of its lanes lie within 4 m of x = {}, y = {}, at most {most} are read; correct the \
+         curvature of the road that turns there, or take roads out that lie on one another",
+        place[0], place[1]
+    )]
+    TooDense {
+        /// Name of the file.
+        file: String,
+        /// Number of points.
+        count: f64,
+        /// Middle of the cell that holds them, in metres.
+        place: [f64; 2],
+        /// The limit.
+        most: f64,
+    },
     /// A file larger than any map.
     #[error("{file}: is larger than {most} MiB; cut a region out of the map")]
     FileTooLarge {
