@@ -118,26 +118,6 @@ pub fn import_opendrive(
     furnished(network, style, seed, frames, file, |_| {})
 }
 
-/// Reads an OpenDRIVE file as text.
-///
-/// # Errors
-/// A file that cannot be read, is compressed, or is too large.
-pub fn read_opendrive(path: &Path) -> Result<String, WorldError> {
-    let file = path.display().to_string();
-    let failed = |source| WorldError::File { file: file.clone(), source };
-    let bytes = match sightline_files::files::read(path, opendrive::MAX_FILE) {
-        Err(error) if error.kind() == std::io::ErrorKind::FileTooLarge => {
-            return Err(WorldError::FileTooLarge { file, most: opendrive::MAX_FILE >> 20 });
-        }
-        bytes => bytes.map_err(failed)?,
-    };
-    if bytes.starts_with(&[0x1f, 0x8b]) {
-        return Err(WorldError::Compressed { file });
-    }
-    let invalid = |_| std::io::Error::new(std::io::ErrorKind::InvalidData, "is not UTF-8 text");
-    String::from_utf8(bytes).map_err(|error| failed(invalid(error)))
-}
-
 /// Parts of the world that one drawing step reads and fills.
 struct WorldDraft<'a> {
     network: &'a Network,

@@ -287,6 +287,9 @@ pub enum DatasetError {
     /// A scene that the set does not have.
     #[error("{}: no scene is called {name:?}; it has {}", path.display(), listed(known))]
     NoScene { path: PathBuf, name: String, known: Vec<String> },
+    /// A set without scenes.
+    #[error("{}: lists no scene; give a set of at least one", path.display())]
+    NoSceneRow { path: PathBuf },
     /// A scene is named twice.
     #[error("the scene {name:?} is named twice; its scans count once, so name it once")]
     SceneTwice { name: String },

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use super::DatasetError;
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
+use sightline_files::json::is_utf_16;
 use sightline_scene::psog::{BuildReport, FrameVotes, Psog, PsogBuilder, Roi};
 use sightline_scene::scene::ActorKind;
 
@@ -270,10 +271,15 @@ pub(super) fn read_units(path: &Path, unit: u64) -> Result<Vec<u8>, DatasetError
     Ok(bytes)
 }
 
-/// The text of a file.
+/// The text of a file, without its byte order mark.
 pub(super) fn read_text(path: &Path) -> Result<String, DatasetError> {
-    String::from_utf8(read_bytes(path)?)
-        .map_err(|_| DatasetError::NotUtf8 { path: path.to_owned() })
+    let bytes = read_bytes(path)?;
+    let not_utf_8 = || DatasetError::NotUtf8 { path: path.to_owned() };
+    if is_utf_16(&bytes) {
+        return Err(not_utf_8());
+    }
+    let text = String::from_utf8(bytes).map_err(|_| not_utf_8())?;
+    Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
 
 /// Little-endian x, y, z at the start of each record of `N` bytes.

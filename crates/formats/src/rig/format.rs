@@ -6,6 +6,7 @@ use std::str::FromStr;
 use serde_json::Value;
 use sightline_files::json::{
     DescriptionError, Location, Quantity, YamlDocument, parse_documents, parse_yaml, read_limited,
+    refuse_utf_16,
 };
 
 use super::beams::{Models, RigBeams};
@@ -167,6 +168,7 @@ impl RigSource {
     pub fn read(path: &Path) -> Result<Self, RigError> {
         let file = path.display().to_string();
         let bytes = read_limited(path, MAX_FILE)?;
+        refuse_utf_16(&bytes, path)?;
         let text = String::from_utf8(bytes).map_err(|error| RigError::Syntax {
             at: Box::new(Location::top(&file)),
             what: "UTF-8 text",

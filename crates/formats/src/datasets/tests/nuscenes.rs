@@ -169,6 +169,8 @@ fn points_move_as_the_quaternions_say_and_boxes_hold_theirs() {
     let folder = tempfile::tempdir().unwrap();
     let set = set();
     write(folder.path(), &set, &BOXES);
+    // A byte order mark changes nothing.
+    edit(folder.path(), "scene", "[", "\u{feff}[");
     let scene =
         read_nuscenes(folder.path(), Some("v1.0-mini"), &["scene-0061".into()]).unwrap().remove(0);
     let mut in_boxes = 0;
@@ -267,7 +269,20 @@ fn edit(folder: &Path, table: &str, from: &str, to: &str) {
 }
 
 /// Faults planted in a good set, and how each error begins.
-const SPOILT: [(Spoil, &str); 23] = [
+const SPOILT: [(Spoil, &str); 25] = [
+    (
+        |d| std::fs::write(d.join("v1.0-mini/scene.json"), "[]").unwrap(),
+        "DIR/v1.0-mini/scene.json: lists no scene; give a set of at least one",
+    ),
+    (
+        |d| {
+            let path = d.join("v1.0-mini/sample.json");
+            let text = std::fs::read_to_string(&path).unwrap();
+            let bytes: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+            std::fs::write(path, bytes).unwrap();
+        },
+        "DIR/v1.0-mini/sample.json is not UTF-8 text; save it as UTF-8",
+    ),
     (
         |d| std::fs::remove_file(d.join("v1.0-mini/scene.json")).unwrap(),
         "DIR holds no folder with a scene.json; name the version",

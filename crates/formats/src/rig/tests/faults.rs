@@ -320,6 +320,14 @@ fn a_large_file_is_not_read() {
     let error = crate::rig::import(&[path], &ImportSettings::default()).unwrap_err();
     assert!(matches!(error, RigError::File(_)), "{error}");
     assert!(error.to_string().contains("larger than the limit"), "{error}");
+    let path = folder.path().join("wide.urdf");
+    std::fs::write(
+        &path,
+        "<robot/>".encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>(),
+    )
+    .unwrap();
+    let error = crate::rig::import(&[path], &ImportSettings::default()).unwrap_err().to_string();
+    assert!(error.ends_with("wide.urdf: is UTF-16 text; save it as UTF-8"), "{error}");
     let error = crate::rig::import(&[folder.path().join("none.yaml")], &ImportSettings::default());
     assert!(error.unwrap_err().to_string().contains("cannot be read"));
     let error = crate::rig::import(&[folder.path().to_owned()], &ImportSettings::default());
