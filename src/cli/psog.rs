@@ -7,12 +7,12 @@ use serde_json::json;
 
 use super::args::{DatasetArgs, Format};
 use super::output::{Exit, Talk, Terminal};
+use crate::Note;
 use crate::internals::{SensorFacts, psog_text, sensor_svg, sensor_text, write_whole};
 use crate::psog::{BuildReport, Psog, PsogInfo, read_psog};
 use crate::runs::psog::{DataSet, PAPER_REGION, PAPER_VOXEL, PsogInput, Scans, build, merge};
 use crate::runs::{RunError, Watcher};
 use crate::vehicle::sensor_file;
-use crate::Note;
 
 #[derive(clap::Subcommand)]
 pub enum PsogCommand {

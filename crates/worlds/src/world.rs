@@ -2,7 +2,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
-use std::path::Path;
 
 use glam::DVec2;
 use lidar_cast::geom::TriangleSoup;

@@ -124,8 +124,9 @@ mod tests {
         // As many metres in a line, and a helix of ten turns with a radius of 10 m.
         assert_eq!(document(1, 50_000.0, "<line/>"), Ok(()));
         assert_eq!(document(1, 628.0, "<arc curvature='0.1'/>"), Ok(()));
-        // 4000 roads ahead from x = 1: 2 lanes with points at x = 3, 5 and 7.
-        assert!(document(4000, 16.0, "<line/>").unwrap_err().contains("24000 points"));
-        assert_eq!(document(3000, 16.0, "<line/>"), Ok(()));
+        // 3000 roads ahead from x = 1: 2 lanes with points at x = 9, 11, 13 and 15.
+        let told = document(3000, 16.0, "<line/>").unwrap_err();
+        assert!(told.contains("24000 points") && told.contains("x = 12, y = 4"), "{told}");
+        assert_eq!(document(2400, 16.0, "<line/>"), Ok(()));
     }
 }
