@@ -244,17 +244,12 @@ fn utf_16_is_told_with_the_mend() {
         fs::write(dir.path().join(file), wide("\u{feff}{\"sightline\": 1, \"sensors\": []}"))
             .unwrap();
     }
+    let placements =
+        json!({ "placements": [{ "name": "p", "lidars": [{ "x": 0, "y": 0, "z": 2 }] }] });
+    fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
     for args in [
-        &["score", "scene.json", "vehicle.json"][..],
-        &[
-            "study",
-            "targets",
-            "vehicle.json",
-            "--vehicle",
-            "vehicle.json",
-            "--target",
-            "pedestrian",
-        ],
+        &["score", "scene.json", "p.json"][..],
+        &["study", "targets", "p.json", "--vehicle", "vehicle.json", "--target", "child"],
         &["scene", "import", "map.xodr", "--out", "w.json"],
     ] {
         let told = fails(dir.path(), args);
