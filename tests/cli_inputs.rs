@@ -217,6 +217,46 @@ fn doubts_about_a_sensor_file_are_told_and_refused_under_strict() {
     assert!(!dir.path().join("p.svg").exists());
 }
 
+/// Ouster's own 512 columns beside others on the command line: a note has both numbers.
+#[test]
+fn other_columns_than_those_of_the_file_are_told() {
+    let dir = TempDir::new().unwrap();
+    let file = json!({ "beam_altitude_angles": [10, 0], "beam_azimuth_angles": [0, 0], "lidar_mode": "512x20" });
+    fs::write(dir.path().join("os.json"), file.to_string()).unwrap();
+    let notes = |steps: &str| {
+        let facts = ok(dir.path(), &["sensor", "info", "os.json", "--azimuth-steps", steps]);
+        facts["notes"].to_string()
+    };
+    assert!(
+        notes("600").contains("os.json: azimuth_steps: 512; --azimuth-steps gives 600"),
+        "{}",
+        notes("600")
+    );
+    assert!(!notes("512").contains("azimuth_steps"), "{}", notes("512"));
+}
+
+/// A vehicle that an editor saved in UTF-16.
+#[test]
+fn utf_16_is_told_with_the_mend() {
+    let dir = TempDir::new().unwrap();
+    let wide = |text: &str| text.encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>();
+    for file in ["vehicle.json", "scene.json", "map.xodr"] {
+        fs::write(dir.path().join(file), wide("\u{feff}{\"sightline\": 1, \"sensors\": []}"))
+            .unwrap();
+    }
+    let placements =
+        json!({ "placements": [{ "name": "p", "lidars": [{ "x": 0, "y": 0, "z": 2 }] }] });
+    fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
+    for args in [
+        &["score", "scene.json", "p.json"][..],
+        &["study", "targets", "p.json", "--vehicle", "vehicle.json", "--target", "child"],
+        &["scene", "import", "map.xodr", "--out", "w.json"],
+    ] {
+        let told = fails(dir.path(), args);
+        assert!(told.contains("is UTF-16 text; save it as UTF-8"), "{told}");
+    }
+}
+
 /// The answer on a sensor with channels is a sensor file with the same window and ranges.
 #[test]
 fn facts_of_a_sensor_can_be_read_again() {

@@ -7,6 +7,7 @@ use serde_json::json;
 
 use super::args::{DatasetArgs, Format};
 use super::output::{Exit, Talk, Terminal};
+use crate::Note;
 use crate::internals::{SensorFacts, psog_text, sensor_svg, sensor_text, write_whole};
 use crate::psog::{BuildReport, Psog, PsogInfo, read_psog};
 use crate::runs::psog::{DataSet, PAPER_REGION, PAPER_VOXEL, PsogInput, Scans, build, merge};
@@ -176,10 +177,19 @@ pub fn run_sensor(command: &SensorCommand) -> Result<Exit, RunError> {
         None => None,
         _ => return Err(RunError::Usage("--window: give FROM below TO, as in 0 0.1".to_owned())),
     };
-    let pattern = sensor_file::read(&args.file, window)?;
+    let mut pattern = sensor_file::read(&args.file, window)?;
     // Facts stand in the answer alone.
     let terminal = Terminal::new(args.talk);
     pattern.notes.iter().filter(|note| note.is_doubt()).try_for_each(|note| terminal.tell(note))?;
+    if let (Some(given), Some(stated)) = (args.azimuth_steps, pattern.azimuth_steps)
+        && given != stated
+    {
+        let file = args.file.display();
+        let text = format!(
+            "{file}: azimuth_steps: {stated}; --azimuth-steps gives {given}, which counts."
+        );
+        pattern.notes.push(Note::fact(text));
+    }
     let facts = SensorFacts::of(&pattern, args.azimuth_steps);
     if let Some(out) = &args.out {
         let svg = sensor_svg(&pattern, &facts);

@@ -9,7 +9,8 @@ use super::{RunError, Watcher};
 use crate::files::{Session, safe_name, shared_folder, writable_file, write_whole};
 use crate::rig::{
     Comparison, Exported, ImportSettings, ImportedRig, MODELS_FILE, Models, Mounting, NamedText,
-    RigError, RigFormat, compare, default_frame, export, import, read_rig, rig_json,
+    RigError, RigFormat, compare, default_frame, export, import, placement_doubts, read_rig,
+    rig_json,
 };
 use crate::scene::Scene;
 use crate::vehicle::{Vehicle, in_millimetres};
@@ -50,6 +51,8 @@ pub fn export_file(
     let (file, name) = file_and_name(&request.placement);
     let file = Path::new(file);
     let mut rig = read_rig(file, name)?;
+    let doubts = placement_doubts(&rig, &file.display().to_string());
+    doubts.iter().try_for_each(|doubt| watcher.tell(doubt))?;
     let vehicle = vehicle_of(request)?;
     if let Some(vehicle) = &vehicle {
         rig.name_by_mounts(vehicle);

@@ -15,10 +15,9 @@ mod roads;
 mod style;
 mod surfaces;
 
+pub use opendrive::read_opendrive;
 pub use style::WorldKind;
-pub use world::{
-    GeneratedWorld, WorldError, generate, import_opendrive, mesh_shape, read_opendrive, write_ply,
-};
+pub use world::{GeneratedWorld, WorldError, generate, import_opendrive, mesh_shape, write_ply};
 
 #[cfg(test)]
 #[cfg(feature = "mesh")]

@@ -3,11 +3,14 @@
 //! The crate `xodr` evaluates reference lines, widths, elevations, superelevations and links in `f64`
 //! and hands them over as lanes of `f32` points; here they become strips and lanes.
 
+mod density;
 mod document;
 mod doubts;
 mod objects;
+mod values;
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use glam::{DVec2, DVec3};
 use xodr::{Direction, LaneHeight, LaneType, Layer, Provenance, RoadNetwork};
@@ -18,6 +21,7 @@ use document::RoadFacts;
 use lidar_cast::maths;
 use objects::{MAX_FAR, point};
 use sightline_files::Note;
+use sightline_files::json::is_utf_16;
 
 /// Largest file in bytes.
 pub const MAX_FILE: u64 = 128 << 20;
@@ -43,6 +47,29 @@ impl Ribbon {
         let raised = if level { Vec::new() } else { self.raised };
         Strip { used, left: self.left, right: self.right, raised }
     }
+}
+
+/// Reads an OpenDRIVE file as text.
+///
+/// # Errors
+/// A file that cannot be read, is compressed, or is too large.
+pub fn read_opendrive(path: &Path) -> Result<String, WorldError> {
+    let file = path.display().to_string();
+    let failed = |source| WorldError::File { file: file.clone(), source };
+    let bytes = match sightline_files::files::read(path, MAX_FILE) {
+        Err(error) if error.kind() == std::io::ErrorKind::FileTooLarge => {
+            return Err(WorldError::FileTooLarge { file, most: MAX_FILE >> 20 });
+        }
+        bytes => bytes.map_err(failed)?,
+    };
+    if bytes.starts_with(&[0x1f, 0x8b]) {
+        return Err(WorldError::Compressed { file });
+    }
+    let invalid = |problem| failed(std::io::Error::new(std::io::ErrorKind::InvalidData, problem));
+    if is_utf_16(&bytes) {
+        return Err(invalid("is UTF-16 text; save it as UTF-8"));
+    }
+    String::from_utf8(bytes).map_err(|_| invalid("is not UTF-8 text"))
 }
 
 /// Reads an OpenDRIVE document; `file` names it in errors.

@@ -2,7 +2,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
-use std::path::Path;
 
 use glam::DVec2;
 use lidar_cast::geom::TriangleSoup;
@@ -116,26 +115,6 @@ pub fn import_opendrive(
     let style = if town { WorldKind::Town.style() } else { WorldKind::Highway.style() };
     let style = Style { trees: 16.0, ..style };
     furnished(network, style, seed, frames, file, |_| {})
-}
-
-/// Reads an OpenDRIVE file as text.
-///
-/// # Errors
-/// A file that cannot be read, is compressed, or is too large.
-pub fn read_opendrive(path: &Path) -> Result<String, WorldError> {
-    let file = path.display().to_string();
-    let failed = |source| WorldError::File { file: file.clone(), source };
-    let bytes = match sightline_files::files::read(path, opendrive::MAX_FILE) {
-        Err(error) if error.kind() == std::io::ErrorKind::FileTooLarge => {
-            return Err(WorldError::FileTooLarge { file, most: opendrive::MAX_FILE >> 20 });
-        }
-        bytes => bytes.map_err(failed)?,
-    };
-    if bytes.starts_with(&[0x1f, 0x8b]) {
-        return Err(WorldError::Compressed { file });
-    }
-    let invalid = |_| std::io::Error::new(std::io::ErrorKind::InvalidData, "is not UTF-8 text");
-    String::from_utf8(bytes).map_err(|error| failed(invalid(error)))
 }
 
 /// Parts of the world that one drawing step reads and fills.
@@ -367,6 +346,22 @@ pub enum WorldError {
         what: &'static str,
         /// How much there is.
         value: f64,
+        /// The limit.
+        most: f64,
+    },
+    /// Lanes whose points lie on one another.
+    #[error(
+        "{file}: {count} points of its lanes lie within 4 m of x = {}, y = {}, at most {most} are read; correct the \
+         curvature of the road that turns there, or take roads out that lie on one another",
+        place[0], place[1]
+    )]
+    TooDense {
+        /// Name of the file.
+        file: String,
+        /// Number of points.
+        count: f64,
+        /// Middle of the cell that holds them, in metres.
+        place: [f64; 2],
         /// The limit.
         most: f64,
     },

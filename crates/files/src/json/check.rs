@@ -201,6 +201,12 @@ pub enum DescriptionError {
         /// Largest size in bytes.
         limit: u64,
     },
+    /// A text in another encoding than UTF-8.
+    #[error("{file}: is UTF-16 text; save it as UTF-8")]
+    Utf16 {
+        /// The file.
+        file: PathBuf,
+    },
     /// The text is not JSON or YAML, or a value has the wrong type.
     #[error("{at}: {problem} (line {line}, column {column})")]
     Json {

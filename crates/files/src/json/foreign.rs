@@ -18,6 +18,17 @@ const BEGINNINGS: &[(&str, &str)] = &[
     ("v ", "an OBJ mesh"),
 ];
 
+/// True if bytes are a text in UTF-16, with a byte order mark or without one.
+pub fn is_utf_16(bytes: &[u8]) -> bool {
+    // Without a mark: signs of ASCII, each with a byte of 0 before or behind it.
+    let pairs = || bytes.as_chunks::<2>().0.iter().take(8);
+    let ascii = |byte: u8| byte.is_ascii_graphic() || byte.is_ascii_whitespace();
+    bytes.starts_with(b"\xff\xfe")
+        || bytes.starts_with(b"\xfe\xff")
+        || (bytes.len() >= 4 && pairs().all(|[a, b]| ascii(*a) && *b == 0))
+        || (bytes.len() >= 4 && pairs().all(|[a, b]| *a == 0 && ascii(*b)))
+}
+
 /// Why a text cannot be an object of JSON; `None` where its first sign says that it may be one, or a list.
 pub fn not_json(text: &str) -> Option<String> {
     let text = text.trim_start();
@@ -54,6 +65,27 @@ fn like(text: &str) -> Option<&'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn utf_16_is_told_from_other_bytes() {
+        let little =
+            |text: &str| text.encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>();
+        let big = |text: &str| text.encode_utf16().flat_map(u16::to_be_bytes).collect::<Vec<u8>>();
+        for text in ["{}", "\u{feff}{\"a\": 1}", "<robot name='r'/>", "x, y\n"] {
+            assert!(is_utf_16(&little(text)) && is_utf_16(&big(text)), "{text}");
+            assert!(!is_utf_16(text.as_bytes()), "{text}");
+        }
+        for bytes in [
+            &b""[..],
+            b"\0\0\0\0",
+            b"{\0",
+            b"PK\x03\x04",
+            b"\x93NUMPY\x01\0",
+            &1.0_f32.to_le_bytes(),
+        ] {
+            assert!(!is_utf_16(bytes), "{bytes:?}");
+        }
+    }
 
     #[test]
     fn other_kinds_of_files_are_named() {

@@ -7,10 +7,11 @@ mod parse;
 mod yaml;
 
 pub use check::{DescriptionError, Location, did_you_mean};
-pub use foreign::not_json;
+pub use foreign::{is_utf_16, not_json};
 pub use lidar_cast::sensor::nearest;
 pub use numbers::{Quantity, fixed, shortened, spoken, written};
 pub use parse::{
-    FileKind, check_version, check_xml, parse, plain_words, read_limited, unknown_key, version_1,
+    FileKind, check_version, check_xml, parse, plain_words, read_limited, read_text, refuse_utf_16,
+    unknown_key, version_1,
 };
 pub use yaml::{YamlDocument, parse_documents, parse_yaml};

@@ -8,7 +8,7 @@ use std::path::Path;
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
 
-use super::{DescriptionError, Location, nearest, not_json};
+use super::{DescriptionError, Location, is_utf_16, nearest, not_json};
 
 /// Reads `text` as a `T`, naming `file` in errors.
 pub fn parse<T: DeserializeOwned>(text: &str, file: &str) -> Result<T, DescriptionError> {
@@ -149,6 +149,29 @@ pub fn read_limited(file: &Path, limit: u64) -> Result<Vec<u8>, DescriptionError
         }
         _ => DescriptionError::Read { file: file.to_owned(), source },
     })
+}
+
+/// Reads a whole text without its byte order mark; bytes that are no UTF-8 become replacement characters, so that a
+/// parser names the place.
+///
+/// # Errors
+/// Like [`read_limited`], and a text in UTF-16.
+pub fn read_text(file: &Path, limit: u64) -> Result<String, DescriptionError> {
+    let bytes = read_limited(file, limit)?;
+    refuse_utf_16(&bytes, file)?;
+    let text = String::from_utf8_lossy(&bytes);
+    Ok(text.strip_prefix('\u{feff}').unwrap_or(&text).to_owned())
+}
+
+/// Refuses the bytes of a text in UTF-16, as some editors save it.
+///
+/// # Errors
+/// [`DescriptionError::Utf16`].
+pub fn refuse_utf_16(bytes: &[u8], file: &Path) -> Result<(), DescriptionError> {
+    match is_utf_16(bytes) {
+        true => Err(DescriptionError::Utf16 { file: file.to_owned() }),
+        false => Ok(()),
+    }
 }
 
 /// Kinds of files that a user writes.

@@ -170,21 +170,25 @@ fn actor(track: &BoxTrack, class: &str, frames: &[u32], start: DVec3) -> Value {
     })
 }
 
-/// Where a track's box is in a frame: where it was seen, between two sightings on a straight line.
+/// Where a track's box is in a frame: where it was seen, between two sightings on a straight line. A thing that stays
+/// within half a metre stands, while it is not seen, where it was last or is next seen.
 fn pose_at(track: &BoxTrack, frame: u32) -> Pose {
     let poses = &track.poses;
-    if track.at_rest() {
+    if track.is_fixed() {
         return poses.first().map_or(Pose::IDENTITY, |seen| seen.world_from_box);
     }
     let next = poses.partition_point(|seen| seen.frame < frame);
-    let below = |seen: &Pose| Pose { translation: seen.translation - BELOW * DVec3::Z, ..*seen };
+    let aside = |seen: &Pose| match track.at_rest() {
+        true => *seen,
+        false => Pose { translation: seen.translation - BELOW * DVec3::Z, ..*seen },
+    };
     match (next.checked_sub(1).map(|before| &poses[before]), poses.get(next)) {
         (_, Some(seen)) if seen.frame == frame => seen.world_from_box,
         (Some(before), Some(after)) => {
             let share = f64::from(frame - before.frame) / f64::from(after.frame - before.frame);
             Glide::new(&before.world_from_box, &after.world_from_box).at(share)
         }
-        (Some(seen), None) | (None, Some(seen)) => below(&seen.world_from_box),
+        (Some(seen), None) | (None, Some(seen)) => aside(&seen.world_from_box),
         (None, None) => Pose::IDENTITY,
     }
 }
@@ -283,6 +287,9 @@ pub enum DatasetError {
     /// A scene that the set does not have.
     #[error("{}: no scene is called {name:?}; it has {}", path.display(), listed(known))]
     NoScene { path: PathBuf, name: String, known: Vec<String> },
+    /// A set without scenes.
+    #[error("{}: lists no scene; give a set of at least one", path.display())]
+    NoSceneRow { path: PathBuf },
     /// A scene is named twice.
     #[error("the scene {name:?} is named twice; its scans count once, so name it once")]
     SceneTwice { name: String },

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use super::DatasetError;
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
+use sightline_files::json::is_utf_16;
 use sightline_scene::psog::{BuildReport, FrameVotes, Psog, PsogBuilder, Roi};
 use sightline_scene::scene::ActorKind;
 
@@ -63,12 +64,29 @@ pub struct TrackPose {
 impl BoxTrack {
     /// Farthest that a thing at rest seems to move, metres: boxes are drawn by hand.
     const AT_REST: f64 = 0.5;
+    /// Farthest that a box moves, in metres, and turns, in radians, by noise alone.
+    const NOISE: [f64; 2] = [0.05, 0.02];
 
-    /// True if the box stays where it was first seen.
+    /// True if the box stays within 0.5 m of where it was first seen: its points are merged over frames.
     pub fn at_rest(&self) -> bool {
-        let places = || self.poses.iter().map(|pose| pose.world_from_box.translation);
-        let first = places().next();
-        first.is_none_or(|first| places().all(|place| place.distance(first) <= Self::AT_REST))
+        self.stays_within([Self::AT_REST, f64::INFINITY])
+    }
+
+    /// True if the box stays where it was first seen, but for noise of 5 cm and 0.02 rad.
+    pub fn is_fixed(&self) -> bool {
+        self.stays_within(Self::NOISE)
+    }
+
+    fn stays_within(&self, [metres, radians]: [f64; 2]) -> bool {
+        let mut poses = self.poses.iter().map(|pose| pose.world_from_box);
+        let Some(first) = poses.next() else { return true };
+        poses.all(|pose| {
+            let columns =
+                (0..3).map(|k| pose.rotation.col(k).distance_squared(first.rotation.col(k)));
+            // |A − B|² = 8 sin²(angle / 2), and the sine of a small angle is the angle.
+            let turned = (columns.sum::<f64>() / 2.0).sqrt();
+            pose.translation.distance(first.translation) <= metres && turned <= radians
+        })
     }
 }
 
@@ -253,10 +271,15 @@ pub(super) fn read_units(path: &Path, unit: u64) -> Result<Vec<u8>, DatasetError
     Ok(bytes)
 }
 
-/// The text of a file.
+/// The text of a file, without its byte order mark.
 pub(super) fn read_text(path: &Path) -> Result<String, DatasetError> {
-    String::from_utf8(read_bytes(path)?)
-        .map_err(|_| DatasetError::NotUtf8 { path: path.to_owned() })
+    let bytes = read_bytes(path)?;
+    let not_utf_8 = || DatasetError::NotUtf8 { path: path.to_owned() };
+    if is_utf_16(&bytes) {
+        return Err(not_utf_8());
+    }
+    let text = String::from_utf8(bytes).map_err(|_| not_utf_8())?;
+    Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
 
 /// Little-endian x, y, z at the start of each record of `N` bytes.

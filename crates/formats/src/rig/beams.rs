@@ -21,12 +21,14 @@ struct RigModel {
     name: Option<String>,
     lidar: Lidar,
     min_range: f64,
+    /// Turns a second.
+    rate: f64,
 }
 
 /// Beams of a LiDAR, as far as they are known.
 pub(super) enum RigBeams<'a> {
-    /// Beams from a vehicle.
-    Given(&'a Lidar, f64),
+    /// Beams from a vehicle, nearest range in metres, turns a second.
+    Given(&'a Lidar, f64, f64),
     /// Fan of a sensor known by name.
     Known(Fan),
     /// A sensor known by name, whose channels are uneven.
@@ -41,6 +43,7 @@ impl From<&Vehicle> for Models {
             name: (!of.name.is_none()).then(|| of.name.to_string()),
             lidar: of.lidar.clone(),
             min_range: of.response.min_range,
+            rate: of.response.rate,
         };
         Self(vehicle.sensors.iter().map(model).collect())
     }
@@ -65,7 +68,7 @@ impl Models {
             (None, _) => None,
         };
         match (found, lidar.sensor.as_deref().and_then(fan)) {
-            (Some(model), _) => RigBeams::Given(&model.lidar, model.min_range),
+            (Some(model), _) => RigBeams::Given(&model.lidar, model.min_range, model.rate),
             (None, Some(Some(fan))) => RigBeams::Known(fan),
             (None, Some(None)) => RigBeams::Uneven,
             (None, None) => RigBeams::Unknown,
@@ -75,7 +78,7 @@ impl Models {
     /// The fan of a LiDAR, even where its channels are not; `None` where it has none or its beams are not known.
     pub(super) fn fan(&self, lidar: &RigLidar) -> Option<Fan> {
         match self.of(lidar) {
-            RigBeams::Given(lidar, _) => Fan::of(lidar),
+            RigBeams::Given(lidar, _, rate) => Fan::of(lidar).map(|fan| Fan { rate, ..fan }),
             RigBeams::Known(fan) => Some(fan),
             RigBeams::Uneven | RigBeams::Unknown => None,
         }
@@ -85,7 +88,7 @@ impl Models {
     pub(super) fn gazebo(&self, lidar: &RigLidar, indent: &str) -> String {
         let Some(fan) = self.fan(lidar) else { return String::new() };
         let nearest = match self.of(lidar) {
-            RigBeams::Given(_, min_range) if min_range > 0.0 => min_range,
+            RigBeams::Given(_, min_range, _) if min_range > 0.0 => min_range,
             _ => NEAREST,
         };
         let steps = fan.azimuth_steps;
@@ -96,7 +99,7 @@ impl Models {
             [from, from + step * f64::from(steps.max(1) - 1)]
         });
         let mut text =
-            format!("{indent}<update_rate>{}</update_rate>\n{indent}<lidar>\n", Fan::RATE);
+            format!("{indent}<update_rate>{}</update_rate>\n{indent}<lidar>\n", fan.rate);
         let _ = writeln!(text, "{indent}  <scan>");
         for (axis, samples, from, to) in
             [("horizontal", steps, from, to), ("vertical", fan.channels, fan.lower, fan.upper)]
@@ -177,6 +180,7 @@ const KNOWN: [KnownSensor; 2] = [
             range: 100.0,
             azimuth_steps: 1875,
             azimuth: None,
+            rate: TURNS_A_SECOND,
             is_even: true,
         }),
     },
@@ -198,15 +202,17 @@ pub struct Fan {
     pub azimuth_steps: u32,
     /// First and last azimuth in degrees of a LiDAR that looks over a sector.
     pub azimuth: Option<[f64; 2]>,
+    /// Turns a second.
+    pub rate: f64,
     /// True if the channels are evenly spaced, and all look the same way. The programs cast them so.
     pub is_even: bool,
 }
 
 impl Fan {
-    /// Turns a second.
-    pub(super) const RATE: f64 = TURNS_A_SECOND;
+    /// Turns a second of a sensor that says nothing else.
+    pub(super) const USUAL_RATE: f64 = TURNS_A_SECOND;
 
-    /// The fan of a sensor; `None` of one whose beams are a list of directions.
+    /// The fan of a sensor at the usual ten turns a second; `None` of one whose beams are a list of directions.
     pub fn of(lidar: &Lidar) -> Option<Self> {
         let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range } = lidar
         else {
@@ -225,13 +231,15 @@ impl Fan {
             range: *range,
             azimuth_steps: *azimuth_steps,
             azimuth: *azimuth,
+            rate: TURNS_A_SECOND,
             is_even: straight && sorted.iter().enumerate().all(even),
         })
     }
 
-    /// Beams a second, at ten turns a second.
+    /// Beams a second.
     pub fn points_a_second(&self) -> u64 {
-        u64::from(self.channels) * u64::from(self.azimuth_steps) * TURNS_A_SECOND as u64
+        let beams = u64::from(self.channels) * u64::from(self.azimuth_steps);
+        (beams as f64 * self.rate).round() as u64
     }
 
     /// Horizontal field of view in degrees.

@@ -179,7 +179,7 @@ fn attributes(fan: Option<Fan>) -> Map<String, Value> {
         attributes.insert("upper_fov".to_owned(), written(fan.upper).into());
         attributes.insert("lower_fov".to_owned(), written(fan.lower).into());
         attributes.insert(HORIZONTAL.to_owned(), written(fan.horizontal()).into());
-        attributes.insert("rotation_frequency".to_owned(), Fan::RATE.into());
+        attributes.insert("rotation_frequency".to_owned(), written(fan.rate).into());
     }
     // CARLA's defaults lose 45 % of the points by chance, and more by intensity.
     for key in [

@@ -245,7 +245,11 @@ pub enum RigError {
         format: RigFormat,
     },
     /// No placement of this name, or several and none picked.
-    #[error("{file}: {}; pick one of {}", unpicked(name), listed(known))]
+    #[error(
+        "{file}: {}; pick one of {}, with `--name NAME` of `rig import`, else as FILE:NAME",
+        unpicked(name),
+        listed(known)
+    )]
     PickPlacement {
         /// The file.
         file: String,

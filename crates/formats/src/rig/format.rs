@@ -6,11 +6,12 @@ use std::str::FromStr;
 use serde_json::Value;
 use sightline_files::json::{
     DescriptionError, Location, Quantity, YamlDocument, parse_documents, parse_yaml, read_limited,
+    refuse_utf_16,
 };
 
 use super::beams::{Models, RigBeams};
 use super::yaml::PHASE;
-use super::{Fan, Mounting, Rig, RigError, RigLidar, carla, launch, model, sdf, yaml};
+use super::{Fan, Mounting, Rig, RigError, RigLidar, carla, launch, model, sdf, urdf, yaml};
 
 /// A format that holds a rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -167,6 +168,7 @@ impl RigSource {
     pub fn read(path: &Path) -> Result<Self, RigError> {
         let file = path.display().to_string();
         let bytes = read_limited(path, MAX_FILE)?;
+        refuse_utf_16(&bytes, path)?;
         let text = String::from_utf8(bytes).map_err(|error| RigError::Syntax {
             at: Box::new(Location::top(&file)),
             what: "UTF-8 text",
@@ -263,7 +265,7 @@ pub fn export(
             files.extend(text.map(|text| NamedText { name: MODELS_FILE.to_owned(), text }));
             files
         }
-        RigFormat::Urdf => one("rig.urdf", sdf::write_urdf(rig, mounting, models)),
+        RigFormat::Urdf => one("rig.urdf", urdf::write(rig, mounting, models)),
         RigFormat::Sdf => one("rig.sdf", sdf::write(rig, mounting, models)),
         RigFormat::Ros2Launch => one("rig.launch.xml", launch::write(rig, mounting)),
         RigFormat::Carla => one("sensors.json", pretty(&carla::write(rig, mounting, fan))),
@@ -275,6 +277,7 @@ pub fn export(
     };
     let mut warnings = Vec::new();
     if let Some(program) = simulator(format) {
+        warnings.extend(usual_rates(rig, models));
         let unsaid = |lidar| unsaid_beams(lidar, models, program);
         warnings.extend(rig.lidars.iter().filter_map(unsaid));
     }
@@ -348,7 +351,7 @@ fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<Stri
     let of = lidar.sensor.as_deref().unwrap_or("the scene's sensor");
     let said = match models.of(lidar) {
         RigBeams::Known(_) => return None,
-        RigBeams::Given(given, _) => match Fan::of(given) {
+        RigBeams::Given(given, ..) => match Fan::of(given) {
             Some(fan) if !fan.is_even => format!(
                 "{program} casts channels at even steps only, and those of {of} are uneven; only their number, \
                  the lowest and the highest are kept"
@@ -373,6 +376,21 @@ fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<Stri
         ),
     };
     Some(format!("`{frame}`: {said}"))
+}
+
+/// Warning about LiDARs that are written with the usual turns a second, since nothing says another number.
+fn usual_rates(rig: &Rig, models: &Models) -> Option<String> {
+    let usual =
+        |lidar: &&RigLidar| models.fan(lidar).is_some_and(|fan| fan.rate == Fan::USUAL_RATE);
+    let frames: Vec<String> =
+        rig.lidars.iter().filter(usual).map(|lidar| format!("`{}`", lidar.frame)).collect();
+    (!frames.is_empty()).then(|| {
+        format!(
+            "{} turns a second are written for {}: no other `rate` is given in the vehicle or its sensor files",
+            Fan::USUAL_RATE,
+            frames.join(", ")
+        )
+    })
 }
 
 /// Warning about model names that the format has no place for.

@@ -32,6 +32,7 @@ pub(super) enum FrameContent {
 #[derive(Debug, Clone)]
 pub(super) struct RigFrame {
     pub(super) name: String,
+    /// Empty for the root of the base.
     pub(super) parent: String,
     /// `parent_from_frame`.
     pub(super) pose: SensorPose,
@@ -74,23 +75,65 @@ impl FrameTree {
         self.moving.insert(frame.to_owned(), joint);
     }
 
-    /// Joints that move between two frames, in words.
-    pub(super) fn moving_between(&self, base: &str, frame: &str) -> Vec<&str> {
+    /// Frames whose poses lie between two frames, from the second one on; the root's own is none.
+    pub(super) fn way(&self, base: &str, frame: &str) -> Vec<&RigFrame> {
         let up = |from: &str| {
-            let mut way: Vec<String> = Vec::new();
-            let mut at = Some(from);
-            while let Some(name) = at.filter(|_| way.len() <= self.list.len()) {
-                way.push(name.to_owned());
-                at = self.get(name).map(|frame| frame.parent.as_str());
+            let mut way: Vec<&RigFrame> = Vec::new();
+            let mut next = self.get(from);
+            while let Some(frame) = next.filter(|_| way.len() <= self.list.len()) {
+                way.push(frame);
+                next = self.get(&frame.parent);
             }
             way
         };
         let (one, other) = (up(frame), up(base));
-        let apart = |way: &[String], common: &[String]| -> Vec<String> {
-            way.iter().filter(|name| !common.contains(name)).cloned().collect()
+        let apart = |way: &[&'_ RigFrame], common: &[&'_ RigFrame]| -> HashSet<String> {
+            let common: HashSet<&str> = common.iter().map(|frame| frame.name.as_str()).collect();
+            let names = way.iter().map(|frame| frame.name.clone());
+            names.filter(|name| !common.contains(name.as_str())).collect()
         };
-        let way = apart(&one, &other).into_iter().chain(apart(&other, &one));
-        way.filter_map(|name| self.moving.get(&name).map(String::as_str)).collect()
+        let (mine, its) = (apart(&one, &other), apart(&other, &one));
+        let all = one.into_iter().filter(|frame| mine.contains(&frame.name));
+        all.chain(other.into_iter().filter(|frame| its.contains(&frame.name))).collect()
+    }
+
+    /// Joints that move between two frames, in words.
+    pub(super) fn moving_between(&self, base: &str, frame: &str) -> Vec<&str> {
+        let way = self.way(base, frame).into_iter();
+        way.filter_map(|frame| self.moving.get(&frame.name).map(String::as_str)).collect()
+    }
+
+    /// Makes a frame of the root that the base hangs on, so that a LiDAR may stand there.
+    pub(super) fn add_root(&mut self, base: &str) {
+        let Some(base) = self.get(base) else { return };
+        let Ok((_, root)) = self.climb(base, None) else { return };
+        if root.is_empty() {
+            return;
+        }
+        let (name, at) = (root.to_owned(), base.at.clone());
+        let (parent, holds) = (String::new(), FrameContent::Unsaid);
+        self.index.insert(name.clone(), self.list.len());
+        self.list.push(RigFrame { name, parent, pose: IDENTITY, holds, at });
+    }
+
+    /// Checks that no frames hang on each other.
+    ///
+    /// # Errors
+    /// The first loop.
+    pub(super) fn refuse_loops(&self) -> Result<(), RigError> {
+        // Frames whose chains end; those of the present chain are marked with its number.
+        let mut marks = vec![0; self.list.len()];
+        for start in 0..self.list.len() {
+            let mut next = Some(start);
+            while let Some(at) = next.filter(|&at| marks[at] == 0) {
+                marks[at] = start + 1;
+                next = self.index.get(&self.list[at].parent).copied();
+            }
+            if let Some(at) = next.filter(|&at| marks[at] == start + 1) {
+                self.climb(&self.list[at], None)?;
+            }
+        }
+        Ok(())
     }
 
     pub(super) fn all(&self) -> &[RigFrame] {
@@ -114,7 +157,7 @@ impl FrameTree {
     pub(super) fn names(&self) -> Vec<String> {
         let mut seen = HashSet::new();
         let names = self.list.iter().flat_map(|frame| [&frame.parent, &frame.name]);
-        names.filter(|name| seen.insert(*name)).cloned().collect()
+        names.filter(|name| !name.is_empty() && seen.insert(*name)).cloned().collect()
     }
 
     /// Pose of one frame in another; `None` without a connection.

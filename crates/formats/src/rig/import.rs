@@ -12,7 +12,7 @@ use super::frames::{FrameContent, FrameTree, IDENTITY, RigFrame, compose, up};
 use super::yaml::Fields;
 use super::{
     BASE_LINK, MODELS_FILE, Mounting, Rig, RigError, RigFormat, RigLidar, RigSource, beams, carla,
-    format, launch, model, sdf, sources, yaml,
+    format, launch, model, sdf, sources, urdf, yaml,
 };
 
 /// Words in the names of LiDAR frames, for formats that say no more.
@@ -142,7 +142,9 @@ fn rig_of(
     settings: &ImportSettings,
     file: &str,
 ) -> Result<ImportedRig, RigError> {
+    frames.refuse_loops()?;
     let base = base(format, &mut frames, settings, file)?;
+    frames.add_root(&base);
     let mut notes = std::mem::take(&mut frames.notes);
     let unplaced = std::mem::take(&mut frames.left_out);
     let (lidars, mut left_out) = picked(&frames, settings, file)?;
@@ -157,7 +159,9 @@ fn rig_of(
     let mut rig = Rig { name: named.unwrap_or_else(|| UNNAMED.to_owned()), lidars: Vec::new() };
     for frame in lidars {
         rig.lidars.push(lidar(&frames, frame, &base, format, settings, &mut unknown)?);
-        doubts(&frames, frame, &base, &mut notes);
+        let sensor = rig.lidars.last().and_then(|lidar| lidar.sensor.as_deref());
+        let given = settings.mounting.given_height(&frame.name, sensor).is_some();
+        doubts(&frames, frame, &base, given, &mut notes);
     }
     if let Some(frame) = unknown.first() {
         notes.push(Note::fact(format!(
@@ -178,18 +182,21 @@ fn rig_of(
     Ok(ImportedRig { rig, format, left_out, notes })
 }
 
-/// Doubts of the units of a LiDAR's frame, and of the frames that it hangs on. Each is told once.
-fn doubts(frames: &FrameTree, lidar: &RigFrame, base: &str, notes: &mut Vec<Note>) {
-    let mut next = Some(lidar);
-    for _ in 0..frames.all().len() {
-        let Some(frame) = next.filter(|frame| frame.name != base) else { break };
-        for doubt in doubts_of_units(&frame.pose) {
-            let note = Note::doubt(format!("{}: {doubt}", frame.at));
+/// Doubts of the units of every pose that a LiDAR's own comes from: of the frames between it and the base, and of its
+/// optical centre unless its height is `given`. Each is told once.
+fn doubts(frames: &FrameTree, lidar: &RigFrame, base: &str, given: bool, notes: &mut Vec<Note>) {
+    let way = frames.way(base, &lidar.name).into_iter();
+    let mut poses: Vec<_> = way.map(|frame| (frame.at.clone(), frame.pose)).collect();
+    if let (FrameContent::Lidar { optical: Some(optical), .. }, false) = (&lidar.holds, given) {
+        poses.push((lidar.at.key("<sensor>").key("pose"), *optical));
+    }
+    for (at, pose) in poses {
+        for doubt in doubts_of_units(&pose) {
+            let note = Note::doubt(format!("{at}: {doubt}"));
             if !notes.contains(&note) {
                 notes.push(note);
             }
         }
-        next = frames.get(&frame.parent);
     }
 }
 
@@ -211,19 +218,23 @@ fn of_placements(source: &RigSource, settings: &ImportSettings) -> Result<Import
         let sensor = settings.sensors.get(&lidar.frame).cloned();
         lidar.sensor = sensor.or(lidar.sensor.take());
     }
-    let file = &source.file;
+    let notes = placement_doubts(&rig, &source.file);
+    Ok(ImportedRig { rig, format: RigFormat::Json, left_out: Vec::new(), notes })
+}
+
+/// Doubts of the units and heights of a rig's placement, for `file`.
+pub fn placement_doubts(rig: &Rig, file: &str) -> Vec<Note> {
     let units = rig.lidars.iter().flat_map(|lidar| {
         let doubts = doubts_of_units(&lidar.pose).into_iter();
         doubts.map(|doubt| Note::doubt(format!("{file}, `{}`: {doubt}", lidar.frame)))
     });
-    let notes = units.chain(below_ground(&rig, file)).collect();
-    Ok(ImportedRig { rig, format: RigFormat::Json, left_out: Vec::new(), notes })
+    units.chain(below_ground(rig, file)).collect()
 }
 
 fn read(format: RigFormat, source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     match format {
         RigFormat::Autoware => yaml::read_autoware(source, frames),
-        RigFormat::Urdf => sdf::read_urdf(source, frames),
+        RigFormat::Urdf => urdf::read(source, frames),
         RigFormat::Sdf => sdf::read(source, frames),
         RigFormat::Ros2Launch => launch::read(source, frames),
         RigFormat::Carla => carla::read(source, frames),
@@ -331,7 +342,9 @@ fn picked<'a>(
         return Err(RigError::TooManyLidars { file, count: lidars.len(), most: MAX_LIDARS });
     }
     let taken: HashSet<&str> = lidars.iter().map(|frame| frame.name.as_str()).collect();
-    let others = frames.all().iter().filter(|frame| !taken.contains(frame.name.as_str()));
+    let is_other =
+        |frame: &&RigFrame| !frame.parent.is_empty() && !taken.contains(frame.name.as_str());
+    let others = frames.all().iter().filter(is_other);
     let others = others.map(|frame| frame.name.clone()).collect();
     Ok((lidars, others))
 }

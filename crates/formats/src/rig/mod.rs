@@ -12,6 +12,7 @@ mod import;
 mod launch;
 mod model;
 mod sdf;
+mod urdf;
 mod yaml;
 
 pub use beams::{Fan, Models};
@@ -19,7 +20,9 @@ pub use carla::mirrored;
 pub use error::RigError;
 pub use format::{Exported, MODELS_FILE, NamedText, RigFormat, RigSource, export, sources};
 pub use frames::Mounting;
-pub use import::{ImportSettings, ImportedRig, from_carla_sensors, import, import_texts};
+pub use import::{
+    ImportSettings, ImportedRig, from_carla_sensors, import, import_texts, placement_doubts,
+};
 pub use model::{
     Asymmetry, BASE_LINK, Comparison, MovedLidar, Rig, RigLidar, compare, default_frame, read_rig,
     rig_json,

@@ -1,15 +1,10 @@
-//! Rigs in SDF and in URDF: read and written.
-//!
-//! URDF: joints with `<origin xyz rpy>`, `R = Rz·Ry·Rx`, in metres and radians.
-//!
-//! Read: `<joint>` (type, origin, parent, child), `<gazebo reference>` with `<sensor>` and its `<pose>`. Passed over, because
-//! no pose depends on it: links' shapes and masses, limits, axes, transmissions, materials.
+//! Rigs in SDF: read and written. Sensors are SDF in URDF, too.
 
 use std::fmt::Write;
 
 use roxmltree::Node;
 use sightline_files::Note;
-use sightline_files::json::{Location, written};
+use sightline_files::json::written;
 use sightline_scene::vehicle::SensorPose;
 
 use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
@@ -105,8 +100,8 @@ fn read_model(
     Ok(())
 }
 
-/// Adds the sensors of a link.
-fn read_sensors(
+/// Adds the sensors of a link `name`; the element is the link, or what URDF has for it.
+pub(super) fn read_sensors(
     link: Node,
     name: &str,
     scope: &str,
@@ -143,6 +138,13 @@ fn pose<'a>(
     let at = yaml::place(node, file).key("pose");
     if node.children().filter(|child| child.has_tag_name("pose")).count() > 1 {
         return Err(wrong(&at, "a second <pose>", "one <pose>"));
+    }
+    let known = |name: &str| ["relative_to", "frame", "degrees", "rotation_format"].contains(&name);
+    let plain = |attribute: &roxmltree::Attribute| attribute.namespace().is_none();
+    let odd = element.attributes().find(|odd| plain(odd) && !known(odd.name()));
+    if let Some(odd) = odd {
+        let wanted = "no attribute but relative_to, degrees or rotation_format";
+        return Err(wrong(&at.key(odd.name()), odd.value(), wanted));
     }
     let text = element.text().unwrap_or_default();
     let named = |key: &str| element.attribute(key).filter(|frame| !frame.is_empty());
@@ -249,7 +251,12 @@ fn add_sensor(
 }
 
 /// The element that [`add_sensor`] reads, for a LiDAR `height` metres above its foot.
-fn sensor_element(lidar: &RigLidar, height: f64, models: &Models, indent: &str) -> String {
+pub(super) fn sensor_element(
+    lidar: &RigLidar,
+    height: f64,
+    models: &Models,
+    indent: &str,
+) -> String {
     let RigLidar { frame, sensor, pose } = lidar;
     let name = sensor.as_ref().map_or(frame.clone(), |sensor| format!("{frame}-{sensor}"));
     let phase = pose
@@ -269,149 +276,4 @@ fn sensor_element(lidar: &RigLidar, height: f64, models: &Models, indent: &str) 
 pub(super) fn namespace(rig: &Rig) -> String {
     let phased = rig.lidars.iter().any(|lidar| lidar.pose.phase.is_some());
     if phased { format!(" xmlns:{PREFIX}=\"{OWN}\"") } else { String::new() }
-}
-
-/// Kinds of joints that move. Each frame behind one is taken where the joint stands at 0.
-const MOVING: [&str; 5] = ["continuous", "floating", "planar", "prismatic", "revolute"];
-
-/// A rotation as a quaternion, in place of `rpy`.
-const QUATERNION: &str = "quat_xyzw";
-/// Elements of a joint: the first three are read, no pose at rest depends on the others.
-const OF_JOINT: [&str; 10] = [
-    "origin",
-    "parent",
-    "child",
-    "axis",
-    "calibration",
-    "dynamics",
-    "hardwareInterface",
-    "limit",
-    "mimic",
-    "safety_controller",
-];
-
-/// Reads every joint, and the LiDARs that Gazebo is told of.
-pub(super) fn read_urdf(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
-    let file = &source.file;
-    let unexpanded = || RigError::Xacro { file: file.clone() };
-    let document = yaml::parse(&source.text, file).map_err(|error| match error {
-        // A prefix that no attribute declares is no XML with namespaces.
-        RigError::Syntax { .. } if source.text.contains("<xacro:") => unexpanded(),
-        error => error,
-    })?;
-    if document.descendants().any(is_xacro) {
-        return Err(unexpanded());
-    }
-    let robot = document.root_element();
-    frames.name = robot.attribute("name").map(str::to_owned);
-    for joint in robot.children().filter(|node| node.has_tag_name("joint")) {
-        read_joint(joint, file, frames)?;
-    }
-    for gazebo in robot.children().filter(|node| node.has_tag_name("gazebo")) {
-        let Some(link) = gazebo.attribute("reference") else { continue };
-        for sensor in gazebo.children().filter(|node| node.has_tag_name("sensor")) {
-            let pose = yaml::child(sensor, "pose").and_then(|pose| pose.text()).unwrap_or_default();
-            let optical = yaml::pose_of_text(pose, &yaml::place(sensor, file).key("pose"))?;
-            add_sensor(frames, sensor, link, optical, file)?;
-        }
-    }
-    Ok(())
-}
-
-/// True if an element is one of xacro, or an attribute of it waits for xacro.
-fn is_xacro(node: Node) -> bool {
-    let waits = |value: &str| value.contains("${") || value.contains("$(");
-    node.tag_name().namespace().is_some_and(|space| space.contains("xacro"))
-        || node.attributes().any(|attribute| waits(attribute.value()))
-}
-
-/// The `<origin>` of a joint. Other elements than URDF's are doubts; a second origin, or one of unknown attributes, is an
-/// error, since the pose would be another.
-fn origin_of<'a, 'i>(
-    joint: Node<'a, 'i>,
-    at: &Location,
-    frames: &mut FrameTree,
-) -> Result<Option<Node<'a, 'i>>, RigError> {
-    let elements = joint.children().filter(Node::is_element);
-    for element in elements.filter(|element| element.tag_name().namespace().is_none()) {
-        let name = element.tag_name().name();
-        if !OF_JOINT.contains(&name) {
-            frames.notes.push(Note::doubt(format!("{at}: <{name}>: not known here, and not read")));
-        }
-    }
-    let mut origins = joint.children().filter(|node| node.has_tag_name("origin"));
-    let origin = origins.next();
-    let at = at.key("origin");
-    if origins.next().is_some() {
-        return Err(wrong(&at, "a second <origin>", "one <origin>"));
-    }
-    let known = |name: &str| ["xyz", "rpy", QUATERNION].contains(&name);
-    let odd = origin.and_then(|origin| origin.attributes().find(|a| !known(a.name())));
-    match odd {
-        Some(odd) => {
-            Err(wrong(&at.key(odd.name()), odd.value(), "no attribute but xyz, rpy or quat_xyzw"))
-        }
-        None => Ok(origin),
-    }
-}
-
-/// Adds the frame of a joint's child.
-fn read_joint(joint: Node, file: &str, frames: &mut FrameTree) -> Result<(), RigError> {
-    let at = yaml::place(joint, file);
-    let link = |key: &str| {
-        let missing = || RigError::Missing { at: Box::new(at.clone()), key: format!("<{key}>") };
-        let element = yaml::child(joint, key).ok_or_else(missing)?;
-        yaml::attribute(element, "link", &at.key(key)).map(str::to_owned)
-    };
-    let origin = origin_of(joint, &at, frames)?;
-    let triple = |key: &str| {
-        let text = origin.and_then(|origin| origin.attribute(key));
-        text.map_or(Ok([0.0; 3]), |text| {
-            yaml::numbers_of_text(text, &at.key(&format!("origin.{key}")), "three numbers")
-        })
-    };
-    let kind = yaml::attribute(joint, "type", &at)?;
-    if kind != "fixed" && !MOVING.contains(&kind) {
-        let wanted = "fixed, continuous, revolute, prismatic, planar or floating";
-        return Err(wrong(&at.key("type"), kind, wanted));
-    }
-    let ([x, y, z], [roll, pitch, yaw]) = (triple("xyz")?, triple("rpy")?);
-    let pose = match origin.and_then(|origin| origin.attribute(QUATERNION)) {
-        None => SensorPose::from_values([x, y, z, roll, pitch, yaw]),
-        Some(text) => {
-            let at = at.key("origin").key(QUATERNION);
-            let quaternion = yaml::numbers_of_text(text, &at, "four numbers: x y z w")?;
-            of_quaternion([x, y, z], quaternion, &at)?
-        }
-    };
-    let (name, parent) = (link("child")?, link("parent")?);
-    if kind != "fixed" {
-        let joint = joint.attribute("name").unwrap_or_default();
-        frames.moves(&name, format!("`{joint}` ({kind})"));
-    }
-    frames.add(RigFrame { name, parent, pose, holds: FrameContent::Unsaid, at })
-}
-
-/// A robot of `base_link` and one link a LiDAR.
-pub(super) fn write_urdf(rig: &Rig, mounting: &Mounting, models: &Models) -> String {
-    let mut text = format!(
-        "<?xml version=\"1.0\"?>\n<robot name=\"{}\"{}>\n  <link name=\"{BASE_LINK}\"/>\n",
-        yaml::escape(&rig.name),
-        namespace(rig)
-    );
-    for lidar in &rig.lidars {
-        let sensor = lidar.sensor.as_deref();
-        let (foot, height) = mounting.foot(&lidar.frame, sensor, &lidar.pose);
-        let [x, y, z, roll, pitch, yaw] = foot.values().map(written);
-        let frame = yaml::escape(&lidar.frame);
-        let _ = write!(
-            text,
-            "  <link name=\"{frame}\"/>\n  <joint name=\"{frame}_joint\" type=\"fixed\">\n    \
-             <origin xyz=\"{x} {y} {z}\" rpy=\"{roll} {pitch} {yaw}\"/>\n    \
-             <parent link=\"{BASE_LINK}\"/>\n    <child link=\"{frame}\"/>\n  </joint>\n  \
-             <gazebo reference=\"{frame}\">\n{}  </gazebo>\n",
-            sensor_element(lidar, height, models, "    ")
-        );
-    }
-    text + "</robot>\n"
 }

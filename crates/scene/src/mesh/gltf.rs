@@ -123,6 +123,11 @@ fn check_attributes(json: &gltf::json::Root) -> Result<(), MeshFault> {
 /// Refuses another version, and nodes whose place is not one: a matrix beside its parts, a rotation that is none.
 fn check_nodes(json: &gltf::json::Root) -> Result<(), MeshFault> {
     let version = &json.asset.version;
+    let needed = json.asset.min_version.as_ref().filter(|needed| *needed != "2.0");
+    if let Some(needed) = needed {
+        let problem = format!("needs version {needed:?} (`minVersion`); export glTF 2.0");
+        return Err(MeshFault::new("asset", problem));
+    }
     if !version.starts_with("2.") {
         return Err(MeshFault::new("asset", format!("is of version {version:?}; export glTF 2.0")));
     }

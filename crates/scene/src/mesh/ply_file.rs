@@ -133,6 +133,9 @@ impl PlyHeader {
                     return Err(fault("is not `ply`; is this a PLY file?".to_owned()));
                 }
                 [] | ["comment" | "obj_info", ..] => {}
+                ["format", _, version] if version != "1.0" => {
+                    return Err(fault(format!("is of version {version:?}; export PLY 1.0")));
+                }
                 ["format", name, _] => form = Some(Form::of(name).map_err(fault)?),
                 ["element", name, count] => {
                     let count = count.parse().map_err(|_| {

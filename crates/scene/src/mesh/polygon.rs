@@ -61,6 +61,11 @@ impl Cutter {
         let normal: DVec3 = parts().sum();
         let size = normal.length_squared();
         let flat = !(size > 0.0 && size.is_finite());
+        // Areas on both sides of a crossing cancel out, where those of a line are none.
+        let reach = (1..corners.len()).map(|i| arm(i).length_squared()).fold(0.0, f64::max);
+        if size == 0.0 && parts().any(|part| part.length() > SLIVER * reach) {
+            self.cross();
+        }
         if flat || parts().all(|part| part.dot(normal) >= -SLIVER * size) {
             return fan(mesh, corners, material);
         }
@@ -81,8 +86,7 @@ impl Cutter {
         let covered: f64 = self.cut.chunks_exact(3).map(area).sum();
         let meant = normal[drop].abs();
         if (covered - meant).abs().partial_cmp(&(CROSSED * meant)).is_none_or(Ordering::is_gt) {
-            self.crossed.0 += 1;
-            self.crossed.1 = if self.crossed.0 == 1 { self.polygons - 1 } else { self.crossed.1 };
+            self.cross();
         }
         if self.cut.is_empty() {
             return fan(mesh, corners, material);
@@ -91,6 +95,12 @@ impl Cutter {
         triangles.try_for_each(|t| {
             mesh.triangle([t[0], t[1], t[2]].map(|i| corners[i as usize]), material)
         })
+    }
+
+    /// Counts the last polygon as one that crosses itself.
+    fn cross(&mut self) {
+        let (count, first) = self.crossed;
+        self.crossed = (count + 1, if count == 0 { self.polygons - 1 } else { first });
     }
 
     /// Notes polygons that are likely slips of their author.

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::MeshFault;
 use lidar_cast::geom::Pose;
-use sightline_files::json::{DescriptionError, Location, read_limited};
+use sightline_files::json::{DescriptionError, Location, read_text};
 
 /// Largest robot file, in bytes.
 const MAX_FILE: u64 = 64 << 20;
@@ -60,15 +60,14 @@ impl RobotFile<'_> {
             element: fault.element,
             problem: fault.problem,
         };
-        let bytes = read_limited(self.file, MAX_FILE).map_err(|error| match error {
+        let text = read_text(self.file, MAX_FILE).map_err(|error| match error {
             DescriptionError::Read { source, .. } => fault(MeshFault::new(
                 "file",
                 format!("cannot be read: {source}; name a URDF from the folder of the description"),
             )),
             other => other.of_file(at.clone()),
         })?;
-        let text = String::from_utf8_lossy(&bytes);
-        self.read(text.strip_prefix('\u{feff}').unwrap_or(&text), without).map_err(fault)
+        self.read(&text, without).map_err(fault)
     }
 
     #[cfg(feature = "mesh")]

@@ -56,8 +56,18 @@ fn called(node: Node) -> String {
     }
 }
 
-fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
-    node.children().find(|child| child.has_tag_name(name))
+/// The only child element of a name.
+fn sole<'a, 'i>(
+    node: Node<'a, 'i>,
+    name: &str,
+    of: &str,
+) -> Result<Option<Node<'a, 'i>>, MeshFault> {
+    let mut all = node.children().filter(|child| child.has_tag_name(name));
+    let first = all.next();
+    match all.next() {
+        Some(_) => Err(fault(of, format!("has a second <{name}>; leave one out"))),
+        None => Ok(first),
+    }
 }
 
 fn attribute<'a>(node: Node<'a, '_>, key: &str, of: &str) -> Result<&'a str, MeshFault> {
@@ -90,11 +100,7 @@ fn positive(value: f64, key: &str, of: &str) -> Result<f64, MeshFault> {
 
 /// The pose in the `<origin>` of an element; without one, that which changes nothing.
 fn origin(node: Node, of: &str) -> Result<Pose, MeshFault> {
-    let mut origins = node.children().filter(|child| child.has_tag_name("origin"));
-    let Some(origin) = origins.next() else { return Ok(Pose::IDENTITY) };
-    if origins.next().is_some() {
-        return Err(fault(of, "has a second <origin>; leave one out"));
-    }
+    let Some(origin) = sole(node, "origin", of)? else { return Ok(Pose::IDENTITY) };
     let known = |name: &str| ["xyz", "rpy", "quat_xyzw"].contains(&name);
     if let Some(odd) = origin.attributes().find(|attribute| !known(attribute.name())) {
         let problem = format!("<origin> has {:?}; give xyz, rpy or quat_xyzw", odd.name());
@@ -174,8 +180,18 @@ impl Robot<'_> {
     }
 
     fn geometry(&self, shape: Node, of: &str) -> Result<Geometry, MeshFault> {
-        let geometry = child(shape, "geometry");
-        let kind = geometry.and_then(|geometry| geometry.children().find(Node::is_element));
+        let geometry = sole(shape, "geometry", of)?;
+        let mut kinds =
+            geometry.into_iter().flat_map(|node| node.children()).filter(Node::is_element);
+        let kind = kinds.next();
+        if let Some(second) = kinds.next() {
+            let second = second.tag_name().name();
+            let problem = format!(
+                "<geometry> has a second shape, <{second}>; give each a <{}> of its own",
+                self.tag
+            );
+            return Err(fault(of, problem));
+        }
         let wanted = "give a box, cylinder, sphere or mesh";
         let Some(kind) = kind else {
             return Err(fault(of, format!("<{}> has no <geometry>; {wanted}", self.tag)));
@@ -287,7 +303,7 @@ fn joints(
             return Err(fault(of, format!("type {kind:?} is none of {}", JOINTS.join(", "))));
         }
         let link = |key: &str| {
-            let element = child(joint, key);
+            let element = sole(joint, key, &of)?;
             let element = element.ok_or_else(|| fault(&*of, format!("has no <{key}>; add it")))?;
             let name = attribute(element, "link", &of)?;
             names.get(name).copied().ok_or_else(|| {

@@ -50,6 +50,7 @@ impl Scene {
     ) -> Result<Self, DescriptionError> {
         let path = path.as_ref();
         let bytes = json::read_limited(path, MAX_FILE)?;
+        json::refuse_utf_16(&bytes, path)?;
         let name = path.display().to_string();
         let text = String::from_utf8(bytes).map_err(|_| DescriptionError::Json {
             at: Box::new(Location::top(&name)),

@@ -144,11 +144,9 @@ impl Target {
     /// # Errors
     /// Any [`DescriptionError`]; each names the file, the place in it and the mend.
     pub fn read(path: &Path) -> Result<Self, DescriptionError> {
-        let bytes = json::read_limited(path, MAX_FILE)?;
-        let text = String::from_utf8_lossy(&bytes);
-        let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+        let text = json::read_text(path, MAX_FILE)?;
         let dir = path.parent().unwrap_or(Path::new(""));
-        let mut target = Self::from_text(text, dir, &path.display().to_string())?;
+        let mut target = Self::from_text(&text, dir, &path.display().to_string())?;
         target.files.insert(0, path.to_owned());
         Ok(target)
     }

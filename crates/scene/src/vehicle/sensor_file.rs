@@ -12,7 +12,7 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 use sightline_files::json;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, read_limited};
+use sightline_files::json::{DescriptionError, Location, is_utf_16, read_limited};
 
 pub use isaac::isaac_profile;
 pub(super) use pattern::NARROWEST;
@@ -62,7 +62,7 @@ fn parse_any(
     if csv::is_npy(bytes) {
         return csv::parse_npy(at, bytes);
     }
-    if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+    if is_utf_16(bytes) {
         return Err(bad(at, "UTF-16 text", "UTF-8 text; save the file as UTF-8"));
     }
     let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);

@@ -33,11 +33,9 @@ pub fn read<B: DeserializeOwned, M: DeserializeOwned>(
     path: &Path,
 ) -> Result<VehicleDescription<B, M>, DescriptionError> {
     let name = path.display().to_string();
-    let bytes = json::read_limited(path, MAX_FILE)?;
-    let text = String::from_utf8_lossy(&bytes);
-    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
-    json::check_version(text, &name, FileKind::Vehicle)?;
-    json::parse(text, &name)
+    let text = json::read_text(path, MAX_FILE)?;
+    json::check_version(&text, &name, FileKind::Vehicle)?;
+    json::parse(&text, &name)
 }
 
 impl Vehicle {

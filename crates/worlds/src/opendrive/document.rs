@@ -6,7 +6,7 @@ use roxmltree::Node;
 use sightline_files::Note;
 use sightline_files::json::check_xml;
 
-use super::{doubts, objects};
+use super::{density, doubts, objects, values};
 use crate::world::WorldError;
 
 /// Elements that are read: their numbers decide a surface, a shape or a way.
@@ -39,6 +39,7 @@ const READ: &[&str] = &[
     "linear",
     "quadratic",
     "cubic",
+    "coefficients",
     "lanes",
     "laneOffset",
     "laneSection",
@@ -171,9 +172,16 @@ const NUMBERS: &[(&str, &[&str], &[&str])] = &[
     ("roadMark", &["sOffset"], &["width", "height"]),
     ("line", &[], &["length", "space", "tOffset", "sOffset", "width"]),
     ("object", &["s", "t"], OBJECT),
+    ("objectReference", &["s", "t"], &["zOffset", "validLength"]),
     ("repeat", &["s", "length", "distance"], REPEAT),
     ("cornerRoad", &["s", "t"], &["dz", "height"]),
     ("cornerLocal", &["u", "v"], &["z", "height"]),
+    ("curveLocal", &["u", "v"], &["z", "height", "hdg", "length"]),
+    ("coefficients", &["s"], &["a", "b", "c", "d"]),
+    ("sway", &["ds"], &["a", "b", "c", "d"]),
+    ("marking", &[], MARKING),
+    ("positionRoad", &["s", "t"], &["zOffset", "hOffset", "pitch", "roll"]),
+    ("positionInertial", &["x", "y"], &["z", "hdg", "pitch", "roll"]),
     ("vertexRoad", &["s", "t"], &["dz", "radius"]),
     ("vertexLocal", &["u", "v"], &["z", "radius"]),
     ("signal", &["s", "t"], &["zOffset", "hOffset", "pitch", "roll", "height", "width", "length"]),
@@ -183,7 +191,12 @@ const NUMBERS: &[(&str, &[&str], &[&str])] = &[
 ];
 const OBJECT: &[&str] =
     &["zOffset", "hdg", "pitch", "roll", "length", "width", "height", "radius", "validLength"];
+const MARKING: &[&str] =
+    &["width", "zOffset", "lineLength", "spaceLength", "startOffset", "stopOffset"];
 const REPEAT: &[&str] = &[
+    "bT",
+    "cT",
+    "dT",
     "tStart",
     "tEnd",
     "widthStart",
@@ -208,6 +221,8 @@ pub(super) struct RoadFacts {
     pub raised: BTreeSet<(String, usize, i32)>,
     /// Roads on which one drives on the left.
     pub left_hand: BTreeSet<String>,
+    /// Identifiers of the roads.
+    pub roads: BTreeSet<String>,
     pub notes: Vec<Note>,
 }
 
@@ -233,7 +248,7 @@ fn refused(file: &str, node: Node<'_, '_>, what: String) -> WorldError {
 }
 
 /// A value as an error repeats it.
-fn shown(value: &str) -> String {
+pub(super) fn shown(value: &str) -> String {
     let start: String = value.chars().take(SHOWN).collect();
     if start.len() < value.len() { format!("{start}…") } else { start }
 }
@@ -262,6 +277,7 @@ pub(super) fn checked(text: &str, file: &str) -> Result<RoadFacts, WorldError> {
         let entered = READ.contains(&name) || COUNTED.iter().any(|(known, _)| *known == name);
         if entered {
             check(node, name, file)?;
+            values::check(node, name).map_err(|what| refused(file, node, what))?;
             document.take(node, name, file)?;
         }
         if name == "include" {
@@ -273,6 +289,7 @@ pub(super) fn checked(text: &str, file: &str) -> Result<RoadFacts, WorldError> {
         }
         next = following(node, entered);
     }
+    density::check(&xml, file)?;
     for ((name, how), count) in counted {
         document.notes.push(Note::fact(format!("{file}: <{name}> {count} times: {how}")));
     }
@@ -288,6 +305,7 @@ pub(super) fn checked(text: &str, file: &str) -> Result<RoadFacts, WorldError> {
         )));
     }
     document.notes.extend(doubts::doubts(&xml, file));
+    document.notes.extend(values::notes(&xml, file));
     Ok(document)
 }
 
@@ -305,7 +323,8 @@ fn check(node: Node<'_, '_>, name: &str, file: &str) -> Result<(), WorldError> {
         return Ok(());
     };
     // Lines of a road mark and of a reference line share a name, as do borders of objects and lanes.
-    if name == "border" && node.parent_element().is_some_and(|p| p.has_tag_name("borders")) {
+    let stands_in = |tag| node.parent_element().is_some_and(|parent| parent.has_tag_name(tag));
+    if (name == "border" && stands_in("borders")) || (name == "width" && stands_in("strip")) {
         return Ok(());
     }
     for (attribute, required) in
@@ -347,6 +366,11 @@ fn check(node: Node<'_, '_>, name: &str, file: &str) -> Result<(), WorldError> {
     Ok(())
 }
 
+/// A number of an element, 0 where there is none; those that are none were refused.
+pub(super) fn number_or_0(node: Node<'_, '_>, name: &str) -> f64 {
+    node.attribute(name).and_then(|text| text.trim().parse().ok()).unwrap_or(0.0)
+}
+
 fn number(value: &str) -> Result<f64, &'static str> {
     let point = "not a number; write it as 1.5";
     let number: f64 = value.trim().parse().map_err(|_| match value.contains(',') {
@@ -357,39 +381,34 @@ fn number(value: &str) -> Result<f64, &'static str> {
 }
 
 impl RoadFacts {
-    /// Notes lanes with heights, the side of the road, and versions that are not known.
+    /// Notes lanes with heights and the side of the road.
     fn take(&mut self, node: Node<'_, '_>, name: &str, file: &str) -> Result<(), WorldError> {
-        match name {
-            "header" => {
-                let major = node.attribute("revMajor").map(str::trim);
-                if major.is_some_and(|major| major != "1") {
-                    let major = shown(major.unwrap_or_default());
-                    self.notes.push(Note::doubt(format!(
-                        "{file}: <header> states revMajor {major}; the document is read as OpenDRIVE 1, check the version"
-                    )));
-                }
-            }
-            "road" => {
-                let rule = node.attribute("rule").map(str::trim);
-                match rule {
-                    Some("LHT") => {
-                        self.left_hand.extend(node.attribute("id").map(str::to_owned));
-                    }
-                    None | Some("RHT") => {}
-                    Some(other) => {
-                        let what = format!("`rule` is `{}`; write RHT or LHT", shown(other));
-                        return Err(refused(file, node, what));
-                    }
-                }
-                let lanes = node.children().filter(|n| n.has_tag_name("lanes")).count();
-                if lanes > 2 {
-                    let what = format!("has {lanes} <lanes>; write one, or one a layer");
-                    return Err(refused(file, node, what));
-                }
-                self.raised(node);
-            }
-            _ => {}
+        if name != "road" {
+            return Ok(());
         }
+        let rule = node.attribute("rule").map(str::trim);
+        match rule {
+            Some("LHT") => {
+                self.left_hand.extend(node.attribute("id").map(str::to_owned));
+            }
+            None | Some("RHT") => {}
+            Some(other) => {
+                let what = format!("`rule` is `{}`; write RHT or LHT", shown(other));
+                return Err(refused(file, node, what));
+            }
+        }
+        if let Some(id) = node.attribute("id")
+            && !self.roads.insert(id.to_owned())
+        {
+            let what = "has the id of a road before it; give each an id of its own";
+            return Err(refused(file, node, what.to_owned()));
+        }
+        let lanes = node.children().filter(|n| n.has_tag_name("lanes")).count();
+        if lanes > 2 {
+            let what = format!("has {lanes} <lanes>; write one, or one a layer");
+            return Err(refused(file, node, what));
+        }
+        self.raised(node);
         Ok(())
     }
 

@@ -8,6 +8,7 @@ use std::mem::discriminant;
 use roxmltree::{Document, Node};
 use xodr::Warning;
 
+use super::document::number_or_0 as number;
 use crate::world::WorldError;
 use lidar_cast::maths;
 use sightline_files::Note;
@@ -25,11 +26,6 @@ pub(super) fn doubts(xml: &Document, file: &str) -> Vec<Note> {
         .flatten()
         .map(|words| Note::doubt(format!("{file}: {words}")))
         .collect()
-}
-
-/// A number of an element; those that are none were refused before.
-fn number(node: Node, name: &str) -> f64 {
-    node.attribute(name).and_then(|text| text.trim().parse().ok()).unwrap_or(0.0)
 }
 
 fn geometries<'a, 'i>(plan: Node<'a, 'i>) -> impl Iterator<Item = Node<'a, 'i>> {

@@ -7,6 +7,8 @@ use roxmltree::Node;
 use sightline_files::Note;
 use xodr::{Mesh, Object, ObjectType, Point, RoadNetwork};
 
+use super::document::number_or_0 as number;
+use super::values;
 use crate::network::{MARK, MapShape, Network, class};
 use crate::world::WorldError;
 
@@ -163,6 +165,8 @@ const POLYNOMIALS: &[(&str, &[[&str; 4]])] = &[
     ("width", &[ABCD]),
     ("border", &[ABCD]),
 ];
+/// Most siblings behind a record among which the next one is searched.
+const FOLLOWED: usize = 1000;
 /// Metres across a road that the polynomial of a `shape` is followed.
 const ACROSS: f64 = 10.0;
 
@@ -185,7 +189,11 @@ pub(super) fn check(node: Node<'_, '_>, name: &str, attributes: &[&str]) -> Resu
         let length = number(node, "length");
         return Err(format!("`length` is {length}; write metres, 0 or more"));
     }
-    let along = along(node, name);
+    // The search for the next record is none of elements without polynomials.
+    let along = if polynomials.is_empty() { 0.0 } else { along(node, name) };
+    if name == "width" {
+        values::wide(node, along)?;
+    }
     for coefficients in polynomials {
         let [a, b, c, d] = coefficients.map(|name| number(node, name).abs());
         let reach = a + along * (b + along * (c + along * d));
@@ -200,11 +208,6 @@ pub(super) fn check(node: Node<'_, '_>, name: &str, attributes: &[&str]) -> Resu
         }
     }
     Ok(())
-}
-
-/// A number of an element, 0 where there is none.
-fn number(node: Node<'_, '_>, name: &str) -> f64 {
-    node.attribute(name).and_then(|text| text.trim().parse().ok()).unwrap_or(0.0)
 }
 
 /// Largest value of the parameter that the polynomials of an element are evaluated at.
@@ -222,8 +225,9 @@ fn along(node: Node<'_, '_>, name: &str) -> f64 {
         _ => {
             let ends = |node: Node<'_, '_>, key| {
                 let start = number(node, key);
-                let later =
-                    node.next_siblings().skip(1).filter(|n| n.tag_name() == node.tag_name());
+                // Bounded: records that all begin at one place would be searched to the end by each.
+                let later = node.next_siblings().skip(1).take(FOLLOWED);
+                let later = later.filter(|n| n.tag_name() == node.tag_name());
                 let next = later.map(|n| number(n, key)).find(|next| *next > start);
                 (start, next)
             };

@@ -160,3 +160,131 @@ fn real_towns_are_driven_through() {
         nothing_stands_on_the_road(&world, town);
     }
 }
+
+/// A straight road of 200 m with two lanes; `more` stands in the road, `after` behind it.
+fn straight(more: &str, after: &str) -> String {
+    let lane = |id: i32| {
+        format!(
+            "<lane id='{id}' type='driving'><width sOffset='0' a='3.5' b='0' c='0' d='0'/></lane>"
+        )
+    };
+    format!(
+        "<OpenDRIVE><header revMajor='1' revMinor='6'/><road id='1' length='200'><link/><planView>\
+         <geometry s='0' x='0' y='0' hdg='0' length='200'><line/></geometry></planView><lanes><laneSection s='0'>\
+         <left>{}</left><center><lane id='0' type='none'/></center><right>{}</right></laneSection></lanes>{more}</road>\
+         {after}</OpenDRIVE>",
+        lane(1),
+        lane(-1)
+    )
+}
+
+#[test]
+fn values_with_a_silent_default_are_refused() {
+    let plain = straight("", "");
+    let object = |more: &str| straight(&format!("<objects><object id='1' {more}</objects>"), "");
+    let pole = |s: f64| object(&format!("type='pole' s='{s}' t='6' height='4' radius='0.1'/>"));
+    let swap = |from: &str, to: &str| {
+        assert!(plain.contains(from), "{from}");
+        plain.replacen(from, to, 1)
+    };
+    let cases = [
+        (swap("a='3.5'", "a='-3.5'"), "<width> with sOffset = 0 is a width of -3.500 m at 0.00 m"),
+        // 3.5 − 0.1 s + 0.0005 s² has its lowest value at s = 100: 3.5 − 10 + 5.
+        (swap("b='0' c='0'", "b='-0.1' c='0.0005'"), "a width of -1.500 m at 100.00 m"),
+        (pole(500.0), "<object> with s = 500 stands at s = 500, off its road of 200 m"),
+        (pole(-50.0), "stands at s = -50, off its road"),
+        (
+            object("s='0' t='6'><repeat s='300' length='5' distance='1'/></object>"),
+            "stands at s = 300, off its road",
+        ),
+        (
+            swap(
+                "<line/>",
+                "<paramPoly3 aU='0' bU='200' cU='0' dU='0' aV='0' bV='0' cV='0' dV='0' pRange='foo'/>",
+            ),
+            "`pRange` is `foo`; write one of arcLength, normalized",
+        ),
+        (
+            swap(
+                "<link/>",
+                "<link><successor elementType='road' elementId='1' contactPoint='middle'/></link>",
+            ),
+            "`contactPoint` is `middle`; write one of start, end",
+        ),
+        (
+            swap("<link/>", "<link><successor elementType='street' elementId='1'/></link>"),
+            "`elementType` is `street`",
+        ),
+        (
+            swap("</lane>", "<width sOffset='0' a='3' b='0' c='0' d='0'/></lane>"),
+            "has two <width> with sOffset = 0",
+        ),
+        (straight("", "<road id='1' length='5'/>"), "has the id of a road before it"),
+        (swap("<lanes>", "<lanes layer='top'>"), "`layer` is `top`"),
+        (
+            object("s='1' t='6'><markings><marking width='wide'/></markings></object>"),
+            "`width` is `wide`",
+        ),
+        (
+            plain
+                .replace("length='200'", "length='50000'")
+                .replace("<line/>", "<arc curvature='1000'/>"),
+            "points of its lanes lie within 4 m",
+        ),
+    ];
+    for (text, told) in cases {
+        let error =
+            import_opendrive(&text, "m.xodr", 1, 20).map(|_| ()).expect_err(told).to_string();
+        assert!(error.starts_with("m.xodr: ") && error.contains(told), "{error}\nis not {told}");
+    }
+    // Records that say one thing twice, and widths below 0 by rounding, change nothing.
+    for text in [
+        swap("</lane>", "<width sOffset='0' a='3.5' b='0' c='0' d='0'/></lane>"),
+        swap("a='3.5' b='0'", "a='3.5' b='-0.01750001'"),
+    ] {
+        assert!(import_opendrive(&text, "m.xodr", 1, 20).is_ok());
+    }
+}
+
+#[test]
+fn parts_that_are_passed_over_are_counted() {
+    let objects = "<objects><object id='7' type='building' s='50' t='30' length='9' width='9'/>\
+                   <object id='8' type='barrier' s='0' t='8' height='1'><repeat s='150' length='90' distance='0' \
+                   tStart='8' tEnd='8' heightStart='1' heightEnd='1' widthStart='0.2' widthEnd='0.2'/></object></objects>";
+    let link = "<link><successor elementType='road' elementId='99' contactPoint='start'/></link>";
+    let text =
+        straight(objects, "").replace("<link/>", link).replace("revMinor='6'", "revMinor='3'");
+    let notes = super::super::opendrive::network(&text, "m").unwrap().notes;
+    for (told, doubt) in [
+        ("m: 1 objects have no `height` and lie flat on the ground, first object 7", false),
+        (
+            "m: 1 objects reach beyond the ends of their roads and are cut there, first object 8",
+            false,
+        ),
+        ("m: 1 links lead to roads or junctions that are not in the file, first to 99", false),
+        ("m: <header> states revMajor 1, revMinor 3", true),
+    ] {
+        let found = notes.iter().find(|note| note.text().starts_with(told));
+        assert_eq!(found.map(sightline_files::Note::is_doubt), Some(doubt), "{told}: {notes:?}");
+    }
+    let plain = super::super::opendrive::network(&straight("", ""), "m").unwrap().notes;
+    assert!(plain.is_empty(), "{plain:?}");
+}
+
+/// An outline of 50 000 corners takes no time of their square.
+#[test]
+fn outlines_of_many_corners_end_soon() {
+    let corner = |k: u32| {
+        let (sin, cos) = (f64::from(k) * std::f64::consts::TAU / 50_000.0).sin_cos();
+        format!("<cornerLocal u='{}' v='{}' z='0' height='4'/>", 8.0 * cos, 8.0 * sin)
+    };
+    let outline: String = (0..50_000).map(corner).collect();
+    let object = format!(
+        "<objects><object id='1' type='building' s='50' t='30' height='4'><outline>{outline}</outline></object></objects>"
+    );
+    let began = std::time::Instant::now();
+    let read = import_opendrive(&straight(&object, ""), "m.xodr", 1, 20);
+    let told = read.map(|_| ()).unwrap_err().to_string();
+    assert!(told.contains("50000 corners"), "{told}");
+    assert!(began.elapsed().as_secs() < 10);
+}

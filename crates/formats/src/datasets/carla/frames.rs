@@ -260,7 +260,6 @@ pub(super) fn read_poses(path: &Path) -> Result<PoseTable, DatasetError> {
     let at = |line: usize| {
         move |fault: String| DatasetError::Line { path: path.to_owned(), line: line + 1, fault }
     };
-    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
     let mut rows = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let titles = rows.next().map_or("", |(_, line)| line);
     let (columns, unknown) = PoseColumns::of(titles).map_err(at(0))?;

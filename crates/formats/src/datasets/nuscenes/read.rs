@@ -106,6 +106,9 @@ fn scenes(tables: &SourceTables, names: &[String]) -> Result<Vec<(String, String
         all.push((row.token, row.name));
         Ok(())
     })?;
+    if all.is_empty() {
+        return Err(DatasetError::NoSceneRow { path: tables.path("scene") });
+    }
     let find = |name: &String| {
         all.iter().find(|(_, known)| known == name).cloned().ok_or_else(|| DatasetError::NoScene {
             path: tables.path("scene"),

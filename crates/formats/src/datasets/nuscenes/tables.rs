@@ -3,7 +3,7 @@
 use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, HashSet};
 use std::fmt;
-use std::io::{BufReader, Read};
+use std::io::{BufRead, BufReader, Read};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
@@ -13,6 +13,7 @@ use serde::de::{DeserializeSeed, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use sightline_files::Note;
 use sightline_files::files::stays_inside;
+use sightline_files::json::is_utf_16;
 
 use super::{Unknown, Watched};
 use crate::datasets::{DatasetError, sequence};
@@ -213,7 +214,15 @@ impl SourceTables {
                 unknown: &unknown,
             },
         };
-        let metered = MeteredTable { file: BufReader::new(file), left: &left };
+        let mut file = BufReader::new(file);
+        let head = file.fill_buf();
+        let head = head.map_err(|source| DatasetError::Read { path: path.clone(), source })?;
+        if is_utf_16(head) {
+            return Err(DatasetError::NotUtf8 { path });
+        }
+        let marked = head.starts_with("\u{feff}".as_bytes());
+        file.consume(if marked { "\u{feff}".len() } else { 0 });
+        let metered = MeteredTable { file, left: &left };
         let mut json = serde_json::Deserializer::from_reader(metered);
         let read = each.deserialize(&mut json).and_then(|()| json.end());
         match (refused, read) {

@@ -169,6 +169,8 @@ fn points_move_as_the_quaternions_say_and_boxes_hold_theirs() {
     let folder = tempfile::tempdir().unwrap();
     let set = set();
     write(folder.path(), &set, &BOXES);
+    // A byte order mark changes nothing.
+    edit(folder.path(), "scene", "[", "\u{feff}[");
     let scene =
         read_nuscenes(folder.path(), Some("v1.0-mini"), &["scene-0061".into()]).unwrap().remove(0);
     let mut in_boxes = 0;
@@ -211,9 +213,50 @@ fn a_scene_of_boxes_stands_where_the_points_were() {
     let at = |actor, t| scene.actor_glide(actor, t).at(0.0).translation + start;
     // Actors by the tokens of their instances: the driving one has no row in frame 1.
     assert!(at(0, 1).distance(DVec3::new(612.0, 1597.2, 0.9)) < 1e-3, "{}", at(0, 1));
-    assert!(at(1, 2).distance(DVec3::new(612.0, 1604.0, 0.9)) < 1e-3, "{}", at(1, 2));
+    // Boxes stand where they are annotated, those of parked cars, too.
+    for (t, place) in
+        [[612.0, 1604.0, 0.9], [612.0, 1604.1, 0.9], [612.1, 1604.0, 0.9]].iter().enumerate()
+    {
+        assert!(at(1, t).distance(DVec3::from(*place)) < 1e-3, "{}", at(1, t));
+    }
     let tracks = scene.tracks();
     assert!(tracks.iter().all(|track| track.kind == ActorKind::Car && track.name == "vehicle.car"));
+}
+
+/// A walk of 0.2 m a frame, a turn on the spot, noise of 2 cm, and a thing that is not seen in the last frame.
+#[test]
+fn slow_actors_move_as_they_are_annotated() {
+    let (person, size) = ("human.pedestrian.adult", [0.6, 0.6, 1.8]);
+    let row = |name, k, x, y, yaw| (name, person, k, [600.0 + x, 1600.0 + y, 0.9], size, yaw);
+    let boxes = [
+        row("a-walks", 0, 9.0, 1.0, 0.0),
+        row("a-walks", 1, 9.0, 1.2, 0.0),
+        row("a-walks", 2, 9.0, 1.4, 0.0),
+        row("b-turns", 0, 9.0, 5.0, 0.0),
+        row("b-turns", 1, 9.0, 5.0, 0.5),
+        row("b-turns", 2, 9.0, 5.0, 1.0),
+        row("c-stands", 0, 9.0, 9.0, 0.0),
+        row("c-stands", 1, 9.02, 9.0, 0.01),
+        row("c-stands", 2, 9.0, 9.02, 0.0),
+        row("d-hides", 0, 9.0, -5.0, 0.0),
+        row("d-hides", 1, 9.0, -5.2, 0.0),
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), &set(), &boxes);
+    let sequence = read_nuscenes(folder.path(), None, &["scene-0061".into()]).unwrap().remove(0);
+    let imported = to_scene(&sequence, &ImportOptions { cell: 1.0 }).unwrap();
+    let scene = Scene::from_json(&imported.scene.to_string(), folder.path(), "scene.json").unwrap();
+    let pose = |actor, t| scene.actor_glide(actor, t).at(0.0);
+    let ys = |actor| [0, 1, 2].map(|t| (pose(actor, t).translation.y * 1000.0).round() / 1000.0);
+    assert_eq!(ys(0), [1.0, 1.2, 1.4]);
+    let heading = |t| (pose(1, t).rotation * DVec3::X).y;
+    for (t, yaw) in [0.0_f64, 0.5, 1.0].iter().enumerate() {
+        assert!((heading(t) - yaw.sin()).abs() < 1e-6);
+    }
+    assert_eq!(ys(2), [9.0; 3]);
+    // Within half a metre it stands where it was last seen, and does not wait below the street.
+    assert_eq!(ys(3), [-5.0, -5.2, -5.2]);
+    assert!((pose(3, 2).translation.z - pose(3, 1).translation.z).abs() < 1e-9);
 }
 
 type Spoil = fn(&Path);
@@ -226,7 +269,20 @@ fn edit(folder: &Path, table: &str, from: &str, to: &str) {
 }
 
 /// Faults planted in a good set, and how each error begins.
-const SPOILT: [(Spoil, &str); 23] = [
+const SPOILT: [(Spoil, &str); 25] = [
+    (
+        |d| std::fs::write(d.join("v1.0-mini/scene.json"), "[]").unwrap(),
+        "DIR/v1.0-mini/scene.json: lists no scene; give a set of at least one",
+    ),
+    (
+        |d| {
+            let path = d.join("v1.0-mini/sample.json");
+            let text = std::fs::read_to_string(&path).unwrap();
+            let bytes: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+            std::fs::write(path, bytes).unwrap();
+        },
+        "DIR/v1.0-mini/sample.json is not UTF-8 text; save it as UTF-8",
+    ),
     (
         |d| std::fs::remove_file(d.join("v1.0-mini/scene.json")).unwrap(),
         "DIR holds no folder with a scene.json; name the version",

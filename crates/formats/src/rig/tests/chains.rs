@@ -5,8 +5,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Matrix, difference, matrix, product, read};
+use super::{Matrix, difference, matrix, product, read, source};
 use crate::rig::frames::{compose, of_quaternion, turn};
+use crate::rig::{ImportSettings, import_texts};
 use sightline_scene::vehicle::SensorPose;
 
 fn pose(rng: &mut ChaCha8Rng, most_pitch: f64) -> SensorPose {
@@ -124,4 +125,83 @@ fn frames_of_a_nested_model_are_its_own() {
     assert_eq!(rig.lidars.len(), 1);
     let found = rig.lidars[0].pose.position();
     assert!((found - glam::DVec3::new(1.0, 3.0, 12.5)).length() < 1e-12, "{found}");
+}
+
+/// A robot whose link `a` stands at (1, 0, 2), with a LiDAR of a `<pose>` there.
+fn with_sensor(poses: &str) -> String {
+    format!(
+        "<robot name='r'><link name='base_link'/><link name='a'/><joint name='j' type='fixed'><origin xyz='1 0 2'/>\
+         <parent link='base_link'/><child link='a'/></joint><gazebo reference='a'>\
+         <sensor name='q' type='gpu_lidar'>{poses}</sensor></gazebo></robot>"
+    )
+}
+
+/// A sensor in URDF is SDF: its pose has the attributes of SDF.
+#[test]
+fn the_pose_of_a_sensor_in_urdf_is_one_of_sdf() {
+    let [right_angle, half] = [FRAC_PI_2, std::f64::consts::FRAC_PI_6];
+    for (pose, wanted) in [
+        ("<pose degrees='true'>0 0 0.05 0 30 0</pose>", [1.0, 0.0, 2.05, 0.0, half, 0.0]),
+        ("<pose relative_to='base_link'>1 1 3 0 0 0</pose>", [1.0, 1.0, 3.0, 0.0, 0.0, 0.0]),
+        ("<pose relative_to='a'>0 0 1 0 0 0</pose>", [1.0, 0.0, 3.0, 0.0, 0.0, 0.0]),
+        (
+            "<pose rotation_format='quat_xyzw'>0 0 1 0 0 0.7071067811865476 0.7071067811865476</pose>",
+            [1.0, 0.0, 3.0, 0.0, 0.0, right_angle],
+        ),
+    ] {
+        let imported = read(&with_sensor(pose)).unwrap();
+        assert_eq!(imported.rig.lidars.len(), 1, "{pose}");
+        let found = matrix(&imported.rig.lidars[0].pose);
+        assert!(difference(&found, &matrix(&SensorPose::from_values(wanted))) < 1e-14, "{pose}");
+    }
+    let fails = |pose: &str| read(&with_sensor(pose)).unwrap_err().to_string();
+    assert!(fails("<pose>0 0 1 0 0 0</pose><pose/>").contains("`q`.pose: `a second <pose>`"));
+    assert!(fails("<pose degree='true'>0 0 1 0 30 0</pose>").contains("pose.degree: `true`"));
+    // Sensors that hang on nothing, and links that are moved, are named.
+    let unread = with_sensor("").replace(
+        "</robot>",
+        "<gazebo><model/></gazebo><gazebo reference='a'><pose>9 0 0 0 0 0</pose></gazebo></robot>",
+    );
+    let notes = read(&unread).unwrap().notes;
+    for part in ["<gazebo>: <model> is not read", "<gazebo> of `a`: <pose> is not read"] {
+        assert!(
+            notes.iter().any(|note| note.is_doubt() && note.text().contains(part)),
+            "{notes:?}"
+        );
+    }
+}
+
+/// Poses of links, of sensors in either format, and of the base's own chain: each is doubted once.
+#[test]
+fn every_pose_on_the_way_to_the_base_is_doubted() {
+    let sdf = |base: &str, link: &str, sensor: &str| {
+        format!(
+            "<sdf version='1.9'><model name='m'><link name='base_link'>{base}</link><link name='l'>{link}\
+             <sensor name='lidar' type='gpu_lidar'>{sensor}</sensor></link></model></sdf>"
+        )
+    };
+    let odd = "<pose>1000 0 2000 0 90 0</pose>";
+    let doubts = |text: &str| -> Vec<String> {
+        let notes = read(text).unwrap().notes.into_iter().filter(|note| note.is_doubt());
+        notes.map(|note| note.text().to_owned()).filter(|text| !text.contains("ground")).collect()
+    };
+    for text in [sdf("", "", odd), sdf("", odd, ""), sdf(odd, "", ""), with_sensor(odd)] {
+        let all = doubts(&text);
+        assert_eq!(all.len(), 2, "{all:?}");
+        assert!(all[0].contains("pitch = 90") && all[1].contains("1000 mm are 1"), "{all:?}");
+    }
+    assert_eq!(doubts(&sdf("", "", "<pose>1 0 2 0 0.5 0</pose>")), [""; 0]);
+    assert!(doubts(&sdf("", "", odd))[0].starts_with("file: <link> `l`.<sensor>.pose: "));
+}
+
+#[test]
+fn a_lidar_may_be_the_root_that_the_base_hangs_on() {
+    let text = "<robot name='a'><link name='lidar'/><link name='base_link'/><joint name='j1' type='fixed'>\
+                <origin xyz='0 0 -1'/><parent link='lidar'/><child link='base_link'/></joint></robot>";
+    for frames in [Vec::new(), vec!["lidar".to_owned()]] {
+        let settings = ImportSettings { frames, ..ImportSettings::default() };
+        let imported = import_texts(&[source("file", text)], &settings).unwrap();
+        assert_eq!(imported.left_out, ["base_link"]);
+        assert_eq!(imported.rig.lidars[0].pose.values(), [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+    }
 }

@@ -85,6 +85,18 @@ fn each_fault_is_a_sentence() {
             robot(&[joint("a", "lidar"), joint("lidar", "a")]),
             &["file: <joint> `lidar_j`: the frames", "`a`, `lidar`", "loop"],
         ),
+        (
+            robot(&[joint("base_link", "lidar"), joint("lidar", "base_link")]),
+            &["file: <joint> `lidar_j`: the frames `base_link`, `lidar` hang", "loop"],
+        ),
+        (
+            robot(&[joint("base_link", "lidar"), joint("b", "c"), joint("c", "b")]),
+            &["the frames `c`, `b` hang on each other"],
+        ),
+        (
+            robot(&[joint("base_link", "lidar").replace("<child", "<parent link='b'/><child")]),
+            &["<joint> `lidar_j`.parent: `a second <parent>`"],
+        ),
         (robot(&[joint("lidar", "lidar")]), &["the frames `lidar` hang on each other"]),
         (
             robot(&[joint("map", "lidar")]),
@@ -272,6 +284,7 @@ fn one_of_several_placements_is_picked_by_name() {
         assert_eq!(pick(source, Some("b")).unwrap(), 2.0);
         let error = pick(source, None).unwrap_err().to_string();
         assert!(error.contains("several") && error.contains("`a`, `b`"), "{error}");
+        assert!(error.contains("--name NAME") && error.contains("FILE:NAME"), "{error}");
         assert!(
             pick(source, Some("c")).unwrap_err().to_string().contains("no placement is called `c`")
         );
@@ -307,6 +320,14 @@ fn a_large_file_is_not_read() {
     let error = crate::rig::import(&[path], &ImportSettings::default()).unwrap_err();
     assert!(matches!(error, RigError::File(_)), "{error}");
     assert!(error.to_string().contains("larger than the limit"), "{error}");
+    let path = folder.path().join("wide.urdf");
+    std::fs::write(
+        &path,
+        "<robot/>".encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>(),
+    )
+    .unwrap();
+    let error = crate::rig::import(&[path], &ImportSettings::default()).unwrap_err().to_string();
+    assert!(error.ends_with("wide.urdf: is UTF-16 text; save it as UTF-8"), "{error}");
     let error = crate::rig::import(&[folder.path().join("none.yaml")], &ImportSettings::default());
     assert!(error.unwrap_err().to_string().contains("cannot be read"));
     let error = crate::rig::import(&[folder.path().to_owned()], &ImportSettings::default());

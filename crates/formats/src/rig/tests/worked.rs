@@ -171,7 +171,12 @@ fn table(elevations: &[f64], offset: f64, azimuth: Option<[f64; 2]>) -> Lidar {
 
 /// Models of a vehicle with one LiDAR without a name, which sees nothing within half a metre.
 fn models(lidar: Lidar) -> Models {
-    let response = Response { min_range: 0.5, ..Response::usual(lidar.range()) };
+    turning(lidar, 12.5)
+}
+
+/// Like [`models`], of another number of turns a second.
+fn turning(lidar: Lidar, rate: f64) -> Models {
+    let response = Response { min_range: 0.5, rate, ..Response::usual(lidar.range()) };
     let (name, phase) = (SensorName::NONE, SpinPhase::Locked(0.0));
     Models::from(&Vehicle {
         name: String::new(),
@@ -214,7 +219,10 @@ fn what_a_format_cannot_say_is_said() {
     let list = models(Lidar::Directions { directions: vec![[1.0, 0.0, 0.0]], range: 9.0 });
     assert!(warnings(None, RigFormat::Urdf, &list).contains("list of directions"));
     assert!(warnings(Some("VLP-16"), RigFormat::Autoware, &none).contains("--optical-height"));
-    assert_eq!(warnings(Some("VLP-16"), RigFormat::Urdf, &none), "");
+    let usual = "10 turns a second are written for `lidar_0`: no other `rate` is given in the vehicle or its sensor files";
+    assert_eq!(warnings(Some("VLP-16"), RigFormat::Urdf, &none), usual);
+    let slow = turning(table(&[-9.0, 0.0], 0.0, None), 10.0);
+    assert_eq!(warnings(None, RigFormat::CarlaObjects, &slow), usual);
 
     let mut rig = worked(Some("VLP-16"));
     rig.lidars[0].pose.x = 3.5;
@@ -222,6 +230,24 @@ fn what_a_format_cannot_say_is_said() {
     let exported = export(&rig, RigFormat::Carla, &Mounting::default(), &none).unwrap();
     let all = exported.warnings.join("\n");
     assert!(all.contains("at most 2 LiDARs, here are 3") && all.contains("4.50 m"), "{all}");
+}
+
+/// 2 channels × 500 steps × 12.5 turns a second are 12 500 points a second.
+#[test]
+fn simulators_are_told_the_turns_a_second_of_the_model() {
+    let even = models(table(&[-9.0, 0.0], 0.0, None));
+    let text = |format| {
+        let files = export(&worked(None), format, &Mounting::default(), &even).unwrap().files;
+        files[0].text.split_whitespace().collect::<String>()
+    };
+    for format in [RigFormat::Urdf, RigFormat::Sdf] {
+        assert!(text(format).contains("<update_rate>12.5</update_rate>"), "{}", text(format));
+    }
+    for format in [RigFormat::Carla, RigFormat::CarlaObjects] {
+        for part in ["\"rotation_frequency\":12.5", "\"points_per_second\":12500"] {
+            assert!(text(format).contains(part), "{}", text(format));
+        }
+    }
 }
 
 #[test]
@@ -233,6 +259,7 @@ fn a_table_of_channels_is_a_fan_even_or_not() {
         range: 80.0,
         azimuth_steps: 500,
         azimuth: None,
+        rate: 10.0,
         is_even: true,
     };
     assert_eq!(wanted.points_a_second(), 15_000);

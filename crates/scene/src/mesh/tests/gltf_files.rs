@@ -61,6 +61,10 @@ fn gltf_faults_never_panic() {
         (triangle_gltf(2, 40, 4_000_000), "reaches past its buffer"),
         (good.replace(r#""mesh":0,"#, r#""mesh":0,"children":[0],"#), "two parents"),
         (good.replace(r#""byteOffset":36"#, r#""byteOffset":3600"#), "reaches past its buffer"),
+        (
+            good.replace(r#""version":"2.0""#, r#""version":"2.1","minVersion":"2.1""#),
+            "needs version \"2.1\" (`minVersion`); export glTF 2.0",
+        ),
         (good.replace("5121", "5126"), "not whole numbers"),
         (good.replace(r#""scene":0,"scenes":[{"nodes":[0]}],"#, ""), "no scene"),
     ];

@@ -27,6 +27,18 @@ fn obj_coordinates_keep_their_millimetres() {
     assert_eq!(mesh.materials, [None]);
 }
 
+/// A bow tie of the unit square has no area in all: its halves turn in opposite ways.
+#[test]
+fn a_symmetric_bow_tie_is_doubted() {
+    let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+    let notes = |more: &str| obj::read(format!("{square}{more}").as_bytes()).unwrap().notes;
+    let [note] = &notes("f 1 3 2 4\n")[..] else { panic!("no note") };
+    assert!(note.is_doubt() && note.text().starts_with("1 of 1 faces cross themselves"), "{note}");
+    // A face on a line has no area, and crosses nothing.
+    assert!(notes("v 0.1 0.3 0\nv 0.2 0.6 0\nv 0.3 0.9 0\nf 1 5 6 7\n").is_empty());
+    assert!(notes("f 1 2 3 4\n").is_empty());
+}
+
 #[test]
 fn obj_faults_name_their_line() {
     let cases = [

@@ -25,6 +25,11 @@ fn ply_faults_are_told_before_memory_is_spent() {
     let body = "0 0 0\n1 0 0\n1 1 0\n3 0 1 2 40\n3 0 1 7 50\n";
     let cases = [
         (ascii_ply("4000000000", body), "element vertex", "4000000000 announced"),
+        (
+            ascii_ply("3", body).replace("ascii 1.0", "ascii 2.0"),
+            "header line 2",
+            "is of version \"2.0\"; export PLY 1.0",
+        ),
         (ascii_ply("3", body), "face 1", "refers to vertex 7, there are 3"),
         (ascii_ply("3", &body.replace("3 0 1 7 50\n", "")), "face 1", "unexpected end"),
         (ascii_ply("3", &body.replace("1 1 0", "1 NaN 0").replace('7', "2")), "vertex 2", "NaN"),

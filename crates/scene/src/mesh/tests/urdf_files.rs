@@ -131,6 +131,20 @@ fn faults_name_their_link_or_joint_and_the_mend() {
         ),
         (robot("<link/>"), "link: <link> lacks `name`; add it"),
         (shape(""), "link `l`: <visual> has no <geometry>; give a box, cylinder, sphere or mesh"),
+        (
+            geometry("<box size=\"1 1 1\"/><sphere radius=\"1\"/>"),
+            "link `l`: <geometry> has a second shape, <sphere>; give each a <visual> of its own",
+        ),
+        (
+            shape("<geometry><sphere radius=\"1\"/></geometry><geometry/>"),
+            "link `l`: has a second <geometry>; leave one out",
+        ),
+        (
+            robot(
+                &(two.clone() + &fixed("a", "b").replace("<child", "<parent link=\"b\"/><child")),
+            ),
+            "joint `a_b`: has a second <parent>; leave one out",
+        ),
         (geometry("<capsule/>"), "link `l`: <capsule> is not read; give a box,"),
         (geometry("<box size=\"1 0 1\"/>"), "link `l`: size of 0 is not a length above 0"),
         (geometry("<sphere/>"), "link `l`: <sphere> lacks `radius`; add it"),

@@ -45,6 +45,29 @@ pub(super) fn column(cells: &[&str], title: &str) -> Option<usize> {
     cells.iter().position(|cell| begins(cell, title))
 }
 
+/// The only column whose title begins with `title`.
+///
+/// # Errors
+/// A second such column: nothing says which of the two counts.
+fn sole_column(
+    at: &Location,
+    titles: &[&str],
+    title: &str,
+) -> Result<Option<usize>, DescriptionError> {
+    let found = column(titles, title);
+    let next = found.map_or(titles.len(), |first| first + 1);
+    match titles[next..].iter().find(|cell| begins(cell, title)) {
+        Some(second) => {
+            let wanted = format!(
+                "the only column of that title; {:?} is another, delete one",
+                titles[next - 1]
+            );
+            Err(bad(at, quoted(second), wanted))
+        }
+        None => Ok(found),
+    }
+}
+
 /// True if a title begins with a word, whatever its case.
 fn begins(cell: &str, word: &str) -> bool {
     cell.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word))
@@ -97,7 +120,7 @@ pub(super) fn parse_hesai(at: &Location, text: &str) -> Result<SensorPattern, De
     let (line, titles) = rows.next().unwrap_or_default();
     let title_at = at_line(at, line);
     let find = |title| {
-        let column = column(&titles, title).ok_or_else(|| {
+        let column = sole_column(&title_at, &titles, title)?.ok_or_else(|| {
             bad(&title_at, quoted(&titles.join(",")), format!("a row of titles with `{title}`"))
         })?;
         in_degrees(&title_at, titles[column]).map(|()| column)
@@ -112,7 +135,8 @@ pub(super) fn parse_hesai(at: &Location, text: &str) -> Result<SensorPattern, De
         return Err(bad(&title_at, quoted(&titles.join(",")), wanted));
     }
     let azimuth = if has_offsets { Some(find("azimuth")?) } else { None };
-    let number = column(&titles, "channel").or(column(&titles, "laser"));
+    let of_channel = sole_column(&title_at, &titles, "channel")?;
+    let number = of_channel.or(sole_column(&title_at, &titles, "laser")?);
     let mut numbers = BTreeSet::new();
     let mut channels = Vec::new();
     for (line, cells) in rows.filter(|(_, cells)| !is_checksum(cells)) {
@@ -245,7 +269,7 @@ fn doubts(at: &Location, [across, zenith]: [f64; 2], taken: usize, samples: u64)
 /// Columns of time, azimuth and zenith by their titles.
 fn columns_of(at: &Location, titles: &[&str]) -> Result<[usize; 3], DescriptionError> {
     let find = |title| {
-        column(titles, title).ok_or_else(|| {
+        sole_column(at, titles, title)?.ok_or_else(|| {
             let wanted = format!("a row of titles with `{title}`");
             bad(at, quoted(&titles.join(",")), wanted)
         })

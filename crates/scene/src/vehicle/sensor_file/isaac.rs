@@ -236,15 +236,10 @@ fn measures(
     let stated = within("minReflectanceRange", profile.min_reflectance_range, 0.1, 1e4)?;
     // The power of an echo goes with the reflectance over the square of the range.
     let rated_range = stated.map(|stated| stated * (RATED / reflectance).sqrt());
-    if let Some((rated, range)) = rated_range.zip(range).filter(|(rated, range)| rated > range) {
-        notes.push(Note::doubt(format!(
-            "{at}: a range of {} m at 10 % reflectance lies beyond `farRangeM`, {range} m: a value of a template? \
-             Give `response.rated_range`.",
-            (rated * 1e3).round() / 1e3
-        )));
-    }
     let rate = within("scanRateBaseHz", profile.scan_rate_base_hz, 1e-3, 1e4)?;
-    Ok(Measures { range, min_range, rated_range, noise, rate })
+    let measures = Measures { range, min_range, rated_range, noise, rate };
+    notes.extend(pattern::rated_too_far(at, &measures, "farRangeM"));
+    Ok(measures)
 }
 
 /// Emitters as channels; of several states, each fires at every n-th column, one column after the other.

@@ -211,8 +211,10 @@ fn facts(
         config.as_ref().and_then(|config| pattern::unknown(&config_at, &config.rest, PASSED)),
     );
     let (mode, window) = config.map_or((None, None), |c| (c.lidar_mode, c.azimuth_window));
-    facts.mode = text(&at.key("lidar_mode"), mode.or(file.lidar_mode), notes);
-    facts.azimuth_window = window.or(file.azimuth_window);
+    let mode = first_of(&at.key("lidar_mode"), mode, file.lidar_mode, notes);
+    facts.mode = text(&at.key("lidar_mode"), mode, notes);
+    let window_at = at.key("azimuth_window");
+    facts.azimuth_window = first_of(&window_at, window, file.azimuth_window, notes);
     for (key, format) in
         [("lidar_data_format", file.lidar_data_format), ("data_format", file.data_format)]
     {
@@ -221,9 +223,13 @@ fn facts(
             continue;
         };
         notes.extend(pattern::unknown(&format_at, &format.rest, PASSED));
-        facts.columns = facts.columns.or(format.columns_per_frame);
-        facts.column_window = facts.column_window.or(format.column_window);
-        facts.rows = facts.rows.or(format.pixels_per_column);
+        let key = |key| format_at.key(key);
+        facts.columns =
+            first_of(&key("columns_per_frame"), facts.columns, format.columns_per_frame, notes);
+        facts.column_window =
+            first_of(&key("column_window"), facts.column_window, format.column_window, notes);
+        facts.rows =
+            first_of(&key("pixels_per_column"), facts.rows, format.pixels_per_column, notes);
     }
     let lidar_at = at.key("lidar_intrinsics");
     let lidar = file.lidar_intrinsics.and_then(|lidar| lidar.or_note(&lidar_at, notes));
@@ -245,6 +251,23 @@ fn facts(
         }
     };
     Ok(facts)
+}
+
+/// The first of two places of one fact; a doubt where the second, at `at`, says something else.
+fn first_of<T: PartialEq + std::fmt::Debug>(
+    at: &Location,
+    first: Option<T>,
+    second: Option<T>,
+    notes: &mut Vec<Note>,
+) -> Option<T> {
+    if let (Some(first), Some(second)) = (&first, &second)
+        && first != second
+    {
+        notes.push(Note::doubt(format!(
+            "{at}: {second:?}, and another place of the file says {first:?}; the latter is read. Correct one of the two."
+        )));
+    }
+    first.or(second)
 }
 
 /// A text that no beam depends on.

@@ -241,6 +241,18 @@ pub(super) fn doubts(at: &Location, beams: &Beams) -> Vec<Note> {
     notes
 }
 
+/// A doubt about a range at 10 % reflectance beyond the largest range, which stands under `key`.
+pub(super) fn rated_too_far(at: &Location, measures: &Measures, key: &str) -> Option<Note> {
+    let both = measures.rated_range.zip(measures.range);
+    both.filter(|(rated, range)| rated > range).map(|(rated, range)| {
+        Note::doubt(format!(
+            "{at}: a range of {} m at 10 % reflectance lies beyond `{key}`, {range} m: a value of a template? \
+             Give `response.rated_range`.",
+            (rated * 1e3).round() / 1e3
+        ))
+    })
+}
+
 /// A doubt about elevations that look like radians: spread over less than a degree, or within ±π/2 in steps
 /// finer than sensors have.
 fn narrow(at: &Location, channels: &[Channel]) -> Option<Note> {

@@ -65,6 +65,12 @@ pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, Descript
     let model = table.name.map(|name| check::name(&at.key("name"), name)).transpose()?;
     let steps =
         [("azimuth_steps", table.azimuth_steps), ("columns_per_frame", table.columns_per_frame)];
+    if let [(_, Some(steps)), (key, Some(columns))] = steps
+        && steps != columns
+    {
+        let wanted = format!("{steps}, as `azimuth_steps` says; correct one of the two");
+        return Err(check::bad(&at.key(key), columns, wanted));
+    }
     let steps = steps.into_iter().find_map(|(key, steps)| Some((at.key(key), steps?)));
     let steps = steps.map(|(at, steps)| check::count(&at, steps, 1, MAX_COLUMNS));
     let window =
@@ -85,6 +91,7 @@ pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, Descript
         rate,
     };
     let mut notes: Vec<Note> = pattern::unknown(at, &table.rest, PASSED).into_iter().collect();
+    notes.extend(pattern::rated_too_far(at, &measures, "range"));
     // A sentence for people; no program can be sure of its meaning.
     notes.extend(table.azimuth_sign.filter(|_| offsets.iter().any(|offset| *offset != 0.0)).map(|sentence| {
         let sentence: String = sentence.to_string().chars().take(120).collect();

@@ -188,3 +188,43 @@ fn facts_are_a_table() {
         "{said}"
     );
 }
+
+/// Two values of one fact: refused where they decide the beams, else a doubt that has both.
+#[test]
+fn conflicting_values_are_told() {
+    let twice = "Channel,Elevation,Elevation,Azimuth\n1,15,16,-2\n2,14,13,1\n";
+    let told = message(twice);
+    assert!(
+        told.starts_with("f: line 1: \"Elevation\" is not the only column of that title"),
+        "{told}"
+    );
+    assert!(message("Channel,Channel,Elevation\n1,2,15\n").contains("\"Channel\" is not the only"));
+    assert!(
+        message("Time,Azimuth,Zenith,Zenith\n0,1,90,91\n").contains("\"Zenith\" is not the only")
+    );
+    let table = |more: &str| format!(r#"{{"elevation_deg": [-15, 0], {more}}}"#);
+    let told = message(table(r#""azimuth_steps": 100, "columns_per_frame": 200"#));
+    assert_eq!(
+        told,
+        "f: columns_per_frame: 200 is not 100, as `azimuth_steps` says; correct one of the two"
+    );
+    assert!(read(table(r#""azimuth_steps": 100, "columns_per_frame": 100"#)).is_ok());
+    let rated = read(table(r#""azimuth_steps": 100, "range": 50, "rated_range": 80"#)).unwrap();
+    assert!(rated.notes[0].is_doubt(), "{}", notes(&rated));
+    assert!(
+        notes(&rated).contains("a range of 80 m at 10 % reflectance lies beyond `range`, 50 m")
+    );
+    let near = read(table(r#""azimuth_steps": 100, "range": 50, "rated_range": 50"#)).unwrap();
+    assert!(near.notes.is_empty(), "{}", notes(&near));
+    for (more, both) in [
+        (r#", "config_params": {"lidar_mode": "512x10"}"#, ["1024x20", "512x10"]),
+        (
+            r#", "lidar_data_format": {"columns_per_frame": 1024}, "data_format": {"columns_per_frame": 512}"#,
+            ["512", "1024"],
+        ),
+    ] {
+        let pattern = read(ouster(more)).unwrap();
+        let doubt = pattern.notes.iter().find(|note| note.is_doubt()).unwrap().text();
+        assert!(both.iter().all(|value| doubt.contains(value)), "{doubt}");
+    }
+}

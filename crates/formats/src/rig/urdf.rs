@@ -1,0 +1,182 @@
+//! Rigs in URDF: read and written.
+//!
+//! Joints with `<origin xyz rpy>`, `R = Rz·Ry·Rx`, in metres and radians. The content of `<gazebo>` is SDF.
+//!
+//! Read: `<joint>` (type, origin, parent, child), `<gazebo reference>` with `<sensor>` and its `<pose>`. Passed over, because
+//! no pose depends on it: links' shapes and masses, limits, axes, transmissions, materials.
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+
+use roxmltree::Node;
+use sightline_files::Note;
+use sightline_files::json::{Location, written};
+use sightline_scene::vehicle::SensorPose;
+
+use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
+use super::yaml::wrong;
+use super::{BASE_LINK, Models, Mounting, Rig, RigError, RigSource, sdf, yaml};
+
+/// Kinds of joints that move. Each frame behind one is taken where the joint stands at 0.
+const MOVING: [&str; 5] = ["continuous", "floating", "planar", "prismatic", "revolute"];
+
+/// A rotation as a quaternion, in place of `rpy`.
+const QUATERNION: &str = "quat_xyzw";
+/// Elements of a joint: the first three are read, no pose at rest depends on the others.
+const OF_JOINT: [&str; 10] = [
+    "origin",
+    "parent",
+    "child",
+    "axis",
+    "calibration",
+    "dynamics",
+    "hardwareInterface",
+    "limit",
+    "mimic",
+    "safety_controller",
+];
+
+/// Reads every joint, and the LiDARs that Gazebo is told of.
+pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
+    let file = &source.file;
+    let unexpanded = || RigError::Xacro { file: file.clone() };
+    let document = yaml::parse(&source.text, file).map_err(|error| match error {
+        // A prefix that no attribute declares is no XML with namespaces.
+        RigError::Syntax { .. } if source.text.contains("<xacro:") => unexpanded(),
+        error => error,
+    })?;
+    if document.descendants().any(is_xacro) {
+        return Err(unexpanded());
+    }
+    let robot = document.root_element();
+    frames.name = robot.attribute("name").map(str::to_owned);
+    for joint in robot.children().filter(|node| node.has_tag_name("joint")) {
+        read_joint(joint, file, frames)?;
+    }
+    for gazebo in robot.children().filter(|node| node.has_tag_name("gazebo")) {
+        let reference = gazebo.attribute("reference");
+        doubt_unread(gazebo, reference, file, frames);
+        if let Some(link) = reference {
+            sdf::read_sensors(gazebo, link, "", file, frames)?;
+        }
+    }
+    Ok(())
+}
+
+/// Doubts of elements that Gazebo places by, and that are not read here.
+fn doubt_unread(gazebo: Node, reference: Option<&str>, file: &str, frames: &mut FrameTree) {
+    let (unread, place): (&[&str], _) = match reference {
+        Some(link) => (&["pose"], format!("<gazebo> of `{link}`")),
+        None => (&["frame", "include", "joint", "link", "model", "sensor"], "<gazebo>".to_owned()),
+    };
+    let tags = gazebo.children().filter(Node::is_element).map(|node| node.tag_name().name());
+    let tags: BTreeSet<&str> = tags.filter(|tag| unread.contains(tag)).collect();
+    frames.notes.extend(tags.into_iter().map(|tag| {
+        Note::doubt(format!(
+            "{file}: {place}: <{tag}> is not read; place it by a <joint>, and give a <sensor> a reference"
+        ))
+    }));
+}
+
+/// True if an element is one of xacro, or an attribute of it waits for xacro.
+fn is_xacro(node: Node) -> bool {
+    let waits = |value: &str| value.contains("${") || value.contains("$(");
+    node.tag_name().namespace().is_some_and(|space| space.contains("xacro"))
+        || node.attributes().any(|attribute| waits(attribute.value()))
+}
+
+/// The `<origin>` of a joint. Other elements than URDF's are doubts; a second origin, or one of unknown attributes, is an
+/// error, since the pose would be another.
+fn origin_of<'a, 'i>(
+    joint: Node<'a, 'i>,
+    at: &Location,
+    frames: &mut FrameTree,
+) -> Result<Option<Node<'a, 'i>>, RigError> {
+    let elements = joint.children().filter(Node::is_element);
+    for element in elements.filter(|element| element.tag_name().namespace().is_none()) {
+        let name = element.tag_name().name();
+        if !OF_JOINT.contains(&name) {
+            frames.notes.push(Note::doubt(format!("{at}: <{name}>: not known here, and not read")));
+        }
+    }
+    let mut origins = joint.children().filter(|node| node.has_tag_name("origin"));
+    let origin = origins.next();
+    let at = at.key("origin");
+    if origins.next().is_some() {
+        return Err(wrong(&at, "a second <origin>", "one <origin>"));
+    }
+    let known = |name: &str| ["xyz", "rpy", QUATERNION].contains(&name);
+    let odd = origin.and_then(|origin| origin.attributes().find(|a| !known(a.name())));
+    match odd {
+        Some(odd) => {
+            Err(wrong(&at.key(odd.name()), odd.value(), "no attribute but xyz, rpy or quat_xyzw"))
+        }
+        None => Ok(origin),
+    }
+}
+
+/// Adds the frame of a joint's child.
+fn read_joint(joint: Node, file: &str, frames: &mut FrameTree) -> Result<(), RigError> {
+    let at = yaml::place(joint, file);
+    let link = |key: &str| {
+        let missing = || RigError::Missing { at: Box::new(at.clone()), key: format!("<{key}>") };
+        let mut all = joint.children().filter(|node| node.has_tag_name(key));
+        let element = all.next().ok_or_else(missing)?;
+        if all.next().is_some() {
+            let (value, wanted) = (format!("a second <{key}>"), "one of each element");
+            return Err(wrong(&at.key(key), value, wanted));
+        }
+        yaml::attribute(element, "link", &at.key(key)).map(str::to_owned)
+    };
+    let origin = origin_of(joint, &at, frames)?;
+    let triple = |key: &str| {
+        let text = origin.and_then(|origin| origin.attribute(key));
+        text.map_or(Ok([0.0; 3]), |text| {
+            yaml::numbers_of_text(text, &at.key(&format!("origin.{key}")), "three numbers")
+        })
+    };
+    let kind = yaml::attribute(joint, "type", &at)?;
+    if kind != "fixed" && !MOVING.contains(&kind) {
+        let wanted = "fixed, continuous, revolute, prismatic, planar or floating";
+        return Err(wrong(&at.key("type"), kind, wanted));
+    }
+    let ([x, y, z], [roll, pitch, yaw]) = (triple("xyz")?, triple("rpy")?);
+    let pose = match origin.and_then(|origin| origin.attribute(QUATERNION)) {
+        None => SensorPose::from_values([x, y, z, roll, pitch, yaw]),
+        Some(text) => {
+            let at = at.key("origin").key(QUATERNION);
+            let quaternion = yaml::numbers_of_text(text, &at, "four numbers: x y z w")?;
+            of_quaternion([x, y, z], quaternion, &at)?
+        }
+    };
+    let (name, parent) = (link("child")?, link("parent")?);
+    if kind != "fixed" {
+        let joint = joint.attribute("name").unwrap_or_default();
+        frames.moves(&name, format!("`{joint}` ({kind})"));
+    }
+    frames.add(RigFrame { name, parent, pose, holds: FrameContent::Unsaid, at })
+}
+
+/// A robot of `base_link` and one link a LiDAR.
+pub(super) fn write(rig: &Rig, mounting: &Mounting, models: &Models) -> String {
+    let mut text = format!(
+        "<?xml version=\"1.0\"?>\n<robot name=\"{}\"{}>\n  <link name=\"{BASE_LINK}\"/>\n",
+        yaml::escape(&rig.name),
+        sdf::namespace(rig)
+    );
+    for lidar in &rig.lidars {
+        let sensor = lidar.sensor.as_deref();
+        let (foot, height) = mounting.foot(&lidar.frame, sensor, &lidar.pose);
+        let [x, y, z, roll, pitch, yaw] = foot.values().map(written);
+        let frame = yaml::escape(&lidar.frame);
+        let _ = write!(
+            text,
+            "  <link name=\"{frame}\"/>\n  <joint name=\"{frame}_joint\" type=\"fixed\">\n    \
+             <origin xyz=\"{x} {y} {z}\" rpy=\"{roll} {pitch} {yaw}\"/>\n    \
+             <parent link=\"{BASE_LINK}\"/>\n    <child link=\"{frame}\"/>\n  </joint>\n  \
+             <gazebo reference=\"{frame}\">\n{}  </gazebo>\n",
+            sdf::sensor_element(lidar, height, models, "    ")
+        );
+    }
+    text + "</robot>\n"
+}

@@ -1,0 +1,255 @@
+//! Values of an OpenDRIVE document that the library would read with a silent default: words, records that stand twice,
+//! widths below 0, places beyond a road, links to nothing.
+
+use std::collections::{BTreeSet, HashMap};
+
+use roxmltree::{Document, Node};
+use sightline_files::Note;
+
+use super::document::{number_or_0 as number, shown};
+
+/// Words of a truth value.
+const TRUTH: &[&str] = &["true", "false", "1", "0"];
+const ENDS: &[&str] = &["start", "end"];
+const KINDS: &[&str] = &["road", "junction"];
+/// Words that an attribute of an element may have, in any case. An empty text counts as none.
+const WORDS: &[(&str, &str, &[&str])] = &[
+    ("paramPoly3", "pRange", &["arcLength", "normalized"]),
+    ("predecessor", "contactPoint", ENDS),
+    ("successor", "contactPoint", ENDS),
+    ("connection", "contactPoint", ENDS),
+    ("predecessor", "elementType", KINDS),
+    ("successor", "elementType", KINDS),
+    ("junction", "type", &["default", "common", "direct", "virtual", "crossing"]),
+    ("connection", "type", &["default", "virtual"]),
+    ("lanes", "layer", &["permanent", "temporary"]),
+    ("laneSection", "singleSide", TRUTH),
+    ("lane", "level", TRUTH),
+    ("crossfall", "side", &["left", "right", "both"]),
+    ("object", "perpToRoad", TRUTH),
+    ("repeat", "detachFromReferenceLine", TRUTH),
+    ("outline", "closed", TRUTH),
+    ("outline", "outer", TRUTH),
+    ("signal", "orientation", &["+", "-", "none"]),
+    ("signal", "dynamic", &["yes", "no"]),
+];
+
+/// Records that each begin at a place of their own: the parent, the record, the attributes of the place.
+const RECORDS: &[(&str, &str, &[&str])] = &[
+    ("planView", "geometry", &["s"]),
+    ("elevationProfile", "elevation", &["s"]),
+    ("lateralProfile", "superelevation", &["s"]),
+    ("lateralProfile", "crossfall", &["s", "side"]),
+    ("lateralProfile", "shape", &["s", "t"]),
+    ("lanes", "laneOffset", &["s"]),
+    ("lane", "width", &["sOffset"]),
+    ("lane", "border", &["sOffset"]),
+    ("lane", "height", &["sOffset"]),
+];
+
+/// Metres below 0 that rounding leaves of a lane's width.
+const NARROWEST: f64 = -0.01;
+/// Shortest stretch whose width is followed beyond its start, in metres.
+const SHORTEST: f64 = 0.1;
+/// Metres beyond the end of a road that rounding leaves.
+const BEYOND: f64 = 1e-3;
+/// Most corners of an outline: the time to fill it grows with their square.
+const MOST_CORNERS: usize = 10_000;
+/// Types of objects that lie flat on the ground without a word.
+const FLAT: &[&str] = &["crosswalk", "roadMark", "parkingSpace", "patch", "roadSurface"];
+
+/// Checks an element for values that change geometry or ways.
+///
+/// # Errors
+/// The value, and a remedy, in words that follow the element's place.
+pub(super) fn check(node: Node<'_, '_>, name: &str) -> Result<(), String> {
+    for (_, attribute, words) in WORDS.iter().filter(|(known, ..)| *known == name) {
+        let value = node.attribute(*attribute).map(str::trim).filter(|value| !value.is_empty());
+        let Some(value) = value else { continue };
+        if !words.iter().any(|word| word.eq_ignore_ascii_case(value)) {
+            let words = words.join(", ");
+            return Err(format!("`{attribute}` is `{}`; write one of {words}", shown(value)));
+        }
+    }
+    repeated(node, name)?;
+    match name {
+        "object" | "objectReference" => on_its_road(node),
+        "outline" | "polyline" => {
+            let corners = node.children().filter(Node::is_element).count();
+            if corners > MOST_CORNERS {
+                return Err(format!(
+                    "has {corners} corners, at most {MOST_CORNERS} are read; thin them out"
+                ));
+            }
+            Ok(())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Refuses a record at the place of another one, with other values.
+fn repeated(node: Node<'_, '_>, name: &str) -> Result<(), String> {
+    for (_, record, keys) in RECORDS.iter().filter(|(parent, ..)| *parent == name) {
+        let mut seen: HashMap<Vec<String>, Node<'_, '_>> = HashMap::new();
+        for here in node.children().filter(|child| child.has_tag_name(*record)) {
+            let place = |key: &'static str| match here.attribute(key) {
+                Some(text) => {
+                    text.trim().parse().map_or(text.to_owned(), |v: f64| format!("{v:?}"))
+                }
+                None => String::new(),
+            };
+            let Some(before) = seen.insert(keys.iter().copied().map(place).collect(), here) else {
+                continue;
+            };
+            let is_same = before.attributes().len() == here.attributes().len()
+                && here.attributes().all(|a| before.attribute(a.name()) == Some(a.value()))
+                && *record != "geometry";
+            if !is_same {
+                let key = keys[0];
+                let value = shown(here.attribute(key).unwrap_or_default());
+                return Err(format!(
+                    "has two <{record}> with {key} = {value} and other values; leave one out"
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a width that falls below 0 before the next record, `length` metres on.
+///
+/// # Errors
+/// The width, and a remedy.
+pub(super) fn wide(node: Node<'_, '_>, length: f64) -> Result<(), String> {
+    let [a, b, c, d] = ["a", "b", "c", "d"].map(|name| number(node, name));
+    let at = |x: f64| a + x * (b + x * (c + x * d));
+    // Ends of the stretch, and where the derivative b + 2cx + 3dx² is 0.
+    let root = (c * c - 3.0 * b * d).max(0.0).sqrt();
+    let turns = if d == 0.0 {
+        [-b / (2.0 * c); 2]
+    } else {
+        [(-c - root) / (3.0 * d), (-c + root) / (3.0 * d)]
+    };
+    // Programs end a section by a stretch of a centimetre, whose polynomial is any.
+    let length = if length < SHORTEST { 0.0 } else { length };
+    let inside = turns.into_iter().filter(|x| *x > 0.0 && *x < length);
+    let lowest = inside.chain([0.0, length]).map(|x| (at(x), x)).min_by(|p, q| p.0.total_cmp(&q.0));
+    match lowest {
+        Some((width, x)) if width < NARROWEST => Err(format!(
+            "is a width of {width:.3} m at {x:.2} m from its start; write coefficients of 0 or more metres"
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Length of the road that an element stands on, in metres.
+fn road_length(node: Node<'_, '_>) -> Option<f64> {
+    let road = node.ancestors().find(|n| n.has_tag_name("road"))?;
+    Some(number(road, "length"))
+}
+
+/// Stretches of an object along its road: its repeats, else its own place.
+fn stretches<'a, 'i: 'a>(object: Node<'a, 'i>) -> impl Iterator<Item = [f64; 2]> + 'a {
+    let repeats = object.children().filter(|n| n.has_tag_name("repeat"));
+    let stretch = |n: Node<'_, '_>| [number(n, "s"), number(n, "s") + number(n, "length")];
+    let own = object.children().all(|n| !n.has_tag_name("repeat"));
+    let own = own.then(|| [number(object, "s"); 2]);
+    own.into_iter().chain(repeats.map(stretch))
+}
+
+/// Refuses an object that stands beyond the ends of its road.
+fn on_its_road(object: Node<'_, '_>) -> Result<(), String> {
+    let Some(length) = road_length(object) else { return Ok(()) };
+    let is_off = |[from, to]: &[f64; 2]| *to < -BEYOND || *from > length + BEYOND;
+    match stretches(object).find(is_off) {
+        Some([from, _]) => Err(format!(
+            "stands at s = {from}, off its road of {length} m; write an s of 0 to {length}"
+        )),
+        None => Ok(()),
+    }
+}
+
+/// Parts of objects that are passed over, and links that lead nowhere, each counted in a note.
+pub(super) fn notes(xml: &Document<'_>, file: &str) -> Vec<Note> {
+    let objects: Vec<Node<'_, '_>> =
+        xml.descendants().filter(|node| node.has_tag_name("object")).collect();
+    let past = objects.iter().filter(|object| reaches_past(**object));
+    let low = objects.iter().filter(|object| has_no_height(**object));
+    let what = |found: Vec<&Node<'_, '_>>, words: &str| {
+        let first = shown(found.first()?.attribute("id").unwrap_or("without an id"));
+        let text = format!("{file}: {} objects {words}, first object {first}", found.len());
+        Some(Note::fact(text))
+    };
+    let past = what(past.collect(), "reach beyond the ends of their roads and are cut there");
+    let low = what(low.collect(), "have no `height` and lie flat on the ground");
+    [past, low, loose_links(xml, file), versions(xml, file)].into_iter().flatten().collect()
+}
+
+/// True if a part of an object is beyond an end of its road.
+fn reaches_past(object: Node<'_, '_>) -> bool {
+    let Some(length) = road_length(object) else { return false };
+    stretches(object).any(|[from, to]| from < -BEYOND || to > length + BEYOND)
+}
+
+/// True for an object with a footprint that should stand up, and nothing that says how high.
+fn has_no_height(object: Node<'_, '_>) -> bool {
+    let above_0 = |node: Node<'_, '_>, name: &str| number(node, name) > 0.0;
+    let flat = object.attribute("type").is_some_and(|kind| FLAT.contains(&kind));
+    let footprint =
+        above_0(object, "radius") || (above_0(object, "length") && above_0(object, "width"));
+    let shaped = |n: Node<'_, '_>| {
+        ["outlines", "outline", "skeleton"].iter().any(|tag| n.has_tag_name(*tag))
+            || above_0(n, "heightStart")
+            || above_0(n, "heightEnd")
+    };
+    !flat && footprint && !above_0(object, "height") && !object.children().any(shaped)
+}
+
+/// A note of links of roads and junctions whose goal is not in the document.
+fn loose_links(xml: &Document<'_>, file: &str) -> Option<Note> {
+    let top = || xml.root_element().children();
+    let ids = |tag: &'static str| -> BTreeSet<&str> {
+        top().filter(|n| n.has_tag_name(tag)).filter_map(|n| n.attribute("id")).collect()
+    };
+    let (roads, junctions) = (ids("road"), ids("junction"));
+    let links = top().flat_map(|n| n.children()).flat_map(|n| match n.tag_name().name() {
+        "link" => n.children().filter(|way| !way.has_tag_name("neighbor")).collect(),
+        "connection" => vec![n],
+        _ => Vec::new(),
+    });
+    let goals = links.flat_map(|link| {
+        let is_junction = link.attribute("elementType") == Some("junction");
+        let known = if is_junction { &junctions } else { &roads };
+        let goal = link.attribute("elementId").map(|id| (known, id));
+        let others = ["incomingRoad", "connectingRoad", "linkedRoad"];
+        let others = others.into_iter().filter_map(|name| link.attribute(name));
+        goal.into_iter().chain(others.map(|id| (&roads, id))).collect::<Vec<_>>()
+    });
+    let mut loose = goals.filter(|(known, id)| !known.contains(id)).map(|(_, id)| id);
+    let first = loose.next()?;
+    Some(Note::fact(format!(
+        "{file}: {} links lead to roads or junctions that are not in the file, first to {}; ways end there",
+        1 + loose.count(),
+        shown(first)
+    )))
+}
+
+/// Revisions of OpenDRIVE 1 that are read.
+const REVISIONS: std::ops::RangeInclusive<u32> = 4..=9;
+
+/// A doubt of a document of another revision than those that are read.
+fn versions(xml: &Document<'_>, file: &str) -> Option<Note> {
+    let header = xml.root_element().children().find(|n| n.has_tag_name("header"))?;
+    let stated = |name: &str| header.attribute(name).map(str::trim);
+    let (major, minor) = (stated("revMajor"), stated("revMinor"));
+    let known = |minor: &str| minor.parse().is_ok_and(|minor: u32| REVISIONS.contains(&minor));
+    let is_known = major.is_none_or(|major| major == "1") && minor.is_none_or(known);
+    let words = |value: Option<&str>| shown(value.unwrap_or("?"));
+    (!is_known).then(|| {
+        Note::doubt(format!(
+            "{file}: <header> states revMajor {}, revMinor {}; the document is read as OpenDRIVE 1.4 to 1.9, check the version",
+            words(major),
+            words(minor)
+        ))
+    })
+}
