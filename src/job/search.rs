@@ -9,9 +9,11 @@ use crate::engine::{EngineChoice, open};
 use crate::near_field::FEW_PLACEMENTS;
 use crate::search::{
     Choosing, EquipStep, Equipped, Equipping, Event, Limits, Observer, Outcome, Run, Scored,
-    Settings, State, Suite, TimeLimit,
+    SearchError, Settings, State, Suite, TimeLimit,
 };
-use crate::vehicle::{MAX_LIDARS, SensorName, Vehicle};
+use crate::vehicle::{
+    Constraints, MAX_LIDARS, SensorName, Vehicle, random_placements_by_the_rules,
+};
 
 /// Baselines looked at closely at once; the observer is asked in between.
 const LOOKED_AT_ONCE: usize = 8;
@@ -108,9 +110,19 @@ impl Job {
     /// # Errors
     /// See [`Self::suite`]; a budget without prices, settings that a scene does not allow.
     pub fn begin(&self) -> Result<JobRun<'_>, JobError> {
+        self.check_room()?;
         let least = self.scene().vehicle().cheapest().len();
         let fewest = self.fewest.then(|| Fewest::new(self.most_money(), least));
         self.resume(JobState { equipped: None, fewest, course: self.equipping() })
+    }
+
+    /// Checks that some rig keeps the rules of the mounts, before anything is written.
+    ///
+    /// # Errors
+    /// None is found.
+    pub fn check_room(&self) -> Result<(), JobError> {
+        let found = self.scene().vehicle().rig_by_the_rules();
+        found.map(drop).map_err(|error| self.in_scene(error.into()))
     }
 
     /// A choice of sensors at its beginning.
@@ -154,6 +166,17 @@ impl Job {
         }
         Ok(run)
     }
+}
+
+/// Draws among which a placement by the rules is looked for before it is worked out.
+const SEED: u64 = 0;
+
+/// Settings that start from a placement by the rules where hardly any random one keeps them.
+fn by_the_rules(mut settings: Settings, constraints: &Constraints) -> Settings {
+    if random_placements_by_the_rules(constraints, 1, SEED).is_empty() {
+        settings.starts.extend(constraints.placement_by_the_rules());
+    }
+    settings
 }
 
 /// Checks that a vehicle can carry sensors that were read from a file.
@@ -267,7 +290,7 @@ impl JobRun<'_> {
                 none.insert(opened.with_state(wanted.choosing.clone()))
             }
         };
-        let step = choice.step(observer);
+        let step = choice.step(observer)?;
         wanted.choosing = choice.state().clone();
         let found = match step {
             EquipStep::On => return Ok(JobStep::On),
@@ -286,6 +309,11 @@ impl JobRun<'_> {
                 found
             }
         };
+        if found.equipment.is_empty() {
+            let least = vehicle.rig_by_the_rules().map_err(SearchError::from)?.0;
+            let (budget, least) = (limits.budget, vehicle.cost(&least));
+            return Err(SearchError::Budget { budget, least }.into());
+        }
         tell_equipment(vehicle, &found, observer);
         self.equipping = None;
         self.suite = self.suite.with_equipment(&vehicle.constraints(&found.equipment));
@@ -307,7 +335,7 @@ impl JobRun<'_> {
                     Some(equipped) => {
                         equipped.begin(settings.clone(), self.suite.constraints(), *plainly)
                     }
-                    None => settings.clone(),
+                    None => by_the_rules(settings.clone(), self.suite.constraints()),
                 };
                 let run = Run::new(self.suite.clone(), &settings);
                 run.map_err(|error| self.job.in_scene(error))?

@@ -29,12 +29,18 @@ fn joined(parts: impl IntoIterator<Item = impl ToString>) -> String {
 /// Titles of [`score_rows`].
 pub(crate) fn score_titles() -> Cells {
     let mut row: Cells = ScoreColumn::ALL.iter().map(|column| column.key().to_owned()).collect();
-    row.extend(titles(&["near_ring_share", "requirements_met", "requirements", "warnings"]));
+    row.extend(titles(&[
+        "near_ring_share",
+        "requirements_met",
+        "requirements",
+        "warnings",
+        "broken_rules",
+    ]));
     row
 }
 
-/// A row a placement: every score, whether all requirements are met, each with the share seen and the share required, and
-/// the guards in words.
+/// A row a placement: every score, whether all requirements are met, each with the share seen and the share required,
+/// the guards and the broken rules in words.
 pub(crate) fn score_rows<'a>(
     all: impl IntoIterator<Item = &'a Scores, IntoIter: 'a>,
 ) -> Vec<Cells> {
@@ -45,7 +51,7 @@ pub(crate) fn score_rows<'a>(
         let seen =
             required.iter().map(|seen| format!("{}: {} of {}", seen.name, seen.share, seen.least));
         row.extend([number(scores.near_ring), met.unwrap_or_default()]);
-        row.extend([joined(seen), joined(&scores.guards)]);
+        row.extend([joined(seen), joined(&scores.guards), joined(&scores.broken_rules)]);
         row
     };
     all.into_iter().map(row).collect()

@@ -189,7 +189,7 @@ fn of_scenes(
     if let Some(error) = session.failed.take() {
         return Err(error);
     }
-    let found = found?;
+    let found = found.map_err(|error| RunError::from(error).discarding(&dir))?;
     session.finish(&known, &found)?;
     Ok(found)
 }

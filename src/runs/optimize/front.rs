@@ -95,6 +95,7 @@ pub fn front(
     let job = loaded.job.search(saved.settings.clone()).engine(computing.engine.clone());
     let job = job.within(time);
     job.check_front(&saved.objectives)?;
+    job.check_room()?;
     watcher.listen(GRACE);
     let folder = match (folder, from) {
         (None, FrontStart::New(new, _)) => {
@@ -106,10 +107,12 @@ pub fn front(
     };
     folder.check(&inputs)?;
     let earlier = earlier_seconds(&folder);
-    let found = search(&job, &mut saved, &folder, watcher)?;
-    if !is_worth_writing(&found, &saved.begun, &folder, watcher)? {
-        return Ok(None);
-    }
+    let found = search(&job, &mut saved, &folder, watcher);
+    let found = found.and_then(|found| {
+        let is_worth = is_worth_writing(&found, &saved.begun, &folder, watcher)?;
+        Ok(is_worth.then_some(found))
+    });
+    let Some(found) = found.map_err(|error| error.discarding(&folder))? else { return Ok(None) };
     let seconds = earlier + start.elapsed().as_secs_f64();
     folder.write_json(TIMES, &seconds)?;
     let limit = max_seconds.filter(|_| found.stopped == FrontStopped::Time);
