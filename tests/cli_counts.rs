@@ -30,6 +30,10 @@ fn roof(count: Value) -> Value {
     json!({ "name": "roof", "min": [-1, -0.8, 1.8], "max": [1, 0.8, 2.2], "count": count })
 }
 
+fn street_scene(dir: &Path) -> Value {
+    serde_json::from_slice(&fs::read(dir.join("s.json")).unwrap()).unwrap()
+}
+
 /// A vehicle file of two models, with further keys.
 fn write_vehicle(dir: &Path, mounts: Value, more: Value) -> Value {
     let lidar = |channels| json!({ "channels": channels, "fov": [-25, 15], "azimuth_steps": 40, "range": 20 });
@@ -172,7 +176,8 @@ fn every_rig_that_is_found_keeps_the_counts_and_the_rules() {
         }
         let vehicle = write_vehicle(dir.path(), mounts, more);
         for (out, more) in [("all", &[][..]), ("least", &["--budget", "30"])] {
-            if number == 1 && out == "least" {
+            // Less money changes the rig where a number or a model is to be chosen.
+            if out == "least" && ![3, 5].contains(&number) {
                 continue;
             }
             let found = ok(dir.path(), &[&OPTIMIZE[..], &[out], more].concat());
@@ -268,10 +273,13 @@ fn fewest_sensors_start_from_a_rig_by_the_rules() {
     assert_eq!((lidars.len(), broken(&vehicle, &lidars)), (2, vec![]));
 }
 
-/// A file of rigs, each of LiDARs at x, y and z of a model.
-fn write_rigs(dir: &Path, rigs: &[(&str, &[([f64; 3], &str)])]) {
+/// Name and LiDARs of a rig, each at x, y and z and of a model.
+type Rig<'a> = (&'a str, &'a [([f64; 3], &'a str)]);
+
+/// A file of rigs.
+fn write_rigs(dir: &Path, rigs: &[Rig]) {
     let lidar = |([x, y, z], sensor): &([f64; 3], &str)| json!({ "x": x, "y": y, "z": z, "sensor": sensor });
-    let rig = |(name, lidars): &(&str, &[([f64; 3], &str)])| json!({ "name": name, "lidars": lidars.iter().map(lidar).collect::<Vec<_>>() });
+    let rig = |(name, lidars): &Rig| json!({ "name": name, "lidars": lidars.iter().map(lidar).collect::<Vec<_>>() });
     let all = json!({ "placements": rigs.iter().map(rig).collect::<Vec<_>>() });
     fs::write(dir.join("rigs.json"), all.to_string()).unwrap();
 }
@@ -287,22 +295,20 @@ fn a_rig_that_breaks_a_rule_is_told_so_in_text_json_and_csv() {
     let more = json!({ "min_distance": 0.5, "keep_out": [{ "min": [-0.2, -0.2, 0], "max": [0.2, 0.2, 3] }] });
     let vehicle = write_vehicle(dir.path(), json!([mount]), more);
     let at = |x: f64| [x, 0.5, 2.0];
-    let rigs: [(&str, &[([f64; 3], &str)], &[&str]); 5] = [
-        ("good", &[(at(-0.5), "A"), (at(0.5), "A")], &[]),
+    let rigs: [(Rig, &[&str]); 5] = [
+        (("good", &[(at(-0.5), "A"), (at(0.5), "A")]), &[]),
         (
-            "three",
-            &[(at(-0.9), "A"), (at(0.0), "A"), (at(0.9), "A")],
+            ("three", &[(at(-0.9), "A"), (at(0.0), "A"), (at(0.9), "A")]),
             &["there is no mount for one more `A`"],
         ),
         (
-            "other",
-            &[(at(0.0), "B")],
+            ("other", &[(at(0.0), "B")]),
             &["LiDAR 0: there is no mount for one more `B`", "must hold 1 or more"],
         ),
-        ("near", &[(at(0.0), "A"), (at(0.2), "A")], &["LiDARs 0 and 1 are 0.300 m too close"]),
-        ("kept", &[([0.0, 0.0, 2.0], "A")], &["LiDAR 0 is 0.200 m inside of keep_out[0]"]),
+        (("near", &[(at(0.0), "A"), (at(0.2), "A")]), &["LiDARs 0 and 1 are 0.300 m too close"]),
+        (("kept", &[([0.0, 0.0, 2.0], "A")]), &["LiDAR 0 is 0.200 m inside of keep_out[0]"]),
     ];
-    let named: Vec<(&str, &[([f64; 3], &str)])> = rigs.iter().map(|(n, l, _)| (*n, *l)).collect();
+    let named: Vec<Rig> = rigs.iter().map(|(rig, _)| *rig).collect();
     write_rigs(dir.path(), &named);
     let scores = ok(dir.path(), &SCORE)["scores"].clone();
     let text = String::from_utf8(sightline(dir.path(), &SCORE).stdout).unwrap();
@@ -310,7 +316,7 @@ fn a_rig_that_breaks_a_rule_is_told_so_in_text_json_and_csv() {
     let csv = String::from_utf8(csv.stdout).unwrap();
     let file: Value =
         serde_json::from_slice(&fs::read(dir.path().join("rigs.json")).unwrap()).unwrap();
-    for (k, (name, _, rules)) in rigs.iter().enumerate() {
+    for (k, ((name, _), rules)) in rigs.iter().enumerate() {
         let found: Vec<&str> = scores[k]["broken_rules"]
             .as_array()
             .map_or(vec![], |all| all.iter().map(|rule| rule.as_str().unwrap()).collect());
@@ -365,28 +371,24 @@ fn scores_end_with_code_1_where_no_rig_meets_all_requirements() {
 #[test]
 fn a_run_that_comes_to_an_error_leaves_no_folder() {
     let dir = street();
-    // Beams of a centimetre cover nothing that counts: no candidate has a value.
-    let mut scene: Value =
-        serde_json::from_slice(&fs::read(dir.path().join("s.json")).unwrap()).unwrap();
-    scene["lidar"] = json!({ "channels": 4, "fov": [-25, 15], "azimuth_steps": 40, "range": 0.01 });
+    // Beams of a centimetre above the region cover nothing: no candidate has a value.
+    let mut scene = street_scene(dir.path());
+    scene["lidar"] = json!({ "channels": 4, "fov": [-25, 15], "azimuth_steps": 40, "range": 20 });
     scene["mount"] = json!({ "min": [-1, -1, 3], "max": [1, 1, 3.2], "lidars": 2 });
-    fs::write(dir.path().join("blind.json"), scene.to_string()).unwrap();
-    let args = [
-        "optimize",
-        "blind.json",
-        "--evaluations",
-        "10",
-        "--backend",
-        "cpu",
-        "--objective",
-        "m_sog",
-    ];
-    let told = fails(dir.path(), &[&args[..], &["--out", "deep/o"]].concat());
-    assert!(told.contains("kept its rules, but none has a value of `m_sog`"), "{told}");
+    fs::write(dir.path().join("seen.json"), scene.to_string()).unwrap();
+    ok(dir.path(), &["psog", "build", "seen.json", "--out", "q.npz"]);
+    let mut blind = scene.clone();
+    blind["psog"] = json!({ "file": "q.npz" });
+    blind["lidar"]["range"] = json!(0.01);
+    blind["mount"] = json!({ "min": [-1, -1, 5], "max": [1, 1, 5.2], "lidars": 2 });
+    fs::write(dir.path().join("blind.json"), blind.to_string()).unwrap();
+    let args = ["optimize", "blind.json", "--evaluations", "10", "--backend", "cpu"];
+    let more = ["--objective", "m_sog_scaled", "--out", "deep/o"];
+    let told = fails(dir.path(), &[&args[..], &more].concat());
+    assert!(told.contains("kept its rules, but none has a value of `m_sog_scaled`"), "{told}");
     assert!(!dir.path().join("deep").exists());
     // Beams that pass through everything have no echoes that weather could take.
     scene["coverage"] = json!("through");
-    scene["lidar"]["range"] = json!(20);
     fs::write(dir.path().join("through.json"), scene.to_string()).unwrap();
     let args = [
         "study",
@@ -406,8 +408,7 @@ fn a_run_that_comes_to_an_error_leaves_no_folder() {
 #[test]
 fn a_tight_mount_of_a_scene_is_searched_or_refused_like_one_of_a_vehicle() {
     let dir = street();
-    let mut scene: Value =
-        serde_json::from_slice(&fs::read(dir.path().join("s.json")).unwrap()).unwrap();
+    let mut scene = street_scene(dir.path());
     scene["lidar"] = json!({ "channels": 4, "fov": [-25, 15], "azimuth_steps": 40, "range": 20 });
     let mut write = |lidars: u64| {
         scene["mount"] = json!({ "min": [-1, -0.8, 1.8], "max": [1, 0.8, 2.2], "lidars": lidars, "min_distance": 2.5 });
@@ -417,7 +418,7 @@ fn a_tight_mount_of_a_scene_is_searched_or_refused_like_one_of_a_vehicle() {
     write(3);
     let told = fails(dir.path(), &args);
     assert!(
-        told.contains("tight.json: mounts: no placement of 3 LiDAR(s) on `mount` was found"),
+        told.contains("tight.json: mount: no placement of 3 LiDAR(s) on `mount` was found"),
         "{told}"
     );
     assert!(!dir.path().join("o").exists());

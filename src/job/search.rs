@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+use super::rules::by_the_rules;
 use super::{Job, JobError};
 use crate::engine::{EngineChoice, open};
 use crate::near_field::FEW_PLACEMENTS;
@@ -11,9 +12,7 @@ use crate::search::{
     Choosing, EquipStep, Equipped, Equipping, Event, Limits, Observer, Outcome, Run, Scored,
     SearchError, Settings, State, Suite, TimeLimit,
 };
-use crate::vehicle::{
-    Constraints, MAX_LIDARS, SensorName, Vehicle, random_placements_by_the_rules,
-};
+use crate::vehicle::{MAX_LIDARS, SensorName, Vehicle};
 
 /// Baselines looked at closely at once; the observer is asked in between.
 const LOOKED_AT_ONCE: usize = 8;
@@ -116,15 +115,6 @@ impl Job {
         self.resume(JobState { equipped: None, fewest, course: self.equipping() })
     }
 
-    /// Checks that some rig keeps the rules of the mounts, before anything is written.
-    ///
-    /// # Errors
-    /// None is found.
-    pub fn check_room(&self) -> Result<(), JobError> {
-        let found = self.scene().vehicle().rig_by_the_rules();
-        found.map(drop).map_err(|error| self.in_scene(error.into()))
-    }
-
     /// A choice of sensors at its beginning.
     fn equipping(&self) -> Course {
         let (settings, plainly) = (self.settings.clone(), self.is_plain);
@@ -166,17 +156,6 @@ impl Job {
         }
         Ok(run)
     }
-}
-
-/// Draws among which a placement by the rules is looked for before it is worked out.
-const SEED: u64 = 0;
-
-/// Settings that start from a placement by the rules where hardly any random one keeps them.
-fn by_the_rules(mut settings: Settings, constraints: &Constraints) -> Settings {
-    if random_placements_by_the_rules(constraints, 1, SEED).is_empty() {
-        settings.starts.extend(constraints.placement_by_the_rules());
-    }
-    settings
 }
 
 /// Checks that a vehicle can carry sensors that were read from a file.

@@ -190,11 +190,11 @@ impl Job {
         self.add_range_cards(moved.iter().zip(&mut scores))?;
         let problem = self.problem()?;
         let row = |((value, placement), scores): ((&Option<f64>, &Placement), Scores)| {
-            let broken = self.scene().vehicle().broken_rules(problem.rules(), placement);
+            let broken = problem.rules().violations(placement);
             SweepRow {
                 value: value.unwrap_or_else(|| field.value_in(placement)),
                 as_given: value.is_none(),
-                broken_rules: broken,
+                broken_rules: broken.iter().map(ToString::to_string).collect(),
                 scores,
             }
         };

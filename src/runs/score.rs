@@ -49,6 +49,9 @@ pub fn score(
     if request.draw > 0 && scenes.len() > 1 {
         return Err(RunError::Usage("--draw: takes one scene".to_owned()));
     }
+    if request.resume && scenes.len() > 1 {
+        return Err(RunError::Usage("--resume: takes one scene".to_owned()));
+    }
     let is_met = match &scenes[..] {
         [scene] => stream::score(request, computing, scene, &placements, total, start, out),
         _ => score_each(request, computing, &scenes, &placements, start, out),
@@ -165,21 +168,16 @@ fn score_each(
     if let Some(file) = &request.out {
         writable_file(file)?;
     }
-    if request.resume {
-        return Err(RunError::Usage("--resume: takes one scene".into()));
-    }
     let (file, mut placements) = (placements, read(placements)?);
     Given::in_problem(file, evaluator.problem(), computing).all(&mut placements)?;
-    let conditions = in_words(&request.conditions.condition);
-    let vehicle = job.scene().vehicle().clone();
     let mut batch = Batch {
         evaluator,
         times,
         start,
-        conditions,
+        conditions: in_words(&request.conditions.condition),
         judged: Vec::new(),
         placements: placements.clone(),
-        vehicle,
+        vehicle: job.scene().vehicle().clone(),
     };
     let bar = computing.watcher.bar(placements.len() as u64, Some("placements"));
     for block in placements.chunks(BLOCK) {

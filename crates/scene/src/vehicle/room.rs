@@ -9,12 +9,14 @@ use sightline_files::json::{DescriptionError, Location};
 /// No rig was found that keeps the rules of the mounts.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
-    "mounts: no placement of {lidars} LiDAR(s) on {} was found that keeps its rules ({}); relax them, widen the mount, \
+    "{field}: no placement of {lidars} LiDAR(s) on {} was found that keeps its rules ({}); relax them, widen the mount, \
      or lower its number of LiDARs",
     mounts.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", "),
     rules.join("; ")
 )]
 pub struct NoRoom {
+    /// Key of the file that describes the mounts: `mount` of a scene, `mounts` of a vehicle.
+    pub field: &'static str,
     /// LiDARs that the mounts must hold.
     pub lidars: usize,
     /// Names of the mounts.
@@ -126,7 +128,8 @@ impl Vehicle {
         mounts.dedup();
         let mounts = mounts.into_iter().map(|k| self.mounts[k].region.name.clone()).collect();
         let rules = self.constraints(&equipment).ties_in_words();
-        Err(NoRoom { lidars: equipment.len(), mounts, rules })
+        let field = if self.is_nameless() { "mount" } else { "mounts" };
+        Err(NoRoom { field, lidars: equipment.len(), mounts, rules })
     }
 
     /// Rigs of few sensors: the cheapest; with one more on a mount where pairs leave no room for an odd one; one on each

@@ -188,12 +188,9 @@ impl Constraints {
             chosen[group] = Some(spot);
             let mut left = open.clone();
             for other in (0..lists.len()).filter(|&other| chosen[other].is_none()) {
-                let apart = |least: f64| {
-                    let fits = |spot: &usize| is_apart(&lists[other][*spot], taken, least);
-                    open[other].iter().copied().filter(fits).collect::<Vec<usize>>()
-                };
                 // Two LiDARs in one point are allowed where nothing else is left.
-                left[other] = apart((self.min_distance - SLACK).max(SLACK));
+                let least = (self.min_distance - SLACK).max(SLACK);
+                left[other].retain(|&spot| is_apart(&lists[other][spot], taken, least));
                 if left[other].is_empty() && self.min_distance <= SLACK {
                     left[other].clone_from(&open[other]);
                 }

@@ -91,9 +91,9 @@ impl Vehicle {
         files.extend(read);
         notes.extend(told);
         notes.extend(out_of_reach(&at.key("require"), &targets, &sensors));
-        let top = at;
-        let at = at.key("other_sensors");
-        let other_sensors = OtherSensor::read_all(&at, vehicle.other_sensors, &mut notes)?;
+        let other_sensors = at.key("other_sensors");
+        let other_sensors =
+            OtherSensor::read_all(&other_sensors, vehicle.other_sensors, &mut notes)?;
         let name = name.unwrap_or_else(|| stem.to_owned());
         let vehicle = Self {
             name,
@@ -110,7 +110,7 @@ impl Vehicle {
             other_sensors,
             notes,
         };
-        vehicle.check_mounts(&top)?;
+        vehicle.check_mounts(at)?;
         Ok((vehicle, files))
     }
 }
