@@ -204,14 +204,15 @@ pub fn overlap_csv(all: &[Overlap]) -> String {
 pub fn sweep_csv(all: &[Sweep]) -> String {
     let mut first = titles(&["lidar", "field", "value", "unit", "as_given"]);
     first.extend(score_titles());
-    first.extend(titles(&["car_lost_deg", "broken_rules"]));
+    first.push("car_lost_deg".to_owned());
     let rows = all.iter().flat_map(|sweep| {
         sweep.rows.iter().map(|at| {
+            // The scores have a column for the rules.
+            let scores = Scores { broken_rules: at.broken_rules.clone(), ..at.scores.clone() };
             let mut row = vec![sweep.lidar.to_string(), sweep.field.to_owned(), number(at.value)];
             row.extend([sweep.unit.to_owned(), at.as_given.to_string()]);
-            row.extend(score_rows([&at.scores]).concat());
+            row.extend(score_rows([&scores]).concat());
             row.push(number(at.scores.range_card.as_ref().map(|_| lost(&at.scores))));
-            row.push(joined(&at.broken_rules));
             row
         })
     });
