@@ -18,10 +18,12 @@ mod files;
 mod front;
 mod holds;
 mod room;
+mod rules;
 mod scene;
 mod search;
 mod sweep;
 
+use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
 use crate::engine::{Backend, BackendError, EngineChoice};
@@ -58,6 +60,8 @@ pub struct Job {
     scenes: Vec<JobScene>,
     /// Each scene counts mirrored left to right, too.
     mirror: bool,
+    /// Vehicle file given beside the scenes, for errors.
+    vehicle_file: Option<PathBuf>,
     /// Most that the sensors of the vehicle may cost; `None` sets no limit.
     budget: Option<f64>,
     /// The fewest sensors that meet all requirements, then the cheapest.
@@ -77,6 +81,7 @@ impl Job {
         Self {
             scenes,
             mirror: false,
+            vehicle_file: None,
             budget: None,
             fewest: false,
             tolerance: None,

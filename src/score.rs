@@ -105,6 +105,10 @@ pub struct Scores {
     pub car_missing: Option<f64>,
     /// Violated guards: doubts about the scores, and blind sectors; empty if there are none.
     pub guards: Vec<Guard>,
+    /// Rules of the vehicle or of the mount that a given placement breaks, in words; empty where it keeps all, or where
+    /// nobody looked.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub broken_rules: Vec<String>,
 }
 
 /// A count without a decimal point where it is whole.
@@ -295,6 +299,7 @@ impl Scores {
             range_card: None,
             car_missing: None,
             guards: guards_of(tally, content, has_hits, frames, reference),
+            broken_rules: Vec::new(),
         }
     }
 

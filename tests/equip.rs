@@ -93,7 +93,7 @@ fn watched(
         Equipping::open(suite, vehicle, objective, Limits::budget(budget), engine, None, observer)?;
     let Some(mut choice) = opened else { return Ok(None) };
     loop {
-        match choice.step(observer) {
+        match choice.step(observer)? {
             EquipStep::On => {}
             EquipStep::Stopped => return Ok(None),
             EquipStep::Done(found) | EquipStep::OutOfTime(found) => return Ok(Some(found)),
@@ -157,7 +157,7 @@ fn time_that_ends_at_any_moment_leaves_a_rig() {
         );
         let mut choice = opened.unwrap().expect("nobody stops it");
         let rig = loop {
-            match choice.step(&mut wait) {
+            match choice.step(&mut wait).unwrap() {
                 EquipStep::On => {}
                 EquipStep::OutOfTime(rig) => break rig,
                 other => panic!("cut at {moment}: {other:?}"),
@@ -200,7 +200,7 @@ fn a_choice_that_is_saved_after_any_step_goes_on_to_the_same_equipment() {
         );
         let mut choice = opened.unwrap().expect("nobody stops it").with_state(state.clone());
         assert_eq!(*choice.state(), state);
-        match choice.step(silent) {
+        match choice.step(silent).unwrap() {
             EquipStep::Done(found) => break assert_eq!(found, whole),
             step => assert_eq!(step, EquipStep::On),
         }

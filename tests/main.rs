@@ -14,6 +14,8 @@ mod cli_chart;
 mod cli_cones;
 #[cfg(feature = "cli")]
 mod cli_cones_slabs;
+#[cfg(feature = "cli")]
+mod cli_counts;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_csv;
 #[cfg(all(unix, feature = "cli"))]

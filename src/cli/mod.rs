@@ -52,6 +52,8 @@ enum Command {
     /// Search for the best placement and write a run folder
     Optimize(Box<optimize::OptimizeArgs>),
     /// Score a batch of placements
+    ///
+    /// Ends with exit code 1 where the vehicle has requirements and no placement of the file meets all of them.
     Score(score::ScoreArgs),
     /// Write a page about a placement: 3-D view, scores, baselines
     View(score::ViewArgs),

@@ -36,6 +36,9 @@ pub struct BuildArgs {
     #[arg(required_unless_present_any = ["kitti", "nuscenes", "carla"],
           conflicts_with_all = ["kitti", "nuscenes", "carla", "lidar_height"])]
     scene: Option<PathBuf>,
+    /// Vehicle file, in place of the scene's; a scene without `lidar` or `vehicle` needs one
+    #[arg(long, value_name = "FILE", requires = "scene")]
+    vehicle: Option<PathBuf>,
     /// Folder of labelled frames in the SemanticKITTI layout: velodyne/, labels/, poses.txt, calib.txt
     #[arg(long, value_name = "DIR", conflicts_with_all = ["nuscenes", "carla"])]
     kitti: Option<PathBuf>,
@@ -118,7 +121,7 @@ fn triple(values: &[f64]) -> [f64; 3] {
 fn source(args: &BuildArgs) -> PsogInput {
     let sets = &args.datasets;
     let set = match (&args.scene, &args.kitti, &args.nuscenes, &args.carla) {
-        (Some(scene), ..) => return PsogInput::Scene(scene.clone()),
+        (Some(scene), ..) => return PsogInput::Scene(scene.clone(), args.vehicle.clone()),
         (_, Some(folder), ..) => DataSet::Kitti(folder.clone(), sets.lidar_height),
         (_, _, Some(folder), _) => {
             DataSet::Nuscenes(folder.clone(), sets.version.clone(), args.scenes.clone())

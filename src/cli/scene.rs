@@ -165,6 +165,9 @@ pub struct SceneInfoArgs {
     /// Scene files with geometry
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
+    /// Vehicle file: sensors, mounts, body; a scene without `lidar` or `vehicle` needs one
+    #[arg(long, value_name = "FILE")]
+    vehicle: Option<PathBuf>,
     /// How to print
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
@@ -174,7 +177,7 @@ pub struct SceneInfoArgs {
 
 fn run_info(args: &SceneInfoArgs) -> Result<(), RunError> {
     let terminal = Terminal::new(args.talk);
-    let counts = args.scenes.iter().map(|path| count(path, &terminal));
+    let counts = args.scenes.iter().map(|path| count(path, args.vehicle.as_deref(), &terminal));
     let counts = counts.collect::<Result<Vec<SceneCounts>, RunError>>()?;
     match args.format {
         Format::Json => outln!("{}", json!(counts)),

@@ -3,9 +3,9 @@
 use super::args::{Compute, UnnamedModelArgs};
 use super::output::{Exit, stdout, unless_closed};
 use crate::internals::word;
-use crate::runs::RunError;
 use crate::runs::cast::{ViewRequest, view};
 use crate::runs::score::{ScoreRequest, score};
+use crate::runs::{RunError, Watcher};
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -24,8 +24,10 @@ pub struct ScoreArgs {
 pub fn run(args: &ScoreArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let computing = args.named.computing(&args.compute, &terminal);
-    unless_closed(score(&args.request, &computing, &mut stdout()))?;
-    Ok(terminal.exit())
+    let mut is_met = true;
+    let scored = score(&args.request, &computing, &mut stdout());
+    unless_closed(scored.map(|met| is_met = met))?;
+    Ok(if terminal.goes_on() && !is_met { Exit::CheckFailed } else { terminal.exit() })
 }
 
 #[derive(clap::Args)]

@@ -76,7 +76,8 @@ impl JobFiles {
     pub fn job_over(&self, scenes: impl IntoIterator<Item = JobScene>) -> Result<Job, JobError> {
         let conditions = self.conditions.iter().map(|text| text.parse());
         let conditions = conditions.collect::<Result<Vec<Condition>, _>>()?;
-        let job = Job::join(scenes.into_iter().map(Job::new))?;
+        let mut job = Job::join(scenes.into_iter().map(Job::new))?;
+        job.vehicle_file.clone_from(&self.vehicle);
         let job = job.conditions(&conditions).frames(self.frames);
         Ok(job
             .mirrored(self.mirror)

@@ -4,12 +4,13 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
+use super::rules::by_the_rules;
 use super::{Job, JobError};
 use crate::engine::{EngineChoice, open};
 use crate::near_field::FEW_PLACEMENTS;
 use crate::search::{
     Choosing, EquipStep, Equipped, Equipping, Event, Limits, Observer, Outcome, Run, Scored,
-    Settings, State, Suite, TimeLimit,
+    SearchError, Settings, State, Suite, TimeLimit,
 };
 use crate::vehicle::{MAX_LIDARS, SensorName, Vehicle};
 
@@ -110,6 +111,7 @@ impl Job {
     /// # Errors
     /// See [`Self::suite`]; a budget without prices, settings that a scene does not allow.
     pub fn begin(&self) -> Result<JobRun<'_>, JobError> {
+        self.check_room()?;
         let least = self.scene().vehicle().cheapest().len();
         let fewest = self.fewest.then(|| Fewest::new(self.most_money(), least));
         self.resume(JobState { equipped: None, fewest, course: self.equipping() })
@@ -280,7 +282,7 @@ impl JobRun<'_> {
                 none.insert(opened.with_state(wanted.choosing.clone()))
             }
         };
-        let step = choice.step(observer);
+        let step = choice.step(observer)?;
         wanted.choosing = choice.state().clone();
         let found = match step {
             EquipStep::On => return Ok(JobStep::On),
@@ -299,6 +301,11 @@ impl JobRun<'_> {
                 found
             }
         };
+        if found.equipment.is_empty() {
+            let least = vehicle.rig_by_the_rules().map_err(SearchError::from)?.0;
+            let (budget, least) = (limits.budget, vehicle.cost(&least));
+            return Err(SearchError::Budget { budget, least }.into());
+        }
         tell_equipment(vehicle, &found, observer);
         self.equipping = None;
         self.suite = self.suite.with_equipment(&vehicle.constraints(&found.equipment));
@@ -320,7 +327,7 @@ impl JobRun<'_> {
                     Some(equipped) => {
                         equipped.begin(settings.clone(), self.suite.constraints(), *plainly)
                     }
-                    None => settings.clone(),
+                    None => by_the_rules(settings.clone(), self.suite.constraints()),
                 };
                 let run = Run::new(self.suite.clone(), &settings);
                 run.map_err(|error| self.job.in_scene(error))?

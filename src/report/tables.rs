@@ -29,12 +29,18 @@ fn joined(parts: impl IntoIterator<Item = impl ToString>) -> String {
 /// Titles of [`score_rows`].
 pub(crate) fn score_titles() -> Cells {
     let mut row: Cells = ScoreColumn::ALL.iter().map(|column| column.key().to_owned()).collect();
-    row.extend(titles(&["near_ring_share", "requirements_met", "requirements", "warnings"]));
+    row.extend(titles(&[
+        "near_ring_share",
+        "requirements_met",
+        "requirements",
+        "warnings",
+        "broken_rules",
+    ]));
     row
 }
 
-/// A row a placement: every score, whether all requirements are met, each with the share seen and the share required, and
-/// the guards in words.
+/// A row a placement: every score, whether all requirements are met, each with the share seen and the share required,
+/// the guards and the broken rules in words.
 pub(crate) fn score_rows<'a>(
     all: impl IntoIterator<Item = &'a Scores, IntoIter: 'a>,
 ) -> Vec<Cells> {
@@ -45,7 +51,7 @@ pub(crate) fn score_rows<'a>(
         let seen =
             required.iter().map(|seen| format!("{}: {} of {}", seen.name, seen.share, seen.least));
         row.extend([number(scores.near_ring), met.unwrap_or_default()]);
-        row.extend([joined(seen), joined(&scores.guards)]);
+        row.extend([joined(seen), joined(&scores.guards), joined(&scores.broken_rules)]);
         row
     };
     all.into_iter().map(row).collect()
@@ -198,14 +204,15 @@ pub fn overlap_csv(all: &[Overlap]) -> String {
 pub fn sweep_csv(all: &[Sweep]) -> String {
     let mut first = titles(&["lidar", "field", "value", "unit", "as_given"]);
     first.extend(score_titles());
-    first.extend(titles(&["car_lost_deg", "broken_rules"]));
+    first.push("car_lost_deg".to_owned());
     let rows = all.iter().flat_map(|sweep| {
         sweep.rows.iter().map(|at| {
+            // The scores have a column for the rules.
+            let scores = Scores { broken_rules: at.broken_rules.clone(), ..at.scores.clone() };
             let mut row = vec![sweep.lidar.to_string(), sweep.field.to_owned(), number(at.value)];
             row.extend([sweep.unit.to_owned(), at.as_given.to_string()]);
-            row.extend(score_rows([&at.scores]).concat());
+            row.extend(score_rows([&scores]).concat());
             row.push(number(at.scores.range_card.as_ref().map(|_| lost(&at.scores))));
-            row.push(joined(&at.broken_rules));
             row
         })
     });

@@ -88,6 +88,9 @@ pub(super) fn scores_text_by(all: &[Scores], objective: &str) -> String {
         for guard in &scores.guards {
             text += &format!("  {} {guard}\n", if guard.is_doubt() { "!" } else { "*" });
         }
+        for rule in &scores.broken_rules {
+            text += &format!("  ! BROKEN RULE: {rule}\n");
+        }
     }
     text
 }

@@ -326,6 +326,7 @@ mod tests {
             range_card: None,
             car_missing: None,
             guards: Vec::new(),
+            broken_rules: Vec::new(),
         };
         let placement = Placement { name: name.to_owned(), lidars: Vec::new() };
         let (objective, by_scene) = (Some(m_sog_scaled), Vec::new());

@@ -8,9 +8,10 @@ use serde::Serialize;
 
 use crate::Note;
 use crate::engine::EngineChoice;
-use crate::files::FileError;
-use crate::job::Tolerance;
+use crate::files::{FileError, RunDir};
+use crate::job::{JobError, Tolerance};
 use crate::scan::conditions::Condition;
+use crate::study::StudyError;
 use crate::vehicle::SensorChoice;
 
 /// Time after a stop request for work that has a result to write, such as the page of a search.
@@ -191,6 +192,27 @@ where
 }
 
 impl RunError {
+    /// True for an error that stays however often the run goes on: its folder would be of no use. A full disk, an engine
+    /// that fails and a wish to stop may be over at the next sitting.
+    pub(super) fn is_lasting(&self) -> bool {
+        let of_job = |error: &JobError| error.of_engine().is_none();
+        match self {
+            Self::Library(crate::Error::File(_)) | Self::Interrupted(_) => false,
+            Self::Library(crate::Error::Job(error)) => of_job(error),
+            Self::Library(crate::Error::Study(StudyError::Stopped)) => false,
+            Self::Library(crate::Error::Study(StudyError::Job(error))) => of_job(error),
+            _ => true,
+        }
+    }
+
+    /// Takes away a run's folder at an error that stays.
+    pub(super) fn discarding<S>(self, folder: &RunDir<S>) -> Self {
+        if self.is_lasting() {
+            folder.discard();
+        }
+        self
+    }
+
     /// Names the file or folder in an error of the operating system.
     pub(crate) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
         |source| FileError::io(path)(source).into()

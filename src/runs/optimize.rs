@@ -78,6 +78,7 @@ pub fn optimize(
     let job = loaded.job.search(settings).engine(computing.engine.clone()).within(time);
     let job = if is_given { job.baselines(baselines) } else { job };
     if going_on.is_none() {
+        job.check_room()?;
         check_value(&begun, &job)?;
     }
     computing.watcher.listen(GRACE);
@@ -94,11 +95,8 @@ pub fn optimize(
     let (earlier, times) = (read_spent(&folder), loaded.times);
     let mut sitting =
         RunSession { request, computing, begun, job: &job, folder, run, times, earlier, start };
-    let Some(outcome) = sitting.search()? else { return Ok(None) };
-    let record = finish(&sitting, &outcome)?;
-    sitting.check(&record)?;
-    sitting.write_gltf(&record)?;
-    Ok(Some(Optimized { record, folder: sitting.folder.path().to_owned() }))
+    let found = sitting.search_and_write();
+    found.map_err(|error| error.discarding(&sitting.folder))
 }
 
 /// Refuses the folder of a front that an earlier program wrote, without a checkpoint.
@@ -147,6 +145,14 @@ fn check_value(begun: &Begun, job: &Job) -> Result<(), RunError> {
 }
 
 impl RunSession<'_> {
+    /// All of a sitting; `None` after Ctrl-C in the choice of sensors.
+    fn search_and_write(&mut self) -> Result<Option<Optimized>, RunError> {
+        let Some(outcome) = self.search()? else { return Ok(None) };
+        let record = finish(self, &outcome)?;
+        self.write_gltf(&record)?;
+        Ok(Some(Optimized { record, folder: self.folder.path().to_owned() }))
+    }
+
     /// Runs to the outcome; the state is saved on the way. `None` after Ctrl-C in the choice of sensors.
     fn search(&mut self) -> Result<Option<Outcome>, RunError> {
         let watcher = self.computing.watcher;
@@ -331,6 +337,7 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
             peak_memory: peak_memory(),
         },
     );
+    sitting.check(&record)?;
     let drawing = Instant::now();
     let (best, baselines) = (&record.best, &record.baselines);
     let look = |best: &Scored| Looks::new(job, suite, &best.placement, baselines);

@@ -20,8 +20,8 @@ pub const PAPER_VOXEL: [f64; 3] = [0.1; 3];
 /// Data that a P-SOG is built from.
 #[derive(Debug, Clone)]
 pub enum PsogInput {
-    /// The geometry of a scene file.
-    Scene(PathBuf),
+    /// The geometry of a scene file, and the vehicle file that takes the place of its vehicle.
+    Scene(PathBuf, Option<PathBuf>),
     /// Labelled scans.
     Scans(Scans),
 }
@@ -103,20 +103,26 @@ pub fn build(
 ) -> Result<(Psog, BuildReport), RunError> {
     let _session = Session::begin();
     match source {
-        PsogInput::Scene(scene) => will_read(scene),
+        PsogInput::Scene(scene, vehicle) => {
+            std::iter::once(scene).chain(vehicle).for_each(|file| will_read(file));
+        }
         PsogInput::Scans(scans) => scans.set.will_read(),
     }
     writable_file(out)?;
     let (psog, report) = match source {
-        PsogInput::Scene(scene) => of_scene(scene, watcher)?,
+        PsogInput::Scene(scene, vehicle) => of_scene(scene, vehicle.as_deref(), watcher)?,
         PsogInput::Scans(scans) => of_scans(scans, watcher)?,
     };
     write(out, &psog)?;
     Ok((psog, report))
 }
 
-fn of_scene(path: &Path, watcher: &dyn Watcher) -> Result<(Psog, BuildReport), RunError> {
-    let scene = opening::read(path, None, watcher)?;
+fn of_scene(
+    path: &Path,
+    vehicle: Option<&Path>,
+    watcher: &dyn Watcher,
+) -> Result<(Psog, BuildReport), RunError> {
+    let scene = opening::read(path, vehicle, watcher)?;
     if !scene.has_geometry() {
         return Err(RunError::Usage(format!(
             "{}: has no geometry to scan; a P-SOG is built from static shapes and actors",

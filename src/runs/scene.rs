@@ -312,12 +312,16 @@ pub struct SceneCounts {
     pub hits_by_range: [f64; 5],
 }
 
-/// Counts frames, triangles, actors, voxels and hits of a scene file.
+/// Counts frames, triangles, actors, voxels and hits of a scene file, with the vehicle of another file where one is given.
 ///
 /// # Errors
 /// A file that cannot be read, a scene without geometry.
-pub fn count(path: &Path, watcher: &dyn Watcher) -> Result<SceneCounts, RunError> {
-    let scene = opening::read(path, None, watcher)?;
+pub fn count(
+    path: &Path,
+    vehicle: Option<&Path>,
+    watcher: &dyn Watcher,
+) -> Result<SceneCounts, RunError> {
+    let scene = opening::read(path, vehicle, watcher)?;
     if !scene.has_geometry() {
         return Err(RunError::Usage(format!(
             "{}: has no geometry to count; add static shapes or actors",

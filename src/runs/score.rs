@@ -23,12 +23,13 @@ use crate::report;
 use crate::report::tables::{score_rows, score_titles};
 use crate::runs::{Conditions, MountingArgs};
 use crate::scan::conditions::{in_words, under};
-use crate::score::Scores;
+use crate::score::{Scores, Seen};
 use crate::search::{Evaluator, Judged, Member};
 use crate::vehicle::placement_file::count_placements;
 use crate::vehicle::{Placement, PlacementFileError, PlacementReader, Vehicle};
 
-/// Scores placements and writes the scores as they are computed, to the request's file or else to `out`.
+/// Scores placements and writes the scores as they are computed, to the request's file or else to `out`. False, and a note,
+/// where there are requirements and no placement meets all of them.
 ///
 /// # Errors
 /// Files that cannot be read or written, errors of the engine; mistakes in files are found before the first score.
@@ -36,7 +37,7 @@ pub fn score(
     request: &ScoreRequest,
     computing: &Computing<'_>,
     out: &mut dyn Write,
-) -> Result<(), RunError> {
+) -> Result<bool, RunError> {
     let _session = Session::begin();
     let start = Instant::now();
     let (scenes, placements) = Files::with_placements(&request.files, computing.watcher)?;
@@ -48,10 +49,25 @@ pub fn score(
     if request.draw > 0 && scenes.len() > 1 {
         return Err(RunError::Usage("--draw: takes one scene".to_owned()));
     }
-    match &scenes[..] {
+    if request.resume && scenes.len() > 1 {
+        return Err(RunError::Usage("--resume: takes one scene".to_owned()));
+    }
+    let is_met = match &scenes[..] {
         [scene] => stream::score(request, computing, scene, &placements, total, start, out),
         _ => score_each(request, computing, &scenes, &placements, start, out),
+    }?;
+    if !is_met {
+        computing.watcher.note(&format!(
+            "NOT MET: no placement of {} meets all requirements; exit code 1",
+            placements.display()
+        ));
     }
+    Ok(is_met)
+}
+
+/// True if a placement meets all requirements, or there are none.
+fn meets(scores: &Scores) -> bool {
+    scores.required.iter().all(Seen::is_met)
 }
 
 /// Placements that are read, scored and printed at a time.
@@ -142,7 +158,7 @@ fn score_each(
     placements: &Path,
     start: Instant,
     out: &mut dyn Write,
-) -> Result<(), RunError> {
+) -> Result<bool, RunError> {
     let files = opening::files(scenes, &request.conditions.condition, request.frames, computing);
     let mut loaded = opening::job(&files, computing)?;
     let evaluator = loaded.evaluator(computing)?;
@@ -152,21 +168,16 @@ fn score_each(
     if let Some(file) = &request.out {
         writable_file(file)?;
     }
-    if request.resume {
-        return Err(RunError::Usage("--resume: takes one scene".into()));
-    }
     let (file, mut placements) = (placements, read(placements)?);
     Given::in_problem(file, evaluator.problem(), computing).all(&mut placements)?;
-    let conditions = in_words(&request.conditions.condition);
-    let vehicle = job.scene().vehicle().clone();
     let mut batch = Batch {
         evaluator,
         times,
         start,
-        conditions,
+        conditions: in_words(&request.conditions.condition),
         judged: Vec::new(),
         placements: placements.clone(),
-        vehicle,
+        vehicle: job.scene().vehicle().clone(),
     };
     let bar = computing.watcher.bar(placements.len() as u64, Some("placements"));
     for block in placements.chunks(BLOCK) {
@@ -178,6 +189,7 @@ fn score_each(
         bar.advance(block.len() as u64);
     }
     drop(bar);
+    batch.add_broken_rules();
     if placements.len() <= FEW_PLACEMENTS {
         job.look_closely_by_scene(&mut batch.evaluator, &placements, &mut batch.judged)?;
     }
@@ -197,7 +209,7 @@ fn score_each(
         out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(RunError::io(path))
     })?;
     computing.watcher.note(&batch.pace(seconds));
-    Ok(())
+    Ok(batch.judged.iter().any(|judged| meets(&judged.scores)))
 }
 
 /// All placements of a file, unless these are too many to be held with their scores in every scene.
@@ -244,6 +256,18 @@ impl Batch {
 
     fn members(&self) -> impl Iterator<Item = (usize, &Member)> {
         self.evaluator.members().map(|(member, _)| member).enumerate()
+    }
+
+    /// Adds the rules of the vehicle that placements break.
+    fn add_broken_rules(&mut self) {
+        let rules = self.evaluator.problem().rules().clone();
+        for (placement, judged) in self.placements.iter().zip(&mut self.judged) {
+            let broken = self.vehicle.broken_rules(&rules, placement);
+            for scene in &mut judged.by_scene {
+                scene.scores.broken_rules.clone_from(&broken);
+            }
+            judged.scores.broken_rules = broken;
+        }
     }
 
     /// Adds the near field in every scene, and its mean.

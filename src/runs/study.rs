@@ -169,6 +169,9 @@ fn of_scenes(
         settings.placements = read_placements(file)?;
         Given::in_problem(file, &*job.problem()?, computing).all(&mut settings.placements)?;
     }
+    if request.kind.searches(placements.is_some()) {
+        job.check_room()?;
+    }
     let (settings, read) = (&settings, scenes.iter().map(|scene| &**scene.scene()));
     let mut recorded = recorded(request, paths, settings, read)?;
     if let Some(file) = placements {
@@ -189,7 +192,7 @@ fn of_scenes(
     if let Some(error) = session.failed.take() {
         return Err(error);
     }
-    let found = found?;
+    let found = found.map_err(|error| RunError::from(error).discarding(&dir))?;
     session.finish(&known, &found)?;
     Ok(found)
 }

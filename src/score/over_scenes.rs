@@ -111,6 +111,7 @@ impl Scores {
             range_card: None,
             car_missing: None,
             guards: guards(scenes),
+            broken_rules: first.broken_rules.clone(),
         }
     }
 }

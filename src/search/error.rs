@@ -3,7 +3,7 @@
 use sightline_cma::CmaError;
 
 use crate::engine::BackendError;
-use crate::vehicle::PoseGridError;
+use crate::vehicle::{NoRoom, PoseGridError};
 
 /// Why a search cannot begin or go on.
 #[derive(Debug, thiserror::Error)]
@@ -18,6 +18,9 @@ pub enum SearchError {
     /// From the grid of poses.
     #[error(transparent)]
     Grid(#[from] PoseGridError),
+    /// No rig that keeps the rules of the mounts.
+    #[error(transparent)]
+    NoRoom(#[from] NoRoom),
     /// Less money than the cheapest sensors cost that the mounts must hold.
     #[error(
         "--budget: {budget} is below the cheapest rig of this vehicle, which costs {least}; raise it, or lower \

@@ -294,7 +294,7 @@ impl EquipmentChoice {
         self.0.again(limits);
         let mut observer = |_: &Event| scene.goes_on();
         loop {
-            match self.0.step(&mut observer) {
+            match self.0.step(&mut observer)? {
                 EquipStep::On => {}
                 EquipStep::Stopped => return Err(StudyError::Stopped),
                 EquipStep::Done(found) | EquipStep::OutOfTime(found) => return Ok(found),

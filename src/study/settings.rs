@@ -152,19 +152,24 @@ impl Kind {
         matches!(self, Self::Voxels | Self::Random | Self::Regions | Self::Loss | Self::Weather)
     }
 
+    /// True if placements are searched; `is_given` tells whether own ones are there.
+    pub fn searches(self, is_given: bool) -> bool {
+        match self {
+            Self::Voxels | Self::Weather | Self::Published => false,
+            Self::Regions | Self::Loss => !is_given,
+            _ => true,
+        }
+    }
+
     /// Refuses a budget where no sensors are chosen for it.
     ///
     /// # Errors
     /// A budget for a kind that searches nothing, or does not with own placements.
     pub(super) fn check_budget(self, settings: &StudySettings) -> Result<(), StudyError> {
-        let is_given = !settings.placements.is_empty();
-        let searches = match self {
-            Self::Voxels | Self::Weather | Self::Published => false,
-            Self::Regions | Self::Loss => !is_given,
-            _ => true,
-        };
         match settings.budget {
-            Some(_) if !searches => Err(StudyError::NoSearch { kind: self.name() }),
+            Some(_) if !self.searches(!settings.placements.is_empty()) => {
+                Err(StudyError::NoSearch { kind: self.name() })
+            }
             _ => Ok(()),
         }
     }

@@ -259,7 +259,7 @@ impl UnderWay<'_, '_> {
             other => observer.on(other),
         };
         loop {
-            match equipping.step(&mut within) {
+            match equipping.step(&mut within).map_err(Stop::Failed)? {
                 EquipStep::On => {}
                 EquipStep::Stopped => return Err(Stop::At(End::Interrupted)),
                 EquipStep::OutOfTime(equipped) => return Ok((equipped, End::Time)),
@@ -268,8 +268,11 @@ impl UnderWay<'_, '_> {
         }
     }
 
-    /// Adds a choice, unless its placement is among the others.
+    /// Adds a choice, unless it has no sensors or its placement is among the others.
     fn found(&mut self, equipped: &Equipped) {
+        if equipped.equipment.is_empty() {
+            return;
+        }
         let is_new = |known: &Chosen| known.equipped.placement.lidars != equipped.placement.lidars;
         if self.found.iter().all(is_new) {
             let gain = self.aimed.0.clone();

@@ -95,6 +95,7 @@ pub fn front(
     let job = loaded.job.search(saved.settings.clone()).engine(computing.engine.clone());
     let job = job.within(time);
     job.check_front(&saved.objectives)?;
+    job.check_room()?;
     watcher.listen(GRACE);
     let folder = match (folder, from) {
         (None, FrontStart::New(new, _)) => {
@@ -106,10 +107,8 @@ pub fn front(
     };
     folder.check(&inputs)?;
     let earlier = earlier_seconds(&folder);
-    let found = search(&job, &mut saved, &folder, watcher)?;
-    if !is_worth_writing(&found, &saved.begun, &folder, watcher)? {
-        return Ok(None);
-    }
+    let found = search(&job, &mut saved, &folder, watcher);
+    let Some(found) = found.map_err(|error| error.discarding(&folder))? else { return Ok(None) };
     let seconds = earlier + start.elapsed().as_secs_f64();
     folder.write_json(TIMES, &seconds)?;
     let limit = max_seconds.filter(|_| found.stopped == FrontStopped::Time);
@@ -126,13 +125,14 @@ pub fn front(
     Ok(Some(Fronted { front: found, record, folder: folder.path().to_owned() }))
 }
 
-/// Searches to the end or until the watcher stops it; finished parts are saved on the way.
+/// Searches to the end or until the watcher stops it; finished parts are saved on the way. `None` where nothing was found
+/// before a stop.
 fn search(
     job: &Job,
     saved: &mut SavedFront,
     folder: &RunDir<SavedFront>,
     watcher: &dyn Watcher,
-) -> Result<Front, RunError> {
+) -> Result<Option<Front>, RunError> {
     let (mut bars, objectives) = (Bars::new(watcher), saved.objectives.clone());
     let failed = std::cell::RefCell::new(None::<FileError>);
     let (mut last, mut state) = (Instant::now(), std::mem::take(&mut saved.state));
@@ -158,7 +158,7 @@ fn search(
     if !(saved.state.is_empty() && found.points.is_empty()) {
         folder.save(saved)?;
     }
-    Ok(found)
+    Ok(is_worth_writing(&found, &saved.begun, folder, watcher)?.then_some(found))
 }
 
 /// False where the search was stopped before it found anything; notes an end before all limits were looked at.

@@ -27,6 +27,8 @@ pub(super) struct Journal {
     head: u64,
     /// Placements whose scores it holds.
     pub scored: u64,
+    /// True once one of these meets all requirements.
+    pub is_met: bool,
 }
 
 /// First line: everything that decides about the scores, as one number.
@@ -41,6 +43,8 @@ struct JournalHeader {
 struct Mark {
     /// Placements up to the end of the block.
     scored: u64,
+    /// True if one of them meets all requirements.
+    met: bool,
     bytes: u64,
     sha256: String,
 }
@@ -75,7 +79,7 @@ impl Journal {
         }
         begun.map_err(RunError::io(&path))?;
         let file = BufWriter::new(file);
-        Ok(Self { path, file, head: head.len() as u64, scored: 0 })
+        Ok(Self { path, file, head: head.len() as u64, scored: 0, is_met: false })
     }
 
     /// Finds the end of the last whole block; the rest of the file is cut off.
@@ -95,19 +99,19 @@ impl Journal {
             }
         }
         let head = first.map_or(0, |line| line.len() as u64);
-        let (mut end, mut scored) = (head, 0);
+        let (mut end, mut scored, mut is_met) = (head, 0, false);
         while let Some((mark, length, _)) = block(&mut reader) {
-            (end, scored) = (end + length, mark.scored);
+            (end, scored, is_met) = (end + length, mark.scored, mark.met);
         }
         file.set_len(end).map_err(io)?;
         let mut file = BufWriter::new(file);
         file.seek(std::io::SeekFrom::Start(end)).map_err(io)?;
-        Ok(Self { path, file, head, scored })
+        Ok(Self { path, file, head, scored, is_met })
     }
 
-    /// Keeps the text of a block that ends after so many placements.
-    pub fn push(&mut self, scored: u64, text: &str) -> Result<(), RunError> {
-        let mark = Mark { scored, bytes: text.len() as u64, sha256: sha256(text.as_bytes()) };
+    /// Keeps the text of a block that ends after so many placements, of which one meets all requirements or none does.
+    pub fn push(&mut self, scored: u64, met: bool, text: &str) -> Result<(), RunError> {
+        let mark = Mark { scored, met, bytes: text.len() as u64, sha256: sha256(text.as_bytes()) };
         let written = writeln!(self.file, "{}", json!(mark))
             .and_then(|()| self.file.write_all(text.as_bytes()))
             .and_then(|()| self.file.flush());

@@ -42,7 +42,7 @@ pub(super) fn score(
     total: u64,
     start: Instant,
     out: &mut dyn Write,
-) -> Result<(), RunError> {
+) -> Result<bool, RunError> {
     let scenes = [scene.to_owned()];
     let files = opening::files(&scenes, &request.conditions.condition, request.frames, computing);
     let Loaded { job, times } = opening::job(&files, computing)?;
@@ -81,9 +81,15 @@ pub(super) fn score(
                 }
             }
         }
-        _ => write_out(request, out, |path, out| {
-            scoring(request, computing, loaded, placements, total, start)?.into_writer(path, out)
-        }),
+        _ => {
+            let mut is_met = true;
+            write_out(request, out, |path, out| {
+                let scoring = scoring(request, computing, loaded, placements, total, start)?;
+                is_met = scoring.into_writer(path, out)?;
+                Ok(())
+            })?;
+            Ok(is_met)
+        }
     }
 }
 
@@ -126,6 +132,7 @@ fn scoring<'a>(
         below: String::new(),
         at_once: FEWEST,
         is_stopped: false,
+        is_met: false,
         times,
         start,
     })
@@ -161,6 +168,8 @@ struct Scoring<'a> {
     at_once: usize,
     /// True if the watcher ended the work within a block.
     is_stopped: bool,
+    /// True once a placement meets all requirements, or there are none.
+    is_met: bool,
     times: LoadTimes,
     start: Instant,
 }
@@ -193,6 +202,11 @@ impl Scoring<'_> {
             self.job.look_closely(self.evaluator.backend_mut(), all)?;
             self.below = report::rigs_text(self.job.scene().vehicle(), &block, &scores);
         }
+        let (vehicle, rules) = (self.job.scene().vehicle(), self.evaluator.problem().rules());
+        for (placement, scores) in block.iter().zip(&mut scores) {
+            scores.broken_rules = vehicle.broken_rules(rules, placement);
+        }
+        self.is_met |= scores.iter().any(super::meets);
         if let Some(site) = &self.near {
             site.score(self.evaluator.backend_mut(), block.iter().zip(&mut scores))?;
         }
@@ -243,8 +257,8 @@ impl Scoring<'_> {
         ));
     }
 
-    /// Writes all scores to the caller's writer, as they are computed.
-    fn into_writer(mut self, path: &Path, out: &mut dyn Write) -> Result<(), RunError> {
+    /// Writes all scores to the caller's writer, as they are computed. False where no placement meets all requirements.
+    fn into_writer(mut self, path: &Path, out: &mut dyn Write) -> Result<bool, RunError> {
         let mut first = true;
         let in_file = self.request.out.is_some();
         if in_file {
@@ -266,11 +280,13 @@ impl Scoring<'_> {
         self.check(first)?;
         out.write_all(self.tail()?.as_bytes()).map_err(RunError::io(path))?;
         self.note_rate();
-        out.flush().map_err(RunError::io(path))
+        out.flush().map_err(RunError::io(path))?;
+        Ok(self.is_met)
     }
 
     /// Writes all scores to a file. The journal keeps those so far where the watcher ends the work or the disk is full.
-    fn into_file(mut self, mut journal: Journal, out: &Path) -> Result<(), RunError> {
+    /// False where no placement meets all requirements.
+    fn into_file(mut self, mut journal: Journal, out: &Path) -> Result<bool, RunError> {
         let scored = self
             .fill(&mut journal)
             .and_then(|()| self.check(journal.scored == 0 && !self.is_stopped));
@@ -281,7 +297,7 @@ impl Scoring<'_> {
                     format!(", kept in {}; the same command with --resume goes on", path.display())
                 });
                 self.watcher.note(&format!("interrupted after {scored} of {all} placements{kept}"));
-                Ok(())
+                Ok(true)
             }
             Ok(()) => {
                 let (head, tail) = (self.head()?, self.tail()?);
@@ -290,7 +306,7 @@ impl Scoring<'_> {
                 }
                 journal.finish(out, &head, &tail)?;
                 self.note_rate();
-                Ok(())
+                Ok(self.is_met)
             }
             Err(error) => {
                 match &error {
@@ -308,11 +324,11 @@ impl Scoring<'_> {
             let known = self.reader.next().transpose()?;
             self.used.extend(models_of(known.as_slice()));
         }
-        self.count = journal.scored;
+        (self.count, self.is_met) = (journal.scored, journal.is_met);
         while self.watcher.goes_on() {
             let first = journal.scored == 0;
             let Some(scores) = self.next()? else { break };
-            journal.push(self.count, &self.text(&scores, first)?)?;
+            journal.push(self.count, self.is_met, &self.text(&scores, first)?)?;
         }
         Ok(())
     }

@@ -62,6 +62,9 @@ impl GridSample {
         let constraints = evaluator.constraints().untied();
         let grid = search.atlas().grid().clone();
         let lidars = constraints.lidars();
+        if lidars == 0 {
+            return Ok(Self { pairs: Vec::new(), delta: 0.0 });
+        }
         let free = constraints.slots.iter().flat_map(|slot| slot.region.free_fields());
         let delta = free.map(|k| grid.step()[k]).fold(0.0, f64::max);
         let mut rng = ChaCha8Rng::seed_from_u64(seed);

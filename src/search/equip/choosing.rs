@@ -273,9 +273,10 @@ impl Equip {
         EquipStep::On
     }
 
-    /// The best of some ends, the first of equal ones.
+    /// The best rig of some ends, the first of equal ones; no sensors where none of them is a rig.
     fn better(&mut self, ends: &[Vec<u32>]) -> Equipped {
-        let ends: Vec<Vec<Choice>> = ends.iter().map(|poses| self.choices(poses)).collect();
+        let ends = ends.iter().map(|poses| self.choices(poses));
+        let ends: Vec<Vec<Choice>> = ends.filter(|end| self.is_rig(end)).collect();
         let worths: Vec<f64> = ends.iter().map(|end| self.worth(end)).collect();
         let best = (0..ends.len()).reduce(|a, b| if worths[b] > worths[a] { b } else { a });
         self.equipped(best.map_or(&[], |best| &ends[best]))
@@ -288,12 +289,8 @@ impl Equip {
         }
         let mut ends = state.ends.clone();
         ends.extend(state.climb.iter().map(|climb| climb.poses.clone()));
-        // Rigs come first: an end that lacks a sensor is no equipment.
-        let (whole, part): (Vec<_>, Vec<_>) = ends
-            .into_iter()
-            .chain([Self::poses(&self.filled(grown))])
-            .partition(|end| self.is_rig(&self.choices(end)));
-        EquipStep::OutOfTime(self.better(if whole.is_empty() { &part } else { &whole }))
+        ends.push(Self::poses(&self.filled(grown)));
+        EquipStep::OutOfTime(self.better(&ends))
     }
 
     /// `chosen`, and for mounts that must hold more the cheapest sensors that fit; the cheapest of all where no mount

@@ -22,7 +22,7 @@ use super::observer::{Event, Observer, Watch};
 use super::suite::Suite;
 use crate::engine::EngineChoice;
 use crate::score::{Objective, reference_layout};
-use crate::vehicle::{Placement, SensorName, Vehicle};
+use crate::vehicle::{Equipment, Placement, SensorName, Vehicle};
 
 /// Said where the time is over before the choice.
 const OUT_OF_TIME: &str = "the time ended while the sensors were chosen; the best so far are taken, and more time may find better ones";
@@ -34,6 +34,40 @@ pub struct Equipping {
     search: Search,
     state: Choosing,
     deadline: Option<Instant>,
+    /// Taken where no rig of the coarse grid keeps all rules.
+    spare: Spare,
+}
+
+/// A rig that keeps all rules, and where it is scored.
+struct Spare {
+    rig: (Equipment, Placement),
+    cost: f64,
+    /// A few frames.
+    suite: Suite,
+    objective: Objective,
+    limits: Limits,
+    memory: u64,
+}
+
+impl Spare {
+    /// The rig with its scores; no sensors where the limits do not allow it.
+    fn equipped(&self, found: Equipped) -> Result<Equipped, SearchError> {
+        let (equipment, placement) = self.rig.clone();
+        let is_dear = self.cost > self.limits.budget * (1.0 + 1e-12);
+        if !found.equipment.is_empty() || is_dear || equipment.len() > self.limits.sensors {
+            return Ok(found);
+        }
+        let mut evaluator = Evaluator::suite_on_cpu(&self.suite, self.memory);
+        let scores = evaluator.scores(std::slice::from_ref(&placement))?.remove(0);
+        Ok(Equipped {
+            placement: Placement { name: "equipped".into(), ..placement },
+            cost: self.cost,
+            value: self.objective.value(&scores).unwrap_or(f64::NEG_INFINITY),
+            missing: scores.missing(),
+            equipment,
+            out_of_reach: found.out_of_reach,
+        })
+    }
 }
 
 enum Search {
@@ -48,8 +82,8 @@ impl Equipping {
     /// Casts every model on every mount; `None` where the observer stops that.
     ///
     /// # Errors
-    /// A budget below the cheapest equipment, an objective other than the information gain where there is a
-    /// choice, or an engine that failed.
+    /// A budget below the cheapest equipment, rules that no rig was found to keep, an objective other than the
+    /// information gain where there is a choice, or an engine that failed.
     pub fn open(
         suite: &Suite,
         vehicle: &Vehicle,
@@ -59,17 +93,14 @@ impl Equipping {
         deadline: Option<Instant>,
         observer: &mut dyn Observer,
     ) -> Result<Option<Self>, SearchError> {
-        let cheapest = vehicle.cheapest();
-        let (least, state) = (vehicle.cost(&cheapest), Choosing::default());
-        if least > limits.budget {
-            return Err(SearchError::Budget { budget: limits.budget, least });
-        }
+        let state = Choosing::default();
+        let spare = spare(suite, vehicle, objective, limits, engine)?;
         if !objective.is_information_gain() {
             if vehicle.has_choice() {
                 return Err(SearchError::NotForEquipment { objective: objective.to_string() });
             }
             let search = Search::Chosen(plain(suite, vehicle, objective, engine)?);
-            return Ok(Some(Self { search, state, deadline }));
+            return Ok(Some(Self { search, state, deadline, spare }));
         }
         let mut watch = Watch::until(observer, deadline);
         let search = match Equip::open(suite, vehicle, objective, limits, engine, &mut watch)? {
@@ -77,7 +108,7 @@ impl Equipping {
             Opened::Stopped => return Ok(None),
             Opened::OutOfTime => Search::OutOfTime(plain(suite, vehicle, objective, engine)?),
         };
-        Ok(Some(Self { search, state, deadline }))
+        Ok(Some(Self { search, state, deadline, spare }))
     }
 
     /// Goes on with a state that an earlier choice of the same vehicle in the same scenes was in; one that does
@@ -102,6 +133,7 @@ impl Equipping {
     /// Begins another choice among the same poses, under other limits.
     pub fn again(&mut self, limits: Limits) {
         self.state = Choosing::default();
+        self.spare.limits = limits;
         if let Search::Open(search) = &mut self.search {
             search.limits = limits;
         }
@@ -112,13 +144,26 @@ impl Equipping {
     /// look at them, 1000 puts them first, as at the beginning.
     pub fn aim(&mut self, objective: &Objective, required: f64) {
         self.state = Choosing::default();
+        self.spare.objective = objective.clone();
         if let Search::Open(search) = &mut self.search {
             search.aim(objective, required);
         }
     }
 
-    /// Exchanges one sensor, or begins or ends a climb.
-    pub fn step(&mut self, observer: &mut dyn Observer) -> EquipStep {
+    /// Exchanges one sensor, or begins or ends a climb. Where no rig of the coarse grid keeps all rules, the end is a rig
+    /// of few sensors that does; where the limits do not allow that one either, the end has no sensors.
+    ///
+    /// # Errors
+    /// An engine that failed.
+    pub fn step(&mut self, observer: &mut dyn Observer) -> Result<EquipStep, SearchError> {
+        Ok(match self.step_on_grid(observer) {
+            EquipStep::Done(found) => EquipStep::Done(self.spare.equipped(found)?),
+            EquipStep::OutOfTime(found) => EquipStep::OutOfTime(self.spare.equipped(found)?),
+            other => other,
+        })
+    }
+
+    fn step_on_grid(&mut self, observer: &mut dyn Observer) -> EquipStep {
         match &mut self.search {
             Search::Chosen(equipped) => EquipStep::Done(equipped.clone()),
             Search::OutOfTime(equipped) => {
@@ -137,7 +182,31 @@ impl Equipping {
     }
 }
 
-/// The only equipment of a vehicle that leaves no choice, as the reference layout puts it up.
+/// A rig of few sensors that keeps all rules.
+///
+/// # Errors
+/// None is found, or it costs more than the budget.
+fn spare(
+    suite: &Suite,
+    vehicle: &Vehicle,
+    objective: &Objective,
+    limits: Limits,
+    engine: &EngineChoice,
+) -> Result<Spare, SearchError> {
+    let check = |least: f64| match least > limits.budget {
+        true => Err(SearchError::Budget { budget: limits.budget, least }),
+        false => Ok(least),
+    };
+    check(vehicle.cost(&vehicle.cheapest()))?;
+    let rig = vehicle.rig_by_the_rules()?;
+    let cost = check(vehicle.cost(&rig.0))?;
+    let (suite, objective) = (suite.over(&suite.spread(Some(FRAMES))), objective.clone());
+    let memory = engine.memory_budget();
+    Ok(Spare { rig, cost, suite, objective, limits, memory })
+}
+
+/// The only equipment of a vehicle that leaves no choice, as the reference layout puts it up; by the rules where that
+/// layout breaks one.
 fn plain(
     suite: &Suite,
     vehicle: &Vehicle,
@@ -146,7 +215,12 @@ fn plain(
 ) -> Result<Equipped, SearchError> {
     let equipment = vehicle.cheapest();
     let models: Vec<SensorName> = equipment.iter().map(|(_, sensor)| *sensor).collect();
-    let placement = reference_layout(&vehicle.constraints(&equipment), &models);
+    let constraints = vehicle.constraints(&equipment);
+    let layout = reference_layout(&constraints, &models);
+    let (equipment, placement) = match constraints.violations(&layout).is_empty() {
+        true => (equipment, layout),
+        false => vehicle.rig_by_the_rules()?,
+    };
     let few = suite.over(&suite.spread(Some(FRAMES)));
     let mut evaluator = Evaluator::suite_on_cpu(&few, engine.memory_budget());
     let scores = evaluator.scores(std::slice::from_ref(&placement))?.remove(0);
@@ -176,19 +250,21 @@ pub fn cost_front(
     }
     let silent = &mut |_: &Event| true;
     let mut watch = Watch::new(silent, false);
-    let least = vehicle.cost(&vehicle.cheapest());
-    if least > limits.budget {
-        return Err(SearchError::Budget { budget: limits.budget, least });
-    }
+    let mut spare = spare(suite, vehicle, objective, limits, engine)?;
+    let least = spare.cost;
     let search = Equip::open(suite, vehicle, objective, limits, engine, &mut watch)?;
     let Opened::Open(mut search) = search else { return Ok(Vec::new()) };
     let Some(most) = search.best(&mut watch) else { return Ok(Vec::new()) };
+    let most = spare.equipped(most)?;
     let mut front = Vec::new();
     for step in 0..BUDGETS {
-        search.limits.budget = least + (most.cost - least) * f64::from(step) / f64::from(BUDGETS);
-        front.extend(search.best(&mut watch));
+        let budget = least + (most.cost - least) * f64::from(step) / f64::from(BUDGETS);
+        (search.limits.budget, spare.limits.budget) = (budget, budget);
+        let found = search.best(&mut watch);
+        front.extend(found.map(|found| spare.equipped(found)).transpose()?);
     }
     front.push(most);
+    front.retain(|equipped| !equipped.equipment.is_empty());
     front.dedup_by(|a, b| a.equipment == b.equipment);
     Ok(front)
 }

@@ -1,9 +1,11 @@
 //! Folder of a run that can go on after an interruption: `checkpoint.json` and its other files.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::Write;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::time::Duration;
 
 use serde::de::DeserializeOwned;
@@ -35,6 +37,8 @@ pub struct RunDir<S> {
     command: &'static str,
     /// Files that the run was begun with.
     inputs: Vec<Input>,
+    /// Files written so far by a run that began here; `None` for one that goes on.
+    written: Option<Mutex<BTreeSet<PathBuf>>>,
     _made: MissingFolders,
     _lock: Option<File>,
     state: PhantomData<fn(&S)>,
@@ -84,7 +88,8 @@ impl<S: Serialize + DeserializeOwned> RunDir<S> {
         } else {
             is_empty(&path)?;
         }
-        Ok(Self { path, command, inputs, _made: made, _lock: lock, state: PhantomData })
+        let written = Some(Mutex::default());
+        Ok(Self { path, command, inputs, written, _made: made, _lock: lock, state: PhantomData })
     }
 
     /// Reads the state that an earlier sitting has left. Where that one was just killed and still holds
@@ -127,6 +132,7 @@ impl<S: Serialize + DeserializeOwned> RunDir<S> {
                 path,
                 command,
                 inputs: saved.inputs,
+                written: None,
                 _made: made,
                 _lock: lock,
                 state: PhantomData,
@@ -167,9 +173,28 @@ impl<S> RunDir<S> {
         &self.path
     }
 
+    /// Place of a file that is about to be written.
+    fn file(&self, name: &str) -> PathBuf {
+        let path = self.path.join(name);
+        if let Some(mut written) = self.written.as_ref().and_then(|written| written.lock().ok()) {
+            written.insert(path.clone());
+        }
+        path
+    }
+
+    /// Takes away the files that a run has written which began here, as at an error that another sitting cannot mend. The
+    /// files of a run that goes on stay.
+    pub fn discard(&self) {
+        let written = self.written.as_ref().and_then(|written| written.lock().ok());
+        for path in written.iter().flat_map(|written| written.iter()) {
+            // One that cannot be removed does not hide the error that led here.
+            let _ = std::fs::remove_file(path);
+        }
+    }
+
     /// Writes a file of JSON, indented.
     pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<(), FileError> {
-        let path = self.path.join(name);
+        let path = self.file(name);
         write_own(&path, |file| {
             serde_json::to_writer_pretty(&mut *file, value).map_err(FileError::json(&path))?;
             file.write_all(b"\n").map_err(FileError::io(&path))
@@ -182,7 +207,7 @@ impl<S> RunDir<S> {
         name: &str,
         values: impl IntoIterator<Item = impl Serialize>,
     ) -> Result<(), FileError> {
-        let path = self.path.join(name);
+        let path = self.file(name);
         write_own(&path, |file| {
             for value in values {
                 serde_json::to_writer(&mut *file, &value).map_err(FileError::json(&path))?;
@@ -194,7 +219,7 @@ impl<S> RunDir<S> {
 
     /// Writes a file of text.
     pub fn write_text(&self, name: &str, text: &str) -> Result<(), FileError> {
-        let path = self.path.join(name);
+        let path = self.file(name);
         write_own(&path, |file| file.write_all(text.as_bytes()).map_err(FileError::io(&path)))
     }
 }
@@ -320,7 +345,18 @@ mod tests {
         assert!(!dir.path().join("runs").exists());
         let run = RunDir::<Walk>::create("walk", Some(&path), "", Vec::new()).expect("a run");
         run.write_text("note", "kept").expect("a file");
+        run.save(&WALK).expect("a checkpoint");
         drop(run);
         assert!(path.join("note").exists());
+        // A run that goes on keeps the files of earlier sittings; one that began here leaves none.
+        RunDir::<Walk>::resume("walk", &path).expect("the run").0.discard();
+        assert!(path.join(CHECKPOINT).exists());
+        let path = dir.path().join("two/deep");
+        let run = RunDir::<Walk>::create("walk", Some(&path), "", Vec::new()).expect("a run");
+        run.save(&WALK).expect("a checkpoint");
+        run.write_lines("lines", [1, 2]).expect("a file");
+        run.discard();
+        drop(run);
+        assert!(!dir.path().join("two").exists());
     }
 }

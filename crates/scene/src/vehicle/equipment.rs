@@ -96,13 +96,8 @@ impl Vehicle {
     /// The cheapest equipment: as few sensors as each mount must hold, at least one in all, each the
     /// cheapest that its mount may hold.
     pub fn cheapest(&self) -> Equipment {
-        let cheapest = |mount: &VehicleMount| {
-            let by_price =
-                |a: &&SensorName, b: &&SensorName| self.price(**a).total_cmp(&self.price(**b));
-            mount.sensors.iter().min_by(by_price).copied().unwrap_or_default()
-        };
         let each = self.mounts.iter().enumerate();
-        let each = each.flat_map(|(k, mount)| vec![(k, cheapest(mount)); mount.count[0]]);
+        let each = each.flat_map(|(k, mount)| vec![(k, self.cheapest_on(k)); mount.count[0]]);
         let must: Equipment = each.collect();
         if !must.is_empty() {
             return must;
@@ -112,12 +107,19 @@ impl Vehicle {
             let images = self.mounts.iter().position(|of| of.region.is_image_of(&mount.region));
             let image =
                 images.filter(|_| self.ties.symmetric && !mount.region.is_image_of(&mount.region));
-            [Some(k), image].into_iter().flatten().map(|k| (k, cheapest(mount))).collect()
+            [Some(k), image].into_iter().flatten().map(|of| (of, self.cheapest_on(k))).collect()
         };
         let groups =
             self.mounts.iter().enumerate().filter(|(_, mount)| mount.count[1] > 0).map(group);
         let first = groups.min_by(|a, b| self.cost(a).total_cmp(&self.cost(b)));
         first.unwrap_or_default()
+    }
+
+    /// The cheapest model that a mount may hold.
+    pub(super) fn cheapest_on(&self, mount: usize) -> SensorName {
+        let by_price =
+            |a: &&SensorName, b: &&SensorName| self.price(**a).total_cmp(&self.price(**b));
+        self.mounts[mount].sensors.iter().min_by(by_price).copied().unwrap_or_default()
     }
 
     /// The fullest equipment, at most [`MAX_LIDARS`] sensors: each mount's least number first, then the others

@@ -14,8 +14,10 @@ pub mod placement_file;
 pub mod placements;
 pub mod pose_grid;
 mod region;
+mod room;
 mod rules;
 pub mod sensor_file;
+mod spots;
 mod surface;
 mod variables;
 pub mod vehicle_file;
@@ -44,5 +46,6 @@ pub use placements::{
 };
 pub use pose_grid::{PoseGrid, PoseGridError, Spacing};
 pub use region::{Outline, Region};
+pub use room::NoRoom;
 pub use surface::Surface;
 pub use vehicle_file::read as read_vehicle;

@@ -124,7 +124,7 @@ impl Vehicle {
     /// Checks that the rules leave room for a placement on the first mount, a box.
     fn check_room(&self, at: &Location) -> Result<(), DescriptionError> {
         let VehicleMount { region, count: [_, lidars], .. } = &self.mounts[0];
-        if self.is_kept_out(region) {
+        if is_kept_out(&self.keep_out, region.corners()) {
             let wanted = "a choice that leaves room for a sensor: the boxes cover the whole mount; make \
                           them smaller";
             let boxes = format!("list of {}", self.keep_out.len());
@@ -164,33 +164,32 @@ impl Vehicle {
         }
         Ok(())
     }
+}
 
-    /// True if the keep-out boxes cover a whole box along the axes, faces aside.
-    fn is_kept_out(&self, region: &Region) -> bool {
-        // All faces cut the mount into cells; each cell is in a box or out of it with its middle.
-        let middles = [0, 1, 2].map(|k| {
-            let (low, high) = (region.lower[k], region.upper[k]);
-            let faces = self.keep_out.iter().flatten().map(|corner| corner[k]);
-            let mut cuts: Vec<f64> = faces.filter(|face| low < *face && *face < high).collect();
-            cuts.extend([low, high]);
-            cuts.sort_by(f64::total_cmp);
-            // Faces that touch enclose no cell; a flat mount is one cell of width 0.
-            cuts.dedup();
-            if low == high {
-                return cuts;
-            }
-            let middle = |pair: &[f64]| 0.5 * (pair[0] + pair[1]);
-            cuts.windows(2).map(middle).collect::<Vec<f64>>()
-        });
-        let inside = |point: [f64; 3]| {
-            let within = |[low, high]: &[[f64; 3]; 2]| {
-                (0..3).all(|k| low[k] < point[k] && point[k] < high[k])
-            };
-            self.keep_out.iter().any(within)
-        };
-        let [xs, ys, zs] = &middles;
-        xs.iter().all(|&x| ys.iter().all(|&y| zs.iter().all(|&z| inside([x, y, z]))))
-    }
+/// True if keep-out boxes cover the whole box between two corners of the ego frame, faces aside.
+pub(super) fn is_kept_out(keep_out: &[[[f64; 3]; 2]], [lower, upper]: [[f64; 3]; 2]) -> bool {
+    // All faces cut the box into cells; each cell is in a keep-out box or out of it with its middle.
+    let middles = [0, 1, 2].map(|k| {
+        let (low, high) = (lower[k], upper[k]);
+        let faces = keep_out.iter().flatten().map(|corner| corner[k]);
+        let mut cuts: Vec<f64> = faces.filter(|face| low < *face && *face < high).collect();
+        cuts.extend([low, high]);
+        cuts.sort_by(f64::total_cmp);
+        // Faces that touch enclose no cell; a flat mount is one cell of width 0.
+        cuts.dedup();
+        if low == high {
+            return cuts;
+        }
+        let middle = |pair: &[f64]| 0.5 * (pair[0] + pair[1]);
+        cuts.windows(2).map(middle).collect::<Vec<f64>>()
+    });
+    let inside = |point: [f64; 3]| {
+        let within =
+            |[low, high]: &[[f64; 3]; 2]| (0..3).all(|k| low[k] < point[k] && point[k] < high[k]);
+        keep_out.iter().any(within)
+    };
+    let [xs, ys, zs] = &middles;
+    xs.iter().all(|&x| ys.iter().all(|&y| zs.iter().all(|&z| inside([x, y, z]))))
 }
 
 /// Least distance between two LiDARs, in metres.

@@ -127,6 +127,30 @@ impl Region {
         }
     }
 
+    /// Corners of the outline or of the surface's triangles, in the region's frame, each at both bounds of the third axis.
+    pub(super) fn rim(&self) -> Vec<[f64; 3]> {
+        let (points, along): (Vec<[f64; 3]>, usize) = match &self.surface {
+            Some(surface) => {
+                (surface.corners().map(|corner| corner.to_array()).collect(), surface.along())
+            }
+            None => {
+                let Outline { axes: [a, b], corners } = &self.outline;
+                let point = |&[x, y]: &[f64; 2]| {
+                    let mut point = [0.0; 3];
+                    (point[*a], point[*b]) = (x, y);
+                    point
+                };
+                (corners.iter().map(point).collect(), 3 - (a + b).min(3))
+            }
+        };
+        let at = |mut point: [f64; 3], bound: f64| {
+            point[along] = bound;
+            point
+        };
+        let bounds = [self.lower[along], self.upper[along]];
+        points.into_iter().flat_map(|point| bounds.map(|bound| at(point, bound))).collect()
+    }
+
     /// Corners of the smallest box in the ego frame around all positions.
     pub fn corners(&self) -> [[f64; 3]; 2] {
         let (mut low, mut high) = (DVec3::MAX, DVec3::MIN);

@@ -91,27 +91,27 @@ impl Vehicle {
         files.extend(read);
         notes.extend(told);
         notes.extend(out_of_reach(&at.key("require"), &targets, &sensors));
-        let at = at.key("other_sensors");
-        let other_sensors = OtherSensor::read_all(&at, vehicle.other_sensors, &mut notes)?;
+        let other_sensors = at.key("other_sensors");
+        let other_sensors =
+            OtherSensor::read_all(&other_sensors, vehicle.other_sensors, &mut notes)?;
         let name = name.unwrap_or_else(|| stem.to_owned());
-        Ok((
-            Self {
-                name,
-                sensors,
-                mounts,
-                min_distance,
-                keep_out,
-                ties,
-                require: alone(areas),
-                targets: alone(targets),
-                ground: alone(ground),
-                overlap: alone(overlap),
-                require_order,
-                other_sensors,
-                notes,
-            },
-            files,
-        ))
+        let vehicle = Self {
+            name,
+            sensors,
+            mounts,
+            min_distance,
+            keep_out,
+            ties,
+            require: alone(areas),
+            targets: alone(targets),
+            ground: alone(ground),
+            overlap: alone(overlap),
+            require_order,
+            other_sensors,
+            notes,
+        };
+        vehicle.check_mounts(at)?;
+        Ok((vehicle, files))
     }
 }
 
@@ -348,7 +348,31 @@ impl Requirements {
                 }
             }
         }
+        all.check_names(at)?;
         Ok(all)
+    }
+
+    /// Checks that the names differ, the default ones too: results tell the entries apart by them.
+    fn check_names(&self, at: &Location) -> Result<(), DescriptionError> {
+        fn of<'a, T>(
+            rules: &'a [(usize, T)],
+            name: impl Fn(&'a T) -> &'a String,
+        ) -> Vec<(usize, &'a String)> {
+            rules.iter().map(|(position, rule)| (*position, name(rule))).collect()
+        }
+        let (areas, targets) = (of(&self.areas, |r| &r.name), of(&self.targets, |r| &r.name));
+        let (ground, overlap) = (of(&self.ground, |r| &r.name), of(&self.overlap, |r| &r.name));
+        let mut named = [areas, targets, ground, overlap].concat();
+        named.sort();
+        for (i, (position, name)) in named.iter().enumerate() {
+            if let Some((first, _)) = named[..i].iter().find(|(_, other)| other == name) {
+                let wanted = format!(
+                    "a name of its own, since require[{first}] has this one; give one of them another `name`"
+                );
+                return Err(bad(&at.item(*position).key("name"), format!("`{name}`"), wanted));
+            }
+        }
+        Ok(())
     }
 
     /// Position of every entry, kind after kind.

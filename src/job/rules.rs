@@ -1,0 +1,33 @@
+//! Rules of the mounts before a search: a rig that keeps them, and where the search starts.
+
+use std::path::PathBuf;
+
+use super::{Job, JobError};
+use crate::search::Settings;
+use crate::vehicle::{Constraints, random_placements_by_the_rules};
+
+impl Job {
+    /// Checks that some rig keeps the rules of the mounts, before anything is written.
+    ///
+    /// # Errors
+    /// None is found.
+    pub fn check_room(&self) -> Result<(), JobError> {
+        let place = |file: &PathBuf| file.display().to_string();
+        let found = self.scene().vehicle().rig_by_the_rules();
+        found.map(drop).map_err(|error| JobError::InScene {
+            scene: self.vehicle_file.as_ref().map_or_else(|| self.scenes[0].place(), place),
+            source: error.into(),
+        })
+    }
+}
+
+/// Draws among which a placement by the rules is looked for before it is worked out.
+const SEED: u64 = 0;
+
+/// Settings that start from a placement by the rules where hardly any random one keeps them.
+pub(super) fn by_the_rules(mut settings: Settings, constraints: &Constraints) -> Settings {
+    if random_placements_by_the_rules(constraints, 1, SEED).is_empty() {
+        settings.starts.extend(constraints.placement_by_the_rules());
+    }
+    settings
+}
