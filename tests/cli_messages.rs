@@ -230,6 +230,7 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     let last = text.lines().last().unwrap();
     assert!(last.starts_with("better: level (2 of 2 requirements met, near_gain "), "{text}");
     assert!(last.ends_with("requirements come first, then near_gain"), "{text}");
+    assert!(last.contains("missing, ") && last.contains("; decided by the requirements"), "{text}");
     let scores = ok(dir.path(), &["score", "s.json", "rigs.json", "--backend", "cpu"]);
     let card = &scores["scores"][0]["range_card"];
     for of in card["targets"][0]["bearings"].as_array().unwrap() {

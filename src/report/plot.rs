@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::chart::PointLabels;
 use super::svg::{ACCENT, Axes, COLOURS, GREY, INK, SOFT, Scale, Tick, corners, number, page, px};
+use super::text::shortened;
 
 /// Pixels of the plot area.
 const LEFT: f64 = 90.0;
@@ -18,19 +19,19 @@ const LETTER: f64 = 7.0;
 const LINE: f64 = 15.0;
 /// Pixels from the axis to the words under it.
 const UNDER: f64 = 20.0;
-/// Characters that have room: over the chart, in the legend, turned under the axis.
+/// Pixels between two entries of the legend.
+const ENTRY: f64 = 20.0;
+/// Characters of a line over the chart, and of one in the legend.
 const TITLE: usize = 100;
 const LEGEND: usize = 30;
-const TURNED: usize = 22;
+/// Characters after which a name ends all the same: a bound for files that are not meant to be drawn.
+const LONGEST: usize = 300;
 /// Points of a line that are also drawn one by one, if there are no more.
 const DOTTED: usize = 60;
 
-/// The first `most` characters of a text.
-fn cut(text: &str, most: usize) -> String {
-    if text.chars().count() <= most {
-        return text.to_owned();
-    }
-    text.chars().take(most - 1).chain(['…']).collect()
+/// A text in lines of the legend.
+fn legend_lines(text: &str) -> Vec<String> {
+    lines(&shortened(text, LONGEST), LEGEND)
 }
 
 /// Kind of the x axis.
@@ -53,6 +54,8 @@ pub struct Series {
     pub line: bool,
     /// Words beside single points, by their number.
     pub labels: Vec<(usize, String)>,
+    /// Numbers of points that are drawn hollow.
+    pub hollow: Vec<usize>,
 }
 
 /// A plain chart of some series.
@@ -66,7 +69,7 @@ pub struct Plot {
     pub y_title: String,
     /// Kind of the x axis.
     pub x: Axis,
-    /// At most eight are told apart by colour.
+    /// At most sixteen are told apart by colour.
     pub series: Vec<Series>,
 }
 
@@ -81,6 +84,8 @@ pub(super) struct ReferenceLine<'a> {
 pub(super) struct Change {
     pub at: f64,
     pub name: String,
+    /// True if values beyond are of another kind, so that curves end there.
+    pub ends_curves: bool,
 }
 
 impl Plot {
@@ -114,26 +119,50 @@ impl Plot {
         let listed = names.iter().filter_map(PlotLabels::list).flatten();
         let listed: Vec<(f64, &String)> =
             (2..).map(|k| x_title + LINE * f64::from(k)).zip(listed).collect();
+        let title = lines(&shortened(&self.title, LONGEST), TITLE);
+        let moved = [spill_of(&marks, turned, &axes), LINE * (title.len() as f64 - 1.0)];
+        let (legend, legend_end) = self.legend();
+        let (levels, levels_end) = self.levels(levels, &axes, legend_end);
         let body = html! {
-            text x=(LEFT) y="20" font-weight="600" { (cut(&self.title, TITLE)) }
-            @if is_empty {
-                text x=(LEFT) y="60" { "There is nothing to draw." }
-            } @else {
-                (axes.draw(&marks, &axes.y.ticks(number), turned))
-                (changed(changes, &axes))
-                (self.levels(levels, &axes))
-                @for (index, (series, names)) in self.series.iter().zip(&names).enumerate() {
-                    (self.draw(series, self.colour(index), &axes, changes))
-                    (names.draw())
-                    (legend(&series.name, self.colour(index), index))
+            g transform=[(moved != [0.0; 2]).then(|| format!("translate({} {})", px(moved[0]), moved[1]))] {
+                @for (k, line) in (0_u32..).zip(&title) {
+                    text x=(LEFT) y=(20.0 + LINE * f64::from(k) - moved[1]) font-weight="600" { (line) }
                 }
-                text x=(LEFT + WIDTH / 2.0) y=(px(x_title)) text-anchor="middle" { (self.x_title) }
-                text x=(LEFT) y="40" { (self.y_title) }
-                @for (y, name) in &listed { text x=(LEFT) y=(px(*y)) font-size="12" { (name) } }
+                @if is_empty {
+                    text x=(LEFT) y="60" { "There is nothing to draw." }
+                } @else {
+                    (axes.draw(&marks, &axes.y.ticks(number), turned))
+                    (changed(changes, &axes))
+                    (levels)
+                    @for (index, (series, names)) in self.series.iter().zip(&names).enumerate() {
+                        (self.draw(series, self.colour(index), &axes, changes))
+                        (names.draw())
+                    }
+                    (legend)
+                    text x=(LEFT + WIDTH / 2.0) y=(px(x_title)) text-anchor="middle" { (self.x_title) }
+                    text x=(LEFT) y="40" { (self.y_title) }
+                    @for (y, name) in &listed { text x=(LEFT) y=(px(*y)) font-size="12" { (name) } }
+                }
             }
         };
-        let last = listed.last().map_or(x_title, |(y, _)| *y);
-        page([ALL, last + 14.0], &self.title, &body)
+        let last = listed.last().map_or(x_title, |(y, _)| *y).max(legend_end).max(levels_end);
+        page([ALL + moved[0], last + 14.0 + moved[1]], &self.title, &body)
+    }
+
+    /// Names of the series with their colours, and the pixel at which they end.
+    fn legend(&self) -> (Markup, f64) {
+        let (x, mut y) = (LEFT + WIDTH + 20.0, TOP + 10.0);
+        let drawn = html! {
+            @for (index, series) in self.series.iter().enumerate() {
+                circle cx=(x) cy=(y) r="5" fill=(self.colour(index)) {}
+                @for (k, line) in legend_lines(&series.name).iter().enumerate() {
+                    ({ y += if k == 0 { 0.0 } else { LINE }; "" })
+                    text x=(x + 12.0) y=(y + 4.5) { (line) }
+                }
+                ({ y += ENTRY; "" })
+            }
+        };
+        (drawn, y - ENTRY)
     }
 
     fn colour(&self, index: usize) -> &'static str {
@@ -143,35 +172,45 @@ impl Plot {
     /// Names along x; `None` where numbers stand there.
     fn marks(&self) -> Option<Vec<Tick>> {
         let Axis::Names(names) = &self.x else { return None };
-        let tick =
-            |(at, name): (usize, &String)| Tick { value: at as f64, text: Some(cut(name, TURNED)) };
+        let tick = |(at, name): (usize, &String)| Tick {
+            value: at as f64,
+            text: Some(shortened(name, LONGEST)),
+        };
         Some(names.iter().enumerate().map(tick).collect())
     }
 
-    /// Lines across. Names of close ones are moved apart, and below the legend; a thin line leads to each.
-    fn levels(&self, levels: &[ReferenceLine], axes: &Axes) -> Markup {
+    /// Lines across, and the pixel at which their names end. Names of close ones are moved apart, and below the legend; a
+    /// thin line leads to each.
+    fn levels(&self, levels: &[ReferenceLine], axes: &Axes, legend_end: f64) -> (Markup, f64) {
         let mut sorted: Vec<&ReferenceLine> = levels.iter().collect();
         sorted.sort_by(|a, b| b.value.total_cmp(&a.value));
-        let mut label_y = TOP + 20.0 * self.series.len() as f64;
+        let mut label_y = legend_end + 10.0;
         let right = LEFT + WIDTH;
-        html! {
+        let drawn = html! {
             @for level in sorted {
                 @let at = axes.y.at(level.value);
                 @let label = at.max(label_y + LINE);
                 @let (line, ink) = if level.accent { (ACCENT, INK) } else { (GREY, SOFT) };
                 path d={ "M" (LEFT) " " (px(at)) "H" (right) "L" (right + 12.0) " " (px(label)) }
                     stroke=(line) fill="none" stroke-width=".8" stroke-dasharray="4 3" {}
-                text x=(right + 16.0) y=(px(label + 4.5)) fill=(ink) { (cut(level.name, LEGEND)) }
-                ({ label_y = label; "" })
+                ({ label_y = label - LINE; "" })
+                @for words in legend_lines(level.name) {
+                    ({ label_y += LINE; "" })
+                    text x=(right + 16.0) y=(px(label_y + 4.5)) fill=(ink) { (words) }
+                }
             }
-        }
+        };
+        (drawn, if levels.is_empty() { 0.0 } else { label_y })
     }
 
     /// A series; its line ends at each change, beyond which values are of another kind.
     fn draw(&self, series: &Series, colour: &str, axes: &Axes, changes: &[Change]) -> Markup {
         let is_drawn = |p: &&(f64, f64)| p.0.is_finite() && p.1.is_finite();
         let drawn: Vec<(f64, f64)> = series.points.iter().filter(is_drawn).copied().collect();
-        let changes_before = |x: f64| changes.iter().filter(|change| change.at < x).count();
+        let ends = || changes.iter().filter(|change| change.ends_curves);
+        let changes_before = |x: f64| ends().filter(|change| change.at < x).count();
+        let is_hollow = |k: &usize| series.hollow.contains(k);
+        let all = series.points.iter().enumerate().filter(|(_, p)| is_drawn(p));
         html! {
             @if series.line {
                 @for part in drawn.chunk_by(|a, b| changes_before(a.0) == changes_before(b.0)) {
@@ -180,8 +219,12 @@ impl Plot {
                 }
             }
             @if !series.line || drawn.len() <= DOTTED {
-                @for (x, y) in drawn.iter().map(|&p| axes.at(p)) {
-                    circle cx=(px(x)) cy=(px(y)) r="4" fill=(colour) {}
+                @for (k, (x, y)) in all.map(|(k, &p)| (k, axes.at(p))) {
+                    @if is_hollow(&k) {
+                        circle cx=(px(x)) cy=(px(y)) r="4.5" fill="#fff" stroke=(colour) stroke-width="2" {}
+                    } @else {
+                        circle cx=(px(x)) cy=(px(y)) r="4" fill=(colour) {}
+                    }
                 }
             }
         }
@@ -218,12 +261,14 @@ fn changed(changes: &[Change], axes: &Axes) -> Markup {
     }
 }
 
-fn legend(name: &str, colour: &str, index: usize) -> Markup {
-    let (x, y) = (LEFT + WIDTH + 20.0, TOP + 10.0 + 20.0 * index as f64);
-    html! {
-        circle cx=(x) cy=(y) r="5" fill=(colour) {}
-        text x=(x + 12.0) y=(y + 4.5) { (cut(name, LEGEND)) }
-    }
+/// Pixels that turned names reach out of the drawing at its left.
+fn spill_of(marks: &[Tick], turned: bool, axes: &Axes) -> f64 {
+    let left = |tick: &Tick| {
+        let letters = tick.text.as_ref().map_or(0, |text| text.chars().count()) as f64;
+        // Turned by 30°, as in `drop_of`.
+        0.87 * LETTER * letters - axes.x.at(tick.value) + 4.0
+    };
+    if turned { marks.iter().map(left).fold(0.0, f64::max).ceil() } else { 0.0 }
 }
 
 /// The range of the finite values with 6 % of margin at both ends.
@@ -303,18 +348,25 @@ impl PlotLabels {
     }
 }
 
-/// A text in lines of at most `letters` letters; lines after the first are set in.
+/// A text in lines of at most `letters` letters; lines after the first are set in. A longer word is broken.
 fn lines(text: &str, letters: usize) -> Vec<String> {
     let length = |text: &str| text.chars().count();
+    let pieces = |word: &str| -> Vec<String> {
+        let all: Vec<char> = word.chars().collect();
+        all.chunks(letters.saturating_sub(1).max(1)).map(|part| part.iter().collect()).collect()
+    };
     let mut lines: Vec<String> = Vec::new();
-    for word in text.split(' ') {
+    for word in text.split(' ').flat_map(|word| match length(word) >= letters {
+        true => pieces(word),
+        false => vec![word.to_owned()],
+    }) {
         match lines.last_mut() {
-            Some(line) if length(line) + 1 + length(word) <= letters => {
+            Some(line) if length(line) + 1 + length(&word) <= letters => {
                 *line += &format!(" {word}")
             }
             // A drawing drops plain spaces at the beginning.
             Some(_) => lines.push(format!("\u{2003}{word}")),
-            None => lines.push(word.to_owned()),
+            None => lines.push(word),
         }
     }
     lines
@@ -361,11 +413,17 @@ mod tests {
                 points: vec![(0.0, 1.0), (1.0, 3.0), (0.0, f64::NAN)],
                 line: true,
                 labels: vec![(1, "best".into())],
+                hollow: vec![0],
             }],
         };
         let svg = plot.svg();
         // A quarter and three quarters of the width; 6 % of the range as margin.
         assert!(svg.contains("cx=\"230.0\"") && svg.contains("cx=\"510.0\""), "{svg}");
+        assert_eq!(
+            svg.matches("fill=\"#fff\" stroke=").count(),
+            1,
+            "the first point is hollow: {svg}"
+        );
         let low = TOP + HEIGHT * (1.0 - 0.12 / 2.24);
         assert!(svg.contains(&format!("cy=\"{low:.1}\"")), "{svg}");
         assert!(svg.contains("a &lt; b") && svg.contains(">best<") && !svg.contains("NaN"));
@@ -373,12 +431,13 @@ mod tests {
     }
 
     #[test]
-    fn words_that_have_no_room_are_turned_shared_or_cut() {
+    fn words_that_have_no_room_are_turned_shared_or_broken() {
         let series = Series {
             name: "n".repeat(40),
             points: vec![(0.0, 1.0), (1.0, 3.0), (1.0, 3.0)],
             line: false,
             labels: vec![(1, "a".into()), (2, "b".into())],
+            hollow: Vec::new(),
         };
         let names = [
             "without LiDAR 0",
@@ -397,8 +456,21 @@ mod tests {
         let svg = plot.svg();
         assert_eq!(svg.matches("rotate(-30").count(), 5);
         assert!(svg.contains(">a, b<"), "{svg}");
-        assert!(svg.contains(&format!(">{}…<", "n".repeat(29))));
-        assert!(svg.contains(&format!(">{}…<", "t".repeat(99))), "the whole stands in <title>");
+        // No letter is lost: those of a word without a space follow in the next line.
+        assert!(svg.contains(&format!(">{}<", "n".repeat(29))) && !svg.contains('…'), "{svg}");
+        assert!(svg.contains(&format!(">\u{2003}{}<", "n".repeat(11))), "{svg}");
+        assert!(svg.contains(&format!(">{}<", "t".repeat(99))), "{svg}");
+        assert!(
+            svg.contains("translate(0.0 30)"),
+            "three lines of title push the chart down: {svg}"
+        );
+        // The first name begins left of the drawing unless all of it moves.
+        let long = "a name of a placement that is longer than most of them are".to_owned();
+        let wide = Plot { x: Axis::Names(vec![long.clone(), "b".into()]), ..plot.clone() }.svg();
+        assert!(
+            wide.contains(&format!(">{long}<")) && wide.contains("translate(128.0 30)"),
+            "{wide}"
+        );
         let short =
             Plot { x: Axis::Names(names[3..].iter().map(|n| (*n).into()).collect()), ..plot };
         assert!(!short.svg().contains("rotate"));

@@ -57,16 +57,48 @@ fn better_in_words(all: &[Scores]) -> Option<String> {
     if !standings[best].beats(&standings[rival]) {
         return Some(format!("{word}: {name} and {next} are level\n"));
     }
-    let met = |k: usize| {
-        let [met, of] = all[k].met();
-        (of > 0).then(|| format!("{met} of {of} requirements met"))
+    let facts = |k: usize| facts_in_words(&all[k], &standings[k], &objective);
+    let decided = decided_in_words(&all[best], &standings[best], &standings[rival]);
+    Some(format!("{word}: {name} ({}), before {next} ({}); {decided}\n", facts(best), facts(rival)))
+}
+
+/// Requirements met, per cent points missing of the others, and the objective of a rig.
+fn facts_in_words(scores: &Scores, standing: &Standing, objective: &Objective) -> String {
+    let mut facts = Vec::new();
+    let [met, of] = scores.met();
+    if of > 0 {
+        facts.push(format!("{met} of {of} requirements met"));
+    }
+    if standing.violation > 0.0 {
+        facts.push(format!("{} missing", points(standing.violation)));
+    }
+    if standing.guards > 0 {
+        facts.push(format!("{} warnings", standing.guards).replace("1 warnings", "1 warning"));
+    }
+    let value = objective.value(scores).map_or("–".to_owned(), spoken);
+    facts.push(format!("near_gain {value}"));
+    facts.join(", ")
+}
+
+/// A share in per cent points: `4.1 points`.
+fn points(share: f64) -> String {
+    format!("{} points", trimmed(100.0 * share, 2))
+}
+
+/// The first of the things that standings are compared by in which two rigs differ.
+fn decided_in_words(scores: &Scores, ours: &Standing, theirs: &Standing) -> String {
+    let by = if ours.violation < theirs.violation {
+        let fewer = points(theirs.violation - ours.violation);
+        format!("decided by the requirements, of which {fewer} fewer are missing")
+    } else if ours.guards < theirs.guards {
+        "decided by the warnings, of which it has fewer".to_owned()
+    } else if ours.value.zip(theirs.value).is_some_and(|(ours, theirs)| ours <= theirs) {
+        "decided by the sectors in which a car is lost, which lower near_gain".to_owned()
+    } else {
+        "decided by near_gain".to_owned()
     };
-    let value = |k: usize| {
-        let value = objective.value(&all[k]).map_or("–".to_owned(), spoken);
-        let parts: Vec<String> = met(k).into_iter().chain([format!("near_gain {value}")]).collect();
-        parts.join(", ")
-    };
-    let order = if met(best).is_some() { "; requirements come first, then near_gain" } else { "" };
-    let (ours, theirs) = (value(best), value(rival));
-    Some(format!("{word}: {name} ({ours}), before {next} ({theirs}){order}\n"))
+    match scores.met() {
+        [_, 0] => by,
+        _ => format!("{by}; requirements come first, then near_gain"),
+    }
 }

@@ -6,7 +6,7 @@ use super::svg::{COLOURS, FAINT, INK, SOFT, corners, page, px, trimmed};
 use super::text::align_columns;
 use crate::maths;
 use crate::targets::{
-    BlindSector, Detection, RangeCard, TargetQuestion, TargetRanges, TargetTable,
+    BlindSector, Detection, RangeCard, TargetQuestion, TargetRanges, TargetRow, TargetTable,
 };
 
 /// Pixels of a panel, of the radius of its circle, of its title.
@@ -90,6 +90,32 @@ fn of_card(card: &RangeCard) -> Vec<MetRuns<'_>> {
     all.collect()
 }
 
+/// Distance from which on a car is looked for all round, metres.
+const ALL_ROUND_FROM: f64 = 5.0;
+
+/// Sentence on bearings at which a car is met all along, but cannot stand as near as 5 m; `None` where it can, or is lost
+/// somewhere, which is said in its own words.
+pub(super) fn overlap_in_words(card: &RangeCard) -> Option<String> {
+    let car = card.targets.first().filter(|_| card.blind.is_empty())?;
+    let mut starts: Vec<(f64, Vec<String>)> = Vec::new();
+    for of in &car.bearings {
+        let Some([first, _]) = of.met.first().filter(|run| run[0] > ALL_ROUND_FROM) else {
+            continue;
+        };
+        let name = bearing_in_words(of.bearing);
+        match starts.iter_mut().find(|(metres, _)| metres == first) {
+            Some((_, names)) => names.push(name),
+            None => starts.push((*first, vec![name])),
+        }
+    }
+    let parts = starts.iter().map(|(metres, names)| {
+        format!("nearer than {} m ({})", trimmed(*metres, 2), names.join(", "))
+    });
+    let parts: Vec<String> = parts.collect();
+    (!parts.is_empty())
+        .then(|| format!("A {} {} would overlap the own body.", car.target, parts.join(" or ")))
+}
+
 /// The range card of a placement: a line a bearing.
 pub fn range_card_text(card: &RangeCard) -> String {
     let on_card = |sector: &&BlindSector| {
@@ -103,8 +129,9 @@ pub fn range_card_text(card: &RangeCard) -> String {
             format!("between these bearings: at {bearing} a car is lost at {lost} m\n")
         })
         .collect();
+    let overlap = overlap_in_words(card).map_or(String::new(), |words| words + "\n");
     format!(
-        "Range card: metres from the vehicle's origin at which {} beams or more meet a target on level ground\n{}{between}",
+        "Range card: metres from the vehicle's origin at which {} beams or more meet a target on level ground\n{}{between}{overlap}",
         card.beams,
         block(&of_card(card))
     )
@@ -166,12 +193,119 @@ fn of_detections(detections: &[Detection]) -> Vec<MetRuns<'_>> {
     all
 }
 
-/// Distances of detection, a block a placement.
-pub fn targets_text(table: &TargetTable) -> String {
+/// Most distances at which beams are shown at each of them, in place of the distances of detection.
+const FEW: usize = 4;
+
+/// Rows of a placement, and its detections in their order.
+struct OfPlacement<'a> {
+    detections: &'a [Detection],
+    rows: Vec<&'a TargetRow>,
+}
+
+/// A block a placement: distances of detection, or the beams at each distance where there are at most four. Where a target
+/// is not detected at a bearing, how near the best came; `beams` count.
+pub fn targets_text(table: &TargetTable, beams: u32) -> String {
+    let mut distances: Vec<f64> = table.rows.iter().map(|row| row.distance).collect();
+    distances.sort_by(f64::total_cmp);
+    distances.dedup();
     let of = |detections: &&[Detection]| {
-        format!("{}\n{}", heading(&detections[0]), block(&of_detections(detections)))
+        let first = &detections[0];
+        let is_of =
+            |row: &&TargetRow| (&row.scene, &row.placement) == (&first.scene, &first.placement);
+        let rows = table.rows.iter().filter(is_of).collect();
+        let of = OfPlacement { detections, rows };
+        let block = match distances.len() <= FEW {
+            true => of.beams_at(&distances, beams),
+            false => of.distances(beams),
+        };
+        format!("{}\n{block}", heading(first))
     };
     by_placement(table).iter().map(of).collect::<Vec<_>>().join("\n")
+}
+
+impl OfPlacement<'_> {
+    /// Targets and bearings, each once, in order.
+    fn names(&self) -> (Vec<&str>, Vec<f64>) {
+        let (mut targets, mut bearings) = (Vec::new(), Vec::new());
+        for of in self.detections {
+            if !targets.contains(&&*of.target) {
+                targets.push(&*of.target);
+            }
+            if !bearings.contains(&of.bearing) {
+                bearings.push(of.bearing);
+            }
+        }
+        (targets, bearings)
+    }
+
+    /// Rows of a target at a bearing.
+    fn at<'b>(&'b self, target: &'b str, bearing: f64) -> impl Iterator<Item = &'b TargetRow> {
+        let is_there = move |row: &&TargetRow| row.target == target && row.bearing == bearing;
+        self.rows.iter().copied().filter(is_there)
+    }
+
+    /// A line a bearing, a column a target and distance: `4 of 5`, over several frames the fewest and the most.
+    fn beams_at(&self, distances: &[f64], beams: u32) -> String {
+        let (targets, bearings) = self.names();
+        let columns: Vec<(&str, f64)> = targets
+            .iter()
+            .flat_map(|&target| distances.iter().map(move |&m| (target, m)))
+            .collect();
+        let title = |(target, metres): &(&str, f64)| format!("{target} {} m", trimmed(*metres, 2));
+        let mut rows = vec![vec!["beams at".to_owned()]];
+        rows[0].extend(columns.iter().map(title));
+        for bearing in bearings {
+            let mut row = vec![bearing_in_words(bearing)];
+            row.extend(columns.iter().map(|(target, metres)| {
+                let there = || self.at(target, bearing).filter(|row| row.distance == *metres);
+                if there().any(|row| row.overlaps) {
+                    return "in the body".to_owned();
+                }
+                let counts = || there().filter_map(|row| row.beams);
+                match (counts().min(), counts().max()) {
+                    (Some(least), Some(most)) if least == most => format!("{most} of {beams}"),
+                    (Some(least), Some(most)) => format!("{least}–{most} of {beams}"),
+                    _ => "no ground".to_owned(),
+                }
+            }));
+            rows.push(row);
+        }
+        align_columns(&rows)
+    }
+
+    /// A line a bearing, a column a target: distances of detection.
+    fn distances(&self, beams: u32) -> String {
+        let (targets, bearings) = self.names();
+        let mut rows = vec![vec!["bearing".to_owned()]];
+        rows[0].extend(targets.iter().map(|target| format!("{target} m")));
+        for bearing in bearings {
+            let mut row = vec![bearing_in_words(bearing)];
+            row.extend(targets.iter().map(|target| {
+                let mut all = self.detections.iter();
+                let of = all.find(|of| of.target == *target && of.bearing == bearing);
+                match of.map_or(&[][..], |of| &of.detected) {
+                    [] => self.nearest_miss(target, bearing, beams),
+                    runs => runs_in_words(runs),
+                }
+            }));
+            rows.push(row);
+        }
+        align_columns(&rows)
+    }
+
+    /// The most beams on a target that is detected nowhere at a bearing, and the first distance that has them; a dash
+    /// where no beam meets it.
+    fn nearest_miss(&self, target: &str, bearing: f64, beams: u32) -> String {
+        let counts = self.at(target, bearing).filter(|row| !row.overlaps);
+        let best = counts.fold((0, 0.0), |best: (u32, f64), row| match row.beams {
+            Some(beams) if beams > best.0 => (beams, row.distance),
+            _ => best,
+        });
+        match best {
+            (0, _) => "–".to_owned(),
+            (most, metres) => format!("– ({most} of {beams} at {})", trimmed(metres, 2)),
+        }
+    }
 }
 
 /// A polar plot a placement: for each bearing the distances of detection, a strip a target. Ahead is up, left is left.
@@ -231,6 +365,14 @@ fn legend(names: &[&str], height: f64) -> Markup {
     }
 }
 
+/// Bearing at which the strip of a target begins, degrees counter-clockwise. The strips of all targets together lie
+/// around their bearing: the first target's in the middle, the second one's to its left, the third one's to its right.
+fn strip_from(bearing: f64, width: f64, index: usize, count: usize) -> f64 {
+    let (strip, step) = (width / count.max(1) as f64, index.div_ceil(2) as f64);
+    let from_left = (count / 2) as f64 + if index % 2 == 1 { -step } else { step };
+    bearing + 0.5 * width - (from_left + 1.0) * strip
+}
+
 /// One polar plot.
 fn panel(heading: &str, all: &[MetRuns<'_>], names: &[&str], farthest: f64) -> Markup {
     let (middle, scale) = ([PANEL / 2.0, TITLE + PANEL / 2.0], RADIUS / farthest);
@@ -246,7 +388,7 @@ fn panel(heading: &str, all: &[MetRuns<'_>], names: &[&str], farthest: f64) -> M
     let strip = width / names.len().max(1) as f64;
     let wedge = |one: &MetRuns<'_>, run: &[f64; 2]| {
         let index = names.iter().position(|name| *name == one.target).unwrap_or(0);
-        let from = one.bearing - 0.5 * width + index as f64 * strip;
+        let from = strip_from(one.bearing, width, index, names.len());
         let [inner, outer] = if run[0] == run[1] { [run[0] - 1.0, run[1] + 1.0] } else { *run };
         let arc = |metres: f64| (0..=4).map(move |k| (from + f64::from(k) * strip / 4.0, metres));
         let outline = arc(outer).chain(arc(inner.max(0.0)).rev());
@@ -273,5 +415,92 @@ fn panel(heading: &str, all: &[MetRuns<'_>], names: &[&str], farthest: f64) -> M
         }
         polygon points=(corners([(middle[0], middle[1] - 8.0), (middle[0] + 5.0, middle[1] + 6.0),
             (middle[0] - 5.0, middle[1] + 6.0)])) fill=(INK) {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::targets::BearingRanges;
+
+    #[test]
+    fn strips_of_a_bearing_lie_around_it_side_by_side() {
+        for count in 1..=6 {
+            let mut from: Vec<f64> = (0..count).map(|k| strip_from(45.0, 12.0, k, count)).collect();
+            let strip = 12.0 / count as f64;
+            if count % 2 == 1 {
+                assert!((from[0] + 0.5 * strip - 45.0).abs() < 1e-9, "{count}: {from:?}");
+            }
+            from.sort_by(f64::total_cmp);
+            for (k, from) in from.iter().enumerate() {
+                assert!((from - (39.0 + k as f64 * strip)).abs() < 1e-9, "{count}: {from}");
+            }
+        }
+        // Three targets from the left: the second, the first, the third.
+        assert_eq!([0, 1, 2].map(|k| strip_from(0.0, 9.0, k, 3)), [-1.5, 1.5, -4.5]);
+    }
+
+    #[test]
+    fn bearings_at_which_a_car_cannot_stand_near_are_named() {
+        let of = |bearing: f64, from: f64| BearingRanges { bearing, met: vec![[from, 140.0]] };
+        let car = TargetRanges {
+            target: "car".to_owned(),
+            size: [4.5, 1.8, 1.5],
+            bearings: vec![of(0.0, 7.5), of(90.0, 5.0), of(180.0, 7.5), of(-90.0, 2.5)],
+        };
+        let (distances, beams) = (vec![2.5, 5.0, 7.5, 140.0], 5);
+        let mut card = RangeCard { beams, distances, targets: vec![car], blind: Vec::new() };
+        let words = "A car nearer than 7.5 m (ahead 0°, behind 180°) would overlap the own body.";
+        assert_eq!(overlap_in_words(&card).as_deref(), Some(words));
+        assert!(range_card_text(&card).ends_with(&format!("{words}\n")));
+        card.targets[0].bearings.retain(|of| of.bearing.abs() == 90.0);
+        assert_eq!(overlap_in_words(&card), None);
+    }
+
+    fn row(bearing: f64, distance: f64, beams: Option<u32>, overlaps: bool) -> TargetRow {
+        let (scene, placement, target) = (None, "rig".to_owned(), "tyre".to_owned());
+        let (frame, by_lidar) = (None, Vec::new());
+        TargetRow { scene, placement, target, distance, bearing, frame, beams, by_lidar, overlaps }
+    }
+
+    #[test]
+    fn few_distances_have_their_beams_and_a_miss_how_near_it_came() {
+        let detection = |bearing: f64, detected: &[[f64; 2]]| Detection {
+            scene: None,
+            placement: "rig".to_owned(),
+            target: "tyre".to_owned(),
+            bearing,
+            first: None,
+            detected: detected.to_vec(),
+        };
+        let mut table = TargetTable {
+            rows: vec![
+                row(0.0, 5.0, Some(9), true),
+                row(0.0, 60.0, Some(4), false),
+                row(90.0, 5.0, None, false),
+                row(90.0, 60.0, Some(0), false),
+            ],
+            detections: vec![detection(0.0, &[]), detection(90.0, &[])],
+        };
+        let lines = |table: &TargetTable| -> Vec<String> {
+            let text = targets_text(table, 5);
+            text.lines().map(|l| l.split_whitespace().collect::<Vec<_>>().join(" ")).collect()
+        };
+        assert_eq!(
+            lines(&table),
+            [
+                "rig",
+                "beams at tyre 5 m tyre 60 m",
+                "ahead 0° in the body 4 of 5",
+                "left 90° no ground 0 of 5"
+            ]
+        );
+        table.rows.extend([10.0, 20.0, 30.0].map(|m| row(0.0, m, Some(3), false)));
+        assert_eq!(
+            lines(&table),
+            ["rig", "bearing tyre m", "ahead 0° – (4 of 5 at 60)", "left 90° –"]
+        );
+        table.detections[0].detected = vec![[10.0, 30.0]];
+        assert_eq!(lines(&table)[2], "ahead 0° 10–30");
     }
 }
