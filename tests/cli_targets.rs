@@ -302,6 +302,9 @@ fn rules_on_targets_are_shares_of_their_places() {
     assert_eq!(single[3], (0.0, false));
     let twice = shares(1);
     assert_eq!((twice[0], twice[2]), ((1.0, true), (1.0, true)));
+    // The share is the same whichever of the two is lost: none of them is the worst.
+    assert_eq!(found["scores"][1]["requirements"][2]["worst_without"], Value::Null);
+    assert_eq!(found["scores"][2]["requirements"][2]["worst_without"], json!(0));
     let opposite = shares(2);
     assert_eq!((opposite[1], opposite[2].1), ((1.0, true), false));
     let names = &found["scores"][0]["requirements"];
@@ -440,7 +443,12 @@ fn own_rigs_lose_each_lidar_in_turn() {
     // The chart has the gains alone: two rigs at three and four values; the losses that fail are hollow.
     let chart = fs::read_to_string(dir.path().join("lost/chart.svg")).unwrap();
     let hollow = chart.matches("fill=\"#fff\" stroke=").count();
-    assert_eq!((hollow, found["rows"][0]["unmet_at"].as_array().unwrap().len()), (2, 2), "{chart}");
+    assert_eq!(
+        found["rows"][0]["unmet_at"],
+        json!([1, 2, 3]),
+        "all LiDARs together meet both: {found}"
+    );
+    assert_eq!(hollow, 3, "{chart}");
     assert!(!chart.contains("most not met") && chart.contains("near gain % (hollow"), "{chart}");
     let notes = found["notes"].to_string();
     let lost =

@@ -83,7 +83,7 @@ pub fn run_targets(args: &TargetsArgs) -> Result<Exit, RunError> {
         || {
             let (beams, under) = (found.beams, under(&found.conditions));
             let over = &found.over;
-            outln!("Metres at which {beams} beams or more meet a target, over {over}{under}")?;
+            outln!("Metres at which {beams} beams or more meet a target, {over}{under}")?;
             out!("\n{}", targets_text(&found.table, beams))
         },
     )?;
@@ -173,7 +173,7 @@ pub fn run_redundancy(args: &RedundancyArgs) -> Result<Exit, RunError> {
         || {
             let (beams, over, under) = (found.beams, &found.over, under(&found.conditions));
             outln!(
-                "Seen by how many LiDARs, targets with {beams} beams or more each, over {over}{under}"
+                "Seen by how many LiDARs, targets with {beams} beams or more each, {over}{under}"
             )?;
             out!("\n{}", redundancy_text(&rows))
         },
@@ -192,7 +192,7 @@ pub fn run_overlap(args: &OverlapArgs) -> Result<Exit, RunError> {
         || overlap_csv(&found.rows),
         || {
             let (over, under) = (&found.over, under(&found.conditions));
-            outln!("Surfaces and directions that pairs of LiDARs share, over {over}{under}")?;
+            outln!("Surfaces and directions that pairs of LiDARs share, {over}{under}")?;
             out!("\n{}", overlap_text(&found.rows))
         },
     )?;

@@ -66,7 +66,7 @@ pub fn run_sweep(args: &SweepArgs) -> Result<Exit, RunError> {
         || sweep_csv(&found.sweeps),
         || {
             let (over, under) = (&found.over, under(&found.conditions));
-            outln!("Scores and requirements by one pose field, over {over}{under}")?;
+            outln!("Scores and requirements by one pose field, {over}{under}")?;
             out!("\n{}", sweep_text(&found.sweeps))
         },
     )?;
@@ -144,7 +144,7 @@ pub fn run_room(args: &RoomArgs) -> Result<Exit, RunError> {
             let (mm, deg, tilt) = (each(most_mm), each(most_deg), each(most_tilt_deg));
             let (over, under) = (&found.over, under(&found.conditions));
             outln!(
-                "Deviations within which all requirements hold, every {mm} mm and {deg}°, tilt every {tilt}°, over {over}{under}"
+                "Deviations within which all requirements hold, every {mm} mm and {deg}°, tilt every {tilt}°, {over}{under}"
             )?;
             out!("\n{}", room_text(&found.rows))
         },

@@ -177,7 +177,9 @@ fn legend() -> Markup {
         text x=(px(366.0 + 5.0 * SCALE)) y="0" { "5 m" }
         rect x="0" y="12" width="12" height="12" fill=(UNSEEN) {}
         text x="17" y="22" { "ground not seen" }
-        rect x="140" y="12" width="12" height="12" fill=(ACCENT) fill-opacity=".3" stroke=(ACCENT) {}
+        // Most of the zone lies over ground that is not seen.
+        rect x="140" y="12" width="12" height="12" fill=(UNSEEN) {}
+        rect x="140" y="12" width="12" height="12" fill=(ACCENT) fill-opacity=".18" stroke=(ACCENT) {}
         text x="157" y="22" { "blind zone before an edge; corners are not counted" }
         rect x="1" y="36" width="8" height="8" fill=(SECOND) {}
         text x="14" y="44" { "LiDAR" }

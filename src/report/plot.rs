@@ -132,12 +132,12 @@ impl Plot {
                     text x=(LEFT) y="60" { "There is nothing to draw." }
                 } @else {
                     (axes.draw(&marks, &axes.y.ticks(number), turned))
-                    (changed(changes, &axes))
                     (levels)
                     @for (index, (series, names)) in self.series.iter().zip(&names).enumerate() {
                         (self.draw(series, self.colour(index), &axes, changes))
                         (names.draw())
                     }
+                    (changed(changes, &axes))
                     (legend)
                     text x=(LEFT + WIDTH / 2.0) y=(px(x_title)) text-anchor="middle" { (self.x_title) }
                     text x=(LEFT) y="40" { (self.y_title) }
@@ -256,7 +256,7 @@ fn changed(changes: &[Change], axes: &Axes) -> Markup {
             @let (at, anchor) = if x + room < LEFT + WIDTH { (x + 4.0, "start") } else { (x - 4.0, "end") };
             path d={ "M" (px(x)) " " (TOP) "V" (bottom) } stroke=(GREY) stroke-width=".8" {}
             text x=(px(at)) y=(px(bottom - 7.0 - LINE * (index % 4) as f64)) text-anchor=(anchor)
-                font-size="12" fill=(SOFT) { (change.name) }
+                font-size="12" fill=(SOFT) stroke="#fff" stroke-width="3" paint-order="stroke" { (change.name) }
         }
     }
 }

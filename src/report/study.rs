@@ -151,8 +151,8 @@ pub fn sweep_plot(sweep: &Sweep) -> String {
     let [low, high] = [f64::min, f64::max].map(|of| values().reduce(of).unwrap_or_default());
     let given = sweep.rows.iter().find(|row| row.as_given).map(|row| row.value);
     let given = given.filter(|at| (low..=high).contains(at));
-    let mut drawn: Vec<_> =
-        sweep.rows.iter().filter(|row| !row.as_given || given == Some(row.value)).collect();
+    let is_extra = given.is_some_and(|given| values().all(|value| value != given));
+    let mut drawn: Vec<_> = sweep.rows.iter().filter(|row| !row.as_given || is_extra).collect();
     drawn.sort_by(|a, b| a.value.total_cmp(&b.value));
     let series = |name: String, of: &dyn Fn(&Scores) -> Option<f64>| Series {
         name,
@@ -247,6 +247,7 @@ pub fn room_text(all: &[Room]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::job::SweepRow;
 
     fn table(drawing: TablePlot) -> Table {
         let row = |name: &str, values: [Option<f64>; 2]| Row {
@@ -295,5 +296,23 @@ mod tests {
         let against = study_plot(&table(TablePlot::Against { column: 1, x_title, y_title }));
         assert_eq!(against.series[0].points[1], (2.0, 3.0));
         assert_eq!(against.series[0].labels[1], (1, "y".to_owned()));
+    }
+
+    #[test]
+    fn the_value_as_given_is_a_point_of_the_curve() {
+        let row = |value: f64, as_given: bool| {
+            let scores = Scores { near_gain: Some(0.1 * value), ..Scores::default() };
+            SweepRow { value, as_given, broken_rules: Vec::new(), scores }
+        };
+        let svg = |given: f64| {
+            let rows = vec![row(given, true), row(1.0, false), row(2.0, false), row(3.0, false)];
+            let placement = "rig".to_owned();
+            sweep_plot(&Sweep { placement, lidar: 0, field: "z", unit: "m", rows })
+        };
+        let drawn = |svg: &str| (svg.matches("<polyline").count(), svg.matches("r=\"4\"").count());
+        assert_eq!(drawn(&svg(2.5)), (1, 4));
+        assert_eq!(drawn(&svg(2.0)), (1, 3), "once where it is one of the values");
+        assert_eq!(drawn(&svg(5.0)), (1, 3), "not beyond them");
+        assert!(svg(2.5).contains(">as given<") && !svg(5.0).contains(">as given<"));
     }
 }

@@ -56,19 +56,19 @@ pub(super) fn wrote(folder: Option<&Path>, figures: usize, file: Option<&Path>) 
     (!all.is_empty()).then(|| format!("wrote {}", all.join(", ")))
 }
 
-/// Scenes and frames behind the numbers of a command: `2 frames of street`, `2 frames of each of 3 scenes`, `bare level
-/// ground` of none.
+/// Scenes and frames behind the numbers of a command: `over 2 frames of street`, `over 2 frames of each of 3 scenes`; `on
+/// bare level ground` without a scene.
 pub(super) fn over(scenes: &[(&str, usize)]) -> String {
     let frames = |count: usize| format!("{count} frame{}", if count == 1 { "" } else { "s" });
     match scenes {
-        [] => "bare level ground".to_owned(),
-        [(name, count)] => format!("{} of {name}", frames(*count)),
+        [] => "on bare level ground".to_owned(),
+        [(name, count)] => format!("over {} of {name}", frames(*count)),
         [(_, first), others @ ..] if others.iter().all(|(_, count)| count == first) => {
-            format!("{} of each of {} scenes", frames(*first), scenes.len())
+            format!("over {} of each of {} scenes", frames(*first), scenes.len())
         }
         all => {
             let each = all.iter().map(|(name, count)| format!("{} of {name}", frames(*count)));
-            each.collect::<Vec<_>>().join(", ")
+            format!("over {}", each.collect::<Vec<_>>().join(", "))
         }
     }
 }
@@ -105,10 +105,10 @@ mod tests {
 
     #[test]
     fn frames_scenes_and_files_are_named() {
-        assert_eq!(over(&[]), "bare level ground");
-        assert_eq!(over(&[("yard", 1)]), "1 frame of yard");
-        assert_eq!(over(&[("a", 2), ("b", 2)]), "2 frames of each of 2 scenes");
-        assert_eq!(over(&[("a", 2), ("b", 1)]), "2 frames of a, 1 frame of b");
+        assert_eq!(over(&[]), "on bare level ground");
+        assert_eq!(over(&[("yard", 1)]), "over 1 frame of yard");
+        assert_eq!(over(&[("a", 2), ("b", 2)]), "over 2 frames of each of 2 scenes");
+        assert_eq!(over(&[("a", 2), ("b", 1)]), "over 2 frames of a, 1 frame of b");
         let [folder, file] = ["figs", "near.svg"].map(Path::new);
         assert_eq!(wrote(None, 3, None), None);
         assert_eq!(wrote(Some(folder), 1, None).unwrap(), "wrote 1 figure in figs");

@@ -5,7 +5,7 @@ use sightline_cma::{Cma, CmaOptions};
 use super::scene::StudyScene;
 use super::table::{Cases, shown_objective};
 use super::{Row, StudyError, Table, TablePlot};
-use crate::score::{Scores, Seen};
+use crate::score::{Objective, Scores, Seen};
 use crate::search::{Evaluator, SearchError};
 use crate::targets::{BlindSector, RangeCard};
 use crate::vehicle::{Constraints, Placement};
@@ -36,7 +36,12 @@ fn table(
     let (title, factor) = shown_objective(&scene.settings.objective);
     // A column says its unit where that is not the objective's own.
     let unit = if factor == 1.0 { "" } else { " %" };
-    let losses = names.iter().map(|name| format!("without {name}"));
+    // A mount says that it is a LiDAR; the columns of many are wide enough.
+    let short = |name: &'_ String| match name.contains('(') {
+        true => name.trim_start_matches("LiDAR ").to_owned(),
+        false => name.clone(),
+    };
+    let losses = names.iter().map(|name| format!("without {}", short(name)));
     let of_value = OF_VALUE.map(str::to_owned).into_iter().chain(losses);
     let mut columns = vec!["placement".to_owned()];
     columns.extend(of_value.map(|column| format!("{column}{unit}")));
@@ -91,7 +96,7 @@ fn own_rigs(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> 
         values.resize(OF_VALUE.len() + most, None);
         values.extend([most_unmet.map(|count| count as f64), blind]);
         let row = Row::scored(values, rig.clone(), &losses.whole);
-        Ok(Row { unmet_at: losses.unmet_at(), ..row })
+        Ok(Row { unmet_at: losses.unmet_at(objective), ..row })
     })?;
     let mut notes = Vec::new();
     for rig in rows.iter().filter_map(|row| row.placement.as_ref()) {
@@ -156,12 +161,15 @@ impl Losses {
         Ok(Self { whole, left, blind: cards.iter().map(width).collect(), words })
     }
 
-    /// Values of [`OF_VALUE`] and of each loss, by number, beside which a requirement is not met: the worst loss, as the
-    /// objective has it, is one of the losses.
-    fn unmet_at(&self) -> Vec<usize> {
+    /// Values of [`OF_VALUE`] and of each loss, by number, beside which a requirement is not met.
+    fn unmet_at(&self, objective: &Objective) -> Vec<usize> {
         let mut whole = self.whole.clone();
         whole.required.iter_mut().for_each(as_it_is);
-        let each = std::iter::once((0, &whole)).chain((OF_VALUE.len()..).zip(&self.left));
+        let value = |scores: &&Scores| objective.value(scores).unwrap_or(f64::INFINITY);
+        let worst = self.left.iter().min_by(|a, b| value(a).total_cmp(&value(b)));
+        let first = [Some(&whole), worst].into_iter().enumerate();
+        let first = first.filter_map(|(at, scores)| Some((at, scores?)));
+        let each = first.chain((OF_VALUE.len()..).zip(&self.left));
         let is_unmet = |scores: &Scores| unmet(scores).next().is_some();
         each.filter(|(_, scores)| is_unmet(scores)).map(|(at, _)| at).collect()
     }

@@ -316,3 +316,20 @@ impl Sight {
         self.rules.iter().map(lacks).sum()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_that_are_missing_have_their_tenths() {
+        let words = |bearings, distances| Missing { bearings, distances }.to_string();
+        assert_eq!(
+            words([-180.0, 172.5], [27.5, 40.0]),
+            "missing at 27.5 to 40 m between -180° and 172.5°"
+        );
+        // Rounding in the last digit shows nowhere, and one distance is no range.
+        let (bearing, far) = (-52.499_999_99, 7.500_000_01);
+        assert_eq!(words([bearing, 0.0], [7.5, far]), "missing at 7.5 m between -52.5° and 0°");
+    }
+}

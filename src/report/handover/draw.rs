@@ -296,7 +296,7 @@ const LINE: f64 = 4.2;
 /// Places of the columns of the table, from the legend's left edge: model, mount, then the right ends of six numbers.
 const MODEL: f64 = 5.0;
 const MOUNT_AT: f64 = 26.0;
-const NUMBERS: [f64; 6] = [68.0, 79.0, 90.0, 104.0, 117.0, 130.0];
+const NUMBERS: [f64; 6] = [69.0, 82.0, 95.0, 107.0, 120.0, 133.0];
 /// Most characters of a model's and of a mount's name.
 const LONGEST: [usize; 2] = [13, 20];
 
