@@ -214,7 +214,7 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     let mut car = car();
     car["sensors"].as_array_mut().unwrap().push(json!({ "name": "idle", "price": 9,
         "lidar": { "channels": 4, "fov": [-25, 15], "azimuth_steps": 90, "range": 30 } }));
-    car["require"] = json!([{ "ground": 5, "share": 0.0 }, { "target": "car", "from": 5, "within": 10, "share": 0.5 }]);
+    car["require"] = json!([{ "ground": 5, "share": 0.0 }, { "target": "car", "from": 5, "within": 10, "share": 0.6 }]);
     write(&dir, "car.json", &car.to_string());
     // Looking up meets no car: the rig behind it is better though it gains less at the same place.
     let rigs = json!({ "placements": [

@@ -36,12 +36,11 @@ fn table(
     let (title, factor) = shown_objective(&scene.settings.objective);
     // A column says its unit where that is not the objective's own.
     let unit = if factor == 1.0 { "" } else { " %" };
-    // A mount says that it is a LiDAR; the columns of many are wide enough.
-    let short = |name: &'_ String| match name.contains('(') {
-        true => name.trim_start_matches("LiDAR ").to_owned(),
-        false => name.clone(),
-    };
-    let losses = names.iter().map(|name| format!("without {}", short(name)));
+    // Where every LiDAR has a mount, columns are wide enough without the word.
+    let has_mounts = names.iter().all(|name| name.contains('('));
+    let short = |name: &str| name.strip_prefix("LiDAR ").filter(|_| has_mounts).map(str::to_owned);
+    let losses = names.iter().map(|name| short(name).unwrap_or_else(|| name.clone()));
+    let losses = losses.map(|name| format!("without {name}"));
     let of_value = OF_VALUE.map(str::to_owned).into_iter().chain(losses);
     let mut columns = vec!["placement".to_owned()];
     columns.extend(of_value.map(|column| format!("{column}{unit}")));
