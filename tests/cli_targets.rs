@@ -451,8 +451,7 @@ fn own_rigs_lose_each_lidar_in_turn() {
     assert_eq!(hollow, 2, "{chart}");
     assert!(!chart.contains("most not met") && chart.contains("near gain % (hollow"), "{chart}");
     let notes = found["notes"].to_string();
-    let lost =
-        "both without LiDAR 0: NOT MET: ahead: 0.0 % seen, 90.0 % required, missing at 10 to 15 m";
+    let lost = "both without LiDAR 0 (mast): NOT MET: ahead: 0.0 % seen, 90.0 % required, missing at 10 to 15 m";
     assert!(notes.contains(lost), "{notes}");
     assert!(
         notes.contains("both without LiDAR 1: left and behind and right (75° to -75°)"),
