@@ -161,12 +161,22 @@ pub struct Seen {
 }
 
 /// A requirement that must hold whichever one LiDAR is lost: the share of the intact rig, and the worst loss.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Lost {
     /// Share with every LiDAR.
     pub intact: f64,
-    /// LiDAR whose loss leaves least; `None` of a rig without LiDARs.
+    /// LiDAR whose loss leaves least; `None` where every loss leaves as much, or of a rig without LiDARs.
     pub worst: Option<usize>,
+    /// Mount of that LiDAR, where it has a name.
+    pub mount: Option<String>,
+}
+
+/// A LiDAR of a placement by its number, and by its mount where that has a name: `LiDAR 8 (bumper)`.
+pub(crate) fn lidar_name(lidar: usize, mount: Option<&str>) -> String {
+    match mount {
+        Some(mount) => format!("LiDAR {lidar} ({mount})"),
+        None => format!("LiDAR {lidar}"),
+    }
 }
 
 impl Seen {
@@ -177,7 +187,7 @@ impl Seen {
 
     /// Its name, followed by [`ANY_LOST`] where it must hold whichever one LiDAR is lost and its name does not say so.
     pub(crate) fn title(&self) -> String {
-        let suffix = self.lost.filter(|_| !self.name.contains("LiDAR lost"));
+        let suffix = self.lost.as_ref().filter(|_| !self.name.contains("LiDAR lost"));
         let suffix = suffix.map_or("", |_| ANY_LOST);
         format!("{}{suffix}", self.name)
     }
@@ -206,7 +216,7 @@ impl Serialize for Seen {
             None => object.skip_field("holds_in")?,
         }
         match &self.lost {
-            Some(Lost { intact, worst }) => {
+            Some(Lost { intact, worst, .. }) => {
                 object.serialize_field("intact", intact)?;
                 object.serialize_field("worst_without", worst)?;
             }
@@ -229,8 +239,9 @@ impl std::fmt::Display for Seen {
         lost.iter().try_for_each(|lost| write!(f, " (intact {:.1} %)", percent(lost.intact)))?;
         write!(f, ", {:.1} % required", 100.0 * least)?;
         missing.iter().try_for_each(|missing| write!(f, ", {missing}"))?;
-        let worst = lost.and_then(|lost| lost.worst);
-        worst.iter().try_for_each(|lidar| write!(f, "; worst without LiDAR {lidar}"))?;
+        if let Some(Lost { worst: Some(lidar), mount, .. }) = lost {
+            write!(f, "; worst without {}", lidar_name(*lidar, mount.as_deref()))?;
+        }
         let Some(holds) = holds_in.filter(|_| self.is_met()) else { return Ok(()) };
         let paper = if holds < HOLDS { "ON PAPER ONLY, " } else { "" };
         write!(f, ", {paper}met by {:.0} % of copies mounted within the tolerance", 100.0 * holds)
@@ -391,7 +402,7 @@ mod tests {
 
     #[test]
     fn a_requirement_without_any_one_lidar_has_the_intact_rig_beside_it() {
-        let lost = Some(Lost { intact: 0.4305, worst: Some(2) });
+        let lost = Some(Lost { intact: 0.4305, worst: Some(2), mount: None });
         let mut seen =
             Seen { share: 0.188, lost, ..Seen::of("ground to 3 m, any one LiDAR lost", 0.0) };
         let words = "NOT MET: ground to 3 m, any one LiDAR lost: 18.8 % seen (intact 43.0 %), 90.0 % required; \

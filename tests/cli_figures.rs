@@ -6,9 +6,11 @@ use std::path::Path;
 use crate::cli::{fails, sightline};
 use crate::cli_files::{all_files, world};
 
-fn run(dir: &Path, line: &str) {
+/// Runs a command, and returns the last line that it tells.
+fn run(dir: &Path, line: &str) -> String {
     let output = sightline(dir, &line.split(' ').collect::<Vec<_>>());
     assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stderr).unwrap().lines().last().unwrap_or_default().to_owned()
 }
 
 fn names(dir: &Path) -> Vec<String> {
@@ -31,12 +33,15 @@ fn studies_write_the_drawing_of_each_placement() {
         ("study targets --target car --distances 5,10 town.json", "targets"),
         ("study sweep --of 0.z --from 2 --to 2.4 --values 2 town.json", "sweep"),
     ] {
-        run(dir.path(), &format!("{line} p.json --backend cpu --out one.svg --figures one"));
+        let line_of_one = format!("{line} p.json --backend cpu --out one.svg --figures one");
+        let told = run(dir.path(), &line_of_one);
+        assert_eq!(told, "sightline: wrote one.svg, 1 figure in one", "{line}");
         let scene = if name == "targets" { "-in-town" } else { "" };
         assert_eq!(names(&at("one")), [format!("{name}-p{scene}.svg")], "{line}");
         let one = fs::read(at("one").join(format!("{name}-p{scene}.svg"))).unwrap();
         assert!(one == fs::read(at("one.svg")).unwrap() && one.starts_with(b"<svg"), "{line}");
-        run(dir.path(), &format!("{line} two.json --backend cpu --figures two"));
+        let told = run(dir.path(), &format!("{line} two.json --backend cpu --figures two"));
+        assert_eq!(told, "sightline: wrote 2 figures in two", "{line}");
         let wanted = [format!("{name}-p{scene}.svg"), format!("{name}-q{scene}.svg")];
         assert_eq!(names(&at("two")), wanted, "{line}");
         // The second one differs by its name alone.
@@ -64,7 +69,9 @@ fn a_search_and_a_view_write_the_figures_of_their_page() {
         let read = |path: &Path| fs::read(path).unwrap();
         assert_eq!(read(&at("run/figures").join(figure)), read(&at("run").join(file)), "{figure}");
     }
-    run(dir.path(), "view town.json p.json --backend cpu --out view.html --figures view");
+    let told =
+        run(dir.path(), "view town.json p.json --backend cpu --out view.html --figures view");
+    assert_eq!(told, "sightline: wrote view.html, 4 figures in view");
     let without = all[1..].iter().map(|name| format!("{name}.svg")).collect::<Vec<_>>();
     assert_eq!(names(&at("view")), without);
 }

@@ -87,10 +87,10 @@ fn poses_are_those_of_the_placement_in_both_units_and_materials_add_up() {
     let cell = |lidar: usize, title: &str| rows[lidar + 1][column(title)].clone();
     assert_eq!(rows.len(), 4);
     let first = ["lidar", "mount", "model", "x_m", "y_mm", "z_mm", "roll_rad", "pitch_deg"];
-    let wanted = ["0", "roof", "turning", "0.25", "-125", "2100", "0.05", "5.729577951"];
+    let wanted = ["0", "roof", "turning", "0.25", "-125", "2100", "0.05", "5.729578"];
     assert_eq!(first.map(|title| cell(0, title)), wanted);
     assert_eq!((cell(2, "mount"), cell(2, "model")), ("flank".into(), "side; narrow".into()));
-    assert_eq!((cell(2, "yaw_deg"), cell(1, "yaw_rad")), ("-85.94366927".into(), "1.5".into()));
+    assert_eq!((cell(2, "yaw_deg"), cell(1, "yaw_rad")), ("-85.943669".into(), "1.5".into()));
     // 4000.5 + 2 · 700.
     let wanted = "model,count,price_each,price\nturning,1,4000.5,4000.5\n\"side, narrow\",2,700,1400\n\
                   total,3,,5400.5\n";

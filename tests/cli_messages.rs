@@ -214,7 +214,7 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     let mut car = car();
     car["sensors"].as_array_mut().unwrap().push(json!({ "name": "idle", "price": 9,
         "lidar": { "channels": 4, "fov": [-25, 15], "azimuth_steps": 90, "range": 30 } }));
-    car["require"] = json!([{ "ground": 5, "share": 0.0 }, { "target": "car", "from": 5, "within": 10, "share": 0.5 }]);
+    car["require"] = json!([{ "ground": 5, "share": 0.0 }, { "target": "car", "from": 5, "within": 10, "share": 0.6 }]);
     write(&dir, "car.json", &car.to_string());
     // Looking up meets no car: the rig behind it is better though it gains less at the same place.
     let rigs = json!({ "placements": [
@@ -230,6 +230,7 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     let last = text.lines().last().unwrap();
     assert!(last.starts_with("better: level (2 of 2 requirements met, near_gain "), "{text}");
     assert!(last.ends_with("requirements come first, then near_gain"), "{text}");
+    assert!(last.contains("missing, ") && last.contains("; decided by the requirements"), "{text}");
     let scores = ok(dir.path(), &["score", "s.json", "rigs.json", "--backend", "cpu"]);
     let card = &scores["scores"][0]["range_card"];
     for of in card["targets"][0]["bearings"].as_array().unwrap() {

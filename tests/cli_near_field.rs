@@ -54,6 +54,19 @@ fn the_near_field_of_two_heights() {
     let (share, blind) = (number(&high["near_field"]), number(&high["blind_area"]));
     assert!(((1.0 - share) * area - blind).abs() < 0.01 * area, "{share} of {area}: {blind}");
     let svg = fs::read_to_string(dir.path().join("n.svg")).unwrap();
+    // Every line of the legend ends within the drawing; letters of 13 pixels are 7.2 wide on average.
+    let width: f64 =
+        svg.split_once(" width=\"").unwrap().1.split_once('"').unwrap().0.parse().unwrap();
+    let legend = svg.rsplit_once("<g ").unwrap().1;
+    let mut names = 0;
+    for element in legend.split("<text x=\"").skip(1) {
+        let (x, rest) = element.split_once('"').unwrap();
+        let words = rest.split_once('>').unwrap().1.split_once('<').unwrap().0;
+        let end = 8.0 + x.parse::<f64>().unwrap() + 7.2 * words.chars().count() as f64;
+        assert!(end < width, "{words} ends at {end} of {width}");
+        names += 1;
+    }
+    assert_eq!(names, 8, "{legend}");
     assert!(svg.matches("<circle").count() >= 116 && svg.ends_with("</svg>\n"));
     // Fog hides what is far, a wet road mirrors what is flat: more ground is blind, and more beams end at nothing.
     let weather = ["--condition", "fog:mor=10", "--condition", "wet:water=1"];

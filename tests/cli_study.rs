@@ -311,7 +311,7 @@ fn more_lidars_in_a_room_never_gain_less_and_a_loss_never_gains() {
     assert!(sound.len() >= 3 && sound.is_sorted(), "{gains:?}");
     assert!(sound[2] > sound[0] + 1.0, "{gains:?}");
     let loss = study(dir.path(), "loss", &["--out", "loss"]);
-    let [whole, worst] = ["all LiDARs", "after the worst loss"].map(|c| column(&loss, c));
+    let [whole, worst] = ["all LiDARs %", "after the worst loss %"].map(|c| column(&loss, c));
     assert!(worst[1].1 >= worst[0].1, "{worst:?}");
     assert!(worst.iter().zip(&whole).all(|(w, a)| w.1 < a.1), "a loss gains nothing");
 }

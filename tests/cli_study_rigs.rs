@@ -120,7 +120,7 @@ fn rigs_in_weather_have_the_scores_and_requirements_that_score_prints() {
             }
             let required = scores["requirements"].as_array().unwrap();
             let missed = required.iter().filter(|seen| seen["met"] == false).count();
-            assert_eq!(value(&table, row, "not met"), Some(missed as f64), "{name}");
+            assert_eq!(value(&table, row, "count not met"), Some(missed as f64), "{name}");
             assert_eq!(row["requirements_met"], missed == 0, "{name}");
             gains.push(want("near_gain"));
             ahead(&dir, (&table, row), rig, under);

@@ -113,7 +113,14 @@ fn a_table_for_people_and_a_chart() {
         "{text}"
     );
     assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
+    assert!(
+        text.starts_with("Scores and requirements by one pose field, over 1 frame of yard\n"),
+        "{text}"
+    );
     let svg = fs::read_to_string(dir.path().join("z.svg")).unwrap();
+    // Near gain, gain and a requirement: a line each, whole where the value as given stands, and a dot at each value.
+    assert_eq!(svg.matches("<polyline").count(), 3, "{svg}");
+    assert_eq!(svg.matches("r=\"4\"").count(), 3 * 3, "{svg}");
     for part in ["near gain", "car from 5 to 20 m", "as given", "z, m"] {
         assert!(svg.contains(part), "{part}");
     }

@@ -302,6 +302,9 @@ fn rules_on_targets_are_shares_of_their_places() {
     assert_eq!(single[3], (0.0, false));
     let twice = shares(1);
     assert_eq!((twice[0], twice[2]), ((1.0, true), (1.0, true)));
+    // The share is the same whichever of the two is lost: none of them is the worst.
+    assert_eq!(found["scores"][1]["requirements"][2]["worst_without"], Value::Null);
+    assert_eq!(found["scores"][2]["requirements"][2]["worst_without"], json!(0));
     let opposite = shares(2);
     assert_eq!((opposite[1], opposite[2].1), ((1.0, true), false));
     let names = &found["scores"][0]["requirements"];
@@ -421,14 +424,34 @@ fn own_rigs_lose_each_lidar_in_turn() {
         |row: usize| -> Vec<Value> { found["rows"][row]["values"].as_array().unwrap().clone() };
     // One of two: nothing ahead, or nothing behind but what the half turns share.
     let both = values(0);
-    assert_eq!((&both[2], &both[6]), (&json!(2.0), &Value::Null));
-    assert!(both[3].as_f64().unwrap() > 150.0, "{both:?}");
+    assert_eq!((&both[5], &both[4]), (&json!(2.0), &Value::Null));
+    assert!(both[6].as_f64().unwrap() > 150.0, "{both:?}");
     // Without the first of two that look alike nothing changes.
     let twice = values(1);
-    assert_eq!((&twice[0], &twice[2]), (&twice[4], &json!(0.0)));
+    assert_eq!((&twice[0], &twice[5]), (&twice[2], &json!(0.0)));
+    // Every column has a name of its own, and the gain is in per cent, as the table of `score` has it.
+    let table = fs::read_to_string(dir.path().join("lost/table.csv")).unwrap();
+    let mut titles: Vec<&str> = table.lines().next().unwrap().split(',').collect();
+    let count = titles.len();
+    titles.sort_unstable();
+    titles.dedup();
+    assert_eq!(titles.len(), count, "{table}");
+    let scores =
+        ok(dir.path(), &["score", "street.json", "own.json", "--frames", "2", "--backend", "cpu"]);
+    let gain = scores["scores"][0]["near_gain"].as_f64().unwrap();
+    assert!((both[0].as_f64().unwrap() - 100.0 * gain).abs() < 1e-9, "{both:?} {gain}");
+    // The chart has the gains alone: two rigs at three and four values; the losses that fail are hollow.
+    let chart = fs::read_to_string(dir.path().join("lost/chart.svg")).unwrap();
+    let hollow = chart.matches("fill=\"#fff\" stroke=").count();
+    assert_eq!(
+        found["rows"][0]["unmet_at"],
+        json!([1, 2]),
+        "the first loss alone misses both: {found}"
+    );
+    assert_eq!(hollow, 2, "{chart}");
+    assert!(!chart.contains("most not met") && chart.contains("near gain % (hollow"), "{chart}");
     let notes = found["notes"].to_string();
-    let lost =
-        "both without LiDAR 0: NOT MET: ahead: 0.0 % seen, 90.0 % required, missing at 10 to 15 m";
+    let lost = "both without LiDAR 0 (mast): NOT MET: ahead: 0.0 % seen, 90.0 % required, missing at 10 to 15 m";
     assert!(notes.contains(lost), "{notes}");
     assert!(
         notes.contains("both without LiDAR 1: left and behind and right (75° to -75°)"),
@@ -457,9 +480,9 @@ fn own_rigs_lose_each_lidar_in_turn() {
     };
     let line = ["study", "loss", "street.json", "own.json", "--out", "fog"];
     let in_fog = ok(dir.path(), &[&line[..], &fog].concat());
-    let blind = in_fog["rows"][0]["values"][3].as_f64().unwrap();
-    assert_eq!((blind, both[3].as_f64().unwrap()), (degrees(&fog), degrees(&fog[2..])));
-    assert!(blind > both[3].as_f64().unwrap(), "{blind} {both:?}");
+    let blind = in_fog["rows"][0]["values"][6].as_f64().unwrap();
+    assert_eq!((blind, both[6].as_f64().unwrap()), (degrees(&fog), degrees(&fog[2..])));
+    assert!(blind > both[6].as_f64().unwrap(), "{blind} {both:?}");
     let told = fails(dir.path(), &["study", "lidars", "street.json", "own.json"]);
     assert!(
         told.contains("own.json: holds placements, which `study lidars` does not take"),

@@ -12,7 +12,7 @@ use crate::runs::Conditions;
 use crate::runs::coverage::{NearFieldRequest, TargetsRequest, near_fields, targets};
 use crate::runs::parse::at_least_one;
 use crate::runs::sensitivity::{SharedRequest, overlap, redundancy};
-use crate::runs::{RunError, TableFormat};
+use crate::runs::{RunError, TableFormat, Watcher};
 use crate::scan::conditions::under;
 use crate::shared::{LEAST_SHARED, REDUNDANCY_TARGETS};
 
@@ -48,6 +48,7 @@ pub fn run_near_field(args: &NearFieldArgs) -> Result<Exit, RunError> {
             out!("{}", near_field_text(&found.near_fields))
         },
     )?;
+    found.wrote.iter().for_each(|wrote| terminal.note(wrote));
     Ok(terminal.exit())
 }
 
@@ -81,10 +82,12 @@ pub fn run_targets(args: &TargetsArgs) -> Result<Exit, RunError> {
         || targets_csv(&found.table),
         || {
             let (beams, under) = (found.beams, under(&found.conditions));
-            outln!("Metres at which {beams} beams or more meet a target{under}")?;
-            out!("\n{}", targets_text(&found.table))
+            let over = &found.over;
+            outln!("Metres at which {beams} beams or more meet a target, {over}{under}")?;
+            out!("\n{}", targets_text(&found.table, beams))
         },
     )?;
+    found.wrote.iter().for_each(|wrote| terminal.note(wrote));
     Ok(terminal.exit())
 }
 
@@ -168,8 +171,10 @@ pub fn run_redundancy(args: &RedundancyArgs) -> Result<Exit, RunError> {
         &found,
         || redundancy_csv(&rows),
         || {
-            let (beams, under) = (found.beams, under(&found.conditions));
-            outln!("Seen by how many LiDARs, targets with {beams} beams or more each{under}")?;
+            let (beams, over, under) = (found.beams, &found.over, under(&found.conditions));
+            outln!(
+                "Seen by how many LiDARs, targets with {beams} beams or more each, {over}{under}"
+            )?;
             out!("\n{}", redundancy_text(&rows))
         },
     )?;
@@ -186,10 +191,8 @@ pub fn run_overlap(args: &OverlapArgs) -> Result<Exit, RunError> {
         &found,
         || overlap_csv(&found.rows),
         || {
-            outln!(
-                "Surfaces and directions that pairs of LiDARs share{}",
-                under(&found.conditions)
-            )?;
+            let (over, under) = (&found.over, under(&found.conditions));
+            outln!("Surfaces and directions that pairs of LiDARs share, {over}{under}")?;
             out!("\n{}", overlap_text(&found.rows))
         },
     )?;

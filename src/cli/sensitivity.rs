@@ -7,8 +7,8 @@ use super::output::{Exit, answer};
 use crate::internals::{room_csv, room_text, sweep_csv, sweep_text};
 use crate::job::{MOST_ABOUT, MOST_TILT, RoomSteps};
 use crate::runs::FiguresOut;
-use crate::runs::RunError;
 use crate::runs::sensitivity::{MOST_VALUES, SweepRequest, room, sweep};
+use crate::runs::{RunError, Watcher};
 use crate::scan::conditions::under;
 
 #[derive(clap::Args)]
@@ -65,10 +65,12 @@ pub fn run_sweep(args: &SweepArgs) -> Result<Exit, RunError> {
         &found,
         || sweep_csv(&found.sweeps),
         || {
-            outln!("Scores and requirements over one pose field{}", under(&found.conditions))?;
+            let (over, under) = (&found.over, under(&found.conditions));
+            outln!("Scores and requirements by one pose field, {over}{under}")?;
             out!("\n{}", sweep_text(&found.sweeps))
         },
     )?;
+    found.wrote.iter().for_each(|wrote| terminal.note(wrote));
     Ok(terminal.exit())
 }
 
@@ -140,9 +142,9 @@ pub fn run_room(args: &RoomArgs) -> Result<Exit, RunError> {
         || {
             let each = |most: f64| most / f64::from(args.steps);
             let (mm, deg, tilt) = (each(most_mm), each(most_deg), each(most_tilt_deg));
-            let under = under(&found.conditions);
+            let (over, under) = (&found.over, under(&found.conditions));
             outln!(
-                "Deviations within which all requirements hold, every {mm} mm and {deg}°, tilt every {tilt}°{under}"
+                "Deviations within which all requirements hold, every {mm} mm and {deg}°, tilt every {tilt}°, {over}{under}"
             )?;
             out!("\n{}", room_text(&found.rows))
         },

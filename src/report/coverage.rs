@@ -20,7 +20,9 @@ const SCALE: f64 = 14.0;
 const TITLE: f64 = 40.0;
 /// Metres ahead of the body at which the arrow to the front begins: behind the farthest pole.
 const ARROW: f64 = 5.0;
-const UNSEEN: &str = "#f0d3d6";
+const UNSEEN: &str = "#e2cf94";
+/// Least width of a drawing: that of its legend.
+const LEGEND: f64 = 560.0;
 const GOOD: &str = "#3d8f5f";
 
 /// A line a placement: shares, blind ground, depth of the blind zone in four directions, poles seen by standard, wasted
@@ -84,8 +86,8 @@ pub fn near_field_svg(footprint: &Footprint, all: &[(&Placement, &NearField)]) -
         }
         g transform={ "translate(8 " (px(rows as f64 * (size[1] + TITLE) + 18.0)) ")" } { (legend()) }
     };
-    let width = (columns as f64 * size[0]).max(690.0).round();
-    let height = (rows as f64 * (size[1] + TITLE) + 62.0).round();
+    let width = (columns as f64 * size[0]).max(LEGEND).round();
+    let height = (rows as f64 * (size[1] + TITLE) + 84.0).round();
     page([width, height], "Ground near the vehicle that is not seen, from above", &drawing)
 }
 
@@ -165,24 +167,26 @@ fn around(footprint: &Footprint, within: f64) -> Vec<[f64; 2]> {
 }
 
 fn legend() -> Markup {
-    let dots = [(GOOD, "pole with 5 beams or more", 0.0), (INK, "pole with fewer", 205.0)];
+    let dots = [(GOOD, "pole with 5 beams or more", 0.0), (INK, "pole with fewer", 215.0)];
     html! {
         @for (colour, words, x) in dots {
             circle cx=(x + 5.0) cy="-4" r="4" fill=(colour) {}
             text x=(x + 14.0) y="0" { (words) }
         }
-        rect x="328" y="-10" width="12" height="12" fill=(UNSEEN) {}
-        text x="345" y="0" { "ground not seen" }
-        rect x="463" y="-10" width="12" height="12" fill=(ACCENT) fill-opacity=".3" {}
-        text x="480" y="0" { "blind zone, corners not counted" }
-        rect x="1" y="15" width="8" height="8" fill=(SECOND) {}
-        text x="14" y="24" { "LiDAR" }
-        rect x="78" y="14" width="12" height="10" fill=(FAINT) stroke=(INK) {}
-        text x="96" y="24" { "own body" }
-        path d="M200 19h14" stroke=(GREY) stroke-dasharray="3 3" {}
-        text x="219" y="24" { "3 m and 10 m from it" }
-        path d={ "M400 19h" (px(5.0 * SCALE)) "m0 -4v8m-" (px(5.0 * SCALE)) " 0v-8" } stroke=(INK) fill="none" {}
-        text x=(px(406.0 + 5.0 * SCALE)) y="24" { "5 m" }
+        path d={ "M360 -5h" (px(5.0 * SCALE)) "m0 -4v8m-" (px(5.0 * SCALE)) " 0v-8" } stroke=(INK) fill="none" {}
+        text x=(px(366.0 + 5.0 * SCALE)) y="0" { "5 m" }
+        rect x="0" y="12" width="12" height="12" fill=(UNSEEN) {}
+        text x="17" y="22" { "ground not seen" }
+        // Most of the zone lies over ground that is not seen.
+        rect x="140" y="12" width="12" height="12" fill=(UNSEEN) {}
+        rect x="140" y="12" width="12" height="12" fill=(ACCENT) fill-opacity=".18" stroke=(ACCENT) {}
+        text x="157" y="22" { "blind zone before an edge; corners are not counted" }
+        rect x="1" y="36" width="8" height="8" fill=(SECOND) {}
+        text x="14" y="44" { "LiDAR" }
+        rect x="78" y="34" width="12" height="10" fill=(FAINT) stroke=(INK) {}
+        text x="96" y="44" { "own body" }
+        path d="M200 39h14" stroke=(GREY) stroke-dasharray="3 3" {}
+        text x="219" y="44" { "3 m and 10 m from it" }
     }
 }
 

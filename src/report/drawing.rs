@@ -126,6 +126,11 @@ impl Drawing {
     }
 }
 
+/// Colour of the paper, and of words on a sign, which have no halo.
+const WHITE: &str = "#ffffff";
+/// Width of the white line around words, which keeps them clear of other lines, as a share of the size of the font.
+const HALO: f64 = 0.3;
+
 /// A number of the sheet to a thousandth of a millimetre.
 fn mm(value: f64) -> String {
     super::svg::trimmed(value, 3)
@@ -188,7 +193,10 @@ fn markup(shape: &Shape) -> Markup {
                 Anchor::End => Some("end"),
             };
             html! {
+                @let halo = (ink.0 != WHITE).then(|| mm(HALO * size));
                 text x=(mm(*x)) y=(mm(*y)) font-size=(mm(*size)) fill=(ink.0) fill-opacity=[opacity(*ink)]
+                    stroke=[halo.is_some().then_some(WHITE)] stroke-width=[halo.as_ref()]
+                    stroke-linejoin=[halo.is_some().then_some("round")] paint-order=[halo.is_some().then_some("stroke")]
                     text-anchor=[anchor] font-weight=[bold.then_some("bold")] { (words) }
             }
         }

@@ -245,6 +245,7 @@ pub fn front_plot(front: &Front) -> Plot {
                 points: of.iter().map(|(_, point)| at(point)).collect(),
                 line: false,
                 labels: labels.collect(),
+                hollow: Vec::new(),
             }
         },
     );

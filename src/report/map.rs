@@ -158,6 +158,8 @@ impl InformationMap {
                 }
                 text x=(left(index) + 12.0 * f64::from(STEPS) + 6.0) y="12" { (words) }
             }
+            rect x="500" y=".5" width="12" height="13" fill="#fff" stroke=(FAINT) {}
+            text x="518" y="12" { "no information" }
             text x="0" y="34" {
                 "the darker, the more nats a column; " (format!("{:.0}", self.size[0]))
                 " m across, forward is right, LiDARs in blue"
@@ -231,6 +233,55 @@ impl ViewScale {
     }
 }
 
+/// Half of the height of a sign, pixels.
+const SIGN: f64 = 9.0;
+/// Pixels of a character of a sign.
+const SIGN_LETTER: f64 = 7.0;
+
+/// LiDARs at one place of a view, and the middle of their numbers.
+#[derive(Debug, Clone)]
+struct LidarSign {
+    at: (f64, f64),
+    label: (f64, f64),
+    lidars: Vec<usize>,
+}
+
+fn colour(lidar: usize) -> &'static str {
+    COLOURS[lidar % COLOURS.len()]
+}
+
+/// Half of the width of a sign of some LiDARs, pixels.
+fn half_width(lidars: &[usize]) -> f64 {
+    let letters: usize = lidars.iter().map(|lidar| lidar.to_string().len() + 2).sum();
+    SIGN.max(0.5 * SIGN_LETTER * (letters - 2) as f64 + 5.0)
+}
+
+/// Signs of LiDARs at some pixels: those behind one another share one, others that would lie on a sign stand beside it.
+fn sharing(places: &[(f64, f64)]) -> Vec<LidarSign> {
+    let mut signs: Vec<LidarSign> = Vec::new();
+    for (lidar, &at) in places.iter().enumerate() {
+        let is_there = |sign: &&mut LidarSign| {
+            (sign.at.0 - at.0).abs() < 1.0 && (sign.at.1 - at.1).abs() < 1.0
+        };
+        match signs.iter_mut().find(is_there) {
+            Some(sign) => sign.lidars.push(lidar),
+            None => signs.push(LidarSign { at, label: at, lidars: vec![lidar] }),
+        }
+    }
+    for k in 1..signs.len() {
+        let (placed, rest) = signs.split_at_mut(k);
+        let lies_on = |other: &LidarSign, sign: &LidarSign| {
+            let room = half_width(&other.lidars) + half_width(&sign.lidars);
+            (other.label.0 - sign.label.0).abs() < room
+                && (other.label.1 - sign.label.1).abs() < 2.0 * SIGN
+        };
+        while placed.iter().any(|other| lies_on(other, &rest[0])) {
+            rest[0].label.0 += 0.5 * SIGN;
+        }
+    }
+    signs
+}
+
 /// The placement from above and from the right, with the mount's box and the ego body's outline.
 ///
 /// `body` holds the triangles of the ego body in the ego frame, in metres.
@@ -240,7 +291,12 @@ pub fn placement_svg(
     body: &[[[f32; 3]; 3]],
 ) -> String {
     let views = ViewScale::new(constraints, body);
-    let both = |point: [f64; 3]| [views.above(point), views.aside(point)];
+    let lidars = &placement.placement.lidars;
+    let places = |view: fn(&ViewScale, [f64; 3]) -> (f64, f64)| {
+        let at = lidars.iter().map(|pose| view(&views, [pose.x, pose.y, pose.z]));
+        sharing(&at.collect::<Vec<_>>())
+    };
+    let signs = [places(ViewScale::above), places(ViewScale::aside)].concat();
     // From above a box begins at its left side, from the right at its top.
     let boxes: Vec<_> = constraints
         .kinds()
@@ -274,13 +330,17 @@ pub fn placement_svg(
         text x=(px(118.0 + views.scale)) y="510" { "box around a mount" }
         circle cx=(px(270.0 + views.scale)) cy="505" r="7" fill=(COLOURS[0]) {}
         text x=(px(282.0 + views.scale)) y="510" { "LiDAR by its number" }
-        @for (index, pose) in placement.placement.lidars.iter().enumerate() {
-            @for (x, y) in both([pose.x, pose.y, pose.z]) {
-                circle cx=(px(x)) cy=(px(y)) r="9" fill=(COLOURS[index % COLOURS.len()]) {}
-                text x=(px(x)) y=(px(y + 4.5)) fill="#fff" text-anchor="middle" font-weight="600" {
-                    (index)
-                }
-            }
+        @for sign in signs.iter().filter(|sign| sign.at != sign.label) {
+            @let ((x, y), own) = (sign.at, colour(sign.lidars[0]));
+            path d={ "M" (px(x)) " " (px(y)) "H" (px(sign.label.0)) } stroke=(own) {}
+            circle cx=(px(x)) cy=(px(y)) r="2.5" fill=(own) {}
+        }
+        @for sign in &signs {
+            @let ((x, y), half) = (sign.label, half_width(&sign.lidars));
+            @let words = sign.lidars.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+            rect x=(px(x - half)) y=(px(y - SIGN)) width=(px(2.0 * half)) height=(px(2.0 * SIGN)) rx=(SIGN)
+                fill=(colour(sign.lidars[0])) {}
+            text x=(px(x)) y=(px(y + 4.5)) fill="#fff" text-anchor="middle" font-weight="600" { (words) }
         }
     };
     page(ALL, "The placement from above and from the right", &drawing)
@@ -306,5 +366,36 @@ mod tests {
         assert_eq!(map.gained, [0.25, 0.0, 0.0, 0.0, 0.25, 0.0, 0.0, 0.0]);
         let svg = map.svg(&Placement { name: "x".into(), lidars: vec![] });
         assert_eq!(svg.matches("<path").count(), 2, "{svg}");
+        assert!(svg.contains(">no information<"), "{svg}");
+    }
+
+    #[test]
+    fn lidars_behind_one_another_share_a_sign_and_no_sign_lies_on_another() {
+        let places = [(10.0, 10.0), (12.0, 11.0), (10.4, 9.8), (300.0, 10.0), (22.0, 20.0)];
+        let signs = sharing(&places);
+        let lidars: Vec<&[usize]> = signs.iter().map(|sign| &sign.lidars[..]).collect();
+        assert_eq!(lidars, [&[0, 2][..], &[1], &[3], &[4]]);
+        assert_eq!((signs[2].label, signs[2].at), (places[3], places[3]));
+        for (k, a) in signs.iter().enumerate() {
+            for b in &signs[..k] {
+                // Widths by hand: `0, 2` takes four letters of 7 pixels and 10 more, one number 18.
+                let wide = |sign: &LidarSign| if sign.lidars.len() == 2 { 19.0 } else { 9.0 };
+                let apart = (a.label.0 - b.label.0).abs() >= wide(a) + wide(b);
+                assert!(
+                    apart || (a.label.1 - b.label.1).abs() >= 18.0,
+                    "{:?} {:?}",
+                    a.label,
+                    b.label
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn sixteen_lidars_have_sixteen_colours() {
+        let mut colours: Vec<&str> = (0..16).map(colour).collect();
+        colours.sort_unstable();
+        colours.dedup();
+        assert_eq!(colours.len(), 16);
     }
 }

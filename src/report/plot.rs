@@ -1,9 +1,18 @@
 //! Plain charts of some series: points, lines, levels across, changes along x, and a legend.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `labels` | words beside points, and words in lines |
+
+mod labels;
 
 use maud::{Markup, html};
 
-use super::chart::PointLabels;
 use super::svg::{ACCENT, Axes, COLOURS, GREY, INK, SOFT, Scale, Tick, corners, number, page, px};
+use super::text::shortened;
+
+pub(super) use labels::PlotLabels;
+use labels::lines;
 
 /// Pixels of the plot area.
 const LEFT: f64 = 90.0;
@@ -18,19 +27,19 @@ const LETTER: f64 = 7.0;
 const LINE: f64 = 15.0;
 /// Pixels from the axis to the words under it.
 const UNDER: f64 = 20.0;
-/// Characters that have room: over the chart, in the legend, turned under the axis.
+/// Pixels between two entries of the legend.
+const ENTRY: f64 = 20.0;
+/// Characters of a line over the chart, and of one in the legend.
 const TITLE: usize = 100;
 const LEGEND: usize = 30;
-const TURNED: usize = 22;
+/// Characters after which a name ends all the same: a bound for files that are not meant to be drawn.
+const LONGEST: usize = 300;
 /// Points of a line that are also drawn one by one, if there are no more.
 const DOTTED: usize = 60;
 
-/// The first `most` characters of a text.
-fn cut(text: &str, most: usize) -> String {
-    if text.chars().count() <= most {
-        return text.to_owned();
-    }
-    text.chars().take(most - 1).chain(['…']).collect()
+/// A text in lines of the legend.
+fn legend_lines(text: &str) -> Vec<String> {
+    lines(&shortened(text, LONGEST), LEGEND)
 }
 
 /// Kind of the x axis.
@@ -53,6 +62,8 @@ pub struct Series {
     pub line: bool,
     /// Words beside single points, by their number.
     pub labels: Vec<(usize, String)>,
+    /// Numbers of points that are drawn hollow.
+    pub hollow: Vec<usize>,
 }
 
 /// A plain chart of some series.
@@ -66,7 +77,7 @@ pub struct Plot {
     pub y_title: String,
     /// Kind of the x axis.
     pub x: Axis,
-    /// At most eight are told apart by colour.
+    /// At most sixteen are told apart by colour.
     pub series: Vec<Series>,
 }
 
@@ -81,6 +92,8 @@ pub(super) struct ReferenceLine<'a> {
 pub(super) struct Change {
     pub at: f64,
     pub name: String,
+    /// True if values beyond are of another kind, so that curves end there.
+    pub ends_curves: bool,
 }
 
 impl Plot {
@@ -114,26 +127,50 @@ impl Plot {
         let listed = names.iter().filter_map(PlotLabels::list).flatten();
         let listed: Vec<(f64, &String)> =
             (2..).map(|k| x_title + LINE * f64::from(k)).zip(listed).collect();
+        let title = lines(&shortened(&self.title, LONGEST), TITLE);
+        let moved = [spill_of(&marks, turned, &axes), LINE * (title.len() as f64 - 1.0)];
+        let (legend, legend_end) = self.legend();
+        let (levels, levels_end) = self.levels(levels, &axes, legend_end);
         let body = html! {
-            text x=(LEFT) y="20" font-weight="600" { (cut(&self.title, TITLE)) }
-            @if is_empty {
-                text x=(LEFT) y="60" { "There is nothing to draw." }
-            } @else {
-                (axes.draw(&marks, &axes.y.ticks(number), turned))
-                (changed(changes, &axes))
-                (self.levels(levels, &axes))
-                @for (index, (series, names)) in self.series.iter().zip(&names).enumerate() {
-                    (self.draw(series, self.colour(index), &axes, changes))
-                    (names.draw())
-                    (legend(&series.name, self.colour(index), index))
+            g transform=[(moved != [0.0; 2]).then(|| format!("translate({} {})", px(moved[0]), moved[1]))] {
+                @for (k, line) in (0_u32..).zip(&title) {
+                    text x=(LEFT) y=(20.0 + LINE * f64::from(k) - moved[1]) font-weight="600" { (line) }
                 }
-                text x=(LEFT + WIDTH / 2.0) y=(px(x_title)) text-anchor="middle" { (self.x_title) }
-                text x=(LEFT) y="40" { (self.y_title) }
-                @for (y, name) in &listed { text x=(LEFT) y=(px(*y)) font-size="12" { (name) } }
+                @if is_empty {
+                    text x=(LEFT) y="60" { "There is nothing to draw." }
+                } @else {
+                    (axes.draw(&marks, &axes.y.ticks(number), turned))
+                    (levels)
+                    @for (index, (series, names)) in self.series.iter().zip(&names).enumerate() {
+                        (self.draw(series, self.colour(index), &axes, changes))
+                        (names.draw())
+                    }
+                    (changed(changes, &axes))
+                    (legend)
+                    text x=(LEFT + WIDTH / 2.0) y=(px(x_title)) text-anchor="middle" { (self.x_title) }
+                    text x=(LEFT) y="40" { (self.y_title) }
+                    @for (y, name) in &listed { text x=(LEFT) y=(px(*y)) font-size="12" { (name) } }
+                }
             }
         };
-        let last = listed.last().map_or(x_title, |(y, _)| *y);
-        page([ALL, last + 14.0], &self.title, &body)
+        let last = listed.last().map_or(x_title, |(y, _)| *y).max(legend_end).max(levels_end);
+        page([ALL + moved[0], last + 14.0 + moved[1]], &self.title, &body)
+    }
+
+    /// Names of the series with their colours, and the pixel at which they end.
+    fn legend(&self) -> (Markup, f64) {
+        let (x, mut y) = (LEFT + WIDTH + 20.0, TOP + 10.0);
+        let drawn = html! {
+            @for (index, series) in self.series.iter().enumerate() {
+                circle cx=(x) cy=(y) r="5" fill=(self.colour(index)) {}
+                @for (k, line) in legend_lines(&series.name).iter().enumerate() {
+                    ({ y += if k == 0 { 0.0 } else { LINE }; "" })
+                    text x=(x + 12.0) y=(y + 4.5) { (line) }
+                }
+                ({ y += ENTRY; "" })
+            }
+        };
+        (drawn, y - ENTRY)
     }
 
     fn colour(&self, index: usize) -> &'static str {
@@ -143,35 +180,45 @@ impl Plot {
     /// Names along x; `None` where numbers stand there.
     fn marks(&self) -> Option<Vec<Tick>> {
         let Axis::Names(names) = &self.x else { return None };
-        let tick =
-            |(at, name): (usize, &String)| Tick { value: at as f64, text: Some(cut(name, TURNED)) };
+        let tick = |(at, name): (usize, &String)| Tick {
+            value: at as f64,
+            text: Some(shortened(name, LONGEST)),
+        };
         Some(names.iter().enumerate().map(tick).collect())
     }
 
-    /// Lines across. Names of close ones are moved apart, and below the legend; a thin line leads to each.
-    fn levels(&self, levels: &[ReferenceLine], axes: &Axes) -> Markup {
+    /// Lines across, and the pixel at which their names end. Names of close ones are moved apart, and below the legend; a
+    /// thin line leads to each.
+    fn levels(&self, levels: &[ReferenceLine], axes: &Axes, legend_end: f64) -> (Markup, f64) {
         let mut sorted: Vec<&ReferenceLine> = levels.iter().collect();
         sorted.sort_by(|a, b| b.value.total_cmp(&a.value));
-        let mut label_y = TOP + 20.0 * self.series.len() as f64;
+        let mut label_y = legend_end + 10.0;
         let right = LEFT + WIDTH;
-        html! {
+        let drawn = html! {
             @for level in sorted {
                 @let at = axes.y.at(level.value);
                 @let label = at.max(label_y + LINE);
                 @let (line, ink) = if level.accent { (ACCENT, INK) } else { (GREY, SOFT) };
                 path d={ "M" (LEFT) " " (px(at)) "H" (right) "L" (right + 12.0) " " (px(label)) }
                     stroke=(line) fill="none" stroke-width=".8" stroke-dasharray="4 3" {}
-                text x=(right + 16.0) y=(px(label + 4.5)) fill=(ink) { (cut(level.name, LEGEND)) }
-                ({ label_y = label; "" })
+                ({ label_y = label - LINE; "" })
+                @for words in legend_lines(level.name) {
+                    ({ label_y += LINE; "" })
+                    text x=(right + 16.0) y=(px(label_y + 4.5)) fill=(ink) { (words) }
+                }
             }
-        }
+        };
+        (drawn, if levels.is_empty() { 0.0 } else { label_y })
     }
 
     /// A series; its line ends at each change, beyond which values are of another kind.
     fn draw(&self, series: &Series, colour: &str, axes: &Axes, changes: &[Change]) -> Markup {
         let is_drawn = |p: &&(f64, f64)| p.0.is_finite() && p.1.is_finite();
         let drawn: Vec<(f64, f64)> = series.points.iter().filter(is_drawn).copied().collect();
-        let changes_before = |x: f64| changes.iter().filter(|change| change.at < x).count();
+        let ends = || changes.iter().filter(|change| change.ends_curves);
+        let changes_before = |x: f64| ends().filter(|change| change.at < x).count();
+        let is_hollow = |k: &usize| series.hollow.contains(k);
+        let all = series.points.iter().enumerate().filter(|(_, p)| is_drawn(p));
         html! {
             @if series.line {
                 @for part in drawn.chunk_by(|a, b| changes_before(a.0) == changes_before(b.0)) {
@@ -180,8 +227,12 @@ impl Plot {
                 }
             }
             @if !series.line || drawn.len() <= DOTTED {
-                @for (x, y) in drawn.iter().map(|&p| axes.at(p)) {
-                    circle cx=(px(x)) cy=(px(y)) r="4" fill=(colour) {}
+                @for (k, (x, y)) in all.map(|(k, &p)| (k, axes.at(p))) {
+                    @if is_hollow(&k) {
+                        circle cx=(px(x)) cy=(px(y)) r="4.5" fill="#fff" stroke=(colour) stroke-width="2" {}
+                    } @else {
+                        circle cx=(px(x)) cy=(px(y)) r="4" fill=(colour) {}
+                    }
                 }
             }
         }
@@ -213,17 +264,19 @@ fn changed(changes: &[Change], axes: &Axes) -> Markup {
             @let (at, anchor) = if x + room < LEFT + WIDTH { (x + 4.0, "start") } else { (x - 4.0, "end") };
             path d={ "M" (px(x)) " " (TOP) "V" (bottom) } stroke=(GREY) stroke-width=".8" {}
             text x=(px(at)) y=(px(bottom - 7.0 - LINE * (index % 4) as f64)) text-anchor=(anchor)
-                font-size="12" fill=(SOFT) { (change.name) }
+                font-size="12" fill=(SOFT) stroke="#fff" stroke-width="3" paint-order="stroke" { (change.name) }
         }
     }
 }
 
-fn legend(name: &str, colour: &str, index: usize) -> Markup {
-    let (x, y) = (LEFT + WIDTH + 20.0, TOP + 10.0 + 20.0 * index as f64);
-    html! {
-        circle cx=(x) cy=(y) r="5" fill=(colour) {}
-        text x=(x + 12.0) y=(y + 4.5) { (cut(name, LEGEND)) }
-    }
+/// Pixels that turned names reach out of the drawing at its left.
+fn spill_of(marks: &[Tick], turned: bool, axes: &Axes) -> f64 {
+    let left = |tick: &Tick| {
+        let letters = tick.text.as_ref().map_or(0, |text| text.chars().count()) as f64;
+        // Turned by 30°, as in `drop_of`.
+        0.87 * LETTER * letters - axes.x.at(tick.value) + 4.0
+    };
+    if turned { marks.iter().map(left).fold(0.0, f64::max).ceil() } else { 0.0 }
 }
 
 /// The range of the finite values with 6 % of margin at both ends.
@@ -232,117 +285,6 @@ fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) = values.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
     let margin = if high > low { 0.06 * (high - low) } else { 0.05 * high.abs().max(1e-12) };
     (low - margin, high + margin)
-}
-
-/// Pixels that a character of a label takes on average, and its height.
-const PLOT_LABELS_LETTER: f64 = 6.2;
-const PLOT_LABELS_HEIGHT: f64 = 12.0;
-
-/// Words beside points.
-pub(super) struct PlotLabels {
-    area: [f64; 4],
-    points: Vec<(f64, f64)>,
-    /// Points with their words; those in one place share them.
-    places: Vec<((f64, f64), String)>,
-    /// Lines that explain the numbers, where the words have no room.
-    list: Option<Vec<String>>,
-}
-
-impl PlotLabels {
-    /// Words beside points: `labels` are (number of a point, words), `points` pixels, `area` (left, right, top, bottom)
-    /// within a drawing of `width`.
-    pub fn new<'a>(
-        points: &[(f64, f64)],
-        labels: impl Iterator<Item = (usize, &'a str)>,
-        area: [f64; 4],
-        width: f64,
-    ) -> Self {
-        let is_drawn = |at: &(f64, f64)| at.0.is_finite() && at.1.is_finite();
-        let mut places: Vec<((f64, f64), String)> = Vec::new();
-        for (point, words) in labels {
-            let Some(at) = points.get(point).copied().filter(is_drawn) else { continue };
-            let near = |place: (f64, f64)| (place.0 - at.0).abs().max((place.1 - at.1).abs()) < 1.0;
-            match places.iter_mut().find(|(place, _)| near(*place)) {
-                Some((_, others)) => *others += &format!(", {words}"),
-                None => places.push((at, words.to_owned())),
-            }
-        }
-        let list = (!have_room(&places, width, area[1])).then(|| {
-            let letters = ((width - area[0] - 10.0) / PLOT_LABELS_LETTER) as usize;
-            let numbered =
-                (1..).zip(&places).map(|(number, (_, words))| format!("{number}: {words}"));
-            numbered.flat_map(|item| lines(&item, letters)).collect()
-        });
-        let points = points.iter().copied().filter(is_drawn).collect();
-        Self { area, points, places, list }
-    }
-
-    /// Lines under the chart, from the left of the area on; `None` where the words stand beside their points.
-    pub fn list(&self) -> Option<&[String]> {
-        self.list.as_deref()
-    }
-
-    /// Words or numbers beside the points.
-    pub fn draw(&self) -> Markup {
-        if self.list.is_none() {
-            return html! {
-                @for (at, words) in &self.places {
-                    @let ([left, right, _, y], is_left) = beside(*at, words, self.area[1]);
-                    @if is_left {
-                        text x=(px(right)) y=(px(y)) font-size="12" text-anchor="end" { (words) }
-                    } @else {
-                        text x=(px(left)) y=(px(y)) font-size="12" { (words) }
-                    }
-                }
-            };
-        }
-        let mut labels = PointLabels { area: self.area, taken: self.points.clone(), line: &[] };
-        html! {
-            @for (number, (at, _)) in (1..).zip(&self.places) { (labels.write(*at, number)) }
-        }
-    }
-}
-
-/// A text in lines of at most `letters` letters; lines after the first are set in.
-fn lines(text: &str, letters: usize) -> Vec<String> {
-    let length = |text: &str| text.chars().count();
-    let mut lines: Vec<String> = Vec::new();
-    for word in text.split(' ') {
-        match lines.last_mut() {
-            Some(line) if length(line) + 1 + length(word) <= letters => {
-                *line += &format!(" {word}")
-            }
-            // A drawing drops plain spaces at the beginning.
-            Some(_) => lines.push(format!("\u{2003}{word}")),
-            None => lines.push(word.to_owned()),
-        }
-    }
-    lines
-}
-
-/// Box of a point's words (left, right, top, bottom); true where they stand left of the point, which they do where they
-/// would pass the right end of the area, with the legend behind it, and have room.
-fn beside((x, y): (f64, f64), words: &str, end: f64) -> ([f64; 4], bool) {
-    let (length, y) = (PLOT_LABELS_LETTER * words.chars().count() as f64, y - 7.0);
-    let (left, right) = (x - 7.0 - length, x + 7.0 + length);
-    match right > end && left > 0.0 {
-        true => ([left, x - 7.0, y - PLOT_LABELS_HEIGHT, y], true),
-        false => ([x + 7.0, right, y - PLOT_LABELS_HEIGHT, y], false),
-    }
-}
-
-/// True if all words end within the drawing, and none stand on others or on another point. The area ends at `end`.
-fn have_room(places: &[((f64, f64), String)], width: f64, end: f64) -> bool {
-    let boxes: Vec<[f64; 4]> = places.iter().map(|(at, words)| beside(*at, words, end).0).collect();
-    let clear =
-        |a: &[f64; 4], b: &[f64; 4]| a[1] < b[0] || b[1] < a[0] || a[3] < b[2] || b[3] < a[2];
-    let apart = |k: usize| {
-        let words = &boxes[k];
-        let points = places.iter().map(|(at, _)| [at.0 - 4.0, at.0 + 4.0, at.1 - 4.0, at.1 + 4.0]);
-        boxes[..k].iter().all(|other| clear(words, other))
-            && points.into_iter().all(|p| clear(words, &p))
-    };
-    boxes.iter().all(|words| words[1] < width) && (0..boxes.len()).all(apart)
 }
 
 #[cfg(test)]
@@ -361,11 +303,17 @@ mod tests {
                 points: vec![(0.0, 1.0), (1.0, 3.0), (0.0, f64::NAN)],
                 line: true,
                 labels: vec![(1, "best".into())],
+                hollow: vec![0],
             }],
         };
         let svg = plot.svg();
         // A quarter and three quarters of the width; 6 % of the range as margin.
         assert!(svg.contains("cx=\"230.0\"") && svg.contains("cx=\"510.0\""), "{svg}");
+        assert_eq!(
+            svg.matches("fill=\"#fff\" stroke=").count(),
+            1,
+            "the first point is hollow: {svg}"
+        );
         let low = TOP + HEIGHT * (1.0 - 0.12 / 2.24);
         assert!(svg.contains(&format!("cy=\"{low:.1}\"")), "{svg}");
         assert!(svg.contains("a &lt; b") && svg.contains(">best<") && !svg.contains("NaN"));
@@ -373,12 +321,13 @@ mod tests {
     }
 
     #[test]
-    fn words_that_have_no_room_are_turned_shared_or_cut() {
+    fn words_that_have_no_room_are_turned_shared_or_broken() {
         let series = Series {
             name: "n".repeat(40),
             points: vec![(0.0, 1.0), (1.0, 3.0), (1.0, 3.0)],
             line: false,
             labels: vec![(1, "a".into()), (2, "b".into())],
+            hollow: Vec::new(),
         };
         let names = [
             "without LiDAR 0",
@@ -397,33 +346,23 @@ mod tests {
         let svg = plot.svg();
         assert_eq!(svg.matches("rotate(-30").count(), 5);
         assert!(svg.contains(">a, b<"), "{svg}");
-        assert!(svg.contains(&format!(">{}…<", "n".repeat(29))));
-        assert!(svg.contains(&format!(">{}…<", "t".repeat(99))), "the whole stands in <title>");
+        // No letter is lost: those of a word without a space follow in the next line.
+        assert!(svg.contains(&format!(">{}<", "n".repeat(29))) && !svg.contains('…'), "{svg}");
+        assert!(svg.contains(&format!(">\u{2003}{}<", "n".repeat(11))), "{svg}");
+        assert!(svg.contains(&format!(">{}<", "t".repeat(99))), "{svg}");
+        assert!(
+            svg.contains("translate(0.0 30)"),
+            "three lines of title push the chart down: {svg}"
+        );
+        // The first name begins left of the drawing unless all of it moves.
+        let long = "a name of a placement that is longer than most of them are".to_owned();
+        let wide = Plot { x: Axis::Names(vec![long.clone(), "b".into()]), ..plot.clone() }.svg();
+        assert!(
+            wide.contains(&format!(">{long}<")) && wide.contains("translate(128.0 30)"),
+            "{wide}"
+        );
         let short =
             Plot { x: Axis::Names(names[3..].iter().map(|n| (*n).into()).collect()), ..plot };
         assert!(!short.svg().contains("rotate"));
-    }
-
-    #[test]
-    fn words_without_room_are_numbers_with_a_list() {
-        let area = [90.0, 650.0, 50.0, 350.0];
-        let named = |points: &[(f64, f64)], words: [&str; 2]| {
-            let labels = words.into_iter().enumerate();
-            let named = PlotLabels::new(points, labels, area, 900.0);
-            (named.draw().into_string(), named.list().map(<[String]>::to_vec))
-        };
-        let apart = [(100.0, 300.0), (500.0, 100.0)];
-        let (drawn, list) = named(&apart, ["one roof", "two doors"]);
-        assert!(drawn.contains(">one roof<") && list.is_none(), "{drawn}");
-        let (drawn, list) = named(&[(100.0, 300.0), (640.0, 100.0)], ["one roof", "two doors"]);
-        assert!(drawn.contains("text-anchor=\"end\">two doors<") && list.is_none(), "{drawn}");
-        let near = [(100.0, 300.0), (120.0, 296.0)];
-        let (drawn, list) = named(&near, ["one roof", "two doors"]);
-        assert!(drawn.contains(">1<") && drawn.contains(">2<"), "{drawn}");
-        assert_eq!(list.unwrap(), ["1: one roof", "2: two doors"]);
-        let long = "word ".repeat(40);
-        let list = named(&apart, ["one roof", long.trim()]).1.unwrap();
-        assert_eq!(list.len(), 3);
-        assert!(list[2].starts_with("\u{2003}word") && list[1].chars().count() <= 129, "{list:?}");
     }
 }

@@ -402,6 +402,7 @@ pub fn convergence_svg(
         points,
         line: true,
         labels: Vec::new(),
+        hollow: Vec::new(),
     };
     let level = |scored: &'_ Scored, name, accent| {
         Some(ReferenceLine { name, value: scored.objective?, accent })
@@ -424,7 +425,11 @@ pub fn convergence_svg(
     };
     let change = |&(generation, frames): &(u64, u32)| {
         let last = history.iter().rfind(|record| record.generation <= generation)?;
-        Some(Change { at: last.evaluations as f64, name: format!("{frames} frames") })
+        Some(Change {
+            at: last.evaluations as f64,
+            name: format!("{frames} frames"),
+            ends_curves: true,
+        })
     };
     let steps = steps_of_generations(steps, history.len() as u64);
     let changes: Vec<Change> = steps.iter().skip(1).filter_map(change).collect();

@@ -57,16 +57,104 @@ fn better_in_words(all: &[Scores]) -> Option<String> {
     if !standings[best].beats(&standings[rival]) {
         return Some(format!("{word}: {name} and {next} are level\n"));
     }
-    let met = |k: usize| {
-        let [met, of] = all[k].met();
-        (of > 0).then(|| format!("{met} of {of} requirements met"))
+    // Warnings are compared where requirements are level.
+    let by_warnings = standings[best].violation == standings[rival].violation
+        && standings[best].guards != standings[rival].guards;
+    let facts = |k: usize| {
+        let warnings = by_warnings.then_some(standings[k].guards);
+        facts_in_words(&all[k], standings[k].violation, warnings, &objective)
     };
-    let value = |k: usize| {
-        let value = objective.value(&all[k]).map_or("–".to_owned(), spoken);
-        let parts: Vec<String> = met(k).into_iter().chain([format!("near_gain {value}")]).collect();
-        parts.join(", ")
+    let decided = decided_in_words(&all[best], &standings[best], &standings[rival]);
+    Some(format!("{word}: {name} ({}), before {next} ({}); {decided}\n", facts(best), facts(rival)))
+}
+
+/// Requirements met, per cent points missing of the others, warnings where these count, and the objective of a rig.
+fn facts_in_words(
+    scores: &Scores,
+    missing: f64,
+    warnings: Option<usize>,
+    objective: &Objective,
+) -> String {
+    let mut facts = Vec::new();
+    let [met, of] = scores.met();
+    if of > 0 {
+        facts.push(format!("{met} of {of} requirements met"));
+    }
+    if missing > 0.0 {
+        facts.push(format!("{} missing", points(missing)));
+    }
+    facts.extend(warnings.map(|count| match count {
+        1 => "1 warning".to_owned(),
+        count => format!("{count} warnings"),
+    }));
+    let value = objective.value(scores).map_or("–".to_owned(), spoken);
+    facts.push(format!("near_gain {value}"));
+    facts.join(", ")
+}
+
+/// A share in per cent points: `4.1 points`.
+fn points(share: f64) -> String {
+    format!("{} points", trimmed(100.0 * share, 2))
+}
+
+/// The first of the things that standings are compared by in which two rigs differ.
+fn decided_in_words(scores: &Scores, ours: &Standing, theirs: &Standing) -> String {
+    let by = if ours.violation < theirs.violation {
+        let fewer = points(theirs.violation - ours.violation);
+        format!("decided by the requirements, of which {fewer} fewer are missing")
+    } else if ours.guards < theirs.guards {
+        "decided by the warnings, of which it has fewer".to_owned()
+    } else if ours.value.zip(theirs.value).is_some_and(|(ours, theirs)| ours <= theirs) {
+        "decided by the sectors in which a car is lost, which lower near_gain".to_owned()
+    } else {
+        "decided by near_gain".to_owned()
     };
-    let order = if met(best).is_some() { "; requirements come first, then near_gain" } else { "" };
-    let (ours, theirs) = (value(best), value(rival));
-    Some(format!("{word}: {name} ({ours}), before {next} ({theirs}){order}\n"))
+    match scores.met() {
+        [_, 0] => by,
+        _ => format!("{by}; requirements come first, then near_gain"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::score::{Guard, Seen};
+
+    fn rig(name: &str, shares: [f64; 2], guards: usize, near_gain: f64) -> Scores {
+        let name = name.to_owned();
+        // Both require 90 %.
+        let required = shares.map(|share| Seen::of("area", share)).to_vec();
+        let guards = vec![Guard::CoversNothing; guards];
+        Scores { name, required, guards, near_gain: Some(near_gain), ..Scores::default() }
+    }
+
+    #[test]
+    fn the_better_of_two_rigs_says_what_decided() {
+        let words = |a: Scores, b: Scores| better_in_words(&[a, b]).unwrap();
+        // As many requirements met, less gain, and 1.5 points fewer missing.
+        let found = words(rig("a", [0.5, 0.95], 0, 0.6), rig("b", [0.515, 0.95], 0, 0.5));
+        let want = "better: b (1 of 2 requirements met, 38.5 points missing, near_gain 0.5), before a (1 of 2 \
+                    requirements met, 40 points missing, near_gain 0.6); decided by the requirements, of which 1.5 points \
+                    fewer are missing; requirements come first, then near_gain\n";
+        assert_eq!(found, want);
+        let met = [0.9, 0.9];
+        let found = words(rig("a", met, 1, 0.6), rig("b", met, 0, 0.5));
+        assert!(
+            found.starts_with("better: b (2 of 2 requirements met, 0 warnings, near_gain 0.5)")
+        );
+        assert!(found.contains("1 warning, near_gain 0.6); decided by the warnings"), "{found}");
+        let found = words(rig("a", met, 1, 0.6), rig("b", met, 1, 0.5));
+        assert!(
+            found.starts_with("better: a ") && found.contains("; decided by near_gain;"),
+            "{found}"
+        );
+        assert!(!found.contains("warning"), "{found}");
+        let mut blind = rig("a", met, 0, 0.6);
+        blind.car_missing = Some(0.5);
+        let found = words(blind, rig("b", met, 0, 0.5));
+        assert!(
+            found.starts_with("better: b ") && found.contains("decided by the sectors"),
+            "{found}"
+        );
+    }
 }

@@ -1,6 +1,7 @@
 //! Studies, sweeps and tolerances as text and figures.
 
 use super::plot::{Axis, Change, Plot, Series};
+use super::svg::trimmed;
 use super::tables::ScoreColumn;
 use super::text::align_columns;
 use crate::job::{Room, RoomOfSide, RoomOfTilt, Sweep};
@@ -22,19 +23,30 @@ pub fn study_plot(table: &Table) -> Plot {
                     .collect(),
                 line: *line,
                 labels: Vec::new(),
+                hollow: Vec::new(),
             });
             let names = Axis::Names(rows().map(Row::marked).collect());
             (&table.columns[0], y_title, names, series.collect())
         }
-        TablePlot::ByColumn { x_title, y_title } => {
-            let columns = 0..table.columns.len() - 1;
+        TablePlot::ByColumn { columns, x_title, y_title } => {
+            let place = |column: &usize| columns.iter().position(|of| of == column);
             let series = rows().map(|row| Series {
                 name: row.marked(),
-                points: columns.clone().map(|k| (k as f64, number(row, k))).collect(),
+                points: columns
+                    .iter()
+                    .enumerate()
+                    .map(|(k, &column)| (k as f64, number(row, column)))
+                    .collect(),
                 line: false,
                 labels: Vec::new(),
+                hollow: row.unmet_at.iter().filter_map(place).collect(),
             });
-            let names = Axis::Names(table.columns[1..].to_vec());
+            // The unit stands at the axis.
+            let name = |&column: &usize| {
+                let name = &table.columns[column + 1];
+                name.strip_suffix(" %").unwrap_or(name).to_owned()
+            };
+            let names = Axis::Names(columns.iter().map(name).collect());
             (x_title, y_title, names, series.collect())
         }
         TablePlot::Against { column, x_title, y_title } => {
@@ -43,14 +55,17 @@ pub fn study_plot(table: &Table) -> Plot {
                 points: rows().map(|row| (number(row, 0), number(row, *column))).collect(),
                 line: false,
                 labels: rows().enumerate().map(|(k, row)| (k, row.marked())).collect(),
+                hollow: Vec::new(),
             };
             (x_title, y_title, Axis::Numbers, vec![series])
         }
     };
+    let has_hollow = rows().any(|row| !row.unmet_at.is_empty());
+    let hollow = if has_hollow { " (hollow: a requirement is not met)" } else { "" };
     Plot {
         title: table.title.clone(),
         x_title: x_title.clone(),
-        y_title: y_title.clone(),
+        y_title: format!("{y_title}{hollow}"),
         x,
         series,
     }
@@ -62,7 +77,7 @@ const COLUMNS: [ScoreColumn; 3] =
 /// Scores that are drawn, with their names; requirements are drawn beside them.
 const DRAWN: [(ScoreColumn, &str); 2] =
     [(ScoreColumn::NearGain, "near gain"), (ScoreColumn::GainShare, "gain")];
-/// Requirements that are drawn at most: a chart tells eight colours apart.
+/// Requirements that are drawn at most: more would hide each other.
 const MOST_DRAWN: usize = 6;
 
 /// Degrees of bearings in which a car is lost somewhere between 5 and 50 m.
@@ -97,7 +112,7 @@ fn table(sweep: &Sweep) -> String {
             format!("{}{}", if seen.is_met() { "" } else { "!" }, fixed(share, 1))
         }));
         line.push(match row.scores.range_card {
-            Some(_) => fixed(lost(&row.scores), 0),
+            Some(_) => trimmed(lost(&row.scores), 1),
             None => "–".to_owned(),
         });
         line.push(if row.broken_rules.is_empty() { "kept" } else { "BROKEN" }.to_owned());
@@ -130,14 +145,24 @@ pub fn sweep_text(all: &[Sweep]) -> String {
     all.iter().map(of).collect::<Vec<_>>().join("\n")
 }
 
-/// Scores and shares of requirements over the values, and the value as it is given.
+/// Scores and shares of requirements over the values, among them the value as it is given where it lies within.
 pub fn sweep_plot(sweep: &Sweep) -> String {
-    let swept = || sweep.rows.iter().filter(|row| !row.as_given);
+    let values = || sweep.rows.iter().filter(|row| !row.as_given).map(|row| row.value);
+    let [low, high] = [f64::min, f64::max].map(|of| values().reduce(of).unwrap_or_default());
+    let given = sweep.rows.iter().find(|row| row.as_given).map(|row| row.value);
+    let given = given.filter(|at| (low..=high).contains(at));
+    let is_extra = given.is_some_and(|given| values().all(|value| value != given));
+    let mut drawn: Vec<_> = sweep.rows.iter().filter(|row| !row.as_given || is_extra).collect();
+    drawn.sort_by(|a, b| a.value.total_cmp(&b.value));
     let series = |name: String, of: &dyn Fn(&Scores) -> Option<f64>| Series {
         name,
-        points: swept().filter_map(|row| Some((row.value, 100.0 * of(&row.scores)?))).collect(),
+        points: drawn
+            .iter()
+            .filter_map(|row| Some((row.value, 100.0 * of(&row.scores)?)))
+            .collect(),
         line: true,
         labels: Vec::new(),
+        hollow: Vec::new(),
     };
     let scores = DRAWN
         .iter()
@@ -153,11 +178,7 @@ pub fn sweep_plot(sweep: &Sweep) -> String {
         x: Axis::Numbers,
         series: scores.chain(required).filter(|series| !series.points.is_empty()).collect(),
     };
-    let values = || swept().map(|row| row.value);
-    let [low, high] = [f64::min, f64::max].map(|of| values().reduce(of).unwrap_or_default());
-    let given = sweep.rows.iter().find(|row| row.as_given).map(|row| row.value);
-    let given = given.filter(|at| (low..=high).contains(at));
-    let change = given.map(|at| Change { at, name: "as given".to_owned() });
+    let change = given.map(|at| Change { at, name: "as given".to_owned(), ends_curves: false });
     plot.svg_with(&[], change.as_slice())
 }
 
@@ -226,6 +247,7 @@ pub fn room_text(all: &[Room]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::job::SweepRow;
 
     fn table(drawing: TablePlot) -> Table {
         let row = |name: &str, values: [Option<f64>; 2]| Row {
@@ -254,11 +276,43 @@ mod tests {
         assert!(by_case.series[0].points[0].1.is_nan());
         assert_eq!(by_case.series[0].points[1], (1.0, 3.0));
         let (x, y) = (x_title.clone(), y_title.clone());
-        let by_column = study_plot(&table(TablePlot::ByColumn { x_title: x, y_title: y }));
+        let columns = vec![0, 1];
+        let mut all = table(TablePlot::ByColumn { columns, x_title: x, y_title: y });
+        let by_column = study_plot(&all);
         assert_eq!((by_column.series.len(), by_column.series[1].name.as_str()), (2, "y"));
         assert_eq!(by_column.series[1].points, [(0.0, 2.0), (1.0, 3.0)]);
+        // A column of another unit is left out, and a value beside a requirement that fails is hollow.
+        let (x_title, y_title) = (x_title.clone(), y_title.clone());
+        all.drawing = TablePlot::ByColumn { columns: vec![1], x_title, y_title };
+        (all.columns[2], all.rows[1].unmet_at) = ("b %".into(), vec![0, 1]);
+        let one = study_plot(&all);
+        assert_eq!(
+            (&one.series[1].points[..], &one.series[1].hollow[..]),
+            (&[(0.0, 3.0)][..], &[0][..])
+        );
+        assert!(matches!(&one.x, Axis::Names(names) if names[..] == ["b"]), "{:?}", one.x);
+        assert!(one.y_title.starts_with("v (hollow"), "{}", one.y_title);
+        let (x_title, y_title) = ("u".to_owned(), "v".to_owned());
         let against = study_plot(&table(TablePlot::Against { column: 1, x_title, y_title }));
         assert_eq!(against.series[0].points[1], (2.0, 3.0));
         assert_eq!(against.series[0].labels[1], (1, "y".to_owned()));
+    }
+
+    #[test]
+    fn the_value_as_given_is_a_point_of_the_curve() {
+        let row = |value: f64, as_given: bool| {
+            let scores = Scores { near_gain: Some(0.1 * value), ..Scores::default() };
+            SweepRow { value, as_given, broken_rules: Vec::new(), scores }
+        };
+        let svg = |given: f64| {
+            let rows = vec![row(given, true), row(1.0, false), row(2.0, false), row(3.0, false)];
+            let placement = "rig".to_owned();
+            sweep_plot(&Sweep { placement, lidar: 0, field: "z", unit: "m", rows })
+        };
+        let drawn = |svg: &str| (svg.matches("<polyline").count(), svg.matches("r=\"4\"").count());
+        assert_eq!(drawn(&svg(2.5)), (1, 4));
+        assert_eq!(drawn(&svg(2.0)), (1, 3), "once where it is one of the values");
+        assert_eq!(drawn(&svg(5.0)), (1, 3), "not beyond them");
+        assert!(svg(2.5).contains(">as given<") && !svg(5.0).contains(">as given<"));
     }
 }

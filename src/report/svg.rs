@@ -11,9 +11,12 @@ pub(super) const GREY: &str = "#8a97a5";
 pub(super) const SOFT: &str = "#5a6b7b";
 pub(super) const ACCENT: &str = "#d1495b";
 pub(super) const SECOND: &str = "#2f7ebc";
-/// One colour a LiDAR or series that the colour-blind tell apart (Okabe, Ito 2008), white text on them.
-pub(super) const COLOURS: [&str; 8] =
-    ["#d55e00", "#0072b2", "#009e73", "#b8568f", "#a67400", "#3a8fc7", "#7b5c3e", "#5a6b7b"];
+/// One colour a LiDAR or series, white text on them: eight that the colour-blind tell apart (Okabe, Ito 2008), then eight
+/// dark ones.
+pub(super) const COLOURS: [&str; 16] = [
+    "#d55e00", "#0072b2", "#009e73", "#b8568f", "#a67400", "#3a8fc7", "#7b5c3e", "#5a6b7b",
+    "#7d1a0c", "#0b2f6b", "#004d36", "#5c1a56", "#574000", "#0f5560", "#33211a", "#1f2933",
+];
 
 /// A drawing of a size in pixels, to stand alone or in a page.
 pub(super) fn page([width, height]: [f64; 2], title: &str, body: &Markup) -> String {

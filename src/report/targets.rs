@@ -1,4 +1,10 @@
-//! Distances at which targets are met, by bearing: as text, and as polar plots for a slide.
+//! Distances at which targets are met, by bearing: the range card as text, and polar plots for a slide.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `beams` | distances of detection as text, or beams where there are few distances |
+
+mod beams;
 
 use maud::{Markup, html};
 
@@ -8,6 +14,8 @@ use crate::maths;
 use crate::targets::{
     BlindSector, Detection, RangeCard, TargetQuestion, TargetRanges, TargetTable,
 };
+
+pub use beams::targets_text;
 
 /// Pixels of a panel, of the radius of its circle, of its title.
 const PANEL: f64 = 400.0;
@@ -90,6 +98,32 @@ fn of_card(card: &RangeCard) -> Vec<MetRuns<'_>> {
     all.collect()
 }
 
+/// Distance from which on a car is looked for all round, metres.
+const ALL_ROUND_FROM: f64 = 5.0;
+
+/// Sentence on bearings at which a car is met all along, but cannot stand as near as 5 m; `None` where it can, or is lost
+/// somewhere, which is said in its own words.
+pub(super) fn overlap_in_words(card: &RangeCard) -> Option<String> {
+    let car = card.targets.first().filter(|_| card.blind.is_empty())?;
+    let mut starts: Vec<(f64, Vec<String>)> = Vec::new();
+    for of in &car.bearings {
+        let Some([first, _]) = of.met.first().filter(|run| run[0] > ALL_ROUND_FROM) else {
+            continue;
+        };
+        let name = bearing_in_words(of.bearing);
+        match starts.iter_mut().find(|(metres, _)| metres == first) {
+            Some((_, names)) => names.push(name),
+            None => starts.push((*first, vec![name])),
+        }
+    }
+    let parts = starts.iter().map(|(metres, names)| {
+        format!("nearer than {} m ({})", trimmed(*metres, 2), names.join(", "))
+    });
+    let parts: Vec<String> = parts.collect();
+    (!parts.is_empty())
+        .then(|| format!("A {} {} would overlap the own body.", car.target, parts.join(" or ")))
+}
+
 /// The range card of a placement: a line a bearing.
 pub fn range_card_text(card: &RangeCard) -> String {
     let on_card = |sector: &&BlindSector| {
@@ -103,8 +137,9 @@ pub fn range_card_text(card: &RangeCard) -> String {
             format!("between these bearings: at {bearing} a car is lost at {lost} m\n")
         })
         .collect();
+    let overlap = overlap_in_words(card).map_or(String::new(), |words| words + "\n");
     format!(
-        "Range card: metres from the vehicle's origin at which {} beams or more meet a target on level ground\n{}{between}",
+        "Range card: metres from the vehicle's origin at which {} beams or more meet a target on level ground\n{}{between}{overlap}",
         card.beams,
         block(&of_card(card))
     )
@@ -166,14 +201,6 @@ fn of_detections(detections: &[Detection]) -> Vec<MetRuns<'_>> {
     all
 }
 
-/// Distances of detection, a block a placement.
-pub fn targets_text(table: &TargetTable) -> String {
-    let of = |detections: &&[Detection]| {
-        format!("{}\n{}", heading(&detections[0]), block(&of_detections(detections)))
-    };
-    by_placement(table).iter().map(of).collect::<Vec<_>>().join("\n")
-}
-
 /// A polar plot a placement: for each bearing the distances of detection, a strip a target. Ahead is up, left is left.
 pub fn targets_svg(question: &TargetQuestion, table: &TargetTable) -> String {
     let panels = by_placement(table);
@@ -231,6 +258,14 @@ fn legend(names: &[&str], height: f64) -> Markup {
     }
 }
 
+/// Bearing at which the strip of a target begins, degrees counter-clockwise. The strips of all targets together lie
+/// around their bearing: the first target's in the middle, the second one's to its left, the third one's to its right.
+fn strip_from(bearing: f64, width: f64, index: usize, count: usize) -> f64 {
+    let (strip, step) = (width / count.max(1) as f64, index.div_ceil(2) as f64);
+    let from_left = (count / 2) as f64 + if index % 2 == 1 { -step } else { step };
+    bearing + 0.5 * width - (from_left + 1.0) * strip
+}
+
 /// One polar plot.
 fn panel(heading: &str, all: &[MetRuns<'_>], names: &[&str], farthest: f64) -> Markup {
     let (middle, scale) = ([PANEL / 2.0, TITLE + PANEL / 2.0], RADIUS / farthest);
@@ -246,7 +281,7 @@ fn panel(heading: &str, all: &[MetRuns<'_>], names: &[&str], farthest: f64) -> M
     let strip = width / names.len().max(1) as f64;
     let wedge = |one: &MetRuns<'_>, run: &[f64; 2]| {
         let index = names.iter().position(|name| *name == one.target).unwrap_or(0);
-        let from = one.bearing - 0.5 * width + index as f64 * strip;
+        let from = strip_from(one.bearing, width, index, names.len());
         let [inner, outer] = if run[0] == run[1] { [run[0] - 1.0, run[1] + 1.0] } else { *run };
         let arc = |metres: f64| (0..=4).map(move |k| (from + f64::from(k) * strip / 4.0, metres));
         let outline = arc(outer).chain(arc(inner.max(0.0)).rev());
@@ -273,5 +308,45 @@ fn panel(heading: &str, all: &[MetRuns<'_>], names: &[&str], farthest: f64) -> M
         }
         polygon points=(corners([(middle[0], middle[1] - 8.0), (middle[0] + 5.0, middle[1] + 6.0),
             (middle[0] - 5.0, middle[1] + 6.0)])) fill=(INK) {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::targets::BearingRanges;
+
+    #[test]
+    fn strips_of_a_bearing_lie_around_it_side_by_side() {
+        for count in 1..=6 {
+            let mut from: Vec<f64> = (0..count).map(|k| strip_from(45.0, 12.0, k, count)).collect();
+            let strip = 12.0 / count as f64;
+            if count % 2 == 1 {
+                assert!((from[0] + 0.5 * strip - 45.0).abs() < 1e-9, "{count}: {from:?}");
+            }
+            from.sort_by(f64::total_cmp);
+            for (k, from) in from.iter().enumerate() {
+                assert!((from - (39.0 + k as f64 * strip)).abs() < 1e-9, "{count}: {from}");
+            }
+        }
+        // Three targets from the left: the second, the first, the third.
+        assert_eq!([0, 1, 2].map(|k| strip_from(0.0, 9.0, k, 3)), [-1.5, 1.5, -4.5]);
+    }
+
+    #[test]
+    fn bearings_at_which_a_car_cannot_stand_near_are_named() {
+        let of = |bearing: f64, from: f64| BearingRanges { bearing, met: vec![[from, 140.0]] };
+        let car = TargetRanges {
+            target: "car".to_owned(),
+            size: [4.5, 1.8, 1.5],
+            bearings: vec![of(0.0, 7.5), of(90.0, 5.0), of(180.0, 7.5), of(-90.0, 2.5)],
+        };
+        let (distances, beams) = (vec![2.5, 5.0, 7.5, 140.0], 5);
+        let mut card = RangeCard { beams, distances, targets: vec![car], blind: Vec::new() };
+        let words = "A car nearer than 7.5 m (ahead 0°, behind 180°) would overlap the own body.";
+        assert_eq!(overlap_in_words(&card).as_deref(), Some(words));
+        assert!(range_card_text(&card).ends_with(&format!("{words}\n")));
+        card.targets[0].bearings.retain(|of| of.bearing.abs() == 90.0);
+        assert_eq!(overlap_in_words(&card), None);
     }
 }

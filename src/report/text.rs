@@ -108,8 +108,9 @@ pub fn findings_text(all: &[Finding]) -> String {
 
 /// A study's cases and notes.
 pub fn study_text(table: &Table) -> String {
-    let number = |value: Option<f64>| match value {
+    let number = |value: Option<f64>, column: usize| match value {
         None => "–".to_owned(),
+        Some(v) if table.columns[column + 1].ends_with(" %") => fixed(v, 2),
         Some(0.0) => "0".to_owned(),
         Some(v) if (1e-3..1e6).contains(&v.abs()) => {
             format!("{v:.4}").trim_end_matches('0').trim_end_matches('.').to_owned()
@@ -118,7 +119,9 @@ pub fn study_text(table: &Table) -> String {
     };
     let mut rows = vec![table.columns.clone()];
     rows.extend(table.rows.iter().map(|row| {
-        let values = row.values.iter().map(|value| number(*value));
+        let mark = |column| if row.unmet_at.contains(&column) { "!" } else { "" };
+        let values = row.values.iter().enumerate();
+        let values = values.map(|(k, value)| format!("{}{}", mark(k), number(*value, k)));
         std::iter::once(row.marked()).chain(values).collect()
     }));
     let remarks: String =

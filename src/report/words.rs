@@ -92,7 +92,7 @@ fn judged_at(
             None if baselines.is_empty() => "there is no baseline to compare it with".to_owned(),
             None => format!("{objective} has no value for any baseline"),
             Some((name, reason)) => format!(
-                "no baseline keeps every rule and requirement without a warning, so that there is none to compare with ({name}: {reason})"
+                "no baseline keeps every rule and requirement without a warning ({name}: {reason}); differences from baselines are to such as do not"
             ),
         };
         let s = if lidars == 1 { "" } else { "s" };
@@ -408,8 +408,10 @@ mod tests {
             "The placement found is 25.0 % better than Center, the best baseline without a warning";
         assert!(words.starts_with(start) && words.contains("10.0 % more information"), "{words}");
         let alone = verdict(Some(&found), &[gamed, broken], "m_sog_scaled");
-        let why = "no baseline keeps every rule and requirement without a warning, so that there is none to compare with (sky: covers_nothing: ";
+        let why =
+            "no baseline keeps every rule and requirement without a warning (sky: covers_nothing: ";
         assert!(alone.contains(why), "{alone}");
+        assert!(alone.contains("; differences from baselines are to such as do not."), "{alone}");
         assert_eq!(broken_in_words(&baselines), ["roof rack: too near"]);
     }
 

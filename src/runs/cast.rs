@@ -189,8 +189,11 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), RunE
     writable_file(out)?;
     outputs::check_figures(request.figures.figures.as_deref())?;
     let (page, figures) = page(request, &job, &mut evaluator, shown, &baselines)?;
+    let wrote = outputs::wrote(request.figures.figures.as_deref(), figures.len(), Some(out));
     outputs::write_figures(request.figures.figures.as_deref(), figures)?;
-    write_whole(out, |file| file.write_all(page.as_bytes()).map_err(RunError::io(out)))
+    write_whole(out, |file| file.write_all(page.as_bytes()).map_err(RunError::io(out)))?;
+    wrote.iter().for_each(|wrote| computing.watcher.note(wrote));
+    Ok(())
 }
 
 /// Placements of a file, perhaps with a name behind a colon, beside the file.

@@ -47,6 +47,9 @@ pub struct NearFieldRequest {
 /// Near fields in one scene; an interrupted answer holds the first ones.
 #[derive(Debug, Serialize)]
 pub struct NearFields {
+    /// Sentence on the files written, where there are some.
+    #[serde(skip)]
+    pub wrote: Option<String>,
     /// Name of the scene.
     pub scene: String,
     /// Frames averaged over.
@@ -115,7 +118,10 @@ pub fn near_fields(
     } else {
         watcher.note_interrupted(request.out.as_deref().or(request.figures.figures.as_deref()));
     }
+    let figures = request.figures.figures.as_deref();
+    let wrote = outputs::wrote(figures, all.len(), request.out.as_deref());
     Ok(NearFields {
+        wrote: wrote.filter(|_| watcher.goes_on()),
         scene: scene.name().to_owned(),
         frames: evaluator.problem().frame_count(),
         conditions: in_words(&request.conditions.condition),
@@ -184,6 +190,12 @@ pub struct TargetsRequest {
 /// Beams on targets, and the settings behind the numbers.
 #[derive(Debug, Serialize)]
 pub struct TargetsFound {
+    /// Scenes and frames behind the numbers, in words.
+    #[serde(skip)]
+    pub over: String,
+    /// Sentence on the files written, where there are some.
+    #[serde(skip)]
+    pub wrote: Option<String>,
     /// Targets with their dimensions and where these are from.
     pub targets: Vec<Target>,
     /// Least beams on a target for a frame to count.
@@ -216,7 +228,7 @@ pub fn targets(
     }
     outputs::check_figures(request.figures.figures.as_deref())?;
     let placements = read_placements(&file)?;
-    let mut table = TargetTable::default();
+    let (mut table, mut looked_at) = (TargetTable::default(), Vec::new());
     watcher.listen(GRACE);
     if let Some(vehicle) = computing.vehicle.as_deref().filter(|_| scenes.is_empty()) {
         table = on_level_ground(
@@ -229,22 +241,24 @@ pub fn targets(
     }
     for scene in scenes.iter().take_while(|_| watcher.goes_on()) {
         let given = (&*file, &*placements);
-        table.append(in_scene(
-            &question,
-            receiving.clone(),
-            (scene, request.frames),
-            given,
-            computing,
-        )?);
+        let place = (&**scene, request.frames);
+        let (found, frames) = in_scene(&question, receiving.clone(), place, given, computing)?;
+        looked_at.push((found.detections.first().and_then(|of| of.scene.clone()), frames));
+        table.append(found);
     }
+    let scenes: Vec<(&str, usize)> = looked_at
+        .iter()
+        .map(|(name, frames)| (name.as_deref().unwrap_or_default(), *frames))
+        .collect();
+    let mut wrote = None;
     if !watcher.goes_on() {
         watcher.note_interrupted(request.out.as_deref().or(request.figures.figures.as_deref()));
     } else {
         // First, since the file may lie in their folder.
-        outputs::write_figures(
-            request.figures.figures.as_deref(),
-            targets_figures(&question, &table),
-        )?;
+        let (folder, figures) =
+            (request.figures.figures.as_deref(), targets_figures(&question, &table));
+        wrote = outputs::wrote(folder, figures.len(), request.out.as_deref());
+        outputs::write_figures(folder, figures)?;
         if let Some(file) = &request.out {
             let svg = targets_svg(&question, &table);
             write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(RunError::io(file)))?;
@@ -252,7 +266,8 @@ pub fn targets(
     }
     let TargetQuestion { targets, beams, of_frames, .. } = question;
     let conditions = in_words(&request.conditions.condition);
-    Ok(TargetsFound { targets, beams, of_frames, conditions, table })
+    let over = outputs::over(&scenes);
+    Ok(TargetsFound { over, wrote, targets, beams, of_frames, conditions, table })
 }
 
 /// Table of placements of a file on level ground, with the vehicle of another.
@@ -278,14 +293,14 @@ fn on_level_ground(
     Ok(table)
 }
 
-/// Table of placements of a file in a scene, over some of its frames.
+/// Table of placements of a file in a scene, over some of its frames, and the number of these.
 fn in_scene(
     question: &TargetQuestion,
     receiving: Option<Receiving>,
     (path, frames): (&Path, u32),
     (file, placements): (&Path, &[Placement]),
     computing: &Computing<'_>,
-) -> Result<TargetTable, RunError> {
+) -> Result<(TargetTable, usize), RunError> {
     let (watcher, mut placements) = (computing.watcher, placements.to_vec());
     let scene = opening::geometry(path, "static shapes and actors", computing)?;
     opening::note_frames(&scene, Some(frames), watcher);
@@ -304,7 +319,7 @@ fn in_scene(
         table.append(question.in_scene(&site, place, evaluator.backend_mut(), placement)?);
         bar.advance(1);
     }
-    Ok(table.of_scene(loaded.job.scene().name()))
+    Ok((table.of_scene(loaded.job.scene().name()), problem.frame_count()))
 }
 
 /// Targets of a study that names none.

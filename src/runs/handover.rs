@@ -183,9 +183,13 @@ fn profiles(rig: &HandoverRig) -> NamedFiles {
     used.iter().zip(&names).zip(files).map(profile).collect()
 }
 
-/// Decimals of metres and radians, and of millimetres and degrees.
+/// Decimals of metres and radians, of millimetres, and of degrees: a thousandth of a millimetre, and less than that at the
+/// end of a lever of 50 m.
 const FINE: i32 = 12;
-const COARSE: i32 = 9;
+const OF_MM: i32 = 3;
+const OF_DEGREES: i32 = 6;
+/// Decimals of a price.
+const OF_PRICE: i32 = 9;
 
 /// A line a LiDAR: number, mount, model, position in metres and millimetres, angles in radians and degrees.
 fn poses(rig: &HandoverRig) -> String {
@@ -215,10 +219,10 @@ fn poses(rig: &HandoverRig) -> String {
         let mount = rig.mounts[k].clone().unwrap_or_default();
         let mut row = vec![k.to_string(), mount, rig.model_name(rig.models[k])];
         row.extend(place.map(|metres| rounded(metres, FINE)));
-        row.extend(place.map(|metres| rounded(1000.0 * metres, COARSE)));
+        row.extend(place.map(|metres| rounded(1000.0 * metres, OF_MM)));
         row.extend(angles.map(|angle| rounded(angle, FINE)));
-        row.extend(angles.map(|angle| rounded(angle.to_degrees(), COARSE)));
-        row.extend([rounded(phase, FINE), rounded(phase.to_degrees(), COARSE)]);
+        row.extend(angles.map(|angle| rounded(angle.to_degrees(), OF_DEGREES)));
+        row.extend([rounded(phase, FINE), rounded(phase.to_degrees(), OF_DEGREES)]);
         rows.push(row);
     }
     csv(rows)
@@ -236,14 +240,14 @@ fn materials(rig: &HandoverRig) -> (String, f64) {
             rig.model_name(model),
             count.to_string(),
             each.to_string(),
-            rounded(all, COARSE),
+            rounded(all, OF_PRICE),
         ]);
     }
     rows.push([
         "total".to_owned(),
         rig.models.len().to_string(),
         String::new(),
-        rounded(total, COARSE),
+        rounded(total, OF_PRICE),
     ]);
     (csv(rows), total)
 }

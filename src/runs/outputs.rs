@@ -47,6 +47,32 @@ pub fn write_figures(folder: Option<&Path>, figures: Vec<Figure>) -> Result<(), 
     Ok(write_folder(folder, &files.collect::<Vec<_>>())?)
 }
 
+/// Sentence that names what a command wrote: figures in a folder, and a drawing; `None` where nothing.
+pub(super) fn wrote(folder: Option<&Path>, figures: usize, file: Option<&Path>) -> Option<String> {
+    let s = if figures == 1 { "" } else { "s" };
+    let folder = folder.map(|folder| format!("{figures} figure{s} in {}", folder.display()));
+    let file = file.map(|file| file.display().to_string());
+    let all: Vec<String> = file.into_iter().chain(folder).collect();
+    (!all.is_empty()).then(|| format!("wrote {}", all.join(", ")))
+}
+
+/// Scenes and frames behind the numbers of a command: `over 2 frames of street`, `over 2 frames of each of 3 scenes`; `on
+/// bare level ground` without a scene.
+pub(super) fn over(scenes: &[(&str, usize)]) -> String {
+    let frames = |count: usize| format!("{count} frame{}", if count == 1 { "" } else { "s" });
+    match scenes {
+        [] => "on bare level ground".to_owned(),
+        [(name, count)] => format!("over {} of {name}", frames(*count)),
+        [(_, first), others @ ..] if others.iter().all(|(_, count)| count == first) => {
+            format!("over {} of each of {} scenes", frames(*first), scenes.len())
+        }
+        all => {
+            let each = all.iter().map(|(name, count)| format!("{} of {name}", frames(*count)));
+            format!("over {}", each.collect::<Vec<_>>().join(", "))
+        }
+    }
+}
+
 /// Checks, before work begins, that the file has the right ending, and can be written.
 pub(super) fn check_gltf(path: Option<&Path>) -> Result<(), RunError> {
     let Some(path) = path else { return Ok(()) };
@@ -71,4 +97,24 @@ pub(super) fn write_gltf(
     write_whole(path, |file| glb.write(file).map_err(RunError::io(path)))?;
     watcher.note(&format!("frame {} of {} in {}", view.frame, view.scene.name(), path.display()));
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_scenes_and_files_are_named() {
+        assert_eq!(over(&[]), "on bare level ground");
+        assert_eq!(over(&[("yard", 1)]), "over 1 frame of yard");
+        assert_eq!(over(&[("a", 2), ("b", 2)]), "over 2 frames of each of 2 scenes");
+        assert_eq!(over(&[("a", 2), ("b", 1)]), "over 2 frames of a, 1 frame of b");
+        let [folder, file] = ["figs", "near.svg"].map(Path::new);
+        assert_eq!(wrote(None, 3, None), None);
+        assert_eq!(wrote(Some(folder), 1, None).unwrap(), "wrote 1 figure in figs");
+        assert_eq!(
+            wrote(Some(folder), 2, Some(file)).unwrap(),
+            "wrote near.svg, 2 figures in figs"
+        );
+    }
 }

@@ -45,6 +45,12 @@ pub struct SweepRequest {
 /// Rows of every placement.
 #[derive(Debug, Serialize)]
 pub struct SweepFound {
+    /// Scenes and frames behind the numbers, in words.
+    #[serde(skip)]
+    pub over: String,
+    /// Sentence on the files written, where there are some.
+    #[serde(skip)]
+    pub wrote: Option<String>,
     /// Weather and faults, as they are written.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub conditions: Vec<String>,
@@ -103,7 +109,14 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
     if computing.watcher.goes_on() {
         draw(request, &sweeps)?;
     }
-    Ok(SweepFound { conditions: in_words(&request.shared.conditions), sweeps })
+    let figures = request.figures.as_deref();
+    let wrote = outputs::wrote(figures, sweeps.len(), request.out.as_deref());
+    Ok(SweepFound {
+        over: opened.over(&scenes),
+        wrote: wrote.filter(|_| computing.watcher.goes_on()),
+        conditions: in_words(&request.shared.conditions),
+        sweeps,
+    })
 }
 
 /// Draws a chart where the request names places.
@@ -133,6 +146,9 @@ impl OpenJob {
 /// Room of each placement; an interrupted answer holds the first ones.
 #[derive(Debug, Serialize)]
 pub struct RoomFound {
+    /// Scenes and frames behind the numbers, in words.
+    #[serde(skip)]
+    pub over: String,
     /// Weather and faults, as they are written.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub conditions: Vec<String>,
@@ -176,7 +192,8 @@ pub fn room(
     }
     drop(bar);
     opened.finish(computing);
-    Ok(RoomFound { conditions: in_words(&request.conditions), steps, rows })
+    let over = opened.over(&scenes);
+    Ok(RoomFound { over, conditions: in_words(&request.conditions), steps, rows })
 }
 
 /// Scenes and placements that are looked at.
@@ -193,6 +210,9 @@ pub struct SharedRequest {
 /// Redundancy of placements, and the settings behind the numbers; an interrupted answer holds the first rows.
 #[derive(Debug, Serialize)]
 pub struct RedundancyFound {
+    /// Scenes and frames behind the numbers, in words.
+    #[serde(skip)]
+    pub over: String,
     /// Least beams of a LiDAR on a target that it sees.
     pub beams: u32,
     /// Targets with their dimensions and where these are from.
@@ -214,6 +234,9 @@ pub struct RedundancyFound {
 /// Overlap of placements; an interrupted answer holds the first rows.
 #[derive(Debug, Serialize)]
 pub struct OverlapFound {
+    /// Scenes and frames behind the numbers, in words.
+    #[serde(skip)]
+    pub over: String,
     /// Weather and faults, as they are written.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub conditions: Vec<String>,
@@ -259,6 +282,7 @@ pub fn redundancy(
     drop(bar);
     opened.finish(computing);
     Ok(RedundancyFound {
+        over: opened.over(&scenes),
         beams: question.beams,
         targets: question.targets,
         distances: question.distances,
@@ -303,7 +327,8 @@ pub fn overlap(
     }
     drop(bar);
     opened.finish(computing);
-    Ok(OverlapFound { conditions: in_words(&request.conditions), rows })
+    let over = opened.over(&scenes);
+    Ok(OverlapFound { over, conditions: in_words(&request.conditions), rows })
 }
 
 /// A job over the scenes of a request with its engines, and the placements.
@@ -345,6 +370,14 @@ impl OpenJob {
     fn bar<'a>(&self, computing: &Computing<'a>) -> Box<dyn super::Bar> {
         let rows = self.placements.len() * self.job.scenes().len();
         computing.watcher.bar(rows as u64, Some("placements"))
+    }
+
+    /// Scenes of these files and frames of each, in words.
+    fn over(&self, files: &[PathBuf]) -> String {
+        let scenes = self.job.scenes().iter().take(files.len());
+        let each: Vec<(&str, usize)> =
+            scenes.map(|scene| (scene.scene().name(), scene.frame_numbers().len())).collect();
+        outputs::over(&each)
     }
 
     pub fn finish(&self, computing: &Computing<'_>) {

@@ -19,7 +19,7 @@ const LEAST_OF_CLASS: f64 = 0.1;
 const COUNTABLE_VOXELS: f64 = 20.0;
 /// A placement that loses more than this share of its information to its sensors' range.
 const MOST_OUT_OF_RANGE: f64 = 0.01;
-/// A LiDAR that alone gains less than this share of the information is redundant.
+/// A LiDAR with which less than this share of the information is lost is redundant.
 const LEAST_UNIQUE: f64 = 0.01;
 
 /// A LiDAR that ends more than this share of its beams at the own vehicle wastes much.
@@ -139,7 +139,7 @@ impl std::fmt::Display for Guard {
             ),
             Self::RedundantLidar { lidar, share } => write!(
                 f,
-                "redundant_lidar: LiDAR {lidar} alone gains {:.2} % of the information, less than \
+                "redundant_lidar: with LiDAR {lidar} only {:.2} % of the information is lost, less than \
                  {:.0} %",
                 // Rounded down, so that it reads as less.
                 (1e4 * share).floor() / 100.0,

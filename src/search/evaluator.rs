@@ -67,7 +67,10 @@ fn met(sight: &Sight, placement: &Placement, idle: &[usize]) -> Result<Met, Unkn
         least: met.least,
         missing: met.missing.clone(),
         holds_in: None,
-        lost: met.intact.map(|intact| Lost { intact, worst: met.without }),
+        lost: met.intact.map(|intact| {
+            let mount = met.without.and_then(|lidar| sight.mount_of(placement, lidar));
+            Lost { intact, worst: met.without, mount }
+        }),
     });
     Ok(Met { car_missing: sight.car_missing(&all), seen: seen.collect(), needed })
 }

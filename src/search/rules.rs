@@ -1,5 +1,11 @@
 //! The rules of a mount in words, and the rules that a result just keeps.
 
+use std::f64::consts::PI;
+
+use glam::{DMat3, DVec3};
+
+use crate::geom::Pose;
+use crate::score::lidar_name;
 use crate::vehicle::{Constraints, Placement, Region, SensorPose};
 
 /// Distance from a bound, as a share of the range, that counts as on it.
@@ -29,25 +35,56 @@ pub fn rules_in_words(constraints: &Constraints) -> Vec<String> {
             words.push(format!("{count} × {} on {}", slot.sensor, region.name));
         }
         let fixed = (0..6).filter(|&k| region.upper[k] <= region.lower[k]);
-        let beside = if kinds.len() > 1 { format!("{}: ", region.name) } else { String::new() };
-        let word = |k: usize| format!("{beside}{} = {}", SensorPose::FIELDS[k], region.lower[k]);
+        let name = (kinds.len() > 1).then_some(region.name.as_str());
+        let beside = |frame: Option<&str>| match [name, frame].iter().flatten().count() {
+            0 => String::new(),
+            _ => [name, frame].into_iter().flatten().collect::<Vec<_>>().join(", ") + ": ",
+        };
+        let word = |k: usize| {
+            let at = beside(own_frame(region));
+            format!("{at}{} = {}", SensorPose::FIELDS[k], said(region, k, region.lower[k]))
+        };
         words.extend(fixed.map(word));
         if let Some([from, to]) = slot.phase {
-            words.push(format!("{beside}a phase of each LiDAR from {from} to {to} rad"));
+            let at = beside(None);
+            words.push(format!("{at}a phase of each LiDAR from {from} to {to} rad"));
         }
     }
     words
+}
+
+/// True for a box whose sensors face straight back: its frame is the ego frame turned half around.
+fn is_turned_back(region: &Region) -> bool {
+    let half_turn = DMat3::from_diagonal(DVec3::new(-1.0, -1.0, 1.0));
+    let turned = |frame: &Pose| frame.rotation == half_turn && frame.translation == DVec3::ZERO;
+    region.surface.is_none() && region.ego_from_region.as_ref().is_some_and(turned)
+}
+
+/// Name of the frame that [`said`] counts in; `None` for the ego frame, as poses are given.
+fn own_frame(region: &Region) -> Option<&'static str> {
+    (region.ego_from_region.is_some() && !is_turned_back(region)).then_some("in its own frame")
+}
+
+/// Value of a pose field of a region, metres or radians, as a reader knows it: that of a box in the ego frame, that of
+/// a patch or of a curved surface in its own frame. A nanometre more or less is rounding.
+fn said(region: &Region, field: usize, value: f64) -> f64 {
+    let value = match field {
+        0 | 1 if is_turned_back(region) => 0.0 - value,
+        5 if is_turned_back(region) => value + PI,
+        _ => value,
+    };
+    (value * 1e9).round() / 1e9
 }
 
 /// Free pose fields of a LiDAR that lie on a bound of its mount, in words; `None` where none does.
 fn limits_in_words(lidar: usize, region: &Region, pose: &SensorPose) -> Option<String> {
     let fields = region.fields(pose);
     let at_limit = |k: usize| {
-        // Bounds of a patch are computed: a nanometre more or less is rounding.
-        let said = |bound: f64| (bound * 1e9).round() / 1e9;
-        let (low, high) = (said(region.lower[k]), said(region.upper[k]));
+        // The half turn of a box that faces back swaps the bounds of x and y.
+        let bounds = [region.lower[k], region.upper[k]].map(|bound| said(region, k, bound));
+        let (low, high) = (bounds[0].min(bounds[1]), bounds[0].max(bounds[1]));
         let near = ON_BOUND * (high - low);
-        let (bound, word) = match fields[k] {
+        let (bound, word) = match said(region, k, fields[k]) {
             value if value - low <= near => (low, "least"),
             value if high - value <= near => (high, "most"),
             _ => return None,
@@ -56,12 +93,13 @@ fn limits_in_words(lidar: usize, region: &Region, pose: &SensorPose) -> Option<S
         Some(format!("{} = {bound} {unit} ({word})", SensorPose::FIELDS[k]))
     };
     let limits: Vec<String> = region.free_fields().into_iter().filter_map(at_limit).collect();
-    // Fields of a patch are in the patch's own frame.
-    let mount = match region.ego_from_region {
-        Some(_) => format!("`{}`, in its own frame", region.name),
+    let mount = match own_frame(region) {
+        Some(frame) => format!("`{}`, {frame}", region.name),
         None => "its mount".to_owned(),
     };
-    let words = || format!("LiDAR {lidar} is at the limit of {mount}: {}", limits.join(", "));
+    let has_name = region.name != Region::default().name && own_frame(region).is_none();
+    let lidar = lidar_name(lidar, has_name.then_some(&*region.name));
+    let words = || format!("{lidar} is at the limit of {mount}: {}", limits.join(", "));
     (!limits.is_empty()).then(words)
 }
 
@@ -113,5 +151,40 @@ mod tests {
             Placement { lidars: vec![at(0.0, 0.0, 2.5, 0.0), at(0.5, 0.0, 2.5, 0.0)], ..placement };
         let words = ["LiDARs 0 and 1 are as near as they may be, 0.5 m"];
         assert_eq!(active_bounds(&near, &constraints), words);
+    }
+
+    #[test]
+    fn values_are_those_of_the_poses_or_name_their_own_frame() {
+        let (lower, upper) = ([3.0, -0.8, 0.7, 0.0, 0.0, 0.0], [3.0, 0.5, 2.5, 0.0, 0.8, 0.0]);
+        let half_turn = DMat3::from_diagonal(DVec3::new(-1.0, -1.0, 1.0));
+        let turned = |rotation| Some(Pose { rotation, translation: DVec3::ZERO });
+        let words = |rotation: Option<DMat3>, fields: [f64; 6]| {
+            let ego_from_region = rotation.and_then(turned);
+            let region = Region { lower, upper, ego_from_region, ..Region::default() };
+            let pose = region.pose(fields, crate::vehicle::SensorName::default());
+            let mut rules = Constraints::in_box(lower, upper, 1);
+            std::sync::Arc::make_mut(&mut rules.slots[0].region).clone_from(&region);
+            let found = active_bounds(&Placement { name: "p".into(), lidars: vec![pose] }, &rules);
+            (rules_in_words(&rules), found, pose)
+        };
+        let fields = [3.0, -0.8, 0.7, 0.0, 0.1, 0.0];
+        let (rules, found, _) = words(None, fields);
+        assert_eq!(rules, ["x = 3", "roll = 0", "yaw = 0"]);
+        assert_eq!(
+            found,
+            ["LiDAR 0 is at the limit of its mount: y = -0.8 m (least), z = 0.7 m (least)"]
+        );
+        // A tailgate: its frame is turned half around, the poses are not.
+        let (rules, found, pose) = words(Some(half_turn), fields);
+        assert!((pose.x + 3.0).abs() < 1e-12 && (pose.y - 0.8).abs() < 1e-12, "{pose:?}");
+        assert_eq!(rules, ["x = -3", "roll = 0", "yaw = 3.141592654"]);
+        assert_eq!(
+            found,
+            ["LiDAR 0 is at the limit of its mount: y = 0.8 m (most), z = 0.7 m (least)"]
+        );
+        // A side: no axis of its frame is one of the vehicle's.
+        let (rules, found, _) = words(Some(DMat3::from_rotation_z(1.5)), fields);
+        assert_eq!(rules[0], "in its own frame: x = 3");
+        assert!(found[0].contains("`mount`, in its own frame: y = -0.8 m (least)"), "{found:?}");
     }
 }

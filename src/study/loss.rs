@@ -3,9 +3,9 @@
 use sightline_cma::{Cma, CmaOptions};
 
 use super::scene::StudyScene;
-use super::table::Cases;
+use super::table::{Cases, shown_objective};
 use super::{Row, StudyError, Table, TablePlot};
-use crate::score::{Scores, Seen};
+use crate::score::{Objective, Scores, Seen};
 use crate::search::{Evaluator, SearchError};
 use crate::targets::{BlindSector, RangeCard};
 use crate::vehicle::{Constraints, Placement};
@@ -21,8 +21,58 @@ const BROKEN: f64 = 1e200;
 /// below it.
 const OPTIMIZED: [&str; 2] = ["optimized", "optimized for the worst loss"];
 
-/// Columns of a study of own rigs, before the value without each LiDAR.
-const OWN: [&str; 5] = ["placement", "all LiDARs", "after the worst loss", "not met", "blind °"];
+/// Columns before the value without each LiDAR, and further ones of own rigs, behind it.
+const OF_VALUE: [&str; 2] = ["all LiDARs", "after the worst loss"];
+const OF_OWN: [&str; 2] = ["most not met", "most blind °"];
+
+/// Table of rigs; `names` are those of the LiDARs that are lost.
+fn table(
+    scene: &StudyScene,
+    names: &[String],
+    further: &[&str],
+    rows: Vec<Row>,
+    mut notes: Vec<String>,
+) -> Table {
+    let (title, factor) = shown_objective(&scene.settings.objective);
+    // A column says its unit where that is not the objective's own.
+    let unit = if factor == 1.0 { "" } else { " %" };
+    // Where every LiDAR has a mount, columns are wide enough without the word.
+    let has_mounts = names.iter().all(|name| name.contains('('));
+    let short = |name: &str| name.strip_prefix("LiDAR ").filter(|_| has_mounts).map(str::to_owned);
+    let losses = names.iter().map(|name| short(name).unwrap_or_else(|| name.clone()));
+    let losses = losses.map(|name| format!("without {name}"));
+    let of_value = OF_VALUE.map(str::to_owned).into_iter().chain(losses);
+    let mut columns = vec!["placement".to_owned()];
+    columns.extend(of_value.map(|column| format!("{column}{unit}")));
+    let drawn = columns.len() - 1;
+    columns.extend(further.iter().map(|column| (*column).to_owned()));
+    if rows.iter().any(|row| !row.unmet_at.is_empty()) {
+        notes.push("! before a value: a requirement is not met.".to_owned());
+    }
+    let drawing = TablePlot::ByColumn {
+        columns: (0..drawn).collect(),
+        x_title: "LiDARs that work".to_owned(),
+        y_title: title,
+    };
+    let columns = columns.iter().map(String::as_str);
+    Table::new(scene.title("the loss of one LiDAR"), columns, rows, notes, drawing)
+}
+
+/// Names of the LiDARs of rigs: number and mount, or the number alone where mounts differ from rig to rig.
+fn names_of<'r>(scene: &StudyScene, rigs: impl Iterator<Item = &'r Placement>) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for rig in rigs {
+        let of_rig = scene.lidar_names(rig);
+        for (lidar, name) in of_rig.into_iter().enumerate() {
+            match names.get_mut(lidar) {
+                Some(known) if *known != name => *known = format!("LiDAR {lidar}"),
+                Some(_) => {}
+                None => names.push(name),
+            }
+        }
+    }
+    names
+}
 
 /// Own rigs with each LiDAR lost in turn: the objective, requirements that fail, and sectors that become blind.
 fn own_rigs(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
@@ -33,36 +83,39 @@ fn own_rigs(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> 
     let rows = cases.each(named, |rig: &Placement, _| {
         let losses = Losses::of(scene, &mut evaluator, rig)?;
         let whole = objective.value(&losses.whole);
-        let left: Vec<Option<f64>> = losses.left.iter().map(|s| objective.value(s)).collect();
+        let (_, factor) = shown_objective(objective);
+        let whole = whole.map(|value| factor * value);
+        let value = |scores| objective.value(scores).map(|value| factor * value);
+        let left: Vec<Option<f64>> = losses.left.iter().map(value).collect();
         let worst = left.iter().try_fold(f64::INFINITY, |worst, value| Some(worst.min((*value)?)));
-        let unmet = losses.left.iter().map(|scores| unmet(scores).count()).max();
+        let most_unmet = losses.left.iter().map(|scores| unmet(scores).count()).max();
         let blind = losses.blind.iter().copied().reduce(f64::max);
         let mut values = vec![whole, worst.filter(|worst| worst.is_finite())];
-        values.extend([unmet.map(|count| count as f64), blind]);
         values.extend(left);
-        values.resize(OWN.len() - 1 + most, None);
-        Ok(Row::scored(values, rig.clone(), &losses.whole))
+        values.resize(OF_VALUE.len() + most, None);
+        values.extend([most_unmet.map(|count| count as f64), blind]);
+        let row = Row::scored(values, rig.clone(), &losses.whole);
+        Ok(Row { unmet_at: losses.unmet_at(objective), ..row })
     })?;
     let mut notes = Vec::new();
     for rig in rows.iter().filter_map(|row| row.placement.as_ref()) {
         let losses = Losses::of(scene, &mut evaluator, rig)?;
-        for (lidar, (scores, blind)) in losses.left.iter().zip(&losses.words).enumerate() {
+        let names = scene.lidar_names(rig);
+        for (name, (scores, blind)) in names.iter().zip(losses.left.iter().zip(&losses.words)) {
             let broken = unmet(scores).filter(|seen| losses.is_met(&seen.name));
             let told: Vec<String> = broken.map(Seen::to_string).chain(blind.clone()).collect();
             if !told.is_empty() {
-                notes.push(format!("{} without LiDAR {lidar}: {}", rig.name, told.join("; ")));
+                notes.push(format!("{} without {name}: {}", rig.name, told.join("; ")));
             }
         }
     }
+    let (title, _) = shown_objective(objective);
     notes.push(format!(
-        "`{objective}` with one LiDAR failed. not met: most requirements that a loss leaves unmet; one that must \
-         hold without any one LiDAR is looked at with this one lost; blind °: width of the sectors in which a car is lost between 5 and 50 m, after the loss that leaves most."
+        "{title} with one LiDAR failed. most not met: most requirements that a loss leaves unmet; one that must \
+         hold without any one LiDAR is looked at with this one lost. most blind °: width of the sectors in which a car is \
+         lost between 5 and 50 m, after the loss that leaves most."
     ));
-    let losses: Vec<String> = (0..most).map(|lidar| format!("without LiDAR {lidar}")).collect();
-    let columns = OWN.into_iter().chain(losses.iter().map(String::as_str));
-    let drawing =
-        TablePlot::ByColumn { x_title: "LiDARs left".into(), y_title: objective.to_string() };
-    Ok(Table::new(scene.title("the loss of one LiDAR"), columns, rows, notes, drawing))
+    Ok(table(scene, &names_of(scene, rigs.iter()), &OF_OWN, rows, notes))
 }
 
 /// Requirements that are not met.
@@ -107,6 +160,19 @@ impl Losses {
         Ok(Self { whole, left, blind: cards.iter().map(width).collect(), words })
     }
 
+    /// Values of [`OF_VALUE`] and of each loss, by number, beside which a requirement is not met.
+    fn unmet_at(&self, objective: &Objective) -> Vec<usize> {
+        let mut whole = self.whole.clone();
+        whole.required.iter_mut().for_each(as_it_is);
+        let value = |scores: &&Scores| objective.value(scores).unwrap_or(f64::INFINITY);
+        let worst = self.left.iter().min_by(|a, b| value(a).total_cmp(&value(b)));
+        let first = [Some(&whole), worst].into_iter().enumerate();
+        let first = first.filter_map(|(at, scores)| Some((at, scores?)));
+        let each = first.chain((OF_VALUE.len()..).zip(&self.left));
+        let is_unmet = |scores: &Scores| unmet(scores).next().is_some();
+        each.filter(|(_, scores)| is_unmet(scores)).map(|(at, _)| at).collect()
+    }
+
     /// True if the whole rig meets a requirement, before any loss.
     fn is_met(&self, name: &str) -> bool {
         let mut whole = self.whole.required.iter().cloned();
@@ -147,19 +213,14 @@ pub(super) fn loss(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Study
             None => Ok(scene.none_found()),
         }
     })?;
-    let losses: Vec<String> = (0..lidars).map(|lidar| format!("without LiDAR {lidar}")).collect();
-    let columns = ["placement", "all LiDARs", "after the worst loss"]
-        .into_iter()
-        .chain(losses.iter().map(String::as_str));
+    let (title, _) = shown_objective(objective);
     let notes = vec![format!(
-        "`{objective}` with one LiDAR failed. The second placement was searched for the score that is left \
+        "{title} with one LiDAR failed. The second placement was searched for the score that is left \
          after its worst loss, by {} evaluations without swaps; the first for the score of all.",
         scene.settings.evaluations
     )];
-    let drawing =
-        TablePlot::ByColumn { x_title: "LiDARs left".into(), y_title: objective.to_string() };
-    let title = scene.title("the loss of one LiDAR");
-    Ok(Table::new(title, columns, rows, notes, drawing))
+    let names: Vec<String> = (0..lidars).map(|lidar| format!("LiDAR {lidar}")).collect();
+    Ok(table(scene, &names, &[], rows, notes))
 }
 
 /// The objective with all LiDARs, after the worst loss, and without each LiDAR in turn.
@@ -175,6 +236,8 @@ fn with_losses(
     let left = scene.scores(evaluator, &without_each(&placement))?;
     let mut values = vec![whole, worst];
     values.extend(left.iter().map(|scores| objective.value(scores)));
+    let (_, factor) = shown_objective(objective);
+    values.iter_mut().flatten().for_each(|value| *value *= factor);
     Ok(Row::scored(values, placement, &all))
 }
 

@@ -1,7 +1,7 @@
 //! Every score of the published placements against the results of trained models in the paper.
 
 use super::scene::StudyScene;
-use super::table::{Cases, SCORES, made_large};
+use super::table::{Cases, SCORES, made_large, shown_objective};
 use super::{Row, StudyError, Table, TablePlot, table};
 use crate::score::{Scores, kendall_tau, mean_height, spearman};
 use crate::vehicle::{Placement, random_placements_by_the_rules};
@@ -145,7 +145,7 @@ pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
         settings.evaluations
     )];
     let title = scene.title("random, hand-made and optimized placements");
-    let objective = settings.objective.to_string();
+    let (objective, _) = shown_objective(&settings.objective);
     let drawing = TablePlot::of_column(0, &objective, false);
     Ok(Table::new(title, ["placement", &objective], rows, notes, drawing))
 }
@@ -157,9 +157,11 @@ fn row_of(value: Option<f64>, placement: Placement, scores: &Scores) -> Row {
     Row { no_answer, ..Row::scored(vec![value], placement, scores) }
 }
 
-/// The objective of a placement that violates no guard.
+/// The objective of a placement that violates no guard, in the unit of its title.
 fn unguarded(scene: &StudyScene, scores: &Scores) -> Option<f64> {
-    scene.settings.objective.value(scores).filter(|_| scores.guards.is_empty())
+    let objective = &scene.settings.objective;
+    let (_, factor) = shown_objective(objective);
+    objective.value(scores).filter(|_| scores.guards.is_empty()).map(|value| factor * value)
 }
 
 /// Index of the best, and best, worst, lower quartile, median and upper quartile of the values there are;
@@ -260,8 +262,11 @@ pub(super) fn voxels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
             words(spearman(&heights, &ranked(row)))
         ));
     }
-    let drawing =
-        TablePlot::ByColumn { x_title: "placement".into(), y_title: "M-SOG/N ×1e-6".into() };
+    let drawing = TablePlot::ByColumn {
+        columns: (0..layouts.len()).collect(),
+        x_title: "placement".into(),
+        y_title: "M-SOG/N ×1e-6".into(),
+    };
     let columns = std::iter::once("voxel").chain(layouts.iter().map(|p| p.name.as_str()));
     Ok(Table::new(scene.title("four voxel sizes"), columns, rows, notes, drawing))
 }

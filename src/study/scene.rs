@@ -11,7 +11,7 @@ use crate::psog::{PsogError, Roi};
 use crate::scan::conditions::{Condition, under};
 use crate::scan::scan_scene;
 use crate::scene::{PsogSource, ScanSettings, Scene};
-use crate::score::{Objective, Scores};
+use crate::score::{Objective, Scores, lidar_name};
 use crate::search::{Evaluator, Event, Limits, Settings, Suite, optimize};
 use crate::targets::RangeCard;
 use crate::vehicle::{Constraints, Placement, Sensors, table_7, table_7_held_by};
@@ -71,10 +71,11 @@ impl<'a> StudyScene<'a> {
         &self.job
     }
 
-    /// Title of a study of this scene, with the weather that it is made in.
+    /// Title of a study of this scene, with its frames and the weather that it is made in.
     pub(super) fn title(&self, text: &str) -> String {
-        let under = under(&self.job.conditions_in_words());
-        format!("{}{under}: {text}", self.scene.name())
+        let (under, count) = (under(&self.job.conditions_in_words()), self.frames().len());
+        let s = if count == 1 { "" } else { "s" };
+        format!("{}, {count} frame{s}{under}: {text}", self.scene.name())
     }
 
     /// True if a class is a detection target.
@@ -120,6 +121,14 @@ impl<'a> StudyScene<'a> {
     /// The mount's rules as the scene has them, for the fullest equipment of a vehicle.
     pub(super) fn constraints(&self) -> Constraints {
         self.scene.constraints()
+    }
+
+    /// Names of the LiDARs of a placement: the number, and the mount where the vehicle names some.
+    pub(super) fn lidar_names(&self, placement: &Placement) -> Vec<String> {
+        let rules = self.scene.rules();
+        let mounts = rules.mount_names(placement);
+        let name = |lidar: usize| lidar_name(lidar, mounts.get(lidar).copied().flatten());
+        (0..placement.lidars.len()).map(name).collect()
     }
 
     /// Frames that every score is a mean over.

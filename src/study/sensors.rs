@@ -138,7 +138,7 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
 /// Conditions without any in the settings, at their usual strengths.
 const USUAL: [&str; 3] = ["fog", "snow", "rain"];
 /// Columns after the scores.
-const LAST: [&str; 2] = ["not met", "car ahead m"];
+const LAST: [&str; 2] = ["count not met", "car ahead m"];
 
 pub(super) fn weather(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
     let skies = skies(&scene.settings.conditions)?;
@@ -161,7 +161,7 @@ pub(super) fn weather(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
     })?;
     let notes = vec![
         "Each condition for itself. Clear air limits no beam, as `score` without --condition does; under a condition a \
-         beam counts that its sensor's echo model returns. not met: requirements."
+         beam counts that its sensor's echo model returns. count not met: requirements."
             .to_owned(),
         format!(
             "car ahead m: distance up to which a car straight ahead has {CARD_BEAMS} beams or more without a gap, on level \

@@ -32,6 +32,9 @@ pub struct Row {
     /// Requirements that are not met, in words.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_met: Vec<String>,
+    /// Values, by their number, beside which a requirement is not met.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unmet_at: Vec<usize>,
     /// Reason why the case has no answer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub no_answer: Option<String>,
@@ -93,8 +96,10 @@ pub enum TablePlot {
         /// True if the points of a series are joined, because the cases are steps of one quantity.
         line: bool,
     },
-    /// Columns along x, a series for each case.
+    /// Columns along x, a series for each case; values beside which a requirement is not met are hollow.
     ByColumn {
+        /// Columns that are drawn, all in the unit of the y axis.
+        columns: Vec<usize>,
         /// Title of the x axis.
         x_title: String,
         /// Title of the y axis.
@@ -195,6 +200,17 @@ pub(super) fn made_large(objective: &Objective) -> usize {
         "m_sog_scaled" => 2,
         "detection.m_sog_scaled" => 3,
         _ => 0,
+    }
+}
+
+/// Title of an objective in a table, with its unit, and the factor of its values: gains are in per cent.
+pub(super) fn shown_objective(objective: &Objective) -> (String, f64) {
+    let name = objective.to_string();
+    match name.as_str() {
+        NEAR_GAIN => (SCORES[1].to_owned(), 100.0),
+        "near_gain_2" | "near_gain_3" => (format!("{} %", name.replace('_', " ")), 100.0),
+        "information_gain_share" => (SCORES[0].to_owned(), 100.0),
+        _ => (name, 1.0),
     }
 }
 

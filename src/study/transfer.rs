@@ -1,7 +1,7 @@
 //! Placements optimized on one scene, scored on the others.
 
 use super::scene::StudyScene;
-use super::table::{Cases, check_distinct};
+use super::table::{Cases, check_distinct, shown_objective};
 use super::{Row, StudyError, Table, TablePlot};
 use crate::score::Seen;
 
@@ -27,12 +27,13 @@ pub(super) fn transfer(scenes: &[StudyScene], cases: &mut Cases) -> Result<Table
         }
     }
     let objective = &scenes[0].settings.objective;
+    let (shown, factor) = shown_objective(objective);
     for (name, placement) in found {
         let case = cases.one(name, || {
             let mut row = Row { placement: Some(placement.clone()), ..Row::default() };
             for scene in scenes {
                 let scores = scene.score(&mut scene.evaluator()?, &placement)?;
-                row.values.push(objective.value(&scores));
+                row.values.push(objective.value(&scores).map(|value| factor * value));
                 let on = |seen: &Seen| Seen {
                     name: format!("{} on {}", seen.name, scene.scene.name()),
                     ..seen.clone()
@@ -45,17 +46,20 @@ pub(super) fn transfer(scenes: &[StudyScene], cases: &mut Cases) -> Result<Table
         rows.push(row);
     }
     let mut notes = vec![format!(
-        "`{objective}` of the placement optimized on the scene of the row, scored on that of the column. The \
+        "{shown} of the placement optimized on the scene of the row, scored on that of the column. The \
          mounts may differ; a placement is scored where it stands."
     )];
     notes.extend(losses(&rows, &names));
-    let drawing = TablePlot::ByCase {
-        columns: (0..names.len()).collect(),
-        y_title: objective.to_string(),
-        line: false,
-    };
-    let columns = std::iter::once("optimized on").chain(names.iter().copied());
-    let title = "placements carried to other scenes".to_owned();
+    let drawing =
+        TablePlot::ByCase { columns: (0..names.len()).collect(), y_title: shown, line: false };
+    let unit = if factor == 1.0 { "" } else { " %" };
+    let columns: Vec<String> = names.iter().map(|name| format!("{name}{unit}")).collect();
+    let columns = std::iter::once("optimized on").chain(columns.iter().map(String::as_str));
+    let title = format!(
+        "placements carried to other scenes, {} of them, {} frames of each at most",
+        scenes.len(),
+        scenes[0].settings.frames
+    );
     Ok(Table::new(title, columns, rows, notes, drawing))
 }
 

@@ -17,7 +17,7 @@ use crate::near_field::{Footprint, RequiredGround, WheelPlane, outline};
 use crate::overlap::{RequiredOverlap, Surfaces};
 use crate::problem::{Frame, Problem};
 use crate::scene::{EgoBody, Ground, Scene, Target};
-use crate::vehicle::{SensorPose, TargetRule, UnknownSensor};
+use crate::vehicle::{Placement, SensorPose, TargetRule, UnknownSensor};
 
 /// Metres above and below the wheel plane in which ground is looked for at the vehicle.
 const REACH: f64 = 30.0;
@@ -132,6 +132,8 @@ pub struct Sight {
     pub(super) ground: Vec<RequiredGround>,
     /// Surfaces of each scene and mirror image; empty where no overlap is required.
     pub(super) overlap: Vec<RequiredOverlap>,
+    /// The scenes' problem, for the names of mounts.
+    problem: Arc<Problem>,
 }
 
 /// Beams of a LiDAR at each place, counted as far as they matter, cells of the ground that it sees, and surfaces on which
@@ -217,7 +219,14 @@ impl Sight {
         let of_ground = problem.ground_required().rules.iter().enumerate();
         rules.extend(of_ground.map(|(number, rule)| Rule::Ground(rule.clone(), number)));
         rules.extend(problem.overlap_required().rules.iter().cloned().map(Rule::Overlap));
-        Some(Self { site, places, car, rules, enough, ground, overlap })
+        let problem = problem.clone();
+        Some(Self { site, places, car, rules, enough, ground, overlap, problem })
+    }
+
+    /// Mount of a LiDAR of a placement, where it has a name.
+    pub(crate) fn mount_of(&self, placement: &Placement, lidar: usize) -> Option<String> {
+        let mounts = self.problem.rules().mount_names(placement);
+        mounts.get(lidar).copied().flatten().map(str::to_owned)
     }
 
     /// Beams of a LiDAR.

@@ -88,7 +88,8 @@ pub struct RuleMet<'a> {
     pub share: f64,
     /// The word for it: `seen` or `shared`.
     pub done: &'static str,
-    /// LiDAR whose loss leaves least, of a rule that must hold without any one.
+    /// LiDAR whose loss leaves least, of a rule that must hold without any one; `None` where every loss of several leaves as
+    /// much.
     pub without: Option<usize>,
     /// Share with every LiDAR, of a rule that must hold without any one.
     pub intact: Option<f64>,
@@ -108,11 +109,15 @@ struct Missing {
 impl std::fmt::Display for Missing {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let ([from, to], [near, far]) = (self.bearings, self.distances);
-        let range = match (format!("{near:.0}"), format!("{far:.0}")) {
-            (near, far) if near == far => near,
-            (near, far) => format!("{near} to {far}"),
+        let tenths = |value: f64| {
+            let text = fixed(value, 1);
+            text.strip_suffix(".0").unwrap_or(&text).to_owned()
         };
-        let [from, to] = [from, to].map(|degrees| fixed(degrees, 0));
+        let range = match [near, far].map(tenths) {
+            [near, far] if near == far => near,
+            [near, far] => format!("{near} to {far}"),
+        };
+        let [from, to] = [from, to].map(tenths);
         write!(f, "missing at {range} m between {from}° and {to}°")
     }
 }
@@ -195,6 +200,12 @@ impl Sight {
         least.unwrap_or_else(|| share(None))
     }
 
+    /// True if there is one LiDAR alone, or the loss of some LiDAR leaves more than the least share of a rule.
+    fn has_worst(&self, looked: &Looked<'_>, least: f64, rule: &Rule) -> bool {
+        let count = looked.each.len();
+        count == 1 || (0..count).any(|lost| self.met_share(looked, Some(lost), rule) > least)
+    }
+
     /// True if a requirement that must hold whichever one LiDAR is lost needs this LiDAR: without it for good, the share
     /// after one more loss is lower, and less than required.
     pub fn needs(&self, each: &[&SightBeams], lidar: usize) -> bool {
@@ -222,6 +233,7 @@ impl Sight {
             let missing =
                 (share < least).then(|| self.missing_in_words(&looked, without, rule)).flatten();
             let intact = rule.without_any_one().then(|| self.met_share(&looked, None, rule));
+            let without = without.filter(|_| self.has_worst(&looked, share, rule));
             all.push(RuleMet { name, least, share, done, without, intact, missing });
         }
         all
@@ -302,5 +314,22 @@ impl Sight {
             extra + least - share + PARTIAL * (1.0 - self.soft_share(&all, &looked, rule))
         };
         self.rules.iter().map(lacks).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_that_are_missing_have_their_tenths() {
+        let words = |bearings, distances| Missing { bearings, distances }.to_string();
+        assert_eq!(
+            words([-180.0, 172.5], [27.5, 40.0]),
+            "missing at 27.5 to 40 m between -180° and 172.5°"
+        );
+        // Rounding in the last digit shows nowhere, and one distance is no range.
+        let (bearing, far) = (-52.499_999_99, 7.500_000_01);
+        assert_eq!(words([bearing, 0.0], [7.5, far]), "missing at 7.5 m between -52.5° and 0°");
     }
 }

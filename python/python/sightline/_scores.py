@@ -38,7 +38,7 @@ _MEANING: dict[str, tuple[str, str, str]] = {
     "beams": ("beams", "neither", "beams cast a frame"),
     "hit_share": ("0 to 1", "neither", "share of the beams that hit a surface"),
     "covered_by_class": ("voxels", "higher", "[N, classes] voxels covered in which a class occurs in some frame"),
-    "unique_share": ("0 to 1", "neither", "[N, L] share of the information that this LiDAR alone gains"),
+    "unique_share": ("0 to 1", "neither", "[N, L] share of the information that is lost with this LiDAR"),
     "feasible": ("bool", "true", "the placement keeps all rules of the mounts, meets all requirements, and no guard "
                  "doubts its scores"),
 }  # fmt: skip

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Anchor, Drawing, Ink, Point, Shape, Stroke, mm};
+use super::{Anchor, Drawing, HALO, Ink, Point, Shape, Stroke, WHITE, mm};
 
 /// Points of the format a millimetre: 72 an inch.
 const POINTS: f64 = 72.0 / 25.4;
@@ -158,16 +158,25 @@ impl PdfPage {
                     Anchor::End => 1.0,
                 };
                 let (x, y) = (at[0] - back * width(words, *size), at[1]);
-                let (font, size) = (u8::from(*bold), mm(*size));
-                let _ = writeln!(
-                    self.content,
-                    "BT /F{font} {size} Tf 1 0 0 -1 {} {} Tm ({}) Tj ET",
-                    mm(x),
-                    mm(y),
-                    escaped(words)
-                );
+                // Drawn as white lines first, then filled: `Tr` of 1 and of 0.
+                if ink.0 != WHITE {
+                    self.stroke(Stroke::solid(WHITE, HALO * size));
+                    self.shown(([x, y], *size, *bold), words, 1);
+                }
+                self.shown(([x, y], *size, *bold), words, 0);
             }
         }
+    }
+
+    /// Words at the left end of their base line, of a size, bold or not, painted in a mode of the format.
+    fn shown(&mut self, ([x, y], size, bold): (Point, f64, bool), words: &str, mode: u8) {
+        let (font, size, words) = (u8::from(bold), mm(size), escaped(words));
+        let _ = writeln!(
+            self.content,
+            "BT /F{font} {size} Tf {mode} Tr 1 0 0 -1 {} {} Tm ({words}) Tj ET",
+            mm(x),
+            mm(y)
+        );
     }
 
     fn disc(&mut self, [x, y]: Point, radius: f64) {
@@ -250,5 +259,7 @@ mod tests {
         assert!(
             text.contains("/MediaBox [0 0 283.465 141.732]") && text.contains("(it's \\(so\\)) Tj")
         );
+        // White lines around the letters first, then the letters.
+        assert!(text.find("1 Tr").unwrap() < text.find("0 Tr").unwrap(), "{text}");
     }
 }

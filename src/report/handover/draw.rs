@@ -4,7 +4,7 @@ use super::labels::{Labels, Marker, RADIUS};
 use super::{BETWEEN, DRAWN, DrawnMount, DrawnRig, Flat, Panel, REACH, Sheet, View, Views};
 use crate::maths;
 use crate::report::drawing::{Anchor, Drawing, Ink, Point, Stroke};
-use crate::report::svg::{ACCENT, COLOURS, FAINT, GREY, INK, SOFT};
+use crate::report::svg::{ACCENT, COLOURS, FAINT, GREY, INK, SOFT, trimmed};
 use crate::report::text::shortened;
 
 /// Font sizes, millimetres.
@@ -296,7 +296,7 @@ const LINE: f64 = 4.2;
 /// Places of the columns of the table, from the legend's left edge: model, mount, then the right ends of six numbers.
 const MODEL: f64 = 5.0;
 const MOUNT_AT: f64 = 26.0;
-const NUMBERS: [f64; 6] = [68.0, 79.0, 90.0, 104.0, 117.0, 130.0];
+const NUMBERS: [f64; 6] = [69.0, 82.0, 95.0, 107.0, 120.0, 133.0];
 /// Most characters of a model's and of a mount's name.
 const LONGEST: [usize; 2] = [13, 20];
 
@@ -346,7 +346,8 @@ fn table(drawing: &mut Drawing, rig: &DrawnRig<'_>, [left, mut y]: [f64; 2]) -> 
         drawing.words([left + MOUNT_AT, y], WORDS, shortened(&lidar.mount, LONGEST[1]));
         for (field, (value, at)) in lidar.pose.values().into_iter().zip(NUMBERS).enumerate() {
             let words = match field {
-                0..3 => format!("{:.0}", 1000.0 * value),
+                // Tenths where the number is no whole millimetre.
+                0..3 => trimmed(1000.0 * value, 1),
                 _ => format!("{:.2}", value.to_degrees()),
             };
             // No minus before a zero.

@@ -80,7 +80,7 @@ fn each_lidar(subject: &Subject<'_>, figures: &Figures) -> Markup {
     html! {
         h3 { "What each LiDAR gives" }
         (table(
-            "Per cent of the placement's gain that a LiDAR delivers alone, and that is lost if it fails",
+            "Per cent of the placement's gain that a LiDAR has alone, without the others, and that is lost with it, if it fails",
             &["LiDAR", "alone %", "lost with it %", ""],
             &rows,
         ))

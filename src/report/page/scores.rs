@@ -282,7 +282,7 @@ fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {
     let per_cent = |share: f64| format!("{:.1}", (1e3 * share + 1e-9).floor() / 10.0);
     let rows = best.scores.required.iter().enumerate().map(|(k, seen)| {
         let mut row = vec![text(seen.title()), text(if seen.is_met() { "met" } else { "NOT MET" })];
-        let intact = seen.lost.map(|lost| format!(" (intact {})", per_cent(lost.intact)));
+        let intact = seen.lost.as_ref().map(|lost| format!(" (intact {})", per_cent(lost.intact)));
         row.push(text(per_cent(seen.share) + &intact.unwrap_or_default()));
         row.push(text(format!("{:.1}", 100.0 * seen.least)));
         row.push(text(format!("{:+.1}", 100.0 * (seen.share - seen.least))));

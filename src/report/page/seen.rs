@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::layout::{figure, table, text};
 use super::{Figures, Subject};
-use crate::report::targets::{range_card_rows, range_card_svg};
+use crate::report::targets::{overlap_in_words, range_card_rows, range_card_svg};
 
 /// Distances of detection, and the sectors in which the result is blind.
 pub(super) fn range_card(subject: &Subject<'_>) -> Markup {
@@ -34,6 +34,7 @@ pub(super) fn range_card(subject: &Subject<'_>) -> Markup {
                 (figure(&range_card_svg(&best.placement.name, card), "Distances at which targets are met"))
             }
             (table("Metres at which a target is met", &titles, &rows[1..].iter().map(cells).collect::<Vec<_>>()))
+            @if let Some(words) = overlap_in_words(card) { p.small { (words) } }
         }
     }
 }

@@ -114,7 +114,7 @@ fn seen(of: &Value) -> Seen {
         least: number("required").unwrap_or_default(),
         missing: None,
         holds_in: number("holds_in"),
-        lost: number("intact").map(|intact| Lost { intact, worst }),
+        lost: number("intact").map(|intact| Lost { intact, worst, mount: None }),
     }
 }
 

@@ -1,0 +1,173 @@
+//! Distances of detection of a study as text; where there are few distances, the beams at each.
+
+use super::{bearing_in_words, by_placement, heading, runs_in_words};
+use crate::report::svg::trimmed;
+use crate::report::text::align_columns;
+use crate::targets::{Detection, TargetRow, TargetTable};
+
+/// Most distances at which beams are shown at each of them, in place of the distances of detection.
+const FEW: usize = 4;
+
+/// Rows of a placement, and its detections in their order.
+struct OfPlacement<'a> {
+    detections: &'a [Detection],
+    rows: Vec<&'a TargetRow>,
+}
+
+/// A block a placement: distances of detection, or the beams at each distance where there are at most four. Where a target
+/// is not detected at a bearing, how near the best came; `beams` count.
+pub fn targets_text(table: &TargetTable, beams: u32) -> String {
+    let mut distances: Vec<f64> = table.rows.iter().map(|row| row.distance).collect();
+    distances.sort_by(f64::total_cmp);
+    distances.dedup();
+    let of = |detections: &&[Detection]| {
+        let first = &detections[0];
+        let is_of =
+            |row: &&TargetRow| (&row.scene, &row.placement) == (&first.scene, &first.placement);
+        let rows = table.rows.iter().filter(is_of).collect();
+        let of = OfPlacement { detections, rows };
+        let block = match distances.len() <= FEW {
+            true => of.beams_at(&distances, beams),
+            false => of.distances(beams),
+        };
+        format!("{}\n{block}", heading(first))
+    };
+    by_placement(table).iter().map(of).collect::<Vec<_>>().join("\n")
+}
+
+impl OfPlacement<'_> {
+    /// Targets and bearings, each once, in order.
+    fn names(&self) -> (Vec<&str>, Vec<f64>) {
+        let (mut targets, mut bearings) = (Vec::new(), Vec::new());
+        for of in self.detections {
+            if !targets.contains(&&*of.target) {
+                targets.push(&*of.target);
+            }
+            if !bearings.contains(&of.bearing) {
+                bearings.push(of.bearing);
+            }
+        }
+        (targets, bearings)
+    }
+
+    /// Rows of a target at a bearing.
+    fn at<'b>(&'b self, target: &'b str, bearing: f64) -> impl Iterator<Item = &'b TargetRow> {
+        let is_there = move |row: &&TargetRow| row.target == target && row.bearing == bearing;
+        self.rows.iter().copied().filter(is_there)
+    }
+
+    /// A line a bearing, a column a target and distance: `4 of 5`, over several frames the fewest and the most.
+    fn beams_at(&self, distances: &[f64], beams: u32) -> String {
+        let (targets, bearings) = self.names();
+        let columns: Vec<(&str, f64)> = targets
+            .iter()
+            .flat_map(|&target| distances.iter().map(move |&m| (target, m)))
+            .collect();
+        let title = |(target, metres): &(&str, f64)| format!("{target} {} m", trimmed(*metres, 2));
+        let mut rows = vec![vec!["beams at".to_owned()]];
+        rows[0].extend(columns.iter().map(title));
+        for bearing in bearings {
+            let mut row = vec![bearing_in_words(bearing)];
+            row.extend(columns.iter().map(|(target, metres)| {
+                let there = || self.at(target, bearing).filter(|row| row.distance == *metres);
+                if there().any(|row| row.overlaps) {
+                    return "in the body".to_owned();
+                }
+                let counts = || there().filter_map(|row| row.beams);
+                match (counts().min(), counts().max()) {
+                    (Some(least), Some(most)) if least == most => format!("{most} of {beams}"),
+                    (Some(least), Some(most)) => format!("{least}–{most} of {beams}"),
+                    _ => "no ground".to_owned(),
+                }
+            }));
+            rows.push(row);
+        }
+        align_columns(&rows)
+    }
+
+    /// A line a bearing, a column a target: distances of detection.
+    fn distances(&self, beams: u32) -> String {
+        let (targets, bearings) = self.names();
+        let mut rows = vec![vec!["bearing".to_owned()]];
+        rows[0].extend(targets.iter().map(|target| format!("{target} m")));
+        for bearing in bearings {
+            let mut row = vec![bearing_in_words(bearing)];
+            row.extend(targets.iter().map(|target| {
+                let mut all = self.detections.iter();
+                let of = all.find(|of| of.target == *target && of.bearing == bearing);
+                match of.map_or(&[][..], |of| &of.detected) {
+                    [] => self.nearest_miss(target, bearing, beams),
+                    runs => runs_in_words(runs),
+                }
+            }));
+            rows.push(row);
+        }
+        align_columns(&rows)
+    }
+
+    /// The most beams on a target that is detected nowhere at a bearing, and the first distance that has them; a dash
+    /// where no beam meets it.
+    fn nearest_miss(&self, target: &str, bearing: f64, beams: u32) -> String {
+        let counts = self.at(target, bearing).filter(|row| !row.overlaps);
+        let best = counts.fold((0, 0.0), |best: (u32, f64), row| match row.beams {
+            Some(beams) if beams > best.0 => (beams, row.distance),
+            _ => best,
+        });
+        match best {
+            (0, _) => "–".to_owned(),
+            (most, metres) => format!("– ({most} of {beams} at {})", trimmed(metres, 2)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(bearing: f64, distance: f64, beams: Option<u32>, overlaps: bool) -> TargetRow {
+        let (scene, placement, target) = (None, "rig".to_owned(), "tyre".to_owned());
+        let (frame, by_lidar) = (None, Vec::new());
+        TargetRow { scene, placement, target, distance, bearing, frame, beams, by_lidar, overlaps }
+    }
+
+    #[test]
+    fn few_distances_have_their_beams_and_a_miss_how_near_it_came() {
+        let detection = |bearing: f64, detected: &[[f64; 2]]| Detection {
+            scene: None,
+            placement: "rig".to_owned(),
+            target: "tyre".to_owned(),
+            bearing,
+            first: None,
+            detected: detected.to_vec(),
+        };
+        let mut table = TargetTable {
+            rows: vec![
+                row(0.0, 5.0, Some(9), true),
+                row(0.0, 60.0, Some(4), false),
+                row(90.0, 5.0, None, false),
+                row(90.0, 60.0, Some(0), false),
+            ],
+            detections: vec![detection(0.0, &[]), detection(90.0, &[])],
+        };
+        let lines = |table: &TargetTable| -> Vec<String> {
+            let text = targets_text(table, 5);
+            text.lines().map(|l| l.split_whitespace().collect::<Vec<_>>().join(" ")).collect()
+        };
+        assert_eq!(
+            lines(&table),
+            [
+                "rig",
+                "beams at tyre 5 m tyre 60 m",
+                "ahead 0° in the body 4 of 5",
+                "left 90° no ground 0 of 5"
+            ]
+        );
+        table.rows.extend([10.0, 20.0, 30.0].map(|m| row(0.0, m, Some(3), false)));
+        assert_eq!(
+            lines(&table),
+            ["rig", "bearing tyre m", "ahead 0° – (4 of 5 at 60)", "left 90° –"]
+        );
+        table.detections[0].detected = vec![[10.0, 30.0]];
+        assert_eq!(lines(&table)[2], "ahead 0° 10–30");
+    }
+}
