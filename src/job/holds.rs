@@ -1,11 +1,67 @@
-//! Requirements in copies of a placement that are mounted a little off.
+//! A close look at the result of a search, and requirements in copies of a placement that are mounted a little off.
+
+use std::time::{Duration, Instant};
 
 use super::{Job, JobError};
+use crate::engine::{EngineChoice, open};
+use crate::near_field::FEW_PLACEMENTS;
 use crate::score::Scores;
-use crate::search::{Evaluator, FRAMES_OF_COPIES, Moved};
+use crate::search::{
+    Evaluator, Event, FRAMES_OF_COPIES, Moved, Observer, Outcome, Scored, TimeLimit,
+};
 use crate::vehicle::Placement;
 
+/// Time to look closely at placements where a run is to end.
+const PATIENCE: Duration = Duration::from_secs(3);
+/// Baselines looked at closely at once; the observer is asked in between.
+const LOOKED_AT_ONCE: usize = 8;
+
 impl Job {
+    /// Looks closely at the result, and at up to [`FEW_PLACEMENTS`] baselines while there is time.
+    pub(super) fn look_closely_at(
+        &self,
+        outcome: &mut Outcome,
+        observer: &mut dyn Observer,
+    ) -> Result<(), JobError> {
+        let problem = self.problem()?;
+        let mut engine = open(problem.task(), &EngineChoice::cpu(), |_| {})?.engine;
+        let deadline = self.settings.time.as_ref().map(TimeLimit::deadline);
+        let patience = Instant::now() + PATIENCE;
+        let mut look = |some: &mut [Scored], observer: &mut dyn Observer| {
+            let some = some.iter_mut();
+            let some = some.map(|Scored { placement, scores, .. }| (&*placement, scores));
+            let is_early = |deadline: Instant| Instant::now() < deadline;
+            let mut go_on = || {
+                is_early(patience) || (deadline.is_none_or(is_early) && observer.on(&Event::Asks))
+            };
+            self.look_closely_while(&mut *engine, some, &mut go_on)
+        };
+        if !look(outcome.best.as_mut_slice(), observer)? {
+            observer.on(&Event::Note(
+                "it is not known how the requirements hold in copies mounted a little off",
+            ));
+        }
+        let few = outcome.baselines.len().min(FEW_PLACEMENTS);
+        let mut looked = 0;
+        for some in outcome.baselines[..few].chunks_mut(LOOKED_AT_ONCE) {
+            let is_late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
+            if looked > 0 && (is_late || !observer.on(&Event::Asks)) {
+                break;
+            }
+            if !look(some, observer)? {
+                break;
+            }
+            looked += some.len();
+        }
+        if looked < outcome.baselines.len() {
+            let all = outcome.baselines.len();
+            observer.on(&Event::Note(&format!(
+                "range card, tolerance and own body are looked at for {looked} of {all} baselines"
+            )));
+        }
+        Ok(())
+    }
+
     /// Adds to each requirement the share of copies that still meet it: copies whose LiDARs are off by the job's
     /// tolerance, each in one of 16 poses. Nothing without a tolerance or requirements.
     ///

@@ -1,23 +1,14 @@
 //! The search of a job step by step: sensors for the money, placements, own body.
 
-use std::time::{Duration, Instant};
-
 use serde::{Deserialize, Serialize};
 
 use super::rules::by_the_rules;
 use super::{Job, JobError};
-use crate::engine::{EngineChoice, open};
-use crate::near_field::FEW_PLACEMENTS;
 use crate::search::{
-    Choosing, EquipStep, Equipped, Equipping, Event, Limits, Observer, Outcome, Run, Scored,
-    SearchError, Settings, State, Suite, TimeLimit,
+    Choosing, EquipStep, Equipped, Equipping, Event, Limits, Observer, Outcome, Run, SearchError,
+    Settings, State, Suite, TimeLimit,
 };
 use crate::vehicle::{MAX_LIDARS, SensorName, Vehicle};
-
-/// Time to look closely at placements where a run is to end.
-const PATIENCE: Duration = Duration::from_secs(3);
-/// Baselines looked at closely at once; the observer is asked in between.
-const LOOKED_AT_ONCE: usize = 8;
 
 /// Checkpoint of a job's search, beside the job itself: a value that is saved and read again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -186,53 +177,8 @@ impl JobRun<'_> {
         if self.takes_one_more(&outcome, observer) {
             return Ok(JobStep::On);
         }
-        self.look_closely(&mut outcome, observer)?;
+        self.job.look_closely_at(&mut outcome, observer)?;
         Ok(JobStep::Done(Box::new(outcome)))
-    }
-
-    /// Looks closely at the result, and at up to [`FEW_PLACEMENTS`] baselines while there is time.
-    fn look_closely(
-        &self,
-        outcome: &mut Outcome,
-        observer: &mut dyn Observer,
-    ) -> Result<(), JobError> {
-        let problem = self.job.problem()?;
-        let mut engine = open(problem.task(), &EngineChoice::cpu(), |_| {})?.engine;
-        let deadline = self.job.settings.time.as_ref().map(TimeLimit::deadline);
-        let patience = Instant::now() + PATIENCE;
-        let mut look = |some: &mut [Scored], observer: &mut dyn Observer| {
-            let some = some.iter_mut();
-            let some = some.map(|Scored { placement, scores, .. }| (&*placement, scores));
-            let is_early = |deadline: Instant| Instant::now() < deadline;
-            let mut go_on = || {
-                is_early(patience) || (deadline.is_none_or(is_early) && observer.on(&Event::Asks))
-            };
-            self.job.look_closely_while(&mut *engine, some, &mut go_on)
-        };
-        if !look(outcome.best.as_mut_slice(), observer)? {
-            observer.on(&Event::Note(
-                "it is not known how the requirements hold in copies mounted a little off",
-            ));
-        }
-        let few = outcome.baselines.len().min(FEW_PLACEMENTS);
-        let mut looked = 0;
-        for some in outcome.baselines[..few].chunks_mut(LOOKED_AT_ONCE) {
-            let is_late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
-            if looked > 0 && (is_late || !observer.on(&Event::Asks)) {
-                break;
-            }
-            if !look(some, observer)? {
-                break;
-            }
-            looked += some.len();
-        }
-        if looked < outcome.baselines.len() {
-            let all = outcome.baselines.len();
-            observer.on(&Event::Note(&format!(
-                "range card, tolerance and own body are looked at for {looked} of {all} baselines"
-            )));
-        }
-        Ok(())
     }
 
     /// Begins anew with one sensor more, if the fewest are wanted, the placements found do not meet the requirements, and

@@ -191,9 +191,10 @@ impl Run {
     ) -> Result<Option<PhaseCheck>, SearchError> {
         let Some(best) = best.filter(|_| self.suite.is_left_to_chance()) else { return Ok(None) };
         let rival = Scored::yardstick(baselines).map(|rival| &rival.placement);
-        let (objective, memory, heeds_time) = (self.objective(), self.memory(), self.heeds_time());
+        let (objective, memory) = (self.objective(), self.memory());
         let (best, suite) = (&best.placement, self.confirming());
-        let mut go_on = || watch.goes_on() || !heeds_time;
+        let is_short = self.suite.frame_count() <= FRAMES_AT_ONCE;
+        let mut go_on = || is_short || watch.goes_on();
         let checked =
             phases::check(&suite, &objective, best, rival, CONFIRMING, memory, &mut go_on)?;
         if checked.is_none() {
