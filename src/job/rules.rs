@@ -21,7 +21,7 @@ impl Job {
     }
 }
 
-/// Draws among which a placement by the rules is looked for before it is worked out.
+/// Seed of the random placement that is tried before one is worked out.
 const SEED: u64 = 0;
 
 /// Settings that start from a placement by the rules where hardly any random one keeps them.
