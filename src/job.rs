@@ -289,10 +289,27 @@ impl Job {
     pub fn score(&self, placements: &[Placement]) -> Result<Vec<Judged>, JobError> {
         let (mut evaluator, _) = self.evaluator(|_| {})?;
         let mut judged = evaluator.judged(placements)?;
+        self.add_broken_rules(evaluator.problem().rules(), placements, &mut judged);
         if placements.len() <= FEW_PLACEMENTS {
             self.look_closely_by_scene(&mut evaluator, placements, &mut judged)?;
         }
         Ok(judged)
+    }
+
+    /// Adds the rules of the vehicle that placements break, which `rules` hold, to scores over all scenes and in each.
+    pub(crate) fn add_broken_rules(
+        &self,
+        rules: &Constraints,
+        placements: &[Placement],
+        judged: &mut [Judged],
+    ) {
+        for (placement, judged) in placements.iter().zip(judged) {
+            let broken = self.scene().vehicle().broken_rules(rules, placement);
+            for scene in &mut judged.by_scene {
+                scene.scores.broken_rules.clone_from(&broken);
+            }
+            judged.scores.broken_rules = broken;
+        }
     }
 
     /// Adds the guard `self_hit`, range cards and how requirements hold to scores, by the first scene, whose own body all

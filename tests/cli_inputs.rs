@@ -201,7 +201,7 @@ fn what_cannot_be_is_named_with_its_file_and_leaves_nothing() {
     scene["mount"]["min_distance"] = json!(1.5);
     fs::write(&path, scene.to_string()).unwrap();
     let message = fails(dir.path(), &optimize);
-    assert!(message.contains("kept its rules (LiDARs at least 1.5 m apart;"), "{message}");
+    assert!(message.contains("was found that keeps its rules (at least 1.5 m apart;"), "{message}");
 }
 
 #[test]

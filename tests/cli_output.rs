@@ -111,7 +111,7 @@ fn numbers_below_0_reach_the_options() {
     assert_eq!(run["settings"]["target"], -8e-8);
     for (option, value, words) in [
         ("--enough", "nan", "give a number"),
-        ("--threads", "-1", "-1 is not in 1.."),
+        ("--threads", "-1", "-1 is not a whole number from 1 to 65535"),
         ("--seed", "-1", "give a whole number from 0 to 18446744073709551615"),
         ("--max-seconds", "-1", "give 0 to 1000000000 seconds"),
     ] {

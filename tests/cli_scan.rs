@@ -185,7 +185,7 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
         ),
         (
             &[one[0], one[1], "--out", "out", "--layout", "nuscenes", "--keyframe-every", "0"],
-            "invalid value '0' for '--keyframe-every <N>': 0 is not in 1..",
+            "invalid value '0' for '--keyframe-every <N>': 0 is not a whole number from 1 on",
         ),
         // A file on the way, and where the folders of two placements are to be.
         (&[one[0], one[1], "--out", "p.json/x/y"], "sightline: p.json: is a file, and a data set"),

@@ -202,8 +202,9 @@ fn commands_of_the_guide_run_from_a_clone() {
         }
         let output = crate::cli::sightline(dir.path(), &args);
         let said = String::from_utf8_lossy(&output.stderr);
-        // A search so short may miss a requirement.
-        let is_unmet = is_search && output.status.code() == Some(1);
+        // A search so short may miss a requirement, and the rig made by hand misses three.
+        let is_scored = is_search || args[0] == "score";
+        let is_unmet = is_scored && output.status.code() == Some(1);
         assert!(output.status.success() || is_unmet, "{words:?}: {said}");
         ran += 1;
     }

@@ -69,17 +69,20 @@ fn told(error: &clap::Error) -> String {
     in_words(&words)
 }
 
-/// Clap's ranges of whole numbers without their largest value, which is a limit of the computer.
+/// Clap's range of whole numbers in words, without a largest value that is a limit of the computer.
 fn in_words(told: &str) -> String {
-    let most = format!("..={}", u32::MAX);
-    match told.split_once(" is not in ") {
-        Some((before, range)) if range.contains(&most) => {
-            format!(
-                "{before} is too small; give a whole number from {}",
-                range.replace(&most, " on")
-            )
+    let parts = told.split_once(" is not in ").and_then(|(given, range)| {
+        let (least, most) = range.split_once("..=")?;
+        Some((given, least, most))
+    });
+    match parts {
+        Some((given, least, most)) if most == u32::MAX.to_string() => {
+            format!("{given} is not a whole number from {least} on")
         }
-        _ => told.to_owned(),
+        Some((given, least, most)) => {
+            format!("{given} is not a whole number from {least} to {most}")
+        }
+        None => told.to_owned(),
     }
 }
 
@@ -177,7 +180,7 @@ mod tests {
                 "scan s.json --seed -1",
                 "'--seed <N>': give a whole number from 0 to 18446744073709551615",
             ),
-            ("score s.json --frames 0", "0 is too small; give a whole number from 1 on"),
+            ("score s.json --frames 0", "0 is not a whole number from 1 on"),
             ("scene make", "unrecognized subcommand 'make'"),
         ] {
             let said = refused(line);

@@ -189,7 +189,7 @@ fn score_each(
         bar.advance(block.len() as u64);
     }
     drop(bar);
-    batch.add_broken_rules();
+    job.add_broken_rules(batch.evaluator.problem().rules(), &placements, &mut batch.judged);
     if placements.len() <= FEW_PLACEMENTS {
         job.look_closely_by_scene(&mut batch.evaluator, &placements, &mut batch.judged)?;
     }
@@ -256,18 +256,6 @@ impl Batch {
 
     fn members(&self) -> impl Iterator<Item = (usize, &Member)> {
         self.evaluator.members().map(|(member, _)| member).enumerate()
-    }
-
-    /// Adds the rules of the vehicle that placements break.
-    fn add_broken_rules(&mut self) {
-        let rules = self.evaluator.problem().rules().clone();
-        for (placement, judged) in self.placements.iter().zip(&mut self.judged) {
-            let broken = self.vehicle.broken_rules(&rules, placement);
-            for scene in &mut judged.by_scene {
-                scene.scores.broken_rules.clone_from(&broken);
-            }
-            judged.scores.broken_rules = broken;
-        }
     }
 
     /// Adds the near field in every scene, and its mean.
