@@ -176,7 +176,9 @@ fn wrong_arguments_and_places_are_answered_with_exit_code_2() {
     );
     assert_eq!(usage.lines().count(), 1, "{usage}");
     let large = ["scene", "new", "--triangles", "10000000", "--out", "large.json"];
-    assert!(fails(dir.path(), &large).contains("10000000 is not a whole number from 4000 to 9999000"));
+    assert!(
+        fails(dir.path(), &large).contains("10000000 is not a whole number from 4000 to 9999000")
+    );
     assert!(with(&["--adapter", "no such device"]).contains("no such device"));
     let verify = fails(dir.path(), &["verify", "scene.json", "--backend", "cpu"]);
     assert!(verify.contains("--backend cpu: a Vulkan device is compared with the CPU"), "{verify}");

@@ -36,10 +36,15 @@ fn what_is_written_out_reads_as_the_same() {
 #[test]
 fn what_cannot_be_is_said_in_a_sentence() {
     let table = [
-        ("", "there is no condition ``; known are fog, wet, snow, rain, blur, crosstalk and echo"),
         (
-            "hail:rate=1",
-            "there is no condition `hail`; known are fog, wet, snow, rain, blur, crosstalk and echo",
+            "",
+            "there is no condition ``; known are fog, wet, snow, rain, blur, crosstalk and echo, with values behind \
+             a colon, as in fog:mor=200",
+        ),
+        (
+            "fog=200",
+            "there is no condition `fog=200`; known are fog, wet, snow, rain, blur, crosstalk and echo, with values \
+             behind a colon, as in fog:mor=200",
         ),
         ("fog:50", "`50` in the condition `fog:50` is no KEY=VALUE; fog takes level, mor, gain"),
         ("fog:", "`` in the condition `fog:` is no KEY=VALUE; fog takes level, mor, gain"),
