@@ -68,7 +68,8 @@ def test_a_range_card_is_that_of_the_program(tmp_path: Path) -> None:
         "score", "scenes/urban-crossing.json", str(file), "--vehicle", CAR,
         "--frames", "1", "--backend", "cpu", "--format", "json",
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    # One LiDAR does not meet what the vehicle requires.
+    assert done.returncode == 1 and "NOT MET" in done.stderr, done.stderr
     theirs = json.loads(done.stdout)["scores"][0]
     card = scene.range_card(rig)
     assert card == theirs["range_card"]
