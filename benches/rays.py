@@ -21,7 +21,7 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector
 RAYS = 1_000_000
 TURNS = 6
 RINGS = 64
-# Of a scene, this box around the vehicle is aimed at, metres.
+# Box around the vehicle of a scene at which rays are aimed, metres.
 AIMED_AT = np.array([[-60, -60, 0], [60, 60, 15]])
 
 

@@ -66,7 +66,7 @@ impl RayTarget {
     }
 }
 
-/// HitColumns of closest hits; those that nobody asked for are empty.
+/// Columns of closest hits; those that nobody asked for are empty.
 #[derive(Default)]
 struct HitColumns {
     t: Vec<f32>,

@@ -291,7 +291,7 @@ fn check_resumed(
     if same { Ok(()) } else { Err(ChartError::OtherState) }
 }
 
-/// ChartProgress of a chart.
+/// Settings that a chart did not measure.
 struct ChartProgress {
     /// Settings that are missing because the observer said stop.
     missing: usize,

@@ -1,4 +1,4 @@
-//! ProgressLines on stdout and stderr, answers that are tables, and exit codes.
+//! Lines on stdout and stderr, answers that are tables, and exit codes.
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, IsTerminal, Write};
@@ -58,7 +58,7 @@ impl<W: Write> Write for ForTerminal<W> {
     }
 }
 
-/// ProgressLines as a terminal may show them; see [`visible`].
+/// Lines as a terminal may show them; see [`visible`].
 fn for_terminal(text: &str) -> String {
     let line = |line: &str| line.split('\t').map(visible).collect::<Vec<_>>().join("\t");
     text.split('\n').map(line).collect::<Vec<_>>().join("\n")

@@ -72,7 +72,7 @@ type NamedFiles = Vec<(String, Vec<u8>)>;
 /// Writes the folder of a placement, whole or not at all.
 ///
 /// # Errors
-/// NamedFiles that cannot be read or written, several placements without a name, a frame that the scene does not have.
+/// Files that cannot be read or written, several placements without a name, a frame that the scene does not have.
 pub fn handover(
     request: &HandoverRequest,
     computing: &Computing<'_>,

@@ -6,6 +6,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 use crate::study::{Kind, Subregion};
 use crate::targets::{is_bearing, is_distance};
+use crate::vehicle::FARTHEST_ON_VEHICLE;
 
 /// A whole number, as of a seed.
 pub fn whole<T: FromStr>(text: &str) -> Result<T, String> {
@@ -61,12 +62,11 @@ pub fn margin(text: &str) -> Result<f64, String> {
 
 /// Position of `base_link` in the ego frame, metres.
 pub fn base_link(text: &str) -> Result<[f64; 3], String> {
-    const FARTHEST: f64 = 100.0;
     let fault = || "give X or X,Y,Z in metres, as in -1.4,0,0".to_owned();
     let numbers =
         text.split(',').map(|word| word.trim().parse().ok().filter(|v: &f64| v.is_finite()));
     let numbers = numbers.collect::<Option<Vec<f64>>>().ok_or_else(fault)?;
-    if let Some(far) = numbers.iter().find(|v| v.abs() > FARTHEST) {
+    if let Some(far) = numbers.iter().find(|v| v.abs() > FARTHEST_ON_VEHICLE) {
         let metres = far / 1000.0;
         return Err(format!("{far} m is far from any vehicle; {far} mm are {metres} m"));
     }

@@ -121,7 +121,7 @@ impl FrameTree {
     /// # Errors
     /// The first loop.
     pub(super) fn refuse_loops(&self) -> Result<(), RigError> {
-        // Frames whose chains end; those of the present chain are marked with its number.
+        // Each frame is marked with the number of the chain that came to it first.
         let mut marks = vec![0; self.list.len()];
         for start in 0..self.list.len() {
             let mut next = Some(start);

@@ -61,7 +61,7 @@ impl Cutter {
         let normal: DVec3 = parts().sum();
         let size = normal.length_squared();
         let flat = !(size > 0.0 && size.is_finite());
-        // Areas on both sides of a crossing cancel out, where those of a line are none.
+        // Areas on both sides of a crossing cancel out; a line has no area at all.
         let reach = (1..corners.len()).map(|i| arm(i).length_squared()).fold(0.0, f64::max);
         if size == 0.0 && parts().any(|part| part.length() > SLIVER * reach) {
             self.cross();

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::{Constraints, Lidar, Placement, Region, SensorPose};
 
 /// Farthest coordinate of a sensor that stands on a vehicle, in metres: larger ones are most likely millimetres.
-const FARTHEST: f64 = 100.0;
+pub const FARTHEST: f64 = 100.0;
 /// Smallest whole number of radians that is more likely degrees.
 const WHOLE: f64 = 2.0;
 /// Metres beside a mount that poses lose where they are written with three decimals.

@@ -28,7 +28,8 @@ pub use self::rules::{
 pub use constraints::{Constraints, OtherModel, Slot, Ties, Violation};
 pub(crate) use description::{LidarDescription, MountDescription, VehicleDescription};
 pub use doubts::{
-    Doubts, doubt_of_ground, doubts_of_units, is_degrees, of_angles, of_degrees, of_lidar,
+    Doubts, FARTHEST as FARTHEST_ON_VEHICLE, doubt_of_ground, doubts_of_units, is_degrees,
+    of_angles, of_degrees, of_lidar,
 };
 pub use equipment::{Equipment, Vehicle, VehicleMount, VehicleSensor};
 pub use lidar::{LIDAR, Lidar, OtherSensor, stated};

@@ -157,8 +157,8 @@ impl Vehicle {
 }
 
 impl Vehicle {
-    /// Rules that a given placement breaks, in words: those of [`Self::rules`], and the least and largest numbers of LiDARs
-    /// on the mounts of a vehicle file. Empty for one that keeps all.
+    /// Broken rules of a given placement, in words: rules of [`Self::rules`], and the least and largest numbers of LiDARs
+    /// on the mounts of a vehicle file. Empty where it keeps all.
     pub fn broken_rules(&self, rules: &Constraints, placement: &Placement) -> Vec<String> {
         let mut broken: Vec<String> =
             rules.violations(placement).iter().map(ToString::to_string).collect();

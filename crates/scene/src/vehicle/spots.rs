@@ -28,7 +28,7 @@ type Spot = Vec<SensorPose>;
 impl Constraints {
     /// A placement that keeps every rule, its LiDARs in the order of the slots; `None` where none is found.
     ///
-    /// The same rules give the same placement. Rules that leave very little room may have one that is not found.
+    /// Equal rules give equal placements. Where rules leave very little room, a placement that exists may not be found.
     pub fn placement_by_the_rules(&self) -> Option<Placement> {
         let paired = self.paired();
         let pairs = (0..paired).step_by(2).map(|slot| slot..slot + 2);

@@ -69,9 +69,7 @@ impl Vehicle {
         let name = name.map(|name| check::name(&at.key("name"), name)).transpose()?;
         let (mut files, mut notes) = (Vec::new(), Vec::new());
         let sensors = models(at, vehicle.sensors, dir, &mut files, &mut notes)?;
-        let doubts = vehicle.mounts.iter().enumerate();
-        let doubts = doubts.flat_map(|(i, mount)| doubts_of_mount(i, mount));
-        notes.extend(doubts.map(|doubt| Note::doubt(format!("{at}: {doubt}"))));
+        notes.extend(doubts_of_mounts(at, &vehicle.mounts));
         let (mut mounts, meshes) = mounts(at, vehicle.mounts, &sensors, dir)?;
         files.extend(meshes);
         let min_distance = least_distance(at, vehicle.min_distance)?;
@@ -139,6 +137,12 @@ fn models(
         notes.extend(doubts.iter().map(|doubt| Note::doubt(format!("{at}: {doubt}"))));
     }
     Ok(sensors)
+}
+
+/// Doubts about each mount, with the place of the vehicle.
+fn doubts_of_mounts(at: &Location, mounts: &[MountingDescription]) -> Vec<Note> {
+    let doubts = mounts.iter().enumerate().flat_map(|(i, mount)| doubts_of_mount(i, mount));
+    doubts.map(|doubt| Note::doubt(format!("{at}: {doubt}"))).collect()
 }
 
 /// Doubts about the angles of a mount and of its mesh, and about a mount below the ground.

@@ -32,7 +32,7 @@ pub(super) fn check(xml: &Document<'_>, file: &str) -> Result<(), WorldError> {
         for geometry in plan.flat_map(|plan| plan.children()).filter(Node::is_element) {
             let length = number(geometry, "length").min(length);
             metres += length;
-            // The limit on the length of all roads tells of those that are longer.
+            // Longer roads are refused by the limit on the length of all roads.
             if metres > 2.0 * MAX_LENGTH {
                 return Ok(());
             }
@@ -121,7 +121,7 @@ mod tests {
         let told = document(1, 2501.0, arc).unwrap_err();
         assert!(told.contains("20008 points") && told.contains("x = 4, y = 4"), "{told}");
         assert!(document(1, 50_000.0, "<spiral curvStart='0' curvEnd='1000'/>").is_err());
-        // As many metres in a line, and a helix of ten turns with a radius of 10 m.
+        // A straight road of equal length, and a helix of ten turns with a radius of 10 m.
         assert_eq!(document(1, 50_000.0, "<line/>"), Ok(()));
         assert_eq!(document(1, 628.0, "<arc curvature='0.1'/>"), Ok(()));
         // 3000 roads ahead from x = 1: 2 lanes with points at x = 9, 11, 13 and 15.

@@ -366,7 +366,7 @@ fn check(node: Node<'_, '_>, name: &str, file: &str) -> Result<(), WorldError> {
     Ok(())
 }
 
-/// A number of an element, 0 where there is none; those that are none were refused.
+/// A number of an element, 0 where the attribute is missing; texts that are no numbers were refused before.
 pub(super) fn number_or_0(node: Node<'_, '_>, name: &str) -> f64 {
     node.attribute(name).and_then(|text| text.trim().parse().ok()).unwrap_or(0.0)
 }

@@ -237,7 +237,7 @@ fn loose_links(xml: &Document<'_>, file: &str) -> Option<Note> {
 /// Revisions of OpenDRIVE 1 that are read.
 const REVISIONS: std::ops::RangeInclusive<u32> = 4..=9;
 
-/// A doubt of a document of another revision than those that are read.
+/// A doubt about a document whose revision is not one of those read here.
 fn versions(xml: &Document<'_>, file: &str) -> Option<Note> {
     let header = xml.root_element().children().find(|n| n.has_tag_name("header"))?;
     let stated = |name: &str| header.attribute(name).map(str::trim);

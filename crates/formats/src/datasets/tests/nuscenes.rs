@@ -213,7 +213,7 @@ fn a_scene_of_boxes_stands_where_the_points_were() {
     let at = |actor, t| scene.actor_glide(actor, t).at(0.0).translation + start;
     // Actors by the tokens of their instances: the driving one has no row in frame 1.
     assert!(at(0, 1).distance(DVec3::new(612.0, 1597.2, 0.9)) < 1e-3, "{}", at(0, 1));
-    // Boxes stand where they are annotated, those of parked cars, too.
+    // Boxes stand where they are annotated; boxes of parked cars, too.
     for (t, place) in
         [[612.0, 1604.0, 0.9], [612.0, 1604.1, 0.9], [612.1, 1604.0, 0.9]].iter().enumerate()
     {

@@ -237,8 +237,14 @@ fn facts(
     let transform = lidar.and_then(|lidar| lidar.lidar_to_sensor_transform);
     let transform = transform.or(file.lidar_to_sensor_transform);
     facts.height = entry(&at.key("lidar_to_sensor_transform"), transform.as_ref(), 11, notes);
+    facts.origin = beam_origin(beam, list, notes);
+    Ok(facts)
+}
+
+/// Distance of the beams' origin from the axis of the LiDAR, millimetres; `None`, with a note, where it is no number.
+fn beam_origin(beam: &BeamIntrinsics, list: &Location, notes: &mut Vec<Note>) -> Option<f64> {
     let origin = beam.lidar_origin_to_beam_origin_mm.as_ref().filter(|value| !value.is_null());
-    facts.origin = match origin {
+    match origin {
         Some(value) if value.is_number() => value.as_f64(),
         Some(_) => {
             let at = list.key("lidar_origin_to_beam_origin_mm");
@@ -249,8 +255,7 @@ fn facts(
             let at = list.key("beam_to_lidar_transform");
             entry(&at, beam.beam_to_lidar_transform.as_ref(), 3, notes)
         }
-    };
-    Ok(facts)
+    }
 }
 
 /// The first of two places of one fact; a doubt where the second, at `at`, says something else.
