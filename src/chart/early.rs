@@ -5,6 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::ranking::{keeps_ranking, swapped_interval};
 use super::{Engine, MOST_SWAPPED, Measured, RankingError, Setting};
 
+/// Placements that the f64 scorer is given where it is only to tell how far the reference is from it.
+pub(super) const IN_F64: usize = 4;
 /// Placements after which the pairs that a setting swaps may decide against it.
 const ENOUGH: usize = 24;
 /// Most seconds of a setting as a multiple of one that keeps the ranking: after a few placements, and after [`ENOUGH`].
@@ -13,6 +15,10 @@ const SLOWER: [f64; 2] = [3.0, 1.5];
 /// Effort from which on a setting is not begun, as a multiple of one that keeps the ranking. Efforts come from counts
 /// of beams and voxels and are mostly right within a factor of 1.5; see [`Setting::effort`].
 const DEARER: f64 = 2.0;
+/// Share of the placements that a setting scores as a rule, for a forecast of the time: mostly 24 to 40 of some hundred.
+const EXPECTED: f64 = 0.4;
+/// Effort up to which settings are expected to be begun, as a share of the reference's.
+const BEGUN: f64 = 0.25;
 
 /// Reason for which a setting was not measured with all placements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -87,6 +93,22 @@ impl StoppingRule {
     pub(super) fn skips(&self, setting: &Setting, effort: f64) -> bool {
         let is_counted = setting.engine == Engine::Cpu && !self.full;
         is_counted && self.kept.is_some_and(|[least, _]| effort > DEARER * least)
+    }
+
+    /// Share of `count` placements that a setting other than the reference is expected to score.
+    pub(super) fn expects(
+        &self,
+        setting: &Setting,
+        [effort, of_reference]: [f64; 2],
+        count: usize,
+    ) -> f64 {
+        match setting.engine {
+            _ if self.full => 1.0,
+            Engine::F64 => (IN_F64 as f64 / count as f64).min(1.0),
+            _ if self.skips(setting, effort) => 0.0,
+            _ if effort > BEGUN * of_reference => 0.0,
+            _ => EXPECTED,
+        }
     }
 
     /// Reason to leave a setting after its first placements, if there is one; `seconds` is its time a placement so far.

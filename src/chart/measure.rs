@@ -6,6 +6,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::early::IN_F64;
 use super::exact::Exact;
 use super::{ChartError, ChartWorld, Engine, Left, SceneDetail, Setting};
 use crate::bvh::Hit;
@@ -219,7 +220,8 @@ impl Bench {
     ) -> Result<Option<FirstScores>, ChartError> {
         let scores = Vec::with_capacity(self.placements.len());
         let mut scored = FirstScores { scores, left: None, batches: Vec::new() };
-        for batch in self.placements.chunks(BATCH) {
+        let most = if matches!(scorer, Scorer::Exact(_)) { IN_F64 } else { BATCH };
+        for batch in self.placements.chunks(most) {
             let start = Instant::now();
             let tallies = scorer.tallies(batch)?;
             scored.batches.push(start.elapsed().as_secs_f64() / batch.len() as f64);

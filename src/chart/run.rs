@@ -310,10 +310,16 @@ fn measure(
 ) -> Result<ChartProgress, ChartError> {
     let efforts: Vec<f64> = settings.all.iter().map(|s| s.effort(bench.world().scene())).collect();
     let order = rule.order(&efforts);
-    let whole: f64 = efforts.iter().sum();
+    let count = bench.placements().len();
     let (mut before, mut skipped) = (0.0, Vec::new());
     for (place, &index) in order.iter().enumerate() {
         let (setting, effort) = (settings.all[index], efforts[index]);
+        let expected = |index: usize, rule: &StoppingRule| {
+            let effort = efforts[index];
+            effort * rule.expects(&settings.all[index], [effort, efforts[order[0]]], count)
+        };
+        let own = if place == 0 { effort } else { expected(index, &rule) };
+        let later: f64 = order[place + 1..].iter().map(|&index| expected(index, &rule)).sum();
         let is_missing = |&&i: &&usize| state.measured.iter().all(|m| m.setting != settings.all[i]);
         if !observer.goes_on() {
             let missing = order[place..].iter().filter(is_missing).count();
@@ -325,7 +331,10 @@ fn measure(
         } else if held.is_none_or(|at| !rule.is_settled(&state.measured[at], effort)) {
             let words = setting.words(edge);
             observer.begins(place + 1, order.len(), &words);
-            let share = |part: f64| observer.progress((before + effort * part) / whole);
+            let share = |part: f64| {
+                let done = before + effort * part;
+                observer.progress(done / (done.max(before + own) + later));
+            };
             match one(bench, &setting, &rule, state, (&share, observer)) {
                 Ok(Some(measured)) => match held {
                     Some(at) => state.measured[at] = measured,
@@ -345,9 +354,9 @@ fn measure(
         }
         if let Some(measured) = state.measured.iter().find(|m| m.setting == setting) {
             rule.note(measured, effort);
+            before += effort * measured.scores.len() as f64 / count as f64;
         }
-        before += effort;
-        observer.progress(before / whole);
+        observer.progress(before / (before + later));
     }
     Ok(ChartProgress { missing: 0, skipped })
 }
