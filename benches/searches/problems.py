@@ -17,7 +17,7 @@ MIRRORED = (1, 3, 5)
 UNKNOWN_RULES = ("keep_out", "equal_height", "mesh")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Problem:
     """Scenes, vehicle and options of one search."""
 
@@ -53,19 +53,19 @@ def problems(out: Path) -> dict[str, Problem]:
     own = {"uc": "urban-crossing", "hw": "highway", "re": "residential", "iy": "industrial-yard"}
     crossing, residential = (scenes / f"{own[key]}.json" for key in ("uc", "re"))
     street = ("--kind", "street", "--seed", "11")
-    found = [Problem(key, (scenes / f"{name}.json",), title=name) for key, name in own.items()]
+    found = [Problem(key=key, scenes=(scenes / f"{name}.json",), title=name) for key, name in own.items()]
     found += [
-        Problem("car", (crossing,), scenes / "vehicles/car.json", title="car on urban-crossing"),
-        Problem("van", (out / "street.json",), scenes / "vehicles/van.json", ("--budget", "12000"),
-                street, "van on a street"),
-        Problem("two", (crossing, residential), title="urban-crossing and residential at once"),
+        Problem(key="car", scenes=(crossing,), vehicle=scenes / "vehicles/car.json", title="car on urban-crossing"),
+        Problem(key="van", scenes=(out / "street.json",), vehicle=scenes / "vehicles/van.json",
+                options=("--budget", "12000"), made=street, title="van on a street"),
+        Problem(key="two", scenes=(crossing, residential), title="urban-crossing and residential at once"),
     ]
     shared = ROOT.parent / "shared/data"
     if (shared / "rigs/lexus").is_dir():
-        found.append(Problem("lexus", (out / "street.json",), out / "lexus.json", made=street,
+        found.append(Problem(key="lexus", scenes=(out / "street.json",), vehicle=out / "lexus.json", made=street,
                              vehicle_made=lexus(shared), title="Lexus of Autoware on a street"))
     if (shared / "hill/hill.json").is_file():
-        found.append(Problem("hill", (shared / "hill/hill.json",), title="a steep street"))
+        found.append(Problem(key="hill", scenes=(shared / "hill/hill.json",), title="a steep street"))
     return {problem.key: problem for problem in found}
 
 

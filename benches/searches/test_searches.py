@@ -49,6 +49,13 @@ def test_a_vehicle_that_is_made_is_written_and_named_without_its_folder(tmp_path
     assert lexus.shown == ["street.json", "--vehicle", "lexus.json"]
 
 
+def test_no_file_of_the_repository_is_made_anew(tmp_path):
+    for problem in problems(tmp_path).values():
+        assert not problem.vehicle_made or problem.vehicle.is_relative_to(tmp_path), problem.key
+        assert not problem.made or problem.scenes[0].is_relative_to(tmp_path), problem.key
+        assert problem.title, problem.key
+
+
 def test_a_rig_of_variables_has_the_sensors_and_the_poses_that_they_say():
     places = [Place(("a", "b"), BOX, "roof"), Place(("c",), BOX, "nose")]
     rig = equipped(places, [0.5, 0.25, 0.5, 1.0, 0.49, 0.0, 0.0, 0.0])

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 use sightline::Scene;
-use sightline::engine::RayScene;
+use sightline::engine::{Hit, RayScene};
 use sightline::geom::TriangleSoup;
 use sightline::problem::{Frame, Problem};
 use sightline::scene::EgoBody;
@@ -25,10 +25,8 @@ use crate::wait::interruptible;
 const RANGE: f32 = 1e6;
 /// Bytes of a ray with its columns.
 const RAY_BYTES: usize = 72;
-/// Rays of a parallel task.
-const RAYS_A_TASK: usize = 1024;
-/// Rays that are cast between two looks whether to stop.
-const AT_ONCE: usize = 1 << 17;
+/// Rays that are cast between two looks whether to stop: enough for an order that goes down trees alike.
+const AT_ONCE: usize = 1 << 20;
 /// Required shape of rays, in words.
 const WANTED: &str = "[..., 6]: origin and direction in the ego frame, metres";
 
@@ -105,12 +103,13 @@ impl HitColumns {
 
     /// Fills the columns for all rays, until it is told to stop.
     fn fill(&mut self, target: &RayTarget, rays: &[[f32; 6]], t_max: f32, watch: &WorkMessages) {
-        let (mut t, mut triangle) =
-            (self.t.chunks_mut(RAYS_A_TASK), self.triangle.chunks_mut(RAYS_A_TASK));
-        let (mut normal, mut uv) =
-            (self.normal.chunks_mut(RAYS_A_TASK), self.uv.chunks_mut(RAYS_A_TASK));
-        let mut class = self.class.chunks_mut(RAYS_A_TASK);
-        let part = |rays| {
+        let (mut t, mut triangle) = (self.t.chunks_mut(AT_ONCE), self.triangle.chunks_mut(AT_ONCE));
+        let (mut normal, mut uv) = (self.normal.chunks_mut(AT_ONCE), self.uv.chunks_mut(AT_ONCE));
+        let mut class = self.class.chunks_mut(AT_ONCE);
+        for rays in rays.chunks(AT_ONCE) {
+            if !watch.goes_on() {
+                return;
+            }
             let columns = ColumnsPart {
                 t: t.next().unwrap_or_default(),
                 triangle: triangle.next().unwrap_or_default(),
@@ -118,36 +117,34 @@ impl HitColumns {
                 normal: normal.next().unwrap_or_default(),
                 uv: uv.next().unwrap_or_default(),
             };
-            (rays, columns)
-        };
-        let parts: Vec<_> = rays.chunks(RAYS_A_TASK).map(part).collect();
-        parts.into_par_iter().for_each(|(rays, columns)| {
-            if watch.goes_on() {
-                columns.fill(target, rays, t_max);
-            }
-        });
+            columns.fill(target, rays, t_max);
+        }
     }
 }
 
 impl ColumnsPart<'_> {
     fn fill(self, target: &RayTarget, rays: &[[f32; 6]], t_max: f32) {
         let Self { t, triangle, class, normal, uv } = self;
-        let soup = if normal.is_empty() && uv.is_empty() { None } else { Some(target.soup()) };
-        target.rays.each_closest_hit(rays, RANGE, t_max, |k, hit| {
-            let met = hit.is_hit().then_some(hit.prim);
-            t[k] = if hit.is_hit() { hit.t } else { f32::INFINITY };
-            triangle[k] = signed(met);
-            if let Some(class) = class.get_mut(k) {
-                *class = signed(met.and_then(|prim| target.classes.get(prim as usize).copied()));
-            }
-            if let Some(soup) = soup {
-                let none = ([f32::NAN; 3], [f32::NAN; 2]);
-                let shape = |prim| normal_and_uv(soup.corners(prim), &rays[k]);
-                let shape = met.map_or(none, shape);
-                normal.get_mut(k).into_iter().for_each(|normal| *normal = shape.0);
-                uv.get_mut(k).into_iter().for_each(|uv| *uv = shape.1);
-            }
+        let hits = target.rays.closest_hits(rays, RANGE, t_max);
+        let met = |hit: &Hit| hit.is_hit().then_some(hit.prim);
+        t.par_iter_mut().zip(&hits).for_each(|(t, hit)| {
+            *t = if hit.is_hit() { hit.t } else { f32::INFINITY };
         });
+        triangle.par_iter_mut().zip(&hits).for_each(|(triangle, hit)| *triangle = signed(met(hit)));
+        class.par_iter_mut().zip(&hits).for_each(|(class, hit)| {
+            *class = signed(met(hit).and_then(|prim| target.classes.get(prim as usize).copied()));
+        });
+        if normal.is_empty() && uv.is_empty() {
+            return;
+        }
+        let soup = target.soup();
+        let shape = |(ray, hit): (&[f32; 6], &Hit)| {
+            let none = ([f32::NAN; 3], [f32::NAN; 2]);
+            met(hit).map_or(none, |prim| normal_and_uv(soup.corners(prim), ray))
+        };
+        let shapes = rays.par_iter().zip(&hits).map(shape);
+        normal.par_iter_mut().zip(shapes.clone()).for_each(|(normal, shape)| *normal = shape.0);
+        uv.par_iter_mut().zip(shapes).for_each(|(uv, shape)| *uv = shape.1);
     }
 }
 

@@ -6,6 +6,7 @@
 
 mod descent;
 mod lanes;
+mod order;
 
 use std::sync::Arc;
 
@@ -165,18 +166,6 @@ impl RayScene {
         self.all(rays, range, t_max, RayQuery::Closest, |found| found.hit)
     }
 
-    /// [`Self::closest_hits`] on this thread alone, each handed to `take` with the index of its ray.
-    pub fn each_closest_hit(
-        &self,
-        rays: &[[f32; 6]],
-        range: f32,
-        t_max: f32,
-        mut take: impl FnMut(usize, Hit),
-    ) {
-        let inputs = RayInputs { rays, range, t_max, wanted: RayQuery::Closest };
-        cast_all(self, &inputs, |ray, found| take(ray, found.hit));
-    }
-
     /// True for each ray that hits anything within `range` metres and `t_max` lengths of its direction.
     pub fn occluded(&self, rays: &[[f32; 6]], range: f32, t_max: f32) -> Vec<bool> {
         self.all(rays, range, t_max, RayQuery::Any, |found| found.hit.is_hit())
@@ -198,12 +187,24 @@ impl RayScene {
         answer: impl Fn(RayHits) -> T + Sync,
     ) -> Vec<T> {
         let mut answers = vec![T::default(); rays.len()];
-        let parts = answers.par_chunks_mut(RAYS_A_TASK).zip(rays.par_chunks(RAYS_A_TASK));
-        parts.for_each(|(answers, rays)| {
+        let cast = |rays: &[[f32; 6]], answers: &mut [T]| {
             let inputs = RayInputs { rays, range, t_max, wanted };
             cast_all(self, &inputs, |ray, found| answers[ray] = answer(found));
+        };
+        let parts = answers.par_chunks_mut(RAYS_A_TASK);
+        let Some(order) = order::order_of(rays, self) else {
+            parts.zip(rays.par_chunks(RAYS_A_TASK)).for_each(|(answers, rays)| cast(rays, answers));
+            return answers;
+        };
+        parts.zip(order.par_chunks(RAYS_A_TASK)).for_each(|(answers, order)| {
+            let rays: Vec<[f32; 6]> = order.iter().map(|&ray| rays[ray as usize]).collect();
+            cast(&rays, answers);
         });
-        answers
+        let mut in_order = vec![T::default(); rays.len()];
+        for (ray, answer) in order.into_iter().zip(answers) {
+            in_order[ray as usize] = answer;
+        }
+        in_order
     }
 
     /// Hits of one ray, by the reference: where products of coordinates may be no numbers.

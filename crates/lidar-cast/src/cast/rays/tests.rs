@@ -245,3 +245,35 @@ fn hits_beyond_t_max_lengths_do_not_count() {
         assert_eq!(scene.counts(&ray, 100.0, t_max)[0], u32::from(is_hit));
     }
 }
+
+#[test]
+fn many_rays_that_are_put_into_an_order_keep_their_hits() {
+    let mut rng = ChaCha8Rng::seed_from_u64(57);
+    let scene = RayScene::new(&crates(5500, &mut rng));
+    let mut rays: Vec<[f32; 6]> =
+        (0..40_000).map(|_| [0; 6].map(|_| rng.random_range(-40.0..40.0_f32))).collect();
+    (rays[7], rays[8][0]) = ([0.0; 6], f32::NAN);
+    let mut order = order::order_of(&rays, &scene).expect("rays at random have no order");
+    let turn = |a: u32, b: u32| {
+        let [a, b] = [a, b].map(|ray| Vec3::from_slice(&rays[ray as usize][3..]).normalize());
+        a.angle_between(b)
+    };
+    let mean = |order: &[u32]| {
+        let turns = order.windows(2).map(|pair| turn(pair[0], pair[1]));
+        turns.filter(|turn| turn.is_finite()).sum::<f32>() / order.len() as f32
+    };
+    let as_given: Vec<u32> = (0..40_000).collect();
+    assert!(mean(&order) < 0.4 * mean(&as_given), "{} {}", mean(&order), mean(&as_given));
+    order.sort_unstable();
+    assert_eq!(order, as_given, "each ray once");
+    let few = |rays: &[[f32; 6]]| scene.closest_hits(rays, 100.0, f32::INFINITY);
+    let (hits, parts): (_, Vec<Hit>) = (few(&rays), rays.chunks(1000).flat_map(few).collect());
+    assert!(hits.iter().filter(|hit| hit.is_hit()).count() > 4000);
+    let bits = |hits: &[Hit]| hits.iter().map(|h| (h.t.to_bits(), h.prim)).collect::<Vec<_>>();
+    assert_eq!(bits(&hits), bits(&parts));
+    // Rays of a scan have an order of their own.
+    rays.iter_mut()
+        .zip(0..)
+        .for_each(|(ray, k)| ray[3..].copy_from_slice(&[1.0, k as f32 * 1e-5, 0.0]));
+    assert_eq!(order::order_of(&rays, &scene), None);
+}
