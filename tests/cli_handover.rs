@@ -457,6 +457,23 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
         );
     }
     assert!(read("a/drawing.svg").contains("Found with seed 1 in the run yard"));
+    // A requirement that holds on paper only, and a LiDAR outside its mount, are no secret of the search.
+    let mut result: serde_json::Value =
+        serde_json::from_str(&read("runs/yard/result.json")).unwrap();
+    let requirement = &mut result["best"]["scores"]["requirements"][0];
+    requirement["found"] = json!(1.0);
+    requirement["holds_in"] = json!(0.9);
+    fs::write(dir.path().join("runs/yard/result.json"), result.to_string()).unwrap();
+    ok("rig handover runs/yard --backend cpu --out d");
+    let moved = read("p.json").replacen("0.25", "3.25", 1);
+    fs::write(dir.path().join("moved.json"), moved).unwrap();
+    ok("rig handover moved.json:rig --vehicle cart.json --backend cpu --out e");
+    for (folder, words) in [("d", "ON PAPER ONLY, met by 90 % of copies"), ("e", "RULE BROKEN: ")] {
+        for file in ["README.txt", "drawing.svg"] {
+            let text = read(&format!("{folder}/{file}"));
+            assert!(text.contains(words), "{folder}/{file}: {text}");
+        }
+    }
     assert!(read("b/drawing.svg").contains("Placement of placements.json"));
     let told = fails(dir.path(), &["rig", "handover", "runs", "--out", "c"]);
     assert!(told.contains("runs: is a folder without result.json; give a file"), "{told}");

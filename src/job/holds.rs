@@ -7,7 +7,7 @@ use crate::engine::{EngineChoice, open};
 use crate::near_field::FEW_PLACEMENTS;
 use crate::score::Scores;
 use crate::search::{
-    Evaluator, Event, FRAMES_OF_COPIES, Moved, Observer, Outcome, Scored, TimeLimit,
+    Evaluator, Event, FRAMES_OF_COPIES, Moved, Observer, Outcome, SEED_OF_RESULT, Scored, TimeLimit,
 };
 use crate::vehicle::Placement;
 
@@ -89,7 +89,7 @@ impl Job {
         let few = suite.over(&suite.spread(Some(FRAMES_OF_COPIES)));
         let mut evaluator = Evaluator::suite_on_cpu(&few, self.settings.engine.memory_budget() / 2);
         for (placement, scores) in &mut all {
-            let moved = Moved::new(tolerance, placement, &mut evaluator, go_on)?;
+            let moved = Moved::new((tolerance, SEED_OF_RESULT), placement, &mut evaluator, go_on)?;
             let Some(moved) = moved else { return Ok(false) };
             let found: Vec<_> =
                 scores.required.iter().map(|seen| (seen.share, seen.least)).collect();

@@ -1,8 +1,10 @@
 //! Below a table of scores: price and range card of each rig in a line, and the better of several.
 
+use std::cmp::Ordering;
+
 use super::svg::trimmed;
 use crate::json::spoken;
-use crate::score::{Objective, Scores, Standing};
+use crate::score::{HOLDS, Objective, Scores, Standing};
 use crate::targets::RangeCard;
 use crate::vehicle::{Placement, SensorName, Vehicle};
 
@@ -47,14 +49,19 @@ fn bearings_of(card: &RangeCard) -> usize {
 fn better_in_words(all: &[Scores]) -> Option<String> {
     let objective = Objective::default();
     let standings: Vec<Standing> = all.iter().map(|one| Standing::of(one, &objective)).collect();
-    let best = Standing::best(&standings).filter(|_| all.len() > 1)?;
+    let order = |a: usize, b: usize| {
+        let violation = standings[a].violation.total_cmp(&standings[b].violation);
+        let paper = is_on_paper(&all[a]).cmp(&is_on_paper(&all[b]));
+        violation.then(paper).then_with(|| standings[a].compare(&standings[b]))
+    };
+    let best = (0..all.len()).min_by(|&a, &b| order(a, b)).filter(|_| all.len() > 1)?;
     let others = (0..all.len()).filter(|&k| k != best);
-    let rival = others.min_by(|&a, &b| standings[a].compare(&standings[b]))?;
+    let rival = others.min_by(|&a, &b| order(a, b))?;
     let (word, name, next) = match all.len() {
         2 => ("better", &all[best].name, &all[rival].name),
         _ => ("best", &all[best].name, &all[rival].name),
     };
-    if !standings[best].beats(&standings[rival]) {
+    if order(best, rival) != Ordering::Less {
         return Some(format!("{word}: {name} and {next} are level\n"));
     }
     // Warnings are compared where requirements are level.
@@ -64,8 +71,27 @@ fn better_in_words(all: &[Scores]) -> Option<String> {
         let warnings = by_warnings.then_some(standings[k].guards);
         facts_in_words(&all[k], standings[k].violation, warnings, &objective)
     };
-    let decided = decided_in_words(&all[best], &standings[best], &standings[rival]);
+    let by_copies = standings[best].violation == standings[rival].violation
+        && is_on_paper(&all[best]) != is_on_paper(&all[rival]);
+    let decided = match by_copies {
+        true => decided_by_copies(&all[best], &all[rival]),
+        false => decided_in_words(&all[best], &standings[best], &standings[rival]),
+    };
     Some(format!("{word}: {name} ({}), before {next} ({}); {decided}\n", facts(best), facts(rival)))
+}
+
+/// True where too few copies within the mounting tolerance meet all requirements.
+fn is_on_paper(scores: &Scores) -> bool {
+    scores.requirements_hold_in.is_some_and(|share| share < HOLDS)
+}
+
+fn decided_by_copies(ours: &Scores, theirs: &Scores) -> String {
+    let [own, other] = [ours, theirs].map(|scores| scores.requirements_hold_in.unwrap_or(1.0));
+    format!(
+        "decided by the copies within the mounting tolerance that meet all requirements: {:.0} % against {:.0} %",
+        100.0 * own,
+        100.0 * other
+    )
 }
 
 /// Requirements met, per cent points missing of the others, warnings where these count, and the objective of a rig.
@@ -149,6 +175,13 @@ mod tests {
             "{found}"
         );
         assert!(!found.contains("warning"), "{found}");
+        let mut on_paper = rig("a", met, 0, 0.6);
+        on_paper.requirements_hold_in = Some(0.92);
+        let mut firm = rig("b", met, 1, 0.5);
+        firm.requirements_hold_in = Some(0.97);
+        let found = words(on_paper, firm);
+        assert!(found.starts_with("better: b ") && found.contains("92 %"), "{found}");
+        assert!(found.contains("meet all requirements: 97 % against 92 %"), "{found}");
         let mut blind = rig("a", met, 0, 0.6);
         blind.car_missing = Some(0.5);
         let found = words(blind, rig("b", met, 0, 0.5));

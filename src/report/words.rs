@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::RunRecord;
 use crate::json::spoken;
-use crate::score::Guard;
+use crate::score::{Guard, HOLDS};
 use crate::search::{MethodRecord, Scored};
 
 /// The result of a run against the best baselines, by the objective and by information gain, and the guards that it
@@ -44,9 +44,15 @@ pub fn next_in_words(run: &RunRecord) -> Vec<String> {
             true => "more time (--resume goes on), ",
             false => "",
         };
+        // Limits that LiDARs stand at tell that the mounts are in the way, not the length of the search.
+        let mounts = match run.active_bounds.len() {
+            0 => "",
+            _ => "wider mounts where LiDARs stand at a limit (named below), or more of them, ",
+        };
+        let last = if mounts.is_empty() { ", more or wider mounts" } else { "" };
         steps.push(format!(
-            "Next, since requirements are not met, in this order: {time}another seed (--seed {}), more evaluations \
-             (--evaluations {evaluations}), {budget}more or wider mounts in the vehicle file.",
+            "Next, since requirements are not met, in this order: {time}{mounts}{budget}another seed (--seed {}), more \
+             evaluations (--evaluations {evaluations}){last}.",
             run.seed + 1
         ));
     }
@@ -145,7 +151,8 @@ fn unwarned(best: &Scored) -> String {
     };
     let blind = is_blind.then(|| "blind sectors are named above".to_owned());
     let broken = (!best.violations.is_empty()).then(|| "rules of the mount are broken".to_owned());
-    match [lacks, blind, broken].into_iter().flatten().collect::<Vec<_>>() {
+    let paper = on_paper(best).map(|_| "requirements hold on paper only (above)".to_owned());
+    match [lacks, paper, blind, broken].into_iter().flatten().collect::<Vec<_>>() {
         none if none.is_empty() => "No warning: all checks passed.".to_owned(),
         against => format!("No guard was violated; {}.", against.join(", and ")),
     }
@@ -153,11 +160,24 @@ fn unwarned(best: &Scored) -> String {
 
 /// Sentence on requirements that are all met; empty where there are none.
 fn met_in_words(subject: &str, price: &str, best: &Scored) -> String {
+    let paper = on_paper(best).map_or(String::new(), |share| {
+        format!(
+            ", but on paper only: {:.0} % of copies mounted within the tolerance do",
+            100.0 * share
+        )
+    });
     match &best.scores.required[..] {
         [] => String::new(),
-        [one] => format!("{subject} meets its requirement ({}){price}. ", one.title()),
-        all => format!("{subject} meets all {} requirements{price}. ", all.len()),
+        [one] => format!("{subject} meets its requirement ({}){price}{paper}. ", one.title()),
+        all => format!("{subject} meets all {} requirements{price}{paper}. ", all.len()),
     }
+}
+
+/// Share of the copies within the mounting tolerance that meet all requirements, where the placement does and too few of
+/// its copies do.
+fn on_paper(placement: &Scored) -> Option<f64> {
+    let [met, of] = placement.scores.met();
+    placement.scores.requirements_hold_in.filter(|&share| met == of && share < HOLDS)
 }
 
 /// Sentence on sectors that a placement does not see; empty where it sees a car all round, or nobody looked.
@@ -454,6 +474,16 @@ mod tests {
         let words = verdict_at(&price, Some(&found), &[], "m_sog_scaled");
         let start = "The placement found meets all 2 requirements for 9200 of 12000. ";
         assert!(words.starts_with(start), "{words}");
+        found.scores.requirements_hold_in = Some(0.92);
+        let words = verdict_at(&price, Some(&found), &[], "m_sog_scaled");
+        let start = "The placement found meets all 2 requirements for 9200 of 12000, but on paper only: 92 % of copies \
+                     mounted within the tolerance do. ";
+        assert!(words.starts_with(start), "{words}");
+        let end = "No guard was violated; requirements hold on paper only (above).";
+        assert!(words.ends_with(end), "{words}");
+        found.scores.requirements_hold_in = Some(0.95);
+        let words = verdict_at(&price, Some(&found), &[], "m_sog_scaled");
+        assert!(!words.contains("paper"), "{words}");
         found.scores.required[1].share = 0.8;
         let words = verdict_at(&price, Some(&found), &[], "m_sog_scaled");
         let start = "1 of 2 requirements met for 9200 of 12000. NOT MET: ring: 80.0 % seen, 90.0 % required";

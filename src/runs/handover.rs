@@ -255,7 +255,7 @@ fn materials(rig: &HandoverRig) -> (String, f64) {
 const CONVENTION: &str = "\
 Frame: ISO 8855, the ego frame. x ahead, y left, z up; origin on the ground below the vehicle's reference point.
 Positions are optical centres. Angles: R = Rz(yaw) * Ry(pitch) * Rx(roll), sensor to vehicle: a positive yaw turns
-left, a positive pitch looks down, a positive roll leans to the right. The sensor's own frame: x ahead, y left, z up;
+left, a positive pitch looks down, a positive roll lifts the left side. The sensor's own frame: x ahead, y left, z up;
 azimuth counter-clockwise from x, elevation up from the xy plane. phase: a turn about the sensor's own z before all
 others.
 ";

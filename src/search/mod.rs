@@ -68,4 +68,4 @@ pub use suite::{Member, Suite};
 pub use swaps::Climbs;
 pub(crate) use swaps::SWAP_SPACING;
 pub use tolerance::Tolerance;
-pub(crate) use tolerance::{FRAMES_OF_COPIES, Moved, error_of_share};
+pub(crate) use tolerance::{FRAMES_OF_COPIES, Moved, SEED_OF_RESULT, error_of_share};

@@ -25,8 +25,10 @@ const POSES: usize = 16;
 const POSES_AT_ONCE: usize = 8;
 /// Frames of each scene over which areas are looked at in copies, spread evenly.
 pub(crate) const FRAMES_OF_COPIES: u32 = 4;
-/// Seed of the moves: every placement is moved alike.
-const SEED: u64 = 0x746f_6c65;
+/// Seeds of the moves: every placement is moved alike. A search that chooses by copies has others than those that tell how
+/// its result holds, which would flatter it.
+pub(crate) const SEED_OF_RESULT: u64 = 0x746f_6c65;
+pub(crate) const SEED_OF_SEARCH: u64 = 0x7365_6172;
 
 /// Most by which a LiDAR's mounting is off: each coordinate and each angle, to either side.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -106,8 +108,8 @@ impl Tolerance {
     }
 
     /// Offsets of the pose fields of each LiDAR in each of its poses, `[lidars][poses]`: none in the first.
-    fn offsets(&self, lidars: usize) -> Vec<Vec<[f64; 6]>> {
-        let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+    fn offsets(&self, lidars: usize, seed: u64) -> Vec<Vec<[f64; 6]>> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let most =
             [self.metres, self.metres, self.metres, self.radians, self.radians, self.radians];
         let mut off = |_| most.map(|most| most * rng.random_range(-1.0..=1.0));
@@ -137,6 +139,7 @@ pub(crate) type Instead = Vec<(usize, Column)>;
 
 /// A placement whose LiDARs each stand in one of 16 poses within the tolerance.
 pub(crate) struct Moved {
+    seed: u64,
     offsets: Vec<Vec<[f64; 6]>>,
     columns: Vec<Column>,
     /// Required areas of each member; empty where none is required.
@@ -161,7 +164,7 @@ impl Moved {
     /// # Errors
     /// An engine that fails, a sensor that the vehicle does not have.
     pub fn new(
-        tolerance: Tolerance,
+        (tolerance, seed): (Tolerance, u64),
         placement: &Placement,
         evaluator: &mut Evaluator,
         go_on: &mut dyn FnMut() -> bool,
@@ -169,7 +172,8 @@ impl Moved {
         let of_member = |(member, _): (&Member, _)| AreaBits::new(member.problem().content());
         let areas = evaluator.members().map(of_member).filter(|areas| areas.words() > 0).collect();
         let mut moved = Self {
-            offsets: tolerance.offsets(placement.lidars.len()),
+            seed,
+            offsets: tolerance.offsets(placement.lidars.len(), seed),
             columns: Vec::new(),
             areas,
             problem: evaluator.shared_problem(),
@@ -328,7 +332,7 @@ impl Moved {
     pub fn holds(&self, instead: &[(usize, Column)], found: &[(f64, f64)]) -> Holds {
         let columns = self.columns(instead);
         let as_it_is = self.as_it_is(instead);
-        let mut rng = ChaCha8Rng::seed_from_u64(SEED ^ 1);
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ 1);
         let copies: Vec<Vec<usize>> = (0..COPIES)
             .map(|_| columns.iter().map(|_| rng.random_range(1..POSES)).collect())
             .collect();
@@ -387,8 +391,11 @@ mod tests {
     #[test]
     fn offsets_stay_within_the_tolerance_and_fill_it() {
         let tolerance = Tolerance::default();
-        let poses: Vec<_> = tolerance.offsets(40).concat();
+        let poses: Vec<_> = tolerance.offsets(40, SEED_OF_RESULT).concat();
         assert!(poses.iter().step_by(POSES).all(|off| *off == [0.0; 6]));
+        let of_search = tolerance.offsets(40, SEED_OF_SEARCH).concat();
+        let same = poses.iter().zip(&of_search).filter(|(a, b)| a == b).count();
+        assert_eq!(same, 40, "a search chooses by other moves than its result is judged by");
         for k in 0..6 {
             let most = if k < 3 { tolerance.metres } else { tolerance.radians };
             let off = |moved: &[f64; 6]| moved[k] / most;

@@ -164,7 +164,9 @@ impl SightBeams {
 fn places_of(rule: &TargetRule) -> Vec<[f64; 3]> {
     let [from, to] = rule.bearings;
     let is_round = to - from >= 360.0;
-    let turns = (((to - from) / RULE_DEGREES).ceil() as usize).max(1);
+    // A narrow sector has its middle, too: it is what the sector is for.
+    let least = if to > from { 2 } else { 1 };
+    let turns = (((to - from) / RULE_DEGREES).ceil() as usize).max(least);
     let bearings = (0..turns + usize::from(!is_round && to > from))
         .map(|k| from + (to - from) * k as f64 / turns as f64);
     let steps = (((rule.within - rule.from) / RULE_METRES).ceil() as usize).max(1);

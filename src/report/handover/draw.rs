@@ -278,7 +278,7 @@ pub(super) fn scale_bar(drawing: &mut Drawing, sheet: &Sheet) {
 const MOST_WARNINGS: usize = 6;
 const LONGEST_LINE: usize = 96;
 
-/// Lines of the title block on requirements that are missed.
+/// Lines of the title block on rules that are broken and requirements that are not met, or on paper only.
 pub(super) fn warnings(rig: &DrawnRig<'_>) -> Vec<String> {
     let mut lines: Vec<String> = rig
         .warnings
@@ -287,7 +287,7 @@ pub(super) fn warnings(rig: &DrawnRig<'_>) -> Vec<String> {
         .map(|words| shortened(words, LONGEST_LINE))
         .collect();
     let more = rig.warnings.len().saturating_sub(MOST_WARNINGS);
-    lines.extend((more > 0).then(|| format!("and {more} more requirements are not met")));
+    lines.extend((more > 0).then(|| format!("and {more} more: see README.txt")));
     lines
 }
 
@@ -311,7 +311,7 @@ pub(super) fn draw(drawing: &mut Drawing, rig: &DrawnRig<'_>, sheet: &Sheet) {
             .to_owned(),
         "R = Rz(yaw) · Ry(pitch) · Rx(roll). Positive yaw turns left, positive pitch looks down,"
             .to_owned(),
-        "positive roll leans to the right.".to_owned(),
+        "positive roll lifts the left side.".to_owned(),
     ]
     .into_iter()
     .chain(rig.about.iter().map(|words| shortened(words, LONGEST_LINE)))

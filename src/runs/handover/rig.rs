@@ -15,7 +15,7 @@ use crate::runs::inputs::{Given, file_and_name, named_placements};
 use crate::runs::opening::{LoadTimes, Loaded};
 use crate::runs::{Computing, RunError, opening};
 use crate::scene::{EgoBody, Scene};
-use crate::score::Seen;
+use crate::score::{HOLDS, Seen};
 use crate::search::Evaluator;
 use crate::vehicle::{BeamTable, Placement, Sensors, name_lidars};
 
@@ -193,13 +193,18 @@ impl Handed {
         let scenes = if of_run.is_empty() { scenes } else { &of_run };
         let scene = scene(scenes, text, request.frame, computing)?;
         let warnings = match own {
-            Some(run) => run.required.iter().filter(|seen| !seen.is_met()).map(told).collect(),
+            Some(run) => run.required.iter().filter(|seen| is_doubtful(seen)).map(told).collect(),
             None => warnings(&scene, &placement, computing),
         };
         warnings.iter().for_each(|words| computing.watcher.note(words));
         let about = about(run, text);
         Ok(Self { placement, text: text.clone(), scene, about, warnings })
     }
+}
+
+/// True of a requirement that is not met, or on paper only.
+fn is_doubtful(seen: &Seen) -> bool {
+    !seen.is_met() || seen.holds_in.is_some_and(|share| share < HOLDS)
 }
 
 /// A requirement in words.
@@ -213,23 +218,27 @@ fn with_vehicle<'a>(run: Option<&RunFound>, computing: &Computing<'a>) -> Comput
     Computing { vehicle: vehicle.or_else(|| computing.vehicle.clone()), ..computing.clone() }
 }
 
-/// Requirements that a placement misses, measured over all frames, in words; or a sentence that says why none was looked
-/// at.
+/// Rules of the vehicle that a placement breaks, and requirements that it misses, measured over all frames, in words; or a
+/// sentence that says why none was looked at.
 fn warnings(scene: &Scene, placement: &Placement, computing: &Computing<'_>) -> Vec<String> {
-    let job = Job::new(scene.clone()).geometry_alone().engine(computing.engine.clone());
-    if scene.vehicle().require_order.is_empty() {
-        return Vec::new();
-    }
     let mut placement = placement.clone();
     // A choice that does not fit is told where the models are looked up.
     let _ = name_lidars(&computing.sensors, &mut placement);
+    let broken = scene.constraints().violations(&placement);
+    let mut warnings: Vec<String> =
+        broken.iter().map(|rule| format!("RULE BROKEN: {rule}")).collect();
+    if scene.vehicle().require_order.is_empty() {
+        return warnings;
+    }
+    let job = Job::new(scene.clone()).geometry_alone().engine(computing.engine.clone());
     match job.score(std::slice::from_ref(&placement)) {
         Ok(judged) => {
             let required = judged.iter().flat_map(|judged| &judged.scores.required);
-            required.filter(|seen| !seen.is_met()).map(told).collect()
+            warnings.extend(required.filter(|seen| is_doubtful(seen)).map(told));
         }
-        Err(why) => vec![format!("requirements were not looked at: {why}")],
+        Err(why) => warnings.push(format!("requirements were not looked at: {why}")),
     }
+    warnings
 }
 
 /// Lines of the title block.

@@ -276,8 +276,8 @@ pub(super) fn level(at: &Location, mounts: &mut [VehicleMount]) -> Result<(), De
     Ok(())
 }
 
-/// Radians that a range of yaw may lose without a note: angles such as π are written with a few digits.
-const ROUNDED: f64 = 1e-6;
+/// Radians by which a range of yaw may change without a note: angles such as π are written with a few digits.
+const ROUNDED: f64 = 1e-4;
 
 /// Turns the frames of boxes that face straight back and are no image of another mount, so that their sensors can be
 /// mirrored; returns a note where the range of yaw is cut to do so.
@@ -291,8 +291,8 @@ pub(super) fn face_back(at: &Location, mounts: &mut [VehicleMount]) -> Vec<Note>
         let Some(turned) = region.turned_back() else { continue };
         let [from, to] = [region.lower[5], region.upper[5]];
         let half = turned.upper[5];
-        if to - from > 2.0 * half + ROUNDED {
-            let middle = if from + to > 0.0 { PI } else { -PI };
+        let middle = if from + to > 0.0 { PI } else { -PI };
+        if (middle - half - from).max(to - middle - half) > ROUNDED {
             notes.push(Note::fact(format!(
                 "{}: {from} to {to}; mirrored pairs stand from {:.4} to {:.4}, the part of it that is its own image",
                 at.key("mounts").item(k).key("yaw"),

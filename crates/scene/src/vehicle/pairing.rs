@@ -67,13 +67,13 @@ const OFF_BACK: f64 = 0.02;
 
 impl Region {
     /// A box whose sensors face straight back, in a frame that is turned half around: there its yaw, too, runs from -a
-    /// to a, and poses can be mirrored. The range is cut to the part that is its own mirror image. `None` for any other
-    /// region.
+    /// to a, and poses can be mirrored. The range is cut to the part that is its own mirror image, a half turn where there is
+    /// none, as of a fixed yaw of 3.14. `None` for any other region.
     pub(super) fn turned_back(&self) -> Option<Self> {
         let [from, to] = [self.lower[5], self.upper[5]];
         let off = (0.5 * (from + to)).abs() - PI;
-        let half = 0.5 * (to - from) - off.abs();
-        if self.ego_from_region.is_some() || 2.0 * off.abs() > OFF_BACK || half < 0.0 {
+        let half = (0.5 * (to - from) - off.abs()).max(0.0);
+        if self.ego_from_region.is_some() || 2.0 * off.abs() > OFF_BACK {
             return None;
         }
         let mut turned = self.clone();
