@@ -195,11 +195,11 @@ fn mirrored_pairs_may_face_back() {
     );
     // A fixed half turn is written with a few digits.
     for (yaw, note) in [(3.14159, false), (3.14, true), (-3.1416, false)] {
-        let told = of_car(&dir, back(json!(yaw), -1.0));
+        let told = of_car(&dir, back(json!([yaw, yaw]), -1.0));
         assert!(!told.contains("no mirror image"), "{yaw}: {told}");
         assert_eq!(told.contains("mirrored pairs stand from"), note, "{yaw}: {told}");
     }
-    assert!(of_car(&dir, back(json!(3.2), -1.0)).contains("no mirror image"));
+    assert!(of_car(&dir, back(json!([3.2, 3.2]), -1.0)).contains("no mirror image"));
     of_car(&dir, back(json!([2.6, 3.7]), -1.0));
     let args =
         ["optimize", "s.json", "--vehicle", "own.json", "--backend", "cpu", "--evaluations", "20"];
