@@ -15,6 +15,8 @@ mod cli_cones;
 #[cfg(feature = "cli")]
 mod cli_cones_slabs;
 #[cfg(feature = "cli")]
+mod cli_counting;
+#[cfg(feature = "cli")]
 mod cli_counts;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_csv;

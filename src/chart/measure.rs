@@ -13,8 +13,9 @@ use crate::bvh::Hit;
 use crate::engine::{Backend, BackendError, EngineChoice, EngineKind, open};
 use crate::problem::{Problem, Tally};
 use crate::score::Objective;
-use crate::search::SWAP_SPACING;
+
 use crate::search::atlas::{Atlas, Union};
+use crate::search::{SWAP_SPACING, coarse_grid};
 use crate::vehicle::{Placement, PoseGrid, SensorPose, Sensors, UnknownSensor};
 
 /// Placements by which the GPU is compared with the CPU before the CPU's scores stand for both.
@@ -349,7 +350,7 @@ impl Scorer {
         let backend = open(problem.task(), &choice, |_| {})?.engine;
         if setting.engine == Engine::Atlas {
             let kinds = world.scene().vehicle().every_kind();
-            let grid = PoseGrid::new(&kinds, SWAP_SPACING)?;
+            let (grid, _) = coarse_grid(&kinds, SWAP_SPACING, 1, u64::MAX)?;
             check_places(problem.sensors(), &grid, placements)?;
             let atlas = Atlas::new(problem, grid, objective.needed(), ATLAS_BYTES);
             let lidars = placements.iter().map(|placement| placement.lidars.len()).max();

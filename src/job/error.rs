@@ -21,6 +21,16 @@ pub enum JobError {
     /// Rules that the mounts of a scene do not allow.
     #[error("options that set rules, such as --fix: {0}")]
     Rules(DescriptionError),
+    /// Rules of the one mount of a scene, where the mounts are those of a vehicle.
+    #[error(
+        "--fix, --symmetric and --equal-height are rules for the `mount` of a scene, and {scene} has a vehicle with \
+         mounts of its own; write `symmetric` or `equal_height` into the vehicle's file, and for --fix the value as \
+         `min` and `max` of a mount"
+    )]
+    RulesOfVehicle {
+        /// File of the scene.
+        scene: String,
+    },
     /// From the region of interest, or from building the P-SOG.
     #[error(transparent)]
     Grid(#[from] PsogError),

@@ -66,6 +66,9 @@ impl JobFiles {
     /// See [`Scene::read_with`] and [`Scene::with_rules`].
     pub fn read_scene(&self, path: &Path) -> Result<Scene, JobError> {
         let scene = Scene::read_with(path, self.vehicle.as_deref())?;
+        if self.rules != MountRules::default() && !scene.vehicle().is_nameless() {
+            return Err(JobError::RulesOfVehicle { scene: path.display().to_string() });
+        }
         scene.with_rules(&self.rules, &path.display().to_string()).map_err(JobError::Rules)
     }
 

@@ -11,7 +11,7 @@ use crate::scan::conditions::{Condition, in_words};
 use crate::scan::{in_conditions, scan_scene};
 use crate::scene::{PsogSource, Scene};
 use crate::shared::{Overlap, Redundancy, RedundancySite};
-use crate::targets::{TargetQuestion, TargetSite};
+use crate::targets::{TargetQuestion, TargetSite, check_counting};
 use crate::vehicle::{Constraints, Placement, Sensors};
 
 /// One scene of a [`Job`](super::Job), with all that decides about its problem.
@@ -180,8 +180,9 @@ impl JobScene {
                 Problem::on_grid_of(&empty, scene, sensors, &frames)
             }
         };
-        let mut problem =
-            problem.map_err(|source| JobError::Problem { files: self.files(), source })?;
+        let of_files = |source| JobError::Problem { files: self.files(), source };
+        let mut problem = problem.map_err(of_files)?;
+        check_counting(&problem, scene.vehicle()).map_err(of_files)?;
         if let Some(constraints) = &self.constraints {
             problem = problem.with_constraints(constraints.clone());
         }

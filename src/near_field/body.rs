@@ -70,6 +70,12 @@ impl Footprint {
         [fold(f64::INFINITY, f64::min), fold(f64::NEG_INFINITY, f64::max)]
     }
 
+    /// Longer side of the box around it, metres.
+    pub fn length(&self) -> f64 {
+        let [low, high] = self.bounds();
+        (high[0] - low[0]).max(high[1] - low[1])
+    }
+
     /// Middle of the box around it.
     pub fn middle(&self) -> [f64; 2] {
         let [low, high] = self.bounds();

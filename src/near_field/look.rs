@@ -20,7 +20,7 @@ use crate::vehicle::{BeamTable, Placement, SensorPose};
 /// Metres from a cell's centre, counted level, within which a hit sees it.
 pub const CLOSE: f64 = 0.5;
 /// Longest side of a body in metres.
-const MOST_BODY: f64 = 50.0;
+pub(super) const MOST_BODY: f64 = 50.0;
 
 /// Near field of a scene, as far as it is the same for every placement.
 pub struct NearSite {
@@ -369,8 +369,7 @@ pub(crate) fn outline(scene: &Scene) -> Result<Footprint, NearFieldError> {
     let corners = scene.body().into_iter().flatten();
     let footprint = Footprint::of(corners.map(|[x, y, _]| [f64::from(x), f64::from(y)]));
     let footprint = footprint.ok_or_else(|| NearFieldError::NoBody { scene: place(scene) })?;
-    let [low, high] = footprint.bounds();
-    let length = (high[0] - low[0]).max(high[1] - low[1]);
+    let length = footprint.length();
     if length > MOST_BODY {
         return Err(NearFieldError::LargeBody { scene: place(scene), length, most: MOST_BODY });
     }

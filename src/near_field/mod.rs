@@ -42,7 +42,7 @@ pub use self::body::{FEW_PLACEMENTS, Footprint, self_hits};
 pub(crate) use ground::{CELL, NEAR, Pole, RING, Standard};
 pub use look::{NearField, NearSite};
 pub(crate) use look::{outline, place, returned_hits};
-pub(crate) use required::RequiredGround;
+pub(crate) use required::{RequiredGround, least_metres};
 pub use zone::NearFieldError;
 
 #[cfg(test)]

@@ -6,15 +6,15 @@ use std::sync::{Arc, OnceLock};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::ground::Cell;
-use super::look::{CLOSE, NearSite};
+use super::ground::{Cell, Cells};
+use super::look::{CLOSE, MOST_BODY, NearSite};
 use super::zone::lane_before;
-use super::{CELL, NEAR};
+use super::{CELL, Footprint, NEAR};
 use crate::bvh::Hit;
 use crate::cast::Caster;
 use crate::geom::Pose;
 use crate::maths;
-use crate::problem::{Problem, SensorBatch};
+use crate::problem::{Problem, ProblemError, SensorBatch};
 use crate::vehicle::{GroundAsked, GroundRule, SensorPose, Side, UnknownSensor};
 
 /// Metres by which the box around the ground is larger than the cells: a hit sees a cell from half a metre away, and
@@ -162,7 +162,7 @@ impl RequiredGround {
         let problem = &self.site.problem;
         let batch = SensorBatch::new(problem, std::slice::from_ref(&lidar), None)?;
         let mut all = vec![0; self.words()];
-        let of_frame = all.par_chunks_mut(self.frame_words()).zip(&self.site.frames);
+        let of_frame = all.par_chunks_mut(self.frame_words().max(1)).zip(&self.site.frames);
         of_frame.for_each(|(words, (frame, ..))| {
             let poses = batch.ego_from_sensors(*frame);
             let hits = self.hits(&batch, &poses, *frame);
@@ -303,6 +303,37 @@ impl RequiredGround {
             _ => "on all sides".to_owned(),
         }
     }
+}
+
+/// Metres from which on each of some rules has a cell to count, beside the own body of a problem: from its outline, or
+/// before the edge of a blind zone; `None` where no lane of cells lies there.
+///
+/// # Errors
+/// The body is a line from above, or larger than any vehicle.
+pub(crate) fn least_metres(
+    problem: &Problem,
+    rules: &[GroundRule],
+) -> Result<Vec<Option<f64>>, ProblemError> {
+    let Some(first) = rules.first() else { return Ok(Vec::new()) };
+    let footprint = Footprint::of(problem.body().corners().map(|at| [at.x, at.y]));
+    let footprint = footprint.ok_or_else(|| ProblemError::GroundWithout {
+        name: first.name.clone(),
+        lacks: "own body with an area from above (`ego.body` of the scene, or `body` of the vehicle)",
+    })?;
+    let length = footprint.length();
+    if length > MOST_BODY {
+        let name = first.name.clone();
+        return Err(ProblemError::LargeBody { name, length, most: MOST_BODY });
+    }
+    let cells = Cells::around(&footprint).cells;
+    let least = |rule: &GroundRule| {
+        let metres = |cell: &Cell| match rule.asked {
+            GroundAsked::Within(_) => Some(cell.distance),
+            GroundAsked::BlindZone(side, _) => Some(lane_before(&footprint, cell, side)?.1),
+        };
+        cells.iter().filter_map(metres).min_by(f64::total_cmp)
+    };
+    Ok(rules.iter().map(least).collect())
 }
 
 /// Side of the scene's own frame that is a side of the vehicle.

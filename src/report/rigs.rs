@@ -16,8 +16,8 @@ pub fn rigs_text(vehicle: &Vehicle, placements: &[Placement], all: &[Scores]) ->
     for (placement, scores) in placements.iter().zip(all) {
         // A LiDAR without a name is of the only model.
         let name = |name: SensorName| if name.is_none() { vehicle.sensors[0].name } else { name };
-        let sensors = placement.lidars.iter().map(|pose| vehicle.price(name(pose.sensor)));
-        let price = has_prices.then(|| format!("price {}", sensors.sum::<f64>()));
+        let sensors = placement.lidars.iter().map(|pose| name(pose.sensor));
+        let price = has_prices.then(|| format!("price {}", vehicle.price_of(sensors)));
         let card = scores.range_card.as_ref().map(card_in_words);
         let facts: Vec<String> = price.into_iter().chain(card).collect();
         if !facts.is_empty() {

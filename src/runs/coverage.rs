@@ -172,7 +172,7 @@ pub struct TargetsRequest {
     /// Frames to look at in each scene, spread evenly
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..)))]
     pub frames: u32,
-    /// Frames in which the target must be detected [default: all]
+    /// Frames in which the target must be detected, at most those of --frames [default: all]
     #[cfg_attr(feature = "cli", arg(long = "in", value_name = "M", value_parser = clap::value_parser!(u32).range(1..)))]
     pub of_frames: Option<u32>,
     /// Count only beams of which the sensor sees enough light: by the target's reflectance and the sensor's response
@@ -231,6 +231,7 @@ pub fn targets(
     let (mut table, mut looked_at) = (TargetTable::default(), Vec::new());
     watcher.listen(GRACE);
     if let Some(vehicle) = computing.vehicle.as_deref().filter(|_| scenes.is_empty()) {
+        opening::note_frames_on_level_ground(Some(request.frames), watcher);
         table = on_level_ground(
             &question,
             receiving.clone(),
@@ -360,7 +361,14 @@ fn question(
     distances.dedup();
     let mut bearings = or(&request.bearings, card_bearings());
     bearings.dedup();
-    let of_frames = request.of_frames.unwrap_or(request.frames).min(request.frames) as usize;
+    let (frames, of_frames) = (request.frames, request.of_frames.unwrap_or(request.frames));
+    if of_frames > frames {
+        return Err(RunError::Usage(format!(
+            "--in {of_frames}: is more than the {frames} frame(s) that are looked at; give --frames {of_frames} or more, \
+             or --in 1 to {frames}"
+        )));
+    }
+    let of_frames = of_frames as usize;
     Ok(TargetQuestion { targets, distances, bearings, beams: request.beams, of_frames })
 }
 

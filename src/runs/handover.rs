@@ -24,8 +24,8 @@ use crate::files::{
 };
 use crate::report::handover::{DrawnLidar, DrawnMount, DrawnRig};
 use crate::shared::FieldOfView;
-use crate::vehicle::MAX_LIDARS;
 use crate::vehicle::sensor_file::isaac_profile;
+use crate::vehicle::{MAX_LIDARS, sum_of_prices};
 use mask::{FREE, NONE, OWN, SelfHitMask};
 use rig::HandoverRig;
 
@@ -231,11 +231,11 @@ fn poses(rig: &HandoverRig) -> String {
 /// A line a model: how many, price of one, price of all; last the sum. Returns the sum, too.
 fn materials(rig: &HandoverRig) -> (String, f64) {
     let mut rows = vec![["model", "count", "price_each", "price"].map(str::to_owned)];
-    let mut total = 0.0;
+    let total = sum_of_prices(rig.models.iter().map(|model| rig.price(*model)));
     for model in rig.used_models() {
         let count = rig.models.iter().filter(|of| **of == model).count();
-        let (each, all) = (rig.price(model), rig.price(model) * count as f64);
-        total += all;
+        let each = rig.price(model);
+        let all = sum_of_prices(std::iter::repeat_n(each, count));
         rows.push([
             rig.model_name(model),
             count.to_string(),

@@ -210,6 +210,14 @@ pub fn note_frames(scene: &Scene, wanted: Option<u32>, watcher: &dyn Watcher) {
     }
 }
 
+/// Notes that `--frames` is more than the one frame of level ground.
+pub fn note_frames_on_level_ground(wanted: Option<u32>, watcher: &dyn Watcher) {
+    if let Some(wanted) = wanted.filter(|wanted| *wanted > 1) {
+        watcher
+            .note(&format!("--frames {wanted}: without a scene there is one frame, level ground"));
+    }
+}
+
 /// Notes scenes with other classes than the first, which only the counts by class depend on.
 fn note_classes(suite: &Suite, watcher: &dyn Watcher) {
     let Some((first, others)) = suite.members().split_first() else { return };

@@ -303,8 +303,7 @@ fn priced(job: &Job, placement: &Placement) -> Value {
     if !vehicle.is_nameless() {
         let first = vehicle.sensors.first().map_or(SensorName::NONE, |sensor| sensor.name);
         let model = |lidar: &SensorPose| if lidar.sensor.is_none() { first } else { lidar.sensor };
-        let price: f64 = placement.lidars.iter().map(|lidar| vehicle.price(model(lidar))).sum();
-        listed["price"] = json!(price);
+        listed["price"] = json!(vehicle.price_of(placement.lidars.iter().map(model)));
     }
     listed
 }

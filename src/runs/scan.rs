@@ -13,7 +13,7 @@ use super::{Computing, RunError, Silent, Watcher, opening, outputs};
 use crate::export::{
     Dataset, DatasetSettings, GltfView, Input, Layout, SceneFacts, Splits, record,
 };
-use crate::files::{Session, safe_names};
+use crate::files::{FileNames, Session};
 use crate::scan::conditions::Condition;
 use crate::scan::{ScanError, Scanner, Scanning, Stage};
 use crate::scene::Scene;
@@ -275,18 +275,17 @@ impl ScanRequest {
     ) -> Result<Vec<Plan<'a>>, RunError> {
         let files = scenes.iter().map(|scene| Input::names_of(scene.files()));
         let files = files.collect::<Result<Vec<_>, _>>()?.concat();
-        let names = safe_names(placements.iter().map(|placement| &*placement.name));
-        let named = placements.iter().zip(names);
-        let plan = |(placement, name)| {
+        let mut names = FileNames::new();
+        let mut plan = |placement: &'a Placement| {
             let out = match placements.len() {
                 1 => self.out.clone(),
-                _ => self.out.join(name),
+                _ => self.out.join(names.take(&placement.name, "")?),
             };
             let settings = self.settings(placement, files.clone(), computing)?;
             let missing = Dataset::check(&out, &settings, facts)?;
             Ok(Plan { placement, out, settings, facts, missing })
         };
-        named.map(plan).collect()
+        placements.iter().map(&mut plan).collect()
     }
 
     /// Settings that decide the bytes of a placement's data set.

@@ -14,7 +14,7 @@ use super::opening::{LoadTimes, Loaded, timings};
 use super::{Computing, GRACE, RunError, TableFormat, opening};
 use crate::csv::csv;
 use crate::files::{
-    Session, safe_name, safe_names, shared_folder, sync_disk, writable_file, write_many, write_npy,
+    FileNames, Session, safe_names, shared_folder, sync_disk, writable_file, write_many, write_npy,
     write_own, write_whole,
 };
 use crate::job::Job;
@@ -51,6 +51,9 @@ pub fn score(
     }
     if request.resume && scenes.len() > 1 {
         return Err(RunError::Usage("--resume: takes one scene".to_owned()));
+    }
+    if is_file && scenes.len() == 1 {
+        check_coverage_of(&placements, request)?;
     }
     let is_met = match &scenes[..] {
         [scene] => stream::score(request, computing, scene, &placements, total, start, out),
@@ -132,6 +135,41 @@ fn interrupted(request: &ScoreRequest, scored: u64, total: u64) -> RunError {
     RunError::Interrupted(format!("interrupted after {scored}{all} placements{left}"))
 }
 
+/// Ending of the files of covered voxels.
+const COVERAGE: &str = ".npy";
+
+/// Checks, before long work, that the covered voxels of every placement can have a file of their own in a folder, or in
+/// each of several: NAME.npy, which nothing else has and no earlier run has left.
+fn check_coverage<'a>(
+    folders: &[PathBuf],
+    names: impl IntoIterator<Item = &'a str>,
+    request: &ScoreRequest,
+) -> Result<(), RunError> {
+    let mut taken = FileNames::new();
+    for name in names {
+        let file = taken.take(name, COVERAGE)?;
+        let paths = folders.iter().map(|folder| folder.join(&file));
+        for path in paths.filter(|path| !request.resume && path.exists()) {
+            writable_file(&path)?;
+        }
+    }
+    Ok(())
+}
+
+/// Folder of the covered voxels in each scene, within one for all.
+fn coverage_folders(evaluator: &Evaluator, folder: &Path) -> Vec<PathBuf> {
+    let names = safe_names(evaluator.members().map(|(member, _)| member.name()));
+    names.iter().map(|name| folder.join(name)).collect()
+}
+
+/// Like [`check_coverage`], for the placements of a file in one scene.
+fn check_coverage_of(placements: &Path, request: &ScoreRequest) -> Result<(), RunError> {
+    let Some(folder) = &request.coverage_out else { return Ok(()) };
+    let names = PlacementReader::open(placements)?.map(|placement| Ok(placement?.name));
+    let names = names.collect::<Result<Vec<String>, PlacementFileError>>()?;
+    check_coverage(std::slice::from_ref(folder), names.iter().map(|name| &**name), request)
+}
+
 /// Writes the covered voxels of a placement, in rising order.
 fn write_coverage(
     folder: &Path,
@@ -139,7 +177,7 @@ fn write_coverage(
     covered: Vec<u64>,
     resumes: bool,
 ) -> Result<(), RunError> {
-    let path = folder.join(format!("{}.npy", safe_name(&placement.name)));
+    let path = folder.join(FileNames::new().take(&placement.name, COVERAGE)?);
     // The last block of an interrupted batch is written again.
     match resumes && path.exists() {
         true => write_own(&path, |file| write_npy(file, covered).map_err(RunError::io(&path))),
@@ -170,6 +208,10 @@ fn score_each(
     }
     let (file, mut placements) = (placements, read(placements)?);
     Given::in_problem(file, evaluator.problem(), computing).all(&mut placements)?;
+    if let Some(folder) = &request.coverage_out {
+        let names = placements.iter().map(|placement| &*placement.name);
+        check_coverage(&coverage_folders(&evaluator, folder), names, request)?;
+    }
     let mut batch = Batch {
         evaluator,
         times,
@@ -361,15 +403,14 @@ impl Batch {
 
     /// Covered voxels of each placement, in a folder a scene.
     fn write_coverage(&mut self, folder: &Path, placements: &[Placement]) -> Result<(), RunError> {
-        let names = safe_names(self.members().map(|(_, member)| member.name()));
-        for (scene, name) in names.iter().enumerate() {
-            let folder = folder.join(name);
-            shared_folder(&folder)?;
+        let folders = coverage_folders(&self.evaluator, folder);
+        for (scene, folder) in folders.iter().enumerate() {
+            shared_folder(folder)?;
             for placement in placements {
                 let covered = self.evaluator.covered_in(scene, placement)?;
-                write_coverage(&folder, placement, covered, false)?;
+                write_coverage(folder, placement, covered, false)?;
             }
-            sync_disk(&folder);
+            sync_disk(folder);
         }
         Ok(())
     }

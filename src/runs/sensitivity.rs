@@ -350,7 +350,7 @@ impl OpenJob {
             ([], Some(vehicle)) => {
                 let scene = Scene::level_ground(vehicle)?;
                 scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
-                opening::note_frames(&scene, request.frames, watcher);
+                opening::note_frames_on_level_ground(request.frames, watcher);
                 let job = Job::new(scene).conditions(&request.conditions);
                 let job = job.engine(computing.engine.clone());
                 Loaded { job, times: LoadTimes::default() }

@@ -12,7 +12,7 @@ const MOST_TIMES: u32 = 1000;
 ///
 /// # Errors
 /// A spacing that is not positive.
-pub(super) fn coarse_grid(
+pub(crate) fn coarse_grid(
     constraints: &Constraints,
     spacing: Spacing,
     least: u32,

@@ -49,6 +49,7 @@ mod tests;
 mod tolerance;
 
 pub use bound::{Certificate, GainBound};
+pub(crate) use coarse_grid::coarse_grid;
 pub(crate) use equip::REQUIRED;
 pub use equip::{Choosing, EquipStep, Equipped, Equipping, Limits, PLAIN, cost_front};
 pub use error::SearchError;

@@ -4,11 +4,12 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
+use super::coarse_grid::coarse_grid;
 use super::swaps::SWAP_SPACING;
 use super::tolerance::Tolerance;
 use crate::engine::EngineChoice;
 use crate::score::Objective;
-use crate::vehicle::{Placement, Spacing, table_7};
+use crate::vehicle::{Constraints, Placement, PoseGrid, PoseGridError, Spacing, table_7};
 
 /// Method of a search.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -128,9 +129,19 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Grid of the swaps.
-    pub(super) fn spacing(&self) -> Spacing {
-        self.delta.unwrap_or(SWAP_SPACING)
+    /// Grid of the swaps, and its spacing: the one given, or the least multiple of 0.1 m and 0.1 rad whose poses can be
+    /// numbered.
+    ///
+    /// # Errors
+    /// A given spacing that is not positive, or has too many poses.
+    pub(super) fn grid(
+        &self,
+        constraints: &Constraints,
+    ) -> Result<(PoseGrid, Spacing), PoseGridError> {
+        match self.delta {
+            Some(spacing) => Ok((PoseGrid::new(constraints, spacing)?, spacing)),
+            None => coarse_grid(constraints, SWAP_SPACING, 1, u64::MAX),
+        }
     }
 
     /// Sensor poses that the first swaps cast, at most about: half as many again as the generations, since swaps gain

@@ -9,6 +9,7 @@
 //! |---|---|
 //! | `beams` | beams of a placement on targets |
 //! | `card` | the range card, and blind sectors |
+//! | `counting` | requirements that no place or cell counts for |
 //! | `places` | where in a scene a target can stand |
 //! | `reach` | rules on targets that no rig on some poses meets |
 //! | `rules` | rules on targets, near ground and overlap, and how far they are met |
@@ -16,6 +17,7 @@
 
 mod beams;
 mod card;
+mod counting;
 mod places;
 mod reach;
 mod rules;
@@ -23,6 +25,7 @@ mod table;
 
 pub use beams::{PlacedTarget, Receiving, TargetSite};
 pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges, card_bearings};
+pub(crate) use counting::check_counting;
 pub use places::{CAR_WEIGHT, GroundBelow, Sight, SightBeams};
 pub(crate) use reach::MountPoses;
 pub use rules::RuleMet;

@@ -160,8 +160,9 @@ impl SightBeams {
     }
 }
 
-/// Places of a rule: every 7.5° or less between its bearings, every 2.5 m or less between its distances.
-fn places_of(rule: &TargetRule) -> Vec<[f64; 3]> {
+/// Places of a rule: bearings and distances spread evenly with both ends among them, as few as are at most 7.5° and
+/// 2.5 m apart; all round the last bearing is the first.
+pub(super) fn places_of(rule: &TargetRule) -> Vec<[f64; 3]> {
     let [from, to] = rule.bearings;
     let is_round = to - from >= 360.0;
     // A narrow sector has its middle, too: it is what the sector is for.

@@ -23,7 +23,7 @@ pub use guard::{
     Session, Temporary, is_forced, is_no_input, open, read, read_own, remove_temporaries, sweep,
     will_read,
 };
-pub use paths::{is_sink, safe_name, safe_names, stays_inside, target, trust_paths};
+pub use paths::{FileNames, is_sink, safe_name, safe_names, stays_inside, target, trust_paths};
 pub use run_dir::{RunDir, command_of, holds_run};
 pub use whole::{
     begin_in, sync_disk, writable_file, write_many, write_own, write_pair, write_whole,

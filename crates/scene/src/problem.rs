@@ -41,6 +41,56 @@ pub enum ProblemError {
         /// Name on the vehicle.
         name: String,
     },
+    /// A target must be met at places that all lie in the own body.
+    #[error(
+        "require[{index}]: every place of `{name}` lies in the own body, so that no share of them can be seen; raise \
+         `within` beyond the body, or turn `bearing`"
+    )]
+    NoPlace {
+        /// Position in the vehicle's `require`.
+        index: usize,
+        /// Name on the vehicle.
+        name: String,
+    },
+    /// Ground must be seen nearer to the own body than the middle of any cell.
+    #[error(
+        "require[{index}].{key}: `{name}` holds no cell of ground, so that no share of it can be seen: cells are 0.25 m \
+         wide, and the middle of the nearest one lies {least} m from the own body; give {least} or more"
+    )]
+    NoCell {
+        /// Position in the vehicle's `require`.
+        index: usize,
+        /// Name on the vehicle.
+        name: String,
+        /// Key of the distance.
+        key: &'static str,
+        /// Least distance that holds a cell, metres.
+        least: f64,
+    },
+    /// A blind zone must end where no lane of cells lies before the edge.
+    #[error(
+        "require[{index}].blind_zone: no lane of `{name}` lies before the own body, which is narrower there than the \
+         0.25 m of a lane; leave it out of `require`, or correct the body"
+    )]
+    NoLane {
+        /// Position in the vehicle's `require`.
+        index: usize,
+        /// Name on the vehicle.
+        name: String,
+    },
+    /// Ground must be seen around a body far larger than any vehicle.
+    #[error(
+        "the vehicle requires `{name}`, and its body is {length:.0} m long or wide, more than the {most:.0} m around \
+         which ground is counted; give `body` in metres, or leave the ground out of `require`"
+    )]
+    LargeBody {
+        /// Name of the first rule on the ground.
+        name: String,
+        /// Longer side of the body, metres.
+        length: f64,
+        /// The limit, metres.
+        most: f64,
+    },
     /// Targets, ground or overlap are required where beams end at nothing.
     #[error(
         "the vehicle requires `{name}`, and beams end at nothing in this scene; give the scene geometry and \

@@ -10,7 +10,7 @@ use crate::search::{
     EquipStep, Equipped, Equipping, Event, Limits, Observer, REQUIRED, SearchError, Settings,
     Suite, Work,
 };
-use crate::vehicle::{MAX_LIDARS, Vehicle};
+use crate::vehicle::{MAX_LIDARS, Vehicle, is_within_budget, sum_of_prices};
 
 /// Most prices at which sensors are chosen for a gain, and where the number of sensors is an objective, too.
 const PRICES: usize = 24;
@@ -166,7 +166,10 @@ impl FrontSweep {
                 for &budget in &self.budgets {
                     under_way.done += 1;
                     // A choice for more money that did not spend it is the best for less, too.
-                    if known.iter().any(|(limit, cost)| *limit >= budget && *cost <= budget) {
+                    if known
+                        .iter()
+                        .any(|(limit, cost)| *limit >= budget && is_within_budget(*cost, budget))
+                    {
                         continue;
                     }
                     let equipped = under_way.choice(Limits { budget, sensors })?;
@@ -290,7 +293,9 @@ fn prices(vehicle: &Vehicle, most: f64) -> Vec<f64> {
         let mut with_fewer = sums.clone();
         let mut all = if mount.count[0] == 0 { sums.clone() } else { Vec::new() };
         for count in 1..=mount.count[1].min(MAX_LIDARS) {
-            let more = with_fewer.iter().flat_map(|sum| prices.iter().map(move |p| sum + p));
+            let more = with_fewer
+                .iter()
+                .flat_map(|sum| prices.iter().map(move |p| sum_of_prices([*sum, *p])));
             with_fewer = thinned(sorted(more.collect()), SUMS);
             if count >= mount.count[0] {
                 all.extend(&with_fewer);
@@ -299,7 +304,7 @@ fn prices(vehicle: &Vehicle, most: f64) -> Vec<f64> {
         sums = thinned(sorted(all), SUMS);
     }
     let least = vehicle.cost(&vehicle.cheapest());
-    sums.retain(|sum| (least..=most).contains(sum));
+    sums.retain(|sum| *sum >= least && is_within_budget(*sum, most));
     match sums.first() {
         Some(&first) if first <= least => sums,
         _ => [&[least.min(most)], &sums[..]].concat(),

@@ -42,7 +42,7 @@ pub(in crate::search) fn bounds(
     let mut search = match gain_search(evaluator, settings, memory, watch)? {
         Ok(search) => search,
         Err(why) => {
-            let grid = PoseGrid::new(evaluator.constraints(), settings.spacing())?;
+            let (grid, _) = settings.grid(evaluator.constraints())?;
             let mut search = grid_search(evaluator, settings, &grid, memory);
             let sample = sample(&mut search, evaluator, settings, watch)?;
             return Ok(Bounds { sample, gain: Err(why) });

@@ -19,6 +19,7 @@ use crate::search::suite::Suite;
 use crate::targets::CAR_WEIGHT;
 use crate::vehicle::{
     Constraints, Equipment, MAX_LIDARS, Placement, PoseGrid, SensorName, Spacing, Ties, Vehicle,
+    is_within_budget,
 };
 
 /// Frames that the choice looks at, spread evenly.
@@ -304,9 +305,7 @@ impl Equip {
             };
             let candidates = self.candidates(&chosen).into_iter();
             let next = candidates.filter(|group| group.choices().any(|one| lacks(one.mount)));
-            let price = |group: &SensorGroup| -> f64 {
-                group.choices().map(|choice| self.vehicle.price(choice.sensor)).sum()
-            };
+            let price = |group: &SensorGroup| self.cost(group.choices());
             let Some(next) = next.min_by(|a, b| price(a).total_cmp(&price(b))) else { break };
             chosen.extend(next.choices());
         }
@@ -337,8 +336,8 @@ impl Equip {
         chosen.iter().map(|choice| choice.pose).collect()
     }
 
-    fn cost(&self, chosen: &[Choice]) -> f64 {
-        chosen.iter().map(|choice| self.vehicle.price(choice.sensor)).sum()
+    fn cost(&self, chosen: impl IntoIterator<Item = Choice>) -> f64 {
+        self.vehicle.price_of(chosen.into_iter().map(|choice| choice.sensor))
     }
 
     /// Gain less the penalties for missing requirements, as one submodular number.
@@ -415,7 +414,7 @@ impl Equip {
         Equipped {
             equipment: sorted.iter().map(|choice| (choice.mount, choice.sensor)).collect(),
             placement: Placement { name: "equipped".into(), lidars },
-            cost: self.cost(chosen),
+            cost: self.cost(chosen.iter().copied()),
             value,
             missing,
             out_of_reach: self.out_of_reach.clone(),

@@ -22,7 +22,7 @@ use super::observer::{Event, Observer, Watch};
 use super::suite::Suite;
 use crate::engine::EngineChoice;
 use crate::score::{Objective, reference_layout};
-use crate::vehicle::{Equipment, Placement, SensorName, Vehicle};
+use crate::vehicle::{Equipment, Placement, SensorName, Vehicle, is_within_budget};
 
 /// Said where the time is over before the choice.
 const OUT_OF_TIME: &str = "the time ended while the sensors were chosen; the best so far are taken, and more time may find better ones";
@@ -53,7 +53,7 @@ impl Spare {
     /// The rig with its scores; no sensors where the limits do not allow it.
     fn equipped(&self, found: Equipped) -> Result<Equipped, SearchError> {
         let (equipment, placement) = self.rig.clone();
-        let is_dear = self.cost > self.limits.budget * (1.0 + 1e-12);
+        let is_dear = !is_within_budget(self.cost, self.limits.budget);
         if !found.equipment.is_empty() || is_dear || equipment.len() > self.limits.sensors {
             return Ok(found);
         }
@@ -193,9 +193,9 @@ fn spare(
     limits: Limits,
     engine: &EngineChoice,
 ) -> Result<Spare, SearchError> {
-    let check = |least: f64| match least > limits.budget {
-        true => Err(SearchError::Budget { budget: limits.budget, least }),
-        false => Ok(least),
+    let check = |least: f64| match is_within_budget(least, limits.budget) {
+        true => Ok(least),
+        false => Err(SearchError::Budget { budget: limits.budget, least }),
     };
     check(vehicle.cost(&vehicle.cheapest()))?;
     let rig = vehicle.rig_by_the_rules()?;

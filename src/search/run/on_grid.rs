@@ -3,7 +3,6 @@
 use super::state::{Phase, Run};
 use crate::score::Standing;
 use crate::search::bound::bounds;
-use crate::search::coarse_grid::coarse_grid;
 use crate::search::error::SearchError;
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::outcome::Scored;
@@ -55,9 +54,7 @@ impl Run {
         let evaluator = self.evaluator(watch)?;
         let casts = settings.poses_for_swaps(evaluator.constraints().lidars());
         let whole = settings.method == Method::Swaps;
-        // Coarser only where the poses are too many to number.
-        let rules = evaluator.constraints();
-        let (grid, spacing) = coarse_grid(rules, settings.spacing(), 1, u64::MAX)?;
+        let (grid, spacing) = settings.grid(evaluator.constraints())?;
         let all = u64::from(grid.len());
         let total = if whole { all } else { all.min(casts) };
         let on_grid = SwapSettings { spacing, casts, whole, memory, seed: settings.seed };
@@ -127,9 +124,9 @@ impl Run {
         let frames = self.frames().len() as u64;
         let (first, end) = (work.done, work.done + work.casts);
         let halvings = if settings.delta.is_some() { 0 } else { refinement.halvings };
+        let Spacing { metres, radians } = settings.grid(self.suite.constraints())?.1;
         for halving in 0..=halvings {
             let share = 0.5_f64.powi(halving);
-            let Spacing { metres, radians } = settings.spacing();
             let spacing = Spacing { metres: share * metres, radians: share * radians };
             let is_grid = PoseGrid::new(self.suite.constraints(), spacing).is_ok();
             if watch.is_over() || !is_grid {

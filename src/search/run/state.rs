@@ -21,7 +21,7 @@ use crate::search::settings::{FrameChoice, Settings, TimeLimit};
 use crate::search::suite::Suite;
 use crate::search::swaps::Swapped;
 use crate::search::tolerance::Tolerance;
-use crate::vehicle::{MAX_LIDARS, Placement, PoseGrid};
+use crate::vehicle::{MAX_LIDARS, Placement};
 
 /// Largest population of a loaded state.
 const MOST_POPULATION: usize = 1_000_000;
@@ -83,7 +83,7 @@ impl State {
     pub fn check(&self, suite: &Suite) -> Result<(), String> {
         let constraints = suite.constraints();
         let settings = &self.settings;
-        PoseGrid::new(constraints, settings.spacing()).map_err(|error| error.to_string())?;
+        settings.grid(constraints).map_err(|error| error.to_string())?;
         if settings.evaluations > MOST_COUNTED
             || settings.population.is_some_and(|n| n > MOST_POPULATION)
         {
@@ -180,7 +180,7 @@ impl Run {
             return Err(SearchError::NoDetection { objective, scene });
         }
         // Before any work, so that a grid too fine is found out now.
-        PoseGrid::new(suite.constraints(), settings.spacing())?;
+        settings.grid(suite.constraints())?;
         let starts = settings.baselines.iter().chain(&settings.starts);
         let generations = Generations::new(&settings, suite.constraints(), starts)?;
         let state = State {

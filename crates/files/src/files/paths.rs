@@ -2,7 +2,7 @@
 //!
 //! References stay inside the folder of their file unless the user trusts them.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::path::{Component, Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -127,6 +127,63 @@ const LONGEST: usize = 200;
 /// Names that Windows keeps for devices, with any ending.
 const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
 
+/// Names of files or folders that are those of things, letter for letter, each once.
+#[derive(Debug)]
+pub struct FileNames {
+    /// Name of a thing by that of its file, as the file system compares them.
+    taken: HashMap<String, String>,
+    /// Upper and lower case are the same.
+    ignores_case: bool,
+    /// Some names are those of devices, with any ending.
+    has_devices: bool,
+}
+
+impl FileNames {
+    /// No name yet, under the rules of this system.
+    pub fn new() -> Self {
+        Self {
+            taken: HashMap::new(),
+            ignores_case: cfg!(any(windows, target_os = "macos")),
+            has_devices: cfg!(windows),
+        }
+    }
+
+    /// Takes the name of a thing followed by `ending`, `.npy` for example; without an ending it is the name of a folder.
+    ///
+    /// # Errors
+    /// No file of the system can have the name, or another thing's file has it.
+    pub fn take(&mut self, name: &str, ending: &str) -> Result<String, FileError> {
+        let file = format!("{name}{ending}");
+        let of = if ending.is_empty() { "folder" } else { "file" };
+        let is_path = matches!(&*file, "" | "." | "..") || file.contains(['/', '\\', '\0']);
+        if is_path || (self.has_devices && (is_device(&file) || file.ends_with('.'))) {
+            return Err(FileError::Refused(format!(
+                "`{name}`: no {of} can be called `{file}`; rename it"
+            )));
+        }
+        let key = if self.ignores_case { file.to_lowercase() } else { file.clone() };
+        match self.taken.insert(key, name.to_owned()) {
+            Some(other) => Err(FileError::Refused(format!(
+                "`{other}` and `{name}` would share the {of} `{file}`; rename one"
+            ))),
+            None => Ok(file),
+        }
+    }
+}
+
+impl Default for FileNames {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// True for a name that Windows keeps for a device.
+fn is_device(name: &str) -> bool {
+    let stem = name.split('.').next().unwrap_or_default().to_lowercase();
+    let is_port = |port: &str| stem.strip_prefix(port).is_some_and(|n| n.len() == 1);
+    DEVICES.contains(&&*stem) || is_port("com") || is_port("lpt")
+}
+
 /// A name that no file system takes for a path: letters, digits, `-`, `_` and, inside, `.`.
 pub fn safe_name(name: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
@@ -135,9 +192,7 @@ pub fn safe_name(name: &str) -> String {
     while name.len() > LONGEST {
         name.pop();
     }
-    let stem = name.split('.').next().unwrap_or_default().to_lowercase();
-    let is_port = |port: &str| stem.strip_prefix(port).is_some_and(|n| n.len() == 1);
-    if name.is_empty() || DEVICES.contains(&&*stem) || is_port("com") || is_port("lpt") {
+    if name.is_empty() || is_device(&name) {
         name.insert(0, '_');
     }
     name
@@ -216,6 +271,23 @@ mod tests {
             ("C:\\x\n\0", "C__x__"),
         ] {
             assert_eq!(safe_name(name), safe, "{name:?}");
+        }
+        let mut names = FileNames::new();
+        for name in ["a", ".a", "..", ".", "a.npy"] {
+            assert_eq!(names.take(name, ".npy").unwrap(), format!("{name}.npy"));
+        }
+        let again = names.take("a", ".npy").unwrap_err().to_string();
+        assert!(again.contains("`a` and `a` would share the file `a.npy`; rename one"), "{again}");
+        for name in ["", ".", "..", "a/b", "a\\b"] {
+            let told = names.take(name, "").unwrap_err().to_string();
+            assert!(told.contains(&format!("no folder can be called `{name}`")), "{told}");
+        }
+        // The rules of Windows, and of a system without them.
+        for (windows, others) in [(true, 2), (false, 5)] {
+            let mut names =
+                FileNames { ignores_case: windows, has_devices: windows, ..FileNames::default() };
+            let taken = ["CON", "a", "A", "com1", "b"].map(|name| names.take(name, ".npy").is_ok());
+            assert_eq!(taken.iter().filter(|taken| **taken).count(), others, "{taken:?}");
         }
         assert!(safe_name(&"é".repeat(500)).len() <= LONGEST);
         assert_eq!(safe_names(["a", "A", "a-2", "..", "."]), ["a", "A-2", "a-2-2", "_", "_-2"]);

@@ -256,13 +256,21 @@ impl SensorName {
     /// No name.
     pub const NONE: Self = Self(0);
 
+    /// Most bytes of a name.
+    pub const MOST_BYTES: usize = MAX_NAME;
+
+    /// True if a text can be the name of a model: 1 to 64 bytes, no control character among them.
+    pub fn is_name(name: &str) -> bool {
+        !(name.is_empty() || name.len() > MAX_NAME || name.chars().any(char::is_control))
+    }
+
     /// The name of a model.
     ///
     /// # Errors
     /// Fault with the name, in words: empty, longer than 64 bytes, or control characters in it; or
     /// there are more than 4096 different names.
     pub fn new(name: &str) -> Result<Self, String> {
-        if name.is_empty() || name.len() > MAX_NAME || name.chars().any(char::is_control) {
+        if !Self::is_name(name) {
             return Err(format!(
                 "{name:?} is no name of a sensor; give 1 to {MAX_NAME} printable characters"
             ));

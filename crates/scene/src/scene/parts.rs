@@ -362,6 +362,29 @@ impl OwnBodies {
         Ok(())
     }
 
+    /// Puts bodies with a pose for each frame where they are in frame 0, with a note for each.
+    pub fn hold_still(&mut self) -> Vec<Note> {
+        let (mut notes, mut moving) = (Vec::new(), Vec::new());
+        for body in std::mem::take(&mut self.moving) {
+            let poses = match &body.motion {
+                Motion::Poses(poses) if !poses.is_empty() => poses,
+                // A list without a pose is refused with the number of frames.
+                _ => {
+                    moving.push(body);
+                    continue;
+                }
+            };
+            self.body.append(&body.parts, &poses[0]);
+            notes.push(Note::fact(format!(
+                "{}: has {} poses, one for each frame; level ground takes the body as in frame 0",
+                body.at,
+                poses.len()
+            )));
+        }
+        self.moving = moving;
+        notes
+    }
+
     /// True if no body has a triangle.
     pub fn is_empty(&self) -> bool {
         self.body.faces.is_empty() && self.moving.iter().all(|body| body.parts.faces.is_empty())

@@ -60,18 +60,19 @@ impl Scene {
         })?;
         let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
         let dir = path.parent().unwrap_or(Path::new(""));
-        let mut scene = Self::from_text(text, dir, &name, vehicle)?;
+        let mut scene = Self::from_text(text, (dir, &name), vehicle, false)?;
         scene.files.insert(0, path.to_owned());
         Ok(scene)
     }
 
-    /// Level ground of 600 by 600 m around a vehicle of a file.
+    /// Level ground of 600 by 600 m around a vehicle of a file, in one frame. Bodies with a pose for each frame stand as
+    /// in frame 0, with a note.
     ///
     /// # Errors
     /// See [`Self::read`].
     pub fn level_ground(vehicle: &Path) -> Result<Self, DescriptionError> {
         let mut scene =
-            Self::from_text(LEVEL_GROUND, Path::new(""), "level ground", Some(vehicle))?;
+            Self::from_text(LEVEL_GROUND, (Path::new(""), "level ground"), Some(vehicle), true)?;
         // Errors name the first file: the vehicle rather than one of its meshes.
         scene.files.retain(|file| file != vehicle);
         scene.files.insert(0, vehicle.to_owned());
@@ -92,15 +93,16 @@ impl Scene {
         dir: &Path,
         name_for_errors: &str,
     ) -> Result<Self, DescriptionError> {
-        Self::from_text(text, dir, name_for_errors, None)
+        Self::from_text(text, (dir, name_for_errors), None, false)
     }
 
-    /// Reads the text of a scene, on the vehicle of another file if one is given.
+    /// Reads the text of a scene, on the vehicle of another file if one is given; `holds_still` takes the vehicle as in its
+    /// frame 0.
     fn from_text(
         text: &str,
-        dir: &Path,
-        name_for_errors: &str,
+        (dir, name_for_errors): (&Path, &str),
         vehicle: Option<&Path>,
+        holds_still: bool,
     ) -> Result<Self, DescriptionError> {
         json::check_version(text, name_for_errors, FileKind::Scene)?;
         let mut scene: SceneDescription = json::parse(text, name_for_errors)?;
@@ -112,7 +114,10 @@ impl Scene {
         roi.check_mounts(&top, &carrier.vehicle, |mount| carrier.mount(mount))?;
         let classes = std::mem::take(&mut scene.classes);
         let classes = Classes::new(&top, classes, std::mem::take(&mut scene.detection))?;
-        let things = things(&top, &scene, &classes, &mut carrier, dir)?;
+        let mut things = things(&top, &scene, &classes, &mut carrier, dir)?;
+        if holds_still {
+            carrier.notes.extend(things.own.hold_still());
+        }
         carrier.notes.extend(angles);
         let places = carrier.places(&top);
         let mut scene = Self::of_parts(&top, scene, (name, roi, classes), carrier, things, dir)?;

@@ -120,8 +120,9 @@ impl Doubts {
 pub fn doubts_of_units(pose: &SensorPose) -> Vec<String> {
     let fields = pose.fields();
     let (metres, radians) = fields.split_at(3);
-    let turned = radians.iter().find_map(|&(field, value)| {
-        let most = if field == "yaw" { TAU } else { PI };
+    let phase = pose.phase.map(|phase| ("phase", phase));
+    let turned = radians.iter().copied().chain(phase).find_map(|(field, value)| {
+        let most = if matches!(field, "yaw" | "phase") { TAU } else { PI };
         let is_beyond = value.abs() > most + 1e-6;
         let beyond = is_beyond.then(|| "is more than half a turn".to_owned());
         let fault = in_degrees(value).or(beyond)?;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::{
     Constraints, GroundRule, Lidar, MAX_LIDARS, OtherModel, OtherSensor, OverlapRule, Region,
     Requirement, Response, SensorError, SensorModel, SensorName, Sensors, Slot, SpinPhase,
-    TargetRule, Ties,
+    TargetRule, Ties, sum_of_prices,
 };
 use sightline_files::Note;
 
@@ -88,9 +88,14 @@ impl Vehicle {
         self.sensors.iter().find(|model| model.name == sensor).map_or(0.0, |model| model.price)
     }
 
+    /// Price of some sensors, see [`sum_of_prices`].
+    pub fn price_of(&self, sensors: impl IntoIterator<Item = SensorName>) -> f64 {
+        sum_of_prices(sensors.into_iter().map(|sensor| self.price(sensor)))
+    }
+
     /// Price of all sensors of some equipment.
     pub fn cost(&self, equipment: &Equipment) -> f64 {
-        equipment.iter().map(|(_, sensor)| self.price(*sensor)).sum()
+        self.price_of(equipment.iter().map(|(_, sensor)| *sensor))
     }
 
     /// The cheapest equipment: as few sensors as each mount must hold, at least one in all, each the

@@ -43,9 +43,9 @@ pub(super) fn patch(
     let facing = facing.transpose()?;
     let within = patch.within.as_ref();
     let within = within.map(|within| {
-        super::mount::keep_out_boxes(&at.key("within"), std::slice::from_ref(within))
+        super::mount::box_corners(&at.key("within"), within, "the box would hold nothing")
     });
-    let within = within.transpose()?.map(|boxes| boxes[0]);
+    let within = within.transpose()?;
     let raw = mesh::load(at, &file)?;
     let vertices = placing.vertices(at, &file, &raw)?;
     let facets = smoothed(&vertices, &raw.faces, facing);

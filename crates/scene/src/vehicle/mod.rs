@@ -13,6 +13,7 @@ mod pairing;
 pub mod placement_file;
 pub mod placements;
 pub mod pose_grid;
+mod price;
 mod region;
 mod room;
 mod rules;
@@ -46,6 +47,7 @@ pub use placements::{
     random_placements, random_placements_by_the_rules, table_7, table_7_held_by, to_nanometres,
 };
 pub use pose_grid::{PoseGrid, PoseGridError, Spacing};
+pub use price::{is_within_budget, sum_of_prices};
 pub use region::{Outline, Region};
 pub use room::NoRoom;
 pub use surface::Surface;

@@ -211,18 +211,21 @@ pub(super) fn keep_out_boxes(
         let mend = "join some";
         return Err(DescriptionError::TooMany { at, what: "boxes", count, limit, mend });
     }
-    boxes.iter().enumerate().map(|(i, cuboid)| keep_out_box(&at.item(i), cuboid)).collect()
+    let corners = |(i, cuboid)| box_corners(&at.item(i), cuboid, "the box would keep nothing out");
+    boxes.iter().enumerate().map(corners).collect()
 }
 
-fn keep_out_box(
+/// Lower and upper corner of a box; `empty` says what becomes of one without an extent.
+pub(super) fn box_corners(
     at: &Location,
     cuboid: &KeepOutDescription,
+    empty: &str,
 ) -> Result<[[f64; 3]; 2], DescriptionError> {
     let min = check::point(&at.key("min"), cuboid.min)?;
     let max = check::point(&at.key("max"), cuboid.max)?;
     for i in 0..3 {
         if min[i] >= max[i] {
-            let wanted = format!("above min ({}): the box would keep nothing out", min[i]);
+            let wanted = format!("above min ({}): {empty}", min[i]);
             return Err(bad(&at.key("max").item(i), max[i], wanted));
         }
     }

@@ -13,7 +13,7 @@ use super::description::{
 use super::equipment::{Vehicle, VehicleMount, VehicleSensor};
 use super::lidar_reading::DescribedLidar;
 use super::mesh_mount::mirror_meshes;
-use super::mount::{keep_out_boxes, least_distance};
+use super::mount::{box_corners, keep_out_boxes, least_distance};
 use super::mounting::{check_pairs, face_back, level, mounting};
 use super::{
     GroundRule, MAX_LIDARS, OtherSensor, OverlapRule, Requirement, SensorName, SpinPhase,
@@ -206,8 +206,15 @@ fn sensor(
     dir: &Path,
     notes: &mut Vec<Note>,
 ) -> Result<VehicleSensor, DescriptionError> {
-    let name = SensorName::new(&model.name)
-        .map_err(|why| bad(&at.key("name"), format!("{:?}", model.name), why))?;
+    let refused = |wanted: String| bad(&at.key("name"), format!("{:?}", model.name), wanted);
+    if !SensorName::is_name(&model.name) {
+        let wanted = format!(
+            "the name of a sensor: give 1 to {} printable characters",
+            SensorName::MOST_BYTES
+        );
+        return Err(refused(wanted));
+    }
+    let name = SensorName::new(&model.name).map_err(|why| refused(format!("usable: {why}")))?;
     let described = DescribedLidar::new(&at.key("lidar"), model.lidar, dir)?;
     let DescribedLidar { lidar, measures, notes: said } = described;
     notes.extend(said);
@@ -263,8 +270,11 @@ fn area(at: &Location, required: &RequirementDescription) -> Result<Requirement,
         _ => "it is of a `target`; a box has none",
     })?;
     let inside = KeepOutDescription { min, max };
-    let inside = keep_out_boxes(at, std::slice::from_ref(&inside))?[0];
-    let without = keep_out_boxes(&at.key("without"), &required.without)?;
+    let inside = box_corners(at, &inside, "the area would hold nothing")?;
+    let without = required.without.iter().enumerate().map(|(i, cuboid)| {
+        box_corners(&at.key("without").item(i), cuboid, "the box would take nothing away")
+    });
+    let without = without.collect::<Result<Vec<_>, _>>()?;
     Ok(Requirement { name, inside, without, share: required.share(at)? })
 }
 

@@ -17,7 +17,7 @@ impl Equip {
             return Vec::new();
         }
         let (poses, places) = (Self::poses(chosen), &self.places);
-        let spent = self.cost(chosen);
+        let spent = self.cost(chosen.iter().copied());
         let cheapest = self.vehicle.cheapest();
         let mut found = Vec::new();
         for pose in 0..self.grid.atlas().grid().len() {
@@ -30,8 +30,8 @@ impl Equip {
             };
             let group = SensorGroup { one, image };
             let (reserve, sensors) = self.owed(chosen, &group, &cheapest);
-            let price: f64 = group.choices().map(|choice| self.vehicle.price(choice.sensor)).sum();
-            let affordable = spent + price + reserve <= self.limits.budget * (1.0 + 1e-12);
+            let price = self.cost(group.choices());
+            let affordable = is_within_budget(spent + price + reserve, self.limits.budget);
             let after = chosen.len() + group.choices().count() + sensors;
             if affordable
                 && after <= most
@@ -94,7 +94,7 @@ impl Equip {
         let values = self.grid.values_with_groups(&poses, &groups);
         let of = |(group, value): (SensorGroup, f64)| {
             let added = value - before;
-            let price = group.choices().map(|choice| self.vehicle.price(choice.sensor)).sum();
+            let price = self.cost(group.choices());
             (group, rating(added, price), added)
         };
         let rated = candidates.into_iter().zip(values).map(of);

@@ -1,0 +1,103 @@
+//! Requirements for which no place and no cell counts: refused, by each command, rather than met or missed by every rig.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{fails, ok};
+
+/// Level road around a vehicle whose body is a box in plan, with one requirement.
+fn parked(dir: &Path, [min, max]: [[f64; 2]; 2], require: &Value) {
+    let vehicle = json!({ "sightline": 1, "name": "box",
+        "body": [{ "class": "vehicle", "box": { "min": [min[0], min[1], 0.4], "max": [max[0], max[1], 1.5] } }],
+        "sensors": [{ "name": "a", "lidar": { "channels": 16, "fov": [-24.8, 2], "azimuth_steps": 90, "range": 60 } }],
+        "mounts": [{ "name": "roof", "min": [-1, -0.5, 1.6], "max": [1, 0.5, 3.5], "count": [0, 2] }],
+        "require": [{ "name": "all", "min": [-8, -8, -0.5], "max": [8, 8, 1.5], "share": 0 }, require] });
+    fs::write(dir.join("box.json"), vehicle.to_string()).unwrap();
+    let scene = json!({ "sightline": 1, "name": "road", "coverage": "first-hit", "vehicle": "box.json",
+        "roi": { "min": [-8, -8, -0.5], "max": [8, 8, 1.5], "voxel": [1, 1, 1] },
+        "static": [{ "class": "road", "plane": { "min": [-20, -20], "max": [20, 20], "z": 0 } }] });
+    fs::write(dir.join("road.json"), scene.to_string()).unwrap();
+    let rig = json!({ "placements": [{ "name": "p", "lidars": [{ "x": 0, "y": 0, "z": 3.2 }] }] });
+    fs::write(dir.join("p.json"), rig.to_string()).unwrap();
+}
+
+const SCORE: [&str; 5] = ["score", "road.json", "p.json", "--backend", "cpu"];
+/// Body from x = -2 to 2.5 and y = -0.9 to 0.9.
+const CAR: [[f64; 2]; 2] = [[-2.0, -0.9], [2.5, 0.9]];
+
+#[test]
+fn ground_nearer_than_any_cell_is_an_error_that_says_from_where_on() {
+    let dir = TempDir::new().unwrap();
+    // Middles of cells lie at odd eighths of a metre: the nearest at x = 2.625, 0.125 m ahead, and at y = 1.125, 0.225 m
+    // beside the body.
+    for (rule, field, least) in [
+        (json!({ "ground": 0.05, "share": 0.5 }), "ground", "0.13"),
+        (json!({ "ground": 0.12, "share": 0.5 }), "ground", "0.13"),
+        (json!({ "blind_zone": "ahead", "depth": 0.1 }), "depth", "0.13"),
+        (json!({ "blind_zone": "left", "depth": 0.2 }), "depth", "0.23"),
+    ] {
+        parked(dir.path(), CAR, &rule);
+        let told = fails(dir.path(), &SCORE);
+        let place = format!("road.json: require[1].{field}: ");
+        assert!(told.contains(&place) && told.contains(&format!("give {least} or more")), "{told}");
+    }
+    let optimize =
+        ["optimize", "road.json", "--out", "run", "--evaluations", "5", "--backend", "cpu"];
+    let told = fails(dir.path(), &optimize);
+    assert!(told.contains("require[1].depth") && !dir.path().join("run").exists(), "{told}");
+    for rule in [
+        json!({ "ground": 0.13, "share": 0.5 }),
+        json!({ "blind_zone": "ahead", "depth": 0.13 }),
+        json!({ "blind_zone": "left", "depth": 0.23 }),
+    ] {
+        parked(dir.path(), CAR, &rule);
+        let found = &ok(dir.path(), &SCORE)["scores"][0]["requirements"][1];
+        assert!(found["found"].is_number(), "{found}");
+    }
+    // A body between two lanes has none before its edges; a line has no outline, and a large one too many cells.
+    let thin = [[-2.0, 0.01], [2.5, 0.02]];
+    parked(dir.path(), thin, &json!({ "blind_zone": "ahead", "depth": 5 }));
+    let told = fails(dir.path(), &SCORE);
+    assert!(told.contains("require[1].blind_zone") && told.contains("narrower"), "{told}");
+    parked(dir.path(), [[-2e5, -0.9], [2e5, 0.9]], &json!({ "ground": 3, "share": 0.5 }));
+    let told = fails(dir.path(), &SCORE);
+    assert!(told.contains("its body is 400000 m long or wide"), "{told}");
+}
+
+#[test]
+fn a_target_whose_places_all_lie_in_the_own_body_is_an_error() {
+    let dir = TempDir::new().unwrap();
+    let truck = [[-4.0, -1.2], [8.0, 1.2]];
+    let child = |within: f64| json!({ "target": "child", "within": within, "bearing": [-5, 5], "share": 0.95 });
+    // Places at 5, 6 and 7 m straight ahead; the body ends at 8 m.
+    parked(dir.path(), truck, &child(7.0));
+    let told = fails(dir.path(), &SCORE);
+    let words = "road.json: require[1]: every place of `child from 5 to 7 m` lies in the own body";
+    assert!(told.contains(words), "{told}");
+    let told = fails(
+        dir.path(),
+        &[
+            "study",
+            "sweep",
+            "p.json",
+            "--vehicle",
+            "box.json",
+            "--of",
+            "0.z",
+            "--from",
+            "3",
+            "--to",
+            "3.4",
+            "--backend",
+            "cpu",
+        ],
+    );
+    assert!(told.contains("require[1]: every place"), "{told}");
+    // Of 5, 7.5 and 10 m the last is free: it alone counts.
+    parked(dir.path(), truck, &child(10.0));
+    let found = &ok(dir.path(), &SCORE)["scores"][0]["requirements"][1];
+    assert!([0.0, 1.0].contains(&found["found"].as_f64().unwrap()), "{found}");
+}
