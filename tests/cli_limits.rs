@@ -383,8 +383,8 @@ fn a_mount_in_which_a_sensor_turns_any_way_is_searched_on_a_wider_grid() {
         "body": [{ "class": "vehicle", "box": { "min": [-1, -0.9, 0.3], "max": [3.5, 0.9, 0.9] } }],
         "sensors": [{ "name": "b", "price": 1,
             "lidar": { "channels": 8, "fov": [-25, 2], "azimuth_steps": 60, "range": 30 } }],
-        "mounts": [{ "name": "m", "min": [-2, -1, 1], "max": [4, 1, 3.5], "roll": [-3.14, 3.14],
-            "pitch": [-1.57, 1.57], "yaw": [-3.14, 3.14], "count": [1, 2] }] });
+        "mounts": [{ "name": "m", "min": [-2, -1, 1], "max": [4, 1, 3.5], "roll": [-3.13, 3.13],
+            "pitch": [-1.57, 1.57], "yaw": [-3.13, 3.13], "count": [1, 2] }] });
     fs::write(dir.path().join("v.json"), vehicle.to_string()).unwrap();
     let scene = json!({ "sightline": 1, "name": "s", "vehicle": "v.json", "coverage": "first-hit",
         "roi": { "min": [-8, -8, -0.4], "max": [8, 8, 2], "voxel": [1, 1, 0.6] },
