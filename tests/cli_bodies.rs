@@ -7,7 +7,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::cli::{array, fails, ok, room};
+use crate::cli::{array, fails, ok, room, sightline};
 
 /// Corners of a triangle that beams from the sensor of [`room_with`] meet.
 const FACET: &str = "facet normal 0 0 0\nouter loop\nvertex 1 -1 0\nvertex 1 1 0\nvertex 1 0 2.5\nendloop\nendfacet\n";
@@ -72,6 +72,54 @@ fn beams_end_at_a_trailer_in_each_frame_as_at_one_that_stands_so() {
     assert!(moved > 50, "{moved} beams tell the frames apart");
     room_with(dir.path(), "none.json", &json!({}));
     assert_ne!(seen[0], distances(dir.path(), "none.json", 0));
+}
+
+#[test]
+fn level_ground_takes_a_trailer_as_in_frame_0_and_says_so() {
+    let dir = TempDir::new().unwrap();
+    let tractor = |poses: Value| {
+        let ego = trailer(poses);
+        let vehicle = json!({ "sightline": 1, "body": ego["body"], "bodies": ego["bodies"],
+            "sensors": [{ "name": "a", "lidar": { "channels": 16, "fov": [-25, 2], "azimuth_steps": 90, "range": 40 } }],
+            "mounts": [{ "name": "roof", "min": [-0.8, -0.6, 1.2], "max": [1, 0.6, 2], "count": [1, 2] }],
+            "require": [{ "ground": 3, "share": 0 }] });
+        fs::write(dir.path().join("v.json"), vehicle.to_string()).unwrap();
+    };
+    let rig =
+        json!({ "placements": [{ "name": "p", "lidars": [{ "x": 0.3, "y": 0, "z": 1.6 }] }] });
+    fs::write(dir.path().join("p.json"), rig.to_string()).unwrap();
+    let run = |command: &str| {
+        let args = format!("study {command} p.json --vehicle v.json --backend cpu --format json");
+        let output = sightline(dir.path(), &args.split(' ').collect::<Vec<_>>());
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(0), "{command}: {told}");
+        (String::from_utf8_lossy(&output.stdout).into_owned(), told)
+    };
+    let commands = [
+        "targets --target car --distances 8,15",
+        "redundancy --target car",
+        "sweep --of 0.z --from 1.5 --to 1.7 --values 2",
+        "tolerance --steps 1",
+    ];
+    for command in commands {
+        tractor(json!([pose(0.0), pose(0.9), pose(0.4)]));
+        let (bends, told) = run(command);
+        let words = "v.json: bodies[0]: has 3 poses, one for each frame; level ground takes the body as in frame 0";
+        assert_eq!(told.matches(words).count(), 1, "{command}: {told}");
+        tractor(json!([pose(0.0)]));
+        let (stands, told) = run(command);
+        assert!(bends == stands && !told.contains("poses"), "{command}: {told}");
+        tractor(json!([pose(0.9)]));
+        assert!(command.starts_with("tolerance") || run(command).0 != stands, "{command}");
+    }
+    tractor(json!([pose(0.0), pose(0.9)]));
+    let handover = ["rig", "handover", "p.json", "--vehicle", "v.json", "--out", "h"];
+    let output = sightline(dir.path(), &handover);
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && told.contains("has 2 poses"), "{told}");
+    tractor(json!([]));
+    let told = fails(dir.path(), &["study", "targets", "p.json", "--vehicle", "v.json"]);
+    assert!(told.contains("bodies[0].poses: a list of 0 is not one pose"), "{told}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The edge of use: P-SOGs that tell nothing, folders that two runs want, names that a
 //! terminal would obey.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -295,4 +296,55 @@ fn running_out_of_memory_is_an_error_with_a_sentence() {
         let _ = std::fs::remove_dir_all(dir.path().join("run"));
     }
     assert!(refused > 2 && done > 0, "{refused} refused, {done} done");
+}
+
+#[test]
+fn files_of_covered_voxels_have_the_names_of_placements_or_none_is_written() {
+    let dir = corridor();
+    let at = |name: &str| dir.path().join(name);
+    let names = ["a", ".a", ".", "..", "CON", "A", "a.npy"];
+    let rigs = |names: &[&str]| {
+        let lidar = |k: usize| json!({ "x": 0.5 + k as f64, "y": 0.5, "z": 0.5 });
+        let rig = |(k, name): (usize, &&str)| json!({ "name": name, "lidars": [lidar(k)] });
+        let all: Vec<Value> = names.iter().enumerate().map(rig).collect();
+        fs::write(at("names.json"), json!({ "placements": all }).to_string()).unwrap();
+    };
+    rigs(&names);
+    let score = |out: &'static str, scenes: &[&'static str]| {
+        let args = [&["score"], scenes, &["names.json", "--backend", "cpu", "--coverage-out", out]];
+        args.concat()
+    };
+    let listed = |folder: &str| -> BTreeSet<String> {
+        let name = |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name().into_string();
+        fs::read_dir(at(folder)).unwrap().map(|entry| name(entry).unwrap()).collect()
+    };
+    let wanted: BTreeSet<String> = names.iter().map(|name| format!("{name}.npy")).collect();
+    ok(dir.path(), &score("one", &["scene.json"]));
+    assert_eq!(listed("one"), wanted);
+    // A beam along x covers the voxels from its own on: every file has its own length.
+    let sizes: BTreeSet<u64> =
+        wanted.iter().map(|file| at("one").join(file).metadata().unwrap().len()).collect();
+    assert_eq!(sizes.len(), names.len(), "{sizes:?}");
+    ok(dir.path(), &score("two", &["scene.json", "scene.json"]));
+    for (folder, sizes) in [("two/corridor", &sizes), ("two/corridor-2", &sizes)] {
+        let files = listed(folder);
+        assert_eq!(files, wanted);
+        let size = |file: &String| at(folder).join(file).metadata().unwrap().len();
+        assert_eq!(&files.iter().map(size).collect::<BTreeSet<u64>>(), sizes);
+    }
+    // The last file of an earlier run is found before the first is written.
+    for (out, scenes, first, old) in [
+        ("new", &["scene.json"][..], "new/a.npy", "new/z.npy"),
+        ("more", &["scene.json"; 2], "more/corridor/a.npy", "more/corridor-2/z.npy"),
+    ] {
+        rigs(&["a", "z"]);
+        fs::create_dir_all(at(old).parent().unwrap()).unwrap();
+        fs::write(at(old), "kept").unwrap();
+        let told = fails(dir.path(), &score(out, scenes));
+        assert!(told.contains(old) && told.contains("--force"), "{told}");
+        assert!(!at(first).exists(), "half a result");
+        assert_eq!(fs::read(at(old)).unwrap(), b"kept");
+        ok(dir.path(), &[&score(out, scenes)[..], &["--force"]].concat());
+        assert_ne!(fs::read(at(old)).unwrap(), b"kept");
+    }
 }

@@ -375,3 +375,33 @@ fn a_scan_of_more_beams_than_memory_holds_is_refused_before_it_is_taken() {
     assert!(told.contains("the beams of a scan need") && told.contains("fewer"), "{told}");
     assert!(!dir.path().join("out").exists() && start.elapsed() < 3 * LATE, "{told}");
 }
+
+#[test]
+fn a_mount_in_which_a_sensor_turns_any_way_is_searched_on_a_wider_grid() {
+    let dir = TempDir::new().unwrap();
+    let vehicle = json!({ "sightline": 1, "name": "free",
+        "body": [{ "class": "vehicle", "box": { "min": [-1, -0.9, 0.3], "max": [3.5, 0.9, 0.9] } }],
+        "sensors": [{ "name": "b", "price": 1,
+            "lidar": { "channels": 8, "fov": [-25, 2], "azimuth_steps": 60, "range": 30 } }],
+        "mounts": [{ "name": "m", "min": [-2, -1, 1], "max": [4, 1, 3.5], "roll": [-3.13, 3.13],
+            "pitch": [-1.57, 1.57], "yaw": [-3.13, 3.13], "count": [1, 2] }] });
+    fs::write(dir.path().join("v.json"), vehicle.to_string()).unwrap();
+    let scene = json!({ "sightline": 1, "name": "s", "vehicle": "v.json", "coverage": "first-hit",
+        "roi": { "min": [-8, -8, -0.4], "max": [8, 8, 2], "voxel": [1, 1, 0.6] },
+        "static": [{ "class": "road", "plane": { "min": [-40, -40], "max": [40, 40], "z": 0 } },
+                   { "class": "wall", "box": { "min": [5, 3, 0], "max": [7, 4, 2] } }],
+        "ego": { "poses": [{ "x": 0, "y": 0 }, { "x": 1, "y": 0 }] } });
+    fs::write(dir.path().join("s.json"), scene.to_string()).unwrap();
+    let optimize = "optimize s.json --evaluations 10 --backend cpu --out";
+    for command in [
+        &format!("{optimize} run"),
+        "study lidars s.json --evaluations 10 --backend cpu --out lidars",
+        "study cost s.json --evaluations 10 --backend cpu --out cost",
+    ] {
+        let output = sightline(dir.path(), &command.split(' ').collect::<Vec<_>>());
+        assert!(output.status.success(), "{command}: {}", String::from_utf8_lossy(&output.stderr));
+    }
+    let given = format!("{optimize} other --delta 0.1");
+    let told = fails(dir.path(), &given.split(' ').collect::<Vec<_>>());
+    assert!(told.contains("sensor poses, at most") && told.contains("widen --delta"), "{told}");
+}

@@ -229,13 +229,14 @@ fn wrong_targets_are_one_sentence_each() {
     let flat = json!({ "sightline": 1, "name": "flat", "shapes": [] });
     fs::write(dir.path().join("flat.json"), flat.to_string()).unwrap();
     let told = |more: &[&str]| fails(dir.path(), &[&STUDY[..], more].concat());
-    let cases: [(&[&str], &str); 8] = [
+    let cases: [(&[&str], &str); 9] = [
         (&["--target", "chidl"], "did you mean `child`?"),
         (&["--target", "none.json"], "none.json"),
         (&["--target", "flat.json"], "flat.json: shapes"),
         (&["--target", "cart.json"], "a vehicle"),
         (&["--target", "car", "--target", "car"], "is given twice"),
         (&["--distances", "10,-5"], "metres above 0"),
+        (&["--in", "5", "--frames", "2"], "--in 5: is more than the 2 frame(s) that are looked at"),
         (&["--bearings", "north"], "degrees from -360 to 360"),
         (&["--condition", "wet:water=1"], "fog, snow and rain alone"),
     ];
@@ -243,6 +244,14 @@ fn wrong_targets_are_one_sentence_each() {
         let told = told(more);
         assert!(told.contains(word) && told.lines().count() == 1, "{more:?}: {told}");
     }
+    // Level ground has one frame, whatever is asked for; one that is asked for is no slip.
+    let frames = |more: &[&str]| {
+        let asked = [&STUDY[..], &["--target", "car", "--distances", "10"], more].concat();
+        String::from_utf8(sightline(dir.path(), &asked).stderr).unwrap()
+    };
+    let note = "--frames 4: without a scene there is one frame, level ground";
+    assert!(frames(&["--frames", "4", "--in", "3"]).contains(note));
+    assert!(!frames(&["--frames", "1", "--in", "1"]).contains("--frames"));
     let told = fails(dir.path(), &["study", "targets", "rigs.json"]);
     assert!(told.contains("rigs.json: there is neither a scene nor a vehicle"), "{told}");
 }

@@ -95,6 +95,49 @@ fn sensors_are_chosen_for_the_money_and_put_where_they_may_stand() {
 }
 
 #[test]
+fn prices_add_up_as_they_are_written() {
+    let dir = garage();
+    changed(dir.path(), "cents.json", |vehicle| {
+        vehicle["sensors"][0]["price"] = json!(1.1);
+        vehicle["mounts"] = json!([vehicle["mounts"][0]]);
+        vehicle["mounts"][0]["count"] = json!([3, 3]);
+    });
+    // In floating point three times 1.1 is 3.3000000000000003.
+    let search = |budget| {
+        [&optimize(budget, "run")[..2], &["--vehicle", "cents.json"], &optimize(budget, "run")[4..]]
+            .concat()
+    };
+    let told = fails(dir.path(), &search("3.29"));
+    assert!(told.contains("--budget: 3.29 is below") && told.contains("costs 3.3;"), "{told}");
+    let found = ok(dir.path(), &search("3.3"));
+    assert_eq!(found["settings"]["equipped"]["cost"], json!(3.3), "{found}");
+    let listed = fs::read_to_string(dir.path().join("run/placements.json")).unwrap();
+    let listed: Value = serde_json::from_str(&listed).unwrap();
+    assert_eq!(listed["placements"][0]["price"], json!(3.3));
+    let front = [
+        "optimize",
+        "room.json",
+        "--vehicle",
+        "cents.json",
+        "--front",
+        "price,near_gain",
+        "--evaluations",
+        "20",
+        "--budget",
+        "3.3",
+        "--out",
+        "front",
+        "--backend",
+        "cpu",
+    ];
+    ok(dir.path(), &front);
+    for file in ["result.json", "placements.json"] {
+        let text = fs::read_to_string(dir.path().join("front").join(file)).unwrap();
+        assert!(text.contains("\"price\": 3.3") && !text.contains("3.30000"), "{file}");
+    }
+}
+
+#[test]
 fn the_vehicle_of_the_readme_gets_a_rig_for_its_budget() {
     let dir = garage();
     let readme = include_str!("../README.md");
@@ -275,6 +318,14 @@ fn faults_are_said() {
         }
     };
     says(&optimize("2", "x"), &["--budget: 2 is below the cheapest rig", "costs 3"]);
+    let ruled = [&optimize("9", "x")[..], &["--fix", "yaw=0"]].concat();
+    says(
+        &ruled,
+        &[
+            "--fix, --symmetric and --equal-height are rules for the `mount` of a scene",
+            "room.json",
+        ],
+    );
     says(&["optimize", "room.json", "--budget", "9"], &["--budget", "--vehicle"]);
     says(&["study", "cost", "room.json"], &["room.json", "has no vehicle", "--vehicle"]);
     let of_m_sog = [&optimize("9", "x")[..], &["--objective", "m_sog_scaled"]].concat();

@@ -30,3 +30,33 @@ pub(crate) fn coarse_grid(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::{FRAC_PI_2, PI};
+
+    use super::*;
+    use crate::search::settings::Settings;
+
+    #[test]
+    fn a_grid_without_a_given_spacing_is_the_finest_whose_poses_can_be_numbered() {
+        // 6 by 2 by 2.5 m in all attitudes: 61 · 21 · 26 · 63 · 32 · 63 poses, more than 2³¹.
+        let turn = [PI - 1e-3, FRAC_PI_2 - 1e-3, PI - 1e-3];
+        let [roll, pitch, yaw] = turn;
+        let free = |x: f64| {
+            let (low, high) =
+                ([-x, -1.0, 1.0, -roll, -pitch, -yaw], [x, 1.0, 3.5, roll, pitch, yaw]);
+            Constraints::in_box(low, high, 2)
+        };
+        let settings = Settings::default();
+        let (grid, spacing) = settings.grid(&free(3.0)).unwrap();
+        assert_eq!(spacing, Spacing { metres: 0.2, radians: 0.2 });
+        assert_eq!(grid.len(), 31 * 11 * 13 * 32 * 16 * 32);
+        // A narrower mount keeps the spacing, and a given spacing is never widened.
+        let (_, spacing) = settings.grid(&free(1.0)).unwrap();
+        assert_eq!(spacing, Spacing { metres: 0.1, radians: 0.1 });
+        let given = Settings { delta: Some(spacing), ..settings };
+        let told = given.grid(&free(3.0)).unwrap_err().to_string();
+        assert!(told.contains("widen --delta"), "{told}");
+    }
+}

@@ -240,6 +240,13 @@ mod tests {
             five.ends_with("pitch = 5 rad is 286°; angles are in radians, 5° are 0.0873"),
             "{five}"
         );
+        let phase = doubts(&units, SensorPose { phase: Some(100.0), ..at });
+        assert!(
+            phase.ends_with(
+                "phase = 100 is more than a turn; angles are in radians, 100° are 1.7453"
+            ),
+            "{phase}"
+        );
         let half = doubts(&units, SensorPose { roll: -3.5, ..at });
         assert!(half.contains("roll = -3.5 is more than half a turn; angles are"), "{half}");
         let both = doubts(&units, SensorPose { x: 900.0, pitch: 15.0, ..at });
@@ -250,6 +257,7 @@ mod tests {
         ));
         for fine in [
             SensorPose { yaw: 3.5, ..at },
+            SensorPose { phase: Some(3.5), ..at },
             SensorPose { roll: PI, pitch: 1.0, ..at },
             SensorPose { z: 0.0, ..at },
         ] {

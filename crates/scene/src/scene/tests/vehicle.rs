@@ -153,6 +153,21 @@ fn what_is_wrong_with_a_vehicle_is_said_with_its_place() {
         ("\"phase\": 0.1", "\"phase\": \"loose\"", "sensors[1].phase: \"loose\" is not \"free\""),
         ("\"price\": 900", "\"price\": -1", "sensors[0].price: -1 is not"),
         ("\"name\": \"solid\"", "\"name\": \"spinning\"", "it is used twice"),
+        (
+            "\"name\": \"solid\"",
+            "\"name\": \"\"",
+            "sensors[1].name: \"\" is not the name of a sensor: give 1 to 64 printable characters",
+        ),
+        (
+            "\"max\": [2, 3, 0.8]",
+            "\"max\": [2, 1, 0.8]",
+            "require[0].max[1]: 1 is not above min (1): the area would hold nothing",
+        ),
+        (
+            "\"share\": 0.5",
+            "\"share\": 0.5, \"without\": [{ \"min\": [0, 1, 0], \"max\": [1, 2, -1] }]",
+            "require[0].without[0].max[2]: -1 is not above min (0): the box would take nothing away",
+        ),
         ("\"share\": 0.5", "\"share\": 2", "require[0].share: 2 is not a share"),
         ("\"offset\": [0, 0.1]", "\"offset\": [0.1, 0]", "mounts[1].offset"),
         (
