@@ -12,9 +12,10 @@ const DOT: u8 = b'.';
 ///
 /// Robot files use prefixes without declaring them, which XML parsers refuse. Simulators read such names as plain
 /// words: `<drake:joint>` is no `<joint>`. Elements of the root's own prefix and of xacro keep theirs.
+/// Two hyphens in a comment, and space before the declaration, are read as they read them, too.
 pub fn plain_names(text: &str) -> Cow<'_, str> {
     let declared = declared(text);
-    let mut colons: Vec<usize> = Vec::new();
+    let mut changed: Vec<(usize, u8)> = odd_places(text).map(|at| (at, b' ')).collect();
     let mut root: Option<&str> = None;
     for (start, tag) in tags(text) {
         let from = usize::from(tag.starts_with('/'));
@@ -30,16 +31,46 @@ pub fn plain_names(text: &str) -> Cow<'_, str> {
                 _ => is_known || is_macro,
             };
             if !stays {
-                colons.push(start + at + prefix.len());
+                let all = name.bytes().enumerate().filter(|(_, byte)| *byte == b':');
+                changed.extend(all.map(|(colon, _)| (start + at + colon, DOT)));
             }
         }
     }
-    if colons.is_empty() {
+    if changed.is_empty() {
         return Cow::Borrowed(text);
     }
     let mut bytes = text.as_bytes().to_vec();
-    colons.into_iter().for_each(|at| bytes[at] = DOT);
+    changed.into_iter().for_each(|(at, byte)| bytes[at] = byte);
     String::from_utf8(bytes).map_or(Cow::Borrowed(text), Cow::Owned)
+}
+
+/// Hyphens inside comments, and a declaration behind white space: bytes that may be spaces.
+fn odd_places(text: &str) -> impl Iterator<Item = usize> {
+    let mut places = Vec::new();
+    let start = text.len() - text.trim_start().len();
+    if start > 0 && text[start..].starts_with("<?xml ") {
+        let end = text[start..].find("?>").map_or(start, |end| start + end + 2);
+        places.extend((start..end).filter(|at| text.is_char_boundary(*at)));
+    }
+    let mut at = 0;
+    while let Some(open) = text[at..].find('<') {
+        at += open;
+        let Some((skipped, end)) = [("<!--", "-->"), ("<![CDATA[", "]]>")]
+            .into_iter()
+            .find(|(start, _)| text[at..].starts_with(start))
+        else {
+            at += 1;
+            continue;
+        };
+        let from = at + skipped.len();
+        let Some(length) = text[from..].find(end) else { break };
+        let hyphens = text[from..from + length].bytes().enumerate();
+        if skipped == "<!--" {
+            places.extend(hyphens.filter(|(_, byte)| *byte == b'-').map(|(k, _)| from + k));
+        }
+        at = from + length + end.len();
+    }
+    places.into_iter()
 }
 
 /// Prefixes that the text declares anywhere, and whether each is one of xacro.
@@ -117,6 +148,9 @@ mod tests {
                 "<r><a.b c.d = \"x:y>\" e='1'>t:u</a.b></r>",
             ),
             ("<r xmlns:a='u'><a:b a:c='' d:e=''/></r>", "<r xmlns:a='u'><a.b a:c='' d.e=''/></r>"),
+            ("<r a='-- <'><!-- a -- b ---></r>", "<r a='-- <'><!-- a    b  --></r>"),
+            ("<r><gz::s a::b=''/></r>", "<r><gz..s a..b=''/></r>"),
+            ("\n<?xml version='1'?><r/>", "\n                   <r/>"),
             ("<!-- <a:b> --><r><![CDATA[<a:b>]]></r>", "<!-- <a:b> --><r><![CDATA[<a:b>]]></r>"),
             ("<s:r xmlns:s='u'><s:b/></s:r>", "<s:r xmlns:s='u'><s:b/></s:r>"),
             (
