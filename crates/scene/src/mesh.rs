@@ -3,6 +3,8 @@
 #[cfg(feature = "mesh")]
 mod gltf;
 #[cfg(feature = "mesh")]
+mod gltf_json;
+#[cfg(feature = "mesh")]
 mod gltf_walk;
 #[cfg(feature = "mesh")]
 mod obj;

@@ -15,6 +15,8 @@ const NEAR: f64 = 95.0;
 const FROM_END: f64 = 70.0;
 /// Least metres of an ego's way beyond the part that it drives.
 const WAY: f64 = 100.0;
+/// Share of its speed that the ego drives at in networks of short lanes.
+const SLOWEST: f64 = 0.5;
 
 /// An actor: the model that it has, and its track's number in the scene.
 #[derive(Debug, Clone, Copy)]
@@ -68,7 +70,7 @@ impl PopulationSettings<'_> {
         let open = self.open_ends();
         for attempt in 0..80 {
             // Slower after many failures, for networks of short lanes.
-            let ease = if attempt < 60 { 1.0 } else { 0.5 };
+            let ease = if attempt < 60 { 1.0 } else { SLOWEST };
             let speed = rng.random_range(self.style.speed[0]..self.style.speed[1]) * ease;
             let lane = rng.random_range(0..self.network.lanes.len());
             let first = &self.network.lanes[lane];
@@ -97,7 +99,7 @@ impl PopulationSettings<'_> {
             self.traffic(&mut people, &line, [start, end], rng);
             return Ok(people);
         }
-        let wanted = WAY.max(12.0 + self.style.speed[0] * seconds + 15.0);
+        let wanted = WAY.max(12.0 + SLOWEST * self.style.speed[0] * seconds + 15.0);
         Err(NoWay { wanted, longest })
     }
 

@@ -263,6 +263,20 @@ fn rails(draw: &mut WorldDraft<'_>) {
     }
 }
 
+/// What an ego's way lacks, in words whose numbers do not contradict each other.
+fn no_way(wanted: f64, longest: f64) -> String {
+    let wanted = (wanted * 10.0).ceil() / 10.0;
+    let rounded = (longest * 10.0).round() / 10.0;
+    if longest >= wanted {
+        return format!(
+            "none of the sequences of driving lanes tried, {rounded} m the longest, lets the ego drive {wanted} m from a lane \
+             outside junctions that is 2.2 m wide"
+        );
+    }
+    let longest = if rounded < wanted { rounded } else { (longest * 10.0).floor() / 10.0 };
+    format!("no sequence of driving lanes is {wanted} m long, the longest tried has {longest} m")
+}
+
 /// Why a world could not be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -322,10 +336,7 @@ pub enum WorldError {
         file: String,
     },
     /// No way long enough for the ego.
-    #[error(
-        "{file}: no sequence of driving lanes is {wanted:.0} m long, the longest tried has \
-         {longest:.0} m; ask for fewer frames or give a larger network"
-    )]
+    #[error("{file}: {}; ask for fewer frames or give a larger network", no_way(*wanted, *longest))]
     NoWay {
         /// Name of the file.
         file: String,

@@ -4,6 +4,7 @@ pub mod check;
 mod foreign;
 mod numbers;
 mod parse;
+mod xml;
 mod yaml;
 
 pub use check::{DescriptionError, Location, did_you_mean};
@@ -14,4 +15,5 @@ pub use parse::{
     FileKind, check_version, check_xml, parse, plain_words, read_limited, read_text, refuse_utf_16,
     unknown_key, version_1,
 };
+pub use xml::plain_names;
 pub use yaml::{YamlDocument, parse_documents, parse_yaml};

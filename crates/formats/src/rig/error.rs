@@ -154,6 +154,25 @@ pub enum RigError {
         /// Frames that there are.
         known: Vec<String>,
     },
+    /// Several models with LiDARs in one SDF file.
+    #[error("{file}: several of its models have LiDARs: {}; pick one with --base-frame {}", listed(models), models[0])]
+    SeveralModels {
+        /// The file.
+        file: String,
+        /// Models with LiDARs, two or more.
+        models: Vec<String>,
+    },
+    /// LiDARs that may be in files which an SDF file includes.
+    #[error(
+        "{file}: no model in it has a LiDAR, and what it includes is not read: {}; merge the files with `gz sdf -p {file}`",
+        listed(included)
+    )]
+    Included {
+        /// The file.
+        file: String,
+        /// Models that it includes.
+        included: Vec<String>,
+    },
     /// Far more LiDARs than a placement holds.
     #[error("{file}: {count} frames are LiDARs, at most {most} are read; pick some with --frame")]
     TooManyLidars {

@@ -5,8 +5,8 @@ use std::str::FromStr;
 
 use serde_json::Value;
 use sightline_files::json::{
-    DescriptionError, Location, Quantity, YamlDocument, parse_documents, parse_yaml, read_limited,
-    refuse_utf_16,
+    DescriptionError, Location, Quantity, YamlDocument, parse_documents, parse_yaml, plain_names,
+    read_limited, refuse_utf_16,
 };
 
 use super::beams::{Models, RigBeams};
@@ -81,7 +81,8 @@ pub(super) fn format_of(source: &RigSource) -> Result<RigFormat, RigError> {
     refuse_program(source)?;
     let unrecognised = || RigError::Unrecognised { file: source.file.clone() };
     if text.trim_start().starts_with('<') {
-        let document = yaml::parse(text, &source.file)?;
+        let text = plain_names(text);
+        let document = yaml::parse(&text, &source.file)?;
         return match document.root_element().tag_name().name() {
             "robot" => Ok(RigFormat::Urdf),
             "sdf" => Ok(RigFormat::Sdf),

@@ -49,6 +49,8 @@ pub(super) struct FrameTree {
     moving: HashMap<String, String>,
     /// Name that the files give the rig.
     pub(super) name: Option<String>,
+    /// Model of a world that was read, in SDF.
+    pub(super) model: Option<String>,
     /// Names of entries that are no LiDARs and have no frame.
     pub(super) left_out: Vec<String>,
     /// Notes for the user of the reading.

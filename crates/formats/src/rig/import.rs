@@ -116,7 +116,7 @@ pub fn import_texts(
     let mut frames = FrameTree::default();
     for source in sources {
         format::refuse_program(source)?;
-        read(format, source, &mut frames)?;
+        read(format, source, settings, &mut frames)?;
     }
     rig_of(frames, format, settings, &first.file)
 }
@@ -231,11 +231,16 @@ pub fn placement_doubts(rig: &Rig, file: &str) -> Vec<Note> {
     units.chain(below_ground(rig, file)).collect()
 }
 
-fn read(format: RigFormat, source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
+fn read(
+    format: RigFormat,
+    source: &RigSource,
+    settings: &ImportSettings,
+    frames: &mut FrameTree,
+) -> Result<(), RigError> {
     match format {
         RigFormat::Autoware => yaml::read_autoware(source, frames),
         RigFormat::Urdf => urdf::read(source, frames),
-        RigFormat::Sdf => sdf::read(source, frames),
+        RigFormat::Sdf => sdf::read(source, settings, frames),
         RigFormat::Ros2Launch => launch::read(source, frames),
         RigFormat::Carla => carla::read(source, frames),
         RigFormat::CarlaObjects => carla::read_objects(source, frames),
@@ -256,6 +261,13 @@ fn base(
     if let Some(base) = &settings.base_frame {
         if frames.mentions(base) {
             return Ok(base.clone());
+        }
+        // The frame of a model, or a frame in it.
+        let inner = frames.model.as_deref().and_then(|model| base.strip_prefix(model));
+        match inner.map(|inner| inner.strip_prefix("::").unwrap_or(inner)) {
+            Some("") => return Ok(sdf::MODEL.to_owned()),
+            Some(inner) if frames.mentions(inner) => return Ok(inner.to_owned()),
+            _ => {}
         }
         let (file, frame) = (file.to_owned(), base.clone());
         return Err(RigError::UnknownFrame { file, frame, known: frames.names() });
@@ -297,8 +309,13 @@ fn rounded(metres: f64) -> f64 {
 
 /// True if a frame without other facts has the name of a LiDAR.
 fn is_named_lidar(frame: &RigFrame) -> bool {
-    let name = frame.name.to_lowercase();
-    frame.holds == FrameContent::Unsaid && WORDS.iter().any(|word| name.contains(word))
+    frame.holds == FrameContent::Unsaid && is_name_of_lidar(&frame.name)
+}
+
+/// True if a word in a name means a LiDAR.
+pub(super) fn is_name_of_lidar(name: &str) -> bool {
+    let name = name.to_lowercase();
+    WORDS.iter().any(|word| name.contains(word))
 }
 
 /// Frames that the files call LiDARs; if there are none, frames with names of LiDARs.

@@ -13,6 +13,7 @@ mod launch;
 mod model;
 mod sdf;
 mod urdf;
+mod worlds;
 mod yaml;
 
 pub use beams::{Fan, Models};

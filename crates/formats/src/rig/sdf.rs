@@ -4,38 +4,31 @@ use std::fmt::Write;
 
 use roxmltree::Node;
 use sightline_files::Note;
-use sightline_files::json::written;
+use sightline_files::json::{plain_names, written};
 use sightline_scene::vehicle::SensorPose;
 
 use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
 use super::yaml::{PHASE, number, wrong};
-use super::{BASE_LINK, Models, Mounting, Rig, RigError, RigLidar, RigSource, beams, yaml};
+use super::{
+    BASE_LINK, ImportSettings, Models, Mounting, Rig, RigError, RigLidar, RigSource, beams, worlds,
+    yaml,
+};
 
 /// Frame that everything in a model hangs on unless it says otherwise.
 pub(super) const MODEL: &str = "__model__";
 
-/// Reads the links, joints, frames and sensors of the first model, and of the models in it.
-pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
+/// Reads the links, joints, frames and sensors of the model that is the vehicle, and of the models in it.
+pub(super) fn read(
+    source: &RigSource,
+    settings: &ImportSettings,
+    frames: &mut FrameTree,
+) -> Result<(), RigError> {
     let file = &source.file;
-    let document = yaml::parse(&source.text, file)?;
-    let is_outer = |node: &Node| {
-        node.has_tag_name("model") && !node.ancestors().skip(1).any(|a| a.has_tag_name("model"))
-    };
-    let mut models = document.descendants().filter(is_outer);
-    let Some(model) = models.next() else {
-        let at = Box::new(yaml::place(document.root_element(), file));
-        return Err(RigError::Missing { at, key: "<model>".to_owned() });
-    };
-    let name = model.attribute("name").unwrap_or_default();
+    let text = plain_names(&source.text);
+    let document = yaml::parse(&text, file)?;
+    let model = worlds::vehicle(&document, file, settings, frames)?;
     frames.name = model.attribute("name").map(str::to_owned);
-    let others: Vec<&str> =
-        models.map(|model| model.attribute("name").unwrap_or("without a name")).collect();
-    if !others.is_empty() {
-        frames.notes.push(Note::doubt(format!(
-            "{file}: holds several models; `{name}` is read, and left out are {}; put the vehicle into a file of its own",
-            others.join(", ")
-        )));
-    }
+    frames.model = frames.name.clone();
     read_model(model, "", file, frames)
 }
 
@@ -140,7 +133,9 @@ fn pose<'a>(
         return Err(wrong(&at, "a second <pose>", "one <pose>"));
     }
     let known = |name: &str| ["relative_to", "frame", "degrees", "rotation_format"].contains(&name);
-    let plain = |attribute: &roxmltree::Attribute| attribute.namespace().is_none();
+    let plain = |attribute: &roxmltree::Attribute| {
+        attribute.namespace().is_none() && !attribute.name().contains('.')
+    };
     let odd = element.attributes().find(|odd| plain(odd) && !known(odd.name()));
     if let Some(odd) = odd {
         let wanted = "no attribute but relative_to, degrees or rotation_format";
@@ -207,9 +202,10 @@ const LIDARS: [&str; 4] = ["ray", "gpu_ray", "lidar", "gpu_lidar"];
 const OWN: &str = "urn:sightline";
 const PREFIX: &str = "sightline";
 
-/// True if a `<sensor>` is a LiDAR.
-fn is_lidar(sensor: Node) -> bool {
-    sensor.attribute("type").is_some_and(|kind| LIDARS.contains(&kind))
+/// True if an element is a `<sensor>` that is a LiDAR.
+pub(super) fn is_lidar(sensor: Node) -> bool {
+    sensor.has_tag_name("sensor")
+        && sensor.attribute("type").is_some_and(|kind| LIDARS.contains(&kind))
 }
 
 /// Adds a LiDAR for a `<sensor>` whose pose in the frame `link` is `optical`. Reads its model from a name

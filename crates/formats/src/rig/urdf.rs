@@ -10,7 +10,7 @@ use std::fmt::Write;
 
 use roxmltree::Node;
 use sightline_files::Note;
-use sightline_files::json::{Location, written};
+use sightline_files::json::{Location, plain_names, written};
 use sightline_scene::vehicle::SensorPose;
 
 use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
@@ -40,7 +40,8 @@ const OF_JOINT: [&str; 10] = [
 pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let file = &source.file;
     let unexpanded = || RigError::Xacro { file: file.clone() };
-    let document = yaml::parse(&source.text, file).map_err(|error| match error {
+    let text = plain_names(&source.text);
+    let document = yaml::parse(&text, file).map_err(|error| match error {
         // A prefix that no attribute declares is no XML with namespaces.
         RigError::Syntax { .. } if source.text.contains("<xacro:") => unexpanded(),
         error => error,
@@ -95,7 +96,7 @@ fn origin_of<'a, 'i>(
     let elements = joint.children().filter(Node::is_element);
     for element in elements.filter(|element| element.tag_name().namespace().is_none()) {
         let name = element.tag_name().name();
-        if !OF_JOINT.contains(&name) {
+        if !OF_JOINT.contains(&name) && !name.contains('.') {
             frames.notes.push(Note::doubt(format!("{at}: <{name}>: not known here, and not read")));
         }
     }
@@ -106,7 +107,8 @@ fn origin_of<'a, 'i>(
         return Err(wrong(&at, "a second <origin>", "one <origin>"));
     }
     let known = |name: &str| ["xyz", "rpy", QUATERNION].contains(&name);
-    let odd = origin.and_then(|origin| origin.attributes().find(|a| !known(a.name())));
+    let own = |a: &roxmltree::Attribute| a.namespace().is_none() && !a.name().contains('.');
+    let odd = origin.and_then(|origin| origin.attributes().find(|a| own(a) && !known(a.name())));
     match odd {
         Some(odd) => {
             Err(wrong(&at.key(odd.name()), odd.value(), "no attribute but xyz, rpy or quat_xyzw"))

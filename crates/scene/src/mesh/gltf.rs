@@ -12,6 +12,7 @@ use gltf::accessor::sparse::IndexType;
 use gltf::accessor::{Accessor, DataType, Dimensions};
 use gltf::buffer::View;
 
+use super::gltf_json::{self, Parts};
 use super::gltf_walk::NodeWalk;
 use super::{MAX_FILE, MOST_TOLD, MeshAxes, MeshFault, RawMesh};
 use sightline_files::Note;
@@ -53,7 +54,6 @@ const DATA_URI: GeneralPurpose = GeneralPurpose::new(
 /// Reads a glTF; buffers beside it are looked up in `dir`. Points, lines, cameras, lights and textures are passed
 /// over: they have no surface.
 pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, MeshFault> {
-    let whole = |e: gltf::Error| MeshFault::new("file", e.to_string());
     // The crate subtracts the 12 bytes of the header from this length unchecked.
     if let Some([b'g', b'l', b'T', b'F', _, _, _, _, length @ ..]) = bytes.first_chunk::<12>()
         && u32::from_le_bytes(*length) < 12
@@ -64,9 +64,7 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, MeshFault> {
         ));
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let gltf::Gltf { document, blob } =
-        gltf::Gltf::from_slice_without_validation(bytes).map_err(whole)?;
-    let mut json = document.into_json();
+    let Parts { root: mut json, blob, animations } = gltf_json::read(bytes)?;
     check_attributes(&json)?;
     check_nodes(&json)?;
     let passed = |name: &str| PASSED.iter().any(|start| name.starts_with(start));
@@ -89,14 +87,13 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, MeshFault> {
     mesh.axes = extras
         .as_ref()
         .and_then(|extras: &serde_json::Value| MeshAxes::of(extras["axes"].as_str()?));
-    if !json.animations.is_empty() {
-        let text = format!(
-            "{} animations are not played; nodes stand where the file puts them",
-            json.animations.len()
-        );
+    if animations > 0 {
+        let text =
+            format!("{animations} animations are not played; nodes stand where the file puts them");
         mesh.notes.push(Note::fact(text));
     }
-    let document = gltf::Document::from_json(json).map_err(whole)?;
+    gltf_json::check(&json)?;
+    let document = gltf::Document::from_json_without_validation(json);
     let buffers = read_buffers(&document, dir, blob, &mut mesh.files)?;
     let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) else {
         return Err(MeshFault::new("file", "holds no scene"));
@@ -192,6 +189,9 @@ fn read_buffers(
 /// Most numbers that one file may ask for: many primitives may share one accessor.
 const MOST_NUMBERS: usize = 200_000_000;
 
+/// Most numbers of an accessor without data: a small file can ask for any number.
+const MOST_ZEROS: usize = 6_000_000;
+
 /// The buffers of a file, and how many numbers may still be read from them.
 pub(super) struct Data {
     buffers: Vec<Vec<u8>>,
@@ -241,9 +241,13 @@ impl Data {
                 let items = bytes.chunks(stride).take(count);
                 items.flat_map(|item| scaled(accessor, &item[..size])).collect()
             }
-            // Zeros, which the sparse values replace.
-            (None, Some(_)) if total <= self.buffers.iter().map(Vec::len).sum() => vec![0.0; total],
-            (None, _) => return Err(format!("uses {name} without plain data (is it compressed?)")),
+            // Zeros, some of which sparse values may replace.
+            (None, _) if total <= MOST_ZEROS => vec![0.0; total],
+            (None, _) => {
+                return Err(format!(
+                    "uses {name}, {total} numbers without data (`bufferView`), {MOST_ZEROS} may be there; export its data"
+                ));
+            }
         };
         self.replace(accessor, &mut numbers)?;
         Ok(numbers)

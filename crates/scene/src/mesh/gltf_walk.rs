@@ -181,6 +181,11 @@ impl<'a> NodeWalk<'a> {
             return Ok(());
         }
         let accessor = primitive.get(&Semantic::Positions).ok_or("has no positions")?;
+        let is_packed = primitive.extension_value("KHR_draco_mesh_compression").is_some();
+        if is_packed && accessor.view().is_none() && accessor.sparse().is_none() {
+            let packed = "has its data in KHR_draco_mesh_compression alone, which is not read; export it without";
+            return Err(packed.to_owned());
+        }
         let count = accessor.count();
         let triangles = triangles(mode, primitive.indices().map_or(count, |i| i.count()))?;
         let fits = |have: usize, more: usize, most: usize| {

@@ -12,6 +12,10 @@ use sightline_files::Note;
 const MOST_CORNERS: usize = 10_000;
 /// Share of a polygon's area that rounding may turn over.
 const SLIVER: f64 = 1e-9;
+/// Share of a polygon's reach from which a corner lies outside its plane.
+const BENT: f64 = 1e-6;
+/// Most corners of a bent polygon that are all kept: the search takes time with their cube.
+const MOST_BENT: usize = 300;
 /// Relative difference of areas above which a polygon crosses itself.
 const CROSSED: f64 = 1e-6;
 
@@ -91,6 +95,15 @@ impl Cutter {
         if self.cut.is_empty() {
             return fan(mesh, corners, material);
         }
+        // Corners in a line as seen from above make no triangle there, and one in space.
+        let bulge = (1..corners.len()).map(|i| arm(i).dot(normal).abs()).fold(0.0, f64::max);
+        let is_bent = bulge > BENT * (reach * size).sqrt();
+        if is_bent && self.cut.len() < 3 * (corners.len() - 2) {
+            match ears(&plane) {
+                Some(cut) => self.cut = cut,
+                None => self.cross(),
+            }
+        }
         let mut triangles = self.cut.chunks_exact(3);
         triangles.try_for_each(|t| {
             mesh.triangle([t[0], t[1], t[2]].map(|i| corners[i as usize]), material)
@@ -120,6 +133,38 @@ impl Cutter {
             )));
         }
     }
+}
+
+/// Triangles of all corners of a polygon in its plane, also those between corners in a line; `None` where it crosses
+/// itself, or has too many corners.
+fn ears(plane: &[[f64; 2]]) -> Option<Vec<u32>> {
+    if plane.len() > MOST_BENT {
+        return None;
+    }
+    let area = |a: u32, b: u32, c: u32| {
+        let [a, b, c] = [a, b, c].map(|i| plane[i as usize]);
+        (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    };
+    let last = plane.len() as u32 - 1;
+    let sense = (1..last).map(|i| area(0, i, i + 1)).sum::<f64>().signum();
+    let mut left: Vec<u32> = (0..=last).collect();
+    let mut cut = Vec::with_capacity(3 * plane.len());
+    while left.len() > 3 {
+        let count = left.len();
+        let corner = |i: usize| [left[(i + count - 1) % count], left[i], left[(i + 1) % count]];
+        let inside = |[a, b, c]: [u32; 3], p: u32| {
+            [(a, b), (b, c), (c, a)].iter().all(|(from, to)| sense * area(*from, *to, p) > 0.0)
+        };
+        let is_ear = |i: &usize| {
+            let ear @ [a, b, c] = corner(*i);
+            sense * area(a, b, c) >= 0.0 && left.iter().all(|p| ear.contains(p) || !inside(ear, *p))
+        };
+        let ear = (0..count).find(is_ear)?;
+        cut.extend(corner(ear));
+        left.remove(ear);
+    }
+    cut.extend(left);
+    Some(cut)
 }
 
 fn fan(mesh: &mut RawMesh, corners: &[u32], material: u32) -> Result<(), String> {
@@ -171,6 +216,34 @@ mod tests {
                 }
                 polygon.reverse();
             }
+        }
+    }
+
+    /// trimesh's `polygonfaces.obj`: its fifth corner stands over the edge from the third to the fourth. The square has
+    /// 4 m², and the lost triangle stands on it.
+    #[test]
+    fn corners_over_an_edge_keep_their_triangle() {
+        let p = |x, y, z| DVec3::new(x, y, z);
+        let mut polygon = vec![
+            p(-1.0, 0.0, 1.0),
+            p(1.0, 0.0, 1.0),
+            p(1.0, 0.0, -1.0),
+            p(-1.0, 0.0, -1.0),
+            p(0.0, 1.0, -1.0),
+        ];
+        for turn in 0..5 {
+            let (area, faces, notes) = cut(&polygon);
+            let mut used: Vec<u32> = faces.as_flattened().to_vec();
+            used.sort_unstable();
+            used.dedup();
+            assert!(faces.len() == 3 && used.len() == 5 && notes.is_empty(), "{turn}: {faces:?}");
+            // Each edge of the outline is one of the surface's border: once in all triangles.
+            let edges = |a: u32, b: u32| {
+                faces.iter().filter(|face| face.contains(&a) && face.contains(&b)).count()
+            };
+            assert!((0..5).all(|i| edges(i, (i + 1) % 5) == 1), "{turn}: {faces:?}");
+            assert!(area > 3.0, "{area}");
+            polygon.rotate_left(1);
         }
     }
 

@@ -12,7 +12,7 @@ use roxmltree::{Document, Node, ParsingOptions};
 use super::{Geometry, MeshFault, RobotPart};
 use lidar_cast::geom::Pose;
 use sightline_files::files::stays_inside;
-use sightline_files::json::{check, check_xml, nearest};
+use sightline_files::json::{check, check_xml, nearest, plain_names};
 
 /// Most elements, texts and comments of a file.
 const MAX_NODES: u32 = 1_000_000;
@@ -102,7 +102,10 @@ fn positive(value: f64, key: &str, of: &str) -> Result<f64, MeshFault> {
 fn origin(node: Node, of: &str) -> Result<Pose, MeshFault> {
     let Some(origin) = sole(node, "origin", of)? else { return Ok(Pose::IDENTITY) };
     let known = |name: &str| ["xyz", "rpy", "quat_xyzw"].contains(&name);
-    if let Some(odd) = origin.attributes().find(|attribute| !known(attribute.name())) {
+    let own = |name: &str| !name.contains('.');
+    let odd =
+        |a: &roxmltree::Attribute| a.namespace().is_none() && own(a.name()) && !known(a.name());
+    if let Some(odd) = origin.attributes().find(odd) {
         let problem = format!("<origin> has {:?}; give xyz, rpy or quat_xyzw", odd.name());
         return Err(fault(of, problem));
     }
@@ -121,7 +124,8 @@ fn origin(node: Node, of: &str) -> Result<Pose, MeshFault> {
 impl Robot<'_> {
     /// The shapes of all links but those left out, in the order of the file.
     pub fn parts(&self) -> Result<Vec<RobotPart>, MeshFault> {
-        let document = self.document()?;
+        let text = plain_names(self.text);
+        let document = self.document(&text)?;
         let robot = document.root_element();
         let (links, names) = links(robot)?;
         let mut left_out = vec![false; links.len()];
@@ -154,11 +158,11 @@ impl Robot<'_> {
         Ok(parts)
     }
 
-    fn document(&self) -> Result<Document<'_>, MeshFault> {
+    fn document<'t>(&self, text: &'t str) -> Result<Document<'t>, MeshFault> {
         let unexpanded = || fault("file", "is xacro; expand it with `xacro FILE > robot.urdf`");
-        let parsed = check_xml(self.text).and_then(|()| {
+        let parsed = check_xml(text).and_then(|()| {
             let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
-            Document::parse_with_options(self.text, options).map_err(|error| error.to_string())
+            Document::parse_with_options(text, options).map_err(|error| error.to_string())
         });
         let document = parsed.map_err(|problem| match self.text.contains("<xacro:") {
             true => unexpanded(),

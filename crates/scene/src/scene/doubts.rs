@@ -108,8 +108,8 @@ fn body(who: &str, solid: &Solid) -> Option<String> {
     }
     if size.z > 2.5 && size.z > 1.5 * size.x.max(size.y) {
         return Some(format!(
-            "the {who} is {:.1} m high, but {:.1} m long and {:.1} m wide; z is up: give its mesh `\"axes\": \"y-up\"`, \
-             or turn it",
+            "the {who} is {:.1} m high, but {:.1} m long and {:.1} m wide; z is up: give its mesh other \
+             `axes` (\"y-up\" if y is up in its file, \"z-up\" if z is), or turn it",
             size.z, size.x, size.y
         ));
     }
@@ -136,7 +136,7 @@ fn world(solid: &Solid) -> Option<String> {
     on_side.then(|| {
         format!(
             "the static world is {:.0} m high and {:.0} m deep, and most of its faces look along y; z is up: give \
-             its mesh `\"axes\": \"y-up\"`",
+             its mesh other `axes` (\"y-up\" if y is up in its file, \"z-up\" if z is), or turn it",
             size.z, size.y
         )
     })

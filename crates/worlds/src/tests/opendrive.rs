@@ -70,6 +70,33 @@ fn a_map_without_what_a_world_needs_is_refused_with_a_sentence() {
     assert!(matches!(error, WorldError::NoWay { .. }), "{error}");
 }
 
+/// One road with a lane to each side: 100 m are the least, also for 40 frames, whose slowest ego needs less.
+#[test]
+fn a_road_that_is_too_short_is_told_with_its_length() {
+    let road = |length: f64, frames: usize| {
+        let lane = |id: i32| {
+            format!(
+                "<lane id=\"{id}\" type=\"driving\"><width sOffset=\"0\" a=\"3.5\" b=\"0\" c=\"0\" d=\"0\"/></lane>"
+            )
+        };
+        let map = format!(
+            "<OpenDRIVE><header revMajor=\"1\" revMinor=\"6\"/><road id=\"1\" length=\"{length}\" junction=\"-1\">\
+             <planView><geometry s=\"0\" x=\"0\" y=\"0\" hdg=\"0\" length=\"{length}\"><line/></geometry></planView>\
+             <lanes><laneSection s=\"0\"><left>{}</left><center><lane id=\"0\" type=\"none\"/></center>\
+             <right>{}</right></laneSection></lanes></road></OpenDRIVE>",
+            lane(1),
+            lane(-1)
+        );
+        import_opendrive(&map, "m.xodr", 1, frames).map_err(|error| error.to_string())
+    };
+    for frames in [1, 40] {
+        let told = road(99.9, frames).unwrap_err();
+        assert!(told.contains("is 100 m long, the longest tried has 99.9 m; ask"), "{told}");
+        assert!(road(99.98, frames).unwrap_err().contains("has 99.9 m"));
+        road(110.0, frames).unwrap();
+    }
+}
+
 #[test]
 fn geometry_that_is_no_finite_number_is_an_error_with_its_road_and_element() {
     let map = |shape: &str, head: &str, width: &str| {

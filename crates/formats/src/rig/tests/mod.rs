@@ -6,6 +6,7 @@ mod faults;
 mod real;
 mod round_trip;
 mod worked;
+mod worlds;
 mod yaml;
 
 use super::{ImportSettings, ImportedRig, RigError, RigSource, import_texts};

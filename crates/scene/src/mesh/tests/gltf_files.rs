@@ -257,3 +257,55 @@ fn axes_are_those_of_the_description_then_of_the_file_then_of_the_format() {
         Placing::new(&at, Some("x-up"), None, [0.0; 3], [0.0; 3]).err().unwrap().to_string();
     assert!(message.contains("z-forward"), "{message}");
 }
+
+/// Parts without a surface, and numbers that JSON writes in another way, change no triangle.
+#[test]
+fn gltf_is_read_whatever_its_animations_scenes_and_textures_are() {
+    let good = triangle_gltf(2, 40, 3);
+    let wanted = gltf::read(good.as_bytes(), Path::new("")).unwrap();
+    let more = |more: &str| good.replacen('{', &format!("{{{more},"), 1);
+    let animated = |target: &str| {
+        more(&format!(
+            r#""animations":[{{"samplers":[{{"input":0,"output":0}}],"channels":[{{"sampler":0,"target":{target}}}]}}]"#
+        ))
+    };
+    let zeros = r#""accessors":[{"componentType":5126,"count":3,"type":"VEC3"},"#;
+    let shifted = |text: &str| text.replace(r#""indices":1"#, r#""indices":2"#);
+    let with_zeros = |attribute: &str| {
+        let text = shifted(&good).replace(r#""POSITION":0"#, r#""POSITION":1,"NEW":0"#);
+        text.replace("NEW", attribute).replace(r#""accessors":["#, zeros)
+    };
+    let cases = [
+        animated(r#"{"path":"pointer","extensions":{"KHR_animation_pointer":{"pointer":"/x"}}}"#),
+        animated(r#"{"path":"translation"}"#),
+        good.replace(r#""scenes":[{"nodes":[0]}]"#, r#""scenes":[{"nodes":[0]},{"name":"empty"}]"#),
+        good.replace(r#""count":3"#, r#""count":3.0"#).replace(r#""mesh":0"#, r#""mesh":0.0"#),
+        more(r#""cameras":[{"type":"odd"}],"samplers":[{"wrapS":1}],"textures":[{"source":9}]"#),
+        with_zeros("NORMAL"),
+        with_zeros("COLOR_7"),
+        shifted(&good)
+            .replace(r#""POSITION":0"#, r#""POSITION":1"#)
+            .replace(r#""material":0"#, r#""material":0,"targets":[{"POSITION":0}]"#)
+            .replace(r#""primitives""#, r#""weights":[1.0],"primitives""#)
+            .replace(r#""accessors":["#, zeros),
+    ];
+    for text in cases {
+        let mesh =
+            gltf::read(text.as_bytes(), Path::new("")).unwrap_or_else(|e| panic!("{e:?}: {text}"));
+        assert_eq!((&mesh.vertices, &mesh.faces), (&wanted.vertices, &wanted.faces), "{text}");
+        assert_eq!(mesh.materials, wanted.materials);
+    }
+    // An accessor without data is all zeros, unless its data are packed elsewhere, or too many.
+    let bare = good.replacen(r#""bufferView":0,"#, "", 1);
+    let mesh = gltf::read(bare.as_bytes(), Path::new("")).unwrap();
+    assert_eq!(mesh.vertices, [DVec3::new(10.0, 0.0, 0.0); 3]);
+    let packed = r#""indices":1,"extensions":{"KHR_draco_mesh_compression":{"bufferView":0,"attributes":{}}}"#;
+    let many = bare.replacen(r#""count":3"#, r#""count":3000000"#, 1);
+    for (text, told) in [
+        (bare.replace(r#""indices":1"#, packed), "KHR_draco_mesh_compression alone"),
+        (many, "9000000 numbers without data"),
+    ] {
+        let fault = gltf::read(text.as_bytes(), Path::new("")).unwrap_err();
+        assert!(fault.problem.contains(told), "{fault:?}");
+    }
+}

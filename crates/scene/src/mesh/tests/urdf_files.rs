@@ -173,3 +173,14 @@ fn faults_name_their_link_or_joint_and_the_mend() {
     let message = read(&robot(&link("wheel")), &["whel"]).unwrap_err();
     assert_eq!(message, "without: no link is called \"whel\"; did you mean `wheel`?");
 }
+
+/// Prefixes need no declaration, and an element with one is none of URDF's.
+#[test]
+fn names_with_prefixes_are_passed_over() {
+    let other = "<drake:joint name=\"d\" type=\"planar\"/><sensor:ray a:b=\"1\"/>";
+    let origin = "xyz=\"1 2 3\" drake:note=\"x\"";
+    let text = robot(&(link("a") + other + &link("b") + &joint("fixed", "a", "b", origin)));
+    near(read(&text, &[]).unwrap()[1].root_from_part.translation, [1.0, 2.0, 3.0], 0.0);
+    let declared = text.replace("<robot", "<robot xmlns:drake=\"http://drake.mit.edu\"");
+    assert_eq!(read(&declared, &[]).unwrap().len(), 2);
+}

@@ -108,6 +108,7 @@ pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, Descript
             return Err(bad(&at.key("scanType"), quoted(found), wanted));
         }
     };
+    pattern.notes.extend(two_rates(&at, &profile));
     pattern.model = model;
     pattern.measures = measures(&at, &profile, &mut pattern.notes)?;
     pattern.notes.extend(top);
@@ -240,6 +241,17 @@ fn measures(
     let measures = Measures { range, min_range, rated_range, noise, rate };
     notes.extend(pattern::rated_too_far(at, &measures, "farRangeM"));
     Ok(measures)
+}
+
+/// A doubt where the two names for one rate give two numbers.
+fn two_rates(at: &Location, profile: &IsaacProfile) -> Option<Note> {
+    let (report, firing) = profile.report_rate_base_hz.zip(profile.pattern_firing_rate_hz)?;
+    (report != firing).then(|| {
+        Note::doubt(format!(
+            "{at}: `reportRateBaseHz` is {report} and `patternFiringRateHz` {firing}, two names for one rate; \
+             `reportRateBaseHz` is taken: leave the wrong one out"
+        ))
+    })
 }
 
 /// Emitters as channels; of several states, each fires at every n-th column, one column after the other.

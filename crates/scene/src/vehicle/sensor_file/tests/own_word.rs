@@ -228,3 +228,14 @@ fn conflicting_values_are_told() {
         assert!(both.iter().all(|value| doubt.contains(value)), "{doubt}");
     }
 }
+
+#[test]
+fn two_rates_of_an_isaac_profile_agree_or_are_doubted() {
+    let doubted = |rate: u32| {
+        let pattern = read(isaac("rotary", &format!("\"patternFiringRateHz\": {rate},"))).unwrap();
+        assert_eq!(pattern.azimuth_steps, Some(360));
+        let mut notes = pattern.notes.iter().filter(|note| note.is_doubt());
+        notes.any(|note| note.text().contains("is 3600 and `patternFiringRateHz` 1800"))
+    };
+    assert!(doubted(1800) && !doubted(3600));
+}

@@ -1,0 +1,110 @@
+//! The JSON of a glTF, reduced to its meshes before it is checked: looks, motion and cameras have no surface.
+
+use gltf::json::Root;
+use gltf::json::validation::{Error, Validate};
+use serde_json::{Map, Value};
+
+use super::MeshFault;
+
+/// The JSON of a file, its binary part, and how many animations are left out.
+pub(super) struct Parts {
+    pub root: Root,
+    pub blob: Option<Vec<u8>>,
+    pub animations: usize,
+}
+
+/// Lists that no mesh depends on.
+const PASSED: [&str; 5] = ["animations", "cameras", "images", "samplers", "textures"];
+
+/// Reads `.gltf` or `.glb`.
+pub(super) fn read(bytes: &[u8]) -> Result<Parts, MeshFault> {
+    let fault = |problem: String| MeshFault::new("file", problem);
+    let (text, blob) = if bytes.starts_with(b"glTF") {
+        let glb = gltf::Glb::from_slice(bytes).map_err(|error| fault(error.to_string()))?;
+        (glb.json, glb.bin.map(|bin| bin.into_owned()))
+    } else {
+        (bytes.into(), None)
+    };
+    let mut json: Value = serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))?;
+    whole(&mut json);
+    let animations = json["animations"].as_array().map_or(0, Vec::len);
+    if let Some(json) = json.as_object_mut() {
+        reduce(json);
+    }
+    // Extras are kept as they are written, which only a text gives.
+    let text = json.to_string();
+    let root = serde_json::from_str(&text).map_err(|error| fault(error.to_string()))?;
+    Ok(Parts { root, blob, animations })
+}
+
+/// Writes whole numbers as integers: 3.0 is one in JSON.
+fn whole(value: &mut Value) {
+    /// Below it an `f64` holds every integer.
+    const MOST: f64 = 9e15;
+    match value {
+        Value::Array(list) => list.iter_mut().for_each(whole),
+        Value::Object(map) => map.values_mut().for_each(whole),
+        Value::Number(number) if number.is_f64() => {
+            let is_whole = |v: &f64| v.fract() == 0.0 && v.is_sign_positive() && *v < MOST;
+            if let Some(v) = number.as_f64().filter(is_whole) {
+                *number = (v as u64).into();
+            }
+        }
+        _ => {}
+    }
+}
+
+/// The objects in a list of an object.
+fn each<'a>(
+    map: &'a mut Map<String, Value>,
+    list: &str,
+) -> impl Iterator<Item = &'a mut Map<String, Value>> {
+    let list = map.get_mut(list).and_then(Value::as_array_mut);
+    list.into_iter().flatten().filter_map(Value::as_object_mut)
+}
+
+/// Leaves out all that no mesh depends on, so that no fault in it, and no extension of it, matters.
+fn reduce(json: &mut Map<String, Value>) {
+    for list in PASSED {
+        json.remove(list);
+    }
+    each(json, "materials").for_each(|material| material.retain(|key, _| key == "name"));
+    for node in each(json, "nodes") {
+        node.remove("camera");
+    }
+    for scene in each(json, "scenes") {
+        scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
+    }
+    for mesh in each(json, "meshes") {
+        for primitive in each(mesh, "primitives") {
+            if let Some(attributes) = primitive.get_mut("attributes").and_then(Value::as_object_mut)
+            {
+                attributes.retain(|name, _| {
+                    let of_skin = name.starts_with("JOINTS_") || name.starts_with("WEIGHTS_");
+                    of_skin || name == "POSITION"
+                });
+            }
+            each(primitive, "targets").for_each(|target| target.retain(|key, _| key == "POSITION"));
+        }
+    }
+}
+
+/// Checks indices and kinds of everything that is left.
+///
+/// An accessor may be without a buffer view: its numbers are zeros then. The crate's own check refuses it.
+pub(super) fn check(root: &Root) -> Result<(), MeshFault> {
+    let mut faults: Vec<String> = Vec::new();
+    root.validate(root, gltf::json::Path::new, &mut |path, error| {
+        let path = path();
+        let zeros = path.as_str().starts_with("accessors[")
+            && path.as_str().ends_with("].bufferView")
+            && matches!(error, Error::Missing);
+        if !zeros {
+            faults.push(format!("{path}: {error};"));
+        }
+    });
+    match faults.is_empty() {
+        true => Ok(()),
+        false => Err(MeshFault::new("file", format!("invalid glTF: {}", faults.join(" ")))),
+    }
+}
