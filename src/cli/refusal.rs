@@ -230,7 +230,7 @@ mod tests {
             ("score s.json --frame 3", "not of `score`; a similar argument exists: '--frames';"),
             (
                 "score s.json --figures f",
-                "`--figures` is an option of `optimize` and `view`, not of `score`; see",
+                "`--figures` is an option of `optimize`, `view`, `study nearfield` and others, not of `score`; see",
             ),
             ("view s.json p.json --frames 2", "not of `view`; see"),
             ("--seed 3 optimize", "and others; write it behind the command;"),
@@ -252,7 +252,10 @@ mod tests {
             let told = format!("there is no command `{name}`; did you mean `study {name}`?");
             assert!(said.starts_with(&told), "{said}");
         }
-        assert!(refused("info a").contains("did you mean `scene info` or `sensor info`?"));
+        assert!(
+            refused("info a")
+                .contains("did you mean `psog info` or `sensor info` or `scene info`?")
+        );
         assert!(refused("scores a").contains("unrecognized subcommand 'scores'"));
     }
 

@@ -448,17 +448,21 @@ mod tests {
     fn the_first_sentence_has_the_price_where_there_is_one() {
         let settings = json!({ "budget": 12_000.0, "equipped": { "cost": 9200.0 } });
         let price = price_in_words(&settings);
-        assert_eq!(price, " for 9200 of 12000");
-        assert_eq!(price_in_words(&json!({ "equipped": { "cost": 9200.5 } })), " for 9200.5");
+        assert_eq!(price, " at a price of 9200 (budget 12000)");
+        assert_eq!(
+            price_in_words(&json!({ "equipped": { "cost": 9200.5 } })),
+            " at a price of 9200.5"
+        );
         assert_eq!(price_in_words(&json!({ "budget": 5.0, "equipped": { "cost": 0.0 } })), "");
         let mut found = planted("found", -1.0, 500.0);
         found.scores.required = vec![Seen::of("child", 0.95), Seen::of("ring", 0.9)];
         let words = verdict_at(&price, Some(&found), &[], "m_sog_scaled");
-        let start = "The placement found meets all 2 requirements for 9200 of 12000. ";
+        let start =
+            "The placement found meets all 2 requirements at a price of 9200 (budget 12000). ";
         assert!(words.starts_with(start), "{words}");
         found.scores.required[1].share = 0.8;
         let words = verdict_at(&price, Some(&found), &[], "m_sog_scaled");
-        let start = "1 of 2 requirements met for 9200 of 12000. NOT MET: ring: 80.0 % seen, 90.0 % required";
+        let start = "1 of 2 requirements met at a price of 9200 (budget 12000). NOT MET: ring: 80.0 % seen, 90.0 % required";
         assert!(words.starts_with(start), "{words}");
     }
 

@@ -185,8 +185,8 @@ pub const PLACEMENTS: &str = "placements.json";
 /// Largest result that is read, in bytes.
 const MOST_OF_RESULT: u64 = 1 << 30;
 
-/// A file of placements, perhaps with a name behind a colon. The folder of a run stands for its result in its file of
-/// placements, that of a front for all its points; `FOLDER:NAME` is any placement of its file.
+/// A file of placements, perhaps with `:NAME`. The folder of a run stands for its result in its file, that of a front for
+/// all its points; `FOLDER:NAME` is any placement of its file.
 ///
 /// # Errors
 /// A folder of placements whose result cannot be read.
@@ -206,10 +206,7 @@ pub fn rig_file(text: &str) -> Result<String, RunError> {
     Ok(name.map_or_else(|| file.to_string(), |name| format!("{file}:{name}")))
 }
 
-/// [`rig_file`] of a path.
-///
-/// # Errors
-/// See [`rig_file`].
+/// [`rig_file`] of a path, with its errors.
 pub fn rig_path(path: &Path) -> Result<PathBuf, RunError> {
     path.to_str().map_or_else(|| Ok(path.to_owned()), |text| rig_file(text).map(PathBuf::from))
 }
