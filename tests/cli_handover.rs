@@ -430,7 +430,7 @@ fn run_folder() -> TempDir {
     assert_eq!(run.status.code(), Some(1), "{}", String::from_utf8_lossy(&run.stderr));
     // No sensor here puts 90 beams on a car at 30 m, on no pose: said before the search and in its result.
     let (said, text) = (String::from_utf8_lossy(&run.stderr), String::from_utf8_lossy(&run.stdout));
-    let words = "car at 30 m: even the best pose of each mount meets it with at most ";
+    let words = "car at 30 m, 90 beams: even the best pose of each mount meets it with at most ";
     assert!(said.contains(&format!("OUT OF REACH: {words}")), "{said}");
     assert!(text.contains(&format!("Out of reach: {words}")), "{text}");
     assert!(!text.contains("Next, since") && !text.contains("all checks passed"), "{text}");
@@ -452,7 +452,7 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
     // The drawing of a rig that misses a requirement says so, whether the run tells it or it is measured.
     for drawing in [read("a/drawing.svg"), read("b/drawing.svg")] {
         assert!(
-            drawing.contains(">NOT MET: car at 30 m: 0.0 % seen, 100.0 % required"),
+            drawing.contains(">NOT MET: car at 30 m, 90 beams: 0.0 % seen, 100.0 % required"),
             "{drawing}"
         );
     }
@@ -475,6 +475,46 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
         }
     }
     assert!(read("b/drawing.svg").contains("Placement of placements.json"));
+    // Everywhere else, too: the folder is the result in its file of placements, with a name any of that file.
+    let file = "runs/yard/placements.json";
+    for (folder, named) in
+        [("runs/yard", format!("{file}:optimized")), ("runs/yard:plain", format!("{file}:plain"))]
+    {
+        for command in [
+            "score yard.json RIG --vehicle cart.json",
+            "study targets RIG --vehicle cart.json",
+            "study redundancy yard.json RIG --vehicle cart.json",
+        ] {
+            let said = |rig: &str| {
+                let line = command.replace("RIG", rig) + " --backend cpu --format csv";
+                let run = crate::cli::sightline(dir.path(), &line.split(' ').collect::<Vec<_>>());
+                assert!(run.status.code().is_some_and(|code| code < 2), "{line}: {run:?}");
+                String::from_utf8(run.stdout).unwrap()
+            };
+            assert_eq!(said(folder), said(&named), "{command}");
+        }
+    }
+    let run = |line: &str| {
+        let run = crate::cli::sightline(dir.path(), &line.split(' ').collect::<Vec<_>>());
+        assert!(run.status.success(), "{line}: {run:?}");
+    };
+    run("rig export runs/yard --vehicle cart.json --format urdf --out own.urdf");
+    run(
+        "rig export runs/yard/placements.json:optimized --vehicle cart.json --format urdf --out named.urdf",
+    );
+    assert_eq!(read("own.urdf"), read("named.urdf"));
+    let same = ok("rig compare runs/yard runs/yard/placements.json:optimized");
+    assert!(same["lidars"].as_array().unwrap().iter().all(|of| of["moved"] == 0.0), "{same}");
+    run("view yard.json runs/yard --vehicle cart.json --backend cpu --out view.html");
+    // A study of one placement names it in its record, and one of another does not go on with it.
+    let study = |rig: &str| {
+        format!(
+            "study loss yard.json {rig} --vehicle cart.json --frames 1 --backend cpu --out lost"
+        )
+    };
+    assert_eq!(ok(&study("runs/yard"))["rows"][0]["name"], "optimized");
+    let told = fails(dir.path(), &study("runs/yard:plain").split(' ').collect::<Vec<_>>());
+    assert!(told.contains("lost: holds a study of other settings"), "{told}");
     let told = fails(dir.path(), &["rig", "handover", "runs", "--out", "c"]);
     assert!(told.contains("runs: is a folder without result.json; give a file"), "{told}");
     let told = fails(dir.path(), &["rig", "handover", "yard.json", "p.json", "--out", "c"]);

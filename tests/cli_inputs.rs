@@ -31,14 +31,13 @@ fn a_run_does_not_go_on_with_other_files() {
         assert!(message.contains(&format!("{name}: has changed")), "{message}");
         fs::write(path(name), bytes).unwrap();
     }
-    // Nothing is left of the generations; what they took is still told.
+    // Nothing is left to do: the result is told as it was written, with the times of the search.
     let resumed = ok(dir.path(), &resume);
     assert_eq!(resumed["best"], begun["best"]);
     assert_eq!(resumed["timings"]["generations"], begun["timings"]["generations"]);
     assert!(resumed["rate"].as_f64() > Some(0.0), "{}", resumed["rate"]);
-    let page = |run: &Value| run["timings"]["page"].as_f64().unwrap();
-    assert!(0.0 < page(&begun) && page(&begun) < page(&resumed), "each sitting draws a page");
-    assert!(resumed["timings"]["total"].as_f64() > begun["timings"]["total"].as_f64());
+    assert_eq!(resumed["timings"]["page"], begun["timings"]["page"]);
+    assert_eq!(resumed["timings"]["total"], begun["timings"]["total"]);
 }
 
 fn line(name: &str) -> String {

@@ -72,6 +72,19 @@ fn optimize_writes_its_folder_and_repeats_itself() {
             && !report.contains("<link")
     );
     assert_eq!(first["baselines"].as_array().unwrap().len(), 11);
+    // A finished run is not made again: its result stays as it is, to the times in it.
+    let before = fs::read(dir.path().join("first/result.json")).unwrap();
+    let resumed = sightline(dir.path(), &["optimize", "--resume", "first"]);
+    let text = String::from_utf8_lossy(&resumed.stdout).into_owned();
+    assert!(
+        resumed.status.success() && text.starts_with("first: the run is finished (stopped: "),
+        "{resumed:?}"
+    );
+    assert!(
+        text.contains("Result: first/result.json") && !text.contains("optimized placement"),
+        "{text}"
+    );
+    assert_eq!(fs::read(dir.path().join("first/result.json")).unwrap(), before);
     let again = sightline(dir.path(), &optimize_args("first", "90"));
     assert_eq!(again.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&again.stderr).contains("--resume"));

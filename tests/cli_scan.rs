@@ -173,7 +173,7 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
         (&[one[0], one[1], "--out", "out", "--layout", "kitti"], "`kitti` is no layout"),
         (
             &[one[0], one[1], "--out", "out", "--ideal", "--condition", "fog:mor=50"],
-            "the condition `fog:mor=50,gain=1` acts on beams, of which an ideal scan has the geometry alone;",
+            "the condition `fog:mor=50` acts on beams, of which an ideal scan has the geometry alone;",
         ),
         (
             &[&one[..], &nuscenes, &["--map", "road=road"], &["--map", "road=fence"]].concat(),

@@ -70,6 +70,22 @@ fn score_prints_each_scene_and_the_mean() {
     let covers = [&["score", "room.json", "hall.json", "p.json", "--coverage-out", "c"], &CPU[..]];
     ok(dir.path(), &covers.concat());
     assert!(dir.path().join("c/hall/sides.npy").exists());
+    // Several files of placements are scored together; a name that comes again gets its file behind it.
+    fs::copy(dir.path().join("p.json"), dir.path().join("again.json")).unwrap();
+    let once = ok(dir.path(), &[&["score", "room.json", "p.json"], &CPU[..]].concat());
+    for scenes in [&["room.json"][..], &["room.json", "hall.json"]] {
+        let line =
+            [&["score"], scenes, &["p.json", "again.json", "p.json:sides"], &CPU[..]].concat();
+        let all = ok(dir.path(), &line);
+        let all = if scenes.len() == 1 { &all } else { &all["scenes"][0] };
+        let [once, all] = [&once, all].map(|of| of["scores"].as_array().unwrap());
+        assert_eq!(all.len(), 2 * once.len() + 1);
+        let names: Vec<&str> = all.iter().map(|scores| scores["name"].as_str().unwrap()).collect();
+        let again = names.iter().position(|name| *name == "sides (again.json)").unwrap();
+        let sides = names.iter().position(|name| *name == "sides").unwrap();
+        assert_eq!(all[again]["information_gain"], all[sides]["information_gain"]);
+        assert_eq!(names[names.len() - 1], "sides (p.json)", "{names:?}");
+    }
     let text = sightline(dir.path(), &["score", "room.json", "hall.json", "p.json"]);
     let text = String::from_utf8_lossy(&text.stdout).into_owned();
     for words in ["room: first-hit over 3", "hall: first-hit over 4", "mean of room, hall"] {
@@ -101,7 +117,8 @@ fn scenes_that_do_not_belong_together_are_refused_in_a_sentence() {
     for (args, words) in [
         (&["score", "p.json"][..], "p.json: holds placements; give a scene"),
         (&["score", "room.json"], "room.json: is the only file"),
-        (&["score", "room.json", "p.json", "q.jsonl"], "both hold placements; give one"),
+        (&["score", "room.json", "p.json", "q.jsonl"], "q.jsonl: holds no placement"),
+        (&["study", "loss", "room.json", "p.json", "q.jsonl"], "both hold placements; give one"),
         (&["audit", "p.json"], "p.json: holds placements; give a scene"),
         (
             &["scan", "room.json", "./room.json", "--placement", "p.json", "--out", "d"],

@@ -114,6 +114,7 @@ fn rigs_in_weather_have_the_scores_and_requirements_that_score_prints() {
                 ("gain %", 100.0 * want("information_gain_share")),
                 ("near gain %", 100.0 * want("near_gain")),
                 ("covered", want("covered")),
+                ("guards violated", doubts(scores) as f64),
             ] {
                 let found = value(&table, row, title).unwrap();
                 assert!(close(found, want), "{name}, {title}: {found}, {want}");
@@ -126,9 +127,18 @@ fn rigs_in_weather_have_the_scores_and_requirements_that_score_prints() {
             ahead(&dir, (&table, row), rig, under);
         }
     }
+    // Both sides look at the body, as no score alone tells.
+    let hits = ok(dir.path(), &words("score street.json rigs.json --frames 2 --backend cpu"));
+    assert!(hits.to_string().contains("self_hit"), "{hits}");
     // Fog of 20 m takes much, and one rig misses what the other meets.
     assert!(gains[2] < 0.95 * gains[0], "{gains:?}");
     assert_ne!(rows(&table)[0]["requirements_met"], rows(&table)[1]["requirements_met"]);
+}
+
+/// Guards that speak against the scores of a placement: blind sectors are facts about the rig.
+fn doubts(scores: &Value) -> usize {
+    let guards = scores["guards"].as_array().unwrap().iter();
+    guards.filter(|guard| !guard.as_str().unwrap().starts_with("blind_sector")).count()
 }
 
 /// Holds the range of a car ahead against the beams that `study targets` counts on it.

@@ -364,7 +364,7 @@ fn a_search_meets_a_rule_that_gain_alone_does_not_and_says_so_where_it_cannot() 
     let output = sightline(dir.path(), &args("unmet"));
     assert_eq!(output.status.code(), Some(1), "{output:?}");
     let page = fs::read_to_string(dir.path().join("unmet/report.html")).unwrap();
-    assert!(page.contains("NOT MET: adult from 5 to 15 m: "), "the page begins with it");
+    assert!(page.contains("NOT MET: adult from 5 to 15 m, 100 beams: "), "the page begins with it");
 }
 
 #[test]

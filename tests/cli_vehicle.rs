@@ -238,7 +238,8 @@ fn what_must_be_seen_changes_what_is_bought() {
     let seen = &found["best"]["scores"]["requirements"][0];
     assert!(seen["found"].as_f64().unwrap() >= 0.5 && seen["met"] == true, "{seen}");
     let page = fs::read_to_string(dir.path().join("one/report.html")).unwrap();
-    let heading = "<h1>The placement found meets its requirement (left) for 3 of 3.</h1>";
+    let heading =
+        "<h1>The placement found meets its requirement (left) at a price of 3 (budget 3).</h1>";
     assert!(page.contains(heading), "{page:.3000}");
 }
 
@@ -264,6 +265,23 @@ fn the_study_of_cost_rises_with_the_price() {
     assert!(prices.last() >= Some(&10.0), "{prices:?}");
     let gains: Vec<f64> = rows.iter().map(|row| row["values"][1].as_f64().unwrap()).collect();
     assert!(gains.last() > gains.first(), "{gains:?}");
+    // A sensor without a price is named wherever prices matter, and nowhere else.
+    changed(dir.path(), "free.json", |cart| {
+        cart["sensors"][1].as_object_mut().unwrap().remove("price");
+    });
+    let note = "`solid` has no price and counts as 0; give it a `price`";
+    for (line, is_told) in [
+        ("study cost room.json --vehicle free.json --out c", true),
+        ("optimize room.json --vehicle free.json --budget 12 --out b", true),
+        ("optimize room.json --vehicle free.json --front price,near_gain --out f", true),
+        ("optimize room.json --vehicle free.json --out n", false),
+        ("optimize room.json --vehicle cart.json --budget 12 --out p", false),
+    ] {
+        let args = line.split(' ').chain("--evaluations 4 --backend cpu".split(' '));
+        let output = sightline(dir.path(), &args.collect::<Vec<_>>());
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success() && told.contains(note) == is_told, "{line}: {told}");
+    }
 }
 
 #[test]

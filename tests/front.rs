@@ -305,6 +305,25 @@ fn the_program_writes_a_front_whose_placements_score_alike() {
             (&json!(price), &json!(price))
         );
         assert_eq!(point["requirements_met"], scores["requirements"][0]["met"]);
+        let is_met = point["requirements_met"] == true;
+        let held = if is_met { &scores["requirements"][0]["holds_in"] } else { &Value::Null };
+        assert_eq!(point["copies_that_meet_all"], *held);
+        let sectors = scores["range_card"]["blind"].as_array().unwrap();
+        let width = |sector: &Value| {
+            let [from, to] = [0, 1].map(|end| sector["bearings"][end].as_f64().unwrap());
+            if to >= from { to - from } else { to - from + 360.0 }
+        };
+        let blind: f64 = sectors.iter().map(width).sum();
+        assert!((point["car_blind_deg"].as_f64().unwrap() - blind).abs() < 1e-9, "{point}");
+    }
+    let met: Vec<&Value> =
+        points.iter().filter(|point| point["requirements_met"] == true).collect();
+    let of_cheapest = 100.0 * met[0]["copies_that_meet_all"].as_f64().unwrap();
+    for words in [
+        format!("cheapest that meets all requirements, in {of_cheapest:.0} % of copies"),
+        "searched with 10 evaluations each; `sightline optimize` with --budget PRICE".to_owned(),
+    ] {
+        assert!(text.contains(&words), "{words}: {text}");
     }
     let picks = result["picks"].as_array().unwrap();
     assert!(picks.iter().any(|pick| pick["pick"] == "knee"), "{picks:?}");
@@ -323,12 +342,30 @@ fn the_program_writes_a_front_whose_placements_score_alike() {
     assert!(again.status.success());
     let other = fs::read_to_string(dir.path().join("again/placements.json")).unwrap();
     assert_eq!(other, read("placements.json"));
+    // One of the points is handed over, and which ones there are is said.
+    let told = fails(dir.path(), &["rig", "handover", "run", "--out", "rig"]);
+    let first = met[0]["name"].as_str().unwrap();
+    for words in [
+        format!("holds a front of {} placements", points.len()),
+        format!("as run:{first} (it has front-1, "),
+    ] {
+        assert!(told.contains(&words), "{words}: {told}");
+    }
+    let made = ok(
+        dir.path(),
+        &["rig", "handover", &format!("run:{first}"), "--backend", "cpu", "--out", "rig"],
+    );
+    assert_eq!((&made["placement"], &made["price"]), (&json!(first), &met[0]["price"]));
+    let readme = fs::read_to_string(dir.path().join("rig/README.txt")).unwrap();
+    assert!(readme.contains("Found with seed 1 in the run run"), "{readme}");
     let kept = read("checkpoint.json");
-    // Gone on with at its end, it is the same; drawings of one placement are refused.
+    // Gone on with at its end, it says where it is; drawings of one placement are refused.
     let told = fails(dir.path(), &["optimize", "--resume", "run", "--gltf", "a.glb"]);
     assert!(told.contains("run: holds a front, of which --gltf"), "{told}");
     let again = sightline(dir.path(), &["optimize", "--resume", "run", "--backend", "cpu"]);
     assert!(again.status.success(), "{again:?}");
+    let text = String::from_utf8(again.stdout).unwrap();
+    assert!(text.contains("run: the run is finished (stopped: complete"), "{text}");
     assert_eq!((read("placements.json"), read("checkpoint.json")), (other, kept));
     fs::remove_file(dir.path().join("run/checkpoint.json")).unwrap();
     let told = fails(dir.path(), &["optimize", "--resume", "run"]);

@@ -99,7 +99,7 @@ fn scores_go_to_any_writer_and_the_engine_is_named_to_the_watcher() {
     assert!(watcher.told().contains("2 placements × 3 frame(s)"), "{}", watcher.told());
     let wrong = ScoreRequest { draw: 1, files: [files.clone(), files].concat(), ..request };
     let error = score(&wrong, &on_cpu(&watcher), &mut written).unwrap_err().to_string();
-    assert!(error.contains("both hold placements"), "{error}");
+    assert!(error.contains("--draw: takes one scene"), "{error}");
 }
 
 #[test]

@@ -7,7 +7,7 @@ use super::output::{Exit, Terminal};
 use crate::internals::{Spacing, front_text, record_text};
 use crate::job::{FRONT_EVALUATIONS, FrontError, FrontObjectives, JobFiles};
 use crate::runs::optimize::{
-    FrontStart, NewRun, OptimizeRequest, Start, front, holds_front, optimize,
+    FrontStart, NewRun, OptimizeRequest, Start, finished, front, holds_front, optimize,
 };
 use crate::runs::parse::{number_as, whole};
 use crate::runs::{Conditions, FiguresOut, Gltf, MountingArgs};
@@ -38,7 +38,7 @@ pub struct OptimizeArgs {
     /// Folder for the run [default: runs/SCENE, numbered if it is taken]
     #[arg(long, value_name = "DIR", conflicts_with = "resume")]
     out: Option<PathBuf>,
-    /// Go on with an interrupted run, to the same bytes that it would have given
+    /// Go on with an interrupted run, to the same bytes that it would have given; a finished one says where its result is
     #[arg(long, value_name = "DIR")]
     resume: Option<PathBuf>,
     /// Score to maximize, or a weighted sum of several [default: near_gain]
@@ -148,8 +148,18 @@ pub fn run(args: &OptimizeArgs) -> Result<Exit, RunError> {
         new.settings.evaluations = args.evaluations.unwrap_or(FRONT_EVALUATIONS);
         return run_front(args, &FrontStart::New(Box::new(new), objectives.clone()), &terminal);
     }
+    let draws = args.gltf.gltf.is_some() || args.figures.figures.is_some();
+    if let Some(folder) = args.resume.as_ref().filter(|_| !draws)
+        && let Some(finished) = finished(folder)?
+    {
+        match args.format {
+            Format::Json => out!("{}", finished.result)?,
+            Format::Text => outln!("{}", finished.words)?,
+        }
+        return Ok(if finished.is_met { terminal.exit() } else { Exit::CheckFailed });
+    }
     if let Some(folder) = args.resume.as_ref().filter(|folder| holds_front(folder)) {
-        if args.gltf.gltf.is_some() || args.figures.figures.is_some() {
+        if draws {
             let words = "holds a front, of which --gltf and --figures draw nothing; leave them out";
             return Err(RunError::Usage(format!("{}: {words}", folder.display())));
         }

@@ -7,6 +7,8 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 use sightline_files::json::nearest;
 
+use crate::study::Kind;
+
 /// Most commands that a sentence names as owners of an option.
 const MOST_OWNERS: usize = 3;
 
@@ -42,7 +44,9 @@ fn is_option(word: &str) -> bool {
 /// An error of the arguments in one line: the mistake, a near name, the command that prints the help.
 pub fn sentence(error: &clap::Error, program: &Command, arguments: &[OsString]) -> String {
     let (command, names) = command_of(program, arguments);
-    let told = unknown_option(error, program, command).unwrap_or_else(|| told(error));
+    let told = unknown_option(error, program, command)
+        .or_else(|| unknown_command(error, program, command))
+        .unwrap_or_else(|| told(error));
     format!("{told}; see `{} --help`", names.join(" "))
 }
 
@@ -95,8 +99,9 @@ fn unknown_option(error: &clap::Error, program: &Command, command: &Command) -> 
     let name = given.strip_prefix("--")?.split('=').next()?;
     let owners = owners(program, name, "");
     let near = nearest(name, command.get_arguments().filter_map(clap::Arg::get_long));
-    // A name that another command knows is no slip, unless it begins alike.
-    let near = near.filter(|near| owners.is_empty() || near.get(..1) == name.get(..1));
+    // A name that another command knows is no slip, unless one of the two is the other's beginning.
+    let begins = |near: &str| near.starts_with(name) || name.starts_with(near);
+    let near = near.filter(|near| owners.is_empty() || begins(near));
     let near = near.map(|near| format!("; a similar argument exists: '--{near}'"));
     let said = match &owners[..] {
         [] => format!("unexpected argument '{given}' found"),
@@ -108,6 +113,23 @@ fn unknown_option(error: &clap::Error, program: &Command, command: &Command) -> 
         (true, _) => String::new(),
     };
     Some(format!("{said}{mend}{}", near.unwrap_or_default()))
+}
+
+/// A command that stands below another one, as a study: its whole name.
+fn unknown_command(error: &clap::Error, program: &Command, command: &Command) -> Option<String> {
+    if error.kind() != ErrorKind::InvalidSubcommand || !std::ptr::eq(command, program) {
+        return None;
+    }
+    let given = error.get(ContextKind::InvalidSubcommand)?;
+    let ContextValue::String(given) = given else { return None };
+    let is_kind = Kind::ALL.iter().any(|(_, name, _)| name == given);
+    let study = is_kind.then(|| format!("study {given}"));
+    let owners = program.get_subcommands().filter(|above| above.find_subcommand(given).is_some());
+    let owners = owners.map(|above| format!("{} {given}", above.get_name()));
+    let names: Vec<String> =
+        study.into_iter().chain(owners).map(|name| format!("`{name}`")).collect();
+    let names = names.join(" or ");
+    (!names.is_empty()).then(|| format!("there is no command `{given}`; did you mean {names}?"))
 }
 
 /// Names of all commands that have an option.
@@ -206,6 +228,11 @@ mod tests {
                 "`--of` is an option of `study sweep`, not of `optimize`;",
             ),
             ("score s.json --frame 3", "not of `score`; a similar argument exists: '--frames';"),
+            (
+                "score s.json --figures f",
+                "`--figures` is an option of `optimize`, `view`, `study nearfield` and others, not of `score`; see",
+            ),
+            ("view s.json p.json --frames 2", "not of `view`; see"),
             ("--seed 3 optimize", "and others; write it behind the command;"),
             ("optimize s.json --gui", "unexpected argument '--gui' found; see"),
             ("optimize s.json -z", "unexpected argument '-z' found; see"),
@@ -214,6 +241,22 @@ mod tests {
             assert!(said.contains(told), "{line}: {said}");
             assert!(!said.contains("to pass"), "{line}: {said}");
         }
+    }
+
+    #[test]
+    fn a_study_or_another_command_below_one_is_named_whole() {
+        let studies = ["nearfield", "targets", "redundancy", "overlap", "sweep", "tolerance"];
+        let kinds = Kind::ALL.map(|(_, name, _)| name);
+        for name in studies.into_iter().chain(kinds) {
+            let said = refused(&format!("{name} s.json"));
+            let told = format!("there is no command `{name}`; did you mean `study {name}`?");
+            assert!(said.starts_with(&told), "{said}");
+        }
+        assert!(
+            refused("info a")
+                .contains("did you mean `psog info` or `sensor info` or `scene info`?")
+        );
+        assert!(refused("scores a").contains("unrecognized subcommand 'scores'"));
     }
 
     #[test]

@@ -4,9 +4,11 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::plot::{Axis, Plot, Series};
+use super::study::lost;
 use super::svg::trimmed;
+use super::tables::optional;
 use super::text::align_columns;
-use crate::job::{Front, FrontObjective, FrontPoint};
+use crate::job::{Front, FrontObjective, FrontPoint, Pick};
 use crate::scan::conditions::under;
 
 /// All of `result.json` of a front.
@@ -106,9 +108,23 @@ fn point_json(front: &Front, point: &FrontPoint) -> Value {
         "sensors": point.placement.lidars.len(),
         "equipment": point.equipment,
         "requirements_met": point.meets,
+        "copies_that_meet_all": copies(point),
+        "car_blind_deg": blind(point),
         "placement": point.placement,
         "scores": point.scores,
     })
+}
+
+/// Share of copies mounted a little off that meet all requirements; `None` for a point that misses one, and where nobody
+/// looked.
+fn copies(point: &FrontPoint) -> Option<f64> {
+    point.scores.requirements_hold_in.filter(|_| point.meets && !point.scores.required.is_empty())
+}
+
+/// Degrees of bearings in which a car is lost somewhere between 5 and 50 m, as `study loss` has them; `None` where nobody
+/// looked.
+fn blind(point: &FrontPoint) -> Option<f64> {
+    point.scores.range_card.as_ref().map(|_| lost(&point.scores))
 }
 
 /// A value of an objective as tables and drawings show it: gains and missing shares that are shares in per cent.
@@ -132,7 +148,13 @@ pub(super) fn title(objective: &FrontObjective) -> String {
 /// Picks of a point in words, as `knee, best price`.
 pub(super) fn picks_of(front: &Front, point: usize) -> String {
     let picks = front.picks.iter().filter(|(_, of)| *of == point);
-    picks.map(|(pick, _)| pick.to_string()).collect::<Vec<_>>().join(", ")
+    let held =
+        copies(&front.points[point]).map(|share| format!(", in {:.0} % of copies", 100.0 * share));
+    let name = |pick: &Pick| match (pick, &held) {
+        (Pick::Cheapest, Some(held)) => format!("{pick}{held}"),
+        _ => pick.to_string(),
+    };
+    picks.map(|(pick, _)| name(pick)).collect::<Vec<_>>().join(", ")
 }
 
 /// True if any point misses a requirement or meets one, so that the vehicle has some.
@@ -148,6 +170,10 @@ pub(super) fn front_rows(front: &Front) -> (Vec<String>, Vec<Vec<String>>) {
     titles.extend(all.iter().map(title));
     titles.extend((!by_number).then(|| "sensors".to_owned()));
     titles.extend(requires.then(|| "requirements".to_owned()));
+    let [has_copies, has_blind] =
+        [copies, blind].map(|of| front.points.iter().any(|point| of(point).is_some()));
+    titles.extend(has_copies.then(|| "copies %".to_owned()));
+    titles.extend(has_blind.then(|| "blind °".to_owned()));
     titles.push("pick".to_owned());
     let row = |(k, point): (usize, &FrontPoint)| {
         let mut cells = vec![point.placement.name.clone()];
@@ -157,6 +183,8 @@ pub(super) fn front_rows(front: &Front) -> (Vec<String>, Vec<Vec<String>>) {
         cells.extend((!by_number).then(|| point.placement.lidars.len().to_string()));
         let met = if point.meets { "met" } else { "NOT MET" };
         cells.extend(requires.then(|| met.to_owned()));
+        cells.extend(has_copies.then(|| optional(copies(point).map(|share| 100.0 * share), 0)));
+        cells.extend(has_blind.then(|| blind(point).map_or("–".to_owned(), |of| trimmed(of, 1))));
         cells.push(picks_of(front, k));
         cells
     };
@@ -175,15 +203,31 @@ pub(super) fn front_verdict(front: &Front) -> String {
         let met = front.points.iter().filter(|point| point.meets);
         let cheapest = met.min_by(|a, b| a.price.total_cmp(&b.price));
         words += &match cheapest {
-            Some(point) => format!(
-                ". All requirements are met from {} on ({})",
-                trimmed(point.price, 2),
-                point.placement.name
-            ),
+            Some(point) => {
+                let held = copies(point).map_or(String::new(), |share| {
+                    format!(", in {:.0} % of copies mounted within the tolerance", 100.0 * share)
+                });
+                let (price, name) = (trimmed(point.price, 2), &point.placement.name);
+                format!(". All requirements are met from {price} on ({name}{held})")
+            }
             None => ". NOT MET: no point meets all requirements".to_owned(),
         };
     }
     words
+}
+
+/// Sentence on how far the poses of the points were searched, and how one is refined.
+pub(super) fn refined_in_words(front: &Front, record: &FrontRecord) -> String {
+    let refined = match record.settings["search"]["evaluations"].as_u64() {
+        Some(evaluations) if evaluations > 0 => {
+            format!("poses of the points were searched with {evaluations} evaluations each")
+        }
+        _ => "points of the front stand on the coarse grid of poses and are not refined".to_owned(),
+    };
+    match front.points.iter().any(|point| point.price > 0.0) {
+        true => format!("{refined}; `sightline optimize` with --budget PRICE refines one"),
+        false => refined,
+    }
 }
 
 /// A front and its folder as text: the sentence, the table with the picks, the sensors of each point.
@@ -207,6 +251,13 @@ pub fn front_text(front: &Front, record: &FrontRecord, folder: &std::path::Path)
         for point in &front.points {
             text += &format!("  {}: {}\n", point.placement.name, point.equipment);
         }
+        if has_requirements(front) {
+            text += "\ncopies %: copies mounted within the tolerance that meet all requirements; ";
+        } else {
+            text += "\n";
+        }
+        text += "blind °: bearings in which a car is lost between 5 and 50 m\n";
+        text += &format!("{}\n", refined_in_words(front, record));
     }
     text + &format!(
         "\nstopped: {}, after {} placements scored over all frames in {:.1} s on {}; report: {}\n",

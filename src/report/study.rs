@@ -86,7 +86,8 @@ pub(super) fn lost(scores: &Scores) -> f64 {
         Guard::BlindSector(sector) => sector.degrees(),
         _ => 0.0,
     };
-    scores.guards.iter().map(of).sum()
+    // A sum of nothing is −0.
+    0.0 + scores.guards.iter().map(of).sum::<f64>()
 }
 
 /// Value of a row with its unit.
@@ -231,11 +232,12 @@ pub fn room_text(all: &[Room]) -> String {
         }
         text += &align_columns(&rows);
         text += &room.tilt.as_ref().map(tilt_text).unwrap_or_default();
+        let of_others = if room.missed.is_empty() { "" } else { " of the others" };
         for copies in &room.copies {
             let [share, error] = [copies.holds_in, copies.error].map(|share| 100.0 * share);
             let line = "all LiDARs off at random within";
             text += &format!(
-                "{line} {}: {share:.0} % of copies meet all (± {error:.0} by the draw of 200)\n",
+                "{line} {}: {share:.0} % of copies meet all{of_others} (± {error:.0} by the draw of 200)\n",
                 copies.tolerance
             );
         }

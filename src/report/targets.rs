@@ -101,15 +101,24 @@ fn of_card(card: &RangeCard) -> Vec<MetRuns<'_>> {
 /// Distance from which on a car is looked for all round, metres.
 const ALL_ROUND_FROM: f64 = 5.0;
 
-/// Sentence on bearings at which a car is met all along, but cannot stand as near as 5 m; `None` where it can, or is lost
-/// somewhere, which is said in its own words.
+/// Sentence on bearings at which a car is met, but cannot stand as near as 5 m; `None` where it can everywhere. Bearings at
+/// which a car is lost nearer than it is met are said in words of their own.
 pub(super) fn overlap_in_words(card: &RangeCard) -> Option<String> {
-    let car = card.targets.first().filter(|_| card.blind.is_empty())?;
+    let car = card.targets.first()?;
+    let is_lost = |bearing: f64, before: f64| {
+        card.blind.iter().any(|sector| {
+            let behind_first = (bearing - sector.bearings[0]).rem_euclid(360.0);
+            behind_first <= sector.degrees() && sector.distances[0] < before
+        })
+    };
     let mut starts: Vec<(f64, Vec<String>)> = Vec::new();
     for of in &car.bearings {
         let Some([first, _]) = of.met.first().filter(|run| run[0] > ALL_ROUND_FROM) else {
             continue;
         };
+        if is_lost(of.bearing, *first) {
+            continue;
+        }
         let name = bearing_in_words(of.bearing);
         match starts.iter_mut().find(|(metres, _)| metres == first) {
             Some((_, names)) => names.push(name),
@@ -346,6 +355,19 @@ mod tests {
         let words = "A car nearer than 7.5 m (ahead 0°, behind 180°) would overlap the own body.";
         assert_eq!(overlap_in_words(&card).as_deref(), Some(words));
         assert!(range_card_text(&card).ends_with(&format!("{words}\n")));
+        // A sector elsewhere takes nothing away; in one a car may be lost where it starts late.
+        let sector = |bearings, near| BlindSector {
+            bearings,
+            distances: [near, 50.0],
+            worst: bearings[0],
+            lost: vec![[near, 50.0]],
+        };
+        card.blind = vec![sector([30.0, 120.0], 5.0)];
+        assert_eq!(overlap_in_words(&card).as_deref(), Some(words));
+        card.blind = vec![sector([170.0, -170.0], 5.0)];
+        let words = "A car nearer than 7.5 m (ahead 0°) would overlap the own body.";
+        assert_eq!(overlap_in_words(&card).as_deref(), Some(words));
+        card.blind.clear();
         card.targets[0].bearings.retain(|of| of.bearing.abs() == 90.0);
         assert_eq!(overlap_in_words(&card), None);
     }

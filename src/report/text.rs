@@ -113,7 +113,7 @@ pub fn study_text(table: &Table) -> String {
         Some(v) if table.columns[column + 1].ends_with(" %") => fixed(v, 2),
         Some(0.0) => "0".to_owned(),
         Some(v) if (1e-3..1e6).contains(&v.abs()) => {
-            format!("{v:.4}").trim_end_matches('0').trim_end_matches('.').to_owned()
+            fixed(v, 4).trim_end_matches('0').trim_end_matches('.').to_owned()
         }
         Some(v) => format!("{v:.4e}"),
     };

@@ -7,7 +7,7 @@ use std::time::Instant;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::inputs::{Given, file_and_name, held, named_placements, note_repeated};
+use super::inputs::{Given, file_and_name, held, named_placements, note_repeated, rig_path};
 use super::opening::{LoadTimes, Loaded, timings};
 use super::outputs::Figure;
 use super::{Computing, RunError, opening, outputs};
@@ -73,7 +73,7 @@ pub struct CastSummary {
 pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSummary, RunError> {
     let _session = Session::begin();
     let start = Instant::now();
-    let mut placements = read_placements(&request.placements)?;
+    let mut placements = read_placements(rig_path(&request.placements)?)?;
     let mut loaded = frame(request, computing)?;
     let mut evaluator = loaded.evaluator(computing)?;
     let scene = loaded.job.scene();

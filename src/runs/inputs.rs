@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use serde_json::Value;
+
 use super::{Computing, RunError, Watcher};
 use crate::json::FileKind;
 use crate::problem::Problem;
@@ -47,19 +49,7 @@ impl Files {
     /// # Errors
     /// Two files of placements; a file that cannot be read; a last file that is neither a scene nor placements.
     fn told_apart(files: &[PathBuf]) -> Result<Self, RunError> {
-        files.iter().try_for_each(|file| can_be_read(file))?;
-        let (placements, scenes): (Vec<PathBuf>, Vec<PathBuf>) =
-            files.iter().cloned().partition(|file| holds_placements(file));
-        if let ([_, .., last], true) = (files, placements.is_empty())
-            && !may_be_scene(last)
-        {
-            // Its own fault is told: placements are the last file where there are any.
-            read_placements(last)?;
-            return Ok(Self {
-                scenes: scenes[..scenes.len() - 1].to_vec(),
-                placements: Some(last.clone()),
-            });
-        }
+        let (scenes, placements) = told_apart(files)?;
         if let [first, second, ..] = &placements[..] {
             return Err(RunError::Usage(format!(
                 "{} and {}: both hold placements; give one such file",
@@ -68,6 +58,23 @@ impl Files {
             )));
         }
         Ok(Self { scenes, placements: placements.into_iter().next() })
+    }
+
+    /// Scenes, and one file of placements or several, for a command that needs both.
+    ///
+    /// # Errors
+    /// See [`Self::with_placements`].
+    pub fn with_rigs(
+        files: &[PathBuf],
+        watcher: &dyn Watcher,
+    ) -> Result<(Vec<PathBuf>, Vec<PathBuf>), RunError> {
+        let (scenes, placements) = told_apart(files)?;
+        if scenes.is_empty() || placements.len() < 2 {
+            let (scenes, placements) = Self::with_placements(files, watcher)?;
+            return Ok((scenes, vec![placements]));
+        }
+        note_repeated(&scenes, watcher);
+        Ok((scenes, placements))
     }
 
     /// Scenes, and the file of placements, for a command that takes the vehicle's level ground where there is no scene.
@@ -113,6 +120,22 @@ impl Files {
     }
 }
 
+/// Scenes, and files of placements; folders of runs stand for their results.
+fn told_apart(files: &[PathBuf]) -> Result<(Vec<PathBuf>, Vec<PathBuf>), RunError> {
+    let files = &files.iter().map(|file| rig_path(file)).collect::<Result<Vec<_>, _>>()?[..];
+    files.iter().try_for_each(|file| can_be_read(file))?;
+    let (placements, scenes): (Vec<PathBuf>, Vec<PathBuf>) =
+        files.iter().cloned().partition(|file| holds_placements(file));
+    if let ([_, .., last], true) = (files, placements.is_empty())
+        && !may_be_scene(last)
+    {
+        // Its own fault is told: placements are the last file where there are any.
+        read_placements(last)?;
+        return Ok((scenes[..scenes.len() - 1].to_vec(), vec![last.clone()]));
+    }
+    Ok((scenes, placements))
+}
+
 /// Checks, before any work begins, that a file is there and may be read. Pipes are not touched.
 ///
 /// # Errors
@@ -156,12 +179,89 @@ pub fn note_repeated(scenes: &[PathBuf], watcher: &dyn Watcher) {
     }
 }
 
-/// All placements of a file, or one by its name behind a colon.
+/// Files of a folder of `optimize`.
+pub const RESULT: &str = "result.json";
+pub const PLACEMENTS: &str = "placements.json";
+/// Largest result that is read, in bytes.
+const MOST_OF_RESULT: u64 = 1 << 30;
+
+/// A file of placements, perhaps with `:NAME`. The folder of a run stands for its result in its file, that of a front for
+/// all its points; `FOLDER:NAME` is any placement of its file.
+///
+/// # Errors
+/// A folder of placements whose result cannot be read.
+pub fn rig_file(text: &str) -> Result<String, RunError> {
+    let (folder, name) = file_and_name(text);
+    let folder = Path::new(folder);
+    let file = folder.join(PLACEMENTS);
+    if !file.is_file() {
+        return Ok(text.to_owned());
+    }
+    let best = || match folder.join(RESULT).is_file() {
+        true => Ok::<_, RunError>(best_of(&result_of(folder)?).map(str::to_owned)),
+        false => Ok(None),
+    };
+    let name = name.map_or_else(best, |name| Ok(Some(name.to_owned())))?;
+    let file = file.display();
+    Ok(name.map_or_else(|| file.to_string(), |name| format!("{file}:{name}")))
+}
+
+/// [`rig_file`] of a path, with its errors.
+pub fn rig_path(path: &Path) -> Result<PathBuf, RunError> {
+    path.to_str().map_or_else(|| Ok(path.to_owned()), |text| rig_file(text).map(PathBuf::from))
+}
+
+/// The result that the folder of a run holds.
+///
+/// # Errors
+/// A folder without one, or one that cannot be read.
+pub fn result_of(folder: &Path) -> Result<Value, RunError> {
+    let file = folder.join(RESULT);
+    let wrong = |why: &str| {
+        RunError::Usage(format!(
+            "{}: {why}; give a file of placements, or the folder of a finished run of optimize",
+            folder.display()
+        ))
+    };
+    if !file.is_file() {
+        return Err(wrong(&format!("is a folder without {RESULT}")));
+    }
+    let bytes =
+        files::read(&file, MOST_OF_RESULT).map_err(|error| wrong(&format!("{RESULT}: {error}")))?;
+    serde_json::from_slice(&bytes).map_err(|error| wrong(&format!("{RESULT}: {error}")))
+}
+
+/// Name of the placement that a search found; `None` of a front, and where none was found.
+pub fn best_of(result: &Value) -> Option<&str> {
+    result["best"]["placement"]["name"].as_str()
+}
+
+/// Notes sensors of a vehicle's mounts that have no price, which count as 0: where others have one, or where `is_priced`
+/// says that prices matter.
+pub fn note_unpriced(vehicle: &Vehicle, is_priced: bool, watcher: &dyn Watcher) {
+    let is_mounted = |name| vehicle.mounts.iter().any(|mount| mount.sensors.contains(&name));
+    let mounted = vehicle.sensors.iter().filter(|sensor| is_mounted(sensor.name));
+    let (free, priced): (Vec<_>, Vec<_>) = mounted.partition(|sensor| sensor.price <= 0.0);
+    if vehicle.is_nameless() || free.is_empty() || (priced.is_empty() && !is_priced) {
+        return;
+    }
+    let names: Vec<String> = free.iter().map(|sensor| format!("`{}`", sensor.name)).collect();
+    let [have, count, each] = match free.len() {
+        1 => ["has", "counts", "it"],
+        _ => ["have", "count", "each"],
+    };
+    let names = names.join(", ");
+    watcher.note(&format!(
+        "{names} {have} no price and {count} as 0; give {each} a `price` in `sensors` of the vehicle"
+    ));
+}
+
+/// All placements of a file, or one by its name behind a colon; see [`rig_file`] for folders of runs.
 ///
 /// # Errors
 /// A file that cannot be read, or has no placement of the name.
 pub fn named_placements(text: &str) -> Result<Vec<Placement>, RunError> {
-    Ok(read_placements(text)?)
+    Ok(read_placements(rig_file(text)?)?)
 }
 
 /// Most doubts that are noted: of a million placements in degrees the first few say enough.

@@ -1,5 +1,6 @@
 //! A search in a run folder: begun or resumed, saved on the way, recorded at its end.
 
+mod finished;
 mod front;
 mod request;
 
@@ -9,7 +10,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::inputs::note_repeated;
+use super::inputs::{note_repeated, note_unpriced};
 use super::opening::LoadTimes;
 use super::{Bar, Computing, GRACE, RunError, Watcher, opening, outputs};
 use crate::export::GltfView;
@@ -24,6 +25,7 @@ use crate::search::{
 use crate::vehicle::{Placement, SensorName, SensorPose};
 use request::{Begun, RunCheckpoint, command};
 
+pub use finished::{Finished, finished};
 pub use front::{FrontStart, Fronted, front, holds_front};
 pub use request::{NewRun, OptimizeRequest, Start};
 
@@ -75,6 +77,10 @@ pub fn optimize(
         new.look(&mut settings, &*loaded.job.problem()?, computing)?;
     }
     let (is_given, baselines) = (begun.baselines.is_some(), settings.baselines.clone());
+    let files = &begun.files;
+    if going_on.is_none() && (files.budget.is_some() || files.fewest) {
+        note_unpriced(loaded.job.scene().vehicle(), files.budget.is_some(), computing.watcher);
+    }
     let job = loaded.job.search(settings).engine(computing.engine.clone()).within(time);
     let job = if is_given { job.baselines(baselines) } else { job };
     if going_on.is_none() {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::inputs::file_and_name;
+use super::inputs::{file_and_name, rig_file};
 use super::{RunError, Watcher};
 use crate::files::{Session, safe_name, shared_folder, writable_file, write_whole};
 use crate::rig::{
@@ -48,7 +48,8 @@ pub fn export_file(
     watcher: &dyn Watcher,
 ) -> Result<Option<String>, RunError> {
     let _session = Session::begin();
-    let (file, name) = file_and_name(&request.placement);
+    let placement = rig_file(&request.placement)?;
+    let (file, name) = file_and_name(&placement);
     let file = Path::new(file);
     let mut rig = read_rig(file, name)?;
     let doubts = placement_doubts(&rig, &file.display().to_string());
@@ -170,7 +171,8 @@ pub fn compare_files(
     watcher: &dyn Watcher,
 ) -> Result<Comparison, RunError> {
     let read = |text: &str| {
-        let (file, name) = file_and_name(text);
+        let text = rig_file(text)?;
+        let (file, name) = file_and_name(&text);
         let settings = ImportSettings { name: name.map(str::to_owned), ..settings.clone() };
         let imported = import(&[file.into()], &settings)?;
         imported.notes.iter().for_each(|note| watcher.detail(note.text()));

@@ -1,6 +1,7 @@
 //! Scores of a batch of placements: as a stream in one scene, with their mean in several.
 
 mod journal;
+mod rigs;
 mod stream;
 
 use std::io::Write;
@@ -9,7 +10,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::inputs::{Files, Given, file_and_name};
+use super::inputs::{Files, Given};
 use super::opening::{LoadTimes, Loaded, timings};
 use super::{Computing, GRACE, RunError, TableFormat, opening};
 use crate::csv::csv;
@@ -25,8 +26,8 @@ use crate::runs::{Conditions, MountingArgs};
 use crate::scan::conditions::{in_words, under};
 use crate::score::{Scores, Seen};
 use crate::search::{Evaluator, Judged, Member};
-use crate::vehicle::placement_file::count_placements;
-use crate::vehicle::{Placement, PlacementFileError, PlacementReader, Vehicle};
+use crate::vehicle::{Placement, PlacementFileError, Vehicle};
+use rigs::RigFiles;
 
 /// Scores placements and writes the scores as they are computed, to the request's file or else to `out`. False, and a note,
 /// where there are requirements and no placement meets all of them.
@@ -40,12 +41,11 @@ pub fn score(
 ) -> Result<bool, RunError> {
     let _session = Session::begin();
     let start = Instant::now();
-    let (scenes, placements) = Files::with_placements(&request.files, computing.watcher)?;
+    let (scenes, placements) = Files::with_rigs(&request.files, computing.watcher)?;
+    let placements = RigFiles::new(placements);
     // Everything that can be wrong is found before the first score is computed or printed; a pipe can
     // be read only once.
-    let file = placements.to_str().map_or(&*placements, |text| Path::new(file_and_name(text).0));
-    let is_file = placements != Path::new("-") && file.is_file();
-    let total = if is_file { count_placements(&placements)? } else { 0 };
+    let total = placements.count()?;
     if request.draw > 0 && scenes.len() > 1 {
         return Err(RunError::Usage("--draw: takes one scene".to_owned()));
     }
@@ -62,7 +62,7 @@ pub fn score(
     if !is_met {
         computing.watcher.note(&format!(
             "NOT MET: no placement of {} meets all requirements; exit code 1",
-            placements.display()
+            placements.label().display()
         ));
     }
     Ok(is_met)
@@ -80,9 +80,11 @@ const BLOCK: usize = 1024;
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct ScoreRequest {
-    /// Scene files, then placements: .json or, one a line, .jsonl; with :NAME one of them; - is stdin
+    /// Scene files, then placements: .json or, one a line, .jsonl; with :NAME one of them; the folder of a run for its
+    /// result; - is stdin
     ///
-    /// A .jsonl file is read as a stream. Several scenes share one LiDAR and mount, and get the mean beside each.
+    /// Several files of placements are scored one after the other; a name that comes again gets its file behind it. A .jsonl
+    /// file is read as a stream. Several scenes share one LiDAR and mount, and get the mean beside each.
     #[cfg_attr(feature = "cli", arg(value_name = "SCENE… PLACEMENTS", required = true))]
     pub files: Vec<PathBuf>,
     /// How to print
@@ -193,7 +195,7 @@ fn score_each(
     request: &ScoreRequest,
     computing: &Computing<'_>,
     scenes: &[PathBuf],
-    placements: &Path,
+    placements: &RigFiles,
     start: Instant,
     out: &mut dyn Write,
 ) -> Result<bool, RunError> {
@@ -206,7 +208,7 @@ fn score_each(
     if let Some(file) = &request.out {
         writable_file(file)?;
     }
-    let (file, mut placements) = (placements, read(placements)?);
+    let (file, mut placements) = (placements.label(), read(placements)?);
     Given::in_problem(file, evaluator.problem(), computing).all(&mut placements)?;
     if let Some(folder) = &request.coverage_out {
         let names = placements.iter().map(|placement| &*placement.name);
@@ -254,21 +256,21 @@ fn score_each(
     Ok(batch.judged.iter().any(|judged| meets(&judged.scores)))
 }
 
-/// All placements of a file, unless these are too many to be held with their scores in every scene.
-fn read(path: &Path) -> Result<Vec<Placement>, RunError> {
+/// All placements of the files, unless these are too many to be held with their scores in every scene.
+fn read(files: &RigFiles) -> Result<Vec<Placement>, RunError> {
     let mut placements = Vec::new();
-    for placement in PlacementReader::open(path)? {
+    for placement in files.reader()? {
         placements.push(placement?);
         if placements.len() > MOST {
             return Err(RunError::Usage(format!(
                 "{}: holds more than {MOST} placements, too many for several scenes at once; score one scene \
                  at a time",
-                path.display()
+                files.label().display()
             )));
         }
     }
     if placements.is_empty() {
-        return Err(PlacementFileError::Empty { path: path.to_owned() }.into());
+        return Err(PlacementFileError::Empty { path: files.label().to_owned() }.into());
     }
     Ok(placements)
 }

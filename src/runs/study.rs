@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::inputs::{Files, Given, can_be_read, note_repeated};
+use super::inputs::{
+    Files, Given, can_be_read, file_and_name, note_repeated, note_unpriced, rig_path,
+};
 use super::{Bar, Computing, GRACE, RunError, Watcher, opening};
 use crate::files;
 use crate::files::{Input, RunDir, holds_run, is_forced, safe_names};
@@ -116,6 +118,7 @@ pub fn study_scenes(
 
 /// Scenes of a study that takes no placements.
 fn only_scenes(kind: Kind, files: &[PathBuf], watcher: &dyn Watcher) -> Result<Files, RunError> {
+    let files = &files.iter().map(|file| rig_path(file)).collect::<Result<Vec<_>, _>>()?[..];
     files.iter().try_for_each(|file| can_be_read(file))?;
     if let Some(file) = files.iter().find(|file| files.len() > 1 && holds_placements(file)) {
         let (file, kind) = (file.display(), kind.name());
@@ -169,13 +172,23 @@ fn of_scenes(
         settings.placements = read_placements(file)?;
         Given::in_problem(file, &*job.problem()?, computing).all(&mut settings.placements)?;
     }
+    if request.kind == Kind::Cost || request.budget.is_some() {
+        note_unpriced(scenes[0].scene().vehicle(), true, watcher);
+    }
     if request.kind.searches(placements.is_some()) {
         job.check_room()?;
     }
     let (settings, read) = (&settings, scenes.iter().map(|scene| &**scene.scene()));
     let mut recorded = recorded(request, paths, settings, read)?;
     if let Some(file) = placements {
-        recorded.inputs.push(Input::read(file)?);
+        let (path, name) = file.to_str().map_or((file, None), |text| {
+            let (path, name) = file_and_name(text);
+            (Path::new(path), name)
+        });
+        recorded.inputs.push(Input::read(path)?);
+        if let Some(name) = name {
+            recorded.settings["placement"] = json!(name);
+        }
     }
     let (dir, mut known) = open_folder(folder, &recorded)?;
     let session = StudySession {

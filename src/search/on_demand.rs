@@ -371,19 +371,32 @@ impl FramesOnDemand {
         if !self.has_choice() {
             return format!("searched over all {all} frames: fewer would not keep the ranking");
         }
-        let steps = self.steps.iter().map(|(generation, frames)| match generation {
-            0 => format!("{frames} of {all} frames"),
-            _ => format!("{frames} after generation {generation}"),
-        });
+        let steps = in_steps(&self.steps, all);
         format!(
             "searched over {}; with {} finalists confirmed over all frames this took {:.0} % of the \
              placements × frames of a search over all; checks saw a loss of {:.3} % at most",
-            steps.collect::<Vec<_>>().join(", "),
+            steps.join(", "),
             self.confirmed_count(),
             100.0 * share,
             100.0 * self.worst_loss
         )
     }
+}
+
+/// Numbers of frames in words, those that follow one generation together: `1 of 40 frames`, `4 and 8 after generation 15`.
+fn in_steps(steps: &[(u64, u32)], all: usize) -> Vec<String> {
+    let of_one = |same: &[(u64, u32)]| {
+        let frames: Vec<String> = same.iter().map(|(_, frames)| frames.to_string()).collect();
+        let frames = match frames.split_last() {
+            Some((last, first)) if !first.is_empty() => format!("{} and {last}", first.join(", ")),
+            _ => frames.concat(),
+        };
+        match same[0].0 {
+            0 => format!("{frames} of {all} frames"),
+            generation => format!("{frames} after generation {generation}"),
+        }
+    };
+    steps.chunk_by(|a, b| a.0 == b.0).map(of_one).collect()
 }
 
 /// Placements by which the levels are chosen: the first [`MOST_SAMPLED`] baselines of as many LiDARs as the mount has, and

@@ -156,7 +156,9 @@ impl Losses {
         };
         let mut words: Vec<Vec<String>> = cards.iter().map(new).collect();
         words.resize(without.len(), Vec::new());
-        let width = |card: &RangeCard| card.blind.iter().map(BlindSector::degrees).sum();
+        // A sum of nothing is −0.
+        let width =
+            |card: &RangeCard| 0.0 + card.blind.iter().map(BlindSector::degrees).sum::<f64>();
         Ok(Self { whole, left, blind: cards.iter().map(width).collect(), words })
     }
 

@@ -7,6 +7,7 @@ use super::table::check_distinct;
 use super::{Kind, Row, StudyError, StudyObserver, StudySettings};
 use crate::engine::BackendError;
 use crate::job::{Job, JobError, JobScene};
+use crate::near_field::self_hits;
 use crate::psog::{PsogError, Roi};
 use crate::scan::conditions::{Condition, under};
 use crate::scan::scan_scene;
@@ -245,13 +246,17 @@ impl<'a> StudyScene<'a> {
         scores.ok_or(StudyError::Stopped)
     }
 
-    /// Scores of one placement; see [`Self::scores`].
+    /// Scores of one placement, looked at for the guard `self_hit`, too, as `sightline score` does; see [`Self::scores`].
     pub(super) fn score(
         &self,
         evaluator: &mut Evaluator,
         placement: &Placement,
     ) -> Result<Scores, StudyError> {
-        Ok(self.scores(evaluator, std::slice::from_ref(placement))?.remove(0))
+        let mut scores = self.scores(evaluator, std::slice::from_ref(placement))?.remove(0);
+        let problem = evaluator.shared_problem();
+        let hits = self_hits(self.scene, &problem, evaluator.backend_mut(), placement)?;
+        scores.guards.extend(hits);
+        Ok(scores)
     }
 
     /// A case in which no placement was found.

@@ -117,8 +117,10 @@ impl std::fmt::Display for Missing {
             [near, far] if near == far => near,
             [near, far] => format!("{near} to {far}"),
         };
-        let [from, to] = [from, to].map(tenths);
-        write!(f, "missing at {range} m between {from}° and {to}°")
+        match [from, to].map(tenths) {
+            [from, to] if from == to => write!(f, "missing at {range} m, {from}°"),
+            [from, to] => write!(f, "missing at {range} m between {from}° and {to}°"),
+        }
     }
 }
 
@@ -331,5 +333,10 @@ mod tests {
         // Rounding in the last digit shows nowhere, and one distance is no range.
         let (bearing, far) = (-52.499_999_99, 7.500_000_01);
         assert_eq!(words([bearing, 0.0], [7.5, far]), "missing at 7.5 m between -52.5° and 0°");
+        assert_eq!(
+            words([-1e-9, 1e-9], [50.0, 50.0]),
+            "missing at 50 m, 0°",
+            "one bearing is no sector"
+        );
     }
 }

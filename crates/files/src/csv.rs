@@ -31,9 +31,9 @@ fn push(text: &mut String, cell: &str) {
     }
 }
 
-/// A number in full precision; empty where there is none.
+/// A number in full precision, no minus before a zero; empty where there is none.
 pub fn number(value: impl Into<Option<f64>>) -> String {
-    value.into().map_or_else(String::new, |value| value.to_string())
+    value.into().map_or_else(String::new, |value| (value + 0.0).to_string())
 }
 
 /// A number with at most so many decimals, no zeros at their end and no minus before a zero.
@@ -68,6 +68,10 @@ mod tests {
     fn numbers_keep_their_decimals_and_zero_has_no_sign() {
         assert_eq!(rounded(1.1 * 1000.0, 6), "1100");
         assert_eq!(rounded(0.1_f64.to_degrees(), 9), "5.729577951");
+        assert_eq!(
+            (number(-0.0), number(None), number(-1e-9)),
+            ("0".into(), String::new(), "-0.000000001".into())
+        );
         assert_eq!((rounded(-1e-12, 9), rounded(1e300, 9)), ("0".to_owned(), 1e300.to_string()));
     }
 }

@@ -5,7 +5,9 @@ use maud::{DOCTYPE, Markup, html};
 use super::search::repeat;
 use super::{head, heading, layout};
 use crate::job::Front;
-use crate::report::front::{front_plot, front_rows, front_verdict, has_requirements, picks_of};
+use crate::report::front::{
+    front_plot, front_rows, front_verdict, has_requirements, picks_of, refined_in_words,
+};
 use crate::report::{FrontRecord, scores_text};
 
 /// The page of a front, one file that loads nothing.
@@ -20,7 +22,7 @@ pub fn front_html(front: &Front, record: &FrontRecord) -> String {
             body {
                 (heading(&record.scene, &record.conditions, &format!("{verdict}.")))
                 main {
-                    (trade(front))
+                    (trade(front, record))
                     (sensors(front))
                     (scores(front))
                     (repeat(Some(&stopped), &command, None, Some(&record.settings)))
@@ -33,7 +35,7 @@ pub fn front_html(front: &Front, record: &FrontRecord) -> String {
 }
 
 /// The picture, and the table with the picks.
-fn trade(front: &Front) -> Markup {
+fn trade(front: &Front, record: &FrontRecord) -> Markup {
     let (titles, rows) = front_rows(front);
     let titles: Vec<&str> = titles.iter().map(String::as_str).collect();
     let is_picked = |k: usize| !picks_of(front, k).is_empty();
@@ -51,12 +53,24 @@ fn trade(front: &Front) -> Markup {
                     " One that misses a requirement takes the place of none that meets all."
                 }
                 " The knee is farthest from the line or plane between the best of each objective, each axis scaled to \
-                 [0, 1]. Sensors are chosen on a coarse grid of poses: other placements may be better."
+                 [0, 1]. Sensors are chosen on a coarse grid of poses: other placements may be better. "
+                (sentence(&refined_in_words(front, record)))
+                @if has_requirements(front) {
+                    " copies %: copies mounted within the tolerance that meet all requirements."
+                }
+                " blind °: bearings in which a car is lost between 5 and 50 m."
             }
             div.paper { (layout::figure(&front_plot(front).svg(), "The objectives against each other")) }
             (layout::table("Points of the front", &titles, &rows))
         }
     }
+}
+
+/// Words that begin with a small letter, as a sentence.
+fn sentence(words: &str) -> String {
+    let mut letters = words.chars();
+    let first = letters.next().map(|first| first.to_uppercase().to_string());
+    format!("{}{}.", first.unwrap_or_default(), letters.as_str())
 }
 
 /// Sensors of each point.

@@ -56,7 +56,7 @@ impl OfPlacement<'_> {
         self.rows.iter().copied().filter(is_there)
     }
 
-    /// A line a bearing, a column a target and distance: `4 of 5`, over several frames the fewest and the most.
+    /// A line a bearing, a column a target and distance: its beams, over several frames the fewest and the most.
     fn beams_at(&self, distances: &[f64], beams: u32) -> String {
         let (targets, bearings) = self.names();
         let columns: Vec<(&str, f64)> = targets
@@ -64,7 +64,7 @@ impl OfPlacement<'_> {
             .flat_map(|&target| distances.iter().map(move |&m| (target, m)))
             .collect();
         let title = |(target, metres): &(&str, f64)| format!("{target} {} m", trimmed(*metres, 2));
-        let mut rows = vec![vec!["beams at".to_owned()]];
+        let mut rows = vec![vec![format!("beams, {beams} needed")]];
         rows[0].extend(columns.iter().map(title));
         for bearing in bearings {
             let mut row = vec![bearing_in_words(bearing)];
@@ -75,8 +75,8 @@ impl OfPlacement<'_> {
                 }
                 let counts = || there().filter_map(|row| row.beams);
                 match (counts().min(), counts().max()) {
-                    (Some(least), Some(most)) if least == most => format!("{most} of {beams}"),
-                    (Some(least), Some(most)) => format!("{least}–{most} of {beams}"),
+                    (Some(least), Some(most)) if least == most => most.to_string(),
+                    (Some(least), Some(most)) => format!("{least}–{most}"),
                     _ => "no ground".to_owned(),
                 }
             }));
@@ -115,7 +115,7 @@ impl OfPlacement<'_> {
         });
         match best {
             (0, _) => "–".to_owned(),
-            (most, metres) => format!("– ({most} of {beams} at {})", trimmed(metres, 2)),
+            (most, metres) => format!("– ({most} beams at {}, {beams} needed)", trimmed(metres, 2)),
         }
     }
 }
@@ -157,15 +157,15 @@ mod tests {
             lines(&table),
             [
                 "rig",
-                "beams at tyre 5 m tyre 60 m",
-                "ahead 0° in the body 4 of 5",
-                "left 90° no ground 0 of 5"
+                "beams, 5 needed tyre 5 m tyre 60 m",
+                "ahead 0° in the body 4",
+                "left 90° no ground 0"
             ]
         );
         table.rows.extend([10.0, 20.0, 30.0].map(|m| row(0.0, m, Some(3), false)));
         assert_eq!(
             lines(&table),
-            ["rig", "bearing tyre m", "ahead 0° – (4 of 5 at 60)", "left 90° –"]
+            ["rig", "bearing tyre m", "ahead 0° – (4 beams at 60, 5 needed)", "left 90° –"]
         );
         table.detections[0].detected = vec![[10.0, 30.0]];
         assert_eq!(lines(&table)[2], "ahead 0° 10–30");

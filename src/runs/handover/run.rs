@@ -4,17 +4,13 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use crate::files::read;
 use crate::job::Tolerance;
 use crate::runs::RunError;
-use crate::runs::inputs::file_and_name;
+use crate::runs::inputs::{PLACEMENTS, RESULT, best_of, file_and_name, result_of};
 use crate::score::{Lost, SEEN, Seen};
 
-/// Largest result that is read, in bytes.
-const MOST: u64 = 1 << 30;
-/// Files of a folder of `optimize`.
-const RESULT: &str = "result.json";
-const PLACEMENTS: &str = "placements.json";
+/// Most placements of a front that an error names.
+const MOST_NAMED: usize = 24;
 
 /// Rig to hand over, as given: a file of placements, or the folder of a run.
 pub(super) struct GivenRig {
@@ -52,51 +48,54 @@ impl GivenRig {
             return Ok(Self { text: text.to_owned(), run: None });
         }
         let placements = folder.join(PLACEMENTS).display().to_string();
-        if let Some(name) = name {
-            return Ok(Self { text: format!("{placements}:{name}"), run: None });
-        }
-        if !folder.join(RESULT).is_file() && folder.join(PLACEMENTS).is_file() {
-            return Ok(Self { text: placements, run: None });
+        let has_result = folder.join(RESULT).is_file();
+        if !has_result && folder.join(PLACEMENTS).is_file() {
+            let name = name.map_or(String::new(), |name| format!(":{name}"));
+            return Ok(Self { text: format!("{placements}{name}"), run: None });
         }
         let result = result_of(folder)?;
-        let best = result["best"]["placement"]["name"].as_str().ok_or_else(|| {
-            RunError::Usage(format!(
-                "{}: its search found no placement; there is nothing to hand over",
-                folder.display()
-            ))
-        })?;
-        let text = format!("{placements}:{best}");
-        Ok(Self { text, run: Some(RunFound::new(folder, &result)) })
+        let points = result["front"].as_array().map_or(&[][..], Vec::as_slice);
+        let Some(name) = name.or_else(|| best_of(&result)) else {
+            return Err(unnamed(folder, points, &result["picks"][0]["name"]));
+        };
+        // Baselines of a run are placements of a file like any other.
+        let point = points.iter().find(|point| point["name"] == name);
+        let best = Some(&result["best"]).filter(|best| best["placement"]["name"] == name);
+        let run = point.or(best).map(|found| RunFound::new(folder, &result, found));
+        Ok(Self { text: format!("{placements}:{name}"), run })
     }
 }
 
-/// The result of a folder.
-fn result_of(folder: &Path) -> Result<Value, RunError> {
-    let file = folder.join(RESULT);
-    let wrong = |why: &str| {
-        RunError::Usage(format!(
-            "{}: {why}; give a file of placements, or the folder of a finished run of optimize",
-            folder.display()
-        ))
+/// Error for a folder without a result that could be meant: that of a front, or of a search that found nothing.
+fn unnamed(folder: &Path, points: &[Value], picked: &Value) -> RunError {
+    let of = folder.display();
+    let names: Vec<&str> = points.iter().filter_map(|point| point["name"].as_str()).collect();
+    let Some(first) = picked.as_str().or(names.first().copied()) else {
+        return RunError::Usage(format!(
+            "{of}: its search found no placement; there is nothing to hand over"
+        ));
     };
-    if !file.is_file() {
-        return Err(wrong(&format!("is a folder without {RESULT}")));
-    }
-    let bytes = read(&file, MOST).map_err(|error| wrong(&format!("{RESULT}: {error}")))?;
-    serde_json::from_slice(&bytes).map_err(|error| wrong(&format!("{RESULT}: {error}")))
+    let (count, more) = (names.len(), if names.len() > MOST_NAMED { ", …" } else { "" });
+    let listed = names[..count.min(MOST_NAMED)].join(", ");
+    RunError::Usage(format!(
+        "{of}: holds a front of {count} placements, and one is handed over; name it behind a colon, as {of}:{first} (it \
+         has {listed}{more})"
+    ))
 }
 
 impl RunFound {
-    fn new(folder: &Path, result: &Value) -> Self {
+    /// A placement that a run found: its result, or a point of its front.
+    fn new(folder: &Path, result: &Value, found: &Value) -> Self {
         let settings = &result["settings"];
         let path = |key: &str| settings[key].as_str().map(PathBuf::from);
         let tolerance = settings["tolerance"].as_str().and_then(|text| text.parse().ok());
-        let required = result["best"]["scores"]["requirements"].as_array();
+        let required = found["scores"]["requirements"].as_array();
+        let seed = result["seed"].as_u64().or(settings["search"]["seed"].as_u64());
         Self {
             folder: folder.to_owned(),
             vehicle: path("vehicle"),
             scene: path("scene").unwrap_or_default(),
-            seed: result["seed"].as_u64().unwrap_or_default(),
+            seed: seed.unwrap_or_default(),
             tolerance,
             required: required.into_iter().flatten().map(seen).collect(),
         }

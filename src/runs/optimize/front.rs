@@ -9,11 +9,11 @@ use serde_json::{Value, json};
 use super::request::{Begun, NewRun, command};
 use super::{BETWEEN_CHECKPOINTS, Bars, TIMES, priced};
 use crate::files::{FileError, Input, RunDir, Session, command_of as command_in, read_own};
-use crate::job::{Front, FrontObjectives, FrontState, FrontStopped, Job};
+use crate::job::{Front, FrontObjective, FrontObjectives, FrontState, FrontStopped, Job};
 use crate::report::front::front_plot;
 use crate::report::words::word;
 use crate::report::{FrontContext, FrontRecord, front_html};
-use crate::runs::inputs::note_repeated;
+use crate::runs::inputs::{note_repeated, note_unpriced};
 use crate::runs::{Computing, GRACE, RunError, Watcher, opening};
 use crate::search::{Event, Settings, TimeLimit};
 
@@ -29,7 +29,7 @@ pub struct Fronted {
 }
 
 /// Command of checkpoints of fronts.
-const COMMAND: &str = "optimize --front";
+pub(super) const COMMAND: &str = "optimize --front";
 
 /// Content of a checkpoint.
 #[derive(Serialize, Deserialize)]
@@ -95,6 +95,11 @@ pub fn front(
     let job = loaded.job.search(saved.settings.clone()).engine(computing.engine.clone());
     let job = job.within(time);
     job.check_front(&saved.objectives)?;
+    if folder.is_none() {
+        let by_price = saved.objectives.all().contains(&FrontObjective::Price);
+        let is_priced = by_price || saved.begun.files.budget.is_some();
+        note_unpriced(job.scene().vehicle(), is_priced, watcher);
+    }
     job.check_room()?;
     watcher.listen(GRACE);
     let folder = match (folder, from) {

@@ -8,7 +8,7 @@ use serde_json::json;
 use crate::job::{JobFiles, JobState};
 use crate::problem::Problem;
 use crate::report::words::word;
-use crate::runs::inputs::Given;
+use crate::runs::inputs::{Given, rig_path};
 use crate::runs::{Computing, RunError};
 use crate::search::{FrameChoice, Settings};
 use crate::vehicle::{MountRules, read_placements};
@@ -101,8 +101,10 @@ impl NewRun {
             vehicle: files.vehicle.as_ref().map(absolute).transpose()?,
             ..files.clone()
         };
-        let baselines = self.baselines.as_ref().map(absolute).transpose()?;
-        Ok(Begun { files, baselines, inject: self.inject.as_ref().map(absolute).transpose()? })
+        let rigs = |file: &Option<PathBuf>| -> Result<Option<PathBuf>, RunError> {
+            file.as_ref().map(|file| absolute(&rig_path(file)?)).transpose()
+        };
+        Ok(Begun { files, baselines: rigs(&self.baselines)?, inject: rigs(&self.inject)? })
     }
 
     /// The settings with the objective and the placements of the request.
@@ -112,10 +114,10 @@ impl NewRun {
             settings.objective = text.parse()?;
         }
         if let Some(file) = &self.baselines {
-            settings.baselines = read_placements(file)?;
+            settings.baselines = read_placements(rig_path(file)?)?;
         }
         if let Some(file) = &self.inject {
-            settings.starts = read_placements(file)?;
+            settings.starts = read_placements(rig_path(file)?)?;
         }
         Ok(settings)
     }

@@ -11,6 +11,7 @@ use serde_json::ser::{CompactFormatter, Formatter};
 use serde_json::{Map, Value, json};
 
 use super::journal::Journal;
+use super::rigs::{RigFiles, RigReader};
 use super::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out};
 use crate::csv::csv;
 use crate::files::{
@@ -26,7 +27,7 @@ use crate::runs::{Bar, Computing, GRACE, RunError, TableFormat, Watcher, opening
 use crate::scan::conditions::{in_words, under};
 use crate::score::Scores;
 use crate::search::Evaluator;
-use crate::vehicle::{Placement, PlacementFileError, PlacementReader, SensorName};
+use crate::vehicle::{Placement, PlacementFileError, SensorName};
 
 /// Placements that are scored in one go at first.
 const FEWEST: usize = 32;
@@ -38,7 +39,7 @@ pub(super) fn score(
     request: &ScoreRequest,
     computing: &Computing<'_>,
     scene: &Path,
-    placements: &Path,
+    placements: &RigFiles,
     total: u64,
     start: Instant,
     out: &mut dyn Write,
@@ -58,10 +59,9 @@ pub(super) fn score(
     if let Some(folder) = &request.coverage_out {
         shared_folder(folder)?;
     }
-    let is_stream = !placements.is_file();
-    let journal = match &request.out {
-        Some(file) if !is_stream && !is_sink(&target(file)?) => {
-            Some(Journal::open(file, request, &scene, placements)?)
+    let journal = match (&request.out, placements.only()) {
+        (Some(file), Some(only)) if !is_sink(&target(file)?) => {
+            Some(Journal::open(file, request, &scene, only)?)
         }
         _ if request.resume => {
             return Err(RunError::Usage(
@@ -105,20 +105,20 @@ fn scoring<'a>(
     request: &'a ScoreRequest,
     computing: &Computing<'a>,
     loaded: Ready,
-    placements: &'a Path,
+    placements: &'a RigFiles,
     total: u64,
     start: Instant,
 ) -> Result<Scoring<'a>, RunError> {
     let watcher = computing.watcher;
-    let reader = PlacementReader::open(placements)?.peekable();
+    let reader = placements.reader()?.peekable();
     let site = || NearSite::new(loaded.job.scene(), &loaded.evaluator.shared_problem());
     let near = request.near_field.then(site).transpose()?;
     let bar = Some(watcher.bar(total, Some("placements")));
-    let given = Given::in_problem(placements, loaded.evaluator.problem(), computing);
+    let given = Given::in_problem(placements.label(), loaded.evaluator.problem(), computing);
     let (Ready { job, evaluator, times }, count) = (loaded, 0);
     Ok(Scoring {
         request,
-        placements,
+        placements: placements.label(),
         job,
         given,
         evaluator,
@@ -152,7 +152,7 @@ struct Scoring<'a> {
     evaluator: Evaluator,
     /// Where the near field is asked for.
     near: Option<NearSite>,
-    reader: Peekable<PlacementReader>,
+    reader: Peekable<RigReader>,
     watcher: &'a dyn Watcher,
     /// Until the last placement is scored.
     bar: Option<Box<dyn Bar>>,
@@ -182,9 +182,9 @@ impl Scoring<'_> {
             self.bar = None;
             return Ok(None);
         }
-        let block: Result<Vec<Placement>, _> = self.reader.by_ref().take(BLOCK).collect();
+        let block: Result<Vec<Placement>, RunError> = self.reader.by_ref().take(BLOCK).collect();
         let looked = |mut block: Vec<Placement>| self.given.look(&mut block).map(|()| block);
-        let block = block.map_err(RunError::from).and_then(looked);
+        let block = block.and_then(looked);
         if block.is_err() && self.count > 0 && self.request.out.is_none() {
             // Streams only: a file was read to its end before.
             let count = self.count;

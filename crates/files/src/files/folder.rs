@@ -131,6 +131,11 @@ impl Input {
         Ok(Self { file: file.to_owned(), sha256 })
     }
 
+    /// Path of the file.
+    pub fn file(&self) -> &Path {
+        &self.file
+    }
+
     /// Paths and SHA-256 digests of several files, such as a scene's.
     pub fn of(files: &[PathBuf]) -> Result<Vec<Self>, FileError> {
         files.iter().map(|file| Self::read(file)).collect()

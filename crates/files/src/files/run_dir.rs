@@ -162,6 +162,12 @@ impl<S> RunDir<S> {
         Input::check(&self.path, &self.inputs, inputs)
     }
 
+    /// Refuses to go on where a file was changed that the run began with.
+    pub fn check_own(&self) -> Result<(), FileError> {
+        let files: Vec<PathBuf> = self.inputs.iter().map(|input| input.file().to_owned()).collect();
+        self.check(&Input::of(&files)?)
+    }
+
     /// Refusal of a state that was read and does not fit.
     pub fn refusal(&self, why: &str) -> FileError {
         let file = self.path.join(CHECKPOINT);

@@ -131,9 +131,11 @@ fn in_words(kind: ConditionKind) -> String {
 
 impl fmt::Display for Condition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let numbers = keys(self.kind).iter().zip(self.values);
+        // Further keys at their usual values go without saying.
+        let numbers = keys(self.kind).iter().zip(self.values).enumerate();
+        let told = numbers.filter(|(at, (key, value))| *at == 0 || *value != key.usual);
         let pairs: Vec<String> =
-            numbers.map(|(key, value)| format!("{}={value}", key.name)).collect();
+            told.map(|(_, (key, value))| format!("{}={value}", key.name)).collect();
         write!(f, "{}:{}", self.kind.name(), pairs.join(","))
     }
 }

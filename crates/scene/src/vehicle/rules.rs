@@ -222,7 +222,12 @@ impl TargetRule {
         } else {
             format!("from {from} to {within}")
         };
-        let default = format!("{} {range} m", target.name);
+        let needed = match u64::from(beams) {
+            BEAMS => String::new(),
+            1 => ", 1 beam".to_owned(),
+            beams => format!(", {beams} beams"),
+        };
+        let default = format!("{} {range} m{needed}", target.name);
         let name = required.named(at, default_name(default, required.without_any_one))?;
         Ok(Self {
             name,

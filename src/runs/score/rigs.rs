@@ -1,0 +1,103 @@
+//! Placements of one file or several, one after the other, each of a name of its own.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+use crate::runs::RunError;
+use crate::runs::inputs::file_and_name;
+use crate::vehicle::placement_file::count_placements;
+use crate::vehicle::{Placement, PlacementReader};
+
+/// Files of placements to be scored together.
+pub(super) struct RigFiles {
+    files: Vec<PathBuf>,
+    /// All files, for messages.
+    label: PathBuf,
+}
+
+impl RigFiles {
+    pub fn new(files: Vec<PathBuf>) -> Self {
+        let names: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
+        Self { label: PathBuf::from(names.join(", ")), files }
+    }
+
+    /// The files in words, as a path; the file itself where there is one.
+    pub fn label(&self) -> &Path {
+        if let [only] = &self.files[..] { only } else { &self.label }
+    }
+
+    /// The only file, if it can be read again.
+    pub fn only(&self) -> Option<&Path> {
+        let [only] = &self.files[..] else { return None };
+        only.is_file().then_some(only)
+    }
+
+    /// Placements in all files, each read and checked once; 0 where one is a pipe.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub fn count(&self) -> Result<u64, RunError> {
+        let is_file = |path: &PathBuf| {
+            let file = path.to_str().map_or(&**path, |text| Path::new(file_and_name(text).0));
+            path != Path::new("-") && file.is_file()
+        };
+        if !self.files.iter().all(is_file) {
+            return Ok(0);
+        }
+        let counts = self.files.iter().map(|file| Ok(count_placements(file)?));
+        counts.sum()
+    }
+
+    /// Opens the first file.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub fn reader(&self) -> Result<RigReader, RunError> {
+        let mut rest = self.files.clone().into_iter();
+        let first = rest.next().unwrap_or_default();
+        let names = (self.files.len() > 1).then(HashSet::new);
+        Ok(RigReader { open: PlacementReader::open(&first)?, file: first, rest, names })
+    }
+}
+
+/// Iterator over the placements of all files.
+pub(super) struct RigReader {
+    open: PlacementReader,
+    file: PathBuf,
+    rest: std::vec::IntoIter<PathBuf>,
+    /// Names so far, where there are several files.
+    names: Option<HashSet<String>>,
+}
+
+impl RigReader {
+    /// Gives a placement whose name an earlier file has the name of its own file, too.
+    fn named(&mut self, mut placement: Placement) -> Placement {
+        let Some(names) = &mut self.names else { return placement };
+        let own = placement.name.clone();
+        let file = self.file.to_str().map_or_else(String::new, |text| file_and_name(text).0.into());
+        let mut number = 1;
+        while !names.insert(placement.name.clone()) {
+            let more = if number > 1 { format!(", {number}") } else { String::new() };
+            placement.name = format!("{own} ({file}{more})");
+            number += 1;
+        }
+        placement
+    }
+}
+
+impl Iterator for RigReader {
+    type Item = Result<Placement, RunError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(placement) = self.open.next() {
+                return Some(placement.map(|found| self.named(found)).map_err(RunError::from));
+            }
+            self.file = self.rest.next()?;
+            match PlacementReader::open(&self.file) {
+                Ok(open) => self.open = open,
+                Err(error) => return Some(Err(error.into())),
+            }
+        }
+    }
+}
