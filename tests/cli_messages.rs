@@ -194,7 +194,8 @@ fn mirrored_pairs_may_face_back() {
         "{told}"
     );
     // A fixed half turn is written with a few digits.
-    for (yaw, note) in [(3.14159, false), (3.14, true), (-3.1416, false)] {
+    for (yaw, note) in [("3.14159", false), ("3.14", true), ("-3.1416", false)] {
+        let yaw: f64 = yaw.parse().unwrap();
         let told = of_car(&dir, back(json!([yaw, yaw]), -1.0));
         assert!(!told.contains("no mirror image"), "{yaw}: {told}");
         assert_eq!(told.contains("mirrored pairs stand from"), note, "{yaw}: {told}");

@@ -52,7 +52,7 @@ pub fn score(
     if request.resume && scenes.len() > 1 {
         return Err(RunError::Usage("--resume: takes one scene".to_owned()));
     }
-    if is_file && scenes.len() == 1 {
+    if total > 0 && scenes.len() == 1 {
         check_coverage_of(&placements, request)?;
     }
     let is_met = match &scenes[..] {
@@ -164,11 +164,11 @@ fn coverage_folders(evaluator: &Evaluator, folder: &Path) -> Vec<PathBuf> {
     names.iter().map(|name| folder.join(name)).collect()
 }
 
-/// Like [`check_coverage`], for the placements of a file in one scene.
-fn check_coverage_of(placements: &Path, request: &ScoreRequest) -> Result<(), RunError> {
+/// Like [`check_coverage`], for the placements of files in one scene.
+fn check_coverage_of(placements: &RigFiles, request: &ScoreRequest) -> Result<(), RunError> {
     let Some(folder) = &request.coverage_out else { return Ok(()) };
-    let names = PlacementReader::open(placements)?.map(|placement| Ok(placement?.name));
-    let names = names.collect::<Result<Vec<String>, PlacementFileError>>()?;
+    let names = placements.reader()?.map(|placement| Ok(placement?.name));
+    let names = names.collect::<Result<Vec<String>, RunError>>()?;
     check_coverage(std::slice::from_ref(folder), names.iter().map(|name| &**name), request)
 }
 
