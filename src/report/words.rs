@@ -482,8 +482,8 @@ mod tests {
         assert!(words.starts_with(start), "{words}");
         found.scores.requirements_hold_in = Some(0.92);
         let words = verdict_at(&price, Some(&found), &[], "m_sog_scaled");
-        let start = "The placement found meets all 2 requirements for 9200 of 12000, but on paper only: 92 % of copies \
-                     mounted within the tolerance do. ";
+        let start = "The placement found meets all 2 requirements at a price of 9200 (budget 12000), but on paper only: \
+                     92 % of copies mounted within the tolerance do. ";
         assert!(words.starts_with(start), "{words}");
         let end = "No guard was violated; requirements hold on paper only (above).";
         assert!(words.ends_with(end), "{words}");

@@ -31,7 +31,7 @@ fn what_is_written_out_reads_as_the_same() {
     assert_eq!(read("rain:level=heavy").unwrap().to_string(), "rain:rate=25");
     assert_eq!(read("fog").unwrap().to_string(), "fog:mor=200");
     assert_eq!(read("fog:gain=2").unwrap().to_string(), "fog:mor=200,gain=2");
-    assert_eq!(read("snow:rate=0.1,level=heavy").unwrap().to_string(), "snow:rate=0.1,speed=1.6");
+    assert_eq!(read("snow:rate=0.1,level=heavy").unwrap().to_string(), "snow:rate=0.1");
 }
 
 #[test]
