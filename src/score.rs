@@ -329,6 +329,13 @@ impl Scores {
         ))
     }
 
+    /// Share of copies within the mounting tolerance that meet all requirements, where the placement does and fewer than
+    /// [`HOLDS`] of its copies do; `None` elsewhere.
+    pub fn holds_on_paper(&self) -> Option<f64> {
+        let [met, of] = self.met();
+        self.requirements_hold_in.filter(|&share| met == of && share < HOLDS)
+    }
+
     /// Requirements that are met, and their number.
     pub fn met(&self) -> [usize; 2] {
         [self.required.iter().filter(|seen| seen.is_met()).count(), self.required.len()]

@@ -34,6 +34,8 @@ mod cli_gltf;
 mod cli_ground;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_handover;
+#[cfg(all(unix, feature = "cli"))]
+mod cli_handover_runs;
 #[cfg(feature = "cli")]
 mod cli_help;
 #[cfg(feature = "cli")]
@@ -44,6 +46,8 @@ mod cli_interrupted;
 mod cli_limits;
 #[cfg(feature = "cli")]
 mod cli_messages;
+#[cfg(feature = "cli")]
+mod cli_mixed_rigs;
 #[cfg(feature = "cli")]
 mod cli_near_field;
 #[cfg(feature = "cli")]

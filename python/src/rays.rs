@@ -64,7 +64,7 @@ impl RayTarget {
     }
 }
 
-/// Columns of closest hits; those that nobody asked for are empty.
+/// Columns of closest hits; a column that nobody asked for is empty.
 #[derive(Default)]
 struct HitColumns {
     t: Vec<f32>,

@@ -13,7 +13,6 @@ use crate::bvh::Hit;
 use crate::engine::{Backend, BackendError, EngineChoice, EngineKind, open};
 use crate::problem::{Problem, Tally};
 use crate::score::Objective;
-
 use crate::search::atlas::{Atlas, Union};
 use crate::search::{SWAP_SPACING, coarse_grid};
 use crate::vehicle::{Placement, PoseGrid, SensorPose, Sensors, UnknownSensor};

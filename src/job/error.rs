@@ -21,7 +21,7 @@ pub enum JobError {
     /// Rules that the mounts of a scene do not allow.
     #[error("options that set rules, such as --fix: {0}")]
     Rules(DescriptionError),
-    /// Rules of the one mount of a scene, where the mounts are those of a vehicle.
+    /// Options for the one mount of a scene, given to a vehicle with mounts of its own.
     #[error(
         "--fix, --symmetric and --equal-height are rules for the `mount` of a scene, and {scene} has a vehicle with \
          mounts of its own; write `symmetric` or `equal_height` into the vehicle's file, and for --fix the value as \

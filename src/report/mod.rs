@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `record` | all of `result.json`; a run as text; convergence of the search |
 //! | `words` | the findings of a run as sentences |
+//! | `next_steps` | steps to take next where a result misses requirements |
 //! | `svg` | parts of every drawing: page, colours, axes |
 //! | `plot`, `study` | plain charts of some series |
 //! | `sensor` | facts of a sensor file, its pattern as SVG |
@@ -27,6 +28,7 @@ mod drawing;
 pub(crate) mod front;
 pub(crate) mod handover;
 pub(crate) mod map;
+mod next_steps;
 mod page;
 pub(crate) mod plot;
 pub(crate) mod record;
@@ -42,6 +44,7 @@ pub(crate) mod words;
 
 pub use front::{FrontContext, FrontRecord};
 pub(crate) use map::{InformationMap, placement_svg};
+pub(crate) use next_steps::next_in_words;
 pub(crate) use page::{Figures, Looks, Subject, front_html, report_html, view_html};
 pub(crate) use plot::{Axis, Plot, Series};
 pub(crate) use record::convergence_svg;
@@ -50,5 +53,5 @@ pub use rigs::rigs_text;
 pub(crate) use tables::{ScoreColumn, optional};
 pub use text::scores_text;
 pub(crate) use words::{
-    certificate_in_words, judged, methods_in_words, next_in_words, run_verdict, spread_in_words,
+    certificate_in_words, judged, methods_in_words, run_verdict, spread_in_words,
 };

@@ -5,13 +5,12 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use super::next_steps::next_in_words;
 use super::plot::{Change, ReferenceLine};
 use super::tables::by_scene;
 use super::targets::range_card_text;
 use super::text::{align_columns, findings_text, poses_text, scores_text_by};
-use super::words::{
-    broken_in_words, methods_in_words, next_in_words, run_verdict, spread_in_words,
-};
+use super::words::{broken_in_words, methods_in_words, run_verdict, spread_in_words};
 use super::{Axis, Plot, Series};
 use crate::problem::Modelled;
 use crate::scan::conditions::under;

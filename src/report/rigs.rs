@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 use super::svg::trimmed;
 use crate::json::spoken;
-use crate::score::{HOLDS, Objective, Scores, Standing};
+use crate::score::{Objective, Scores, Standing};
 use crate::targets::RangeCard;
 use crate::vehicle::{Placement, SensorName, Vehicle};
 
@@ -49,9 +49,10 @@ fn bearings_of(card: &RangeCard) -> usize {
 fn better_in_words(all: &[Scores]) -> Option<String> {
     let objective = Objective::default();
     let standings: Vec<Standing> = all.iter().map(|one| Standing::of(one, &objective)).collect();
+    let on_paper = |k: usize| all[k].holds_on_paper().is_some();
     let order = |a: usize, b: usize| {
         let violation = standings[a].violation.total_cmp(&standings[b].violation);
-        let paper = is_on_paper(&all[a]).cmp(&is_on_paper(&all[b]));
+        let paper = on_paper(a).cmp(&on_paper(b));
         violation.then(paper).then_with(|| standings[a].compare(&standings[b]))
     };
     let best = (0..all.len()).min_by(|&a, &b| order(a, b)).filter(|_| all.len() > 1)?;
@@ -72,17 +73,12 @@ fn better_in_words(all: &[Scores]) -> Option<String> {
         facts_in_words(&all[k], standings[k].violation, warnings, &objective)
     };
     let by_copies = standings[best].violation == standings[rival].violation
-        && is_on_paper(&all[best]) != is_on_paper(&all[rival]);
+        && on_paper(best) != on_paper(rival);
     let decided = match by_copies {
         true => decided_by_copies(&all[best], &all[rival]),
         false => decided_in_words(&all[best], &standings[best], &standings[rival]),
     };
     Some(format!("{word}: {name} ({}), before {next} ({}); {decided}\n", facts(best), facts(rival)))
-}
-
-/// True where too few copies within the mounting tolerance meet all requirements.
-fn is_on_paper(scores: &Scores) -> bool {
-    scores.requirements_hold_in.is_some_and(|share| share < HOLDS)
 }
 
 fn decided_by_copies(ours: &Scores, theirs: &Scores) -> String {

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::RunRecord;
 use crate::json::spoken;
-use crate::score::{Guard, HOLDS};
+use crate::score::Guard;
 use crate::search::{MethodRecord, Scored};
 
 /// The result of a run against the best baselines, by the objective and by information gain, and the guards that it
@@ -19,44 +19,6 @@ pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> 
 /// [`verdict`] on a run, with the price of its sensors where these have one.
 pub fn run_verdict(run: &RunRecord) -> String {
     verdict_at(&price_in_words(&run.settings), run.best.as_ref(), &run.baselines, &run.objective)
-}
-
-/// Steps to take next where a result misses requirements: those out of reach first, then what a search may still find.
-/// Empty where all are met.
-pub fn next_in_words(run: &RunRecord) -> Vec<String> {
-    let required = run.best.iter().flat_map(|best| &best.scores.required);
-    let unmet: Vec<String> =
-        required.filter(|seen| !seen.is_met()).map(|seen| format!("{}: ", seen.name)).collect();
-    if unmet.is_empty() {
-        return Vec::new();
-    }
-    let beyond = run.settings["equipped"]["out_of_reach"].as_array();
-    let beyond: Vec<&str> = beyond.into_iter().flatten().filter_map(Value::as_str).collect();
-    let mut steps: Vec<String> =
-        beyond.iter().map(|words| format!("Out of reach: {words}.")).collect();
-    let is_beyond = |name: &String| beyond.iter().any(|words| words.starts_with(name));
-    if !unmet.iter().all(is_beyond) {
-        let evaluations = 2 * run.settings["search"]["evaluations"].as_u64().unwrap_or(180);
-        let budget = run.settings["budget"]
-            .as_f64()
-            .map_or(String::new(), |budget| format!("a --budget above {budget}, "));
-        let time = match run.settings["max_seconds"].is_number() {
-            true => "more time (--resume goes on), ",
-            false => "",
-        };
-        // Limits that LiDARs stand at tell that the mounts are in the way, not the length of the search.
-        let mounts = match run.active_bounds.len() {
-            0 => "",
-            _ => "wider mounts where LiDARs stand at a limit (named below), or more of them, ",
-        };
-        let last = if mounts.is_empty() { ", more or wider mounts" } else { "" };
-        steps.push(format!(
-            "Next, since requirements are not met, in this order: {time}{mounts}{budget}another seed (--seed {}), more \
-             evaluations (--evaluations {evaluations}){last}.",
-            run.seed + 1
-        ));
-    }
-    steps
 }
 
 /// Price of the sensors and the budget, such as ` at a price of 9200 (budget 12000)`; empty where nothing has a price.
@@ -153,7 +115,8 @@ fn unwarned(best: &Scored) -> String {
     };
     let blind = is_blind.then(|| "blind sectors are named above".to_owned());
     let broken = (!best.violations.is_empty()).then(|| "rules of the mount are broken".to_owned());
-    let paper = on_paper(best).map(|_| "requirements hold on paper only (above)".to_owned());
+    let paper =
+        best.scores.holds_on_paper().map(|_| "requirements hold on paper only (above)".to_owned());
     match [lacks, paper, blind, broken].into_iter().flatten().collect::<Vec<_>>() {
         none if none.is_empty() => "No warning: all checks passed.".to_owned(),
         against => format!("No guard was violated; {}.", against.join(", and ")),
@@ -162,7 +125,7 @@ fn unwarned(best: &Scored) -> String {
 
 /// Sentence on requirements that are all met; empty where there are none.
 fn met_in_words(subject: &str, price: &str, best: &Scored) -> String {
-    let paper = on_paper(best).map_or(String::new(), |share| {
+    let paper = best.scores.holds_on_paper().map_or(String::new(), |share| {
         format!(
             ", but on paper only: {:.0} % of copies mounted within the tolerance do",
             100.0 * share
@@ -173,13 +136,6 @@ fn met_in_words(subject: &str, price: &str, best: &Scored) -> String {
         [one] => format!("{subject} meets its requirement ({}){price}{paper}. ", one.title()),
         all => format!("{subject} meets all {} requirements{price}{paper}. ", all.len()),
     }
-}
-
-/// Share of the copies within the mounting tolerance that meet all requirements, where the placement does and too few of
-/// its copies do.
-fn on_paper(placement: &Scored) -> Option<f64> {
-    let [met, of] = placement.scores.met();
-    placement.scores.requirements_hold_in.filter(|&share| met == of && share < HOLDS)
 }
 
 /// Sentence on sectors that a placement does not see; empty where it sees a car all round, or nobody looked.

@@ -172,7 +172,7 @@ pub struct TargetsRequest {
     /// Frames to look at in each scene, spread evenly
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..)))]
     pub frames: u32,
-    /// Frames in which the target must be detected, at most those of --frames [default: all]
+    /// Frames in which the target must be detected, no more than --frames [default: all]
     #[cfg_attr(feature = "cli", arg(long = "in", value_name = "M", value_parser = clap::value_parser!(u32).range(1..)))]
     pub of_frames: Option<u32>,
     /// Count only beams of which the sensor sees enough light: by the target's reflectance and the sensor's response

@@ -183,10 +183,10 @@ pub fn note_repeated(scenes: &[PathBuf], watcher: &dyn Watcher) {
 pub const RESULT: &str = "result.json";
 pub const PLACEMENTS: &str = "placements.json";
 /// Largest result that is read, in bytes.
-const MOST_OF_RESULT: u64 = 1 << 30;
+pub const MOST_OF_RESULT: u64 = 1 << 30;
 
-/// A file of placements, perhaps with `:NAME`. The folder of a run stands for its result in its file, that of a front for
-/// all its points; `FOLDER:NAME` is any placement of its file.
+/// A file of placements, perhaps with `:NAME`. The folder of a run stands for the result in its file, the folder of a front
+/// for all points; `FOLDER:NAME` is any placement of its file.
 ///
 /// # Errors
 /// A folder of placements whose result cannot be read.

@@ -172,6 +172,17 @@ fn check_coverage_of(placements: &RigFiles, request: &ScoreRequest) -> Result<()
     check_coverage(std::slice::from_ref(folder), names.iter().map(|name| &**name), request)
 }
 
+/// Like [`check_coverage`], for placements in several scenes.
+fn check_coverage_in_each(
+    evaluator: &Evaluator,
+    placements: &[Placement],
+    request: &ScoreRequest,
+) -> Result<(), RunError> {
+    let Some(folder) = &request.coverage_out else { return Ok(()) };
+    let names = placements.iter().map(|placement| &*placement.name);
+    check_coverage(&coverage_folders(evaluator, folder), names, request)
+}
+
 /// Writes the covered voxels of a placement, in rising order.
 fn write_coverage(
     folder: &Path,
@@ -210,10 +221,7 @@ fn score_each(
     }
     let (file, mut placements) = (placements.label(), read(placements)?);
     Given::in_problem(file, evaluator.problem(), computing).all(&mut placements)?;
-    if let Some(folder) = &request.coverage_out {
-        let names = placements.iter().map(|placement| &*placement.name);
-        check_coverage(&coverage_folders(&evaluator, folder), names, request)?;
-    }
+    check_coverage_in_each(&evaluator, &placements, request)?;
     let mut batch = Batch {
         evaluator,
         times,

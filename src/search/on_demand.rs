@@ -383,7 +383,7 @@ impl FramesOnDemand {
     }
 }
 
-/// Numbers of frames in words, those that follow one generation together: `1 of 40 frames`, `4 and 8 after generation 15`.
+/// Numbers of frames in words, levels after one generation together: `1 of 40 frames`, `4 and 8 after generation 15`.
 fn in_steps(steps: &[(u64, u32)], all: usize) -> Vec<String> {
     let of_one = |same: &[(u64, u32)]| {
         let frames: Vec<String> = same.iter().map(|(_, frames)| frames.to_string()).collect();

@@ -25,8 +25,8 @@ const POSES: usize = 16;
 const POSES_AT_ONCE: usize = 8;
 /// Frames of each scene over which areas are looked at in copies, spread evenly.
 pub(crate) const FRAMES_OF_COPIES: u32 = 4;
-/// Seeds of the moves: every placement is moved alike. A search that chooses by copies has others than those that tell how
-/// its result holds, which would flatter it.
+/// Seeds of the moves: every placement is moved alike. A search chooses by other copies than its result is judged by, since
+/// the copies that chose it would flatter it.
 pub(crate) const SEED_OF_RESULT: u64 = 0x746f_6c65;
 pub(crate) const SEED_OF_SEARCH: u64 = 0x7365_6172;
 

@@ -165,7 +165,7 @@ impl SightBeams {
 pub(super) fn places_of(rule: &TargetRule) -> Vec<[f64; 3]> {
     let [from, to] = rule.bearings;
     let is_round = to - from >= 360.0;
-    // A narrow sector has its middle, too: it is what the sector is for.
+    // A narrow sector has its middle, too: a sector ahead is to look straight ahead.
     let least = if to > from { 2 } else { 1 };
     let turns = (((to - from) / RULE_DEGREES).ceil() as usize).max(least);
     let bearings = (0..turns + usize::from(!is_round && to > from))

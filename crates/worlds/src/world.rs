@@ -263,7 +263,7 @@ fn rails(draw: &mut WorldDraft<'_>) {
     }
 }
 
-/// What an ego's way lacks, in words whose numbers do not contradict each other.
+/// Words for a way that is too short for an ego, with the length that it lacks.
 fn no_way(wanted: f64, longest: f64) -> String {
     let wanted = (wanted * 10.0).ceil() / 10.0;
     let rounded = (longest * 10.0).round() / 10.0;

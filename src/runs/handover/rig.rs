@@ -193,7 +193,7 @@ impl Handed {
         let scenes = if of_run.is_empty() { scenes } else { &of_run };
         let scene = scene(scenes, text, request.frame, computing)?;
         let warnings = match own {
-            Some(run) => run.required.iter().filter(|seen| is_doubtful(seen)).map(told).collect(),
+            Some(run) => doubts(&run.required, run.hold_in),
             None => warnings(&scene, &placement, computing),
         };
         warnings.iter().for_each(|words| computing.watcher.note(words));
@@ -202,14 +202,19 @@ impl Handed {
     }
 }
 
-/// True of a requirement that is not met, or on paper only.
-fn is_doubtful(seen: &Seen) -> bool {
-    !seen.is_met() || seen.holds_in.is_some_and(|share| share < HOLDS)
-}
-
-/// A requirement in words.
-fn told(seen: &Seen) -> String {
-    seen.to_string()
+/// Requirements that are not met, or on paper only, in words; a line on all of them where only all together hold in too few
+/// copies, of which `hold_in` is the share.
+fn doubts(required: &[Seen], hold_in: Option<f64>) -> Vec<String> {
+    let is_firm = |seen: &Seen| seen.is_met() && seen.holds_in.is_none_or(|share| share >= HOLDS);
+    let doubtful = required.iter().filter(|seen| !is_firm(seen));
+    let mut lines: Vec<String> = doubtful.map(ToString::to_string).collect();
+    if let Some(share) = hold_in.filter(|&share| lines.is_empty() && share < HOLDS) {
+        lines.push(format!(
+            "all requirements: ON PAPER ONLY, met by {:.0} % of copies mounted within the tolerance",
+            100.0 * share
+        ));
+    }
+    lines
 }
 
 /// A command's engine and watcher with the vehicle of a run.
@@ -233,8 +238,10 @@ fn warnings(scene: &Scene, placement: &Placement, computing: &Computing<'_>) -> 
     let job = Job::new(scene.clone()).geometry_alone().engine(computing.engine.clone());
     match job.score(std::slice::from_ref(&placement)) {
         Ok(judged) => {
-            let required = judged.iter().flat_map(|judged| &judged.scores.required);
-            warnings.extend(required.filter(|seen| is_doubtful(seen)).map(told));
+            let scores = judged.iter().map(|judged| &judged.scores);
+            warnings.extend(
+                scores.flat_map(|scores| doubts(&scores.required, scores.requirements_hold_in)),
+            );
         }
         Err(why) => warnings.push(format!("requirements were not looked at: {why}")),
     }

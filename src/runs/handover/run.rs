@@ -34,6 +34,8 @@ pub(super) struct RunFound {
     pub tolerance: Option<Tolerance>,
     /// Requirements as the run measured them, over all its frames.
     pub required: Vec<Seen>,
+    /// Share of copies within the tolerance that meet all of them; `None` where the run did not look.
+    pub hold_in: Option<f64>,
 }
 
 impl GivenRig {
@@ -66,7 +68,7 @@ impl GivenRig {
     }
 }
 
-/// Error for a folder without a result that could be meant: that of a front, or of a search that found nothing.
+/// Error for a folder whose result names no placement: a front has several, and a search may have found none.
 fn unnamed(folder: &Path, points: &[Value], picked: &Value) -> RunError {
     let of = folder.display();
     let names: Vec<&str> = points.iter().filter_map(|point| point["name"].as_str()).collect();
@@ -98,6 +100,7 @@ impl RunFound {
             seed: seed.unwrap_or_default(),
             tolerance,
             required: required.into_iter().flatten().map(seen).collect(),
+            hold_in: found["scores"]["requirements_hold_in"].as_f64(),
         }
     }
 }

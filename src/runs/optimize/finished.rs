@@ -7,10 +7,8 @@ use serde_json::Value;
 use super::front;
 use crate::files::{RunDir, command_of as command_in, read_own};
 use crate::runs::RunError;
-use crate::runs::inputs::{PLACEMENTS, RESULT};
+use crate::runs::inputs::{MOST_OF_RESULT, PLACEMENTS, RESULT};
 
-/// Largest result that is read, in bytes.
-const MOST: u64 = 1 << 30;
 /// Page of a run.
 const PAGE: &str = "report.html";
 /// First words of an end after which a run goes on.
@@ -40,7 +38,7 @@ pub fn finished(folder: &Path) -> Result<Option<Finished>, RunError> {
     if ![RESULT, PLACEMENTS, PAGE].iter().all(|name| folder.join(name).is_file()) {
         return Ok(None);
     }
-    let read = || String::from_utf8(read_own(&folder.join(RESULT), MOST).ok()?).ok();
+    let read = || String::from_utf8(read_own(&folder.join(RESULT), MOST_OF_RESULT).ok()?).ok();
     let Some(text) = read() else { return Ok(None) };
     let Ok(result) = serde_json::from_str::<Value>(&text) else { return Ok(None) };
     let stopped = result["stopped"].as_str().unwrap_or(UNFINISHED[0]);

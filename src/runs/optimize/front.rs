@@ -40,6 +40,13 @@ struct SavedFront {
     state: FrontState,
 }
 
+impl SavedFront {
+    /// True if the front is by price, or within a budget.
+    fn counts_prices(&self) -> bool {
+        self.objectives.all().contains(&FrontObjective::Price) || self.begun.files.budget.is_some()
+    }
+}
+
 /// Start of the search of a front.
 #[derive(Debug, Clone)]
 pub enum FrontStart {
@@ -92,13 +99,11 @@ pub fn front(
     for scene in loaded.job.scenes() {
         inputs.extend(Input::of(scene.scene().files())?);
     }
-    let job = loaded.job.search(saved.settings.clone()).engine(computing.engine.clone());
-    let job = job.within(time);
+    let job = loaded.job.search(saved.settings.clone());
+    let job = job.engine(computing.engine.clone()).within(time);
     job.check_front(&saved.objectives)?;
     if folder.is_none() {
-        let by_price = saved.objectives.all().contains(&FrontObjective::Price);
-        let is_priced = by_price || saved.begun.files.budget.is_some();
-        note_unpriced(job.scene().vehicle(), is_priced, watcher);
+        note_unpriced(job.scene().vehicle(), saved.counts_prices(), watcher);
     }
     job.check_room()?;
     watcher.listen(GRACE);

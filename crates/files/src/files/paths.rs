@@ -127,14 +127,14 @@ const LONGEST: usize = 200;
 /// Names that Windows keeps for devices, with any ending.
 const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
 
-/// Names of files or folders that are those of things, letter for letter, each once.
+/// Names of files or folders, each the name of its thing letter for letter, and each once.
 #[derive(Debug)]
 pub struct FileNames {
-    /// Name of a thing by that of its file, as the file system compares them.
+    /// Name of each thing, by the name of its file as the file system compares it.
     taken: HashMap<String, String>,
     /// Upper and lower case are the same.
     ignores_case: bool,
-    /// Some names are those of devices, with any ending.
+    /// Devices have names, with any ending, that no file can have.
     has_devices: bool,
 }
 

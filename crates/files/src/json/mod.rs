@@ -15,5 +15,5 @@ pub use parse::{
     FileKind, check_version, check_xml, parse, plain_words, read_limited, read_text, refuse_utf_16,
     unknown_key, version_1,
 };
-pub use xml::plain_names;
+pub use xml::{has_no_prefix, plain_names};
 pub use yaml::{YamlDocument, parse_documents, parse_yaml};

@@ -8,6 +8,11 @@ const XACRO: &str = "xacro";
 /// Sign in place of the colon: valid in a name, and as long, so that places in the text stay.
 const DOT: u8 = b'.';
 
+/// True for the name of an element or attribute that has no prefix, in a text of [`plain_names`].
+pub fn has_no_prefix(name: &str) -> bool {
+    !name.bytes().any(|byte| byte == DOT)
+}
+
 /// The text with `.` for the colon in names of elements with a prefix, and of attributes with an undeclared one.
 ///
 /// Robot files use prefixes without declaring them, which XML parsers refuse. Simulators read such names as plain

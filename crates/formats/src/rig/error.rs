@@ -164,7 +164,7 @@ pub enum RigError {
     },
     /// LiDARs that may be in files which an SDF file includes.
     #[error(
-        "{file}: no model in it has a LiDAR, and what it includes is not read: {}; merge the files with `gz sdf -p {file}`",
+        "{file}: no model in it has a LiDAR, and its <include>s are not read: {}; merge the files with `gz sdf -p {file}`",
         listed(included)
     )]
     Included {

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use roxmltree::Node;
 use sightline_files::Note;
-use sightline_files::json::{plain_names, written};
+use sightline_files::json::{has_no_prefix, plain_names, written};
 use sightline_scene::vehicle::SensorPose;
 
 use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
@@ -134,7 +134,7 @@ fn pose<'a>(
     }
     let known = |name: &str| ["relative_to", "frame", "degrees", "rotation_format"].contains(&name);
     let plain = |attribute: &roxmltree::Attribute| {
-        attribute.namespace().is_none() && !attribute.name().contains('.')
+        attribute.namespace().is_none() && has_no_prefix(attribute.name())
     };
     let odd = element.attributes().find(|odd| plain(odd) && !known(odd.name()));
     if let Some(odd) = odd {

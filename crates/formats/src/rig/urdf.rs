@@ -10,7 +10,7 @@ use std::fmt::Write;
 
 use roxmltree::Node;
 use sightline_files::Note;
-use sightline_files::json::{Location, plain_names, written};
+use sightline_files::json::{Location, has_no_prefix, plain_names, written};
 use sightline_scene::vehicle::SensorPose;
 
 use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
@@ -96,7 +96,7 @@ fn origin_of<'a, 'i>(
     let elements = joint.children().filter(Node::is_element);
     for element in elements.filter(|element| element.tag_name().namespace().is_none()) {
         let name = element.tag_name().name();
-        if !OF_JOINT.contains(&name) && !name.contains('.') {
+        if !OF_JOINT.contains(&name) && has_no_prefix(name) {
             frames.notes.push(Note::doubt(format!("{at}: <{name}>: not known here, and not read")));
         }
     }
@@ -107,7 +107,7 @@ fn origin_of<'a, 'i>(
         return Err(wrong(&at, "a second <origin>", "one <origin>"));
     }
     let known = |name: &str| ["xyz", "rpy", QUATERNION].contains(&name);
-    let own = |a: &roxmltree::Attribute| a.namespace().is_none() && !a.name().contains('.');
+    let own = |a: &roxmltree::Attribute| a.namespace().is_none() && has_no_prefix(a.name());
     let odd = origin.and_then(|origin| origin.attributes().find(|a| own(a) && !known(a.name())));
     match odd {
         Some(odd) => {

@@ -97,17 +97,23 @@ impl Cutter {
         }
         // Corners in a line as seen from above make no triangle there, and one in space.
         let bulge = (1..corners.len()).map(|i| arm(i).dot(normal).abs()).fold(0.0, f64::max);
-        let is_bent = bulge > BENT * (reach * size).sqrt();
-        if is_bent && self.cut.len() < 3 * (corners.len() - 2) {
-            match ears(&plane) {
-                Some(cut) => self.cut = cut,
-                None => self.cross(),
-            }
+        if bulge > BENT * (reach * size).sqrt() {
+            self.keep_corners(&plane);
         }
         let mut triangles = self.cut.chunks_exact(3);
         triangles.try_for_each(|t| {
             mesh.triangle([t[0], t[1], t[2]].map(|i| corners[i as usize]), material)
         })
+    }
+
+    /// Cuts a polygon once more where corners were left out; counts one that cannot be cut as one that crosses itself.
+    fn keep_corners(&mut self, plane: &[[f64; 2]]) {
+        if self.cut.len() < 3 * (plane.len() - 2) {
+            match ears(plane) {
+                Some(cut) => self.cut = cut,
+                None => self.cross(),
+            }
+        }
     }
 
     /// Counts the last polygon as one that crosses itself.

@@ -12,7 +12,7 @@ use roxmltree::{Document, Node, ParsingOptions};
 use super::{Geometry, MeshFault, RobotPart};
 use lidar_cast::geom::Pose;
 use sightline_files::files::stays_inside;
-use sightline_files::json::{check, check_xml, nearest, plain_names};
+use sightline_files::json::{check, check_xml, has_no_prefix, nearest, plain_names};
 
 /// Most elements, texts and comments of a file.
 const MAX_NODES: u32 = 1_000_000;
@@ -102,9 +102,8 @@ fn positive(value: f64, key: &str, of: &str) -> Result<f64, MeshFault> {
 fn origin(node: Node, of: &str) -> Result<Pose, MeshFault> {
     let Some(origin) = sole(node, "origin", of)? else { return Ok(Pose::IDENTITY) };
     let known = |name: &str| ["xyz", "rpy", "quat_xyzw"].contains(&name);
-    let own = |name: &str| !name.contains('.');
-    let odd =
-        |a: &roxmltree::Attribute| a.namespace().is_none() && own(a.name()) && !known(a.name());
+    let own = |a: &roxmltree::Attribute| a.namespace().is_none() && has_no_prefix(a.name());
+    let odd = |a: &roxmltree::Attribute| own(a) && !known(a.name());
     if let Some(odd) = origin.attributes().find(odd) {
         let problem = format!("<origin> has {:?}; give xyz, rpy or quat_xyzw", odd.name());
         return Err(fault(of, problem));

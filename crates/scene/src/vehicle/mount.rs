@@ -215,7 +215,7 @@ pub(super) fn keep_out_boxes(
     boxes.iter().enumerate().map(corners).collect()
 }
 
-/// Lower and upper corner of a box; `empty` says what becomes of one without an extent.
+/// Lower and upper corner of a box; `empty` says how one without an extent is treated.
 pub(super) fn box_corners(
     at: &Location,
     cuboid: &KeepOutDescription,

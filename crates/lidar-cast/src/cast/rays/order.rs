@@ -15,7 +15,7 @@ const FEWEST: usize = 1 << 15;
 const FEWEST_TRIANGLES: usize = 1 << 16;
 /// Groups of neighbouring rays that are looked at to see whether the rays have an order of their own.
 const GROUPS: usize = 64;
-/// Rays whose entries tell how far those of all lie apart.
+/// Rays in a sample, whose entries tell how far the entries of all rays lie apart.
 const SAMPLE: usize = 1024;
 /// Bits of a cell along an axis of the box, and along each of the two axes of directions.
 const PLACE_BITS: u32 = 3;

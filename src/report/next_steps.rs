@@ -1,0 +1,44 @@
+//! Steps to take next where a result misses requirements.
+
+use serde_json::Value;
+
+use super::RunRecord;
+
+/// Steps to take next where a result misses requirements: those out of reach first, then what a search may still find.
+/// Empty where all are met.
+pub fn next_in_words(run: &RunRecord) -> Vec<String> {
+    let required = run.best.iter().flat_map(|best| &best.scores.required);
+    let unmet: Vec<String> =
+        required.filter(|seen| !seen.is_met()).map(|seen| format!("{}: ", seen.name)).collect();
+    if unmet.is_empty() {
+        return Vec::new();
+    }
+    let beyond = run.settings["equipped"]["out_of_reach"].as_array();
+    let beyond: Vec<&str> = beyond.into_iter().flatten().filter_map(Value::as_str).collect();
+    let mut steps: Vec<String> =
+        beyond.iter().map(|words| format!("Out of reach: {words}.")).collect();
+    let is_beyond = |name: &String| beyond.iter().any(|words| words.starts_with(name));
+    if !unmet.iter().all(is_beyond) {
+        let evaluations = 2 * run.settings["search"]["evaluations"].as_u64().unwrap_or(180);
+        let budget = run.settings["budget"]
+            .as_f64()
+            .map_or(String::new(), |budget| format!("a --budget above {budget}, "));
+        let time = match run.settings["max_seconds"].is_number() {
+            true => "more time (--resume goes on), ",
+            false => "",
+        };
+        // Limits that LiDARs stand at tell that the mounts are in the way, not the length of the search.
+        let [mounts, last] = match run.active_bounds.len() {
+            0 => ["", ", more or wider mounts"],
+            _ => {
+                ["wider mounts where LiDARs stand at a limit (named below), or more of them, ", ""]
+            }
+        };
+        steps.push(format!(
+            "Next, since requirements are not met, in this order: {time}{mounts}{budget}another seed (--seed {}), more \
+             evaluations (--evaluations {evaluations}){last}.",
+            run.seed + 1
+        ));
+    }
+    steps
+}

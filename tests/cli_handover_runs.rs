@@ -1,0 +1,132 @@
+//! `rig handover` of the folder of a run, and of a front.
+
+use std::fs;
+
+use serde_json::json;
+use tempfile::TempDir;
+
+use crate::cli::{fails, ok};
+use crate::cli_handover::folder;
+
+/// A run in a yard: its folder, beside a vehicle and a scene.
+fn run_folder() -> TempDir {
+    let dir = folder();
+    let path = dir.path().join("cart.json");
+    let mut vehicle: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    vehicle["require"] =
+        json!([{ "target": "car", "from": 30, "within": 30, "beams": 90, "share": 1 }]);
+    fs::write(&path, vehicle.to_string()).unwrap();
+    let scene = json!({ "sightline": 1, "name": "yard", "coverage": "first-hit",
+        "roi": { "min": [-10, -10, -0.5], "max": [10, 10, 3], "voxel": [0.5, 0.5, 0.5] },
+        "static": [{ "class": "road", "plane": { "min": [-99, -99], "max": [99, 99], "z": 0 } },
+                   { "class": "building", "box": { "foot": [8, 0, 0], "size": [1, 6, 2.5] } }],
+        "ego": { "poses": [{ "x": 0, "y": 0, "z": 0 }, { "x": 1, "y": 0, "z": 0 }] },
+        // A vehicle of its own, in whose place the run has another.
+        "lidar": { "channels": 4, "fov": [-20, 0], "azimuth_steps": 90, "range": 40 },
+        "mount": { "min": [-1, -0.5, 2], "max": [1, 0.5, 2.2], "lidars": 2 } });
+    fs::write(dir.path().join("yard.json"), scene.to_string()).unwrap();
+    let line =
+        "optimize yard.json --vehicle cart.json --evaluations 10 --backend cpu --out runs/yard";
+    let run = crate::cli::sightline(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    assert_eq!(run.status.code(), Some(1), "{}", String::from_utf8_lossy(&run.stderr));
+    // No sensor here puts 90 beams on a car at 30 m, on no pose: said before the search and in its result.
+    let (said, text) = (String::from_utf8_lossy(&run.stderr), String::from_utf8_lossy(&run.stdout));
+    let words = "car at 30 m, 90 beams: even the best pose of each mount meets it with at most ";
+    assert!(said.contains(&format!("OUT OF REACH: {words}")), "{said}");
+    assert!(text.contains(&format!("Out of reach: {words}")), "{text}");
+    assert!(!text.contains("Next, since") && !text.contains("all checks passed"), "{text}");
+    dir
+}
+
+#[test]
+fn the_folder_of_a_run_stands_for_its_optimum() {
+    let dir = run_folder();
+    let ok = |line: &str| ok(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    ok("rig handover runs/yard --backend cpu --out a");
+    ok(
+        "rig handover runs/yard/placements.json:optimized --vehicle cart.json --backend cpu --out b",
+    );
+    let read = |path: &str| fs::read_to_string(dir.path().join(path)).unwrap();
+    for file in ["poses.csv", "materials.csv"] {
+        assert_eq!(read(&format!("a/{file}")), read(&format!("b/{file}")), "{file}");
+    }
+    // The drawing of a rig that misses a requirement says so, whether the run tells it or it is measured.
+    for drawing in [read("a/drawing.svg"), read("b/drawing.svg")] {
+        assert!(
+            drawing.contains(">NOT MET: car at 30 m, 90 beams: 0.0 % seen, 100.0 % required"),
+            "{drawing}"
+        );
+    }
+    assert!(read("a/drawing.svg").contains("Found with seed 1 in the run yard"));
+    // A requirement that holds on paper only, and a LiDAR outside its mount, are no secret of the search.
+    let mut result: serde_json::Value =
+        serde_json::from_str(&read("runs/yard/result.json")).unwrap();
+    let requirement = &mut result["best"]["scores"]["requirements"][0];
+    requirement["found"] = json!(1.0);
+    requirement["holds_in"] = json!(0.9);
+    fs::write(dir.path().join("runs/yard/result.json"), result.to_string()).unwrap();
+    ok("rig handover runs/yard --backend cpu --out d");
+    result["best"]["scores"]["requirements"][0]["holds_in"] = json!(0.97);
+    result["best"]["scores"]["requirements_hold_in"] = json!(0.94);
+    fs::write(dir.path().join("runs/yard/result.json"), result.to_string()).unwrap();
+    ok("rig handover runs/yard --backend cpu --out f");
+    let moved = read("p.json").replacen("0.25", "3.25", 1);
+    fs::write(dir.path().join("moved.json"), moved).unwrap();
+    ok("rig handover moved.json:rig --vehicle cart.json --backend cpu --out e");
+    for (folder, words) in [
+        ("d", "ON PAPER ONLY, met by 90 % of copies"),
+        ("e", "RULE BROKEN: "),
+        ("f", "all requirements: ON PAPER ONLY, met by 94 %"),
+    ] {
+        for file in ["README.txt", "drawing.svg"] {
+            let text = read(&format!("{folder}/{file}"));
+            assert!(text.contains(words), "{folder}/{file}: {text}");
+        }
+    }
+    assert!(read("b/drawing.svg").contains("Placement of placements.json"));
+    // Everywhere else, too: the folder is the result in its file of placements, with a name any of that file.
+    let file = "runs/yard/placements.json";
+    for (folder, named) in
+        [("runs/yard", format!("{file}:optimized")), ("runs/yard:plain", format!("{file}:plain"))]
+    {
+        for command in [
+            "score yard.json RIG --vehicle cart.json",
+            "study targets RIG --vehicle cart.json",
+            "study redundancy yard.json RIG --vehicle cart.json",
+        ] {
+            let said = |rig: &str| {
+                let line = command.replace("RIG", rig) + " --backend cpu --format csv";
+                let run = crate::cli::sightline(dir.path(), &line.split(' ').collect::<Vec<_>>());
+                assert!(run.status.code().is_some_and(|code| code < 2), "{line}: {run:?}");
+                String::from_utf8(run.stdout).unwrap()
+            };
+            assert_eq!(said(folder), said(&named), "{command}");
+        }
+    }
+    let run = |line: &str| {
+        let run = crate::cli::sightline(dir.path(), &line.split(' ').collect::<Vec<_>>());
+        assert!(run.status.success(), "{line}: {run:?}");
+    };
+    run("rig export runs/yard --vehicle cart.json --format urdf --out own.urdf");
+    run(
+        "rig export runs/yard/placements.json:optimized --vehicle cart.json --format urdf --out named.urdf",
+    );
+    assert_eq!(read("own.urdf"), read("named.urdf"));
+    let same = ok("rig compare runs/yard runs/yard/placements.json:optimized");
+    assert!(same["lidars"].as_array().unwrap().iter().all(|of| of["moved"] == 0.0), "{same}");
+    run("view yard.json runs/yard --vehicle cart.json --backend cpu --out view.html");
+    // A study of one placement names it in its record, and one of another does not go on with it.
+    let study = |rig: &str| {
+        format!(
+            "study loss yard.json {rig} --vehicle cart.json --frames 1 --backend cpu --out lost"
+        )
+    };
+    assert_eq!(ok(&study("runs/yard"))["rows"][0]["name"], "optimized");
+    let told = fails(dir.path(), &study("runs/yard:plain").split(' ').collect::<Vec<_>>());
+    assert!(told.contains("lost: holds a study of other settings"), "{told}");
+    let told = fails(dir.path(), &["rig", "handover", "runs", "--out", "c"]);
+    assert!(told.contains("runs: is a folder without result.json; give a file"), "{told}");
+    let told = fails(dir.path(), &["rig", "handover", "yard.json", "p.json", "--out", "c"]);
+    assert!(told.contains("`sightline rig handover yard.json p.json:rig`"), "{told}");
+}
