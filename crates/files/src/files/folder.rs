@@ -34,6 +34,18 @@ impl MissingFolders {
     }
 }
 
+/// Locks a folder of which `made` were missing; where another run has its lock, that run made them, and they stay.
+pub(super) fn lock_new_folder(
+    path: &Path,
+    made: &mut MissingFolders,
+) -> Result<Option<File>, FileError> {
+    let lock = lock_folder(path, Duration::ZERO);
+    if matches!(lock, Err(FileError::Refused(_))) {
+        made.0.clear();
+    }
+    lock
+}
+
 impl Drop for MissingFolders {
     fn drop(&mut self) {
         let _ = self.0.iter().try_for_each(std::fs::remove_dir);
@@ -264,6 +276,21 @@ mod tests {
 
     fn files(text: &str) -> Vec<(String, Vec<u8>)> {
         ["a.txt", "b.txt"].map(|name| (name.to_owned(), text.as_bytes().to_vec())).to_vec()
+    }
+
+    #[test]
+    fn a_folder_that_another_run_has_made_stays() {
+        let around = tempfile::tempdir().unwrap();
+        let out = around.path().join("runs/one");
+        // Both look before one has made it.
+        let mut made = [MissingFolders::of(&out), MissingFolders::of(&out)];
+        let first = lock_new_folder(&out, &mut made[0]).unwrap();
+        assert!(lock_new_folder(&out, &mut made[1]).is_err());
+        let [of_first, of_second] = made;
+        drop(of_second);
+        assert!(out.is_dir());
+        drop((first, of_first));
+        assert!(!around.path().join("runs").exists());
     }
 
     #[test]

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use sha2::{Digest, Sha256};
 
-use super::folder::{MissingFolders, is_empty, lock_folder};
+use super::folder::{MissingFolders, is_empty, lock_folder, lock_new_folder};
 use super::{FileError, Input, guard, is_forced, paths, read_own, write_own};
 
 /// File of the state, in every run folder.
@@ -72,11 +72,11 @@ impl<S: Serialize + DeserializeOwned> RunDir<S> {
         name: &str,
         inputs: Vec<Input>,
     ) -> Result<Self, FileError> {
-        let (path, made) = match out {
+        let (path, mut made) = match out {
             Some(path) => (path.to_owned(), MissingFolders::of(path)),
             None => free_folder(name)?,
         };
-        let lock = lock_folder(&path, Duration::ZERO)?;
+        let lock = lock_new_folder(&path, &mut made)?;
         // Under the lock: another run may have ended since the command began.
         if is_forced() {
             guard::holds_no_input(&path)?;
