@@ -114,6 +114,16 @@ fn doubts_about_a_vehicle_are_told_once() {
     assert!(far.contains(beyond) && !far.contains("require[0]"), "{far}");
     let bare = of_car(&dir, |car| drop(car.as_object_mut().unwrap().remove("body")));
     assert!(bare.contains("own.json: has no `body`: beams pass through the vehicle"), "{bare}");
+    let scene = fs::read_to_string(dir.path().join("s.json")).unwrap();
+    let mut scene: Value = serde_json::from_str(&scene).unwrap();
+    scene["ego"]["body"] = car()["body"].clone();
+    write(&dir, "s.json", &scene.to_string());
+    let lent = of_car(&dir, |car| car["body"] = json!([]));
+    assert!(
+        lent.contains("own.json: has no `body`: the ego body of s.json stands for it"),
+        "{lent}"
+    );
+    assert!(!of_car(&dir, |_| {}).contains("own.json"));
 }
 
 #[test]

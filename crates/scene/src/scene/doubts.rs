@@ -61,7 +61,7 @@ impl Scene {
         let mut all = in_file(&places.body, of_body);
         all.extend(in_file(&places.scene, doubts));
         all.extend(mounts(scene, &places.mounts).into_iter().map(Note::doubt));
-        all.extend(no_body(scene, &places.vehicle));
+        all.extend(no_body(scene, places));
         all
     }
 }
@@ -243,14 +243,18 @@ fn sensors(scene: &Scene) -> Vec<String> {
     doubts
 }
 
-/// A fact about a vehicle whose beams nothing of its own stops.
-fn no_body(scene: &Scene, at: &Location) -> Option<Note> {
+/// A fact about a vehicle without a body of its own: beams end nowhere on it, or on the body of the scene.
+fn no_body(scene: &Scene, places: &SceneLocations) -> Option<Note> {
     let is_bare = scene.body.faces.is_empty() && scene.bodies.is_empty();
     let beams_end = scene.coverage == Coverage::FirstHit && !scene.vehicle.is_nameless();
-    (is_bare && beams_end).then(|| {
-        let words = "has no `body`: beams pass through the vehicle; give its boxes or its mesh under `body`";
-        Note::fact(format!("{at}: {words}"))
-    })
+    let is_apart = places.vehicle.file != places.scene && places.body == places.scene;
+    let instead = match is_bare {
+        true => "beams pass through the vehicle".to_owned(),
+        false if is_apart => format!("the ego body of {} stands for it", places.scene),
+        false => return None,
+    };
+    let mend = "give its boxes or its mesh under `body`";
+    beams_end.then(|| Note::fact(format!("{}: has no `body`: {instead}; {mend}", places.vehicle)))
 }
 
 /// Doubts about mounts inside the body, or far from it.
