@@ -114,6 +114,9 @@ fn doubts_about_a_vehicle_are_told_once() {
     assert!(far.contains(beyond) && !far.contains("require[0]"), "{far}");
     let bare = of_car(&dir, |car| drop(car.as_object_mut().unwrap().remove("body")));
     assert!(bare.contains("own.json: has no `body`: beams pass through the vehicle"), "{bare}");
+    let apart = of_car(&dir, |car| car["min_distance"] = json!(300));
+    assert!(apart.contains("min_distance: 300 m is more than any two places"), "{apart}");
+    assert!(apart.contains("300 mm are 0.3 m"), "{apart}");
     let scene = fs::read_to_string(dir.path().join("s.json")).unwrap();
     let mut scene: Value = serde_json::from_str(&scene).unwrap();
     scene["ego"]["body"] = car()["body"].clone();

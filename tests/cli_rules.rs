@@ -196,7 +196,7 @@ fn injected_layouts_that_are_not_used_are_named_with_the_reason() {
     let left_out = run["left_out"].as_array().unwrap();
     assert_eq!(left_out.len(), 4, "{left_out:?}");
     for (name, why) in [
-        ("far", "x is 0.300 outside the mount"),
+        ("far", "x is 0.300 m outside the mount"),
         ("single", "it has 1 LiDAR(s), the mount 2"),
         ("row", "plane of symmetry"),
         ("askew", "from a mirror image at the plane y = 0"),

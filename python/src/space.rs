@@ -118,7 +118,7 @@ impl PySpace {
         let mut sums = [0.0; RULES.len()];
         for violation in self.given.violations(placement) {
             let rule = match violation {
-                Violation::OutsideMount { .. } => 0,
+                Violation::OutsideMount { .. } | Violation::NotTaken { .. } => 0,
                 Violation::TooClose { .. } => 1,
                 Violation::KeptOut { .. } => 2,
                 Violation::UnequalHeight { .. } => 3,

@@ -244,7 +244,7 @@ impl JobRun<'_> {
             },
             EquipStep::OutOfTime(found) => {
                 self.is_late = true;
-                found
+                Equipped { is_cut: true, ..found }
             }
         };
         if found.equipment.is_empty() {
@@ -423,7 +423,8 @@ mod tests {
     fn found(sensors: usize, cost: f64, missing: f64) -> Equipped {
         let placement = Placement { name: "x".to_owned(), lidars: vec![] };
         let equipment = vec![(0, crate::vehicle::SensorName::NONE); sensors];
-        Equipped { equipment, placement, cost, value: 0.0, missing, out_of_reach: Vec::new() }
+        let (value, out_of_reach, is_cut) = (0.0, Vec::new(), false);
+        Equipped { equipment, placement, cost, value, missing, out_of_reach, is_cut }
     }
 
     #[test]

@@ -4,24 +4,27 @@ use serde_json::Value;
 
 use super::RunRecord;
 
-/// Steps to take next where a result misses requirements: those out of reach first, then what a search may still find.
-/// Empty where all are met.
+/// Steps to take next: that the time ended before the sensors were chosen; where a result misses requirements, those out of
+/// reach, then what a search may still find. Empty where all are met.
 pub fn next_in_words(run: &RunRecord) -> Vec<String> {
+    let cut = cut_in_words(&run.settings);
+    let is_cut = cut.is_some();
+    let mut steps: Vec<String> = cut.into_iter().collect();
     let required = run.best.iter().flat_map(|best| &best.scores.required);
     let unmet: Vec<String> =
         required.filter(|seen| !seen.is_met()).map(|seen| format!("{}: ", seen.name)).collect();
     if unmet.is_empty() {
-        return Vec::new();
+        return steps;
     }
     let beyond = run.settings["equipped"]["out_of_reach"].as_array();
     let beyond: Vec<&str> = beyond.into_iter().flatten().filter_map(Value::as_str).collect();
-    let mut steps: Vec<String> =
-        beyond.iter().map(|words| format!("Out of reach: {words}.")).collect();
+    steps.extend(beyond.iter().map(|words| format!("Out of reach: {words}.")));
     let is_beyond = |name: &String| beyond.iter().any(|words| words.starts_with(name));
     if !unmet.iter().all(is_beyond) {
         let evaluations = 2 * run.settings["search"]["evaluations"].as_u64().unwrap_or(180);
         let budget = run.settings["budget"]
             .as_f64()
+            .filter(|_| !is_cut)
             .map_or(String::new(), |budget| format!("a --budget above {budget}, "));
         let time = match run.settings["max_seconds"].is_number() {
             true => "more time (--resume goes on), ",
@@ -41,4 +44,15 @@ pub fn next_in_words(run: &RunRecord) -> Vec<String> {
         ));
     }
     steps
+}
+
+/// That the time ended before the sensors were chosen; `None` where they were.
+fn cut_in_words(settings: &Value) -> Option<String> {
+    let equipped = &settings["equipped"];
+    let [cost, budget] = [&equipped["cost"], &settings["budget"]].map(Value::as_f64);
+    let spent = cost.zip(budget).map(|(cost, budget)| format!(" ({cost} of {budget} spent)"));
+    let spent = spent.unwrap_or_default();
+    (equipped["is_cut"] == true).then(|| {
+        format!("The time ended while the sensors were chosen{spent}: go on with --resume, or give more time.")
+    })
 }

@@ -115,6 +115,7 @@ impl<'a> Pool<'a> {
             value: 0.0,
             missing: 0.0,
             out_of_reach: Vec::new(),
+            is_cut: false,
         };
         let equipment = equipped.words(self.vehicle);
         let Equipped { equipment: kinds, placement, .. } = equipped;

@@ -418,6 +418,7 @@ impl Equip {
             value,
             missing,
             out_of_reach: self.out_of_reach.clone(),
+            is_cut: false,
         }
     }
 }

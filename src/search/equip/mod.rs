@@ -66,6 +66,7 @@ impl Spare {
             missing: scores.missing(),
             equipment,
             out_of_reach: found.out_of_reach,
+            is_cut: found.is_cut,
         })
     }
 }
@@ -229,6 +230,7 @@ fn plain(
         value: objective.value(&scores).unwrap_or(f64::NEG_INFINITY),
         missing: scores.missing(),
         out_of_reach: Vec::new(),
+        is_cut: false,
         placement: Placement { name: "equipped".into(), ..placement },
         equipment,
     })

@@ -61,6 +61,7 @@ impl Scene {
         let mut all = in_file(&places.body, of_body);
         all.extend(in_file(&places.scene, doubts));
         all.extend(mounts(scene, &places.mounts).into_iter().map(Note::doubt));
+        all.extend(apart(scene, &places.vehicle).map(Note::doubt));
         all.extend(no_body(scene, places));
         all
     }
@@ -241,6 +242,25 @@ fn sensors(scene: &Scene) -> Vec<String> {
         ));
     }
     doubts
+}
+
+/// A doubt about LiDARs that are to be farther apart than any two places of the mounts are.
+fn apart(scene: &Scene, at: &Location) -> Option<String> {
+    let least = scene.vehicle.min_distance;
+    let corners = scene.vehicle.mounts.iter().flat_map(|mount| mount.region.corners());
+    let corners: Vec<DVec3> = corners.map(DVec3::from).collect();
+    let low = corners.iter().copied().reduce(DVec3::min)?;
+    let high = corners.iter().copied().reduce(DVec3::max)?;
+    let most = low.distance(high);
+    let room: usize = scene.vehicle.mounts.iter().map(|mount| mount.count[1]).sum();
+    (least > most && room > 1).then(|| {
+        format!(
+            "{}: {least} m is more than any two places of the mounts are apart, {most:.2} m, so that one LiDAR has room at \
+             most; millimetres? {least} mm are {} m",
+            at.key("min_distance"),
+            least / 1000.0
+        )
+    })
 }
 
 /// A fact about a vehicle without a body of its own: beams end nowhere on it, or on the body of the scene.

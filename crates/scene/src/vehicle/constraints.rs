@@ -140,9 +140,26 @@ pub enum Violation {
     OutsideMount {
         /// Index of the LiDAR.
         lidar: usize,
+        /// Name of the mount; may be empty.
+        mount: String,
         /// `x`, `y`, `z`, `roll`, `pitch`, `yaw` or `phase`.
         field: &'static str,
         /// Distance from the bound, in m or rad.
+        by: f64,
+    },
+    /// A LiDAR stands on a mount that does not take its model, or is full.
+    NotTaken {
+        /// Index of the LiDAR.
+        lidar: usize,
+        /// Its model.
+        sensor: SensorName,
+        /// Name of the mount that it stands on.
+        mount: String,
+        /// Models that the mount takes.
+        takes: Vec<SensorName>,
+        /// LiDARs that it holds, at most.
+        room: usize,
+        /// Distance from the nearest free mount for its model, in m or rad.
         by: f64,
     },
     /// No slot is left for a LiDAR of its model.
@@ -187,6 +204,7 @@ impl Violation {
     pub fn amount(&self) -> f64 {
         match self {
             Self::OutsideMount { by, .. }
+            | Self::NotTaken { by, .. }
             | Self::TooClose { by, .. }
             | Self::KeptOut { by, .. }
             | Self::UnequalHeight { by }
@@ -200,8 +218,18 @@ impl Violation {
 impl std::fmt::Display for Violation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::OutsideMount { lidar, field, by } => {
-                write!(f, "LiDAR {lidar}: {field} is {by:.3} outside the mount")
+            Self::OutsideMount { lidar, mount, field, by } => {
+                let unit = if matches!(*field, "x" | "y" | "z") { "m" } else { "rad" };
+                let name = if mount.is_empty() { "" } else { " " };
+                write!(f, "LiDAR {lidar}: {field} is {by:.3} {unit} outside the mount{name}{mount}")
+            }
+            Self::NotTaken { lidar, sensor, mount, takes, room, .. } => {
+                write!(f, "LiDAR {lidar}: it stands on mount {mount}, which ")?;
+                if takes.contains(sensor) {
+                    return write!(f, "holds {room} LiDAR(s) at most");
+                }
+                let takes: Vec<String> = takes.iter().map(|model| format!("`{model}`")).collect();
+                write!(f, "takes {}, not `{sensor}`", takes.join(" or "))
             }
             Self::NoPlace { lidar, sensor } if sensor.is_none() => {
                 write!(f, "LiDAR {lidar}: there is no mount for one more sensor without a name")
@@ -328,13 +356,7 @@ impl Constraints {
                 found.push(Violation::NoPlace { lidar, sensor: pose.sensor });
                 continue;
             };
-            let outside = self.slots[slot].region.outside(pose).into_iter();
-            found.extend(outside.map(|(field, by)| Violation::OutsideMount { lidar, field, by }));
-            let bounds = self.slots[slot].allows(self.model_of(pose)).flatten();
-            if let (Some([from, to]), Some(phase)) = (bounds, pose.phase) {
-                let (field, by) = ("phase", (from - phase).max(phase - to));
-                found.extend((by > SLACK).then_some(Violation::OutsideMount { lidar, field, by }));
-            }
+            self.off_mount(lidar, pose, slot, &mut found);
         }
         for (a, first) in placement.lidars.iter().enumerate() {
             for (b, second) in placement.lidars.iter().enumerate().skip(a + 1) {
@@ -362,6 +384,41 @@ impl Constraints {
             }
         }
         found
+    }
+
+    /// Ways in which a LiDAR is not where its slot has it.
+    fn off_mount(&self, lidar: usize, pose: &SensorPose, slot: usize, found: &mut Vec<Violation>) {
+        let region = &self.slots[slot].region;
+        let outside = |(field, by)| {
+            let mount = region.name.clone();
+            Violation::OutsideMount { lidar, mount, field, by }
+        };
+        let off = region.outside(pose);
+        let stands = self.slots.iter().map(|slot| &slot.region).filter(|_| !off.is_empty());
+        let other = stands.into_iter().find(|region| region.outside(pose).is_empty());
+        match other {
+            Some(other) => {
+                let of_mount: Vec<&Slot> =
+                    self.slots.iter().filter(|slot| slot.region.name == other.name).collect();
+                let mut takes: Vec<SensorName> = Vec::new();
+                for slot in &of_mount {
+                    let models = slot.others.iter().map(|other| other.sensor);
+                    takes.extend(std::iter::once(slot.sensor).chain(models));
+                }
+                takes.sort_unstable_by_key(ToString::to_string);
+                takes.dedup();
+                let (mount, room) = (other.name.clone(), of_mount.len());
+                let by = off.iter().map(|(_, by)| by).sum();
+                let sensor = self.model_of(pose);
+                found.push(Violation::NotTaken { lidar, sensor, mount, takes, room, by });
+            }
+            None => found.extend(off.into_iter().map(outside)),
+        }
+        let bounds = self.slots[slot].allows(self.model_of(pose)).flatten();
+        if let (Some([from, to]), Some(phase)) = (bounds, pose.phase) {
+            let by = (from - phase).max(phase - to);
+            found.extend((by > SLACK).then(|| outside(("phase", by))));
+        }
     }
 
     /// Keep-out boxes around a point, and its depth in each.

@@ -58,7 +58,8 @@ pub fn table_7() -> Vec<Placement> {
 pub fn table_7_held_by(vehicle: &Vehicle) -> Vec<Placement> {
     let rules = vehicle.rules();
     let outside = |violation: &Violation| {
-        matches!(violation, Violation::OutsideMount { .. } | Violation::NoPlace { .. })
+        use Violation::{NoPlace, NotTaken, OutsideMount};
+        matches!(violation, OutsideMount { .. } | NotTaken { .. } | NoPlace { .. })
     };
     let mut layouts = if vehicle.sensors.len() == 1 { table_7() } else { Vec::new() };
     layouts.retain(|layout| !rules.violations(layout).iter().any(outside));

@@ -214,7 +214,9 @@ mod tests {
             lucky.lidars[2].phase = Some(0.05);
             let found = rules.violations(&lucky);
             assert!(
-                found.iter().any(|v| v.to_string().contains("phase is 0.020 outside the mount"))
+                found
+                    .iter()
+                    .any(|v| v.to_string().contains("phase is 0.020 rad outside the mount"))
             );
             // A sensor that names no phase is where it is put up, at the angle nearest to 0.
             lucky.lidars.iter_mut().for_each(|pose| pose.phase = None);
