@@ -273,9 +273,11 @@ fn running_out_of_memory_is_an_error_with_a_sentence() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let dir = tempfile::tempdir().unwrap();
     let program = env!("CARGO_BIN_EXE_sightline");
+    let scene =
+        crate::main_job::shortened(dir.path(), &root.join("scenes/urban-crossing.json"), 4, None);
     let job = format!(
-        "exec '{program}' optimize '{}' --backend cpu --frames 2 --max-seconds 1 --out run",
-        root.join("scenes/urban-crossing.json").display()
+        "exec '{program}' optimize '{}' --backend cpu --frames 1 --max-seconds 1 --out run",
+        scene.display()
     );
     let (mut refused, mut done) = (0, 0);
     for kibibytes in [64, 80, 120, 150, 165, 180, 200, 1500].map(|mebibytes| mebibytes << 10) {

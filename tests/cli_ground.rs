@@ -82,7 +82,8 @@ fn a_mirrored_scene_swaps_the_sides() {
     let dir = TempDir::new().unwrap();
     yard(dir.path(), rules());
     let scores = |out: &str, more: &[&str]| {
-        let args = "optimize yard.json --baselines rigs.json --backend cpu --evaluations 1 --seed 1 --tolerance 0";
+        let args =
+            "optimize yard.json --baselines rigs.json --backend cpu --max-seconds 0 --tolerance 0";
         let args: Vec<&str> = args.split(' ').chain(["--format", "json", "--out", out]).collect();
         let output = sightline(dir.path(), &[&args, more].concat());
         let run: Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -152,7 +153,7 @@ fn a_search_finds_a_rig_that_sees_the_ground_it_must() {
     let dir = TempDir::new().unwrap();
     let search = |out: &str, require: Value| {
         yard(dir.path(), require);
-        let args = "optimize yard.json --backend cpu --evaluations 40 --seed 1 --budget 6 --format json --out";
+        let args = "optimize yard.json --backend cpu --evaluations 16 --seed 1 --budget 6 --format json --out";
         let args: Vec<&str> = args.split(' ').chain([out]).collect();
         let output = sightline(dir.path(), &args);
         let found: Value = serde_json::from_slice(&output.stdout).unwrap();

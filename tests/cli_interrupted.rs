@@ -92,16 +92,18 @@ fn no_picture_of_some_placements_is_left_under_its_name() {
     for study in ["nearfield", "targets"] {
         let args = ["study", study, "town.json", "many.json", "--backend", "cpu", "--out", "o.svg"];
         let mut child = spawn(dir.path(), &args);
-        std::thread::sleep(Duration::from_millis(3000));
+        let mut told = BufReader::new(child.stderr.take().unwrap());
+        let mut words = String::new();
+        while !words.contains("computing on cpu") {
+            assert!(told.read_line(&mut words).unwrap() > 0, "{words}");
+        }
+        std::thread::sleep(Duration::from_millis(300));
         assert!(child.try_wait().unwrap().is_none(), "{study}: ended before it was told to");
         interrupt(&child, "-INT");
-        let output = child.wait_with_output().unwrap();
-        let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(130), "{study}: {told}");
-        assert!(
-            told.contains("interrupted: the table holds") && told.contains("o.svg is not written"),
-            "{told}"
-        );
+        told.read_to_string(&mut words).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(130), "{study}: {words}");
+        let says = words.contains("interrupted: the table holds");
+        assert!(says && words.contains("o.svg is not written"), "{words}");
         assert!(!dir.path().join("o.svg").exists(), "{study}");
         assert!(!all_files(dir.path()).iter().any(|(path, _)| is_litter(path)));
     }

@@ -226,7 +226,7 @@ fn auto_searches_fewer_frames_and_ends_as_well() {
     let dir = TempDir::new().unwrap();
     long_room(dir.path());
     let run = |fidelity: &str, seed: &str| {
-        let args = ["optimize", "room.json", "--backend", "cpu", "--evaluations", "240"];
+        let args = ["optimize", "room.json", "--backend", "cpu", "--evaluations", "120"];
         let out = format!("{fidelity}-{seed}");
         let _ = fs::remove_dir_all(dir.path().join(&out));
         let own = ["--out", &out, "--fidelity", fidelity, "--seed", seed];

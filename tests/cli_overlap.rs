@@ -169,7 +169,7 @@ fn a_search_finds_a_rig_whose_lidars_share_enough() {
     };
     let search = |out: &str, require: Value| {
         three(require);
-        let args = "optimize yard.json --backend cpu --evaluations 20 --seed 2 --format json --out";
+        let args = "optimize yard.json --backend cpu --evaluations 12 --seed 2 --format json --out";
         let args: Vec<&str> = args.split(' ').chain([out]).collect();
         let output = sightline(dir.path(), &args);
         let found: Value = serde_json::from_slice(&output.stdout).unwrap();

@@ -98,7 +98,7 @@ fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
     let dir = TempDir::new().unwrap();
     let search = |out: &str, require: Value| {
         street(dir.path(), require);
-        let args = "optimize street.json --fewest --backend cpu --evaluations 30 --seed 3 --format json --out";
+        let args = "optimize street.json --fewest --backend cpu --evaluations 16 --seed 3 --format json --out";
         let args: Vec<&str> = args.split(' ').chain([out]).collect();
         let output = sightline(dir.path(), &args);
         let found: Value = serde_json::from_slice(&output.stdout).unwrap();

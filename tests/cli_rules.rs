@@ -23,7 +23,7 @@ fn room_with(dir: &Path, mount: &[(&str, Value)]) {
 }
 
 fn args<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
-    let fixed = ["optimize", "room.json", "--backend", "cpu", "--evaluations", "120", "--out", out];
+    let fixed = ["optimize", "room.json", "--backend", "cpu", "--evaluations", "48", "--out", out];
     [&fixed[..], more].concat()
 }
 

@@ -147,7 +147,8 @@ fn the_vehicle_of_the_readme_gets_a_rig_for_its_budget() {
     fs::write(dir.path().join("car.json"), text).unwrap();
     let run =
         ["optimize", "room.json", "--vehicle", "car.json", "--budget", "9000", "--out", "own"];
-    let result = ok(dir.path(), &[&run[..], &["--evaluations", "8"], &CPU].concat());
+    let result =
+        ok(dir.path(), &[&run[..], &["--evaluations", "8", "--tolerance", "0"], &CPU].concat());
     assert_eq!(result["settings"]["equipped"]["cost"], 8400.0, "three sensors of 2800");
     assert_eq!(result["best"]["scores"]["requirements"][0]["name"], "child from 5 to 30 m");
 }

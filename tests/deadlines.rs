@@ -91,7 +91,7 @@ fn a_run_that_is_told_to_stop_begins_little_more() {
             true
         });
         let (mut cut, mut phases) = (0, Vec::new());
-        for stop_at in (0..events).step_by((events / 6).max(1)) {
+        for stop_at in (0..events).step_by((events / 5).max(1)) {
             let (mut seen, mut after) = (0, Vec::new());
             let run = Run::new(problem.clone(), &settings).unwrap();
             let (broken, outcome) = finish(run, &mut |event: &Event| {

@@ -239,13 +239,13 @@ fn a_front_that_stops_again_and_again_has_the_points_of_one_that_never_did() {
         let mut state = FrontState::default();
         let (mut sittings, mut casts) = (0, 0);
         let found = loop {
-            // Every sitting ends a little after it has finished its second part.
+            // Every sitting ends a little after it has finished its third part.
             let parts = std::cell::Cell::new(0);
             let mut kept = state.clone();
             let (mut patience, mut is_cast) = (3_u32, false);
             let mut observe = |event: &Event| {
                 is_cast |= matches!(event, Event::Progress { work: Work::Equipment, .. });
-                patience = patience.saturating_sub(u32::from(parts.get() >= 2));
+                patience = patience.saturating_sub(u32::from(parts.get() >= 3));
                 patience > 0
             };
             let mut keep = |new: &FrontState| {

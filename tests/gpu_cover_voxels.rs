@@ -53,7 +53,8 @@ fn compare(roi: Roi, poses: &[SensorPose], range: f64, seed: u64) -> u64 {
         poses.iter().map(|pose| DevicePose::new(&pose.ego_from_sensor(), &roi)).collect();
     let mut want = Vec::new();
     cover_voxels(&on_device, problem.sensors().table(0), &roi, None, range as f32, &mut want);
-    let got = gpu(&problem).bitmaps(poses, 0).unwrap();
+    let mut device = gpu(&problem);
+    let got = device.bitmaps(poses, 0).unwrap();
     let linear = BitOrder::linear(&roi);
     let maps = got.sensors().zip(want.chunks(linear.words()));
     for (sensor, (map, want)) in maps.enumerate() {
@@ -63,7 +64,7 @@ fn compare(roi: Roi, poses: &[SensorPose], range: f64, seed: u64) -> u64 {
     let placements: Vec<Placement> =
         poses.chunks(3).map(|p| Placement { name: name(), lidars: p.to_vec() }).collect();
     let tallies = cpu(&problem).tally(&placements, Some(range as f32)).unwrap();
-    assert_eq!(tallies, gpu(&problem).tally(&placements, Some(range as f32)).unwrap());
+    assert_eq!(tallies, device.tally(&placements, Some(range as f32)).unwrap());
     want.iter().map(|word| u64::from(word.count_ones())).sum()
 }
 

@@ -235,7 +235,15 @@ fn a_hundred_million_voxels_are_covered_alike() {
 fn a_batch_beyond_every_limit_is_split() {
     let roi = Roi::new([-4.0, -4.0, -2.0], [0.25; 3], [32, 32, 16]).unwrap();
     let directions = [DVec3::new(1.0, 0.2, 0.1), DVec3::new(-0.7, 1.0, -0.3)];
-    let problem = problem(roi, &directions, 20.0, None);
+    // A few voxels of content: what is split are the bitmaps.
+    let occupied = (0..roi.voxel_count() as u32)
+        .step_by(97)
+        .map(|index| OccupiedVoxel { index, entropy: [index + 1; KINDS] });
+    let occupied: Vec<OccupiedVoxel> = occupied.collect();
+    let class = occupied.iter().map(|voxel| voxel.index).collect();
+    let content = Content::new(vec!["a".into()], occupied, &[class], true);
+    let table = BeamTable::from_directions(directions, 20.0).unwrap();
+    let problem = Arc::new(Problem::from(Task::new(roi, content, table, vec![], false)));
     let mut few = random_placements(94, 500, 3.5);
     few.iter_mut().for_each(|placement| placement.lidars.truncate(1));
     let placements: Vec<Placement> = few.iter().cycle().take(66_000).cloned().collect();

@@ -154,7 +154,7 @@ fn a_search_outlives_its_device() {
     let dir = TempDir::new().unwrap();
     room(dir.path());
     let args = |out: &'static str, backend: &'static str| {
-        let fixed = ["optimize", "room.json", "--evaluations", "60", "--seed", "5", "--frames"];
+        let fixed = ["optimize", "room.json", "--evaluations", "30", "--seed", "5", "--frames"];
         [&fixed[..], &["2", "--out", out, "--backend", backend]].concat()
     };
     let want = ok(dir.path(), &args("whole", "cpu"));
@@ -174,7 +174,7 @@ fn a_bound_outlives_its_device() {
     let dir = TempDir::new().unwrap();
     room(dir.path());
     let run = |out: &str, backend: &str, batches: &str| {
-        let fixed = ["optimize", "room.json", "--evaluations", "40", "--seed", "5", "--frames"];
+        let fixed = ["optimize", "room.json", "--evaluations", "16", "--seed", "5", "--frames"];
         let args = [&fixed[..], &["1", "--out", out, "--backend", backend]].concat();
         let (_, told) = losing(dir.path(), &args, batches);
         let result = fs::read(dir.path().join(out).join("result.json")).unwrap();

@@ -39,7 +39,7 @@ fn baseline(name: &str, x: f64) -> Placement {
 
 pub fn settings() -> Settings {
     Settings {
-        evaluations: 96,
+        evaluations: 48,
         baselines: vec![baseline("near", 0.5), baseline("far", 1.5)],
         engine: EngineChoice { memory: Some(1 << 28), ..EngineChoice::cpu() },
         ..Settings::default()
@@ -97,7 +97,7 @@ fn a_run_resumed_after_any_step_gives_the_same_bits() {
             let run = loaded(&problem, state);
             let phase = run.state().phase();
             // Some of many generations will do.
-            if phases.contains(&phase) && step % 4 > 0 {
+            if phases.contains(&phase) && step % 6 > 0 {
                 continue;
             }
             phases.push(phase);
@@ -130,7 +130,7 @@ fn an_interrupted_run_has_an_outcome_and_goes_on_from_before_the_cut() {
     })
     .unwrap();
     let mut unfinished = 0;
-    for stop_at in (0..events).step_by(events / 12) {
+    for stop_at in (0..events).step_by(events / 9) {
         let mut seen = 0;
         let run = Run::new(problem.clone(), &settings()).unwrap();
         let (broken, outcome) = finish(run, &mut |_| {
@@ -144,7 +144,7 @@ fn an_interrupted_run_has_an_outcome_and_goes_on_from_before_the_cut() {
         let (_, resumed) = finish(loaded(&problem, last), &mut |_| true);
         assert_eq!(bits(&resumed), bits(&whole), "at event {stop_at}");
     }
-    assert!(unfinished > 8, "{unfinished} of the interruptions cut something short");
+    assert!(unfinished > 6, "{unfinished} of the interruptions cut something short");
 }
 
 #[test]
@@ -155,7 +155,7 @@ fn a_run_out_of_time_does_one_generation_and_goes_on() {
     let late = Settings { time, ..settings() };
     let (states, outcome) = finish(Run::new(problem.clone(), &late).unwrap(), &mut |_| true);
     assert_eq!((outcome.stopped, outcome.history.len()), (Stopped::Time, 1));
-    assert!(outcome.best.is_some() && outcome.evaluations < 96);
+    assert!(outcome.best.is_some() && outcome.evaluations < settings().evaluations);
     let (_, resumed) = finish(loaded(&problem, states.last().unwrap()), &mut |_| true);
     assert_eq!(bits(&resumed), bits(&whole));
 }
@@ -194,7 +194,7 @@ fn a_target_ends_the_generations_and_spares_the_swaps() {
     let outcome = optimize(&problem, &target, &mut |_: &Event| true).unwrap();
     assert_eq!(outcome.stopped, Stopped::Generations(GenerationsStop::Target));
     assert!(outcome.best.unwrap().objective.unwrap() >= 0.8 * reached);
-    assert!(outcome.evaluations < 96 && outcome.methods.len() == 1);
+    assert!(outcome.evaluations < settings().evaluations && outcome.methods.len() == 1);
     assert!(outcome.certificate.is_none());
 }
 
@@ -228,7 +228,7 @@ fn no_layout_that_was_given_is_better_than_the_result() {
     let given = Placement { name: "given".into(), ..best.placement };
     let mut won = 0;
     // Searches over one frame end elsewhere than the best over all six.
-    for seed in 1..=4 {
+    for seed in 1..=2 {
         for (baselines, starts) in [(vec![given.clone()], vec![]), (vec![], vec![given.clone()])] {
             let (frames, method) = (FrameChoice::Count(1), Method::Swaps);
             let delta = Some(Spacing { metres: 0.5, radians: 0.3 });

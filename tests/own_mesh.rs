@@ -65,7 +65,7 @@ fn the_example_of_the_docs_runs_on_real_meshes() {
 
     let objective = Settings::default().objective;
     let silent = &mut |_: &Event| true;
-    let settings = Settings { evaluations: 48, baselines: vec![], ..Settings::default() };
+    let settings = Settings { evaluations: 16, baselines: vec![], ..Settings::default() };
     let job = Job::new(scene).search(settings).objective(objective).budget(Some(1500.0));
     let mut run = job.begin().unwrap();
     let outcome = loop {

@@ -149,7 +149,7 @@ fn settings() -> Settings {
     let pose = |x| SensorPose::at(x, 0.0, 0.5);
     let layout = |name: &str, x| Placement { name: name.into(), lidars: vec![pose(x), pose(-x)] };
     Settings {
-        evaluations: 60,
+        evaluations: 36,
         baselines: vec![layout("near", 0.5), layout("far", 1.5)],
         engine: EngineChoice { memory: Some(1 << 28), ..EngineChoice::cpu() },
         ..Settings::default()
@@ -185,7 +185,7 @@ fn a_run_over_scenes_goes_on_from_any_step_to_the_same_bits() {
     for frames in &whole.frames_used.as_ref().unwrap().frames {
         assert!((0..4).all(|m| frames.iter().any(|f| f / 2 == m)), "{frames:?}");
     }
-    for state in states.iter().step_by(3).chain(states.last()) {
+    for state in states.iter().step_by(4).chain(states.last()) {
         let state: State = serde_json::from_str(state).unwrap();
         let mut run = Run::resume(suite.clone(), state);
         run.open_with(settings().engine, None, None);

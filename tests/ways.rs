@@ -55,7 +55,7 @@ fn tables() -> Vec<BeamTable> {
     let spinning =
         |channels: &[(f64, f64)], steps| BeamTable::spinning(channels, steps, 30.0).unwrap();
     let mut rng = rng(5);
-    let scattered: Vec<DVec3> = (0..301).map(|_| random_vec(&mut rng, 1.0).as_dvec3()).collect();
+    let scattered: Vec<DVec3> = (0..201).map(|_| random_vec(&mut rng, 1.0).as_dvec3()).collect();
     let axes = [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z, DVec3::ONE];
     vec![
         spinning(&[(-30.0, 0.0), (-10.0, 0.2), (0.0, 0.0), (45.0, 0.0), (90.0, 0.0)], 37),
@@ -72,9 +72,9 @@ fn pose_sets() -> Vec<Vec<SensorPose>> {
         let [roll, pitch, yaw] = [0; 3].map(|_| turn * rng.random_range(-1.0..1.0));
         SensorPose::from_values([x, y, z, roll, pitch, yaw])
     };
-    let level: Vec<_> = (0..150).map(|_| pose(0.0)).collect();
+    let level: Vec<_> = (0..100).map(|_| pose(0.0)).collect();
     let tilted: Vec<_> =
-        (0..40).map(|_| SensorPose { pitch: 0.1, yaw: 1.0, ..pose(0.0) }).collect();
+        (0..30).map(|_| SensorPose { pitch: 0.1, yaw: 1.0, ..pose(0.0) }).collect();
     let free: Vec<_> = (0..37).map(|_| pose(3.0)).collect();
     let hostile = hostile_placements(&roi(), 28, 7).into_iter().flat_map(|p| p.lidars).collect();
     let mixed = [&level[..70], &tilted, &free[..5]].concat();

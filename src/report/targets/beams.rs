@@ -11,7 +11,7 @@ const FEW: usize = 4;
 /// Rows of a placement, and its detections in their order.
 struct OfPlacement<'a> {
     detections: &'a [Detection],
-    rows: Vec<&'a TargetRow>,
+    rows: &'a [TargetRow],
 }
 
 /// A block a placement: distances of detection, or the beams at each distance where there are at most four. Where a target
@@ -20,19 +20,17 @@ pub fn targets_text(table: &TargetTable, beams: u32) -> String {
     let mut distances: Vec<f64> = table.rows.iter().map(|row| row.distance).collect();
     distances.sort_by(f64::total_cmp);
     distances.dedup();
-    let of = |detections: &&[Detection]| {
-        let first = &detections[0];
-        let is_of =
-            |row: &&TargetRow| (&row.scene, &row.placement) == (&first.scene, &first.placement);
-        let rows = table.rows.iter().filter(is_of).collect();
+    // Both stand by placement: what belongs together lies together.
+    let rows = table.rows.chunk_by(|a, b| (&a.scene, &a.placement) == (&b.scene, &b.placement));
+    let of = |(detections, rows): (&&[Detection], &[TargetRow])| {
         let of = OfPlacement { detections, rows };
         let block = match distances.len() <= FEW {
             true => of.beams_at(&distances, beams),
             false => of.distances(beams),
         };
-        format!("{}\n{block}", heading(first))
+        format!("{}\n{block}", heading(&detections[0]))
     };
-    by_placement(table).iter().map(of).collect::<Vec<_>>().join("\n")
+    by_placement(table).iter().zip(rows).map(of).collect::<Vec<_>>().join("\n")
 }
 
 impl OfPlacement<'_> {
@@ -53,7 +51,7 @@ impl OfPlacement<'_> {
     /// Rows of a target at a bearing.
     fn at<'b>(&'b self, target: &'b str, bearing: f64) -> impl Iterator<Item = &'b TargetRow> {
         let is_there = move |row: &&TargetRow| row.target == target && row.bearing == bearing;
-        self.rows.iter().copied().filter(is_there)
+        self.rows.iter().filter(is_there)
     }
 
     /// A line a bearing, a column a target and distance: its beams, over several frames the fewest and the most.

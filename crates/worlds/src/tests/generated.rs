@@ -1,6 +1,7 @@
 //! Promises of each generated kind of world, for several seeds.
 
 use std::collections::BTreeSet;
+use std::sync::LazyLock;
 
 use glam::DVec2;
 
@@ -78,19 +79,21 @@ fn promised(kind: WorldKind) -> (&'static [&'static str], f64) {
     }
 }
 
-fn each(check: impl Fn(WorldKind, u64, GeneratedWorld)) {
-    for kind in WorldKind::ALL {
-        for seed in 1..=5 {
-            check(kind, seed, generate(kind, seed, 40).unwrap());
-        }
-    }
+/// Worlds of every kind, made once for all tests.
+static WORLDS: LazyLock<Vec<(WorldKind, u64, GeneratedWorld)>> = LazyLock::new(|| {
+    let seeds = WorldKind::ALL.into_iter().flat_map(|kind| (1..=4).map(move |seed| (kind, seed)));
+    seeds.map(|(kind, seed)| (kind, seed, generate(kind, seed, 40).unwrap())).collect()
+});
+
+fn each(check: impl Fn(WorldKind, u64, &GeneratedWorld)) {
+    WORLDS.iter().for_each(|(kind, seed, world)| check(*kind, *seed, world));
 }
 
 #[test]
 fn every_kind_has_its_classes_and_its_ego_drives_on_the_road() {
     each(|kind, seed, world| {
         let name = format!("{} {seed}", kind.name());
-        let scene = read_back(&world);
+        let scene = read_back(world);
         assert_eq!((scene.frame_count(), scene.rate()), (40, 10.0), "{name}");
         let (classes, way) = promised(kind);
         let soup = scene.frame(0, EgoBody::Exclude);
@@ -101,7 +104,7 @@ fn every_kind_has_its_classes_and_its_ego_drives_on_the_road() {
         }
         let driven = scene.ego_pose(39).translation.distance(scene.ego_pose(0).translation);
         assert!(driven > way, "{name}: the ego drives {driven} m");
-        ego_stands_on_the_road(&world, &scene, 0.03, &name);
+        ego_stands_on_the_road(world, &scene, 0.03, &name);
     });
 }
 
@@ -109,7 +112,7 @@ fn every_kind_has_its_classes_and_its_ego_drives_on_the_road() {
 fn traffic_moves_without_a_touch_and_nothing_stands_on_the_road() {
     each(|kind, seed, world| {
         let name = format!("{} {seed}", kind.name());
-        let scene = read_back(&world);
+        let scene = read_back(world);
         let kinds: BTreeSet<&str> = scene.tracks().iter().map(|t| t.kind.name()).collect();
         assert!(kinds.len() >= 2, "{name}: only {kinds:?}");
         let moves = (0..scene.tracks().len()).filter(|&a| {
@@ -119,7 +122,7 @@ fn traffic_moves_without_a_touch_and_nothing_stands_on_the_road() {
         let moving = moves.count();
         assert!(moving >= 3, "{name}: {moving} of {} move", world.actors());
         nobody_runs_into_another(&scene, &name);
-        nothing_stands_on_the_road(&world, &name);
+        nothing_stands_on_the_road(world, &name);
     });
 }
 
