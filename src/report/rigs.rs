@@ -27,18 +27,16 @@ pub fn rigs_text(vehicle: &Vehicle, placements: &[Placement], all: &[Scores]) ->
     text + &better_in_words(all).unwrap_or_default()
 }
 
-/// The distance up to which each target is met at the worst of the card's bearings.
+/// The distances at which each target is met at every bearing of the card without a gap.
 fn card_in_words(card: &RangeCard) -> String {
-    let least = |bearings: &[crate::targets::BearingRanges]| {
-        let ends = bearings.iter().map(|of| of.met.last().map_or(0.0, |run| run[1]));
-        ends.fold(f64::INFINITY, f64::min)
-    };
-    let each = card.targets.iter().map(|of| match least(&of.bearings) {
-        metres if metres > 0.0 => format!("{} to {} m", of.target, trimmed(metres, 1)),
-        _ => format!("{} nowhere", of.target),
-    });
+    let each =
+        card.targets.iter().map(|of| match of.without_gap().map(|d| d.map(|m| trimmed(m, 1))) {
+            Some([from, to]) if from == to => format!("{} at {to} m", of.target),
+            Some([from, to]) => format!("{} {from} to {to} m", of.target),
+            None => format!("{} nowhere", of.target),
+        });
     let each: Vec<String> = each.collect();
-    format!("range card, worst of {} bearings: {}", bearings_of(card), each.join(", "))
+    format!("range card, without a gap at {} bearings: {}", bearings_of(card), each.join(", "))
 }
 
 fn bearings_of(card: &RangeCard) -> usize {
