@@ -32,6 +32,7 @@ fn run_folder() -> TempDir {
     assert_eq!(run.status.code(), Some(1), "{}", String::from_utf8_lossy(&run.stderr));
     // No sensor here puts 90 beams on a car at 30 m, on no pose: said before the search and in its result.
     let (said, text) = (String::from_utf8_lossy(&run.stderr), String::from_utf8_lossy(&run.stdout));
+    assert!(!text.contains("\n\n\n"), "one empty line at a time: {text}");
     let words = "car at 30 m, 90 beams: even the best pose of each mount meets it with at most ";
     assert!(said.contains(&format!("OUT OF REACH: {words}")), "{said}");
     assert!(text.contains(&format!("Out of reach: {words}")), "{text}");
@@ -57,6 +58,8 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
             drawing.contains(">NOT MET: car at 30 m, 90 beams: 0.0 % seen, 100.0 % required"),
             "{drawing}"
         );
+        // It is told to its end.
+        assert!(!drawing.contains('…') && drawing.contains("missing at 30 m"), "{drawing}");
     }
     assert!(read("a/drawing.svg").contains("Found with seed 1 in the run yard"));
     // A requirement that holds on paper only, and a LiDAR outside its mount, are no secret of the search.

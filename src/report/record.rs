@@ -378,7 +378,7 @@ fn best_text(best: &Scored, record: &RunRecord) -> String {
         text += &format!("certificate: on a grid, {}\n", certificate.gain_says);
     }
     if !record.findings.is_empty() {
-        text += &format!("\n{}\n", findings_text(&record.findings));
+        text += &format!("\n{}\n", findings_text(&record.findings).trim_end());
     }
     text
 }

@@ -139,6 +139,7 @@ fn decided_in_words(scores: &Scores, ours: &Standing, theirs: &Standing) -> Stri
 mod tests {
     use super::*;
     use crate::score::{Guard, Seen};
+    use crate::targets::{BearingRanges, TargetRanges};
 
     fn rig(name: &str, shares: [f64; 2], guards: usize, near_gain: f64) -> Scores {
         let name = name.to_owned();
@@ -146,6 +147,24 @@ mod tests {
         let required = shares.map(|share| Seen::of("area", share)).to_vec();
         let guards = vec![Guard::CoversNothing; guards];
         Scores { name, required, guards, near_gain: Some(near_gain), ..Scores::default() }
+    }
+
+    #[test]
+    fn a_range_ends_at_the_first_gap_of_any_bearing() {
+        let target = |name: &str, met: [&[[f64; 2]]; 2]| TargetRanges {
+            target: name.to_owned(),
+            size: [1.0; 3],
+            bearings: met.map(|met| BearingRanges { bearing: 0.0, met: met.to_vec() }).to_vec(),
+        };
+        let targets = vec![
+            target("car", [&[[2.5, 130.0]], &[[7.5, 110.0], [150.0, 150.0]]]),
+            target("adult", [&[[2.5, 5.0]], &[[5.0, 60.0]]]),
+            target("child", [&[[2.5, 5.0]], &[[7.5, 60.0]]]),
+            target("tyre", [&[[2.5, 60.0]], &[]]),
+        ];
+        let card = RangeCard { beams: 5, distances: Vec::new(), targets, blind: Vec::new() };
+        let want = "range card, without a gap at 2 bearings: car 7.5 to 110 m, adult at 5 m, child nowhere, tyre nowhere";
+        assert_eq!(card_in_words(&card), want);
     }
 
     #[test]

@@ -328,3 +328,37 @@ fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {
         &rows,
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::words::tests::planted;
+    use crate::targets::BlindSector;
+
+    #[test]
+    fn warnings_of_baselines_are_told_where_the_result_has_none() {
+        let (best, mut center) = (planted("found", 1.0, 500.0), planted("Center", 0.5, 400.0));
+        let plain = center.clone();
+        let sector = BlindSector {
+            bearings: [-15.0, 15.0],
+            distances: [20.0, 25.0],
+            worst: 0.0,
+            lost: vec![[20.0, 25.0]],
+        };
+        center.scores.guards = vec![Guard::BlindSector(sector)];
+        let told = |best: &Scored, baselines: &[Scored]| {
+            let subject = Subject::given("s", &[], best, baselines, "near_gain", String::new());
+            guards(&subject, None).into_string()
+        };
+        let said = told(&best, &[plain, center.clone()]);
+        assert!(said.contains("Warnings of found: none. Some baselines have warnings."), "{said}");
+        let words = "<b>Center</b>: blind_sector: ahead (in the sector of 30° from -15° to 15°)";
+        assert!(said.contains(words) && said.matches("<li>").count() == 1, "{said}");
+        assert!(!said.contains("Reasons not to believe"), "{said}");
+        assert!(told(&best, &[]).contains("None: found keeps all rules and passes all checks."));
+        center.violations = vec!["LiDAR 0: z is 1 outside the mount".to_owned()];
+        let said = told(&center, &[]);
+        assert!(said.contains("Reasons not to believe a score: broken rules. Facts"), "{said}");
+        assert!(!said.contains("baseline"), "{said}");
+    }
+}
