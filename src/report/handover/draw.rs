@@ -310,10 +310,10 @@ pub(super) fn warnings(rig: &DrawnRig<'_>, room: f64) -> Vec<String> {
 }
 
 /// Words on lines of at most so many characters, broken between words.
-fn broken(words: &str, most: usize) -> Vec<String> {
+pub(super) fn broken(words: &str, most: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in words.split(' ') {
-        let word = shortened(word, most);
+        let word = shortened(word, most.saturating_sub(2));
         match lines.last_mut() {
             Some(line) if line.chars().count() + 1 + word.chars().count() <= most => {
                 *line += &format!(" {word}");
