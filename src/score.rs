@@ -229,14 +229,18 @@ impl Serialize for Seen {
     }
 }
 
+/// A share in per cent, rounded down to tenths: one that is less than a requirement never reads as met.
+pub(crate) fn percent_down(share: f64) -> f64 {
+    (1e3 * share + 1e-9).floor() / 10.0
+}
+
 impl std::fmt::Display for Seen {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { share, done, least, missing, holds_in, lost, .. } = self;
         let not = if self.is_met() { "" } else { "NOT MET: " };
-        // Rounded down, so that a requirement that is not met never reads as met.
-        let percent = |share: f64| (1e3 * share + 1e-9).floor() / 10.0;
-        write!(f, "{not}{}: {:.1} % {done}", self.title(), percent(*share))?;
-        lost.iter().try_for_each(|lost| write!(f, " (intact {:.1} %)", percent(lost.intact)))?;
+        write!(f, "{not}{}: {:.1} % {done}", self.title(), percent_down(*share))?;
+        lost.iter()
+            .try_for_each(|lost| write!(f, " (intact {:.1} %)", percent_down(lost.intact)))?;
         write!(f, ", {:.1} % required", 100.0 * least)?;
         missing.iter().try_for_each(|missing| write!(f, ", {missing}"))?;
         if let Some(Lost { worst: Some(lidar), mount, .. }) = lost {

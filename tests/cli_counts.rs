@@ -464,4 +464,18 @@ fn requirements_of_one_name_are_refused() {
         let told = fails(dir.path(), &[&OPTIMIZE[..], &["o"]].concat());
         assert!(told.contains(place), "{told}");
     }
+    // Those of other bearings have other names.
+    let of = |bearing: [f64; 2]| json!({ "target": "car", "within": 20, "share": 0, "bearing": bearing });
+    let all = [[-30.0, 30.0], [30.0, 90.0], [45.0, 45.0], [-180.0, 180.0]].map(of);
+    write_vehicle(dir.path(), json!([roof(json!(1))]), json!({ "require": all }));
+    let found = ok(dir.path(), &[&OPTIMIZE[..], &["o"]].concat());
+    let names = [
+        "car from 5 to 20 m, -30° to 30°",
+        "car from 5 to 20 m, 30° to 90°",
+        "car from 5 to 20 m, at 45°",
+        "car from 5 to 20 m",
+    ];
+    for (k, name) in names.iter().enumerate() {
+        assert_eq!(found["best"]["scores"]["requirements"][k]["name"], *name);
+    }
 }

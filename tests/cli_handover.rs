@@ -360,6 +360,16 @@ fn the_name_of_the_blind_zone_ahead_ends_before_the_legend() {
     assert!(element.contains("text-anchor=\"end\""), "{element}");
     let (legend, _) = text_at(&svg, "van: optimized");
     assert!(legend - end > 4.9, "{end} mm, legend at {legend} mm");
+    // The blind zone goes on behind it, where it is drawn to 5 m: no line closes it there.
+    let end = "L14 58.065L14 61.398";
+    let paths: Vec<&str> =
+        svg.split("<path ").filter(|path| path.contains("#d1495b") && path.contains(end)).collect();
+    assert_eq!(paths.len(), 1, "{paths:?}");
+    assert!(!paths[0].split('>').next().unwrap().contains(" stroke="), "{}", paths[0]);
+    let edge = svg
+        .split("<path ")
+        .any(|path| path.contains("14 61.398") && path.contains("stroke=\"#d1495b\""));
+    assert!(edge, "its sides have a line");
     // The drawing beside the guide, whatever the version that drew it.
     let unversioned = |svg: &str| {
         let (before, after) = svg.split_once("drawn by sightline ").unwrap();

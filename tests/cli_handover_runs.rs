@@ -32,6 +32,7 @@ fn run_folder() -> TempDir {
     assert_eq!(run.status.code(), Some(1), "{}", String::from_utf8_lossy(&run.stderr));
     // No sensor here puts 90 beams on a car at 30 m, on no pose: said before the search and in its result.
     let (said, text) = (String::from_utf8_lossy(&run.stderr), String::from_utf8_lossy(&run.stdout));
+    assert!(!text.contains("\n\n\n"), "one empty line at a time: {text}");
     let words = "car at 30 m, 90 beams: even the best pose of each mount meets it with at most ";
     assert!(said.contains(&format!("OUT OF REACH: {words}")), "{said}");
     assert!(text.contains(&format!("Out of reach: {words}")), "{text}");

@@ -247,7 +247,10 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     let output = sightline(dir.path(), &["score", "s.json", "rigs.json", "--backend", "cpu"]);
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.contains(", 480 beams a LiDAR"), "no rig has the other model: {text}");
-    assert!(text.contains("\nup: price 2; range card, worst of 16 bearings: car "), "{text}");
+    assert!(
+        text.contains("\nup: price 2; range card, without a gap at 16 bearings: car "),
+        "{text}"
+    );
     assert!(text.contains("\nlevel: price 4; range card"), "{text}");
     let last = text.lines().last().unwrap();
     assert!(last.starts_with("better: level (2 of 2 requirements met, near_gain "), "{text}");

@@ -67,6 +67,15 @@ fn the_near_field_of_two_heights() {
         names += 1;
     }
     assert_eq!(names, 8, "{legend}");
+    // So do the words over each drawing: of two, each is half as wide.
+    let over = svg.split_once("<path").unwrap().0.split("<text x=\"8\"").skip(1);
+    let over = over.map(|text| text.split_once('>').unwrap().1.split_once('<').unwrap().0);
+    let over: Vec<&str> = over.collect();
+    assert!(over.len() == 3 && over[2].ends_with(" poles"), "{over:?}");
+    assert!(
+        over.iter().all(|words| 8.0 + 7.2 * (words.chars().count() as f64) < width / 2.0),
+        "{over:?}"
+    );
     assert!(svg.matches("<circle").count() >= 116 && svg.ends_with("</svg>\n"));
     // Fog hides what is far, a wet road mirrors what is flat: more ground is blind, and more beams end at nothing.
     let weather = ["--condition", "fog:mor=10", "--condition", "wet:water=1"];
@@ -79,7 +88,12 @@ fn the_near_field_of_two_heights() {
     assert!(fails(dir.path(), &[&args[..6], &twice].concat()).contains("rain is given twice"));
     let text = sightline(dir.path(), &args[..6]);
     let text = String::from_utf8(text.stdout).unwrap();
-    assert_eq!(text.lines().count(), 4, "{text}");
+    assert_eq!(text.lines().count(), 5, "{text}");
+    assert!(text.ends_with("partly unconfirmed; no type approval (docs/nearfield.md)\n"), "{text}");
+    // Shares of ground are rounded down, as those of requirements are.
+    let row = text.lines().find(|line| line.starts_with("high ")).unwrap();
+    let shown = row.split_whitespace().nth(1).unwrap();
+    assert_eq!(shown, format!("{:.1}", (1e3 * share).floor() / 10.0), "{share}");
     let text = sightline(dir.path(), &[&args[..6], &weather].concat());
     assert!(String::from_utf8(text.stdout).unwrap().contains("under fog:mor=10 and wet:water=1"));
 }

@@ -170,7 +170,8 @@ fn every_score_carries_its_card_and_names_what_is_blind() {
     fs::write(dir.path().join("ahead.json"), ahead.to_string()).unwrap();
     let found = ok(dir.path(), &["score", "street.json", "ahead.json", "--backend", "cpu"]);
     let told = guards(&found["scores"][0]);
-    let want = "blind_sector: left and behind and right (75° to -75°), worst at ";
+    let want =
+        "blind_sector: left and behind and right (in sectors of 30° within 75° to -75°), worst at ";
     assert!(told.contains(want), "{told}");
 }
 
@@ -358,13 +359,23 @@ fn a_search_meets_a_rule_that_gain_alone_does_not_and_says_so_where_it_cannot() 
         (Some(0), &json!(true)),
         "{requirement}"
     );
-    assert_eq!(requirement["name"], "adult from 5 to 15 m");
+    assert_eq!(requirement["name"], "adult from 5 to 15 m, 100° to 260°");
     // No rig puts 100 beams on an adult at 15 m: the run ends with 1, its page begins with what is not met.
     ruled(dir.path(), rule(1.0, 100));
     let output = sightline(dir.path(), &args("unmet"));
     assert_eq!(output.status.code(), Some(1), "{output:?}");
     let page = fs::read_to_string(dir.path().join("unmet/report.html")).unwrap();
-    assert!(page.contains("NOT MET: adult from 5 to 15 m, 100 beams: "), "the page begins with it");
+    assert!(
+        page.contains("NOT MET: adult from 5 to 15 m, 100° to 260°, 100 beams: "),
+        "the page begins with it"
+    );
+    // A margin is the difference of the numbers beside it.
+    let row = page.split("adult from 5 to 15 m, 100° to 260°, 100 beams</").nth(1).unwrap();
+    let cells: Vec<&str> = row.split("</tr>").next().unwrap().split('>').collect();
+    let numbers: Vec<f64> =
+        cells.iter().filter_map(|cell| cell.split('<').next().unwrap().parse().ok()).collect();
+    let [found, required, margin, ..] = numbers[..] else { panic!("{row}") };
+    assert_eq!(format!("{:.1}", found - required), format!("{margin:.1}"), "{row}");
 }
 
 #[test]
@@ -463,7 +474,9 @@ fn own_rigs_lose_each_lidar_in_turn() {
     let lost = "both without LiDAR 0 (mast): NOT MET: ahead: 0.0 % seen, 90.0 % required, missing at 10 to 15 m";
     assert!(notes.contains(lost), "{notes}");
     assert!(
-        notes.contains("both without LiDAR 1: left and behind and right (75° to -75°)"),
+        notes.contains(
+            "both without LiDAR 1: left and behind and right (in sectors of 30° within 75° to -75°)"
+        ),
         "{notes}"
     );
     // A rule that allows for a loss is looked at with this one LiDAR lost, and no second.

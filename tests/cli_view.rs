@@ -40,6 +40,15 @@ fn a_page_of_a_placement_compares_it_with_those_given() {
     // Twelve channels lose a car far away: that is said first.
     assert!(page.contains("<h1>BLIND: all round "), "{page}");
     assert!(page.contains("<p>high is ") && page.contains(" than low, the best baseline"));
+    let warnings = |page: &str| {
+        let from = page.split_once("id=\"guards\"").unwrap().1;
+        from.split_once("</section>").unwrap().0.to_owned()
+    };
+    // What the head says is listed, with what it means.
+    let told = warnings(&page);
+    assert!(told.contains("<b>high</b>: blind_sector: all round "), "{told}");
+    assert!(told.contains("<b>low</b>: ") && told.contains("blind_sector: "), "{told}");
+    assert!(told.contains("do not make its score doubtful: blind sectors."), "{told}");
     let caption = "Percentage points that high gains more than each baseline";
     assert!(page.contains(caption), "the rig that was given is named");
     let command = page.split("sightline view ").nth(1).unwrap().split('<').next().unwrap();
@@ -62,6 +71,7 @@ fn a_page_of_a_placement_compares_it_with_those_given() {
         command.contains("my yard.json' ") && command.contains("two.json --condition wet:water=1 ");
     assert!(quoted, "a command to be copied into a shell: {command}");
     assert!(page.contains("<p>low ") && !page.contains("Pyramid-roll"));
+    assert!(!warnings(&page).contains("baseline"), "{}", warnings(&page));
 }
 
 #[test]

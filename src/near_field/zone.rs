@@ -70,14 +70,16 @@ impl BlindZone {
         let area = |lane: &BlindLane| (lane.along[1] - lane.along[0]) * lane.depth.unwrap_or(NEAR);
         let area = lanes.iter().map(area).sum();
         let mut zone = Self { lanes, polygon: Vec::new(), area, ahead, behind, left, right };
-        zone.polygon = zone.outline(footprint, NEAR);
+        zone.polygon =
+            zone.outline(footprint, NEAR).into_iter().map(|(corner, _)| corner).collect();
         zone
     }
 
-    /// Outline of all lanes and the box around the body in the ego frame, lanes cut `most` metres from their edge.
-    pub(crate) fn outline(&self, footprint: &Footprint, most: f64) -> Vec<[f64; 2]> {
+    /// Outline of all lanes and the box around the body in the ego frame, lanes cut `most` metres from their edge; a corner
+    /// is true where the line to the next one cuts a lane that goes on.
+    pub(crate) fn outline(&self, footprint: &Footprint, most: f64) -> Vec<([f64; 2], bool)> {
         let bounds = footprint.bounds();
-        let mut outline: Vec<[f64; 2]> = Vec::new();
+        let mut outline: Vec<([f64; 2], bool)> = Vec::new();
         for (side, rising, [x, y]) in ROUND {
             let (axis, sign) = outward(side);
             let edge = bounds[usize::from(sign > 0.0)][axis];
@@ -90,12 +92,14 @@ impl BlindZone {
                 let [from, to] = if rising { lane.along } else { [lane.along[1], lane.along[0]] };
                 // Where there is no ground between two lanes the outline follows the edge.
                 let gap = end.filter(|end: &f64| (end - from).abs() > 1e-9);
-                outline.extend(gap.map(|end| [at(end, 0.0), at(from, 0.0)]).into_iter().flatten());
+                let follows = |end| [(at(end, 0.0), false), (at(from, 0.0), false)];
+                outline.extend(gap.map(follows).into_iter().flatten());
+                let goes_on = lane.depth.is_none_or(|depth| depth > most);
                 let depth = lane.depth.unwrap_or(most).min(most);
-                outline.extend([at(from, depth), at(to, depth)]);
+                outline.extend([(at(from, depth), goes_on), (at(to, depth), false)]);
                 end = Some(to);
             }
-            outline.push([bounds[x][0], bounds[y][1]]);
+            outline.push(([bounds[x][0], bounds[y][1]], false));
         }
         outline
     }

@@ -10,14 +10,17 @@ use super::text::{align_columns, shortened};
 use crate::json::fixed;
 use crate::maths;
 use crate::near_field::{CELL, Footprint, NEAR, NearField, RING, Standard};
+use crate::score::percent_down;
 use crate::shared::{Overlap, Redundancy, SeenBy, SeenByTechnologies, Technologies};
 use crate::vehicle::{Placement, SensorName};
 
 /// Drawings beside each other.
 const COLUMNS: usize = 3;
-/// Pixels of a metre, and of the line of words over a drawing.
+/// Pixels of a metre, and of the lines of words over a drawing.
 const SCALE: f64 = 14.0;
-const TITLE: f64 = 40.0;
+const TITLE: f64 = 56.0;
+/// Most characters of a line over a drawing: that of the smallest body is 294 pixels wide.
+const LONGEST_LINE: usize = 36;
 /// Metres ahead of the body at which the arrow to the front begins: behind the farthest pole.
 const ARROW: f64 = 5.0;
 const UNSEEN: &str = "#e2cf94";
@@ -44,8 +47,8 @@ pub fn near_field_text(all: &[NearField]) -> String {
     rows[0].push("own body %, by LiDAR".to_owned());
     rows.extend(all.iter().map(|near| {
         let zone = &near.zone;
-        let mut row = vec![near.name.clone(), format!("{:.1}", 100.0 * near.near_field)];
-        row.push(optional(near.ring.map(|share| 100.0 * share), 1));
+        let mut row = vec![near.name.clone(), format!("{:.1}", percent_down(near.near_field))];
+        row.push(optional(near.ring.map(percent_down), 1));
         row.extend([near.blind_area, zone.area].map(|area| format!("{area:.0}")));
         let depth = |depth: Option<f64>| depth.map_or(format!("> {NEAR}"), |d| format!("{d:.1}"));
         row.extend([zone.ahead, zone.behind, zone.left, zone.right].map(depth));
@@ -57,8 +60,11 @@ pub fn near_field_text(all: &[NearField]) -> String {
         row.push(wasted.collect::<Vec<_>>().join(" "));
         row
     }));
-    align_columns(&rows)
+    format!("{}{POLES}\n", align_columns(&rows))
 }
+
+/// What the columns of poles do not say.
+const POLES: &str = "poles after the standards' positions, partly unconfirmed; no type approval (docs/nearfield.md)";
 
 /// Poles seen, and poles, of a standard.
 pub(super) fn seen_of(near: &NearField, standard: Standard) -> [usize; 2] {
@@ -98,15 +104,18 @@ fn panel(
     at: &dyn Fn([f64; 2]) -> (f64, f64),
 ) -> Markup {
     let seen = near.poles.iter().filter(|pole| pole.seen).count();
-    let words = format!(
-        "seen: {:.0} % within 10 m, {} % of the ring, {seen} of {} poles",
-        100.0 * near.near_field,
-        optional(near.ring.map(|share| 100.0 * share), 0),
-        near.poles.len()
-    );
+    let down = |share: f64| percent_down(share).floor();
+    let words = [
+        format!(
+            "seen: {:.0} % to 10 m, {} % of the ring,",
+            down(near.near_field),
+            optional(near.ring.map(down), 0)
+        ),
+        format!("{seen} of {} poles", near.poles.len()),
+    ];
     html! {
-        text x="8" y="18" font-weight="600" { (near.name) }
-        text x="8" y="34" fill=(SOFT) { (words) }
+        text x="8" y="18" font-weight="600" { (shortened(&near.name, LONGEST_LINE)) }
+        @for (words, y) in words.iter().zip(["34", "50"]) { text x="8" y=(y) fill=(SOFT) { (words) } }
         path d=(unseen(near, at)) stroke=(UNSEEN) stroke-width=(px(CELL * SCALE)) {}
         @for within in [RING, NEAR] {
             polygon points=(corners(around(footprint, within).into_iter().map(at))) fill="none"
@@ -328,11 +337,10 @@ pub fn overlap_text(all: &[Overlap]) -> String {
     let of = |row: &Overlap| {
         let heading = heading(&row.scene, &row.placement, row.lidars.len(), row.frames);
         let voxels = matrix("surface voxels", row, |a, b| fixed(row.shared_voxels[a][b], 0));
-        let overlap = matrix("overlap %", row, |a, b| fixed(100.0 * row.overlap[a][b], 1));
+        let overlap = matrix("overlap %", row, |a, b| fixed(percent_down(row.overlap[a][b]), 1));
         let directions =
             matrix("% of the sphere", row, |a, b| fixed(100.0 * row.shared_directions[a][b], 1));
-        // Rounded down, so that a requirement that is not met never reads as met.
-        let up_to = (1e3 * row.overlap_up_to + 1e-9).floor() / 10.0;
+        let up_to = percent_down(row.overlap_up_to);
         let up_to = match row.overlap_up_to > 0.0 {
             true => format!("All connected up to an overlap of {up_to:.1} %"),
             false => "No overlap connects all".to_owned(),

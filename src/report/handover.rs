@@ -59,8 +59,9 @@ impl DrawnRig<'_> {
     /// The drawing on a sheet of A3, across.
     pub(crate) fn drawing(&self) -> Drawing {
         let views = Views::of(self);
-        let lines = self.lidars.len() + self.about.len() + draw::warnings(self).len();
-        let sheet = Sheet::of(&views, lines);
+        let sheet = Sheet::of(&views, |room| {
+            self.lidars.len() + self.about.len() + draw::warnings(self, room).len()
+        });
         let mut drawing = Drawing::new(
             A3,
             &format!(
@@ -136,6 +137,8 @@ struct Sheet {
     pub front: Panel,
     /// Upper left corner of the legend.
     pub legend: Point,
+    /// Width of the legend, millimetres.
+    pub room: f64,
     /// Left end of the scale bar.
     pub bar: Point,
 }
@@ -150,15 +153,17 @@ fn size(view: &View) -> [f64; 2] {
 }
 
 impl Sheet {
-    pub fn of(views: &Views, lines: usize) -> Self {
+    /// `lines` is the number of lines of LiDARs and of the title block in a legend of so many millimetres of width.
+    pub fn of(views: &Views, lines: impl Fn(f64) -> usize) -> Self {
         let [top, side, front] = [&views.top, &views.side, &views.front].map(size);
-        let legend = legend_height(lines);
+        let room = |scale: f64| A3[0] - 2.0 * EDGE - BETWEEN - scale * top[0];
+        let legend = |scale: f64| legend_height(lines(room(scale).max(LEGEND)));
         let free =
             [A3[0] - 2.0 * EDGE - BETWEEN, A3[1] - 2.0 * EDGE - 2.0 * OVER - 2.0 * BELOW - BAR];
         let fits = |one_to: f64| {
             let scale = 1000.0 / one_to;
             let width = scale * top[0] + (scale * front[0]).max(LEGEND);
-            let height = (scale * top[1]).max(legend) + scale * side[1];
+            let height = (scale * top[1]).max(legend(scale)) + scale * side[1];
             width <= free[0] && height <= free[1]
         };
         let usual = SCALES.into_iter().find(|one_to| fits(*one_to));
@@ -172,7 +177,7 @@ impl Sheet {
             corner: [left, lower],
             scale,
         };
-        let first = EDGE + OVER + (scale * top[1]).max(legend);
+        let first = EDGE + OVER + (scale * top[1]).max(legend(scale));
         let second = first + BELOW + OVER + scale * side[1];
         let right = EDGE + scale * top[0] + BETWEEN;
         Self {
@@ -181,6 +186,7 @@ impl Sheet {
             side: panel(&views.side, EDGE, second),
             front: panel(&views.front, right, second),
             legend: [right, EDGE],
+            room: room(scale).max(LEGEND),
             bar: [EDGE, second + BELOW + BAR],
         }
     }
@@ -216,7 +222,8 @@ struct Views {
     pub top: View,
     pub side: View,
     pub front: View,
-    pub zone: Vec<Flat>,
+    /// Corners of its outline; true where the line to the next one cuts a lane that goes on.
+    pub zone: Vec<(Flat, bool)>,
 }
 
 /// Ahead is to the right, left is up.
@@ -240,6 +247,8 @@ impl Views {
             Ok((footprint, near)) => near.zone.outline(footprint, DRAWN),
             Err(_) => Vec::new(),
         };
+        let corners = zone.iter().map(|(corner, _)| *corner).chain([[0.0; 2]]);
+        let corners: Vec<Flat> = corners.collect();
         let level = |k: usize, lidar: &DrawnLidar| vec![(k, horizontal(lidar))];
         let upright = |axis: DVec3| {
             move |k: usize, lidar: &DrawnLidar| {
@@ -248,7 +257,7 @@ impl Views {
             }
         };
         let mut views = Self {
-            top: View::of(rig, above, &level, &[&zone[..], &[[0.0; 2]]].concat()),
+            top: View::of(rig, above, &level, &corners),
             side: View::of(rig, aside, &upright(DVec3::X), &[[0.0; 2]]),
             front: View::of(rig, ahead, &upright(DVec3::Y), &[[0.0; 2]]),
             zone,

@@ -99,7 +99,7 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                     (layout::layout(subject, figures, run))
                     (seen::overlap(figures))
                     p.part { "For the sceptic: what to doubt, and how to repeat it" }
-                    (scores::guards(subject))
+                    (scores::guards(subject, run))
                     @if let Some(words) = run.and_then(spread_in_words) { p { (words) } }
                     @if let Some(phases) = run.and_then(|run| run.phases.as_ref()) { p { (phases.words) } }
                     (scores::against(subject, run))

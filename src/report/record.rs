@@ -352,7 +352,7 @@ fn best_text(best: &Scored, record: &RunRecord) -> String {
     text += "\noptimized placement (m, rad):\n";
     text += &poses_text(&best.placement, &record.mounts);
     if let Some(card) = &best.scores.range_card {
-        text += &format!("\n{}\n", range_card_text(card));
+        text += &format!("\n{}", range_card_text(card));
     }
     if let Some(phases) = &record.phases {
         text += &format!("\n{}\n", phases.words);
@@ -378,7 +378,7 @@ fn best_text(best: &Scored, record: &RunRecord) -> String {
         text += &format!("certificate: on a grid, {}\n", certificate.gain_says);
     }
     if !record.findings.is_empty() {
-        text += &format!("\n{}\n", findings_text(&record.findings));
+        text += &format!("\n{}\n", findings_text(&record.findings).trim_end());
     }
     text
 }

@@ -27,18 +27,16 @@ pub fn rigs_text(vehicle: &Vehicle, placements: &[Placement], all: &[Scores]) ->
     text + &better_in_words(all).unwrap_or_default()
 }
 
-/// The distance up to which each target is met at the worst of the card's bearings.
+/// The distances at which each target is met at every bearing of the card without a gap.
 fn card_in_words(card: &RangeCard) -> String {
-    let least = |bearings: &[crate::targets::BearingRanges]| {
-        let ends = bearings.iter().map(|of| of.met.last().map_or(0.0, |run| run[1]));
-        ends.fold(f64::INFINITY, f64::min)
-    };
-    let each = card.targets.iter().map(|of| match least(&of.bearings) {
-        metres if metres > 0.0 => format!("{} to {} m", of.target, trimmed(metres, 1)),
-        _ => format!("{} nowhere", of.target),
-    });
+    let each =
+        card.targets.iter().map(|of| match of.without_gap().map(|d| d.map(|m| trimmed(m, 1))) {
+            Some([from, to]) if from == to => format!("{} at {to} m", of.target),
+            Some([from, to]) => format!("{} {from} to {to} m", of.target),
+            None => format!("{} nowhere", of.target),
+        });
     let each: Vec<String> = each.collect();
-    format!("range card, worst of {} bearings: {}", bearings_of(card), each.join(", "))
+    format!("range card, without a gap at {} bearings: {}", bearings_of(card), each.join(", "))
 }
 
 fn bearings_of(card: &RangeCard) -> usize {
@@ -141,6 +139,7 @@ fn decided_in_words(scores: &Scores, ours: &Standing, theirs: &Standing) -> Stri
 mod tests {
     use super::*;
     use crate::score::{Guard, Seen};
+    use crate::targets::{BearingRanges, TargetRanges};
 
     fn rig(name: &str, shares: [f64; 2], guards: usize, near_gain: f64) -> Scores {
         let name = name.to_owned();
@@ -148,6 +147,24 @@ mod tests {
         let required = shares.map(|share| Seen::of("area", share)).to_vec();
         let guards = vec![Guard::CoversNothing; guards];
         Scores { name, required, guards, near_gain: Some(near_gain), ..Scores::default() }
+    }
+
+    #[test]
+    fn a_range_ends_at_the_first_gap_of_any_bearing() {
+        let target = |name: &str, met: [&[[f64; 2]]; 2]| TargetRanges {
+            target: name.to_owned(),
+            size: [1.0; 3],
+            bearings: met.map(|met| BearingRanges { bearing: 0.0, met: met.to_vec() }).to_vec(),
+        };
+        let targets = vec![
+            target("car", [&[[2.5, 130.0]], &[[7.5, 110.0], [150.0, 150.0]]]),
+            target("adult", [&[[2.5, 5.0]], &[[5.0, 60.0]]]),
+            target("child", [&[[2.5, 5.0]], &[[7.5, 60.0]]]),
+            target("tyre", [&[[2.5, 60.0]], &[]]),
+        ];
+        let card = RangeCard { beams: 5, distances: Vec::new(), targets, blind: Vec::new() };
+        let want = "range card, without a gap at 2 bearings: car 7.5 to 110 m, adult at 5 m, child nowhere, tyre nowhere";
+        assert_eq!(card_in_words(&card), want);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use super::tables::ScoreColumn;
 use super::text::align_columns;
 use crate::job::{Room, RoomOfSide, RoomOfTilt, Sweep};
 use crate::json::fixed;
-use crate::score::{Guard, Scores};
+use crate::score::{Guard, Scores, percent_down};
 use crate::study::{Row, Table, TablePlot};
 
 /// Draws a table by its `drawing`.
@@ -108,8 +108,7 @@ fn table(sweep: &Sweep) -> String {
         let mut line = vec![head(sweep, k)];
         line.extend(COLUMNS.iter().map(|column| column.cell(&row.scores)));
         line.extend(row.scores.required.iter().map(|seen| {
-            // Rounded down, so that a requirement that is not met never reads as met.
-            let share = (1e3 * seen.share + 1e-9).floor() / 10.0;
+            let share = percent_down(seen.share);
             format!("{}{}", if seen.is_met() { "" } else { "!" }, fixed(share, 1))
         }));
         line.push(match row.scores.range_card {

@@ -7,7 +7,7 @@ use crate::csv::{csv, number};
 use crate::job::{Room, RoomOfSide, Sweep};
 use crate::json::fixed;
 use crate::near_field::{NearField, Standard};
-use crate::score::{NEAR_GAINS, Scores, Seen};
+use crate::score::{NEAR_GAINS, Scores, Seen, percent_down};
 use crate::search::Scored;
 use crate::shared::{Overlap, Redundancy, SeenBy, SeenByTechnologies};
 use crate::study::{REQUIREMENTS, Table};
@@ -451,7 +451,7 @@ impl ScoreColumn {
             Self::GainShare | Self::NearGain | Self::NearGain2 | Self::NearGain3 => {
                 optional(scaled(self.share(scores), 100.0), 2)
             }
-            Self::NearField => optional(scaled(scores.near_field, 100.0), 1),
+            Self::NearField => optional(scores.near_field.map(percent_down), 1),
             Self::SMig => optional(scores.s_mig, 0),
             Self::Covered => format!("{:.0}", scores.covered),
             Self::Hits => optional(scaled(scores.hit_share, 100.0), 1),

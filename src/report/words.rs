@@ -267,7 +267,7 @@ pub fn word(text: &str) -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use serde_json::json;
 
     use super::*;
@@ -275,7 +275,7 @@ mod tests {
     use crate::vehicle::Placement;
 
     /// A planted placement: name, M-SOG/N, nats gained of 1000.
-    fn planted(name: &str, m_sog_scaled: f64, gain: f64) -> Scored {
+    pub(in crate::report) fn planted(name: &str, m_sog_scaled: f64, gain: f64) -> Scored {
         let segmentation = TaskScores {
             m_sog_scaled: Some(m_sog_scaled),
             information_gain: Some(gain),

@@ -69,6 +69,12 @@ impl Scored {
         guards.chain(broken).chain(lacking.map(ToString::to_string)).collect()
     }
 
+    /// All that is said against it: the reasons, then the sectors that it does not see.
+    pub(crate) fn warnings(&self) -> Vec<String> {
+        let facts = self.scores.guards.iter().filter(|guard| !guard.is_doubt());
+        self.reasons().into_iter().chain(facts.map(ToString::to_string)).collect()
+    }
+
     /// The best of the honest baselines by the objective.
     pub(crate) fn yardstick(baselines: &[Self]) -> Option<&Self> {
         let honest = baselines.iter().filter(|baseline| baseline.is_honest());

@@ -112,8 +112,8 @@ fn own_rigs(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> 
     let (title, _) = shown_objective(objective);
     notes.push(format!(
         "{title} with one LiDAR failed. most not met: most requirements that a loss leaves unmet; one that must \
-         hold without any one LiDAR is looked at with this one lost. most blind °: width of the sectors in which a car is \
-         lost between 5 and 50 m, after the loss that leaves most."
+         hold without any one LiDAR is looked at with this one lost. most blind °: width of the sectors of 30° in which a \
+         car is lost somewhere between 5 and 50 m, after the loss that leaves most."
     ));
     Ok(table(scene, &names_of(scene, rigs.iter()), &OF_OWN, rows, notes))
 }

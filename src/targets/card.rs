@@ -21,6 +21,8 @@ const BEARINGS: usize = 16;
 const FINE: usize = 3 * BEARINGS;
 /// Fine bearings to either side of a sector's middle: 15°.
 const HALF_SECTOR: usize = 2;
+/// Degrees of a sector.
+const SECTOR: f64 = 2.0 * HALF_SECTOR as f64 * 360.0 / FINE as f64;
 /// Distances between which a sector must not lose a car, metres.
 const SECTOR_RANGE: [f64; 2] = [5.0, 50.0];
 /// Most distances of a card, in metres.
@@ -48,6 +50,17 @@ pub struct TargetRanges {
     pub size: [f64; 3],
     /// Sixteen, counter-clockwise from straight ahead.
     pub bearings: Vec<BearingRanges>,
+}
+
+impl TargetRanges {
+    /// Distances at which the target is met at every bearing without a gap: of each bearing the run that begins at the first
+    /// distance met, of these the farthest begin and the nearest end. `None` where they have no distance in common.
+    pub fn without_gap(&self) -> Option<[f64; 2]> {
+        let firsts: Option<Vec<[f64; 2]>> =
+            self.bearings.iter().map(|of| of.met.first().copied()).collect();
+        let common = firsts?.into_iter().reduce(|[a, b], [from, to]| [a.max(from), b.min(to)]);
+        common.filter(|[from, to]| from <= to)
+    }
 }
 
 /// Distances at which a target is met at one bearing.
@@ -113,9 +126,15 @@ impl std::fmt::Display for BlindSector {
         };
         let lost: Vec<String> = self.lost.iter().map(run).collect();
         let lost = lost.join(" and ");
+        // Of neighbouring sectors each has a bearing at which a car is lost, not every bearing.
+        let within = match self.degrees() > SECTOR {
+            true => format!("in sectors of {SECTOR}° within"),
+            false => format!("in the sector of {SECTOR}° from"),
+        };
         write!(
             f,
-            "{sides} ({from}° to {to}°), worst at {worst}°: a car at {lost} m is met by fewer than {CARD_BEAMS} beams"
+            "{sides} ({within} {from}° to {to}°), worst at {worst}°: a car there at {lost} m is met by fewer than \
+             {CARD_BEAMS} beams"
         )
     }
 }

@@ -187,7 +187,8 @@ fn a_card_names_the_sector_that_a_rig_does_not_see() {
     let told = blind.to_string();
     assert!(
         told.starts_with(
-            "left and behind and right (52.5° to -52.5°), worst at 90°: a car at 5 to 50 m is met"
+            "left and behind and right (in sectors of 30° within 52.5° to -52.5°), worst at 90°: a car there at 5 to 50 m \
+             is met"
         ),
         "{told}"
     );
@@ -195,6 +196,8 @@ fn a_card_names_the_sector_that_a_rig_does_not_see() {
     let both = RangeCard::new(&site, &[lidar(0.0), lidar(std::f64::consts::PI)]).unwrap();
     let sides: Vec<_> = both.blind.iter().map(|sector| sector.bearings).collect();
     assert_eq!(sides, [[52.5, 127.5], [-127.5, -52.5]]);
+    let one = BlindSector { bearings: [165.0, -165.0], ..both.blind[0].clone() };
+    assert!(one.to_string().starts_with("behind (in the sector of 30° from 165° to -165°)"));
     // A rig that looks at the sky sees no car.
     let sky = RangeCard::new(&site, &[SensorPose { pitch: -0.9, ..lidar(0.0) }]).unwrap();
     assert_eq!(sky.blind[0].bearings, [-180.0, 180.0]);
@@ -218,7 +221,7 @@ fn a_gap_between_the_bearings_of_a_card_is_named() {
     let told = gap.to_string();
     assert!(
         told.starts_with(&format!(
-            "ahead left (7.5° to 60°), worst at 37.5°: a car at {near} to 50 m"
+            "ahead left (in sectors of 30° within 7.5° to 60°), worst at 37.5°: a car there at {near} to 50 m"
         )),
         "{told}"
     );

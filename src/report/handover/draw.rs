@@ -28,9 +28,7 @@ pub(super) fn colour(lidar: usize) -> &'static str {
 pub(super) fn top(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, sheet: &Sheet) {
     let panel = &sheet.top;
     title(drawing, panel, "From above");
-    if !views.zone.is_empty() {
-        drawing.area(vec![panel.all(&views.zone)], Some(ZONE), Some(ZONE_EDGE));
-    }
+    zone(drawing, panel, &views.zone);
     view(drawing, rig, &views.top, panel);
     let markers = Marker::of(rig, &views.top, panel);
     let mut labels = Labels::default();
@@ -56,6 +54,26 @@ pub(super) fn top(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, shee
         drawing.text(at, SMALL, &mount.name, anchor, false, Ink::full(SOFT));
     }
     numbers(drawing, &markers);
+}
+
+/// The blind zone with a line around it that is open where the zone goes on.
+fn zone(drawing: &mut Drawing, panel: &Panel, outline: &[(Flat, bool)]) {
+    let corners: Vec<Point> = outline.iter().map(|(corner, _)| panel.at(*corner)).collect();
+    let mut line = Vec::new();
+    let closed = corners.iter().zip(corners.iter().cycle().skip(1)).zip(outline);
+    let mut lines = Vec::new();
+    for ((from, to), (_, goes_on)) in closed {
+        if line.is_empty() {
+            line.push(*from);
+        }
+        match goes_on {
+            true => lines.push(std::mem::take(&mut line)),
+            false => line.push(*to),
+        }
+    }
+    lines.push(line);
+    drawing.area(vec![corners], Some(ZONE), None);
+    lines.into_iter().filter(|line| line.len() > 1).for_each(|line| drawing.line(line, ZONE_EDGE));
 }
 
 /// Depths of the blind zone before each edge of the body, in words at the edges of the view from above.
@@ -274,20 +292,36 @@ pub(super) fn scale_bar(drawing: &mut Drawing, sheet: &Sheet) {
     }
 }
 
-/// Most lines of warnings, and most characters of a line of the title block.
+/// Most warnings, and most characters of a line of the title block in the narrowest legend.
 const MOST_WARNINGS: usize = 6;
 const LONGEST_LINE: usize = 96;
+/// Width of a bold character as a share of the size of the font.
+const BOLD: f64 = 0.54;
 
-/// Lines of the title block on rules that are broken and requirements that are not met, or on paper only.
-pub(super) fn warnings(rig: &DrawnRig<'_>) -> Vec<String> {
-    let mut lines: Vec<String> = rig
-        .warnings
-        .iter()
-        .take(MOST_WARNINGS)
-        .map(|words| shortened(words, LONGEST_LINE))
-        .collect();
+/// Lines of the title block on rules that are broken and requirements that are not met, or on paper only, in so many
+/// millimetres.
+pub(super) fn warnings(rig: &DrawnRig<'_>, room: f64) -> Vec<String> {
+    let most = (room / (BOLD * WORDS)) as usize;
+    let shown = rig.warnings.iter().take(MOST_WARNINGS);
+    let mut lines: Vec<String> = shown.flat_map(|words| broken(words, most)).collect();
     let more = rig.warnings.len().saturating_sub(MOST_WARNINGS);
     lines.extend((more > 0).then(|| format!("and {more} more: see README.txt")));
+    lines
+}
+
+/// Words on lines of at most so many characters, broken between words.
+pub(super) fn broken(words: &str, most: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in words.split(' ') {
+        let word = shortened(word, most.saturating_sub(2));
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= most => {
+                *line += &format!(" {word}");
+            }
+            Some(_) => lines.push(format!("  {word}")),
+            None => lines.push(word),
+        }
+    }
     lines
 }
 
@@ -319,7 +353,7 @@ pub(super) fn draw(drawing: &mut Drawing, rig: &DrawnRig<'_>, sheet: &Sheet) {
         y += LINE;
         drawing.words([left, y], WORDS, words);
     }
-    for words in warnings(rig) {
+    for words in warnings(rig, sheet.room) {
         y += LINE;
         drawing.text([left, y], WORDS, words, Anchor::Start, true, Ink::full(ACCENT));
     }
@@ -377,10 +411,10 @@ fn signs(drawing: &mut Drawing, rig: &DrawnRig<'_>, [left, mut y]: [f64; 2]) {
             sign(
                 Some(ZONE),
                 ZONE_EDGE,
-                "blind zone: ground straight before an edge, up to the nearest seen,",
+                "blind zone: ground straight before an edge, up to the nearest ground within 0.5 m of a beam,",
             );
             let area = format!(
-                "drawn to {DRAWN} m; {:.1} m² to 10 m; corners are not counted",
+                "drawn to {DRAWN} m, open where it goes on; {:.1} m² to 10 m; corners are not counted",
                 near.zone.area
             );
             drawing.words([left + 8.0, y - 1.0], WORDS, area);

@@ -9,6 +9,8 @@ pub(super) const RADIUS: f64 = 1.7;
 const ONE_PLACE: f64 = 0.3;
 /// Width of a character, and its height above and depth below the base line, as shares of the size of the font.
 const CHARACTER: [f64; 3] = [0.56, 0.8, 0.25];
+/// Least height between two lines of words, as a share of the size of the font.
+const APART: f64 = 0.15;
 /// Lines by which words are moved away at most.
 const MOST_LINES: usize = 12;
 
@@ -103,7 +105,9 @@ impl Labels {
         words: &str,
     ) -> (Point, Anchor) {
         let is_free = |&([x, y], anchor): &(Point, Anchor)| {
-            let own = bounds([x, y], size, words, anchor);
+            let [left, upper, right, lower] = bounds([x, y], size, words, anchor);
+            // Lines that touch read as one.
+            let own = [left, upper - APART * size, right, lower + APART * size];
             !self.0.iter().any(|taken| overlap(taken, &own))
         };
         let lines = (1..=MOST_LINES).flat_map(|k| [-(k as f64), k as f64]);

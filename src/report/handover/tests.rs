@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::draw::broken;
 use super::{DrawnLidar, REACH, horizontal, vertical};
 use crate::shared::FieldOfView;
 use crate::vehicle::{BeamTable, SensorPose};
@@ -79,6 +80,16 @@ fn a_positive_pitch_turns_the_field_of_view_down_ahead() {
             .iter()
             .all(|corner| (corner.z - 2.0).abs() <= REACH && corner.length() > 1.0)
     );
+}
+
+#[test]
+fn long_warnings_are_broken_between_words_and_told_to_their_end() {
+    let words = "NOT MET: car from 10 to 80 m, any one LiDAR lost: 1.6 % seen, 95.0 % required";
+    assert_eq!(broken(words, 200), [words]);
+    let lines = broken(words, 40);
+    assert!(lines.len() == 3 && lines.iter().all(|line| line.chars().count() <= 40), "{lines:?}");
+    let told: Vec<&str> = lines.iter().flat_map(|line| line.split_whitespace()).collect();
+    assert_eq!(told.join(" "), words);
 }
 
 #[test]

@@ -9,7 +9,7 @@ use crate::report::tables::rows_by_scene;
 use crate::report::text::{Against, against as compared};
 use crate::report::view::sight::InformationShare;
 use crate::report::{RunRecord, ScoreColumn};
-use crate::score::{HOLDS, Scores, Seen};
+use crate::score::{Guard, HOLDS, Scores, Seen, percent_down};
 use crate::search::Scored;
 
 /// Scenes from which on an interval of resampled scenes is about as wide as it should be.
@@ -90,18 +90,26 @@ pub(super) fn near_gain(column: ScoreColumn) -> Option<String> {
     Some(format!("{NEAR_GAIN}; each voxel counts for every LiDAR that covers it, up to {times}"))
 }
 
-/// Violated guards and broken rules of the result and the baselines.
-pub(super) fn guards(subject: &Subject<'_>) -> Markup {
+/// All that is said against the result and the baselines, by name.
+pub(super) fn guards(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup {
     let all = subject.result.iter().copied().chain(subject.baselines);
     let spoken: Vec<(&Scored, Vec<String>)> =
-        all.map(|scored| (scored, scored.reasons())).filter(|(_, why)| !why.is_empty()).collect();
+        all.map(|scored| (scored, scored.warnings())).filter(|(_, why)| !why.is_empty()).collect();
+    // A rig that was given has a name; one that was found is the result.
+    let who = subject.result.filter(|_| run.is_none());
+    let who = who.map_or("the result", |best| &*best.placement.name);
+    let others = if subject.baselines.is_empty() { " keeps" } else { " and every baseline keep" };
+    let passed = if subject.baselines.is_empty() { "passes" } else { "pass" };
     html! {
         section aria-labelledby="guards" {
             h2 #guards { "Warnings" }
             @if spoken.is_empty() {
-                p { "None: the result and every baseline keep all rules and pass all checks." }
+                p { "None: " (who) (others) " all rules and " (passed) " all checks." }
             } @else {
-                p { "Guards and broken rules are reasons not to believe a score." }
+                @if subject.result.is_some_and(|best| best.warnings().is_empty()) {
+                    p { "Warnings of " (who) ": none. Some baselines have warnings." }
+                }
+                p { (meaning(&spoken)) }
                 ul.guards {
                     @for (scored, why) in &spoken {
                         li { b { (scored.placement.name) } ": " (why.join("; ")) }
@@ -110,6 +118,28 @@ pub(super) fn guards(subject: &Subject<'_>) -> Markup {
             }
         }
     }
+}
+
+/// What the kinds of warnings that are listed say of a score.
+fn meaning(spoken: &[(&Scored, Vec<String>)]) -> String {
+    let any = |is: &dyn Fn(&Scored) -> bool| spoken.iter().any(|(scored, _)| is(scored));
+    let lacks = |one: &Scored| one.scores.required.iter().any(|seen| !seen.is_met());
+    let doubts = [
+        ("guards", any(&|one| one.scores.guards.iter().any(Guard::is_doubt))),
+        ("broken rules", any(&|one| !one.violations.is_empty())),
+    ];
+    let facts = [
+        ("requirements that are not met", any(&lacks)),
+        ("blind sectors", any(&|one| one.scores.guards.iter().any(|guard| !guard.is_doubt()))),
+    ];
+    let says = |what: &str, kinds: [(&str, bool); 2]| {
+        let listed: Vec<&str> =
+            kinds.into_iter().filter(|(_, is)| *is).map(|(name, _)| name).collect();
+        (!listed.is_empty()).then(|| format!("{what}: {}.", listed.join(" and ")))
+    };
+    let doubts = says("Reasons not to believe a score", doubts);
+    let facts = says("Facts about a rig, which do not make its score doubtful", facts);
+    doubts.into_iter().chain(facts).collect::<Vec<_>>().join(" ")
 }
 
 /// Every score of the result and the baselines, a row each.
@@ -278,14 +308,15 @@ fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {
         .collect();
     let mut titles = vec!["", "", "found %", "required %", "margin", "copies that hold %"];
     titles.extend(beside.iter().map(|of| &*of.placement.name));
-    // Rounded down, so that a requirement that is not met never reads as met.
-    let per_cent = |share: f64| format!("{:.1}", (1e3 * share + 1e-9).floor() / 10.0);
+    let per_cent = |share: f64| format!("{:.1}", percent_down(share));
     let rows = best.scores.required.iter().enumerate().map(|(k, seen)| {
         let mut row = vec![text(seen.title()), text(if seen.is_met() { "met" } else { "NOT MET" })];
         let intact = seen.lost.as_ref().map(|lost| format!(" (intact {})", per_cent(lost.intact)));
         row.push(text(per_cent(seen.share) + &intact.unwrap_or_default()));
-        row.push(text(format!("{:.1}", 100.0 * seen.least)));
-        row.push(text(format!("{:+.1}", 100.0 * (seen.share - seen.least))));
+        // The margin is the difference of the numbers beside it.
+        let least = (1e3 * seen.least).round() / 10.0;
+        row.push(text(format!("{least:.1}")));
+        row.push(text(format!("{:+.1}", percent_down(seen.share) - least)));
         row.push(text(seen.holds_in.map_or("–".into(), |share| format!("{:.0}", 100.0 * share))));
         row.extend(beside.iter().map(|of| text(per_cent(of.scores.required[k].share))));
         (false, row)
@@ -296,4 +327,38 @@ fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {
         &titles,
         &rows,
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::words::tests::planted;
+    use crate::targets::BlindSector;
+
+    #[test]
+    fn warnings_of_baselines_are_told_where_the_result_has_none() {
+        let (best, mut center) = (planted("found", 1.0, 500.0), planted("Center", 0.5, 400.0));
+        let plain = center.clone();
+        let sector = BlindSector {
+            bearings: [-15.0, 15.0],
+            distances: [20.0, 25.0],
+            worst: 0.0,
+            lost: vec![[20.0, 25.0]],
+        };
+        center.scores.guards = vec![Guard::BlindSector(sector)];
+        let told = |best: &Scored, baselines: &[Scored]| {
+            let subject = Subject::given("s", &[], best, baselines, "near_gain", String::new());
+            guards(&subject, None).into_string()
+        };
+        let said = told(&best, &[plain, center.clone()]);
+        assert!(said.contains("Warnings of found: none. Some baselines have warnings."), "{said}");
+        let words = "<b>Center</b>: blind_sector: ahead (in the sector of 30° from -15° to 15°)";
+        assert!(said.contains(words) && said.matches("<li>").count() == 1, "{said}");
+        assert!(!said.contains("Reasons not to believe"), "{said}");
+        assert!(told(&best, &[]).contains("None: found keeps all rules and passes all checks."));
+        center.violations = vec!["LiDAR 0: z is 1 outside the mount".to_owned()];
+        let said = told(&center, &[]);
+        assert!(said.contains("Reasons not to believe a score: broken rules. Facts"), "{said}");
+        assert!(!said.contains("baseline"), "{said}");
+    }
 }

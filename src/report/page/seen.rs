@@ -5,6 +5,7 @@ use maud::{Markup, html};
 use super::layout::{figure, table, text};
 use super::{Figures, Subject};
 use crate::report::targets::{overlap_in_words, range_card_rows, range_card_svg};
+use crate::score::percent_down;
 
 /// Distances of detection, and the sectors in which the result is blind.
 pub(super) fn range_card(subject: &Subject<'_>) -> Markup {
@@ -48,7 +49,7 @@ pub(super) fn near_field(figures: &Figures) -> Markup {
                 Ok(svg) => {
                     p {
                         "From above, the front is right: ground within 10 m that no beam sees, and the blind zone: \
-                         ground straight before an edge, up to the nearest seen (corners are not counted), over " (figures.near_frames) " frame(s) spread evenly"
+                         ground straight before an edge, up to the nearest ground within 0.5 m of a beam (corners are not counted), over " (figures.near_frames) " frame(s) spread evenly"
                         @if figures.views.len() > 1 { " over the first scene" }
                         "."
                     }
@@ -86,7 +87,7 @@ pub(super) fn overlap(figures: &Figures) -> Markup {
     let names: Vec<String> = (0..count).map(|lidar| lidar.to_string()).collect();
     let titles: Vec<&str> =
         std::iter::once("LiDAR").chain(names.iter().map(String::as_str)).collect();
-    let percent = |share: f64| format!("{:.1}", (1e3 * share + 1e-9).floor() / 10.0);
+    let percent = |share: f64| format!("{:.1}", percent_down(share));
     let row = |a: usize| {
         let cells = (0..count).map(|b| match a == b {
             true => text("–"),

@@ -227,7 +227,12 @@ impl TargetRule {
             1 => ", 1 beam".to_owned(),
             beams => format!(", {beams} beams"),
         };
-        let default = format!("{} {range} m{needed}", target.name);
+        let around = match required.bearing {
+            Some([low, high]) if low == high => format!(", at {low}°"),
+            Some([low, high]) if high - low < 360.0 => format!(", {low}° to {high}°"),
+            _ => String::new(),
+        };
+        let default = format!("{} {range} m{around}{needed}", target.name);
         let name = required.named(at, default_name(default, required.without_any_one))?;
         Ok(Self {
             name,
