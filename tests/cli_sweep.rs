@@ -108,7 +108,7 @@ fn a_table_for_people_and_a_chart() {
     );
     assert!(
         text.contains(
-            "rules broken in 1 of 4 rows; at 3.000 m:\n  LiDAR 1: z is 0.500 m outside the mount\n"
+            "rules broken in 1 of 4 rows; at 3.000 m:\n  LiDAR 1: z is 0.500 m outside the mount roof\n"
         ),
         "{text}"
     );
