@@ -179,7 +179,7 @@ fn wrong_rules_on_the_ground_are_named() {
         (json!({ "ground": 30, "share": 1 }), "at most 10"),
         (json!({ "ground": 0, "share": 1 }), "above 0"),
         (json!({ "ground": 3 }), "`share`"),
-        (json!({ "ground": 3, "share": 1.5 }), "a share from 0 to 1"),
+        (json!({ "ground": 3, "share": 90 }), "a share from 0 to 1: 90 % is 0.9"),
         (json!({ "ground": 3, "share": 1, "blind_zone": "left" }), "write two"),
         (json!({ "ground": 3, "share": 1, "beams": 5 }), "`beams`"),
         (json!({ "blind_zone": "front", "depth": 1 }), "ahead, behind, left or right"),

@@ -95,6 +95,7 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
             "score yard.json RIG --vehicle cart.json",
             "study targets RIG --vehicle cart.json",
             "study redundancy yard.json RIG --vehicle cart.json",
+            "study nearfield yard.json RIG --vehicle cart.json",
         ] {
             let said = |rig: &str| {
                 let line = command.replace("RIG", rig) + " --backend cpu --format csv";

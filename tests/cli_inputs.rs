@@ -38,6 +38,13 @@ fn a_run_does_not_go_on_with_other_files() {
     assert!(resumed["rate"].as_f64() > Some(0.0), "{}", resumed["rate"]);
     assert_eq!(resumed["timings"]["page"], begun["timings"]["page"]);
     assert_eq!(resumed["timings"]["total"], begun["timings"]["total"]);
+    // A run that replaces another one has not taken its time.
+    let mut times: Value =
+        serde_json::from_slice(&fs::read(path("run/times.json")).unwrap()).unwrap();
+    times["times"]["search"] = json!(1e6);
+    fs::write(path("run/times.json"), times.to_string()).unwrap();
+    let anew = ok(dir.path(), &[&args[..], &["--force"]].concat());
+    assert!(anew["timings"]["search"].as_f64() < Some(1e6), "{}", anew["timings"]);
 }
 
 fn line(name: &str) -> String {

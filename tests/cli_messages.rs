@@ -67,6 +67,9 @@ fn files_of_other_kinds_are_named() {
             assert!(told.contains(&begins), "{begins}: {told}");
         }
     }
+    write(&dir, "a.json", "{ // mine\n \"sightline\": 1 }");
+    let told = fails(dir.path(), &["score", "s.json", "rigs.json", "--vehicle", "a.json"]);
+    assert!(told.contains("JSON has no comments (line 1, column 3)"), "{told}");
 }
 
 #[test]

@@ -8,7 +8,7 @@ use super::study::lost;
 use super::svg::trimmed;
 use super::tables::optional;
 use super::text::align_columns;
-use crate::job::{Front, FrontObjective, FrontPoint, Pick};
+use crate::job::{Front, FrontObjective, FrontPoint};
 use crate::scan::conditions::under;
 
 /// All of `result.json` of a front.
@@ -148,13 +148,7 @@ pub(super) fn title(objective: &FrontObjective) -> String {
 /// Picks of a point in words, as `knee, best price`.
 pub(super) fn picks_of(front: &Front, point: usize) -> String {
     let picks = front.picks.iter().filter(|(_, of)| *of == point);
-    let held =
-        copies(&front.points[point]).map(|share| format!(", in {:.0} % of copies", 100.0 * share));
-    let name = |pick: &Pick| match (pick, &held) {
-        (Pick::Cheapest, Some(held)) => format!("{pick}{held}"),
-        _ => pick.to_string(),
-    };
-    picks.map(|(pick, _)| name(pick)).collect::<Vec<_>>().join(", ")
+    picks.map(|(pick, _)| pick.to_string()).collect::<Vec<_>>().join(", ")
 }
 
 /// True if any point misses a requirement or meets one, so that the vehicle has some.

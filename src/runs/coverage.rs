@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::inputs::{Files, Given, held, published};
+use super::inputs::{Files, Given, held, published, rig_path};
 use super::opening::{LoadTimes, Loaded};
 use super::{Computing, GRACE, RunError, opening, outputs};
 use crate::audit::{AUDIT_FRAMES, AUDIT_PARTS, Audit, AuditEvent, audit};
@@ -75,7 +75,8 @@ pub fn near_fields(
 ) -> Result<NearFields, RunError> {
     let _session = Session::begin();
     let watcher = computing.watcher;
-    let read = request.placements.as_deref().map(read_placements).transpose()?;
+    let file = request.placements.as_deref().map(rig_path).transpose()?;
+    let read = file.as_deref().map(read_placements).transpose()?;
     let mend = "static shapes, actors and an ego body";
     let scene = opening::geometry(&request.scene, mend, computing)?;
     opening::note_frames(&scene, request.frames, watcher);
@@ -89,19 +90,15 @@ pub fn near_fields(
     let mut loaded = Loaded { job, times: LoadTimes::default() };
     let mut evaluator = loaded.evaluator(computing)?;
     let scene = loaded.job.scene();
-    let placements = match request.placements.as_deref().zip(read) {
+    let placements = match file.as_deref().zip(read) {
         Some((file, mut read)) => {
             Given::in_problem(file, evaluator.problem(), computing).all(&mut read)?;
             read
         }
         None => held(scene.vehicle(), evaluator.problem().sensors(), computing)?,
     };
-    if request.placements.is_none() && placements.is_empty() {
-        return Err(RunError::Usage(format!(
-            "{}: the vehicle is not the paper's car, whose layouts are looked at by default; give a file of placements \
-             behind the scene",
-            request.scene.display()
-        )));
+    if file.is_none() && placements.is_empty() {
+        return Err(no_layouts(&request.scene));
     }
     let site = NearSite::new(scene, &evaluator.shared_problem())?;
     watcher.listen(GRACE);
@@ -129,6 +126,15 @@ pub fn near_fields(
         ground_area: site.ground_area(),
         near_fields: all,
     })
+}
+
+/// Placements are to be given: only the paper's car has some.
+fn no_layouts(scene: &Path) -> RunError {
+    RunError::Usage(format!(
+        "{}: the vehicle is not the paper's car, whose layouts are looked at by default; give a file of placements behind \
+         the scene",
+        scene.display()
+    ))
 }
 
 /// Draws all placements into one file, and each into one of its own, where the request names places.

@@ -98,7 +98,7 @@ pub fn optimize(
     folder.check(&inputs)?;
     outputs::check_figures_apart(request.figures.as_deref(), folder.path())?;
     let run = begin(&job, going_on.take(), &folder)?;
-    let (earlier, times) = (read_spent(&folder), loaded.times);
+    let (earlier, times) = (read_spent(&folder, &request.start), loaded.times);
     let mut sitting =
         RunSession { request, computing, begun, job: &job, folder, run, times, earlier, start };
     let found = sitting.search_and_write();
@@ -263,8 +263,12 @@ struct Spent {
     times: RunTimes,
 }
 
-/// The times of earlier sittings; a run that was killed before it wrote its first times has none.
-fn read_spent(folder: &RunDir<RunCheckpoint>) -> Spent {
+/// The times of earlier sittings; a run that was killed before it wrote its first times has none. A folder that is written
+/// anew may hold those of another run.
+fn read_spent(folder: &RunDir<RunCheckpoint>, start: &Start) -> Spent {
+    if matches!(start, Start::New(_)) {
+        return Spent::default();
+    }
     let text = read_own(&folder.path().join(TIMES), 1 << 20).ok();
     text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
 }

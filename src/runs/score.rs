@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::inputs::{Files, Given};
+use super::inputs::{Files, Given, note_unpriced};
 use super::opening::{LoadTimes, Loaded, timings};
 use super::{Computing, GRACE, RunError, TableFormat, opening};
 use crate::csv::csv;
@@ -212,6 +212,7 @@ fn score_each(
 ) -> Result<bool, RunError> {
     let files = opening::files(scenes, &request.conditions.condition, request.frames, computing);
     let mut loaded = opening::job(&files, computing)?;
+    note_unpriced(loaded.job.scene().vehicle(), false, computing.watcher);
     let evaluator = loaded.evaluator(computing)?;
     let Loaded { job, times } = loaded;
     let job = job.tolerance(Some(request.mounting.tolerance));

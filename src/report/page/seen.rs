@@ -21,7 +21,7 @@ pub(super) fn range_card(subject: &Subject<'_>) -> Markup {
         section aria-labelledby="range" {
             h2 #range { "Range card" }
             @if card.blind.is_empty() {
-                p { "A car is met by " (card.beams) " beams or more everywhere between 5 and 50 m, all round." }
+                p { "A car is met by " (card.beams) " beams or more from 5 to 50 m all round, wherever it does not touch the own body." }
             } @else {
                 p { "Blind sectors:" }
                 ul.guards { @for sector in &card.blind { li { (sector.to_string()) } } }

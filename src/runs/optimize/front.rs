@@ -61,8 +61,12 @@ pub fn holds_front(folder: &Path) -> bool {
     command_in(folder).is_some_and(|command| command == COMMAND)
 }
 
-/// Wall time of earlier sittings; 0 where their file is missing or cannot be read.
-fn earlier_seconds(folder: &RunDir<SavedFront>) -> f64 {
+/// Wall time of earlier sittings; 0 where their file is missing or cannot be read. A folder that is written anew may hold that
+/// of another run.
+fn earlier_seconds(folder: &RunDir<SavedFront>, from: &FrontStart) -> f64 {
+    if matches!(from, FrontStart::New(..)) {
+        return 0.0;
+    }
     let text = read_own(&folder.path().join(TIMES), 1 << 20).unwrap_or_default();
     serde_json::from_slice(&text).unwrap_or_default()
 }
@@ -116,7 +120,7 @@ pub fn front(
         (folder, _) => folder.expect("a run that goes on has a folder"),
     };
     folder.check(&inputs)?;
-    let earlier = earlier_seconds(&folder);
+    let earlier = earlier_seconds(&folder, from);
     let found = search(&job, &mut saved, &folder, watcher);
     let Some(found) = found.map_err(|error| error.discarding(&folder))? else { return Ok(None) };
     let seconds = earlier + start.elapsed().as_secs_f64();

@@ -21,7 +21,7 @@ use crate::job::Job;
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
 use crate::report::tables::{score_rows, score_titles};
-use crate::runs::inputs::Given;
+use crate::runs::inputs::{Given, note_unpriced};
 use crate::runs::opening::{LoadTimes, Loaded, timings};
 use crate::runs::{Bar, Computing, GRACE, RunError, TableFormat, Watcher, opening};
 use crate::scan::conditions::{in_words, under};
@@ -47,6 +47,7 @@ pub(super) fn score(
     let scenes = [scene.to_owned()];
     let files = opening::files(&scenes, &request.conditions.condition, request.frames, computing);
     let Loaded { job, times } = opening::job(&files, computing)?;
+    note_unpriced(job.scene().vehicle(), false, computing.watcher);
     let mut loaded =
         Loaded { job: job.draw(request.draw).tolerance(Some(request.mounting.tolerance)), times };
     let evaluator = loaded.evaluator(computing)?;

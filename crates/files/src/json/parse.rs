@@ -109,6 +109,9 @@ pub fn plain_words(text: &str) -> String {
         "expected value" => {
             return "no value that JSON knows; numbers are finite, as 1.5".to_owned();
         }
+        "key must be a string" => {
+            return "a key in double quotes belongs here; JSON has no comments".to_owned();
+        }
         "number out of range" => {
             return "a number too large; write a finite one, as 1.5".to_owned();
         }

@@ -121,7 +121,10 @@ pub(super) fn corners(
     let max = check::point(&at.key("max"), max)?;
     for i in 0..3 {
         if min[i] > max[i] {
-            let wanted = format!("{} or more, the lower corner of the mount", min[i]);
+            let wanted = format!(
+                "{} or more, the lower corner of the mount; are `min` and `max` swapped?",
+                min[i]
+            );
             return Err(bad(&at.key("max").item(i), max[i], wanted));
         }
     }

@@ -341,7 +341,10 @@ impl Requirements {
         for (i, required) in list.iter().enumerate() {
             let at = at.item(i);
             if let Some(share) = required.share.filter(|share| !(0.0..=1.0).contains(share)) {
-                return Err(bad(&at.key("share"), share, "a share from 0 to 1"));
+                let percent = (1.0..=100.0).contains(&share);
+                let hint = percent.then(|| format!(": {share} % is {}", share / 100.0));
+                let wanted = format!("a share from 0 to 1{}", hint.unwrap_or_default());
+                return Err(bad(&at.key("share"), share, wanted));
             }
             all.notes.extend(doubts_of_rule(&at, required));
             if let Some(rule) = OverlapRule::read(&at, required)? {
