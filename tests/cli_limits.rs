@@ -50,6 +50,10 @@ fn time_ends_the_choice_of_sensors() {
     assert!(output.status.success(), "{told}");
     assert!(start.elapsed() < LATE, "{:?}", start.elapsed());
     assert!(told.contains("the time ended while the sensors were chosen"), "{told}");
+    let text = String::from_utf8_lossy(&output.stdout);
+    let cut = "The time ended while the sensors were chosen (";
+    assert!(text.contains(cut) && text.contains(" of 500 spent)"), "{text}");
+    assert!(!text.contains("a --budget above"), "{text}");
     let result: Value =
         serde_json::from_slice(&fs::read(dir.path().join("run/result.json")).unwrap()).unwrap();
     assert!(result["stopped"].as_str().unwrap().starts_with("time"), "{result}");

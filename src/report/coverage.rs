@@ -63,7 +63,7 @@ pub fn near_field_text(all: &[NearField]) -> String {
     format!("{}{POLES}\n", align_columns(&rows))
 }
 
-/// What the columns of poles do not say.
+/// Caveat of the columns of poles.
 const POLES: &str = "poles after the standards' positions, partly unconfirmed; no type approval (docs/nearfield.md)";
 
 /// Poles seen, and poles, of a standard.

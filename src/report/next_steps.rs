@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::RunRecord;
 
-/// Steps to take next: that the time ended before the sensors were chosen; where a result misses requirements, those out of
+/// Steps to take next: more time where it ended before the sensors were chosen; where a result misses requirements, those out of
 /// reach, then what a search may still find. Empty where all are met.
 pub fn next_in_words(run: &RunRecord) -> Vec<String> {
     let cut = cut_in_words(&run.settings);
@@ -46,7 +46,7 @@ pub fn next_in_words(run: &RunRecord) -> Vec<String> {
     steps
 }
 
-/// That the time ended before the sensors were chosen; `None` where they were.
+/// Sentence on a time that ended before the sensors were chosen; `None` where they were.
 fn cut_in_words(settings: &Value) -> Option<String> {
     let equipped = &settings["equipped"];
     let [cost, budget] = [&equipped["cost"], &settings["budget"]].map(Value::as_f64);

@@ -128,7 +128,7 @@ pub fn near_fields(
     })
 }
 
-/// Placements are to be given: only the paper's car has some.
+/// Error of a vehicle without layouts of its own where no placements are given.
 fn no_layouts(scene: &Path) -> RunError {
     RunError::Usage(format!(
         "{}: the vehicle is not the paper's car, whose layouts are looked at by default; give a file of placements behind \

@@ -120,7 +120,7 @@ pub(super) fn guards(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup {
     }
 }
 
-/// What the kinds of warnings that are listed say of a score.
+/// Meaning of the listed kinds of warnings for a score.
 fn meaning(spoken: &[(&Scored, Vec<String>)]) -> String {
     let any = |is: &dyn Fn(&Scored) -> bool| spoken.iter().any(|(scored, _)| is(scored));
     let lacks = |one: &Scored| one.scores.required.iter().any(|seen| !seen.is_met());

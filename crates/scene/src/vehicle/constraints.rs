@@ -386,7 +386,7 @@ impl Constraints {
         found
     }
 
-    /// Ways in which a LiDAR is not where its slot has it.
+    /// Broken bounds of a LiDAR: outside its mount, on a mount that does not take it, at another phase.
     fn off_mount(&self, lidar: usize, pose: &SensorPose, slot: usize, found: &mut Vec<Violation>) {
         let region = &self.slots[slot].region;
         let outside = |(field, by)| {

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::*;
-use crate::vehicle::{SensorName, SensorPose, SpinPhase};
+use crate::vehicle::{Placement, SensorName, SensorPose, SpinPhase, Violation};
 
 const VEHICLE: &str = r#"{ "sightline": 1, "name": "van", "body": [
     { "class": "vehicle", "box": { "foot": [0, 0, 0.2], "size": [4, 2, 1] } }],
@@ -261,14 +261,24 @@ fn every_model_that_a_mount_lists_may_stand_there_and_no_more_than_it_holds() {
         let lidars: Vec<SensorPose> =
             (0..count).map(|k| kinds[number / 9_usize.pow(k) % 9]).collect();
         let wanted = can_be_seated(&lidars, &places);
-        let rig = crate::vehicle::Placement { name: "rig".into(), lidars };
+        let rig = Placement { name: "rig".into(), lidars };
         let broken = rules.violations(&rig);
-        let is_seated = |v: &crate::vehicle::Violation| {
-            !matches!(v, crate::vehicle::Violation::NoPlace { .. })
-                && !matches!(v, crate::vehicle::Violation::OutsideMount { .. })
+        let is_seated = |v: &Violation| {
+            use Violation::{NoPlace, NotTaken, OutsideMount};
+            !matches!(v, NoPlace { .. } | OutsideMount { .. } | NotTaken { .. })
         };
         assert_eq!(broken.iter().all(is_seated), wanted, "{rig:?}: {broken:?}");
         kept[usize::from(wanted)] += 1;
     }
     assert!(kept[0] > 100 && kept[1] > 100, "{kept:?}");
+    // A LiDAR on a mount that does not take it, or is full, is measured against no other mount.
+    for (lidars, words) in [
+        (vec![kinds[2]], "LiDAR 0: it stands on mount high, which takes `b` or `c`, not `a`"),
+        (vec![kinds[5]; 2], "LiDAR 1: it stands on mount high, which holds 1 LiDAR(s) at most"),
+        (vec![kinds[8]; 2], "LiDAR 1: there is no mount for one more `c`"),
+    ] {
+        let broken = rules.violations(&Placement { name: "rig".into(), lidars });
+        let broken: Vec<String> = broken.iter().map(ToString::to_string).collect();
+        assert_eq!(broken, [words]);
+    }
 }
