@@ -127,13 +127,16 @@ impl std::fmt::Display for BlindSector {
         let lost: Vec<String> = self.lost.iter().map(run).collect();
         let lost = lost.join(" and ");
         // Of neighbouring sectors each has a bearing at which a car is lost, not every bearing.
-        let within = match self.degrees() > SECTOR {
-            true => format!("in sectors of {SECTOR}° within"),
-            false => format!("in the sector of {SECTOR}° from"),
+        let within = match self.degrees() {
+            degrees if degrees >= 360.0 => format!("in every sector of {SECTOR}°"),
+            degrees if degrees > SECTOR => {
+                format!("in sectors of {SECTOR}° within {from}° to {to}°")
+            }
+            _ => format!("in the sector of {SECTOR}° from {from}° to {to}°"),
         };
         write!(
             f,
-            "{sides} ({within} {from}° to {to}°), worst at {worst}°: a car there at {lost} m is met by fewer than \
+            "{sides} ({within}), worst at {worst}°: a car there at {lost} m is met by fewer than \
              {CARD_BEAMS} beams"
         )
     }

@@ -201,6 +201,8 @@ fn a_card_names_the_sector_that_a_rig_does_not_see() {
     // A rig that looks at the sky sees no car.
     let sky = RangeCard::new(&site, &[SensorPose { pitch: -0.9, ..lidar(0.0) }]).unwrap();
     assert_eq!(sky.blind[0].bearings, [-180.0, 180.0]);
+    let told = sky.blind[0].to_string();
+    assert!(told.starts_with("all round (in every sector of 30°), worst at "), "{told}");
     assert!(sky.targets.iter().all(|target| target.bearings.iter().all(|b| b.met.is_empty())));
 }
 
