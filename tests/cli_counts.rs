@@ -464,7 +464,7 @@ fn requirements_of_one_name_are_refused() {
         let told = fails(dir.path(), &[&OPTIMIZE[..], &["o"]].concat());
         assert!(told.contains(place), "{told}");
     }
-    // Those of other bearings have other names.
+    // Requirements with other bearings have other names.
     let of = |bearing: [f64; 2]| json!({ "target": "car", "within": 20, "share": 0, "bearing": bearing });
     let all = [[-30.0, 30.0], [30.0, 90.0], [45.0, 45.0], [-180.0, 180.0]].map(of);
     write_vehicle(dir.path(), json!([roof(json!(1))]), json!({ "require": all }));

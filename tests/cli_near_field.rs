@@ -90,7 +90,7 @@ fn the_near_field_of_two_heights() {
     let text = String::from_utf8(text.stdout).unwrap();
     assert_eq!(text.lines().count(), 5, "{text}");
     assert!(text.ends_with("partly unconfirmed; no type approval (docs/nearfield.md)\n"), "{text}");
-    // Shares of ground are rounded down, as those of requirements are.
+    // Shares of ground are rounded down like shares of requirements.
     let row = text.lines().find(|line| line.starts_with("high ")).unwrap();
     let shown = row.split_whitespace().nth(1).unwrap();
     assert_eq!(shown, format!("{:.1}", (1e3 * share).floor() / 10.0), "{share}");

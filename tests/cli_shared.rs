@@ -365,7 +365,7 @@ fn tables_for_people() {
     assert!(told.contains("NOT CONNECTED at 500 shared voxels; cut off from 0 front: 1 front (shares nothing with any other)"), "{told}");
     let told = text("overlap yard.json rigs.json --least-shared 20");
     assert!(told.contains("Connected at 20 shared voxels, and up to "), "{told}");
-    // The overlap that connects all is that of a pair, in the matrix and in the sentence.
+    // One pair has the overlap that connects all: matrix and sentence say the same number.
     let up_to = told.split("All connected up to an overlap of ").nth(1).unwrap();
     let up_to = up_to.split_whitespace().next().unwrap();
     let matrix = told.split("overlap %").nth(1).unwrap().split("% of the sphere").next().unwrap();

@@ -44,7 +44,7 @@ fn a_page_of_a_placement_compares_it_with_those_given() {
         let from = page.split_once("id=\"guards\"").unwrap().1;
         from.split_once("</section>").unwrap().0.to_owned()
     };
-    // What the head says is listed, with what it means.
+    // Warnings list the blind sectors of the head, with their meaning.
     let told = warnings(&page);
     assert!(told.contains("<b>high</b>: blind_sector: all round "), "{told}");
     assert!(told.contains("<b>low</b>: ") && told.contains("blind_sector: "), "{told}");

@@ -235,7 +235,7 @@ fn a_hundred_million_voxels_are_covered_alike() {
 fn a_batch_beyond_every_limit_is_split() {
     let roi = Roi::new([-4.0, -4.0, -2.0], [0.25; 3], [32, 32, 16]).unwrap();
     let directions = [DVec3::new(1.0, 0.2, 0.1), DVec3::new(-0.7, 1.0, -0.3)];
-    // A few voxels of content: what is split are the bitmaps.
+    // A few voxels of content: bitmaps are split.
     let occupied = (0..roi.voxel_count() as u32)
         .step_by(97)
         .map(|index| OccupiedVoxel { index, entropy: [index + 1; KINDS] });

@@ -19,7 +19,7 @@ const COLUMNS: usize = 3;
 /// Pixels of a metre, and of the lines of words over a drawing.
 const SCALE: f64 = 14.0;
 const TITLE: f64 = 56.0;
-/// Most characters of a line over a drawing: that of the smallest body is 294 pixels wide.
+/// Most characters of a line over a drawing: the drawing of the smallest body is 294 pixels wide.
 const LONGEST_LINE: usize = 36;
 /// Metres ahead of the body at which the arrow to the front begins: behind the farthest pole.
 const ARROW: f64 = 5.0;

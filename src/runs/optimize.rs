@@ -263,8 +263,8 @@ struct Spent {
     times: RunTimes,
 }
 
-/// The times of earlier sittings; a run that was killed before it wrote its first times has none. A folder that is written
-/// anew may hold those of another run.
+/// The times of earlier sittings; a run that was killed before it wrote its first times has none. A new run
+/// takes none: with --force its folder may hold the times of another run.
 fn read_spent(folder: &RunDir<RunCheckpoint>, start: &Start) -> Spent {
     if matches!(start, Start::New(_)) {
         return Spent::default();

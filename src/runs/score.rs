@@ -201,6 +201,18 @@ fn write_coverage(
 /// Placements that are held at once at most: a mean needs their scores in every scene.
 const MOST: usize = 100_000;
 
+/// Scenes of the request, with a note on sensors that have no price: prices are told.
+fn open(
+    request: &ScoreRequest,
+    scenes: &[PathBuf],
+    computing: &Computing<'_>,
+) -> Result<Loaded, RunError> {
+    let files = opening::files(scenes, &request.conditions.condition, request.frames, computing);
+    let loaded = opening::job(&files, computing)?;
+    note_unpriced(loaded.job.scene().vehicle(), false, computing.watcher);
+    Ok(loaded)
+}
+
 /// Scores placements in all scenes and writes tables or JSON, to the request's file or else to `out`.
 fn score_each(
     request: &ScoreRequest,
@@ -210,9 +222,7 @@ fn score_each(
     start: Instant,
     out: &mut dyn Write,
 ) -> Result<bool, RunError> {
-    let files = opening::files(scenes, &request.conditions.condition, request.frames, computing);
-    let mut loaded = opening::job(&files, computing)?;
-    note_unpriced(loaded.job.scene().vehicle(), false, computing.watcher);
+    let mut loaded = open(request, scenes, computing)?;
     let evaluator = loaded.evaluator(computing)?;
     let Loaded { job, times } = loaded;
     let job = job.tolerance(Some(request.mounting.tolerance));

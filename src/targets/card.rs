@@ -126,7 +126,7 @@ impl std::fmt::Display for BlindSector {
         };
         let lost: Vec<String> = self.lost.iter().map(run).collect();
         let lost = lost.join(" and ");
-        // Of neighbouring sectors each has a bearing at which a car is lost, not every bearing.
+        // Each neighbouring sector has a bearing at which a car is lost; other bearings may meet it.
         let within = match self.degrees() {
             degrees if degrees >= 360.0 => format!("in every sector of {SECTOR}°"),
             degrees if degrees > SECTOR => {

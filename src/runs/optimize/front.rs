@@ -61,8 +61,8 @@ pub fn holds_front(folder: &Path) -> bool {
     command_in(folder).is_some_and(|command| command == COMMAND)
 }
 
-/// Wall time of earlier sittings; 0 where their file is missing or cannot be read. A folder that is written anew may hold that
-/// of another run.
+/// Wall time of earlier sittings; 0 where their file is missing or cannot be read. A new front
+/// takes none: with --force its folder may hold the time of another run.
 fn earlier_seconds(folder: &RunDir<SavedFront>, from: &FrontStart) -> f64 {
     if matches!(from, FrontStart::New(..)) {
         return 0.0;

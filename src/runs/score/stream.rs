@@ -21,9 +21,9 @@ use crate::job::Job;
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
 use crate::report::tables::{score_rows, score_titles};
-use crate::runs::inputs::{Given, note_unpriced};
+use crate::runs::inputs::Given;
 use crate::runs::opening::{LoadTimes, Loaded, timings};
-use crate::runs::{Bar, Computing, GRACE, RunError, TableFormat, Watcher, opening};
+use crate::runs::{Bar, Computing, GRACE, RunError, TableFormat, Watcher};
 use crate::scan::conditions::{in_words, under};
 use crate::score::Scores;
 use crate::search::Evaluator;
@@ -44,10 +44,7 @@ pub(super) fn score(
     start: Instant,
     out: &mut dyn Write,
 ) -> Result<bool, RunError> {
-    let scenes = [scene.to_owned()];
-    let files = opening::files(&scenes, &request.conditions.condition, request.frames, computing);
-    let Loaded { job, times } = opening::job(&files, computing)?;
-    note_unpriced(job.scene().vehicle(), false, computing.watcher);
+    let Loaded { job, times } = super::open(request, &[scene.to_owned()], computing)?;
     let mut loaded =
         Loaded { job: job.draw(request.draw).tolerance(Some(request.mounting.tolerance)), times };
     let evaluator = loaded.evaluator(computing)?;

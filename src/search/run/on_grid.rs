@@ -34,7 +34,7 @@ const REFINEMENTS: [Refinement; 2] = [
     Refinement { frames: 12, radius: 1, halvings: 2 },
 ];
 
-/// Casts of the swaps over all frames, as a multiple of those of a refinement.
+/// Casts of the swaps over all frames, in refinements: 1 is the casts of one.
 const AGAIN: f64 = 1.2;
 /// Least sensor poses a LiDAR of these swaps, or they are left out: fewer are spread too thin. On a van with 40 frames they
 /// found less than the first refinement, in twice the time.

@@ -394,9 +394,8 @@ impl Constraints {
             Violation::OutsideMount { lidar, mount, field, by }
         };
         let off = region.outside(pose);
-        let stands = self.slots.iter().map(|slot| &slot.region).filter(|_| !off.is_empty());
-        let other = stands.into_iter().find(|region| region.outside(pose).is_empty());
-        match other {
+        let mut regions = self.slots.iter().map(|slot| &slot.region);
+        match regions.find(|region| !off.is_empty() && region.outside(pose).is_empty()) {
             Some(other) => {
                 let of_mount: Vec<&Slot> =
                     self.slots.iter().filter(|slot| slot.region.name == other.name).collect();

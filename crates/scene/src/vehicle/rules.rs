@@ -174,6 +174,15 @@ pub struct TargetRule {
     pub without_any_one: bool,
 }
 
+/// Bearings of a requirement in words, behind a comma; empty all round.
+fn around(bearing: Option<[f64; 2]>) -> String {
+    match bearing {
+        Some([low, high]) if low == high => format!(", at {low}°"),
+        Some([low, high]) if high - low < 360.0 => format!(", {low}° to {high}°"),
+        _ => String::new(),
+    }
+}
+
 impl TargetRule {
     /// Reads the rule at `at`; target files are in `dir`.
     pub(super) fn new(
@@ -227,11 +236,7 @@ impl TargetRule {
             1 => ", 1 beam".to_owned(),
             beams => format!(", {beams} beams"),
         };
-        let around = match required.bearing {
-            Some([low, high]) if low == high => format!(", at {low}°"),
-            Some([low, high]) if high - low < 360.0 => format!(", {low}° to {high}°"),
-            _ => String::new(),
-        };
+        let around = around(required.bearing);
         let default = format!("{} {range} m{around}{needed}", target.name);
         let name = required.named(at, default_name(default, required.without_any_one))?;
         Ok(Self {
