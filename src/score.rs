@@ -234,6 +234,11 @@ pub(crate) fn percent_down(share: f64) -> f64 {
     (1e3 * share + 1e-9).floor() / 10.0
 }
 
+/// A share in per cent, rounded up to tenths: a requirement that a share misses never reads as that share.
+pub(crate) fn percent_up(share: f64) -> f64 {
+    (1e3 * share - 1e-9).ceil() / 10.0
+}
+
 impl std::fmt::Display for Seen {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { share, done, least, missing, holds_in, lost, .. } = self;
@@ -241,7 +246,7 @@ impl std::fmt::Display for Seen {
         write!(f, "{not}{}: {:.1} % {done}", self.title(), percent_down(*share))?;
         lost.iter()
             .try_for_each(|lost| write!(f, " (intact {:.1} %)", percent_down(lost.intact)))?;
-        write!(f, ", {:.1} % required", 100.0 * least)?;
+        write!(f, ", {:.1} % required", percent_up(*least))?;
         missing.iter().try_for_each(|missing| write!(f, ", {missing}"))?;
         if let Some(Lost { worst: Some(lidar), mount, .. }) = lost {
             write!(f, "; worst without {}", lidar_name(*lidar, mount.as_deref()))?;
@@ -428,6 +433,14 @@ mod tests {
             (Some(0.4305), Some(2))
         );
         assert!(serde_json::to_value(Seen::of("ring", 1.0)).unwrap().get("intact").is_none());
+    }
+
+    #[test]
+    fn a_share_below_what_is_required_never_reads_as_met() {
+        let read = |share, least| (percent_down(share), percent_up(least));
+        assert_eq!(read(0.900_3, 0.900_4), (90.0, 90.1));
+        assert_eq!(read(0.07, 0.07), (7.0, 7.0));
+        assert_eq!(read(0.95, 0.95), (95.0, 95.0));
     }
 
     #[test]

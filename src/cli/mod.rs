@@ -135,7 +135,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Exit {
         Err(Refused::Help(help)) => help.exit(),
         Err(Refused::Sentence(told)) => told,
     };
-    output::say(&failed);
+    output::fail(&failed);
     Exit::BadInput
 }
 

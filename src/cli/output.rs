@@ -112,8 +112,18 @@ fn with_short_middle(text: &str) -> String {
 /// Writes a line to stderr; where that cannot be written, the work goes on. Control characters are spelled
 /// out: names in files may hold some, and a terminal would obey them.
 pub fn say(line: &str) {
+    say_as("sightline:", line);
+}
+
+/// Like [`say`], for the sentence that ends a command: in red on a terminal, so that it stands out from notes.
+pub fn fail(line: &str) {
+    let is_plain = !std::io::stderr().is_terminal() || std::env::var_os("NO_COLOR").is_some();
+    say_as(if is_plain { "sightline:" } else { "\x1b[1;31msightline:\x1b[0m" }, line);
+}
+
+fn say_as(who: &str, line: &str) {
     let line = with_short_middle(&visible(&with_short_numbers(line)));
-    let _ = writeln!(std::io::stderr(), "sightline: {line}");
+    let _ = writeln!(std::io::stderr(), "{who} {line}");
 }
 
 /// How a command ended.

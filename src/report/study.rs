@@ -6,7 +6,7 @@ use super::tables::ScoreColumn;
 use super::text::align_columns;
 use crate::job::{Room, RoomOfSide, RoomOfTilt, Sweep};
 use crate::json::fixed;
-use crate::score::{Guard, Scores, percent_down};
+use crate::score::{Guard, Scores, percent_down, percent_up};
 use crate::study::{Row, Table, TablePlot};
 
 /// Draws a table by its `drawing`.
@@ -128,7 +128,7 @@ pub fn sweep_text(all: &[Sweep]) -> String {
         let mut text = format!("{placement}: {field} of LiDAR {lidar}\n{}", table(sweep));
         let Some(first) = sweep.rows.first() else { return text };
         for (k, seen) in first.scores.required.iter().enumerate() {
-            let least = 100.0 * seen.least;
+            let least = percent_up(seen.least);
             text += &format!("req {}: {}, {least:.1} % required; ! not met\n", k + 1, seen.title());
         }
         let broken: Vec<usize> =

@@ -9,7 +9,7 @@ use crate::report::tables::rows_by_scene;
 use crate::report::text::{Against, against as compared};
 use crate::report::view::sight::InformationShare;
 use crate::report::{RunRecord, ScoreColumn};
-use crate::score::{Guard, HOLDS, Scores, Seen, percent_down};
+use crate::score::{Guard, HOLDS, Scores, Seen, percent_down, percent_up};
 use crate::search::Scored;
 
 /// Scenes from which on an interval of resampled scenes is about as wide as it should be.
@@ -158,10 +158,14 @@ pub(super) fn scores(subject: &Subject<'_>) -> Markup {
     let result = subject.result.into_iter().map(|best| (best, true));
     let rows: Vec<_> =
         result.chain(subject.baselines.iter().map(|b| (b, false))).map(row).collect();
+    let caption = match subject.baselines {
+        [] => "Scores of this rig",
+        _ => "Scores of the result and the baselines",
+    };
     html! {
         section aria-labelledby="scores" {
             h2 #scores { "All scores" }
-            (table("Scores of the result and the baselines", &titles, &rows))
+            (table(caption, &titles, &rows))
             p.small {
                 "Scores are means over frames; larger is better. The gain is ΣH over covered voxels, in nats: \
                  the more of what changes in the scene the beams reach, the larger it is. Near gain is "
@@ -314,7 +318,7 @@ fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {
         let intact = seen.lost.as_ref().map(|lost| format!(" (intact {})", per_cent(lost.intact)));
         row.push(text(per_cent(seen.share) + &intact.unwrap_or_default()));
         // The margin is the difference of the numbers beside it.
-        let least = (1e3 * seen.least).round() / 10.0;
+        let least = percent_up(seen.least);
         row.push(text(format!("{least:.1}")));
         row.push(text(format!("{:+.1}", percent_down(seen.share) - least)));
         row.push(text(seen.holds_in.map_or("–".into(), |share| format!("{:.0}", 100.0 * share))));
