@@ -11,8 +11,8 @@ use crate::search::settings::Method;
 use crate::search::swaps::{Climbing, SwapSettings, Swapped, swap_anywhere, swap_from};
 use crate::vehicle::{Placement, PoseGrid, Spacing};
 
-/// Swaps over more frames than before: frames, as a multiple of those of the first swaps, steps along a pose field, and
-/// how often the spacing is then halved.
+/// Swaps over more frames than before: frames, as a multiple of those of the first swaps or of [`LEAST_FRAMES`], steps along a
+/// pose field, and how often the spacing is then halved.
 struct Refinement {
     frames: usize,
     radius: u32,
@@ -33,6 +33,9 @@ const REFINEMENTS: [Refinement; 2] = [
     Refinement { frames: 2, radius: 2, halvings: 0 },
     Refinement { frames: 12, radius: 1, halvings: 2 },
 ];
+
+/// Frames that refinements count with where the first swaps are over fewer.
+const LEAST_FRAMES: usize = 4;
 
 /// Casts of the swaps over all frames, in refinements: 1 is the casts of one.
 const AGAIN: f64 = 1.2;
@@ -127,7 +130,7 @@ impl Run {
     }
 
     /// Moves single LiDARs of the ends of the swaps to poses nearby, over more frames and on finer grids. In each
-    /// refinement as many casts, of a pose in a frame, as in the swaps before at most.
+    /// refinement as many casts, of a pose in a frame, as in the swaps before at most, counted over four frames at least.
     pub(super) fn refine(&mut self, watch: &mut Watch) -> Result<(), SearchError> {
         let before = self.state.clone();
         self.state.phase = Phase::Bounds;
@@ -137,15 +140,15 @@ impl Run {
         starts.extend(self.starts_of_swaps(watch)?);
         let lidars = self.suite.constraints().lidars();
         let poses = self.state.settings.poses_for_swaps(lidars);
-        let frames = self.frames().len();
-        let mut work = Refining { casts: poses.saturating_mul(frames as u64), done: 0 };
-        let all = self.suite.frame_count();
+        let (frames, all) = (self.frames().len(), self.suite.frame_count());
+        let counted = frames.max(LEAST_FRAMES);
+        let mut work = Refining { casts: poses.saturating_mul(counted as u64), done: 0 };
         let is_mixed = self.suite.constraints().kinds().len() > 1;
         let needed = LEAST_AGAIN * (lidars * all) as f64;
         let again = is_mixed && all > frames && AGAIN * work.casts as f64 >= needed;
         for (index, refinement) in REFINEMENTS.iter().enumerate() {
             let again = again && index == 0;
-            let most = if again { all } else { refinement.frames * frames };
+            let most = if again { all } else { refinement.frames * counted };
             let generation = self.state.generations.generation();
             if let Some(levels) = &mut self.state.levels {
                 levels.go_to_within(most, generation);
