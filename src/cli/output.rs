@@ -123,6 +123,7 @@ pub fn fail(line: &str) {
 
 fn say_as(who: &str, line: &str) {
     let line = with_short_middle(&visible(&with_short_numbers(line)));
+    *SAID.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
     let _ = writeln!(std::io::stderr(), "{who} {line}");
 }
 
@@ -226,6 +227,7 @@ fn on_signal() {
     if STOPS.swap(true, Ordering::SeqCst) || grace == 0 {
         end();
     }
+    say("stopping: what was found so far is written; another signal ends at once");
     // Work that takes longer than its grace is ended: files are whole at any time.
     std::thread::spawn(move || {
         std::thread::sleep(Duration::from_millis(grace));
@@ -273,6 +275,7 @@ impl Terminal {
         STOPS.store(false, Ordering::SeqCst);
         GRACE.store(0, Ordering::SeqCst);
         RESUME.lock().unwrap_or_else(PoisonError::into_inner).clear();
+        *SAID.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
         HANDLER.call_once(|| {
             if let Err(error) = hear_signals() {
                 talk.detail(format!("Ctrl-C ends at once: {error}"));
@@ -309,7 +312,7 @@ impl Watcher for Terminal {
         Arc::new(move |sentence| talk.note(sentence))
     }
 
-    /// A bar with rate and time left, or with share and time left; where stderr is no terminal a line every half minute.
+    /// A bar with rate and time left, or with share and time left; where stderr is no terminal a line every ten seconds.
     fn bar(&self, total: u64, unit: Option<&str>) -> Box<dyn Bar> {
         if self.talk.quiet {
             return Box::new(Silent);
@@ -350,8 +353,10 @@ impl Watcher for Terminal {
     }
 }
 
-/// Time between two lines of progress where stderr is no terminal.
-const BETWEEN_LINES: Duration = Duration::from_secs(30);
+/// Longest time without a line where stderr is no terminal and progress is told.
+const SILENCE: Duration = Duration::from_secs(10);
+/// When the last line was said.
+static SAID: Mutex<Option<Instant>> = Mutex::new(None);
 
 /// Progress as a line on stderr now and then.
 struct ProgressLines {
@@ -363,27 +368,26 @@ struct ProgressLines {
 struct LinesState {
     done: u64,
     total: u64,
-    told: Instant,
 }
 
 impl ProgressLines {
     fn new(total: u64, unit: Option<&str>) -> Self {
-        let begun = Instant::now();
-        let state = Mutex::new(LinesState { done: 0, total, told: begun });
-        Self { unit: unit.map(str::to_owned), begun, state }
+        let state = Mutex::new(LinesState { done: 0, total });
+        Self { unit: unit.map(str::to_owned), begun: Instant::now(), state }
     }
 
     fn change(&self, change: impl FnOnce(&mut LinesState)) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         change(&mut state);
-        if state.told.elapsed() >= BETWEEN_LINES {
-            state.told = Instant::now();
+        // Steps that are quick, one after the other, are no silence either.
+        let said = *SAID.lock().unwrap_or_else(PoisonError::into_inner);
+        if said.unwrap_or(self.begun).elapsed() >= SILENCE {
             say(&line(state.done, state.total, self.unit.as_deref(), self.begun.elapsed()));
         }
     }
 }
 
-/// Progress in words: `120/300 poses for swaps, 45 s left`.
+/// Progress in words: `120/300 poses for swaps, 45 s left of this step`.
 fn line(done: u64, total: u64, unit: Option<&str>, took: Duration) -> String {
     let progress = match unit {
         Some(unit) => format!("{done}/{total} {unit}"),
@@ -392,7 +396,7 @@ fn line(done: u64, total: u64, unit: Option<&str>, took: Duration) -> String {
     let left = took.as_secs_f64() * (total.saturating_sub(done)) as f64 / done.max(1) as f64;
     match done {
         0 => format!("{progress}, for {:.0} s now", took.as_secs_f64()),
-        _ => format!("{progress}, {left:.0} s left"),
+        _ => format!("{progress}, {left:.0} s left of this step"),
     }
 }
 
@@ -438,10 +442,10 @@ mod tests {
     fn a_line_of_progress_has_the_time_left() {
         let took = Duration::from_secs(30);
         // Thirty seconds for a quarter: ninety for the rest.
-        assert_eq!(line(5, 20, Some("climbs"), took), "5/20 climbs, 90 s left");
-        assert_eq!(line(5, 20, None, took), "25 %, 90 s left");
+        assert_eq!(line(5, 20, Some("climbs"), took), "5/20 climbs, 90 s left of this step");
+        assert_eq!(line(5, 20, None, took), "25 %, 90 s left of this step");
         assert_eq!(line(0, 20, Some("climbs"), took), "0/20 climbs, for 30 s now");
-        assert_eq!(line(20, 20, Some("climbs"), took), "20/20 climbs, 0 s left");
+        assert_eq!(line(20, 20, Some("climbs"), took), "20/20 climbs, 0 s left of this step");
     }
 
     #[test]

@@ -46,6 +46,9 @@ pub(crate) use required::{RequiredGround, least_metres};
 pub use zone::NearFieldError;
 
 #[cfg(test)]
+pub(crate) use zone::BlindZone;
+
+#[cfg(test)]
 pub(crate) use look::CLOSE;
 
 #[cfg(test)]

@@ -50,6 +50,12 @@ const ROUND: [(Side, bool, [usize; 2]); 4] = [
 ];
 
 impl BlindZone {
+    /// Depth on each side, with its name: ahead, behind, left, right.
+    pub fn depths(&self) -> [(&'static str, Option<f64>); 4] {
+        let Self { ahead, behind, left, right, .. } = *self;
+        [("ahead", ahead), ("behind", behind), ("left", left), ("right", right)]
+    }
+
     /// The zone before cells that are seen, among those that are ground.
     pub(super) fn new(footprint: &Footprint, ground: &[Cell], seen: &[Cell]) -> Self {
         let sides = ROUND.map(|(side, rising, _)| {

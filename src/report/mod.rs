@@ -48,7 +48,7 @@ pub(crate) use next_steps::next_in_words;
 pub(crate) use page::{Figures, Looks, Subject, front_html, report_html, view_html};
 pub(crate) use plot::{Axis, Plot, Series};
 pub(crate) use record::convergence_svg;
-pub use record::{RunContext, RunRecord, RunTimes, SceneRecord};
+pub use record::{NearRecord, RunContext, RunRecord, RunTimes, SceneRecord};
 pub use rigs::rigs_text;
 pub(crate) use tables::{ScoreColumn, optional};
 pub use text::scores_text;

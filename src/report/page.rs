@@ -22,8 +22,8 @@ use super::coverage::near_field_svg;
 use super::targets::range_card_svg;
 use super::view::ViewData;
 use super::{
-    InformationMap, RunRecord, SceneRecord, convergence_svg, judged, next_in_words, placement_svg,
-    run_verdict, spread_in_words,
+    InformationMap, NearRecord, RunRecord, SceneRecord, convergence_svg, judged, next_in_words,
+    placement_svg, run_verdict, spread_in_words,
 };
 use crate::engine::{BackendError, EngineChoice, open};
 use crate::job::Job;
@@ -255,6 +255,12 @@ impl Looks {
         }
         let (near, overlap) = ground.expect("a suite has a scene that is no mirror image");
         Ok(Self { maps, views, near, overlap })
+    }
+
+    /// Near field of the placement; `None` where there is none to tell.
+    pub fn near_field(&self) -> Option<NearRecord> {
+        let near = self.near.as_ref().ok()?;
+        Some(NearRecord { frames: near.frames, near: near.all.first()?.1.clone() })
     }
 }
 

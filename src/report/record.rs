@@ -10,10 +10,14 @@ use super::plot::{Change, ReferenceLine};
 use super::tables::by_scene;
 use super::targets::range_card_text;
 use super::text::{align_columns, findings_text, poses_text, scores_text_by};
-use super::words::{broken_in_words, methods_in_words, run_verdict, spread_in_words};
+use super::words::{
+    bound_in_words, broken_in_words, methods_in_words, run_verdict, spread_in_words,
+};
 use super::{Axis, Plot, Series};
+use crate::near_field::{NEAR, NearField, RING};
 use crate::problem::Modelled;
 use crate::scan::conditions::under;
+use crate::score::percent_down;
 use crate::search::{
     Certificate, Climbs, Finding, FramesUsed, GainSpread, GenerationRecord, LeftOut, Member,
     MethodRecord, Outcome, PLAIN, PhaseCheck, Scored, Suite, rules_in_words,
@@ -107,6 +111,10 @@ pub struct RunRecord {
     /// Mount of each LiDAR of the result, where mounts have names; `None` for one that stands on none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub mounts: Vec<Option<String>>,
+    /// Ground near the vehicle that the result sees in the first scene; `None` without a result, own body or ground, and
+    /// before anybody looked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near_field: Option<NearRecord>,
     /// Hand-made layouts to compare with.
     pub baselines: Vec<Scored>,
     /// Gain over the best baseline beside the scenes' own spread; `None` for one scene, or without a baseline.
@@ -136,6 +144,35 @@ pub struct RunRecord {
     pub timings: RunTimes,
     /// Most bytes of memory that the process held; `None` where the system does not tell.
     pub peak_memory: Option<u64>,
+}
+
+/// Near field of a result.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NearRecord {
+    /// Frames that it is taken over.
+    pub frames: usize,
+    /// Shares, blind zone and poles.
+    #[serde(flatten)]
+    pub near: NearField,
+}
+
+impl NearRecord {
+    /// Depth of the blind zone on each side, and shares of the ground that are seen.
+    fn in_words(&self) -> String {
+        let Self { frames, near } = self;
+        let depths = near.zone.depths().map(|(side, depth)| match depth {
+            Some(depth) => format!("{side} {depth:.1} m"),
+            None => format!("{side} more than {NEAR} m"),
+        });
+        let ring = near.ring.map(|ring| format!(", {:.1} % within {RING} m", percent_down(ring)));
+        format!(
+            "blind zone, ground before the body that no beam reaches, over {frames} frame(s): {}\n\
+             ground seen: {:.1} % within {NEAR} m{}\n",
+            depths.join(", "),
+            percent_down(near.near_field),
+            ring.unwrap_or_default()
+        )
+    }
 }
 
 /// One of several scenes of a run.
@@ -233,6 +270,7 @@ impl RunRecord {
             evaluations: outcome.evaluations,
             best: outcome.best,
             mounts,
+            near_field: None,
             baselines: outcome.baselines,
             spread: outcome.spread,
             phases: outcome.phases,
@@ -354,6 +392,9 @@ fn best_text(best: &Scored, record: &RunRecord) -> String {
     if let Some(card) = &best.scores.range_card {
         text += &format!("\n{}", range_card_text(card));
     }
+    if let Some(near) = &record.near_field {
+        text += &near.in_words();
+    }
     if let Some(phases) = &record.phases {
         text += &format!("\n{}\n", phases.words);
     }
@@ -371,11 +412,11 @@ fn best_text(best: &Scored, record: &RunRecord) -> String {
     }
     text += &format!("\nfound by: {}\n", methods_in_words(record));
     if let Some(climbs) = &record.climbs {
-        text += &format!("draw: {climbs}.\n");
+        text += &format!("how sure: {climbs}.\n");
     }
     // The paper's bound tells nothing about a result; the page and the JSON have it.
     if let Some(certificate) = &record.certificate {
-        text += &format!("certificate: on a grid, {}\n", certificate.gain_says);
+        text += &format!("bound: {}\n", bound_in_words(certificate, best));
     }
     if !record.findings.is_empty() {
         text += &format!("\n{}\n", findings_text(&record.findings).trim_end());

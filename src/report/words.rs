@@ -4,8 +4,9 @@ use serde_json::Value;
 
 use super::RunRecord;
 use crate::json::spoken;
+use crate::near_field::{NEAR, NearField};
 use crate::score::Guard;
-use crate::search::{MethodRecord, Scored};
+use crate::search::{Certificate, MethodRecord, Scored};
 
 /// The result of a run against the best baselines, by the objective and by information gain, and the guards that it
 /// violates.
@@ -13,12 +14,35 @@ use crate::search::{MethodRecord, Scored};
 /// A baseline counts if it keeps the rules of the mount and violates no guard. A result that gains less information
 /// than such a baseline is never called better without saying so.
 pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> String {
-    verdict_at("", best, baselines, objective)
+    verdict_at(&OfRun::default(), best, baselines, objective)
 }
 
-/// [`verdict`] on a run, with the price of its sensors where these have one.
+/// [`verdict`] on a run, with the price of its sensors where these have one, and sides on which it sees no ground near the
+/// vehicle.
 pub fn run_verdict(run: &RunRecord) -> String {
-    verdict_at(&price_in_words(&run.settings), run.best.as_ref(), &run.baselines, &run.objective)
+    let near = run.near_field.as_ref().map_or(String::new(), |near| unseen_in_words(&near.near));
+    let of_run = OfRun { price: price_in_words(&run.settings), near };
+    verdict_at(&of_run, run.best.as_ref(), &run.baselines, &run.objective)
+}
+
+/// Parts of a verdict that only a run has; either may be empty.
+#[derive(Default)]
+struct OfRun {
+    /// See [`price_in_words`].
+    price: String,
+    /// See [`unseen_in_words`].
+    near: String,
+}
+
+/// Sentence on sides of the vehicle without any ground that is seen; empty where there is none.
+fn unseen_in_words(near: &NearField) -> String {
+    let sides = near.zone.depths().into_iter().filter(|(_, depth)| depth.is_none());
+    match sides.map(|(side, _)| side).collect::<Vec<_>>() {
+        none if none.is_empty() => String::new(),
+        sides => {
+            format!("BLIND ZONE: no ground is seen within {NEAR} m {}. ", sides.join(" and "))
+        }
+    }
 }
 
 /// Price of the sensors and the budget, such as ` at a price of 9200 (budget 12000)`; empty where nothing has a price.
@@ -31,24 +55,29 @@ fn price_in_words(settings: &Value) -> String {
     }
 }
 
-fn verdict_at(price: &str, best: Option<&Scored>, baselines: &[Scored], objective: &str) -> String {
+fn verdict_at(
+    of_run: &OfRun,
+    best: Option<&Scored>,
+    baselines: &[Scored],
+    objective: &str,
+) -> String {
     let Some(best) = best else {
         return format!(
             "No candidate both kept the rules of the mount and had a value of {objective}; widen the mount or lower \
              its min_distance."
         );
     };
-    judged_at("The placement found", price, best, baselines, objective)
+    judged_at("The placement found", of_run, best, baselines, objective)
 }
 
 /// Like [`verdict`], for a placement that `subject` names, whether searched for or given.
 pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) -> String {
-    judged_at(subject, "", best, baselines, objective)
+    judged_at(subject, &OfRun::default(), best, baselines, objective)
 }
 
 fn judged_at(
     subject: &str,
-    price: &str,
+    OfRun { price, near }: &OfRun,
     best: &Scored,
     baselines: &[Scored],
     objective: &str,
@@ -100,7 +129,7 @@ fn judged_at(
         };
         format!("{met}{price}. {}", lacking.concat())
     };
-    format!("{required}{}{against}{share} {guards}", blind_in_words(best))
+    format!("{required}{}{near}{against}{share} {guards}", blind_in_words(best))
 }
 
 /// Sentence of a placement that violates no guard: what else stands against it is said before.
@@ -251,10 +280,18 @@ pub fn certificate_in_words(run: &RunRecord) -> String {
     match &run.certificate {
         None => "nothing is claimed about placements that were not evaluated".into(),
         Some(certificate) => format!(
-            "On a grid: {}. As in the paper: {}.",
-            certificate.gain_says, certificate.lipschitz_says
+            "On a grid, {}. As in the paper: {}.",
+            run.best.as_ref().map_or(String::new(), |best| bound_in_words(certificate, best)),
+            certificate.lipschitz_says
         ),
     }
+}
+
+/// How much better than the result another placement on a grid could be.
+pub fn bound_in_words(certificate: &Certificate, best: &Scored) -> String {
+    let asked =
+        if best.scores.required.is_empty() { "" } else { ", whether it meets requirements or not" };
+    format!("{}{asked}", certificate.gain_says)
 }
 
 /// A text as one word of a shell: as it is, or between quotes where a shell would take it apart.
@@ -271,6 +308,7 @@ pub(super) mod tests {
     use serde_json::json;
 
     use super::*;
+    use crate::near_field::BlindZone;
     use crate::score::{Guard, Scores, Seen, TaskScores};
     use crate::vehicle::Placement;
 
@@ -421,6 +459,37 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
+        let (ahead, left) = (None, Some(2.0));
+        let zone = BlindZone {
+            lanes: vec![],
+            polygon: vec![],
+            area: 1.0,
+            ahead,
+            behind: None,
+            left,
+            right: left,
+        };
+        let mut near = NearField {
+            name: "found".into(),
+            near_field: 0.5,
+            ring: None,
+            blind_area: 1.0,
+            zone,
+            beams: vec![],
+            poles: vec![],
+            cells: vec![],
+        };
+        let told = unseen_in_words(&near);
+        assert_eq!(told, "BLIND ZONE: no ground is seen within 10 m ahead and behind. ");
+        let (of_run, found) =
+            (OfRun { near: told.clone(), ..OfRun::default() }, planted("found", 1.0, 500.0));
+        assert!(verdict_at(&of_run, Some(&found), &[], "near_gain").starts_with(&told));
+        (near.zone.ahead, near.zone.behind) = (left, Some(10.0));
+        assert_eq!(unseen_in_words(&near), "");
+    }
+
+    #[test]
     fn the_first_sentence_has_the_price_where_there_is_one() {
         let settings = json!({ "budget": 12_000.0, "equipped": { "cost": 9200.0 } });
         let price = price_in_words(&settings);
@@ -430,24 +499,25 @@ pub(super) mod tests {
             " at a price of 9200.5"
         );
         assert_eq!(price_in_words(&json!({ "budget": 5.0, "equipped": { "cost": 0.0 } })), "");
+        let of_run = OfRun { price, near: String::new() };
         let mut found = planted("found", -1.0, 500.0);
         found.scores.required = vec![Seen::of("child", 0.95), Seen::of("ring", 0.9)];
-        let words = verdict_at(&price, Some(&found), &[], "m_sog_scaled");
+        let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
         let start =
             "The placement found meets all 2 requirements at a price of 9200 (budget 12000). ";
         assert!(words.starts_with(start), "{words}");
         found.scores.requirements_hold_in = Some(0.92);
-        let words = verdict_at(&price, Some(&found), &[], "m_sog_scaled");
+        let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
         let start = "The placement found meets all 2 requirements at a price of 9200 (budget 12000), but on paper only: \
                      92 % of copies mounted within the tolerance do. ";
         assert!(words.starts_with(start), "{words}");
         let end = "No guard was violated; requirements hold on paper only (above).";
         assert!(words.ends_with(end), "{words}");
         found.scores.requirements_hold_in = Some(0.95);
-        let words = verdict_at(&price, Some(&found), &[], "m_sog_scaled");
+        let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
         assert!(!words.contains("paper"), "{words}");
         found.scores.required[1].share = 0.8;
-        let words = verdict_at(&price, Some(&found), &[], "m_sog_scaled");
+        let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
         let start = "1 of 2 requirements met at a price of 9200 (budget 12000). NOT MET: ring: 80.0 % seen, 90.0 % required";
         assert!(words.starts_with(start), "{words}");
     }

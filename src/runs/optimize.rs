@@ -351,12 +351,14 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
     let (best, baselines) = (&record.best, &record.baselines);
     let look = |best: &Scored| Looks::new(job, suite, &best.placement, baselines);
     let looks = best.as_ref().map(look).transpose()?;
+    let near_field = looks.as_ref().and_then(Looks::near_field);
     let drawings = Figures::new(best.as_ref(), suite.constraints(), &job.scene().body(), looks)
         .with_search(&record, &outcome.history);
     // All but writing the files is over.
     let mut spent = sitting.spent();
     spent.times.page += drawing.elapsed().as_secs_f64();
     record.timings = spent.times;
+    record.near_field = near_field;
     folder.write_json(TIMES, &spent)?;
     folder.write_json("result.json", &record.json())?;
     let found = record.best.iter().chain(&record.baselines);

@@ -142,13 +142,10 @@ impl Climbs {
 impl fmt::Display for Climbs {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { count, frames, met, near_best, median_below } = self;
-        write!(f, "{count} climbs over {frames} frame(s), of which ")?;
+        write!(f, "of {count} climbs from different starts, over {frames} frame(s), ")?;
         match met {
-            Some(0) => write!(f, "none met all requirements on areas and targets")?,
-            Some(met) => write!(
-                f,
-                "{met} met all requirements on areas and targets, and {near_best} of these"
-            )?,
+            Some(0) => write!(f, "none met all requirements")?,
+            Some(met) => write!(f, "{met} met all requirements, and {near_best} of these")?,
             None => write!(f, "{near_best}")?,
         }
         if *met != Some(0) {
@@ -159,7 +156,7 @@ impl fmt::Display for Climbs {
                 100.0 * median_below
             )?;
         }
-        write!(f, ". Another seed draws other climbs")
+        write!(f, ". Another seed takes other starts")
     }
 }
 
@@ -448,7 +445,9 @@ mod tests {
         let said = |ends: &[(f64, Option<bool>)]| Climbs::new(ends, 0.5, 4).to_string();
         let plain = said(&[(0.5, None), (0.499, None), (0.4, None)]);
         assert!(
-            plain.starts_with("3 climbs over 4 frame(s), of which 2 ended within 0.5 %"),
+            plain.starts_with(
+                "of 3 climbs from different starts, over 4 frame(s), 2 ended within 0.5 %"
+            ),
             "{plain}"
         );
         assert!(plain.contains("the median end is 0.2 % below it"), "{plain}");
@@ -458,10 +457,10 @@ mod tests {
             (-0.3, Some(false)),
             (0.45, Some(true)),
         ]);
-        let words = "of which 2 met all requirements on areas and targets, and 1 of these ended within 0.5 %";
+        let words = "2 met all requirements, and 1 of these ended within 0.5 %";
         assert!(some.contains(words) && some.contains("is 10.0 % below it"), "{some}");
         let none = said(&[(-0.04, Some(false)), (-0.3, Some(false))]);
-        assert!(none.contains("of which none met all requirements"), "{none}");
-        assert!(!none.contains('%') && none.ends_with("Another seed draws other climbs"), "{none}");
+        assert!(none.contains("none met all requirements"), "{none}");
+        assert!(!none.contains('%') && none.ends_with("Another seed takes other starts"), "{none}");
     }
 }

@@ -32,8 +32,10 @@ use sweep::{End, FrontSweep, PoseCaster};
 pub use axis::{FrontError, FrontObjective, FrontObjectives};
 pub use pareto::FrontState;
 
-/// Share of the time limit for the choices of sensors: half where poses are searched afterwards, else nearly all.
-const CHOICES_SHARE: [f64; 2] = [0.4, 0.85];
+/// Share of the time limit for the choices of sensors where poses are searched afterwards.
+const CHOICES_SHARE: f64 = 0.4;
+/// The same where none are, and for the casts of poses before the first choice.
+const CASTS_SHARE: f64 = 0.85;
 
 /// Evaluations of the search around a point where none are given.
 pub const FRONT_EVALUATIONS: u64 = 40;
@@ -168,14 +170,16 @@ impl Job {
         let own = &self.settings.objective;
         let own = if own.is_information_gain() { own.clone() } else { Objective::default() };
         let sweep = FrontSweep::new(objectives, vehicle, self.most_money(), requires, &own);
-        let share = CHOICES_SHARE[usize::from(self.settings.evaluations == 0)];
-        let deadline = self.settings.time.map(|time| time.start + time.length.mul_f64(share));
+        let at = |share| self.settings.time.map(|time| time.start + time.length.mul_f64(share));
+        let casts_until = at(CASTS_SHARE);
+        let until = if self.settings.evaluations == 0 { casts_until } else { at(CHOICES_SHARE) };
         let casting = PoseCaster {
             sweep: &sweep,
             suite: &suite,
             vehicle,
             settings: &self.settings,
-            deadline,
+            casts_until,
+            until,
         };
         let (chosen, mut end) = sweep.run(&casting, kept, observer)?;
         if chosen.is_empty() && end == End::Interrupted {

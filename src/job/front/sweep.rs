@@ -188,16 +188,22 @@ pub(super) struct PoseCaster<'a> {
     pub suite: &'a Suite,
     pub vehicle: &'a Vehicle,
     pub settings: &'a Settings,
-    /// End of the choices.
-    pub deadline: Option<Instant>,
+    /// End of the casts of poses.
+    pub casts_until: Option<Instant>,
+    /// End of the choices, or half of the time that is left after the casts, if that is later.
+    pub until: Option<Instant>,
 }
 
 impl PoseCaster<'_> {
     /// Casts all poses under the widest limits; `None` where the observer stops it.
     fn open(&self, observer: &mut dyn Observer) -> Result<Option<Equipping>, SearchError> {
         let (objective, limits) = (self.sweep.all_gains(), self.sweep.widest());
-        let (engine, deadline) = (&self.settings.engine, self.deadline);
-        Equipping::open(self.suite, self.vehicle, &objective, limits, engine, deadline, observer)
+        let (engine, until) = (&self.settings.engine, self.casts_until);
+        let open =
+            Equipping::open(self.suite, self.vehicle, &objective, limits, engine, until, observer)?;
+        let now = Instant::now();
+        let left = self.casts_until.map(|end| now + end.saturating_duration_since(now) / 2);
+        Ok(open.map(|open| open.until(self.until.max(left))))
     }
 }
 

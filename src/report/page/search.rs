@@ -102,7 +102,7 @@ fn facts(run: &RunRecord) -> Markup {
         ),
         ("found by", methods_in_words(run)),
         ("draw", run.climbs.map_or("nothing was swapped".into(), |climbs| climbs.to_string())),
-        ("certificate", certificate_in_words(run)),
+        ("bound", certificate_in_words(run)),
     ];
     html! {
         dl { @for (name, value) in facts { div { dt { (name) } dd { (value) } } } }

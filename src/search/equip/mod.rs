@@ -126,6 +126,12 @@ impl Equipping {
         self
     }
 
+    /// Sets the end of the time for choices that follow.
+    #[must_use]
+    pub fn until(self, deadline: Option<Instant>) -> Self {
+        Self { deadline, ..self }
+    }
+
     /// Checkpoint of the choice.
     pub fn state(&self) -> &Choosing {
         &self.state
