@@ -216,13 +216,7 @@ impl JobRun<'_> {
                 let deadline = settings.time.as_ref().map(TimeLimit::deadline);
                 let (objective, engine) = (&wanted.settings.objective, &settings.engine);
                 let opened = Equipping::open(
-                    &self.suite,
-                    vehicle,
-                    objective,
-                    limits,
-                    engine,
-                    deadline,
-                    observer,
+                    &self.suite, vehicle, objective, limits, engine, deadline, observer,
                 )?;
                 let Some(opened) = opened else { return Ok(JobStep::Stopped) };
                 none.insert(opened.with_state(wanted.choosing.clone()))

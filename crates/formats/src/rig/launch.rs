@@ -19,18 +19,8 @@ const UNKNOWN_FLAG: &str =
     "--x, --y, --z, --roll, --pitch, --yaw, --qx, --qy, --qz, --qw, --frame-id or --child-frame-id";
 /// Flags that take a value. The publisher refuses others.
 const FLAGS: [&str; 12] = [
-    "--x",
-    "--y",
-    "--z",
-    "--roll",
-    "--pitch",
-    "--yaw",
-    "--qx",
-    "--qy",
-    "--qz",
-    "--qw",
-    "--frame-id",
-    "--child-frame-id",
+    "--x", "--y", "--z", "--roll", "--pitch", "--yaw", "--qx", "--qy", "--qz", "--qw",
+    "--frame-id", "--child-frame-id",
 ];
 /// First of the arguments that a node passes to ROS itself.
 const ROS_ARGS: &str = "--ros-args";

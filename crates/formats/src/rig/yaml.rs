@@ -18,18 +18,8 @@ const KIT: &str = "sensor_kit_base_link";
 
 /// Keys of a frame that are passed over: they say which sensor it is, and where its data go.
 const AUTOWARE_PASSED: [&str; 12] = [
-    "comment",
-    "description",
-    "frame_id",
-    "manufacturer",
-    "model",
-    "name",
-    "sensor_model",
-    "sensor_type",
-    "serial_number",
-    "topic",
-    "type",
-    "vendor",
+    "comment", "description", "frame_id", "manufacturer", "model", "name", "sensor_model",
+    "sensor_type", "serial_number", "topic", "type", "vendor",
 ];
 
 /// True if a value is a frame: it has at least one of the six numbers.

@@ -8,27 +8,9 @@ use sightline_files::json::{DescriptionError, Location, nearest};
 /// The 21 classes of a scene that lists none, in the order of CARLA's semantic tags as Place3D
 /// prints them; a name's index is its class id.
 pub const DEFAULT_CLASSES: [&str; 21] = [
-    "building",
-    "fence",
-    "other",
-    "pedestrian",
-    "pole",
-    "road_line",
-    "road",
-    "sidewalk",
-    "vegetation",
-    "vehicle",
-    "wall",
-    "traffic_sign",
-    "ground",
-    "bridge",
-    "rail_track",
-    "guard_rail",
-    "traffic_light",
-    "static",
-    "dynamic",
-    "water",
-    "terrain",
+    "building", "fence", "other", "pedestrian", "pole", "road_line", "road", "sidewalk",
+    "vegetation", "vehicle", "wall", "traffic_sign", "ground", "bridge", "rail_track",
+    "guard_rail", "traffic_light", "static", "dynamic", "water", "terrain",
 ];
 
 /// Ground by its material.
