@@ -170,16 +170,14 @@ fn mounted(
 /// Why a scene could not be audited.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum AuditError {
     /// No placement was given.
     #[error("there are no placements to audit; name at least one")]
     NoPlacement,
     /// A job in several scenes.
     #[error("an audit is of one scene, not of {given}; audit them one by one")]
-    OneScene {
-        /// Scenes given.
-        given: usize,
-    },
+    OneScene { given: usize },
     /// A job, or one of its changes, that cannot be posed or scored.
     #[error(transparent)]
     Job(JobError),

@@ -8,6 +8,7 @@ use crate::vehicle::{NoRoom, PoseGridError};
 /// Why a search cannot begin or go on.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum SearchError {
     /// From evaluating.
     #[error(transparent)]
@@ -26,32 +27,19 @@ pub enum SearchError {
         "--budget: {budget} is below the cheapest rig of this vehicle, which costs {least}; raise it, or lower \
          `count` of the vehicle's mounts or `price` of its sensors"
     )]
-    Budget {
-        /// Text as given.
-        budget: f64,
-        /// Price of the cheapest equipment.
-        least: f64,
-    },
+    Budget { budget: f64, least: f64 },
     /// Equipment is chosen by a sum over voxels only.
     #[error(
         "models and numbers of sensors are chosen by near_gain, near_gain_2, near_gain_3 or information_gain, not by \
          `{objective}`: only a gain grows with every sensor; leave --objective out, or give each mount one model and one count"
     )]
-    NotForEquipment {
-        /// The objective.
-        objective: String,
-    },
+    NotForEquipment { objective: String },
     /// Swaps over every pose of a grid that has too many.
     #[error(
         "--method swaps: the grid has {poses} sensor poses, and the bitmaps of {room} fit into memory; raise --memory, \
          widen --delta, or take --method both"
     )]
-    WholeGrid {
-        /// Poses of the grid.
-        poses: u64,
-        /// Poses whose bitmaps fit.
-        room: u64,
-    },
+    WholeGrid { poses: u64, room: u64 },
     /// A suite without a scene.
     #[error("there is no scene to search over; give one at least")]
     NoScene,

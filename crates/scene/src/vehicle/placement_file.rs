@@ -25,15 +25,11 @@ const MOST_KNOWN: usize = 20;
 /// Why a placement file could not be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum PlacementFileError {
     /// The file cannot be opened or read.
     #[error("{}: cannot be read: {source}", path.display())]
-    Io {
-        /// File.
-        path: PathBuf,
-        /// Error of the operating system.
-        source: std::io::Error,
-    },
+    Io { path: PathBuf, source: std::io::Error },
     /// The text is no JSON, or no placement.
     #[error("{}, line {line}, column {column}{}: {problem}", path.display(), in_placement(near))]
     Json {
@@ -60,22 +56,14 @@ pub enum PlacementFileError {
     },
     /// Placements without the object around them.
     #[error("{}: is a bare list; write {{\"placements\": [ … ]}} around it", path.display())]
-    BareList {
-        /// File.
-        path: PathBuf,
-    },
+    BareList { path: PathBuf },
     /// A scene or a vehicle in the place of placements.
     #[error(
         "{}: is {found}; give a file of placements, {{\"placements\": [ … ]}}, here, and this one {}",
         path.display(),
         found.place()
     )]
-    OtherKind {
-        /// File.
-        path: PathBuf,
-        /// Kind of file.
-        found: FileKind,
-    },
+    OtherKind { path: PathBuf, found: FileKind },
     /// The document is not UTF-8.
     #[error("{}: is not UTF-8 text from byte {byte} on; save it as UTF-8", path.display())]
     NotText {
@@ -96,12 +84,7 @@ pub enum PlacementFileError {
     },
     /// A LiDAR of a model that the vehicle does not have.
     #[error("{}: {source}", path.display())]
-    Sensor {
-        /// File.
-        path: PathBuf,
-        /// Placement, LiDAR and model, and the models there are.
-        source: ForeignLidar,
-    },
+    Sensor { path: PathBuf, source: ForeignLidar },
     /// A line that is not text.
     #[error("{}, line {line}: is not UTF-8 text; save it as UTF-8", path.display())]
     LineNotText {
@@ -124,26 +107,13 @@ pub enum PlacementFileError {
          read as a stream",
         path.display()
     )]
-    TooLarge {
-        /// File.
-        path: PathBuf,
-    },
+    TooLarge { path: PathBuf },
     /// No placement of the name behind the file's colon.
     #[error("{}: has no placement `{name}`; it has {known}", path.display())]
-    NoSuch {
-        /// File.
-        path: PathBuf,
-        /// Name that was asked for.
-        name: String,
-        /// First names of the file.
-        known: String,
-    },
+    NoSuch { path: PathBuf, name: String, known: String },
     /// A file without placements.
     #[error("{}: holds no placement; add at least one", path.display())]
-    Empty {
-        /// File.
-        path: PathBuf,
-    },
+    Empty { path: PathBuf },
 }
 
 fn at_line(line: Option<u64>) -> String {
