@@ -107,7 +107,6 @@ impl ChartWorld {
         Self { scene, grids: vec![(1.0, own)], whole: Vec::new() }
     }
 
-    /// The scene.
     pub(super) fn scene(&self) -> &Scene {
         &self.scene
     }

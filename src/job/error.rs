@@ -16,7 +16,6 @@ use crate::vehicle::{PlacementError, SensorError};
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the message tells the fields")]
 pub enum JobError {
-    /// From the scene.
     #[error(transparent)]
     Scene(#[from] DescriptionError),
     /// Rules that the mounts of a scene do not allow.
@@ -35,7 +34,6 @@ pub enum JobError {
     /// From the P-SOG file that the scene names.
     #[error("{place}: {source}")]
     Psog { place: String, source: PsogFileError },
-    /// From the sensor.
     #[error(transparent)]
     Sensor(#[from] SensorError),
     /// Scene and P-SOG do not fit together.
@@ -56,7 +54,6 @@ pub enum JobError {
     /// Pairs of LiDARs that cannot be looked at.
     #[error(transparent)]
     Overlap(#[from] OverlapError),
-    /// From the search.
     #[error(transparent)]
     Search(#[from] SearchError),
     /// A scene that does not fit the others, or the objective.

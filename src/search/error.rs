@@ -10,13 +10,10 @@ use crate::vehicle::{NoRoom, PoseGridError};
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the message tells the fields")]
 pub enum SearchError {
-    /// From evaluating.
     #[error(transparent)]
     Backend(#[from] BackendError),
-    /// From the CMA-ES.
     #[error(transparent)]
     Cma(#[from] CmaError),
-    /// From the grid of poses.
     #[error(transparent)]
     Grid(#[from] PoseGridError),
     /// No rig that keeps the rules of the mounts.
@@ -48,49 +45,25 @@ pub enum SearchError {
         "the scene `{name}` has another LiDAR than `{first}`; give all scenes of a run the same `lidar`, or \
          run them one by one"
     )]
-    OtherLidar {
-        /// Number of the scene, from 0.
-        scene: usize,
-        /// Its name.
-        name: String,
-        /// Name of the first scene.
-        first: String,
-    },
+    OtherLidar { scene: usize, name: String, first: String },
     /// A scene with other rules of the mount than the first.
     #[error(
         "the scene `{name}` has another mount than `{first}`; give all scenes of a run the same `mount`, or \
          run them one by one"
     )]
-    OtherMount {
-        /// Number of the scene, from 0.
-        scene: usize,
-        /// Its name.
-        name: String,
-        /// Name of the first scene.
-        first: String,
-    },
+    OtherMount { scene: usize, name: String, first: String },
     /// One of several scenes whose P-SOG tells nothing: no gain is a share of it.
     #[error(
         "the scene `{name}` has a P-SOG in which nothing is uncertain, so that no gain is a share of it; leave \
          it out, or give it frames in which something moves"
     )]
-    NothingUncertain {
-        /// Number of the scene, from 0.
-        scene: usize,
-        /// Its name.
-        name: String,
-    },
+    NothingUncertain { scene: usize, name: String },
     /// An objective of a task that the scene does not have.
     #[error(
         "the objective `{objective}` needs a detection target; name its classes under `detection` in the \
          scene"
     )]
-    NoDetection {
-        /// The objective.
-        objective: String,
-        /// Number of the scene, from 0.
-        scene: usize,
-    },
+    NoDetection { objective: String, scene: usize },
 }
 
 impl SearchError {

@@ -121,14 +121,7 @@ pub enum CmaError {
     WrongCount { name: &'static str, got: usize, want: usize },
     /// Bounds out of order, or not finite.
     #[error("bounds {lower} to {upper} of variable {index} are not in order")]
-    BadBounds {
-        /// Variable, from 0.
-        index: usize,
-        /// Lower bound.
-        lower: f64,
-        /// Upper bound.
-        upper: f64,
-    },
+    BadBounds { index: usize, lower: f64, upper: f64 },
     /// No variable, or none with width.
     #[error("there is nothing to search: no variable has room to vary")]
     NoVariable,

@@ -297,7 +297,6 @@ pub enum WorldError {
     /// The file cannot be read at all.
     #[error("{file}: {source}; give an OpenDRIVE file (.xodr)")]
     File { file: String, source: std::io::Error },
-    /// A compressed file.
     #[error("{file}: is compressed; unpack it first: gunzip --keep {file}")]
     Compressed { file: String },
     /// No lane in which a vehicle may drive.
@@ -306,7 +305,6 @@ pub enum WorldError {
     /// No way long enough for the ego.
     #[error("{file}: {}; ask for fewer frames or give a larger network", no_way(*wanted, *longest))]
     NoWay {
-        /// Name of the file.
         file: String,
         /// Metres that the ego drives.
         wanted: f64,
@@ -326,7 +324,6 @@ pub enum WorldError {
         place[0], place[1]
     )]
     TooDense {
-        /// Name of the file.
         file: String,
         /// Number of points.
         count: f64,

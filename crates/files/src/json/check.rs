@@ -187,7 +187,6 @@ pub enum DescriptionError {
     /// A file is larger than this program reads.
     #[error("{file}: is larger than the limit of {limit} bytes; split or simplify it")]
     TooLarge {
-        /// The file.
         file: PathBuf,
         /// Largest size in bytes.
         limit: u64,
@@ -197,16 +196,7 @@ pub enum DescriptionError {
     Utf16 { file: PathBuf },
     /// The text is not JSON or YAML, or a value has the wrong type.
     #[error("{at}: {problem} (line {line}, column {column})")]
-    Json {
-        /// Place of the fault.
-        at: Box<Location>,
-        /// Fault at this place.
-        problem: String,
-        /// Line, counted from 1.
-        line: usize,
-        /// Column, counted from 1.
-        column: usize,
-    },
+    Json { at: Box<Location>, problem: String, line: usize, column: usize },
     /// A text that is no JSON.
     #[error("{file}: {told}; a {} file begins with {{", .wanted.word())]
     NotJson { file: String, told: String, wanted: FileKind },
@@ -216,17 +206,11 @@ pub enum DescriptionError {
         did_you_mean(.nearest, .known)
     )]
     UnknownKey {
-        /// The object that holds the key.
         at: Box<Location>,
-        /// The key as written.
         key: String,
-        /// Most similar known key, if one is similar.
         nearest: Option<String>,
-        /// Every key known at this place.
         known: Vec<String>,
-        /// Line, counted from 1.
         line: usize,
-        /// Column, counted from 1.
         column: usize,
     },
     /// The file has another version, or none.
@@ -258,18 +242,7 @@ pub enum DescriptionError {
     },
     /// A number of things above its limit.
     #[error("{at}: {count} {what} are more than the limit of {limit}; {mend}")]
-    TooMany {
-        /// Place of the fault.
-        at: Box<Location>,
-        /// Things counted.
-        what: &'static str,
-        /// Requested number.
-        count: u64,
-        /// Largest number allowed.
-        limit: u64,
-        /// Change that mends it.
-        mend: &'static str,
-    },
+    TooMany { at: Box<Location>, what: &'static str, count: u64, limit: u64, mend: &'static str },
     /// The mount leaves the ROI sideways, or lies below it or more than 10 m above.
     #[error(
         "{at}: the mount runs from {min:?} to {max:?}, outside of the region of {scene} ({roi_min:?} to \

@@ -32,14 +32,7 @@ pub enum RigError {
     UnknownKey { at: Box<Location>, key: String, nearest: Option<String>, known: Vec<String> },
     /// A fault and its line in a YAML file.
     #[error("{fault} (line {line}, column {column})")]
-    AtLine {
-        /// The fault.
-        fault: Box<RigError>,
-        /// Line, counted from 1.
-        line: usize,
-        /// Column, counted from 1.
-        column: usize,
-    },
+    AtLine { fault: Box<RigError>, line: usize, column: usize },
     /// A value of the wrong kind.
     #[error("{at}: {value} stands where {wanted} belongs")]
     Value { at: Box<Location>, value: String, wanted: &'static str },
@@ -98,7 +91,6 @@ pub enum RigError {
     /// A frame whose name cannot be written.
     #[error("`{frame}` is not a name of a frame: use 1 to {most} bytes without spaces")]
     BadFrame {
-        /// The name.
         frame: String,
         /// Longest name in bytes.
         most: usize,
@@ -108,7 +100,6 @@ pub enum RigError {
         "{sensor:?} is not a name of a sensor: use 1 to {most} bytes without control characters"
     )]
     BadSensor {
-        /// The name.
         sensor: String,
         /// Longest name in bytes.
         most: usize,
@@ -142,7 +133,6 @@ pub enum RigError {
     /// Several files in a format of one.
     #[error("{file}: {format} rigs stand in one file each; read them one at a time")]
     OneFile { file: String, format: &'static str },
-    /// A format that is read only.
     #[error("{} is read, but not written; take another format", format.name())]
     ReadOnly { format: RigFormat },
     /// No placement of this name, or several and none picked.

@@ -110,7 +110,6 @@ impl Launch<'_> {
         Ok(true)
     }
 
-    /// The truth value of a text.
     fn truth(&self, text: &str, at: &Location) -> Result<bool, RigError> {
         match self.resolved(text, at)?.trim().to_lowercase().as_str() {
             "true" | "1" => Ok(true),

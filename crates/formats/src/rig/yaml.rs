@@ -27,7 +27,6 @@ fn is_frame(value: &Value) -> bool {
     SensorPose::FIELDS.iter().any(|field| value.get(field).is_some())
 }
 
-/// True if a document holds frames in frames.
 pub(super) fn holds_frames(document: &Value) -> bool {
     let inside = |value: &Value| value.as_object().is_some_and(|map| map.values().any(is_frame));
     document.as_object().is_some_and(|map| map.values().any(inside))
@@ -151,7 +150,6 @@ fn add(frame: RigFrame, frames: &mut FrameTree) -> Result<(), RigError> {
     if frames.get(&frame.name).is_some_and(is_same) { Ok(()) } else { frames.add(frame) }
 }
 
-/// A frame of one transform.
 fn transform(value: &Value, at: Location) -> Result<RigFrame, RigError> {
     if value == "..." {
         let wanted = "a transform (`ros2 topic echo --full-length` prints all)";

@@ -287,7 +287,6 @@ impl Backend for GpuBackend {
     }
 }
 
-/// Each pose as a placement of its own.
 fn one_by_one(poses: &[SensorPose]) -> Vec<Placement> {
     poses.iter().map(|&pose| Placement { name: String::new(), lidars: vec![pose] }).collect()
 }

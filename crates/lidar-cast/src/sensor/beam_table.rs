@@ -42,7 +42,6 @@ pub struct BeamGrid {
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the message tells the fields")]
 pub enum SensorError {
-    /// No beam at all.
     #[error("the sensor has no beams; give it at least one channel and one azimuth step")]
     NoBeams,
     /// A direction without length, or not finite.

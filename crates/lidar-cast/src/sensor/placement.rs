@@ -156,16 +156,7 @@ pub enum PlacementError {
         "placement `{name}`, LiDAR {lidar}: {field} = {value:?} is not usable; give a finite number \
          (coordinates within ±{MAX_COORDINATE} m)"
     )]
-    BadNumber {
-        /// Name of the placement.
-        name: String,
-        /// Index of the LiDAR, from 0.
-        lidar: usize,
-        /// `x`, `y`, `z`, `roll`, `pitch`, `yaw` or `phase`.
-        field: &'static str,
-        /// Number as read.
-        value: f64,
-    },
+    BadNumber { name: String, lidar: usize, field: &'static str, value: f64 },
 }
 
 impl Placement {

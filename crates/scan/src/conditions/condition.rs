@@ -248,7 +248,6 @@ pub enum ConditionError {
          colon, as in fog:mor=200"
     )]
     UnknownCondition { name: String },
-    /// A part that is no pair.
     #[error("`{part}` in the condition `{text}` is no KEY=VALUE; {condition} takes {known}")]
     NoPair { part: String, text: String, condition: &'static str, known: String },
     /// A key that the condition does not have.

@@ -127,7 +127,6 @@ impl Classes {
         self.names.iter().position(|n| n == name).map(|i| i as u16)
     }
 
-    /// Id of the name at `at`.
     pub fn id(&self, at: &Location, name: &str) -> Result<u16, DescriptionError> {
         self.find(name).ok_or_else(|| unknown(at, name, &self.names))
     }

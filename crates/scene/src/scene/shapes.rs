@@ -82,7 +82,6 @@ impl<'a> Builder<'a> {
         files
     }
 
-    /// Name of a class.
     pub fn class_name(&self, class: u16) -> &'a str {
         &self.classes.names[usize::from(class)]
     }

@@ -68,7 +68,6 @@ pub enum PoseGridError {
     /// A spacing that is not positive and finite.
     #[error("a grid spacing of {value} {unit} is not usable; give a positive number")]
     BadSpacing { value: f64, unit: &'static str },
-    /// Too many poses to number.
     #[error("the grid has {poses} sensor poses, at most {MAX_POSES} are possible; widen --delta")]
     TooManyPoses { poses: u128 },
 }

@@ -136,7 +136,6 @@ fn is_covered(pose: &DevicePose, roi: &Roi) -> bool {
 /// Bytes that a chunk needs.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sizes {
-    /// One bitmap.
     pub(super) bitmap: u64,
     /// Hits of one sensor of the model with most beams.
     pub(super) hits: u64,
