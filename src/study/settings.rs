@@ -144,9 +144,7 @@ impl Kind {
         let found = Self::ALL.iter().find(|(kind, ..)| *kind == self);
         found.map_or("", |(_, name, _)| name)
     }
-}
 
-impl Kind {
     /// True if a file of own placements may stand behind the scenes.
     pub fn takes_placements(self) -> bool {
         matches!(self, Self::Voxels | Self::Random | Self::Regions | Self::Loss | Self::Weather)

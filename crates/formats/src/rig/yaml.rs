@@ -319,11 +319,6 @@ impl<'a> Fields<'a> {
         number.ok_or_else(|| wrong(&self.at.key(key), plain(value), "a finite number"))
     }
 
-    /// The number, or another one where there is none.
-    fn number_or(&self, key: &str, other: f64) -> Result<f64, RigError> {
-        if self.has(key) { self.number(key) } else { Ok(other) }
-    }
-
     pub(super) fn text(&self, key: &str) -> Result<&'a str, RigError> {
         let value = self.value(key)?;
         value.as_str().ok_or_else(|| wrong(&self.at.key(key), plain(value), "a text"))
@@ -342,7 +337,7 @@ impl<'a> Fields<'a> {
     pub(super) fn six_or_level(&self) -> Result<SensorPose, RigError> {
         let mut values = [0.0; 6];
         for (k, (value, key)) in values.iter_mut().zip(SensorPose::FIELDS).enumerate() {
-            *value = if k < 3 { self.number(key)? } else { self.number_or(key, 0.0)? };
+            *value = if k < 3 || self.has(key) { self.number(key)? } else { 0.0 };
         }
         Ok(SensorPose { phase: self.phase()?, ..SensorPose::from_values(values) })
     }

@@ -1,7 +1,6 @@
 //! Class names (the index in the list is the class id everywhere), kinds of actors, and reflectances.
 
-use super::description::ActorDescription;
-use super::dictionary::Dictionary;
+use super::description::{ActorDescription, Dictionary};
 use sightline_files::json::check::bad;
 use sightline_files::json::{DescriptionError, Location, nearest};
 

@@ -264,7 +264,7 @@ pub(super) struct Stamps {
     set: wgpu::QuerySet,
     /// Nanoseconds of a tick.
     period: f64,
-    resolved: wgpu::Buffer,
+    pub(super) resolved: wgpu::Buffer,
 }
 
 impl Stamps {
@@ -304,11 +304,6 @@ impl Stamps {
     /// Time of some ticks.
     pub(super) fn time(&self, ticks: u64) -> Duration {
         Duration::from_nanos((ticks as f64 * self.period) as u64)
-    }
-
-    /// Ticks of the device.
-    pub(super) fn resolved(&self) -> &wgpu::Buffer {
-        &self.resolved
     }
 }
 
