@@ -207,16 +207,8 @@ fn run(args: &Args, triangles: usize) -> Value {
         // The first round warms up.
         if round == 0 {
             for row in [
-                &mut single,
-                &mut packets,
-                &mut walk,
-                &mut lockstep,
-                &mut voxels,
-                &mut both,
-                &mut embree.row,
-                &mut open3d.row,
-                &mut trimesh.row,
-                &mut device.hits,
+                &mut single, &mut packets, &mut walk, &mut lockstep, &mut voxels, &mut both,
+                &mut embree.row, &mut open3d.row, &mut trimesh.row, &mut device.hits,
                 &mut device.score,
             ] {
                 row.runs.clear();

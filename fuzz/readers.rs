@@ -336,16 +336,8 @@ const CARLA_SCAN: &str = "ply\nformat ascii 1.0\nelement vertex 1\nproperty floa
 
 /// Tables of nuScenes that are read.
 const NUSCENES_TABLES: [&str; 10] = [
-    "scene",
-    "sample",
-    "sensor",
-    "calibrated_sensor",
-    "sample_data",
-    "ego_pose",
-    "lidarseg",
-    "category",
-    "instance",
-    "sample_annotation",
+    "scene", "sample", "sensor", "calibrated_sensor", "sample_data", "ego_pose", "lidarseg",
+    "category", "instance", "sample_annotation",
 ];
 
 fn put(folder: &Path, name: &str, bytes: &[u8]) {

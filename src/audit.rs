@@ -80,9 +80,9 @@ pub fn audit(
     let scores = own.scores(honest)?;
     let ranking = Ranking::new(honest, &scores, objective).ok_or(AuditError::NoPlacement)?;
     tell(AuditEvent::PartDone);
-    let mut base = scores[ranking.base()].clone();
-    job.add_range_cards([(&honest[ranking.base()], &mut base)])?;
-    let trials = trials(job, &mut own, &honest[ranking.base()], &base)?;
+    let mut base = scores[ranking.base].clone();
+    job.add_range_cards([(&honest[ranking.base], &mut base)])?;
+    let trials = trials(job, &mut own, &honest[ranking.base], &base)?;
     tell(AuditEvent::PartDone);
     let mut stability = mounted(&mut own, &ranking, scene.scene())?;
     tell(AuditEvent::PartDone);
@@ -109,7 +109,7 @@ pub fn audit(
         passed: trials.iter().all(|trial| trial.verdict != TrialResult::Fooled),
         trials,
         stability,
-        ranking_against_mean_height: ranking.against_mean_height(),
+        ranking_against_mean_height: spearman(&ranking.values, &ranking.heights()),
     })
 }
 
@@ -152,10 +152,10 @@ fn mounted(
     let mut draws = Vec::new();
     for seed in FIRST_MOUNTING..FIRST_MOUNTING + MOUNTINGS {
         let jittered = |p| jittered(p, TOLERANCE.0, TOLERANCE.1, seed);
-        let mounted: Vec<Placement> = ranking.honest().iter().map(jittered).collect();
+        let mounted: Vec<Placement> = ranking.honest.iter().map(jittered).collect();
         draws.push(evaluator.scores(&mounted)?);
     }
-    let mut turned = ranking.honest().to_vec();
+    let mut turned = ranking.honest.to_vec();
     for pose in turned.iter_mut().flat_map(|placement| &mut placement.lidars) {
         // Half an azimuth step; listed directions have a mean step of 360° / their number.
         pose.yaw += 0.5 * lidars[sensors.number(pose)?].azimuth_step().to_radians();
@@ -170,16 +170,14 @@ fn mounted(
 /// Why a scene could not be audited.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum AuditError {
     /// No placement was given.
     #[error("there are no placements to audit; name at least one")]
     NoPlacement,
     /// A job in several scenes.
     #[error("an audit is of one scene, not of {given}; audit them one by one")]
-    OneScene {
-        /// Scenes given.
-        given: usize,
-    },
+    OneScene { given: usize },
     /// A job, or one of its changes, that cannot be posed or scored.
     #[error(transparent)]
     Job(JobError),
@@ -223,6 +221,7 @@ struct Ranking<'a> {
     honest: &'a [Placement],
     objective: &'a Objective,
     values: Vec<f64>,
+    /// Index of the placement that comes first.
     base: usize,
 }
 
@@ -231,19 +230,6 @@ impl<'a> Ranking<'a> {
     fn new(honest: &'a [Placement], scores: &[Scores], objective: &'a Objective) -> Option<Self> {
         let base = first(scores, objective)?;
         Some(Self { honest, objective, values: values(scores, objective), base })
-    }
-
-    fn honest(&self) -> &[Placement] {
-        self.honest
-    }
-
-    /// Index of the placement that comes first.
-    fn base(&self) -> usize {
-        self.base
-    }
-
-    fn against_mean_height(&self) -> Option<f64> {
-        spearman(&self.values, &self.heights())
     }
 
     /// Mean heights of the honest placements, in metres.
@@ -333,7 +319,7 @@ mod tests {
         let before = draw([20, 40, 30]);
         let objective = "information_gain".parse().unwrap();
         let ranking = Ranking::new(&honest, &before, &objective).unwrap();
-        assert_eq!(ranking.base(), 1);
+        assert_eq!(ranking.base, 1);
         // τ by hand: of three pairs the second draw turns all round. Gains change from 20 to 40 (1), 40 to 20 (1/2).
         let found = ranking.under("test", &[before.clone(), draw([40, 20, 30]), before.clone()]);
         assert_eq!((found.kendall_tau, found.median_kendall_tau), (Some(-1.0), Some(1.0)));

@@ -21,53 +21,38 @@ use crate::worlds::WorldError;
 /// Each variant prints the module's own sentence.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the types tell the modules")]
 pub enum Error {
-    /// From reading placements.
     #[error(transparent)]
     Placements(#[from] PlacementFileError),
-    /// From a rig of another program.
     #[error(transparent)]
     Rig(#[from] RigError),
-    /// From a grid of sensor poses.
     #[error(transparent)]
     PoseGrid(#[from] PoseGridError),
-    /// From a P-SOG file.
     #[error(transparent)]
     PsogFile(#[from] PsogFileError),
-    /// From labelled frames.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
-    /// From scanning a scene.
     #[error(transparent)]
     Scan(#[from] ScanError),
-    /// From writing a data set.
     #[error(transparent)]
     Export(#[from] ExportError),
-    /// From parts that do not make a problem.
     #[error(transparent)]
     Problem(#[from] ProblemError),
-    /// From a job, or one of its parts: scenes, sensors, weather, engines, searches.
     #[error(transparent)]
     Job(JobError),
-    /// From a file or folder.
     #[error(transparent)]
     File(#[from] FileError),
-    /// From the objective.
     #[error(transparent)]
     Objective(#[from] ObjectiveError),
-    /// From a setting of the chart.
     #[error(transparent)]
     Chart(#[from] ChartError),
-    /// From the near field of a scene.
     #[error(transparent)]
     NearField(#[from] NearFieldError),
-    /// From an audit.
     #[error(transparent)]
     Audit(#[from] AuditError),
-    /// From making a world.
     #[error(transparent)]
     World(#[from] WorldError),
-    /// From a study.
     #[error(transparent)]
     Study(#[from] StudyError),
 }

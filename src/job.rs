@@ -18,7 +18,6 @@ mod files;
 mod front;
 mod holds;
 mod room;
-mod rules;
 mod scene;
 mod search;
 mod sweep;

@@ -297,8 +297,6 @@ impl Scores {
             near_gain,
             near_gain_2,
             near_gain_3,
-            near_field: None,
-            near_ring: None,
             entropy_sum: segmentation.information_gain,
             covered: mean(tally.covered),
             covered_nonzero: mean(tally.covered_nonzero),
@@ -315,11 +313,8 @@ impl Scores {
                 .map(|&u| if gained == 0 { 0.0 } else { u as f64 / gained as f64 })
                 .collect(),
             required: required(tally, content, frames),
-            requirements_hold_in: None,
-            range_card: None,
-            car_missing: None,
             guards: guards_of(tally, content, has_hits, frames, reference),
-            broken_rules: Vec::new(),
+            ..Self::default()
         }
     }
 

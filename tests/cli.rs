@@ -238,16 +238,8 @@ fn hits_of_a_room_are_where_its_walls_are() {
     fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
     for backend in ["cpu", "gpu"] {
         let args = [
-            "cast",
-            "--force",
-            "room.json",
-            "p.json",
-            "--frame",
-            "1",
-            "--out",
-            "hits.npz",
-            "--backend",
-            backend,
+            "cast", "--force", "room.json", "p.json", "--frame", "1", "--out", "hits.npz",
+            "--backend", backend,
         ];
         let answer = ok(dir.path(), &args);
         assert_eq!(answer["beams"], 480);

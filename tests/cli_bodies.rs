@@ -27,16 +27,7 @@ fn room_with(dir: &Path, name: &str, ego: &Value) {
 fn distances(dir: &Path, scene: &str, frame: usize) -> Vec<f32> {
     let frame = frame.to_string();
     let args = [
-        "cast",
-        scene,
-        "p.json",
-        "--frame",
-        &frame,
-        "--out",
-        "h.npz",
-        "--force",
-        "--backend",
-        "cpu",
+        "cast", scene, "p.json", "--frame", &frame, "--out", "h.npz", "--force", "--backend", "cpu",
     ];
     assert_eq!(ok(dir, &args)["beams"], 960);
     let file = BufReader::new(fs::File::open(dir.join("h.npz")).unwrap());

@@ -268,13 +268,7 @@ fn wrong_sensors_are_one_sentence_each() {
         text.insert_str(1, &format!("\"other_sensors\": {others}, "));
         fs::write(dir.join("bad.json"), text).unwrap();
         let args = [
-            "study",
-            "redundancy",
-            "rigs.json",
-            "--vehicle",
-            "bad.json",
-            "--backend",
-            "cpu",
+            "study", "redundancy", "rigs.json", "--vehicle", "bad.json", "--backend", "cpu",
             "--quiet",
         ];
         fails(dir, &args)

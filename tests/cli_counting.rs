@@ -80,19 +80,8 @@ fn a_target_whose_places_all_lie_in_the_own_body_is_an_error() {
     let told = fails(
         dir.path(),
         &[
-            "study",
-            "sweep",
-            "p.json",
-            "--vehicle",
-            "box.json",
-            "--of",
-            "0.z",
-            "--from",
-            "3",
-            "--to",
-            "3.4",
-            "--backend",
-            "cpu",
+            "study", "sweep", "p.json", "--vehicle", "box.json", "--of", "0.z", "--from", "3",
+            "--to", "3.4", "--backend", "cpu",
         ],
     );
     assert!(told.contains("require[1]: every place"), "{told}");

@@ -120,17 +120,8 @@ fn broken(vehicle: &Value, lidars: &[Value]) -> Vec<String> {
 }
 
 const OPTIMIZE: [&str; 11] = [
-    "optimize",
-    "s.json",
-    "--vehicle",
-    "v.json",
-    "--evaluations",
-    "10",
-    "--backend",
-    "cpu",
-    "--tolerance",
-    "0",
-    "--out",
+    "optimize", "s.json", "--vehicle", "v.json", "--evaluations", "10", "--backend", "cpu",
+    "--tolerance", "0", "--out",
 ];
 
 #[test]
@@ -228,14 +219,7 @@ fn rules_that_leave_no_rig_are_refused_before_anything_is_written() {
         }
         for kind in ["cost", "channels", "random", "tasks", "height", "lidars"] {
             let args = [
-                "study",
-                kind,
-                "s.json",
-                "--vehicle",
-                "v.json",
-                "--evaluations",
-                "10",
-                "--random",
+                "study", kind, "s.json", "--vehicle", "v.json", "--evaluations", "10", "--random",
                 "5",
             ];
             let told =
@@ -391,14 +375,7 @@ fn a_run_that_comes_to_an_error_leaves_no_folder() {
     scene["coverage"] = json!("through");
     fs::write(dir.path().join("through.json"), scene.to_string()).unwrap();
     let args = [
-        "study",
-        "weather",
-        "through.json",
-        "--backend",
-        "cpu",
-        "--evaluations",
-        "10",
-        "--out",
+        "study", "weather", "through.json", "--backend", "cpu", "--evaluations", "10", "--out",
         "wx",
     ];
     let told = fails(dir.path(), &args);

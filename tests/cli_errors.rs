@@ -222,22 +222,8 @@ fn sequence(dir: &Path) {
 }
 
 const BUILD: [&str; 16] = [
-    "psog",
-    "build",
-    "--kitti",
-    "seq",
-    "--roi-min",
-    "-8",
-    "-8",
-    "-1",
-    "--roi-max",
-    "8",
-    "8",
-    "3",
-    "--voxel",
-    "0.5",
-    "0.5",
-    "0.5",
+    "psog", "build", "--kitti", "seq", "--roi-min", "-8", "-8", "-1", "--roi-max", "8", "8", "3",
+    "--voxel", "0.5", "0.5", "0.5",
 ];
 
 #[test]

@@ -316,15 +316,8 @@ fn names_of_scenes_and_placements_stay_in_the_folder() {
         fs::write(at("evil.json"), evil.to_string()).unwrap();
         let before = all_files(dir.path());
         let args = [
-            "score",
-            "../../evil.json",
-            "../../scene.json",
-            "../../placements.json",
-            "--backend",
-            "cpu",
-            "--quiet",
-            "--coverage-out",
-            "cov",
+            "score", "../../evil.json", "../../scene.json", "../../placements.json", "--backend",
+            "cpu", "--quiet", "--coverage-out", "cov",
         ];
         let output = sightline(&at("w/deep"), &args);
         let inside = at("w/deep/cov");
@@ -343,17 +336,8 @@ fn names_of_scenes_and_placements_stay_in_the_folder() {
     sightline(
         &at("w/deep"),
         &[
-            "scan",
-            "../../town.json",
-            "--placement",
-            "../../dots.json",
-            "--out",
-            "sets",
-            "--backend",
-            "cpu",
-            "--frames",
-            "1",
-            "--quiet",
+            "scan", "../../town.json", "--placement", "../../dots.json", "--out", "sets",
+            "--backend", "cpu", "--frames", "1", "--quiet",
         ],
     );
     let new = all_files(dir.path()).into_iter().filter(|file| !before.contains(file));

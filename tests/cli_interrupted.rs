@@ -114,17 +114,8 @@ fn of_two_scans_at_once_one_is_refused() {
     let dir = world();
     for _ in 0..10 {
         let args = [
-            "scan",
-            "town.json",
-            "--placement",
-            "p.json",
-            "--backend",
-            "cpu",
-            "--threads",
-            "1",
-            "--out",
-            "set",
-            "--seed",
+            "scan", "town.json", "--placement", "p.json", "--backend", "cpu", "--threads", "1",
+            "--out", "set", "--seed",
         ];
         let both = ["1", "2"].map(|seed| spawn(dir.path(), &[&args[..], &[seed]].concat()));
         let codes = both.map(|child| child.wait_with_output().unwrap().status.code());

@@ -35,13 +35,7 @@ fn time_ends_the_choice_of_sensors() {
     write_fleet(dir.path());
     let args = ["optimize", "scene.json", "--vehicle", "fleet.json", "--budget", "500"];
     let more = [
-        "--objective",
-        "information_gain",
-        "--max-seconds",
-        "0.02",
-        "--backend",
-        "cpu",
-        "--out",
+        "--objective", "information_gain", "--max-seconds", "0.02", "--backend", "cpu", "--out",
         "run",
     ];
     let start = Instant::now();
@@ -263,17 +257,8 @@ const OPTIONS: [(&str, &[&str]); 15] = [
     (
         "optimize closet.json --max-seconds 0 --method cma --backend cpu --out out",
         &[
-            "--evaluations=@",
-            "--target=@",
-            "--population=@",
-            "--frames=@",
-            "--delta=@",
-            "--delta=0.1,@",
-            "--seed=@",
-            "--threads=@",
-            "--memory=@",
-            "--fix=z=@",
-            "--budget=@",
+            "--evaluations=@", "--target=@", "--population=@", "--frames=@", "--delta=@",
+            "--delta=0.1,@", "--seed=@", "--threads=@", "--memory=@", "--fix=z=@", "--budget=@",
             "--condition=fog:mor=@",
         ],
     ),
@@ -300,10 +285,7 @@ const OPTIONS: [(&str, &[&str]); 15] = [
     (
         "psog build --kitti kitti --out out",
         &[
-            "--window=@",
-            "--lidar-height=@",
-            "--roi-min @ -10 -3",
-            "--roi-max 40 @ 3",
+            "--window=@", "--lidar-height=@", "--roi-min @ -10 -3", "--roi-max 40 @ 3",
             "--voxel @ @ @",
         ],
     ),

@@ -73,18 +73,8 @@ fn text(dir: &TempDir, args: &[&str]) -> String {
 }
 
 const OPTIMIZE: [&str; 12] = [
-    "optimize",
-    "s.json",
-    "--vehicle",
-    "car.json",
-    "--evaluations",
-    "40",
-    "--seed",
-    "3",
-    "--backend",
-    "cpu",
-    "--out",
-    "run",
+    "optimize", "s.json", "--vehicle", "car.json", "--evaluations", "40", "--seed", "3",
+    "--backend", "cpu", "--out", "run",
 ];
 
 #[test]

@@ -28,13 +28,8 @@ fn optimize_writes_its_folder_and_repeats_itself() {
         .collect();
     let third = ok(dir.path(), &gpu);
     for file in [
-        "result.json",
-        "history.jsonl",
-        "checkpoint.json",
-        "report.html",
-        "convergence.svg",
-        "placement.svg",
-        "map.svg",
+        "result.json", "history.jsonl", "checkpoint.json", "report.html", "convergence.svg",
+        "placement.svg", "map.svg",
     ] {
         assert!(dir.path().join("first").join(file).exists(), "{file} is missing");
     }

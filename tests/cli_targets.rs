@@ -43,13 +43,7 @@ fn level_beams_on_a_target_are_those_of_its_angle() {
         "shapes": [{ "box": { "foot": [0, 0, 0], "size": [0.2, 2, 1.5] } }] });
     fs::write(dir.path().join("board.json"), target.to_string()).unwrap();
     let asked = [
-        "--target",
-        "board.json",
-        "--target",
-        "tyre",
-        "--distances",
-        "60,10,20",
-        "--bearings",
+        "--target", "board.json", "--target", "tyre", "--distances", "60,10,20", "--bearings",
         "0,180",
     ];
     let found = ok(dir.path(), &[&STUDY[..], &asked].concat());
@@ -192,18 +186,8 @@ fn the_default_objective_does_not_win_by_looking_away() {
     fs::write(dir.path().join("front.json"), scene.to_string()).unwrap();
     let blind = |objective: &str| {
         let args = [
-            "optimize",
-            "front.json",
-            "--backend",
-            "cpu",
-            "--evaluations",
-            "30",
-            "--seed",
-            "3",
-            "--objective",
-            objective,
-            "--out",
-            objective,
+            "optimize", "front.json", "--backend", "cpu", "--evaluations", "30", "--seed", "3",
+            "--objective", objective, "--out", objective,
         ];
         let found = ok(dir.path(), &args);
         let blind = found["best"]["scores"]["range_card"]["blind"].as_array().unwrap();
@@ -335,20 +319,8 @@ fn a_search_meets_a_rule_that_gain_alone_does_not_and_says_so_where_it_cannot() 
     ruled(dir.path(), rule(0.9, 5));
     let args = |out: &'static str| {
         vec![
-            "optimize",
-            "street.json",
-            "--backend",
-            "cpu",
-            "--evaluations",
-            "30",
-            "--seed",
-            "2",
-            "--objective",
-            "information_gain",
-            "--out",
-            out,
-            "--format",
-            "json",
+            "optimize", "street.json", "--backend", "cpu", "--evaluations", "30", "--seed", "2",
+            "--objective", "information_gain", "--out", out, "--format", "json",
         ]
     };
     let output = sightline(dir.path(), &args("met"));

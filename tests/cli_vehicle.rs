@@ -69,11 +69,7 @@ fn sensors_are_chosen_for_the_money_and_put_where_they_may_stand() {
     let page = fs::read_to_string(dir.path().join("rich/report.html")).unwrap();
     let at = |heading: &str| page.find(heading).unwrap_or_else(|| panic!("no {heading}"));
     let order = [
-        "Range card<",
-        "The placement<",
-        "Overlap of the LiDARs<",
-        "Warnings<",
-        "How to repeat it<",
+        "Range card<", "The placement<", "Overlap of the LiDARs<", "Warnings<", "How to repeat it<",
     ];
     assert!(order.map(at).is_sorted(), "{:?}", order.map(at));
     let words = rich["phases"]["words"].as_str().unwrap();
@@ -115,20 +111,8 @@ fn prices_add_up_as_they_are_written() {
     let listed: Value = serde_json::from_str(&listed).unwrap();
     assert_eq!(listed["placements"][0]["price"], json!(3.3));
     let front = [
-        "optimize",
-        "room.json",
-        "--vehicle",
-        "cents.json",
-        "--front",
-        "price,near_gain",
-        "--evaluations",
-        "20",
-        "--budget",
-        "3.3",
-        "--out",
-        "front",
-        "--backend",
-        "cpu",
+        "optimize", "room.json", "--vehicle", "cents.json", "--front", "price,near_gain",
+        "--evaluations", "20", "--budget", "3.3", "--out", "front", "--backend", "cpu",
     ];
     ok(dir.path(), &front);
     for file in ["result.json", "placements.json"] {

@@ -43,18 +43,8 @@ fn optimize(scene: &Path, objective: &str) -> Value {
     let dir = TempDir::new().unwrap();
     let scene = scene.to_string_lossy();
     let args = [
-        "optimize",
-        &scene,
-        "--out",
-        "run",
-        "--evaluations",
-        "12",
-        "--frames",
-        "1",
-        "--seed",
-        "3",
-        "--objective",
-        objective,
+        "optimize", &scene, "--out", "run", "--evaluations", "12", "--frames", "1", "--seed", "3",
+        "--objective", objective,
     ];
     let result = ok(dir.path(), &args);
     let best = &result["best"];
@@ -184,16 +174,8 @@ fn own_scenes_have_the_same_bits_on_both_backends() {
             let mut answer = ok(
                 dir.path(),
                 &[
-                    "score",
-                    &scene,
-                    placements,
-                    "--frames",
-                    "2",
-                    "--coverage-out",
-                    backend,
-                    "--force",
-                    "--backend",
-                    backend,
+                    "score", &scene, placements, "--frames", "2", "--coverage-out", backend,
+                    "--force", "--backend", backend,
                 ],
             );
             answer["scores"].take()

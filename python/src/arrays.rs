@@ -1,4 +1,4 @@
-//! Arrays in and out: checked on the way in, moved on the way out.
+//! Arrays in and out: checked on the way in, moved on the way out; JSON for records that are trees.
 
 use std::ops::RangeInclusive;
 
@@ -8,6 +8,8 @@ use numpy::{
     PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use serde::Serialize;
 use sightline::geom::Pose;
 
 use crate::arguments::{or_raised, room_for, whole_in_words, whole_of_float};
@@ -203,4 +205,19 @@ pub fn homogeneous<'py>(py: Python<'py>, pose: &Pose) -> PyResult<Bound<'py, PyA
     }
     values.extend([0.0, 0.0, 0.0, 1.0]);
     matrix(py, values, 4)
+}
+
+/// A record as `dict`s, `list`s and numbers.
+pub fn to_python<'py>(py: Python<'py>, record: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
+    let text = serde_json::to_string(record).map_err(|error| bad(error.to_string()))?;
+    py.import("json")?.call_method1("loads", (text,))
+}
+
+/// A Python object as JSON text; `what` names it in errors.
+pub fn to_text(what: &str, given: &Bound<'_, PyAny>) -> PyResult<String> {
+    let options = PyDict::new(given.py());
+    options.set_item("allow_nan", false)?;
+    let dumps = given.py().import("json")?.getattr("dumps")?;
+    let text = dumps.call((given,), Some(&options));
+    text.map_err(|error| bad(format!("{what}: is not JSON: {error}")))?.extract()
 }

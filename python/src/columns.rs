@@ -5,12 +5,11 @@ use std::borrow::Borrow;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice};
 use sightline::score::TaskScores;
-use sightline::vehicle::Vehicle;
-use sightline::{Placement, Scores};
+use sightline::vehicle::{Region, Vehicle};
+use sightline::{Constraints, Placement, Scores};
 
 use crate::arrays::{column, shaped};
 use crate::progress::{Progress, WorkMessages};
-use crate::rules::Rules;
 use crate::wait::watched;
 
 /// Gets a score of a task.
@@ -124,4 +123,34 @@ pub fn scored_object<'py>(
     })??;
     let all = scores_object(py, vehicle, placements.iter().zip(&scores))?;
     if are_none { all.getattr("rows")?.get_item(PySlice::new(py, 0, 0, 1)) } else { Ok(all) }
+}
+
+/// Rules of a vehicle, whatever of its equipment a placement has.
+struct Rules<'a> {
+    vehicle: &'a Vehicle,
+    rules: Constraints,
+}
+
+impl<'a> Rules<'a> {
+    fn new(vehicle: &'a Vehicle) -> Self {
+        Self { vehicle, rules: vehicle.rules() }
+    }
+
+    /// True if a placement keeps every rule of the mounts, meets all requirements, and no guard doubts its scores.
+    fn are_met(&self, placement: &Placement, scores: &Scores) -> bool {
+        let is_doubted = scores.guards.iter().any(|guard| guard.is_doubt());
+        !is_doubted && scores.missing() == 0.0 && self.are_kept(placement)
+    }
+
+    /// True if a placement keeps every rule of the mounts, with as many LiDARs on each as it holds.
+    fn are_kept(&self, placement: &Placement) -> bool {
+        let mounts = self.rules.mounts_of(&placement.lidars);
+        let are_counted = self.vehicle.mounts.iter().all(|mount| {
+            let on = |region: &&Region| **region == *mount.region;
+            let count = mounts.iter().flatten().filter(|region| on(region)).count();
+            (mount.count[0]..=mount.count[1]).contains(&count)
+        });
+        let have_mounts = mounts.iter().all(Option::is_some);
+        have_mounts && are_counted && self.rules.violations(placement).is_empty()
+    }
 }

@@ -43,9 +43,9 @@ pub struct Options {
 impl Options {
     /// From arguments in Python.
     pub fn new(
-        psog: Option<Arc<Psog>>,
+        psog: Option<&Bound<'_, PyPsog>>,
         frames: Option<u32>,
-        conditions: &[String],
+        conditions: Option<Vec<String>>,
         backend: &str,
         adapter: Option<String>,
         memory: Option<u64>,
@@ -53,8 +53,9 @@ impl Options {
         let kind = BACKENDS.iter().find(|(name, _)| *name == backend).map(|(_, kind)| *kind);
         let kind = kind
             .ok_or_else(|| bad(format!("backend: `{backend}` is none; give auto, cpu or gpu")))?;
-        let conditions = conditions.iter().map(|text| text.parse().map_err(raised));
+        let conditions = conditions.iter().flatten().map(|text| text.parse().map_err(raised));
         let conditions = conditions.collect::<PyResult<_>>()?;
+        let psog = psog.map(|psog| psog.get().0.clone());
         let engine = EngineChoice { kind, adapter, memory, inexact: false };
         Ok(Self { psog, frames, conditions, engine })
     }

@@ -11,10 +11,10 @@ use sightline::search::{Event, Settings, TimeLimit};
 use sightline::vehicle::Vehicle;
 
 use crate::arguments;
+use crate::arrays::to_python;
 use crate::columns::scores_object;
 use crate::engine::job_of;
 use crate::errors::{bad, raised};
-use crate::json::to_python;
 use crate::placements::PyPlacement;
 use crate::progress::Progress;
 use crate::search::{beside, scenes_of, signalled};

@@ -3,20 +3,18 @@
 //! | file | holds |
 //! |---|---|
 //! | `arguments` | every number and list of names that comes in, checked |
-//! | `arrays`, `json` | conversions |
+//! | `arrays` | conversions |
 //! | `errors` | exceptions |
 //! | `wait` | long work without the GIL, with Ctrl-C |
 //! | `progress` | how far it is, as bars, records of `logging`, or for a function |
 //! | `sensors`, `placements`, `psogs`, `rigs`, `scenes` | objects of the user |
 //! | `engine` | P-SOG, problem and engine of a scene, built once |
-//! | `columns` | scores as arrays |
+//! | `columns` | scores as arrays, by the rules of a vehicle |
 //! | `space` | variables, bounds and rules for optimizers of others |
 //! | `atlas` | sensor poses cast once, placements of them without a cast |
 //! | `by_hand` | a search by ask and tell |
-//! | `rules` | rules of a vehicle for a placement |
 //! | `rays` | rays of callers, into meshes and frames |
-//! | `scans` | scans as an iterator |
-//! | `recordings` | scans over time as files of viewers |
+//! | `scans` | scans as an iterator, and over time as files of viewers |
 //! | `search` | suites and `optimize` |
 //! | `questions` | studies of one placement as methods of a scene |
 //! | `targets` | beams on targets, range cards, redundancy and overlap |
@@ -30,15 +28,12 @@ mod columns;
 mod engine;
 mod errors;
 mod front;
-mod json;
 mod placements;
 mod progress;
 mod psogs;
 mod questions;
 mod rays;
-mod recordings;
 mod rigs;
-mod rules;
 mod scans;
 mod scenes;
 mod search;

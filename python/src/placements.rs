@@ -9,9 +9,8 @@ use sightline::vehicle::{Doubts, MAX_LIDARS, SensorName, table_7};
 use sightline::{Placement, Scene, SensorPose, read_placements};
 
 use crate::arguments::{self, listed, room_for};
-use crate::arrays::{column, matrix, numbers, shape_in_words};
+use crate::arrays::{column, matrix, numbers, shape_in_words, to_python};
 use crate::errors::{bad, raised, warn_of_placements};
-use crate::json::to_python;
 
 /// Bytes that the name of a placement takes.
 const NAME_BYTES: usize = 32;

@@ -17,9 +17,10 @@ use sightline::psog::{PsogError, PsogInfo, Roi, read_psog, write_psog};
 use sightline::scan::NO_CLASS;
 
 use crate::arguments::{self, entries, room_for};
-use crate::arrays::{column, few_numbers, matrix, numbers, rows, shape_in_words, wholes};
+use crate::arrays::{
+    column, few_numbers, matrix, numbers, rows, shape_in_words, to_python, wholes,
+};
 use crate::errors::{bad, raised};
-use crate::json::to_python;
 use crate::wait::{interruptible, pooled};
 
 /// Required shape of a region, in words.

@@ -6,9 +6,8 @@ use sightline::job::{MOST_ABOUT, MOST_TILT, RoomSteps, Sweep, SweptField, moves_
 use sightline::shared::LEAST_SHARED;
 
 use crate::arguments;
-use crate::arrays::shaped;
+use crate::arrays::{shaped, to_python};
 use crate::errors::{bad, raised};
-use crate::json::to_python;
 use crate::placements::placements_in;
 use crate::progress::Progress;
 use crate::scenes::{PyScene, only};

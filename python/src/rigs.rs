@@ -17,9 +17,8 @@ use sightline::rig::{
 use sightline::vehicle::SensorName;
 
 use crate::arguments::{self, shown};
-use crate::arrays::{few_numbers, matrix};
+use crate::arrays::{few_numbers, matrix, to_text};
 use crate::errors::{bad, raised, warn_of};
-use crate::json::to_text;
 use crate::placements::PyPlacement;
 
 /// A list of CARLA's sensors, in words.

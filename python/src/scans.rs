@@ -1,5 +1,6 @@
-//! Scans as an iterator: the next frame is scanned while Python works on the last.
+//! Scans as an iterator, the next frame scanned while Python works on the last, and as recordings of viewers.
 
+use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::sync::{Arc, Mutex};
 
@@ -13,6 +14,7 @@ use crate::arguments::which_frames;
 use crate::arrays::{column, homogeneous, matrix, shaped};
 use crate::engine::Built;
 use crate::errors::raised;
+use crate::scenes::PyScene;
 use crate::wait::{start, wait};
 
 /// Scans of a scene, frame after frame.
@@ -142,4 +144,52 @@ fn boxes_object<'py>(py: Python<'py>, boxes: &[TrackedBox]) -> PyResult<Bound<'p
     fields.set_item("names", boxes.iter().map(|b| b.name.clone()).collect::<Vec<_>>())?;
     fields.set_item("kinds", boxes.iter().map(|b| b.kind.name()).collect::<Vec<_>>())?;
     py.import("sightline._records")?.getattr("Boxes")?.call((), Some(&fields))
+}
+
+#[pymethods]
+impl PyScene {
+    /// Writes a recording of Rerun (`.rrd`): points, LiDARs and boxes of one or several placements over time.
+    ///
+    /// Entities are `world/ego/NAME/points`, `world/ego/NAME/lidar_K` and `world/ego/boxes`, by the timelines `frame` and
+    /// `time`. `options` are those of `scan`, and `progress` as for `optimize`. Raises as `scan`, `ValueError` for equal names, `ImportError` without
+    /// rerun-sdk.
+    #[pyo3(signature = (placements, path, **options))]
+    fn to_rerun(
+        slf: &Bound<'_, Self>,
+        placements: &Bound<'_, PyAny>,
+        path: PathBuf,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<()> {
+        record(slf, "to_rerun", placements, path, options)
+    }
+
+    /// Writes a recording of ROS 2 (`.mcap`), whole at any time, of one or several placements.
+    ///
+    /// Topics are `/NAME/points`, `sensor_msgs/PointCloud2` in `base_link` with a scan's columns as fields, `/tf` (`map` to
+    /// `base_link`) and `/tf_static` (`base_link` to `NAME/lidar_K`). Stamps count from frame 0. `options` are those of
+    /// `scan`, and `progress` as for `optimize`. Raises as `scan`, `ValueError` for equal names, `ImportError` without
+    /// mcap-ros2-support.
+    #[pyo3(signature = (placements, path, **options))]
+    fn to_mcap(
+        slf: &Bound<'_, Self>,
+        placements: &Bound<'_, PyAny>,
+        path: PathBuf,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<()> {
+        record(slf, "to_mcap", placements, path, options)
+    }
+}
+
+/// Calls the writer of that name.
+fn record(
+    scene: &Bound<'_, PyScene>,
+    writer: &str,
+    placements: &Bound<'_, PyAny>,
+    path: PathBuf,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<()> {
+    let py = scene.py();
+    let options = options.cloned().unwrap_or_else(|| PyDict::new(py));
+    let module = py.import("sightline._recordings")?;
+    module.call_method1(writer, (scene, placements, path, options)).map(drop)
 }

@@ -16,11 +16,10 @@ use sightline::verify::{compared_frames, verify};
 use sightline::{Placement, Scene, engine};
 
 use crate::arguments::{self, room_for};
-use crate::arrays::{column, homogeneous, matrix};
+use crate::arrays::{column, homogeneous, matrix, to_python, to_text};
 use crate::columns::scored_object;
 use crate::engine::{Built, Options, add_near_fields, guard, score};
 use crate::errors::{bad, raised, warn_of};
-use crate::json::{to_python, to_text};
 use crate::placements::{placement_bytes, placements_in};
 use crate::progress::Progress;
 use crate::psogs::PyPsog;
@@ -85,9 +84,7 @@ impl PyScene {
         adapter: Option<String>,
         #[pyo3(from_py_with = arguments::memory)] memory: Option<u64>,
     ) -> PyResult<Self> {
-        let psog = psog.map(|psog| psog.get().0.clone());
-        let options =
-            Options::new(psog, frames, &conditions.unwrap_or_default(), backend, adapter, memory)?;
+        let options = Options::new(psog, frames, conditions, backend, adapter, memory)?;
         let scene =
             py.detach(|| pooled(|| Scene::read_with(&path, vehicle.as_deref()))).map_err(raised)?;
         Self::new(py, scene, Source::File { path, vehicle }, options)
@@ -110,9 +107,7 @@ impl PyScene {
         adapter: Option<String>,
         #[pyo3(from_py_with = arguments::memory)] memory: Option<u64>,
     ) -> PyResult<Self> {
-        let psog = psog.map(|psog| psog.get().0.clone());
-        let options =
-            Options::new(psog, frames, &conditions.unwrap_or_default(), backend, adapter, memory)?;
+        let options = Options::new(psog, frames, conditions, backend, adapter, memory)?;
         let text = to_text("scene", scene)?;
         let folder = folder.unwrap_or_else(|| PathBuf::from("."));
         let read = pooled(|| Scene::from_json(&text, &folder, "scene")).map_err(raised)?;

@@ -17,10 +17,10 @@ use sightline::vehicle::Vehicle;
 use sightline::{Job, Objective};
 
 use crate::arguments::{self, listed};
+use crate::arrays::to_python;
 use crate::columns::{scored_object, scores_object};
 use crate::engine::{Built, Kept, guard, job_of, opened, score};
 use crate::errors::{bad, raised};
-use crate::json::to_python;
 use crate::placements::{PyPlacement, placements_in};
 use crate::progress::{Progress, Shown, Urgency, WorkMessages, log};
 use crate::scenes::PyScene;

@@ -10,9 +10,8 @@ use sightline::BeamTable;
 use sightline::vehicle::{Lidar, Vehicle};
 
 use crate::arguments;
-use crate::arrays::matrix;
+use crate::arrays::{matrix, to_python, to_text};
 use crate::errors::{bad, raised, warn_of};
-use crate::json::{to_python, to_text};
 
 /// A LiDAR model: its beams in its own frame.
 #[pyclass(name = "Sensor", module = "sightline", frozen)]

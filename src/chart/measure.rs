@@ -88,15 +88,15 @@ struct FirstScores {
 
 /// Measures settings of one scene with the same placements.
 pub(super) struct Bench {
-    world: ChartWorld,
-    placements: Vec<Placement>,
+    pub(super) world: ChartWorld,
+    pub(super) placements: Vec<Placement>,
     objective: Objective,
     engine: EngineChoice,
     repeats: usize,
     /// The setting whose time the others are divided by: the scene at its own fidelity over few frames.
     unit: Scorer,
     /// Median seconds a placement of the unit, from the first setting measured.
-    unit_seconds: Option<f64>,
+    pub(super) unit_seconds: Option<f64>,
 }
 
 impl Bench {
@@ -120,25 +120,10 @@ impl Bench {
         Ok(Self { world, placements, objective, engine, repeats, unit, unit_seconds })
     }
 
-    /// The scene and its P-SOGs.
-    pub(super) fn world(&self) -> &ChartWorld {
-        &self.world
-    }
-
-    /// The placements that every setting scores.
-    pub(super) fn placements(&self) -> &[Placement] {
-        &self.placements
-    }
-
     /// The problem that the scene poses at its own fidelity.
     pub(super) fn own_problem(&mut self) -> Result<Arc<Problem>, ChartError> {
         let own = SceneDetail::of_scene(self.world.scene());
         Ok(Arc::new(self.world.problem(&own)?))
-    }
-
-    /// Median seconds a placement of the unit; `None` before the first setting.
-    pub(super) fn unit_seconds(&self) -> Option<f64> {
-        self.unit_seconds
     }
 
     fn scorer(&mut self, setting: &Setting) -> Result<Scorer, ChartError> {

@@ -225,7 +225,7 @@ pub fn chart(
     let rated = rate(&state.measured, tolerance, settings.seed);
     Ok(Chart {
         scene: name,
-        placements: bench.placements().iter().map(|p| p.name.clone()).collect(),
+        placements: bench.placements.iter().map(|p| p.name.clone()).collect(),
         objective: settings.objective.to_string(),
         edge,
         tolerance,
@@ -281,7 +281,7 @@ fn check_resumed(
     state: &ChartState,
 ) -> Result<(), ChartError> {
     let Some(first) = state.measured.first() else { return Ok(()) };
-    let count = bench.placements().len();
+    let count = bench.placements.len();
     let is_whole = |m: &Measured| m.scores.len() == count;
     let fits = |m: &Measured| is_whole(m) || m.left.is_some() && m.scores.len() < count;
     let same = state.measured.iter().all(fits)
@@ -308,9 +308,9 @@ fn measure(
     state: &mut ChartState,
     observer: &dyn ChartObserver,
 ) -> Result<ChartProgress, ChartError> {
-    let efforts: Vec<f64> = settings.all.iter().map(|s| s.effort(bench.world().scene())).collect();
+    let efforts: Vec<f64> = settings.all.iter().map(|s| s.effort(bench.world.scene())).collect();
     let order = rule.order(&efforts);
-    let count = bench.placements().len();
+    let count = bench.placements.len();
     let (mut before, mut skipped) = (0.0, Vec::new());
     for (place, &index) in order.iter().enumerate() {
         let (setting, effort) = (settings.all[index], efforts[index]);
@@ -349,7 +349,7 @@ fn measure(
                 }
                 Err(error) => return Err(error),
             }
-            state.unit_seconds = bench.unit_seconds();
+            state.unit_seconds = bench.unit_seconds;
             observer.measured(state);
         }
         if let Some(measured) = state.measured.iter().find(|m| m.setting == setting) {
@@ -369,7 +369,7 @@ fn one(
     state: &ChartState,
     (share, observer): (&dyn Fn(f64), &dyn ChartObserver),
 ) -> Result<Option<Measured>, ChartError> {
-    let (done, count) = (Cell::new(0), bench.placements().len() as f64);
+    let (done, count) = (Cell::new(0), bench.placements.len() as f64);
     let goes_on = |placements: usize| {
         done.set(done.get() + placements);
         share(done.get() as f64 / count);

@@ -19,6 +19,7 @@ use crate::vehicle::{PoseGridError, SensorError, SensorName, UnknownSensor};
 /// Why a setting could not be measured.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum ChartError {
     /// The voxels of a setting do not make a grid.
     #[error(transparent)]
@@ -39,12 +40,7 @@ pub enum ChartError {
     #[error(
         "placement `{placement}` has a `{sensor}`, which no mount of the vehicle may hold; the atlas has no pose for it"
     )]
-    NoPlace {
-        /// Name of the placement.
-        placement: String,
-        /// The model.
-        sensor: SensorName,
-    },
+    NoPlace { placement: String, sensor: SensorName },
     /// Scoring failed.
     #[error(transparent)]
     Backend(#[from] BackendError),
@@ -53,20 +49,12 @@ pub enum ChartError {
     Poses(#[from] PoseGridError),
     /// The P-SOG of another voxel size is wanted of a scene whose P-SOG is a file.
     #[error("the P-SOG is a file; its voxels cannot become {factor} times as large")]
-    FixedVoxels {
-        /// Multiple of the scene's own voxel edge.
-        factor: f64,
-    },
+    FixedVoxels { factor: f64 },
     /// More random placements than are ranked.
     #[error(
         "{random} random placements are more than the {most} that a chart ranks; ask for fewer"
     )]
-    TooMany {
-        /// Number that was given.
-        random: u32,
-        /// The largest number.
-        most: u32,
-    },
+    TooMany { random: u32, most: u32 },
     /// Nothing to rank.
     #[error("there are no placements to rank; give some, or ask for random ones")]
     NoPlacement,
@@ -75,12 +63,7 @@ pub enum ChartError {
         "{scene}: the objective `{objective}` needs a detection target; name its classes under \
          `detection` in the scene"
     )]
-    NoDetection {
-        /// File of the scene.
-        scene: String,
-        /// The objective.
-        objective: String,
-    },
+    NoDetection { scene: String, objective: String },
     /// A reference coarser than the scene.
     #[error(
         "--finest {finest}: is coarser than the scene's own voxels of {edge} m; give at most that"
@@ -96,10 +79,7 @@ pub enum ChartError {
     OtherState,
     /// The timing of a device that was replaced on the way says nothing.
     #[error("{change}")]
-    DeviceLost {
-        /// The device and its replacement, in words.
-        change: String,
-    },
+    DeviceLost { change: String },
 }
 
 impl ChartError {
@@ -127,7 +107,6 @@ impl ChartWorld {
         Self { scene, grids: vec![(1.0, own)], whole: Vec::new() }
     }
 
-    /// The scene.
     pub(super) fn scene(&self) -> &Scene {
         &self.scene
     }

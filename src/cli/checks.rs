@@ -134,16 +134,8 @@ pub fn run_devices(args: &DevicesArgs) -> Result<Exit, RunError> {
         }
         Format::Text => {
             let titles = [
-                "device",
-                "kind",
-                "driver",
-                "max binding",
-                "max workgroup",
-                "self-test",
-                "product + sum",
-                "division",
-                "denormals",
-                "auto",
+                "device", "kind", "driver", "max binding", "max workgroup", "self-test",
+                "product + sum", "division", "denormals", "auto",
             ];
             let mut rows = vec![titles.map(str::to_owned).to_vec()];
             rows.extend(adapters.iter().map(device_row));

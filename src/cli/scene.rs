@@ -58,7 +58,7 @@ pub struct SceneNewArgs {
     talk: Talk,
 }
 
-/// Value of `--kind`.
+/// Value of `--kind`, in the order of [`worlds::WorldKind::ALL`].
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum KindArg {
     /// A street through a town, with side streets
@@ -73,25 +73,13 @@ enum KindArg {
     Town,
 }
 
-impl From<KindArg> for worlds::WorldKind {
-    fn from(kind: KindArg) -> Self {
-        match kind {
-            KindArg::Street => Self::Street,
-            KindArg::Highway => Self::Highway,
-            KindArg::Residential => Self::Residential,
-            KindArg::Yard => Self::Yard,
-            KindArg::Town => Self::Town,
-        }
-    }
-}
-
 fn run_new(args: &SceneNewArgs) -> Result<(), RunError> {
     let (seed, out, terminal) = (args.seed, &args.out, Terminal::new(args.talk));
     match args.triangles {
         Some(count) => new_street(count as usize, seed, args.frames.unwrap_or(4), out, &terminal),
         None => {
             let frames = args.frames.unwrap_or(40) as usize;
-            new_world(args.kind.into(), seed, frames, out, &terminal)
+            new_world(worlds::WorldKind::ALL[args.kind as usize], seed, frames, out, &terminal)
         }
     }
 }

@@ -14,8 +14,8 @@ use crate::vehicle::{PlacementError, SensorError};
 /// Why a job cannot be posed, scored or searched.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum JobError {
-    /// From the scene.
     #[error(transparent)]
     Scene(#[from] DescriptionError),
     /// Rules that the mounts of a scene do not allow.
@@ -27,32 +27,18 @@ pub enum JobError {
          mounts of its own; write `symmetric` or `equal_height` into the vehicle's file, and for --fix the value as \
          `min` and `max` of a mount"
     )]
-    RulesOfVehicle {
-        /// File of the scene.
-        scene: String,
-    },
+    RulesOfVehicle { scene: String },
     /// From the region of interest, or from building the P-SOG.
     #[error(transparent)]
     Grid(#[from] PsogError),
     /// From the P-SOG file that the scene names.
     #[error("{place}: {source}")]
-    Psog {
-        /// The scene and the key in it.
-        place: String,
-        /// Why the file is not read.
-        source: PsogFileError,
-    },
-    /// From the sensor.
+    Psog { place: String, source: PsogFileError },
     #[error(transparent)]
     Sensor(#[from] SensorError),
     /// Scene and P-SOG do not fit together.
     #[error("{files}: {source}")]
-    Problem {
-        /// The scene file, and the P-SOG file if it names one.
-        files: String,
-        /// The mismatch.
-        source: ProblemError,
-    },
+    Problem { files: String, source: ProblemError },
     /// A placement that cannot be scored.
     #[error(transparent)]
     Placement(#[from] PlacementError),
@@ -68,17 +54,11 @@ pub enum JobError {
     /// Pairs of LiDARs that cannot be looked at.
     #[error(transparent)]
     Overlap(#[from] OverlapError),
-    /// From the search.
     #[error(transparent)]
     Search(#[from] SearchError),
     /// A scene that does not fit the others, or the objective.
     #[error("{scene}: {source}")]
-    InScene {
-        /// File of the scene.
-        scene: String,
-        /// The mismatch.
-        source: SearchError,
-    },
+    InScene { scene: String, source: SearchError },
     /// A budget for a scene whose LiDAR has no price.
     #[error(
         "--budget: the scene has one LiDAR and no prices; give a vehicle with --vehicle (in Python load the scene \
@@ -90,19 +70,13 @@ pub enum JobError {
         "{asked}: the vehicle requires nothing; write what it must see under `require` in a vehicle file, and give it \
          with --vehicle"
     )]
-    NothingRequired {
-        /// A question that only makes sense where something is required.
-        asked: &'static str,
-    },
+    NothingRequired { asked: &'static str },
     /// Objectives of a front that cannot be read, or that the vehicle does not have.
     #[error(transparent)]
     Front(#[from] FrontError),
     /// A saved search that was begun with another vehicle or other scenes.
     #[error("{why}")]
-    OtherState {
-        /// The first part that does not fit.
-        why: String,
-    },
+    OtherState { why: String },
 }
 
 impl JobError {

@@ -49,7 +49,6 @@ pub(super) enum Worth {
 pub(super) enum Frames {
     /// This many, spread evenly from the first on; all if `None`.
     Spread(Option<u32>),
-    /// One by its number.
     One(usize),
 }
 

@@ -2,13 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::rules::by_the_rules;
 use super::{Job, JobError};
 use crate::search::{
     Choosing, EquipStep, Equipped, Equipping, Event, Limits, Observer, Outcome, Run, SearchError,
     Settings, State, Suite, TimeLimit,
 };
-use crate::vehicle::{MAX_LIDARS, SensorName, Vehicle};
+use crate::vehicle::{
+    Constraints, MAX_LIDARS, SensorName, Vehicle, random_placements_by_the_rules,
+};
 
 /// Checkpoint of a job's search, beside the job itself: a value that is saved and read again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -216,13 +217,7 @@ impl JobRun<'_> {
                 let deadline = settings.time.as_ref().map(TimeLimit::deadline);
                 let (objective, engine) = (&wanted.settings.objective, &settings.engine);
                 let opened = Equipping::open(
-                    &self.suite,
-                    vehicle,
-                    objective,
-                    limits,
-                    engine,
-                    deadline,
-                    observer,
+                    &self.suite, vehicle, objective, limits, engine, deadline, observer,
                 )?;
                 let Some(opened) = opened else { return Ok(JobStep::Stopped) };
                 none.insert(opened.with_state(wanted.choosing.clone()))
@@ -413,6 +408,32 @@ impl Fewest {
             None => Next::Take(Box::new(found)),
         }
     }
+}
+
+impl Job {
+    /// Checks that some rig keeps the rules of the mounts, before anything is written.
+    ///
+    /// # Errors
+    /// None is found.
+    pub fn check_room(&self) -> Result<(), JobError> {
+        let place = |file: &std::path::PathBuf| file.display().to_string();
+        let found = self.scene().vehicle().rig_by_the_rules();
+        found.map(drop).map_err(|error| JobError::InScene {
+            scene: self.vehicle_file.as_ref().map_or_else(|| self.scenes[0].place(), place),
+            source: error.into(),
+        })
+    }
+}
+
+/// Seed of the random placement that is tried before one is worked out.
+const SEED: u64 = 0;
+
+/// Settings that start from a placement by the rules where hardly any random one keeps them.
+fn by_the_rules(mut settings: Settings, constraints: &Constraints) -> Settings {
+    if random_placements_by_the_rules(constraints, 1, SEED).is_empty() {
+        settings.starts.extend(constraints.placement_by_the_rules());
+    }
+    settings
 }
 
 #[cfg(test)]

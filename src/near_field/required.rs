@@ -101,7 +101,6 @@ impl RequiredGround {
         Some(this)
     }
 
-    /// Words of one frame.
     fn frame_words(&self) -> usize {
         self.cells.len().div_ceil(64)
     }

@@ -159,29 +159,20 @@ pub(super) fn lane_before(footprint: &Footprint, cell: &Cell, side: Side) -> Opt
 /// Why the near field of a scene cannot be looked at.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum NearFieldError {
     /// No triangle of an own body, or a body that is a line from above.
     #[error(
         "{scene}: the own vehicle has no body, from whose outline the near field counts; describe it under \
          `ego.body` in the scene"
     )]
-    NoBody {
-        /// File or name of the scene.
-        scene: String,
-    },
+    NoBody { scene: String },
     /// A body far larger than any vehicle.
     #[error(
         "{scene}: the own vehicle's body is {length:.0} m long or wide, more than {most:.0} m; give `ego.body` \
          in metres"
     )]
-    LargeBody {
-        /// File or name of the scene.
-        scene: String,
-        /// Longer side of the body.
-        length: f64,
-        /// The limit.
-        most: f64,
-    },
+    LargeBody { scene: String, length: f64, most: f64 },
     /// No cell near the body is ground in any frame.
     #[error(
         "{scene}: there is no ground within {within} m of the own vehicle: no surface of a class named {names} \

@@ -10,18 +10,8 @@ use crate::chart::{Chart, Engine, MOST_SWAPPED, Rated, Setting, Skipped};
 
 /// Titles of the printed table.
 const TITLES: [&str; 12] = [
-    "setting",
-    "s a placement",
-    "MiB",
-    "score error %: median",
-    "largest",
-    "Kendall τ",
-    "95 %",
-    "regret %",
-    "95 %",
-    "swapped %",
-    "95 %",
-    "front",
+    "setting", "s a placement", "MiB", "score error %: median", "largest", "Kendall τ", "95 %",
+    "regret %", "95 %", "swapped %", "95 %", "front",
 ];
 
 /// The table of one scene's settings, with sentences on it: the reference, the front and the setting to take, or all

@@ -32,14 +32,7 @@ const GOOD: &str = "#3d8f5f";
 /// beams.
 pub fn near_field_text(all: &[NearField]) -> String {
     let titles = [
-        "placement",
-        "near %",
-        "3 m %",
-        "blind m²",
-        "zone m²",
-        "blind ahead m",
-        "behind",
-        "left",
+        "placement", "near %", "3 m %", "blind m²", "zone m²", "blind ahead m", "behind", "left",
         "right",
     ];
     let standards = Standard::ALL.map(|(_, name)| name.to_owned());

@@ -330,11 +330,7 @@ mod tests {
             hollow: Vec::new(),
         };
         let names = [
-            "without LiDAR 0",
-            "without LiDAR 1",
-            "without LiDAR 2",
-            "all",
-            "after the worst loss",
+            "without LiDAR 0", "without LiDAR 1", "without LiDAR 2", "all", "after the worst loss",
         ];
         let plot = Plot {
             title: "t".repeat(200),

@@ -30,11 +30,7 @@ fn joined(parts: impl IntoIterator<Item = impl ToString>) -> String {
 pub(crate) fn score_titles() -> Cells {
     let mut row: Cells = ScoreColumn::ALL.iter().map(|column| column.key().to_owned()).collect();
     row.extend(titles(&[
-        "near_ring_share",
-        "requirements_met",
-        "requirements",
-        "warnings",
-        "broken_rules",
+        "near_ring_share", "requirements_met", "requirements", "warnings", "broken_rules",
     ]));
     row
 }
@@ -61,15 +57,8 @@ pub(crate) fn score_rows<'a>(
 /// beams on the own body.
 pub fn near_field_csv(all: &[NearField]) -> String {
     let mut rows = vec![titles(&[
-        "placement",
-        "near_field_share",
-        "ring_3m_share",
-        "blind_area_m2",
-        "zone_area_m2",
-        "blind_ahead_m",
-        "blind_behind_m",
-        "blind_left_m",
-        "blind_right_m",
+        "placement", "near_field_share", "ring_3m_share", "blind_area_m2", "zone_area_m2",
+        "blind_ahead_m", "blind_behind_m", "blind_left_m", "blind_right_m",
     ])];
     for (_, name) in Standard::ALL {
         let name = name.replace(' ', "_");
@@ -171,16 +160,8 @@ fn technology_cells(seen: Option<&SeenByTechnologies>) -> [String; 5] {
 /// A row a pair of LiDARs, and one of each with itself: voxels and directions of the sphere that both see.
 pub fn overlap_csv(all: &[Overlap]) -> String {
     let mut rows = vec![titles(&[
-        "scene",
-        "placement",
-        "lidar",
-        "other",
-        "model",
-        "other_model",
-        "shared_voxels",
-        "overlap",
-        "shared_sphere_share",
-        "all_connected",
+        "scene", "placement", "lidar", "other", "model", "other_model", "shared_voxels", "overlap",
+        "shared_sphere_share", "all_connected",
     ])];
     for of in all {
         for a in 0..of.lidars.len() {
@@ -223,17 +204,8 @@ pub fn sweep_csv(all: &[Sweep]) -> String {
 /// requirements as it is, a row first that names them: the others leave them out.
 pub fn room_csv(all: &[Room]) -> String {
     let mut rows = vec![titles(&[
-        "placement",
-        "lidar",
-        "field",
-        "unit",
-        "minus_holds_to",
-        "minus_breaks_at",
-        "minus_breaks",
-        "plus_holds_to",
-        "plus_breaks_at",
-        "plus_breaks",
-        "missed_as_it_is",
+        "placement", "lidar", "field", "unit", "minus_holds_to", "minus_breaks_at", "minus_breaks",
+        "plus_holds_to", "plus_breaks_at", "plus_breaks", "missed_as_it_is",
     ])];
     let width = rows[0].len();
     for room in all {

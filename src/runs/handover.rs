@@ -194,23 +194,8 @@ const OF_PRICE: i32 = 9;
 /// A line a LiDAR: number, mount, model, position in metres and millimetres, angles in radians and degrees.
 fn poses(rig: &HandoverRig) -> String {
     let titles = [
-        "lidar",
-        "mount",
-        "model",
-        "x_m",
-        "y_m",
-        "z_m",
-        "x_mm",
-        "y_mm",
-        "z_mm",
-        "roll_rad",
-        "pitch_rad",
-        "yaw_rad",
-        "roll_deg",
-        "pitch_deg",
-        "yaw_deg",
-        "phase_rad",
-        "phase_deg",
+        "lidar", "mount", "model", "x_m", "y_m", "z_m", "x_mm", "y_mm", "z_mm", "roll_rad",
+        "pitch_rad", "yaw_rad", "roll_deg", "pitch_deg", "yaw_deg", "phase_rad", "phase_deg",
     ];
     let mut rows = vec![titles.map(str::to_owned).to_vec()];
     for (k, pose) in rig.placement.lidars.iter().enumerate() {
@@ -337,12 +322,7 @@ mod tests {
             assert!(is_mask(mask), "{mask}");
         }
         for other in [
-            "mask-16.csv",
-            "mask-03.csv",
-            "mask-a.png",
-            "mask-1-.png",
-            "mask-1.txt",
-            "mask.csv",
+            "mask-16.csv", "mask-03.csv", "mask-a.png", "mask-1-.png", "mask-1.txt", "mask.csv",
             "my-mask-1.csv",
         ] {
             assert!(!is_mask(other), "{other}");

@@ -64,32 +64,20 @@ pub struct Objective {
 /// Why a text is no objective.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum ObjectiveError {
     /// No score of that name.
     #[error(
         "`{name}` is no score; {}there are {known}; all but {} also with `detection.` before them",
         nearest.as_ref().map(|near| format!("did you mean `{near}`? ")).unwrap_or_default(), OF_NO_TASK.join(", ")
     )]
-    UnknownMetric {
-        /// Text as given.
-        name: String,
-        /// The most similar name, if one is similar.
-        nearest: Option<String>,
-        /// All names.
-        known: String,
-    },
+    UnknownMetric { name: String, nearest: Option<String>, known: String },
     /// A score of all classes together, asked of detection.
     #[error("`{DETECTION}{name}`: {name} is of all classes together; write `{name}`")]
-    OfNoTask {
-        /// Without `detection.`.
-        name: &'static str,
-    },
+    OfNoTask { name: &'static str },
     /// A factor that is no finite number.
     #[error("`{weight}` is no weight; write a finite number before the `*`, as in `0.5*m_sog`")]
-    BadWeight {
-        /// Text as given.
-        weight: String,
-    },
+    BadWeight { weight: String },
 }
 
 impl Default for Objective {

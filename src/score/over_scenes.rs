@@ -96,8 +96,6 @@ impl Scores {
             near_gain,
             near_gain_2,
             near_gain_3,
-            near_field: None,
-            near_ring: None,
             entropy_sum: segmentation.information_gain,
             covered: plain(|scores| scores.covered),
             covered_nonzero: plain(|scores| scores.covered_nonzero),
@@ -107,11 +105,9 @@ impl Scores {
             detection,
             unique_share: (0..first.unique_share.len()).map(unique).collect(),
             required: required(scenes),
-            requirements_hold_in: None,
-            range_card: None,
-            car_missing: None,
             guards: guards(scenes),
             broken_rules: first.broken_rules.clone(),
+            ..Self::default()
         }
     }
 }

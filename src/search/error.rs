@@ -8,14 +8,12 @@ use crate::vehicle::{NoRoom, PoseGridError};
 /// Why a search cannot begin or go on.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum SearchError {
-    /// From evaluating.
     #[error(transparent)]
     Backend(#[from] BackendError),
-    /// From the CMA-ES.
     #[error(transparent)]
     Cma(#[from] CmaError),
-    /// From the grid of poses.
     #[error(transparent)]
     Grid(#[from] PoseGridError),
     /// No rig that keeps the rules of the mounts.
@@ -26,32 +24,19 @@ pub enum SearchError {
         "--budget: {budget} is below the cheapest rig of this vehicle, which costs {least}; raise it, or lower \
          `count` of the vehicle's mounts or `price` of its sensors"
     )]
-    Budget {
-        /// Text as given.
-        budget: f64,
-        /// Price of the cheapest equipment.
-        least: f64,
-    },
+    Budget { budget: f64, least: f64 },
     /// Equipment is chosen by a sum over voxels only.
     #[error(
         "models and numbers of sensors are chosen by near_gain, near_gain_2, near_gain_3 or information_gain, not by \
          `{objective}`: only a gain grows with every sensor; leave --objective out, or give each mount one model and one count"
     )]
-    NotForEquipment {
-        /// The objective.
-        objective: String,
-    },
+    NotForEquipment { objective: String },
     /// Swaps over every pose of a grid that has too many.
     #[error(
         "--method swaps: the grid has {poses} sensor poses, and the bitmaps of {room} fit into memory; raise --memory, \
          widen --delta, or take --method both"
     )]
-    WholeGrid {
-        /// Poses of the grid.
-        poses: u64,
-        /// Poses whose bitmaps fit.
-        room: u64,
-    },
+    WholeGrid { poses: u64, room: u64 },
     /// A suite without a scene.
     #[error("there is no scene to search over; give one at least")]
     NoScene,
@@ -60,49 +45,25 @@ pub enum SearchError {
         "the scene `{name}` has another LiDAR than `{first}`; give all scenes of a run the same `lidar`, or \
          run them one by one"
     )]
-    OtherLidar {
-        /// Number of the scene, from 0.
-        scene: usize,
-        /// Its name.
-        name: String,
-        /// Name of the first scene.
-        first: String,
-    },
+    OtherLidar { scene: usize, name: String, first: String },
     /// A scene with other rules of the mount than the first.
     #[error(
         "the scene `{name}` has another mount than `{first}`; give all scenes of a run the same `mount`, or \
          run them one by one"
     )]
-    OtherMount {
-        /// Number of the scene, from 0.
-        scene: usize,
-        /// Its name.
-        name: String,
-        /// Name of the first scene.
-        first: String,
-    },
+    OtherMount { scene: usize, name: String, first: String },
     /// One of several scenes whose P-SOG tells nothing: no gain is a share of it.
     #[error(
         "the scene `{name}` has a P-SOG in which nothing is uncertain, so that no gain is a share of it; leave \
          it out, or give it frames in which something moves"
     )]
-    NothingUncertain {
-        /// Number of the scene, from 0.
-        scene: usize,
-        /// Its name.
-        name: String,
-    },
+    NothingUncertain { scene: usize, name: String },
     /// An objective of a task that the scene does not have.
     #[error(
         "the objective `{objective}` needs a detection target; name its classes under `detection` in the \
          scene"
     )]
-    NoDetection {
-        /// The objective.
-        objective: String,
-        /// Number of the scene, from 0.
-        scene: usize,
-    },
+    NoDetection { objective: String, scene: usize },
 }
 
 impl SearchError {

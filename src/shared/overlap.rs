@@ -16,26 +16,19 @@ pub const LEAST_SHARED: u64 = 500;
 /// Why pairs of a placement cannot be looked at.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum OverlapError {
     /// Fewer than two LiDARs.
     #[error(
         "placement `{placement}`: has {count} LiDAR(s), and overlap is between two; add a second LiDAR"
     )]
-    OneLidar {
-        /// Name of the placement.
-        placement: String,
-        /// Its LiDARs.
-        count: usize,
-    },
+    OneLidar { placement: String, count: usize },
     /// Beams that end at no surface.
     #[error(
         "{scene}: beams end at nothing, so that no two LiDARs have a surface in common; give the scene geometry and \
          \"coverage\": \"first-hit\""
     )]
-    NoHits {
-        /// File of the scene, or its name.
-        scene: String,
-    },
+    NoHits { scene: String },
     /// Casting failed.
     #[error(transparent)]
     Backend(#[from] BackendError),

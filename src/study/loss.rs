@@ -145,7 +145,7 @@ impl Losses {
         let (whole, mut left) = (scene.score(evaluator, rig)?, scene.scores(evaluator, &without)?);
         left.iter_mut().for_each(|scores| scores.required.iter_mut().for_each(as_it_is));
         let all: Vec<Placement> = std::iter::once(rig).chain(&without).cloned().collect();
-        let cards = scene.range_cards(scene.job(), &all)?;
+        let cards = scene.range_cards(&scene.job, &all)?;
         let (known, cards) = match cards.split_first() {
             Some((whole, cards)) => (&whole.blind[..], cards),
             None => (&[][..], &[][..]),

@@ -20,7 +20,6 @@ const PUBLISHED: [(&str, f64, f64, f64); 8] = [
     ("Ours", 71.1, 53.4, 30.0),
 ];
 
-/// A score by name.
 type ComparedScore = (&'static str, fn(&Scores) -> Option<f64>);
 
 /// Every score that is compared with the published results.

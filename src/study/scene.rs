@@ -19,7 +19,7 @@ use crate::vehicle::{Constraints, Placement, Sensors, table_7, table_7_held_by};
 
 /// The job that all cases of a study in one scene vary.
 pub(super) struct StudyScene<'a> {
-    job: Job,
+    pub(super) job: Job,
     pub(super) scene: &'a Scene,
     pub(super) settings: &'a StudySettings,
     /// Own rigs; without any the layouts of Table 7 for the paper's car (one model, a mount that holds them).
@@ -65,11 +65,6 @@ impl<'a> StudyScene<'a> {
     /// The scene's file, or its name where it was read from none.
     pub(super) fn place(&self) -> String {
         self.job.scenes()[0].place()
-    }
-
-    /// The job that cases vary.
-    pub(super) fn job(&self) -> &Job {
-        &self.job
     }
 
     /// Title of a study of this scene, with its frames and the weather that it is made in.

@@ -214,7 +214,6 @@ pub(super) fn shown_objective(objective: &Objective) -> (String, f64) {
     }
 }
 
-/// Values of [`SCORES`].
 pub(super) fn values(scores: &Scores) -> Vec<Option<f64>> {
     vec![
         scores.segmentation.information_gain_share.map(|v| 100.0 * v),

@@ -9,15 +9,13 @@
 //! |---|---|
 //! | `beams` | beams of a placement on targets |
 //! | `card` | the range card, and blind sectors |
-//! | `counting` | requirements that no place or cell counts for |
 //! | `places` | where in a scene a target can stand |
-//! | `reach` | rules on targets that no rig on some poses meets |
+//! | `reach` | rules on targets that no rig on some poses meets, or that no place or cell counts for |
 //! | `rules` | rules on targets, near ground and overlap, and how far they are met |
 //! | `table` | the study: beams by distance and bearing, the range of first detection |
 
 mod beams;
 mod card;
-mod counting;
 mod places;
 mod reach;
 mod rules;
@@ -25,9 +23,8 @@ mod table;
 
 pub use beams::{PlacedTarget, Receiving, TargetSite};
 pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges, card_bearings};
-pub(crate) use counting::check_counting;
 pub use places::{CAR_WEIGHT, GroundBelow, Sight, SightBeams};
-pub(crate) use reach::MountPoses;
+pub(crate) use reach::{MountPoses, check_counting};
 pub use rules::RuleMet;
 pub use table::{Detection, TargetQuestion, TargetRow, TargetTable, is_bearing, is_distance};
 

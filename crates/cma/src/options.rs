@@ -108,60 +108,29 @@ pub(crate) const MOST_COUNTED: u64 = 1 << 53;
 /// Bad input: the search cannot start, or cannot go on.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum CmaError {
     /// A number that must be finite, or positive.
     #[error("{name} = {value} is not usable; give a finite {name}{}", positive(.name))]
-    BadNumber {
-        /// Setting or vector that holds the number.
-        name: &'static str,
-        /// The number.
-        value: f64,
-    },
+    BadNumber { name: &'static str, value: f64 },
     /// A vector of another length than the mean.
     #[error("{name} has {got} entries, the mean has {want}; give one for each variable")]
-    WrongLength {
-        /// List of the wrong length.
-        name: &'static str,
-        /// Entries given.
-        got: usize,
-        /// Entries needed.
-        want: usize,
-    },
+    WrongLength { name: &'static str, got: usize, want: usize },
     /// Candidates, ranks or costs that are not one for each candidate of the generation.
     #[error("{got} {name} were told of a generation of {want}; tell one for each candidate asked")]
-    WrongCount {
-        /// List of the wrong length.
-        name: &'static str,
-        /// Entries given.
-        got: usize,
-        /// Entries needed.
-        want: usize,
-    },
+    WrongCount { name: &'static str, got: usize, want: usize },
     /// Bounds out of order, or not finite.
     #[error("bounds {lower} to {upper} of variable {index} are not in order")]
-    BadBounds {
-        /// Variable, from 0.
-        index: usize,
-        /// Lower bound.
-        lower: f64,
-        /// Upper bound.
-        upper: f64,
-    },
+    BadBounds { index: usize, lower: f64, upper: f64 },
     /// No variable, or none with width.
     #[error("there is nothing to search: no variable has room to vary")]
     NoVariable,
     /// A saved search whose parts do not belong together.
     #[error("the saved search cannot be gone on with: {what}")]
-    BadState {
-        /// The fault.
-        what: &'static str,
-    },
+    BadState { what: &'static str },
     /// Too few or too many candidates.
     #[error("a population of {population} is not usable; take 2 to {MAX_POPULATION}")]
-    BadPopulation {
-        /// Text as given.
-        population: usize,
-    },
+    BadPopulation { population: usize },
 }
 
 /// Addition to the mend of numbers that must also be positive.

@@ -18,7 +18,6 @@ pub(super) struct SearchDistribution {
     /// Mean m.
     #[serde(deserialize_with = "read_vector")]
     pub(super) mean: DVector<f64>,
-    /// Step size σ.
     pub(super) step_size: f64,
     /// Covariance matrix C.
     #[serde(deserialize_with = "read_matrix")]

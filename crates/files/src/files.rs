@@ -32,29 +32,17 @@ pub use whole::{
 /// Why a file or folder cannot be read, written or gone on with.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum FileError {
     /// The operating system says why.
     #[error("{}: {source}", path.display())]
-    Io {
-        /// File or folder.
-        path: PathBuf,
-        /// From the operating system.
-        source: std::io::Error,
-    },
+    Io { path: PathBuf, source: std::io::Error },
     /// The disk is full.
     #[error("{}: the disk is full; make room and run again", path.display())]
-    Full {
-        /// File that did not fit.
-        path: PathBuf,
-    },
+    Full { path: PathBuf },
     /// JSON of another form than expected.
     #[error("{}: {source}", path.display())]
-    Json {
-        /// File.
-        path: PathBuf,
-        /// Where and why.
-        source: serde_json::Error,
-    },
+    Json { path: PathBuf, source: serde_json::Error },
     /// A file or folder that must not be used so; the sentence names it and the mend.
     #[error("{0}")]
     Refused(String),

@@ -38,6 +38,7 @@ pub use reference::ReferenceBackend;
 /// Why a batch could not be evaluated.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum BackendError {
     /// One placement alone needs more than is allowed.
     #[error(
@@ -57,31 +58,16 @@ pub enum BackendError {
     OutOfMemory(#[from] OutOfMemory),
     /// No Vulkan device, or none with the requested name.
     #[error("no Vulkan device{}; install a driver or use --backend cpu", named(.name))]
-    NoDevice {
-        /// Requested name, if any.
-        name: Option<String>,
-    },
+    NoDevice { name: Option<String> },
     /// The device refused a request or failed at it.
     #[error("the device `{adapter}` failed at {stage}: {message}; try --backend cpu")]
-    Device {
-        /// Adapter as reported.
-        adapter: String,
-        /// Step that failed, such as "being opened".
-        stage: &'static str,
-        /// From the driver.
-        message: String,
-    },
+    Device { adapter: String, stage: &'static str, message: String },
     /// A sensor of a model that the vehicle does not have.
     #[error(transparent)]
     UnknownSensor(#[from] UnknownSensor),
     /// A frame that the task does not have.
     #[error("frame {frame} does not exist; there are {frames}, counted from 0")]
-    NoFrame {
-        /// Asked for.
-        frame: usize,
-        /// Frames of the task.
-        frames: usize,
-    },
+    NoFrame { frame: usize, frames: usize },
 }
 
 fn named(name: &Option<String>) -> String {

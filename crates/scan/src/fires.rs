@@ -41,7 +41,6 @@ pub(super) struct BeamPlace {
     pub beam: usize,
     pub channel: usize,
     pub column: usize,
-    /// Number of the firing.
     pub firing: usize,
     /// Number in the order in which beams fire.
     pub fired: usize,
@@ -96,7 +95,6 @@ impl Fires {
         firing * self.size
     }
 
-    /// Beams of a firing.
     pub fn together(&self, firing: usize) -> impl Iterator<Item = BeamPlace> + use<> {
         let (first, beams) = (self.before(firing), self.columns * self.channels);
         let (columns, in_grid) = (self.columns, self.azimuths.is_some());

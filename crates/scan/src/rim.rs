@@ -195,7 +195,6 @@ pub(super) fn rays_of(model: &SensorModel, fires: &Fires) -> Vec<Rays> {
     firings.flat_map_iter(|firing| fires.together(firing).map(rays)).collect()
 }
 
-/// The ray of a lane.
 pub(super) fn lane(rays: &Rays, lane: usize) -> [f32; 3] {
     [rays[0][lane], rays[1][lane], rays[2][lane]]
 }

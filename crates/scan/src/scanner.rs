@@ -357,23 +357,16 @@ impl<'a> Scanner<'a> {
 /// Why a scene cannot be scanned.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum ScanError {
     /// There is nothing to scan.
     #[error("the scene `{scene}` has no geometry; a scan needs `static`, `actors` or a body")]
-    NoGeometry {
-        /// Name of the scene.
-        scene: String,
-    },
+    NoGeometry { scene: String },
     /// Instances are numbers of 16 bits.
     #[error(
         "the scene `{scene}` has {actors} actors, a scan tells at most 65534 apart; leave some out"
     )]
-    TooManyActors {
-        /// Name of the scene.
-        scene: String,
-        /// Actors that it has.
-        actors: usize,
-    },
+    TooManyActors { scene: String, actors: usize },
     /// A sensor of a model that the vehicle does not have.
     #[error(transparent)]
     UnknownSensor(#[from] UnknownSensor),
@@ -385,10 +378,7 @@ pub enum ScanError {
         "the condition `{condition}` acts on beams, of which an ideal scan has the geometry alone; leave out one \
          of the two"
     )]
-    Ideal {
-        /// Text as written.
-        condition: String,
-    },
+    Ideal { condition: String },
     /// Conditions that do not go together.
     #[error(transparent)]
     Condition(#[from] ConditionError),

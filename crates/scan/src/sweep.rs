@@ -62,7 +62,6 @@ impl FiredBeams {
     }
 }
 
-/// The station of a firing, of one each or one for all.
 fn station(stations: &[Station], firing: usize) -> &Station {
     &stations[firing.min(stations.len() - 1)]
 }

@@ -27,16 +27,14 @@ const HALVINGS: usize = 20;
 /// Why scores cannot be computed under conditions.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum VisibilityError {
     /// Beams that end at nothing send nothing back.
     #[error(
         "the scene `{scene}` has no geometry that ends beams (coverage `through`); conditions need \
          `\"coverage\": \"first-hit\"`"
     )]
-    Through {
-        /// Name of the scene.
-        scene: String,
-    },
+    Through { scene: String },
     /// Conditions that do not go together.
     #[error(transparent)]
     Condition(#[from] conditions::ConditionError),

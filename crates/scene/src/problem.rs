@@ -18,40 +18,26 @@ pub use lidar_cast::task::{
 /// Error of parts that make no problem.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum ProblemError {
     /// The P-SOG and the scene do not describe the same voxels.
     #[error(
         "the P-SOG has {psog} and the scene's roi {scene}; build the P-SOG with the same roi or \
          correct the roi"
     )]
-    GridMismatch {
-        /// Grid of the P-SOG in words.
-        psog: String,
-        /// Grid of the scene in words.
-        scene: String,
-    },
+    GridMismatch { psog: String, scene: String },
     /// A part of space that must be seen has no voxel.
     #[error(
         "require[{index}]: `{name}` holds no voxel of the scene's roi, so that no share of it can be seen; move it \
          into the roi, or take less of it away with `without`"
     )]
-    EmptyArea {
-        /// Position in the vehicle's `require`.
-        index: usize,
-        /// Name on the vehicle.
-        name: String,
-    },
+    EmptyArea { index: usize, name: String },
     /// A target must be met at places that all lie in the own body.
     #[error(
         "require[{index}]: every place of `{name}` lies in the own body, so that no share of them can be seen; raise \
          `within` beyond the body, or turn `bearing`"
     )]
-    NoPlace {
-        /// Position in the vehicle's `require`.
-        index: usize,
-        /// Name on the vehicle.
-        name: String,
-    },
+    NoPlace { index: usize, name: String },
     /// Ground must be seen nearer to the own body than the middle of any cell.
     #[error(
         "require[{index}].{key}: `{name}` holds no cell of ground, so that no share of it can be seen: cells are 0.25 m \
@@ -72,12 +58,7 @@ pub enum ProblemError {
         "require[{index}].blind_zone: no lane of `{name}` lies before the own body, which is narrower there than the \
          0.25 m of a lane; leave it out of `require`, or correct the body"
     )]
-    NoLane {
-        /// Position in the vehicle's `require`.
-        index: usize,
-        /// Name on the vehicle.
-        name: String,
-    },
+    NoLane { index: usize, name: String },
     /// Ground must be seen around a body far larger than any vehicle.
     #[error(
         "the vehicle requires `{name}`, and its body is {length:.0} m long or wide, more than the {most:.0} m around \
@@ -96,20 +77,12 @@ pub enum ProblemError {
         "the vehicle requires `{name}`, and beams end at nothing in this scene; give the scene geometry and \
          \"coverage\": \"first-hit\", or leave `{name}` out of `require`"
     )]
-    TargetWithoutHits {
-        /// Name of the first rule that needs hits.
-        name: String,
-    },
+    TargetWithoutHits { name: String },
     /// Ground must be seen where there is no own body, or no ground.
     #[error(
         "the vehicle requires `{name}`, and the scene has no {lacks}; give it one, or leave the ground out of `require`"
     )]
-    GroundWithout {
-        /// Name of the first rule on the ground.
-        name: String,
-        /// Missing part of the scene.
-        lacks: &'static str,
-    },
+    GroundWithout { name: String, lacks: &'static str },
     /// The trees do not fit into memory.
     #[error(transparent)]
     OutOfMemory(#[from] OutOfMemory),

@@ -8,7 +8,6 @@
 
 mod classes;
 pub(crate) mod description;
-mod dictionary;
 mod doubts;
 mod parts;
 mod polygon;

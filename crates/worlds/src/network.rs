@@ -47,7 +47,6 @@ impl Line {
         other.points.iter().for_each(|&p| self.push(p));
     }
 
-    /// The points.
     pub fn points(&self) -> &[DVec3] {
         &self.points
     }
@@ -361,7 +360,6 @@ impl Model {
         }
     }
 
-    /// A block on a plot.
     pub fn block(&mut self, plot: &GroundRect, z: [f64; 2], class: u16) {
         self.prism(&plot.corners(), z, class);
     }

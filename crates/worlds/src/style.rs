@@ -39,13 +39,31 @@ impl WorldKind {
         }
     }
 
+    /// Each row has a number for each kind, in the order of [`Self::ALL`].
     pub(crate) fn style(self) -> Style {
-        match self {
-            Self::Street => STREET,
-            Self::Highway => HIGHWAY,
-            Self::Residential => RESIDENTIAL,
-            Self::Yard => YARD,
-            Self::Town => TOWN,
+        let kind = self as usize;
+        let house = House {
+            width: [[8.0, 20.0], [18.0, 40.0], [8.0, 13.0], [20.0, 45.0], [10.0, 24.0]][kind],
+            depth: [[8.0, 15.0], [12.0, 25.0], [7.0, 11.0], [15.0, 30.0], [9.0, 16.0]][kind],
+            storeys: [[1, 5], [1, 4], [1, 2], [2, 3], [2, 7]][kind],
+            setback: [[0.5, 6.0], [18.0, 35.0], [4.0, 8.0], [5.0, 11.0], [0.2, 2.5]][kind],
+            gap: [[0.0, 9.0], [15.0, 60.0], [4.0, 12.0], [6.0, 22.0], [0.0, 5.0]][kind],
+            pitched: [0.5, 0.2, 0.9, 0.35, 0.3][kind],
+            built: [0.88, 0.4, 0.95, 0.75, 0.93][kind],
+        };
+        Style {
+            house,
+            trees: [16.0, 18.0, 20.0, 60.0, 14.0][kind],
+            lamps: [28.0, 50.0, 35.0, 40.0, 28.0][kind],
+            hedges: [0.2, 0.0, 0.45, 0.0, 0.05][kind],
+            fences: [0.15, 0.0, 0.35, 0.3, 0.05][kind],
+            parked: [0.6, 0.0, 0.4, 0.5, 0.7][kind],
+            heavy: [0.15, 0.3, 0.08, 0.7, 0.15][kind],
+            vehicles: [20, 40, 9, 8, 26][kind],
+            bicycles: [4, 0, 3, 1, 5][kind],
+            pedestrians: [14, 0, 9, 8, 24][kind],
+            speed: [[9.0, 14.0], [22.0, 33.0], [6.0, 9.0], [3.5, 6.0], [7.0, 12.0]][kind],
+            goods: [false, false, false, true, false][kind],
         }
     }
 }
@@ -86,119 +104,6 @@ pub struct House {
     /// Share of plots that are built on.
     pub built: f64,
 }
-
-const TOWN: Style = Style {
-    house: House {
-        width: [10.0, 24.0],
-        depth: [9.0, 16.0],
-        storeys: [2, 7],
-        setback: [0.2, 2.5],
-        gap: [0.0, 5.0],
-        pitched: 0.3,
-        built: 0.93,
-    },
-    trees: 14.0,
-    lamps: 28.0,
-    hedges: 0.05,
-    fences: 0.05,
-    parked: 0.7,
-    heavy: 0.15,
-    vehicles: 26,
-    bicycles: 5,
-    pedestrians: 24,
-    speed: [7.0, 12.0],
-    goods: false,
-};
-
-const STREET: Style = Style {
-    house: House {
-        width: [8.0, 20.0],
-        depth: [8.0, 15.0],
-        storeys: [1, 5],
-        setback: [0.5, 6.0],
-        gap: [0.0, 9.0],
-        pitched: 0.5,
-        built: 0.88,
-    },
-    trees: 16.0,
-    hedges: 0.2,
-    fences: 0.15,
-    parked: 0.6,
-    vehicles: 20,
-    bicycles: 4,
-    pedestrians: 14,
-    speed: [9.0, 14.0],
-    ..TOWN
-};
-
-const RESIDENTIAL: Style = Style {
-    house: House {
-        width: [8.0, 13.0],
-        depth: [7.0, 11.0],
-        storeys: [1, 2],
-        setback: [4.0, 8.0],
-        gap: [4.0, 12.0],
-        pitched: 0.9,
-        built: 0.95,
-    },
-    trees: 20.0,
-    lamps: 35.0,
-    hedges: 0.45,
-    fences: 0.35,
-    parked: 0.4,
-    heavy: 0.08,
-    vehicles: 9,
-    bicycles: 3,
-    pedestrians: 9,
-    speed: [6.0, 9.0],
-    goods: false,
-};
-
-const HIGHWAY: Style = Style {
-    house: House {
-        width: [18.0, 40.0],
-        depth: [12.0, 25.0],
-        storeys: [1, 4],
-        setback: [18.0, 35.0],
-        gap: [15.0, 60.0],
-        pitched: 0.2,
-        built: 0.4,
-    },
-    trees: 18.0,
-    lamps: 50.0,
-    hedges: 0.0,
-    fences: 0.0,
-    parked: 0.0,
-    heavy: 0.3,
-    vehicles: 40,
-    bicycles: 0,
-    pedestrians: 0,
-    speed: [22.0, 33.0],
-    goods: false,
-};
-
-const YARD: Style = Style {
-    house: House {
-        width: [20.0, 45.0],
-        depth: [15.0, 30.0],
-        storeys: [2, 3],
-        setback: [5.0, 11.0],
-        gap: [6.0, 22.0],
-        pitched: 0.35,
-        built: 0.75,
-    },
-    trees: 60.0,
-    lamps: 40.0,
-    hedges: 0.0,
-    fences: 0.3,
-    parked: 0.5,
-    heavy: 0.7,
-    vehicles: 8,
-    bicycles: 1,
-    pedestrians: 8,
-    speed: [3.5, 6.0],
-    goods: true,
-};
 
 /// Metres between the points of a generated line.
 const STEP: f64 = 2.0;

@@ -280,65 +280,31 @@ fn no_way(wanted: f64, longest: f64) -> String {
 /// Why a world could not be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum WorldError {
     /// The file cannot be read as OpenDRIVE.
     #[error("{file}: {source}; give an OpenDRIVE document with at least one road")]
-    OpenDrive {
-        /// Name of the file.
-        file: String,
-        /// Error of the OpenDRIVE reader.
-        source: Box<xodr::ImportError>,
-    },
+    OpenDrive { file: String, source: Box<xodr::ImportError> },
     /// The XML is too deep or too wide to be read.
     #[error("{file}: {what}")]
-    Xml {
-        /// Name of the file.
-        file: String,
-        /// The line, the limit, and a remedy.
-        what: String,
-    },
+    Xml { file: String, what: String },
     /// An element of the document that cannot be read.
     #[error("{file}: {place} {what}")]
-    Element {
-        /// Name of the file.
-        file: String,
-        /// Line, road or junction, and element.
-        place: String,
-        /// The fault, and a remedy.
-        what: String,
-    },
+    Element { file: String, place: String, what: String },
     /// A part of the map that would be missing.
     #[error("{file}: {what}; correct it, or take it out of the map")]
-    Part {
-        /// Name of the file.
-        file: String,
-        /// Fault of the part, from the reader.
-        what: String,
-    },
+    Part { file: String, what: String },
     /// The file cannot be read at all.
     #[error("{file}: {source}; give an OpenDRIVE file (.xodr)")]
-    File {
-        /// Name of the file.
-        file: String,
-        /// Error of the operating system.
-        source: std::io::Error,
-    },
-    /// A compressed file.
+    File { file: String, source: std::io::Error },
     #[error("{file}: is compressed; unpack it first: gunzip --keep {file}")]
-    Compressed {
-        /// Name of the file.
-        file: String,
-    },
+    Compressed { file: String },
     /// No lane in which a vehicle may drive.
     #[error("{file}: has no lane of the type `driving`; the ego vehicle needs one to drive on")]
-    NoLane {
-        /// Name of the file.
-        file: String,
-    },
+    NoLane { file: String },
     /// No way long enough for the ego.
     #[error("{file}: {}; ask for fewer frames or give a larger network", no_way(*wanted, *longest))]
     NoWay {
-        /// Name of the file.
         file: String,
         /// Metres that the ego drives.
         wanted: f64,
@@ -350,16 +316,7 @@ pub enum WorldError {
         "{file}: the {what} are {value}, a world holds at most {most}; cut a region out of the map, \
          and move it to the origin"
     )]
-    TooLarge {
-        /// Name of the file.
-        file: String,
-        /// Quantity that exceeds the limit, in words.
-        what: &'static str,
-        /// How much there is.
-        value: f64,
-        /// The limit.
-        most: f64,
-    },
+    TooLarge { file: String, what: &'static str, value: f64, most: f64 },
     /// Lanes whose points lie on one another.
     #[error(
         "{file}: {count} points of its lanes lie within 4 m of x = {}, y = {}, at most {most} are read; correct the \
@@ -367,7 +324,6 @@ pub enum WorldError {
         place[0], place[1]
     )]
     TooDense {
-        /// Name of the file.
         file: String,
         /// Number of points.
         count: f64,
@@ -378,12 +334,7 @@ pub enum WorldError {
     },
     /// A file larger than any map.
     #[error("{file}: is larger than {most} MiB; cut a region out of the map")]
-    FileTooLarge {
-        /// Name of the file.
-        file: String,
-        /// The limit in MiB.
-        most: u64,
-    },
+    FileTooLarge { file: String, most: u64 },
 }
 
 impl GeneratedWorld {

@@ -32,33 +32,23 @@ pub enum FrontObjective {
 /// Why a text names no objectives of a front.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum FrontError {
     /// A number of objectives that no front has.
     #[error(
         "--front: has {count} objective(s); name two or three of {PRICE}, {SENSORS}, {REQUIREMENTS} and the scores of \
          --objective, as in `price,near_gain`"
     )]
-    Count {
-        /// Names given.
-        count: usize,
-    },
+    Count { count: usize },
     /// An objective that is named twice.
     #[error("--front: `{name}` is named twice; take one of them out")]
-    Repeated {
-        /// Its name.
-        name: String,
-    },
+    Repeated { name: String },
     /// No objective of that name.
     #[error(
         "--front: `{name}` is no objective; there are {PRICE}, {SENSORS}, {REQUIREMENTS} (or {TARGETS}), and the scores \
          {scores}"
     )]
-    Unknown {
-        /// Text as given.
-        name: String,
-        /// Names of all scores.
-        scores: String,
-    },
+    Unknown { name: String, scores: String },
     /// A weighted sum that cannot be read.
     #[error("--front: {0}")]
     Score(ObjectiveError),
@@ -73,19 +63,13 @@ pub enum FrontError {
         "--front: no sensor of `{vehicle}` has a {PRICE}; write `price` beside each in the vehicle file, or name \
          {SENSORS}, {REQUIREMENTS} or a score instead"
     )]
-    NoPrices {
-        /// Name of the vehicle.
-        vehicle: String,
-    },
+    NoPrices { vehicle: String },
     /// Requirements where there are none.
     #[error(
         "--front: `{vehicle}` requires nothing; write what it must see under `require` in the vehicle file, or name \
          {PRICE}, {SENSORS} or a score instead of {REQUIREMENTS}"
     )]
-    NothingRequired {
-        /// Name of the vehicle.
-        vehicle: String,
-    },
+    NothingRequired { vehicle: String },
 }
 
 impl FrontObjective {

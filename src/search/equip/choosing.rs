@@ -1,13 +1,10 @@
 //! The search for equipment on one coarse grid over all models and mounts, and how far it is.
 
 mod candidates;
-mod limits;
-
-pub use limits::Limits;
 
 use serde::{Deserialize, Serialize};
 
-use super::equipped::Equipped;
+use super::equipped::{Equipped, Limits};
 use crate::engine::{BackendError, EngineChoice};
 use crate::score::Objective;
 use crate::search::atlases::Atlases;

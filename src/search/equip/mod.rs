@@ -9,8 +9,8 @@ mod choosing;
 mod equipped;
 
 pub(crate) use choosing::REQUIRED;
-pub use choosing::{Choosing, EquipStep, Limits};
-pub use equipped::{Equipped, PLAIN};
+pub use choosing::{Choosing, EquipStep};
+pub use equipped::{Equipped, Limits, PLAIN};
 
 use choosing::{Equip, FRAMES, Opened};
 

@@ -225,13 +225,7 @@ mod tests {
         let within = folder.join("in.bin");
         let within = within.to_str().unwrap();
         for right in [
-            "in.bin",
-            "./in.bin",
-            "sub/in.bin",
-            "sub/../in.bin",
-            "../mesh/in.bin",
-            "no.bin",
-            within,
+            "in.bin", "./in.bin", "sub/in.bin", "sub/../in.bin", "../mesh/in.bin", "no.bin", within,
         ] {
             assert_eq!(stays_inside(&folder, right).unwrap(), folder.join(right));
         }

@@ -176,164 +176,73 @@ pub fn range(at: &Location, value: f64) -> Result<f64, DescriptionError> {
 /// Every message is one sentence with the file, the place in it, the value and the mend.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum DescriptionError {
     /// A file could not be opened or read.
     #[error("{file}: cannot be read: {source}")]
-    Read {
-        /// The file.
-        file: PathBuf,
-        /// Error of the system.
-        source: std::io::Error,
-    },
+    Read { file: PathBuf, source: std::io::Error },
     /// A file that is named here has a fault.
     #[error("{at}: {source}")]
-    InFile {
-        /// Where the file is named.
-        at: Box<Location>,
-        /// Its fault.
-        source: Box<DescriptionError>,
-    },
+    InFile { at: Box<Location>, source: Box<DescriptionError> },
     /// A file is larger than this program reads.
     #[error("{file}: is larger than the limit of {limit} bytes; split or simplify it")]
     TooLarge {
-        /// The file.
         file: PathBuf,
         /// Largest size in bytes.
         limit: u64,
     },
     /// A text in another encoding than UTF-8.
     #[error("{file}: is UTF-16 text; save it as UTF-8")]
-    Utf16 {
-        /// The file.
-        file: PathBuf,
-    },
+    Utf16 { file: PathBuf },
     /// The text is not JSON or YAML, or a value has the wrong type.
     #[error("{at}: {problem} (line {line}, column {column})")]
-    Json {
-        /// Place of the fault.
-        at: Box<Location>,
-        /// Fault at this place.
-        problem: String,
-        /// Line, counted from 1.
-        line: usize,
-        /// Column, counted from 1.
-        column: usize,
-    },
+    Json { at: Box<Location>, problem: String, line: usize, column: usize },
     /// A text that is no JSON.
     #[error("{file}: {told}; a {} file begins with {{", .wanted.word())]
-    NotJson {
-        /// The file.
-        file: String,
-        /// Fault, and kind of file that it looks like.
-        told: String,
-        /// Kind of file expected there.
-        wanted: FileKind,
-    },
+    NotJson { file: String, told: String, wanted: FileKind },
     /// A key that no scene has at this place.
     #[error(
         "{at}: unknown key `{key}`{} (line {line}, column {column})",
         did_you_mean(.nearest, .known)
     )]
     UnknownKey {
-        /// The object that holds the key.
         at: Box<Location>,
-        /// The key as written.
         key: String,
-        /// Most similar known key, if one is similar.
         nearest: Option<String>,
-        /// Every key known at this place.
         known: Vec<String>,
-        /// Line, counted from 1.
         line: usize,
-        /// Column, counted from 1.
         column: usize,
     },
     /// The file has another version, or none.
     #[error("{at}: {found}; this program reads version 1, write `\"sightline\": 1`")]
-    Version {
-        /// Place of the fault.
-        at: Box<Location>,
-        /// Version or lack of one, in words.
-        found: String,
-    },
+    Version { at: Box<Location>, found: String },
     /// A file of another kind than expected.
     #[error("{file}: is {found}, where {wanted} belongs; give it {}", .found.place())]
-    OtherKind {
-        /// The file.
-        file: String,
-        /// Kind of file.
-        found: FileKind,
-        /// Kind of file expected there.
-        wanted: FileKind,
-    },
+    OtherKind { file: String, found: FileKind, wanted: FileKind },
     /// A number, name or list that the place does not allow.
     #[error("{at}: {value} is not {wanted}")]
-    Value {
-        /// Place of the fault.
-        at: Box<Location>,
-        /// The value as written.
-        value: String,
-        /// Allowed values, in words.
-        wanted: String,
-    },
+    Value { at: Box<Location>, value: String, wanted: String },
     /// A required key is missing.
     #[error("{at}: `{key}` is missing: {mend}")]
-    Missing {
-        /// The object that lacks it.
-        at: Box<Location>,
-        /// The key that is missing.
-        key: &'static str,
-        /// Addition that mends it.
-        mend: String,
-    },
+    Missing { at: Box<Location>, key: &'static str, mend: String },
     /// Keys that exclude each other, or a key that has no meaning here.
     #[error("{at}: `{key}` cannot stand here: {mend}")]
-    Misplaced {
-        /// The object that holds it.
-        at: Box<Location>,
-        /// The superfluous key.
-        key: &'static str,
-        /// Change that mends it.
-        mend: String,
-    },
+    Misplaced { at: Box<Location>, key: &'static str, mend: String },
     /// None or several of a choice of keys.
     #[error("{at}: has {}; give exactly one of {}", listed(.found, "none of the keys"), listed(.of, ""))]
-    Choice {
-        /// The object.
-        at: Box<Location>,
-        /// Keys of the choice that the object has.
-        found: Vec<&'static str>,
-        /// The choice.
-        of: &'static [&'static str],
-    },
+    Choice { at: Box<Location>, found: Vec<&'static str>, of: &'static [&'static str] },
     /// A name that nothing defines.
     #[error("{at}: no {kind} is called `{name}`{}", did_you_mean(.nearest, .known))]
     UnknownName {
-        /// Where the name is used.
         at: Box<Location>,
-        /// `class` or `shape`.
         kind: &'static str,
-        /// The name as written.
         name: String,
-        /// Most similar known name, if one is similar.
         nearest: Option<String>,
-        /// Every known name.
         known: Vec<String>,
     },
     /// A number of things above its limit.
     #[error("{at}: {count} {what} are more than the limit of {limit}; {mend}")]
-    TooMany {
-        /// Place of the fault.
-        at: Box<Location>,
-        /// Things counted.
-        what: &'static str,
-        /// Requested number.
-        count: u64,
-        /// Largest number allowed.
-        limit: u64,
-        /// Change that mends it.
-        mend: &'static str,
-    },
+    TooMany { at: Box<Location>, what: &'static str, count: u64, limit: u64, mend: &'static str },
     /// The mount leaves the ROI sideways, or lies below it or more than 10 m above.
     #[error(
         "{at}: the mount runs from {min:?} to {max:?}, outside of the region of {scene} ({roi_min:?} to \
@@ -358,29 +267,13 @@ pub enum DescriptionError {
     },
     /// A mesh file that cannot be used.
     #[error("{at}: mesh {mesh}: {element}: {problem}")]
-    Mesh {
-        /// The place in the scene that names the mesh.
-        at: Box<Location>,
-        /// The mesh file.
-        mesh: PathBuf,
-        /// Line, vertex, face or header entry of the mesh.
-        element: String,
-        /// Fault at this place.
-        problem: String,
-    },
+    Mesh { at: Box<Location>, mesh: PathBuf, element: String, problem: String },
     /// A material of a mesh has no class, and the shape has no default.
     #[error(
         "{at}: mesh {mesh}: material `{material}` has no class; name it in `classes` or give the \
          shape a `class` for the rest"
     )]
-    Unclassed {
-        /// The place in the scene that names the mesh.
-        at: Box<Location>,
-        /// The mesh file.
-        mesh: PathBuf,
-        /// Material or label of the mesh.
-        material: String,
-    },
+    Unclassed { at: Box<Location>, mesh: PathBuf, material: String },
 }
 
 /// Metres from the origin from which on a place of a vehicle was written in millimetres.

@@ -340,7 +340,6 @@ const THINGS: [(&str, &str, ActorKind); 9] = [
 ];
 
 impl CarlaTags {
-    /// Names by number.
     pub(super) fn names(self) -> &'static [&'static str] {
         match self {
             Self::Until0913 => &UNTIL_0913,

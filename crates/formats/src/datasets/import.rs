@@ -290,7 +290,6 @@ pub enum DatasetError {
     /// A set without scenes.
     #[error("{}: lists no scene; give a set of at least one", path.display())]
     NoSceneRow { path: PathBuf },
-    /// A scene is named twice.
     #[error("the scene {name:?} is named twice; its scans count once, so name it once")]
     SceneTwice { name: String },
     /// Tables of several versions, or of none.

@@ -307,25 +307,9 @@ fn parse_pose(path: &Path, line: usize, text: &str) -> Result<Pose, DatasetError
 
 /// The classes of a P-SOG from SemanticKITTI labels: the 19 that its benchmark scores, in its order.
 pub const KITTI_CLASSES: [&str; 19] = [
-    "car",
-    "bicycle",
-    "motorcycle",
-    "truck",
-    "other-vehicle",
-    "person",
-    "bicyclist",
-    "motorcyclist",
-    "road",
-    "parking",
-    "sidewalk",
-    "other-ground",
-    "building",
-    "fence",
-    "vegetation",
-    "trunk",
-    "terrain",
-    "pole",
-    "traffic-sign",
+    "car", "bicycle", "motorcycle", "truck", "other-vehicle", "person", "bicyclist",
+    "motorcyclist", "road", "parking", "sidewalk", "other-ground", "building", "fence",
+    "vegetation", "trunk", "terrain", "pole", "traffic-sign",
 ];
 
 /// The meaning of a label id (the lower 16 bits of a label); `None` for an id that the data set

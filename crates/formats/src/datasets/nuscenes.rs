@@ -166,7 +166,6 @@ struct Category {
     pub class: Option<u16>,
     /// A thing that the data set draws boxes around.
     pub boxed: bool,
-    /// Kind as an actor.
     pub kind: ActorKind,
 }
 

@@ -9,31 +9,19 @@ use sightline_scene::vehicle::{SensorError, UnknownSensor};
 /// Why a data set cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum ExportError {
     /// No layout of that name.
     #[error("`{name}` is no layout; take `semantickitti`, `nuscenes` or `npz`")]
-    UnknownLayout {
-        /// Text as written.
-        name: String,
-    },
+    UnknownLayout { name: String },
     /// Shares that are no shares.
     #[error(
         "splits {train}, {val}, {test}: take three shares from 0 to below 1e9 whose sum is above 0"
     )]
-    Splits {
-        /// For training.
-        train: f64,
-        /// For validation.
-        val: f64,
-        /// For tests.
-        test: f64,
-    },
+    Splits { train: f64, val: f64, test: f64 },
     /// A number of a setting that makes no sense.
     #[error("`{name}` is 0; take 1 or more")]
-    Zero {
-        /// Key of the setting.
-        name: &'static str,
-    },
+    Zero { name: &'static str },
     /// Nothing to write.
     #[error("a data set needs at least one scene")]
     NoScenes,
@@ -41,193 +29,87 @@ pub enum ExportError {
     #[error(
         "the scene `{scene}` has no frames to write; name at least one, or leave the scene out"
     )]
-    NoFrames {
-        /// Name of the scene.
-        scene: String,
-    },
+    NoFrames { scene: String },
     /// Frames in no order.
     #[error("the frames of the scene `{scene}` do not rise; name each once, from first to last")]
-    Frames {
-        /// Name of the scene.
-        scene: String,
-    },
+    Frames { scene: String },
     /// Two scenes would share a folder.
     #[error("two scenes are called `{scene}`; rename one")]
-    SameName {
-        /// Name of the scenes.
-        scene: String,
-    },
+    SameName { scene: String },
     /// Two scenes would share a folder, although their names differ.
     #[error("the scenes `{other}` and `{scene}` would share the folder `{folder}`; rename one")]
-    SameFolder {
-        /// Name of the scene.
-        scene: String,
-        /// Name of one before it.
-        other: String,
-        /// Name of their folder.
-        folder: String,
-    },
+    SameFolder { scene: String, other: String, folder: String },
     /// A scene that no folder can be called after.
     #[error(
         "no folder of the data set can have the name of the scene `{scene}`: {unfit}; rename it"
     )]
-    FolderName {
-        /// Name of the scene.
-        scene: String,
-        /// Reason why the name does not fit.
-        unfit: &'static str,
-    },
+    FolderName { scene: String, unfit: &'static str },
     /// A class that the format has no label for.
     #[error(
         "scene `{scene}`: the class `{class}` has no label in this layout; map it to one that has, \
          as in `{class}=building`"
     )]
-    UnmappedClass {
-        /// Name of the scene.
-        scene: String,
-        /// Name of the class.
-        class: String,
-    },
+    UnmappedClass { scene: String, class: String },
     /// A mapping to a class that has no label either.
     #[error(
         "the map `{class}={to}`: `{to}` is no class with a label; take one of the scene format's own, \
          such as `building`, `vehicle` or `vegetation`"
     )]
-    UnknownTarget {
-        /// Name of the class that is mapped.
-        class: String,
-        /// Class that it is mapped to.
-        to: String,
-    },
+    UnknownTarget { class: String, to: String },
     /// A class that is mapped more than once.
     #[error("the class `{class}` is mapped to `{first}` and to `{second}`; map it once")]
-    MappedTwice {
-        /// Name of the class.
-        class: String,
-        /// Class of the first mapping.
-        first: String,
-        /// Class of the second mapping.
-        second: String,
-    },
+    MappedTwice { class: String, first: String, second: String },
     /// A mapping of a class that is nowhere.
     #[error("the map `{class}={to}`: no scene has a class `{class}`{}", did_you_mean(.nearest, .known))]
-    UnknownClass {
-        /// Name of the class that is mapped.
-        class: String,
-        /// Class that it is mapped to.
-        to: String,
-        /// Most similar class of the scenes, if one is similar.
-        nearest: Option<String>,
-        /// Classes of the scenes.
-        known: Vec<String>,
-    },
+    UnknownClass { class: String, to: String, nearest: Option<String>, known: Vec<String> },
     /// Loaders replace the word everywhere in a path.
     #[error(
         "{}: has `velodyne` in its path, which loaders of SemanticKITTI replace by `labels`; name \
          another folder", path.display()
     )]
-    Velodyne {
-        /// Folder of the data set.
-        path: PathBuf,
-    },
+    Velodyne { path: PathBuf },
     /// More scenes than the format has names for.
     #[error(
         "{scenes} scenes for {split}: {layout} has {limit} names for those; use fewer, or other splits"
     )]
-    TooManyScenes {
-        /// Scenes of the split.
-        scenes: usize,
-        /// Name of the split.
-        split: &'static str,
-        /// Name of the layout.
-        layout: &'static str,
-        /// Most that it can have.
-        limit: usize,
-    },
+    TooManyScenes { scenes: usize, split: &'static str, layout: &'static str, limit: usize },
     /// A file where the folder is to be.
     #[error("{}: is a file, and a data set is a folder; name another place", path.display())]
-    NoFolder {
-        /// Place of the data set.
-        path: PathBuf,
-    },
+    NoFolder { path: PathBuf },
     /// Something else where records are kept.
     #[error(
         "{}: is not the folder of records that a data set keeps; take it away, or name another place for the set",
         path.display()
     )]
-    Hidden {
-        /// Where the records would be.
-        path: PathBuf,
-    },
+    Hidden { path: PathBuf },
     /// The description of the data set cannot be parsed.
     #[error("{}: cannot be read ({why}); put it back as it was, or name another folder", path.display())]
-    About {
-        /// The file.
-        path: PathBuf,
-        /// Where and why.
-        why: serde_json::Error,
-    },
+    About { path: PathBuf, why: serde_json::Error },
     /// The folder holds something else.
     #[error("{}: is not empty and holds no data set of this program; name another folder", path.display())]
-    Foreign {
-        /// Folder of the data set.
-        path: PathBuf,
-    },
+    Foreign { path: PathBuf },
     /// The folder holds another data set.
     #[error(
         "{}: holds a data set of other settings ({difference}); name another folder, or take the same settings",
         path.display()
     )]
-    OtherSettings {
-        /// Folder of the data set.
-        path: PathBuf,
-        /// Names of the settings that differ.
-        difference: String,
-    },
+    OtherSettings { path: PathBuf, difference: String },
     /// A file of the scenes is not as it was when the folder was begun.
     #[error(
         "{}: {change} since this data set was begun; put it back as it was, or name another folder",
         path.display()
     )]
-    OtherFile {
-        /// Folder of the data set.
-        path: PathBuf,
-        /// Name of the file and its change.
-        change: String,
-    },
+    OtherFile { path: PathBuf, change: String },
     /// A scan that was not announced.
     #[error("frame {frame} of scene {scene} is not among those that the data set was made for")]
-    Unplanned {
-        /// Number of the scene.
-        scene: usize,
-        /// Number of the frame.
-        frame: usize,
-    },
+    Unplanned { scene: usize, frame: usize },
     /// A frame whose placement or classes are others than announced.
     #[error("frame {frame} of the scene `{scene}`: {what}")]
-    Scan {
-        /// Name of the scene.
-        scene: String,
-        /// Number of the frame.
-        frame: usize,
-        /// Fault, in words.
-        what: String,
-    },
+    Scan { scene: String, frame: usize, what: String },
     /// Frames are missing.
     #[error("{}: {missing} of {frames} frames are missing, the first is frame {frame} of `{scene}`; \
              run again to write them", path.display())]
-    Incomplete {
-        /// Folder of the data set.
-        path: PathBuf,
-        /// Frames that are not there.
-        missing: usize,
-        /// All frames.
-        frames: usize,
-        /// Scene of the first that is missing.
-        scene: String,
-        /// Its number.
-        frame: usize,
-    },
+    Incomplete { path: PathBuf, missing: usize, frames: usize, scene: String, frame: usize },
     /// The disk would not hold it.
     #[error("{}: the frames to come need about {need} MB, {free} MB are free; make room, or write fewer frames",
             path.display())]
@@ -241,12 +123,7 @@ pub enum ExportError {
     },
     /// A view of a frame that is not there.
     #[error("the scene `{scene}` has no frame {frame}; name one of its frames, from 0")]
-    NoFrame {
-        /// Name of the scene.
-        scene: String,
-        /// Number of the frame.
-        frame: usize,
-    },
+    NoFrame { scene: String, frame: usize },
     /// Lengths in a binary glTF have 32 bits.
     #[error(
         "the glTF would have more than {need} bytes, at most {limit} fit; show fewer placements, or no points"

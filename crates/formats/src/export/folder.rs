@@ -143,7 +143,6 @@ impl Folder {
         self.put(&name, &text).map(drop)
     }
 
-    /// The record of a frame.
     pub fn record(&self, scene: usize, frame: usize) -> Result<FrameRecord, ExportError> {
         let path = self.root.join(Self::record_name(scene, frame));
         let text = files::read_own(&path, MOST_BYTES).map_err(ExportError::io(&path))?;

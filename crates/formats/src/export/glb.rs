@@ -111,12 +111,10 @@ struct Writer<'v> {
 }
 
 impl Writer<'_> {
-    /// Name of a class.
     fn class(&self, class: u16) -> &str {
         self.view.scene.classes().get(usize::from(class)).map_or("none", String::as_str)
     }
 
-    /// Material of a class.
     fn material(&mut self, class: u16) -> usize {
         let name = self.class(class).to_owned();
         self.out.material(&name, container::of_class(&name))

@@ -33,19 +33,8 @@ pub fn mirrored(pose: &SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
 
 /// Keys of a LiDAR that are read.
 const READ: [&str; 13] = [
-    "type",
-    "id",
-    "x",
-    "y",
-    "z",
-    "roll",
-    "pitch",
-    "yaw",
-    PHASE,
-    "channels",
-    "lower_fov",
-    "upper_fov",
-    "spawn_point",
+    "type", "id", "x", "y", "z", "roll", "pitch", "yaw", PHASE, "channels", "lower_fov",
+    "upper_fov", "spawn_point",
 ];
 /// Keys passed over: they say how CARLA casts, not where the LiDAR stands.
 const PASSED_OVER: [&str; 12] = [

@@ -10,6 +10,7 @@ const MOST_LISTED: usize = 24;
 /// Why a rig cannot be read or written; each message is one sentence with the file, the place and the mend.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum RigError {
     /// A file that cannot be read, is too large, or is no JSON of the expected form.
     #[error(transparent)]
@@ -19,104 +20,40 @@ pub enum RigError {
     Placement(#[from] PlacementError),
     /// A fault of poses or of a frame name, with its file.
     #[error("{file}: {source}")]
-    Within {
-        /// The file.
-        file: String,
-        /// The fault.
-        source: Box<RigError>,
-    },
+    Within { file: String, source: Box<RigError> },
     /// Text that does not parse.
     #[error("{at}: is no {what}: {problem}")]
-    Syntax {
-        /// File and, where it is known, place.
-        at: Box<Location>,
-        /// `YAML`, `XML`, …
-        what: &'static str,
-        /// Fault, from the parser.
-        problem: String,
-    },
+    Syntax { at: Box<Location>, what: &'static str, problem: String },
     /// A key, attribute or element that must be there.
     #[error("{at}: `{key}` is missing; add it")]
-    Missing {
-        /// Place that lacks it.
-        at: Box<Location>,
-        /// Key that is missing.
-        key: String,
-    },
+    Missing { at: Box<Location>, key: String },
     /// A key that is not known where an unread one may change a pose.
     #[error("{at}: unknown key `{key}`{}", did_you_mean(nearest, known))]
-    UnknownKey {
-        /// The object that holds it.
-        at: Box<Location>,
-        /// The key as written.
-        key: String,
-        /// Most similar known key, if one is similar.
-        nearest: Option<String>,
-        /// Every key known at this place.
-        known: Vec<String>,
-    },
+    UnknownKey { at: Box<Location>, key: String, nearest: Option<String>, known: Vec<String> },
     /// A fault and its line in a YAML file.
     #[error("{fault} (line {line}, column {column})")]
-    AtLine {
-        /// The fault.
-        fault: Box<RigError>,
-        /// Line, counted from 1.
-        line: usize,
-        /// Column, counted from 1.
-        column: usize,
-    },
+    AtLine { fault: Box<RigError>, line: usize, column: usize },
     /// A value of the wrong kind.
     #[error("{at}: {value} stands where {wanted} belongs")]
-    Value {
-        /// Place of the value.
-        at: Box<Location>,
-        /// The value as written, shortened.
-        value: String,
-        /// Kind of value that belongs there.
-        wanted: &'static str,
-    },
+    Value { at: Box<Location>, value: String, wanted: &'static str },
     /// A frame placed by two entries.
     #[error("{at}: the frame `{frame}` is placed a second time; keep one of the two")]
-    Twice {
-        /// The second entry.
-        at: Box<Location>,
-        /// The frame.
-        frame: String,
-    },
+    Twice { at: Box<Location>, frame: String },
     /// A LiDAR without a model, for a vehicle with several.
     #[error(
         "`{frame}` names no sensor, and the vehicle has {}; give --sensor {frame}={}",
         listed(known), known[0]
     )]
-    UnnamedModel {
-        /// Frame of the LiDAR.
-        frame: String,
-        /// Models of the vehicle, two or more.
-        known: Vec<String>,
-    },
+    UnnamedModel { frame: String, known: Vec<String> },
     /// A LiDAR of a model that the vehicle does not have.
     #[error(
         "`{frame}` is a `{sensor}`, and the vehicle has {}; give its own vehicle, or --sensor {frame}=MODEL",
         listed(known)
     )]
-    UnknownModel {
-        /// Frame of the LiDAR.
-        frame: String,
-        /// Its model.
-        sensor: String,
-        /// Models of the vehicle.
-        known: Vec<String>,
-    },
+    UnknownModel { frame: String, sensor: String, known: Vec<String> },
     /// A frame that nothing mentions.
     #[error("{file}: no frame is called `{frame}`; there are {}", listed(known))]
-    UnknownFrame {
-        /// The file, or the first of several.
-        file: String,
-        /// The requested frame.
-        frame: String,
-        /// Frames that there are.
-        known: Vec<String>,
-    },
+    UnknownFrame { file: String, frame: String, known: Vec<String> },
     /// A frame whose chain does not lead to the base.
     #[error(
         "{at}: the frame `{frame}` hangs on `{parent}`, which nothing connects with `{base}`; read the \
@@ -124,69 +61,36 @@ pub enum RigError {
         listed(known)
     )]
     Unconnected {
-        /// Where the frame is placed.
         at: Box<Location>,
-        /// The frame.
         frame: String,
-        /// End of its chain.
         parent: String,
-        /// The base.
         base: String,
-        /// Frames that there are.
         known: Vec<String>,
     },
     /// Frames that hang on each other.
     #[error("{at}: the frames {} hang on each other in a loop; break it", listed(frames))]
-    Loop {
-        /// Where one of them is placed.
-        at: Box<Location>,
-        /// The frames of the loop.
-        frames: Vec<String>,
-    },
+    Loop { at: Box<Location>, frames: Vec<String> },
     /// A rig without LiDARs.
     #[error(
         "{file}: no frame is a LiDAR by its type or name; pick frames with --frame; there are {}",
         listed(known)
     )]
-    NoLidar {
-        /// The file, or the first of several.
-        file: String,
-        /// Frames that there are.
-        known: Vec<String>,
-    },
+    NoLidar { file: String, known: Vec<String> },
     /// Several models with LiDARs in one SDF file.
     #[error("{file}: several of its models have LiDARs: {}; pick one with --base-frame {}", listed(models), models[0])]
-    SeveralModels {
-        /// The file.
-        file: String,
-        /// Models with LiDARs, two or more.
-        models: Vec<String>,
-    },
+    SeveralModels { file: String, models: Vec<String> },
     /// LiDARs that may be in files which an SDF file includes.
     #[error(
         "{file}: no model in it has a LiDAR, and its <include>s are not read: {}; merge the files with `gz sdf -p {file}`",
         listed(included)
     )]
-    Included {
-        /// The file.
-        file: String,
-        /// Models that it includes.
-        included: Vec<String>,
-    },
+    Included { file: String, included: Vec<String> },
     /// Far more LiDARs than a placement holds.
     #[error("{file}: {count} frames are LiDARs, at most {most} are read; pick some with --frame")]
-    TooManyLidars {
-        /// The file, or the first of several.
-        file: String,
-        /// Number of LiDARs.
-        count: usize,
-        /// Most that are read.
-        most: usize,
-    },
+    TooManyLidars { file: String, count: usize, most: usize },
     /// A frame whose name cannot be written.
     #[error("`{frame}` is not a name of a frame: use 1 to {most} bytes without spaces")]
     BadFrame {
-        /// The name.
         frame: String,
         /// Longest name in bytes.
         most: usize,
@@ -196,23 +100,16 @@ pub enum RigError {
         "{sensor:?} is not a name of a sensor: use 1 to {most} bytes without control characters"
     )]
     BadSensor {
-        /// The name.
         sensor: String,
         /// Longest name in bytes.
         most: usize,
     },
     /// Two LiDARs in one frame.
     #[error("the frame `{frame}` is used twice, or is that of the vehicle; names must differ")]
-    SharedFrame {
-        /// The name.
-        frame: String,
-    },
+    SharedFrame { frame: String },
     /// A name that no format has.
     #[error("no format is called `{name}`; there are {}", formats())]
-    UnknownFormat {
-        /// The name as written.
-        name: String,
-    },
+    UnknownFormat { name: String },
     /// Program source in the place of data.
     #[error(
         "{file}: is a Python program, which is not run; write its sensors as JSON with these three lines: \
@@ -220,63 +117,31 @@ pub enum RigError {
          `json.dump(sensors, open(\"sensors.json\", \"w\"))`; or give the URDF, or `/tf_static` as \
          `ros2 topic echo /tf_static --once` prints it"
     )]
-    Program {
-        /// The file.
-        file: String,
-    },
+    Program { file: String },
     /// A robot that xacro has not expanded.
     #[error(
         "{file}: holds elements or values of xacro, which is a program; expand it first, `xacro {file} > robot.urdf`, \
          and read that"
     )]
-    Xacro {
-        /// The file.
-        file: String,
-    },
+    Xacro { file: String },
     /// An element that poses depend on and that is not read.
     #[error("{at}: {what}, which is not read; {mend}")]
-    Unread {
-        /// The element.
-        at: Box<Location>,
-        /// The part that is not read.
-        what: &'static str,
-        /// A way round it.
-        mend: &'static str,
-    },
+    Unread { at: Box<Location>, what: &'static str, mend: &'static str },
     /// A file whose content tells no format.
     #[error("{file}: its content is none of {}; name its format with --format", formats())]
-    Unrecognised {
-        /// The file.
-        file: String,
-    },
+    Unrecognised { file: String },
     /// Several files in a format of one.
     #[error("{file}: {format} rigs stand in one file each; read them one at a time")]
-    OneFile {
-        /// The second file.
-        file: String,
-        /// The format.
-        format: &'static str,
-    },
-    /// A format that is read only.
+    OneFile { file: String, format: &'static str },
     #[error("{} is read, but not written; take another format", format.name())]
-    ReadOnly {
-        /// The format.
-        format: RigFormat,
-    },
+    ReadOnly { format: RigFormat },
     /// No placement of this name, or several and none picked.
     #[error(
         "{file}: {}; pick one of {}, with `--name NAME` of `rig import`, else as FILE:NAME",
         unpicked(name),
         listed(known)
     )]
-    PickPlacement {
-        /// The file.
-        file: String,
-        /// The requested name, if any.
-        name: Option<String>,
-        /// Placements that there are.
-        known: Vec<String>,
-    },
+    PickPlacement { file: String, name: Option<String>, known: Vec<String> },
     /// Rigs with different frames, and of different sizes.
     #[error(
         "the rigs cannot be matched: they have neither the same frames ({} and {}) nor the same number of \
@@ -284,20 +149,10 @@ pub enum RigError {
         listed(before),
         listed(after)
     )]
-    Unmatched {
-        /// Frames of the first.
-        before: Vec<String>,
-        /// Frames of the second.
-        after: Vec<String>,
-    },
+    Unmatched { before: Vec<String>, after: Vec<String> },
     /// The number of frame names differs from the number of LiDARs.
     #[error("{given} names are given for {lidars} LiDARs; give one --frame for each")]
-    FrameCount {
-        /// Names given.
-        given: usize,
-        /// LiDARs of the rig.
-        lidars: usize,
-    },
+    FrameCount { given: usize, lidars: usize },
 }
 
 impl RigError {

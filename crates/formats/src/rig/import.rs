@@ -17,15 +17,7 @@ use super::{
 
 /// Words in the names of LiDAR frames, for formats that say no more.
 const WORDS: [&str; 10] = [
-    "lidar",
-    "velodyne",
-    "hesai",
-    "pandar",
-    "ouster",
-    "robosense",
-    "rslidar",
-    "livox",
-    "laser",
+    "lidar", "velodyne", "hesai", "pandar", "ouster", "robosense", "rslidar", "livox", "laser",
     "vlp",
 ];
 /// Name of a rig whose file has none that a placement may bear.

@@ -19,18 +19,8 @@ const UNKNOWN_FLAG: &str =
     "--x, --y, --z, --roll, --pitch, --yaw, --qx, --qy, --qz, --qw, --frame-id or --child-frame-id";
 /// Flags that take a value. The publisher refuses others.
 const FLAGS: [&str; 12] = [
-    "--x",
-    "--y",
-    "--z",
-    "--roll",
-    "--pitch",
-    "--yaw",
-    "--qx",
-    "--qy",
-    "--qz",
-    "--qw",
-    "--frame-id",
-    "--child-frame-id",
+    "--x", "--y", "--z", "--roll", "--pitch", "--yaw", "--qx", "--qy", "--qz", "--qw",
+    "--frame-id", "--child-frame-id",
 ];
 /// First of the arguments that a node passes to ROS itself.
 const ROS_ARGS: &str = "--ros-args";
@@ -120,7 +110,6 @@ impl Launch<'_> {
         Ok(true)
     }
 
-    /// The truth value of a text.
     fn truth(&self, text: &str, at: &Location) -> Result<bool, RigError> {
         match self.resolved(text, at)?.trim().to_lowercase().as_str() {
             "true" | "1" => Ok(true),

@@ -13,7 +13,6 @@ mod launch;
 mod model;
 mod sdf;
 mod urdf;
-mod worlds;
 mod yaml;
 
 pub use beams::{Fan, Models};

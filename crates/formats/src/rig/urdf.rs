@@ -24,16 +24,8 @@ const MOVING: [&str; 5] = ["continuous", "floating", "planar", "prismatic", "rev
 const QUATERNION: &str = "quat_xyzw";
 /// Elements of a joint: the first three are read, no pose at rest depends on the others.
 const OF_JOINT: [&str; 10] = [
-    "origin",
-    "parent",
-    "child",
-    "axis",
-    "calibration",
-    "dynamics",
-    "hardwareInterface",
-    "limit",
-    "mimic",
-    "safety_controller",
+    "origin", "parent", "child", "axis", "calibration", "dynamics", "hardwareInterface", "limit",
+    "mimic", "safety_controller",
 ];
 
 /// Reads every joint, and the LiDARs that Gazebo is told of.

@@ -18,18 +18,8 @@ const KIT: &str = "sensor_kit_base_link";
 
 /// Keys of a frame that are passed over: they say which sensor it is, and where its data go.
 const AUTOWARE_PASSED: [&str; 12] = [
-    "comment",
-    "description",
-    "frame_id",
-    "manufacturer",
-    "model",
-    "name",
-    "sensor_model",
-    "sensor_type",
-    "serial_number",
-    "topic",
-    "type",
-    "vendor",
+    "comment", "description", "frame_id", "manufacturer", "model", "name", "sensor_model",
+    "sensor_type", "serial_number", "topic", "type", "vendor",
 ];
 
 /// True if a value is a frame: it has at least one of the six numbers.
@@ -37,7 +27,6 @@ fn is_frame(value: &Value) -> bool {
     SensorPose::FIELDS.iter().any(|field| value.get(field).is_some())
 }
 
-/// True if a document holds frames in frames.
 pub(super) fn holds_frames(document: &Value) -> bool {
     let inside = |value: &Value| value.as_object().is_some_and(|map| map.values().any(is_frame));
     document.as_object().is_some_and(|map| map.values().any(inside))
@@ -161,7 +150,6 @@ fn add(frame: RigFrame, frames: &mut FrameTree) -> Result<(), RigError> {
     if frames.get(&frame.name).is_some_and(is_same) { Ok(()) } else { frames.add(frame) }
 }
 
-/// A frame of one transform.
 fn transform(value: &Value, at: Location) -> Result<RigFrame, RigError> {
     if value == "..." {
         let wanted = "a transform (`ros2 topic echo --full-length` prints all)";
@@ -331,11 +319,6 @@ impl<'a> Fields<'a> {
         number.ok_or_else(|| wrong(&self.at.key(key), plain(value), "a finite number"))
     }
 
-    /// The number, or another one where there is none.
-    fn number_or(&self, key: &str, other: f64) -> Result<f64, RigError> {
-        if self.has(key) { self.number(key) } else { Ok(other) }
-    }
-
     pub(super) fn text(&self, key: &str) -> Result<&'a str, RigError> {
         let value = self.value(key)?;
         value.as_str().ok_or_else(|| wrong(&self.at.key(key), plain(value), "a text"))
@@ -354,7 +337,7 @@ impl<'a> Fields<'a> {
     pub(super) fn six_or_level(&self) -> Result<SensorPose, RigError> {
         let mut values = [0.0; 6];
         for (k, (value, key)) in values.iter_mut().zip(SensorPose::FIELDS).enumerate() {
-            *value = if k < 3 { self.number(key)? } else { self.number_or(key, 0.0)? };
+            *value = if k < 3 || self.has(key) { self.number(key)? } else { 0.0 };
         }
         Ok(SensorPose { phase: self.phase()?, ..SensorPose::from_values(values) })
     }

@@ -112,7 +112,6 @@ impl Node8 {
         }
     }
 
-    /// The child of a slot.
     #[inline(always)]
     pub fn child(&self, slot: usize) -> u32 {
         self.rows[CHILDREN][slot % WIDTH].to_bits()

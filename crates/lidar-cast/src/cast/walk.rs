@@ -107,7 +107,8 @@ impl Walk {
         parts: &[TreeView<'_>],
         hits: &[Hit],
     ) -> WalkMemory {
-        let mut work = self.take_work();
+        let spare = self.spare.lock().ok().and_then(|mut spare| spare.pop());
+        let mut work = spare.unwrap_or_default();
         self.read(*window, hits, &mut work.beams);
         parts.iter().for_each(|part| self.descend(*window, local, part, &mut work));
         work
@@ -133,10 +134,6 @@ impl Walk {
             Instructions::Avx2 => walk_avx2(&mut scene, tree, work),
             Instructions::Plain => descent::plain::walk(&mut scene, tree, work),
         }
-    }
-
-    fn take_work(&self) -> WalkMemory {
-        self.spare.lock().ok().and_then(|mut spare| spare.pop()).unwrap_or_default()
     }
 
     fn put_back(&self, work: WalkMemory) {

@@ -113,7 +113,7 @@ impl GpuBackend {
 
     /// True if the device is a software renderer on the CPU.
     pub fn is_software(&self) -> bool {
-        self.device.is_software()
+        self.device.software
     }
 
     /// Answers of the device to a table of arithmetic.
@@ -154,16 +154,12 @@ impl GpuBackend {
         let sensors = most(|chunk| chunk.sensors.len());
         let placements = most(|chunk| chunk.placements.len());
         if !self.work.as_ref().is_some_and(|work| work.hold(sensors, placements)) {
-            self.free_work();
+            // Old and new ones never exist at once.
+            self.kernels.unbind();
+            self.work = None;
             self.work = Some(WorkBuffers::new(&self.device, &sizes, sensors, placements)?);
         }
         Ok(chunks)
-    }
-
-    /// Frees the work buffers, so that old and new ones never exist at once.
-    fn free_work(&mut self) {
-        self.kernels.unbind();
-        self.work = None;
     }
 
     /// Limits of a chunk whose placements have at most `widest` sensors.
@@ -287,7 +283,6 @@ impl Backend for GpuBackend {
     }
 }
 
-/// Each pose as a placement of its own.
 fn one_by_one(poses: &[SensorPose]) -> Vec<Placement> {
     poses.iter().map(|&pose| Placement { name: String::new(), lidars: vec![pose] }).collect()
 }

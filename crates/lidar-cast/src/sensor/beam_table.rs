@@ -40,16 +40,13 @@ pub struct BeamGrid {
 /// Why a sensor gives no beam table.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum SensorError {
-    /// No beam at all.
     #[error("the sensor has no beams; give it at least one channel and one azimuth step")]
     NoBeams,
     /// A direction without length, or not finite.
     #[error("direction {index} has no length; give a finite vector other than zero")]
-    ZeroDirection {
-        /// Position in the list.
-        index: usize,
-    },
+    ZeroDirection { index: usize },
     /// The range is not a positive number.
     #[error("range {range} m is not a positive number")]
     BadRange {

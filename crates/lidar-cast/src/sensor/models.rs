@@ -85,46 +85,24 @@ fn meant(nearest: &Option<String>) -> String {
 
 /// A LiDAR of a placement that is of no model of the vehicle.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum ForeignLidar {
     /// It names a model that the vehicle does not have.
     #[error("placement `{placement}`, LiDAR {lidar}: {source}")]
-    Unknown {
-        /// Name of the placement.
-        placement: String,
-        /// Index of the LiDAR, from 0.
-        lidar: usize,
-        /// Its model, and those there are.
-        source: UnknownSensor,
-    },
+    Unknown { placement: String, lidar: usize, source: UnknownSensor },
     /// It names no model, and the vehicle has several.
     #[error(
         "placement `{placement}`, LiDAR {lidar} names no sensor, and the vehicle has {} models: {}; add \
          \"sensor\": \"{first}\" to the LiDAR, or give --sensor {lidar}={first} (in Python sensors=[…])",
         .models.len(), list(.models), first = .models[0]
     )]
-    Unnamed {
-        /// Name of the placement.
-        placement: String,
-        /// Index of the LiDAR, from 0.
-        lidar: usize,
-        /// Models of the vehicle, two or more.
-        models: Vec<SensorName>,
-    },
+    Unnamed { placement: String, lidar: usize, models: Vec<SensorName> },
     /// `--sensor` names another model than the placement.
     #[error(
         "placement `{placement}`, LiDAR {lidar} is a `{named}`, and --sensor {lidar}={asked} says otherwise; \
          leave one of them out"
     )]
-    Renamed {
-        /// Name of the placement.
-        placement: String,
-        /// Index of the LiDAR, from 0.
-        lidar: usize,
-        /// Model in the placement.
-        named: SensorName,
-        /// Model of the option.
-        asked: SensorName,
-    },
+    Renamed { placement: String, lidar: usize, named: SensorName, asked: SensorName },
 }
 
 /// The models of a scene's own `lidar`, in words.

@@ -138,44 +138,25 @@ impl From<ListedPlacement> for Placement {
 /// Why a placement cannot be used.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum PlacementError {
     /// The name cannot become a file name.
     #[error(
         "`{name}` is not a placement name: use 1 to {MAX_NAME} letters, digits, `.`, `_` or `-`"
     )]
-    BadName {
-        /// Name as read.
-        name: String,
-    },
+    BadName { name: String },
     /// Two placements share a name.
     #[error("the name `{name}` is used twice; names must differ")]
-    UsedTwice {
-        /// The name.
-        name: String,
-    },
+    UsedTwice { name: String },
     /// No LiDAR, or too many.
     #[error("placement `{name}` has {count} LiDARs; give it 1 to {MAX_LIDARS}")]
-    LidarCount {
-        /// Name of the placement.
-        name: String,
-        /// Number of LiDARs.
-        count: usize,
-    },
+    LidarCount { name: String, count: usize },
     /// A number that is not finite, or a coordinate too far away.
     #[error(
         "placement `{name}`, LiDAR {lidar}: {field} = {value:?} is not usable; give a finite number \
          (coordinates within ±{MAX_COORDINATE} m)"
     )]
-    BadNumber {
-        /// Name of the placement.
-        name: String,
-        /// Index of the LiDAR, from 0.
-        lidar: usize,
-        /// `x`, `y`, `z`, `roll`, `pitch`, `yaw` or `phase`.
-        field: &'static str,
-        /// Number as read.
-        value: f64,
-    },
+    BadNumber { name: String, lidar: usize, field: &'static str, value: f64 },
 }
 
 impl Placement {

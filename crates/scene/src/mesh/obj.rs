@@ -12,44 +12,13 @@ use sightline_files::Note;
 /// Statements without a surface of their own, passed over in silence.
 const PASSED: [&str; 34] = [
     // Texture coordinates, normals, points of parameter spaces.
-    "vt",
-    "vn",
-    "vp",
-    // Points and lines have no area.
-    "p",
-    "l",
-    "curv",
-    "cdc",
-    // Groups and shading.
-    "g",
-    "o",
-    "s",
-    "mg",
-    "bevel",
-    "c_interp",
-    "d_interp",
-    "lod",
-    "shadow_obj",
-    "trace_obj",
-    "ctech",
-    "stech",
-    // Looks: the classes hang on the names in `usemtl`.
-    "mtllib",
-    "usemap",
-    "maplib",
+    "vt", "vn", "vp", // Points and lines have no area.
+    "p", "l", "curv", "cdc", // Groups and shading.
+    "g", "o", "s", "mg", "bevel", "c_interp", "d_interp", "lod", "shadow_obj", "trace_obj",
+    "ctech", "stech", // Looks: the classes hang on the names in `usemtl`.
+    "mtllib", "usemap", "maplib",
     // Parts of curves and of surfaces; a surface itself is refused.
-    "cstype",
-    "deg",
-    "bmat",
-    "step",
-    "curv2",
-    "parm",
-    "trim",
-    "hole",
-    "scrv",
-    "sp",
-    "end",
-    "con",
+    "cstype", "deg", "bmat", "step", "curv2", "parm", "trim", "hole", "scrv", "sp", "end", "con",
 ];
 /// Statements that bring a surface which is not read.
 const REFUSED: [(&str, &str); 6] = [

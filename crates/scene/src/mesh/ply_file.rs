@@ -288,7 +288,6 @@ impl<'a> PlyBody<'a> {
         std::str::from_utf8(word).map_err(|_| "is not text".to_owned())
     }
 
-    /// A number of a kind.
     pub fn number(&mut self, kind: PlyScalar) -> Result<f64, String> {
         if self.form == Form::Ascii {
             let word = self.word()?;

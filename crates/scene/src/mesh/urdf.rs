@@ -226,7 +226,6 @@ impl Robot<'_> {
         }
     }
 
-    /// Path of a mesh by its name in the file.
     fn mesh_file(&self, name: &str, of: &str) -> Result<PathBuf, MeshFault> {
         let refused = |error: sightline_files::files::FileError| fault(of, error.to_string());
         let schemes = ["package://", "model://"];

@@ -52,7 +52,6 @@ pub enum ArrayFault {
     /// It is not there.
     #[error("is missing; a P-SOG holds {}", ARRAYS.join(", "))]
     Missing,
-    /// It is there twice.
     #[error("is in the archive twice; keep one")]
     Twice,
     /// Compression or encryption that NumPy does not use.

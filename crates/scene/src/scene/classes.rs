@@ -1,34 +1,15 @@
 //! Class names (the index in the list is the class id everywhere), kinds of actors, and reflectances.
 
-use super::description::ActorDescription;
-use super::dictionary::Dictionary;
+use super::description::{ActorDescription, Dictionary};
 use sightline_files::json::check::bad;
 use sightline_files::json::{DescriptionError, Location, nearest};
 
 /// The 21 classes of a scene that lists none, in the order of CARLA's semantic tags as Place3D
 /// prints them; a name's index is its class id.
 pub const DEFAULT_CLASSES: [&str; 21] = [
-    "building",
-    "fence",
-    "other",
-    "pedestrian",
-    "pole",
-    "road_line",
-    "road",
-    "sidewalk",
-    "vegetation",
-    "vehicle",
-    "wall",
-    "traffic_sign",
-    "ground",
-    "bridge",
-    "rail_track",
-    "guard_rail",
-    "traffic_light",
-    "static",
-    "dynamic",
-    "water",
-    "terrain",
+    "building", "fence", "other", "pedestrian", "pole", "road_line", "road", "sidewalk",
+    "vegetation", "vehicle", "wall", "traffic_sign", "ground", "bridge", "rail_track",
+    "guard_rail", "traffic_light", "static", "dynamic", "water", "terrain",
 ];
 
 /// Ground by its material.
@@ -145,7 +126,6 @@ impl Classes {
         self.names.iter().position(|n| n == name).map(|i| i as u16)
     }
 
-    /// Id of the name at `at`.
     pub fn id(&self, at: &Location, name: &str) -> Result<u16, DescriptionError> {
         self.find(name).ok_or_else(|| unknown(at, name, &self.names))
     }

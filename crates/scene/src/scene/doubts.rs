@@ -27,9 +27,7 @@ const REACH: f64 = 8.0;
 pub(super) struct SceneLocations {
     /// The scene file.
     pub scene: String,
-    /// The vehicle.
     pub vehicle: Location,
-    /// Each of its mounts.
     pub mounts: Vec<Location>,
     /// File of the body.
     pub body: String,

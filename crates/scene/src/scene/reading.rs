@@ -10,9 +10,8 @@ use sightline_files::json::{DescriptionError, Location};
 
 use super::classes::Classes;
 use super::description::{
-    BodyDescription, PoseDescription, SceneDescription, ShapeDescription, VehicleSource,
+    BodyDescription, Dictionary, PoseDescription, SceneDescription, ShapeDescription, VehicleSource,
 };
-use super::dictionary::Dictionary;
 use super::doubts::SceneLocations;
 use super::parts::{OwnBodies, OwnBody};
 use super::shapes::Builder;

@@ -11,8 +11,7 @@ use sightline_files::json::check::bad;
 use sightline_files::json::{DescriptionError, Location, check, nearest};
 
 use super::classes::Classes;
-use super::description::{MeshDescription, ShapeDescription, UrdfDescription};
-use super::dictionary::Dictionary;
+use super::description::{Dictionary, MeshDescription, ShapeDescription, UrdfDescription};
 use super::solid::{Solid, copies, cuboid, cylinder, plane, prism};
 use crate::mesh;
 use crate::mesh::{Geometry, MOST_TRIANGLES, Placing, RawMesh, RobotFile};
@@ -76,13 +75,12 @@ impl<'a> Builder<'a> {
     /// The files of all meshes and robots, in alphabetical order, each once.
     pub fn files(&self) -> Vec<PathBuf> {
         let meshes = self.meshes.values().flat_map(|m| m.files.clone());
-        let mut files: Vec<PathBuf> = meshes.chain(self.other_files()).collect();
+        let mut files: Vec<PathBuf> = meshes.chain(self.others.iter().cloned()).collect();
         files.sort();
         files.dedup();
         files
     }
 
-    /// Name of a class.
     pub fn class_name(&self, class: u16) -> &'a str {
         &self.classes.names[usize::from(class)]
     }
@@ -412,10 +410,5 @@ impl Builder<'_> {
             classes: vec![class; raw.faces.len()],
             ends: Vec::new(),
         })
-    }
-
-    /// Files that are no meshes.
-    fn other_files(&self) -> impl Iterator<Item = PathBuf> + '_ {
-        self.others.iter().cloned()
     }
 }

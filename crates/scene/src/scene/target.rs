@@ -10,8 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::classes::Classes;
-use super::description::ShapeDescription;
-use super::dictionary::Dictionary;
+use super::description::{Dictionary, ShapeDescription};
 use super::shapes::Builder;
 use lidar_cast::bvh::Bvh;
 use lidar_cast::geom::{Pose, TriangleSoup};

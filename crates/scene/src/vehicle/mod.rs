@@ -13,7 +13,6 @@ mod pairing;
 pub mod placement_file;
 pub mod placements;
 pub mod pose_grid;
-mod price;
 mod region;
 mod room;
 mod rules;
@@ -32,7 +31,9 @@ pub use doubts::{
     Doubts, FARTHEST as FARTHEST_ON_VEHICLE, doubt_of_ground, doubts_of_units, is_degrees,
     of_angles, of_degrees, of_lidar,
 };
-pub use equipment::{Equipment, Vehicle, VehicleMount, VehicleSensor};
+pub use equipment::{
+    Equipment, Vehicle, VehicleMount, VehicleSensor, is_within_budget, sum_of_prices,
+};
 pub use lidar::{LIDAR, Lidar, OtherSensor, stated};
 pub use lidar_cast::sensor::{
     BeamGrid, BeamTable, Echoes, ForeignLidar, MAX_LIDARS, Placement, PlacementError, Response,
@@ -47,7 +48,6 @@ pub use placements::{
     random_placements, random_placements_by_the_rules, table_7, table_7_held_by, to_nanometres,
 };
 pub use pose_grid::{PoseGrid, PoseGridError, Spacing};
-pub use price::{is_within_budget, sum_of_prices};
 pub use region::{Outline, Region};
 pub use room::NoRoom;
 pub use surface::Surface;

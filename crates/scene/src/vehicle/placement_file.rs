@@ -25,125 +25,54 @@ const MOST_KNOWN: usize = 20;
 /// Why a placement file could not be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum PlacementFileError {
     /// The file cannot be opened or read.
     #[error("{}: cannot be read: {source}", path.display())]
-    Io {
-        /// File.
-        path: PathBuf,
-        /// Error of the operating system.
-        source: std::io::Error,
-    },
+    Io { path: PathBuf, source: std::io::Error },
     /// The text is no JSON, or no placement.
     #[error("{}, line {line}, column {column}{}: {problem}", path.display(), in_placement(near))]
-    Json {
-        /// File.
-        path: PathBuf,
-        /// Line, from 1.
-        line: u64,
-        /// Column, from 1.
-        column: usize,
-        /// Name of the placement at this place, if the text holds one.
-        near: Option<String>,
-        /// Place in the document or line, and the fault there.
-        problem: String,
-    },
+    Json { path: PathBuf, line: u64, column: usize, near: Option<String>, problem: String },
     /// A text that is no JSON.
     #[error("{}{}: {told}; a file of placements begins with {{", path.display(), at_line(*line))]
-    NotJson {
-        /// File.
-        path: PathBuf,
-        /// Line of a `.jsonl` file, from 1.
-        line: Option<u64>,
-        /// Fault, and kind of file that it looks like.
-        told: String,
-    },
+    NotJson { path: PathBuf, line: Option<u64>, told: String },
     /// Placements without the object around them.
     #[error("{}: is a bare list; write {{\"placements\": [ … ]}} around it", path.display())]
-    BareList {
-        /// File.
-        path: PathBuf,
-    },
+    BareList { path: PathBuf },
     /// A scene or a vehicle in the place of placements.
     #[error(
         "{}: is {found}; give a file of placements, {{\"placements\": [ … ]}}, here, and this one {}",
         path.display(),
         found.place()
     )]
-    OtherKind {
-        /// File.
-        path: PathBuf,
-        /// Kind of file.
-        found: FileKind,
-    },
+    OtherKind { path: PathBuf, found: FileKind },
     /// The document is not UTF-8.
     #[error("{}: is not UTF-8 text from byte {byte} on; save it as UTF-8", path.display())]
-    NotText {
-        /// File.
-        path: PathBuf,
-        /// First byte that is not UTF-8, from 0.
-        byte: usize,
-    },
+    NotText { path: PathBuf, byte: usize },
     /// A placement that cannot be used.
     #[error("{}{}: {source}", path.display(), at_line(*line))]
-    Placement {
-        /// File.
-        path: PathBuf,
-        /// Line of a `.jsonl` file, from 1.
-        line: Option<u64>,
-        /// Fault of the placement.
-        source: PlacementError,
-    },
+    Placement { path: PathBuf, line: Option<u64>, source: PlacementError },
     /// A LiDAR of a model that the vehicle does not have.
     #[error("{}: {source}", path.display())]
-    Sensor {
-        /// File.
-        path: PathBuf,
-        /// Placement, LiDAR and model, and the models there are.
-        source: ForeignLidar,
-    },
-    /// A line that is not text.
+    Sensor { path: PathBuf, source: ForeignLidar },
     #[error("{}, line {line}: is not UTF-8 text; save it as UTF-8", path.display())]
-    LineNotText {
-        /// File.
-        path: PathBuf,
-        /// Line, from 1.
-        line: u64,
-    },
+    LineNotText { path: PathBuf, line: u64 },
     /// A line too long to be a placement.
     #[error("{}, line {line}: longer than {MAX_LINE} bytes; give one placement a line", path.display())]
-    LongLine {
-        /// File.
-        path: PathBuf,
-        /// Line, from 1.
-        line: u64,
-    },
+    LongLine { path: PathBuf, line: u64 },
     /// A document too large to be held.
     #[error(
         "{}: larger than {MAX_DOCUMENT} bytes; give one placement a line in a .jsonl file, which is \
          read as a stream",
         path.display()
     )]
-    TooLarge {
-        /// File.
-        path: PathBuf,
-    },
+    TooLarge { path: PathBuf },
     /// No placement of the name behind the file's colon.
     #[error("{}: has no placement `{name}`; it has {known}", path.display())]
-    NoSuch {
-        /// File.
-        path: PathBuf,
-        /// Name that was asked for.
-        name: String,
-        /// First names of the file.
-        known: String,
-    },
+    NoSuch { path: PathBuf, name: String, known: String },
     /// A file without placements.
     #[error("{}: holds no placement; add at least one", path.display())]
-    Empty {
-        /// File.
-        path: PathBuf,
-    },
+    Empty { path: PathBuf },
 }
 
 fn at_line(line: Option<u64>) -> String {

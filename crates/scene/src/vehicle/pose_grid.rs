@@ -63,21 +63,13 @@ struct SlotGrid {
 /// Why a spacing makes no grid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum PoseGridError {
     /// A spacing that is not positive and finite.
     #[error("a grid spacing of {value} {unit} is not usable; give a positive number")]
-    BadSpacing {
-        /// Spacing as given.
-        value: f64,
-        /// `m` or `rad`.
-        unit: &'static str,
-    },
-    /// Too many poses to number.
+    BadSpacing { value: f64, unit: &'static str },
     #[error("the grid has {poses} sensor poses, at most {MAX_POSES} are possible; widen --delta")]
-    TooManyPoses {
-        /// Poses of the grid.
-        poses: u128,
-    },
+    TooManyPoses { poses: u128 },
 }
 
 impl PoseGrid {

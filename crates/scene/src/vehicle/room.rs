@@ -154,9 +154,7 @@ impl Vehicle {
         few.retain(|equipment| !equipment.is_empty() && equipment.len() <= super::MAX_LIDARS);
         few
     }
-}
 
-impl Vehicle {
     /// Broken rules of a given placement, in words: rules of [`Self::rules`], and the least and largest numbers of LiDARs
     /// on the mounts of a vehicle file. Empty where it keeps all.
     pub fn broken_rules(&self, rules: &Constraints, placement: &Placement) -> Vec<String> {

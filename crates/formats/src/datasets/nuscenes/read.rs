@@ -57,7 +57,6 @@ pub fn read_nuscenes(
     Ok(read)
 }
 
-/// The only version in a folder.
 fn only_version(folder: &Path) -> Result<String, DatasetError> {
     let to_read = |source| DatasetError::Read { path: folder.to_owned(), source };
     let mut found = Vec::new();
@@ -164,7 +163,6 @@ type LabelCategories = Vec<Option<Category>>;
 /// Name and meaning of categories, by token.
 type ByToken = HashMap<String, (String, Category)>;
 
-/// Categories by their label and by their token.
 fn categories(tables: &SourceTables) -> Result<(LabelCategories, ByToken), DatasetError> {
     let (mut labels, mut by_token) = (vec![None; 256], HashMap::new());
     // Sets of Place3D have one table of categories for points and another for boxes.

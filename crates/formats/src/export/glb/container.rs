@@ -208,7 +208,6 @@ pub(super) struct Frustum {
 }
 
 impl Frustum {
-    /// All beams of a table.
     pub fn of(table: &BeamTable) -> Self {
         let directions = || table.directions().iter().map(|d| d.map(f64::from));
         let rise = |[x, y, z]: [f64; 3]| maths::atan2(z, maths::hypot(x, y));

@@ -406,7 +406,6 @@ pub(super) const DEBRIS: u8 = 10;
 /// First and last category of things that have boxes.
 pub(super) const BOXED: std::ops::RangeInclusive<u8> = 1..=23;
 
-/// All attributes.
 const ATTRIBUTES: [&str; 8] = [
     "vehicle.moving",
     "vehicle.stopped",

@@ -14,21 +14,8 @@ use crate::rig::{
 
 /// Names that need quotes, escapes, or look like something else to some reader.
 const FRAMES: [&str; 16] = [
-    "velodyne_top",
-    "lidar/left",
-    "null_lidar",
-    "lidar&co",
-    "<lidar>",
-    "\"lidar\"",
-    "it's_lidar",
-    "lidar#1",
-    "1e5_lidar",
-    "lidar:",
-    "-lidar",
-    "läser_lidar",
-    "lidar\\n",
-    "lidar{x}",
-    "[lidar]",
+    "velodyne_top", "lidar/left", "null_lidar", "lidar&co", "<lidar>", "\"lidar\"", "it's_lidar",
+    "lidar#1", "1e5_lidar", "lidar:", "-lidar", "läser_lidar", "lidar\\n", "lidar{x}", "[lidar]",
     "--lidar",
 ];
 

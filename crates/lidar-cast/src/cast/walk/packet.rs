@@ -9,7 +9,6 @@ use crate::task::{DevicePose, TINY_COMPONENT};
 
 /// Rays of a packet.
 pub const RAYS: usize = 8;
-/// A number of each ray.
 type PacketNumbers = [f32; RAYS];
 /// Unit directions of a packet's rays in the sensor's frame, by axis.
 pub type Rays = [PacketNumbers; 3];

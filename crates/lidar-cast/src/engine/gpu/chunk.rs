@@ -136,7 +136,6 @@ fn is_covered(pose: &DevicePose, roi: &Roi) -> bool {
 /// Bytes that a chunk needs.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sizes {
-    /// One bitmap.
     pub(super) bitmap: u64,
     /// Hits of one sensor of the model with most beams.
     pub(super) hits: u64,
@@ -259,7 +258,7 @@ impl Trees {
             device.write_at(&nodes, u64::from(first_node), &wide.nodes);
             device.write_at(&triangles, u64::from(first_triangle), &tree.triangles);
             // Submits each tree alone: staging memory of several large ones would add up.
-            device.queue().submit([]);
+            device.queue.submit([]);
             roots.insert(Arc::as_ptr(tree).addr(), first_node);
             first_node += wide.nodes.len() as u32;
             first_triangle += tree.triangles.len() as u32;

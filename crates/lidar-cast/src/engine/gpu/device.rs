@@ -11,9 +11,9 @@ use crate::engine::BackendError;
 /// An open device. Errors of the driver wait here for [`Self::check`], instead of wgpu's default, a panic.
 pub(super) struct Device {
     device: wgpu::Device,
-    queue: wgpu::Queue,
+    pub(super) queue: wgpu::Queue,
     adapter: String,
-    software: bool,
+    pub(super) software: bool,
     failure: Arc<Mutex<Option<String>>>,
     /// Buffers for copies to the host, kept from one to the next.
     staging: Mutex<Vec<wgpu::Buffer>>,
@@ -85,11 +85,6 @@ impl Device {
         let (staging, stamps) = (Mutex::default(), Stamps::new(&device, &queue));
         let traffic = Mutex::default();
         Ok(Self { device, queue, adapter, software, failure, staging, stamps, traffic })
-    }
-
-    /// True if the device is a software renderer on the CPU.
-    pub(super) fn is_software(&self) -> bool {
-        self.software
     }
 
     /// Says in the device's name that it does not keep the bits.
@@ -191,10 +186,6 @@ impl Device {
 
     pub(super) fn wgpu(&self) -> &wgpu::Device {
         &self.device
-    }
-
-    pub(super) fn queue(&self) -> &wgpu::Queue {
-        &self.queue
     }
 
     /// Times of a step; `None` on a device that tells none.

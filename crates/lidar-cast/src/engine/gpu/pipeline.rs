@@ -184,7 +184,7 @@ impl<'a> Pipeline<'a> {
             stages.push(StepStage::Reduce);
         }
         if let Some(stamps) = self.device.stamps() {
-            sources.push((stamps.resolved(), STAMP_BYTES));
+            sources.push((&stamps.resolved, STAMP_BYTES));
         }
         let record = |encoder: &mut wgpu::CommandEncoder| {
             for (number, &stage) in stages.iter().enumerate() {

@@ -32,7 +32,7 @@ impl Device {
         self.count(|traffic| traffic.submissions += 1);
         let mut encoder = self.wgpu().create_command_encoder(&Default::default());
         record(&mut encoder);
-        self.queue().submit([encoder.finish()])
+        self.queue.submit([encoder.finish()])
     }
 
     /// Waits for a submission and all before it.

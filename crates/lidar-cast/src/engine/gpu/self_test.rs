@@ -17,24 +17,9 @@ use crate::maths::mixed;
 
 /// Operations in the order of their numbers in `shaders/self_test.wgsl`.
 const OPERATIONS: [&str; 18] = [
-    "a + b",
-    "a - b",
-    "a * b",
-    "divide(a, b)",
-    "rounded(a * b) + c",
-    "rounded(a + b) + c",
-    "rounded(a - b) * c",
-    "min(a, b)",
-    "max(a, b)",
-    "compare(a, b)",
-    "floor(a)",
-    "ceil(a)",
-    "f32(a)",
-    "u32(a)",
-    "a * b + c",
-    "(a + b) + c",
-    "a / b",
-    "a * b, denormal",
+    "a + b", "a - b", "a * b", "divide(a, b)", "rounded(a * b) + c", "rounded(a + b) + c",
+    "rounded(a - b) * c", "min(a, b)", "max(a, b)", "compare(a, b)", "floor(a)", "ceil(a)",
+    "f32(a)", "u32(a)", "a * b + c", "(a + b) + c", "a / b", "a * b, denormal",
 ];
 /// Kind of arithmetic of each operation that kernels depend on.
 const KINDS_OF_ARITHMETIC: [&str; 14] = [
@@ -69,26 +54,8 @@ const KEPT_FAILURES: usize = 8;
 
 /// Coordinates, directions, limits and neighbours of powers of two, as kernels meet them.
 const VALUES: [f32; 20] = [
-    0.0,
-    1.0,
-    -1.0,
-    0.999_999_94,
-    1.000_000_1,
-    3.0,
-    -0.333_333_34,
-    0.1,
-    -7.3,
-    1e-9,
-    1e9,
-    1e20,
-    8_388_607.5,
-    16_777_215.0,
-    0.25,
-    31.75,
-    -32_767.5,
-    1e-12,
-    8.673_617e-19,
-    1_099_511_627_776.0,
+    0.0, 1.0, -1.0, 0.999_999_94, 1.000_000_1, 3.0, -0.333_333_34, 0.1, -7.3, 1e-9, 1e9, 1e20,
+    8_388_607.5, 16_777_215.0, 0.25, 31.75, -32_767.5, 1e-12, 8.673_617e-19, 1_099_511_627_776.0,
 ];
 
 /// One case: the number of an operation and the bits of its operands.

@@ -76,13 +76,8 @@ impl Pipeline<'_> {
         let (work, scene) = (self.work, self.scene);
         encoder.clear_buffer(&work.counters, 0, None);
         let buffers = [
-            &work.instances,
-            &work.sensor_beams,
-            &scene.directions,
-            &scene.nodes,
-            &scene.triangles,
-            &work.hits,
-            &work.counters,
+            &work.instances, &work.sensor_beams, &scene.directions, &scene.nodes, &scene.triangles,
+            &work.hits, &work.counters,
         ];
         let (groups, stamp) = (self.groups(chunk), self.stamp(stage));
         self.kernels.dispatch(self.device, encoder, "cast_closest", &buffers, groups, stamp);
@@ -167,11 +162,7 @@ impl Pipeline<'_> {
         let work = self.work;
         encoder.clear_buffer(&work.bitmaps, 0, None);
         let buffers = [
-            &work.uniforms,
-            &work.poses,
-            &work.sensor_beams,
-            &self.scene.directions,
-            &work.hits,
+            &work.uniforms, &work.poses, &work.sensor_beams, &self.scene.directions, &work.hits,
             &work.bitmaps,
         ];
         let (groups, stamp) = (self.groups(chunk), self.stamp(stage));
@@ -273,7 +264,7 @@ pub(super) struct Stamps {
     set: wgpu::QuerySet,
     /// Nanoseconds of a tick.
     period: f64,
-    resolved: wgpu::Buffer,
+    pub(super) resolved: wgpu::Buffer,
 }
 
 impl Stamps {
@@ -313,11 +304,6 @@ impl Stamps {
     /// Time of some ticks.
     pub(super) fn time(&self, ticks: u64) -> Duration {
         Duration::from_nanos((ticks as f64 * self.period) as u64)
-    }
-
-    /// Ticks of the device.
-    pub(super) fn resolved(&self) -> &wgpu::Buffer {
-        &self.resolved
     }
 }
 

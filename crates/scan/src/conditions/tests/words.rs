@@ -9,16 +9,8 @@ fn read(text: &str) -> Result<Condition, ConditionError> {
 #[test]
 fn what_is_written_out_reads_as_the_same() {
     for text in [
-        "fog",
-        "fog:mor=50",
-        "fog:mor=inf,gain=0",
-        "wet:water=1.0",
-        "rain",
-        "rain:rate=12.5",
-        "blur",
-        "crosstalk:share=0.01",
-        "echo:ratio=0.85",
-        "snow:level=light",
+        "fog", "fog:mor=50", "fog:mor=inf,gain=0", "wet:water=1.0", "rain", "rain:rate=12.5",
+        "blur", "crosstalk:share=0.01", "echo:ratio=0.85", "snow:level=light",
     ] {
         let condition = read(text).unwrap();
         assert_eq!(read(&condition.to_string()), Ok(condition), "{text} → {condition}");

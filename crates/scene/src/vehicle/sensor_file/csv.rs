@@ -103,7 +103,6 @@ fn check_width(at: &Location, cells: &[&str], columns: usize) -> Result<(), Desc
     }
 }
 
-/// The number in a cell.
 fn number_in(at: &Location, cells: &[&str], column: usize) -> Result<f64, DescriptionError> {
     let cell = cells.get(column).copied().unwrap_or_default();
     match cell.parse::<f64>() {

@@ -420,7 +420,6 @@ const TURN: f64 = 360_000.0;
 /// Columns that follow each other.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ColumnWindow {
-    /// The first one.
     first: u32,
     /// How many, at most a turn.
     pub count: u32,
