@@ -107,7 +107,9 @@ per_target! {
     /// A bit for each triangle of a block that `Ray::intersect` does not refuse for its edges: its sums, eight at once.
     fn edges_passed(block: &Block8, ray: &Ray) -> u32 {
         let [x, y, z] = axes_of(ray.major);
-        let at = three!(K => splat(ray.origin[[x, y, z][K]]));
+        // From an array: a vector is indexed by branches, which rays of random directions would mispredict.
+        let origin = ray.origin.to_array();
+        let at = three!(K => splat(origin[[x, y, z][K] % 3]));
         let (along, across) = (splat(ray.shear[0]), splat(ray.shear[1]));
         let corner = |k: usize| {
             let corner = &block.corners[k];
