@@ -10,7 +10,7 @@ mod order;
 
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 use multiversion::multiversion;
 use multiversion::target::match_target;
 use rayon::prelude::*;
@@ -59,6 +59,8 @@ struct UpperTree {
 struct RayInstance {
     tree: Arc<Bvh>,
     from_ego: Pose,
+    /// False where axes are those of the ego frame.
+    is_turned: bool,
     first_prim: u32,
 }
 
@@ -122,6 +124,7 @@ impl RayScene {
         let thing = |instance: &Instance| RayInstance {
             tree: instance.tree.clone(),
             from_ego: instance.ego_from_instance.inverse(),
+            is_turned: instance.ego_from_instance.rotation != DMat3::IDENTITY,
             first_prim: instance.first_prim,
         };
         let things: Vec<RayInstance> = frame.instances().iter().map(thing).collect();
@@ -324,8 +327,13 @@ impl RayInstance {
     /// A ray of the ego frame in the tree's.
     #[inline(always)]
     fn ray(&self, origin: DVec3, unit: DVec3, t_max: f32) -> Ray {
-        let origin = self.from_ego.apply(origin).as_vec3();
-        Ray::new(origin, (self.from_ego.rotation * unit).as_vec3(), t_max)
+        // A product with the unit matrix gives the same numbers.
+        let (origin, unit) = if self.is_turned {
+            (self.from_ego.apply(origin), self.from_ego.rotation * unit)
+        } else {
+            (origin + self.from_ego.translation, unit)
+        };
+        Ray::new(origin.as_vec3(), unit.as_vec3(), t_max)
     }
 }
 

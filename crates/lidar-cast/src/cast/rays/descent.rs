@@ -107,7 +107,9 @@ per_target! {
     /// A bit for each triangle of a block that `Ray::intersect` does not refuse for its edges: its sums, eight at once.
     fn edges_passed(block: &Block8, ray: &Ray) -> u32 {
         let [x, y, z] = axes_of(ray.major);
-        let at = three!(K => splat(ray.origin[[x, y, z][K]]));
+        // From an array: a vector is indexed by branches, which rays of random directions would mispredict.
+        let origin = ray.origin.to_array();
+        let at = three!(K => splat(origin[[x, y, z][K] % 3]));
         let (along, across) = (splat(ray.shear[0]), splat(ray.shear[1]));
         let corner = |k: usize| {
             let corner = &block.corners[k];
@@ -129,7 +131,7 @@ per_target! {
 
     /// Distances of a block's triangles along a ray, and a bit for each that `Ray::intersect` does not refuse for its box or its
     /// plane: its operations in its order. Sides may be no numbers where an inverse is not finite.
-    fn distances(block: &Block8, ray: &Ray, pad: f32) -> (V, u32) {
+    fn distances(block: &Block8, ray: &Ray, pad: f32, passed: u32) -> (V, u32) {
         let zero = splat(0.0);
         let origin = three!(AXIS => splat(ray.origin[AXIS]));
         let inverse = three!(AXIS => splat(ray.inverse[AXIS]));
@@ -147,9 +149,12 @@ per_target! {
             let [x, y, z] = three!(AXIS => part(AXIS));
             (max(max(max(x.0, y.0), z.0), zero), min(min(x.1, y.1), z.1))
         };
-        let (bare, padded) = (slab(zero), slab(splat(pad)));
-        let enter = if_above(bare.0, bare.1, padded.0, bare.0);
-        let leave = if_above(bare.0, bare.1, padded.1, bare.1);
+        let (mut enter, mut leave) = slab(zero);
+        if !at_most(enter, leave) & passed != 0 {
+            let (bare, padded) = ((enter, leave), slab(splat(pad)));
+            enter = if_above(bare.0, bare.1, padded.0, bare.0);
+            leave = if_above(bare.0, bare.1, padded.1, bare.1);
+        }
         let normal = three!(AXIS => load(&block.normal[AXIS]));
         let dot = |a: [V; 3]| add(add(mul(normal[0], a[0]), mul(normal[1], a[1])), mul(normal[2], a[2]));
         let towards = dot(three!(AXIS => splat(ray.direction[AXIS])));
@@ -169,7 +174,7 @@ per_target! {
         if !ray.inverse.is_finite() {
             return block_hits_one_by_one(thing, block, passed, ray, wanted, found);
         }
-        let (t, ahead) = distances(block, ray, thing.tree.pad);
+        let (t, ahead) = distances(block, ray, thing.tree.pad, passed);
         let reach = if wanted == RayQuery::Count { ray.t_max } else { found.hit.t };
         passed &= ahead & at_most(t, splat(reach));
         let t = store(t);

@@ -211,7 +211,10 @@ fn rays_through_corners_along_axes_and_of_odd_numbers_hit_as_without_trees() {
     let turned = Pose::new(DVec3::new(0.0, 1.0, -2.0), 0.1, 0.2, FRAC_PI_2);
     let faces = soup.faces.len() as u32;
     let there = Instance { tree: tree.clone(), ego_from_instance: turned, first_prim: faces };
-    for frame in [Frame::new([here.clone()]), Frame::new([here, there])] {
+    let moved = Pose::new(DVec3::new(0.5, -0.25, 0.125), 0.0, 0.0, 0.0);
+    let beside = Instance { tree, ego_from_instance: moved, first_prim: 2 * faces };
+    for things in [vec![here.clone()], vec![beside.clone()], vec![here, there, beside]] {
+        let frame = Frame::new(things);
         for (range, t_max) in
             [(100.0, f32::INFINITY), (5.0, f32::INFINITY), (100.0, 2.5), (f32::MAX, f32::MAX)]
         {
