@@ -34,7 +34,7 @@ const REFINEMENTS: [Refinement; 2] = [
     Refinement { frames: 12, radius: 1, halvings: 2 },
 ];
 
-/// Frames that refinements count with where the first swaps are over fewer.
+/// Frames of each scene that refinements count with where the first swaps are over fewer.
 const LEAST_FRAMES: usize = 4;
 
 /// Casts of the swaps over all frames, in refinements: 1 is the casts of one.
@@ -130,7 +130,7 @@ impl Run {
     }
 
     /// Moves single LiDARs of the ends of the swaps to poses nearby, over more frames and on finer grids. In each
-    /// refinement as many casts, of a pose in a frame, as in the swaps before at most, counted over four frames at least.
+    /// refinement as many casts, of a pose in a frame, as in the swaps before at most, counted over four frames of each scene at least.
     pub(super) fn refine(&mut self, watch: &mut Watch) -> Result<(), SearchError> {
         let before = self.state.clone();
         self.state.phase = Phase::Bounds;
@@ -141,7 +141,7 @@ impl Run {
         let lidars = self.suite.constraints().lidars();
         let poses = self.state.settings.poses_for_swaps(lidars);
         let (frames, all) = (self.frames().len(), self.suite.frame_count());
-        let counted = frames.max(LEAST_FRAMES);
+        let counted = frames.max(LEAST_FRAMES * self.suite.members().len());
         let mut work = Refining { casts: poses.saturating_mul(counted as u64), done: 0 };
         let is_mixed = self.suite.constraints().kinds().len() > 1;
         let needed = LEAST_AGAIN * (lidars * all) as f64;
