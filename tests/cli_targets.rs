@@ -305,8 +305,8 @@ fn rules_on_targets_are_shares_of_their_places() {
     let missing = |rule: usize| found["scores"][0]["requirements"][rule]["missing"].clone();
     assert_eq!(missing(0), Value::Null);
     let round = missing(1).as_str().unwrap().to_owned();
-    assert!(round.starts_with("missing at 10 to 15 m between -180° and "), "{round}");
-    assert_eq!(missing(2), "missing at 10 to 15 m between -60° and 60°");
+    assert!(round.starts_with("missing at 10 to 15 m: "), "{round}");
+    assert_eq!(missing(2), "missing at 10 to 15 m: all 17 bearings, -60° to 60°");
     let one_lost = &found["scores"][0]["requirements"][2];
     assert_eq!((&one_lost["intact"], &one_lost["worst_without"]), (&json!(1.0), &json!(0)));
     assert_eq!(single[3], (0.0, false));

@@ -10,6 +10,7 @@
 //! | `beams` | beams of a placement on targets |
 //! | `card` | the range card, and blind sectors |
 //! | `counting` | requirements that no place or cell counts for |
+//! | `missing` | places of a rule that are not met, in words |
 //! | `places` | where in a scene a target can stand |
 //! | `reach` | rules on targets that no rig on some poses meets |
 //! | `rules` | rules on targets, near ground and overlap, and how far they are met |
@@ -18,6 +19,7 @@
 mod beams;
 mod card;
 mod counting;
+mod missing;
 mod places;
 mod reach;
 mod rules;
