@@ -2,6 +2,7 @@
 //!
 //! The vehicle is inline, from a file, or made of the scene's `lidar` and `mount`.
 
+use std::collections::HashSet;
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
@@ -150,7 +151,7 @@ impl Scene {
         let coverage = scene.coverage.as_deref();
         let coverage = Coverage::new(&top.key("coverage"), coverage, has_geometry)?;
         let psog = scene.psog.as_ref();
-        let (range, top_of_mounts) = (vehicle.sensors[0].lidar.range(), vehicle.corners()[1][2]);
+        let (range, top_of_mounts) = (vehicle.longest_range(), vehicle.corners()[1][2]);
         let psog = PsogSource::new(top, psog, has_geometry, dir, range, top_of_mounts)?;
         match &psog {
             PsogSource::File(file) => files.push(file.clone()),
@@ -385,12 +386,19 @@ fn of_own_bodies(
     doubts
 }
 
-/// Doubts about the angles of meshes and robots. Boxes and copies are turned by whole radians, too.
+/// Doubts about the angles of meshes and robots, and about meshes that are listed twice. Boxes and copies are turned by
+/// whole radians, too.
 fn of_shapes(at: &Location, shapes: &[ShapeDescription]) -> Vec<Note> {
     let mut doubts = Vec::new();
     for (i, shape) in shapes.iter().enumerate() {
         let mesh = shape.mesh.iter().map(|mesh| ("mesh", [mesh.roll, mesh.pitch, mesh.yaw]));
+    let mut known = HashSet::new();
         let urdf = shape.urdf.iter().map(|urdf| ("urdf", [urdf.roll, urdf.pitch, urdf.yaw]));
+        if shape.mesh.is_some() && !known.insert(format!("{shape:?}")) {
+            let at = at.item(i).key("mesh");
+            doubts
+                .push(format!("{at}: is listed before, in the same place; leave one of them out"));
+        }
         for (kind, angles) in mesh.chain(urdf) {
             for (key, angle) in ["roll", "pitch", "yaw"].iter().zip(angles) {
                 let what = at.item(i).key(kind).key(key).to_string();
