@@ -3,21 +3,28 @@
 use std::path::PathBuf;
 
 use super::{Job, JobError};
-use crate::search::Settings;
-use crate::vehicle::{Constraints, random_placements_by_the_rules};
+use crate::search::{SearchError, Settings};
+use crate::vehicle::{Constraints, PoseGrid, random_placements_by_the_rules};
 
 impl Job {
-    /// Checks that some rig keeps the rules of the mounts, before anything is written.
+    /// Checks that some rig keeps the rules of the mounts, and that the grid of `delta` has no more poses than are possible,
+    /// before anything is written.
     ///
     /// # Errors
-    /// None is found.
+    /// No rig is found, or too many poses.
     pub fn check_room(&self) -> Result<(), JobError> {
         let place = |file: &PathBuf| file.display().to_string();
-        let found = self.scene().vehicle().rig_by_the_rules();
-        found.map(drop).map_err(|error| JobError::InScene {
+        let vehicle = self.scene().vehicle();
+        let found = vehicle.rig_by_the_rules();
+        let (equipment, _) = found.map_err(|error| JobError::InScene {
             scene: self.vehicle_file.as_ref().map_or_else(|| self.scenes[0].place(), place),
             source: error.into(),
-        })
+        })?;
+        if let Some(spacing) = self.settings.delta {
+            let grid = PoseGrid::new(&vehicle.constraints(&equipment), spacing);
+            grid.map_err(SearchError::from)?;
+        }
+        Ok(())
     }
 }
 

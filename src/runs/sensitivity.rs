@@ -71,7 +71,7 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
         return Err(RunError::Usage(format!("{range}: give two different numbers")));
     }
     if let Some(out) = &request.out {
-        writable_file(out)?;
+        outputs::check_file(out, "svg")?;
     }
     outputs::check_figures(request.figures.as_deref())?;
     let (scenes, file) = Files::or_level_ground(&request.shared.files, computing)?;

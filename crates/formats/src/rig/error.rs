@@ -208,8 +208,14 @@ pub enum RigError {
         frame: String,
     },
     /// A name that no format has.
-    #[error("no format is called `{name}`; there are {}", formats())]
+    #[error("no format is called `{name}`; there are {}", formats(|_| true))]
     UnknownFormat {
+        /// The name as written.
+        name: String,
+    },
+    /// A name that no format has in which rigs are written.
+    #[error("no format is called `{name}`; rigs are written in {}", formats(RigFormat::is_written))]
+    NotWritten {
         /// The name as written.
         name: String,
     },
@@ -244,7 +250,7 @@ pub enum RigError {
         mend: &'static str,
     },
     /// A file whose content tells no format.
-    #[error("{file}: its content is none of {}; name its format with --format", formats())]
+    #[error("{file}: its content is none of {}; name its format with --format", formats(|_| true))]
     Unrecognised {
         /// The file.
         file: String,
@@ -258,7 +264,11 @@ pub enum RigError {
         format: &'static str,
     },
     /// A format that is read only.
-    #[error("{} is read, but not written; take another format", format.name())]
+    #[error(
+        "{} is read, but not written; take one of {}",
+        format.name(),
+        formats(RigFormat::is_written)
+    )]
     ReadOnly {
         /// The format.
         format: RigFormat,
@@ -332,6 +342,7 @@ fn listed(names: &[String]) -> String {
     shown.join(", ") + &rest
 }
 
-fn formats() -> String {
-    RigFormat::ALL.map(RigFormat::name).join(", ")
+fn formats(is_meant: impl Fn(RigFormat) -> bool) -> String {
+    let meant = RigFormat::ALL.into_iter().filter(|format| is_meant(*format));
+    meant.map(RigFormat::name).collect::<Vec<_>>().join(", ")
 }

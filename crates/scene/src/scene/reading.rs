@@ -124,6 +124,7 @@ impl Scene {
         let mut scene = Self::of_parts(&top, scene, (name, roi, classes), carrier, things, dir)?;
         let doubts = scene.doubts(&places);
         scene.notes.extend(doubts);
+        scene.vehicle_file = places.vehicle.file;
         Ok(scene)
     }
 
@@ -162,6 +163,7 @@ impl Scene {
             classes,
             roi,
             vehicle,
+            vehicle_file: String::new(),
             sensors: OnceLock::new(),
             coverage,
             psog,
@@ -390,15 +392,15 @@ fn of_own_bodies(
 /// whole radians, too.
 fn of_shapes(at: &Location, shapes: &[ShapeDescription]) -> Vec<Note> {
     let mut doubts = Vec::new();
-    for (i, shape) in shapes.iter().enumerate() {
-        let mesh = shape.mesh.iter().map(|mesh| ("mesh", [mesh.roll, mesh.pitch, mesh.yaw]));
     let mut known = HashSet::new();
-        let urdf = shape.urdf.iter().map(|urdf| ("urdf", [urdf.roll, urdf.pitch, urdf.yaw]));
+    for (i, shape) in shapes.iter().enumerate() {
         if shape.mesh.is_some() && !known.insert(format!("{shape:?}")) {
             let at = at.item(i).key("mesh");
             doubts
                 .push(format!("{at}: is listed before, in the same place; leave one of them out"));
         }
+        let mesh = shape.mesh.iter().map(|mesh| ("mesh", [mesh.roll, mesh.pitch, mesh.yaw]));
+        let urdf = shape.urdf.iter().map(|urdf| ("urdf", [urdf.roll, urdf.pitch, urdf.yaw]));
         for (kind, angles) in mesh.chain(urdf) {
             for (key, angle) in ["roll", "pitch", "yaw"].iter().zip(angles) {
                 let what = at.item(i).key(kind).key(key).to_string();
