@@ -41,7 +41,7 @@ fn ground_nearer_than_any_cell_is_an_error_that_says_from_where_on() {
     ] {
         parked(dir.path(), CAR, &rule);
         let told = fails(dir.path(), &SCORE);
-        let place = format!("road.json: require[1].{field}: ");
+        let place = format!("box.json: require[1].{field}: ");
         assert!(told.contains(&place) && told.contains(&format!("give {least} or more")), "{told}");
     }
     let optimize =
@@ -75,7 +75,7 @@ fn a_target_whose_places_all_lie_in_the_own_body_is_an_error() {
     // Places at 5, 6 and 7 m straight ahead; the body ends at 8 m.
     parked(dir.path(), truck, &child(7.0));
     let told = fails(dir.path(), &SCORE);
-    let words = "road.json: require[1]: every place of `child from 5 to 7 m, -5° to 5°` lies in the own body";
+    let words = "box.json: require[1]: every place of `child from 5 to 7 m, -5° to 5°` lies in the own body";
     assert!(told.contains(words), "{told}");
     let told = fails(
         dir.path(),

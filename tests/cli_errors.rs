@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use crate::cli::{corridor, fails, ok, room, scene, sightline};
+use crate::cli_shared::yard;
 
 /// Replaces one value of the scene by its JSON pointer and says what the program answers.
 fn with_scene(pointer: &str, value: Value) -> String {
@@ -360,4 +361,37 @@ fn a_damaged_psog_is_an_error() {
     assert!(answer.contains("corridor.psog.npz"), "{answer}");
     let answer = fails(dir.path(), &["psog", "info", "corridor.psog.npz"]);
     assert!(answer.contains("corridor.psog.npz"), "{answer}");
+}
+
+#[test]
+fn what_cannot_be_done_is_told_before_the_work_and_leaves_nothing() {
+    let dir = yard();
+    let before = fs::read_dir(dir.path()).unwrap().count();
+    let sweep = "study sweep yard.json rigs.json --backend cpu";
+    for (line, words) in [
+        (
+            "study nearfield yard.json rigs.json --out near.png",
+            "is written as SVG; give it the ending .svg",
+        ),
+        ("cast yard.json rigs.json --out hits.csv", "is written as NPZ; give it the ending .npz"),
+        (&format!("{sweep} --of 0.z --from 1 --to 2 --out z.JSON"), "give it the ending .svg"),
+        (
+            &format!("{sweep} --of 0.z --from 1 --to 3200 --strict"),
+            "z of 3200 is far from any vehicle",
+        ),
+        (
+            &format!("{sweep} --of 0.pitch --from -0.1 --to 0.2 --strict"),
+            "radians? 0.2 rad are 11.46°",
+        ),
+        ("optimize yard.json --out run --adapter nowhere", "no Vulkan device named `nowhere`"),
+        ("optimize yard.json --out run --delta 1e-9", "are possible; widen --delta"),
+        (
+            "optimize yard.json --out run --tolerance 1mm,6deg --strict",
+            "1mm,6deg is more than mountings",
+        ),
+    ] {
+        let told = fails(dir.path(), &line.split(' ').collect::<Vec<_>>());
+        assert!(told.contains(words), "{line}: {told}");
+    }
+    assert_eq!(fs::read_dir(dir.path()).unwrap().count(), before, "nothing is left");
 }

@@ -322,3 +322,15 @@ fn the_paper_s_car_is_compared_with_the_layouts_of_its_table() {
     write(&dir, "low.json", &scene);
     assert_eq!(names(&study(&dir, "regions low.json --out low")), ["optimized"]);
 }
+
+#[test]
+fn the_loss_of_own_rigs_is_over_all_frames_unless_told() {
+    let dir = street();
+    let loss = |more: &[&str]| {
+        let args = ["study", "loss", "street.json", "rigs.json", "--backend", "cpu"];
+        let found = ok(dir.path(), &[&args[..], more].concat());
+        found["title"].as_str().unwrap().to_owned()
+    };
+    assert!(loss(&["--out", "all"]).starts_with("street, 3 frames: "));
+    assert!(loss(&["--out", "one", "--frames", "1"]).starts_with("street, 1 frame: "));
+}

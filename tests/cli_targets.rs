@@ -289,8 +289,8 @@ fn rules_on_targets_are_shares_of_their_places() {
     let missing = |rule: usize| found["scores"][0]["requirements"][rule]["missing"].clone();
     assert_eq!(missing(0), Value::Null);
     let round = missing(1).as_str().unwrap().to_owned();
-    assert!(round.starts_with("missing at 10 to 15 m between -180° and "), "{round}");
-    assert_eq!(missing(2), "missing at 10 to 15 m between -60° and 60°");
+    assert!(round.starts_with("missing at 10 to 15 m: "), "{round}");
+    assert_eq!(missing(2), "missing at 10 to 15 m: all 17 bearings, -60° to 60°");
     let one_lost = &found["scores"][0]["requirements"][2];
     assert_eq!((&one_lost["intact"], &one_lost["worst_without"]), (&json!(1.0), &json!(0)));
     assert_eq!(single[3], (0.0, false));
@@ -406,7 +406,8 @@ fn own_rigs_lose_each_lidar_in_turn() {
     let lidar = |yaw: f64| json!({ "x": 0, "y": 0, "z": 1, "yaw": yaw, "sensor": "half" });
     let rigs = json!({ "placements": [
         { "name": "both", "lidars": [lidar(0.0), lidar(std::f64::consts::PI)] },
-        { "name": "twice", "lidars": [lidar(0.0), lidar(0.0), lidar(std::f64::consts::PI)] } ] });
+        { "name": "twice", "lidars": [lidar(0.0), lidar(0.0), lidar(std::f64::consts::PI)] },
+        { "name": "front", "lidars": [lidar(0.0), lidar(0.0)] } ] });
     fs::write(dir.path().join("own.json"), rigs.to_string()).unwrap();
     let args = ["study", "loss", "street.json", "own.json", "--backend", "cpu", "--out", "lost"];
     let found = ok(dir.path(), &args);
@@ -428,8 +429,7 @@ fn own_rigs_lose_each_lidar_in_turn() {
     titles.sort_unstable();
     titles.dedup();
     assert_eq!(titles.len(), count, "{table}");
-    let scores =
-        ok(dir.path(), &["score", "street.json", "own.json", "--frames", "2", "--backend", "cpu"]);
+    let scores = ok(dir.path(), &["score", "street.json", "own.json", "--backend", "cpu"]);
     let gain = scores["scores"][0]["near_gain"].as_f64().unwrap();
     assert!((both[0].as_f64().unwrap() - 100.0 * gain).abs() < 1e-9, "{both:?} {gain}");
     // The chart has the gains alone: two rigs at three and four values; the losses that fail are hollow.
@@ -449,6 +449,14 @@ fn own_rigs_lose_each_lidar_in_turn() {
         notes.contains(
             "both without LiDAR 1: left and behind and right (in sectors of 30° within 75° to -75°)"
         ),
+        "{notes}"
+    );
+    // Sectors that all LiDARs leave blind are told once.
+    assert!(
+        notes.contains(
+            "front with all LiDARs already: left and behind and right (in sectors of 30° within"
+        ) && !notes.contains("front without")
+            && !notes.contains("both with all"),
         "{notes}"
     );
     // A rule that allows for a loss is looked at with this one LiDAR lost, and no second.

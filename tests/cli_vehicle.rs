@@ -411,6 +411,6 @@ fn faults_are_said() {
     });
     says(
         &["score", "room.json", "sonar.json", "--vehicle", "far.json", "--backend", "cpu"],
-        &["require[0]: `behind the wall` holds no voxel of the scene's roi"],
+        &["far.json: require[0]: `behind the wall` holds no voxel of the scene's roi"],
     );
 }

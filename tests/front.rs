@@ -282,7 +282,7 @@ fn the_program_writes_a_front_whose_placements_score_alike() {
     for words in [
         "cheapest that meets all requirements",
         "best near_gain",
-        "All requirements are met from 11",
+        "The cheapest that meets all requirements costs 11",
     ] {
         assert!(text.contains(words), "{words}: {text}");
     }

@@ -73,8 +73,12 @@ fn told(error: &clap::Error) -> String {
     in_words(&words)
 }
 
-/// Clap's range of whole numbers in words, without a largest value that is a limit of the computer.
+/// Clap's whole numbers in words, without a largest value that is a limit of the computer.
 fn in_words(told: &str) -> String {
+    let faults = ["invalid digit found in string", "cannot parse integer from empty string"];
+    if let Some(start) = faults.iter().find_map(|fault| told.strip_suffix(fault)) {
+        return format!("{start}give a whole number");
+    }
     let parts = told.split_once(" is not in ").and_then(|(given, range)| {
         let (least, most) = range.split_once("..=")?;
         Some((given, least, most))
@@ -273,6 +277,20 @@ mod tests {
             ("optimize s.json --memory -1G", "give at least one byte"),
             ("study targets s.json --distances -1,2", "give metres above 0 and up to 1000"),
             ("optimize s.json --budget 12k", "give a number, as 12000"),
+            ("optimize s.json --frames abc", "'abc' for '--frames <N>': give a whole number;"),
+            (
+                "optimize s.json --tolerance 5m,90deg",
+                "is no tolerance; at most 1 m and 57.3°: write",
+            ),
+            (
+                "rig export a.json --format urfd",
+                "`urfd`; rigs are written in autoware, urdf, sdf, ros2-launch, carla, \
+              carla-objects, json;",
+            ),
+            (
+                "rig export a.json --format tf",
+                "tf is read, but not written; take one of autoware, urdf,",
+            ),
         ] {
             let said = refused(line);
             assert!(said.contains(told), "{line}: {said}");

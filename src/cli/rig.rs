@@ -51,7 +51,7 @@ pub struct ExportArgs {
     #[arg(value_name = "PLACEMENT_FILE[:NAME]")]
     placement: String,
     /// Format: autoware, urdf, sdf, ros2-launch, carla, carla-objects, json
-    #[arg(long, value_name = "FORMAT")]
+    #[arg(long, value_name = "FORMAT", value_parser = RigFormat::written)]
     format: RigFormat,
     /// File to write, for autoware a folder [default: standard output]
     #[arg(long, value_name = "FILE_OR_DIR")]

@@ -140,7 +140,8 @@ pub fn run_room(args: &RoomArgs) -> Result<Exit, RunError> {
         &found,
         || room_csv(&found.rows),
         || {
-            let each = |most: f64| most / f64::from(args.steps);
+            // Thousandths are enough for people.
+            let each = |most: f64| (1e3 * most / f64::from(args.steps)).round() / 1e3;
             let (mm, deg, tilt) = (each(most_mm), each(most_deg), each(most_tilt_deg));
             let (over, under) = (&found.over, under(&found.conditions));
             outln!(

@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use super::Job;
 use super::error::JobError;
 use crate::near_field::place;
-use crate::problem::{Problem, spread};
+use crate::problem::{Problem, ProblemError, spread};
 use crate::psog::{Psog, read_psog};
 use crate::scan::conditions::{Condition, in_words};
 use crate::scan::{in_conditions, scan_scene};
@@ -179,7 +179,13 @@ impl JobScene {
                 Problem::on_grid_of(&empty, scene, sensors, &frames)
             }
         };
-        let of_files = |source| JobError::Problem { files: self.files(), source };
+        let of_files = |source: ProblemError| {
+            let files = match source.is_of_vehicle() {
+                true => scene.vehicle_file().to_owned(),
+                false => self.files(),
+            };
+            JobError::Problem { files, source }
+        };
         let mut problem = problem.map_err(of_files)?;
         check_counting(&problem, scene.vehicle()).map_err(of_files)?;
         if let Some(constraints) = &self.constraints {

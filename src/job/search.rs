@@ -8,7 +8,7 @@ use crate::search::{
     Settings, State, Suite, TimeLimit,
 };
 use crate::vehicle::{
-    Constraints, MAX_LIDARS, SensorName, Vehicle, random_placements_by_the_rules,
+    Constraints, MAX_LIDARS, PoseGrid, SensorName, Vehicle, random_placements_by_the_rules,
 };
 
 /// Checkpoint of a job's search, beside the job itself: a value that is saved and read again.
@@ -411,17 +411,24 @@ impl Fewest {
 }
 
 impl Job {
-    /// Checks that some rig keeps the rules of the mounts, before anything is written.
+    /// Checks that some rig keeps the rules of the mounts, and that the grid of `delta` has no more poses than are possible,
+    /// before anything is written.
     ///
     /// # Errors
-    /// None is found.
+    /// No rig is found, or too many poses.
     pub fn check_room(&self) -> Result<(), JobError> {
         let place = |file: &std::path::PathBuf| file.display().to_string();
-        let found = self.scene().vehicle().rig_by_the_rules();
-        found.map(drop).map_err(|error| JobError::InScene {
+        let vehicle = self.scene().vehicle();
+        let found = vehicle.rig_by_the_rules();
+        let (equipment, _) = found.map_err(|error| JobError::InScene {
             scene: self.vehicle_file.as_ref().map_or_else(|| self.scenes[0].place(), place),
             source: error.into(),
-        })
+        })?;
+        if let Some(spacing) = self.settings.delta {
+            let grid = PoseGrid::new(&vehicle.constraints(&equipment), spacing);
+            grid.map_err(SearchError::from)?;
+        }
+        Ok(())
     }
 }
 

@@ -5,10 +5,12 @@ use serde::Serialize;
 use super::{Job, JobError};
 use crate::score::Scores;
 use crate::search::Evaluator;
-use crate::vehicle::{Constraints, Placement, PlacementError, SensorPose};
+use crate::vehicle::{Constraints, FARTHEST_ON_VEHICLE, Placement, PlacementError, SensorPose};
 
 /// Number of the first angle among the fields of a pose.
 const FIRST_ANGLE: usize = 3;
+/// Degrees below which a range of an angle is more likely radians.
+const LEAST_ANGLE: f64 = 0.5;
 
 /// A pose field of one LiDAR of a placement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -114,6 +116,24 @@ impl SweptField {
     /// Unit of its values: `m` or `deg`.
     pub fn unit(self) -> &'static str {
         if self.field < FIRST_ANGLE { "m" } else { "deg" }
+    }
+
+    /// A doubt about values that are most likely millimetres or radians, in words.
+    pub(crate) fn doubt(self, [from, to]: [f64; 2]) -> Option<String> {
+        let most = from.abs().max(to.abs());
+        let name = self.name();
+        if self.field < FIRST_ANGLE {
+            return (most > FARTHEST_ON_VEHICLE).then(|| {
+                format!(
+                    "{name} of {most} is far from any vehicle; positions are in metres, {most} mm are {}",
+                    most / 1e3
+                )
+            });
+        }
+        (most < LEAST_ANGLE).then(|| {
+            let degrees = most.to_degrees();
+            format!("{name} of {most}° at most; radians? {most} rad are {degrees:.2}°")
+        })
     }
 
     /// Every field of every LiDAR of a placement.

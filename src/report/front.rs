@@ -199,10 +199,14 @@ pub(super) fn front_verdict(front: &Front) -> String {
         words += &match cheapest {
             Some(point) => {
                 let held = copies(point).map_or(String::new(), |share| {
-                    format!(", in {:.0} % of copies mounted within the tolerance", 100.0 * share)
+                    let on_paper = point.scores.holds_on_paper().map_or("in", |_| "on paper only:");
+                    format!(
+                        ", {on_paper} {:.0} % of copies mounted within the tolerance",
+                        100.0 * share
+                    )
                 });
                 let (price, name) = (trimmed(point.price, 2), &point.placement.name);
-                format!(". All requirements are met from {price} on ({name}{held})")
+                format!(". The cheapest that meets all requirements costs {price} ({name}{held})")
             }
             None => ". NOT MET: no point meets all requirements".to_owned(),
         };

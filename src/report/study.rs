@@ -129,7 +129,10 @@ pub fn sweep_text(all: &[Sweep]) -> String {
         let Some(first) = sweep.rows.first() else { return text };
         for (k, seen) in first.scores.required.iter().enumerate() {
             let least = percent_up(seen.least);
-            text += &format!("req {}: {}, {least:.1} % required; ! not met\n", k + 1, seen.title());
+            text += &format!("req {}: {}, {least:.1} % required\n", k + 1, seen.title());
+        }
+        if sweep.rows.iter().flat_map(|row| &row.scores.required).any(|seen| !seen.is_met()) {
+            text += "! = not met\n";
         }
         let broken: Vec<usize> =
             (0..sweep.rows.len()).filter(|&k| !sweep.rows[k].broken_rules.is_empty()).collect();
@@ -182,26 +185,33 @@ pub fn sweep_plot(sweep: &Sweep) -> String {
     plot.svg_with(&[], change.as_slice())
 }
 
+/// A deviation up to which a side holds; below the first step that was looked at it is not known.
+fn holds_to(side: &RoomOfSide, digits: usize) -> String {
+    match side.breaks_at {
+        Some(at) if side.holds_to == 0.0 => format!("< {}", fixed(at, digits)),
+        Some(_) => fixed(side.holds_to, digits),
+        None => format!("≥ {}", fixed(side.holds_to, digits)),
+    }
+}
+
 /// A deviation, with the requirement that breaks beyond it.
-fn cells(side: &RoomOfSide) -> [String; 2] {
-    let more = if side.breaks_at.is_some() { "" } else { "≥ " };
-    [format!("{more}{}", fixed(side.holds_to, 1)), side.breaks.clone().unwrap_or_default()]
+fn cells(side: &RoomOfSide, digits: usize) -> [String; 2] {
+    [holds_to(side, digits), side.breaks.clone().unwrap_or_default()]
 }
 
 /// A sentence on the direction of tilt that holds least, and a table of all.
 fn tilt_text(tilt: &RoomOfTilt) -> String {
     let [x, y] = tilt.about;
     let least = &tilt.least;
-    let degrees = fixed(least.side.holds_to, 2);
     let end = match &least.side.breaks {
-        Some(breaks) => format!("{degrees}°, then {breaks} breaks ({})", least.direction),
-        None => format!("{degrees}° and more in every direction"),
+        Some(breaks) => {
+            format!("{}°, then {breaks} breaks ({})", holds_to(&least.side, 2), least.direction)
+        }
+        None => format!("{}° and more in every direction", fixed(least.side.holds_to, 2)),
     };
     let mut rows = vec![["tilt, deg", "holds to", "then breaks"].map(str::to_owned).to_vec()];
     for of in &tilt.directions {
-        let more = if of.side.breaks_at.is_some() { "" } else { "≥ " };
-        let holds = format!("{more}{}", fixed(of.side.holds_to, 2));
-        let breaks = of.side.breaks.clone().unwrap_or_default();
+        let [holds, breaks] = cells(&of.side, 2);
         rows.push(vec![of.direction.to_owned(), holds, breaks]);
     }
     let about = format!("all LiDARs tilted about the ground at x = {x} m, y = {y} m hold to ");
@@ -227,7 +237,9 @@ pub fn room_text(all: &[Room]) -> String {
         let mut rows = vec![titles.map(str::to_owned).to_vec()];
         for row in &room.fields {
             let names = [row.lidar.to_string(), row.field.to_owned(), row.unit.to_owned()];
-            rows.push([&names[..], &cells(&row.down), &cells(&row.up)].concat());
+            let digits = if row.unit == "deg" { 2 } else { 1 };
+            let [down, up] = [&row.down, &row.up].map(|side| cells(side, digits));
+            rows.push([names.as_slice(), &down, &up].concat());
         }
         text += &align_columns(&rows);
         text += &room.tilt.as_ref().map(tilt_text).unwrap_or_default();
@@ -248,7 +260,7 @@ pub fn room_text(all: &[Room]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::SweepRow;
+    use crate::job::{SweepRow, TiltedTo};
 
     fn table(drawing: TablePlot) -> Table {
         let row = |name: &str, values: [Option<f64>; 2]| Row {
@@ -297,6 +309,24 @@ mod tests {
         let against = study_plot(&table(TablePlot::Against { column: 1, x_title, y_title }));
         assert_eq!(against.series[0].points[1], (2.0, 3.0));
         assert_eq!(against.series[0].labels[1], (1, "y".to_owned()));
+    }
+
+    #[test]
+    fn a_field_that_breaks_at_the_first_step_holds_to_less_than_it() {
+        let side = |steps: f64, breaks: bool| RoomOfSide {
+            holds_to: 1.25 * steps,
+            breaks_at: breaks.then_some(1.25 * (steps + 1.0)),
+            breaks: breaks.then(|| "near".to_owned()),
+        };
+        let words = |steps: f64, breaks: bool| holds_to(&side(steps, breaks), 2);
+        assert_eq!(
+            [words(0.0, true), words(1.0, true), words(4.0, false)],
+            ["< 1.25", "1.25", "≥ 5.00"]
+        );
+        let least = TiltedTo { direction: "rear down", side: side(0.0, true) };
+        let tilt = RoomOfTilt { about: [0.0, 0.0], least: least.clone(), directions: vec![least] };
+        let text = tilt_text(&tilt);
+        assert!(text.ends_with("hold to < 1.25°, then near breaks (rear down)\n"), "{text}");
     }
 
     #[test]

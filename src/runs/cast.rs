@@ -12,7 +12,7 @@ use super::opening::{LoadTimes, Loaded, timings};
 use super::outputs::Figure;
 use super::{Computing, RunError, opening, outputs};
 use crate::export::GltfView;
-use crate::files::{Session, writable_file, write_whole};
+use crate::files::{Session, write_whole};
 use crate::job::Job;
 use crate::report::{Figures, Looks, SceneRecord, Subject, view_html};
 use crate::runs::{Conditions, FiguresOut, Gltf};
@@ -78,7 +78,7 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
     let mut evaluator = loaded.evaluator(computing)?;
     let scene = loaded.job.scene();
     if let Some(path) = &request.out {
-        writable_file(path)?;
+        outputs::check_file(path, "npz")?;
     }
     outputs::check_gltf(request.gltf.gltf.as_deref())?;
     let soup = scene.frame(request.frame as usize, EgoBody::Include);
@@ -186,7 +186,7 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), RunE
     let baselines: Vec<Placement> =
         baselines.into_iter().filter(|baseline| baseline != shown).collect();
     let out = &request.out;
-    writable_file(out)?;
+    outputs::check_file(out, "html")?;
     outputs::check_figures(request.figures.figures.as_deref())?;
     let (page, figures) = page(request, &job, &mut evaluator, shown, &baselines)?;
     let wrote = outputs::wrote(request.figures.figures.as_deref(), figures.len(), Some(out));

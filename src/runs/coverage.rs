@@ -10,7 +10,7 @@ use super::opening::{LoadTimes, Loaded};
 use super::{Computing, GRACE, RunError, opening, outputs};
 use crate::audit::{AUDIT_FRAMES, AUDIT_PARTS, Audit, AuditEvent, audit};
 use crate::engine::BackendError;
-use crate::files::{Session, writable_file, write_whole};
+use crate::files::{Session, write_whole};
 use crate::job::Job;
 use crate::near_field::{Footprint, NearField, NearSite};
 use crate::report::coverage::near_field_svg;
@@ -81,7 +81,7 @@ pub fn near_fields(
     let scene = opening::geometry(&request.scene, mend, computing)?;
     opening::note_frames(&scene, request.frames, watcher);
     if let Some(file) = &request.out {
-        writable_file(file)?;
+        outputs::check_file(file, "svg")?;
     }
     outputs::check_figures(request.figures.figures.as_deref())?;
     opening::note_conditions(&in_words(&request.conditions.condition), watcher);
@@ -230,7 +230,7 @@ pub fn targets(
     let question = question(request, computing)?;
     let receiving = receiving(request)?;
     if let Some(file) = &request.out {
-        writable_file(file)?;
+        outputs::check_file(file, "svg")?;
     }
     outputs::check_figures(request.figures.figures.as_deref())?;
     let placements = read_placements(&file)?;

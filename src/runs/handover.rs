@@ -7,6 +7,7 @@
 //! | `run` | the folder of a run in place of a file of placements |
 //! | `mask` | masks of the beams that end at the own body, and a grey picture as PNG |
 
+mod body_parts;
 mod mask;
 mod rig;
 mod run;

@@ -72,7 +72,7 @@ pub fn job_within(
         let scene = JobScene::from(scene);
         times.load += start.elapsed().as_secs_f64();
         let start = Instant::now();
-        note_psog(&*psog(&scene, time, watcher)?, watcher);
+        note_psog(&*psog(&scene, time, watcher)?, scene.scene(), watcher);
         let took = start.elapsed().as_secs_f64();
         *(if is_file { &mut times.load } else { &mut times.build }) += took;
         scenes.push(scene);
@@ -126,13 +126,22 @@ pub fn stopped(
     }
 }
 
+/// Metres of a scan that may end before it meets anything that moves.
+const SHORT: f64 = 10.0;
+
 /// Notes a P-SOG in which no voxel changes from frame to frame.
-fn note_psog(psog: &Psog, watcher: &dyn Watcher) {
+fn note_psog(psog: &Psog, scene: &Scene, watcher: &dyn Watcher) {
     let same = |&count: &u16| count == 0 || u32::from(count) == psog.frames();
     if psog.counts().iter().all(same) {
+        let short = match scene.psog_source() {
+            PsogSource::Scan(scan) if scan.range < SHORT => {
+                format!(", or sensors of a longer `range`: its scans reach {} m", scan.range)
+            }
+            _ => String::new(),
+        };
         watcher.note(&format!(
             "the P-SOG tells nothing: each voxel is the same in all of its {} frame(s), so that every \
-             entropy is 0; give it frames in which something moves",
+             entropy is 0; give it frames in which something moves{short}",
             psog.frames()
         ));
     }

@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 use super::inputs::{note_repeated, note_unpriced};
 use super::opening::LoadTimes;
 use super::{Bar, Computing, GRACE, RunError, Watcher, opening, outputs};
+use crate::Note;
 use crate::export::GltfView;
 use crate::files::{Input, RunDir, Session, holds_run, read_own};
 use crate::job::{Job, JobError, JobRun, JobState, JobStep};
@@ -71,6 +72,9 @@ pub fn optimize(
         opening::note_frames(scene.scene(), request.frames, computing.watcher);
         inputs.extend(Input::of(scene.scene().files())?);
     }
+    computing.engine.check_adapter().map_err(JobError::from)?;
+    let doubt = begun.files.tolerance.and_then(|tolerance| tolerance.doubt());
+    doubt.map_or(Ok(()), |doubt| computing.watcher.tell(&Note::doubt(doubt)))?;
     outputs::check_gltf(request.gltf.as_deref())?;
     outputs::check_figures(request.figures.as_deref())?;
     if let Start::New(new) = &request.start {

@@ -73,6 +73,27 @@ pub(super) fn over(scenes: &[(&str, usize)]) -> String {
     }
 }
 
+/// Endings of formats that programs know.
+const ENDINGS: [&str; 20] = [
+    "csv", "gif", "glb", "gltf", "htm", "html", "jpeg", "jpg", "json", "npy", "npz", "obj", "pcd",
+    "pdf", "ply", "png", "stl", "svg", "txt", "yaml",
+];
+
+/// Checks, before work begins, that a file can be written and does not have the ending of another format than `ending`.
+pub(super) fn check_file(path: &Path, ending: &str) -> Result<(), RunError> {
+    writable_file(path)?;
+    let given = path.extension().map(|given| given.to_string_lossy().to_ascii_lowercase());
+    let other = given.filter(|given| given != ending && ENDINGS.contains(&&**given));
+    if other.is_some() && !is_sink(&target(path)?) {
+        return Err(RunError::Usage(format!(
+            "--out {}: is written as {}; give it the ending .{ending}",
+            path.display(),
+            ending.to_uppercase()
+        )));
+    }
+    Ok(())
+}
+
 /// Checks, before work begins, that the file has the right ending, and can be written.
 pub(super) fn check_gltf(path: Option<&Path>) -> Result<(), RunError> {
     let Some(path) = path else { return Ok(()) };

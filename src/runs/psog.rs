@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{RunError, Watcher, opening};
+use super::{RunError, Watcher, opening, outputs};
 use crate::datasets::{
     CarlaSequence, CarlaTags, KittiSequence, LabelledSequence, PsogOptions, build_psog,
     read_nuscenes,
 };
-use crate::files::{Session, will_read, writable_file, write_whole};
+use crate::files::{Session, will_read, write_whole};
 use crate::psog::{BuildReport, Psog, PsogError, Roi, read_psog, write_psog};
 use crate::scan::scan_scene;
 use crate::scene::{Ground, PsogSource, ScanSettings};
@@ -108,7 +108,7 @@ pub fn build(
         }
         PsogInput::Scans(scans) => scans.set.will_read(),
     }
-    writable_file(out)?;
+    outputs::check_file(out, "npz")?;
     let (psog, report) = match source {
         PsogInput::Scene(scene, vehicle) => of_scene(scene, vehicle.as_deref(), watcher)?,
         PsogInput::Scans(scans) => of_scans(scans, watcher)?,
@@ -192,7 +192,7 @@ fn note_ground(psog: &Psog, watcher: &dyn Watcher) {
 pub fn merge(psogs: &[PathBuf], out: &Path) -> Result<(), RunError> {
     let _session = Session::begin();
     psogs.iter().for_each(|psog| will_read(psog));
-    writable_file(out)?;
+    outputs::check_file(out, "npz")?;
     let Some((first, rest)) = psogs.split_first() else {
         return Err(RunError::Usage("give P-SOG files to merge".into()));
     };

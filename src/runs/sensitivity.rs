@@ -9,7 +9,8 @@ use super::coverage::named;
 use super::inputs::{Files, Given, note_repeated};
 use super::opening::{LoadTimes, Loaded};
 use super::{Computing, GRACE, RunError, opening, outputs};
-use crate::files::{Session, writable_file, write_whole};
+use crate::Note;
+use crate::files::{Session, write_whole};
 use crate::job::{Job, Room, RoomSteps, Sweep, SweptField, moves_of};
 use crate::report::study::sweep_plot;
 use crate::scan::conditions::{Condition, in_words};
@@ -70,7 +71,7 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
         return Err(RunError::Usage(format!("{range}: give two different numbers")));
     }
     if let Some(out) = &request.out {
-        writable_file(out)?;
+        outputs::check_file(out, "svg")?;
     }
     outputs::check_figures(request.figures.as_deref())?;
     let (scenes, file) = Files::or_level_ground(&request.shared.files, computing)?;
@@ -85,6 +86,10 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
     // Values between two good ones are good.
     let mut each = opened.placements.iter().zip(&fields);
     each.try_for_each(|(placement, field)| field.check(placement, &[from, to]))?;
+    if let Some(doubt) = fields.iter().find_map(|field| field.doubt([from, to])) {
+        let of = format!("--of {} --from {from} --to {to}: {doubt}", request.field);
+        computing.watcher.tell(&Note::doubt(of))?;
+    }
     let as_given = std::iter::once(None);
     let values: Vec<Option<f64>> =
         as_given.chain((0..request.values).map(|k| Some(value(k)))).collect();

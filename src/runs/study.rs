@@ -44,7 +44,7 @@ pub struct StudyRequest {
     /// Placements that each search evaluates before swaps
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = StudySettings::default().evaluations, value_parser = super::parse::at_least_one))]
     pub evaluations: u64,
-    /// Frames to average over, spread evenly [default: 2]
+    /// Frames to average over, spread evenly [default: 2, all for `loss` of own rigs]
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
     pub frames: Option<u32>,
     /// Random placements, where the study draws some
@@ -171,6 +171,11 @@ fn of_scenes(
     if let Some(file) = placements {
         settings.placements = read_placements(file)?;
         Given::in_problem(file, &*job.problem()?, computing).all(&mut settings.placements)?;
+        // Own rigs are compared with the result of a run, which is over all frames.
+        if request.kind == Kind::Loss && request.frames.is_none() {
+            let frames = scenes.iter().map(|scene| scene.scene().frame_count());
+            settings.frames = frames.max().unwrap_or(1) as u32;
+        }
     }
     if request.kind == Kind::Cost || request.budget.is_some() {
         note_unpriced(scenes[0].scene().vehicle(), true, watcher);

@@ -40,6 +40,11 @@ pub struct Tolerance {
     pub radians: f64,
 }
 
+/// Most metres, and most radians.
+const MOST: f64 = 1.0;
+/// Metres and radians above which a tolerance is most likely a slip: 0.2 m and 5°.
+const LIKELY: [f64; 2] = [0.2, 0.0873];
+
 impl Default for Tolerance {
     /// 5 mm and 0.5°: a bracket that is bolted on and not measured afterwards.
     fn default() -> Self {
@@ -52,29 +57,30 @@ impl FromStr for Tolerance {
 
     /// A length in m, cm or mm and an angle in deg or rad, as `5mm,0.5deg`.
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || {
-            let why = match text.contains('-') && !text.contains("e-") {
-                true => "a tolerance is not below 0: ",
-                false => "",
-            };
+        let wrong = |why: &str| {
             format!(
                 "`{text}` is no tolerance; {why}write a length and an angle, as 5mm,0.5deg, or 0"
             )
         };
-        let with_unit = |text: &str, units: [(&str, f64); 3], most: f64| {
+        let with_unit = |text: &str, units: [(&str, f64); 3]| {
             let (number, scale) =
                 units.iter().find_map(|(unit, scale)| Some((text.strip_suffix(unit)?, scale)))?;
             let value = number.trim().parse::<f64>().ok()? * scale;
-            (0.0..=most).contains(&value).then_some(value)
+            (value >= 0.0).then_some(value)
         };
         if text.trim() == "0" {
             return Ok(Self { metres: 0.0, radians: 0.0 });
         }
-        let (length, angle) = text.trim().split_once(',').ok_or_else(wrong)?;
-        let length = with_unit(length.trim(), [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0)], 1.0);
+        let is_below = text.contains('-') && !text.contains("e-");
+        let below = if is_below { "a tolerance is not below 0: " } else { "" };
+        let (length, angle) = text.trim().split_once(',').ok_or_else(|| wrong(below))?;
+        let length = with_unit(length.trim(), [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0)]);
         let degree = 1.0_f64.to_radians();
-        let angle = with_unit(angle.trim(), [("deg", degree), ("°", degree), ("rad", 1.0)], 1.0);
-        let (metres, radians) = length.zip(angle).ok_or_else(wrong)?;
+        let angle = with_unit(angle.trim(), [("deg", degree), ("°", degree), ("rad", 1.0)]);
+        let (metres, radians) = length.zip(angle).ok_or_else(|| wrong(below))?;
+        if metres > MOST || radians > MOST {
+            return Err(wrong("at most 1 m and 57.3°: "));
+        }
         Ok(Self { metres, radians })
     }
 }
@@ -102,6 +108,16 @@ impl fmt::Display for Tolerance {
 }
 
 impl Tolerance {
+    /// A doubt about a tolerance that no mounting has, in words.
+    pub fn doubt(&self) -> Option<String> {
+        (self.metres > LIKELY[0] || self.radians > LIKELY[1]).then(|| {
+            format!(
+                "--tolerance {self} is more than mountings are off, 0.2 m and 5°; a bracket holds within {}",
+                Self::default()
+            )
+        })
+    }
+
     /// True if LiDARs may be off at all.
     pub fn is_some(&self) -> bool {
         self.metres > 0.0 || self.radians > 0.0
@@ -365,6 +381,13 @@ mod tests {
         let rad = read("0.002m,0.01rad").unwrap();
         assert_eq!((rad.metres, rad.radians), (0.002, 0.01));
         assert_eq!(Tolerance::default().to_string(), "5mm,0.5deg");
+        let large = read("5m,90deg").unwrap_err();
+        assert!(large.contains("is no tolerance; at most 1 m and 57.3°: write"), "{large}");
+        let doubted = |text: &str| read(text).unwrap().doubt().is_some();
+        assert_eq!(
+            ["200mm,5deg", "0", "0.21m,1deg", "1mm,6deg"].map(doubted),
+            [false, false, true, true]
+        );
         let none = read("0").unwrap();
         assert_eq!((none.metres, read(&none.to_string())), (0.0, Ok(none)));
         for wrong in

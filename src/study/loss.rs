@@ -101,6 +101,10 @@ fn own_rigs(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> 
     for rig in rows.iter().filter_map(|row| row.placement.as_ref()) {
         let losses = Losses::of(scene, &mut evaluator, rig)?;
         let names = scene.lidar_names(rig);
+        if !losses.known.is_empty() {
+            let known = losses.known.join("; ");
+            notes.push(format!("{} with all LiDARs already: {known}", rig.name));
+        }
         for (name, (scores, blind)) in names.iter().zip(losses.left.iter().zip(&losses.words)) {
             let broken = unmet(scores).filter(|seen| losses.is_met(&seen.name));
             let told: Vec<String> = broken.map(Seen::to_string).chain(blind.clone()).collect();
@@ -129,6 +133,8 @@ struct Losses {
     left: Vec<Scores>,
     /// Width of the blind sectors after each loss, degrees; empty where beams end at nothing.
     blind: Vec<f64>,
+    /// Blind sectors of the whole rig, in words.
+    known: Vec<String>,
     /// Blind sectors after each loss that the whole rig does not have, in words.
     words: Vec<Vec<String>>,
 }
@@ -159,7 +165,8 @@ impl Losses {
         // A sum of nothing is −0.
         let width =
             |card: &RangeCard| 0.0 + card.blind.iter().map(BlindSector::degrees).sum::<f64>();
-        Ok(Self { whole, left, blind: cards.iter().map(width).collect(), words })
+        let known = known.iter().map(BlindSector::to_string).collect();
+        Ok(Self { whole, left, blind: cards.iter().map(width).collect(), known, words })
     }
 
     /// Values of [`OF_VALUE`] and of each loss, by number, beside which a requirement is not met.

@@ -9,6 +9,7 @@
 //! |---|---|
 //! | `beams` | beams of a placement on targets |
 //! | `card` | the range card, and blind sectors |
+//! | `missing` | places of a rule that are not met, in words |
 //! | `places` | where in a scene a target can stand |
 //! | `reach` | rules on targets that no rig on some poses meets, or that no place or cell counts for |
 //! | `rules` | rules on targets, near ground and overlap, and how far they are met |
@@ -16,6 +17,7 @@
 
 mod beams;
 mod card;
+mod missing;
 mod places;
 mod reach;
 mod rules;

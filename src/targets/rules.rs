@@ -2,9 +2,8 @@
 
 use std::ops::Range;
 
+use super::missing::Missing;
 use super::places::{Sight, SightBeams};
-use crate::json::fixed;
-use crate::maths;
 use crate::near_field::RequiredGround;
 use crate::overlap::{Shares, connected_without, cut_off, part_connected};
 use crate::score::SEEN;
@@ -95,33 +94,6 @@ pub struct RuleMet<'a> {
     pub intact: Option<f64>,
     /// Missing places or ground, in words; `None` where the rule is met.
     pub missing: Option<String>,
-}
-
-/// Smallest range of bearings and distances around places that are not met.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Missing {
-    /// First and last bearing, degrees counter-clockwise from straight ahead.
-    bearings: [f64; 2],
-    /// Nearest and farthest distance, metres.
-    distances: [f64; 2],
-}
-
-impl std::fmt::Display for Missing {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let ([from, to], [near, far]) = (self.bearings, self.distances);
-        let tenths = |value: f64| {
-            let text = fixed(value, 1);
-            text.strip_suffix(".0").unwrap_or(&text).to_owned()
-        };
-        let range = match [near, far].map(tenths) {
-            [near, far] if near == far => near,
-            [near, far] => format!("{near} to {far}"),
-        };
-        match [from, to].map(tenths) {
-            [from, to] if from == to => write!(f, "missing at {range} m, {from}°"),
-            [from, to] => write!(f, "missing at {range} m between {from}° and {to}°"),
-        }
-    }
 }
 
 impl Sight {
@@ -256,7 +228,7 @@ impl Sight {
                 worst.map(|shares| cut_off(shares, lost, rule.share))
             }
             Rule::Target(rule, places) => {
-                self.missing(all, rule, places.clone()).map(|missing| missing.to_string())
+                Missing::new(self, all, rule, places.clone()).map(|missing| missing.to_string())
             }
             Rule::Ground(_, number) => {
                 let share = |&(scene, bits): &(&RequiredGround, &[u64])| {
@@ -267,33 +239,6 @@ impl Sight {
                 worst.map(|(scene, bits)| scene.missing(*number, bits))
             }
         }
-    }
-
-    /// Bearings and distances around the places of a rule that are not met.
-    fn missing(
-        &self,
-        all: &SightBeams,
-        rule: &TargetRule,
-        places: Range<usize>,
-    ) -> Option<Missing> {
-        let unmet = places
-            .filter(|&place| all.beams.get(place).is_none_or(|&beams| beams < self.enough[place]));
-        unmet.fold(None, |range: Option<Missing>, place| {
-            let [x, y, _] = self.places[place].1;
-            // Bearings count from the rule's first one on, so that a range may cross ±180°.
-            let turned = maths::atan2(y, x).to_degrees() - rule.bearings[0];
-            // Rounding must not turn the first bearing into the last.
-            let bearing = rule.bearings[0] + (turned + 1e-6).rem_euclid(360.0) - 1e-6;
-            let distance = maths::hypot(x, y);
-            let widened = |range: [f64; 2], value: f64| [range[0].min(value), range[1].max(value)];
-            Some(match range {
-                None => Missing { bearings: [bearing; 2], distances: [distance; 2] },
-                Some(Missing { bearings, distances }) => Missing {
-                    bearings: widened(bearings, bearing),
-                    distances: widened(distances, distance),
-                },
-            })
-        })
     }
 
     /// True if there are rules.
@@ -316,27 +261,5 @@ impl Sight {
             extra + least - share + PARTIAL * (1.0 - self.soft_share(&all, &looked, rule))
         };
         self.rules.iter().map(lacks).sum()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn places_that_are_missing_have_their_tenths() {
-        let words = |bearings, distances| Missing { bearings, distances }.to_string();
-        assert_eq!(
-            words([-180.0, 172.5], [27.5, 40.0]),
-            "missing at 27.5 to 40 m between -180° and 172.5°"
-        );
-        // Rounding in the last digit shows nowhere, and one distance is no range.
-        let (bearing, far) = (-52.499_999_99, 7.500_000_01);
-        assert_eq!(words([bearing, 0.0], [7.5, far]), "missing at 7.5 m between -52.5° and 0°");
-        assert_eq!(
-            words([-1e-9, 1e-9], [50.0, 50.0]),
-            "missing at 50 m, 0°",
-            "one bearing is no sector"
-        );
     }
 }

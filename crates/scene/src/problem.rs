@@ -88,6 +88,19 @@ pub enum ProblemError {
     OutOfMemory(#[from] OutOfMemory),
 }
 
+impl ProblemError {
+    /// True if the mistake is in what the vehicle requires.
+    pub fn is_of_vehicle(&self) -> bool {
+        matches!(
+            self,
+            Self::EmptyArea { .. }
+                | Self::NoPlace { .. }
+                | Self::NoCell { .. }
+                | Self::NoLane { .. }
+        )
+    }
+}
+
 /// All that is fixed while placements vary: the [`Task`] of the engines, whose methods it has, and the rules that
 /// placements keep.
 #[derive(Debug, Clone)]

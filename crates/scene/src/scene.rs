@@ -55,6 +55,8 @@ pub struct Scene {
     classes: Classes,
     roi: RoiBounds,
     vehicle: Vehicle,
+    /// File in which the vehicle is written: its own, or that of the scene.
+    vehicle_file: String,
     /// Sensor models, built on first use: many beams take their time.
     sensors: OnceLock<Sensors>,
     coverage: Coverage,
@@ -177,6 +179,11 @@ impl Scene {
     /// Likely mistakes that are no errors: a sentence each, with file and place.
     pub fn notes(&self) -> &[Note] {
         &self.notes
+    }
+
+    /// File in which its vehicle is written: its own, or that of the scene.
+    pub fn vehicle_file(&self) -> &str {
+        &self.vehicle_file
     }
 
     /// Name of the scene, or of its file.

@@ -6,6 +6,7 @@ use std::io::Write as _;
 use flate2::write::ZlibEncoder;
 use flate2::{Compression, Crc};
 
+use super::body_parts::{BoxCorners, around, boxes_of};
 use super::rig::HandoverRig;
 use crate::csv::{csv, rounded};
 use crate::maths;
@@ -102,22 +103,11 @@ impl<'a> SelfHitMask<'a> {
     }
 }
 
-/// Lower and upper corner, metres.
-type BoxCorners = [[f64; 3]; 2];
-
-/// A node for the box around the whole body, and where the body has several shapes one for each: a ROS 2 parameter file.
+/// A node for the box around the whole body, and where the body has several parts one for each: a ROS 2 parameter file.
 /// Boxes reach `margin` metres beyond the body and count from `base_link`, whose position in the ego frame is given.
 /// `None` without a body.
 pub(super) fn boxes(rig: &HandoverRig, margin: f64, base_link: [f64; 3]) -> Option<String> {
-    let around = |triangles: &[[[f32; 3]; 3]]| {
-        let corners = triangles.iter().flatten().map(|corner| corner.map(f64::from));
-        let each = corners.map(|corner| [corner, corner]);
-        let all = each.reduce(|[low, high]: BoxCorners, [corner, _]| {
-            [[0, 1, 2].map(|k| low[k].min(corner[k])), [0, 1, 2].map(|k| high[k].max(corner[k]))]
-        })?;
-        Some(grown(all, margin, base_link))
-    };
-    let body = around(&rig.body)?;
+    let body = grown(around(rig.body.iter().flatten())?, margin, base_link);
     let mut text = format!(
         "# Crop boxes of the own body of {}, placement {}, for Autoware's crop_box_filter: one node a box.\n\
          # Metres in base_link, which stands at {base_link:?} in the frame of poses.csv; margin {margin} m.\n\
@@ -127,15 +117,13 @@ pub(super) fn boxes(rig: &HandoverRig, margin: f64, base_link: [f64; 3]) -> Opti
         word(&rig.placement.name)
     );
     node(&mut text, "crop_box_filter_self", &body);
-    let shapes = rig.scene().body_shapes();
-    if shapes.len() > 1 {
-        text += "\n# The same body shape by shape: these nodes one after the other, in place of the one above, leave more\n\
+    let parts = boxes_of(&rig.body, rig.scene().body_shapes());
+    if parts.len() > 1 {
+        text += "\n# The same body part by part: these nodes one after the other, in place of the one above, leave more\n\
                  # of what is near.\n";
-        let shapes = shapes.into_iter().map(|shape| around(&rig.body[shape]));
-        for (k, shape) in shapes.enumerate() {
-            if let Some(corners) = shape {
-                node(&mut text, &format!("crop_box_filter_self_{k}"), &corners);
-            }
+        for (k, part) in parts.into_iter().enumerate() {
+            let corners = grown(part, margin, base_link);
+            node(&mut text, &format!("crop_box_filter_self_{k}"), &corners);
         }
     }
     Some(text)

@@ -108,8 +108,11 @@ pub enum RigError {
     #[error("the frame `{frame}` is used twice, or is that of the vehicle; names must differ")]
     SharedFrame { frame: String },
     /// A name that no format has.
-    #[error("no format is called `{name}`; there are {}", formats())]
+    #[error("no format is called `{name}`; there are {}", formats(|_| true))]
     UnknownFormat { name: String },
+    /// A name that no format has in which rigs are written.
+    #[error("no format is called `{name}`; rigs are written in {}", formats(RigFormat::is_written))]
+    NotWritten { name: String },
     /// Program source in the place of data.
     #[error(
         "{file}: is a Python program, which is not run; write its sensors as JSON with these three lines: \
@@ -128,12 +131,17 @@ pub enum RigError {
     #[error("{at}: {what}, which is not read; {mend}")]
     Unread { at: Box<Location>, what: &'static str, mend: &'static str },
     /// A file whose content tells no format.
-    #[error("{file}: its content is none of {}; name its format with --format", formats())]
+    #[error("{file}: its content is none of {}; name its format with --format", formats(|_| true))]
     Unrecognised { file: String },
     /// Several files in a format of one.
     #[error("{file}: {format} rigs stand in one file each; read them one at a time")]
     OneFile { file: String, format: &'static str },
-    #[error("{} is read, but not written; take another format", format.name())]
+    /// A format that is read only.
+    #[error(
+        "{} is read, but not written; take one of {}",
+        format.name(),
+        formats(RigFormat::is_written)
+    )]
     ReadOnly { format: RigFormat },
     /// No placement of this name, or several and none picked.
     #[error(
@@ -187,6 +195,7 @@ fn listed(names: &[String]) -> String {
     shown.join(", ") + &rest
 }
 
-fn formats() -> String {
-    RigFormat::ALL.map(RigFormat::name).join(", ")
+fn formats(is_meant: impl Fn(RigFormat) -> bool) -> String {
+    let meant = RigFormat::ALL.into_iter().filter(|format| is_meant(*format));
+    meant.map(RigFormat::name).collect::<Vec<_>>().join(", ")
 }

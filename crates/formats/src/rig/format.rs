@@ -66,6 +66,23 @@ impl RigFormat {
         }
     }
 
+    /// True if rigs are written in it; else they are only read.
+    pub fn is_written(self) -> bool {
+        !matches!(self, Self::Tf | Self::Pandaset)
+    }
+
+    /// The format of a name in which rigs are written.
+    ///
+    /// # Errors
+    /// A name that none of them has.
+    pub fn written(name: &str) -> Result<Self, RigError> {
+        match Self::from_str(name) {
+            Ok(format) if format.is_written() => Ok(format),
+            Ok(format) => Err(RigError::ReadOnly { format }),
+            Err(_) => Err(RigError::NotWritten { name: name.to_owned() }),
+        }
+    }
+
     /// True if a frame of this format is the foot of its sensor; else it is the optical centre.
     pub fn holds_feet(self) -> bool {
         matches!(self, Self::Autoware | Self::Urdf | Self::Sdf | Self::Ros2Launch | Self::Tf)

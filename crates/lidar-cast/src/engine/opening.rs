@@ -49,6 +49,20 @@ impl EngineChoice {
         Self { kind: EngineKind::Cpu, ..Self::default() }
     }
 
+    /// Checks that there is a device of the name that was given, without opening it.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn check_adapter(&self) -> Result<(), BackendError> {
+        let is_named = |name: &String| self.kind == EngineKind::Cpu || device::is_named(name);
+        match &self.adapter {
+            Some(name) if !is_named(name) => {
+                Err(BackendError::NoDevice { name: Some(name.clone()) })
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Bytes that work buffers may take.
     pub fn memory_budget(&self) -> u64 {
         self.memory.unwrap_or_else(|| available_memory().unwrap_or(SMALL_MACHINE) / 2)
@@ -149,6 +163,12 @@ mod device {
         }
     }
 
+    /// True if a device has a name with such a part.
+    pub(super) fn is_named(part: &str) -> bool {
+        let part = part.to_lowercase();
+        list_adapters().iter().any(|adapter| adapter.name.to_lowercase().contains(&part))
+    }
+
     /// The device for the rays of a scanner, and which it is.
     pub(super) fn caster(
         trees: &[&Arc<Bvh>],
@@ -231,6 +251,10 @@ mod device {
 
     pub(super) fn no_hardware() -> Option<String> {
         Some(NO_FEATURE.into())
+    }
+
+    pub(super) fn is_named(_: &str) -> bool {
+        false
     }
 
     pub(super) fn caster(

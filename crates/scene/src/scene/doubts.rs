@@ -1,5 +1,7 @@
 //! Likely mistakes of a scene or a vehicle file: sizes, axes, ways, heights, ranges.
 
+mod standing;
+
 use glam::DVec3;
 
 use super::{Coverage, Ground, Scene, Solid};
@@ -22,6 +24,8 @@ const GROUND: f64 = 1.0;
 /// Metres between a body and the nearest place of a mount, and its farthest, that a mast or a beam explains.
 const BESIDE: f64 = 2.5;
 const REACH: f64 = 8.0;
+/// Metres of a mount above the body that a mast explains.
+const MAST: f64 = 3.0;
 
 /// Where scene, vehicle and body are described.
 pub(super) struct SceneLocations {
@@ -37,7 +41,9 @@ impl Scene {
     /// Every doubt about the scene.
     pub(super) fn doubts(&self, places: &SceneLocations) -> Vec<Note> {
         let scene = self;
-        let mut of_body: Vec<String> = body("ego body", &scene.body).into_iter().collect();
+        let own = body("ego body", &scene.body);
+        let own = own.or_else(|| standing::off_ground("ego body", &scene.body));
+        let mut of_body: Vec<String> = own.into_iter().collect();
         of_body.extend(
             scene
                 .bodies
@@ -50,6 +56,7 @@ impl Scene {
         doubts.extend(actors(scene));
         doubts.extend(sideways("ego", scene.frames, |t| scene.ego_pose(t)));
         doubts.extend(ground(scene));
+        doubts.extend(standing::in_world(scene));
         doubts.extend(sensors(scene));
         doubts.extend(voxels(scene));
         let in_file = |file: &str, doubts: Vec<String>| {
@@ -292,12 +299,19 @@ fn mounts(scene: &Scene, places: &[Location]) -> Vec<String> {
         let nearest = (low - to).max(from - high).max(DVec3::ZERO).length();
         let farthest = (low - from).max(to - high).max(DVec3::ZERO).length();
         let outside = if nearest > BESIDE { nearest } else { farthest };
-        (nearest > BESIDE || farthest > REACH).then(|| {
-            format!(
-                "{at}: reaches {outside:.1} m outside the ego body; positions are in metres, from the ego's origin: \
-                 check `min` and `max`, and the place of the body"
-            )
-        })
+        let above = to.z - high.z;
+        if nearest <= BESIDE && farthest <= REACH {
+            return (above > MAST).then(|| {
+                format!(
+                    "{at}: reaches {above:.1} m above the ego body; heights are in metres from the ground, not from the roof: \
+                     check `max`"
+                )
+            });
+        }
+        Some(format!(
+            "{at}: reaches {outside:.1} m outside the ego body; positions are in metres, from the ego's origin: \
+             check `min` and `max`, and the place of the body"
+        ))
     });
     far.collect()
 }
@@ -322,8 +336,13 @@ fn voxels(scene: &Scene) -> Option<String> {
 
 /// True if a point lies inside closed triangles: rays up and ahead leave them an odd number of times.
 fn inside(solid: &Solid, p: DVec3) -> bool {
+    inside_faces(solid, &solid.faces, p)
+}
+
+/// [`inside`] some of the triangles.
+fn inside_faces(solid: &Solid, faces: &[[u32; 3]], p: DVec3) -> bool {
     let odd = |turn: fn(DVec3) -> DVec3| {
-        let crossed = solid.faces.iter().filter(|face| {
+        let crossed = faces.iter().filter(|face| {
             // A shift without a common factor keeps rays off edges.
             let shift = DVec3::new(1.37e-5, 2.11e-5, 0.0);
             let corners = face.map(|v| turn(solid.vertices[v as usize] - p) + shift);
@@ -401,6 +420,8 @@ mod tests {
         let degrees = ROOF.replace("\"lidars\"", "\"yaw\": [0, 5], \"lidars\"");
         let turned = r#""poses": [{"x": 0, "y": 0, "yaw": 90}, {"x": 0, "y": 1, "yaw": 90}, {"x": 0, "y": 2, "yaw": 91},
             {"x": 0, "y": 3, "yaw": 92}]"#;
+        let mast = ROOF.replace("0.6, 2.6]", "0.6, 4.8]");
+        let (level, one_step) = (LIDAR.replace("-25, 5", "5, 5"), LIDAR.replace("180", "1"));
         let short = LIDAR.replace("100}", "0.1}");
         let narrow = LIDAR.replace("-25, 5", "-0.4, 0.1");
         let large = r#"{"foot": [0, 0, 0.2], "size": [4400, 1800, 1300]}"#;
@@ -414,6 +435,9 @@ mod tests {
             (told(CAR, AHEAD, 0.0, &narrow, ROOF), "fov: 0.500 degrees for 16 channels: radians?"),
             (told(CAR, AHEAD, 0.0, LIDAR, inside), "s.json: mount: the whole mount lies inside"),
             (told(CAR, AHEAD, 0.0, LIDAR, &away), "reaches 7.2 m outside the ego body"),
+            (told(CAR, AHEAD, 0.0, LIDAR, &mast), "mount: reaches 3.3 m above the ego body"),
+            (told(CAR, AHEAD, 0.0, &level, ROOF), "fov: all 16 channels look at one elevation, 5°"),
+            (told(CAR, AHEAD, 0.0, &one_step, ROOF), "azimuth_steps: 1"),
             (told(CAR, AHEAD, 0.0, LIDAR, &degrees), "mount.yaw is 5 rad; degrees? 5° are 0.0873"),
             (told(CAR, turned, 0.0, LIDAR, ROOF), "ego.poses: yaw of 90 rad; degrees?"),
             (

@@ -2,6 +2,7 @@
 //!
 //! The vehicle is inline, from a file, or made of the scene's `lidar` and `mount`.
 
+use std::collections::HashSet;
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
@@ -122,6 +123,7 @@ impl Scene {
         let mut scene = Self::of_parts(&top, scene, (name, roi, classes), carrier, things, dir)?;
         let doubts = scene.doubts(&places);
         scene.notes.extend(doubts);
+        scene.vehicle_file = places.vehicle.file;
         Ok(scene)
     }
 
@@ -149,7 +151,7 @@ impl Scene {
         let coverage = scene.coverage.as_deref();
         let coverage = Coverage::new(&top.key("coverage"), coverage, has_geometry)?;
         let psog = scene.psog.as_ref();
-        let (range, top_of_mounts) = (vehicle.sensors[0].lidar.range(), vehicle.corners()[1][2]);
+        let (range, top_of_mounts) = (vehicle.longest_range(), vehicle.corners()[1][2]);
         let psog = PsogSource::new(top, psog, has_geometry, dir, range, top_of_mounts)?;
         match &psog {
             PsogSource::File(file) => files.push(file.clone()),
@@ -160,6 +162,7 @@ impl Scene {
             classes,
             roi,
             vehicle,
+            vehicle_file: String::new(),
             sensors: OnceLock::new(),
             coverage,
             psog,
@@ -384,10 +387,17 @@ fn of_own_bodies(
     doubts
 }
 
-/// Doubts about the angles of meshes and robots. Boxes and copies are turned by whole radians, too.
+/// Doubts about the angles of meshes and robots, and about meshes that are listed twice. Boxes and copies are turned by
+/// whole radians, too.
 fn of_shapes(at: &Location, shapes: &[ShapeDescription]) -> Vec<Note> {
     let mut doubts = Vec::new();
+    let mut known = HashSet::new();
     for (i, shape) in shapes.iter().enumerate() {
+        if shape.mesh.is_some() && !known.insert(format!("{shape:?}")) {
+            let at = at.item(i).key("mesh");
+            doubts
+                .push(format!("{at}: is listed before, in the same place; leave one of them out"));
+        }
         let mesh = shape.mesh.iter().map(|mesh| ("mesh", [mesh.roll, mesh.pitch, mesh.yaw]));
         let urdf = shape.urdf.iter().map(|urdf| ("urdf", [urdf.roll, urdf.pitch, urdf.yaw]));
         for (kind, angles) in mesh.chain(urdf) {

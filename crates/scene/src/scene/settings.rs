@@ -156,7 +156,7 @@ impl ScanSettings {
             fov: DEFAULT_SCAN.0,
             azimuth_steps: None,
             spacing: None,
-            range: scene.lidars()[0].range(),
+            range: scene.vehicle().longest_range(),
             height: scene.vehicle().corners()[1][2],
             window: DEFAULT_SCAN.1,
             stride: DEFAULT_SCAN.2,

@@ -83,6 +83,11 @@ impl Vehicle {
         Sensors::new(models).ok_or(SensorError::NoBeams)
     }
 
+    /// Longest range of its models, metres.
+    pub fn longest_range(&self) -> f64 {
+        self.sensors.iter().map(|model| model.lidar.range()).fold(0.0, f64::max)
+    }
+
     /// Price of a model; 0 for one that the vehicle does not have.
     pub fn price(&self, sensor: SensorName) -> f64 {
         self.sensors.iter().find(|model| model.name == sensor).map_or(0.0, |model| model.price)

@@ -98,6 +98,7 @@ impl DescribedLidar {
                 let mut described =
                     Self::plain(spinning_in(at, channels, steps, lidar.azimuth, range)?);
                 described.notes.extend(narrow_fov(at, count, lidar.fov));
+                described.notes.extend(one_step(at, steps));
                 Ok(described)
             }
             _ => {
@@ -194,16 +195,27 @@ pub(super) fn other(at: &Location, key: &str, given: f64, stated: Option<f64>) -
     Some(Note::fact(format!("{at}: {given}; the sensor file states {stated}. The first counts.")))
 }
 
-/// A doubt about a field of view that looks like radians.
+/// A doubt about a field of view that looks like radians, or has no height.
 fn narrow_fov(at: &Location, channels: u64, fov: Option<[f64; 2]>) -> Option<Note> {
     let [low, high] = fov.filter(|_| channels > 1)?;
     let at = at.key("fov");
     let view = high - low;
+    if view == 0.0 {
+        return Some(Note::doubt(format!(
+            "{at}: all {channels} channels look at one elevation, {low}°; give the lowest and the highest"
+        )));
+    }
     let text = format!(
         "{at}: {view:.3} degrees for {channels} channels: radians? Write degrees, {view:.3} rad are {:.1}°",
         view.to_degrees()
     );
-    (high - low < NARROWEST && high > low).then(|| Note::doubt(text))
+    (view < NARROWEST && view > 0.0).then(|| Note::doubt(text))
+}
+
+/// A doubt about a LiDAR that measures once in a turn.
+fn one_step(at: &Location, steps: u64) -> Option<Note> {
+    let text = "1, so that each channel is one beam; give the measurements of one channel in a turn, 900 for example";
+    (steps == 1).then(|| Note::doubt(format!("{}: {text}", at.key("azimuth_steps"))))
 }
 
 /// Elevations and azimuth offsets in degrees, as many.

@@ -282,3 +282,36 @@ fn every_model_that_a_mount_lists_may_stand_there_and_no_more_than_it_holds() {
         assert_eq!(broken, [words]);
     }
 }
+
+#[test]
+fn the_scan_of_a_scene_reaches_as_far_as_the_farthest_sensor_in_any_order() {
+    let scan_range = |vehicle: &str| {
+        let scene = read(&with(vehicle)).unwrap();
+        let PsogSource::Scan(scan) = scene.psog_source() else { panic!("scans") };
+        assert_eq!(ScanSettings::default_of(&scene).range, scan.range);
+        scan.range
+    };
+    assert_eq!(scan_range(VEHICLE), 80.0);
+    assert_eq!(scan_range(&VEHICLE.replace("\"range\": 80", "\"range\": 20")), 30.0);
+}
+
+#[cfg(feature = "mesh")]
+#[test]
+fn a_mesh_that_is_listed_twice_is_doubted() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("b.obj"), "v 0 0 0.3\nv 1 0 0.3\nv 0 1 1\nf 1 2 3\n").unwrap();
+    let mesh = |x: f64| {
+        format!(
+            r#"{{ "class": "vehicle", "mesh": {{ "file": "b.obj", "translate": [{x}, 0, 0] }} }}"#
+        )
+    };
+    let notes = |second: f64| {
+        let (own, rest) = VEHICLE.split_once("\"body\": [").unwrap();
+        let rest = rest.split_once("],\n").unwrap().1;
+        let text = with(&format!("{own}\"body\": [{}, {}],\n{rest}", mesh(0.0), mesh(second)));
+        let scene = Scene::from_json(&text, dir.path(), "s.json").unwrap();
+        scene.notes().iter().map(|note| note.text().to_owned()).collect::<Vec<_>>().join("\n")
+    };
+    assert!(!notes(0.5).contains("is listed before"), "{}", notes(0.5));
+    assert!(notes(0.0).contains("body[1].mesh: is listed before"), "{}", notes(0.0));
+}

@@ -1,0 +1,157 @@
+//! Doubts about where the own body stands: under the ground, above it, inside the static world.
+
+use glam::DVec3;
+
+use super::{Ground, Scene, Solid, corners, inside, inside_faces};
+
+/// Metres below and above the ground z = 0 that the lowest point of a body may lie: wheels sink in, a body may be without
+/// wheels.
+const LOWEST: [f64; 2] = [-0.1, 1.0];
+/// Metres by which a surface must reach into the body: things may touch it.
+const TOUCH: f64 = 0.05;
+/// Triangles of the body that are looked at for the static world, each as often as it must be.
+const MOST_LOOKS: usize = 20_000_000;
+
+/// A doubt about a body whose lowest point is far from the ground.
+pub(super) fn off_ground(who: &str, solid: &Solid) -> Option<String> {
+    let [low, _] = corners(solid)?;
+    let mend = "z is up from the ground: move its shapes (`translate` of a mesh), or give its mesh other `axes`";
+    if low.z < LOWEST[0] {
+        return Some(format!("the {who} reaches {:.2} m below the ground, z = 0; {mend}", -low.z));
+    }
+    let is_high = low.z > LOWEST[1];
+    is_high.then(|| format!("the {who} begins {:.2} m above the ground, z = 0; {mend}", low.z))
+}
+
+/// A doubt where something of the static world that is no ground lies inside the body in frame 0, or the body in it.
+pub(super) fn in_world(scene: &Scene) -> Option<String> {
+    surface_inside(scene).or_else(|| within_shape(scene))
+}
+
+/// A doubt where the middle of the body lies in a shape. One around the whole region is a hall.
+fn within_shape(scene: &Scene) -> Option<String> {
+    let [low, high] = corners(&scene.body)?;
+    let (world, pose) = (&scene.world, scene.ego_pose(0));
+    let middle = pose.apply(0.5 * (low + high));
+    let [[x0, y0, _], [x1, y1, _]] = [scene.roi.min, scene.roi.max];
+    let region = [[x0, y0], [x0, y1], [x1, y0], [x1, y1]];
+    let region = region.map(|[x, y]| pose.apply(DVec3::new(x, y, middle.z)));
+    let is_ground = Ground::among(&scene.classes.names);
+    let begins = std::iter::once(0).chain(world.ends.iter().copied());
+    let class = begins.zip(&world.ends).find_map(|(begin, &end)| {
+        let (faces, class) = (&world.faces[begin..end], usize::from(*world.classes.get(begin)?));
+        if is_ground.get(class).is_some_and(|is_ground| *is_ground) {
+            return None;
+        }
+        let used = || faces.iter().flatten().map(|v| world.vertices[*v as usize]);
+        let low = used().reduce(DVec3::min)?;
+        let high = used().reduce(DVec3::max)?;
+        let holds = |p: &DVec3| (0..2).all(|k| (low[k]..=high[k]).contains(&p[k]));
+        let is_hall = region.iter().all(holds);
+        (holds(&middle) && !is_hall && inside_faces(world, faces, middle)).then_some(class)
+    })?;
+    let class = scene.classes.names.get(class).map_or("", String::as_str);
+    Some(format!(
+        "the ego body stands inside a `{class}` of the static world in frame 0: move the poses of `ego`, or the shape"
+    ))
+}
+
+/// A doubt where a surface of the static world that is no ground lies inside the body in frame 0.
+fn surface_inside(scene: &Scene) -> Option<String> {
+    let [low, high] = corners(&scene.body)?;
+    let [low, high] = [low + TOUCH, high - TOUCH];
+    let is_ground = Ground::among(&scene.classes.names);
+    let (world, ego_from_world) = (&scene.world, scene.ego_pose(0).inverse());
+    let others = world.faces.iter().zip(&world.classes);
+    let others =
+        others.filter(|(_, class)| !is_ground.get(usize::from(**class)).is_some_and(|g| *g));
+    let near = others.filter_map(|(face, class)| {
+        let triangle = face.map(|v| ego_from_world.apply(world.vertices[v as usize]));
+        Some((middle_within(&triangle, low, high)?, class))
+    });
+    let most = MOST_LOOKS / scene.body.faces.len().max(1);
+    let (at, class) = near.take(most).find(|(at, _)| inside(&scene.body, *at))?;
+    let class = scene.classes.names.get(usize::from(*class)).map_or("", String::as_str);
+    Some(format!(
+        "a `{class}` of the static world stands inside the ego body in frame 0, at x = {:.2}, y = {:.2}, z = {:.2} m of the \
+         ego: move the poses of `ego`, or the shape",
+        at.x, at.y, at.z
+    ))
+}
+
+/// Middle of the part of a triangle that lies in a box; `None` where there is none.
+fn middle_within(triangle: &[DVec3; 3], low: DVec3, high: DVec3) -> Option<DVec3> {
+    let mut polygon = triangle.to_vec();
+    for axis in 0..3 {
+        for (sign, end) in [(1.0, low[axis]), (-1.0, high[axis])] {
+            let depth = |p: DVec3| sign * (p[axis] - end);
+            let mut kept = Vec::new();
+            for (k, &from) in polygon.iter().enumerate() {
+                let to = polygon[(k + 1) % polygon.len()];
+                let [a, b] = [from, to].map(depth);
+                kept.extend((a >= 0.0).then_some(from));
+                kept.extend(((a < 0.0) != (b < 0.0)).then(|| from.lerp(to, a / (a - b))));
+            }
+            polygon = kept;
+        }
+    }
+    let count = polygon.len() as f64;
+    (count > 0.0).then(|| polygon.into_iter().sum::<DVec3>() / count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sightline_files::Note;
+
+    /// Notes on a body of two shapes in a scene with a building along y, from and to some x.
+    fn told(boxes: [[f64; 2]; 2], wall: [f64; 2]) -> String {
+        let shape = |[low, high]: [f64; 2]| {
+            format!(
+                r#"{{"class": "vehicle", "box": {{"min": [-2, -1, {low}], "max": [2, 1, {high}]}}}}"#
+            )
+        };
+        let text = format!(
+            r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
+            "lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100}},
+            "mount": {{"min": [-1, -0.6, 2], "max": [1, 0.6, 2.5], "lidars": 1}},
+            "ego": {{"body": [{}, {}], "poses": [{{"x": 1, "y": 0}}]}},
+            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}},
+              {{"class": "building", "box": {{"min": [{}, -40, 0], "max": [{}, 40, 8]}}}}]}}"#,
+            shape(boxes[0]),
+            shape(boxes[1]),
+            wall[0],
+            wall[1]
+        );
+        let scene = Scene::from_json(&text, std::path::Path::new(""), "s.json").unwrap();
+        let notes = scene.notes().iter().inspect(|note| assert!(note.is_doubt()));
+        notes.map(Note::text).collect::<Vec<_>>().join("\n")
+    }
+
+    #[test]
+    fn bodies_under_the_ground_and_high_above_it_are_doubted() {
+        let text = |low: f64| told([[low, 1.5], [1.2, 1.8]], [20.0, 21.0]);
+        assert_eq!([0.3, 0.0, -0.09, 0.9].map(text).concat(), "");
+        let under = text(-0.8);
+        assert!(under.contains("the ego body reaches 0.80 m below the ground"), "{under}");
+        let above = text(1.1);
+        assert!(above.contains("the ego body begins 1.10 m above the ground"), "{above}");
+    }
+
+    #[test]
+    fn a_wall_inside_the_body_is_doubted_and_one_beside_it_is_not() {
+        // The ego stands at x = 1 and is 4 m long.
+        let told = |wall| told([[0.2, 1.5], [1.5, 1.8]], wall);
+        for beside in [[3.0, 3.3], [-1.3, -1.0], [10.0, 19.0]] {
+            assert_eq!(told(beside), "", "{beside:?}");
+        }
+        let through = told([0.0, 0.3]);
+        let words =
+            "a `building` of the static world stands inside the ego body in frame 0, at x = -0.70";
+        assert!(through.contains(words), "{through}");
+        let within = told([-5.0, 10.0]);
+        let words = "the ego body stands inside a `building` of the static world in frame 0";
+        assert!(within.contains(words), "{within}");
+        assert_eq!(told([-60.0, 60.0]), "", "a hall");
+    }
+}

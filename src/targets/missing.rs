@@ -1,0 +1,169 @@
+//! Places of a rule that are not met, in words: runs of neighbouring bearings, and distances.
+
+use std::ops::Range;
+
+use super::places::{Sight, SightBeams};
+use crate::json::fixed;
+use crate::maths;
+use crate::vehicle::TargetRule;
+
+/// Runs of bearings that are named, at most.
+const MOST_RUNS: usize = 3;
+
+/// Bearings of a rule at which places are not met, and the distances of these places.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Missing {
+    /// Bearings that the rule tests, degrees counter-clockwise from straight ahead, rising.
+    bearings: Vec<f64>,
+    /// One for each: whether a place is not met.
+    is_missing: Vec<bool>,
+    /// True if the last bearing is beside the first.
+    is_round: bool,
+    /// Nearest and farthest distance, metres.
+    distances: [f64; 2],
+}
+
+impl Missing {
+    /// Bearings and distances of places of a rule that are not met; `None` where all are met.
+    pub fn new(
+        sight: &Sight,
+        all: &SightBeams,
+        rule: &TargetRule,
+        places: Range<usize>,
+    ) -> Option<Self> {
+        let [first, last] = rule.bearings;
+        let mut each: Vec<(f64, bool)> = Vec::new();
+        let mut distances: Option<[f64; 2]> = None;
+        for place in places {
+            let [x, y, _] = sight.places[place].1;
+            let turned = maths::atan2(y, x).to_degrees() - first;
+            // Rounding must not turn the first bearing into the last. Places stand bearing by bearing.
+            let bearing = first + (turned + 1e-6).rem_euclid(360.0) - 1e-6;
+            if each.last().is_none_or(|(known, _)| (known - bearing).abs() > 1e-3) {
+                each.push((bearing, false));
+            }
+            if all.beams.get(place).is_some_and(|&beams| beams >= sight.enough[place]) {
+                continue;
+            }
+            each.last_mut().into_iter().for_each(|(_, is_missing)| *is_missing = true);
+            let distance = maths::hypot(x, y);
+            let [near, far] = distances.unwrap_or([distance; 2]);
+            distances = Some([near.min(distance), far.max(distance)]);
+        }
+        let (bearings, is_missing) = each.into_iter().unzip();
+        Some(Self { bearings, is_missing, is_round: last - first >= 360.0, distances: distances? })
+    }
+
+    /// First bearing and length of each run of neighbours, the longest first.
+    fn runs(&self) -> Vec<[usize; 2]> {
+        let count = self.bearings.len();
+        let is_missing = |k: usize| self.is_missing[k % count];
+        let begins = |&k: &usize| match k {
+            0 if !self.is_round => is_missing(0),
+            _ => is_missing(k) && !is_missing(k + count - 1),
+        };
+        let most = |k: usize| if self.is_round { count } else { count - k };
+        let length = |k: usize| (0..most(k)).take_while(|more| is_missing(k + more)).count();
+        let mut runs: Vec<[usize; 2]> = (0..count).filter(begins).map(|k| [k, length(k)]).collect();
+        runs.sort_by_key(|run| std::cmp::Reverse(run[1]));
+        runs
+    }
+}
+
+/// A number with a decimal where it has one.
+fn tenths(value: f64) -> String {
+    let text = fixed(value, 1);
+    text.strip_suffix(".0").unwrap_or(&text).to_owned()
+}
+
+/// `2 to 5`, or `2` where both are written the same.
+fn range([from, to]: [f64; 2], unit: &str) -> String {
+    let [from, to] = [from, to].map(|value| format!("{}{unit}", tenths(value)));
+    if from == to { from } else { format!("{from} to {to}") }
+}
+
+impl std::fmt::Display for Missing {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let at = range(self.distances, "");
+        let all = self.bearings.len();
+        let between = |first: usize, count: usize| {
+            range([first, first + count - 1].map(|k| self.bearings[k % all]), "°")
+        };
+        let count = self.is_missing.iter().filter(|is_missing| **is_missing).count();
+        if all == 1 {
+            return write!(f, "missing at {at} m, {}", between(0, 1));
+        }
+        if count == all {
+            let around = if self.is_round { "all round".to_owned() } else { between(0, all) };
+            return write!(f, "missing at {at} m: all {all} bearings, {around}");
+        }
+        let runs = self.runs();
+        let named: Vec<String> =
+            runs.iter().take(MOST_RUNS).map(|&[first, count]| between(first, count)).collect();
+        let more = match runs.len().saturating_sub(MOST_RUNS) {
+            0 => String::new(),
+            more => format!(", and {more} more"),
+        };
+        write!(f, "missing at {at} m: {count} of {all} bearings, {}{more}", named.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Words on bearings of a circle, or of a sector from the first of them, of which some are missing.
+    fn words(bearings: [f64; 2], count: usize, missing: &[usize], distances: [f64; 2]) -> String {
+        let [from, to] = bearings;
+        let is_round = to - from >= 360.0;
+        let steps = if is_round { count } else { (count - 1).max(1) } as f64;
+        let bearings = (0..count).map(|k| from + (to - from) * k as f64 / steps).collect();
+        let is_missing = (0..count).map(|k| missing.contains(&k)).collect();
+        Missing { bearings, is_missing, is_round, distances }.to_string()
+    }
+
+    #[test]
+    fn neighbours_all_round_are_one_run_across_180_degrees() {
+        let round = |missing: &[usize]| words([-180.0, 180.0], 48, missing, [25.0, 25.0]);
+        assert_eq!(
+            round(&[0, 47]),
+            "missing at 25 m: 2 of 48 bearings, 172.5° to -180°",
+            "two neighbours are not the whole circle"
+        );
+        assert_eq!(round(&[24]), "missing at 25 m: 1 of 48 bearings, 0°");
+        let all: Vec<usize> = (0..48).collect();
+        assert_eq!(round(&all), "missing at 25 m: all 48 bearings, all round");
+        assert_eq!(
+            round(&[2, 10, 11, 20, 21, 22, 30, 40]),
+            "missing at 25 m: 8 of 48 bearings, -30° to -15°, -105° to -97.5°, -165°, and 2 more"
+        );
+    }
+
+    #[test]
+    fn both_ends_of_a_sector_are_two_runs() {
+        assert_eq!(
+            words([-60.0, 60.0], 17, &[0, 16], [10.0, 15.0]),
+            "missing at 10 to 15 m: 2 of 17 bearings, -60°, 60°"
+        );
+        let all: Vec<usize> = (0..17).collect();
+        assert_eq!(
+            words([-60.0, 60.0], 17, &all, [10.0, 15.0]),
+            "missing at 10 to 15 m: all 17 bearings, -60° to 60°"
+        );
+    }
+
+    #[test]
+    fn places_that_are_missing_have_their_tenths() {
+        // Rounding in the last digit shows nowhere, and one distance is no range.
+        let (bearing, far) = (-52.499_999_99, 7.500_000_01);
+        assert_eq!(
+            words([bearing, 0.0], 8, &[0, 1], [7.5, far]),
+            "missing at 7.5 m: 2 of 8 bearings, -52.5° to -45°"
+        );
+        assert_eq!(
+            words([0.0, 0.0], 1, &[0], [50.0, 50.0]),
+            "missing at 50 m, 0°",
+            "one bearing is no sector"
+        );
+    }
+}
