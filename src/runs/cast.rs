@@ -77,10 +77,10 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
     let mut loaded = frame(request, computing)?;
     let mut evaluator = loaded.evaluator(computing)?;
     let scene = loaded.job.scene();
+    outputs::check_gltf(request.gltf.gltf.as_deref())?;
     if let Some(path) = &request.out {
         outputs::check_file(path, "npz")?;
     }
-    outputs::check_gltf(request.gltf.gltf.as_deref())?;
     let soup = scene.frame(request.frame as usize, EgoBody::Include);
     let problem = evaluator.problem().clone();
     Given::in_problem(&request.placements, &problem, computing).all(&mut placements)?;
