@@ -1,0 +1,235 @@
+//! Tests of `words`.
+
+use serde_json::json;
+
+use super::*;
+use crate::near_field::BlindZone;
+use crate::score::{Guard, Scores, Seen, TaskScores};
+use crate::vehicle::Placement;
+
+/// A planted placement: name, M-SOG/N, nats gained of 1000.
+pub(in crate::report) fn planted(name: &str, m_sog_scaled: f64, gain: f64) -> Scored {
+    let segmentation = TaskScores {
+        m_sog_scaled: Some(m_sog_scaled),
+        information_gain: Some(gain),
+        information_gain_share: Some(gain / 1000.0),
+        ..TaskScores::default()
+    };
+    let scores = Scores {
+        name: name.to_owned(),
+        segmentation,
+        s_mig: None,
+        near_gain: None,
+        near_gain_2: None,
+        near_gain_3: None,
+        near_field: None,
+        near_ring: None,
+        entropy_sum: Some(gain),
+        covered: 1.0,
+        covered_nonzero: 1.0,
+        covered_by_class: Vec::new(),
+        beams: 1,
+        hit_share: None,
+        detection: None,
+        unique_share: vec![1.0],
+        required: Vec::new(),
+        requirements_hold_in: None,
+        range_card: None,
+        car_missing: None,
+        guards: Vec::new(),
+        broken_rules: Vec::new(),
+    };
+    let placement = Placement { name: name.to_owned(), lidars: Vec::new() };
+    let (objective, by_scene) = (Some(m_sog_scaled), Vec::new());
+    Scored { placement, scores, by_scene, objective, violations: Vec::new() }
+}
+
+fn first_sentence(best: &Scored, baselines: &[Scored], objective: &str) -> String {
+    let words = verdict(Some(best), baselines, objective);
+    words.split_once(". ").map_or(words.clone(), |(first, _)| first.to_owned())
+}
+
+/// Objective up, down or equal × gain up, down or equal, against one baseline.
+#[test]
+fn the_first_sentence_compares_by_objective_and_by_gain() {
+    let centre = planted("Center", -2.0, 500.0);
+    for (m_sog, gain, words) in [
+        (
+            -1.5,
+            550.0,
+            "25.0 % better than Center, the best baseline, by m_sog_scaled, and it gains 10.0 % more information than that one",
+        ),
+        (
+            -1.5,
+            450.0,
+            "25.0 % better than Center, the best baseline, by m_sog_scaled, but it gains 10.0 % less information than that one",
+        ),
+        (
+            -1.5,
+            500.0,
+            "25.0 % better than Center, the best baseline, by m_sog_scaled, but it gains as much information as that one",
+        ),
+        (
+            -3.0,
+            550.0,
+            "50.0 % worse than Center, the best baseline, by m_sog_scaled, but it gains 10.0 % more information than that one",
+        ),
+        (
+            -3.0,
+            450.0,
+            "50.0 % worse than Center, the best baseline, by m_sog_scaled, and it gains 10.0 % less information than that one",
+        ),
+        (
+            -2.0,
+            450.0,
+            "as good as Center, the best baseline, by m_sog_scaled, but it gains 10.0 % less information than that one",
+        ),
+        (
+            -1.9999,
+            500.1,
+            "less than 0.1 % better than Center, the best baseline, by m_sog_scaled, and it gains less than 0.1 % more information than that one",
+        ),
+    ] {
+        let found = planted("found", m_sog, gain);
+        let first = first_sentence(&found, std::slice::from_ref(&centre), "m_sog_scaled");
+        assert_eq!(first, format!("The placement found is {words}"));
+    }
+}
+
+#[test]
+fn a_result_that_gains_less_than_any_honest_baseline_says_so() {
+    let baselines = [planted("Center", -2.0, 400.0), planted("Pyramid", -3.0, 600.0)];
+    // More than the best baseline by the objective, less than another one.
+    let first = first_sentence(&planted("found", -1.0, 500.0), &baselines, "m_sog_scaled");
+    let words = "but it gains 16.7 % less information than Pyramid, the baseline that gains most";
+    assert!(first.ends_with(words), "{first}");
+}
+
+#[test]
+fn baselines_with_a_guard_or_a_broken_rule_are_no_yardstick() {
+    let mut gamed = planted("sky", -0.1, 900.0);
+    gamed.scores.guards = vec![Guard::CoversNothing];
+    let mut broken = planted("roof rack", -0.1, 900.0);
+    broken.violations = vec!["too near".to_owned()];
+    let baselines = [gamed.clone(), broken.clone(), planted("Center", -2.0, 500.0)];
+    let found = planted("found", -1.5, 550.0);
+    let words = verdict(Some(&found), &baselines, "m_sog_scaled");
+    let start =
+        "The placement found is 25.0 % better than Center, the best baseline without a warning";
+    assert!(words.starts_with(start) && words.contains("10.0 % more information"), "{words}");
+    let alone = verdict(Some(&found), &[gamed, broken], "m_sog_scaled");
+    let why =
+        "no baseline keeps every rule and requirement without a warning (sky: covers_nothing: ";
+    assert!(alone.contains(why), "{alone}");
+    assert!(!alone.contains("differences from baselines"), "{alone}");
+    assert_eq!(broken_in_words(&baselines), ["roof rack: too near"]);
+}
+
+#[test]
+fn the_gain_as_objective_is_said_once_and_guards_are_named() {
+    let mut found = planted("found", 550.0, 550.0);
+    let centre = [planted("Center", 500.0, 500.0)];
+    let words = verdict(Some(&found), &centre, "information_gain");
+    assert_eq!(
+        words,
+        "The placement found is 10.0 % better than Center, the best baseline, by \
+         information_gain. Its beams gain 55.0 % of the information that the scene holds. No warning: \
+         all checks passed."
+    );
+    found.scores.guards = vec![Guard::CoversNothing];
+    let words = verdict(Some(&found), &centre, "information_gain");
+    assert!(words.contains("Warning: covers_nothing"), "{words}");
+    assert!(verdict(None, &centre, "information_gain").starts_with("No candidate"));
+}
+
+#[test]
+fn nothing_to_gain_is_compared_without_shares() {
+    let none = [planted("Center", 0.0, 0.0)];
+    let first = first_sentence(&planted("found", 0.0, 0.0), &none, "m_sog_scaled");
+    assert!(first.starts_with("The placement found is as good as Center"), "{first}");
+    assert!(first.ends_with("gains as much information as that one"), "{first}");
+    let first = first_sentence(&planted("found", 1.0, 1.0), &none, "m_sog_scaled");
+    assert!(first.starts_with("The placement found is better than Center"), "{first}");
+}
+
+#[test]
+fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
+    let (ahead, left) = (None, Some(2.0));
+    let zone = BlindZone {
+        lanes: vec![],
+        polygon: vec![],
+        area: 1.0,
+        ahead,
+        behind: None,
+        left,
+        right: left,
+    };
+    let mut near = NearField {
+        name: "found".into(),
+        near_field: 0.5,
+        ring: None,
+        blind_area: 1.0,
+        zone,
+        beams: vec![],
+        poles: vec![],
+        cells: vec![],
+    };
+    let told = unseen_in_words(&near);
+    assert_eq!(told, "BLIND ZONE: no ground is seen within 10 m ahead and behind. ");
+    let (of_run, found) =
+        (OfRun { near: told.clone(), ..OfRun::default() }, planted("found", 1.0, 500.0));
+    assert!(verdict_at(&of_run, Some(&found), &[], "near_gain").starts_with(&told));
+    (near.zone.ahead, near.zone.behind) = (left, Some(10.0));
+    assert_eq!(unseen_in_words(&near), "");
+}
+
+#[test]
+fn the_first_sentence_has_the_price_where_there_is_one() {
+    let settings = json!({ "budget": 12_000.0, "equipped": { "cost": 9200.0 } });
+    let price = price_in_words(&settings);
+    assert_eq!(price, " at a price of 9200 (budget 12000)");
+    assert_eq!(price_in_words(&json!({ "equipped": { "cost": 9200.5 } })), " at a price of 9200.5");
+    assert_eq!(price_in_words(&json!({ "budget": 5.0, "equipped": { "cost": 0.0 } })), "");
+    let of_run = OfRun { price, near: String::new() };
+    let mut found = planted("found", -1.0, 500.0);
+    found.scores.required = vec![Seen::of("child", 0.95), Seen::of("ring", 0.9)];
+    let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
+    let start = "The placement found meets all 2 requirements at a price of 9200 (budget 12000). ";
+    assert!(words.starts_with(start), "{words}");
+    found.scores.requirements_hold_in = Some(0.92);
+    let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
+    let start = "The placement found meets all 2 requirements at a price of 9200 (budget 12000), but on paper only: \
+                 92 % of copies mounted within the tolerance do. ";
+    assert!(words.starts_with(start), "{words}");
+    let end = "No guard was violated; requirements hold on paper only (above).";
+    assert!(words.ends_with(end), "{words}");
+    found.scores.requirements_hold_in = Some(0.95);
+    let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
+    assert!(!words.contains("paper"), "{words}");
+    found.scores.required[1].share = 0.8;
+    let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
+    let start = "1 of 2 requirements met at a price of 9200 (budget 12000). NOT MET: ring: 80.0 % seen, 90.0 % required";
+    assert!(words.starts_with(start), "{words}");
+}
+
+#[test]
+fn checks_are_not_all_passed_where_a_requirement_or_a_sector_is_missed() {
+    let mut found = planted("found", -1.0, 500.0);
+    let words = |found: &Scored| verdict(Some(found), &[], "m_sog_scaled");
+    assert!(words(&found).ends_with("No warning: all checks passed."), "{}", words(&found));
+    found.scores.required = vec![Seen::of("child", 0.5), Seen::of("ring", 0.8)];
+    let end = "No guard was violated; 2 requirements are not met (above).";
+    assert!(words(&found).ends_with(end), "{}", words(&found));
+    found.scores.required.pop();
+    let end = "No guard was violated; 1 requirement is not met (above).";
+    assert!(words(&found).ends_with(end), "{}", words(&found));
+}
+
+#[test]
+fn words_survive_a_shell() {
+    assert_eq!(word("scenes/a-b_1.json"), "scenes/a-b_1.json");
+    assert_eq!(word("0.5*m_sog + s_mig"), "'0.5*m_sog + s_mig'");
+    assert_eq!(word("it's"), r"'it'\''s'");
+    assert_eq!(word(""), "''");
+    assert_eq!(word("7"), "7");
+}
