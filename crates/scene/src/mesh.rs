@@ -205,7 +205,9 @@ impl RawMesh {
         self.face_material.push(material);
         Ok(())
     }
+}
 
+impl RawMesh {
     /// Drops the vertices that no face uses: they have no surface, and may be anywhere.
     fn drop_unused(&mut self) {
         let mut place = vec![u32::MAX; self.vertices.len()];
