@@ -4,8 +4,8 @@ use serde_json::Value;
 
 use super::RunRecord;
 
-/// Steps to take next: more time where it ended before the sensors were chosen; where a result misses requirements, those out of
-/// reach, then what a search may still find. Empty where all requirements are met in time.
+/// Next steps for a user: more time if it ended before the sensors were chosen; requirements out of reach; then changes that let
+/// a search find more. Empty if the time sufficed and all requirements are met.
 pub fn next_in_words(run: &RunRecord) -> Vec<String> {
     let cut = cut_in_words(&run.settings);
     let is_cut = cut.is_some();

@@ -6,12 +6,13 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
+use crate::Note;
 use crate::job::{Job, JobError, JobFiles, JobScene};
 use crate::problem::StageTimes;
 use crate::psog::{Psog, PsogError};
 use crate::scan::conditions::{Condition, ConditionKind};
 use crate::scene::{PsogSource, Scene};
-use crate::search::{Evaluator, FRAMES_AT_ONCE, Member, Suite, TimeLimit};
+use crate::search::{Evaluator, FRAMES_AT_ONCE, Member, Suite, TimeLimit, Tolerance};
 
 use super::{Computing, RunError, Watcher};
 
@@ -217,6 +218,11 @@ pub fn note_frames(scene: &Scene, wanted: Option<u32>, watcher: &dyn Watcher) {
     if let Some(wanted) = wanted.filter(|wanted| *wanted as usize > count) {
         watcher.note(&format!("--frames {wanted}: the scene has {count}; all of them are used"));
     }
+}
+
+/// Tells a doubt about `--tolerance`.
+pub fn doubt_tolerance(tolerance: Tolerance, watcher: &dyn Watcher) -> Result<(), RunError> {
+    tolerance.doubt().map_or(Ok(()), |doubt| watcher.tell(&Note::doubt(doubt)))
 }
 
 /// Notes that `--frames` is more than the one frame of level ground.

@@ -13,7 +13,6 @@ use serde_json::{Value, json};
 use super::inputs::{note_repeated, note_unpriced};
 use super::opening::LoadTimes;
 use super::{Bar, Computing, GRACE, RunError, Watcher, opening, outputs};
-use crate::Note;
 use crate::export::GltfView;
 use crate::files::{Input, RunDir, Session, holds_run, read_own};
 use crate::job::{Job, JobError, JobRun, JobState, JobStep};
@@ -72,11 +71,7 @@ pub fn optimize(
         opening::note_frames(scene.scene(), request.frames, computing.watcher);
         inputs.extend(Input::of(scene.scene().files())?);
     }
-    computing.engine.check_adapter().map_err(JobError::from)?;
-    let doubt = begun.files.tolerance.and_then(|tolerance| tolerance.doubt());
-    doubt.map_or(Ok(()), |doubt| computing.watcher.tell(&Note::doubt(doubt)))?;
-    outputs::check_gltf(request.gltf.as_deref())?;
-    outputs::check_figures(request.figures.as_deref())?;
+    check_before(request, &begun, computing)?;
     if let Start::New(new) = &request.start {
         new.look(&mut settings, &*loaded.job.problem()?, computing)?;
     }
@@ -107,6 +102,21 @@ pub fn optimize(
         RunSession { request, computing, begun, job: &job, folder, run, times, earlier, start };
     let found = sitting.search_and_write();
     found.map_err(|error| error.discarding(&sitting.folder))
+}
+
+/// Checks device, tolerance and outputs, which need no work.
+fn check_before(
+    request: &OptimizeRequest,
+    begun: &Begun,
+    computing: &Computing<'_>,
+) -> Result<(), RunError> {
+    computing.engine.check_adapter().map_err(JobError::from)?;
+    if let Some(tolerance) = begun.files.tolerance {
+        opening::doubt_tolerance(tolerance, computing.watcher)?;
+    }
+    outputs::check_gltf(request.gltf.as_deref())?;
+    outputs::check_figures(request.figures.as_deref())?;
+    Ok(())
 }
 
 /// Refuses the folder of a front that an earlier program wrote, without a checkpoint.

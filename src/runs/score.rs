@@ -13,7 +13,6 @@ use serde_json::{Value, json};
 use super::inputs::{Files, Given, note_unpriced};
 use super::opening::{LoadTimes, Loaded, timings};
 use super::{Computing, GRACE, RunError, TableFormat, opening};
-use crate::Note;
 use crate::csv::csv;
 use crate::files::{
     FileNames, Session, safe_names, shared_folder, sync_disk, writable_file, write_many, write_npy,
@@ -226,8 +225,7 @@ fn score_each(
     let mut loaded = open(request, scenes, computing)?;
     let evaluator = loaded.evaluator(computing)?;
     let Loaded { job, times } = loaded;
-    let doubt = request.mounting.tolerance.doubt();
-    doubt.map_or(Ok(()), |doubt| computing.watcher.tell(&Note::doubt(doubt)))?;
+    opening::doubt_tolerance(request.mounting.tolerance, computing.watcher)?;
     let job = job.tolerance(Some(request.mounting.tolerance));
     computing.watcher.listen(GRACE);
     if let Some(file) = &request.out {

@@ -1,4 +1,4 @@
-//! Requirements that no rig meets, by bounds on the beams of the best pose of every mount, and those that no place counts for.
+//! Requirements beyond any rig: too few beams even from the best pose of every mount, or no place that counts.
 
 use super::beams::TargetSite;
 use super::places::{Sight, SightBeams, places_of};

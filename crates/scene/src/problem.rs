@@ -89,7 +89,7 @@ pub enum ProblemError {
 }
 
 impl ProblemError {
-    /// True if the mistake is in what the vehicle requires.
+    /// True if a requirement of the vehicle is at fault.
     pub fn is_of_vehicle(&self) -> bool {
         matches!(
             self,

@@ -55,7 +55,7 @@ pub struct Scene {
     classes: Classes,
     roi: RoiBounds,
     vehicle: Vehicle,
-    /// File in which the vehicle is written: its own, or that of the scene.
+    /// Description of the vehicle: a vehicle file, or the file of the scene.
     vehicle_file: String,
     /// Sensor models, built on first use: many beams take their time.
     sensors: OnceLock<Sensors>,
@@ -181,7 +181,7 @@ impl Scene {
         &self.notes
     }
 
-    /// File in which its vehicle is written: its own, or that of the scene.
+    /// Description of the vehicle: a vehicle file, or the file of the scene.
     pub fn vehicle_file(&self) -> &str {
         &self.vehicle_file
     }

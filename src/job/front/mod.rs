@@ -34,7 +34,7 @@ pub use pareto::FrontState;
 
 /// Share of the time limit for the choices of sensors where poses are searched afterwards.
 const CHOICES_SHARE: f64 = 0.4;
-/// The same where none are, and for the casts of poses before the first choice.
+/// Share of the time limit for choices without a search of poses, and for casts before the first choice.
 const CASTS_SHARE: f64 = 0.85;
 
 /// Evaluations of the search around a point where none are given.

@@ -11,11 +11,13 @@ use crate::search::settings::Method;
 use crate::search::swaps::{Climbing, SwapSettings, Swapped, swap_anywhere, swap_from};
 use crate::vehicle::{Placement, PoseGrid, Spacing};
 
-/// Swaps over more frames than before: frames, as a multiple of those of the first swaps or of [`LEAST_FRAMES`], steps along a
-/// pose field, and how often the spacing is then halved.
+/// Swaps over more frames than the first swaps.
 struct Refinement {
+    /// Multiple of the frames of the first swaps, or of [`LEAST_FRAMES`] if these are more.
     frames: usize,
+    /// Steps along a pose field, at most.
     radius: u32,
+    /// Halvings of the grid's spacing.
     halvings: i32,
 }
 

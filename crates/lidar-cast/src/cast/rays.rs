@@ -59,7 +59,7 @@ struct UpperTree {
 struct RayInstance {
     tree: Arc<Bvh>,
     from_ego: Pose,
-    /// False where axes are those of the ego frame.
+    /// True if the axes are turned against those of the ego frame.
     is_turned: bool,
     first_prim: u32,
 }

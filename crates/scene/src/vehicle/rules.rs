@@ -174,6 +174,11 @@ pub struct TargetRule {
     pub without_any_one: bool,
 }
 
+/// Distances of a requirement in words, metres.
+fn distances(from: f64, within: f64) -> String {
+    if from == within { format!("at {within}") } else { format!("from {from} to {within}") }
+}
+
 /// Bearings of a requirement in words, behind a comma; empty all round.
 fn around(bearing: Option<[f64; 2]>) -> String {
     match bearing {
@@ -226,11 +231,7 @@ impl TargetRule {
         }
         let beams = required.beams.unwrap_or(BEAMS);
         let beams = check::count(&at.key("beams"), beams, 1, MOST_BEAMS)?;
-        let range = if from == within {
-            format!("at {within}")
-        } else {
-            format!("from {from} to {within}")
-        };
+        let range = distances(from, within);
         let needed = match u64::from(beams) {
             BEAMS => String::new(),
             1 => ", 1 beam".to_owned(),
