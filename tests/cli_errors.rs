@@ -389,6 +389,10 @@ fn what_cannot_be_done_is_told_before_the_work_and_leaves_nothing() {
             "optimize yard.json --out run --tolerance 1mm,6deg --strict",
             "1mm,6deg is more than mountings",
         ),
+        (
+            "optimize yard.json --front near_gain,m_sog_scaled --out run --tolerance 1mm,6deg --strict",
+            "1mm,6deg is more than mountings",
+        ),
     ] {
         let told = fails(dir.path(), &line.split(' ').collect::<Vec<_>>());
         assert!(told.contains(words), "{line}: {told}");

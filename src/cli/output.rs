@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use serde::Serialize;
 use serde_json::json;
+use terminal_size::{Width, terminal_size_of};
 
 use crate::Note;
 use crate::files::remove_temporaries;
@@ -27,11 +28,44 @@ macro_rules! outln {
     ($($text:tt)*) => { out!("{}\n", format_args!($($text)*)) };
 }
 
-/// Writes to stdout; to be called by `out!` and `outln!`.
+/// Writes to stdout, on a terminal with long sentences broken between words; to be called by `out!` and `outln!`.
 pub fn print(text: Arguments) -> Result<(), RunError> {
     let mut out = stdout();
-    let written = out.write_fmt(text).and_then(|()| out.flush());
+    let written = match terminal_size_of(std::io::stdout()) {
+        Some((Width(columns), _)) => {
+            out.write_all(wrapped(&text.to_string(), columns.into()).as_bytes())
+        }
+        None => out.write_fmt(text),
+    };
+    let written = written.and_then(|()| out.flush());
     unless_closed(written.map_err(RunError::io(Path::new("stdout"))))
+}
+
+/// A text whose sentences of more than some columns go on in lines that are indented by two more; rows of a table, which have
+/// wide gaps, stay whole.
+fn wrapped(text: &str, columns: usize) -> String {
+    let lines = text.split('\n').map(|line| {
+        let words = line.trim_start();
+        if line.chars().count() <= columns || words.contains("  ") {
+            return line.to_owned();
+        }
+        let indent = line.len() - words.len();
+        let (mut lines, mut used) = (line[..indent].to_owned(), indent);
+        for (index, word) in words.split(' ').enumerate() {
+            let length = word.chars().count();
+            if index > 0 && used + 1 + length > columns {
+                lines += &format!("\n{}", " ".repeat(indent + 2));
+                used = indent + 2;
+            } else if index > 0 {
+                lines.push(' ');
+                used += 1;
+            }
+            lines += word;
+            used += length;
+        }
+        lines
+    });
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 /// Stdout. A terminal gets lines as it may show them, a file or another program every character.
@@ -437,6 +471,15 @@ impl Drop for TerminalBar {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn long_sentences_go_on_in_indented_lines_and_rows_of_tables_stay_whole() {
+        let text = "one two three\n  four five six\nname     gain %   M-SOG\n";
+        let want = "one two\n  three\n  four\n    five\n    six\nname     gain %   M-SOG\n";
+        assert_eq!(wrapped(text, 8), want);
+        assert_eq!(wrapped(text, 25), text);
+        assert_eq!(wrapped("a_word_that_is_too_long b", 8), "a_word_that_is_too_long\n  b");
+    }
 
     #[test]
     fn a_line_of_progress_has_the_time_left() {

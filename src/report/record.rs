@@ -398,12 +398,6 @@ fn best_text(best: &Scored, record: &RunRecord) -> String {
     if let Some(phases) = &record.phases {
         text += &format!("\n{}\n", phases.words);
     }
-    for seen in &best.scores.required {
-        text += &format!("  requirement: {seen}\n");
-    }
-    if let Some(words) = best.scores.holds_in_words() {
-        text += &format!("  {words}\n");
-    }
     for bound in &record.active_bounds {
         text += &format!("  {bound}\n");
     }

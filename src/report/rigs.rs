@@ -6,18 +6,14 @@ use super::svg::trimmed;
 use crate::json::spoken;
 use crate::score::{Objective, Scores, Standing};
 use crate::targets::RangeCard;
-use crate::vehicle::{Placement, SensorName, Vehicle};
+use crate::vehicle::{Placement, Vehicle};
 
 /// Price of the sensors of each placement and the range card in short, a line a placement; then the better of several
 /// placements: requirements first, then the default objective. Empty where nothing is known.
 pub fn rigs_text(vehicle: &Vehicle, placements: &[Placement], all: &[Scores]) -> String {
-    let has_prices = vehicle.sensors.iter().any(|model| model.price > 0.0);
     let mut text = String::new();
     for (placement, scores) in placements.iter().zip(all) {
-        // A LiDAR without a name is of the only model.
-        let name = |name: SensorName| if name.is_none() { vehicle.sensors[0].name } else { name };
-        let sensors = placement.lidars.iter().map(|pose| name(pose.sensor));
-        let price = has_prices.then(|| format!("price {}", vehicle.price_of(sensors)));
+        let price = vehicle.price_of_rig(placement).map(|price| format!("price {price}"));
         let card = scores.range_card.as_ref().map(card_in_words);
         let facts: Vec<String> = price.into_iter().chain(card).collect();
         if !facts.is_empty() {

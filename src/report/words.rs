@@ -48,11 +48,13 @@ fn unseen_in_words(near: &NearField) -> String {
 /// Price of the sensors and the budget, such as ` at a price of 9200 (budget 12000)`; empty where nothing has a price.
 fn price_in_words(settings: &Value) -> String {
     let cost = settings["equipped"]["cost"].as_f64().filter(|cost| *cost > 0.0);
-    match (cost, settings["budget"].as_f64()) {
-        (Some(cost), Some(budget)) => format!(" at a price of {cost} (budget {budget})"),
-        (Some(cost), None) => format!(" at a price of {cost}"),
-        (None, _) => String::new(),
-    }
+    let budget = settings["budget"].as_f64().filter(|_| cost.is_some());
+    cost.map_or(String::new(), at_price)
+        + &budget.map_or(String::new(), |b| format!(" (budget {b})"))
+}
+
+fn at_price(price: f64) -> String {
+    format!(" at a price of {price}")
 }
 
 fn verdict_at(
@@ -70,9 +72,10 @@ fn verdict_at(
     judged_at("The placement found", of_run, best, baselines, objective)
 }
 
-/// Like [`verdict`], for a placement that `subject` names, whether searched for or given.
-pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) -> String {
-    judged_at(subject, &OfRun::default(), best, baselines, objective)
+/// Like [`verdict`], for a placement that was given, with the price of its sensors where these have one.
+pub fn judged(best: &Scored, price: Option<f64>, baselines: &[Scored], objective: &str) -> String {
+    let of_run = OfRun { price: price.map_or(String::new(), at_price), ..OfRun::default() };
+    judged_at(&best.placement.name, &of_run, best, baselines, objective)
 }
 
 fn judged_at(

@@ -225,7 +225,8 @@ fn page(
     let names = names.join(", ");
     let objective = objective.to_string();
     let conditions = in_words(&request.conditions.condition);
-    let subject =
-        Subject::given(&names, &records, result, baselines, &objective, request.command.clone());
+    let priced = (result, job.scene().vehicle().price_of_rig(shown));
+    let command = request.command.clone();
+    let subject = Subject::given(&names, &records, priced, baselines, &objective, command);
     Ok((view_html(&subject.under(&conditions), &figures), figures.files(Some(result))))
 }

@@ -12,7 +12,7 @@ use crate::problem::StageTimes;
 use crate::psog::{Psog, PsogError};
 use crate::scan::conditions::{Condition, ConditionKind};
 use crate::scene::{PsogSource, Scene};
-use crate::search::{Evaluator, FRAMES_AT_ONCE, Member, Suite, TimeLimit, Tolerance};
+use crate::search::{Evaluator, FRAMES_AT_ONCE, Member, Suite, TimeLimit};
 
 use super::{Computing, RunError, Watcher};
 
@@ -64,6 +64,9 @@ pub fn job_within(
     computing: &Computing<'_>,
 ) -> Result<Loaded, RunError> {
     let watcher = computing.watcher;
+    if let Some(doubt) = files.tolerance.and_then(|tolerance| tolerance.doubt()) {
+        watcher.tell(&Note::doubt(doubt))?;
+    }
     let (mut times, mut scenes) = (LoadTimes::default(), Vec::new());
     for path in files.scenes() {
         let start = Instant::now();
@@ -218,11 +221,6 @@ pub fn note_frames(scene: &Scene, wanted: Option<u32>, watcher: &dyn Watcher) {
     if let Some(wanted) = wanted.filter(|wanted| *wanted as usize > count) {
         watcher.note(&format!("--frames {wanted}: the scene has {count}; all of them are used"));
     }
-}
-
-/// Tells a doubt about `--tolerance`.
-pub fn doubt_tolerance(tolerance: Tolerance, watcher: &dyn Watcher) -> Result<(), RunError> {
-    tolerance.doubt().map_or(Ok(()), |doubt| watcher.tell(&Note::doubt(doubt)))
 }
 
 /// Notes that `--frames` is more than the one frame of level ground.

@@ -22,7 +22,7 @@ use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html
 use crate::search::{
     Equipped, Event, FrameChoice, LeftOut, Outcome, Run, Scored, Settings, Stopped, TimeLimit, Work,
 };
-use crate::vehicle::{Placement, SensorName, SensorPose};
+use crate::vehicle::Placement;
 use request::{Begun, RunCheckpoint, command};
 
 pub use finished::{Finished, finished};
@@ -71,7 +71,7 @@ pub fn optimize(
         opening::note_frames(scene.scene(), request.frames, computing.watcher);
         inputs.extend(Input::of(scene.scene().files())?);
     }
-    check_before(request, &begun, computing)?;
+    check_before(request, computing)?;
     if let Start::New(new) = &request.start {
         new.look(&mut settings, &*loaded.job.problem()?, computing)?;
     }
@@ -104,16 +104,9 @@ pub fn optimize(
     found.map_err(|error| error.discarding(&sitting.folder))
 }
 
-/// Checks device, tolerance and outputs, which need no work.
-fn check_before(
-    request: &OptimizeRequest,
-    begun: &Begun,
-    computing: &Computing<'_>,
-) -> Result<(), RunError> {
+/// Checks device and outputs, which need no work.
+fn check_before(request: &OptimizeRequest, computing: &Computing<'_>) -> Result<(), RunError> {
     computing.engine.check_adapter().map_err(JobError::from)?;
-    if let Some(tolerance) = begun.files.tolerance {
-        opening::doubt_tolerance(tolerance, computing.watcher)?;
-    }
     outputs::check_gltf(request.gltf.as_deref())?;
     outputs::check_figures(request.figures.as_deref())?;
     Ok(())
@@ -325,9 +318,7 @@ fn save(sitting: &RunSession) -> Result<(), RunError> {
 fn priced(job: &Job, placement: &Placement) -> Value {
     let (mut listed, vehicle) = (json!(placement), job.scene().vehicle());
     if !vehicle.is_nameless() {
-        let first = vehicle.sensors.first().map_or(SensorName::NONE, |sensor| sensor.name);
-        let model = |lidar: &SensorPose| if lidar.sensor.is_none() { first } else { lidar.sensor };
-        listed["price"] = json!(vehicle.price_of(placement.lidars.iter().map(model)));
+        listed["price"] = json!(vehicle.price_of_rig(placement).unwrap_or(0.0));
     }
     listed
 }

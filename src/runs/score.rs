@@ -18,7 +18,7 @@ use crate::files::{
     FileNames, Session, safe_names, shared_folder, sync_disk, writable_file, write_many, write_npy,
     write_own, write_whole,
 };
-use crate::job::Job;
+use crate::job::{Job, JobFiles};
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
 use crate::report::tables::{score_rows, score_titles};
@@ -208,6 +208,7 @@ fn open(
     computing: &Computing<'_>,
 ) -> Result<Loaded, RunError> {
     let files = opening::files(scenes, &request.conditions.condition, request.frames, computing);
+    let files = JobFiles { tolerance: Some(request.mounting.tolerance), ..files };
     let loaded = opening::job(&files, computing)?;
     note_unpriced(loaded.job.scene().vehicle(), false, computing.watcher);
     Ok(loaded)
@@ -225,8 +226,6 @@ fn score_each(
     let mut loaded = open(request, scenes, computing)?;
     let evaluator = loaded.evaluator(computing)?;
     let Loaded { job, times } = loaded;
-    opening::doubt_tolerance(request.mounting.tolerance, computing.watcher)?;
-    let job = job.tolerance(Some(request.mounting.tolerance));
     computing.watcher.listen(GRACE);
     if let Some(file) = &request.out {
         writable_file(file)?;

@@ -335,6 +335,7 @@ pub fn swap_anywhere(
     if pool.len() < search.atlas().grid().len() as usize {
         search.keep_to(held.iter().copied());
     }
+    climbing.at(0, 1);
     let mut first: Vec<Vec<u32>> = Vec::new();
     if evaluator.constraints().ties.any() {
         first.extend(best_drawn(&mut search, evaluator, settings.seed, go_on)?);

@@ -136,7 +136,7 @@ impl std::fmt::Display for BlindSector {
         };
         write!(
             f,
-            "{sides} ({within}), worst at {worst}°: a car there at {lost} m is met by fewer than \
+            "{sides} ({within}), worst at {worst}°: a car there at {lost} m from the origin is met by fewer than \
              {CARD_BEAMS} beams"
         )
     }

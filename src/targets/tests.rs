@@ -187,7 +187,7 @@ fn a_card_names_the_sector_that_a_rig_does_not_see() {
     let told = blind.to_string();
     assert!(
         told.starts_with(
-            "left and behind and right (in sectors of 30° within 52.5° to -52.5°), worst at 90°: a car there at 5 to 50 m \
+            "left and behind and right (in sectors of 30° within 52.5° to -52.5°), worst at 90°: a car there at 5 to 50 m from the origin \
              is met"
         ),
         "{told}"
@@ -223,7 +223,7 @@ fn a_gap_between_the_bearings_of_a_card_is_named() {
     let told = gap.to_string();
     assert!(
         told.starts_with(&format!(
-            "ahead left (in sectors of 30° within 7.5° to 60°), worst at 37.5°: a car there at {near} to 50 m"
+            "ahead left (in sectors of 30° within 7.5° to 60°), worst at 37.5°: a car there at {near} to 50 m from the origin"
         )),
         "{told}"
     );

@@ -351,7 +351,8 @@ mod tests {
         };
         center.scores.guards = vec![Guard::BlindSector(sector)];
         let told = |best: &Scored, baselines: &[Scored]| {
-            let subject = Subject::given("s", &[], best, baselines, "near_gain", String::new());
+            let subject =
+                Subject::given("s", &[], (best, None), baselines, "near_gain", String::new());
             guards(&subject, None).into_string()
         };
         let said = told(&best, &[plain, center.clone()]);

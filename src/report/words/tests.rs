@@ -210,6 +210,8 @@ fn the_first_sentence_has_the_price_where_there_is_one() {
     let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
     let start = "1 of 2 requirements met at a price of 9200 (budget 12000). NOT MET: ring: 80.0 % seen, 90.0 % required";
     assert!(words.starts_with(start), "{words}");
+    let words = judged(&found, Some(9200.0), &[], "m_sog_scaled");
+    assert!(words.starts_with("1 of 2 requirements met at a price of 9200. NOT MET: "), "{words}");
 }
 
 #[test]

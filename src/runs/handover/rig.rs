@@ -229,7 +229,7 @@ fn warnings(scene: &Scene, placement: &Placement, computing: &Computing<'_>) -> 
     let mut placement = placement.clone();
     // A choice that does not fit is told where the models are looked up.
     let _ = name_lidars(&computing.sensors, &mut placement);
-    let broken = scene.constraints().violations(&placement);
+    let broken = scene.rules().violations(&placement);
     let mut warnings: Vec<String> =
         broken.iter().map(|rule| format!("RULE BROKEN: {rule}")).collect();
     if scene.vehicle().require_order.is_empty() {

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::{
-    Constraints, GroundRule, Lidar, MAX_LIDARS, OtherModel, OtherSensor, OverlapRule, Region,
-    Requirement, Response, SensorError, SensorModel, SensorName, Sensors, Slot, SpinPhase,
+    Constraints, GroundRule, Lidar, MAX_LIDARS, OtherModel, OtherSensor, OverlapRule, Placement,
+    Region, Requirement, Response, SensorError, SensorModel, SensorName, Sensors, Slot, SpinPhase,
     TargetRule, Ties,
 };
 use sightline_files::Note;
@@ -96,6 +96,13 @@ impl Vehicle {
     /// Price of some sensors, see [`sum_of_prices`].
     pub fn price_of(&self, sensors: impl IntoIterator<Item = SensorName>) -> f64 {
         sum_of_prices(sensors.into_iter().map(|sensor| self.price(sensor)))
+    }
+
+    /// Price of the sensors of a placement, where one without a name is of the first model; `None` where no model has a price.
+    pub fn price_of_rig(&self, placement: &Placement) -> Option<f64> {
+        let first = self.sensors.first().filter(|_| self.sensors.iter().any(|m| m.price > 0.0))?;
+        let named = |sensor: SensorName| if sensor.is_none() { first.name } else { sensor };
+        Some(self.price_of(placement.lidars.iter().map(|lidar| named(lidar.sensor))))
     }
 
     /// Price of all sensors of some equipment.
