@@ -130,7 +130,8 @@ fn trials(
     base: &Placement,
     scores: &Scores,
 ) -> Result<Vec<Trial>, AuditError> {
-    let (names, placements): (Vec<_>, Vec<_>) = gaming_placements(base).into_iter().unzip();
+    let attempts = gaming_placements(base, evaluator.problem().sensors())?;
+    let (names, placements): (Vec<_>, Vec<_>) = attempts.into_iter().unzip();
     let mut attempts = evaluator.scores(&placements)?;
     job.add_range_cards(placements.iter().zip(&mut attempts))?;
     let trial = |(name, attempt)| Trial::new(name, scores, attempt);

@@ -323,10 +323,11 @@ impl Scores {
         CAR_WEIGHT * self.car_missing.unwrap_or(0.0)
     }
 
-    /// Sentence on copies within the mounting tolerance that meet all of several requirements; `None` of one, or where not
-    /// looked at.
+    /// Sentence on copies within the mounting tolerance that meet all of several requirements; `None` of one, where one is
+    /// not met anyway, or where not looked at.
     pub fn holds_in_words(&self) -> Option<String> {
-        let share = self.requirements_hold_in.filter(|_| self.required.len() > 1)?;
+        let is_met = self.required.len() > 1 && self.required.iter().all(Seen::is_met);
+        let share = self.requirements_hold_in.filter(|_| is_met)?;
         Some(format!(
             "all requirements: met by {:.0} % of copies mounted within the tolerance",
             100.0 * share

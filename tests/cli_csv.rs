@@ -168,18 +168,27 @@ fn near_fields_and_targets_are_those_of_the_json() {
     let line = "study targets town.json two.json --target car --distances 4,6,8 --backend cpu";
     let words: Vec<&str> = line.split(' ').collect();
     let (csv, found) = (Csv::of(dir.path(), line), ok(dir.path(), &words));
-    assert_eq!(csv.rows(), 32);
-    let mut runs = 0;
-    for (row, of) in found["detections"].as_array().unwrap().iter().enumerate() {
+    assert_eq!(csv.rows(), 3 * 32);
+    for (row, of) in found["rows"].as_array().unwrap().iter().enumerate() {
         for (title, key) in [
             ("scene", "scene"),
+            ("frame", "frame"),
             ("placement", "placement"),
             ("target", "target"),
             ("bearing_deg", "bearing"),
-            ("first_m", "first"),
+            ("distance_m", "distance"),
+            ("beams", "beams"),
         ] {
             csv.is(row, title, &of[key]);
         }
+        let each = of["by_lidar"].as_array().unwrap().iter().map(Value::to_string);
+        assert_eq!(csv.cell(row, "beams_by_lidar"), each.collect::<Vec<_>>().join("; "));
+    }
+    let mut runs = 0;
+    // Rows are by placement, target, bearing and distance: three a bearing.
+    for (bearing, of) in found["detections"].as_array().unwrap().iter().enumerate() {
+        let row = 3 * bearing;
+        csv.is(row, "first_m", &of["first"]);
         let all = of["detected"].as_array().unwrap();
         let all = all
             .iter()

@@ -131,4 +131,37 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
     assert!(told.contains("runs: is a folder without result.json; give a file"), "{told}");
     let told = fails(dir.path(), &["rig", "handover", "yard.json", "p.json", "--out", "c"]);
     assert!(told.contains("`sightline rig handover yard.json p.json:rig`"), "{told}");
+    // A vehicle that is another one now: its rules count, and the hand-over says so.
+    let lower = read("cart.json").replace("1.7],", "1.6],").replace("2.4],", "1.65],");
+    fs::write(dir.path().join("cart.json"), lower).unwrap();
+    ok("rig handover runs/yard --backend cpu --out g");
+    let text = read("g/README.txt");
+    assert!(
+        text.contains("CHANGED SINCE THE RUN: ") && text.contains("cart.json; rules"),
+        "{text}"
+    );
+    assert!(text.contains("RULE BROKEN: LiDAR "), "{text}");
+}
+
+#[test]
+fn two_of_a_model_on_a_mount_of_several_models_break_no_rule() {
+    let dir = folder();
+    let path = dir.path().join("cart.json");
+    let mut vehicle: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    vehicle["mounts"][0]["sensors"] = json!(["turning", "side, narrow"]);
+    vehicle["mounts"][0]["count"] = json!([0, 2]);
+    vehicle.as_object_mut().unwrap().remove("require");
+    fs::write(&path, vehicle.to_string()).unwrap();
+    let roof = |x: f64| json!({ "x": x, "y": 0, "z": 2, "sensor": "turning" });
+    for (name, xs, breaks) in [("two", &[-0.5, 0.5][..], false), ("three", &[-0.5, 0.0, 0.5], true)]
+    {
+        let lidars: Vec<_> = xs.iter().map(|x| roof(*x)).collect();
+        let rig = json!({ "placements": [{ "name": name, "lidars": lidars }] });
+        fs::write(dir.path().join("rig.json"), rig.to_string()).unwrap();
+        let line = format!("rig handover rig.json --vehicle cart.json --backend cpu --out {name}");
+        ok(dir.path(), &line.split(' ').collect::<Vec<_>>());
+        let text = fs::read_to_string(dir.path().join(name).join("README.txt")).unwrap();
+        assert_eq!(text.contains("RULE BROKEN: "), breaks, "{text}");
+    }
 }

@@ -135,6 +135,32 @@ fn a_lidar_on_the_roof_is_told_off_and_weights_are_told() {
 }
 
 #[test]
+fn without_a_scene_the_near_field_is_that_of_level_ground() {
+    let dir = TempDir::new().unwrap();
+    yard(&dir);
+    let yard: Value =
+        serde_json::from_str(&fs::read_to_string(dir.path().join("yard.json")).unwrap()).unwrap();
+    let cart = json!({ "sightline": 1, "name": "cart", "body": yard["ego"]["body"],
+        "sensors": [{ "name": "turning", "phase": 0, "lidar": yard["lidar"] }],
+        "mounts": [{ "name": "roof", "sensors": ["turning"], "count": [1, 1],
+                     "min": [-1.5, -0.8, 1.6], "max": [1.5, 0.8, 2.4] }] });
+    fs::write(dir.path().join("cart.json"), cart.to_string()).unwrap();
+    let more = ["--vehicle", "cart.json", "--backend", "cpu"];
+    let near = ok(dir.path(), &[&["study", "nearfield", "two.json"], &more[..]].concat());
+    let shared = ok(dir.path(), &[&["study", "redundancy", "two.json"], &more[..]].concat());
+    for (near, shared) in
+        near["near_fields"].as_array().unwrap().iter().zip(shared["rows"].as_array().unwrap())
+    {
+        assert_eq!(near["name"], shared["placement"]);
+        let unseen = |ground: &str| shared[ground]["share"][0].as_f64().unwrap();
+        let seen = |key: &str| near[key].as_f64().unwrap();
+        assert!((seen("near_field") - (1.0 - unseen("ground_10m"))).abs() < 1e-12, "{near}");
+        assert!((seen("ring") - (1.0 - unseen("ground_3m"))).abs() < 1e-12, "{near}");
+    }
+    assert!(near["near_fields"][0]["near_field"].as_f64().unwrap() > 0.1, "{near}");
+}
+
+#[test]
 fn what_cannot_be_is_named() {
     let dir = TempDir::new().unwrap();
     yard(&dir);

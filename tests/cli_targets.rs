@@ -164,8 +164,7 @@ fn every_score_carries_its_card_and_names_what_is_blind() {
     fs::write(dir.path().join("ahead.json"), ahead.to_string()).unwrap();
     let found = ok(dir.path(), &["score", "street.json", "ahead.json", "--backend", "cpu"]);
     let told = guards(&found["scores"][0]);
-    let want =
-        "blind_sector: left and behind and right (in sectors of 30° within 75° to -75°), worst at ";
+    let want = "blind_sector: left and behind and right (in sectors of 30° over 210°, left round from 75° to -75°), worst at ";
     assert!(told.contains(want), "{told}");
 }
 
@@ -447,7 +446,7 @@ fn own_rigs_lose_each_lidar_in_turn() {
     assert!(notes.contains(lost), "{notes}");
     assert!(
         notes.contains(
-            "both without LiDAR 1: left and behind and right (in sectors of 30° within 75° to -75°)"
+            "both without LiDAR 1: left and behind and right (in sectors of 30° over 210°, left round from 75° to -75°)"
         ),
         "{notes}"
     );

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use sightline::chart::{ChartSettings, ChartState, SceneDetail, chart};
 use sightline::internals::{Engine, Setting};
+use sightline::score::Scores;
 use sightline::search::{Event, Settings};
 use sightline::vehicle::SensorPose;
 use sightline::{EngineChoice, Job, JobFiles, Objective, Placement, Scene, read_placements};
@@ -137,8 +138,12 @@ fn same(dir: &Path, files: &JobFiles, placements: &str) {
     let evaluations = EVALUATIONS.to_string();
     let told = program("optimize", &["--evaluations", &evaluations, "--seed", "3"], &options);
     let settings = Settings { evaluations: EVALUATIONS, seed: 3, ..Settings::default() };
-    let found = job.search(settings).optimize(&mut |_: &Event| true).unwrap().unwrap();
-    assert!(found.outcome.best.is_some());
+    let found = job.clone().search(settings).optimize(&mut |_: &Event| true).unwrap().unwrap();
+    let best = found.outcome.best.as_ref().unwrap();
+    // The result is scored at the draw of scores: phases and weather have one value in both.
+    let again = job.score(std::slice::from_ref(&best.placement)).unwrap().remove(0).scores;
+    let sums = |scores: &Scores| (scores.segmentation, scores.near_gain, scores.covered);
+    assert_eq!(sums(&again), sums(&best.scores), "{scenes:?}");
     assert_eq!(told["best"], json!(found.outcome.best), "{scenes:?}");
     assert_eq!(told["baselines"], json!(found.outcome.baselines), "{scenes:?}");
 }

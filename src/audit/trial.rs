@@ -15,16 +15,21 @@ use crate::psog::{Psog, PsogError, Roi};
 use crate::scan::scan_scene;
 use crate::scene::{PsogSource, ScanSettings, Scene};
 use crate::score::{Guard, Scores};
-use crate::vehicle::{MAX_LIDARS, Placement, SensorPose};
+use crate::vehicle::{BeamTable, MAX_LIDARS, Placement, SensorPose, Sensors, UnknownSensor};
 
 /// An attempt that loses less than this share of the information has done no harm.
 const HARMLESS: f64 = 0.01;
+
+/// Score that is the larger the less is seen, by its definition: it is told of, and decides about no trial.
+const LIKES_LOSS: &str = "s_mig";
+/// Mean of the vertical parts of its beams below which a sensor that turns looks down.
+const DOWN: f64 = -0.05;
 
 /// Result of a trial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TrialResult {
-    /// No score calls the attempt better than the base, or it sees as much.
+    /// No score but S-MIG calls the attempt better than the base, or it sees as much.
     NotFooled,
     /// A score was fooled, and a guard says so.
     Caught,
@@ -66,20 +71,36 @@ impl Trial {
             metrics.iter().filter(|(_, of)| better(of)).map(|(name, _)| *name).collect();
         let gain = |s: &Scores| s.segmentation.information_gain.unwrap_or(0.0);
         let harmless = gain(&scores) >= (1.0 - HARMLESS) * gain(base);
+        let is_fooled = fooled.iter().any(|name| *name != LIKES_LOSS);
         let known = |guard: &&Guard| guard.is_doubt() || !base.guards.contains(guard);
         let is_clear = scores.guards.iter().find(known).is_none();
-        let verdict = match (fooled.is_empty(), is_clear) {
-            (true, _) => TrialResult::NotFooled,
-            (false, false) => TrialResult::Caught,
-            (false, true) if harmless => TrialResult::NotFooled,
-            (false, true) => TrialResult::Fooled,
+        let verdict = match (is_fooled, is_clear) {
+            (false, _) => TrialResult::NotFooled,
+            (true, false) => TrialResult::Caught,
+            (true, true) if harmless => TrialResult::NotFooled,
+            (true, true) => TrialResult::Fooled,
         };
         Self { name: name.to_owned(), scores, fooled, verdict }
     }
 }
 
-/// Layouts that see little, or no more than fewer LiDARs would, with the name of each attempt.
-pub fn gaming_placements(base: &Placement) -> Vec<(&'static str, Placement)> {
+/// True if a sensor upside down looks to the sky: it turns, and its beams look down in the mean.
+fn looks_down(table: &BeamTable) -> bool {
+    let turns = table.grid().is_some_and(|grid| grid.turn);
+    let up: f64 = table.directions().iter().map(|direction| f64::from(direction[2])).sum();
+    turns && up < DOWN * table.directions().len() as f64
+}
+
+/// Layouts that see little, or no more than fewer LiDARs would, with the name of each attempt; `sensors` has the models.
+///
+/// # Errors
+/// A model that there is not.
+pub fn gaming_placements(
+    base: &Placement,
+    sensors: &Sensors,
+) -> Result<Vec<(&'static str, Placement)>, UnknownSensor> {
+    let numbers: Vec<usize> =
+        base.lidars.iter().map(|pose| sensors.number(pose)).collect::<Result<_, _>>()?;
     let each = |name: &str, change: &dyn Fn(usize, SensorPose) -> SensorPose| Placement {
         name: name.to_owned(),
         lidars: base.lidars.iter().enumerate().map(|(i, &pose)| change(i, pose)).collect(),
@@ -96,14 +117,19 @@ pub fn gaming_placements(base: &Placement) -> Vec<(&'static str, Placement)> {
         let lean = Pose::new(DVec3::ZERO, roll, 0.0, 0.0);
         with_rotation(pose, &lean.compose(&pose.ego_from_sensor()))
     };
+    // Upside down, or on end: others look no higher upside down.
+    let to_sky = |i: usize, pose: SensorPose| match looks_down(sensors.table(numbers[i])) {
+        true => turned(pose, std::f64::consts::PI),
+        false => tipped(pose, -FRAC_PI_2),
+    };
     let aside = |pose: SensorPose| SensorPose { roll: 0.0, pitch: 0.0, yaw: FRAC_PI_2, ..pose };
     let mut useless = base.clone();
     useless.name = "useless-sensor".to_owned();
     if useless.lidars.len() < MAX_LIDARS {
         useless.lidars.push(inside(0, 0.9));
     }
-    vec![
-        ("all sensors to the sky", each("sky", &|_, pose| turned(pose, std::f64::consts::PI))),
+    Ok(vec![
+        ("all sensors to the sky", each("sky", &to_sky)),
         ("all sensors 45° up", each("up", &|_, pose| tipped(pose, -FRAC_PI_4))),
         ("all sensors 45° down", each("down", &|_, pose| tipped(pose, FRAC_PI_4))),
         ("all sensors lean to the left", each("lean", &|_, pose| leaning(pose, -FRAC_PI_4))),
@@ -112,7 +138,7 @@ pub fn gaming_placements(base: &Placement) -> Vec<(&'static str, Placement)> {
         ("under the car", each("under", &|i, _| inside(i, 0.1))),
         ("all sensors in one pose", each("stacked", &|_, _| base.lidars[0])),
         ("one useless sensor more", useless),
-    ]
+    ])
 }
 
 /// A pose with the angles of another, where it stands.
@@ -251,6 +277,35 @@ mod tests {
         );
         let worse = Trial::new("worse", &base, scores(90, 49, None));
         assert_eq!((worse.fooled.len(), worse.verdict), (0, TrialResult::NotFooled));
+    }
+
+    #[test]
+    fn s_mig_alone_fools_nobody() {
+        let with = |s_mig, gain| Scores { s_mig: Some(s_mig), ..scores(100, gain, None) };
+        // A tenth of the gain is lost: that is no harmless attempt.
+        let less = Trial::new("less", &with(-50.0, 50), with(-45.0, 45));
+        assert_eq!(less.verdict, TrialResult::Fooled, "{:?}", less.fooled);
+        let of = |scores: Scores| Scores { segmentation: scores.segmentation, ..with(-50.0, 50) };
+        let alike = Trial::new(
+            "alike",
+            &with(-50.0, 50),
+            Scores { s_mig: Some(-45.0), ..of(with(0.0, 50)) },
+        );
+        assert_eq!((&alike.fooled[..], alike.verdict), (&["s_mig"][..], TrialResult::NotFooled));
+    }
+
+    #[test]
+    fn sensors_that_look_no_higher_upside_down_are_put_on_end() {
+        let base = Placement { name: "p".into(), lidars: vec![SensorPose::at(0.0, 0.0, 2.0)] };
+        let sky = |channels: &[(f64, f64)]| {
+            let table = BeamTable::spinning(channels, 8, 50.0).unwrap();
+            let attempts = gaming_placements(&base, &Sensors::from(table)).unwrap();
+            attempts[0].1.lidars[0].ego_from_sensor().rotation
+        };
+        let down = sky(&[(-25.0, 0.0), (5.0, 0.0)]);
+        assert!((down.z_axis.z + 1.0).abs() < 1e-12, "{down}");
+        let level = sky(&[(-12.5, 0.0), (12.5, 0.0)]);
+        assert!((level.x_axis.z - 1.0).abs() < 1e-12, "{level}");
     }
 
     #[test]

@@ -46,7 +46,7 @@ pub(crate) use required::{RequiredGround, least_metres};
 pub use zone::NearFieldError;
 
 #[cfg(test)]
-pub(crate) use zone::BlindZone;
+pub(crate) use zone::{BlindLane, BlindZone};
 
 #[cfg(test)]
 pub(crate) use look::CLOSE;

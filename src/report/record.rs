@@ -312,7 +312,7 @@ pub fn peak_memory() -> Option<u64> {
 const PLAIN_IN_WORDS: &str = "the same sensors as without a search, level in the middle of their mounts or evenly around \
                               their edges";
 
-/// Result of a run and its folder as text: words first, then the table.
+/// Result of a run and its folder as text: words first, then what is seen, then scores with requirements, then the rest.
 pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     let mut text = String::new();
     let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
@@ -321,6 +321,12 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     next_in_words(record).iter().for_each(|step| text += &format!("{step}\n\n"));
     if let Some(words) = spread_in_words(record) {
         text += &format!("{words}\n\n");
+    }
+    if let Some(card) = record.best.as_ref().and_then(|best| best.scores.range_card.as_ref()) {
+        text += &format!("{}\n", range_card_text(card));
+    }
+    if let Some(near) = &record.near_field {
+        text += &format!("{}\n", near.in_words());
     }
     text += &format!(
         "{}: maximizing {} over {} frame(s){}\n",
@@ -384,17 +390,11 @@ fn evaluations_in_words(record: &RunRecord) -> String {
     }
 }
 
-/// Poses, range card, requirements and certificate of the placement found.
+/// Poses, rules and certificate of the placement found.
 fn best_text(best: &Scored, record: &RunRecord) -> String {
     let mut text = String::new();
     text += "\noptimized placement (m, rad):\n";
     text += &poses_text(&best.placement, &record.mounts);
-    if let Some(card) = &best.scores.range_card {
-        text += &format!("\n{}", range_card_text(card));
-    }
-    if let Some(near) = &record.near_field {
-        text += &near.in_words();
-    }
     if let Some(phases) = &record.phases {
         text += &format!("\n{}\n", phases.words);
     }

@@ -11,7 +11,7 @@ use crate::score::{NEAR_GAINS, Scores, Seen, percent_down};
 use crate::search::Scored;
 use crate::shared::{Overlap, Redundancy, SeenBy, SeenByTechnologies};
 use crate::study::{REQUIREMENTS, Table};
-use crate::targets::TargetTable;
+use crate::targets::{TargetRow, TargetTable};
 
 /// Between the parts of a cell that holds several.
 const BETWEEN: &str = "; ";
@@ -79,13 +79,29 @@ pub fn near_field_csv(all: &[NearField]) -> String {
     csv(rows)
 }
 
-/// A row a bearing of a target: the farthest distance of detection, and all runs of distances.
+/// A row a place of a target and frame: beams on it, those of each LiDAR, and for its bearing the farthest distance of
+/// detection and all runs of distances.
 pub fn targets_csv(table: &TargetTable) -> String {
-    let first = titles(&["scene", "placement", "target", "bearing_deg", "first_m", "detected_m"]);
-    let rows = table.detections.iter().map(|of| {
-        let runs = of.detected.iter().map(|[from, to]| format!("{from} to {to}"));
-        let mut row = vec![of.scene.clone().unwrap_or_default(), of.placement.clone()];
-        row.extend([of.target.clone(), number(of.bearing), number(of.first), joined(runs)]);
+    let first = titles(&[
+        "scene", "frame", "placement", "target", "bearing_deg", "distance_m", "beams",
+        "beams_by_lidar", "overlaps_body", "first_m", "detected_m",
+    ]);
+    // Both are by scene, placement, target and bearing.
+    let key =
+        |of: &TargetRow| (of.scene.clone(), of.placement.clone(), of.target.clone(), of.bearing);
+    let of_bearings = table.rows.chunk_by(|a, b| key(a) == key(b)).zip(&table.detections);
+    let rows = of_bearings.flat_map(|(rows, found)| rows.iter().map(move |row| (row, found)));
+    let rows = rows.map(|(of, found)| {
+        let frame = of.frame.map_or_else(String::new, |frame| frame.to_string());
+        let mut row = vec![of.scene.clone().unwrap_or_default(), frame, of.placement.clone()];
+        row.extend([of.target.clone(), number(of.bearing), number(of.distance)]);
+        row.extend([
+            number(of.beams.map(f64::from)),
+            joined(&of.by_lidar),
+            of.overlaps.to_string(),
+        ]);
+        let runs = found.detected.iter().map(|[from, to]| format!("{from} to {to}"));
+        row.extend([number(found.first), joined(runs)]);
         row
     });
     csv(std::iter::once(first).chain(rows))

@@ -53,7 +53,7 @@ fn runs_in_words(runs: &[[f64; 2]]) -> String {
 }
 
 /// Name of a bearing in degrees: `ahead`, `left`, `-45°`.
-fn bearing_in_words(bearing: f64) -> String {
+pub(super) fn bearing_in_words(bearing: f64) -> String {
     let turned = (bearing + 180.0).rem_euclid(360.0) - 180.0;
     match turned {
         0.0 => "ahead 0°".to_owned(),

@@ -3,10 +3,12 @@
 use serde_json::Value;
 
 use super::RunRecord;
+use super::targets::bearing_in_words;
 use crate::json::spoken;
 use crate::near_field::{NEAR, NearField};
 use crate::score::Guard;
 use crate::search::{Certificate, MethodRecord, Scored};
+use crate::targets::{RangeCard, TargetRanges};
 
 /// The result of a run against the best baselines, by the objective and by information gain, and the guards that it
 /// violates.
@@ -36,13 +38,20 @@ struct OfRun {
 
 /// Sentence on sides of the vehicle without any ground that is seen; empty where there is none.
 fn unseen_in_words(near: &NearField) -> String {
-    let sides = near.zone.depths().into_iter().filter(|(_, depth)| depth.is_none());
-    match sides.map(|(side, _)| side).collect::<Vec<_>>() {
-        none if none.is_empty() => String::new(),
-        sides => {
-            format!("BLIND ZONE: no ground is seen within {NEAR} m {}. ", sides.join(" and "))
+    let (mut none, mut some) = (Vec::new(), Vec::new());
+    for (side, _) in near.zone.depths().into_iter().filter(|(_, depth)| depth.is_none()) {
+        let lanes = near.zone.lanes.iter().filter(|lane| lane.side == side);
+        let blind = lanes.clone().filter(|lane| lane.depth.is_none()).count();
+        match lanes.count() {
+            all if all == blind => none.push(side),
+            all => some.push(format!("in {blind} of {all} lanes {side}")),
         }
     }
+    let no_ground = |places: &str| format!("no ground is seen within {NEAR} m {places}");
+    let each = (!none.is_empty()).then(|| no_ground(&none.join(" and "))).into_iter();
+    let each: Vec<String> =
+        each.chain((!some.is_empty()).then(|| no_ground(&some.join(" and ")))).collect();
+    if each.is_empty() { String::new() } else { format!("BLIND ZONE: {}. ", each.join("; ")) }
 }
 
 /// Price of the sensors and the budget, such as ` at a price of 9200 (budget 12000)`; empty where nothing has a price.
@@ -175,7 +184,32 @@ fn blind_in_words(placement: &Scored) -> String {
     let card = placement.scores.range_card.as_ref();
     let blind: Vec<String> =
         card.iter().flat_map(|card| &card.blind).map(ToString::to_string).collect();
-    if blind.is_empty() { String::new() } else { format!("BLIND: {}. ", blind.join("; ")) }
+    let blind =
+        if blind.is_empty() { String::new() } else { format!("BLIND: {}. ", blind.join("; ")) };
+    blind + &card.map_or(String::new(), unmet_in_words)
+}
+
+/// Most bearings that are named one by one.
+const FEW_BEARINGS: usize = 4;
+
+/// Sentence on bearings at which a target is met at no distance; blind sectors tell of cars. Empty where there are none.
+fn unmet_in_words(card: &RangeCard) -> String {
+    let of_target = |target: &TargetRanges| {
+        let unmet = target.bearings.iter().filter(|of| of.met.is_empty());
+        let names: Vec<String> = unmet.map(|of| bearing_in_words(of.bearing)).collect();
+        let (name, all) = (&target.target, target.bearings.len());
+        match names.len() {
+            0 => None,
+            count if count == all => Some(format!("{name} all round")),
+            count if count > FEW_BEARINGS => Some(format!("{name} at {count} of {all} bearings")),
+            _ => Some(format!("{name} ({})", names.join(", "))),
+        }
+    };
+    let unmet: Vec<String> = card.targets.iter().skip(1).filter_map(of_target).collect();
+    if unmet.is_empty() {
+        return String::new();
+    }
+    format!("UNSEEN at every distance of the range card: {}. ", unmet.join("; "))
 }
 
 /// A line for each placement that breaks rules of the mount, with the first of them.

@@ -28,7 +28,7 @@ use crate::vehicle::{Placement, read_placements};
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct NearFieldRequest {
-    /// Scene file; it must have geometry and an own body
+    /// Scene file with geometry and an own body; a file of placements alone is looked at on level ground, with --vehicle
     pub scene: PathBuf,
     /// Placements [default: Table 7 of the paper, where the vehicle is its car: one model, a mount that holds them]
     pub placements: Option<PathBuf>,
@@ -75,11 +75,8 @@ pub fn near_fields(
 ) -> Result<NearFields, RunError> {
     let _session = Session::begin();
     let watcher = computing.watcher;
-    let file = request.placements.as_deref().map(rig_path).transpose()?;
+    let (scene, file) = site_of(request, computing)?;
     let read = file.as_deref().map(read_placements).transpose()?;
-    let mend = "static shapes, actors and an ego body";
-    let scene = opening::geometry(&request.scene, mend, computing)?;
-    opening::note_frames(&scene, request.frames, watcher);
     if let Some(file) = &request.out {
         outputs::check_file(file, "svg")?;
     }
@@ -126,6 +123,28 @@ pub fn near_fields(
         ground_area: site.ground_area(),
         near_fields: all,
     })
+}
+
+/// Scene and file of placements of a request; level ground where a vehicle and placements alone are given.
+fn site_of(
+    request: &NearFieldRequest,
+    computing: &Computing<'_>,
+) -> Result<(Scene, Option<PathBuf>), RunError> {
+    let watcher = computing.watcher;
+    if let (None, Some(vehicle)) = (&request.placements, &computing.vehicle) {
+        // A file that is neither is told as a scene.
+        let alone = Files::told_apart(std::slice::from_ref(&request.scene)).ok();
+        if let Some(file) = alone.and_then(|files| files.placements) {
+            let scene = Scene::level_ground(vehicle)?;
+            scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
+            opening::note_frames_on_level_ground(request.frames, watcher);
+            return Ok((scene, Some(rig_path(&file)?)));
+        }
+    }
+    let mend = "static shapes, actors and an ego body";
+    let scene = opening::geometry(&request.scene, mend, computing)?;
+    opening::note_frames(&scene, request.frames, watcher);
+    Ok((scene, request.placements.as_deref().map(rig_path).transpose()?))
 }
 
 /// Error of a vehicle without layouts of its own where no placements are given.

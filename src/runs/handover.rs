@@ -298,6 +298,7 @@ fn text<'a>(
         text,
         "\nCrop boxes reach {margin} m beyond the body. base_link stands at x {x}, y {y}, z {z} m in the ego frame.\n"
     );
+    text += &rig.frame_in_words().map_or(String::new(), |words| words + "\n");
     text += "\nMade by sightline ";
     text += env!("CARGO_PKG_VERSION");
     text += " from these files, with the SHA-256 of each\n";

@@ -48,7 +48,7 @@ impl Files {
     ///
     /// # Errors
     /// Two files of placements; a file that cannot be read; a last file that is neither a scene nor placements.
-    fn told_apart(files: &[PathBuf]) -> Result<Self, RunError> {
+    pub fn told_apart(files: &[PathBuf]) -> Result<Self, RunError> {
         let (scenes, placements) = told_apart(files)?;
         if let [first, second, ..] = &placements[..] {
             return Err(RunError::Usage(format!(

@@ -15,8 +15,8 @@ use crate::files::{
     FileError, Session, is_sink, target, will_read, writable_file, write_pair, write_whole,
 };
 use crate::geom::TriangleSoup;
-use crate::job::Job;
-use crate::problem::Problem;
+use crate::job::{JobError, JobScene};
+use crate::problem::{Problem, world_of};
 use crate::psog::PsogInfo;
 use crate::report::text::align_columns;
 use crate::scan::BeamHits;
@@ -329,15 +329,21 @@ pub fn count(
         )));
     }
     let frames = scene.frame_count();
-    let job = Job::new(scene);
-    let (scene, psog) = (job.scene(), opening::psog(&job.scenes()[0], None, watcher)?);
+    let scene = JobScene::from(scene);
+    let (scene, psog) = (scene.scene(), opening::psog(&scene, None, watcher)?);
     let info = PsogInfo::new(&psog, None);
     let soup = scene.frame(0, EgoBody::Include);
     let mut actors = BTreeMap::new();
     for track in scene.tracks() {
         *actors.entry(track.kind.name().to_owned()).or_default() += 1;
     }
-    let (lost, hits_by_range) = hits(&*job.problem()?, &soup.face_class, frames)?;
+    // A LiDAR above the origin may stand within the own body.
+    let all: Vec<usize> = (0..frames).collect();
+    let world = |far| world_of(scene, &all, far, EgoBody::Exclude);
+    let problem = Problem::in_world(&psog, scene, scene.sensors()?, &all, true, world);
+    let problem = problem
+        .map_err(|source| JobError::Problem { files: path.display().to_string(), source })?;
+    let (lost, hits_by_range) = hits(&problem, &soup.face_class, frames)?;
     let votes: u64 = info.classes.iter().map(|c| c.voxels).sum();
     let share = |voxels: u64| 100.0 * voxels as f64 / votes.max(1) as f64;
     let seen = info.classes.iter().filter(|c| c.voxels > 0);
@@ -357,7 +363,7 @@ pub fn count(
 }
 
 /// Percent of beams without a hit, and of hits by range: one LiDAR above the origin, in the middle of
-/// the first mount in height, in all frames. Hits on the ego's own body are left out.
+/// the first mount in height, without the own body, in all frames.
 fn hits(problem: &Problem, classes: &[u16], frames: usize) -> Result<(f64, [f64; 5]), RunError> {
     let [low, high] = problem.constraints().corners();
     let z = 0.5 * (low[2] + high[2]);

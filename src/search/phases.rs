@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::error::SearchError;
 use super::evaluator::Evaluator;
-use super::suite::{Member, Suite};
+use super::suite::{Member, SEARCHING, Suite};
 use crate::json::spoken;
 use crate::score::Objective;
 use crate::vehicle::Placement;
@@ -54,21 +54,20 @@ impl Suite {
     }
 }
 
-/// Scores a result and a baseline at [`DRAWS`] draws that follow `seed`; `None` once `go_on`, which is asked before
+/// Scores a result and a baseline at [`DRAWS`] draws that follow that of the search; `None` once `go_on`, which is asked before
 /// every few frames, says no.
 pub(super) fn check(
     suite: &Suite,
     objective: &Objective,
     best: &Placement,
     baseline: Option<&Placement>,
-    seed: u64,
     memory: u64,
     go_on: &mut dyn FnMut() -> bool,
 ) -> Result<Option<PhaseCheck>, SearchError> {
     let both: Vec<Placement> = std::iter::once(best).chain(baseline).cloned().collect();
     let (mut ours, mut theirs) = (Vec::new(), Vec::new());
     for draw in 1..=DRAWS {
-        let drawn = suite.with_draw(seed + draw);
+        let drawn = suite.at_draw(SEARCHING + draw);
         let scores = Evaluator::suite_on_cpu(&drawn, memory).scores_while(&both, go_on)?;
         let Some(scores) = scores else { return Ok(None) };
         ours.extend(objective.value(&scores[0]));

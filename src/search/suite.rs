@@ -8,6 +8,9 @@ use super::error::SearchError;
 use crate::problem::{Entropy, Modelled, Problem, spread};
 use crate::vehicle::{Constraints, Placement};
 
+/// Draw of a search, counted from that of scores.
+pub(super) const SEARCHING: u64 = 1;
+
 /// One scene of a [`Suite`], or its mirror image.
 #[derive(Debug, Clone)]
 pub struct Member {
@@ -194,15 +197,20 @@ impl Suite {
         self.members.iter().map(range).collect()
     }
 
-    /// Copy with another random draw: `seed` sets free phases and which beams return through weather.
-    #[must_use]
-    pub fn with_draw(&self, seed: u64) -> Self {
+    /// Copy at another random draw, which sets free phases and which beams return through weather: the own one and `more`.
+    pub(super) fn at_draw(&self, more: u64) -> Self {
         let drawn = |member: &Member| {
             let problem = Problem::clone(&member.problem);
-            let sensors = problem.sensors().with_seed(seed);
+            let sensors = problem.sensors().with_seed(problem.sensors().seed() + more);
             Member { problem: Arc::new(problem.with_sensors(sensors)), ..member.clone() }
         };
         Self { members: self.members.iter().map(drawn).collect() }
+    }
+
+    /// The suite as a search sees it: at another draw than scores where they depend on one, so that a result does not live on
+    /// lucky phases or lucky beams.
+    pub(super) fn for_search(&self) -> Self {
+        if self.is_left_to_chance() { self.at_draw(SEARCHING) } else { self.clone() }
     }
 
     /// A copy whose search is over some equipment; given placements are judged by the rules that they had.

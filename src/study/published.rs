@@ -132,21 +132,40 @@ pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
             Ok(row_of(value(&scores), placement.clone(), &scores))
         })?);
     }
-    rows.extend(cases.one("optimized", || {
+    rows.extend(cases.one(&searched(&scene.layouts), || {
         let Some(best) = scene.optimize(&evaluator)? else { return Ok(scene.none_found()) };
         let scores = scene.score(&mut evaluator, &best)?;
         Ok(row_of(value(&scores), best, &scores))
     })?);
-    let notes = vec![format!(
+    let mut notes = vec![format!(
         "{} random placements, uniform in every pose field that may vary; those that violate a guard do \
          not count. The optimized one had {} evaluations and swaps.",
         drawn.len(),
         settings.evaluations
     )];
+    notes.extend(prices(scene, &rows));
     let title = scene.title("random, hand-made and optimized placements");
     let (objective, _) = shown_objective(&settings.objective);
     let drawing = TablePlot::of_column(0, &objective, false);
     Ok(Table::new(title, ["placement", &objective], rows, notes, drawing))
+}
+
+/// Name of the placement that is searched: rigs of a run are called `optimized`, too.
+fn searched(layouts: &[Placement]) -> String {
+    let is_taken = layouts.iter().any(|layout| layout.name == "optimized");
+    if is_taken { "optimized by this study" } else { "optimized" }.to_owned()
+}
+
+/// Sentence on the prices of the placements where these differ.
+fn prices(scene: &StudyScene, rows: &[Row]) -> Option<String> {
+    let price = |row: &Row| scene.scene.vehicle().price_of_rig(row.placement.as_ref()?);
+    let all: Vec<(f64, &str)> =
+        rows.iter().filter_map(|row| Some((price(row)?, &*row.name))).collect();
+    let differ = all.iter().any(|(price, _)| *price != all[0].0);
+    let each: Vec<String> = all.iter().map(|(price, name)| format!("{name} {price}")).collect();
+    differ.then(|| {
+        format!("Prices differ: {}; --budget limits what is drawn and searched.", each.join(", "))
+    })
 }
 
 /// The row of one placement; without a value it says which warning counts it out.
@@ -295,6 +314,13 @@ mod tests {
         // 1 − 6 · (36 + 0 + 4 + 0 + 16 + 9 + 1 + 0) / (8 · 63) = 1 − 396 / 504.
         let found = row("order", &ranks).values[0].unwrap();
         assert!((found - (1.0 - 396.0 / 504.0)).abs() < 1e-12, "{found}");
+    }
+
+    #[test]
+    fn a_rig_of_a_run_takes_no_name_of_the_study() {
+        let named = |name: &str| [Placement { name: name.into(), lidars: vec![] }];
+        assert_eq!(searched(&named("mine")), "optimized");
+        assert_ne!(searched(&named("optimized")), "optimized");
     }
 
     #[test]

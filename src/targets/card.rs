@@ -129,6 +129,9 @@ impl std::fmt::Display for BlindSector {
         // Each neighbouring sector has a bearing at which a car is lost; other bearings may meet it.
         let within = match self.degrees() {
             degrees if degrees >= 360.0 => format!("in every sector of {SECTOR}°"),
+            degrees if degrees > 180.0 => {
+                format!("in sectors of {SECTOR}° over {degrees}°, left round from {from}° to {to}°")
+            }
             degrees if degrees > SECTOR => {
                 format!("in sectors of {SECTOR}° within {from}° to {to}°")
             }

@@ -187,7 +187,7 @@ fn a_card_names_the_sector_that_a_rig_does_not_see() {
     let told = blind.to_string();
     assert!(
         told.starts_with(
-            "left and behind and right (in sectors of 30° within 52.5° to -52.5°), worst at 90°: a car there at 5 to 50 m from the origin \
+            "left and behind and right (in sectors of 30° over 255°, left round from 52.5° to -52.5°), worst at 90°: a car there at 5 to 50 m from the origin \
              is met"
         ),
         "{told}"

@@ -3,8 +3,9 @@
 use serde_json::json;
 
 use super::*;
-use crate::near_field::BlindZone;
+use crate::near_field::{BlindLane, BlindZone};
 use crate::score::{Guard, Scores, Seen, TaskScores};
+use crate::targets::{BearingRanges, RangeCard, TargetRanges};
 use crate::vehicle::Placement;
 
 /// A planted placement: name, M-SOG/N, nats gained of 1000.
@@ -155,8 +156,9 @@ fn nothing_to_gain_is_compared_without_shares() {
 #[test]
 fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
     let (ahead, left) = (None, Some(2.0));
+    let lane = |side, depth| BlindLane { side, along: [0.0, 0.25], depth };
     let zone = BlindZone {
-        lanes: vec![],
+        lanes: vec![lane("ahead", None), lane("behind", None), lane("behind", Some(0.125))],
         polygon: vec![],
         area: 1.0,
         ahead,
@@ -175,7 +177,8 @@ fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
         cells: vec![],
     };
     let told = unseen_in_words(&near);
-    assert_eq!(told, "BLIND ZONE: no ground is seen within 10 m ahead and behind. ");
+    let want = "BLIND ZONE: no ground is seen within 10 m ahead; no ground is seen within 10 m in 1 of 2 lanes behind. ";
+    assert_eq!(told, want);
     let (of_run, found) =
         (OfRun { near: told.clone(), ..OfRun::default() }, planted("found", 1.0, 500.0));
     assert!(verdict_at(&of_run, Some(&found), &[], "near_gain").starts_with(&told));
@@ -225,6 +228,32 @@ fn checks_are_not_all_passed_where_a_requirement_or_a_sector_is_missed() {
     found.scores.required.pop();
     let end = "No guard was violated; 1 requirement is not met (above).";
     assert!(words(&found).ends_with(end), "{}", words(&found));
+}
+
+#[test]
+fn bearings_at_which_a_target_is_never_met_are_named() {
+    let target = |name: &str, unmet: &[f64]| {
+        let bearing = |k: i32| {
+            let bearing = 22.5 * f64::from(k);
+            let met = if unmet.contains(&bearing) { vec![] } else { vec![[5.0, 20.0]] };
+            BearingRanges { bearing, met }
+        };
+        TargetRanges {
+            target: name.into(),
+            size: [1.0; 3],
+            bearings: (-7..=8).map(bearing).collect(),
+        }
+    };
+    let all: Vec<f64> = (-7..=8).map(|k| 22.5 * f64::from(k)).collect();
+    let card = |adult: &[f64], tyre: &[f64]| {
+        let targets = vec![target("car", &all), target("adult", adult), target("tyre", tyre)];
+        unmet_in_words(&RangeCard { beams: 5, distances: vec![], targets, blind: vec![] })
+    };
+    assert_eq!(card(&[], &[]), "");
+    let start = "UNSEEN at every distance of the range card: ";
+    assert_eq!(card(&[180.0, 45.0], &[]), format!("{start}adult (45°, behind 180°). "));
+    let told = card(&all, &all[..5]);
+    assert_eq!(told, format!("{start}adult all round; tyre at 5 of 16 bearings. "));
 }
 
 #[test]

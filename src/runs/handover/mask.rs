@@ -116,6 +116,9 @@ pub(super) fn boxes(rig: &HandoverRig, margin: f64, base_link: [f64; 3]) -> Opti
         word(rig.vehicle_name()),
         word(&rig.placement.name)
     );
+    if let Some(words) = rig.frame_in_words() {
+        let _ = writeln!(text, "# {words}");
+    }
     node(&mut text, "crop_box_filter_self", &body);
     let parts = boxes_of(&rig.body, rig.scene().body_shapes());
     if parts.len() > 1 {

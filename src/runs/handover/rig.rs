@@ -7,6 +7,7 @@ use super::mask::SelfHitMask;
 use super::run::{self, RunFound};
 use crate::csv::rounded;
 use crate::engine::BackendError;
+use crate::files::changed_input;
 use crate::geom::Pose;
 use crate::job::{Job, Tolerance};
 use crate::near_field::{Footprint, NearField, NearSite};
@@ -42,9 +43,22 @@ pub(super) struct HandoverRig {
     pub about: Vec<String>,
     /// Requirements that it misses, in words, or why they were not looked at.
     pub warnings: Vec<String>,
+    frame: u32,
 }
 
 impl HandoverRig {
+    /// Sentence on the frame that the body is taken in, where bodies of the vehicle move.
+    pub fn frame_in_words(&self) -> Option<String> {
+        let moves = self.scene().has_moving_bodies();
+        moves.then(|| {
+            format!(
+                "Bodies of the vehicle move: boxes, masks and drawing are of frame {}; where they stand otherwise, others are \
+                 needed (--frame).",
+                self.frame
+            )
+        })
+    }
+
     pub fn new(request: &HandoverRequest, computing: &Computing<'_>) -> Result<Self, RunError> {
         let Some((text, scenes)) = request.files.split_last() else {
             return Err(RunError::Usage("give a file of placements".to_owned()));
@@ -101,6 +115,7 @@ impl HandoverRig {
             near,
             about,
             warnings,
+            frame: request.frame,
         })
     }
 
@@ -192,9 +207,18 @@ impl Handed {
             of_run.iter().map(|run| run.scene.display().to_string()).collect();
         let scenes = if of_run.is_empty() { scenes } else { &of_run };
         let scene = scene(scenes, text, request.frame, computing)?;
-        let warnings = match own {
+        let changed = own.and_then(|run| changed_input(&run.folder));
+        let warnings = match own.filter(|_| changed.is_none()) {
             Some(run) => doubts(&run.required, run.hold_in),
-            None => warnings(&scene, &placement, computing),
+            None => {
+                let changed = changed.iter().map(|file| {
+                    let file = file.display();
+                    format!(
+                        "CHANGED SINCE THE RUN: {file}; rules and requirements are looked at anew"
+                    )
+                });
+                changed.chain(warnings(&scene, &placement, computing)).collect()
+            }
         };
         warnings.iter().for_each(|words| computing.watcher.note(words));
         let about = about(run, text);

@@ -170,7 +170,10 @@ impl Equip {
         let (vehicle, (constraints, kinds)) = (vehicle.clone(), every_kind(vehicle));
         // The choice is between models and mounts: phases are left to the search that follows.
         let constraints = constraints.without_phases();
-        let suite = suite.over(&suite.spread(Some(FRAMES))).with_equipment(&constraints.untied());
+        let suite = suite
+            .over(&suite.spread(Some(FRAMES)))
+            .for_search()
+            .with_equipment(&constraints.untied());
         let mut spacing = SPACING;
         let grid = loop {
             // The mirror image of a pose is on the grid where pairs are wanted.

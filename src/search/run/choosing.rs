@@ -176,9 +176,9 @@ impl Run {
             return Ok(Some(baselines.clone()));
         }
         let baselines = self.state.settings.baselines.clone();
-        // The pilot's tallies are of all frames, and of another draw than the confirmation's.
-        let is_known = !self.suite.is_left_to_chance() && self.sitting.hurried.is_none();
-        let known = if is_known { self.sitting.known.clone() } else { Known::new() };
+        // The pilot's tallies are of all frames.
+        let known =
+            if self.sitting.hurried.is_none() { self.sitting.known.clone() } else { Known::new() };
         let heeds_time = self.heeds_time();
         let mut judged = Vec::new();
         for some in baselines.chunks(BASELINES_AT_ONCE) {

@@ -1,8 +1,6 @@
 //! The last step: the result of each method over all frames, the better of them, and the outcome.
 
-use std::borrow::Cow;
-
-use super::state::{CONFIRMING, Run};
+use super::state::Run;
 use crate::score::Standing;
 use crate::search::bound::Certificate;
 use crate::search::error::SearchError;
@@ -195,8 +193,7 @@ impl Run {
         let (best, suite) = (&best.placement, self.confirming());
         let is_short = self.suite.frame_count() <= FRAMES_AT_ONCE;
         let mut go_on = || is_short || watch.goes_on();
-        let checked =
-            phases::check(&suite, &objective, best, rival, CONFIRMING, memory, &mut go_on)?;
+        let checked = phases::check(&suite, &objective, best, rival, memory, &mut go_on)?;
         if checked.is_none() {
             left_out("the check at other draws", watch);
         }
@@ -302,12 +299,7 @@ impl Run {
             return Ok(None);
         };
         let pair = vec![best.placement.clone(), rival.placement.clone()];
-        // Scores of the draw with which both were confirmed.
         let (suite, heeds_time) = (self.confirming(), self.heeds_time());
-        let suite = match suite.is_left_to_chance() {
-            true => Cow::Owned(suite.with_draw(CONFIRMING)),
-            false => suite,
-        };
         let mut go_on = |_| watch.goes_on() || !heeds_time;
         let Some(by_frame) = Pilot::new(&suite, pair, self.memory(), &mut go_on)? else {
             left_out("the spread of the gain over the scenes", watch);

@@ -25,8 +25,6 @@ use crate::vehicle::{MAX_LIDARS, Placement};
 
 /// Largest population of a loaded state.
 const MOST_POPULATION: usize = 1_000_000;
-/// Random draw with which placements are confirmed; the search has draw 0.
-pub(super) const CONFIRMING: u64 = 1;
 /// Frames of each scene that a run takes, spread evenly, where there is no time for more.
 const FEW_FRAMES: u32 = 4;
 
@@ -324,6 +322,7 @@ impl Run {
                 true => self.suite.clone(),
                 false => self.suite.over(&frames),
             };
+            let suite = suite.for_search();
             // Lost devices are noted after each step, from the engines' own lists.
             let (evaluator, notes) = Evaluator::open(&suite, &self.state.settings.engine, |_| {})?;
             if !self.sitting.named {
@@ -358,12 +357,7 @@ impl Run {
             return self.evaluator(watch);
         }
         if self.sitting.over_all.is_none() {
-            let (memory, suite) = (self.memory(), self.confirming());
-            // Confirmed at another draw: a result must not live on lucky phases or lucky beams.
-            let evaluator = match suite.is_left_to_chance() {
-                true => Evaluator::suite_on_cpu(&suite.with_draw(CONFIRMING), memory),
-                false => Evaluator::suite_on_cpu(&suite, memory),
-            };
+            let evaluator = Evaluator::suite_on_cpu(&self.confirming(), self.memory());
             let objective = &self.state.settings.objective;
             self.sitting.over_all = Some(evaluator.watching_cars(objective));
         }

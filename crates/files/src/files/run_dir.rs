@@ -237,6 +237,14 @@ pub fn command_of(path: &Path) -> Option<String> {
     Some(saved.command.to_owned())
 }
 
+/// First file that the run in a folder began with and that is another one now, or gone; `None` without a run, too.
+pub fn changed_input(path: &Path) -> Option<PathBuf> {
+    let text = String::from_utf8(read_own(&path.join(CHECKPOINT), MOST_BYTES).ok()?).ok()?;
+    let saved: Checkpoint = serde_json::from_str(&text).ok()?;
+    let is_changed = |input: &&Input| Input::read(input.file()).ok().as_ref() != Some(input);
+    saved.inputs.iter().find(is_changed).map(|input| input.file().to_owned())
+}
+
 /// True if a folder holds a run, finished or not.
 pub fn holds_run(path: &Path) -> bool {
     path.join(CHECKPOINT).exists()
