@@ -201,7 +201,7 @@ impl Suite {
     pub(super) fn at_draw(&self, more: u64) -> Self {
         let drawn = |member: &Member| {
             let problem = Problem::clone(&member.problem);
-            let sensors = problem.sensors().with_seed(problem.sensors().seed() + more);
+            let sensors = problem.sensors().with_seed(problem.sensors().seed().wrapping_add(more));
             Member { problem: Arc::new(problem.with_sensors(sensors)), ..member.clone() }
         };
         Self { members: self.members.iter().map(drawn).collect() }
