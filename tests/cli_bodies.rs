@@ -110,7 +110,10 @@ fn level_ground_takes_a_trailer_as_in_frame_0_and_says_so() {
     assert!(output.status.success() && told.contains("has 2 poses"), "{told}");
     tractor(json!([]));
     let told = fails(dir.path(), &["study", "targets", "p.json", "--vehicle", "v.json"]);
-    assert!(told.contains("bodies[0].poses: a list of 0 is not one pose"), "{told}");
+    assert!(
+        told.contains("bodies[0].poses: an empty list is not a list of at least one pose"),
+        "{told}"
+    );
 }
 
 #[test]

@@ -167,31 +167,31 @@ fn scores_so_far_replace_neither_an_input_nor_what_their_name_is_linked_to() {
     let dir = world();
     let at = |name: &str| dir.path().join(name);
     let words = |placements: &str, more: &str| {
-        format!("score town.json {placements} --backend cpu --out o.json {more}")
+        format!("score town.json {placements} --backend cpu --out o.txt {more}")
     };
     let told = |command: String| fails(dir.path(), &command.split_whitespace().collect::<Vec<_>>());
     let bytes = fs::read(at("p.json")).unwrap();
     let left = |name: &str| fs::read(at(name)).unwrap() == bytes;
     // The journal's name is that of an input, or of a hard link to one.
-    fs::copy(at("p.json"), at("o.json.partial")).unwrap();
+    fs::copy(at("p.json"), at("o.txt.partial")).unwrap();
     for more in ["--force", "--resume", ""] {
-        let told = told(words("o.json.partial", more));
-        assert!(told.contains("is read by this command") && left("o.json.partial"), "{told}");
+        let told = told(words("o.txt.partial", more));
+        assert!(told.contains("is read by this command") && left("o.txt.partial"), "{told}");
     }
-    fs::remove_file(at("o.json.partial")).unwrap();
-    fs::hard_link(at("p.json"), at("o.json.partial")).unwrap();
+    fs::remove_file(at("o.txt.partial")).unwrap();
+    fs::hard_link(at("p.json"), at("o.txt.partial")).unwrap();
     assert!(told(words("p.json", "--force")).contains("is read by this command") && left("p.json"));
-    fs::remove_file(at("o.json.partial")).unwrap();
+    fs::remove_file(at("o.txt.partial")).unwrap();
     // A file of others, linked by a symbolic link or a hard one.
     fs::copy(at("p.json"), at("other.json")).unwrap();
-    symlink(at("other.json"), at("o.json.partial")).unwrap();
+    symlink(at("other.json"), at("o.txt.partial")).unwrap();
     for more in ["--force", "--resume"] {
         assert!(told(words("p.json", more)).contains("is not a plain file") && left("other.json"));
     }
-    fs::remove_file(at("o.json.partial")).unwrap();
-    fs::hard_link(at("other.json"), at("o.json.partial")).unwrap();
+    fs::remove_file(at("o.txt.partial")).unwrap();
+    fs::hard_link(at("other.json"), at("o.txt.partial")).unwrap();
     ok_text(dir.path(), words("p.json", "--force").trim());
-    assert!(left("other.json") && at("o.json").is_file() && !at("o.json.partial").exists());
+    assert!(left("other.json") && at("o.txt").is_file() && !at("o.txt.partial").exists());
 }
 
 #[test]

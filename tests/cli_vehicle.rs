@@ -254,8 +254,10 @@ fn the_study_of_cost_rises_with_the_price() {
     changed(dir.path(), "free.json", |cart| {
         cart["sensors"][1].as_object_mut().unwrap().remove("price");
     });
+    changed(dir.path(), "gift.json", |cart| cart["sensors"][1]["price"] = json!(0));
     let note = "`solid` has no price and counts as 0; give it a `price`";
     for (line, is_told) in [
+        ("optimize room.json --vehicle gift.json --budget 12 --out g", false),
         ("study cost room.json --vehicle free.json --out c", true),
         ("optimize room.json --vehicle free.json --budget 12 --out b", true),
         ("optimize room.json --vehicle free.json --front price,near_gain --out f", true),

@@ -27,7 +27,8 @@ fn vehicle(require: Vec<Requirement>) -> Vehicle {
         let name = SensorName::new(name).unwrap();
         let price = f64::from(steps) / 10.0;
         let (lidar, phase) = (scene.lidars()[0].clone(), SpinPhase::Locked(0.0));
-        VehicleSensor { name, lidar, phase, price, response: Response::usual(f64::from(range)) }
+        let response = Response::usual(f64::from(range));
+        VehicleSensor { name, lidar, phase, price, has_price: true, response }
     };
     let sensors = vec![lidar(60, 12, "dear"), lidar(20, 6, "cheap")];
     let mount = |name: &str, x: f64, sensors: Vec<SensorName>, count| VehicleMount {

@@ -47,6 +47,8 @@ mod cli_limits;
 #[cfg(feature = "cli")]
 mod cli_messages;
 #[cfg(feature = "cli")]
+mod cli_mistakes;
+#[cfg(feature = "cli")]
 mod cli_mixed_rigs;
 #[cfg(feature = "cli")]
 mod cli_near_field;

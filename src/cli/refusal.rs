@@ -45,6 +45,7 @@ fn is_option(word: &str) -> bool {
 pub fn sentence(error: &clap::Error, program: &Command, arguments: &[OsString]) -> String {
     let (command, names) = command_of(program, arguments);
     let told = unknown_option(error, program, command)
+        .or_else(|| unknown_study(error, command))
         .or_else(|| unknown_command(error, program, command))
         .unwrap_or_else(|| told(error));
     format!("{told}; see `{} --help`", names.join(" "))
@@ -134,6 +135,27 @@ fn unknown_command(error: &clap::Error, program: &Command, command: &Command) ->
         study.into_iter().chain(owners).map(|name| format!("`{name}`")).collect();
     let names = names.join(" or ");
     (!names.is_empty()).then(|| format!("there is no command `{given}`; did you mean {names}?"))
+}
+
+/// A study of no kind: every kind, those that are commands of their own among them.
+fn unknown_study(error: &clap::Error, command: &Command) -> Option<String> {
+    let named = |kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => Some(text.as_str()),
+        _ => None,
+    };
+    let is_kind = error.kind() == ErrorKind::InvalidValue
+        && command.get_name() == "study"
+        && named(ContextKind::InvalidArg) == Some("<KIND>");
+    let given = named(ContextKind::InvalidValue).filter(|_| is_kind)?;
+    let own = command.get_subcommands().map(Command::get_name).filter(|name| *name != "help");
+    let all: Vec<&str> = Kind::ALL.iter().map(|(_, name, _)| *name).chain(own).collect();
+    let near = nearest(given, all.iter().copied());
+    let near = near.map(|near| format!("; a similar value exists: '{near}'"));
+    Some(format!(
+        "invalid value '{given}' for '<KIND>' [possible values: {}]{}",
+        all.join(", "),
+        near.unwrap_or_default()
+    ))
 }
 
 /// Names of all commands that have an option.

@@ -65,6 +65,12 @@ pub enum JobError {
          with one)"
     )]
     NoPrices,
+    /// Poses of a grid whose step no mount is wide enough for.
+    #[error(
+        "--delta: {given} m from pose to pose is more than any mount of {scene} measures, {widest:.3} m at most; lengths \
+         are in metres: give a smaller step, 0.1 for example"
+    )]
+    WideStep { given: f64, scene: String, widest: f64 },
     /// A question about requirements where there are none.
     #[error(
         "{asked}: the vehicle requires nothing; write what it must see under `require` in a vehicle file, and give it \

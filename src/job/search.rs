@@ -425,6 +425,14 @@ impl Job {
             source: error.into(),
         })?;
         if let Some(spacing) = self.settings.delta {
+            let regions = || vehicle.mounts.iter().map(|mount| &mount.region);
+            let sides = regions().flat_map(|r| [0, 1, 2].map(|k| r.upper[k] - r.lower[k]));
+            let widest = sides.fold(0.0, f64::max);
+            if widest > 0.0 && spacing.metres > widest {
+                let scene =
+                    self.vehicle_file.as_ref().map_or_else(|| self.scenes[0].place(), place);
+                return Err(JobError::WideStep { given: spacing.metres, scene, widest });
+            }
             let grid = PoseGrid::new(&vehicle.constraints(&equipment), spacing);
             grid.map_err(SearchError::from)?;
         }

@@ -89,7 +89,7 @@ pub fn near_fields(
     let scene = loaded.job.scene();
     let placements = match file.as_deref().zip(read) {
         Some((file, mut read)) => {
-            Given::in_problem(file, evaluator.problem(), computing).all(&mut read)?;
+            Given::in_problem(file, evaluator.problem(), computing).whole(&mut read)?;
             read
         }
         None => held(scene.vehicle(), evaluator.problem().sensors(), computing)?,
@@ -308,7 +308,7 @@ fn on_level_ground(
     let scene = Scene::level_ground(vehicle)?;
     scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
     let site = TargetSite::of_vehicle(&scene)?.receiving(receiving);
-    Given::new(file, site.sensors(), &scene.rules(), computing).all(&mut placements)?;
+    Given::new(file, site.sensors(), &scene.rules(), computing).whole(&mut placements)?;
     let bar = watcher.bar(placements.len() as u64, Some("placements"));
     let mut table = TargetTable::default();
     for placement in placements.iter().take_while(|_| watcher.goes_on()) {
@@ -336,7 +336,7 @@ fn in_scene(
     let mut loaded = Loaded { job, times: LoadTimes::default() };
     let mut evaluator = loaded.evaluator(computing)?;
     let problem = evaluator.shared_problem();
-    Given::in_problem(file, &problem, computing).all(&mut placements)?;
+    Given::in_problem(file, &problem, computing).whole(&mut placements)?;
     let site = TargetSite::of(&problem).receiving(receiving);
     let bar = watcher.bar(placements.len() as u64, Some("placements"));
     let mut table = TargetTable::default();
@@ -467,7 +467,7 @@ fn of_scene(
     let honest = match given {
         Some((file, given)) => {
             let mut given = given.to_vec();
-            Given::new(file, &sensors, &scene.rules(), computing).all(&mut given)?;
+            Given::new(file, &sensors, &scene.rules(), computing).whole(&mut given)?;
             given
         }
         None => published(&sensors, computing)?,

@@ -10,8 +10,8 @@ use crate::problem::Problem;
 pub use crate::vehicle::placement_file::file_and_name;
 use crate::vehicle::placement_file::holds_placements;
 use crate::vehicle::{
-    Constraints, Doubts, ForeignLidar, Placement, PlacementFileError, SensorChoice, Sensors,
-    Vehicle, name_lidars, read_placements, table_7, table_7_held_by,
+    Constraints, Doubts, ForeignLidar, Placement, PlacementFileError, SensorChoice, SensorPose,
+    Sensors, Vehicle, name_lidars, read_placements, table_7, table_7_held_by,
 };
 use crate::{Note, files};
 
@@ -241,7 +241,7 @@ pub fn best_of(result: &Value) -> Option<&str> {
 pub fn note_unpriced(vehicle: &Vehicle, is_priced: bool, watcher: &dyn Watcher) {
     let is_mounted = |name| vehicle.mounts.iter().any(|mount| mount.sensors.contains(&name));
     let mounted = vehicle.sensors.iter().filter(|sensor| is_mounted(sensor.name));
-    let (free, priced): (Vec<_>, Vec<_>) = mounted.partition(|sensor| sensor.price <= 0.0);
+    let (free, priced): (Vec<_>, Vec<_>) = mounted.partition(|sensor| !sensor.has_price);
     if vehicle.is_nameless() || free.is_empty() || (priced.is_empty() && !is_priced) {
         return;
     }
@@ -275,6 +275,10 @@ pub struct Given<'a> {
     choices: Vec<SensorChoice>,
     watcher: &'a dyn Watcher,
     found: u64,
+    /// LiDARs of the largest placement so far.
+    most_lidars: usize,
+    /// True once a LiDAR was without a model before [`Self::choices`] gave it one.
+    named_any: bool,
 }
 
 impl<'a> Given<'a> {
@@ -287,7 +291,8 @@ impl<'a> Given<'a> {
     ) -> Self {
         let (file, sensors, doubts) = (file.to_owned(), sensors.clone(), Doubts::of(constraints));
         let (choices, watcher) = (computing.sensors.clone(), computing.watcher);
-        Self { file, sensors, doubts, choices, watcher, found: 0 }
+        let (found, most_lidars, named_any) = (0, 0, false);
+        Self { file, sensors, doubts, choices, watcher, found, most_lidars, named_any }
     }
 
     /// Checks placements against the sensors and mounts of a problem.
@@ -309,8 +314,11 @@ impl<'a> Given<'a> {
         &mut self,
         placements: impl IntoIterator<Item = &'p mut Placement>,
     ) -> Result<(), RunError> {
+        self.check_models()?;
         for placement in placements {
             let unknown = |source| PlacementFileError::Sensor { path: self.file.clone(), source };
+            self.most_lidars = self.most_lidars.max(placement.lidars.len());
+            self.named_any |= placement.lidars.iter().any(|pose| pose.sensor.is_none());
             name_lidars(&self.choices, placement).map_err(unknown)?;
             self.sensors.check(placement).map_err(unknown)?;
             for doubt in self.doubts.about(placement) {
@@ -322,6 +330,52 @@ impl<'a> Given<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Refuses models of `--sensor` that the vehicle does not have, whether a LiDAR would get them or not.
+    fn check_models(&self) -> Result<(), RunError> {
+        for choice in &self.choices {
+            let pose = SensorPose { sensor: choice.sensor, ..SensorPose::at(0.0, 0.0, 0.0) };
+            let found = self.sensors.number(&pose);
+            found.map_err(|why| RunError::Usage(format!("--sensor {choice}: {why}")))?;
+        }
+        Ok(())
+    }
+
+    /// Checks, once all placements were looked at, that each choice of `--sensor` meets a LiDAR; notes those that change
+    /// nothing.
+    ///
+    /// # Errors
+    /// The index of a LiDAR that no placement has.
+    pub fn check_choices(&self) -> Result<(), RunError> {
+        let most = self.most_lidars;
+        let beyond = |choice: &&SensorChoice| choice.lidar.is_some_and(|lidar| lidar >= most);
+        if let Some(choice) = self.choices.iter().find(beyond).filter(|_| most > 0) {
+            let (file, last) = (self.file.display(), most - 1);
+            return Err(RunError::Usage(format!(
+                "--sensor {choice}: no placement of {file} has such a LiDAR; indices go from 0 to {last}"
+            )));
+        }
+        if let Some(choice) = self.choices.first().filter(|_| most > 0 && !self.named_any) {
+            let file = self.file.display();
+            self.watcher.note(&format!(
+                "--sensor {choice} changes nothing: every LiDAR of {file} names its model"
+            ));
+        }
+        Ok(())
+    }
+
+    /// Checks all placements of the command, and the choices of `--sensor`.
+    ///
+    /// # Errors
+    /// See [`Self::look`] and [`Self::check_choices`].
+    pub fn whole<'p>(
+        mut self,
+        placements: impl IntoIterator<Item = &'p mut Placement>,
+    ) -> Result<(), RunError> {
+        self.look(placements)?;
+        self.finish();
+        self.check_choices()
     }
 
     /// Notes how many more doubts there are than were noted.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{RunError, Watcher};
+use super::{RunError, TableFormat, Watcher};
 use crate::export::{Glb, GltfView};
 use crate::files::{
     is_sink, safe_names, target, writable_file, writable_folder, write_folder, write_whole,
@@ -74,9 +74,9 @@ pub(super) fn over(scenes: &[(&str, usize)]) -> String {
 }
 
 /// Endings of formats that programs know.
-const ENDINGS: [&str; 20] = [
-    "csv", "gif", "glb", "gltf", "htm", "html", "jpeg", "jpg", "json", "npy", "npz", "obj", "pcd",
-    "pdf", "ply", "png", "stl", "svg", "txt", "yaml",
+const ENDINGS: [&str; 25] = [
+    "csv", "gif", "glb", "gltf", "htm", "html", "jpeg", "jpg", "json", "npy", "npz", "obj", "ods",
+    "pcd", "pdf", "ply", "png", "sdf", "stl", "svg", "txt", "urdf", "xls", "xlsx", "yaml",
 ];
 
 /// Checks, before work begins, that a file can be written and does not have the ending of another format than `ending`.
@@ -92,6 +92,29 @@ pub(super) fn check_file(path: &Path, ending: &str) -> Result<(), RunError> {
         )));
     }
     Ok(())
+}
+
+/// Refuses the ending of another format for a table that is printed or written in one.
+pub(super) fn check_table(path: &Path, format: TableFormat) -> Result<(), RunError> {
+    let ending = match format {
+        TableFormat::Text => "txt",
+        TableFormat::Json => "json",
+        TableFormat::Csv => "csv",
+    };
+    let given = path.extension().map(|given| given.to_string_lossy().to_ascii_lowercase());
+    let Some(given) = given.filter(|given| given != ending && ENDINGS.contains(&&**given)) else {
+        return Ok(());
+    };
+    if is_sink(&target(path)?) {
+        return Ok(());
+    }
+    let format = ["csv", "json"].contains(&&*given).then(|| format!("--format {given}, or "));
+    Err(RunError::Usage(format!(
+        "--out {}: is written as {}; give {}the ending .{ending}",
+        path.display(),
+        ending.to_uppercase(),
+        format.unwrap_or_default()
+    )))
 }
 
 /// Checks, before work begins, that the file has the right ending, and can be written.

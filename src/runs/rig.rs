@@ -5,8 +5,10 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::inputs::{file_and_name, rig_file};
-use super::{RunError, Watcher};
-use crate::files::{Session, safe_name, shared_folder, writable_file, write_whole};
+use super::{RunError, Watcher, outputs};
+use crate::files::{
+    Session, safe_name, shared_folder, writable_file, writable_folder, write_whole,
+};
 use crate::rig::{
     Comparison, Exported, ImportSettings, ImportedRig, MODELS_FILE, Models, Mounting, NamedText,
     RigError, RigFormat, compare, default_frame, export, import, placement_doubts, read_rig,
@@ -109,10 +111,12 @@ fn write_files(exported: &Exported, out: &Path) -> Result<(), RunError> {
     };
     match &exported.files[..] {
         [file] if !out.is_dir() => {
-            writable_file(out)?;
+            let ending = Path::new(&file.name).extension().unwrap_or_default().to_string_lossy();
+            outputs::check_file(out, &ending)?;
             write(out, &file.text)
         }
         files => {
+            writable_folder(out)?;
             shared_folder(out)?;
             // Checks all files first, so that none is written unless all can be.
             let place = |file: &NamedText| out.join(safe_name(&file.name));

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 use super::inputs::{Files, Given, note_unpriced};
 use super::opening::{LoadTimes, Loaded, timings};
-use super::{Computing, GRACE, RunError, TableFormat, opening};
+use super::{Computing, GRACE, RunError, TableFormat, opening, outputs};
 use crate::csv::csv;
 use crate::files::{
     FileNames, Session, safe_names, shared_folder, sync_disk, writable_file, write_many, write_npy,
@@ -229,9 +229,10 @@ fn score_each(
     computing.watcher.listen(GRACE);
     if let Some(file) = &request.out {
         writable_file(file)?;
+        outputs::check_table(file, request.format)?;
     }
     let (file, mut placements) = (placements.label(), read(placements)?);
-    Given::in_problem(file, evaluator.problem(), computing).all(&mut placements)?;
+    Given::in_problem(file, evaluator.problem(), computing).whole(&mut placements)?;
     check_coverage_in_each(&evaluator, &placements, request)?;
     let mut batch = Batch {
         evaluator,

@@ -367,7 +367,7 @@ impl OpenJob {
             }
         };
         let evaluator = loaded.evaluator(computing)?;
-        Given::in_problem(file, evaluator.problem(), computing).all(&mut placements)?;
+        Given::in_problem(file, evaluator.problem(), computing).whole(&mut placements)?;
         watcher.listen(GRACE);
         Ok(Self { job: loaded.job, evaluator, placements })
     }

@@ -125,8 +125,8 @@ fn only_scenes(kind: Kind, files: &[PathBuf], watcher: &dyn Watcher) -> Result<F
         let takers = Kind::ALL.iter().filter(|(kind, ..)| kind.takes_placements());
         let takers: Vec<String> = takers.map(|(_, name, _)| format!("`{name}`")).collect();
         return Err(RunError::Usage(format!(
-            "{file}: holds placements, which `study {kind}` does not take, as it searches its own; {}, `nearfield` and \
-             `targets` do",
+            "{file}: holds placements, which `study {kind}` does not take, as it searches its own; {}, `nearfield`, \
+             `targets`, `redundancy`, `overlap`, `sweep` and `tolerance` do",
             takers.join(", ")
         )));
     }

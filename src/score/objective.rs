@@ -75,6 +75,11 @@ pub enum ObjectiveError {
     /// A score of all classes together, asked of detection.
     #[error("`{DETECTION}{name}`: {name} is of all classes together; write `{name}`")]
     OfNoTask { name: &'static str },
+    /// Weights that leave nothing to maximize.
+    #[error(
+        "`{text}`: every weight is 0, so that all placements are worth the same; give a weight above 0"
+    )]
+    AllZero { text: String },
     /// A factor that is no finite number.
     #[error("`{weight}` is no weight; write a finite number before the `*`, as in `0.5*m_sog`")]
     BadWeight { weight: String },
@@ -115,7 +120,10 @@ impl FromStr for Objective {
     type Err = ObjectiveError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let terms = text.split('+').map(term).collect::<Result<_, _>>()?;
+        let terms = text.split('+').map(term).collect::<Result<Vec<_>, _>>()?;
+        if terms.iter().all(|(weight, _)| *weight == 0.0) {
+            return Err(ObjectiveError::AllZero { text: text.trim().to_owned() });
+        }
         Ok(Self { text: text.trim().to_owned(), terms })
     }
 }

@@ -22,6 +22,9 @@ const LANES: usize = 32;
 /// No voxel: no grid has as many, see [`sightline_scene::psog::VOXEL_LIMIT`].
 const OUTSIDE: u32 = u32::MAX;
 
+/// Most beams of the scans of a frame whose spacing is given: minutes on a core.
+const MOST_BEAMS: u64 = 100_000_000;
+
 /// Builds the P-SOG of a scene from dense virtual scans.
 ///
 /// For each frame, a spinning scanner is put above the ego position of that frame and of its
@@ -36,7 +39,7 @@ const OUTSIDE: u32 = u32::MAX;
 /// the number of frames that are done. A no ends the scan, unless all frames are done.
 ///
 /// # Errors
-/// More frames or voxels than a P-SOG holds; trees that do not fit into memory; [`PsogError::Stopped`] after a no.
+/// More beams, frames or voxels than a P-SOG holds; trees that do not fit into memory; [`PsogError::Stopped`] after a no.
 pub fn scan_scene(
     scene: &Scene,
     roi: &Roi,
@@ -44,6 +47,11 @@ pub fn scan_scene(
     go_on: impl Fn(usize) -> bool,
 ) -> Result<(Psog, BuildReport), PsogError> {
     let mut builder = PsogBuilder::new(*roi, scene.classes().to_vec())?;
+    let rings = Rings::new(settings, roi);
+    let beams = rings.beams() * u64::from(settings.window);
+    if let Some(spacing) = settings.spacing.filter(|_| beams > MOST_BEAMS) {
+        return Err(PsogError::TooManyBeams { spacing, beams, limit: MOST_BEAMS });
+    }
     let frames: Vec<usize> = (0..scene.frame_count()).collect();
     let scanner = VirtualScanner {
         scene,
@@ -51,7 +59,7 @@ pub fn scan_scene(
         classes: scene.face_classes(EgoBody::Exclude),
         roi,
         settings,
-        rings: Rings::new(settings, roi),
+        rings,
     };
     for (group, together) in frames.chunks(FRAMES_TOGETHER).enumerate() {
         let done = group * FRAMES_TOGETHER;

@@ -58,6 +58,11 @@ impl Rings {
         })
     }
 
+    /// Beams of all rings.
+    pub(super) fn beams(&self) -> u64 {
+        self.0.iter().map(|ring| u64::from(ring.azimuth_steps)).sum()
+    }
+
     /// Rings of as many steps side by side, of about [`BAND_BEAMS`] beams in all.
     pub(super) fn bands(&self) -> impl Iterator<Item = &[Ring]> {
         let alike = self.0.chunk_by(|a, b| a.azimuth_steps == b.azimuth_steps);

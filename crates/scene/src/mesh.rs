@@ -33,7 +33,7 @@ use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{DescriptionError, Location, read_limited};
 
-pub use robot::{Geometry, RobotFile, RobotPart};
+pub use robot::{Geometry, OriginAngles, RobotFile, RobotPart};
 
 /// Reads the mesh named at `at`; the ending of its name tells the format.
 pub fn load(at: &Location, file: &Path) -> Result<RawMesh, DescriptionError> {
@@ -74,6 +74,10 @@ fn reader(extension: &str) -> Result<ReadMesh, MeshFault> {
         "ply" => Ok(|bytes, _| ply::read(bytes)),
         "stl" => Ok(|bytes, _| stl::read(bytes)),
         "gltf" | "glb" => Ok(gltf::read),
+        "dae" | "step" | "stp" | "iges" | "igs" | "fbx" | "blend" => Err(MeshFault::new(
+            "name",
+            "ends in none of .obj, .ply, .stl, .gltf, .glb; docs/own-mesh.md has a converter of three lines",
+        )),
         _ => Err(MeshFault::new(
             "name",
             "ends in none of .obj, .ply, .stl, .gltf, .glb; convert it to one of these",

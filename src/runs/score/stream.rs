@@ -23,7 +23,7 @@ use crate::report;
 use crate::report::tables::{score_rows, score_titles};
 use crate::runs::inputs::Given;
 use crate::runs::opening::{LoadTimes, Loaded, timings};
-use crate::runs::{Bar, Computing, GRACE, RunError, TableFormat, Watcher};
+use crate::runs::{Bar, Computing, GRACE, RunError, TableFormat, Watcher, outputs};
 use crate::scan::conditions::{in_words, under};
 use crate::score::Scores;
 use crate::search::Evaluator;
@@ -53,6 +53,7 @@ pub(super) fn score(
     let loaded = Ready { job, evaluator, times };
     if let Some(file) = &request.out {
         writable_file(file)?;
+        outputs::check_table(file, request.format)?;
     }
     if let Some(folder) = &request.coverage_out {
         shared_folder(folder)?;
@@ -190,6 +191,9 @@ impl Scoring<'_> {
             self.watcher.note(&words);
         }
         let block = block?;
+        if self.reader.peek().is_none() {
+            self.given.check_choices()?;
+        }
         self.used.extend(models_of(&block));
         let Some(mut scores) = self.scores(&block)? else {
             self.is_stopped = true;

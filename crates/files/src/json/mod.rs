@@ -12,8 +12,8 @@ pub use foreign::{is_utf_16, not_json};
 pub use lidar_cast::sensor::nearest;
 pub use numbers::{Quantity, fixed, shortened, spoken, written};
 pub use parse::{
-    FileKind, check_version, check_xml, parse, plain_words, read_limited, read_text, refuse_utf_16,
-    unknown_key, version_1,
+    FileKind, check_version, check_xml, line_and_column, parse, plain_words, read_limited,
+    read_text, refuse_utf_16, unknown_key, version_1,
 };
 pub use xml::{has_no_prefix, plain_names};
 pub use yaml::{YamlDocument, parse_documents, parse_yaml};

@@ -154,6 +154,12 @@ pub fn read_limited(file: &Path, limit: u64) -> Result<Vec<u8>, DescriptionError
     })
 }
 
+/// Line and column, both from 1, of the place behind a text.
+pub fn line_and_column(before: &str) -> (usize, usize) {
+    let last = before.rsplit('\n').next().unwrap_or_default();
+    (1 + before.matches('\n').count(), 1 + last.chars().count())
+}
+
 /// Reads a whole text without its byte order mark; bytes that are no UTF-8 become replacement characters, so that a
 /// parser names the place.
 ///

@@ -142,7 +142,7 @@ impl From<ListedPlacement> for Placement {
 pub enum PlacementError {
     /// The name cannot become a file name.
     #[error(
-        "`{name}` is not a placement name: use 1 to {MAX_NAME} letters, digits, `.`, `_` or `-`"
+        "`{name}` is not a placement name: use 1 to {MAX_NAME} ASCII letters, digits, `.`, `_` or `-`"
     )]
     BadName { name: String },
     /// Two placements share a name.

@@ -77,7 +77,7 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, MeshFault> {
             "extensions that are not read: {told}; what they add is missing, so export the model without them"
         )));
     }
-    // The crate refuses by name whatever is left.
+    // Whatever is left is refused by name.
     json.extensions_required.retain(|name| {
         let harmless = passed(name) && name != "KHR_draco_mesh_compression";
         !READ.contains(&name.as_str()) && !harmless
@@ -92,11 +92,12 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, MeshFault> {
             format!("{animations} animations are not played; nodes stand where the file puts them");
         mesh.notes.push(Note::fact(text));
     }
+    gltf_json::check_required(&json)?;
     gltf_json::check(&json)?;
     let document = gltf::Document::from_json_without_validation(json);
     let buffers = read_buffers(&document, dir, blob, &mut mesh.files)?;
     let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) else {
-        return Err(MeshFault::new("file", "holds no scene"));
+        return Err(MeshFault::new("file", "holds no scene; export it with its objects in one"));
     };
     NodeWalk::new(&document, Data::new(buffers), mesh).run(&scene)
 }
@@ -110,7 +111,8 @@ fn check_attributes(json: &gltf::json::Root) -> Result<(), MeshFault> {
     for (i, mesh) in json.meshes.iter().enumerate() {
         let mut used = mesh.primitives.iter().flat_map(|p| p.attributes.values());
         if let Some(index) = used.find(|index| index.value() >= accessors) {
-            let problem = format!("uses accessor {}, there are {accessors}", index.value());
+            let problem =
+                format!("uses accessor {}, there are {accessors}; export it again", index.value());
             return Err(MeshFault::new(format!("mesh {i}"), problem));
         }
     }
@@ -159,18 +161,20 @@ fn read_buffers(
     for buffer in document.buffers() {
         let fault = |problem: String| MeshFault::new(format!("buffer {}", buffer.index()), problem);
         let bytes = match buffer.source() {
-            gltf::buffer::Source::Bin => {
-                blob.take().ok_or_else(|| fault("has no data and no name of a file".to_owned()))?
-            }
+            gltf::buffer::Source::Bin => blob.take().ok_or_else(|| {
+                fault("has no data and no name of a file; export it again".to_owned())
+            })?,
             gltf::buffer::Source::Uri(uri) if uri.starts_with("data:") => {
                 let data = uri.split_once(";base64,").map_or("", |(_, data)| data);
-                DATA_URI.decode(data).map_err(|e| fault(format!("is not base64: {e}")))?
+                DATA_URI
+                    .decode(data)
+                    .map_err(|e| fault(format!("is not base64: {e}; export it again")))?
             }
             gltf::buffer::Source::Uri(uri) => {
                 let path = uri.strip_prefix("file:").unwrap_or(uri);
                 let path = path.strip_prefix("//").unwrap_or(path);
                 let path = urlencoding::decode(path)
-                    .map_err(|_| fault(format!("names {uri:?}, which is not UTF-8")))?;
+                    .map_err(|_| fault(format!("names {uri:?}, which is not UTF-8; rename it")))?;
                 let path = stays_inside(dir, &path).map_err(|e| fault(e.to_string()))?;
                 files.push(path.clone());
                 read_limited(&path, left).map_err(|e| fault(e.to_string()))?
@@ -179,7 +183,9 @@ fn read_buffers(
         left = left.saturating_sub(bytes.len() as u64);
         if bytes.len() < buffer.length() {
             let (have, need) = (bytes.len(), buffer.length());
-            return Err(fault(format!("holds {have} bytes, {need} are announced")));
+            return Err(fault(format!(
+                "holds {have} bytes, {need} are announced; export it again"
+            )));
         }
         buffers.push(bytes);
     }

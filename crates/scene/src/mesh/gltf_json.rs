@@ -20,12 +20,15 @@ const PASSED: [&str; 5] = ["animations", "cameras", "images", "samplers", "textu
 pub(super) fn read(bytes: &[u8]) -> Result<Parts, MeshFault> {
     let fault = |problem: String| MeshFault::new("file", problem);
     let (text, blob) = if bytes.starts_with(b"glTF") {
-        let glb = gltf::Glb::from_slice(bytes).map_err(|error| fault(error.to_string()))?;
+        let glb = gltf::Glb::from_slice(bytes);
+        let glb =
+            glb.map_err(|error| fault(format!("is no whole GLB: {error}; export it again")))?;
         (glb.json, glb.bin.map(|bin| bin.into_owned()))
     } else {
         (bytes.into(), None)
     };
-    let mut json: Value = serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))?;
+    let no_json = |error| fault(format!("is no glTF: {error}; export it again"));
+    let mut json: Value = serde_json::from_slice(&text).map_err(no_json)?;
     whole(&mut json);
     let animations = json["animations"].as_array().map_or(0, Vec::len);
     if let Some(json) = json.as_object_mut() {
@@ -33,7 +36,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Parts, MeshFault> {
     }
     // Extras are kept as they are written, which only a text gives.
     let text = json.to_string();
-    let root = serde_json::from_str(&text).map_err(|error| fault(error.to_string()))?;
+    let root = serde_json::from_str(&text).map_err(no_json)?;
     Ok(Parts { root, blob, animations })
 }
 
@@ -89,6 +92,19 @@ fn reduce(json: &mut Map<String, Value>) {
     }
 }
 
+/// Refuses extensions that the file requires and that are not read: without them it has other surfaces.
+pub(super) fn check_required(root: &Root) -> Result<(), MeshFault> {
+    let Some(name) = root.extensions_required.first() else { return Ok(()) };
+    let mend = match &**name {
+        "KHR_draco_mesh_compression" => "Draco compression: export without compression",
+        "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+            "meshopt compression: export without compression"
+        }
+        _ => "export the model without it",
+    };
+    Err(MeshFault::new("file", format!("requires the extension {name}, which is not read; {mend}")))
+}
+
 /// Checks indices and kinds of everything that is left.
 ///
 /// An accessor may be without a buffer view: its numbers are zeros then. The crate's own check refuses it.
@@ -105,6 +121,9 @@ pub(super) fn check(root: &Root) -> Result<(), MeshFault> {
     });
     match faults.is_empty() {
         true => Ok(()),
-        false => Err(MeshFault::new("file", format!("invalid glTF: {}", faults.join(" ")))),
+        false => {
+            let told = faults.join(" ");
+            Err(MeshFault::new("file", format!("invalid glTF: {told} export it again")))
+        }
     }
 }

@@ -34,6 +34,16 @@ pub struct RobotPart {
     pub root_from_part: Pose,
 }
 
+/// Angles of an `<origin>`.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(not(feature = "mesh"), allow(dead_code))]
+pub struct OriginAngles {
+    /// The joint or link that has it, in words.
+    pub of: String,
+    /// Roll, pitch and yaw in radians.
+    pub angles: [f64; 3],
+}
+
 /// A URDF, and which of its shapes are meant.
 pub struct RobotFile<'a> {
     /// The file.
@@ -45,7 +55,7 @@ pub struct RobotFile<'a> {
 }
 
 impl RobotFile<'_> {
-    /// The shapes of all links but those called `without`, with all joints at rest.
+    /// The shapes of all links but those called `without`, with all joints at rest, and the angles of all origins.
     ///
     /// # Errors
     /// A file that is no URDF of known shapes; an error names the link or joint, and `at`.
@@ -53,7 +63,7 @@ impl RobotFile<'_> {
         &self,
         at: &Location,
         without: &[String],
-    ) -> Result<Vec<RobotPart>, DescriptionError> {
+    ) -> Result<(Vec<RobotPart>, Vec<OriginAngles>), DescriptionError> {
         let fault = |fault: MeshFault| DescriptionError::Mesh {
             at: Box::new(at.clone()),
             mesh: self.file.to_owned(),
@@ -71,14 +81,22 @@ impl RobotFile<'_> {
     }
 
     #[cfg(feature = "mesh")]
-    fn read(&self, text: &str, without: &[String]) -> Result<Vec<RobotPart>, MeshFault> {
+    fn read(
+        &self,
+        text: &str,
+        without: &[String],
+    ) -> Result<(Vec<RobotPart>, Vec<OriginAngles>), MeshFault> {
         let folder = self.file.parent().unwrap_or(Path::new(""));
         let Self { packages, tag, .. } = *self;
         super::urdf::Robot { text, folder, packages, tag, without }.parts()
     }
 
     #[cfg(not(feature = "mesh"))]
-    fn read(&self, _: &str, _: &[String]) -> Result<Vec<RobotPart>, MeshFault> {
+    fn read(
+        &self,
+        _: &str,
+        _: &[String],
+    ) -> Result<(Vec<RobotPart>, Vec<OriginAngles>), MeshFault> {
         let _ = self.packages;
         Err(MeshFault::new("file", "cannot be read: this build is without the feature `mesh`"))
     }

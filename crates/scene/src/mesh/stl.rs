@@ -174,14 +174,14 @@ impl TextReader {
     fn read(mut self, text: &[u8]) -> Result<RawMesh, MeshFault> {
         let mut words = Tokens { rest: text, line: 1 };
         while let Some(word) = words.next() {
-            let line = words.line;
             let read = match word.eq_ignore_ascii_case(b"solid") {
                 true => self.solid(&mut words),
                 false => Err(instead(Some(word), "solid")),
             };
             read.map_err(|problem| {
-                let line = if words.rest.is_empty() { line } else { words.line };
-                MeshFault::new(format!("line {line}"), problem)
+                // A line that ends the text begins no other.
+                let after = usize::from(words.rest.is_empty() && text.ends_with(b"\n"));
+                MeshFault::new(format!("line {}", words.line - after), problem)
             })?;
         }
         Ok(self.mesh)

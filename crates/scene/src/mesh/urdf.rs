@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DQuat, DVec3};
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::{Geometry, MeshFault, RobotPart};
+use super::{Geometry, MeshFault, OriginAngles, RobotPart};
 use lidar_cast::geom::Pose;
 use sightline_files::files::stays_inside;
 use sightline_files::json::{check, check_xml, has_no_prefix, nearest, plain_names};
@@ -121,8 +121,8 @@ fn origin(node: Node, of: &str) -> Result<Pose, MeshFault> {
 }
 
 impl Robot<'_> {
-    /// The shapes of all links but those left out, in the order of the file.
-    pub fn parts(&self) -> Result<Vec<RobotPart>, MeshFault> {
+    /// The shapes of all links but those left out, in the order of the file, and the angles of all origins.
+    pub fn parts(&self) -> Result<(Vec<RobotPart>, Vec<OriginAngles>), MeshFault> {
         let text = plain_names(self.text);
         let document = self.document(&text)?;
         let robot = document.root_element();
@@ -154,7 +154,23 @@ impl Robot<'_> {
             );
             return Err(fault("file", problem));
         }
-        Ok(parts)
+        Ok((parts, self.angles(robot)))
+    }
+
+    /// Roll, pitch and yaw of every origin that counts, with its joint or link.
+    fn angles(&self, robot: Node) -> Vec<OriginAngles> {
+        let origins = robot.descendants().filter(|node| node.has_tag_name("origin"));
+        let angles = |origin: Node| {
+            let owner = origin.parent()?;
+            let of = match owner.has_tag_name(self.tag) {
+                true => owner.parent()?,
+                false => Some(owner).filter(|owner| owner.has_tag_name("joint"))?,
+            };
+            let text = origin.attribute("rpy").filter(|_| origin.attribute("quat_xyzw").is_none());
+            let angles = numbers(text?, "rpy", "").ok()?;
+            Some(OriginAngles { of: called(of), angles })
+        };
+        origins.filter_map(angles).collect()
     }
 
     fn document<'t>(&self, text: &'t str) -> Result<Document<'t>, MeshFault> {

@@ -237,6 +237,13 @@ pub enum PsogError {
     #[error(transparent)]
     OutOfMemory(#[from] OutOfMemory),
 
+    /// A spacing so narrow that a scan would not end.
+    #[error(
+        "psog.scan.spacing: {spacing} m makes {beams} beams in each frame, at most {limit} may be cast; give a wider one, \
+         or leave it out"
+    )]
+    TooManyBeams { spacing: f64, beams: u64, limit: u64 },
+
     /// A scan of a scene that was stopped after `done` of its frames.
     #[error(
         "stopped after {done} of {frames} frames were scanned for the P-SOG; nothing of it is kept, give it more time"

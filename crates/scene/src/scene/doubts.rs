@@ -1,9 +1,12 @@
 //! Likely mistakes of a scene or a vehicle file: sizes, axes, ways, heights, ranges.
 
+mod mounts;
+mod scans;
 mod standing;
 
 use glam::DVec3;
 
+use super::route::Motion;
 use super::{Coverage, Ground, Scene, Solid};
 use crate::vehicle;
 use sightline_files::Note;
@@ -17,16 +20,12 @@ const BODY: [f64; 2] = [0.3, 30.0];
 const WORLD: [f64; 2] = [20_000.0, 500.0];
 /// Longest actor, in metres: a train.
 const ACTOR: f64 = 400.0;
+/// Longest way from one frame to the next, in metres.
+const LONGEST_STEP: f64 = 100.0;
 /// Metres between two frames from which a way has a direction.
 const STEP: f64 = 0.05;
 /// Metres between the ego's origin and the ground under it that a kerb or a suspension explains.
 const GROUND: f64 = 1.0;
-/// Metres between a body and the nearest place of a mount, and its farthest, that a mast or a beam explains.
-const BESIDE: f64 = 2.5;
-const REACH: f64 = 8.0;
-/// Metres of a mount above the body that a mast explains.
-const MAST: f64 = 3.0;
-
 /// Where scene, vehicle and body are described.
 pub(super) struct SceneLocations {
     /// The scene file.
@@ -54,9 +53,12 @@ impl Scene {
         let mut doubts: Vec<String> = Vec::new();
         doubts.extend(world(&scene.world));
         doubts.extend(actors(scene));
+        doubts.extend(spacing("ego", &scene.ego));
         doubts.extend(sideways("ego", scene.frames, |t| scene.ego_pose(t)));
         doubts.extend(ground(scene));
         doubts.extend(standing::in_world(scene));
+        doubts.extend(standing::in_actor(scene));
+        doubts.extend(scans::of_psog(scene));
         doubts.extend(sensors(scene));
         doubts.extend(voxels(scene));
         let in_file = |file: &str, doubts: Vec<String>| {
@@ -65,8 +67,8 @@ impl Scene {
         };
         let mut all = in_file(&places.body, of_body);
         all.extend(in_file(&places.scene, doubts));
-        all.extend(mounts(scene, &places.mounts).into_iter().map(Note::doubt));
-        all.extend(apart(scene, &places.vehicle).map(Note::doubt));
+        all.extend(mounts::all(scene, &places.mounts).into_iter().map(Note::doubt));
+        all.extend(mounts::apart(scene, &places.vehicle).map(Note::doubt));
         all.extend(no_body(scene, places));
         all
     }
@@ -119,6 +121,11 @@ fn body(who: &str, solid: &Solid) -> Option<String> {
             size.z, size.x, size.y
         ));
     }
+    if solid.faces.len() == 1 {
+        return Some(format!(
+            "the {who} is 1 triangle; is its mesh cut off? Give all of its shapes"
+        ));
+    }
     (size.y > 2.5 && size.y > 1.3 * size.x).then(|| {
         format!(
             "the {who} is {:.1} m wide, but {:.1} m long; x is forward, y to the left: turn its mesh by a yaw of \
@@ -130,6 +137,11 @@ fn body(who: &str, solid: &Solid) -> Option<String> {
 
 fn world(solid: &Solid) -> Option<String> {
     let size = extent(solid)?;
+    if !solid.has_area() {
+        return Some(
+            "no triangle of the static world has an area, so that no beam hits it".to_owned(),
+        );
+    }
     let wide = size.x.max(size.y);
     if wide > WORLD[0] || size.z > WORLD[1] {
         return Some(format!(
@@ -152,6 +164,7 @@ fn actors(scene: &Scene) -> Vec<String> {
     let mut doubts = Vec::new();
     for (i, actor) in scene.actors.iter().enumerate() {
         let longest = extent(&actor.parts).map_or(0.0, DVec3::max_element);
+        doubts.extend(spacing(&format!("actors[{i}]"), &actor.motion));
         if longest > ACTOR {
             doubts.push(format!(
                 "actors[{i}] is {longest:.0} m large; lengths are in metres: give its mesh `\"scale\": 0.001` for \
@@ -171,6 +184,18 @@ fn actors(scene: &Scene) -> Vec<String> {
         doubts.push(format!("{more} more actors are doubted as the three before"));
     }
     doubts
+}
+
+/// A doubt about a route on which no vehicle is so fast.
+fn spacing(who: &str, motion: &Motion) -> Option<String> {
+    let Motion::Route(route) = motion else { return None };
+    let step = route.spacing();
+    (step.abs() > LONGEST_STEP).then(|| {
+        format!(
+            "{who}.route.spacing is {step} m from frame to frame; lengths are in metres, {step} mm are {} m",
+            step / 1000.0
+        )
+    })
 }
 
 /// A doubt where most steps of a way lead across the heading.
@@ -249,25 +274,6 @@ fn sensors(scene: &Scene) -> Vec<String> {
     doubts
 }
 
-/// A doubt about LiDARs that are to be farther apart than any two places of the mounts are.
-fn apart(scene: &Scene, at: &Location) -> Option<String> {
-    let least = scene.vehicle.min_distance;
-    let corners = scene.vehicle.mounts.iter().flat_map(|mount| mount.region.corners());
-    let corners: Vec<DVec3> = corners.map(DVec3::from).collect();
-    let low = corners.iter().copied().reduce(DVec3::min)?;
-    let high = corners.iter().copied().reduce(DVec3::max)?;
-    let most = low.distance(high);
-    let room: usize = scene.vehicle.mounts.iter().map(|mount| mount.count[1]).sum();
-    (least > most && room > 1).then(|| {
-        format!(
-            "{}: {least} m is more than any two places of the mounts are apart, {most:.2} m, so that one LiDAR has room at \
-             most; millimetres? {least} mm are {} m",
-            at.key("min_distance"),
-            least / 1000.0
-        )
-    })
-}
-
 /// A fact about a vehicle without a body of its own: beams end nowhere on it, or on the body of the scene.
 fn no_body(scene: &Scene, places: &SceneLocations) -> Option<Note> {
     let is_bare = scene.body.faces.is_empty() && scene.bodies.is_empty();
@@ -280,40 +286,6 @@ fn no_body(scene: &Scene, places: &SceneLocations) -> Option<Note> {
     };
     let mend = "give its boxes or its mesh under `body`";
     beams_end.then(|| Note::fact(format!("{}: has no `body`: {instead}; {mend}", places.vehicle)))
-}
-
-/// Doubts about mounts inside the body, or far from it.
-fn mounts(scene: &Scene, places: &[Location]) -> Vec<String> {
-    let Some([low, high]) = corners(&scene.body) else { return Vec::new() };
-    let far = scene.vehicle.mounts.iter().zip(places).filter_map(|(mount, at)| {
-        let [from, to] = mount.region.corners().map(DVec3::from);
-        let corner = |k: usize| DVec3::from([0, 1, 2].map(|i| if k >> i & 1 == 0 { from[i] } else { to[i] }));
-        // A patch lies on the body, a little inside where it is drawn so.
-        let is_box = mount.region.ego_from_region.is_none();
-        if is_box && (0..8).all(|k| inside(&scene.body, corner(k))) {
-            return Some(format!(
-                "{at}: the whole mount lies inside the ego body, where every beam ends at once; move it onto the body: \
-                 heights are in metres from the ground"
-            ));
-        }
-        let nearest = (low - to).max(from - high).max(DVec3::ZERO).length();
-        let farthest = (low - from).max(to - high).max(DVec3::ZERO).length();
-        let outside = if nearest > BESIDE { nearest } else { farthest };
-        let above = to.z - high.z;
-        if nearest <= BESIDE && farthest <= REACH {
-            return (above > MAST).then(|| {
-                format!(
-                    "{at}: reaches {above:.1} m above the ego body; heights are in metres from the ground, not from the roof: \
-                     check `max`"
-                )
-            });
-        }
-        Some(format!(
-            "{at}: reaches {outside:.1} m outside the ego body; positions are in metres, from the ego's origin: \
-             check `min` and `max`, and the place of the body"
-        ))
-    });
-    far.collect()
 }
 
 /// A doubt about voxels so large that fewer than two fill the region.

@@ -322,6 +322,9 @@ impl OwnBodies {
         others: &[BodyDescription],
     ) -> Result<Self, DescriptionError> {
         let body = builder.list(&at.key("body"), first)?;
+        if !first.is_empty() {
+            check_area(&at.key("body"), &body)?;
+        }
         let mut own = Self { body, moving: Vec::new() };
         for (i, body) in others.iter().enumerate() {
             own.add(builder, at.key("bodies").item(i), body)?;
@@ -350,11 +353,7 @@ impl OwnBodies {
             });
         };
         let parts = builder.list(&at.key("parts"), &body.parts)?;
-        if !parts.has_area() {
-            let wanted =
-                "a body that beams can hit; give its mesh an extent, or leave the body out";
-            return Err(bad(&at.key("parts"), "a list of triangles without an area", wanted));
-        }
+        check_area(&at.key("parts"), &parts)?;
         match &motion {
             Motion::Poses(poses) if poses.len() == 1 => self.body.append(&parts, &poses[0]),
             _ => self.moving.push(OwnBody { name, parts, motion, at }),
@@ -389,6 +388,15 @@ impl OwnBodies {
     pub fn is_empty(&self) -> bool {
         self.body.faces.is_empty() && self.moving.iter().all(|body| body.parts.faces.is_empty())
     }
+}
+
+/// Refuses a body whose triangles are lines and points.
+fn check_area(at: &Location, body: &Solid) -> Result<(), DescriptionError> {
+    if body.has_area() {
+        return Ok(());
+    }
+    let wanted = "a body that beams can hit; give its mesh an extent, or leave the body out";
+    Err(bad(at, "a list of triangles without an area", wanted))
 }
 
 /// All triangles of the own vehicle in a frame, in the ego frame.

@@ -32,6 +32,10 @@ impl Motion {
             (None, None) => Ok(None),
             (Some(poses), None) => {
                 let at = at.key("poses");
+                if poses.is_empty() {
+                    let wanted = "a list of at least one pose; add one for each frame";
+                    return Err(bad(&at, "an empty list", wanted));
+                }
                 let read = poses.iter().enumerate().map(|(i, p)| pose(&at.item(i), p));
                 Ok(Some(Self::Poses(read.collect::<Result<_, _>>()?)))
             }
@@ -112,6 +116,11 @@ pub struct Route {
 }
 
 impl Route {
+    /// Metres from frame to frame.
+    pub fn spacing(&self) -> f64 {
+        self.spacing
+    }
+
     fn new(
         at: &Location,
         route: &RouteDescription,

@@ -14,7 +14,8 @@ use super::classes::Classes;
 use super::description::{Dictionary, MeshDescription, ShapeDescription, UrdfDescription};
 use super::solid::{Solid, copies, cuboid, cylinder, plane, prism};
 use crate::mesh;
-use crate::mesh::{Geometry, MOST_TRIANGLES, Placing, RawMesh, RobotFile};
+use crate::mesh::{Geometry, MOST_TRIANGLES, OriginAngles, Placing, RawMesh, RobotFile};
+use crate::vehicle;
 
 /// Most triangles of a scene: static world, actors, ego body and each named shape once.
 const MAX_TRIANGLES: u64 = MOST_TRIANGLES as u64;
@@ -163,6 +164,12 @@ impl<'a> Builder<'a> {
             return Err(DescriptionError::Choice { at: Box::new(at.clone()), found, of: KINDS });
         }
         let copies = copies(at, shape)?;
+        if shape.repeat.as_ref().is_some_and(|repeat| repeat.count > 1 && repeat.step == [0.0; 3]) {
+            let (at, count) = (at.key("repeat").key("step"), copies.len());
+            self.notes.push(Note::doubt(format!(
+                "{at}: 0 m, so that all {count} copies stand in one place; give the way from copy to copy"
+            )));
+        }
         let solid = match &shape.shape {
             Some(name) if shape.class.is_some() => {
                 return Err(DescriptionError::Misplaced {
@@ -360,7 +367,8 @@ impl Builder<'_> {
         let file = self.dir.join(&urdf.file);
         let packages = urdf.packages.as_ref().map(|packages| self.dir.join(packages));
         let robot = RobotFile { file: &file, packages: packages.as_deref(), tag };
-        let parts = robot.parts(at, &urdf.without)?;
+        let (parts, origins) = robot.parts(at, &urdf.without)?;
+        self.note_degrees(at, &file, &origins);
         self.others.push(file.clone());
         let mut solid = Solid::default();
         for part in parts {
@@ -376,6 +384,14 @@ impl Builder<'_> {
                 Err(bad(&at.key("file"), format!("{:?}", urdf.file), wanted))
             }
         }
+    }
+
+    /// Doubts of a robot's origins in degrees; origins of one file share one mistake.
+    fn note_degrees(&mut self, at: &Location, file: &Path, origins: &[OriginAngles]) {
+        let in_degrees = origins.iter().filter_map(|OriginAngles { of, angles }| {
+            vehicle::of_angles(&format!("{at}: {}: {of}: rpy", file.display()), angles)
+        });
+        self.notes.extend(in_degrees.take(3).map(Note::doubt));
     }
 
     fn part(

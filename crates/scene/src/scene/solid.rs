@@ -11,6 +11,9 @@ use lidar_cast::maths;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{DescriptionError, Location};
 
+/// Least height of a triangle over its longest side from one corner that is more than rounding.
+const THINNEST: f64 = 1e-14;
+
 /// Triangles with a class each, in the frame of their owner: world, actor or ego.
 ///
 /// Coordinates are `f64`: national ones keep their millimetres until they are moved to the ego.
@@ -38,7 +41,8 @@ impl Solid {
     pub fn has_area(&self) -> bool {
         self.faces.iter().any(|face| {
             let [a, b, c] = face.map(|v| self.vertices[v as usize]);
-            (b - a).cross(c - a) != DVec3::ZERO
+            let longest = (b - a).length_squared().max((c - a).length_squared());
+            (b - a).cross(c - a).length() > THINNEST * longest
         })
     }
 

@@ -147,6 +147,12 @@ impl Target {
         let dir = path.parent().unwrap_or(Path::new(""));
         let mut target = Self::from_text(&text, dir, &path.display().to_string())?;
         target.files.insert(0, path.to_owned());
+        if preset_targets().iter().any(|preset| preset.name == target.name) {
+            let (file, name) = (path.display(), &target.name);
+            target.notes.push(Note::fact(format!(
+                "{file}: name: `{name}` is the name of a preset, too; results mean this file by it"
+            )));
+        }
         Ok(target)
     }
 
@@ -176,6 +182,10 @@ impl Target {
         let (files, mut notes) = (builder.files(), builder.notes());
         let mut soup = TriangleSoup::default();
         solid.append_to(&mut soup, &Pose::IDENTITY);
+        if !solid.has_area() {
+            let wanted = "at least one shape with an area: beams cannot meet a target without size";
+            return Err(bad(&at.key("shapes"), "a list without an area", wanted));
+        }
         let [low, high] = checked_corners(&at, &soup)?;
         notes.extend(off_centre(&at, low, high));
         let middle = [0, 1].map(|k| 0.5 * (low[k] + high[k]));
@@ -206,7 +216,7 @@ fn to_micrometres(metres: f64) -> f64 {
     (metres * 1e6).round() / 1e6
 }
 
-/// Corners of the box around triangles, which must have an extent and fit a road.
+/// Corners of the box around triangles, which must fit a road.
 fn checked_corners(at: &Location, soup: &TriangleSoup) -> Result<[[f64; 3]; 2], DescriptionError> {
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for vertex in &soup.vertices {
@@ -216,10 +226,6 @@ fn checked_corners(at: &Location, soup: &TriangleSoup) -> Result<[[f64; 3]; 2], 
         }
     }
     let sides = [0, 1, 2].map(|k| high[k] - low[k]);
-    if sides.iter().filter(|side| **side > 0.0).count() < 2 {
-        let wanted = "at least one shape with an area: beams cannot meet a target without size";
-        return Err(bad(&at.key("shapes"), "a list without an area", wanted));
-    }
     if sides.iter().any(|side| *side > MOST_METRES) {
         let longest = sides.iter().copied().fold(0.0, f64::max);
         let wanted = format!(
@@ -298,6 +304,26 @@ mod tests {
         }
         let told = Target::named("chidl").unwrap_err().to_string();
         assert!(told.contains("`child`"), "{told}");
+    }
+
+    #[test]
+    fn a_target_without_an_area_is_refused_and_one_of_a_preset_name_is_noted() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("t.json");
+        let target = |shape: &str| {
+            let text = format!(r#"{{"sightline": 1, "name": "car", "shapes": [{shape}]}}"#);
+            std::fs::write(&file, text).unwrap();
+            Target::read(&file)
+        };
+        let named = target(r#"{"box": {"foot": [0, 0, 0], "size": [1, 1, 1]}}"#).unwrap();
+        let told = named.notes[0].text();
+        assert!(told.contains("name: `car` is the name of a preset, too"), "{told}");
+        if cfg!(feature = "mesh") {
+            std::fs::write(dir.path().join("a.obj"), "v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n")
+                .unwrap();
+            let line = target(r#"{"mesh": {"file": "a.obj"}}"#).unwrap_err().to_string();
+            assert!(line.contains("shapes: a list without an area"), "{line}");
+        }
     }
 
     #[test]

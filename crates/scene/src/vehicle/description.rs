@@ -156,8 +156,7 @@ pub struct ModelDescription {
     /// Beams.
     pub lidar: LidarDescription,
     /// Price in any currency.
-    #[serde(default)]
-    pub price: f64,
+    pub price: Option<f64>,
     /// `free`, an angle in radians, or a range of them that the search chooses from.
     pub phase: Option<PhaseDescription>,
     /// Measuring, for scans.

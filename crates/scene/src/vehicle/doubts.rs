@@ -16,6 +16,12 @@ const SLACK: f64 = 2e-3;
 const RANGE: [f64; 2] = [1.0, 1000.0];
 /// Smallest field of view across in degrees; smaller numbers are radians.
 const ACROSS: f64 = PI;
+/// Elevation in degrees above which no sensor has all its channels.
+const STEEP: f64 = 45.0;
+/// Largest noise and rated range in metres, and most turns a second, that sensors have.
+const NOISE: f64 = 0.5;
+const RATED: f64 = 2000.0;
+const RATE: f64 = 100.0;
 
 /// True if an angle in radians is most likely one in degrees: more than a turn, or a whole number from 2 up.
 pub fn is_degrees(angle: f64) -> bool {
@@ -57,7 +63,15 @@ pub fn of_lidar(who: &str, lidar: &Lidar) -> Vec<String> {
             "{who} has a range of {range} m; ranges are in metres: write 100 for 100 m"
         ));
     }
-    let Lidar::Spinning { azimuth, .. } = lidar else { return doubts };
+    let Lidar::Spinning { azimuth, elevations, .. } = lidar else { return doubts };
+    let lowest = elevations.iter().copied().fold(f64::INFINITY, f64::min);
+    if lowest > STEEP && lowest.is_finite() {
+        doubts.push(format!(
+            "{who} looks up by {lowest}° and more with every channel; zenith angles? Elevations count from the horizon: \
+             {lowest}° from the zenith are {}°",
+            90.0 - lowest
+        ));
+    }
     let across = azimuth.map_or(360.0, |[from, to]| to - from);
     if across > 0.0 && across < ACROSS {
         doubts.push(format!(
@@ -65,6 +79,27 @@ pub fn of_lidar(who: &str, lidar: &Lidar) -> Vec<String> {
              are {:.1}°",
             across.to_degrees()
         ));
+    }
+    doubts
+}
+
+/// Doubts about how a sensor measures: units of its noise, rated range and rate. `place` names each key.
+pub(super) fn of_measures(
+    place: impl Fn(&str) -> String,
+    [noise, rated_range, rate]: [Option<f64>; 3],
+) -> Vec<String> {
+    let mut doubts = Vec::new();
+    if let Some(noise) = noise.filter(|noise| *noise > NOISE) {
+        let (at, metres) = (place("noise"), noise / 1000.0);
+        doubts.push(format!("{at}: {noise} m; millimetres? {noise} mm are {metres} m"));
+    }
+    if let Some(range) = rated_range.filter(|range| *range > RATED) {
+        let (at, metres) = (place("rated_range"), range / 1000.0);
+        doubts.push(format!("{at}: {range} m; millimetres? {range} mm are {metres} m"));
+    }
+    if let Some(rate) = rate.filter(|rate| *rate > RATE) {
+        let (at, turns) = (place("rate"), rate / 60.0);
+        doubts.push(format!("{at}: {rate} turns a second; a minute? {rate} rpm are {turns}"));
     }
     doubts
 }
@@ -100,6 +135,7 @@ impl Doubts {
             self.about_pose(pose).into_iter().map(move |doubt| (lidar, doubt))
         });
         doubts
+            .chain(twice(placement))
             .map(|(lidar, doubt)| format!("placement `{}`, LiDAR {lidar}: {doubt}", placement.name))
             .collect()
     }
@@ -150,6 +186,15 @@ pub fn doubt_of_ground(pose: &SensorPose) -> Option<String> {
     })
 }
 
+/// Doubts about LiDARs in exactly the pose of one before.
+fn twice(placement: &Placement) -> impl Iterator<Item = (usize, String)> {
+    let all = &placement.lidars;
+    all.iter().enumerate().filter_map(|(lidar, pose)| {
+        let first = all[..lidar].iter().position(|other| other.values() == pose.values())?;
+        Some((lidar, format!("stands exactly where LiDAR {first} does; leave it out, or move it")))
+    })
+}
+
 /// Metres from a position to a region; 0 inside.
 fn beside(region: &Region, pose: &SensorPose) -> f64 {
     let outside = region.outside(pose).into_iter();
@@ -163,7 +208,7 @@ mod tests {
 
     fn doubts(doubts: &Doubts, pose: SensorPose) -> String {
         let placement =
-            Placement { name: "roof".into(), lidars: vec![SensorPose::at(0.0, 0.0, 2.0), pose] };
+            Placement { name: "roof".into(), lidars: vec![SensorPose::at(0.5, 0.0, 2.0), pose] };
         doubts.about(&placement).join("; ")
     }
 
@@ -229,6 +274,35 @@ mod tests {
             "LiDAR 1: it stands 0.500 m outside its mount; it is looked at there anyway"
         ));
         assert_eq!(doubts(&Doubts::of_units(), at(1.3, 0.0, 2.9)), "");
+    }
+
+    #[test]
+    fn two_lidars_in_one_pose_are_doubted() {
+        let units = Doubts::of_units();
+        let twice = doubts(&units, SensorPose::at(0.5, 0.0, 2.0));
+        assert!(twice.contains("LiDAR 1: stands exactly where LiDAR 0 does"), "{twice}");
+        assert_eq!(doubts(&units, SensorPose { yaw: 0.1, ..SensorPose::at(0.5, 0.0, 2.0) }), "");
+    }
+
+    #[test]
+    fn noise_in_millimetres_turns_a_minute_and_zenith_angles_are_doubted() {
+        let told = |numbers| of_measures(|key| format!("response.{key}"), numbers).join("\n");
+        assert_eq!(told([Some(0.02), Some(150.0), Some(20.0)]) + &told([None; 3]), "");
+        assert_eq!(
+            told([Some(20.0), Some(150_000.0), Some(600.0)]),
+            "response.noise: 20 m; millimetres? 20 mm are 0.02 m\n\
+             response.rated_range: 150000 m; millimetres? 150000 mm are 150 m\n\
+             response.rate: 600 turns a second; a minute? 600 rpm are 10"
+        );
+        let up = Lidar::Spinning {
+            elevations: vec![75.0, 88.0],
+            azimuth_offsets: vec![0.0; 2],
+            azimuth_steps: 100,
+            azimuth: None,
+            range: 100.0,
+        };
+        let told = of_lidar("a", &up).join("; ");
+        assert!(told.contains("75° from the zenith are 15°"), "{told}");
     }
 
     #[test]

@@ -20,6 +20,8 @@ pub struct VehicleSensor {
     pub phase: SpinPhase,
     /// Price of one, in any currency.
     pub price: f64,
+    /// False where nothing states the price, which then counts as 0.
+    pub has_price: bool,
     /// Echo model: rated range, noise, beam divergence, echoes kept.
     pub response: Response,
 }
@@ -76,7 +78,7 @@ impl Vehicle {
     /// A model without beams.
     pub fn models(&self) -> Result<Sensors, SensorError> {
         let model = |sensor: &VehicleSensor| {
-            let VehicleSensor { name, lidar, phase, price, response } = sensor.clone();
+            let VehicleSensor { name, lidar, phase, price, response, .. } = sensor.clone();
             Ok(SensorModel { name, table: lidar.table()?, phase, price, response })
         };
         let models = self.sensors.iter().map(model).collect::<Result<Vec<_>, SensorError>>()?;

@@ -10,7 +10,7 @@ use sightline_files::json::check::bad;
 use sightline_files::json::{DescriptionError, Location, check};
 
 use super::description::{OtherSensorDescription, ResponseDescription};
-use super::doubts::{of_angles, of_degrees};
+use super::doubts::{of_angles, of_degrees, of_measures};
 use super::lidar_reading::other;
 use super::sensor_file::Measures;
 use super::{BeamTable, Echoes, Response, SensorError, SensorPose};
@@ -144,6 +144,8 @@ pub(super) fn read(
 ) -> Result<Response, DescriptionError> {
     let usual = stated(range, measures);
     let Some(written) = written else { return Ok(usual) };
+    let given = [written.noise, written.rated_range, written.rate];
+    notes.extend(of_measures(|key| at.key(key).to_string(), given).into_iter().map(Note::doubt));
     let both = [
         ("rate", written.rate, measures.rate),
         ("rated_range", written.rated_range, measures.rated_range),
@@ -199,6 +201,8 @@ const MOST_LETTERS: usize = 16;
 const FARTHEST: f64 = 100.0;
 /// Longest range, metres.
 const LONGEST: f64 = 1000.0;
+/// Field of view in degrees, across and up, below which it is most likely in radians.
+const NARROW: f64 = 3.2;
 /// Largest field of view across and up, degrees.
 const WIDEST: [f64; 2] = [360.0, 180.0];
 
@@ -302,7 +306,7 @@ impl OtherSensor {
                 return Err(bad(&at.key("fov").item(k), fov[k], wanted));
             }
         }
-        notes.extend(of_degrees(&at.key("fov").to_string(), &fov).map(Note::doubt));
+        notes.extend(view_in_radians(&at.key("fov"), fov));
         if !(range > 0.0 && range <= LONGEST) {
             let wanted = format!("a range above 0 and at most {LONGEST} m");
             return Err(bad(&at.key("range"), range, wanted));
@@ -312,6 +316,16 @@ impl OtherSensor {
         let ego_from_sensor = Pose::new(DVec3::new(x, y, z), roll, pitch, yaw);
         Ok(Self { name, technology, ego_from_sensor, fov, range })
     }
+}
+
+/// A doubt about a field of view that is most likely in radians: narrow both ways, or parts of π.
+fn view_in_radians(at: &Location, fov: [f64; 2]) -> Option<Note> {
+    let [across, up] = fov;
+    let narrow = (across.max(up) < NARROW).then(|| {
+        let degrees = across.to_degrees();
+        format!("{at}: {across}° by {up}°; radians? {across} rad are {degrees:.1}°")
+    });
+    narrow.or_else(|| of_degrees(&at.to_string(), &fov)).map(Note::doubt)
 }
 
 /// A word for a technology; `lidar` is taken.
@@ -384,5 +398,14 @@ mod tests {
         let (across, up) = (22.5_f64.to_radians(), -7.5_f64.to_radians());
         let wanted = DVec3::new(up.cos() * across.sin(), up.cos() * across.cos(), up.sin());
         assert!((corner - wanted).length() < 1e-12, "{corner} {wanted}");
+    }
+
+    #[test]
+    fn fields_of_view_in_radians_are_doubted() {
+        let at = Location::top("v.json").key("fov");
+        let told = |fov| view_in_radians(&at, fov).map(|note| note.text().to_owned());
+        let narrow = told([1.05, 0.6]).unwrap();
+        assert_eq!(narrow, "v.json: fov: 1.05° by 0.6°; radians? 1.05 rad are 60.2°");
+        assert_eq!([told([60.0, 2.0]), told([4.0, 3.0])], [None, None]);
     }
 }

@@ -76,7 +76,8 @@ impl Vehicle {
             true => Response::usual(f64::from(lidar.range() as f32)),
             false => stated(lidar.range(), &measures),
         };
-        vehicle.sensors = vec![VehicleSensor { name, lidar, phase, price: 0.0, response }];
+        let (price, has_price) = (0.0, false);
+        vehicle.sensors = vec![VehicleSensor { name, lidar, phase, price, has_price, response }];
         Ok(Self { notes, ..vehicle })
     }
 
@@ -101,8 +102,13 @@ impl Vehicle {
             return Err(DescriptionError::Misplaced { at, key, mend });
         }
         let region = Arc::make_mut(&mut self.mounts[0].region);
-        for (field, value) in &rules.fixed {
+        for (k, (field, value)) in rules.fixed.iter().enumerate() {
             let at = at.key(field);
+            if rules.fixed[..k].iter().any(|(before, _)| before == field) {
+                let wanted =
+                    format!("the only value, {field} is fixed twice; leave one of them out");
+                return Err(bad(&at, value, wanted));
+            }
             let index = SensorPose::FIELDS.iter().position(|name| name == field);
             let index = index.ok_or_else(|| {
                 let known = "one of x, y, z, roll, pitch and yaw, the fields of a pose";
@@ -110,7 +116,12 @@ impl Vehicle {
             })?;
             let (lower, upper) = (&mut region.lower[index], &mut region.upper[index]);
             if !(*lower..=*upper).contains(value) {
-                let wanted = format!("within the mount, which runs from {lower} to {upper}");
+                let in_degrees = index >= 3 && value.abs() > std::f64::consts::FRAC_PI_2;
+                let radians = value.to_radians();
+                let hint =
+                    in_degrees.then(|| format!("; in radians? {value}° are {radians:.4} rad"));
+                let hint = hint.unwrap_or_default();
+                let wanted = format!("within the mount, which runs from {lower} to {upper}{hint}");
                 return Err(bad(&at, value, wanted));
             }
             (*lower, *upper) = (*value, *value);

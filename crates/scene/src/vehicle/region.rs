@@ -90,6 +90,49 @@ impl Region {
         }
     }
 
+    /// Range of the offsets of a patch, metres outward; `None` of a box.
+    pub(crate) fn patch_offsets(&self) -> Option<[f64; 2]> {
+        let along = self.patch_normal()?;
+        Some([self.lower[along], self.upper[along]])
+    }
+
+    /// Places of a patch with an offset, at most so many, in the ego frame: near the corners of its outline, or in the middle
+    /// of triangles of its surface.
+    pub(crate) fn patch_places(&self, offset: f64, most: usize) -> Vec<DVec3> {
+        let (Some(along), Some(frame)) = (self.patch_normal(), &self.ego_from_region) else {
+            return Vec::new();
+        };
+        let flat: Vec<DVec3> = match &self.surface {
+            Some(surface) => {
+                let middles = surface.facets().map(|f| f.corners.iter().sum::<DVec3>() / 3.0);
+                middles.collect()
+            }
+            None => {
+                let place = |corner: &[f64; 2]| {
+                    let mut place = DVec3::ZERO;
+                    let axes = self.outline.axes.into_iter().zip(corner);
+                    axes.for_each(|(axis, metres)| place[axis] = 0.9 * metres);
+                    place
+                };
+                self.outline.corners.iter().map(place).collect()
+            }
+        };
+        let step = flat.len().div_ceil(most.max(1)).max(1);
+        let outward = |mut place: DVec3| {
+            place[along] += offset;
+            frame.apply(place)
+        };
+        flat.into_iter().step_by(step).take(most).map(outward).collect()
+    }
+
+    /// Field along the outward normal of a patch; `None` of a box.
+    fn patch_normal(&self) -> Option<usize> {
+        let frame = self.ego_from_region.as_ref();
+        let [a, b] =
+            frame.map(|_| self.surface.as_ref().map_or(self.outline.axes, |s| s.axes()))?;
+        (a != b).then(|| 3 - a - b)
+    }
+
     /// Indices of the fields that may vary.
     pub fn free_fields(&self) -> Vec<usize> {
         (0..6).filter(|&k| self.upper[k] > self.lower[k]).collect()

@@ -10,10 +10,12 @@ use std::path::Path;
 
 use serde::Deserialize;
 use serde::de::IgnoredAny;
+use sightline_files::Note;
 use sightline_files::json;
 use sightline_files::json::check::bad;
 use sightline_files::json::{DescriptionError, Location, is_utf_16, read_limited};
 
+use super::doubts::of_measures;
 pub use isaac::isaac_profile;
 pub(super) use pattern::NARROWEST;
 pub use pattern::{Beams, Channel, MAX_BEAMS, MAX_CHANNELS, Measures, SensorFormat, SensorPattern};
@@ -51,6 +53,9 @@ fn parse(
 ) -> Result<SensorPattern, DescriptionError> {
     let mut pattern = parse_any(at, bytes, window)?;
     pattern.notes.extend(pattern::doubts(at, &pattern.beams));
+    let Measures { noise, rated_range, rate, .. } = pattern.measures;
+    let doubts = of_measures(|key| format!("{at}: {key}"), [noise, rated_range, rate]);
+    pattern.notes.extend(doubts.into_iter().map(Note::doubt));
     Ok(pattern)
 }
 

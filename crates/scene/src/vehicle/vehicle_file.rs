@@ -25,6 +25,8 @@ use sightline_files::json::{self, DescriptionError, FileKind, Location};
 
 /// Largest vehicle file, in bytes.
 const MAX_FILE: u64 = 64 << 20;
+/// Highest price of a sensor.
+const MOST_PRICE: f64 = 1e12;
 /// Most sensor models, mounts and requirements.
 const MOST: usize = 64;
 
@@ -232,12 +234,14 @@ fn sensor(
             return Err(bad(&at.key("phase"), format!("{word:?}"), wanted));
         }
     };
-    if !(0.0..=1e12).contains(&model.price) {
-        return Err(bad(&at.key("price"), model.price, "a price of 0 or more"));
+    let price = model.price.unwrap_or_default();
+    if !(0.0..=MOST_PRICE).contains(&price) {
+        let wanted = format!("a price from 0 to {MOST_PRICE:e}");
+        return Err(bad(&at.key("price"), price, wanted));
     }
     let written = model.response.as_ref();
     let response = lidar::read(&at.key("response"), written, lidar.range(), &measures, notes)?;
-    Ok(VehicleSensor { name, lidar, phase, price: model.price, response })
+    Ok(VehicleSensor { name, lidar, phase, price, has_price: model.price.is_some(), response })
 }
 
 /// Angles to choose from, at most a whole turn of them.

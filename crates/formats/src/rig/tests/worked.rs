@@ -180,7 +180,7 @@ fn turning(lidar: Lidar, rate: f64) -> Models {
     let (name, phase) = (SensorName::NONE, SpinPhase::Locked(0.0));
     Models::from(&Vehicle {
         name: String::new(),
-        sensors: vec![VehicleSensor { name, lidar, phase, price: 0.0, response }],
+        sensors: vec![VehicleSensor { name, lidar, phase, price: 0.0, has_price: false, response }],
         mounts: Vec::new(),
         min_distance: 0.0,
         keep_out: Vec::new(),

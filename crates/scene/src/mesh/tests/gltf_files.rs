@@ -196,9 +196,13 @@ fn gltf_parts_that_cannot_be_read_are_refused_by_name() {
         (
             "/extensionsRequired/0",
             "KHR_draco_mesh_compression".into(),
-            "KHR_draco_mesh_compression",
+            "requires the extension KHR_draco_mesh_compression, which is not read; Draco compression: export without",
         ),
-        ("/extensionsRequired/0", "ACME_unknown".into(), "ACME_unknown"),
+        (
+            "/extensionsRequired/0",
+            "ACME_unknown".into(),
+            "requires the extension ACME_unknown, which is not read; export the model without it",
+        ),
         ("/skins/0/joints/1", 6.into(), "joints outside of its scene"),
         (
             "/nodes/0/extensions/EXT_mesh_gpu_instancing/attributes/ROTATION",

@@ -143,7 +143,7 @@ fn faults_of_texts_name_their_line() {
         ),
         (
             good.replace("endsolid wedge\n", ""),
-            "where `facet` or `endsolid` belongs; export it again",
+            "line 57: ends where `facet` or `endsolid` belongs; export it again",
         ),
         (good.clone() + "and more", "line 59: has \"and\" where `solid` belongs"),
         ("solid empty\nendsolid\n".to_owned(), "file: holds no triangle"),

@@ -28,7 +28,10 @@ fn read(text: &str, without: &[&str]) -> Result<Vec<RobotPart>, String> {
     let without: Vec<String> = without.iter().map(|name| (*name).to_owned()).collect();
     let folder = std::path::Path::new("nowhere");
     let robot = Robot { text, folder, packages: None, tag: "visual", without: &without };
-    robot.parts().map_err(|fault| format!("{}: {}", fault.element, fault.problem))
+    robot
+        .parts()
+        .map(|(parts, _)| parts)
+        .map_err(|fault| format!("{}: {}", fault.element, fault.problem))
 }
 
 /// A boom on a slew turned by 90° about z, raised by 30° about y: with s = sin 30°, c = cos 30° the tip, 4 m along

@@ -30,9 +30,8 @@ pub(super) fn in_world(scene: &Scene) -> Option<String> {
 
 /// A doubt where the middle of the body lies in a shape. One around the whole region is a hall.
 fn within_shape(scene: &Scene) -> Option<String> {
-    let [low, high] = corners(&scene.body)?;
     let (world, pose) = (&scene.world, scene.ego_pose(0));
-    let middle = pose.apply(0.5 * (low + high));
+    let middle = pose.apply(middle_of_ego(scene));
     let [[x0, y0, _], [x1, y1, _]] = [scene.roi.min, scene.roi.max];
     let region = [[x0, y0], [x0, y1], [x1, y0], [x1, y1]];
     let region = region.map(|[x, y]| pose.apply(DVec3::new(x, y, middle.z)));
@@ -52,8 +51,41 @@ fn within_shape(scene: &Scene) -> Option<String> {
     })?;
     let class = scene.classes.names.get(class).map_or("", String::as_str);
     Some(format!(
-        "the ego body stands inside a `{class}` of the static world in frame 0: move the poses of `ego`, or the shape"
+        "the ego stands inside a `{class}` of the static world in frame 0: move the poses of `ego`, or the shape"
     ))
+}
+
+/// Middle of the own body, or of the mounts where it has none, in the ego frame.
+fn middle_of_ego(scene: &Scene) -> DVec3 {
+    let own = corners(&scene.body);
+    let [low, high] = own.unwrap_or_else(|| scene.vehicle.corners().map(DVec3::from));
+    0.5 * (low + high)
+}
+
+/// A doubt where the middle of an actor lies in the own body in some frame, or the ego's middle in an actor.
+pub(super) fn in_actor(scene: &Scene) -> Option<String> {
+    let middle = middle_of_ego(scene);
+    let holds = |solid: &Solid, p: DVec3| {
+        let within =
+            corners(solid).is_some_and(|[low, high]| p.cmpge(low).all() && p.cmple(high).all());
+        within && inside(solid, p)
+    };
+    let boxes: Vec<_> = scene.actors.iter().map(|actor| corners(&actor.parts)).collect();
+    (0..scene.frames).find_map(|t| {
+        let ego_from_world = scene.ego_pose(t).inverse();
+        let meets = |(i, corners): (usize, &Option<[DVec3; 2]>)| {
+            let [low, high] = (*corners)?;
+            let ego_from_actor = ego_from_world.compose(&scene.actors[i].motion.pose(t));
+            let own = ego_from_actor.apply(0.5 * (low + high));
+            let met = holds(&scene.body, own)
+                || holds(&scene.actors[i].parts, ego_from_actor.inverse().apply(middle));
+            met.then_some(i)
+        };
+        let actor = boxes.iter().enumerate().find_map(meets)?;
+        Some(format!(
+            "actors[{actor}] stands inside the ego in frame {t}: move its poses, or those of `ego`"
+        ))
+    })
 }
 
 /// A doubt where a surface of the static world that is no ground lies inside the body in frame 0.
@@ -150,8 +182,27 @@ mod tests {
             "a `building` of the static world stands inside the ego body in frame 0, at x = -0.70";
         assert!(through.contains(words), "{through}");
         let within = told([-5.0, 10.0]);
-        let words = "the ego body stands inside a `building` of the static world in frame 0";
+        let words = "the ego stands inside a `building` of the static world in frame 0";
         assert!(within.contains(words), "{within}");
         assert_eq!(told([-60.0, 60.0]), "", "a hall");
+    }
+
+    #[test]
+    fn an_actor_in_the_ego_is_doubted_with_its_frame_and_one_beside_it_is_not() {
+        let told = |y: f64| {
+            let text = format!(
+                r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
+                "lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100}}, "frames": 2,
+                "mount": {{"min": [-1, -0.6, 1], "max": [1, 0.6, 1.2], "lidars": 1}},
+                "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}],
+                "actors": [{{"parts": [{{"class": "vehicle", "box": {{"min": [-2, -1, 0], "max": [2, 1, 1.5]}}}}],
+                  "poses": [{{"x": 9, "y": 0}}, {{"x": 0, "y": {y}}}]}}]}}"#
+            );
+            let scene = Scene::from_json(&text, std::path::Path::new(""), "s.json").unwrap();
+            scene.notes().iter().map(Note::text).collect::<Vec<_>>().join("\n")
+        };
+        // The scene has no body: the middle of the mounts counts.
+        let words = "actors[0] stands inside the ego in frame 1";
+        assert!(told(0.3).contains(words) && !told(2.5).contains("inside"), "{}", told(0.3));
     }
 }

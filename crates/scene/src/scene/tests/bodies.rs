@@ -106,7 +106,7 @@ fn faults_of_bodies_name_their_field_and_the_mend() {
         (
             trailer(""),
             "",
-            "s.json: ego.bodies[0].poses: a list of 0 is not one pose for all frames",
+            "s.json: ego.bodies[0].poses: an empty list is not a list of at least one pose",
         ),
         (
             good.replace(TRAILER, ""),

@@ -329,4 +329,20 @@ fn further_rules_narrow_the_mount_and_are_checked_like_its_own() {
         let error = scene().with_rules(&rules(&[fixed], true), "s.json").unwrap_err().to_string();
         assert!(error.starts_with(&format!("s.json: {wanted}")), "{error}");
     }
+    for (fixed, wanted) in [
+        (vec![("z", 2.3), ("z", 2.5)], "mount.z: 2.5 is not the only value, z is fixed twice"),
+        (vec![("roll", 10.0)], "in radians? 10° are 0.1745 rad"),
+    ] {
+        let error = scene().with_rules(&rules(&fixed, true), "s.json").unwrap_err().to_string();
+        assert!(error.contains(wanted), "{error}");
+    }
+}
+
+#[test]
+fn a_text_in_latin_1_is_refused_at_its_first_such_letter() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("s.json");
+    std::fs::write(&file, b"{ \"sightline\": 1,\n  \"name\": \"caf\xe9\" }").unwrap();
+    let told = Scene::read(&file).unwrap_err().to_string();
+    assert!(told.ends_with("a scene is a JSON file (line 2, column 15)"), "{told}");
 }

@@ -102,3 +102,37 @@ fn a_body_in_millimetres_is_noted_and_wrong_keys_are_refused() {
         assert!(message.contains(told), "{message}");
     }
 }
+
+#[test]
+fn origins_in_degrees_are_doubted_with_their_joint() {
+    let folder = tempfile::tempdir().unwrap();
+    package(folder.path());
+    let path = folder.path().join("car/urdf/car.urdf");
+    let shape = r#""urdf": {"file": "car/urdf/car.urdf", "geometry": "collision"}"#;
+    let text = fs::read_to_string(&path).unwrap();
+    for (rpy, doubted) in [("0 0 1.5708", false), ("0 0 90", true)] {
+        let origin = format!("xyz=\"0 0 1.5\" rpy=\"{rpy}\"");
+        fs::write(&path, text.replace("xyz=\"0 0 1.5\"", &origin)).unwrap();
+        let scene = with_body(folder.path(), shape).unwrap();
+        let told: Vec<&str> = scene.notes().iter().map(sightline_files::Note::text).collect();
+        let is_told = told.join("\n").contains("joint `mast`: rpy is 90 rad; degrees?");
+        assert_eq!(is_told, doubted, "{told:?}");
+    }
+}
+
+#[test]
+fn bodies_without_an_area_are_refused_and_one_triangle_is_doubted() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = r#""mesh": {"file": "a.obj"}"#;
+    let told = |text: &str| {
+        fs::write(folder.path().join("a.obj"), text).unwrap();
+        with_body(folder.path(), mesh)
+    };
+    let line = told("v 0 0 0.1\nv 1 0.5 0.3\nv 4 2 0.9\nf 1 2 3\n").unwrap_err().to_string();
+    let words =
+        "s.json: ego.body: a list of triangles without an area is not a body that beams can hit";
+    assert!(line.starts_with(words), "{line}");
+    let scene = told("v 0 0 0.1\nv 4 0 0.1\nv 0 2 0.1\nf 1 2 3\n").unwrap();
+    let told: Vec<&str> = scene.notes().iter().map(sightline_files::Note::text).collect();
+    assert!(told.join("\n").contains("the ego body is 1 triangle"), "{told:?}");
+}

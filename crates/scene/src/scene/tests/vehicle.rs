@@ -151,7 +151,7 @@ fn what_is_wrong_with_a_vehicle_is_said_with_its_place() {
         ("\"phase\": 0.1", "\"phase\": [-4, 4]", "sensors[1].phase: [-4.0, 4.0] is not a range"),
         ("\"phase\": 0.1", "\"phase\": [0, 1, 2]", "a range of them"),
         ("\"phase\": 0.1", "\"phase\": \"loose\"", "sensors[1].phase: \"loose\" is not \"free\""),
-        ("\"price\": 900", "\"price\": -1", "sensors[0].price: -1 is not"),
+        ("\"price\": 900", "\"price\": -1", "sensors[0].price: -1 is not a price from 0 to 1e12"),
         ("\"name\": \"solid\"", "\"name\": \"spinning\"", "it is used twice"),
         (
             "\"name\": \"solid\"",

@@ -14,7 +14,7 @@ use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, Visitor};
 use lidar_cast::maths;
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Location};
+use sightline_files::json::{DescriptionError, Location, nearest};
 
 /// Most channels of a sensor.
 pub const MAX_CHANNELS: usize = 1024;
@@ -325,12 +325,42 @@ const LONGEST: usize = 40;
 
 /// The keys of `rest` that `passed` does not list.
 pub(super) fn unknown(at: &Location, rest: &Rest, passed: Passed) -> Option<Note> {
+    unread(at, &unknown_keys(rest, passed))
+}
+
+fn unknown_keys(rest: &Rest, passed: Passed) -> Vec<&Key> {
     let is_passed = |Key(key): &Key| {
         let comment = key.trim_start_matches('_').to_ascii_lowercase().starts_with("comment");
         comment || passed.iter().any(|(keys, _)| keys.split(' ').any(|known| known == key))
     };
-    let unknown: Vec<&Key> = rest.keys().filter(|key| !is_passed(key)).collect();
-    unread(at, &unknown)
+    rest.keys().filter(|key| !is_passed(key)).collect()
+}
+
+/// Like [`unknown`] for a file that is written by hand: a key near one of `read`, keys with blanks between them, is most
+/// likely a slip.
+pub(super) fn unknown_or_slip(
+    at: &Location,
+    rest: &Rest,
+    passed: Passed,
+    read: &str,
+) -> Option<Note> {
+    let unknown = unknown_keys(rest, passed);
+    let note = unread(at, &unknown)?;
+    let near = unknown.iter().find_map(|Key(key)| Some((key, near_key(key, read)?)));
+    Some(match near {
+        Some((key, near)) => {
+            let text = note.text().trim_end_matches('.');
+            Note::doubt(format!("{text}; did you mean `{near}` by `{key}`?"))
+        }
+        None => note,
+    })
+}
+
+/// The key of `read` that another one is a slip of: a letter or two beside it, or its beginning.
+fn near_key(key: &str, read: &str) -> Option<String> {
+    let begun = |known: &&str| key.len() > 4 && known.starts_with(key);
+    let begun = read.split(' ').find(begun).map(str::to_owned);
+    begun.or_else(|| nearest(key, read.split(' ')))
 }
 
 /// A note on names that are not known here, keys or titles of columns.

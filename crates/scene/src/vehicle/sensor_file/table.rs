@@ -18,6 +18,11 @@ use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{self, DescriptionError, Location, Quantity, parse_yaml};
 
+/// Keys that are read.
+const READ: &str = "name elevation_deg azimuth_offset_deg azimuth_sign channels azimuth_steps columns_per_frame \
+                    azimuth_window range min_range rated_range noise rate";
+/// Largest azimuth offset in degrees of a sensor that has some: smaller ones are most likely radians.
+const OFFSET: f64 = 0.2;
 /// Keys that are passed over.
 const PASSED: Passed = &[
     ("vendor source licence license prod_line lidar_mode", "words for people"),
@@ -90,7 +95,9 @@ pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, Descript
         noise: within("noise", table.noise, 0.0, 10.0)?,
         rate,
     };
-    let mut notes: Vec<Note> = pattern::unknown(at, &table.rest, PASSED).into_iter().collect();
+    let mut notes: Vec<Note> =
+        pattern::unknown_or_slip(at, &table.rest, PASSED, READ).into_iter().collect();
+    notes.extend(offsets_in_radians(&at.key("azimuth_offset_deg"), &offsets));
     notes.extend(pattern::rated_too_far(at, &measures, "range"));
     // A sentence for people; no program can be sure of its meaning.
     notes.extend(table.azimuth_sign.filter(|_| offsets.iter().any(|offset| *offset != 0.0)).map(|sentence| {
@@ -108,6 +115,17 @@ pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, Descript
         measures,
         notes,
         ..SensorPattern::new(SensorFormat::Table, beams)
+    })
+}
+
+/// A doubt about azimuth offsets that are all so small that they are most likely radians.
+fn offsets_in_radians(at: &Location, offsets: &[f64]) -> Option<Note> {
+    let largest = offsets.iter().fold(0.0, |largest: f64, offset| largest.max(offset.abs()));
+    (largest > 0.0 && largest <= OFFSET).then(|| {
+        let degrees = largest.to_degrees();
+        Note::doubt(format!(
+            "{at}: all within ±{largest}°; radians? Write degrees, {largest} rad are {degrees:.2}°"
+        ))
     })
 }
 

@@ -78,3 +78,23 @@ fn arrays_in_any_order_of_rows_and_bytes() {
         message(array("<f8", "False", "(1, 2)", [1.0_f64, 52.0].map(f64::to_le_bytes).concat()));
     assert!(degrees.contains("is it in degrees?"), "{degrees}");
 }
+
+#[test]
+fn misspelt_keys_of_an_own_file_and_offsets_in_radians() {
+    let file = |more: &str| read(format!(r#"{{"elevation_deg": [-5, 0, 5], {more}}}"#)).unwrap();
+    for (more, word) in [
+        (
+            r#""azimuth_offset": [1, 2, 3]"#,
+            "f: `azimuth_offset`: not known here, and not read; did you mean `azimuth_offset_deg`",
+        ),
+        (r#""rnage": 100"#, "did you mean `range` by `rnage`?"),
+        (r#""azimuth_offset_deg": [0.02, 0, -0.08]"#, "all within ±0.08°; radians?"),
+        (r#""noise": 5, "range": 100"#, "f: noise: 5 m; millimetres?"),
+    ] {
+        let pattern = file(more);
+        assert!(doubts(&pattern).join("\n").contains(word), "{word}: {pattern:?}");
+    }
+    for sound in [r#""owner": "me""#, r#""azimuth_offset_deg": [0, 0, 0]"#, r#""noise": 0.02"#] {
+        assert!(doubts(&file(sound)).is_empty(), "{sound}");
+    }
+}

@@ -1,0 +1,104 @@
+//! Options that would pass in silence: models that do not exist, weights of 0, steps wider than a mount, wrong endings.
+
+use std::fs;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{fails, sightline};
+use crate::cli_vehicle::garage;
+
+/// A garage with a placement whose LiDARs name their models.
+fn named() -> TempDir {
+    let dir = garage();
+    let lidar = |x: f64| json!({ "x": x, "y": 0, "z": 1.5, "sensor": "spinning" });
+    let placement = json!({ "placements": [{ "name": "p", "lidars": [lidar(-0.2), lidar(0.2)] }] });
+    fs::write(dir.path().join("p.json"), placement.to_string()).unwrap();
+    dir
+}
+
+fn words(line: &str) -> Vec<&str> {
+    line.split(' ').collect()
+}
+
+const SCORE: &str = "score room.json p.json --vehicle cart.json --backend cpu";
+
+#[test]
+fn models_and_indices_that_do_not_exist_are_refused() {
+    let dir = named();
+    for (choice, word) in [
+        (
+            "all=spining",
+            "--sensor all=spining: there is no sensor `spining`; did you mean `spinning`?",
+        ),
+        (
+            "7=solid",
+            "--sensor 7=solid: no placement of p.json has such a LiDAR; indices go from 0 to 1",
+        ),
+    ] {
+        let told = fails(dir.path(), &words(&format!("{SCORE} --sensor {choice}")));
+        assert!(told.contains(word), "{told}");
+    }
+    let output = sightline(dir.path(), &words(&format!("{SCORE} --sensor all=solid")));
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    let note = "--sensor all=solid changes nothing: every LiDAR of p.json names its model";
+    assert!(output.status.success() && told.contains(note), "{told}");
+}
+
+#[test]
+fn options_that_leave_nothing_to_search_are_refused() {
+    let dir = named();
+    let optimize = "optimize room.json --vehicle cart.json --backend cpu --budget 30 --out o";
+    for (more, word) in [
+        ("--objective 0*near_gain", "`0*near_gain`: every weight is 0"),
+        ("--delta 100", "--delta: 100 m from pose to pose is more than any mount of "),
+    ] {
+        let told = fails(dir.path(), &words(&format!("{optimize} {more}")));
+        assert!(told.contains(word), "{told}");
+    }
+    assert!(!dir.path().join("o").exists());
+}
+
+#[test]
+fn a_spacing_of_more_beams_than_can_be_cast_is_refused_with_their_number() {
+    let dir = named();
+    let text = fs::read_to_string(dir.path().join("room.json")).unwrap();
+    let mut room: Value = serde_json::from_str(&text).unwrap();
+    room["psog"] = json!({ "scan": { "spacing": 0.0001 } });
+    fs::write(dir.path().join("room.json"), room.to_string()).unwrap();
+    let told = fails(dir.path(), &words(SCORE));
+    assert!(told.contains("psog.scan.spacing: 0.0001 m makes "), "{told}");
+    assert!(told.contains(" beams in each frame, at most 100000000 may be cast"), "{told}");
+}
+
+#[test]
+fn studies_of_no_kind_name_all_of_them() {
+    let dir = named();
+    let told = fails(dir.path(), &words("study nearfeld room.json"));
+    assert!(told.contains("nearfield, targets, redundancy, overlap, sweep, tolerance]"), "{told}");
+    assert!(told.contains("a similar value exists: 'nearfield'"), "{told}");
+    let told = fails(dir.path(), &words("study cost room.json p.json --vehicle cart.json"));
+    let list = "`nearfield`, `targets`, `redundancy`, `overlap`, `sweep` and `tolerance` do";
+    assert!(told.contains(list), "{told}");
+}
+
+#[test]
+fn files_with_the_ending_of_another_format_are_refused() {
+    let dir = named();
+    for (line, word) in [
+        (format!("{SCORE} --out c.xlsx"), "--out c.xlsx: is written as TXT"),
+        (
+            format!("{SCORE} --format json --out c.csv"),
+            "--out c.csv: is written as JSON; give --format csv, or the ending .json",
+        ),
+        ("rig export p.json:p --format urdf --out c.json".to_owned(), "give it the ending .urdf"),
+        ("rig export p.json:p --format urdf --out .".to_owned(), "is not empty"),
+    ] {
+        let told = fails(dir.path(), &words(&line));
+        assert!(told.contains(word), "{line}: {told}");
+    }
+    let mut left: Vec<_> =
+        fs::read_dir(dir.path()).unwrap().map(|f| f.unwrap().file_name()).collect();
+    left.sort();
+    assert_eq!(left, ["cart.json", "p.json", "room.json"]);
+}
