@@ -453,7 +453,7 @@ fn own_rigs_lose_each_lidar_in_turn() {
     // Sectors that all LiDARs leave blind are told once.
     assert!(
         notes.contains(
-            "front with all LiDARs already: left and behind and right (in sectors of 30° within"
+            "front with all LiDARs already: left and behind and right (in sectors of 30° over 210°"
         ) && !notes.contains("front without")
             && !notes.contains("both with all"),
         "{notes}"

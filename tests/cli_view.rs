@@ -70,7 +70,7 @@ fn a_page_of_a_placement_compares_it_with_those_given() {
     let quoted =
         command.contains("my yard.json' ") && command.contains("two.json --condition wet:water=1 ");
     assert!(quoted, "a command to be copied into a shell: {command}");
-    assert!(page.contains("<p>low ") && !page.contains("Pyramid-roll"));
+    assert!(page.contains(" low ") && !page.contains("Pyramid-roll"));
     assert!(!warnings(&page).contains("baseline"), "{}", warnings(&page));
 }
 
