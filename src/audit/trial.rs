@@ -22,8 +22,8 @@ const HARMLESS: f64 = 0.01;
 
 /// Score that is the larger the less is seen, by its definition: it is told of, and decides about no trial.
 const LIKES_LOSS: &str = "s_mig";
-/// Mean of the vertical parts of its beams below which a sensor that turns looks down.
-const DOWN: f64 = -0.05;
+/// Largest vertical part of a beam of a sensor that looks down: 5.7° up.
+const DOWN: f32 = 0.1;
 
 /// Result of a trial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -84,11 +84,10 @@ impl Trial {
     }
 }
 
-/// True if a sensor upside down looks to the sky: it turns, and its beams look down in the mean.
+/// True if a sensor upside down looks to the sky: it turns, and no beam looks up.
 fn looks_down(table: &BeamTable) -> bool {
     let turns = table.grid().is_some_and(|grid| grid.turn);
-    let up: f64 = table.directions().iter().map(|direction| f64::from(direction[2])).sum();
-    turns && up < DOWN * table.directions().len() as f64
+    turns && table.directions().iter().all(|direction| direction[2] <= DOWN)
 }
 
 /// Layouts that see little, or no more than fewer LiDARs would, with the name of each attempt; `sensors` has the models.
@@ -304,7 +303,7 @@ mod tests {
         };
         let down = sky(&[(-25.0, 0.0), (5.0, 0.0)]);
         assert!((down.z_axis.z + 1.0).abs() < 1e-12, "{down}");
-        let level = sky(&[(-12.5, 0.0), (12.5, 0.0)]);
+        let level = sky(&[(-25.0, 0.0), (15.0, 0.0)]);
         assert!((level.x_axis.z - 1.0).abs() < 1e-12, "{level}");
     }
 
