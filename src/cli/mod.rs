@@ -3,6 +3,7 @@
 // Both panic where nothing can be written; `output` has its own.
 #![warn(clippy::print_stdout, clippy::print_stderr)]
 
+mod lines;
 #[macro_use]
 mod output;
 

@@ -12,6 +12,7 @@ use serde::Serialize;
 use serde_json::json;
 use terminal_size::{Width, terminal_size_of};
 
+use super::lines::{for_terminal, with_short_middle, with_short_numbers, wrapped};
 use crate::Note;
 use crate::files::remove_temporaries;
 use crate::internals::{FileError, visible};
@@ -41,33 +42,6 @@ pub fn print(text: Arguments) -> Result<(), RunError> {
     unless_closed(written.map_err(RunError::io(Path::new("stdout"))))
 }
 
-/// A text whose sentences of more than some columns go on in lines that are indented by two more; rows of a table, which have
-/// wide gaps, stay whole.
-fn wrapped(text: &str, columns: usize) -> String {
-    let lines = text.split('\n').map(|line| {
-        let words = line.trim_start();
-        if line.chars().count() <= columns || words.contains("  ") {
-            return line.to_owned();
-        }
-        let indent = line.len() - words.len();
-        let (mut lines, mut used) = (line[..indent].to_owned(), indent);
-        for (index, word) in words.split(' ').enumerate() {
-            let length = word.chars().count();
-            if index > 0 && used + 1 + length > columns {
-                lines += &format!("\n{}", " ".repeat(indent + 2));
-                used = indent + 2;
-            } else if index > 0 {
-                lines.push(' ');
-                used += 1;
-            }
-            lines += word;
-            used += length;
-        }
-        lines
-    });
-    lines.collect::<Vec<_>>().join("\n")
-}
-
 /// Stdout. A terminal gets lines as it may show them, a file or another program every character.
 pub fn stdout() -> Box<dyn Write> {
     let out = std::io::stdout().lock();
@@ -92,12 +66,6 @@ impl<W: Write> Write for ForTerminal<W> {
     }
 }
 
-/// Lines as a terminal may show them; see [`visible`].
-fn for_terminal(text: &str) -> String {
-    let line = |line: &str| line.split('\t').map(visible).collect::<Vec<_>>().join("\t");
-    text.split('\n').map(line).collect::<Vec<_>>().join("\n")
-}
-
 /// Takes a closed pipe for the wish to read no more, as of `head`: no error.
 pub fn unless_closed(written: Result<(), RunError>) -> Result<(), RunError> {
     match written {
@@ -108,39 +76,6 @@ pub fn unless_closed(written: Result<(), RunError>) -> Result<(), RunError> {
         }
         written => written,
     }
-}
-
-/// Longest sentence in characters, above a path of the longest that systems take.
-const LONGEST: usize = 5_000;
-/// Digits of a number that are printed whole; `f64` has 17 that count.
-const DIGITS: usize = 40;
-
-/// A text whose longer runs of digits are cut: 1e300 prints 301 of them.
-fn with_short_numbers(text: &str) -> String {
-    let (mut short, mut rest) = (String::with_capacity(text.len()), text);
-    while let Some(start) = rest.find(|c: char| c.is_ascii_digit()) {
-        let digits = &rest[start..];
-        let length = digits.find(|c: char| !c.is_ascii_digit()).unwrap_or(digits.len());
-        let shown = if length > DIGITS { 12 } else { length };
-        short += &rest[..start + shown];
-        if length > DIGITS {
-            short += &format!("… ({length} digits)");
-        }
-        rest = &digits[length..];
-    }
-    short + rest
-}
-
-/// A sentence without its middle where it is long: names in files may have any length.
-fn with_short_middle(text: &str) -> String {
-    let count = text.chars().count();
-    if count <= LONGEST {
-        return text.to_owned();
-    }
-    let (head, tail) = (2 * LONGEST / 3, LONGEST / 4);
-    let start: String = text.chars().take(head).collect();
-    let end: String = text.chars().skip(count - tail).collect();
-    format!("{start}… ({} characters) …{end}", count - head - tail)
 }
 
 /// Writes a line to stderr; where that cannot be written, the work goes on. Control characters are spelled
@@ -473,15 +408,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_sentences_go_on_in_indented_lines_and_rows_of_tables_stay_whole() {
-        let text = "one two three\n  four five six\nname     gain %   M-SOG\n";
-        let want = "one two\n  three\n  four\n    five\n    six\nname     gain %   M-SOG\n";
-        assert_eq!(wrapped(text, 8), want);
-        assert_eq!(wrapped(text, 25), text);
-        assert_eq!(wrapped("a_word_that_is_too_long b", 8), "a_word_that_is_too_long\n  b");
-    }
-
-    #[test]
     fn a_line_of_progress_has_the_time_left() {
         let took = Duration::from_secs(30);
         // Thirty seconds for a quarter: ninety for the rest.
@@ -492,23 +418,9 @@ mod tests {
     }
 
     #[test]
-    fn a_long_name_is_cut_out_of_a_sentence_and_hidden_characters_are_spelled() {
-        let told = with_short_middle(&format!(
-            "a.json: `{}` is no name; give another",
-            "é".repeat(90_000)
-        ));
-        assert!(told.starts_with("a.json: `éé") && told.ends_with("é` is no name; give another"));
-        assert!(told.chars().count() < LONGEST && told.contains("é… (8"), "{}", told.len());
-        assert_eq!(with_short_middle("short"), "short");
+    fn hidden_characters_are_spelled_out_on_a_terminal() {
         let mut shown = ForTerminal(Vec::new());
         shown.write_all("a\u{202e}b\tc\nd\u{1b}[0m\n".as_bytes()).unwrap();
         assert_eq!(shown.0, b"a\\u{202e}b\tc\nd\\u{1b}[0m\n");
-    }
-
-    #[test]
-    fn numbers_of_hundreds_of_digits_are_cut() {
-        let told = with_short_numbers(&format!("x = {}; give less than 100.25", 1e300));
-        assert_eq!(told, "x = 100000000000… (301 digits); give less than 100.25");
-        assert_eq!(with_short_numbers("é 12"), "é 12");
     }
 }

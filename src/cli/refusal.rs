@@ -137,7 +137,7 @@ fn unknown_command(error: &clap::Error, program: &Command, command: &Command) ->
     (!names.is_empty()).then(|| format!("there is no command `{given}`; did you mean {names}?"))
 }
 
-/// A study of no kind: every kind, those that are commands of their own among them.
+/// Refusal of an unknown kind of study, with the names of all kinds.
 fn unknown_study(error: &clap::Error, command: &Command) -> Option<String> {
     let named = |kind| match error.get(kind) {
         Some(ContextValue::String(text)) => Some(text.as_str()),

@@ -312,7 +312,15 @@ pub fn peak_memory() -> Option<u64> {
 const PLAIN_IN_WORDS: &str = "the same sensors as without a search, level in the middle of their mounts or evenly around \
                               their edges";
 
-/// Result of a run and its folder as text: words first, then what is seen, then scores with requirements, then the rest.
+/// Range card and near field of the result; empty where nobody looked.
+fn seen_text(record: &RunRecord) -> String {
+    let card = record.best.as_ref().and_then(|best| best.scores.range_card.as_ref());
+    let card = card.map(range_card_text);
+    let near = record.near_field.as_ref().map(NearRecord::in_words);
+    card.into_iter().chain(near).map(|part| part + "\n").collect()
+}
+
+/// Result of a run and its folder as text: verdict, range card, near field, scores with requirements, then the rest.
 pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     let mut text = String::new();
     let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
@@ -322,12 +330,7 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     if let Some(words) = spread_in_words(record) {
         text += &format!("{words}\n\n");
     }
-    if let Some(card) = record.best.as_ref().and_then(|best| best.scores.range_card.as_ref()) {
-        text += &format!("{}\n", range_card_text(card));
-    }
-    if let Some(near) = &record.near_field {
-        text += &format!("{}\n", near.in_words());
-    }
+    text += &seen_text(record);
     text += &format!(
         "{}: maximizing {} over {} frame(s){}\n",
         record.scene,

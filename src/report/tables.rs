@@ -79,8 +79,8 @@ pub fn near_field_csv(all: &[NearField]) -> String {
     csv(rows)
 }
 
-/// A row a place of a target and frame: beams on it, those of each LiDAR, and for its bearing the farthest distance of
-/// detection and all runs of distances.
+/// Beams on targets, a row for each place and frame: all beams, beams of each LiDAR, and at the bearing the farthest
+/// distance of detection and every run of distances.
 pub fn targets_csv(table: &TargetTable) -> String {
     let first = titles(&[
         "scene", "frame", "placement", "target", "bearing_deg", "distance_m", "beams",

@@ -38,19 +38,20 @@ struct OfRun {
 
 /// Sentence on sides of the vehicle without any ground that is seen; empty where there is none.
 fn unseen_in_words(near: &NearField) -> String {
-    let (mut none, mut some) = (Vec::new(), Vec::new());
+    let (mut sides, mut lanes) = (Vec::new(), Vec::new());
     for (side, _) in near.zone.depths().into_iter().filter(|(_, depth)| depth.is_none()) {
-        let lanes = near.zone.lanes.iter().filter(|lane| lane.side == side);
-        let blind = lanes.clone().filter(|lane| lane.depth.is_none()).count();
-        match lanes.count() {
-            all if all == blind => none.push(side),
-            all => some.push(format!("in {blind} of {all} lanes {side}")),
+        let of_side = near.zone.lanes.iter().filter(|lane| lane.side == side);
+        let (blind, all) =
+            (of_side.clone().filter(|lane| lane.depth.is_none()).count(), of_side.count());
+        match blind == all {
+            true => sides.push(side.to_owned()),
+            false => lanes.push(format!("in {blind} of {all} lanes {side}")),
         }
     }
-    let no_ground = |places: &str| format!("no ground is seen within {NEAR} m {places}");
-    let each = (!none.is_empty()).then(|| no_ground(&none.join(" and "))).into_iter();
+    let places = [sides.join(" and "), lanes.join(" and ")];
+    let each = places.iter().filter(|places| !places.is_empty());
     let each: Vec<String> =
-        each.chain((!some.is_empty()).then(|| no_ground(&some.join(" and ")))).collect();
+        each.map(|places| format!("no ground is seen within {NEAR} m {places}")).collect();
     if each.is_empty() { String::new() } else { format!("BLIND ZONE: {}. ", each.join("; ")) }
 }
 

@@ -135,9 +135,7 @@ fn site_of(
         // A file that is neither is told as a scene.
         let alone = Files::told_apart(std::slice::from_ref(&request.scene)).ok();
         if let Some(file) = alone.and_then(|files| files.placements) {
-            let scene = Scene::level_ground(vehicle)?;
-            scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
-            opening::note_frames_on_level_ground(request.frames, watcher);
+            let scene = opening::level_ground(vehicle, request.frames, watcher)?;
             return Ok((scene, Some(rig_path(&file)?)));
         }
     }
@@ -256,14 +254,9 @@ pub fn targets(
     let (mut table, mut looked_at) = (TargetTable::default(), Vec::new());
     watcher.listen(GRACE);
     if let Some(vehicle) = computing.vehicle.as_deref().filter(|_| scenes.is_empty()) {
-        opening::note_frames_on_level_ground(Some(request.frames), watcher);
-        table = on_level_ground(
-            &question,
-            receiving.clone(),
-            vehicle,
-            (&file, &placements),
-            computing,
-        )?;
+        let scene = opening::level_ground(vehicle, Some(request.frames), watcher)?;
+        let given = (&*file, &*placements);
+        table = on_level_ground(&question, receiving.clone(), &scene, given, computing)?;
     }
     for scene in scenes.iter().take_while(|_| watcher.goes_on()) {
         let given = (&*file, &*placements);
@@ -296,19 +289,17 @@ pub fn targets(
     Ok(TargetsFound { over, wrote, targets, beams, of_frames, conditions, table })
 }
 
-/// Table of placements of a file on level ground, with the vehicle of another.
+/// Table of placements of a file on level ground.
 fn on_level_ground(
     question: &TargetQuestion,
     receiving: Option<Receiving>,
-    vehicle: &Path,
+    ground: &Scene,
     (file, placements): (&Path, &[Placement]),
     computing: &Computing<'_>,
 ) -> Result<TargetTable, RunError> {
     let (watcher, mut placements) = (computing.watcher, placements.to_vec());
-    let scene = Scene::level_ground(vehicle)?;
-    scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
-    let site = TargetSite::of_vehicle(&scene)?.receiving(receiving);
-    Given::new(file, site.sensors(), &scene.rules(), computing).whole(&mut placements)?;
+    let site = TargetSite::of_vehicle(ground)?.receiving(receiving);
+    Given::new(file, site.sensors(), &ground.rules(), computing).whole(&mut placements)?;
     let bar = watcher.bar(placements.len() as u64, Some("placements"));
     let mut table = TargetTable::default();
     for placement in placements.iter().take_while(|_| watcher.goes_on()) {

@@ -342,8 +342,7 @@ impl<'a> Given<'a> {
         Ok(())
     }
 
-    /// Checks, once all placements were looked at, that each choice of `--sensor` meets a LiDAR; notes those that change
-    /// nothing.
+    /// Checks that each choice of `--sensor` meets a LiDAR of the placements looked at; notes choices that change nothing.
     ///
     /// # Errors
     /// The index of a LiDAR that no placement has.

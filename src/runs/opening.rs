@@ -7,6 +7,7 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use crate::Note;
+use crate::files::Input;
 use crate::job::{Job, JobError, JobFiles, JobScene};
 use crate::problem::StageTimes;
 use crate::psog::{Psog, PsogError};
@@ -152,6 +153,12 @@ fn note_psog(psog: &Psog, scene: &Scene, watcher: &dyn Watcher) {
 }
 
 impl Loaded {
+    /// Files of all scenes with their digests.
+    pub fn inputs(&self) -> Result<Vec<Input>, RunError> {
+        let each = self.job.scenes().iter().map(|scene| Input::of(scene.scene().files()));
+        Ok(each.collect::<Result<Vec<_>, _>>()?.concat())
+    }
+
     /// Poses the job, and tells the size of its scenes as detail.
     pub fn suite(&mut self, computing: &Computing<'_>) -> Result<Suite, RunError> {
         let (start, watcher) = (Instant::now(), computing.watcher);
@@ -223,8 +230,20 @@ pub fn note_frames(scene: &Scene, wanted: Option<u32>, watcher: &dyn Watcher) {
     }
 }
 
+/// Level ground around the vehicle of a file, with its notes.
+pub fn level_ground(
+    vehicle: &Path,
+    frames: Option<u32>,
+    watcher: &dyn Watcher,
+) -> Result<Scene, RunError> {
+    let scene = Scene::level_ground(vehicle)?;
+    scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
+    note_frames_on_level_ground(frames, watcher);
+    Ok(scene)
+}
+
 /// Notes that `--frames` is more than the one frame of level ground.
-pub fn note_frames_on_level_ground(wanted: Option<u32>, watcher: &dyn Watcher) {
+fn note_frames_on_level_ground(wanted: Option<u32>, watcher: &dyn Watcher) {
     if let Some(wanted) = wanted.filter(|wanted| *wanted > 1) {
         watcher
             .note(&format!("--frames {wanted}: without a scene there is one frame, level ground"));

@@ -14,7 +14,7 @@ use super::inputs::{note_repeated, note_unpriced};
 use super::opening::LoadTimes;
 use super::{Bar, Computing, GRACE, RunError, Watcher, opening, outputs};
 use crate::export::GltfView;
-use crate::files::{Input, RunDir, Session, holds_run, read_own};
+use crate::files::{RunDir, Session, holds_run, read_own};
 use crate::job::{Job, JobError, JobRun, JobState, JobStep};
 use crate::problem::Content;
 use crate::report::record::peak_memory;
@@ -66,10 +66,9 @@ pub fn optimize(
     let time = length.map(|length| TimeLimit { start, length });
     let mut loaded = opening::job_within(&begun.files, time, computing)?;
     loaded.suite(computing)?;
-    let mut inputs = Vec::new();
+    let inputs = loaded.inputs()?;
     for scene in loaded.job.scenes() {
         opening::note_frames(scene.scene(), request.frames, computing.watcher);
-        inputs.extend(Input::of(scene.scene().files())?);
     }
     check_before(request, computing)?;
     if let Start::New(new) = &request.start {

@@ -82,38 +82,34 @@ const ENDINGS: [&str; 25] = [
 /// Checks, before work begins, that a file can be written and does not have the ending of another format than `ending`.
 pub(super) fn check_file(path: &Path, ending: &str) -> Result<(), RunError> {
     writable_file(path)?;
-    let given = path.extension().map(|given| given.to_string_lossy().to_ascii_lowercase());
-    let other = given.filter(|given| given != ending && ENDINGS.contains(&&**given));
-    if other.is_some() && !is_sink(&target(path)?) {
-        return Err(RunError::Usage(format!(
-            "--out {}: is written as {}; give it the ending .{ending}",
-            path.display(),
-            ending.to_uppercase()
-        )));
-    }
-    Ok(())
+    check_ending(path, ending, &[])
 }
 
-/// Refuses the ending of another format for a table that is printed or written in one.
+/// Refuses the ending of another format for a table that is written in one.
 pub(super) fn check_table(path: &Path, format: TableFormat) -> Result<(), RunError> {
     let ending = match format {
         TableFormat::Text => "txt",
         TableFormat::Json => "json",
         TableFormat::Csv => "csv",
     };
+    check_ending(path, ending, &["csv", "json"])
+}
+
+/// Refuses a file with the ending of another format than `ending`; some are `formats` of the command.
+fn check_ending(path: &Path, ending: &str, formats: &[&str]) -> Result<(), RunError> {
     let given = path.extension().map(|given| given.to_string_lossy().to_ascii_lowercase());
-    let Some(given) = given.filter(|given| given != ending && ENDINGS.contains(&&**given)) else {
-        return Ok(());
-    };
+    let other = given.filter(|given| given != ending && ENDINGS.contains(&&**given));
+    let Some(other) = other else { return Ok(()) };
     if is_sink(&target(path)?) {
         return Ok(());
     }
-    let format = ["csv", "json"].contains(&&*given).then(|| format!("--format {given}, or "));
+    let mend = match formats.contains(&&*other) {
+        true => format!("--format {other}, or"),
+        false => "it".to_owned(),
+    };
+    let (path, written) = (path.display(), ending.to_uppercase());
     Err(RunError::Usage(format!(
-        "--out {}: is written as {}; give {}the ending .{ending}",
-        path.display(),
-        ending.to_uppercase(),
-        format.unwrap_or_default()
+        "--out {path}: is written as {written}; give {mend} the ending .{ending}"
     )))
 }
 

@@ -14,7 +14,7 @@ use crate::files::{Session, write_whole};
 use crate::job::{Job, Room, RoomSteps, Sweep, SweptField, moves_of};
 use crate::report::study::sweep_plot;
 use crate::scan::conditions::{Condition, in_words};
-use crate::scene::{Scene, Target};
+use crate::scene::Target;
 use crate::search::Evaluator;
 use crate::shared::{Overlap, Redundancy, redundancy_question};
 use crate::vehicle::{Placement, read_placements};
@@ -353,9 +353,7 @@ impl OpenJob {
         let (watcher, mut placements) = (computing.watcher, read_placements(file)?);
         let mut loaded = match (scenes, &computing.vehicle) {
             ([], Some(vehicle)) => {
-                let scene = Scene::level_ground(vehicle)?;
-                scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
-                opening::note_frames_on_level_ground(request.frames, watcher);
+                let scene = opening::level_ground(vehicle, request.frames, watcher)?;
                 let job = Job::new(scene).conditions(&request.conditions);
                 let job = job.engine(computing.engine.clone());
                 Loaded { job, times: LoadTimes::default() }

@@ -54,7 +54,7 @@ impl Suite {
     }
 }
 
-/// Scores a result and a baseline at [`DRAWS`] draws that follow that of the search; `None` once `go_on`, which is asked before
+/// Scores a result and a baseline at [`DRAWS`] draws after the one of the search; `None` once `go_on`, which is asked before
 /// every few frames, says no.
 pub(super) fn check(
     suite: &Suite,

@@ -8,7 +8,7 @@ use super::error::SearchError;
 use crate::problem::{Entropy, Modelled, Problem, spread};
 use crate::vehicle::{Constraints, Placement};
 
-/// Draw of a search, counted from that of scores.
+/// Random draw of a search, counted from the draw that scores have.
 pub(super) const SEARCHING: u64 = 1;
 
 /// One scene of a [`Suite`], or its mirror image.

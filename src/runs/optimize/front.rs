@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::request::{Begun, NewRun, command};
 use super::{BETWEEN_CHECKPOINTS, Bars, TIMES, priced};
-use crate::files::{FileError, Input, RunDir, Session, command_of as command_in, read_own};
+use crate::files::{FileError, RunDir, Session, command_of as command_in, read_own};
 use crate::job::{Front, FrontObjective, FrontObjectives, FrontState, FrontStopped, Job};
 use crate::report::front::front_plot;
 use crate::report::words::word;
@@ -99,10 +99,7 @@ pub fn front(
     let time = max_seconds.map(|s| TimeLimit { start, length: Duration::from_secs_f64(s) });
     let mut loaded = opening::job_within(&saved.begun.files, time, computing)?;
     loaded.suite(computing)?;
-    let mut inputs = Vec::new();
-    for scene in loaded.job.scenes() {
-        inputs.extend(Input::of(scene.scene().files())?);
-    }
+    let inputs = loaded.inputs()?;
     let job = loaded.job.search(saved.settings.clone());
     let job = job.engine(computing.engine.clone()).within(time);
     job.check_front(&saved.objectives)?;

@@ -230,19 +230,22 @@ impl<S> RunDir<S> {
     }
 }
 
+/// Looks at the checkpoint of the run in a folder; `None` where it holds none, or one that cannot be read.
+fn look_at<T>(path: &Path, look: impl FnOnce(Checkpoint) -> Option<T>) -> Option<T> {
+    let text = String::from_utf8(read_own(&path.join(CHECKPOINT), MOST_BYTES).ok()?).ok()?;
+    look(serde_json::from_str(&text).ok()?)
+}
+
 /// Command whose run a folder holds; `None` where it holds none, or one that cannot be read.
 pub fn command_of(path: &Path) -> Option<String> {
-    let text = String::from_utf8(read_own(&path.join(CHECKPOINT), MOST_BYTES).ok()?).ok()?;
-    let saved: Checkpoint = serde_json::from_str(&text).ok()?;
-    Some(saved.command.to_owned())
+    look_at(path, |saved| Some(saved.command.to_owned()))
 }
 
 /// First file that the run in a folder began with and that is another one now, or gone; `None` without a run, too.
 pub fn changed_input(path: &Path) -> Option<PathBuf> {
-    let text = String::from_utf8(read_own(&path.join(CHECKPOINT), MOST_BYTES).ok()?).ok()?;
-    let saved: Checkpoint = serde_json::from_str(&text).ok()?;
-    let is_changed = |input: &&Input| Input::read(input.file()).ok().as_ref() != Some(input);
-    saved.inputs.iter().find(is_changed).map(|input| input.file().to_owned())
+    let is_changed = |input: &Input| Input::read(input.file()).ok().as_ref() != Some(input);
+    let changed = look_at(path, |saved| saved.inputs.into_iter().find(is_changed));
+    changed.map(|input| input.file().to_owned())
 }
 
 /// True if a folder holds a run, finished or not.

@@ -427,4 +427,25 @@ mod tests {
             assert!(told.contains(word), "{word}: {told}");
         }
     }
+
+    #[test]
+    fn copies_in_one_place_and_steps_of_kilometres_are_doubted() {
+        let box_ = r#"{"class": "vehicle", "box": {"min": [-2, -1, 0], "max": [2, 1, 1.5]}"#;
+        let route = r#""route": {"points": [[0, 8], [10, 8]], "spacing": 1000}"#;
+        let actor = format!(
+            r#", "actors": [{{"parts": [{box_}, "repeat": {{"count": 5, "step": [0, 0, 0]}}}}], {route}}}]"#
+        );
+        let text = format!(
+            r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
+            "lidar": {LIDAR}, "mount": {ROOF}, "frames": 3{actor}}}"#
+        );
+        let scene = Scene::from_json(&text, std::path::Path::new(""), "s.json").unwrap();
+        let told = scene.notes().iter().map(Note::text).collect::<Vec<_>>().join("\n");
+        for word in [
+            "actors[0].parts[0].repeat.step: 0 m, so that all 5 copies stand in one place",
+            "actors[0].route.spacing is 1000 m from frame to frame",
+        ] {
+            assert!(told.contains(word), "{word}: {told}");
+        }
+    }
 }

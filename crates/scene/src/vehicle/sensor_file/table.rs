@@ -99,15 +99,8 @@ pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, Descript
         pattern::unknown_or_slip(at, &table.rest, PASSED, READ).into_iter().collect();
     notes.extend(offsets_in_radians(&at.key("azimuth_offset_deg"), &offsets));
     notes.extend(pattern::rated_too_far(at, &measures, "range"));
-    // A sentence for people; no program can be sure of its meaning.
-    notes.extend(table.azimuth_sign.filter(|_| offsets.iter().any(|offset| *offset != 0.0)).map(|sentence| {
-        let sentence: String = sentence.to_string().chars().take(120).collect();
-        Note::fact(format!(
-            "{}: {sentence}; offsets count counter-clockwise here, unless the scene says `\"azimuth_offsets\": \
-             \"clockwise\"`.",
-            at.key("azimuth_sign")
-        ))
-    }));
+    let sign = table.azimuth_sign.filter(|_| offsets.iter().any(|offset| *offset != 0.0));
+    notes.extend(sign.map(|sentence| sign_note(&at.key("azimuth_sign"), &sentence)));
     Ok(SensorPattern {
         model,
         azimuth_steps: steps.transpose()?,
@@ -116,6 +109,15 @@ pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, Descript
         notes,
         ..SensorPattern::new(SensorFormat::Table, beams)
     })
+}
+
+/// Note on the sign of azimuth offsets: a sentence for people, of whose meaning no program can be sure.
+fn sign_note(at: &Location, sentence: &Value) -> Note {
+    let sentence: String = sentence.to_string().chars().take(120).collect();
+    Note::fact(format!(
+        "{at}: {sentence}; offsets count counter-clockwise here, unless the scene says `\"azimuth_offsets\": \
+         \"clockwise\"`."
+    ))
 }
 
 /// A doubt about azimuth offsets that are all so small that they are most likely radians.
