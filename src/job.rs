@@ -6,6 +6,7 @@
 //! | `search` | the search of a job step by step: sensors for the money, placements, own body |
 //! | `files` | a job as its files and options say it, to be saved and repeated |
 //! | `sweep` | one pose field of one LiDAR moved through a range |
+//! | `loss` | a placement without each of its LiDARs in turn |
 //! | `room` | how far each pose field may be off until a requirement breaks |
 //! | `front` | the front of two or three objectives |
 //! | `holds` | requirements in copies that are mounted a little off |
@@ -17,6 +18,7 @@ mod error;
 mod files;
 mod front;
 mod holds;
+mod loss;
 mod room;
 mod scene;
 mod search;
@@ -44,6 +46,8 @@ pub use front::{
     FRONT_EVALUATIONS, Front, FrontError, FrontObjective, FrontObjectives, FrontPoint, FrontState,
     FrontStopped, Pick,
 };
+pub(crate) use loss::without;
+pub use loss::{Loss, Losses};
 pub use room::{
     MOST_ABOUT, MOST_TILT, Room, RoomOfCopies, RoomOfField, RoomOfSide, RoomOfTilt, RoomSteps,
     TiltedTo, moves_of,

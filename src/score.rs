@@ -346,6 +346,11 @@ impl Scores {
         [self.required.iter().filter(|seen| seen.is_met()).count(), self.required.len()]
     }
 
+    /// Guards that are reasons not to believe the scores.
+    pub fn doubts(&self) -> usize {
+        self.guards.iter().filter(|guard| guard.is_doubt()).count()
+    }
+
     /// Missing share of the requirements, summed.
     pub fn missing(&self) -> f64 {
         self.required.iter().map(|seen| (seen.least - seen.share).max(0.0)).sum()

@@ -69,7 +69,13 @@ fn sensors_are_chosen_for_the_money_and_put_where_they_may_stand() {
     let page = fs::read_to_string(dir.path().join("rich/report.html")).unwrap();
     let at = |heading: &str| page.find(heading).unwrap_or_else(|| panic!("no {heading}"));
     let order = [
-        "Range card<", "The placement<", "Overlap of the LiDARs<", "Warnings<", "How to repeat it<",
+        "Range card<",
+        "The placement<",
+        "Seen by how many LiDARs<",
+        "If one LiDAR fails<",
+        "Overlap of the LiDARs<",
+        "Warnings<",
+        "How to repeat it<",
     ];
     assert!(order.map(at).is_sorted(), "{:?}", order.map(at));
     let words = rich["phases"]["words"].as_str().unwrap();

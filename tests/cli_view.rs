@@ -129,3 +129,57 @@ fn the_command_of_a_page_repeats_the_run() {
         |run: &str| fs::read_to_string(dir.path().join(run).join("history.jsonl")).unwrap();
     assert_eq!(history("a"), history("b"), "{shell}");
 }
+
+/// Text between the tags of a section of a page, cells apart by `|`.
+fn section(page: &str, id: &str) -> String {
+    let from = page.split_once(&format!("id=\"{id}\"")).map_or("", |(_, rest)| rest);
+    let section = from.split_once("</section>").map_or("", |(section, _)| section);
+    let mut text = String::new();
+    for part in section.split('<') {
+        let (tag, words) = part.split_once('>').unwrap_or(("", part));
+        text += if tag.starts_with("td") || tag.starts_with("th ") { "|" } else { "" };
+        text += words;
+    }
+    text
+}
+
+#[test]
+fn a_page_has_the_numbers_of_the_studies_on_several_lidars() {
+    let dir = TempDir::new().unwrap();
+    yard(dir.path());
+    let lidar = |x: f64, pitch: f64| json!({ "x": x, "y": 0.0, "z": 2.0, "pitch": pitch });
+    let pair = json!({ "placements": [{ "name": "pair", "lidars": [lidar(1.2, 0.1), lidar(-1.2, 0.0)] }] });
+    fs::write(dir.path().join("pair.json"), pair.to_string()).unwrap();
+    let done = |args: &[&str]| {
+        let run = sightline(dir.path(), &[args, &["--backend", "cpu"]].concat());
+        assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));
+        String::from_utf8(run.stdout).unwrap()
+    };
+    done(&["view", "yard.json", "pair.json", "--out", "v.html", "--figures", "figures"]);
+    let page = fs::read_to_string(dir.path().join("v.html")).unwrap();
+    let told = section(&page, "redundancy");
+    let study = done(&["study", "redundancy", "yard.json", "pair.json"]);
+    let rows = study.lines().skip(2).filter(|line| !line.is_empty());
+    let cells = |line: &str| {
+        line.split("  ").map(str::trim).filter(|c| !c.is_empty()).collect::<Vec<_>>().join("|")
+    };
+    let rows: Vec<String> = rows.map(cells).collect();
+    assert!(rows.len() >= 7, "{study}");
+    rows.iter().for_each(|row| assert!(told.contains(row), "{row} of {told}"));
+    let told = section(&page, "lost");
+    let csv =
+        done(&["study", "loss", "yard.json", "pair.json", "--format", "csv", "--out", "loss"]);
+    let values: Vec<&str> = csv.lines().nth(1).unwrap().split(',').collect();
+    for (lidar, value) in values[3..5].iter().enumerate() {
+        let row = format!("|LiDAR {lidar}|{:.2}|", value.parse::<f64>().unwrap());
+        assert!(told.contains(&row), "{row} of {told}");
+    }
+    assert!(told.contains("without LiDAR 0: all round") || told.contains("|360"), "{told}");
+    let map = fs::read_to_string(dir.path().join("figures/lidars-yard.svg")).unwrap();
+    assert!(map.contains("LiDARs that see a column, mean of 3 frame(s)"), "{map}");
+    assert!(page.contains("Columns by the number of LiDARs that see them"));
+    // One LiDAR has no other to be compared with.
+    done(&["view", "yard.json", "two.json:high", "--out", "one.html"]);
+    let one = fs::read_to_string(dir.path().join("one.html")).unwrap();
+    assert!(!one.contains("id=\"lost\"") && !one.contains("id=\"redundancy\""));
+}

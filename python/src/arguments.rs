@@ -52,6 +52,7 @@ macro_rules! maybe_whole_numbers {
 }
 
 whole_numbers! {
+    beams = "beams": u32, 1, u32::MAX;
     count = "count": usize, 0, MOST;
     drawn = "n": usize, 0, MOST;
     evaluations = "evaluations": u64, 1, u64::MAX;
@@ -63,6 +64,7 @@ whole_numbers! {
     random = "random": usize, 0, MOST;
     sample = "sample": u64, 0, MOST;
     seed = "seed": u64, 0, u64::MAX;
+    study_random = "random": u32, 2, 100_000;
     steps = "steps": u32, 1, 1000;
     counted_frames = "frames": u32, 0, u32::MAX;
     verified_frames = "frames": u32, 1, u32::MAX;
@@ -72,6 +74,7 @@ maybe_whole_numbers! {
     azimuth_steps = "azimuth_steps": u32, 1, 100_000;
     frames = "frames": u32, 1, u32::MAX;
     memory = "memory": u64, 1, u64::MAX;
+    of_frames = "of_frames": u32, 1, u32::MAX;
     population = "population": usize, 4, 10_000;
     window = "window": u32, 0, u32::MAX;
 }

@@ -138,8 +138,7 @@ impl<'a> Rules<'a> {
 
     /// True if a placement keeps every rule of the mounts, meets all requirements, and no guard doubts its scores.
     fn are_met(&self, placement: &Placement, scores: &Scores) -> bool {
-        let is_doubted = scores.guards.iter().any(|guard| guard.is_doubt());
-        !is_doubted && scores.missing() == 0.0 && self.are_kept(placement)
+        scores.doubts() == 0 && scores.missing() == 0.0 && self.are_kept(placement)
     }
 
     /// True if a placement keeps every rule of the mounts, with as many LiDARs on each as it holds.

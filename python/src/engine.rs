@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sightline::engine::{EngineChoice, EngineKind};
 use sightline::near_field::{FEW_PLACEMENTS, NearSite};
+use sightline::problem::spread;
 use sightline::scan::conditions::Condition;
 use sightline::scan::{ScanError, Stage};
 use sightline::{Evaluator, Job, Placement, Problem, Psog, Scene, Scores};
@@ -154,6 +155,11 @@ impl Built {
         let job = job.engine(options.engine.clone());
         let (stage, evaluator, frames) = (OnceLock::new(), Kept::default(), Mutex::default());
         Self { scene, options, job, stage, evaluator, frames }
+    }
+
+    /// Numbers of the frames that scores are means over.
+    pub fn scored_frames(&self) -> Vec<usize> {
+        spread(self.scene.frame_count(), self.options.frames)
     }
 
     /// The trees that scans share.

@@ -19,6 +19,7 @@
 //! | `questions` | studies of one placement as methods of a scene |
 //! | `targets` | beams on targets, range cards, redundancy and overlap |
 //! | `front` | the front of objectives |
+//! | `studies` | studies that take many runs |
 
 mod arguments;
 mod arrays;
@@ -39,6 +40,7 @@ mod scenes;
 mod search;
 mod sensors;
 mod space;
+mod studies;
 mod targets;
 mod wait;
 
@@ -100,6 +102,8 @@ mod _native {
     use super::sensors::{PySensor, PyVehicle};
     #[pymodule_export]
     use super::space::PySpace;
+    #[pymodule_export]
+    use super::studies::study_table;
     #[pymodule_export]
     use super::{main, set_threads};
 

@@ -3,7 +3,9 @@
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use sightline::job::{MOST_ABOUT, MOST_TILT, RoomSteps, Sweep, SweptField, moves_of};
+use sightline::near_field::NearSite;
 use sightline::shared::LEAST_SHARED;
+use sightline::targets::TargetQuestion;
 
 use crate::arguments;
 use crate::arrays::{shaped, to_python};
@@ -90,6 +92,89 @@ impl PyScene {
         let built = self.built.clone();
         let found =
             interruptible(py, move |watch| built.redundancy(&question, &placement, watch))??;
+        to_python(py, &found)
+    }
+
+    /// Ground near the vehicle that one placement sees, as a `dict` with the row that `sightline study nearfield` prints:
+    /// `near_field` and `ring` (shares of the ground within 10 m and 3 m), `blind_area` in m², `zone` with the depth of the blind zone in metres
+    /// `ahead`, `behind`, `left` and `right` (`None`: beyond 10 m) and its lanes, `poles` of standards, and `beams` by LiDAR.
+    /// Means over the scored frames. Raises `ValueError` for a scene without geometry or own body.
+    #[pyo3(signature = (poses, *, sensors = None, phases = None))]
+    fn near_field<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
+        let built = self.built.clone();
+        let found = interruptible(py, move |watch| {
+            built.evaluate(watch, |evaluator| {
+                let site = NearSite::new(&built.scene, &evaluator.shared_problem());
+                let site = site.map_err(raised)?;
+                site.look(evaluator.backend_mut(), &placement).map_err(raised)
+            })
+        })??;
+        to_python(py, &found)
+    }
+
+    /// Beams of one placement on each target at each place, and distances of detection, as a `dict` with `rows` and
+    /// `detections` that `sightline study targets` prints. In the scored frames each target stands alone on the ground of
+    /// the scene, all that is there in the way; with `level` on level ground, as for `beams_on`. A target is detected with
+    /// `beams` or more in `of_frames` of the frames (all for `None`). Arguments and errors are those of `beams_on`.
+    #[pyo3(signature = (poses, targets, distances, bearings, *, beams = 5, of_frames = None, level = false, sensors = None,
+        phases = None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn detections<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        targets: &Bound<'py, PyAny>,
+        distances: &Bound<'py, PyAny>,
+        bearings: &Bound<'py, PyAny>,
+        #[pyo3(from_py_with = arguments::beams)] beams: u32,
+        #[pyo3(from_py_with = arguments::of_frames)] of_frames: Option<u32>,
+        level: bool,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
+        let frames = if level { 1 } else { self.built.scored_frames().len() };
+        let of_frames = of_frames.map_or(frames, |of| of as usize);
+        if of_frames > frames {
+            return Err(bad(format!(
+                "of_frames: is {of_frames}, more than the {frames} frame(s) that are looked at"
+            )));
+        }
+        let question = target_question(targets, distances, bearings)?;
+        let question = TargetQuestion { beams, of_frames, ..question };
+        let built = self.built.clone();
+        let found =
+            interruptible(py, move |watch| built.detections(&question, &placement, level, watch))??;
+        to_python(py, &found)
+    }
+
+    /// One placement with all its LiDARs and with each lost in turn, as a `dict`: `scores`, and `losses` with `lidar`,
+    /// `name`, `scores` of the others, `broken` (requirements that all together meet and the others do not) and
+    /// `blind` (sectors that are blind without it alone). `progress` as for `optimize`.
+    #[pyo3(signature = (poses, *, sensors = None, phases = None, progress = None))]
+    fn losses<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'py, PyAny>>,
+        progress: Option<Progress>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
+        let built = self.built.clone();
+        let found = watched(py, progress.unwrap_or_default(), move |watch| {
+            built.evaluate(watch, |evaluator| {
+                let go_on = &mut || watch.reach("losses", 0, placement.lidars.len());
+                built.job.losses_while(evaluator, &placement, go_on).map_err(raised)
+            })
+        })??;
         to_python(py, &found)
     }
 

@@ -9,7 +9,6 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use sightline::engine::NO_HIT;
 use sightline::internals::{Input, usual_placements};
-use sightline::problem::spread;
 use sightline::scan::BeamHits;
 use sightline::scene::EgoBody;
 use sightline::verify::{compared_frames, verify};
@@ -135,7 +134,7 @@ impl PyScene {
     /// Numbers of the frames that scores are means over, from 0, rising: all, or as many as `load` was told.
     #[getter]
     fn scored_frames(&self) -> Vec<usize> {
-        spread(self.frames(), self.built.options.frames)
+        self.built.scored_frames()
     }
 
     /// Frames a second.

@@ -5,7 +5,9 @@ use pyo3::prelude::*;
 use sightline::Placement;
 use sightline::scene::Target;
 use sightline::shared::{Overlap, REDUNDANCY_TARGETS, Redundancy, redundancy_question};
-use sightline::targets::{RangeCard, TargetQuestion, TargetRow, is_bearing, is_distance};
+use sightline::targets::{
+    GroundBelow, RangeCard, TargetQuestion, TargetRow, TargetTable, is_bearing, is_distance,
+};
 
 use crate::arguments::{self, room_for};
 use crate::arrays::{numbers, shape_in_words};
@@ -67,6 +69,10 @@ pub fn row(
     }
 }
 
+fn ends_at_nothing() -> PyErr {
+    bad("beams end at nothing in this scene; give it geometry and a body")
+}
+
 impl Built {
     /// Range card of a placement; `None` where beams end at nothing.
     pub fn range_card(&self, placement: &Placement) -> PyResult<Option<RangeCard>> {
@@ -104,12 +110,32 @@ impl Built {
         })
     }
 
+    /// Beams of a placement on each target at its places, and distances of detection; in the scored frames, or on `level`
+    /// ground.
+    pub fn detections(
+        &self,
+        question: &TargetQuestion,
+        placement: &Placement,
+        level: bool,
+        watch: &WorkMessages,
+    ) -> PyResult<TargetTable> {
+        let site = self.job.target_site().map_err(raised)?.ok_or_else(ends_at_nothing)?;
+        if level {
+            return question.on_level_ground(site, placement).map_err(|e| bad(e.to_string()));
+        }
+        let ground = GroundBelow::new(&self.scene);
+        self.evaluate(watch, |evaluator| {
+            let problem = evaluator.shared_problem();
+            let found =
+                question.in_scene(site, (&problem, &ground), evaluator.backend_mut(), placement);
+            Ok(found.map_err(raised)?.of_scene(self.scene.name()))
+        })
+    }
+
     /// Beams of a placement on each target at each bearing and distance on level ground, by LiDAR, in that order.
     pub fn beams_on(&self, question: &TargetQuestion, placement: &Placement) -> PyResult<Vec<u32>> {
         let site = self.job.target_site().map_err(raised)?;
-        let site = site.ok_or_else(|| {
-            bad("beams end at nothing in this scene; give it geometry and a body".to_owned())
-        })?;
+        let site = site.ok_or_else(ends_at_nothing)?;
         let table = question.on_level_ground(site, placement);
         let table = table.map_err(|unknown| bad(unknown.to_string()))?;
         Ok(table.rows.into_iter().flat_map(|row| row.by_lidar).collect())

@@ -219,23 +219,28 @@ fn heading(scene: &str, placement: &str, lidars: usize, frames: usize) -> String
     format!("{placement} in {scene}: {lidars} LiDARs, {frames} frame(s)")
 }
 
+/// Things that count, and the shares of them in per cent that no, one, two, three and more LiDARs see; titles first.
+pub(super) fn redundancy_rows(row: &Redundancy) -> Vec<Vec<String>> {
+    let titles = ["% seen by", "of", "0", "1", "2", "3+"].map(str::to_owned);
+    let alone = row.voxels.alone.iter().map(|alone| format!("{} alone", alone.sensor));
+    let mut rows = vec![titles.into_iter().chain(alone).collect::<Vec<_>>()];
+    rows.push(line("voxels, occupied".to_owned(), &row.occupied));
+    rows.push(line("voxels, all".to_owned(), &row.voxels));
+    let ground = [("ground to 3 m", &row.ground_3m), ("ground to 10 m", &row.ground_10m)];
+    for (name, seen) in ground {
+        rows.extend(seen.as_ref().map(|seen| line(name.to_owned(), seen)));
+    }
+    rows.extend(row.targets.iter().map(|of| line(of.target.clone(), &of.seen)));
+    rows
+}
+
 /// A table a placement and scene: things that count, and the shares of them that no, one, two, three and more LiDARs
 /// see.
 pub fn redundancy_text(all: &[&Redundancy]) -> String {
     let of = |row: &&Redundancy| {
-        let titles = ["% seen by", "of", "0", "1", "2", "3+"].map(str::to_owned);
-        let alone = row.voxels.alone.iter().map(|alone| format!("{} alone", alone.sensor));
-        let mut rows = vec![titles.into_iter().chain(alone).collect::<Vec<_>>()];
-        rows.push(line("voxels, occupied".to_owned(), &row.occupied));
-        rows.push(line("voxels, all".to_owned(), &row.voxels));
-        let ground = [("ground to 3 m", &row.ground_3m), ("ground to 10 m", &row.ground_10m)];
-        for (name, seen) in ground {
-            rows.extend(seen.as_ref().map(|seen| line(name.to_owned(), seen)));
-        }
-        rows.extend(row.targets.iter().map(|of| line(of.target.clone(), &of.seen)));
         let heading = heading(&row.scene, &row.placement, row.lidars.len(), row.frames);
         let technologies = row.technologies.as_ref().map(technologies_text).unwrap_or_default();
-        format!("{heading}\n{}{technologies}", align_columns(&rows))
+        format!("{heading}\n{}{technologies}", align_columns(&redundancy_rows(row)))
     };
     all.iter().map(of).collect::<Vec<_>>().join("\n")
 }

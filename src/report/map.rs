@@ -1,4 +1,4 @@
-//! Map of the information of a scene seen from above, and of the part that a placement gains.
+//! Maps of a scene seen from above: information with the part that a placement gains, and the LiDARs that see a column.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -21,7 +21,13 @@ const SIZE: f64 = 640.0;
 /// Steps of each of the two colour scales: information, and the share of it that is gained.
 const STEPS: u32 = 6;
 
-/// Information of a scene seen from above: nats in each column of voxels, and the nats that are gained.
+/// Numbers of LiDARs that are told apart: none, one, two, three and more.
+const NUMBERS: [&str; 4] = ["no LiDAR", "1", "2", "3 or more"];
+/// Colours of these.
+const NUMBER_COLOURS: [&str; 4] = ["#c9cfd6", "#e8a33d", "#5d9bd1", "#174a7c"];
+
+/// Information of a scene seen from above: nats in each column of voxels, the nats that are gained, and the LiDARs that
+/// cover a voxel of the column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InformationMap {
     cells: [u32; 2],
@@ -32,6 +38,10 @@ pub struct InformationMap {
     total: Vec<f64>,
     /// Σ c(v) H of a cell's voxels, in nats.
     gained: Vec<f64>,
+    /// Sum over frames of the LiDARs that cover an occupied voxel of a cell.
+    lidars: Vec<u32>,
+    /// Frames that were added.
+    frames: u32,
 }
 
 impl InformationMap {
@@ -50,13 +60,28 @@ impl InformationMap {
         for &frame in &frames {
             // Only the occupied voxels: the list of all that are covered is ten times as long.
             let bitmaps = engine.bitmaps(&placement.lidars, frame)?;
-            let covers = |voxel: u32| {
+            let is_set = |words: &[u64], voxel: u32| {
                 let bit = bitmaps.order.bit_of(voxel);
-                bitmaps.sensors().any(|words| words[bit as usize / 64] >> (bit % 64) & 1 == 1)
+                words[bit as usize / 64] >> (bit % 64) & 1 == 1
             };
+            let covers = |voxel| bitmaps.sensors().any(|words| is_set(words, voxel));
             map.add_frame(roi, content, covers, frames.len());
+            for words in bitmaps.sensors() {
+                map.add_lidar(roi, content, |voxel| is_set(words, voxel));
+            }
+            map.frames += 1;
         }
         Ok(map)
+    }
+
+    /// Adds a LiDAR to the cells of which it covers an occupied voxel in a frame.
+    fn add_lidar(&mut self, roi: &Roi, content: &Content, covers: impl Fn(u32) -> bool) {
+        let covered = content.occupied().iter().filter(|voxel| covers(voxel.index));
+        let cells = covered.map(|voxel| self.cell_of(roi, u64::from(voxel.index)));
+        let mut cells: Vec<usize> = cells.collect();
+        cells.sort_unstable();
+        cells.dedup();
+        cells.into_iter().for_each(|cell| self.lidars[cell] += 1);
     }
 
     /// An empty map over the voxels that hold information.
@@ -71,6 +96,8 @@ impl InformationMap {
             size: [max[0] - min[0], max[1] - min[1]],
             total: vec![0.0; count],
             gained: vec![0.0; count],
+            lidars: vec![0; count],
+            frames: 0,
         };
         for voxel in content.occupied() {
             let cell = map.cell_of(roi, u64::from(voxel.index));
@@ -106,43 +133,75 @@ impl InformationMap {
     /// The map as SVG: grey where information is, the redder the more of it is gained; `placement`'s
     /// LiDARs as dots. Forward is to the right, left is up.
     pub fn svg(&self, placement: &Placement) -> String {
+        let most = self.total.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        let colour = |i, j| self.colour(i, j, most);
+        let rgb = |(information, share)| rgb(information, share);
+        self.drawn("Information gained, seen from above", placement, colour, rgb, &self.legend())
+    }
+
+    /// The columns that hold information by the number of LiDARs that cover a voxel of them, a mean over frames, rounded.
+    pub fn lidars_svg(&self, placement: &Placement) -> String {
+        let number = |i: u32, j: u32| {
+            let cell = (i * self.cells[1] + j) as usize;
+            let mean = f64::from(self.lidars[cell]) / f64::from(self.frames.max(1));
+            (self.total[cell] > 0.0).then_some(mean.round().min(3.0) as usize)
+        };
+        let legend = html! {
+            @for (index, (words, colour)) in NUMBERS.iter().zip(NUMBER_COLOURS).enumerate() {
+                rect x=(100 * index) width="14" height="14" fill=(colour) {}
+                text x=(100 * index + 20) y="12" { (words) }
+            }
+            rect x="500" y=".5" width="12" height="13" fill="#fff" stroke=(FAINT) {}
+            text x="518" y="12" { "no information" }
+            text x="0" y="34" {
+                "LiDARs that see a column, mean of " (self.frames) " frame(s), rounded; "
+                (format!("{:.0}", self.size[0])) " m across, forward is right"
+            }
+        };
+        let rgb = |number: usize| NUMBER_COLOURS[number].to_owned();
+        self.drawn("Columns by the number of LiDARs that see them", placement, number, rgb, &legend)
+    }
+
+    /// Cells in their colours, the LiDARs of a placement as dots, a legend below.
+    fn drawn<C: Copy + Ord>(
+        &self,
+        title: &str,
+        placement: &Placement,
+        colour: impl Fn(u32, u32) -> Option<C>,
+        rgb: impl Fn(C) -> String,
+        legend: &Markup,
+    ) -> String {
         let scale = SIZE / self.size[0].max(self.size[1]);
         let (width, height) = (self.size[0] * scale, self.size[1] * scale);
         let cell = [width / f64::from(self.cells[0]), height / f64::from(self.cells[1])];
-        let most = self.total.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
         // Runs of equal colour along x, grouped by colour to keep the file small.
-        let mut runs: BTreeMap<(u32, u32), String> = BTreeMap::new();
+        let mut runs: BTreeMap<C, String> = BTreeMap::new();
         for j in 0..self.cells[1] {
             let mut i = 0;
             while i < self.cells[0] {
-                let colour = self.colour(i, j, most);
-                let first = i;
-                while i < self.cells[0] && self.colour(i, j, most) == colour {
+                let (first, of_run) = (i, colour(i, j));
+                while i < self.cells[0] && colour(i, j) == of_run {
                     i += 1;
                 }
-                if let Some(colour) = colour {
+                if let Some(of_run) = of_run {
                     let y = height - (f64::from(j) + 0.5) * cell[1];
                     let (x, length) = (f64::from(first) * cell[0], f64::from(i - first) * cell[0]);
-                    let path = runs.entry(colour).or_default();
+                    let path = runs.entry(of_run).or_default();
                     let _ = write!(path, "M{x:.1} {y:.1}h{length:.1}");
                 }
             }
         }
         let drawing = html! {
-            @for ((information, share), path) in runs {
-                path d=(path) stroke=(rgb(information, share)) stroke-width=(format!("{:.2}", cell[1] * 1.04)) {}
+            @for (of_run, path) in runs {
+                path d=(path) stroke=(rgb(of_run)) stroke-width=(format!("{:.2}", cell[1] * 1.04)) {}
             }
             @for pose in &placement.lidars {
                 circle cx=(px((pose.x - self.min[0]) * scale)) cy=(px(height - (pose.y - self.min[1]) * scale))
                     r="3" fill="#1f5fa8" stroke="#fff" {}
             }
-            g transform={ "translate(0 " (px(height + 8.0)) ")" } { (self.legend()) }
+            g transform={ "translate(0 " (px(height + 8.0)) ")" } { (legend) }
         };
-        page(
-            [width.round(), (height + 50.0).round()],
-            "Information gained, seen from above",
-            &drawing,
-        )
+        page([width.round(), (height + 50.0).round()], title, &drawing)
     }
 
     /// The two colour scales, and the size of the region.

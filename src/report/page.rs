@@ -4,7 +4,8 @@
 //! |---|---|
 //! | `scores` | requirements, result against baselines, guards, scene by scene |
 //! | `layout` | poses of the result, and the gain of each LiDAR; tables and figures |
-//! | `seen` | range card, blind zone, overlap and map of the result |
+//! | `seen` | range card, blind zone and maps of the result |
+//! | `several` | things by the number of LiDARs that see them, the loss of each LiDAR, overlap of pairs |
 //! | `search` | convergence, findings, how the run was made and how to repeat it |
 //! | `front` | the page of a front |
 
@@ -13,6 +14,7 @@ mod layout;
 mod scores;
 mod search;
 mod seen;
+mod several;
 
 use std::sync::Arc;
 
@@ -26,13 +28,15 @@ use super::{
     placement_svg, run_verdict, spread_in_words,
 };
 use crate::engine::{BackendError, EngineChoice, open};
-use crate::job::Job;
+use crate::job::{Job, JobError, JobScene, Losses};
 use crate::near_field::{Footprint, NearField, NearSite};
 use crate::problem::{Problem, spread};
 use crate::scan::conditions::under;
-use crate::scene::Scene;
-use crate::search::{GenerationRecord, Member, Scored, Suite};
-use crate::shared::{LEAST_SHARED, Overlap};
+use crate::scene::Target;
+use crate::search::{Evaluator, GenerationRecord, Member, Scored, Suite};
+use crate::shared::{
+    LEAST_SHARED, Overlap, REDUNDANCY_TARGETS, Redundancy, RedundancySite, redundancy_question,
+};
 use crate::vehicle::{Constraints, Placement};
 
 pub use front::front_html;
@@ -97,7 +101,9 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                     (seen::range_card(subject))
                     (seen::near_field(figures))
                     (layout::layout(subject, figures, run))
-                    (seen::overlap(figures))
+                    (several::redundancy(figures))
+                    (several::losses(subject, figures))
+                    (several::overlap(figures))
                     p.part { "For the sceptic: what to doubt, and how to repeat it" }
                     (scores::guards(subject, run))
                     @if let Some(words) = run.and_then(spread_in_words) { p { (words) } }
@@ -189,8 +195,10 @@ impl<'a> Subject<'a> {
     }
 }
 
-/// Frames that the near field is taken over.
+/// Frames that near field, overlap and redundancy are taken over.
 const NEAR_FRAMES: u32 = 4;
+/// LiDARs of a placement of which each is lost in turn, at most: every loss takes a score over all frames.
+const MOST_LOST: usize = 16;
 
 /// Figures that are computed of a placement for its page, beyond its scores.
 pub struct Looks {
@@ -200,8 +208,19 @@ pub struct Looks {
     views: Vec<ViewData>,
     /// Ground near the vehicle in the first scene that placement and best baseline see, or why there is none.
     near: Result<Near, String>,
-    /// Pairs of LiDARs of the placement in the first scene; `None` where it has one, or beams end at nothing.
+    /// LiDARs of the placement against each other.
+    several: Several,
+}
+
+/// LiDARs of a placement against each other.
+#[derive(Debug, Clone, Default)]
+struct Several {
+    /// Pairs in the first scene; `None` where there is one LiDAR, or beams end at nothing.
     overlap: Option<Overlap>,
+    /// Things of the first scene by the number of LiDARs that see them; `None` where there is one LiDAR.
+    redundancy: Option<Redundancy>,
+    /// The placement without each of its LiDARs; `None` for one LiDAR and for more than [`MOST_LOST`].
+    losses: Option<Losses>,
 }
 
 /// Near fields of some placements around one body.
@@ -223,7 +242,7 @@ impl Looks {
         suite: &Suite,
         placement: &Placement,
         baselines: &[Scored],
-    ) -> Result<Self, BackendError> {
+    ) -> Result<Self, JobError> {
         let choice = EngineChoice { memory: job.settings().engine.memory, ..EngineChoice::cpu() };
         let rival = Scored::yardstick(baselines).map(|rival| &rival.placement);
         let layouts: Vec<Placement> = baselines.iter().map(|b| b.placement.clone()).collect();
@@ -235,7 +254,7 @@ impl Looks {
             let scene = &**job.scenes()[member.scene()].scene();
             // Much of either is work of one thread.
             let (seen, near) = rayon::join(
-                || -> Result<_, BackendError> {
+                || -> Result<_, JobError> {
                     let mut engine = open(problem.task(), &choice, |_| {})?.engine;
                     let engine = &mut *engine;
                     let map = InformationMap::of(problem, engine, placement)?;
@@ -245,7 +264,8 @@ impl Looks {
                 },
                 || {
                     let both = std::iter::once(placement).chain(rival);
-                    ground.is_none().then(|| near(scene, problem, &choice, both))
+                    let of = &job.scenes()[member.scene()];
+                    ground.is_none().then(|| near(of, problem, &choice, both))
                 },
             );
             let (map, view) = seen?;
@@ -253,8 +273,12 @@ impl Looks {
             views.push(view);
             ground = near.transpose()?.or(ground);
         }
-        let (near, overlap) = ground.expect("a suite has a scene that is no mirror image");
-        Ok(Self { maps, views, near, overlap })
+        let (near, mut several) = ground.expect("a suite has a scene that is no mirror image");
+        if (2..=MOST_LOST).contains(&placement.lidars.len()) {
+            let (mut evaluator, _) = Evaluator::open(suite, &choice, |_| {})?;
+            several.losses = job.losses_while(&mut evaluator, placement, &mut || true)?;
+        }
+        Ok(Self { maps, views, near, several })
     }
 
     /// Near field of the placement; `None` where there is none to tell.
@@ -264,31 +288,38 @@ impl Looks {
     }
 }
 
-/// Near fields of placements over a few frames, and the overlap of the first one's LiDARs.
+/// Near fields of placements over a few frames of a scene, and the LiDARs of the first one against each other.
 fn near<'a>(
-    scene: &Scene,
+    of: &JobScene,
     problem: &Problem,
     choice: &EngineChoice,
     placements: impl Iterator<Item = &'a Placement> + Clone,
-) -> Result<(Result<Near, String>, Option<Overlap>), BackendError> {
+) -> Result<(Result<Near, String>, Several), JobError> {
+    let scene = &**of.scene();
     // A P-SOG without geometry has no frame to cast into.
     let frames = spread(problem.geometry_frame_count(), Some(NEAR_FRAMES));
     let few = Arc::new(problem.over(&frames));
     let mut engine = open(few.task(), choice, |_| {})?.engine;
-    let pairs = |first| Overlap::new(scene, &few, &mut *engine, first, LEAST_SHARED).ok();
-    let overlap = placements.clone().next().and_then(pairs);
+    let mut several = Several::default();
+    if let Some(first) = placements.clone().next().filter(|first| first.lidars.len() > 1) {
+        several.overlap = Overlap::new(scene, &few, &mut *engine, first, LEAST_SHARED).ok();
+        let targets = REDUNDANCY_TARGETS.iter().filter_map(|name| Target::named(name).ok());
+        let question = redundancy_question(targets.collect());
+        let site = RedundancySite::new(scene, few.clone(), of.target_site()?.cloned());
+        several.redundancy = Some(site.look(&mut *engine, &question, first)?);
+    }
     let site = match NearSite::new(scene, &few) {
         Ok(site) => site,
-        Err(why) => return Ok((Err(why.to_string()), overlap)),
+        Err(why) => return Ok((Err(why.to_string()), several)),
     };
     let look = |placement: &Placement| Ok((placement.clone(), site.look(&mut *engine, placement)?));
     let all = placements.map(look).collect::<Result<Vec<_>, BackendError>>()?;
     let near = Near { footprint: site.footprint().clone(), frames: frames.len(), all };
-    Ok((Ok(near), overlap))
+    Ok((Ok(near), several))
 }
 
 /// The drawings of a page, as SVG, and the data of its 3-D view.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Figures {
     /// Objective against evaluations; `None` without a search.
     pub convergence: Option<String>,
@@ -298,12 +329,14 @@ pub struct Figures {
     pub mounts: Vec<Option<String>>,
     /// Information gained, seen from above, with the name of each scene; empty without a result.
     pub maps: Vec<(String, String)>,
+    /// Columns by the number of LiDARs that see them, from above, scene by scene; empty without a result and for one LiDAR.
+    pub lidars: Vec<(String, String)>,
     /// The blind zone from above, or why it is not drawn.
     pub near_field: Result<String, String>,
     /// Frames that it is taken over.
     pub near_frames: usize,
-    /// Overlap of pairs of LiDARs over the same frames; `None` where there is none to tell.
-    pub overlap: Option<Overlap>,
+    /// LiDARs of the placement against each other, over the same frames.
+    several: Several,
     /// The 3-D view of each scene; empty without a result.
     pub views: Vec<ViewData>,
 }
@@ -323,12 +356,13 @@ impl Figures {
             convergence: None,
             placement: shown.map(|shown| placement_svg(shown, constraints, body)),
             maps: Vec::new(),
+            lidars: Vec::new(),
             near_field: Err("there is no result".to_owned()),
             near_frames: 0,
-            overlap: None,
+            several: Several::default(),
             views: Vec::new(),
         };
-        let Some((Looks { maps, views, near, overlap }, shown)) = looks.zip(shown) else {
+        let Some((Looks { maps, views, near, several }, shown)) = looks.zip(shown) else {
             return none;
         };
         let near_frames = near.as_ref().map_or(0, |near| near.frames);
@@ -336,8 +370,13 @@ impl Figures {
             let drawn: Vec<(&Placement, &NearField)> = all.iter().map(|(p, n)| (p, n)).collect();
             near_field_svg(&footprint, &drawn)
         });
-        let maps = maps.into_iter().map(|(name, map)| (name, map.svg(&shown.placement)));
-        Self { maps: maps.collect(), near_field, near_frames, overlap, views, ..none }
+        let placement = &shown.placement;
+        let count = if placement.lidars.len() > 1 { maps.len() } else { 0 };
+        let lidars =
+            maps[..count].iter().map(|(name, map)| (name.clone(), map.lidars_svg(placement)));
+        let lidars = lidars.collect();
+        let maps = maps.into_iter().map(|(name, map)| (name, map.svg(placement))).collect();
+        Self { maps, lidars, near_field, near_frames, several, views, ..none }
     }
 
     /// Every drawing with a name of its own; `result` is the placement that they show.
@@ -352,6 +391,9 @@ impl Figures {
         self.near_field.iter().for_each(|svg| add("near-field", svg));
         for (scene, map) in &self.maps {
             add(&format!("information-{scene}"), map);
+        }
+        for (scene, map) in &self.lidars {
+            add(&format!("lidars-{scene}"), map);
         }
         all
     }

@@ -159,7 +159,15 @@ fn unwarned(best: &Scored) -> String {
     let broken = (!best.violations.is_empty()).then(|| "rules of the mount are broken".to_owned());
     let paper =
         best.scores.holds_on_paper().map(|_| "requirements hold on paper only (above)".to_owned());
-    match [lacks, paper, blind, broken].into_iter().flatten().collect::<Vec<_>>() {
+    let mut idle: Vec<usize> =
+        best.scores.guards.iter().filter_map(Guard::redundant_lidar).collect();
+    idle.sort_unstable();
+    idle.dedup();
+    let numbers = idle.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+    let idle = (!idle.is_empty()).then(|| {
+        format!("with LiDAR {numbers} less than 1 % of the information is lost, so that it could be left out")
+    });
+    match [lacks, paper, blind, broken, idle].into_iter().flatten().collect::<Vec<_>>() {
         none if none.is_empty() => "No warning: all checks passed.".to_owned(),
         against => format!("No guard was violated; {}.", against.join(", and ")),
     }

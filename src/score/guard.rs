@@ -25,7 +25,7 @@ const LEAST_UNIQUE: f64 = 0.01;
 /// A LiDAR that ends more than this share of its beams at the own vehicle wastes much.
 pub const MOST_SELF_HITS: f64 = 0.25;
 
-/// A reason not to believe a placement's scores, or not to build it: literal M-SOG is perfect for sensors that see only
+/// A reason not to believe a placement's scores, or a fact about a rig: literal M-SOG is perfect for sensors that see only
 /// voxels that never change.
 ///
 /// Printed as `name: sentence`.
@@ -98,9 +98,14 @@ impl Guard {
         }
     }
 
-    /// True for a reason not to believe the scores; false for a fact about the rig: a sector that it does not see.
+    /// True for a reason not to believe the scores; false for a fact about the rig: a sector that it does not see, a LiDAR that
+    /// could be left out.
     pub fn is_doubt(&self) -> bool {
-        !matches!(self, Self::BlindSector(_))
+        match self {
+            Self::BlindSector(_) | Self::RedundantLidar { .. } => false,
+            Self::InScene { guard, .. } => guard.is_doubt(),
+            _ => true,
+        }
     }
 }
 

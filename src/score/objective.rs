@@ -241,14 +241,8 @@ impl Objective {
         self.terms.iter().any(|(weight, metric)| *weight > 0.0 && metric.is_repeated())
     }
 
-    /// Guards of a placement that count against it: a LiDAR that alone gains little is no fault where voxels are to be
-    /// covered by several.
-    pub fn guards_against(&self, scores: &Scores) -> usize {
-        scores.guards.iter().filter(|guard| self.is_against(guard)).count()
-    }
-
-    /// True if a guard counts against a placement.
-    pub fn is_against(&self, guard: &Guard) -> bool {
+    /// True if a guard is worth telling: that a LiDAR gains little alone is not where voxels are to be covered by several.
+    pub fn tells(&self, guard: &Guard) -> bool {
         !(self.wants_redundancy() && guard.is_of_redundancy())
     }
 

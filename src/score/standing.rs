@@ -30,7 +30,7 @@ impl Standing {
     pub fn of(scores: &Scores, objective: &Objective) -> Self {
         Self {
             violation: scores.missing(),
-            guards: objective.guards_against(scores),
+            guards: scores.doubts(),
             value: objective.value(scores),
             blind: scores.blindness(),
         }
@@ -180,15 +180,14 @@ mod tests {
     use crate::score::Guard;
 
     #[test]
-    fn a_redundant_lidar_counts_against_a_placement_unless_it_is_wanted() {
+    fn a_lidar_that_could_be_left_out_is_a_fact_and_ranks_nothing() {
         let redundant = |lidar| Guard::RedundantLidar { lidar, share: 0.001 };
         let elsewhere = Guard::InScene { scene: "street".into(), guard: Box::new(redundant(1)) };
-        let guards = vec![Guard::CoversNothing, redundant(0), elsewhere];
-        let scores = Scores { guards, ..Scores::default() };
-        for (text, guards) in [("near_gain", 3), ("near_gain_2", 1), ("m_sog + near_gain_3", 1)] {
-            let objective: Objective = text.parse().unwrap();
-            assert_eq!(Standing::of(&scores, &objective).guards, guards, "{text}");
-        }
+        let scores = |guards| Scores { near_gain: Some(0.5), guards, ..Scores::default() };
+        let of = |guards| Standing::of(&scores(guards), &Objective::default());
+        let idle = of(vec![redundant(0), elsewhere]);
+        assert_eq!(idle.compare(&of(Vec::new())), Ordering::Equal);
+        assert!(idle.is_sound() && idle.beats(&of(vec![Guard::CoversNothing])));
     }
 
     #[test]

@@ -299,7 +299,7 @@ impl GridSearch {
         let (cast, is_few) = (self.atlas.poses_cast(), evaluator.frame_count() <= FRAMES_AT_ONCE);
         let scores = evaluator.scores_while(&scored, &mut || is_few || go_on(cast))?;
         let Some(scores) = scores.map(|mut scores| scores.remove(0)) else { return Ok(None) };
-        let (violation, guards) = (scores.missing(), self.objective.guards_against(&scores));
+        let (violation, guards) = (scores.missing(), scores.doubts());
         let standing = Standing { violation, guards, value: Some(placement.value), blind: 0.0 };
         self.looked_at.insert(placement.poses.clone(), standing);
         Ok(Some(standing))

@@ -13,7 +13,7 @@ use super::on_demand::FramesUsed;
 use super::phases::PhaseCheck;
 use super::spread::GainSpread;
 use super::swaps::Climbs;
-use crate::score::{Guard, Objective, Scores, Standing};
+use crate::score::{Objective, Scores, Standing};
 use crate::vehicle::{Constraints, Placement};
 
 /// A placement with its scores.
@@ -33,8 +33,8 @@ pub struct Scored {
 }
 
 impl Scored {
-    /// A placement with its scores, its value by an objective, and the rules that it breaks. Guards that do not count
-    /// against it by the objective are left out.
+    /// A placement with its scores, its value by an objective, and the rules that it breaks. Guards that are nothing to tell
+    /// by the objective are left out.
     pub fn new(
         placement: &Placement,
         mut judged: Judged,
@@ -43,7 +43,7 @@ impl Scored {
     ) -> Self {
         let each = judged.by_scene.iter_mut().map(|scene| &mut scene.scores);
         each.chain([&mut judged.scores])
-            .for_each(|scores| scores.guards.retain(|guard| objective.is_against(guard)));
+            .for_each(|scores| scores.guards.retain(|guard| objective.tells(guard)));
         Self {
             objective: objective.value(&judged.scores),
             violations: constraints.violations(placement).iter().map(ToString::to_string).collect(),
@@ -56,8 +56,7 @@ impl Scored {
     /// True if it keeps every rule of the mount, raises no doubt of a guard and meets all requirements: only then is it
     /// a baseline to compare with.
     pub(crate) fn is_honest(&self) -> bool {
-        let doubted = self.scores.guards.iter().any(Guard::is_doubt);
-        self.violations.is_empty() && !doubted && self.scores.missing() == 0.0
+        self.violations.is_empty() && self.scores.doubts() == 0 && self.scores.missing() == 0.0
     }
 
     /// Doubts of guards, broken rules of the mount and unmet requirements, in words; none if it is honest.
@@ -69,7 +68,7 @@ impl Scored {
         guards.chain(broken).chain(lacking.map(ToString::to_string)).collect()
     }
 
-    /// All that is said against it: the reasons, then the sectors that it does not see.
+    /// All that is said against it: the reasons, then sectors that it does not see and LiDARs that could be left out.
     pub(crate) fn warnings(&self) -> Vec<String> {
         let facts = self.scores.guards.iter().filter(|guard| !guard.is_doubt());
         self.reasons().into_iter().chain(facts.map(ToString::to_string)).collect()
@@ -100,8 +99,7 @@ impl Scored {
 
     /// Its standing among placements that keep the rules of the mount.
     pub(super) fn standing(&self) -> Standing {
-        let guards = self.scores.guards.iter().filter(|guard| guard.is_doubt()).count();
-        let blind = self.scores.blindness();
+        let (guards, blind) = (self.scores.doubts(), self.scores.blindness());
         Standing { violation: self.scores.missing(), guards, value: self.objective, blind }
     }
 }
@@ -245,6 +243,7 @@ pub struct Outcome {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::score::Guard;
 
     #[test]
     fn a_redundant_lidar_is_no_warning_where_redundancy_is_wanted() {

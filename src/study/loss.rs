@@ -5,9 +5,10 @@ use sightline_cma::{Cma, CmaOptions};
 use super::scene::StudyScene;
 use super::table::{Cases, shown_objective};
 use super::{Row, StudyError, Table, TablePlot};
-use crate::score::{Objective, Scores, Seen};
+use crate::job::{Loss, Losses, without};
+use crate::score::{Objective, Seen};
 use crate::search::{Evaluator, SearchError};
-use crate::targets::{BlindSector, RangeCard};
+use crate::targets::BlindSector;
 use crate::vehicle::{Constraints, Placement};
 
 /// Step size at the start, as a share of each range.
@@ -81,35 +82,34 @@ fn own_rigs(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> 
     let mut evaluator = scene.evaluator()?;
     let named = rigs.iter().map(|rig| (rig.name.clone(), rig)).collect();
     let rows = cases.each(named, |rig: &Placement, _| {
-        let losses = Losses::of(scene, &mut evaluator, rig)?;
-        let whole = objective.value(&losses.whole);
+        let losses = scene.losses(&mut evaluator, rig)?;
         let (_, factor) = shown_objective(objective);
-        let whole = whole.map(|value| factor * value);
         let value = |scores| objective.value(scores).map(|value| factor * value);
-        let left: Vec<Option<f64>> = losses.left.iter().map(value).collect();
+        let left: Vec<Option<f64>> = losses.losses.iter().map(|loss| value(&loss.scores)).collect();
         let worst = left.iter().try_fold(f64::INFINITY, |worst, value| Some(worst.min((*value)?)));
-        let most_unmet = losses.left.iter().map(|scores| unmet(scores).count()).max();
-        let blind = losses.blind.iter().copied().reduce(f64::max);
-        let mut values = vec![whole, worst.filter(|worst| worst.is_finite())];
+        let most_unmet = losses.losses.iter().map(|loss| loss.unmet().count()).max();
+        let blind = losses.losses.iter().filter_map(Loss::blind_degrees).reduce(f64::max);
+        let mut values = vec![value(&losses.scores), worst.filter(|worst| worst.is_finite())];
         values.extend(left);
         values.resize(OF_VALUE.len() + most, None);
         values.extend([most_unmet.map(|count| count as f64), blind]);
-        let row = Row::scored(values, rig.clone(), &losses.whole);
-        Ok(Row { unmet_at: losses.unmet_at(objective), ..row })
+        let row = Row::scored(values, rig.clone(), &losses.scores);
+        Ok(Row { unmet_at: unmet_at(&losses, objective), ..row })
     })?;
     let mut notes = Vec::new();
     for rig in rows.iter().filter_map(|row| row.placement.as_ref()) {
-        let losses = Losses::of(scene, &mut evaluator, rig)?;
-        let names = scene.lidar_names(rig);
-        if !losses.known.is_empty() {
-            let known = losses.known.join("; ");
-            notes.push(format!("{} with all LiDARs already: {known}", rig.name));
+        let losses = scene.losses(&mut evaluator, rig)?;
+        let in_words =
+            |sectors: &[BlindSector]| sectors.iter().map(BlindSector::to_string).collect();
+        let known: Vec<String> = in_words(losses.blind());
+        if !known.is_empty() {
+            notes.push(format!("{} with all LiDARs already: {}", rig.name, known.join("; ")));
         }
-        for (name, (scores, blind)) in names.iter().zip(losses.left.iter().zip(&losses.words)) {
-            let broken = unmet(scores).filter(|seen| losses.is_met(&seen.name));
-            let told: Vec<String> = broken.map(Seen::to_string).chain(blind.clone()).collect();
+        for loss in &losses.losses {
+            let mut told: Vec<String> = loss.broken.iter().map(Seen::to_string).collect();
+            told.extend::<Vec<String>>(in_words(&loss.blind));
             if !told.is_empty() {
-                notes.push(format!("{} without {name}: {}", rig.name, told.join("; ")));
+                notes.push(format!("{} without {}: {}", rig.name, loss.name, told.join("; ")));
             }
         }
     }
@@ -122,82 +122,14 @@ fn own_rigs(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> 
     Ok(table(scene, &names_of(scene, rigs.iter()), &OF_OWN, rows, notes))
 }
 
-/// Requirements that are not met.
-fn unmet(scores: &Scores) -> impl Iterator<Item = &Seen> {
-    scores.required.iter().filter(|seen| !seen.is_met())
-}
-
-/// A rig with all its LiDARs, and with each lost in turn.
-struct Losses {
-    whole: Scores,
-    left: Vec<Scores>,
-    /// Width of the blind sectors after each loss, degrees; empty where beams end at nothing.
-    blind: Vec<f64>,
-    /// Blind sectors of the whole rig, in words.
-    known: Vec<String>,
-    /// Blind sectors after each loss that the whole rig does not have, in words.
-    words: Vec<Vec<String>>,
-}
-
-impl Losses {
-    fn of(
-        scene: &StudyScene,
-        evaluator: &mut Evaluator,
-        rig: &Placement,
-    ) -> Result<Self, StudyError> {
-        let without = without_each(rig);
-        let without: Vec<Placement> =
-            without.into_iter().filter(|left| !left.lidars.is_empty()).collect();
-        let (whole, mut left) = (scene.score(evaluator, rig)?, scene.scores(evaluator, &without)?);
-        left.iter_mut().for_each(|scores| scores.required.iter_mut().for_each(as_it_is));
-        let all: Vec<Placement> = std::iter::once(rig).chain(&without).cloned().collect();
-        let cards = scene.range_cards(&scene.job, &all)?;
-        let (known, cards) = match cards.split_first() {
-            Some((whole, cards)) => (&whole.blind[..], cards),
-            None => (&[][..], &[][..]),
-        };
-        let new = |card: &RangeCard| {
-            let new = card.blind.iter().filter(|sector| !known.contains(sector));
-            new.map(BlindSector::to_string).collect()
-        };
-        let mut words: Vec<Vec<String>> = cards.iter().map(new).collect();
-        words.resize(without.len(), Vec::new());
-        // A sum of nothing is −0.
-        let width =
-            |card: &RangeCard| 0.0 + card.blind.iter().map(BlindSector::degrees).sum::<f64>();
-        let known = known.iter().map(BlindSector::to_string).collect();
-        Ok(Self { whole, left, blind: cards.iter().map(width).collect(), known, words })
-    }
-
-    /// Values of [`OF_VALUE`] and of each loss, by number, beside which a requirement is not met.
-    fn unmet_at(&self, objective: &Objective) -> Vec<usize> {
-        let mut whole = self.whole.clone();
-        whole.required.iter_mut().for_each(as_it_is);
-        let value = |scores: &&Scores| objective.value(scores).unwrap_or(f64::INFINITY);
-        let worst = self.left.iter().min_by(|a, b| value(a).total_cmp(&value(b)));
-        let first = [Some(&whole), worst].into_iter().enumerate();
-        let first = first.filter_map(|(at, scores)| Some((at, scores?)));
-        let each = first.chain((OF_VALUE.len()..).zip(&self.left));
-        let is_unmet = |scores: &Scores| unmet(scores).next().is_some();
-        each.filter(|(_, scores)| is_unmet(scores)).map(|(at, _)| at).collect()
-    }
-
-    /// True if the whole rig meets a requirement, before any loss.
-    fn is_met(&self, name: &str) -> bool {
-        let mut whole = self.whole.required.iter().cloned();
-        whole.any(|mut seen| {
-            as_it_is(&mut seen);
-            seen.name == name && seen.is_met()
-        })
-    }
-}
-
-/// Turns a requirement that must hold without any one LiDAR into that on the rig as it is: one LiDAR of it is lost
-/// already, and it is not to lose a second.
-fn as_it_is(seen: &mut Seen) {
-    if let Some(lost) = seen.lost.take() {
-        (seen.share, seen.missing) = (lost.intact, None);
-    }
+/// Values of [`OF_VALUE`] and of each loss, by number, beside which a requirement is not met.
+fn unmet_at(losses: &Losses, objective: &Objective) -> Vec<usize> {
+    let value = |loss: &&Loss| objective.value(&loss.scores).unwrap_or(f64::INFINITY);
+    let is_unmet = |loss: &Loss| loss.unmet().next().is_some();
+    let worst = losses.losses.iter().min_by(|a, b| value(a).total_cmp(&value(b)));
+    let first = [!losses.is_met(), worst.is_some_and(is_unmet)];
+    let each = first.into_iter().chain(losses.losses.iter().map(is_unmet));
+    each.enumerate().filter(|(_, is_unmet)| *is_unmet).map(|(at, _)| at).collect()
 }
 
 pub(super) fn loss(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
@@ -252,13 +184,7 @@ fn with_losses(
 
 /// The placement without each of its LiDARs in turn.
 fn without_each(placement: &Placement) -> Vec<Placement> {
-    (0..placement.lidars.len())
-        .map(|lost| {
-            let mut lidars = placement.lidars.clone();
-            lidars.remove(lost);
-            Placement { name: format!("without-{lost}"), lidars }
-        })
-        .collect()
+    (0..placement.lidars.len()).map(|lost| without(placement, lost)).collect()
 }
 
 /// The objective after the most valuable LiDAR has failed: the least over all single losses. `None`
@@ -337,20 +263,4 @@ fn costs(
         amount => f64::MAX.min(BROKEN * (1.0 + amount)),
     };
     Ok(broken.iter().map(cost).collect())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::vehicle::SensorPose;
-
-    #[test]
-    fn one_lidar_less_each_time() {
-        let pose = |x| SensorPose { x, y: 0.0, z: 2.0, ..SensorPose::default() };
-        let placement = Placement { name: "p".into(), lidars: [1.0, 2.0, 3.0].map(pose).to_vec() };
-        let left = without_each(&placement);
-        let xs: Vec<Vec<f64>> =
-            left.iter().map(|p| p.lidars.iter().map(|l| l.x).collect()).collect();
-        assert_eq!(xs, [[2.0, 3.0], [1.0, 3.0], [1.0, 2.0]]);
-    }
 }

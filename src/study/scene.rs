@@ -6,7 +6,7 @@ use super::lidars::SearchSpace;
 use super::table::check_distinct;
 use super::{Kind, Row, StudyError, StudyObserver, StudySettings};
 use crate::engine::BackendError;
-use crate::job::{Job, JobError, JobScene};
+use crate::job::{Job, JobError, JobScene, Losses};
 use crate::near_field::self_hits;
 use crate::psog::{PsogError, Roi};
 use crate::scan::conditions::{Condition, under};
@@ -252,6 +252,19 @@ impl<'a> StudyScene<'a> {
         let hits = self_hits(self.scene, &problem, evaluator.backend_mut(), placement)?;
         scores.guards.extend(hits);
         Ok(scores)
+    }
+
+    /// A placement with each of its LiDARs lost in turn.
+    ///
+    /// # Errors
+    /// See [`Self::scores`].
+    pub(super) fn losses(
+        &self,
+        evaluator: &mut Evaluator,
+        placement: &Placement,
+    ) -> Result<Losses, StudyError> {
+        let losses = self.job.losses_while(evaluator, placement, &mut || self.goes_on())?;
+        losses.ok_or(StudyError::Stopped)
     }
 
     /// A case in which no placement was found.

@@ -221,7 +221,7 @@ pub(super) fn values(scores: &Scores) -> Vec<Option<f64>> {
         scores.segmentation.m_sog_scaled.map(|v| 1e6 * v),
         scores.detection.and_then(|d| d.m_sog_scaled).map(|v| 1e6 * v),
         Some(scores.covered),
-        Some(scores.guards.iter().filter(|guard| guard.is_doubt()).count() as f64),
+        Some(scores.doubts() as f64),
     ]
 }
 

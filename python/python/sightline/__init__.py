@@ -40,6 +40,7 @@ from ._native import (  # noqa: E402
     published,
     read_placements,
     set_threads,
+    study,
 )
 from . import examples  # noqa: E402
 from ._progress import Progress  # noqa: E402
@@ -74,4 +75,5 @@ __all__ = [
     "published",
     "read_placements",
     "set_threads",
+    "study",
 ]

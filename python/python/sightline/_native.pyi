@@ -332,6 +332,34 @@ class Scene:
         sensors: Sequence[str] | None = None,
         phases: npt.ArrayLike | None = None,
     ) -> dict[str, Any]: ...
+    def near_field(
+        self,
+        poses: _Poses,
+        *,
+        sensors: Sequence[str] | None = None,
+        phases: npt.ArrayLike | None = None,
+    ) -> dict[str, Any]: ...
+    def detections(
+        self,
+        poses: _Poses,
+        targets: Sequence[str],
+        distances: npt.ArrayLike,
+        bearings: npt.ArrayLike,
+        *,
+        beams: int = 5,
+        of_frames: int | None = None,
+        level: bool = False,
+        sensors: Sequence[str] | None = None,
+        phases: npt.ArrayLike | None = None,
+    ) -> dict[str, Any]: ...
+    def losses(
+        self,
+        poses: _Poses,
+        *,
+        sensors: Sequence[str] | None = None,
+        phases: npt.ArrayLike | None = None,
+        progress: _Progress = None,
+    ) -> dict[str, Any]: ...
     def overlap(
         self,
         poses: _Poses,
@@ -499,3 +527,21 @@ def front(
     callback: Callable[[dict[str, Any]], object] | None = None,
     progress: _Progress = None,
 ) -> Front: ...
+def study(
+    kind: str,
+    scenes: Scene | Sequence[Scene],
+    poses: _Poses | None = None,
+    *,
+    sensors: Sequence[str] | None = None,
+    phases: npt.ArrayLike | None = None,
+    objective: str = "near_gain",
+    evaluations: int = 120,
+    random: int = 200,
+    seed: int = 1,
+    budget: float | None = None,
+    conditions: Sequence[str] | None = None,
+    regions: Mapping[str, Sequence[float]] | None = None,
+    sensor_files: Sequence[_Path] | None = None,
+    voxel: float = 0.1,
+    progress: _Progress = None,
+) -> dict[str, Any]: ...

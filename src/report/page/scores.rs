@@ -128,17 +128,18 @@ fn meaning(spoken: &[(&Scored, Vec<String>)]) -> String {
         ("guards", any(&|one| one.scores.guards.iter().any(Guard::is_doubt))),
         ("broken rules", any(&|one| !one.violations.is_empty())),
     ];
+    let has = |is: fn(&Guard) -> bool| any(&|one| one.scores.guards.iter().any(is));
     let facts = [
         ("requirements that are not met", any(&lacks)),
-        ("blind sectors", any(&|one| one.scores.guards.iter().any(|guard| !guard.is_doubt()))),
+        ("blind sectors", has(|guard| matches!(guard, Guard::BlindSector(_)))),
+        ("LiDARs that could be left out", has(Guard::is_of_redundancy)),
     ];
-    let says = |what: &str, kinds: [(&str, bool); 2]| {
-        let listed: Vec<&str> =
-            kinds.into_iter().filter(|(_, is)| *is).map(|(name, _)| name).collect();
+    let says = |what: &str, kinds: &[(&str, bool)]| {
+        let listed: Vec<&str> = kinds.iter().filter(|(_, is)| *is).map(|(name, _)| *name).collect();
         (!listed.is_empty()).then(|| format!("{what}: {}.", listed.join(" and ")))
     };
-    let doubts = says("Reasons not to believe a score", doubts);
-    let facts = says("Facts about a rig, which do not make its score doubtful", facts);
+    let doubts = says("Reasons not to believe a score", &doubts);
+    let facts = says("Facts about a rig, which do not make its score doubtful", &facts);
     doubts.into_iter().chain(facts).collect::<Vec<_>>().join(" ")
 }
 

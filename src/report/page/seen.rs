@@ -1,11 +1,10 @@
-//! Section of the page about sight: range card, blind zone, overlap of its LiDARs, and the map from above.
+//! Section of the page about sight: range card, blind zone, and the maps from above.
 
 use maud::{Markup, html};
 
 use super::layout::{figure, table, text};
 use super::{Figures, Subject};
 use crate::report::targets::{overlap_in_words, range_card_rows, range_card_svg};
-use crate::score::percent_down;
 
 /// Distances of detection, and the sectors in which the result is blind.
 pub(super) fn range_card(subject: &Subject<'_>) -> Markup {
@@ -75,40 +74,12 @@ pub(super) fn maps(figures: &Figures) -> Markup {
                     @if figures.maps.len() > 1 { h3 { (scene) } }
                     div.paper { (figure(map, "Information gained, from above")) }
                 }
-            }
-        }
-    }
-}
-
-/// Overlap of every pair of LiDARs in per cent, and whether pairs connect all of them.
-pub(super) fn overlap(figures: &Figures) -> Markup {
-    let Some(found) = &figures.overlap else { return html! {} };
-    let count = found.lidars.len();
-    let names: Vec<String> = (0..count).map(|lidar| lidar.to_string()).collect();
-    let titles: Vec<&str> =
-        std::iter::once("LiDAR").chain(names.iter().map(String::as_str)).collect();
-    let percent = |share: f64| format!("{:.1}", percent_down(share));
-    let row = |a: usize| {
-        let cells = (0..count).map(|b| match a == b {
-            true => text("–"),
-            false => text(percent(found.overlap[a][b])),
-        });
-        (false, std::iter::once(text(&names[a])).chain(cells).collect())
-    };
-    let rows: Vec<_> = (0..count).map(row).collect();
-    html! {
-        section aria-labelledby="overlap" {
-            h2 #overlap { "Overlap of the LiDARs" }
-            p {
-                @if found.overlap_up_to > 0.0 {
-                    "Pairs connect all LiDARs up to an overlap of " (percent(found.overlap_up_to)) " %"
-                } @else {
-                    "No chain of pairs connects all LiDARs"
+                @if !figures.lidars.is_empty() { p { "The same columns by the number of LiDARs that see a voxel of them." } }
+                @for (scene, map) in &figures.lidars {
+                    @if figures.maps.len() > 1 { h3 { (scene) } }
+                    div.paper { (figure(map, "Columns by the number of LiDARs that see them, from above")) }
                 }
-                ": surface voxels that two LiDARs share, as a share of those of the LiDAR that has fewer, over "
-                (found.frames) " frame(s). Calibration against each other needs it."
             }
-            (table("Overlap of each pair, %", &titles, &rows))
         }
     }
 }

@@ -1,0 +1,173 @@
+//! Studies that take many runs, as tables.
+
+use std::cell::Cell;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sightline::scan::conditions::Condition;
+use sightline::study::{Kind, StudyError, StudyObserver, StudySettings, Subregion, Table, study};
+
+use crate::arguments;
+use crate::arrays::{few_numbers, to_python};
+use crate::engine::{Built, job_of};
+use crate::errors::{bad, raised};
+use crate::placements::placements_in;
+use crate::progress::{Progress, WorkMessages};
+use crate::search::scenes_of;
+use crate::wait::watched;
+
+/// What a study tells, for the watch of a call.
+struct Told<'a> {
+    watch: &'a WorkMessages,
+    cases: Cell<usize>,
+    done: Cell<usize>,
+}
+
+impl StudyObserver for Told<'_> {
+    fn begins(&self, cases: usize) {
+        self.cases.set(cases);
+    }
+
+    fn done(&self) {
+        self.done.set(self.done.get() + 1);
+    }
+
+    fn goes_on(&self) -> bool {
+        self.watch.reach("cases", self.done.get(), self.cases.get())
+    }
+}
+
+/// Makes the study `kind` of one scene (`transfer`: of several), as `sightline study` does, and returns its table as a `dict`:
+/// `title`, `columns`, `rows` with `name`, `values`, `placement`, `requirements_met`, `not_met`, and `notes`.
+///
+/// `kind` is `lidars`, `cost`, `channels`, `voxels`, `random`, `tasks`, `height`, `regions`, `loss`, `weather`, `transfer` or
+/// `published`. Own rigs, `poses` with `sensors` and `phases` as for `Scene.score`, are taken by `loss`, `random`, `regions`,
+/// `voxels` and `weather`; other kinds search rigs, for at most `budget`, by `evaluations` and swaps. Scores are means over the
+/// frames that the scene was loaded with, else over two (`loss` of own rigs: all). Weather and P-SOG are those of the scene;
+/// `weather` takes `conditions`, a row each (some fog, snow and rain for `None`). `regions` are further boxes, name to `[x0, y0, z0, x1, y1, z1]` in metres,
+/// `sensor_files` further sensors of `channels`, `voxel` the edge in metres of `published`. `progress` as for
+/// `optimize`; Ctrl-C ends the study. Raises `ValueError` for what a kind does not take, and where a study has no answer.
+#[pyfunction(name = "study")]
+#[pyo3(signature = (kind, scenes, poses = None, *, sensors = None, phases = None, objective = "near_gain",
+    evaluations = 120, random = 200, seed = 1, budget = None, conditions = None, regions = None, sensor_files = None,
+    voxel = 0.1, progress = None))]
+#[allow(clippy::too_many_arguments)]
+pub fn study_table<'py>(
+    py: Python<'py>,
+    kind: &str,
+    scenes: &Bound<'py, PyAny>,
+    poses: Option<&Bound<'py, PyAny>>,
+    #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
+    phases: Option<&Bound<'py, PyAny>>,
+    #[pyo3(from_py_with = arguments::objective)] objective: &str,
+    #[pyo3(from_py_with = arguments::evaluations)] evaluations: u64,
+    #[pyo3(from_py_with = arguments::study_random)] random: u32,
+    #[pyo3(from_py_with = arguments::seed)] seed: u64,
+    #[pyo3(from_py_with = arguments::budget)] budget: Option<f64>,
+    #[pyo3(from_py_with = arguments::conditions)] conditions: Option<Vec<String>>,
+    regions: Option<&Bound<'py, PyDict>>,
+    sensor_files: Option<Vec<PathBuf>>,
+    voxel: f64,
+    progress: Option<Progress>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let kind: Kind = kind.parse().map_err(|error: StudyError| bad(format!("kind: {error}")))?;
+    let scenes = scenes_of(scenes)?;
+    kind.check_scenes(scenes.len()).map_err(raised)?;
+    let of_scene = &scenes[0].options;
+    let is_other = |built: &&Arc<Built>| {
+        let of = &built.options;
+        of.frames != of_scene.frames || of.conditions != of_scene.conditions
+    };
+    if let Some(other) = scenes.iter().find(is_other) {
+        return Err(bad(format!(
+            "scenes: {} and {} were loaded with different frames or conditions; load all with the same",
+            scenes[0].scene.name(),
+            other.scene.name()
+        )));
+    }
+    if !(voxel > 0.0 && voxel.is_finite()) {
+        return Err(bad(format!("voxel: is {voxel}; give the edge of a voxel, metres above 0")));
+    }
+    let placements = match poses {
+        None => Vec::new(),
+        Some(_) if !kind.takes_placements() => {
+            return Err(bad(format!(
+                "poses: `{}` takes none, as it searches its own",
+                kind.name()
+            )));
+        }
+        Some(poses) => placements_in(&scenes[0].scene, poses, sensors, phases)?,
+    };
+    let standard = StudySettings::default();
+    let settings = StudySettings {
+        objective: objective.parse().map_err(raised)?,
+        evaluations,
+        frames: frames_of(kind, !placements.is_empty(), &scenes).unwrap_or(standard.frames),
+        random,
+        voxel,
+        seed,
+        sensors: sensor_files.unwrap_or_default(),
+        regions: boxes(regions)?,
+        placements,
+        budget,
+        conditions: conditions_of(kind, &scenes, conditions)?,
+        engine: of_scene.engine.clone(),
+    };
+    let found = watched(py, progress.unwrap_or_default(), move |watch| -> PyResult<Table> {
+        scenes.iter().try_for_each(|built| built.psog(watch).map(drop))?;
+        let job = job_of(&scenes)?;
+        if kind.searches(!settings.placements.is_empty()) {
+            job.check_room().map_err(raised)?;
+        }
+        let told = Told { watch, cases: Cell::default(), done: Cell::default() };
+        let table = study(kind, job.scenes(), &settings, &mut Vec::new(), &told).map_err(raised)?;
+        told.goes_on();
+        match table.unanswered() {
+            Some(why) => Err(bad(why)),
+            None => Ok(table),
+        }
+    })??;
+    to_python(py, &found)
+}
+
+/// Frames of a study: those that the first scene was loaded with, all for the loss of own rigs; `None` for the usual number.
+fn frames_of(kind: Kind, has_rigs: bool, scenes: &[Arc<Built>]) -> Option<u32> {
+    let all = scenes.iter().map(|built| built.scene.frame_count() as u32).max();
+    scenes[0].options.frames.or(all.filter(|_| kind == Kind::Loss && has_rigs))
+}
+
+/// Further regions by name.
+fn boxes(given: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<Subregion>> {
+    let region = |(name, corners): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+        let name: String = name.extract()?;
+        let [x0, y0, z0, x1, y1, z1] = few_numbers(&format!("regions[{name:?}]"), &corners)?;
+        if !(x0 < x1 && y0 < y1 && z0 < z1) {
+            return Err(bad(format!(
+                "regions[{name:?}]: each upper corner must be above the lower one; give [x0, y0, z0, x1, y1, z1] in metres"
+            )));
+        }
+        Ok(Subregion::of_box(&name, [x0, y0, z0], [x1, y1, z1]))
+    };
+    given.into_iter().flatten().map(region).collect()
+}
+
+/// Weather of a study: that of the scenes, or the rows of `weather`.
+fn conditions_of(
+    kind: Kind,
+    scenes: &[Arc<Built>],
+    given: Option<Vec<String>>,
+) -> PyResult<Vec<Condition>> {
+    match (kind == Kind::Weather, given) {
+        (true, _) if !scenes[0].options.conditions.is_empty() => Err(bad(
+            "scenes: `weather` compares conditions; load the scene without, and give them as conditions=[…]",
+        )),
+        (true, given) => given.iter().flatten().map(|text| text.parse().map_err(raised)).collect(),
+        (false, None) => Ok(scenes[0].options.conditions.clone()),
+        (false, Some(_)) => Err(bad(format!(
+            "conditions: `{}` takes none here; load the scene with conditions=[…]",
+            kind.name()
+        ))),
+    }
+}

@@ -1,0 +1,104 @@
+//! Sections of the page about LiDARs together: by how many a thing is seen, what is lost with each, overlap of pairs.
+
+use maud::{Markup, html};
+
+use super::layout::{table, text};
+use super::{Figures, Subject};
+use crate::job::Loss;
+use crate::json::fixed;
+use crate::report::ScoreColumn;
+use crate::report::coverage::redundancy_rows;
+use crate::score::{Seen, percent_down};
+use crate::targets::BlindSector;
+
+/// Voxels, ground and targets by the number of LiDARs that see them.
+pub(super) fn redundancy(figures: &Figures) -> Markup {
+    let Some(found) = &figures.several.redundancy else { return html! {} };
+    let rows = redundancy_rows(found);
+    let titles: Vec<&str> = rows[0].iter().map(String::as_str).collect();
+    let cells = |row: &Vec<String>| (false, row.iter().map(text).collect());
+    let rows: Vec<_> = rows[1..].iter().map(cells).collect();
+    html! {
+        section aria-labelledby="redundancy" {
+            h2 #redundancy { "Seen by how many LiDARs" }
+            p {
+                "Per cent of the voxels, of the ground near the vehicle and of the places of targets that no, one, two, and \
+                 three or more LiDARs see, over " (found.frames) " frame(s)"
+                @if figures.views.len() > 1 { " of the first scene" }
+                ". A LiDAR sees a target with five beams or more of its own, at 5 to 50 m on level ground."
+            }
+            (table("Per cent seen by a number of LiDARs", &titles, &rows))
+        }
+    }
+}
+
+/// Score, requirements and blind sectors without each LiDAR.
+pub(super) fn losses(subject: &Subject<'_>, figures: &Figures) -> Markup {
+    let Some(found) = &figures.several.losses else { return html! {} };
+    let column = ScoreColumn::argued(subject.objective);
+    let requires = !found.scores.required.is_empty();
+    let row = |loss: &Loss| {
+        let blind = loss.blind_degrees().map_or("–".into(), |degrees| fixed(degrees, 0));
+        let mut row = vec![text(&loss.name), text(column.cell(&loss.scores))];
+        row.extend(requires.then(|| text(loss.broken.len().to_string())));
+        row.push(text(blind));
+        (false, row)
+    };
+    let rows: Vec<_> = found.losses.iter().map(row).collect();
+    let mut titles = vec!["lost", column.title()];
+    titles.extend(requires.then_some("requirements that fail"));
+    titles.push("blind °");
+    let told = |loss: &Loss| {
+        let broken = loss.broken.iter().map(Seen::to_string);
+        broken.chain(loss.blind.iter().map(BlindSector::to_string)).collect::<Vec<_>>().join("; ")
+    };
+    html! {
+        section aria-labelledby="lost" {
+            h2 #lost { "If one LiDAR fails" }
+            p {
+                "What is left without each LiDAR: " (column.title()) " (" (column.cell(&found.scores)) " with all)"
+                @if requires { ", requirements that are met with all and fail without it" }
+                ", and the width of all blind sectors."
+            }
+            (table("What is left without each LiDAR", &titles, &rows))
+            ul.guards {
+                @for loss in found.losses.iter().filter(|loss| !told(loss).is_empty()) {
+                    li { b { "without " (loss.name) } ": " (told(loss)) }
+                }
+            }
+        }
+    }
+}
+
+/// Overlap of every pair of LiDARs in per cent, and whether pairs connect all of them.
+pub(super) fn overlap(figures: &Figures) -> Markup {
+    let Some(found) = &figures.several.overlap else { return html! {} };
+    let count = found.lidars.len();
+    let names: Vec<String> = (0..count).map(|lidar| lidar.to_string()).collect();
+    let titles: Vec<&str> =
+        std::iter::once("LiDAR").chain(names.iter().map(String::as_str)).collect();
+    let percent = |share: f64| format!("{:.1}", percent_down(share));
+    let row = |a: usize| {
+        let cells = (0..count).map(|b| match a == b {
+            true => text("–"),
+            false => text(percent(found.overlap[a][b])),
+        });
+        (false, std::iter::once(text(&names[a])).chain(cells).collect())
+    };
+    let rows: Vec<_> = (0..count).map(row).collect();
+    html! {
+        section aria-labelledby="overlap" {
+            h2 #overlap { "Overlap of the LiDARs" }
+            p {
+                @if found.overlap_up_to > 0.0 {
+                    "Pairs connect all LiDARs up to an overlap of " (percent(found.overlap_up_to)) " %"
+                } @else {
+                    "No chain of pairs connects all LiDARs"
+                }
+                ": surface voxels that two LiDARs share, as a share of those of the LiDAR that has fewer, over "
+                (found.frames) " frame(s). Calibration against each other needs it."
+            }
+            (table("Overlap of each pair, %", &titles, &rows))
+        }
+    }
+}
