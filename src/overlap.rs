@@ -278,6 +278,7 @@ pub(crate) fn cut_off(shares: &Shares, lost: Option<usize>, least: f64) -> Strin
                 let of = if group.len() == 1 { String::new() } else { format!("{} ", names[a]) };
                 format!("{of}shares at most {share:.1} % with LiDAR {}", names[b])
             }
+            None if group.len() > 1 => "share nothing with the rest".to_owned(),
             None => "shares nothing with any other".to_owned(),
         };
         format!("{one} {} {are} cut off: {shared}", numbers.join(" and "))

@@ -108,12 +108,43 @@ fn level_ground_takes_a_trailer_as_in_frame_0_and_says_so() {
     let output = sightline(dir.path(), &handover);
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && told.contains("has 2 poses"), "{told}");
+    let readme = fs::read_to_string(dir.path().join("h/README.txt")).unwrap();
+    let words = "boxes, masks and drawing are of frame 0; where they stand otherwise, others are needed (a scene before";
+    assert!(readme.contains(words), "{readme}");
     tractor(json!([]));
     let told = fails(dir.path(), &["study", "targets", "p.json", "--vehicle", "v.json"]);
     assert!(
         told.contains("bodies[0].poses: an empty list is not a list of at least one pose"),
         "{told}"
     );
+}
+
+#[test]
+fn a_hand_over_has_the_body_of_its_frame() {
+    let dir = TempDir::new().unwrap();
+    room_with(dir.path(), "bends.json", &trailer(json!(YAWS.map(pose))));
+    room_with(dir.path(), "stands.json", &trailer(json!([pose(YAWS[2])])));
+    let files = |scene: &str, frame: &str| {
+        let args = [
+            "rig", "handover", scene, "p.json", "--frame", frame, "--backend", "cpu", "--out", "h",
+            "--force",
+        ];
+        let output = sightline(dir.path(), &args);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let read = |name: &str| fs::read_to_string(dir.path().join("h").join(name)).unwrap();
+        let boxes = read("crop_boxes.yaml");
+        let boxes: Vec<&str> =
+            boxes.lines().filter(|line| line.contains("m") && !line.starts_with('#')).collect();
+        // The body: edges of the blind zone follow from cells, whose hits rounding decides.
+        let drawn = read("drawing.svg");
+        let body = drawn.split("<path ").filter(|path| path.contains("#c8d2dc"));
+        (boxes.join("\n"), body.map(str::to_owned).collect::<Vec<_>>())
+    };
+    let (straight, bent) = (files("bends.json", "0"), files("bends.json", "2"));
+    assert!(straight.0 != bent.0 && straight.1 != bent.1 && !bent.1.is_empty());
+    let stands = files("stands.json", "0");
+    assert_eq!(bent.0, stands.0);
+    assert_eq!(bent.1, stands.1);
 }
 
 #[test]

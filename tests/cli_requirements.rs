@@ -74,15 +74,15 @@ fn a_requirement_that_copies_within_the_tolerance_break_is_met_on_paper_only() {
 #[test]
 fn a_result_is_moved_until_its_copies_within_the_tolerance_meet_what_is_required() {
     let dir = TempDir::new().unwrap();
-    street(dir.path(), json!([car([-180, 180], 0.605)]));
+    street(dir.path(), json!([car([-180, 180], 0.685)]));
     let search = |tolerance: &str| {
         let args = "optimize street.json --budget 3 --backend cpu --evaluations 30 --force --out run --tolerance";
         let args: Vec<&str> = args.split(' ').chain([tolerance]).collect();
         assert!(sightline(dir.path(), &args).status.success());
-        let args = "score street.json run/placements.json --backend cpu --tolerance 10mm,3deg";
+        let args = "score street.json run/placements.json --backend cpu --tolerance 10mm,1deg";
         ok(dir.path(), &args.split(' ').collect::<Vec<_>>())["scores"][0].clone()
     };
-    let (paper, mounted) = (search("0"), search("10mm,3deg"));
+    let (paper, mounted) = (search("0"), search("10mm,1deg"));
     for found in [&paper, &mounted] {
         assert_eq!(found["requirements"][0]["met"], true, "{found}");
     }

@@ -137,8 +137,12 @@ fn rigs_in_weather_have_the_scores_and_requirements_that_score_prints() {
 
 /// Guards that speak against the scores of a placement: blind sectors are facts about the rig.
 fn doubts(scores: &Value) -> usize {
-    let guards = scores["guards"].as_array().unwrap().iter();
-    guards.filter(|guard| !guard.as_str().unwrap().starts_with("blind_sector")).count()
+    let is_fact = |guard: &&Value| {
+        let words = guard.as_str().unwrap();
+        ["blind_sector", "redundant_lidar"].iter().any(|fact| words.starts_with(fact))
+    };
+    let guards = scores["guards"].as_array().unwrap();
+    guards.iter().filter(|guard| !is_fact(guard)).count()
 }
 
 /// Holds the range of a car ahead against the beams that `study targets` counts on it.

@@ -159,7 +159,8 @@ fn a_page_has_the_numbers_of_the_studies_on_several_lidars() {
     let page = fs::read_to_string(dir.path().join("v.html")).unwrap();
     let told = section(&page, "redundancy");
     let study = done(&["study", "redundancy", "yard.json", "pair.json"]);
-    let rows = study.lines().skip(2).filter(|line| !line.is_empty());
+    let rows = study.lines().skip_while(|line| !line.starts_with("% seen by")).skip(1);
+    let rows = rows.filter(|line| !line.is_empty());
     let cells = |line: &str| {
         line.split("  ").map(str::trim).filter(|c| !c.is_empty()).collect::<Vec<_>>().join("|")
     };

@@ -37,8 +37,8 @@ def called(program: Path, arguments: list[str], codes: tuple[int, ...]) -> str:
 
 
 def doubts(guards: list[str]) -> list[str]:
-    """Guards that speak against a placement; a blind sector is a fact about it."""
-    return [guard for guard in guards if not guard.startswith("blind_sector")]
+    """Guards that make scores doubtful; others are facts about a rig: sectors it does not see, LiDARs that could be left out."""
+    return [guard for guard in guards if not guard.startswith(("blind_sector", "redundant_lidar"))]
 
 
 def work_of(result: dict[str, Any]) -> int:

@@ -262,7 +262,7 @@ def test_costs_rise_from_scores_over_requirements_and_guards_to_rules():
 
 
 def test_a_result_counts_only_if_it_keeps_everything():
-    scores = {"guards": ["blind_sector: behind"], "requirements": [{"name": "tyre", "required": 0.9, "met": True}]}
+    scores = {"guards": ["blind_sector: behind", "redundant_lidar: LiDAR 1"], "requirements": [{"name": "tyre", "required": 0.9, "met": True}]}
     best = {"placement": {"lidars": [{}, {}]}, "scores": scores, "objective": 0.5, "violations": []}
     spent = {"levels": 1, "search": 2, "swaps": 3, "confirm": 4, "full": 1000}
     result = {"best": best, "fidelity": {"placement_frames": spent}, "methods": [{"poses_cast": 7}],

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::{Job, JobError};
+use crate::engine::BackendError;
 use crate::score::{Scores, Seen, lidar_name};
 use crate::search::Evaluator;
 use crate::targets::BlindSector;
@@ -111,8 +112,14 @@ impl Job {
         let known = blind(&whole);
         let problem = evaluator.shared_problem();
         let mounts = problem.rules().mount_names(placement);
+        let missing = evaluator.missing_without_each(placement).map_err(BackendError::from)?;
         let row = |(lidar, mut scores): (usize, Scores)| {
             scores.required = scores.required.into_iter().map(as_it_is).collect();
+            // Words name LiDARs by their numbers in the whole rig.
+            for seen in &mut scores.required {
+                let words = missing[lidar].iter().find(|(name, _)| *name == seen.name);
+                seen.missing = words.map(|(_, words)| words.clone()).or(seen.missing.take());
+            }
             let broken = scores.required.iter().zip(&met);
             let broken = broken.filter(|(seen, met)| **met && !seen.is_met());
             let broken = broken.map(|(seen, _)| seen.clone()).collect();

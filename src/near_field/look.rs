@@ -99,7 +99,27 @@ impl NearSite {
     /// # Errors
     /// A scene without an own body, or without ground near it.
     pub fn new(scene: &Scene, problem: &Arc<Problem>) -> Result<Self, NearFieldError> {
-        let site = Self::among(outline(scene)?, ground_triangles(scene), problem);
+        Self::around(outline(scene, 0)?, scene, problem)
+    }
+
+    /// The site of a problem of one frame that was made of a scene: the body has its outline in that frame.
+    ///
+    /// # Errors
+    /// See [`Self::new`].
+    pub(crate) fn in_frame(
+        scene: &Scene,
+        problem: &Arc<Problem>,
+        frame: usize,
+    ) -> Result<Self, NearFieldError> {
+        Self::around(outline(scene, frame)?, scene, problem)
+    }
+
+    fn around(
+        footprint: Footprint,
+        scene: &Scene,
+        problem: &Arc<Problem>,
+    ) -> Result<Self, NearFieldError> {
+        let site = Self::among(footprint, ground_triangles(scene), problem);
         if !site.frames.iter().any(|(_, _, ground)| ground.contains(&true)) {
             let (scene, names) = (place(scene), Ground::in_words());
             return Err(NearFieldError::NoGround { scene, within: NEAR, names });
@@ -364,9 +384,9 @@ pub(crate) fn returned_hits(
     Ok((poses, hits))
 }
 
-/// Outline of the own body of a scene.
-pub(crate) fn outline(scene: &Scene) -> Result<Footprint, NearFieldError> {
-    let corners = scene.body().into_iter().flatten();
+/// Outline of the own body of a scene in a frame.
+pub(crate) fn outline(scene: &Scene, frame: usize) -> Result<Footprint, NearFieldError> {
+    let corners = scene.body_in(frame).into_iter().flatten();
     let footprint = Footprint::of(corners.map(|[x, y, _]| [f64::from(x), f64::from(y)]));
     let footprint = footprint.ok_or_else(|| NearFieldError::NoBody { scene: place(scene) })?;
     let length = footprint.length();

@@ -98,7 +98,7 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                     @if subject.result.is_some() {
                         p.part { "For the engineer: what it sees and where it stands" }
                     }
-                    (seen::range_card(subject))
+                    (seen::range_card(subject, figures))
                     (seen::near_field(figures))
                     (layout::layout(subject, figures, run))
                     (several::redundancy(figures))
@@ -210,6 +210,8 @@ pub struct Looks {
     near: Result<Near, String>,
     /// LiDARs of the placement against each other.
     several: Several,
+    /// True if bodies of the vehicle move: some figures are of frame 0.
+    has_moving_bodies: bool,
 }
 
 /// LiDARs of a placement against each other.
@@ -278,7 +280,8 @@ impl Looks {
             let (mut evaluator, _) = Evaluator::open(suite, &choice, |_| {})?;
             several.losses = job.losses_while(&mut evaluator, placement, &mut || true)?;
         }
-        Ok(Self { maps, views, near, several })
+        let has_moving_bodies = job.scene().has_moving_bodies();
+        Ok(Self { maps, views, near, several, has_moving_bodies })
     }
 
     /// Near field of the placement; `None` where there is none to tell.
@@ -337,6 +340,8 @@ pub struct Figures {
     pub near_frames: usize,
     /// LiDARs of the placement against each other, over the same frames.
     several: Several,
+    /// True if bodies of the vehicle move: range card and outline are of frame 0.
+    has_moving_bodies: bool,
     /// The 3-D view of each scene; empty without a result.
     pub views: Vec<ViewData>,
 }
@@ -360,11 +365,13 @@ impl Figures {
             near_field: Err("there is no result".to_owned()),
             near_frames: 0,
             several: Several::default(),
+            has_moving_bodies: false,
             views: Vec::new(),
         };
-        let Some((Looks { maps, views, near, several }, shown)) = looks.zip(shown) else {
+        let Some((looks, shown)) = looks.zip(shown) else {
             return none;
         };
+        let Looks { maps, views, near, several, has_moving_bodies } = looks;
         let near_frames = near.as_ref().map_or(0, |near| near.frames);
         let near_field = near.map(|Near { footprint, all, .. }| {
             let drawn: Vec<(&Placement, &NearField)> = all.iter().map(|(p, n)| (p, n)).collect();
@@ -376,7 +383,7 @@ impl Figures {
             maps[..count].iter().map(|(name, map)| (name.clone(), map.lidars_svg(placement)));
         let lidars = lidars.collect();
         let maps = maps.into_iter().map(|(name, map)| (name, map.svg(placement))).collect();
-        Self { maps, lidars, near_field, near_frames, several, views, ..none }
+        Self { maps, lidars, near_field, near_frames, several, has_moving_bodies, views, ..none }
     }
 
     /// Every drawing with a name of its own; `result` is the placement that they show.

@@ -125,12 +125,17 @@ pub(super) fn overlap_in_words(card: &RangeCard) -> Option<String> {
             None => starts.push((*first, vec![name])),
         }
     }
-    let parts = starts.iter().map(|(metres, names)| {
-        format!("nearer than {} m ({})", trimmed(*metres, 2), names.join(", "))
-    });
+    let parts = starts
+        .iter()
+        .map(|(metres, names)| format!("{} m ({})", trimmed(*metres, 2), names.join(", ")));
     let parts: Vec<String> = parts.collect();
-    (!parts.is_empty())
-        .then(|| format!("A {} {} would overlap the own body.", car.target, parts.join(" or ")))
+    (!parts.is_empty()).then(|| {
+        format!(
+            "Of these distances a {} stands free of the own body from {} on.",
+            car.target,
+            parts.join(" or ")
+        )
+    })
 }
 
 /// The range card of a placement: a line a bearing.
@@ -352,7 +357,7 @@ mod tests {
         };
         let (distances, beams) = (vec![2.5, 5.0, 7.5, 140.0], 5);
         let mut card = RangeCard { beams, distances, targets: vec![car], blind: Vec::new() };
-        let words = "A car nearer than 7.5 m (ahead 0°, behind 180°) would overlap the own body.";
+        let words = "Of these distances a car stands free of the own body from 7.5 m (ahead 0°, behind 180°) on.";
         assert_eq!(overlap_in_words(&card).as_deref(), Some(words));
         assert!(range_card_text(&card).ends_with(&format!("{words}\n")));
         // A sector elsewhere takes nothing away; in one a car may be lost where it starts late.
@@ -365,7 +370,8 @@ mod tests {
         card.blind = vec![sector([30.0, 120.0], 5.0)];
         assert_eq!(overlap_in_words(&card).as_deref(), Some(words));
         card.blind = vec![sector([170.0, -170.0], 5.0)];
-        let words = "A car nearer than 7.5 m (ahead 0°) would overlap the own body.";
+        let words =
+            "Of these distances a car stands free of the own body from 7.5 m (ahead 0°) on.";
         assert_eq!(overlap_in_words(&card).as_deref(), Some(words));
         card.blind.clear();
         card.targets[0].bearings.retain(|of| of.bearing.abs() == 90.0);

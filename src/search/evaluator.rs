@@ -154,6 +154,19 @@ impl Evaluator {
         self.sight.as_ref()
     }
 
+    /// For each LiDAR of a placement what the rules on targets, ground and overlap miss without it, in words by the name of
+    /// the rule.
+    pub(crate) fn missing_without_each(
+        &self,
+        placement: &Placement,
+    ) -> Result<Vec<Vec<(String, String)>>, UnknownSensor> {
+        let Some(sight) = &self.sight else { return Ok(vec![Vec::new(); placement.lidars.len()]) };
+        let each = placement.lidars.par_iter().map(|lidar| sight.beams(lidar));
+        let each = each.collect::<Result<Vec<_>, _>>()?;
+        let each: Vec<&SightBeams> = each.iter().collect();
+        Ok((0..each.len()).map(|lost| sight.missing_without(&each, lost)).collect())
+    }
+
     /// The problem; of several the first.
     pub fn problem(&self) -> &Problem {
         self.seats[0].member.problem()

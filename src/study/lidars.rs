@@ -219,7 +219,8 @@ pub(super) fn cost(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Study
         format!("Prices, and what the mounts may hold, are those of {}.", vehicle.name),
     ];
     let title = scene.title("what is gained for the money");
-    let columns = ["sensors", "price"].into_iter().chain(SCORES).chain(["LiDARs", "not seen %"]);
+    let columns =
+        ["sensors", "price"].into_iter().chain(SCORES).chain(["LiDARs", "points missing"]);
     let drawn = made_large(&scene.settings.objective);
     let y_title = SCORES[drawn].to_owned();
     let drawing = TablePlot::Against { column: 1 + drawn, x_title: "price".to_owned(), y_title };

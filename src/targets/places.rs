@@ -48,7 +48,7 @@ impl GroundBelow {
         };
         let classes = scene.face_classes(EgoBody::Include);
         let is_ground = classes.iter().enumerate().map(is_ground).collect();
-        Self { is_ground, footprint: outline(scene).ok() }
+        Self { is_ground, footprint: outline(scene, 0).ok() }
     }
 
     /// Plane of the ground under the wheels in a frame; z = 0 without a body.

@@ -213,6 +213,19 @@ impl Sight {
         all
     }
 
+    /// What each rule misses without a LiDAR, which keeps its number, in words by the name of the rule; rules that are met
+    /// are left out.
+    pub fn missing_without(&self, each: &[&SightBeams], lost: usize) -> Vec<(String, String)> {
+        let looked = self.looked(each);
+        let missing = |rule: &Rule| {
+            let share = self.met_share(&looked, Some(lost), rule);
+            let words =
+                (share < rule.least()).then(|| self.missing_in_words(&looked, Some(lost), rule));
+            Some((rule.name().to_owned(), words.flatten()?))
+        };
+        self.rules.iter().filter_map(missing).collect()
+    }
+
     fn missing_in_words(
         &self,
         looked: &Looked<'_>,

@@ -7,7 +7,7 @@ use super::{Figures, Subject};
 use crate::report::targets::{overlap_in_words, range_card_rows, range_card_svg};
 
 /// Distances of detection, and the sectors in which the result is blind.
-pub(super) fn range_card(subject: &Subject<'_>) -> Markup {
+pub(super) fn range_card(subject: &Subject<'_>, figures: &Figures) -> Markup {
     let Some((best, card)) =
         subject.result.and_then(|best| Some((best, best.scores.range_card.as_ref()?)))
     else {
@@ -29,6 +29,9 @@ pub(super) fn range_card(subject: &Subject<'_>) -> Markup {
                 "Metres from the vehicle's origin to the middle of a target on level ground, alone, at which "
                 (card.beams) " beams or more end at it, the own body in the way. Bearings count to the left from \
                  straight ahead."
+            }
+            @if figures.has_moving_bodies {
+                p { "Bodies of the vehicle move: range card, blind sectors and requirements on targets are for frame 0." }
             }
             div.polar {
                 (figure(&range_card_svg(&best.placement.name, card), "Distances at which targets are met"))

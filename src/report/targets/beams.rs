@@ -30,7 +30,15 @@ pub fn targets_text(table: &TargetTable, beams: u32) -> String {
         };
         format!("{}\n{block}", heading(&detections[0]))
     };
-    by_placement(table).iter().zip(rows).map(of).collect::<Vec<_>>().join("\n")
+    let blocks = by_placement(table).iter().zip(rows).map(of).collect::<Vec<_>>().join("\n");
+    let last = distances.last().filter(|_| distances.len() > FEW);
+    let ends = |last: &&f64| {
+        table.detections.iter().any(|of| of.detected.last().is_some_and(|run| run[1] == **last))
+    };
+    let ends = last.filter(ends).map_or(String::new(), |last| {
+        format!("{} m is the farthest distance looked at (--distances).\n", trimmed(*last, 2))
+    });
+    blocks + &ends
 }
 
 impl OfPlacement<'_> {
@@ -166,6 +174,8 @@ mod tests {
             ["rig", "bearing tyre m", "ahead 0° – (4 beams at 60, 5 needed)", "left 90° –"]
         );
         table.detections[0].detected = vec![[10.0, 30.0]];
-        assert_eq!(lines(&table)[2], "ahead 0° 10–30");
+        assert_eq!(lines(&table)[2..], ["ahead 0° 10–30", "left 90° –"]);
+        table.detections[0].detected = vec![[10.0, 60.0]];
+        assert_eq!(lines(&table)[4], "60 m is the farthest distance looked at (--distances).");
     }
 }

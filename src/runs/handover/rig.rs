@@ -49,14 +49,17 @@ pub(super) struct HandoverRig {
 impl HandoverRig {
     /// Sentence on the frame that the body is taken in, where bodies of the vehicle move.
     pub fn frame_in_words(&self) -> Option<String> {
-        let moves = self.scene().has_moving_bodies();
-        moves.then(|| {
-            format!(
-                "Bodies of the vehicle move: boxes, masks and drawing are of frame {}; where they stand otherwise, others are \
-                 needed (--frame).",
-                self.frame
-            )
-        })
+        let scene = self.scene();
+        let others = match (scene.has_moving_bodies(), scene.has_bodies_held_still()) {
+            (true, _) => "--frame",
+            (false, true) => "a scene before the placements, and --frame",
+            (false, false) => return None,
+        };
+        Some(format!(
+            "Bodies of the vehicle move: boxes, masks and drawing are of frame {}; where they stand otherwise, others are \
+             needed ({others}).",
+            self.frame
+        ))
     }
 
     pub fn new(request: &HandoverRequest, computing: &Computing<'_>) -> Result<Self, RunError> {
@@ -94,13 +97,13 @@ impl HandoverRig {
         };
         let own = (0..placement.lidars.len()).map(is_own).collect();
         let poses = batch.ego_from_sensors(0);
-        let near = near_field(scene, &mut evaluator, &placement)?;
+        let near = near_field(scene, request.frame as usize, &mut evaluator, &placement)?;
         if let Err(why) = &near {
             computing.watcher.note(&format!("the drawing has no blind zone: {why}"));
         }
         let mounts = scene.vehicle().mount_names(&placement.lidars);
         let mounts = mounts.into_iter().map(|name| name.map(str::to_owned)).collect();
-        let body = scene.body();
+        let body = scene.body_in(request.frame as usize);
         let file = file.to_owned();
         Ok(Self {
             job,
@@ -165,11 +168,12 @@ impl HandoverRig {
 /// Outline of the body and near field of a placement, or why there is none.
 fn near_field(
     scene: &Scene,
+    frame: usize,
     evaluator: &mut Evaluator,
     placement: &Placement,
 ) -> Result<Result<(Footprint, NearField), String>, RunError> {
     let problem = evaluator.shared_problem();
-    Ok(match NearSite::new(scene, &problem) {
+    Ok(match NearSite::in_frame(scene, &problem, frame) {
         Ok(site) => {
             let near = site.look(evaluator.backend_mut(), placement)?;
             Ok((site.footprint().clone(), near))
@@ -206,6 +210,7 @@ impl Handed {
         let of_run: Vec<String> =
             of_run.iter().map(|run| run.scene.display().to_string()).collect();
         let scenes = if of_run.is_empty() { scenes } else { &of_run };
+        let on_level_ground = scenes.is_empty();
         let scene = scene(scenes, text, request.frame, computing)?;
         let changed = own.and_then(|run| changed_input(&run.folder));
         let warnings = match own.filter(|_| changed.is_none()) {
@@ -221,7 +226,9 @@ impl Handed {
             }
         };
         warnings.iter().for_each(|words| computing.watcher.note(words));
-        let about = about(run, text);
+        let mut about = about(run, text);
+        let place = if on_level_ground { "level ground" } else { scene.name() };
+        about.push(format!("Blind zone and masks: {place}, frame {}", request.frame));
         Ok(Self { placement, text: text.clone(), scene, about, warnings })
     }
 }

@@ -160,17 +160,24 @@ pub fn line_and_column(before: &str) -> (usize, usize) {
     (1 + before.matches('\n').count(), 1 + last.chars().count())
 }
 
-/// Reads a whole text without its byte order mark; bytes that are no UTF-8 become replacement characters, so that a
-/// parser names the place.
+/// Reads a whole text without its byte order mark.
 ///
 /// # Errors
-/// Like [`read_limited`], and a text in UTF-16.
+/// Like [`read_limited`], and a text that is no UTF-8.
 pub fn read_text(file: &Path, limit: u64) -> Result<String, DescriptionError> {
     let bytes = read_limited(file, limit)?;
     refuse_utf_16(&bytes, file)?;
-    let text = String::from_utf8_lossy(&bytes);
-    Ok(text.strip_prefix('\u{feff}').unwrap_or(&text).to_owned())
+    let text = String::from_utf8(bytes).map_err(|error| {
+        let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        let (line, column) = line_and_column(&String::from_utf8_lossy(before));
+        let at = Box::new(Location::top(&file.display().to_string()));
+        DescriptionError::Json { at, problem: NO_UTF_8.to_owned(), line, column }
+    })?;
+    Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
+
+/// Fault of a text in another encoding, Latin-1 for example.
+const NO_UTF_8: &str = "is not UTF-8 text; save it as UTF-8";
 
 /// Refuses the bytes of a text in UTF-16, as some editors save it.
 ///

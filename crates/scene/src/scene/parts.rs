@@ -33,6 +33,9 @@ pub enum PartOwner {
     EgoBody(usize),
 }
 
+/// End of a note on a body that moves in frames, and not on level ground.
+const HELD_STILL: &str = "level ground takes the body as in frame 0";
+
 impl Scene {
     /// Number of the part that is the body of the ego vehicle: the first of [`Self::own_parts`].
     pub fn body_part(&self) -> usize {
@@ -125,14 +128,28 @@ impl Scene {
         self.parts(body).flat_map(|part| self.solid(part).classes.iter().copied()).collect()
     }
 
+    /// True if bodies of the ego vehicle have a pose for each frame, and level ground took them as in frame 0.
+    pub fn has_bodies_held_still(&self) -> bool {
+        self.notes.iter().any(|note| note.to_string().ends_with(HELD_STILL))
+    }
+
     /// Triangles of the ego's bodies in frame 0, in the ego frame; none where the scene has no geometry.
     pub fn body(&self) -> Vec<[[f32; 3]; 3]> {
+        self.body_in(0)
+    }
+
+    /// Triangles of the ego's bodies in a frame, in the ego frame; none where the scene has no geometry.
+    ///
+    /// # Panics
+    /// A frame that the scene does not have.
+    pub fn body_in(&self, frame: usize) -> Vec<[[f32; 3]; 3]> {
         let mut soup = TriangleSoup::default();
-        standing(&self.body, &self.bodies, 0).append_to(&mut soup, &Pose::IDENTITY);
+        standing(&self.body, &self.bodies, frame).append_to(&mut soup, &Pose::IDENTITY);
         (0..soup.faces.len() as u32).map(|prim| soup.corners(prim)).collect()
     }
 
-    /// Triangles of [`Self::body`] by the shape of the bodies' lists that they are of, in that order.
+    /// Triangles of [`Self::body_in`] by the shape of the bodies' lists that they are of, in that order; the same in every
+    /// frame.
     pub fn body_shapes(&self) -> Vec<Range<usize>> {
         let ends = standing(&self.body, &self.bodies, 0).ends;
         let starts = std::iter::once(0).chain(ends.iter().copied());
@@ -375,7 +392,7 @@ impl OwnBodies {
             };
             self.body.append(&body.parts, &poses[0]);
             notes.push(Note::fact(format!(
-                "{}: has {} poses, one for each frame; level ground takes the body as in frame 0",
+                "{}: has {} poses, one for each frame; {HELD_STILL}",
                 body.at,
                 poses.len()
             )));

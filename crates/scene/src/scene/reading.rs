@@ -49,19 +49,9 @@ impl Scene {
         vehicle: Option<&Path>,
     ) -> Result<Self, DescriptionError> {
         let path = path.as_ref();
-        let bytes = json::read_limited(path, MAX_FILE)?;
-        json::refuse_utf_16(&bytes, path)?;
-        let name = path.display().to_string();
-        let text = String::from_utf8(bytes).map_err(|error| {
-            let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-            let (line, column) = json::line_and_column(&String::from_utf8_lossy(before));
-            let at = Box::new(Location::top(&name));
-            let problem = "is not UTF-8 text; save it as UTF-8, a scene is a JSON file".to_owned();
-            DescriptionError::Json { at, problem, line, column }
-        })?;
-        let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+        let (text, name) = (json::read_text(path, MAX_FILE)?, path.display().to_string());
         let dir = path.parent().unwrap_or(Path::new(""));
-        let mut scene = Self::from_text(text, (dir, &name), vehicle, false)?;
+        let mut scene = Self::from_text(&text, (dir, &name), vehicle, false)?;
         scene.files.insert(0, path.to_owned());
         Ok(scene)
     }

@@ -59,9 +59,11 @@ pub fn of_lidar(who: &str, lidar: &Lidar) -> Vec<String> {
     let mut doubts = Vec::new();
     let range = lidar.range();
     if !(RANGE[0]..=RANGE[1]).contains(&range) {
-        doubts.push(format!(
-            "{who} has a range of {range} m; ranges are in metres: write 100 for 100 m"
-        ));
+        let mend = match range > RANGE[1] {
+            true => format!("{range} mm would be {} m", range / 1000.0),
+            false => "write 100 for 100 m".to_owned(),
+        };
+        doubts.push(format!("{who} has a range of {range} m; ranges are in metres: {mend}"));
     }
     let Lidar::Spinning { azimuth, elevations, .. } = lidar else { return doubts };
     let lowest = elevations.iter().copied().fold(f64::INFINITY, f64::min);

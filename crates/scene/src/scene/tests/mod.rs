@@ -344,5 +344,13 @@ fn a_text_in_latin_1_is_refused_at_its_first_such_letter() {
     let file = dir.path().join("s.json");
     std::fs::write(&file, b"{ \"sightline\": 1,\n  \"name\": \"caf\xe9\" }").unwrap();
     let told = Scene::read(&file).unwrap_err().to_string();
-    assert!(told.ends_with("a scene is a JSON file (line 2, column 15)"), "{told}");
+    let words = "is not UTF-8 text; save it as UTF-8 (line 2, column 15)";
+    assert!(told.ends_with(words), "{told}");
+    let vehicle = dir.path().join("v.json");
+    std::fs::write(&vehicle, b"{ \"sightline\": 1, \"name\": \"Bus-f\xfcr\" }").unwrap();
+    let told = Scene::level_ground(&vehicle).unwrap_err().to_string();
+    assert!(
+        told.contains("v.json") && told.contains("is not UTF-8 text; save it as UTF-8"),
+        "{told}"
+    );
 }

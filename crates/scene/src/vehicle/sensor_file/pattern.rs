@@ -22,8 +22,9 @@ pub const MAX_CHANNELS: usize = 1024;
 pub const MAX_BEAMS: u64 = 10_000_000;
 /// Most columns of a frame.
 pub(super) const MAX_COLUMNS: u64 = 100_000;
-/// Least vertical field of view in degrees that is no doubt.
-pub(in super::super) const NARROWEST: f64 = 1.0;
+/// Least vertical field of view in degrees that is no doubt: the narrowest LiDARs of several channels have three, and the
+/// widest half a turn and more are as many radians.
+pub(in super::super) const NARROWEST: f64 = 2.0;
 /// Finest mean step of elevations in degrees that is no doubt, where all could be radians.
 const FINEST: f64 = 0.06;
 /// Longest piece of a file that an error repeats, in characters.
