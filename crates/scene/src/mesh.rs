@@ -251,6 +251,8 @@ pub struct Placing {
     /// Metres a unit along the axes of the file.
     scale: DVec3,
     pose: Pose,
+    /// True where a description may name `axes`: a mesh of a URDF has none.
+    takes_axes: bool,
 }
 
 impl Placing {
@@ -276,12 +278,12 @@ impl Placing {
         let yaw = check::radians(&at.key("yaw"), yaw)?;
         let translate = check::point(&at.key("translate"), translate)?;
         let (scale, pose) = (DVec3::splat(scale), Pose::new(translate.into(), roll, pitch, yaw));
-        Ok(Self { axes, scale, pose })
+        Ok(Self { axes, scale, pose, takes_axes: true })
     }
 
     /// Axes as the file has them, metres a unit along each, and a pose.
     pub fn scaled(scale: DVec3, pose: Pose) -> Self {
-        Self { axes: None, scale, pose }
+        Self { axes: None, scale, pose, takes_axes: false }
     }
 
     /// Takes the scaled mesh to the frame of its owner.
@@ -292,10 +294,18 @@ impl Placing {
     /// A note on the forward axis of a glTF that neither the description nor the file names.
     pub fn note(&self, at: &Location, file: &Path, mesh: &RawMesh) -> Option<Note> {
         let open = is_gltf(file) && self.axes.or(mesh.axes).is_none();
+        let mend = match self.takes_axes {
+            true => {
+                "`axes` decides: \"y-up\" for x, \"z-forward\" for z as the specification of glTF has it"
+            }
+            false => {
+                "where it is z, as the specification of glTF has it, turn the <origin> of the shape in the URDF by a \
+                 yaw of 1.5708"
+            }
+        };
         open.then(|| {
             Note::fact(format!(
-                "{at}: {} does not say which way is forward; x is taken, as Blender writes a world. `axes` decides: \
-                 \"y-up\" for x, \"z-forward\" for z as the specification of glTF has it",
+                "{at}: {} does not say which way is forward; x is taken, as Blender writes a world. {mend}",
                 file.display()
             ))
         })

@@ -7,6 +7,7 @@ mod density;
 mod document;
 mod doubts;
 mod objects;
+mod stations;
 mod values;
 
 use std::collections::BTreeMap;
@@ -78,6 +79,7 @@ pub fn read_opendrive(path: &Path) -> Result<String, WorldError> {
 /// XML that does not parse, no road with a lane, no lane to drive in, more than a world can hold.
 pub fn network(text: &str, file: &str) -> Result<Network, WorldError> {
     let document = document::checked(text, file)?;
+    let text = document.text.as_deref().unwrap_or(text);
     let (roads, origins) = xodr::load_str_with_provenance(text).map_err(|source| {
         WorldError::OpenDrive { file: file.to_owned(), source: Box::new(source) }
     })?;

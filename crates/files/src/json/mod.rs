@@ -3,6 +3,7 @@
 pub mod check;
 mod foreign;
 mod numbers;
+mod objects;
 mod parse;
 mod xml;
 mod yaml;
@@ -11,6 +12,7 @@ pub use check::{DescriptionError, Location, did_you_mean};
 pub use foreign::{is_utf_16, not_json};
 pub use lidar_cast::sensor::nearest;
 pub use numbers::{Quantity, fixed, shortened, spoken, written};
+pub use objects::{Objects, from_text};
 pub use parse::{
     FileKind, check_version, check_xml, line_and_column, parse, plain_words, read_limited,
     read_text, refuse_utf_16, unknown_key, version_1,

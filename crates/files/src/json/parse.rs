@@ -8,16 +8,17 @@ use std::path::Path;
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
 
-use super::{DescriptionError, Location, is_utf_16, nearest, not_json};
+use super::objects::{IS_A_LIST, Objects};
+use super::{DescriptionError, Location, from_text, is_utf_16, nearest, not_json};
 
-/// Reads `text` as a `T`, naming `file` in errors.
+/// Reads `text` as a `T`, naming `file` in errors. A list is no struct.
 pub fn parse<T: DeserializeOwned>(text: &str, file: &str) -> Result<T, DescriptionError> {
     if text.trim_ascii().is_empty() {
         let (at, problem) = (Box::new(Location::top(file)), "the file is empty".to_owned());
         return Err(DescriptionError::Json { at, problem, line: 1, column: 1 });
     }
     let mut json = serde_json::Deserializer::from_str(text);
-    let value = serde_path_to_error::deserialize(&mut json).map_err(|e| {
+    let value = serde_path_to_error::deserialize(Objects(&mut json)).map_err(|e| {
         let path = e.path().to_string();
         explain(file, &path, &e.into_inner())
     })?;
@@ -116,6 +117,9 @@ pub fn plain_words(text: &str) -> String {
             return "a number too large; write a finite one, as 1.5".to_owned();
         }
         _ => (),
+    }
+    if text.starts_with(IS_A_LIST) {
+        return text.to_owned();
     }
     let (head, expected) = text.split_once(", expected ").unwrap_or((text, ""));
     let head = head
@@ -217,7 +221,7 @@ impl FileKind {
             lidar: Option<IgnoredAny>,
             mount: Option<IgnoredAny>,
         }
-        let keys: FileKeys = serde_json::from_str(text).ok()?;
+        let keys: FileKeys = from_text(text).ok()?;
         let vehicle = keys.mounts.or(keys.sensors);
         let scene = keys.roi.map(|_| Self::Scene);
         let kind = scene.or(vehicle.map(|_| Self::Vehicle));

@@ -5,6 +5,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
 use super::numbers::{Quantity, shown};
+use super::objects::Objects;
 use super::{DescriptionError, Location, numbers, plain_words};
 
 /// Most bytes of a YAML file; vendors' files have 40 000.
@@ -32,7 +33,7 @@ pub struct YamlDocument {
 impl YamlDocument {
     /// The document as a `T`, or the key that does not fit, with its line.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T, DescriptionError> {
-        serde_path_to_error::deserialize(&self.value).map_err(|error| {
+        serde_path_to_error::deserialize(Objects(&self.value)).map_err(|error| {
             let path = error.path().to_string();
             let path = if path == "." { String::new() } else { path };
             let (line, column) = self.line_of(&path);

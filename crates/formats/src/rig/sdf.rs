@@ -103,6 +103,12 @@ pub(super) fn read_sensors(
 ) -> Result<(), RigError> {
     for sensor in link.children().filter(|node| node.has_tag_name("sensor")) {
         let (optical, parent) = pose(sensor, file, frames)?;
+        if sensor.children().any(|node| node.has_tag_name("origin")) {
+            let at = yaml::place(sensor, file);
+            frames.notes.push(Note::doubt(format!(
+                "{at}: <origin> is not read here; write its pose as <pose>x y z roll pitch yaw</pose>"
+            )));
+        }
         match parent {
             // Its own pose hangs on another frame than its link.
             Some(parent) if format!("{scope}{parent}") != name => {
@@ -202,15 +208,19 @@ const LIDARS: [&str; 4] = ["ray", "gpu_ray", "lidar", "gpu_lidar"];
 const OWN: &str = "urn:sightline";
 const PREFIX: &str = "sightline";
 
-/// True if an element is a `<sensor>` that is a LiDAR.
+/// True if an element is a `<sensor>` that is a LiDAR: by its type, or without one by what is in it.
 pub(super) fn is_lidar(sensor: Node) -> bool {
+    let casts = |node: Node| node.has_tag_name("ray") || node.has_tag_name("lidar");
     sensor.has_tag_name("sensor")
-        && sensor.attribute("type").is_some_and(|kind| LIDARS.contains(&kind))
+        && match sensor.attribute("type") {
+            Some(kind) => LIDARS.contains(&kind),
+            None => sensor.children().any(casts),
+        }
 }
 
 /// Adds a LiDAR for a `<sensor>` whose pose in the frame `link` is `optical`. Reads its model from a name
 /// `FRAME-MODEL`, as in Velodyne's description, and its phase from this program's own attribute.
-fn add_sensor(
+pub(super) fn add_sensor(
     frames: &mut FrameTree,
     sensor: Node,
     link: &str,

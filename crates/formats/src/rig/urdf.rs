@@ -2,8 +2,8 @@
 //!
 //! Joints with `<origin xyz rpy>`, `R = Rz·Ry·Rx`, in metres and radians. The content of `<gazebo>` is SDF.
 //!
-//! Read: `<joint>` (type, origin, parent, child), `<gazebo reference>` with `<sensor>` and its `<pose>`. Passed over, because
-//! no pose depends on it: links' shapes and masses, limits, axes, transmissions, materials.
+//! Read: `<joint>` (type, origin, parent, child), `<gazebo reference>` with `<sensor>` and its `<pose>`, URDF's own
+//! `<sensor>` (parent, origin, ray). Passed over, because no pose depends on it: links' shapes and masses, limits, axes, transmissions, materials.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -43,6 +43,7 @@ pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), Rig
     }
     let robot = document.root_element();
     frames.name = robot.attribute("name").map(str::to_owned);
+    doubt_sensors_of_links(robot, file, frames);
     for joint in robot.children().filter(|node| node.has_tag_name("joint")) {
         read_joint(joint, file, frames)?;
     }
@@ -53,7 +54,46 @@ pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), Rig
             sdf::read_sensors(gazebo, link, "", file, frames)?;
         }
     }
+    for sensor in robot.children().filter(|node| node.has_tag_name("sensor")) {
+        read_sensor(sensor, file, frames)?;
+    }
     Ok(())
+}
+
+/// Adds URDF's own `<sensor>`, beside links and joints: it hangs on a link, by an `<origin>`.
+fn read_sensor(sensor: Node, file: &str, frames: &mut FrameTree) -> Result<(), RigError> {
+    let at = yaml::place(sensor, file);
+    let is_other = |node: Node| node.has_tag_name("camera");
+    if !sdf::is_lidar(sensor) && sensor.children().any(is_other) {
+        return Ok(());
+    }
+    let parent = sensor.children().find(|node| node.has_tag_name("parent"));
+    let link = parent.and_then(|parent| parent.attribute("link"));
+    let (Some(link), true) = (link, sdf::is_lidar(sensor)) else {
+        frames.notes.push(Note::doubt(format!(
+            "{at}: is not read, nor its <origin>; a LiDAR has a <ray> and a <parent link=\"…\"/>"
+        )));
+        return Ok(());
+    };
+    if sensor.children().any(|node| node.has_tag_name("pose")) {
+        frames.notes.push(Note::doubt(format!("{at}: <pose> is not read; write an <origin>")));
+    }
+    let pose = pose_of(sole_origin(sensor, &at)?, &at)?;
+    sdf::add_sensor(frames, sensor, link, pose, file)
+}
+
+/// Doubts of sensors inside of links, which URDF does not know.
+fn doubt_sensors_of_links(robot: Node, file: &str, frames: &mut FrameTree) {
+    let links = robot.children().filter(|node| node.has_tag_name("link"));
+    let inside = links.flat_map(|link| link.children()).filter(|node| node.has_tag_name("sensor"));
+    frames.notes.extend(inside.map(|sensor| {
+        let link = sensor.parent_element().and_then(|link| link.attribute("name"));
+        Note::doubt(format!(
+            "{}: stands in the link `{}` and is not read, nor its pose; write it in a <gazebo reference=\"…\">",
+            yaml::place(sensor, file),
+            link.unwrap_or_default()
+        ))
+    }));
 }
 
 /// Doubts of elements that Gazebo places by, and that are not read here.
@@ -92,7 +132,18 @@ fn origin_of<'a, 'i>(
             frames.notes.push(Note::doubt(format!("{at}: <{name}>: not known here, and not read")));
         }
     }
-    let mut origins = joint.children().filter(|node| node.has_tag_name("origin"));
+    sole_origin(joint, at)
+}
+
+/// The `<origin>` of an element.
+///
+/// # Errors
+/// A second one, or an unknown attribute.
+fn sole_origin<'a, 'i>(
+    node: Node<'a, 'i>,
+    at: &Location,
+) -> Result<Option<Node<'a, 'i>>, RigError> {
+    let mut origins = node.children().filter(|node| node.has_tag_name("origin"));
     let origin = origins.next();
     let at = at.key("origin");
     if origins.next().is_some() {
@@ -106,6 +157,25 @@ fn origin_of<'a, 'i>(
             Err(wrong(&at.key(odd.name()), odd.value(), "no attribute but xyz, rpy or quat_xyzw"))
         }
         None => Ok(origin),
+    }
+}
+
+/// The pose of an `<origin>`; without one, that which changes nothing.
+fn pose_of(origin: Option<Node>, at: &Location) -> Result<SensorPose, RigError> {
+    let triple = |key: &str| {
+        let text = origin.and_then(|origin| origin.attribute(key));
+        text.map_or(Ok([0.0; 3]), |text| {
+            yaml::numbers_of_text(text, &at.key(&format!("origin.{key}")), "three numbers")
+        })
+    };
+    let ([x, y, z], [roll, pitch, yaw]) = (triple("xyz")?, triple("rpy")?);
+    match origin.and_then(|origin| origin.attribute(QUATERNION)) {
+        None => Ok(SensorPose::from_values([x, y, z, roll, pitch, yaw])),
+        Some(text) => {
+            let at = at.key("origin").key(QUATERNION);
+            let quaternion = yaml::numbers_of_text(text, &at, "four numbers: x y z w")?;
+            of_quaternion([x, y, z], quaternion, &at)
+        }
     }
 }
 
@@ -123,26 +193,12 @@ fn read_joint(joint: Node, file: &str, frames: &mut FrameTree) -> Result<(), Rig
         yaml::attribute(element, "link", &at.key(key)).map(str::to_owned)
     };
     let origin = origin_of(joint, &at, frames)?;
-    let triple = |key: &str| {
-        let text = origin.and_then(|origin| origin.attribute(key));
-        text.map_or(Ok([0.0; 3]), |text| {
-            yaml::numbers_of_text(text, &at.key(&format!("origin.{key}")), "three numbers")
-        })
-    };
     let kind = yaml::attribute(joint, "type", &at)?;
     if kind != "fixed" && !MOVING.contains(&kind) {
         let wanted = "fixed, continuous, revolute, prismatic, planar or floating";
         return Err(wrong(&at.key("type"), kind, wanted));
     }
-    let ([x, y, z], [roll, pitch, yaw]) = (triple("xyz")?, triple("rpy")?);
-    let pose = match origin.and_then(|origin| origin.attribute(QUATERNION)) {
-        None => SensorPose::from_values([x, y, z, roll, pitch, yaw]),
-        Some(text) => {
-            let at = at.key("origin").key(QUATERNION);
-            let quaternion = yaml::numbers_of_text(text, &at, "four numbers: x y z w")?;
-            of_quaternion([x, y, z], quaternion, &at)?
-        }
-    };
+    let pose = pose_of(origin, &at)?;
     let (name, parent) = (link("child")?, link("parent")?);
     if kind != "fixed" {
         let joint = joint.attribute("name").unwrap_or_default();

@@ -64,7 +64,7 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, MeshFault> {
         ));
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let Parts { root: mut json, blob, animations } = gltf_json::read(bytes)?;
+    let Parts { root: mut json, blob, animations, frames } = gltf_json::read(bytes)?;
     check_attributes(&json)?;
     check_nodes(&json)?;
     let passed = |name: &str| PASSED.iter().any(|start| name.starts_with(start));
@@ -99,7 +99,7 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, MeshFault> {
     let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) else {
         return Err(MeshFault::new("file", "holds no scene; export it with its objects in one"));
     };
-    NodeWalk::new(&document, Data::new(buffers), mesh).run(&scene)
+    NodeWalk::new(&document, frames, Data::new(buffers), mesh).run(&scene)
 }
 
 /// Farthest that the length of a quaternion may be from 1.

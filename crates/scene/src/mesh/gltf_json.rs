@@ -1,5 +1,6 @@
 //! The JSON of a glTF, reduced to its meshes before it is checked: looks, motion and cameras have no surface.
 
+use glam::{DMat4, DQuat, DVec3};
 use gltf::json::Root;
 use gltf::json::validation::{Error, Validate};
 use serde_json::{Map, Value};
@@ -11,6 +12,9 @@ pub(super) struct Parts {
     pub root: Root,
     pub blob: Option<Vec<u8>>,
     pub animations: usize,
+    /// Each node's frame in that of its parent. The crate rounds its numbers to `f32`, by decimetres in
+    /// national coordinates.
+    pub frames: Vec<DMat4>,
 }
 
 /// Lists that no mesh depends on.
@@ -37,7 +41,47 @@ pub(super) fn read(bytes: &[u8]) -> Result<Parts, MeshFault> {
     // Extras are kept as they are written, which only a text gives.
     let text = json.to_string();
     let root = serde_json::from_str(&text).map_err(no_json)?;
-    Ok(Parts { root, blob, animations })
+    // The crate has checked the shape of every node by now.
+    let nodes = json["nodes"].as_array();
+    let frames = nodes.into_iter().flatten().enumerate().map(|(i, node)| frame(i, node));
+    let frames = frames.collect::<Result<_, MeshFault>>()?;
+    Ok(Parts { root, blob, animations, frames })
+}
+
+/// `N` numbers of a list; `None` where there is no such list.
+fn numbers<const N: usize>(value: &Value) -> Option<[f64; N]> {
+    let numbers: Option<Vec<f64>> = value.as_array()?.iter().map(Value::as_f64).collect();
+    numbers?.try_into().ok()
+}
+
+/// Farthest that the last row of a matrix may be from 0, 0, 0, 1.
+const LAST_ROW: f64 = 1e-6;
+
+/// A node's matrix, or the matrix of its translation, rotation and scale.
+///
+/// # Errors
+/// A matrix whose last row is not 0, 0, 0, 1: most likely it is written row by row.
+fn frame(i: usize, node: &Value) -> Result<DMat4, MeshFault> {
+    if let Some(matrix) = numbers::<16>(&node["matrix"]) {
+        let last = [3, 7, 11, 15].map(|k| matrix[k]);
+        let is_off = |(have, want): (&f64, f64)| (have - want).abs() > LAST_ROW;
+        if last.iter().zip([0.0, 0.0, 0.0, 1.0]).any(is_off) {
+            let [a, b, c, d] = last;
+            let problem = format!(
+                "matrix: elements 3, 7, 11 and 15 are {a}, {b}, {c}, {d} in place of 0, 0, 0, 1: it is row by row; \
+                 glTF stores it column by column, with the translation in elements 12, 13 and 14"
+            );
+            return Err(MeshFault::new(format!("node {i}"), problem));
+        }
+        return Ok(DMat4::from_cols_array(&matrix));
+    }
+    let three = |key: &str, other: DVec3| numbers(&node[key]).map_or(other, DVec3::from_array);
+    let turn = numbers(&node["rotation"]).map_or(DQuat::IDENTITY, DQuat::from_array);
+    Ok(DMat4::from_scale_rotation_translation(
+        three("scale", DVec3::ONE),
+        turn,
+        three("translation", DVec3::ZERO),
+    ))
 }
 
 /// Writes whole numbers as integers: 3.0 is one in JSON.

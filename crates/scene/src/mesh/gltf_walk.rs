@@ -20,6 +20,8 @@ pub(super) struct NodeWalk<'a> {
     mesh: RawMesh,
     data: Data,
     document: &'a gltf::Document,
+    /// Each node's frame in that of its parent.
+    frames: Vec<DMat4>,
     accessors: Vec<Accessor<'a>>,
     /// Where each node of the scene stands. glTF demands a tree: a node with two parents could make a loop, or
     /// exponentially many copies.
@@ -29,10 +31,15 @@ pub(super) struct NodeWalk<'a> {
 }
 
 impl<'a> NodeWalk<'a> {
-    pub fn new(document: &'a gltf::Document, data: Data, mesh: RawMesh) -> Self {
+    pub fn new(
+        document: &'a gltf::Document,
+        frames: Vec<DMat4>,
+        data: Data,
+        mesh: RawMesh,
+    ) -> Self {
         let placed = vec![None; document.nodes().len()];
         let accessors = document.accessors().collect();
-        Self { mesh, data, document, accessors, placed, shown: Vec::new() }
+        Self { mesh, data, document, frames, accessors, placed, shown: Vec::new() }
     }
 
     /// The triangles of a scene.
@@ -63,13 +70,16 @@ impl<'a> NodeWalk<'a> {
         depth: usize,
         shows: bool,
     ) -> Result<(), MeshFault> {
-        let inner = node.transform().matrix().map(|column| column.map(f64::from));
-        let placed = outer * DMat4::from_cols_array_2d(&inner);
-        if depth > MAX_DEPTH || self.placed[node.index()].replace(placed).is_some() {
-            return Err(MeshFault::new(
-                format!("node {}", node.index()),
-                "is nested too deep or has two parents",
-            ));
+        let index = node.index();
+        let placed = outer * self.frames.get(index).copied().unwrap_or_default();
+        let fault = |problem: String| Err(MeshFault::new(format!("node {index}"), problem));
+        if self.placed[index].replace(placed).is_some() {
+            return fault(
+                "has two parents; give it one, and each copy a node of its own".to_owned(),
+            );
+        }
+        if depth > MAX_DEPTH {
+            return fault(format!("is nested more than {MAX_DEPTH} nodes deep; flatten the tree"));
         }
         let hidden = node
             .extension_value("KHR_node_visibility")

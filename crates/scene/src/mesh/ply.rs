@@ -126,6 +126,15 @@ impl PlyReader {
             {
                 return fault("has no list `vertex_indices`");
             }
+            let corners = element.properties.iter().filter(|p| is_corners(p));
+            let corners: Vec<&str> = corners.map(|property| property.name.as_str()).collect();
+            if let [first, second, ..] = corners[..]
+                && shape.is_some()
+            {
+                return fault(&format!(
+                    "has `{first}` and `{second}`, two properties for one thing; leave one out"
+                ));
+            }
             for property in &element.properties {
                 let known = match shape {
                     None => matches!(property.name.as_str(), "x" | "y" | "z" | "label"),

@@ -11,7 +11,7 @@ use serde::de::DeserializeOwned;
 use super::{ForeignLidar, Placement, PlacementError};
 use sightline_files::files;
 use sightline_files::json::{
-    self, FileKind, did_you_mean, nearest, not_json, plain_words, unknown_key,
+    self, FileKind, Objects, did_you_mean, from_text, nearest, not_json, plain_words, unknown_key,
 };
 
 /// Longest line of a `.jsonl` file, in bytes: 16 LiDARs need far less.
@@ -94,13 +94,13 @@ fn name_in(text: &str, index: usize) -> Option<String> {
 /// Parses a document, or one line of a `.jsonl` file; `line` is the number of its first line.
 fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, PlacementFileError> {
     // Parsing with the place takes longer, so it runs on errors alone.
-    serde_json::from_str(text).map_err(|error| {
+    from_text(text).map_err(|error| {
         if let Some(told) = not_json(text) {
             let line = (line > 1).then_some(line);
             return PlacementFileError::NotJson { path: path.to_owned(), line, told };
         }
         let mut json = serde_json::Deserializer::from_str(text);
-        let place = match serde_path_to_error::deserialize::<_, T>(&mut json) {
+        let place = match serde_path_to_error::deserialize::<_, T>(Objects(&mut json)) {
             Err(error) => error.path().to_string(),
             Ok(_) => ".".to_owned(),
         };
@@ -426,4 +426,28 @@ pub fn count_placements(path: &Path) -> Result<u64, PlacementFileError> {
         return Err(PlacementFileError::Empty { path: path.to_owned() });
     }
     Ok(count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_list_is_neither_a_lidar_nor_a_placement() {
+        let told = |text: &str| {
+            let error = parse::<PlacementFile>(text, 1, Path::new("p.json")).map(|_| ());
+            error.unwrap_err().to_string()
+        };
+        let lidar = told(r#"{"placements":[{"name":"p","lidars":[[1,2,2,1.57]]}]}"#);
+        let wanted = "placement `p`: placements[0].lidars[0]: is a list; write an object with `x`, `y`, `z`, ";
+        assert!(lidar.contains(wanted), "{lidar}");
+        let placement = told(r#"{"placements":[["p",[{"x":1,"y":2,"z":2}]]]}"#);
+        assert!(
+            placement.contains("placements[0]: is a list; write an object with `name`"),
+            "{placement}"
+        );
+        let line = parse::<Placement>(r#"["p", []]"#, 3, Path::new("p.jsonl")).unwrap_err();
+        assert!(line.to_string().contains("line 3, column"), "{line}");
+        assert!(line.to_string().contains("is a list; write an object with `name`"), "{line}");
+    }
 }

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use roxmltree::{Document, Node};
 
 use super::document::number_or_0 as number;
+use super::stations::RoadStations;
 use super::{MAX_LENGTH, MAX_POINTS};
 use crate::world::WorldError;
 use lidar_cast::maths;
@@ -22,21 +23,30 @@ const TURN: f64 = 0.05;
 ///
 /// # Errors
 /// The place, and how many points there would be.
-pub(super) fn check(xml: &Document<'_>, file: &str) -> Result<(), WorldError> {
+pub(super) fn check(
+    xml: &Document<'_>,
+    stations: &[RoadStations<'_, '_>],
+    file: &str,
+) -> Result<(), WorldError> {
     let mut cells: BTreeMap<[i64; 2], f64> = BTreeMap::new();
     let (mut points, mut metres) = (0.0, 0.0);
     for road in xml.root_element().children().filter(|node| node.has_tag_name("road")) {
         let lanes = most_lanes(road);
         let length = number(road, "length");
+        let own = stations.iter().find(|stations| stations.road == road);
+        let places = own.map_or(&[][..], |stations| &stations.places);
         let plan = road.children().filter(|node| node.has_tag_name("planView"));
         for geometry in plan.flat_map(|plan| plan.children()).filter(Node::is_element) {
-            let length = number(geometry, "length").min(length);
+            let (start, length) = (number(geometry, "s"), number(geometry, "length").min(length));
             metres += length;
             // Longer roads are refused by the limit on the length of all roads.
             if metres > 2.0 * MAX_LENGTH {
                 return Ok(());
             }
-            walk(geometry, length, |place, made| {
+            walk(geometry, length, |place, along, made| {
+                // Places of its records come to those of the library.
+                let before = |s: f64| places.partition_point(|place| *place < start + s);
+                let made = made + (before(along[1]) - before(along[0])) as f64;
                 points += made * lanes;
                 let cell = place.map(|v| (v / CELL).floor() as i64);
                 *cells.entry(cell).or_insert(0.0) += made * lanes;
@@ -74,9 +84,9 @@ fn most_lanes(road: Node<'_, '_>) -> f64 {
     sections.map(lanes).max().unwrap_or(0).max(1) as f64
 }
 
-/// Follows a reference line in steps of at most 2 m: the place of each, and the points of a lane there. Polynomials are
+/// Follows a reference line in steps of at most 2 m: the place of each, its ends along the line, and the points of a lane there. Polynomials are
 /// followed straight ahead, which tells the place of their start.
-fn walk(geometry: Node<'_, '_>, length: f64, mut visit: impl FnMut([f64; 2], f64)) {
+fn walk(geometry: Node<'_, '_>, length: f64, mut visit: impl FnMut([f64; 2], [f64; 2], f64)) {
     let [mut x, mut y, mut heading] = ["x", "y", "hdg"].map(|name| number(geometry, name));
     let shape = geometry.first_element_child();
     let curvatures = shape.map_or([0.0; 2], |shape| match shape.tag_name().name() {
@@ -94,7 +104,8 @@ fn walk(geometry: Node<'_, '_>, length: f64, mut visit: impl FnMut([f64; 2], f64
         let chord = if half.abs() < 1e-9 { step } else { step * maths::sin(half) / half };
         let (sin, cos) = maths::sin_cos(heading + half);
         (x, y, heading) = (x + chord * cos, y + chord * sin, heading + 2.0 * half);
-        visit([x, y], step / (TURN / curvature.abs()).clamp(STEPS[0], STEPS[1]));
+        let ends = [k as f64 * step, (k + 1) as f64 * step];
+        visit([x, y], ends, step / (TURN / curvature.abs()).clamp(STEPS[0], STEPS[1]));
     }
 }
 
@@ -110,7 +121,7 @@ mod tests {
         );
         let text = format!("<OpenDRIVE>{}</OpenDRIVE>", road.repeat(count));
         let xml = Document::parse(&text).unwrap();
-        check(&xml, "m").map_err(|error| error.to_string())
+        check(&xml, &[], "m").map_err(|error| error.to_string())
     }
 
     /// 2 lanes with a point every 0.25 m: 2501 m of a circle of 1 mm are 20 008 points, 2499 m are 19 992.

@@ -6,7 +6,7 @@ use roxmltree::Node;
 use sightline_files::Note;
 use sightline_files::json::check_xml;
 
-use super::{density, doubts, objects, values};
+use super::{density, doubts, objects, stations, values};
 use crate::world::WorldError;
 
 /// Elements that are read: their numbers decide a surface, a shape or a way.
@@ -126,6 +126,8 @@ pub(super) struct RoadFacts {
     pub left_hand: BTreeSet<String>,
     /// Identifiers of the roads.
     pub roads: BTreeSet<String>,
+    /// The document with more points along its roads, where they need any.
+    pub text: Option<String>,
     pub notes: Vec<Note>,
 }
 
@@ -192,7 +194,15 @@ pub(super) fn checked(text: &str, file: &str) -> Result<RoadFacts, WorldError> {
         }
         next = following(node, entered);
     }
-    density::check(&xml, file)?;
+    let roads = stations::of(&xml);
+    density::check(&xml, &roads, file)?;
+    if let Some(cut) = roads.iter().find(|stations| stations.is_cut) {
+        document.notes.push(Note::doubt(format!(
+            "{file}: road {} bends at more places than are followed; its surface is coarser towards its end, split it",
+            shown(cut.road.attribute("id").unwrap_or("without an id"))
+        )));
+    }
+    document.text = (!roads.is_empty()).then(|| stations::write(text, &roads));
     for ((name, how), count) in counted {
         document.notes.push(Note::fact(format!("{file}: <{name}> {count} times: {how}")));
     }

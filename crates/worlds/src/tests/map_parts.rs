@@ -306,3 +306,140 @@ fn fork_of_roads() -> String {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/fork.xodr");
     std::fs::read_to_string(file).unwrap()
 }
+
+/// Height and y of both edges of the first driven lane to the right, at a place along x.
+fn right_lane(network: &Network, x: f64) -> [DVec3; 2] {
+    let strip = network.strips.iter().filter(|s| s.used == crate::network::StripUse::Road);
+    let strip = strip.min_by(|a, b| a.left[0].y.abs().total_cmp(&b.left[0].y.abs())).unwrap();
+    [&strip.left, &strip.right].map(|edge| {
+        let pair = edge.windows(2).find(|pair| pair[0].x <= x && x <= pair[1].x).unwrap();
+        pair[0].lerp(pair[1], (x - pair[0].x) / (pair[1].x - pair[0].x))
+    })
+}
+
+/// A straight road of 120 m with one lane to the right, `profiles` before its lanes, `offsets` in them, `widths` in the lane.
+fn lane_of(profiles: &str, offsets: &str, widths: &str) -> Network {
+    network(&format!(
+        r#"<OpenDRIVE><header revMajor="1" revMinor="6"/><road id="1" length="120" junction="-1">
+        <planView><geometry s="0" x="0" y="0" hdg="0" length="120"><line/></geometry></planView>{profiles}
+        <lanes>{offsets}<laneSection s="0"><center><lane id="0" type="none" level="false"/></center>
+        <right><lane id="-1" type="driving" level="false">{widths}</lane></right></laneSection></lanes></road></OpenDRIVE>"#
+    ))
+}
+
+/// A cubic record: its place, a, b, c, d.
+fn record(name: &str, place: &str, [s, a, b, c, d]: [f64; 5]) -> String {
+    format!(r#"<{name} {place}="{s}" a="{a}" b="{b}" c="{c}" d="{d}"/>"#)
+}
+
+/// A bump of 2 m length between two points of the library: 0.2 x − 0.1 x², at most 0.1.
+fn bump(x: f64) -> f64 {
+    let x = x - 50.3;
+    if (0.0..2.0).contains(&x) { 0.2 * x - 0.1 * x * x } else { 0.0 }
+}
+
+const BUMP: [[f64; 5]; 3] = [[0.0; 5], [50.3, 0.0, 0.2, -0.1, 0.0], [52.3, 0.0, 0.0, 0.0, 0.0]];
+
+fn bumps(name: &str, place: &str) -> String {
+    BUMP.map(|values| record(name, place, values)).concat()
+}
+
+#[test]
+fn short_records_of_height_tilt_offset_and_width_shape_the_road() {
+    let flat = record("width", "sOffset", [0.0, 3.5, 0.0, 0.0, 0.0]);
+    // In plan and tilt a bump of 0.03 at most, beside a value that holds all along.
+    let low = |name: &str, place: &str, value: f64, sign: f64| {
+        let of = |[s, _, b, c, d]: [f64; 5]| {
+            record(name, place, [s, value, sign * 0.3 * b, sign * 0.3 * c, d])
+        };
+        BUMP.map(of).concat()
+    };
+    let low_bump = |x: f64| 0.3 * bump(x);
+    let raised = format!("<elevationProfile>{}</elevationProfile>", bumps("elevation", "s"));
+    let tilted =
+        format!("<lateralProfile>{}</lateralProfile>", low("superelevation", "s", 0.0, 1.0));
+    // A crossfall of the file stays what it is: 2 % down to the right, then a bump of its own.
+    let fall = "<lateralProfile><crossfall s='0' side='right' a='0.02' b='0' c='0' d='0'/>\
+                <crossfall s='80' side='left' a='0.1' b='0' c='0' d='0'/></lateralProfile>";
+    let slope = |x: f64| if x < 80.0 { -0.02_f64.tan() * 3.5 } else { 0.0 };
+    type Wanted = Box<dyn Fn(f64) -> [[f64; 2]; 2]>;
+    let plain = |x: f64| [[0.0, bump(x)], [-3.5, bump(x)]];
+    let cases: [(&str, Network, Wanted); 7] = [
+        ("elevation", lane_of(&raised, "", &flat), Box::new(plain)),
+        (
+            "crossfall",
+            lane_of(&format!("{raised}{fall}"), "", &flat),
+            Box::new(move |x| [[0.0, bump(x)], [-3.5, bump(x) + slope(x)]]),
+        ),
+        (
+            "empty lateralProfile",
+            lane_of(&format!("{raised}<lateralProfile/>"), "", &flat),
+            Box::new(plain),
+        ),
+        (
+            "superelevation",
+            lane_of(&tilted, "", &flat),
+            Box::new(move |x| {
+                let (sin, cos) = low_bump(x).sin_cos();
+                [[0.0; 2], [-3.5 * cos, -3.5 * sin]]
+            }),
+        ),
+        (
+            "laneOffset",
+            lane_of("", &low("laneOffset", "s", 0.0, 1.0), &flat),
+            Box::new(move |x| [[low_bump(x), 0.0], [low_bump(x) - 3.5, 0.0]]),
+        ),
+        (
+            "width",
+            lane_of("", "", &low("width", "sOffset", 3.5, 1.0)),
+            Box::new(move |x| [[0.0; 2], [-3.5 - low_bump(x), 0.0]]),
+        ),
+        (
+            "border",
+            lane_of("", "", &low("border", "sOffset", -3.5, -1.0)),
+            Box::new(move |x| [[0.0; 2], [-3.5 - low_bump(x), 0.0]]),
+        ),
+    ];
+    for (name, network, wanted) in cases {
+        // Where a crossfall steps, the surface takes a step of the library to follow.
+        for x in (10..1100).map(|k| 0.1 * f64::from(k)).filter(|x| !(77.0..81.0).contains(x)) {
+            let found = right_lane(&network, x);
+            for (edge, [y, z]) in found.iter().zip(wanted(x)) {
+                let off = (edge.y - y).abs().max((edge.z - z).abs());
+                assert!(off < 0.011, "{name} at {x}: {edge}, y = {y}, z = {z}");
+            }
+        }
+    }
+}
+
+/// A steep piece of 1 km is followed, a straight road keeps the points of the library, and too many bends are told.
+#[test]
+fn points_come_where_a_road_bends_and_no_more() {
+    let flat = record("width", "sOffset", [0.0, 3.5, 0.0, 0.0, 0.0]);
+    let points = |network: &Network| network.strips[0].left.len();
+    let even = points(&lane_of("", "", &flat));
+    let rising = "<elevationProfile><elevation s='0' a='0' b='0.05' c='0' d='0'/>\
+                  <elevation s='31' a='1.55' b='0.05' c='0.001' d='0'/></elevationProfile>";
+    assert_eq!(points(&lane_of(rising, "", &flat)), even);
+    let raised = format!("<elevationProfile>{}</elevationProfile>", bumps("elevation", "s"));
+    let more = points(&lane_of(&raised, "", &flat));
+    assert!(more > even + 3 && more < even + 20, "{more}, {even}");
+    let many: String = (0..40_000)
+        .map(|k| {
+            let s = 0.25 * f64::from(k);
+            record("elevation", "s", [s, 0.0, if k % 2 == 0 { 0.1 } else { -0.1 }, 0.0, 0.0])
+        })
+        .collect();
+    let text = format!(
+        r#"<OpenDRIVE><header revMajor="1" revMinor="6"/><road id="1" length="10000" junction="-1">
+        <planView><geometry s="0" x="0" y="0" hdg="0" length="10000"><line/></geometry></planView>
+        <elevationProfile>{many}</elevationProfile><lanes><laneSection s="0"><center><lane id="0" type="none"/></center>
+        <right><lane id="-1" type="driving">{flat}</lane></right></laneSection></lanes></road></OpenDRIVE>"#
+    );
+    let network = network(&text);
+    let told: Vec<&str> = network.notes.iter().map(sightline_files::Note::text).collect();
+    assert!(
+        told.iter().any(|t| t.contains("road 1 bends at more places than are followed")),
+        "{told:?}"
+    );
+}

@@ -205,3 +205,52 @@ fn a_lidar_may_be_the_root_that_the_base_hangs_on() {
         assert_eq!(imported.rig.lidars[0].pose.values(), [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
     }
 }
+
+/// URDF's own `<sensor>` hangs on a link by an `<origin>`; a pose that is not read is named.
+#[test]
+fn sensors_of_urdf_stand_at_their_origins() {
+    let robot = |inside: &str, beside: &str| {
+        format!(
+            "<robot name='r'><link name='base_link'/><link name='lidar_link'>{inside}</link>\
+             <joint name='j' type='fixed'><parent link='base_link'/><child link='lidar_link'/>\
+             <origin xyz='1 0 1'/></joint>{beside}</robot>"
+        )
+    };
+    let doubts = |text: &str| -> Vec<String> {
+        let notes = read(text).unwrap().notes.into_iter().filter(|note| note.is_doubt());
+        notes.map(|note| note.text().to_owned()).collect()
+    };
+    let own = |more: &str| {
+        format!(
+            "<sensor name='top' update_rate='10'><parent link='lidar_link'/>\
+             <origin xyz='0 0 .5' rpy='0 0 1'/>{more}</sensor>"
+        )
+    };
+    let ray = robot("", &own("<ray/>"));
+    let rig = read(&ray).unwrap().rig;
+    assert_eq!(rig.lidars.len(), 1, "{rig:?}");
+    let expected = SensorPose::from_values([1.0, 0.0, 1.5, 0.0, 0.0, 1.0]);
+    assert!(difference(&matrix(&rig.lidars[0].pose), &matrix(&expected)) < 1e-12, "{rig:?}");
+    let of = |told: Vec<String>, word: &str| told.into_iter().filter(|t| t.contains(word)).count();
+    assert_eq!(of(doubts(&ray), "<sensor> `top`"), 0);
+    assert_eq!(of(doubts(&robot("", &own("<camera/>"))), "<sensor> `top`"), 0);
+    let gazebo = "<gazebo reference='lidar_link'><sensor name='top' type='ray'><origin xyz='0 0 1'/></sensor></gazebo>";
+    for (text, words) in [
+        (robot("", &own("")), "is not read, nor its <origin>"),
+        (
+            robot("", &own("<ray/><pose>0 0 1 0 0 0</pose>")),
+            "<pose> is not read; write an <origin>",
+        ),
+        (
+            robot(&own("<ray/>"), ""),
+            "stands in the link `lidar_link` and is not read, nor its pose",
+        ),
+        (robot("", gazebo), "<origin> is not read here; write its pose as <pose>"),
+    ] {
+        let told: Vec<String> =
+            doubts(&text).into_iter().filter(|t| t.contains("<sensor> `top`")).collect();
+        assert!(told.len() == 1 && told[0].contains(words), "{words}: {told:?}");
+    }
+    let wrong = robot("", &own("<ray/><origin xyz='0 0 1'/>"));
+    assert!(read(&wrong).unwrap_err().to_string().contains("a second <origin>"));
+}

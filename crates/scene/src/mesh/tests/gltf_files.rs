@@ -313,3 +313,45 @@ fn gltf_is_read_whatever_its_animations_scenes_and_textures_are() {
         assert!(fault.problem.contains(told), "{fault:?}");
     }
 }
+
+/// Numbers of nodes are doubles: `f32` rounds these to half a metre and more.
+#[test]
+fn places_of_nodes_are_read_as_doubles() {
+    let [east, north] = [691_000.123, 5_334_765.877];
+    let good = triangle_gltf(2, 40, 3);
+    let placed = [
+        format!(r#""translation":[{east},0,{north}]"#),
+        format!(r#""matrix":[1,0,0,0, 0,1,0,0, 0,0,1,0, {east},0,{north},1]"#),
+    ];
+    for place in placed {
+        let text = good.replace(r#""translation":[10,0,0]"#, &place);
+        let mesh = gltf::read(text.as_bytes(), Path::new("")).unwrap();
+        assert_eq!(mesh.vertices[0], DVec3::new(east, 0.0, north), "{place}");
+    }
+    let turn = r#""rotation":[0, 0, 0.6, 0.8], "scale": [0.1, 1, 1]"#;
+    let text = good.replace(r#""translation":[10,0,0]"#, turn);
+    let mesh = gltf::read(text.as_bytes(), Path::new("")).unwrap();
+    // Twice the angle whose sine is 0.6: cosine 0.28, sine 0.96; the inner node doubles.
+    assert!((mesh.vertices[1] - DVec3::new(0.28, 0.96, 0.0) * 0.2).length() < 1e-15);
+}
+
+#[test]
+fn a_matrix_row_by_row_is_refused_and_deep_nesting_is_told_apart() {
+    let good = triangle_gltf(2, 40, 3);
+    let rows = r#""matrix":[1,0,0,10, 0,1,0,0, 0,0,1,0, 0,0,0,1]"#;
+    let text = good.replace(r#""translation":[10,0,0]"#, rows);
+    let fault = gltf::read(text.as_bytes(), Path::new("")).unwrap_err();
+    assert_eq!(fault.element, "node 0");
+    assert!(
+        fault.problem.starts_with("matrix: ")
+            && fault.problem.contains("row by row; glTF stores it column by column"),
+        "{fault:?}"
+    );
+    let chain: Vec<String> = (0..70).map(|k| format!(r#"{{"children":[{}]}}"#, k + 1)).collect();
+    let nodes = format!(r#""nodes":[{},{{"mesh":0}}],"materials""#, chain.join(","));
+    let start = good.find(r#""nodes":[{"#).unwrap();
+    let end = good.find(r#""materials""#).unwrap() + r#""materials""#.len();
+    let deep = format!("{}{nodes}{}", &good[..start], &good[end..]);
+    let fault = gltf::read(deep.as_bytes(), Path::new("")).unwrap_err();
+    assert!(fault.problem.contains("nested more than 64 nodes deep"), "{fault:?}");
+}

@@ -245,3 +245,16 @@ fn binary_ply_cut_anywhere_is_refused() {
     bytes[at..at + 4].copy_from_slice(&u32::MAX.to_le_bytes());
     assert!(ply::read(&bytes).is_err());
 }
+
+/// Both names of the list of corners in one element would make one face of two lists.
+#[test]
+fn a_ply_with_two_lists_of_corners_is_refused() {
+    let text = ascii_ply("3", "0 0 0\n1 0 0\n1 1 0\n3 0 1 2 3 0 1 2 40\n3 0 1 2 3 0 1 2 50\n")
+        .replace(
+            "property uchar label",
+            "property list uchar int vertex_index\nproperty uchar label",
+        );
+    let fault = ply::read(text.as_bytes()).unwrap_err();
+    assert_eq!(fault.element, "element face");
+    assert!(fault.problem.contains("has `vertex_indices` and `vertex_index`"), "{fault:?}");
+}

@@ -119,3 +119,38 @@ fn garbled_input_never_panics() {
     }
     assert!((1..300).contains(&read), "{read}");
 }
+
+/// Serde reads a list as an object, by position; none of ours is one.
+#[test]
+fn a_list_in_place_of_an_object_is_refused_with_its_place_and_keys() {
+    let body =
+        r#""parts": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [4, 2, 1] } }]"#;
+    let part = |shape: &str| full(&format!(r#"{{ "class": "wall", {shape} }}"#), "");
+    let small = |from: &str, to: &str| {
+        assert!(SMALL.contains(from), "{from}");
+        SMALL.replacen(from, to, 1)
+    };
+    let roi = r#"{ "min": [-40, -40, -0.5], "max": [40, 40, 5.5], "voxel": [0.2, 0.2, 0.2] }"#;
+    let cases = [
+        (small(roi, "[[-40, -40, -0.5], [40, 40, 5.5], [0.2, 0.2, 0.2]]"), "roi"),
+        (small(r#"{ "file": "two-walls.psog.npz" }"#, r#"["two-walls.psog.npz"]"#), "psog"),
+        (part(r#""plane": [[1, 0], [2, 1], 0]"#), "static[0].plane"),
+        (part(r#""box": [[1, 0, 0], [2, 1, 1]]"#), "static[0].box"),
+        (
+            full(BOX, &format!(r#", "actors": [{{ {body}, "poses": [[10, 0, 1.5708]] }}]"#)),
+            "actors[0].poses[0]",
+        ),
+        (
+            full(BOX, &format!(r#", "actors": [{{ {body}, "route": [[[0, 0], [9, 0]], 1] }}]"#)),
+            "actors[0].route",
+        ),
+        (full(BOX, r#", "ego": { "poses": [[10, 0, 1.5708]] }"#), "ego.poses[0]"),
+        (full("[]", ""), "static[0]"),
+    ];
+    for (text, place) in cases {
+        let told = message(&text);
+        let wanted = format!("s.json: {place}: is a list; write an object with `");
+        assert!(told.starts_with(&wanted), "{told}");
+    }
+    assert!(message("[1]").contains("s.json: is a list; write an object with `sightline`"));
+}

@@ -136,3 +136,23 @@ fn bodies_without_an_area_are_refused_and_one_triangle_is_doubted() {
     let told: Vec<&str> = scene.notes().iter().map(sightline_files::Note::text).collect();
     assert!(told.join("\n").contains("the ego body is 1 triangle"), "{told:?}");
 }
+
+/// `urdf` has no `axes`: the note on a glTF of a link names what there is.
+#[test]
+fn a_gltf_of_a_link_is_turned_by_its_origin() {
+    let folder = tempfile::tempdir().unwrap();
+    let corners = [0_f32, 0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 1.0, -2.0];
+    fs::write(folder.path().join("t.bin"), corners.map(f32::to_le_bytes).concat()).unwrap();
+    let mesh = r#"{"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, -2], "max": [4, 1, 0]}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}], "buffers": [{"byteLength": 36, "uri": "t.bin"}]}"#;
+    fs::write(folder.path().join("t.gltf"), mesh).unwrap();
+    let robot = r#"<robot name="r"><link name="a"><visual><geometry><mesh filename="t.gltf"/></geometry></visual></link></robot>"#;
+    fs::write(folder.path().join("r.urdf"), robot).unwrap();
+    let scene = with_body(folder.path(), r#""urdf": {"file": "r.urdf"}"#).unwrap();
+    let told =
+        scene.notes().iter().map(sightline_files::Note::text).find(|t| t.contains("forward"));
+    let told = told.unwrap();
+    assert!(!told.contains("`axes`") && told.contains("turn the <origin> of the shape"), "{told}");
+}

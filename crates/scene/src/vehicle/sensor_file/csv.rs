@@ -252,7 +252,8 @@ pub(super) fn parse_livox(
 /// next to no samples.
 fn doubts(at: &Location, [across, zenith]: [f64; 2], taken: usize, samples: u64) -> Vec<Note> {
     let mut notes = Vec::new();
-    if samples >= 10 && across <= TAU && zenith <= PI {
+    // In degrees all samples would look straight up, within 3°.
+    if zenith > 0.0 && across <= TAU && zenith <= PI {
         notes.push(Note::doubt(format!(
             "{at}: azimuths reach {across:.3} and zenith angles {zenith:.3} degrees: radians? Write degrees."
         )));

@@ -294,10 +294,122 @@ fn rotary(
     }
     let mut pattern = SensorPattern::new(SensorFormat::Isaac, Beams::Channels(channels));
     pattern.azimuth_steps = ticks.map(|ticks| (ticks / states) as u32);
-    if let Some(window) = window {
-        cut(at, &mut pattern, window)?;
+    match (window, ticks) {
+        (Some(window), Some(ticks)) if states > 1 => {
+            let columns = Columns::of(at, window, ticks, clockwise)?;
+            columns.cut(at, list, profile, &mut pattern)?;
+            pattern.notes.push(cut_to(window));
+        }
+        (Some(window), _) => cut(at, &mut pattern, window)?,
+        (None, _) => {}
     }
     Ok(pattern)
+}
+
+/// The columns of a window, where several states take turns at them.
+struct Columns {
+    /// Number of the first column, counter-clockwise from ahead.
+    first: i64,
+    count: i64,
+    /// Degrees from column to column.
+    step: f64,
+    clockwise: bool,
+}
+
+impl Columns {
+    fn of(
+        at: &Location,
+        window: [f64; 2],
+        ticks: usize,
+        clockwise: bool,
+    ) -> Result<Self, DescriptionError> {
+        let step = 360.0 / ticks as f64;
+        let [first, last] = whole_columns(at, window, step)?;
+        let [first, last] = [first as i64, last as i64];
+        Ok(Self { first, count: last - first + 1, step, clockwise })
+    }
+
+    /// The state that fires at a column.
+    fn state(&self, column: i64, states: usize) -> usize {
+        let turn = if self.clockwise { -1 } else { 1 };
+        (turn * column).rem_euclid(states as i64) as usize
+    }
+
+    /// Leaves the beams of these columns: channels where all states fire equally often, else a list of directions.
+    fn cut(
+        &self,
+        at: &Location,
+        list: &Location,
+        profile: &IsaacProfile,
+        pattern: &mut SensorPattern,
+    ) -> Result<(), DescriptionError> {
+        let states = &profile.emitter_states;
+        let emitters = |state: &EmitterState| {
+            let pairs = state.azimuth_deg.iter().zip(&state.elevation_deg);
+            pairs.map(|(across, up)| (*across, *up)).collect::<Vec<_>>()
+        };
+        let turns = self.count / states.len() as i64;
+        if turns > 0 && self.count % states.len() as i64 == 0 {
+            let mut channels = Vec::new();
+            // States in the order of the file, each from its first column on.
+            for (s, state) in states.iter().enumerate() {
+                let of_state = |k: &i64| self.state(self.first + k, states.len()) == s;
+                let behind = (0..states.len() as i64).find(of_state).unwrap_or(0) as f64;
+                for (across, up) in emitters(state) {
+                    let offset = across + behind * self.step;
+                    channels.push(channel((list, up), (list, offset))?);
+                }
+            }
+            let from = self.first as f64 * self.step;
+            let to = from + (turns - 1) as f64 * states.len() as f64 * self.step;
+            pattern.beams = Beams::Channels(channels);
+            pattern.azimuth =
+                Some(if to > 360.0 { [from - 360.0, to - 360.0] } else { [from, to] });
+            return Ok(());
+        }
+        let mut directions = Vec::new();
+        for column in self.first..self.first + self.count {
+            let state = &states[self.state(column, states.len())];
+            for (across, up) in emitters(state) {
+                directions.push(direction(column as f64 * self.step + across, up));
+            }
+            if directions.len() as u64 > MAX_BEAMS {
+                let wanted = format!("a window of at most {MAX_BEAMS} beams; narrow it");
+                return Err(bad(at, format!("a window of {} columns", self.count), wanted));
+            }
+        }
+        if directions.is_empty() {
+            return Err(bad(
+                list,
+                "a list of states without emitters in the window",
+                "1 emitter or more",
+            ));
+        }
+        pattern.beams = Beams::Directions(directions);
+        pattern.azimuth_steps = None;
+        Ok(())
+    }
+}
+
+/// Numbers of the first and the last column of a window in degrees, `step` degrees apart.
+fn whole_columns(
+    at: &Location,
+    [from, to]: [f64; 2],
+    step: f64,
+) -> Result<[f64; 2], DescriptionError> {
+    let [first, last] = [((from - EDGE) / step).ceil(), ((to + EDGE) / step).floor()];
+    if last < first {
+        let found = format!("{from} to {to} degrees");
+        let wanted = format!("a window that holds a column, one every {step} degrees");
+        return Err(bad(at, found, wanted));
+    }
+    Ok([first, last])
+}
+
+fn cut_to([from, to]: [f64; 2]) -> Note {
+    Note::fact(format!(
+        "The profile measures from {from} to {to} degrees; only columns of this window are cast."
+    ))
 }
 
 /// Leaves the whole columns of a window in degrees.
@@ -309,17 +421,10 @@ fn cut(
     let [from, to] = window;
     // Without columns of its own the window ends where the file says.
     let step = pattern.azimuth_steps.map_or(EDGE, |steps| 360.0 / f64::from(steps));
-    let [first, last] = [((from - EDGE) / step).ceil() * step, ((to + EDGE) / step).floor() * step];
-    if last < first {
-        let found = format!("{from} to {to} degrees");
-        let wanted = format!("a window that holds a column, one every {step} degrees");
-        return Err(bad(at, found, wanted));
-    }
+    let [first, last] = whole_columns(at, [from, to], step)?.map(|column| column * step);
     pattern.azimuth =
         Some(if last > 360.0 { [first - 360.0, last - 360.0] } else { [first, last] });
-    pattern.notes.push(Note::fact(format!(
-        "The profile measures from {from} to {to} degrees; only columns of this window are cast."
-    )));
+    pattern.notes.push(cut_to(window));
     Ok(())
 }
 

@@ -236,7 +236,9 @@ fn facts(
     notes.extend(lidar.as_ref().and_then(|lidar| pattern::unknown(&lidar_at, &lidar.rest, PASSED)));
     let transform = lidar.and_then(|lidar| lidar.lidar_to_sensor_transform);
     let transform = transform.or(file.lidar_to_sensor_transform);
-    facts.height = entry(&at.key("lidar_to_sensor_transform"), transform.as_ref(), 11, notes);
+    let transform_at = at.key("lidar_to_sensor_transform");
+    facts.height = entry(&transform_at, transform.as_ref(), 11, notes);
+    notes.extend(transform.as_ref().and_then(|transform| other_turn(&transform_at, transform)));
     facts.origin = beam_origin(beam, list, notes);
     Ok(facts)
 }
@@ -245,7 +247,20 @@ fn facts(
 fn beam_origin(beam: &BeamIntrinsics, list: &Location, notes: &mut Vec<Note>) -> Option<f64> {
     let origin = beam.lidar_origin_to_beam_origin_mm.as_ref().filter(|value| !value.is_null());
     match origin {
-        Some(value) if value.is_number() => value.as_f64(),
+        Some(value) if value.is_number() => {
+            let at = list.key("beam_to_lidar_transform");
+            let other = entry(&at, beam.beam_to_lidar_transform.as_ref(), 3, notes);
+            let own = value.as_f64();
+            if let (Some(own), Some(other)) = (own, other)
+                && (own - other).abs() > SAME_MM
+            {
+                notes.push(Note::doubt(format!(
+                    "{at}: moves beams by {other} mm, and `lidar_origin_to_beam_origin_mm` says {own}; the latter is \
+                     read. Correct one of the two."
+                )));
+            }
+            own
+        }
         Some(_) => {
             let at = list.key("lidar_origin_to_beam_origin_mm");
             notes.push(Note::fact(format!("{at}: is no number; not read.")));
@@ -256,6 +271,29 @@ fn beam_origin(beam: &BeamIntrinsics, list: &Location, notes: &mut Vec<Note>) ->
             entry(&at, beam.beam_to_lidar_transform.as_ref(), 3, notes)
         }
     }
+}
+
+/// Millimetres within which two places say the same.
+const SAME_MM: f64 = 0.01;
+/// Largest difference of an entry of a rotation that rounding leaves.
+const SAME_TURN: f64 = 1e-3;
+
+/// A doubt about a rotation from the LiDAR's frame to the sensor's that is not the half turn about z of every Ouster:
+/// beams are cast in the sensor's frame by that half turn.
+fn other_turn(at: &Location, transform: &Value) -> Option<Note> {
+    let numbers = transform.as_array().filter(|list| list.len() == 16)?;
+    let half_turn = [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]];
+    let is_off = |(row, column): (usize, usize)| {
+        let entry = numbers[4 * row + column].as_f64();
+        entry.is_some_and(|v: f64| (v - half_turn[row][column]).abs() > SAME_TURN)
+    };
+    let mut places = (0..3).flat_map(|row| (0..3).map(move |column| (row, column)));
+    places.any(is_off).then(|| {
+        Note::doubt(format!(
+            "{at}: its rotation is not a half turn about z, as every Ouster has it, and is not applied; turn the \
+             sensor's pose instead, or correct the file"
+        ))
+    })
 }
 
 /// The first of two places of one fact; a doubt where the second, at `at`, says something else.

@@ -28,6 +28,11 @@ fn radians_in_place_of_degrees() {
         (0..20).map(|k| format!("0.00{k:02},{},1.5{k:02}\n", 0.3 * f64::from(k))).collect();
     let livox = read(format!("Time,Azimuth,Zenith\n{rows}")).unwrap();
     assert!(doubts(&livox)[0].contains("radians?"), "{livox:?}");
+    for few in ["0,0.1,1.57\n0.001,0.5,1.50\n0.002,3.1,1.4\n", "Time,Azimuth,Zenith\n0,0.1,1.57\n"]
+    {
+        let livox = read(few).unwrap();
+        assert!(doubts(&livox)[0].contains("radians?"), "{livox:?}");
+    }
     let title = message("Channel,Elevation(rad),Azimuth\n1,0.1,0\n");
     assert!(title.contains("is not a column of degrees"), "{title}");
 }

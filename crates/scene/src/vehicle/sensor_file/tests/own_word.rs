@@ -239,3 +239,80 @@ fn two_rates_of_an_isaac_profile_agree_or_are_doubted() {
     };
     assert!(doubted(1800) && !doubted(3600));
 }
+
+/// 16 states at 3600 columns a turn: the columns of a window are a tenth of a degree apart, not 1.6 degrees.
+#[test]
+fn isaac_windows_cut_the_columns_of_all_states() {
+    let profile = |window: [f64; 2], turns: &str| {
+        let states: Vec<String> = (0..16)
+            .map(|k| format!(r#"{{"azimuthDeg": [0], "elevationDeg": [{}]}}"#, k - 8))
+            .collect();
+        format!(
+            r#"{{"profile": {{"scanType": "rotary", "scanRateBaseHz": 10, "reportRateBaseHz": 36000, {turns}
+            "startAzimuthDeg": {}, "endAzimuthDeg": {}, "emitterStates": [{}]}}}}"#,
+            window[0],
+            window[1],
+            states.join(", ")
+        )
+    };
+    // Azimuth and elevation of each beam, in degrees: state s looks up by s − 8.
+    let beams = |text: String| -> Vec<[f64; 2]> {
+        let pattern = read(text).unwrap();
+        let mut beams: Vec<[f64; 2]> = match &pattern.beams {
+            Beams::Directions(all) => all
+                .iter()
+                .map(|[x, y, z]| [y.atan2(*x).to_degrees(), z.asin().to_degrees()])
+                .collect(),
+            Beams::Channels(all) => {
+                let steps = pattern.azimuth_steps.unwrap();
+                let (count, window) = pattern.columns(steps);
+                let at = |k: u32| window.unwrap()[0] + f64::from(k) * 360.0 / f64::from(steps);
+                let of = |k| all.iter().map(move |c| [at(k) + c.azimuth_offset, c.elevation]);
+                (0..count).flat_map(of).collect()
+            }
+        };
+        beams.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        beams
+    };
+    for (window, first, count, turns, clockwise) in [
+        ([1.0, 2.0], 10, 11, "", false),
+        ([1.0, 2.0], 10, 11, r#""rotationDirection": "CW","#, true),
+        // Two whole rounds of the states stay channels.
+        ([0.5, 3.6], 5, 32, "", false),
+        ([0.5, 3.6], 5, 32, r#""rotationDirection": "CW","#, true),
+    ] {
+        let beams = beams(profile(window, turns));
+        assert_eq!(beams.len(), count, "{window:?} {turns}");
+        for (k, beam) in beams.iter().enumerate() {
+            let column = first + k as i64;
+            let state = if clockwise { -column } else { column }.rem_euclid(16);
+            let wanted = [0.1 * column as f64, (state - 8) as f64];
+            let off = (beam[0] - wanted[0]).abs().max((beam[1] - wanted[1]).abs());
+            assert!(off < 1e-6, "{window:?} {turns}: {beam:?}, {wanted:?}");
+        }
+    }
+    let empty = message(profile([1.01, 1.09], ""));
+    assert!(empty.contains("a window that holds a column, one every 0.1 degrees"), "{empty}");
+}
+
+#[test]
+fn ouster_transforms_that_are_others_are_doubted() {
+    let transform = |t: &str| ouster(&format!(r#", "lidar_to_sensor_transform": [{t}]"#));
+    let identity = read(transform("1,0,0,0, 0,1,0,0, 0,0,1,36.18, 0,0,0,1")).unwrap();
+    assert!(notes(&identity).contains("is not a half turn about z"), "{}", notes(&identity));
+    let half = read(transform("-1,0,0,0, 0,-1,0,0, 0,0,1,36.18, 0,0,0,1")).unwrap();
+    assert!(half.notes.iter().all(|note| !note.is_doubt()), "{}", notes(&half));
+    let origin = |moved: f64| {
+        let more = format!(
+            r#", "lidar_origin_to_beam_origin_mm": 15.806, "beam_to_lidar_transform": [1,0,0,{moved}, 0,1,0,0, 0,0,1,0, 0,0,0,1]"#
+        );
+        read(ouster(&more)).unwrap()
+    };
+    let other = origin(27.1);
+    let said = notes(&other);
+    assert!(
+        said.contains("moves beams by 27.1 mm, and `lidar_origin_to_beam_origin_mm` says 15.806"),
+        "{said}"
+    );
+    assert!(origin(15.806).notes.iter().all(|note| !note.is_doubt()));
+}

@@ -1,0 +1,204 @@
+//! Places along a road that its surface needs a point at, beside those of the OpenDRIVE library.
+//!
+//! The library puts points of lanes 2 m apart, closer where a lane turns in plan, and where a `<crossfall>` begins. It steps
+//! over records of heights and widths. A crossfall that changes nothing puts a point at each of them.
+
+use std::fmt::Write;
+use std::ops::Range;
+
+use roxmltree::{Document, Node};
+
+use super::document::number_or_0 as number;
+
+/// Largest gap between the surface and its curve, in metres, that a piece of it may leave, and as much at a bend.
+const GAP: f64 = 0.005;
+/// Farthest points of the library, in metres.
+const STEP: f64 = 2.0;
+/// Closest places in metres, where a curve asks for closer ones.
+const CLOSEST: f64 = 0.25;
+/// Shortest record in metres that is followed: programs end a section by a centimetre of any polynomial.
+const SHORTEST: f64 = 0.1;
+/// Metres within which two places are one.
+const SAME: f64 = 0.05;
+/// Metres beside the reference line to which tilts are followed.
+const REACH: f64 = 10.0;
+/// Most places along one road: the library looks through all of them at each point.
+const MOST: usize = 10_000;
+
+/// A record: its place along the road, and the coefficients a, b, c, d of its cubic.
+type Cubic = (f64, [f64; 4]);
+
+/// The places of one road.
+pub(super) struct RoadStations<'a, 'i> {
+    pub road: Node<'a, 'i>,
+    /// In metres along the road, sorted.
+    pub places: Vec<f64>,
+    /// True if the road needs more than there may be.
+    pub is_cut: bool,
+}
+
+/// The places of all roads that need any.
+pub(super) fn of<'a, 'i>(xml: &'a Document<'i>) -> Vec<RoadStations<'a, 'i>> {
+    let roads = xml.root_element().children().filter(|node| node.has_tag_name("road"));
+    let all = roads.map(|road| {
+        let mut places = places(road);
+        let is_cut = places.len() > MOST;
+        places.truncate(MOST);
+        RoadStations { road, places, is_cut }
+    });
+    all.filter(|stations| !stations.places.is_empty()).collect()
+}
+
+fn places(road: Node<'_, '_>) -> Vec<f64> {
+    let length = number(road, "length");
+    let mut places = Vec::new();
+    let profiles = [
+        ("elevationProfile", "elevation", 1.0),
+        ("lateralProfile", "superelevation", REACH),
+        ("lateralProfile", "crossfall", REACH),
+    ];
+    for (profile, record, weight) in profiles {
+        let records = inside(road, profile).flat_map(|node| cubics(node, record, "s", 0.0));
+        follow(records.collect(), [0.0, length], weight, &mut places);
+    }
+    for lanes in inside(road, "lanes") {
+        follow(cubics(lanes, "laneOffset", "s", 0.0), [0.0, length], 1.0, &mut places);
+        let mut sections: Vec<Node<'_, '_>> = inside(lanes, "laneSection").collect();
+        sections.sort_by(|a, b| number(*a, "s").total_cmp(&number(*b, "s")));
+        for (k, section) in sections.iter().enumerate() {
+            let from = number(*section, "s");
+            let to = sections.get(k + 1).map_or(length, |next| number(*next, "s"));
+            let lanes = section.children().flat_map(|side| inside(side, "lane"));
+            for lane in lanes {
+                for record in ["width", "border"] {
+                    let records = cubics(lane, record, "sOffset", from);
+                    follow(records, [from, to], 1.0, &mut places);
+                }
+            }
+        }
+    }
+    places.retain(|s| s.is_finite() && *s > SAME && *s < length - SAME);
+    places.sort_by(f64::total_cmp);
+    // The first of places that are one stays.
+    let mut last = f64::NEG_INFINITY;
+    places.retain(|s| {
+        let is_new = s - last > SAME;
+        last = if is_new { *s } else { last };
+        is_new
+    });
+    places
+}
+
+fn inside<'a, 'i>(node: Node<'a, 'i>, name: &'static str) -> impl Iterator<Item = Node<'a, 'i>> {
+    node.children().filter(move |child| child.has_tag_name(name))
+}
+
+/// The records of a name in an element, in order; `from` is where their places count from.
+fn cubics(node: Node<'_, '_>, name: &'static str, place: &str, from: f64) -> Vec<Cubic> {
+    let cubic = |n| (from + number(n, place), ["a", "b", "c", "d"].map(|key| number(n, key)));
+    let mut all: Vec<Cubic> = inside(node, name).map(cubic).collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    all
+}
+
+/// Adds the places of a curve between two places of a road: bends between records, and pieces that are curved. `weight` turns
+/// its values to metres.
+fn follow(mut records: Vec<Cubic>, [from, to]: [f64; 2], weight: f64, places: &mut Vec<f64>) {
+    // No record is a value of 0.
+    if records.first().is_some_and(|(start, _)| *start > from) {
+        records.insert(0, (from, [0.0; 4]));
+    }
+    for (i, &(start, [_, b, c, d])) in records.iter().enumerate() {
+        let end = records.get(i + 1).map_or(to, |next| next.0.min(to));
+        let length = end - start;
+        if length.is_nan() || length < SHORTEST {
+            continue;
+        }
+        let bends = i.checked_sub(1).is_some_and(|before| {
+            let (at, cubic) = records[before];
+            let [_, slope, ..] = moved(cubic, start - at);
+            // Half a step to the next point on either side.
+            (b - slope).abs() * weight * 0.25 * STEP > GAP
+        });
+        if bends {
+            places.push(start);
+        }
+        let curved = (2.0 * c).abs().max((2.0 * c + 6.0 * d * length).abs()) * weight;
+        // A chord of h metres leaves a gap of h²/8 times the second derivative.
+        let step = (8.0 * GAP / curved).sqrt();
+        if step < STEP {
+            let pieces = (length / step.max(CLOSEST)).ceil().min(MOST as f64);
+            // An even number has a point in the middle.
+            let pieces = if pieces > 1.0 { 2.0 * (0.5 * pieces).ceil() } else { 1.0 };
+            places.extend((0..=pieces as usize).map(|k| start + length * k as f64 / pieces));
+        }
+    }
+}
+
+/// The cubic that a cubic is from `x` on.
+fn moved([a, b, c, d]: [f64; 4], x: f64) -> [f64; 4] {
+    [a + x * (b + x * (c + x * d)), b + x * (2.0 * c + x * 3.0 * d), c + x * 3.0 * d, d]
+}
+
+/// The text of a document with a crossfall at each place; it says what holds there anyway.
+pub(super) fn write(text: &str, roads: &[RoadStations<'_, '_>]) -> String {
+    let mut edits: Vec<(Range<usize>, String)> = Vec::new();
+    for RoadStations { road, places, .. } in roads {
+        let Some(lanes) = inside(*road, "lanes").next() else { continue };
+        let lateral = inside(*road, "lateralProfile").next();
+        let stated: Vec<Node<'_, '_>> =
+            lateral.into_iter().flat_map(|node| inside(node, "crossfall")).collect();
+        if stated.is_empty() {
+            let records = places.iter().map(|s| record(*s, None)).collect::<String>();
+            let whole = format!("<lateralProfile>{records}</lateralProfile>");
+            edits.push(match lateral.map(|node| (node, node.first_element_child())) {
+                None => (lanes.range().start..lanes.range().start, whole),
+                Some((node, None)) => (node.range(), whole),
+                Some((_, Some(child))) => (child.range().start..child.range().start, records),
+            });
+            continue;
+        }
+        for s in places {
+            let is_behind = |node: &&Node<'_, '_>| number(**node, "s") > *s;
+            let next = stated.iter().find(is_behind);
+            let at = next.map_or_else(
+                || stated.last().map_or(0, |last| last.range().end),
+                |next| next.range().start,
+            );
+            let before = stated.iter().filter(|node| number(**node, "s") <= *s);
+            let before = before.max_by(|a, b| number(**a, "s").total_cmp(&number(**b, "s")));
+            if before.is_none_or(|node| s - number(*node, "s") > SAME) {
+                edits.push((at..at, record(*s, before)));
+            }
+        }
+    }
+    edits.sort_by_key(|(range, _)| range.start);
+    let (mut written, mut done) = (String::with_capacity(text.len()), 0);
+    for (range, inserted) in edits {
+        written += &text[done..range.start];
+        written += &inserted;
+        done = range.end;
+    }
+    written + &text[done..]
+}
+
+/// A crossfall from `s` on that says what `before` says there, or nothing.
+fn record(s: f64, before: Option<&Node<'_, '_>>) -> String {
+    let mut cubic = [0.0; 4];
+    let mut side = "both";
+    if let Some(before) = before {
+        let own = ["a", "b", "c", "d"].map(|key| number(*before, key));
+        cubic = moved(own, s - number(*before, "s").max(0.0));
+        side = before
+            .attribute("side")
+            .filter(|side| ["left", "right"].contains(side))
+            .unwrap_or("both");
+    }
+    let [a, b, c, d] = cubic;
+    let mut text = String::new();
+    let _ = write!(
+        text,
+        "<crossfall side=\"{side}\" s=\"{s}\" a=\"{a}\" b=\"{b}\" c=\"{c}\" d=\"{d}\"/>"
+    );
+    text
+}
