@@ -59,7 +59,8 @@ fn a_search_and_a_view_write_the_figures_of_their_page() {
     let at = |name: &str| dir.path().join(name);
     let line = "optimize town.json --backend cpu --evaluations 8 --out run --figures run/figures";
     run(dir.path(), line);
-    let all = ["convergence", "information-town", "near-field", "placement", "range-card"];
+    let all =
+        ["convergence", "information-town", "lidars-town", "near-field", "placement", "range-card"];
     assert_eq!(names(&at("run/figures")), all.map(|name| format!("{name}.svg")));
     for (figure, file) in [
         ("convergence.svg", "convergence.svg"),
@@ -71,7 +72,7 @@ fn a_search_and_a_view_write_the_figures_of_their_page() {
     }
     let told =
         run(dir.path(), "view town.json p.json --backend cpu --out view.html --figures view");
-    assert_eq!(told, "sightline: wrote view.html, 4 figures in view");
+    assert_eq!(told, "sightline: wrote view.html, 5 figures in view");
     let without = all[1..].iter().map(|name| format!("{name}.svg")).collect::<Vec<_>>();
     assert_eq!(names(&at("view")), without);
 }

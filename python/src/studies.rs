@@ -75,18 +75,7 @@ pub fn study_table<'py>(
     let kind: Kind = kind.parse().map_err(|error: StudyError| bad(format!("kind: {error}")))?;
     let scenes = scenes_of(scenes)?;
     kind.check_scenes(scenes.len()).map_err(raised)?;
-    let of_scene = &scenes[0].options;
-    let is_other = |built: &&Arc<Built>| {
-        let of = &built.options;
-        of.frames != of_scene.frames || of.conditions != of_scene.conditions
-    };
-    if let Some(other) = scenes.iter().find(is_other) {
-        return Err(bad(format!(
-            "scenes: {} and {} were loaded with different frames or conditions; load all with the same",
-            scenes[0].scene.name(),
-            other.scene.name()
-        )));
-    }
+    check_alike(&scenes)?;
     if !(voxel > 0.0 && voxel.is_finite()) {
         return Err(bad(format!("voxel: is {voxel}; give the edge of a voxel, metres above 0")));
     }
@@ -113,23 +102,47 @@ pub fn study_table<'py>(
         placements,
         budget,
         conditions: conditions_of(kind, &scenes, conditions)?,
-        engine: of_scene.engine.clone(),
+        engine: scenes[0].options.engine.clone(),
     };
-    let found = watched(py, progress.unwrap_or_default(), move |watch| -> PyResult<Table> {
-        scenes.iter().try_for_each(|built| built.psog(watch).map(drop))?;
-        let job = job_of(&scenes)?;
-        if kind.searches(!settings.placements.is_empty()) {
-            job.check_room().map_err(raised)?;
-        }
-        let told = Told { watch, cases: Cell::default(), done: Cell::default() };
-        let table = study(kind, job.scenes(), &settings, &mut Vec::new(), &told).map_err(raised)?;
-        told.goes_on();
-        match table.unanswered() {
-            Some(why) => Err(bad(why)),
-            None => Ok(table),
-        }
-    })??;
-    to_python(py, &found)
+    let made = move |watch: &WorkMessages| made(kind, &scenes, &settings, watch);
+    to_python(py, &watched(py, progress.unwrap_or_default(), made)??)
+}
+
+/// The table of a study, until the watch is stopped.
+fn made(
+    kind: Kind,
+    scenes: &[Arc<Built>],
+    settings: &StudySettings,
+    watch: &WorkMessages,
+) -> PyResult<Table> {
+    scenes.iter().try_for_each(|built| built.psog(watch).map(drop))?;
+    let job = job_of(scenes)?;
+    if kind.searches(!settings.placements.is_empty()) {
+        job.check_room().map_err(raised)?;
+    }
+    let told = Told { watch, cases: Cell::default(), done: Cell::default() };
+    let table = study(kind, job.scenes(), settings, &mut Vec::new(), &told).map_err(raised)?;
+    told.goes_on();
+    match table.unanswered() {
+        Some(why) => Err(bad(why)),
+        None => Ok(table),
+    }
+}
+
+/// Refuses scenes of different frames or weather: a study takes those of the first for all.
+fn check_alike(scenes: &[Arc<Built>]) -> PyResult<()> {
+    let first = &scenes[0];
+    let is_other = |built: &&Arc<Built>| {
+        let (one, other) = (&first.options, &built.options);
+        one.frames != other.frames || one.conditions != other.conditions
+    };
+    scenes.iter().find(is_other).map_or(Ok(()), |other| {
+        Err(bad(format!(
+            "scenes: {} and {} were loaded with different frames or conditions; load all with the same",
+            first.scene.name(),
+            other.scene.name()
+        )))
+    })
 }
 
 /// Frames of a study: those that the first scene was loaded with, all for the loss of own rigs; `None` for the usual number.

@@ -197,8 +197,8 @@ impl<'a> Subject<'a> {
 
 /// Frames that near field, overlap and redundancy are taken over.
 const NEAR_FRAMES: u32 = 4;
-/// LiDARs of a placement of which each is lost in turn, at most: every loss takes a score over all frames.
-const MOST_LOST: usize = 16;
+/// Most LiDARs × frames of which each LiDAR is lost in turn: every loss takes a score over all frames.
+const MOST_LOST: usize = 512;
 
 /// Figures that are computed of a placement for its page, beyond its scores.
 pub struct Looks {
@@ -221,7 +221,7 @@ struct Several {
     overlap: Option<Overlap>,
     /// Things of the first scene by the number of LiDARs that see them; `None` where there is one LiDAR.
     redundancy: Option<Redundancy>,
-    /// The placement without each of its LiDARs; `None` for one LiDAR and for more than [`MOST_LOST`].
+    /// The placement without each of its LiDARs; `None` for one LiDAR and beyond [`MOST_LOST`].
     losses: Option<Losses>,
 }
 
@@ -276,7 +276,8 @@ impl Looks {
             ground = near.transpose()?.or(ground);
         }
         let (near, mut several) = ground.expect("a suite has a scene that is no mirror image");
-        if (2..=MOST_LOST).contains(&placement.lidars.len()) {
+        let lidars = placement.lidars.len();
+        if lidars > 1 && lidars * suite.frame_count() <= MOST_LOST {
             let (mut evaluator, _) = Evaluator::open(suite, &choice, |_| {})?;
             several.losses = job.losses_while(&mut evaluator, placement, &mut || true)?;
         }

@@ -34,7 +34,7 @@ pub(super) fn redundancy(figures: &Figures) -> Markup {
 
 /// Score, requirements and blind sectors without each LiDAR.
 pub(super) fn losses(subject: &Subject<'_>, figures: &Figures) -> Markup {
-    let Some(found) = &figures.several.losses else { return html! {} };
+    let Some(found) = &figures.several.losses else { return not_lost(subject) };
     let column = ScoreColumn::argued(subject.objective);
     let requires = !found.scores.required.is_empty();
     let row = |loss: &Loss| {
@@ -65,6 +65,19 @@ pub(super) fn losses(subject: &Subject<'_>, figures: &Figures) -> Markup {
                 @for loss in found.losses.iter().filter(|loss| !told(loss).is_empty()) {
                     li { b { "without " (loss.name) } ": " (told(loss)) }
                 }
+            }
+        }
+    }
+}
+
+/// Words where nothing was lost, since it takes long.
+fn not_lost(subject: &Subject<'_>) -> Markup {
+    let lidars = subject.result.map_or(0, |best| best.placement.lidars.len());
+    html! {
+        @if lidars > 1 {
+            section aria-labelledby="lost" {
+                h2 #lost { "If one LiDAR fails" }
+                p { "Not looked at here: over so many frames it takes long. " code { "sightline study loss" } " looks at it." }
             }
         }
     }

@@ -1,7 +1,9 @@
 //! Sensor files of the vendors, told apart by content.
 
+mod column_window;
 mod csv;
 mod isaac;
+mod isaac_profile;
 mod ouster;
 mod pattern;
 mod table;
@@ -16,7 +18,7 @@ use sightline_files::json::check::bad;
 use sightline_files::json::{DescriptionError, Location, is_utf_16, read_limited};
 
 use super::doubts::of_measures;
-pub use isaac::isaac_profile;
+pub use isaac_profile::isaac_profile;
 pub(super) use pattern::NARROWEST;
 pub use pattern::{Beams, Channel, MAX_BEAMS, MAX_CHANNELS, Measures, SensorFormat, SensorPattern};
 

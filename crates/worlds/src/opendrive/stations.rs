@@ -24,6 +24,8 @@ const SAME: f64 = 0.05;
 const REACH: f64 = 10.0;
 /// Most places along one road: the library looks through all of them at each point.
 const MOST: usize = 10_000;
+/// Most places of one road before those that are one are put together.
+const MOST_FOUND: usize = 1 << 20;
 
 /// A record: its place along the road, and the coefficients a, b, c, d of its cubic.
 type Cubic = (f64, [f64; 4]);
@@ -111,7 +113,7 @@ fn follow(mut records: Vec<Cubic>, [from, to]: [f64; 2], weight: f64, places: &m
     for (i, &(start, [_, b, c, d])) in records.iter().enumerate() {
         let end = records.get(i + 1).map_or(to, |next| next.0.min(to));
         let length = end - start;
-        if length.is_nan() || length < SHORTEST {
+        if length.is_nan() || length < SHORTEST || places.len() > MOST_FOUND {
             continue;
         }
         let bends = i.checked_sub(1).is_some_and(|before| {
