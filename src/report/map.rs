@@ -174,7 +174,7 @@ impl InformationMap {
         let scale = SIZE / self.size[0].max(self.size[1]);
         let (width, height) = (self.size[0] * scale, self.size[1] * scale);
         let cell = [width / f64::from(self.cells[0]), height / f64::from(self.cells[1])];
-        // Runs of equal colour along x, grouped by colour to keep the file small.
+        // Runs of equal colour along x, in cells and grouped by colour to keep the file small.
         let mut runs: BTreeMap<C, String> = BTreeMap::new();
         for j in 0..self.cells[1] {
             let mut i = 0;
@@ -184,16 +184,18 @@ impl InformationMap {
                     i += 1;
                 }
                 if let Some(of_run) = of_run {
-                    let y = height - (f64::from(j) + 0.5) * cell[1];
-                    let (x, length) = (f64::from(first) * cell[0], f64::from(i - first) * cell[0]);
                     let path = runs.entry(of_run).or_default();
-                    let _ = write!(path, "M{x:.1} {y:.1}h{length:.1}");
+                    let _ = write!(path, "M{first} {j}h{}", i - first);
                 }
             }
         }
+        // The middle of the lowest row, y up.
+        let [wide, high] = cell.map(|side| format!("{side:.4}"));
+        let to_pixels =
+            format!("translate(0 {}) scale({wide} -{high})", px(height - 0.5 * cell[1]));
         let drawing = html! {
-            @for (of_run, path) in runs {
-                path d=(path) stroke=(rgb(of_run)) stroke-width=(format!("{:.2}", cell[1] * 1.04)) {}
+            g transform=(to_pixels) stroke-width="1.04" {
+                @for (of_run, path) in runs { path d=(path) stroke=(rgb(of_run)) {} }
             }
             @for pose in &placement.lidars {
                 circle cx=(px((pose.x - self.min[0]) * scale)) cy=(px(height - (pose.y - self.min[1]) * scale))
