@@ -33,6 +33,7 @@ __all__ = [
     "published",
     "read_placements",
     "set_threads",
+    "study",
 ]
 
 FEW_PLACEMENTS: int
