@@ -122,7 +122,8 @@ impl PyScene {
     /// Beams of one placement on each target at each place, and distances of detection, as a `dict` with `rows` and
     /// `detections` that `sightline study targets` prints. In the scored frames each target stands alone on the ground of
     /// the scene, all that is there in the way; with `level` on level ground, as for `beams_on`. A target is detected with
-    /// `beams` or more in `of_frames` of the frames (all for `None`). Arguments and errors are those of `beams_on`.
+    /// `beams` or more in `of_frames` of the frames (all for `None`). Raises `ValueError` as `beams_on`, and for more frames than
+    /// are looked at.
     #[pyo3(signature = (poses, targets, distances, bearings, *, beams = 5, of_frames = None, level = false, sensors = None,
         phases = None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
@@ -157,7 +158,8 @@ impl PyScene {
 
     /// One placement with all its LiDARs and with each lost in turn, as a `dict`: `scores`, and `losses` with `lidar`,
     /// `name`, `scores` of the others, `broken` (requirements that all together meet and the others do not) and
-    /// `blind` (sectors that are blind without it alone). `progress` as for `optimize`.
+    /// `blind` (sectors that are blind without it alone). Raises `ValueError` as `score`, and for several placements. `progress` as
+    /// for `optimize`.
     #[pyo3(signature = (poses, *, sensors = None, phases = None, progress = None))]
     fn losses<'py>(
         &self,
