@@ -18,7 +18,7 @@ use crate::progress::{Progress, WorkMessages};
 use crate::search::scenes_of;
 use crate::wait::watched;
 
-/// What a study tells, for the watch of a call.
+/// Observer of a study that reports to the watch of a call.
 struct Told<'a> {
     watch: &'a WorkMessages,
     cases: Cell<usize>,
@@ -45,10 +45,10 @@ impl StudyObserver for Told<'_> {
 /// `kind` is `lidars`, `cost`, `channels`, `voxels`, `random`, `tasks`, `height`, `regions`, `loss`, `weather`, `transfer` or
 /// `published`. Own rigs, `poses` with `sensors` and `phases` as for `Scene.score`, are taken by `loss`, `random`, `regions`,
 /// `voxels` and `weather`; other kinds search rigs, for at most `budget`, by `evaluations` and swaps. Scores are means over the
-/// frames that the scene was loaded with, else over two (`loss` of own rigs: all). Weather and P-SOG are those of the scene;
+/// frames that the scene was loaded with, else over two (`loss` of own rigs: all). The scene's weather and P-SOG count;
 /// `weather` takes `conditions`, a row each (some fog, snow and rain for `None`). `regions` are further boxes, name to `[x0, y0, z0, x1, y1, z1]` in metres,
 /// `sensor_files` further sensors of `channels`, `voxel` the edge in metres of `published`. `progress` as for
-/// `optimize`; Ctrl-C ends the study. Raises `ValueError` for what a kind does not take, and where a study has no answer.
+/// `optimize`; Ctrl-C ends the study. Raises `ValueError` for arguments that a kind does not take, and where a study has no answer.
 #[pyfunction(name = "study")]
 #[pyo3(signature = (kind, scenes, poses = None, *, sensors = None, phases = None, objective = "near_gain",
     evaluations = 120, random = 200, seed = 1, budget = None, conditions = None, regions = None, sensor_files = None,

@@ -29,6 +29,11 @@ def placements() -> list[sightline.Placement]:
     return sightline.read_placements("scenes/placements.json")
 
 
+@pytest.fixture(scope="session")
+def rig(placements: list[sightline.Placement]) -> sightline.Placement:
+    return next(placement for placement in placements if placement.name == "Pyramid-roll")
+
+
 @pytest.fixture
 def small() -> sightline.Scene:
     """A box on the ground before a vehicle, in two frames; three beams."""

@@ -23,11 +23,6 @@ def scene() -> Scene:
     return Scene.load(YARD, backend="cpu", frames=1)
 
 
-@pytest.fixture(scope="module")
-def rig() -> sightline.Placement:
-    return next(p for p in sightline.read_placements("scenes/placements.json") if p.name == RIG)
-
-
 def row(kind: str, tmp_path: Path, *more: str) -> Any:
     """The row that the program prints for the rig."""
     placements = json.loads(Path("scenes/placements.json").read_text())["placements"]

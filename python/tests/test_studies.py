@@ -1,4 +1,4 @@
-"""Questions about a rig and studies: the rows of the program, and what the arguments may not be."""
+"""Questions about a rig and studies against the rows of the program, and wrong arguments."""
 
 from __future__ import annotations
 
@@ -15,17 +15,11 @@ import sightline
 from sightline import Scene
 
 YARD = "scenes/industrial-yard.json"
-RIG = "Pyramid-roll"
 
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     return Scene.load(YARD, backend="cpu", frames=1)
-
-
-@pytest.fixture(scope="module")
-def rig() -> sightline.Placement:
-    return next(p for p in sightline.read_placements("scenes/placements.json") if p.name == RIG)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +30,7 @@ def file(rig: sightline.Placement, tmp_path_factory: pytest.TempPathFactory) -> 
 
 
 def printed(*arguments: str) -> Any:
-    """What the program prints as JSON."""
+    """The JSON that the program prints."""
     done = subprocess.run(
         [sys.executable, "-m", "sightline", *arguments, "--backend", "cpu", "--format", "json"],
         capture_output=True, text=True, timeout=300,

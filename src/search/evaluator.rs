@@ -154,7 +154,7 @@ impl Evaluator {
         self.sight.as_ref()
     }
 
-    /// For each LiDAR of a placement what the rules on targets, ground and overlap miss without it, in words by the name of
+    /// Missing parts of the rules on targets, ground and overlap without each LiDAR of a placement, in words by the name of
     /// the rule.
     pub(crate) fn missing_without_each(
         &self,

@@ -1,5 +1,7 @@
 //! The loss of one LiDAR: the score after it, and the placement that loses least.
 
+use std::collections::HashMap;
+
 use sightline_cma::{Cma, CmaOptions};
 
 use super::scene::StudyScene;
@@ -81,6 +83,7 @@ fn own_rigs(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> 
     let most = rigs.iter().map(|rig| rig.lidars.len()).max().unwrap_or(0);
     let mut evaluator = scene.evaluator()?;
     let named = rigs.iter().map(|rig| (rig.name.clone(), rig)).collect();
+    let mut looked: HashMap<String, Losses> = HashMap::new();
     let rows = cases.each(named, |rig: &Placement, _| {
         let losses = scene.losses(&mut evaluator, rig)?;
         let (_, factor) = shown_objective(objective);
@@ -94,11 +97,17 @@ fn own_rigs(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> 
         values.resize(OF_VALUE.len() + most, None);
         values.extend([most_unmet.map(|count| count as f64), blind]);
         let row = Row::scored(values, rig.clone(), &losses.scores);
-        Ok(Row { unmet_at: unmet_at(&losses, objective), ..row })
+        let row = Row { unmet_at: unmet_at(&losses, objective), ..row };
+        looked.insert(rig.name.clone(), losses);
+        Ok(row)
     })?;
     let mut notes = Vec::new();
     for rig in rows.iter().filter_map(|row| row.placement.as_ref()) {
-        let losses = scene.losses(&mut evaluator, rig)?;
+        // Rows of an interrupted study are known without their losses.
+        let losses = match looked.remove(&rig.name) {
+            Some(losses) => losses,
+            None => scene.losses(&mut evaluator, rig)?,
+        };
         let in_words =
             |sectors: &[BlindSector]| sectors.iter().map(BlindSector::to_string).collect();
         let known: Vec<String> = in_words(losses.blind());

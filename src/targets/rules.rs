@@ -213,8 +213,8 @@ impl Sight {
         all
     }
 
-    /// What each rule misses without a LiDAR, which keeps its number, in words by the name of the rule; rules that are met
-    /// are left out.
+    /// Missing part of each rule without a LiDAR, in words by the name of the rule; rules that are met are left out. The
+    /// other LiDARs keep their numbers.
     pub fn missing_without(&self, each: &[&SightBeams], lost: usize) -> Vec<(String, String)> {
         let looked = self.looked(each);
         let missing = |rule: &Rule| {

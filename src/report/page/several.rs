@@ -1,4 +1,4 @@
-//! Sections of the page about LiDARs together: by how many a thing is seen, what is lost with each, overlap of pairs.
+//! Sections of the page about LiDARs together: things by the number that sees them, the loss of each, overlap of pairs.
 
 use maud::{Markup, html};
 

@@ -15,7 +15,7 @@ pub(super) const IS_A_LIST: &str = "is a list; ";
 /// Reads a whole text as a `T`; a list is no struct.
 ///
 /// # Errors
-/// Those of `serde_json`, and a list where an object belongs.
+/// Errors of `serde_json`, and a list where an object belongs.
 pub fn from_text<T: DeserializeOwned>(text: &str) -> Result<T, serde_json::Error> {
     let mut json = serde_json::Deserializer::from_str(text);
     let value = T::deserialize(Objects(&mut json))?;
@@ -26,7 +26,7 @@ pub fn from_text<T: DeserializeOwned>(text: &str) -> Result<T, serde_json::Error
 /// Wraps whatever serde reads from, and all that is read inside of it: a list where a struct belongs is an error.
 pub struct Objects<T>(pub T);
 
-/// Wraps a visitor; `keys` are those of the struct that it reads, if it reads one.
+/// Visitor that hands values on; `keys` are the fields of the struct that it reads, if it reads one.
 struct Keys<V> {
     of: V,
     keys: Option<&'static [&'static str]>,

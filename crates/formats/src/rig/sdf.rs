@@ -208,7 +208,7 @@ const LIDARS: [&str; 4] = ["ray", "gpu_ray", "lidar", "gpu_lidar"];
 const OWN: &str = "urn:sightline";
 const PREFIX: &str = "sightline";
 
-/// True if an element is a `<sensor>` that is a LiDAR: by its type, or without one by what is in it.
+/// True for the `<sensor>` of a LiDAR: by its type, or by a `<ray>` or `<lidar>` in it where it has no type.
 pub(super) fn is_lidar(sensor: Node) -> bool {
     let casts = |node: Node| node.has_tag_name("ray") || node.has_tag_name("lidar");
     sensor.has_tag_name("sensor")

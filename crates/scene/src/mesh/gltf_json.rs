@@ -12,7 +12,7 @@ pub(super) struct Parts {
     pub root: Root,
     pub blob: Option<Vec<u8>>,
     pub animations: usize,
-    /// Each node's frame in that of its parent. The crate rounds its numbers to `f32`, by decimetres in
+    /// Matrix from each node's frame to its parent's. The crate rounds its numbers to `f32`, by decimetres in
     /// national coordinates.
     pub frames: Vec<DMat4>,
 }

@@ -20,7 +20,7 @@ pub(super) struct NodeWalk<'a> {
     mesh: RawMesh,
     data: Data,
     document: &'a gltf::Document,
-    /// Each node's frame in that of its parent.
+    /// Matrix from each node's frame to its parent's.
     frames: Vec<DMat4>,
     accessors: Vec<Accessor<'a>>,
     /// Where each node of the scene stands. glTF demands a tree: a node with two parents could make a loop, or

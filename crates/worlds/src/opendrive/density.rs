@@ -44,7 +44,7 @@ pub(super) fn check(
                 return Ok(());
             }
             walk(geometry, length, |place, along, made| {
-                // Places of its records come to those of the library.
+                // The library's places, and further ones for the road's records.
                 let before = |s: f64| places.partition_point(|place| *place < start + s);
                 let made = made + (before(along[1]) - before(along[0])) as f64;
                 points += made * lanes;

@@ -1,4 +1,4 @@
-//! Places along a road that its surface needs a point at, beside those of the OpenDRIVE library.
+//! Places along a road at which its surface needs a point, beside the points of the OpenDRIVE library.
 //!
 //! The library puts points of lanes 2 m apart, closer where a lane turns in plan, and where a `<crossfall>` begins. It steps
 //! over records of heights and widths. A crossfall that changes nothing puts a point at each of them.
@@ -24,7 +24,7 @@ const SAME: f64 = 0.05;
 const REACH: f64 = 10.0;
 /// Most places along one road: the library looks through all of them at each point.
 const MOST: usize = 10_000;
-/// Most places of one road before those that are one are put together.
+/// Most places of one road before neighbours are joined.
 const MOST_FOUND: usize = 1 << 20;
 
 /// A record: its place along the road, and the coefficients a, b, c, d of its cubic.
@@ -142,7 +142,7 @@ fn moved([a, b, c, d]: [f64; 4], x: f64) -> [f64; 4] {
     [a + x * (b + x * (c + x * d)), b + x * (2.0 * c + x * 3.0 * d), c + x * 3.0 * d, d]
 }
 
-/// The text of a document with a crossfall at each place; it says what holds there anyway.
+/// The text of a document with a crossfall at each place, which repeats the tilt that holds there anyway.
 pub(super) fn write(text: &str, roads: &[RoadStations<'_, '_>]) -> String {
     let mut edits: Vec<(Range<usize>, String)> = Vec::new();
     for RoadStations { road, places, .. } in roads {
@@ -184,7 +184,7 @@ pub(super) fn write(text: &str, roads: &[RoadStations<'_, '_>]) -> String {
     written + &text[done..]
 }
 
-/// A crossfall from `s` on that says what `before` says there, or nothing.
+/// A crossfall from `s` on with the values of `before` there; level where there is none before.
 fn record(s: f64, before: Option<&Node<'_, '_>>) -> String {
     let mut cubic = [0.0; 4];
     let mut side = "both";

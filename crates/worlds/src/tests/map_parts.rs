@@ -358,7 +358,7 @@ fn short_records_of_height_tilt_offset_and_width_shape_the_road() {
     let raised = format!("<elevationProfile>{}</elevationProfile>", bumps("elevation", "s"));
     let tilted =
         format!("<lateralProfile>{}</lateralProfile>", low("superelevation", "s", 0.0, 1.0));
-    // A crossfall of the file stays what it is: 2 % down to the right, then a bump of its own.
+    // The own crossfall of the file stays: 2 % down to the right, then a bump.
     let fall = "<lateralProfile><crossfall s='0' side='right' a='0.02' b='0' c='0' d='0'/>\
                 <crossfall s='80' side='left' a='0.1' b='0' c='0' d='0'/></lateralProfile>";
     let slope = |x: f64| if x < 80.0 { -0.02_f64.tan() * 3.5 } else { 0.0 };
