@@ -184,10 +184,10 @@ pub struct TargetsRequest {
     #[cfg_attr(feature = "cli", arg(long = "target", value_name = "NAME|FILE"))]
     pub targets: Vec<String>,
     /// Metres from the vehicle's origin to the middle of the target, separated by commas [default: 5 to 100]
-    #[cfg_attr(feature = "cli", arg(long, value_name = "M,…", value_delimiter = ',', value_parser = super::parse::distance))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "M,…", value_delimiter = ',', value_parser = super::parse::number_that(crate::targets::is_distance, "metres above 0 and up to 1000, as 10,20,30")))]
     pub distances: Vec<f64>,
     /// Degrees counter-clockwise from straight ahead, separated by commas [default: sixteen all round]
-    #[cfg_attr(feature = "cli", arg(long, value_name = "DEG,…", value_delimiter = ',', value_parser = super::parse::bearing))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DEG,…", value_delimiter = ',', value_parser = super::parse::number_that(crate::targets::is_bearing, "degrees from -360 to 360, as 0,90,180")))]
     pub bearings: Vec<f64>,
     /// Beams from which on a target is detected in a frame
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..)))]
