@@ -1,6 +1,5 @@
 //! Scores along one field of a placement, and under errors of mounting.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -8,9 +7,10 @@ use serde::Serialize;
 use super::coverage::named;
 use super::inputs::{Files, Given, note_repeated};
 use super::opening::{LoadTimes, Loaded};
+use super::outputs::Drawings;
 use super::{Computing, Conditions, FiguresOut, GRACE, RunError, opening, outputs};
 use crate::Note;
-use crate::files::{Session, write_whole};
+use crate::files::Session;
 use crate::job::{Job, MOST_TILT, Room, RoomSteps, Sweep, SweptField, moves_of};
 use crate::report::study::sweep_plot;
 use crate::scan::conditions::in_words;
@@ -74,10 +74,8 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
         let range = format!("--from {from} --to {to}");
         return Err(RunError::Usage(format!("{range}: give two different numbers")));
     }
-    if let Some(out) = &request.out {
-        outputs::check_file(out, "svg")?;
-    }
-    outputs::check_figures(request.figures.figures.as_deref())?;
+    let drawings = Drawings::new(&request.out, &request.figures);
+    drawings.check()?;
     let (scenes, file) = Files::or_level_ground(&request.shared.files, computing)?;
     let mut opened = OpenJob::new(&request.shared, &scenes, &file, computing)?;
     let fields = opened.fields(&request.field, &file.display().to_string())?;
@@ -115,32 +113,18 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
     }
     drop(bar);
     opened.finish(computing);
+    let mut wrote = None;
     if computing.watcher.goes_on() {
-        draw(request, &sweeps)?;
+        let figure = |sweep: &Sweep| (format!("sweep-{}", sweep.placement), sweep_plot(sweep));
+        let figures = sweeps.iter().map(figure).collect();
+        wrote = drawings.write(figures, || sweeps.first().map(sweep_plot))?;
     }
-    let figures = request.figures.figures.as_deref();
-    let wrote = outputs::wrote(figures, sweeps.len(), request.out.as_deref());
     Ok(SweepFound {
         over: opened.over(&scenes),
-        wrote: wrote.filter(|_| computing.watcher.goes_on()),
+        wrote,
         conditions: in_words(&request.shared.conditions.condition),
         sweeps,
     })
-}
-
-/// Draws a chart where the request names places.
-fn draw(request: &SweepRequest, sweeps: &[Sweep]) -> Result<(), RunError> {
-    // First, since the file may lie in their folder.
-    let figure = |sweep: &Sweep| (format!("sweep-{}", sweep.placement), sweep_plot(sweep));
-    outputs::write_figures(
-        request.figures.figures.as_deref(),
-        sweeps.iter().map(figure).collect(),
-    )?;
-    if let (Some(out), [sweep]) = (&request.out, sweeps) {
-        let svg = sweep_plot(sweep);
-        write_whole(out, |file| file.write_all(svg.as_bytes()).map_err(RunError::io(out)))?;
-    }
-    Ok(())
 }
 
 impl OpenJob {
