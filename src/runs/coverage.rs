@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::inputs::{Files, Given, held, published, rig_path};
+use super::inputs::{Files, Given, held, name_published, rig_path};
 use super::opening::{LoadTimes, Loaded};
 use super::outputs::Drawings;
 use super::{Computing, GRACE, RunError, opening, outputs};
@@ -22,7 +22,7 @@ use crate::score::Objective;
 use crate::targets::{
     GroundBelow, Receiving, TargetQuestion, TargetSite, TargetTable, card_bearings,
 };
-use crate::vehicle::{Placement, read_placements};
+use crate::vehicle::{Placement, read_placements, table_7};
 
 /// Placements whose near field is looked at.
 #[derive(Debug, Clone, Default)]
@@ -436,7 +436,7 @@ fn of_scene(
             Given::new(file, &sensors, &scene.rules(), computing).whole(&mut given)?;
             given
         }
-        None => published(&sensors, computing)?,
+        None => name_published(table_7(), &sensors, computing)?,
     };
     let bar = watcher.bar(AUDIT_PARTS, Some("parts"));
     let tell = |event: AuditEvent| match event {
