@@ -8,13 +8,12 @@ use sightline::shared::LEAST_SHARED;
 use sightline::targets::TargetQuestion;
 
 use crate::arguments;
-use crate::arrays::{shaped, to_python};
+use crate::arrays::shaped;
 use crate::errors::{bad, raised};
-use crate::placements::placements_in;
 use crate::progress::Progress;
-use crate::scenes::{PyScene, only};
+use crate::scenes::PyScene;
 use crate::targets::{redundancy_targets, row, target_question};
-use crate::wait::{interruptible, watched};
+use crate::wait::{answer, interruptible};
 
 // Python shows defaults that are literals.
 const _: () = assert!(LEAST_SHARED == 500);
@@ -38,10 +37,8 @@ impl PyScene {
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
-        let built = self.built.clone();
-        let card = interruptible(py, move |_| built.range_card(&placement))??;
-        to_python(py, &card)
+        let (built, placement) = self.one(poses, sensors, phases)?;
+        answer(py, None, move |_| built.range_card(&placement))
     }
 
     /// u32 `[targets, bearings, distances, lidars]`: beams of one placement that end at each target, alone on level ground
@@ -60,7 +57,7 @@ impl PyScene {
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<u32>>> {
-        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
+        let (built, placement) = self.one(poses, sensors, phases)?;
         let question = target_question(targets, distances, bearings)?;
         let shape = [
             question.targets.len(),
@@ -68,7 +65,6 @@ impl PyScene {
             question.distances.len(),
             placement.lidars.len(),
         ];
-        let built = self.built.clone();
         let beams = interruptible(py, move |_| built.beams_on(&question, &placement))??;
         shaped(py, beams, &shape)
     }
@@ -87,12 +83,9 @@ impl PyScene {
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
+        let (built, placement) = self.one(poses, sensors, phases)?;
         let question = redundancy_targets(targets)?;
-        let built = self.built.clone();
-        let found =
-            interruptible(py, move |watch| built.redundancy(&question, &placement, watch))??;
-        to_python(py, &found)
+        answer(py, None, move |watch| built.redundancy(&question, &placement, watch))
     }
 
     /// Ground near the vehicle that one placement sees, as a `dict` with the row that `sightline study nearfield` prints:
@@ -107,16 +100,14 @@ impl PyScene {
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
-        let built = self.built.clone();
-        let found = interruptible(py, move |watch| {
+        let (built, placement) = self.one(poses, sensors, phases)?;
+        answer(py, None, move |watch| {
             built.evaluate(watch, |evaluator| {
                 let site = NearSite::new(&built.scene, &evaluator.shared_problem());
                 let site = site.map_err(raised)?;
                 site.look(evaluator.backend_mut(), &placement).map_err(raised)
             })
-        })??;
-        to_python(py, &found)
+        })
     }
 
     /// Beams of one placement on each target at each place, and distances of detection, as a `dict` with `rows` and
@@ -140,7 +131,7 @@ impl PyScene {
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
+        let (built, placement) = self.one(poses, sensors, phases)?;
         let frames = if level { 1 } else { self.built.scored_frames().len() };
         let of_frames = of_frames.map_or(frames, |of| of as usize);
         if of_frames > frames {
@@ -150,10 +141,7 @@ impl PyScene {
         }
         let question = target_question(targets, distances, bearings)?;
         let question = TargetQuestion { beams, of_frames, ..question };
-        let built = self.built.clone();
-        let found =
-            interruptible(py, move |watch| built.detections(&question, &placement, level, watch))??;
-        to_python(py, &found)
+        answer(py, None, move |watch| built.detections(&question, &placement, level, watch))
     }
 
     /// One placement with all its LiDARs and with each lost in turn, as a `dict`: `scores`, and `losses` with `lidar`,
@@ -169,15 +157,13 @@ impl PyScene {
         phases: Option<&Bound<'py, PyAny>>,
         progress: Option<Progress>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
-        let built = self.built.clone();
-        let found = watched(py, progress.unwrap_or_default(), move |watch| {
+        let (built, placement) = self.one(poses, sensors, phases)?;
+        answer(py, progress, move |watch| {
             built.evaluate(watch, |evaluator| {
                 let go_on = &mut || watch.reach("losses", 0, placement.lidars.len());
                 built.job.losses_while(evaluator, &placement, go_on).map_err(raised)
             })
-        })??;
-        to_python(py, &found)
+        })
     }
 
     /// Surfaces and directions that pairs of LiDARs of one placement share, as a `dict` with the row that `sightline study
@@ -194,11 +180,8 @@ impl PyScene {
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
-        let built = self.built.clone();
-        let found =
-            interruptible(py, move |watch| built.overlap(least_shared, &placement, watch))??;
-        to_python(py, &found)
+        let (built, placement) = self.one(poses, sensors, phases)?;
+        answer(py, None, move |watch| built.overlap(least_shared, &placement, watch))
     }
 
     /// Scores of one placement with one pose field of one LiDAR at each of some values, as a `dict` with the sweep that
@@ -218,7 +201,7 @@ impl PyScene {
         phases: Option<&Bound<'py, PyAny>>,
         progress: Option<Progress>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
+        let (built, placement) = self.one(poses, sensors, phases)?;
         let field = SweptField::find(of, &placement, &self.built.scene.rules());
         let field = field.map_err(|error| bad(format!("of: {error}")))?;
         let values = row("values", values, "metres or degrees", f64::is_finite)?;
@@ -227,8 +210,7 @@ impl PyScene {
             return Err(bad(format!("values: has {count} values; give 1 to {MOST_VALUES}")));
         }
         field.check(&placement, &values).map_err(|error| bad(format!("values: {error}")))?;
-        let built = self.built.clone();
-        let found = watched(py, progress.unwrap_or_default(), move |watch| {
+        answer(py, progress, move |watch| {
             let values = values.into_iter().map(Some);
             let values: Vec<Option<f64>> = std::iter::once(None).chain(values).collect();
             built.evaluate(watch, |evaluator| {
@@ -242,8 +224,7 @@ impl PyScene {
                 watch.reach("values", rows.len(), values.len());
                 Ok(Sweep::new(&placement, field, rows))
             })
-        })??;
-        to_python(py, &found)
+        })
     }
 
     /// How far each pose field of each LiDAR of one placement may be off, and how far the body may tilt, until a requirement
@@ -271,7 +252,7 @@ impl PyScene {
         phases: Option<&Bound<'py, PyAny>>,
         progress: Option<Progress>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
+        let (built, placement) = self.one(poses, sensors, phases)?;
         for (name, value, most) in [
             ("most_mm", most_mm, 10_000.0),
             ("most_deg", most_deg, 180.0),
@@ -289,8 +270,7 @@ impl PyScene {
             return Err(bad(format!("{found}; give x and y in metres within ±{MOST_ABOUT}")));
         }
         let steps = RoomSteps { most_mm, most_deg, most_tilt_deg, tilt_about, steps };
-        let built = self.built.clone();
-        let found = watched(py, progress.unwrap_or_default(), move |watch| {
+        answer(py, progress, move |watch| {
             let (mut done, moves) = (0, moves_of(&placement) as usize);
             let go_on = &mut |more: u64| {
                 done += more as usize;
@@ -299,7 +279,6 @@ impl PyScene {
             built.evaluate(watch, |evaluator| {
                 built.job.room_while(evaluator, &placement, &steps, go_on).map_err(raised)
             })
-        })??;
-        to_python(py, &found)
+        })
     }
 }

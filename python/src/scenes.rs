@@ -24,8 +24,8 @@ use crate::progress::Progress;
 use crate::psogs::PyPsog;
 use crate::rays::signed;
 use crate::scans::ScanIterator;
-use crate::sensors::PySensor;
-use crate::wait::{interruptible, pooled, watched};
+use crate::sensors::sensors_object;
+use crate::wait::{answer, interruptible, pooled};
 
 /// Bytes of a beam that `verify` draws.
 const SAMPLE_BYTES: usize = 256;
@@ -56,6 +56,22 @@ impl PyScene {
         warn_of(py, scene.notes())?;
         let root = std::env::current_dir().unwrap_or_default();
         Ok(Self { built: Arc::new(Built::new(scene, options)), source, root })
+    }
+
+    /// The one placement that was given, and the scene that it is looked at in.
+    pub fn one(
+        &self,
+        poses: &Bound<'_, PyAny>,
+        sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<(Arc<Built>, Placement)> {
+        let mut placements = placements_in(&self.built.scene, poses, sensors, phases)?;
+        match placements.len() {
+            1 => Ok((self.built.clone(), placements.remove(0))),
+            count => Err(bad(format!(
+                "poses: are those of {count} placements; give one of them, [L, 6]"
+            ))),
+        }
     }
 }
 
@@ -165,11 +181,7 @@ impl PyScene {
     /// Models by name, which is empty for the `lidar` of a scene.
     #[getter]
     fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let all = PyDict::new(py);
-        for model in &self.built.scene.vehicle().sensors {
-            all.set_item(model.name.as_str(), PySensor::of(&model.lidar)?)?;
-        }
-        Ok(all)
+        sensors_object(py, self.built.scene.vehicle())
     }
 
     /// The P-SOG: read, or built from virtual scans.
@@ -256,8 +268,7 @@ impl PyScene {
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray1<u64>>> {
-        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
-        let built = self.built.clone();
+        let (built, placement) = self.one(poses, sensors, phases)?;
         let covered = interruptible(py, move |watch| {
             built.evaluate(watch, |evaluator| evaluator.covered(&placement).map_err(raised))
         })??;
@@ -323,16 +334,9 @@ impl PyScene {
         frames: Option<&Bound<'_, PyAny>>,
         misses: bool,
     ) -> PyResult<ScanIterator> {
-        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
-        ScanIterator::begin(
-            self.built.clone(),
-            placement,
-            &conditions.unwrap_or_default(),
-            ideal,
-            seed,
-            frames,
-            misses,
-        )
+        let (built, placement) = self.one(poses, sensors, phases)?;
+        let conditions = conditions.unwrap_or_default();
+        ScanIterator::begin(built, placement, &conditions, ideal, seed, frames, misses)
     }
 
     /// Compares hits, voxels and sums of the scene's engine with the CPU reference, bit by bit, and `sample` beams of
@@ -362,7 +366,7 @@ impl PyScene {
         room_for("placements", random.saturating_add(hostile), placement_bytes(lidars))?;
         room_for("beams of the sample", sample as usize, SAMPLE_BYTES)?;
         let built = self.built.clone();
-        let found = watched(py, progress.unwrap_or_default(), move |watch| {
+        answer(py, progress, move |watch| {
             built.psog(watch)?;
             let job = built.job.clone().frames(Some(frames)).conditions(&[]);
             let problem = job.problem().map_err(raised)?;
@@ -376,8 +380,7 @@ impl PyScene {
                 watch.reach("placements compared", done.get(), steps);
             };
             verify(&problem, &mut *engine, &placements, sample, seed, &tell).map_err(raised)
-        })??;
-        to_python(py, &found)
+        })
     }
 
     /// SHA-256 of every file that the scene is made of.
@@ -408,15 +411,5 @@ impl PyScene {
         let rebuild = py.import("sightline._pickle")?.getattr("scene")?;
         let arguments = (make, first, options, this._inputs(py)?, &this.root).into_pyobject(py)?;
         PyTuple::new(py, [rebuild, arguments.into_any()])
-    }
-}
-
-/// The one placement of a list.
-pub fn only(mut placements: Vec<Placement>) -> PyResult<Placement> {
-    match placements.len() {
-        1 => Ok(placements.remove(0)),
-        count => {
-            Err(bad(format!("poses: are those of {count} placements; give one of them, [L, 6]")))
-        }
     }
 }

@@ -128,6 +128,15 @@ impl PySensor {
     }
 }
 
+/// Models of a vehicle by name.
+pub fn sensors_object<'py>(py: Python<'py>, vehicle: &Vehicle) -> PyResult<Bound<'py, PyDict>> {
+    let all = PyDict::new(py);
+    for model in &vehicle.sensors {
+        all.set_item(model.name.as_str(), PySensor::of(&model.lidar)?)?;
+    }
+    Ok(all)
+}
+
 /// A vehicle file: the models that it may carry, its mounts and rules.
 #[pyclass(name = "Vehicle", module = "sightline", frozen)]
 pub struct PyVehicle {
@@ -164,11 +173,7 @@ impl PyVehicle {
     /// Models by name; the first is meant where a placement names none.
     #[getter]
     fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let all = PyDict::new(py);
-        for model in &self.vehicle.sensors {
-            all.set_item(model.name.as_str(), PySensor::of(&model.lidar)?)?;
-        }
-        Ok(all)
+        sensors_object(py, &self.vehicle)
     }
 
     /// Price of each model, in any currency.

@@ -10,13 +10,13 @@ use sightline::scan::conditions::Condition;
 use sightline::study::{Kind, StudyError, StudyObserver, StudySettings, Subregion, Table, study};
 
 use crate::arguments;
-use crate::arrays::{few_numbers, to_python};
+use crate::arrays::few_numbers;
 use crate::engine::{Built, job_of};
 use crate::errors::{bad, raised};
 use crate::placements::placements_in;
 use crate::progress::{Progress, WorkMessages};
 use crate::search::scenes_of;
-use crate::wait::watched;
+use crate::wait::answer;
 
 /// Observer of a study that reports to the watch of a call.
 struct Told<'a> {
@@ -104,8 +104,7 @@ pub fn study_table<'py>(
         conditions: conditions_of(kind, &scenes, conditions)?,
         engine: scenes[0].options.engine.clone(),
     };
-    let made = move |watch: &WorkMessages| made(kind, &scenes, &settings, watch);
-    to_python(py, &watched(py, progress.unwrap_or_default(), made)??)
+    answer(py, progress, move |watch| made(kind, &scenes, &settings, watch))
 }
 
 /// The table of a study, until the watch is stopped.

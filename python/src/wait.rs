@@ -6,7 +6,9 @@ use std::time::Duration;
 
 use pyo3::exceptions::{PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
+use serde::Serialize;
 
+use crate::arrays::to_python;
 use crate::progress::{Progress, Shown, WorkMessages};
 
 /// The process that imported the module. Threads of the shared pool may live in it, and in no copy of it.
@@ -112,4 +114,16 @@ pub fn watched<T: Send + 'static>(
     let value = ended?;
     closed?;
     value.ok_or_else(|| PyRuntimeError::new_err("the work ended without a result; see stderr"))
+}
+
+/// The record that `work` makes, as `dict`s, `list`s and numbers; see [`watched`].
+///
+/// # Errors
+/// Like [`watched`]; the errors of `work`.
+pub fn answer<'py, T: Serialize + Send + 'static>(
+    py: Python<'py>,
+    progress: Option<Progress>,
+    work: impl FnOnce(&WorkMessages) -> PyResult<T> + Send + 'static,
+) -> PyResult<Bound<'py, PyAny>> {
+    to_python(py, &watched(py, progress.unwrap_or_default(), work)??)
 }

@@ -56,13 +56,9 @@ impl RankingError {
             .map(|(r, s)| if r == s { 0.0 } else { ((s - r) / r).abs() })
             .collect();
         errors.sort_by(f64::total_cmp);
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let count = reference.len();
         let (mut taus, mut regrets, mut swaps) = (Vec::new(), Vec::new(), Vec::new());
-        for _ in 0..RESAMPLES {
-            let drawn: Vec<usize> = (0..count).map(|_| rng.random_range(0..count)).collect();
-            let pick = |of: &[f64]| drawn.iter().map(|&i| of[i]).collect::<Vec<f64>>();
-            let (r, s) = (pick(&reference), pick(&scores));
+        for (r, s) in resampled(&reference, &scores, seed) {
             taus.extend(kendall_tau(&r, &s));
             regrets.push(regret(&r, &s));
             swaps.push(swapped(&r, &s, tolerance));
@@ -78,6 +74,18 @@ impl RankingError {
     }
 }
 
+/// Scores of the same placements, drawn with replacement [`RESAMPLES`] times.
+fn resampled(
+    reference: &[f64],
+    scores: &[f64],
+    seed: u64,
+) -> impl Iterator<Item = (Vec<f64>, Vec<f64>)> {
+    let (mut rng, count) = (ChaCha8Rng::seed_from_u64(seed), reference.len());
+    (0..RESAMPLES).map(move |_| {
+        (0..count).map(|_| rng.random_range(0..count)).map(|k| (reference[k], scores[k])).unzip()
+    })
+}
+
 /// [`RankingError::swapped`] alone, for the first placements of a setting; `None` if there are none to compare.
 pub(super) fn swapped_interval(
     reference: &[Option<f64>],
@@ -86,14 +94,10 @@ pub(super) fn swapped_interval(
     seed: u64,
 ) -> Option<BootstrapInterval> {
     let (reference, scores) = comparable(reference, scores);
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let count = reference.len();
-    let resampled = (0..RESAMPLES).map(|_| {
-        let drawn: Vec<usize> = (0..count).map(|_| rng.random_range(0..count)).collect();
-        let pick = |of: &[f64]| drawn.iter().map(|&i| of[i]).collect::<Vec<f64>>();
-        swapped(&pick(&reference), &pick(&scores), tolerance)
-    });
-    (count > 0).then(|| interval(swapped(&reference, &scores, tolerance), resampled.collect()))
+    let resampled = resampled(&reference, &scores, seed);
+    let resampled = resampled.map(|(r, s)| swapped(&r, &s, tolerance));
+    (!reference.is_empty())
+        .then(|| interval(swapped(&reference, &scores, tolerance), resampled.collect()))
 }
 
 /// Scores of the placements that the reference scores; those without a score rank last.

@@ -56,6 +56,31 @@ impl UnnamedModelArgs {
     }
 }
 
+/// A command that computes: its request, the form of its answer, and where it is computed.
+#[derive(Args)]
+pub struct Asked<R, F = Format>
+where
+    R: Args,
+    F: ValueEnum + Default + Send + Sync + 'static,
+{
+    #[command(flatten)]
+    pub request: R,
+    /// How to print the result
+    #[arg(long, value_enum, default_value_t)]
+    pub format: F,
+    #[command(flatten)]
+    named: UnnamedModelArgs,
+    #[command(flatten)]
+    pub compute: Compute,
+}
+
+impl<R: Args, F: ValueEnum + Default + Send + Sync + 'static> Asked<R, F> {
+    /// Engine, vehicle, models and watcher of the command.
+    pub fn computing<'a>(&self, terminal: &'a Terminal) -> Computing<'a> {
+        self.named.computing(&self.compute, terminal)
+    }
+}
+
 /// Value of `--backend`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum BackendChoice {
@@ -68,9 +93,10 @@ pub enum BackendChoice {
 }
 
 /// Value of `--format`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 pub enum Format {
     /// Tables to read.
+    #[default]
     Text,
     /// For programs.
     Json,

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::args::{Compute, Format, UnnamedModelArgs};
+use super::args::{Asked, Format};
 use super::output::Exit;
 use crate::audit::Audit;
 use crate::chart::Chart;
@@ -17,21 +17,7 @@ use crate::runs::devices::{
     DeviceBenchRequest, Verified, VerifyRequest, bench_device, verify_scenes,
 };
 
-#[derive(clap::Args)]
-#[command(after_help = "Examples:
-  sightline audit scenes/highway.json
-  sightline audit scenes/highway.json scenes/residential.json scenes/placements.json")]
-pub struct AuditArgs {
-    #[command(flatten)]
-    request: AuditRequest,
-    /// How to print
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
-    #[command(flatten)]
-    named: UnnamedModelArgs,
-    #[command(flatten)]
-    compute: Compute,
-}
+pub type AuditArgs = Asked<AuditRequest>;
 
 pub fn run_audit(args: &AuditArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
@@ -40,7 +26,7 @@ pub fn run_audit(args: &AuditArgs) -> Result<Exit, RunError> {
         Format::Json => Ok(()),
         Format::Text => out!("{}{}", std::mem::replace(&mut gap, "\n"), audit_text(found)),
     };
-    let all = audit_scenes(&args.request, &args.named.computing(&args.compute, &terminal), print)?;
+    let all = audit_scenes(&args.request, &args.computing(&terminal), print)?;
     let passed = all.iter().all(|found| found.passed);
     match (args.format, &all[..]) {
         (Format::Json, [found]) => outln!("{}", json!(found))?,
@@ -51,22 +37,7 @@ pub fn run_audit(args: &AuditArgs) -> Result<Exit, RunError> {
     Ok(if passed { Exit::Done } else { Exit::CheckFailed })
 }
 
-#[derive(clap::Args)]
-#[command(after_help = "Examples:
-  sightline verify scenes/highway.json
-  sightline verify scenes/highway.json scenes/placements.json --frames 20 --format json
-  sightline verify scenes/highway.json --condition snow:rate=2.5 --condition wet:water=1.2")]
-pub struct VerifyArgs {
-    #[command(flatten)]
-    request: VerifyRequest,
-    /// How to print
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
-    #[command(flatten)]
-    named: UnnamedModelArgs,
-    #[command(flatten)]
-    compute: Compute,
-}
+pub type VerifyArgs = Asked<VerifyRequest>;
 
 pub fn run_verify(args: &VerifyArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
@@ -75,7 +46,7 @@ pub fn run_verify(args: &VerifyArgs) -> Result<Exit, RunError> {
         Format::Json => Ok(()),
         Format::Text => out!("{}", verification_text(&one.scene, &one.conditions, &one.found)),
     };
-    let all = verify_scenes(&args.request, &args.named.computing(&args.compute, &terminal), print)?;
+    let all = verify_scenes(&args.request, &args.computing(&terminal), print)?;
     let passed = all.iter().all(|one| one.found.passed);
     match (format, &all[..]) {
         (Format::Json, [one]) => outln!("{}", json!(one))?,
@@ -88,28 +59,18 @@ pub fn run_verify(args: &VerifyArgs) -> Result<Exit, RunError> {
 #[derive(clap::Subcommand)]
 pub enum BenchCommand {
     /// Measure a Vulkan device: self-test, bits beside the CPU's, placements a second
-    #[command(after_help = "Example:
-  sightline bench device scenes/highway.json scenes/residential.json > device.md")]
-    Device(DeviceArgs),
-}
-
-#[derive(clap::Args)]
-pub struct DeviceArgs {
-    #[command(flatten)]
-    request: DeviceBenchRequest,
-    /// How to print: text is a block of Markdown
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
-    #[command(flatten)]
-    named: UnnamedModelArgs,
-    #[command(flatten)]
-    compute: Compute,
+    #[command(
+        after_help = "Example:
+  sightline bench device scenes/highway.json scenes/residential.json > device.md",
+        mut_arg("format", |format| format.help("How to print: text is a block of Markdown"))
+    )]
+    Device(Asked<DeviceBenchRequest>),
 }
 
 pub fn run_bench(command: &BenchCommand) -> Result<Exit, RunError> {
     let BenchCommand::Device(args) = command;
     let terminal = args.compute.start()?;
-    let found = bench_device(&args.request, &args.named.computing(&args.compute, &terminal))?;
+    let found = bench_device(&args.request, &args.computing(&terminal))?;
     match args.format {
         Format::Json => outln!("{}", serde_json::json!(found))?,
         Format::Text => out!("{found}")?,
@@ -171,23 +132,7 @@ fn device_row(TestedAdapter { summary, self_test, .. }: &TestedAdapter) -> Vec<S
     row
 }
 
-#[derive(clap::Args)]
-#[command(after_help = "Examples:
-  sightline chart scenes/urban-crossing.json --out runs/chart
-  sightline chart scenes/highway.json --full --objective information_gain
-  sightline chart scenes/highway.json scenes/residential.json --quick
-  sightline chart --resume runs/chart")]
-pub struct ChartArgs {
-    #[command(flatten)]
-    request: ChartRequest,
-    /// How to print the result
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
-    #[command(flatten)]
-    named: UnnamedModelArgs,
-    #[command(flatten)]
-    compute: Compute,
-}
+pub type ChartArgs = Asked<ChartRequest>;
 
 pub fn run_chart(args: &ChartArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
@@ -200,8 +145,7 @@ pub fn run_chart(args: &ChartArgs) -> Result<Exit, RunError> {
             outln!("{gap}{}chart: {}", chart_text(&found.chart), svg.display())
         }
     };
-    let (count, found) =
-        chart_scenes(&args.request, &args.named.computing(&args.compute, &terminal), print)?;
+    let (count, found) = chart_scenes(&args.request, &args.computing(&terminal), print)?;
     let (charts, answers): (Vec<Chart>, Vec<Value>) =
         found.into_iter().map(|found| (found.chart, found.answer)).unzip();
     match (args.format, &answers[..]) {

@@ -59,14 +59,29 @@ enum Command {
     /// Write a page about a placement: 3-D view, scores, baselines
     View(score::ViewArgs),
     /// Write every beam's hit
+    #[command(after_help = "Examples:
+  sightline cast scenes/highway.json mine.json --frame 3 --out hits.npz
+  sightline cast scenes/highway.json scenes/placements.json --gltf highway.glb")]
     Cast(scan::CastArgs),
     /// Write labelled scans as data sets, in good and bad weather
     Scan(scan::ScanArgs),
     /// Compare the GPU with the CPU bit by bit, and the CPU with f64
+    #[command(after_help = "Examples:
+  sightline verify scenes/highway.json
+  sightline verify scenes/highway.json scenes/placements.json --frames 20 --format json
+  sightline verify scenes/highway.json --condition snow:rate=2.5 --condition wet:water=1.2")]
     Verify(checks::VerifyArgs),
     /// Find the cheapest model of a scene that keeps the ranking
+    #[command(after_help = "Examples:
+  sightline chart scenes/urban-crossing.json --out runs/chart
+  sightline chart scenes/highway.json --full --objective information_gain
+  sightline chart scenes/highway.json scenes/residential.json --quick
+  sightline chart --resume runs/chart")]
     Chart(checks::ChartArgs),
     /// Try to make the scores fail, and say which guard notices
+    #[command(after_help = "Examples:
+  sightline audit scenes/highway.json
+  sightline audit scenes/highway.json scenes/residential.json scenes/placements.json")]
     Audit(checks::AuditArgs),
     /// Answer a question about rigs: near field, loss, tolerance, cost
     Study(study::StudyCommand),

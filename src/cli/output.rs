@@ -126,12 +126,12 @@ pub fn answer(
     format: TableFormat,
     found: &impl Serialize,
     table: impl FnOnce() -> String,
-    text: impl FnOnce() -> Result<(), RunError>,
+    text: impl FnOnce() -> String,
 ) -> Result<(), RunError> {
     match format {
         TableFormat::Json => outln!("{}", json!(found)),
         TableFormat::Csv => out!("{}", table()),
-        TableFormat::Text => text(),
+        TableFormat::Text => out!("{}", text()),
     }
 }
 

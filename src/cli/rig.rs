@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use super::args::{Compute, Format, UnnamedModelArgs};
+use super::args::{Asked, Format};
 use super::output::{Exit, Talk, Terminal};
 use crate::internals::comparison_text;
 use crate::json::shortened;
@@ -23,7 +23,14 @@ pub enum RigCommand {
     /// Compare two rigs LiDAR by LiDAR, and each with its mirror image
     Compare(CompareArgs),
     /// Write a folder to hand over: poses, materials, masks, drawing
-    Handover(HandoverArgs),
+    #[command(after_help = "Examples:
+  sightline rig handover mine.json:roof --vehicle van.json --out handover
+  sightline rig handover scenes/urban-crossing.json scenes/placements.json:Center --frame 3 --out handover
+
+The folder has poses in millimetres and degrees beside metres and radians, the bill of materials, for each LiDAR a mask
+of its beams that end at the own body, crop boxes in Autoware's parameters, a drawing as SVG and PDF, and a profile of
+each sensor model for Isaac Sim. README.txt in it says the conventions.")]
+    Handover(Box<Asked<HandoverRequest>>),
 }
 
 /// Offsets from the frames of a file to optical centres in the ego frame.
@@ -207,29 +214,9 @@ fn run_compare(args: &CompareArgs) -> Result<(), RunError> {
     }
 }
 
-#[derive(clap::Args)]
-#[command(after_help = "Examples:
-  sightline rig handover mine.json:roof --vehicle van.json --out handover
-  sightline rig handover scenes/urban-crossing.json scenes/placements.json:Center --frame 3 --out handover
-
-The folder has poses in millimetres and degrees beside metres and radians, the bill of materials, for each LiDAR a mask
-of its beams that end at the own body, crop boxes in Autoware's parameters, a drawing as SVG and PDF, and a profile of
-each sensor model for Isaac Sim. README.txt in it says the conventions.")]
-pub struct HandoverArgs {
-    #[command(flatten)]
-    request: HandoverRequest,
-    /// How to print the summary
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
-    #[command(flatten)]
-    named: UnnamedModelArgs,
-    #[command(flatten)]
-    compute: Compute,
-}
-
-fn run_handover(args: &HandoverArgs) -> Result<Exit, RunError> {
+fn run_handover(args: &Asked<HandoverRequest>) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
-    let made = handover(&args.request, &args.named.computing(&args.compute, &terminal))?;
+    let made = handover(&args.request, &args.computing(&terminal))?;
     match args.format {
         Format::Json => outln!("{}", json!(made))?,
         Format::Text => {

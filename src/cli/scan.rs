@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use super::args::{BackendChoice, Compute, Format, UnnamedModelArgs, engine, start_threads};
+use super::args::{Asked, BackendChoice, Format, UnnamedModelArgs, engine, start_threads};
 use super::output::{Exit, Talk, Terminal};
 use crate::export::{DatasetSettings, Layout, Splits};
 use crate::runs::Gltf;
@@ -174,25 +174,11 @@ fn request(args: &ScanArgs) -> ScanRequest {
     }
 }
 
-#[derive(clap::Args)]
-#[command(after_help = "Examples:
-  sightline cast scenes/highway.json mine.json --frame 3 --out hits.npz
-  sightline cast scenes/highway.json scenes/placements.json --gltf highway.glb")]
-pub struct CastArgs {
-    #[command(flatten)]
-    request: CastRequest,
-    /// How to print the summary
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
-    #[command(flatten)]
-    named: UnnamedModelArgs,
-    #[command(flatten)]
-    compute: Compute,
-}
+pub type CastArgs = Asked<CastRequest>;
 
 pub fn run_cast(args: &CastArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
-    let found = cast(&args.request, &args.named.computing(&args.compute, &terminal))?;
+    let found = cast(&args.request, &args.computing(&terminal))?;
     match args.format {
         Format::Json => outln!("{}", json!(found))?,
         Format::Text => outln!(

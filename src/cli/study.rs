@@ -15,44 +15,82 @@ use crate::study::{Table, mean_over_scenes};
 /// A study of one table is a command of its own; all others name their kind.
 pub enum StudyCommand {
     Make(Box<StudyArgs>),
-    NearField(Box<coverage::NearFieldArgs>),
-    Targets(Box<coverage::TargetsArgs>),
-    Redundancy(Box<coverage::RedundancyArgs>),
-    Overlap(Box<coverage::OverlapArgs>),
-    Sweep(Box<sensitivity::SweepArgs>),
-    Room(Box<sensitivity::RoomArgs>),
+    OneTable(Box<OneTable>),
 }
 
-/// Names of the studies that are commands.
-const NEAR_FIELD: &str = "nearfield";
-const TARGETS: &str = "targets";
-const REDUNDANCY: &str = "redundancy";
-const OVERLAP: &str = "overlap";
-const SWEEP: &str = "sweep";
-const TOLERANCE: &str = "tolerance";
+#[derive(clap::Subcommand)]
+pub enum OneTable {
+    /// Ground and poles near the vehicle: seen, blind, own body
+    #[command(name = "nearfield")]
+    #[command(after_help = "Example:
+  sightline study nearfield scenes/highway.json mine.json --out near.svg
+
+near %: ground cells within 10 m of the body with a hit within 0.5 m; poles: seen of all, by standard, at
+five beams or more; own body %: beams that end at the own vehicle. docs/nearfield.md has the definitions.")]
+    NearField(coverage::NearFieldArgs),
+    /// Targets at range: beams on a car, a child, a tyre
+    #[command(after_help = "Examples:
+  sightline study targets mine.json --vehicle van.json --target child
+  sightline study targets scenes/highway.json scenes/placements.json --frames 4 --in 3 --out polar.svg
+
+A beam counts if its closest hit is the target. Without a scene the target stands alone on level ground, with the own
+body in the way; in a scene on the ground there, with all that is there in the way. A bearing's range of first
+detection is the farthest distance in its list. Presets: child, adult, cyclist, motorcycle, car, tyre, pole, kerb,
+pallet, iso3691-4-lying, iso3691-4-standing, iso18497; their dimensions and sources stand in the JSON.")]
+    Targets(coverage::TargetsArgs),
+    /// Ground, targets and voxels by the number of LiDARs that see them
+    #[command(after_help = "Examples:
+  sightline study redundancy scenes/highway.json mine.json --frames 4
+  sightline study redundancy scenes/placements.json --vehicle scenes/vehicles/car.json --target car
+
+A LiDAR sees a voxel that its beams cover, ground with a hit within 0.5 m, and a target that five of its beams meet, at
+5 to 50 m in sixteen bearings on level ground. Where the LiDARs are of several models, MODEL alone: no other model sees
+it. A vehicle with other_sensors (cameras, radars) adds a table of technologies, and of things blind to all.
+docs/targets.md has the definitions.")]
+    Redundancy(coverage::RedundancyArgs),
+    /// Overlap of each pair of LiDARs, for calibration
+    #[command(after_help = "Examples:
+  sightline study overlap scenes/highway.json mine.json --frames 4
+  sightline study overlap scenes/highway.json mine.json --least-shared 200 --format json
+
+Surface voxels in which both LiDARs have a hit, a mean over frames; on the diagonal the voxels of one LiDAR. Overlap:
+shared voxels as a share of the voxels of the LiDAR with fewer; a vehicle may require it (`require`). % of the
+sphere: directions in both fields of view. A rig is connected if pairs that share enough voxels lead from each LiDAR to
+every other one. docs/targets.md has the definitions.")]
+    Overlap(coverage::OverlapArgs),
+    /// One pose field of one LiDAR moved through a range
+    #[command(
+        override_usage = "sightline study sweep [OPTIONS] --of <LIDAR.FIELD> --from <V> --to <V>
+                             <[SCENE…] PLACEMENTS>..."
+    )]
+    #[command(after_help = "Examples:
+  sightline study sweep mine.json --vehicle van.json --of 0.z --from 2 --to 3
+  sightline study sweep scenes/highway.json mine.json --of roof.z --from 1.8 --to 2.4 --values 13 --out z.svg
+
+LIDAR is the number of a LiDAR in the placement, from 0, or the name of a mount or model that one LiDAR has. Angles are
+in degrees, positive pitch looks down. The first row is the placement as given. Car lost: degrees of bearings in which
+fewer than five beams meet a car somewhere between 5 and 50 m.")]
+    Sweep(sensitivity::SweepArgs),
+    /// How far each LiDAR may be off until a requirement breaks
+    #[command(name = "tolerance")]
+    #[command(after_help = "Examples:
+  sightline study tolerance scenes/highway.json mine.json --vehicle van.json
+  sightline study tolerance mine.json --vehicle van.json --most-mm 50 --most-deg 2 --steps 20
+  sightline study tolerance mine.json --vehicle van.json --most-tilt 2 --tilt-about 1.5,0
+
+Each pose field of each LiDAR moves alone, step by step to either side, until a requirement of the vehicle breaks; what
+lies between two steps is not looked at. Tilt: all LiDARs turn together, as under load or braking, towards eight
+directions, about a point of the ground z = 0 of the ego frame: give the one below the middle of the wheelbase. The
+scene and the own body stay as they are. Copies: every LiDAR off at random within a tolerance, 200 times. The exit
+code is 1 if a placement misses a requirement as it is.")]
+    Room(sensitivity::RoomArgs),
+}
 
 impl clap::FromArgMatches for StudyCommand {
     fn from_arg_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
-        Ok(match matches.subcommand() {
-            Some((NEAR_FIELD, matches)) => {
-                Self::NearField(Box::new(coverage::NearFieldArgs::from_arg_matches(matches)?))
-            }
-            Some((TARGETS, matches)) => {
-                Self::Targets(Box::new(coverage::TargetsArgs::from_arg_matches(matches)?))
-            }
-            Some((REDUNDANCY, matches)) => {
-                Self::Redundancy(Box::new(coverage::RedundancyArgs::from_arg_matches(matches)?))
-            }
-            Some((OVERLAP, matches)) => {
-                Self::Overlap(Box::new(coverage::OverlapArgs::from_arg_matches(matches)?))
-            }
-            Some((SWEEP, matches)) => {
-                Self::Sweep(Box::new(sensitivity::SweepArgs::from_arg_matches(matches)?))
-            }
-            Some((TOLERANCE, matches)) => {
-                Self::Room(Box::new(sensitivity::RoomArgs::from_arg_matches(matches)?))
-            }
-            _ => Self::Make(Box::new(StudyArgs::from_arg_matches(matches)?)),
+        Ok(match matches.subcommand_name() {
+            Some(_) => Self::OneTable(Box::new(OneTable::from_arg_matches(matches)?)),
+            None => Self::Make(Box::new(StudyArgs::from_arg_matches(matches)?)),
         })
     }
 
@@ -64,25 +102,7 @@ impl clap::FromArgMatches for StudyCommand {
 
 impl clap::Args for StudyCommand {
     fn augment_args(command: clap::Command) -> clap::Command {
-        let near = coverage::NearFieldArgs::augment_args(clap::Command::new(NEAR_FIELD))
-            .about("Ground and poles near the vehicle: seen, blind, own body");
-        let targets = coverage::TargetsArgs::augment_args(clap::Command::new(TARGETS))
-            .about("Targets at range: beams on a car, a child, a tyre");
-        let redundancy = coverage::RedundancyArgs::augment_args(clap::Command::new(REDUNDANCY))
-            .about("Ground, targets and voxels by the number of LiDARs that see them");
-        let overlap = coverage::OverlapArgs::augment_args(clap::Command::new(OVERLAP))
-            .about("Overlap of each pair of LiDARs, for calibration");
-        let sweep = sensitivity::SweepArgs::augment_args(clap::Command::new(SWEEP))
-            .about("One pose field of one LiDAR moved through a range");
-        let tolerance = sensitivity::RoomArgs::augment_args(clap::Command::new(TOLERANCE))
-            .about("How far each LiDAR may be off until a requirement breaks");
-        StudyArgs::augment_args(command)
-            .subcommand(near)
-            .subcommand(targets)
-            .subcommand(redundancy)
-            .subcommand(overlap)
-            .subcommand(sweep)
-            .subcommand(tolerance)
+        <OneTable as clap::Subcommand>::augment_subcommands(StudyArgs::augment_args(command))
             .args_conflicts_with_subcommands(true)
             .subcommand_negates_reqs(true)
     }
@@ -128,12 +148,14 @@ pub struct StudyArgs {
 pub fn run(command: &StudyCommand) -> Result<Exit, RunError> {
     match command {
         StudyCommand::Make(args) => make(args),
-        StudyCommand::NearField(args) => coverage::run_near_field(args),
-        StudyCommand::Targets(args) => coverage::run_targets(args),
-        StudyCommand::Redundancy(args) => coverage::run_redundancy(args),
-        StudyCommand::Overlap(args) => coverage::run_overlap(args),
-        StudyCommand::Sweep(args) => sensitivity::run_sweep(args),
-        StudyCommand::Room(args) => sensitivity::run_room(args),
+        StudyCommand::OneTable(one) => match &**one {
+            OneTable::NearField(args) => coverage::run_near_field(args),
+            OneTable::Targets(args) => coverage::run_targets(args),
+            OneTable::Redundancy(args) => coverage::run_redundancy(args),
+            OneTable::Overlap(args) => coverage::run_overlap(args),
+            OneTable::Sweep(args) => sensitivity::run_sweep(args),
+            OneTable::Room(args) => sensitivity::run_room(args),
+        },
     }
 }
 

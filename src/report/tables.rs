@@ -367,49 +367,40 @@ impl ScoreColumn {
         }
     }
 
+    /// Title in CSV with its unit last, title for people, and the factor and decimals of their cell.
+    fn facts(self) -> (&'static str, &'static str, f64, usize) {
+        match self {
+            Self::Name => ("placement", "placement", 1.0, 0),
+            Self::MSog => ("m_sog", "M-SOG", 1.0, 4),
+            Self::MSogScaled => ("m_sog_scaled", "M-SOG/N ×1e-6", 1e6, 3),
+            Self::Detection => ("detection_m_sog_scaled", "det ×1e-6", 1e6, 3),
+            Self::Gain => ("information_gain_nats", "gain nats", 1.0, 0),
+            Self::GainShare => ("information_gain_share", "gain %", 100.0, 2),
+            Self::NearGain => ("near_gain_share", "near gain %", 100.0, 2),
+            Self::NearGain2 => ("near_gain_2_share", "near gain ×2 %", 100.0, 2),
+            Self::NearGain3 => ("near_gain_3_share", "near gain ×3 %", 100.0, 2),
+            Self::NearField => ("near_field_share", "near field %", 100.0, 1),
+            Self::SMig => ("s_mig_nats", "S-MIG", 1.0, 0),
+            Self::Covered => ("covered_voxels", "covered", 1.0, 0),
+            Self::Hits => ("hit_share", "hits %", 100.0, 1),
+        }
+    }
+
     /// Title with its unit.
     pub fn title(self) -> &'static str {
-        match self {
-            Self::Name => "placement",
-            Self::MSog => "M-SOG",
-            Self::MSogScaled => "M-SOG/N ×1e-6",
-            Self::Detection => "det ×1e-6",
-            Self::Gain => "gain nats",
-            Self::GainShare => "gain %",
-            Self::NearGain => "near gain %",
-            Self::NearGain2 => "near gain ×2 %",
-            Self::NearGain3 => "near gain ×3 %",
-            Self::NearField => "near field %",
-            Self::SMig => "S-MIG",
-            Self::Covered => "covered",
-            Self::Hits => "hits %",
-        }
+        self.facts().1
     }
 
     /// Title in CSV, its unit last.
     pub fn key(self) -> &'static str {
-        match self {
-            Self::Name => "placement",
-            Self::MSog => "m_sog",
-            Self::MSogScaled => "m_sog_scaled",
-            Self::Detection => "detection_m_sog_scaled",
-            Self::Gain => "information_gain_nats",
-            Self::GainShare => "information_gain_share",
-            Self::NearGain => "near_gain_share",
-            Self::NearGain2 => "near_gain_2_share",
-            Self::NearGain3 => "near_gain_3_share",
-            Self::NearField => "near_field_share",
-            Self::SMig => "s_mig_nats",
-            Self::Covered => "covered_voxels",
-            Self::Hits => "hit_share",
-        }
+        self.facts().0
     }
 
-    /// The cell of a placement in CSV: full precision, no percent; empty where the score does not exist.
-    fn plain_cell(self, scores: &Scores) -> String {
+    /// The score; `None` for the name, and where the score does not exist.
+    fn value(self, scores: &Scores) -> Option<f64> {
         let task = &scores.segmentation;
-        number(match self {
-            Self::Name => return scores.name.clone(),
+        match self {
+            Self::Name => None,
             Self::MSog => task.m_sog,
             Self::MSogScaled => task.m_sog_scaled,
             Self::Detection => scores.detection.and_then(|detection| detection.m_sog_scaled),
@@ -421,28 +412,24 @@ impl ScoreColumn {
             Self::SMig => scores.s_mig,
             Self::Covered => Some(scores.covered),
             Self::Hits => scores.hit_share,
-        })
+        }
+    }
+
+    /// The cell of a placement in CSV: full precision, no percent; empty where the score does not exist.
+    fn plain_cell(self, scores: &Scores) -> String {
+        match self {
+            Self::Name => scores.name.clone(),
+            _ => number(self.value(scores)),
+        }
     }
 
     /// The cell of a placement; – where the score does not exist.
     pub fn cell(self, scores: &Scores) -> String {
-        let task = &scores.segmentation;
-        let scaled = |value: Option<f64>, factor: f64| value.map(|v| v * factor);
+        let (_, _, factor, decimals) = self.facts();
         match self {
             Self::Name => scores.name.clone(),
-            Self::MSog => optional(task.m_sog, 4),
-            Self::MSogScaled => optional(scaled(task.m_sog_scaled, 1e6), 3),
-            Self::Detection => {
-                optional(scaled(scores.detection.and_then(|d| d.m_sog_scaled), 1e6), 3)
-            }
-            Self::Gain => optional(task.information_gain, 0),
-            Self::GainShare | Self::NearGain | Self::NearGain2 | Self::NearGain3 => {
-                optional(scaled(self.share(scores), 100.0), 2)
-            }
-            Self::NearField => optional(scores.near_field.map(percent_down), 1),
-            Self::SMig => optional(scores.s_mig, 0),
-            Self::Covered => format!("{:.0}", scores.covered),
-            Self::Hits => optional(scaled(scores.hit_share, 100.0), 1),
+            Self::NearField => optional(self.value(scores).map(percent_down), decimals),
+            _ => optional(self.value(scores).map(|value| value * factor), decimals),
         }
     }
 }

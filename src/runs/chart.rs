@@ -173,13 +173,14 @@ fn of_scene(
     let job = opening::job(&files, computing)?.job;
     let (scene, psog) = (job.scene().clone(), opening::psog(&job.scenes()[0], None, watcher)?);
     let sensors = scene.sensors()?;
+    let mut ranked = std::mem::take(&mut saved.settings.given);
     match placements {
         Some(file) => {
-            let given = Given::new(&file, &sensors, &scene.rules(), computing);
-            given.all(&mut saved.settings.given)?;
+            Given::new(&file, &sensors, &scene.rules(), computing).all(&mut ranked)?;
         }
-        None => name_published(&mut saved.settings.given, &sensors, computing)?,
+        None => ranked = name_published(ranked, &sensors, computing)?,
     }
+    saved.settings.given = ranked;
     let inputs = Input::of(scene.files())?;
     let dir = match resumed {
         Some(dir) => {

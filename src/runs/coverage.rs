@@ -1,16 +1,16 @@
 //! Near field and targets of placements, scene by scene.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::inputs::{Files, Given, held, published, rig_path};
+use super::inputs::{Files, Given, held, name_published, rig_path};
 use super::opening::{LoadTimes, Loaded};
+use super::outputs::Drawings;
 use super::{Computing, GRACE, RunError, opening, outputs};
 use crate::audit::{AUDIT_FRAMES, AUDIT_PARTS, Audit, AuditEvent, audit};
 use crate::engine::BackendError;
-use crate::files::{Session, write_whole};
+use crate::files::Session;
 use crate::job::Job;
 use crate::near_field::{Footprint, NearField, NearSite};
 use crate::report::coverage::near_field_svg;
@@ -22,7 +22,7 @@ use crate::score::Objective;
 use crate::targets::{
     GroundBelow, Receiving, TargetQuestion, TargetSite, TargetTable, card_bearings,
 };
-use crate::vehicle::{Placement, read_placements};
+use crate::vehicle::{Placement, read_placements, table_7};
 
 /// Placements whose near field is looked at.
 #[derive(Debug, Clone, Default)]
@@ -77,10 +77,8 @@ pub fn near_fields(
     let watcher = computing.watcher;
     let (scene, file) = site_of(request, computing)?;
     let read = file.as_deref().map(read_placements).transpose()?;
-    if let Some(file) = &request.out {
-        outputs::check_file(file, "svg")?;
-    }
-    outputs::check_figures(request.figures.figures.as_deref())?;
+    let drawings = Drawings::new(&request.out, &request.figures);
+    drawings.check()?;
     opening::note_conditions(&in_words(&request.conditions.condition), watcher);
     let job = Job::new(scene).geometry_alone().frames(request.frames);
     let job = job.conditions(&request.conditions.condition).engine(computing.engine.clone());
@@ -106,16 +104,20 @@ pub fn near_fields(
         bar.advance(1);
     }
     drop(bar);
+    let mut wrote = None;
     if watcher.goes_on() {
         let drawn: Vec<(&Placement, &NearField)> = placements.iter().zip(&all).collect();
-        draw(request, site.footprint(), &drawn)?;
+        let outline = site.footprint();
+        let figure = |one: &(&Placement, &NearField)| {
+            (format!("near-field-{}", one.0.name), near_field_svg(outline, &[*one]))
+        };
+        wrote = drawings
+            .write(drawn.iter().map(figure).collect(), || Some(near_field_svg(outline, &drawn)))?;
     } else {
-        watcher.note_interrupted(request.out.as_deref().or(request.figures.figures.as_deref()));
+        watcher.note_interrupted(drawings.file.or(drawings.folder));
     }
-    let figures = request.figures.figures.as_deref();
-    let wrote = outputs::wrote(figures, all.len(), request.out.as_deref());
     Ok(NearFields {
-        wrote: wrote.filter(|_| watcher.goes_on()),
+        wrote,
         scene: scene.name().to_owned(),
         frames: evaluator.problem().frame_count(),
         conditions: in_words(&request.conditions.condition),
@@ -154,24 +156,6 @@ fn no_layouts(scene: &Path) -> RunError {
     ))
 }
 
-/// Draws all placements into one file, and each into one of its own, where the request names places.
-fn draw(
-    request: &NearFieldRequest,
-    footprint: &Footprint,
-    drawn: &[(&Placement, &NearField)],
-) -> Result<(), RunError> {
-    // First, since the file may lie in their folder.
-    let figure = |one: &(&Placement, &NearField)| {
-        (format!("near-field-{}", one.0.name), near_field_svg(footprint, &[*one]))
-    };
-    outputs::write_figures(request.figures.figures.as_deref(), drawn.iter().map(figure).collect())?;
-    if let Some(file) = &request.out {
-        let svg = near_field_svg(footprint, drawn);
-        write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(RunError::io(file)))?;
-    }
-    Ok(())
-}
-
 /// Placements, targets and their places.
 #[derive(Debug, Clone)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -184,10 +168,10 @@ pub struct TargetsRequest {
     #[cfg_attr(feature = "cli", arg(long = "target", value_name = "NAME|FILE"))]
     pub targets: Vec<String>,
     /// Metres from the vehicle's origin to the middle of the target, separated by commas [default: 5 to 100]
-    #[cfg_attr(feature = "cli", arg(long, value_name = "M,…", value_delimiter = ',', value_parser = super::parse::distance))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "M,…", value_delimiter = ',', value_parser = super::parse::number_that(crate::targets::is_distance, "metres above 0 and up to 1000, as 10,20,30")))]
     pub distances: Vec<f64>,
     /// Degrees counter-clockwise from straight ahead, separated by commas [default: sixteen all round]
-    #[cfg_attr(feature = "cli", arg(long, value_name = "DEG,…", value_delimiter = ',', value_parser = super::parse::bearing))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DEG,…", value_delimiter = ',', value_parser = super::parse::number_that(crate::targets::is_bearing, "degrees from -360 to 360, as 0,90,180")))]
     pub bearings: Vec<f64>,
     /// Beams from which on a target is detected in a frame
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..)))]
@@ -246,10 +230,8 @@ pub fn targets(
     let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
     let question = question(request, computing)?;
     let receiving = receiving(request)?;
-    if let Some(file) = &request.out {
-        outputs::check_file(file, "svg")?;
-    }
-    outputs::check_figures(request.figures.figures.as_deref())?;
+    let drawings = Drawings::new(&request.out, &request.figures);
+    drawings.check()?;
     let placements = read_placements(&file)?;
     let (mut table, mut looked_at) = (TargetTable::default(), Vec::new());
     watcher.listen(GRACE);
@@ -270,18 +252,11 @@ pub fn targets(
         .map(|(name, frames)| (name.as_deref().unwrap_or_default(), *frames))
         .collect();
     let mut wrote = None;
-    if !watcher.goes_on() {
-        watcher.note_interrupted(request.out.as_deref().or(request.figures.figures.as_deref()));
+    if watcher.goes_on() {
+        let figures = targets_figures(&question, &table);
+        wrote = drawings.write(figures, || Some(targets_svg(&question, &table)))?;
     } else {
-        // First, since the file may lie in their folder.
-        let (folder, figures) =
-            (request.figures.figures.as_deref(), targets_figures(&question, &table));
-        wrote = outputs::wrote(folder, figures.len(), request.out.as_deref());
-        outputs::write_figures(folder, figures)?;
-        if let Some(file) = &request.out {
-            let svg = targets_svg(&question, &table);
-            write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(RunError::io(file)))?;
-        }
+        watcher.note_interrupted(drawings.file.or(drawings.folder));
     }
     let TargetQuestion { targets, beams, of_frames, .. } = question;
     let conditions = in_words(&request.conditions.condition);
@@ -461,7 +436,7 @@ fn of_scene(
             Given::new(file, &sensors, &scene.rules(), computing).whole(&mut given)?;
             given
         }
-        None => published(&sensors, computing)?,
+        None => name_published(table_7(), &sensors, computing)?,
     };
     let bar = watcher.bar(AUDIT_PARTS, Some("parts"));
     let tell = |event: AuditEvent| match event {

@@ -45,7 +45,7 @@ pub struct HandoverRequest {
     #[cfg_attr(feature = "cli", arg(long, default_value_t = 0, value_name = "T"))]
     pub frame: u32,
     /// Metres that crop boxes reach beyond the own body
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = 0.05, value_name = "METRES", value_parser = super::parse::margin))]
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = 0.05, value_name = "METRES", value_parser = super::parse::number_that(|metres| (0.0..=10.0).contains(&metres), "metres from 0 to 10")))]
     pub margin: f64,
     /// Position of base_link in the ego frame, in metres [default: 0,0,0]
     #[cfg_attr(feature = "cli", arg(long, value_name = "X[,Y,Z]", value_parser = super::parse::base_link, allow_hyphen_values = true))]

@@ -11,7 +11,7 @@ pub use crate::vehicle::placement_file::file_and_name;
 use crate::vehicle::placement_file::holds_placements;
 use crate::vehicle::{
     Constraints, Doubts, ForeignLidar, Placement, PlacementFileError, SensorChoice, SensorPose,
-    Sensors, Vehicle, name_lidars, read_placements, table_7, table_7_held_by,
+    Sensors, Vehicle, name_lidars, read_placements, table_7_held_by,
 };
 use crate::{Note, files};
 
@@ -369,12 +369,10 @@ impl<'a> Given<'a> {
     /// # Errors
     /// See [`Self::look`] and [`Self::check_choices`].
     pub fn whole<'p>(
-        mut self,
+        self,
         placements: impl IntoIterator<Item = &'p mut Placement>,
     ) -> Result<(), RunError> {
-        self.look(placements)?;
-        self.finish();
-        self.check_choices()
+        self.all(placements)?.check_choices()
     }
 
     /// Notes how many more doubts there are than were noted.
@@ -392,15 +390,14 @@ impl<'a> Given<'a> {
     pub fn all<'p>(
         mut self,
         placements: impl IntoIterator<Item = &'p mut Placement>,
-    ) -> Result<(), RunError> {
+    ) -> Result<Self, RunError> {
         self.look(placements)?;
         self.finish();
-        Ok(())
+        Ok(self)
     }
 }
 
-/// The layouts of Table 7 where a vehicle is the paper's car: one model, a mount that holds them; else none. See
-/// [`name_published`] for their models.
+/// The layouts of Table 7 where a vehicle is the paper's car: one model, a mount that holds them; else none.
 ///
 /// # Errors
 /// See [`name_published`].
@@ -409,19 +406,7 @@ pub fn held(
     sensors: &Sensors,
     computing: &Computing<'_>,
 ) -> Result<Vec<Placement>, RunError> {
-    let mut layouts = table_7_held_by(vehicle);
-    name_published(&mut layouts, sensors, computing)?;
-    Ok(layouts)
-}
-
-/// The layouts of Table 7 of the paper. See [`name_published`] for their models.
-///
-/// # Errors
-/// See [`name_published`].
-pub fn published(sensors: &Sensors, computing: &Computing<'_>) -> Result<Vec<Placement>, RunError> {
-    let mut layouts = table_7();
-    name_published(&mut layouts, sensors, computing)?;
-    Ok(layouts)
+    name_published(table_7_held_by(vehicle), sensors, computing)
 }
 
 /// Names the models of layouts of the paper: by `--sensor`, else the first of several models, which is noted.
@@ -429,21 +414,22 @@ pub fn published(sensors: &Sensors, computing: &Computing<'_>) -> Result<Vec<Pla
 /// # Errors
 /// A model of `--sensor` that the vehicle does not have.
 pub fn name_published(
-    layouts: &mut [Placement],
+    mut layouts: Vec<Placement>,
     sensors: &Sensors,
     computing: &Computing<'_>,
-) -> Result<(), RunError> {
-    for layout in layouts.iter_mut() {
+) -> Result<Vec<Placement>, RunError> {
+    for layout in &mut layouts {
         name_lidars(&computing.sensors, layout).map_err(wrong_choice)?;
     }
-    if sensors.name_first(layouts) {
+    if sensors.name_first(&mut layouts) {
         let first = sensors.models()[0].name;
         computing.watcher.note(&format!(
             "LiDARs of the layouts of Table 7 are the vehicle's first model, `{first}`; --sensor all=MODEL \
              gives them another"
         ));
     }
-    layouts.iter().try_for_each(|layout| sensors.check(layout)).map_err(wrong_choice)
+    layouts.iter().try_for_each(|layout| sensors.check(layout)).map_err(wrong_choice)?;
+    Ok(layouts)
 }
 
 fn wrong_choice(fault: ForeignLidar) -> RunError {

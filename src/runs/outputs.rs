@@ -1,8 +1,9 @@
 //! Files that commands write beside their answer: figures as SVG, a frame as glTF.
 
-use std::path::Path;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
-use super::{RunError, TableFormat, Watcher};
+use super::{FiguresOut, RunError, TableFormat, Watcher};
 use crate::export::{Glb, GltfView};
 use crate::files::{
     is_sink, safe_names, target, writable_file, writable_folder, write_folder, write_whole,
@@ -45,6 +46,42 @@ pub fn write_figures(folder: Option<&Path>, figures: Vec<Figure>) -> Result<(), 
     let named = names.into_iter().zip(figures);
     let files = named.map(|(name, (_, svg))| (format!("{name}.svg"), svg.into_bytes()));
     Ok(write_folder(folder, &files.collect::<Vec<_>>())?)
+}
+
+/// Places of a drawing, and of its figures one by one.
+#[derive(Clone, Copy)]
+pub(super) struct Drawings<'a> {
+    pub file: Option<&'a Path>,
+    pub folder: Option<&'a Path>,
+}
+
+impl<'a> Drawings<'a> {
+    pub fn new(file: &'a Option<PathBuf>, folder: &'a FiguresOut) -> Self {
+        Self { file: file.as_deref(), folder: folder.figures.as_deref() }
+    }
+
+    /// Checks, before work begins, that they can be written.
+    pub fn check(self) -> Result<(), RunError> {
+        self.file.map_or(Ok(()), |file| check_file(file, "svg"))?;
+        check_figures(self.folder).map(drop)
+    }
+
+    /// Writes the figures, and the drawing where there is one; returns the sentence that names them.
+    pub fn write(
+        self,
+        figures: Vec<Figure>,
+        drawing: impl FnOnce() -> Option<String>,
+    ) -> Result<Option<String>, RunError> {
+        let wrote = wrote(self.folder, figures.len(), self.file);
+        // First, since the file may lie in their folder.
+        write_figures(self.folder, figures)?;
+        if let Some(file) = self.file
+            && let Some(svg) = drawing()
+        {
+            write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(RunError::io(file)))?;
+        }
+        Ok(wrote)
+    }
 }
 
 /// Sentence that names what a command wrote: figures in a folder, and a drawing; `None` where nothing.

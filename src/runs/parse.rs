@@ -1,11 +1,12 @@
 //! Values of options from text, each with the sentence that refuses another one.
 
+use std::fmt::Display;
 use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
+use crate::job::MOST_ABOUT;
 use crate::study::{Kind, Subregion};
-use crate::targets::{is_bearing, is_distance};
 use crate::vehicle::FARTHEST_ON_VEHICLE;
 
 /// A whole number, as of a seed.
@@ -42,22 +43,15 @@ pub fn metres(text: &str) -> Result<f64, String> {
     if value > 0.0 && value.is_finite() { Ok(value) } else { Err("give metres above 0".into()) }
 }
 
-/// Metres from the vehicle to a target.
-pub fn distance(text: &str) -> Result<f64, String> {
-    let found = text.trim().parse().ok().filter(|metres| is_distance(*metres));
-    found.ok_or("give metres above 0 and up to 1000, as 10,20,30".to_owned())
-}
-
-/// Degrees of a bearing.
-pub fn bearing(text: &str) -> Result<f64, String> {
-    let found = text.trim().parse().ok().filter(|degrees| is_bearing(*degrees));
-    found.ok_or("give degrees from -360 to 360, as 0,90,180".to_owned())
-}
-
-/// Metres that a crop box reaches beyond the own body.
-pub fn margin(text: &str) -> Result<f64, String> {
-    let found = text.trim().parse().ok().filter(|metres| (0.0..=10.0).contains(metres));
-    found.ok_or("give metres from 0 to 10".to_owned())
+/// A number that `is_good`; `wanted` names them.
+pub fn number_that(
+    is_good: fn(f64) -> bool,
+    wanted: impl Display + Clone,
+) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| {
+        let found = text.trim().parse().ok().filter(|number| is_good(*number));
+        found.ok_or_else(|| format!("give {wanted}"))
+    }
 }
 
 /// Position of `base_link` in the ego frame, metres.
@@ -104,4 +98,11 @@ pub fn parse_box(text: &str) -> Result<Subregion, String> {
 pub fn parse_length(text: &str) -> Result<f64, String> {
     let wrong = || format!("`{text}` is no length; write metres, as 0.1");
     text.parse().ok().filter(|v: &f64| *v > 0.0 && v.is_finite()).ok_or_else(wrong)
+}
+
+/// Point of the ground about which a body tilts, metres of the ego frame.
+pub fn tilt_about(text: &str) -> Result<[f64; 2], String> {
+    let metres = |text: &str| text.trim().parse::<f64>().ok().filter(|m| m.abs() <= MOST_ABOUT);
+    let found = text.split_once(',').and_then(|(x, y)| Some([metres(x)?, metres(y)?]));
+    found.ok_or(format!("give x,y in metres within ±{MOST_ABOUT}, as 1.5,0"))
 }

@@ -1,6 +1,5 @@
 //! Scores along one field of a placement, and under errors of mounting.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -8,39 +7,44 @@ use serde::Serialize;
 use super::coverage::named;
 use super::inputs::{Files, Given, note_repeated};
 use super::opening::{LoadTimes, Loaded};
-use super::{Computing, GRACE, RunError, opening, outputs};
+use super::outputs::Drawings;
+use super::{Computing, Conditions, FiguresOut, GRACE, RunError, opening, outputs};
 use crate::Note;
-use crate::files::{Session, write_whole};
-use crate::job::{Job, Room, RoomSteps, Sweep, SweptField, moves_of};
+use crate::files::Session;
+use crate::job::{Job, MOST_TILT, Room, RoomSteps, Sweep, SweptField, moves_of};
 use crate::report::study::sweep_plot;
-use crate::scan::conditions::{Condition, in_words};
+use crate::scan::conditions::in_words;
 use crate::scene::Target;
 use crate::search::Evaluator;
-use crate::shared::{Overlap, Redundancy, redundancy_question};
+use crate::shared::{LEAST_SHARED, Overlap, REDUNDANCY_TARGETS, Redundancy, redundancy_question};
 use crate::vehicle::{Placement, read_placements};
 
-/// Most values of a sweep.
-pub const MOST_VALUES: u32 = 1000;
 /// Values that are scored at once.
 const AT_ONCE: usize = 8;
 
 /// A pose field, its values, and the scenes and placements to score.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct SweepRequest {
-    /// Scenes, none for level ground, and a file of placements; frames and weather.
-    pub shared: SharedRequest,
-    /// `LIDAR.FIELD`, see [`SweptField::find`].
+    /// Field to move: x, y, z in metres, roll, pitch, yaw in degrees
+    #[cfg_attr(feature = "cli", arg(long = "of", value_name = "LIDAR.FIELD"))]
     pub field: String,
-    /// First value, metres or degrees.
+    /// First value
+    #[cfg_attr(feature = "cli", arg(long, value_name = "V", allow_negative_numbers = true))]
     pub from: f64,
-    /// Last value.
+    /// Last value
+    #[cfg_attr(feature = "cli", arg(long, value_name = "V", allow_negative_numbers = true))]
     pub to: f64,
-    /// Values from the first to the last, at equal distances.
+    /// Values from the first to the last
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=1000)))]
     pub values: u32,
-    /// SVG file for the chart of a single placement.
+    /// Draw scores and requirements over the values into this SVG file
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     pub out: Option<PathBuf>,
-    /// Folder for the chart of each placement.
-    pub figures: Option<PathBuf>,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub figures: FiguresOut,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub shared: SharedRequest,
 }
 
 /// Rows of every placement.
@@ -70,10 +74,8 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
         let range = format!("--from {from} --to {to}");
         return Err(RunError::Usage(format!("{range}: give two different numbers")));
     }
-    if let Some(out) = &request.out {
-        outputs::check_file(out, "svg")?;
-    }
-    outputs::check_figures(request.figures.as_deref())?;
+    let drawings = Drawings::new(&request.out, &request.figures);
+    drawings.check()?;
     let (scenes, file) = Files::or_level_ground(&request.shared.files, computing)?;
     let mut opened = OpenJob::new(&request.shared, &scenes, &file, computing)?;
     let fields = opened.fields(&request.field, &file.display().to_string())?;
@@ -111,29 +113,18 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
     }
     drop(bar);
     opened.finish(computing);
+    let mut wrote = None;
     if computing.watcher.goes_on() {
-        draw(request, &sweeps)?;
+        let figure = |sweep: &Sweep| (format!("sweep-{}", sweep.placement), sweep_plot(sweep));
+        let figures = sweeps.iter().map(figure).collect();
+        wrote = drawings.write(figures, || sweeps.first().map(sweep_plot))?;
     }
-    let figures = request.figures.as_deref();
-    let wrote = outputs::wrote(figures, sweeps.len(), request.out.as_deref());
     Ok(SweepFound {
         over: opened.over(&scenes),
-        wrote: wrote.filter(|_| computing.watcher.goes_on()),
-        conditions: in_words(&request.shared.conditions),
+        wrote,
+        conditions: in_words(&request.shared.conditions.condition),
         sweeps,
     })
-}
-
-/// Draws a chart where the request names places.
-fn draw(request: &SweepRequest, sweeps: &[Sweep]) -> Result<(), RunError> {
-    // First, since the file may lie in their folder.
-    let figure = |sweep: &Sweep| (format!("sweep-{}", sweep.placement), sweep_plot(sweep));
-    outputs::write_figures(request.figures.as_deref(), sweeps.iter().map(figure).collect())?;
-    if let (Some(out), [sweep]) = (&request.out, sweeps) {
-        let svg = sweep_plot(sweep);
-        write_whole(out, |file| file.write_all(svg.as_bytes()).map_err(RunError::io(out)))?;
-    }
-    Ok(())
 }
 
 impl OpenJob {
@@ -171,18 +162,39 @@ impl RoomFound {
     }
 }
 
+/// Scenes, placements, and deviations to look at.
+#[derive(Debug, Clone)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct RoomRequest {
+    /// Farthest deviation of x, y and z, millimetres
+    #[cfg_attr(feature = "cli", arg(long, value_name = "MM", default_value_t = 100.0, value_parser = super::parse::number_that(|mm| mm > 0.0 && mm <= 10_000.0, "millimetres above 0 and up to 10000")))]
+    pub most_mm: f64,
+    /// Farthest deviation of roll, pitch and yaw, degrees
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DEG", default_value_t = 5.0, value_parser = super::parse::number_that(|degrees| degrees > 0.0 && degrees <= 180.0, "degrees above 0 and up to 180")))]
+    pub most_deg: f64,
+    /// Farthest tilt of the body, degrees
+    #[cfg_attr(feature = "cli", arg(long = "most-tilt", value_name = "DEG", default_value_t = 3.0, value_parser = super::parse::number_that(|degrees| degrees > 0.0 && degrees <= MOST_TILT, format!("degrees above 0 and up to {MOST_TILT}"))))]
+    pub most_tilt_deg: f64,
+    /// Point of the ground about which the body tilts, metres of the ego frame
+    #[cfg_attr(feature = "cli", arg(long, value_name = "X,Y", default_value = "0,0", value_parser = super::parse::tilt_about, allow_hyphen_values = true))]
+    pub tilt_about: [f64; 2],
+    /// Deviations up to the farthest one, on each side
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1000)))]
+    pub steps: u32,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub shared: SharedRequest,
+}
+
 /// Looks how far each field of each placement may be off, and how far the body may tilt.
 ///
 /// # Errors
 /// Files that cannot be read, a vehicle that requires nothing.
-pub fn room(
-    request: &SharedRequest,
-    steps: RoomSteps,
-    computing: &Computing<'_>,
-) -> Result<RoomFound, RunError> {
+pub fn room(request: &RoomRequest, computing: &Computing<'_>) -> Result<RoomFound, RunError> {
     let _session = Session::begin();
-    let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
-    let mut opened = OpenJob::new(request, &scenes, &file, computing)?;
+    let &RoomRequest { ref shared, most_mm, most_deg, most_tilt_deg, tilt_about, steps } = request;
+    let steps = RoomSteps { most_mm, most_deg, most_tilt_deg, tilt_about, steps };
+    let (scenes, file) = Files::or_level_ground(&shared.files, computing)?;
+    let mut opened = OpenJob::new(shared, &scenes, &file, computing)?;
     let bar = computing.watcher.bar(opened.placements.iter().map(moves_of).sum(), Some("moves"));
     let mut go_on = |moves: u64| {
         bar.advance(moves);
@@ -198,18 +210,46 @@ pub fn room(
     drop(bar);
     opened.finish(computing);
     let over = opened.over(&scenes);
-    Ok(RoomFound { over, conditions: in_words(&request.conditions), steps, rows })
+    Ok(RoomFound { over, conditions: in_words(&shared.conditions.condition), steps, rows })
 }
 
 /// Scenes and placements that are looked at.
 #[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct SharedRequest {
-    /// Scenes, none for level ground, and a file of placements.
+    /// Scene files, none for level ground, and a file of placements
+    #[cfg_attr(feature = "cli", arg(value_name = "[SCENE…] PLACEMENTS", required = true))]
     pub files: Vec<PathBuf>,
-    /// Frames of each scene to average over; all if none.
+    /// Average over this many frames, spread evenly over each scene [default: all]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
     pub frames: Option<u32>,
-    /// Weather and faults. Beams that do not come back see nothing.
-    pub conditions: Vec<Condition>,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub conditions: Conditions,
+}
+
+/// Scenes, placements, and targets to count the LiDARs on.
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct RedundancyRequest {
+    /// Target: a preset, or a file { "sightline": 1, "name", "shapes", "reflectance" }; may be given several
+    /// times [default: car, adult, child, tyre]
+    #[cfg_attr(feature = "cli", arg(long = "target", value_name = "NAME|FILE"))]
+    pub targets: Vec<String>,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub shared: SharedRequest,
+}
+
+/// Scenes and placements whose pairs are looked at.
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[cfg_attr(feature = "cli", command(mut_arg("files", |files| files.value_name("SCENE… PLACEMENTS")
+    .help("Scene files, and a file of placements with two LiDARs or more each"))))]
+pub struct OverlapRequest {
+    /// Least surface voxels that a pair must share to count, a mean over frames
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = LEAST_SHARED, value_parser = super::parse::at_least_one))]
+    pub least_shared: u64,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub shared: SharedRequest,
 }
 
 /// Redundancy of placements, and the settings behind the numbers; an interrupted answer holds the first rows.
@@ -254,14 +294,18 @@ pub struct OverlapFound {
 /// # Errors
 /// Files that cannot be read, an unknown target or one given twice, neither scene nor vehicle.
 pub fn redundancy(
-    request: &SharedRequest,
-    targets: &[String],
+    RedundancyRequest { shared: request, targets }: &RedundancyRequest,
     computing: &Computing<'_>,
 ) -> Result<RedundancyFound, RunError> {
     let _session = Session::begin();
-    let question = redundancy_question(named(targets, computing)?);
+    let targets = match &targets[..] {
+        [] => named(&REDUNDANCY_TARGETS.map(str::to_owned), computing)?,
+        given => named(given, computing)?,
+    };
+    let question = redundancy_question(targets);
     let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
-    for condition in request.conditions.iter().filter(|condition| !condition.dims_light()) {
+    for condition in request.conditions.condition.iter().filter(|condition| !condition.dims_light())
+    {
         let words = "changes voxels and ground; targets are dimmed by fog, snow and rain alone";
         computing.watcher.note(&format!("--condition {condition}: {words}"));
     }
@@ -274,7 +318,7 @@ pub fn redundancy(
             computing.watcher.note(reason);
         }
         site.notes().iter().for_each(|note| computing.watcher.note(note));
-        if index == 0 && site.has_cones() && !request.conditions.is_empty() {
+        if index == 0 && site.has_cones() && !request.conditions.condition.is_empty() {
             let words =
                 "weather and faults change the sight of LiDARs; other_sensors see as in clear air";
             computing.watcher.note(words);
@@ -292,7 +336,7 @@ pub fn redundancy(
         targets: question.targets,
         distances: question.distances,
         bearings: question.bearings,
-        conditions: in_words(&request.conditions),
+        conditions: in_words(&request.conditions.condition),
         mean: Redundancy::means(&rows, opened.placements.len()),
         rows,
     })
@@ -303,8 +347,7 @@ pub fn redundancy(
 /// # Errors
 /// Files that cannot be read, a scene without geometry or in which beams end at nothing, a placement of one LiDAR.
 pub fn overlap(
-    request: &SharedRequest,
-    least_shared: u64,
+    OverlapRequest { shared: request, least_shared }: &OverlapRequest,
     computing: &Computing<'_>,
 ) -> Result<OverlapFound, RunError> {
     let _session = Session::begin();
@@ -326,14 +369,14 @@ pub fn overlap(
         let (member, engine) = opened.evaluator.member_mut(index);
         for placement in opened.placements.iter().take_while(|_| computing.watcher.goes_on()) {
             let (scene, problem) = (scene.scene(), member.problem());
-            rows.push(Overlap::new(scene, problem, engine, placement, least_shared)?);
+            rows.push(Overlap::new(scene, problem, engine, placement, *least_shared)?);
             bar.advance(1);
         }
     }
     drop(bar);
     opened.finish(computing);
     let over = opened.over(&scenes);
-    Ok(OverlapFound { over, conditions: in_words(&request.conditions), rows })
+    Ok(OverlapFound { over, conditions: in_words(&request.conditions.condition), rows })
 }
 
 /// A job over the scenes of a request with its engines, and the placements.
@@ -354,13 +397,13 @@ impl OpenJob {
         let mut loaded = match (scenes, &computing.vehicle) {
             ([], Some(vehicle)) => {
                 let scene = opening::level_ground(vehicle, request.frames, watcher)?;
-                let job = Job::new(scene).conditions(&request.conditions);
+                let job = Job::new(scene).conditions(&request.conditions.condition);
                 let job = job.engine(computing.engine.clone());
                 Loaded { job, times: LoadTimes::default() }
             }
             _ => {
                 note_repeated(scenes, watcher);
-                let (conditions, frames) = (&request.conditions, request.frames);
+                let (conditions, frames) = (&request.conditions.condition, request.frames);
                 opening::job(&opening::files(scenes, conditions, frames, computing), computing)?
             }
         };

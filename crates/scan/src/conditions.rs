@@ -82,8 +82,10 @@ pub fn weather(conditions: &[Condition]) -> Result<Weather, ConditionError> {
                 weather.snow = Some(Falling::snow(value("rate"), value("speed")))
             }
             ConditionKind::Rain => weather.rain = Some(Falling::rain(value("rate"))),
-            ConditionKind::Blur => weather.blur = Some(MotionBlur::new(value("share"))),
-            ConditionKind::Crosstalk => weather.crosstalk = Some(Crosstalk::new(value("share"))),
+            ConditionKind::Blur => weather.blur = Some(MotionBlur { share: value("share") }),
+            ConditionKind::Crosstalk => {
+                weather.crosstalk = Some(Crosstalk { share: value("share") })
+            }
             ConditionKind::Echo => weather.echo = Some(IncompleteEcho::new(value("ratio"))),
         }
     }

@@ -179,7 +179,7 @@ impl Receiver<'_> {
             echo.status = Status::Second;
         }
         if let Some(crosstalk) = &self.optics.weather.crosstalk
-            && chance.draw(Purpose::Crosstalk, 2 * number) < crosstalk.share()
+            && chance.draw(Purpose::Crosstalk, 2 * number) < crosstalk.share
         {
             let draw = chance.draw(Purpose::Crosstalk, 2 * number + 1);
             range = crosstalk.false_range(response.min_range, range, draw);
@@ -239,7 +239,7 @@ impl Receiver<'_> {
             let station = self.sweep.station(beam.firing);
             station.start_from_sensor.apply(point).as_vec3()
         };
-        let blur = self.optics.weather.blur.as_ref().map_or(0.0, |blur| blur.share() as f32);
+        let blur = self.optics.weather.blur.as_ref().map_or(0.0, |blur| blur.share as f32);
         (position + (raw - position) * blur, raw)
     }
 }

@@ -41,6 +41,37 @@ pub(in crate::search) struct Group {
     pub total: u64,
 }
 
+impl Group {
+    fn none(poses: usize) -> Self {
+        Self { levels: vec![], singles: vec![0; poses], total: 0 }
+    }
+}
+
+/// Group, worth and number of a column.
+type SortedColumn = (usize, u32, usize);
+
+/// Covered columns of some worth in the group of the first limit that is not below their count, and Σ worth of those
+/// above every limit.
+fn in_groups(
+    covered: &[u64],
+    counts: &[u32],
+    worths: &[u32],
+    limits: &[f64],
+) -> (Vec<SortedColumn>, u64) {
+    let (mut columns, mut rest) = (Vec::new(), 0);
+    for (column, &count) in counts.iter().enumerate() {
+        let worth = worths[column % worths.len()];
+        if covered[column / 64] >> (column % 64) & 1 == 0 || worth == 0 {
+            continue;
+        }
+        match limits.iter().position(|&limit| f64::from(count) <= limit) {
+            Some(group) => columns.push((group, worth, column)),
+            None => rest += u64::from(worth),
+        }
+    }
+    (columns, rest)
+}
+
 /// Columns of about equal worth.
 struct WorthLevel {
     words: Range<usize>,
@@ -91,18 +122,7 @@ impl Columns {
         let some: Vec<&[u64]> = typical.iter().map(|&pose| pages[pose as usize]).collect();
         let counts = counts(&some);
         let limits: Vec<f64> = shares.iter().map(|share| share * typical.len() as f64).collect();
-        let mut rest = 0;
-        let mut sorted = Vec::new();
-        for (column, &count) in counts.iter().enumerate() {
-            let worth = worths[column % worths.len()];
-            if covered[column / 64] >> (column % 64) & 1 == 0 || worth == 0 {
-                continue;
-            }
-            match limits.iter().position(|&limit| f64::from(count) <= limit) {
-                Some(group) => sorted.push((group, worth, column)),
-                None => rest += u64::from(worth),
-            }
-        }
+        let (mut sorted, rest) = in_groups(&covered, &counts, worths, &limits);
         if !go_on() {
             return None;
         }
@@ -110,38 +130,41 @@ impl Columns {
         if !go_on() {
             return None;
         }
-        let mut places = ColumnPlaces::none(counts.len());
-        let none = || Group { levels: vec![], singles: vec![0; poses as usize], total: 0 };
-        let mut groups: Vec<Group> = shares.iter().map(|_| none()).collect();
-        let mut end = 0;
-        let alike = |a: &(usize, u32, usize), b: &(usize, u32, usize)| {
+        let mut columns = Self {
+            poses: poses as usize,
+            words: 0,
+            bitmaps: Vec::new(),
+            groups: shares.iter().map(|_| Group::none(poses as usize)).collect(),
+            rest,
+        };
+        let places = columns.place(&sorted, counts.len());
+        columns.bitmaps = vec![0; columns.poses * columns.words];
+        columns.fill(&pages, &places);
+        Some(columns)
+    }
+
+    /// Lays the sorted columns out in levels of about equal worth, each from a word of its own on.
+    fn place(&mut self, sorted: &[SortedColumn], count: usize) -> ColumnPlaces {
+        let mut places = ColumnPlaces::none(count);
+        let alike = |a: &SortedColumn, b: &SortedColumn| {
             a.0 == b.0 && f64::from(b.1) <= WORTH_SPREAD * f64::from(a.1)
         };
-        let mut left = sorted.as_slice();
+        let mut left = sorted;
         while let Some(first) = left.first() {
             let (level, after) = left.split_at(left.partition_point(|column| alike(first, column)));
             left = after;
+            let start = self.words;
             for (bit, column) in level.iter().enumerate() {
-                places.put(
-                    column.2,
-                    Place { bit: (64 * end + bit) as u32, group: first.0 as u32, worth: column.1 },
-                );
+                let bit = (64 * start + bit) as u32;
+                places.put(column.2, Place { bit, group: first.0 as u32, worth: column.1 });
             }
-            let start = end;
-            end += level.len().div_ceil(64);
-            let group = &mut groups[first.0];
+            self.words += level.len().div_ceil(64);
+            let group = &mut self.groups[first.0];
             group.total += level.iter().map(|column| u64::from(column.1)).sum::<u64>();
-            group.levels.push(WorthLevel { words: start..end, least: u64::from(first.1) });
+            let (words, least) = (start..self.words, u64::from(first.1));
+            group.levels.push(WorthLevel { words, least });
         }
-        let mut columns = Self {
-            poses: poses as usize,
-            words: end,
-            bitmaps: vec![0; poses as usize * end],
-            groups,
-            rest,
-        };
-        columns.fill(&pages, &places);
-        Some(columns)
+        places
     }
 
     /// Sets the bits of the poses, and sums up what each covers alone.

@@ -45,11 +45,11 @@ fn is_a_list<E: Error>(keys: &[&str]) -> E {
     E::custom(format!("{IS_A_LIST}write an object with {}{more}", named.join(", ")))
 }
 
-/// Methods that hand the visitor over, wrapped.
+/// Methods that hand the visitor over, wrapped, behind their other arguments.
 macro_rules! plain {
-    ($($method:ident)*) => {$(
-        fn $method<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, D::Error> {
-            self.0.$method(Keys::any(visitor))
+    ($($method:ident $(($($of:ident: $kind:ty),*))?;)*) => {$(
+        fn $method<V: Visitor<'de>>(self, $($($of: $kind,)*)? visitor: V) -> Result<V::Value, D::Error> {
+            self.0.$method($($($of,)*)? Keys::any(visitor))
         }
     )*};
 }
@@ -58,44 +58,17 @@ impl<'de, D: Deserializer<'de>> Deserializer<'de> for Objects<D> {
     type Error = D::Error;
 
     plain! {
-        deserialize_any deserialize_bool deserialize_i8 deserialize_i16 deserialize_i32 deserialize_i64
-        deserialize_i128 deserialize_u8 deserialize_u16 deserialize_u32 deserialize_u64 deserialize_u128
-        deserialize_f32 deserialize_f64 deserialize_char deserialize_str deserialize_string
-        deserialize_bytes deserialize_byte_buf deserialize_option deserialize_unit deserialize_seq
-        deserialize_map deserialize_identifier deserialize_ignored_any
-    }
-
-    fn deserialize_unit_struct<V: Visitor<'de>>(
-        self,
-        name: &'static str,
-        visitor: V,
-    ) -> Result<V::Value, D::Error> {
-        self.0.deserialize_unit_struct(name, Keys::any(visitor))
-    }
-
-    fn deserialize_newtype_struct<V: Visitor<'de>>(
-        self,
-        name: &'static str,
-        visitor: V,
-    ) -> Result<V::Value, D::Error> {
-        self.0.deserialize_newtype_struct(name, Keys::any(visitor))
-    }
-
-    fn deserialize_tuple<V: Visitor<'de>>(
-        self,
-        length: usize,
-        visitor: V,
-    ) -> Result<V::Value, D::Error> {
-        self.0.deserialize_tuple(length, Keys::any(visitor))
-    }
-
-    fn deserialize_tuple_struct<V: Visitor<'de>>(
-        self,
-        name: &'static str,
-        length: usize,
-        visitor: V,
-    ) -> Result<V::Value, D::Error> {
-        self.0.deserialize_tuple_struct(name, length, Keys::any(visitor))
+        deserialize_any; deserialize_bool; deserialize_i8; deserialize_i16; deserialize_i32;
+        deserialize_i64; deserialize_i128; deserialize_u8; deserialize_u16; deserialize_u32;
+        deserialize_u64; deserialize_u128; deserialize_f32; deserialize_f64; deserialize_char;
+        deserialize_str; deserialize_string; deserialize_bytes; deserialize_byte_buf;
+        deserialize_option; deserialize_unit; deserialize_seq; deserialize_map;
+        deserialize_identifier; deserialize_ignored_any;
+        deserialize_unit_struct(name: &'static str);
+        deserialize_newtype_struct(name: &'static str);
+        deserialize_tuple(length: usize);
+        deserialize_tuple_struct(name: &'static str, length: usize);
+        deserialize_enum(name: &'static str, variants: &'static [&'static str]);
     }
 
     fn deserialize_struct<V: Visitor<'de>>(
@@ -107,18 +80,18 @@ impl<'de, D: Deserializer<'de>> Deserializer<'de> for Objects<D> {
         self.0.deserialize_struct(name, fields, Keys { of: visitor, keys: Some(fields) })
     }
 
-    fn deserialize_enum<V: Visitor<'de>>(
-        self,
-        name: &'static str,
-        variants: &'static [&'static str],
-        visitor: V,
-    ) -> Result<V::Value, D::Error> {
-        self.0.deserialize_enum(name, variants, Keys::any(visitor))
-    }
-
     fn is_human_readable(&self) -> bool {
         self.0.is_human_readable()
     }
+}
+
+/// Methods that hand over what holds values, wrapped.
+macro_rules! wrapped {
+    ($($method:ident: $kind:ident;)*) => {$(
+        fn $method<S: $kind<'de>>(self, from: S) -> Result<V::Value, S::Error> {
+            self.of.$method(Objects(from))
+        }
+    )*};
 }
 
 /// Methods that hand a value over as it is.
@@ -140,6 +113,10 @@ impl<'de, V: Visitor<'de>> Visitor<'de> for Keys<V> {
         visit_bytes: &[u8]; visit_borrowed_bytes: &'de [u8]; visit_byte_buf: Vec<u8>;
     }
 
+    wrapped! {
+        visit_some: Deserializer; visit_newtype_struct: Deserializer; visit_map: MapAccess; visit_enum: EnumAccess;
+    }
+
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.of.expecting(f)
     }
@@ -152,27 +129,11 @@ impl<'de, V: Visitor<'de>> Visitor<'de> for Keys<V> {
         self.of.visit_unit()
     }
 
-    fn visit_some<D: Deserializer<'de>>(self, from: D) -> Result<V::Value, D::Error> {
-        self.of.visit_some(Objects(from))
-    }
-
-    fn visit_newtype_struct<D: Deserializer<'de>>(self, from: D) -> Result<V::Value, D::Error> {
-        self.of.visit_newtype_struct(Objects(from))
-    }
-
     fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<V::Value, A::Error> {
         match self.keys {
             Some(keys) => Err(is_a_list(keys)),
             None => self.of.visit_seq(Objects(list)),
         }
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<V::Value, A::Error> {
-        self.of.visit_map(Objects(map))
-    }
-
-    fn visit_enum<A: EnumAccess<'de>>(self, from: A) -> Result<V::Value, A::Error> {
-        self.of.visit_enum(Objects(from))
     }
 }
 

@@ -273,38 +273,18 @@ const DARK: f64 = 0.05;
 /// Motion during a turn that is left in the cloud.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionBlur {
-    share: f64,
-}
-
-impl MotionBlur {
-    /// Leaves a share of the true motion: 0 the points where they were, 1 the raw points.
-    pub fn new(share: f64) -> Self {
-        Self { share }
-    }
-
-    /// The share that is left.
-    pub fn share(&self) -> f64 {
-        self.share
-    }
+    /// Share of the true motion that is left: 0 the points where they were, 1 the raw points.
+    pub share: f64,
 }
 
 /// Pulses of other sensors that come before the beam's own echo.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crosstalk {
-    share: f64,
+    /// Share of the returns that are hit.
+    pub share: f64,
 }
 
 impl Crosstalk {
-    /// Hits a share of the returns.
-    pub fn new(share: f64) -> Self {
-        Self { share }
-    }
-
-    /// Share of the returns that are hit.
-    pub fn share(&self) -> f64 {
-        self.share
-    }
-
     /// Apparent range of a return at `range` metres: uniform from the sensor's `least` on, by `u` from 0 to below 1.
     /// Pulses later than the own echo are not waited for.
     pub fn false_range(&self, least: f64, range: f64, u: f64) -> f64 {

@@ -1,5 +1,6 @@
 //! Scans against closed forms, brute force and other ways to the same numbers.
 
+mod bundles;
 mod geometry;
 mod measurement;
 
