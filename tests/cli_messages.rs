@@ -69,7 +69,7 @@ fn files_of_other_kinds_are_named() {
     }
     write(&dir, "a.json", "{ // mine\n \"sightline\": 1 }");
     let told = fails(dir.path(), &["score", "s.json", "rigs.json", "--vehicle", "a.json"]);
-    assert!(told.contains("JSON has no comments (line 1, column 3)"), "{told}");
+    assert!(told.contains("not 1,5 (line 1, column 3)"), "{told}");
 }
 
 #[test]
@@ -257,7 +257,7 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     assert!(text.contains("\nlevel: price 4; range card"), "{text}");
     let last = text.lines().last().unwrap();
     assert!(last.starts_with("better: level (2 of 2 requirements met, near_gain "), "{text}");
-    assert!(last.ends_with("requirements come first, then near_gain"), "{text}");
+    assert!(last.ends_with("then the number of warnings, then near_gain"), "{text}");
     assert!(last.contains("missing, ") && last.contains("; decided by the requirements"), "{text}");
     let scores = ok(dir.path(), &["score", "s.json", "rigs.json", "--backend", "cpu"]);
     let card = &scores["scores"][0]["range_card"];

@@ -127,7 +127,7 @@ fn decided_in_words(scores: &Scores, ours: &Standing, theirs: &Standing) -> Stri
     };
     match scores.met() {
         [_, 0] => by,
-        _ => format!("{by}; requirements come first, then near_gain"),
+        _ => format!("{by}; requirements come first, then the number of warnings, then near_gain"),
     }
 }
 
@@ -170,7 +170,7 @@ mod tests {
         let found = words(rig("a", [0.5, 0.95], 0, 0.6), rig("b", [0.515, 0.95], 0, 0.5));
         let want = "better: b (1 of 2 requirements met, 38.5 points missing, near_gain 0.5), before a (1 of 2 \
                     requirements met, 40 points missing, near_gain 0.6); decided by the requirements, of which 1.5 points \
-                    fewer are missing; requirements come first, then near_gain\n";
+                    fewer are missing; requirements come first, then the number of warnings, then near_gain\n";
         assert_eq!(found, want);
         let met = [0.9, 0.9];
         let found = words(rig("a", met, 1, 0.6), rig("b", met, 0, 0.5));

@@ -248,7 +248,7 @@ pub fn room_text(all: &[Room]) -> String {
             let [share, error] = [copies.holds_in, copies.error].map(|share| 100.0 * share);
             let line = "all LiDARs off at random within";
             text += &format!(
-                "{line} {}: {share:.0} % of copies meet all{of_others} (± {error:.0} by the draw of 200)\n",
+                "{line} {}: {share:.0} % of copies meet all{of_others} (± {error:.0}, two standard errors of the draw)\n",
                 copies.tolerance
             );
         }

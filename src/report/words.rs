@@ -311,10 +311,13 @@ pub fn methods_in_words(run: &RunRecord) -> String {
             [_, 0] => String::new(),
             [met, of] => format!(" with {met} of {of} requirements met"),
         };
-        let won = match (m.won, is_beaten && m.requirements[1] > 0) {
-            (true, true) => " (the result: requirements come before the objective)",
-            (true, false) => " (the result)",
-            (false, _) => "",
+        let won = match (m.won, is_beaten, m.requirements[1]) {
+            (true, true, 0) => " (the result: warnings come before the objective)",
+            (true, true, _) => {
+                " (the result: requirements, then warnings come before the objective)"
+            }
+            (true, false, _) => " (the result)",
+            (false, ..) => "",
         };
         format!("{} reached {value}{met}, {} poses cast{won}", m.method, m.poses_cast)
     });

@@ -124,7 +124,7 @@ impl std::fmt::Display for Guard {
             ),
             Self::FewHits { hit_share, reference } => write!(
                 f,
-                "few_hits: {:.1} % of the beams hit a surface, {:.1} % of the reference layout's",
+                "few_hits: {:.1} % of the beams hit a surface; of the reference layout's, {:.1} % do",
                 100.0 * hit_share,
                 100.0 * reference
             ),

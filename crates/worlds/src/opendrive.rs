@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::{DVec2, DVec3};
-use xodr::{Direction, LaneHeight, LaneType, Layer, Provenance, RoadNetwork};
+use xodr::{Direction, LaneHeight, LaneType, Layer, Provenance, RoadNetwork, RoadPosition};
 
 use crate::network::{KERB, Lane, Line, Network, Plate, Post, Street, Strip, StripUse, left_of};
 use crate::world::WorldError;
@@ -33,6 +33,11 @@ const MAX_LENGTH: f64 = 60_000.0;
 const MAX_WIDTH: f64 = 60.0;
 /// Most signs and lights that are taken over.
 const MAX_POSTS: usize = 20_000;
+
+/// Least cosine between the left of a lane and of its road's reference line by which the line is taken to be the lane's.
+const LEAST_TOWARDS_LEFT: f64 = 0.2;
+/// Height in metres between a road's surface and the chord across a lane, above which it is told.
+const GAP_ACROSS: f64 = 0.01;
 
 /// Edges of a lane in the direction of its road, left and right.
 struct Ribbon {
@@ -89,6 +94,7 @@ pub fn network(text: &str, file: &str) -> Result<Network, WorldError> {
     network.notes.extend(doubts::notes(&origins.warnings, file)?);
     let map = Map::new(&roads, &origins, &document);
     network.notes.extend(map.lanes_left_out(file));
+    network.notes.extend(map.bent_across(file));
     let mut lane_of: BTreeMap<usize, usize> = BTreeMap::new();
     for lane in roads.lanes().iter().filter(permanent) {
         let Some(used) = used(lane.kind) else { continue };
@@ -219,6 +225,62 @@ impl<'a> Map<'a> {
         raised
     }
 
+    /// Unit vector to the left in plan, square to the road's reference line where it is nearest to `p`: widths of lanes are
+    /// measured along it, also where a lane that tapers turns away from the line. Square to `tangent` where the road gives none.
+    fn across(&self, lane: &xodr::Lane, p: xodr::Point, tangent: DVec2) -> DVec2 {
+        let own = left_of(tangent.normalize_or(DVec2::X));
+        let road = self.roads.road_lane(lane.id).map(|at| at.road);
+        let here = road.and_then(|road| self.roads.road_position_on(road, p));
+        let beside = |metres: f64| {
+            let at = here?;
+            self.roads.road_point(RoadPosition { t: at.t + metres, ..at }).map(point)
+        };
+        let square = beside(1.0)
+            .zip(beside(-1.0))
+            .and_then(|(left, right)| (left - right).truncate().try_normalize());
+        square.filter(|square| square.dot(own) > LEAST_TOWARDS_LEFT).unwrap_or(own)
+    }
+
+    /// A doubt about roads that bend across a lane, for the lane that does so most: lanes are flat between their edges.
+    fn bent_across(&self, file: &str) -> Option<Note> {
+        let lanes = self.roads.lanes().iter().filter(|lane| used(lane.kind).is_some());
+        let of = |lane: &xodr::Lane| {
+            let origin = self.origins.get(&lane.id.0)?;
+            let is_shaped = self.document.shaped.contains(&origin.road_id);
+            let gap = is_shaped.then(|| self.gap_across(lane))?;
+            Some((gap, origin.od_id, origin.road_id.clone()))
+        };
+        let (gap, lane, road) = lanes.filter_map(of).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        (gap > GAP_ACROSS).then(|| {
+            Note::doubt(format!(
+                "{file}: <lateralProfile> of road {road:?} bends its surface inside lane {lane} by {gap:.2} m, the most of all lanes, \
+                 and lanes are flat between their edges; split lanes where the surface bends"
+            ))
+        })
+    }
+
+    /// Largest height in metres between a road's surface inside a lane and the chord between the lane's edges.
+    fn gap_across(&self, lane: &xodr::Lane) -> f64 {
+        let Some(road) = self.roads.road_lane(lane.id).map(|at| at.road) else { return 0.0 };
+        let gap = |(i, p): (usize, &xodr::Point)| {
+            let half = 0.5 * f64::from(*lane.widths.get(i).unwrap_or(&lane.width));
+            let at = self.roads.road_position_on(road, *p)?;
+            let height = |share: f64| {
+                let beside = RoadPosition { t: at.t + share * half, ..at };
+                self.roads.road_point(beside).map(|p| point(p).z)
+            };
+            // Just inside of the lane: on a border stands the height of the lane nearer to the reference line.
+            let ends = [-0.999, 0.999].map(height);
+            let [Some(right), Some(left)] = ends else { return None };
+            let inside = [-0.5, 0.0, 0.5].map(|share| {
+                let chord = right + (left - right) * (share + 1.0) / 2.0;
+                height(share).map_or(0.0, |z| (z - chord).abs())
+            });
+            Some(inside.into_iter().fold(0.0, f64::max))
+        };
+        lane.center.points().iter().enumerate().filter_map(gap).fold(0.0, f64::max)
+    }
+
     /// Edges of a lane; `None` where it has no width.
     fn ribbon(&self, lane: &xodr::Lane) -> Option<Ribbon> {
         let stated = |origin: &&xodr::LaneProvenance| !origin.heights.is_empty();
@@ -236,8 +298,7 @@ impl<'a> Map<'a> {
             let [x, y, _] = t.to_array().map(f64::from);
             let (sin, cos) = maths::sin_cos(last(&lane.bank, i, 0.0));
             let half = 0.5 * last(&lane.widths, i, lane.width);
-            let across =
-                (left_of(DVec2::new(x, y).normalize_or(DVec2::X)) * cos).extend(sin) * half;
+            let across = (self.across(lane, *p, DVec2::new(x, y)) * cos).extend(sin) * half;
             let middle = point(*p) + DVec3::Z * kerb;
             widest = widest.max(half);
             ribbon.left.push(middle + across);

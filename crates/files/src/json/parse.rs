@@ -111,7 +111,7 @@ pub fn plain_words(text: &str) -> String {
             return "no value that JSON knows; numbers are finite, as 1.5".to_owned();
         }
         "key must be a string" => {
-            return "a key in double quotes belongs here; JSON has no comments".to_owned();
+            return "a key in double quotes belongs here; JSON has no comments, and numbers have a point: 1.5, not 1,5".to_owned();
         }
         "number out of range" => {
             return "a number too large; write a finite one, as 1.5".to_owned();

@@ -145,7 +145,7 @@ pub enum RigError {
     ReadOnly { format: RigFormat },
     /// No placement of this name, or several and none picked.
     #[error(
-        "{file}: {}; pick one of {}, with `--name NAME` of `rig import`, else as FILE:NAME",
+        "{file}: {}; pick one of {} as FILE:NAME, or in `rig import` with `--name NAME`",
         unpicked(name),
         listed(known)
     )]

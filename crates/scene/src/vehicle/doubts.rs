@@ -39,7 +39,11 @@ fn in_degrees(angle: f64) -> Option<String> {
 
 /// A doubt about angles that a file states in radians; `what` names the angles.
 pub fn of_angles(what: &str, angles: &[f64]) -> Option<String> {
-    let angle = angles.iter().find(|angle| is_degrees(**angle))?;
+    // A range from 3 to 3.3 is around π: a fraction beside a whole number says radians.
+    let beside = |angle: f64| angles.iter().any(|a| a.fract() != 0.0 && (a - angle).abs() < 1.0);
+    let is_turn = |angle: f64| angle.abs() > TAU + 1e-6;
+    let mut doubted = angles.iter().filter(|a| is_turn(**a) || (is_degrees(**a) && !beside(**a)));
+    let angle = doubted.next()?;
     Some(format!("{what} is {angle} rad; degrees? {angle}° are {:.4} rad", angle.to_radians()))
 }
 
@@ -220,6 +224,9 @@ mod tests {
         assert!(![0.0, 1.0, -1.0, 2.5, PI / 2.0, -PI, TAU].into_iter().any(is_degrees));
         let told = of_angles("`yaw`", &[0.1, 90.0]).unwrap();
         assert_eq!(told, "`yaw` is 90 rad; degrees? 90° are 1.5708 rad");
+        assert_eq!(of_angles("`yaw`", &[3.0, 3.3]), None);
+        assert!(of_angles("`yaw`", &[-5.0, 5.0]).is_some());
+        assert!(of_angles("`pitch`", &[0.05, 5.0]).is_some());
     }
 
     #[test]

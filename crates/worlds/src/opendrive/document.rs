@@ -124,6 +124,8 @@ pub(super) struct RoadFacts {
     pub raised: BTreeSet<(String, usize, i32)>,
     /// Roads on which one drives on the left.
     pub left_hand: BTreeSet<String>,
+    /// Roads with a surface that may bend inside a lane: `<shape>` or `<crossSectionSurface>`.
+    pub shaped: BTreeSet<String>,
     /// Identifiers of the roads.
     pub roads: BTreeSet<String>,
     /// The document with more points along its roads, where they need any.
@@ -320,6 +322,13 @@ impl RoadFacts {
         if lanes > 2 {
             let what = format!("has {lanes} <lanes>; write one, or one a layer");
             return Err(refused(file, node, what));
+        }
+        let profiles =
+            node.children().filter(|n| n.has_tag_name("lateralProfile")).flat_map(|n| n.children());
+        let bends =
+            |n: Node<'_, '_>| n.has_tag_name("shape") || n.has_tag_name("crossSectionSurface");
+        if profiles.into_iter().any(bends) {
+            self.shaped.extend(node.attribute("id").map(str::to_owned));
         }
         self.raised(node);
         Ok(())

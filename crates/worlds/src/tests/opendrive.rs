@@ -315,3 +315,53 @@ fn outlines_of_many_corners_end_soon() {
     assert!(told.contains("50000 corners"), "{told}");
     assert!(began.elapsed().as_secs() < 10);
 }
+
+/// A road of 100 m along x with these lanes to the right of its reference line, and this lateral profile.
+fn one_road(lateral: &str, right: &str) -> String {
+    format!(
+        "<?xml version=\"1.0\"?><OpenDRIVE><header revMajor=\"1\" revMinor=\"6\"/><road id=\"1\" junction=\"-1\" length=\"100\">\
+         <planView><geometry s=\"0\" x=\"0\" y=\"0\" hdg=\"0\" length=\"100\"><line/></geometry></planView><elevationProfile/>\
+         <lateralProfile>{lateral}</lateralProfile><lanes><laneSection s=\"0\"><center><lane id=\"0\" type=\"none\"/></center>\
+         <right>{right}</right></laneSection></lanes></road></OpenDRIVE>"
+    )
+}
+
+fn width(start: f64, a: f64, b: f64) -> String {
+    format!("<width sOffset=\"{start}\" a=\"{a}\" b=\"{b}\" c=\"0\" d=\"0\"/>")
+}
+
+/// A parking bay that opens at 45° beside a lane of 3.5 m, and a walk outside of it.
+#[test]
+fn widths_of_lanes_that_taper_are_measured_square_to_the_road() {
+    let bay = [width(0.0, 0.0, 0.0), width(20.0, 0.0, 1.0), width(22.5, 2.5, 0.0)].concat();
+    let lanes =
+        [("driving", width(0.0, 3.5, 0.0)), ("parking", bay), ("sidewalk", width(0.0, 2.0, 0.0))];
+    let lane = |(i, (kind, widths)): (usize, &(&str, String))| {
+        format!("<lane id=\"-{}\" type=\"{kind}\" level=\"false\">{widths}</lane>", i + 1)
+    };
+    let text = one_road("", &lanes.iter().enumerate().map(lane).collect::<String>());
+    let network = crate::opendrive::network(&text, "bay.xodr").unwrap();
+    let edges = network.strips.iter().flat_map(|strip| strip.left.iter().chain(&strip.right));
+    for p in edges {
+        let opened = (p.x - 20.0).clamp(0.0, 2.5);
+        let right = [0.0, -3.5, -3.5 - opened, -5.5 - opened];
+        let off = right.iter().map(|y| (p.y - y).abs()).fold(f64::INFINITY, f64::min);
+        assert!(off < 2e-3, "an edge at {p}, {off} m beside the file's");
+    }
+}
+
+#[test]
+fn a_surface_that_bends_inside_a_lane_is_doubted() {
+    let lane =
+        format!("<lane id=\"-1\" type=\"driving\" level=\"false\">{}</lane>", width(0.0, 8.0, 0.0));
+    let shape =
+        |t: f64, b: f64| format!("<shape s=\"0\" t=\"{t}\" a=\"0\" b=\"{b}\" c=\"0\" d=\"0\"/>");
+    let told = |lateral: &str| {
+        let notes = crate::opendrive::network(&one_road(lateral, &lane), "m.xodr").unwrap().notes;
+        notes.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+    };
+    // A crown in the middle of the lane: 2.5 % to either side, 0.1 m at the edges.
+    let crown = told(&[shape(-8.0, 0.025), shape(-4.0, -0.025)].concat());
+    assert!(crown.contains("road \"1\" bends its surface inside lane -1 by"), "{crown}");
+    assert!(!told(&shape(-8.0, 0.025)).contains("bends"), "a plane does not bend");
+}
