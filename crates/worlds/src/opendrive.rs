@@ -7,6 +7,7 @@ mod density;
 mod document;
 mod doubts;
 mod objects;
+mod profile;
 mod stations;
 mod values;
 
@@ -21,6 +22,7 @@ use crate::world::WorldError;
 use document::RoadFacts;
 use lidar_cast::maths;
 use objects::{MAX_FAR, point};
+use profile::Profile;
 use sightline_files::Note;
 use sightline_files::json::is_utf_16;
 
@@ -34,6 +36,8 @@ const MAX_WIDTH: f64 = 60.0;
 /// Most signs and lights that are taken over.
 const MAX_POSTS: usize = 20_000;
 
+/// Metres between the middles of a section's outermost lanes from which on they give the way across the road.
+const LEAST_APART: f64 = 0.5;
 /// Least cosine between the left of a lane and of its road's reference line by which the line is taken to be the lane's.
 const LEAST_TOWARDS_LEFT: f64 = 0.2;
 /// Height in metres between a road's surface and the chord across a lane, above which it is told.
@@ -175,12 +179,24 @@ struct Map<'a> {
     roads: &'a RoadNetwork,
     document: &'a RoadFacts,
     origins: BTreeMap<usize, &'a xodr::LaneProvenance>,
+    /// The outermost lanes of each road's sections, right and left.
+    outermost: BTreeMap<(usize, usize), [&'a xodr::Lane; 2]>,
 }
 
 impl<'a> Map<'a> {
     fn new(roads: &'a RoadNetwork, origins: &'a Provenance, document: &'a RoadFacts) -> Self {
         let origins = origins.lanes.iter().map(|origin| (origin.lane.0, origin)).collect();
-        Self { roads, document, origins }
+        let mut sections: BTreeMap<_, Vec<(i32, &xodr::Lane)>> = BTreeMap::new();
+        for lane in roads.lanes() {
+            if let Some(at) = roads.road_lane(lane.id) {
+                sections.entry((at.road.0, at.section)).or_default().push((at.od_id, lane));
+            }
+        }
+        let ends = |(section, mut lanes): (_, Vec<(i32, &'a xodr::Lane)>)| {
+            lanes.sort_by_key(|(id, _)| *id);
+            Some((section, [lanes.first()?.1, lanes.last()?.1]))
+        };
+        Self { roads, document, origins, outermost: sections.into_iter().filter_map(ends).collect() }
     }
 
     /// A note of lanes whose type nobody knows.
@@ -225,58 +241,64 @@ impl<'a> Map<'a> {
         raised
     }
 
-    /// Unit vector to the left in plan, square to the road's reference line where it is nearest to `p`: widths of lanes are
-    /// measured along it, also where a lane that tapers turns away from the line. Square to `tangent` where the road gives none.
-    fn across(&self, lane: &xodr::Lane, p: xodr::Point, tangent: DVec2) -> DVec2 {
+    /// Unit vector to the left in plan at a lane's point `i`, square to the road's reference line: widths of lanes are measured
+    /// along it, also where a lane that tapers turns away from the line. Points of one index of a section's lanes lie on it.
+    fn across(&self, lane: &xodr::Lane, i: usize, tangent: DVec2) -> DVec2 {
         let own = left_of(tangent.normalize_or(DVec2::X));
-        let road = self.roads.road_lane(lane.id).map(|at| at.road);
-        let here = road.and_then(|road| self.roads.road_position_on(road, p));
-        let beside = |metres: f64| {
-            let at = here?;
-            self.roads.road_point(RoadPosition { t: at.t + metres, ..at }).map(point)
+        let Some(at) = self.roads.road_lane(lane.id) else { return own };
+        let ends = self.outermost.get(&(at.road.0, at.section));
+        let apart = ends.and_then(|[right, left]| {
+            let [right, left] = [right, left].map(|l| l.center.points().get(i).copied().map(point));
+            left.zip(right).map(|(left, right)| (left - right).truncate())
+        });
+        let square = match apart.filter(|apart| apart.length() > LEAST_APART) {
+            Some(apart) => Some(apart),
+            None => self.across_road(at.road, lane.center.points()[i]),
         };
-        let square = beside(1.0)
-            .zip(beside(-1.0))
-            .and_then(|(left, right)| (left - right).truncate().try_normalize());
+        let square = square.and_then(DVec2::try_normalize);
         square.filter(|square| square.dot(own) > LEAST_TOWARDS_LEFT).unwrap_or(own)
     }
 
-    /// A doubt about roads that bend across a lane, for the lane that does so most: lanes are flat between their edges.
-    fn bent_across(&self, file: &str) -> Option<Note> {
+    /// The way to the left across a road where its reference line is nearest to `p`.
+    fn across_road(&self, road: xodr::RoadId, p: xodr::Point) -> Option<DVec2> {
+        let at = self.roads.road_position_on(road, p)?;
+        let [left, right] = [1.0, -1.0].map(|metres| {
+            self.roads.road_point(RoadPosition { t: at.t + metres, ..at }).map(point)
+        });
+        Some((left? - right?).truncate())
+    }
+
+    /// Doubts about roads whose surface bends inside a lane: how far in the lane that does so most, and those that are not measured.
+    fn bent_across(&self, file: &str) -> Vec<Note> {
         let lanes = self.roads.lanes().iter().filter(|lane| used(lane.kind).is_some());
         let of = |lane: &xodr::Lane| {
             let origin = self.origins.get(&lane.id.0)?;
-            let is_shaped = self.document.shaped.contains(&origin.road_id);
-            let gap = is_shaped.then(|| self.gap_across(lane))?;
-            Some((gap, origin.od_id, origin.road_id.clone()))
+            let profile = self.document.profiles.get(&origin.road_id)?;
+            Some((self.gap_across(lane, profile), origin.od_id, &origin.road_id))
         };
-        let (gap, lane, road) = lanes.filter_map(of).max_by(|a, b| a.0.total_cmp(&b.0))?;
-        (gap > GAP_ACROSS).then(|| {
+        let most = lanes.filter_map(of).max_by(|a, b| a.0.total_cmp(&b.0));
+        let bent = most.filter(|(gap, _, _)| *gap > GAP_ACROSS).map(|(gap, lane, road)| {
+            format!("<shape> of road {road} bends its surface inside lane {lane} by {gap:.2} m, the most of all lanes")
+        });
+        let section = self.document.profiles.iter().find(|(_, profile)| profile.section);
+        let unknown = section.map(|(road, _)| {
+            format!("<crossSectionSurface> of road {road} may bend its surface inside a lane")
+        });
+        let told = |what| {
             Note::doubt(format!(
-                "{file}: <lateralProfile> of road {road:?} bends its surface inside lane {lane} by {gap:.2} m, the most of all lanes, \
-                 and lanes are flat between their edges; split lanes where the surface bends"
+                "{file}: {what}, and lanes are flat between their edges; split lanes where the surface bends"
             ))
-        })
+        };
+        bent.into_iter().chain(unknown).map(told).collect()
     }
 
     /// Largest height in metres between a road's surface inside a lane and the chord between the lane's edges.
-    fn gap_across(&self, lane: &xodr::Lane) -> f64 {
+    fn gap_across(&self, lane: &xodr::Lane, profile: &Profile) -> f64 {
         let Some(road) = self.roads.road_lane(lane.id).map(|at| at.road) else { return 0.0 };
         let gap = |(i, p): (usize, &xodr::Point)| {
             let half = 0.5 * f64::from(*lane.widths.get(i).unwrap_or(&lane.width));
             let at = self.roads.road_position_on(road, *p)?;
-            let height = |share: f64| {
-                let beside = RoadPosition { t: at.t + share * half, ..at };
-                self.roads.road_point(beside).map(|p| point(p).z)
-            };
-            // Just inside of the lane: on a border stands the height of the lane nearer to the reference line.
-            let ends = [-0.999, 0.999].map(height);
-            let [Some(right), Some(left)] = ends else { return None };
-            let inside = [-0.5, 0.0, 0.5].map(|share| {
-                let chord = right + (left - right) * (share + 1.0) / 2.0;
-                height(share).map_or(0.0, |z| (z - chord).abs())
-            });
-            Some(inside.into_iter().fold(0.0, f64::max))
+            Some(profile.gap(at.s, [at.t - half, at.t + half]))
         };
         lane.center.points().iter().enumerate().filter_map(gap).fold(0.0, f64::max)
     }
@@ -298,7 +320,7 @@ impl<'a> Map<'a> {
             let [x, y, _] = t.to_array().map(f64::from);
             let (sin, cos) = maths::sin_cos(last(&lane.bank, i, 0.0));
             let half = 0.5 * last(&lane.widths, i, lane.width);
-            let across = (self.across(lane, *p, DVec2::new(x, y)) * cos).extend(sin) * half;
+            let across = (self.across(lane, i, DVec2::new(x, y)) * cos).extend(sin) * half;
             let middle = point(*p) + DVec3::Z * kerb;
             widest = widest.max(half);
             ribbon.left.push(middle + across);

@@ -6,6 +6,7 @@ use roxmltree::Node;
 use sightline_files::Note;
 use sightline_files::json::check_xml;
 
+use super::profile::Profile;
 use super::{density, doubts, objects, stations, values};
 use crate::world::WorldError;
 
@@ -124,8 +125,8 @@ pub(super) struct RoadFacts {
     pub raised: BTreeSet<(String, usize, i32)>,
     /// Roads on which one drives on the left.
     pub left_hand: BTreeSet<String>,
-    /// Roads with a surface that may bend inside a lane: `<shape>` or `<crossSectionSurface>`.
-    pub shaped: BTreeSet<String>,
+    /// Heights across the roads that have them, by identifier.
+    pub profiles: BTreeMap<String, Profile>,
     /// Identifiers of the roads.
     pub roads: BTreeSet<String>,
     /// The document with more points along its roads, where they need any.
@@ -323,12 +324,8 @@ impl RoadFacts {
             let what = format!("has {lanes} <lanes>; write one, or one a layer");
             return Err(refused(file, node, what));
         }
-        let profiles =
-            node.children().filter(|n| n.has_tag_name("lateralProfile")).flat_map(|n| n.children());
-        let bends =
-            |n: Node<'_, '_>| n.has_tag_name("shape") || n.has_tag_name("crossSectionSurface");
-        if profiles.into_iter().any(bends) {
-            self.shaped.extend(node.attribute("id").map(str::to_owned));
+        if let Some((id, profile)) = node.attribute("id").zip(Profile::of(node)) {
+            self.profiles.insert(id.to_owned(), profile);
         }
         self.raised(node);
         Ok(())

@@ -354,14 +354,17 @@ fn widths_of_lanes_that_taper_are_measured_square_to_the_road() {
 fn a_surface_that_bends_inside_a_lane_is_doubted() {
     let lane =
         format!("<lane id=\"-1\" type=\"driving\" level=\"false\">{}</lane>", width(0.0, 8.0, 0.0));
-    let shape =
-        |t: f64, b: f64| format!("<shape s=\"0\" t=\"{t}\" a=\"0\" b=\"{b}\" c=\"0\" d=\"0\"/>");
+    let shape = |t: f64, a: f64, b: f64| {
+        format!("<shape s=\"0\" t=\"{t}\" a=\"{a}\" b=\"{b}\" c=\"0\" d=\"0\"/>")
+    };
     let told = |lateral: &str| {
         let notes = crate::opendrive::network(&one_road(lateral, &lane), "m.xodr").unwrap().notes;
         notes.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
     };
     // A crown in the middle of the lane: 2.5 % to either side, 0.1 m at the edges.
-    let crown = told(&[shape(-8.0, 0.025), shape(-4.0, -0.025)].concat());
-    assert!(crown.contains("road \"1\" bends its surface inside lane -1 by"), "{crown}");
-    assert!(!told(&shape(-8.0, 0.025)).contains("bends"), "a plane does not bend");
+    let crown = told(&[shape(-8.0, 0.0, 0.025), shape(-4.0, 0.1, -0.025)].concat());
+    assert!(crown.contains("road 1 bends its surface inside lane -1 by 0.10 m"), "{crown}");
+    assert!(!told(&shape(-8.0, 0.0, 0.025)).contains("bends"), "a plane does not bend");
+    let section = told("<crossSectionSurface><surfaceStrips/></crossSectionSurface>");
+    assert!(section.contains("<crossSectionSurface> of road 1 may bend"), "{section}");
 }
