@@ -63,10 +63,11 @@ impl Job {
     }
 
     /// Adds to each requirement the share of copies that still meet it: copies whose LiDARs are off by the job's
-    /// tolerance, each in one of 16 poses. Nothing without a tolerance or requirements.
+    /// tolerance. Nothing without a tolerance or requirements.
     ///
-    /// Targets are looked at as the requirement asks. Areas and ground are looked at in four frames of each scene, and
-    /// the change there is added to the share over all frames.
+    /// Targets are looked at as the requirement asks, with poses drawn anew for each copy. Areas, ground and overlap are looked
+    /// at in 15 poses of each LiDAR, from which copies draw again, and in four frames of each scene; the change there is added
+    /// to the share over all frames.
     ///
     /// False once `go_on`, which is asked after every few poses and frames, says no: nothing is added to the others.
     ///
@@ -89,10 +90,11 @@ impl Job {
         let few = suite.over(&suite.spread(Some(FRAMES_OF_COPIES)));
         let mut evaluator = Evaluator::suite_on_cpu(&few, self.settings.engine.memory_budget() / 2);
         for (placement, scores) in &mut all {
-            let moved = Moved::new((tolerance, SEED_OF_RESULT), placement, &mut evaluator, go_on)?;
-            let Some(moved) = moved else { return Ok(false) };
             let found: Vec<_> =
                 scores.required.iter().map(|seen| (seen.share, seen.least)).collect();
+            let looked_at = (&**placement, found.len());
+            let moved = Moved::new((tolerance, SEED_OF_RESULT), looked_at, &mut evaluator, go_on)?;
+            let Some(moved) = moved else { return Ok(false) };
             let holds = moved.holds(&[], &found);
             scores.requirements_hold_in = Some(holds.all);
             for (seen, share) in scores.required.iter_mut().zip(holds.each) {

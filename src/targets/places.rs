@@ -237,18 +237,61 @@ impl Sight {
     /// # Errors
     /// A model that the vehicle does not have.
     pub fn beams(&self, lidar: &SensorPose) -> Result<SightBeams, UnknownSensor> {
-        let standing = self.places.iter().map(|(target, at)| PlacedTarget { target, at: *at });
+        let places: Vec<usize> = (0..self.places.len()).collect();
+        let (ground, surfaces) = (self.cells(lidar)?, self.surfaces(lidar)?);
+        Ok(SightBeams { beams: self.beams_at(lidar, &places)?, ground, surfaces })
+    }
+
+    /// What some rules alone look at of a LiDAR: `wanted` says which, in the order of [`Self::shares`].
+    ///
+    /// # Errors
+    /// A model that the vehicle does not have.
+    pub fn beams_for(
+        &self,
+        lidar: &SensorPose,
+        wanted: &[bool],
+    ) -> Result<SightBeams, UnknownSensor> {
+        let (mut places, mut found) = (Vec::new(), SightBeams::default());
+        for (rule, _) in self.rules.iter().zip(wanted).filter(|(_, is_wanted)| **is_wanted) {
+            match rule {
+                Rule::Target(_, own) => places.extend(own.clone()),
+                Rule::Ground(..) if found.ground.is_empty() => found.ground = self.cells(lidar)?,
+                Rule::Overlap(_) if found.surfaces.frames.is_empty() => {
+                    found.surfaces = self.surfaces(lidar)?;
+                }
+                Rule::Ground(..) | Rule::Overlap(_) => {}
+            }
+        }
+        Ok(SightBeams { beams: self.beams_at(lidar, &places)?, ..found })
+    }
+
+    /// Beams at some places, as far as they count; 0 at the others.
+    fn beams_at(&self, lidar: &SensorPose, places: &[usize]) -> Result<Box<[u8]>, UnknownSensor> {
+        let mut all = vec![0; self.places.len()];
+        let standing = places.iter().map(|&place| {
+            let (target, at) = &self.places[place];
+            PlacedTarget { target, at: *at }
+        });
         let standing: Vec<PlacedTarget<'_>> = standing.collect();
-        let most = self.enough.iter().copied().max().unwrap_or(0);
+        let most = places.iter().map(|&place| self.enough[place]).max().unwrap_or(0);
         let beams = self.site.beams(lidar, &standing, u32::from(most))?;
-        let capped = beams.iter().zip(&self.enough).map(|(&beams, &cap)| beams.min(cap.into()));
-        let beams = capped.map(|beams| beams as u8).collect();
-        let ground = self.ground.par_iter().map(|scene| scene.seen(lidar));
-        let ground = ground.collect::<Result<Vec<_>, _>>()?.concat().into();
+        for (&place, beams) in places.iter().zip(beams) {
+            all[place] = beams.min(u32::from(self.enough[place])) as u8;
+        }
+        Ok(all.into())
+    }
+
+    /// Cells of the required ground that a LiDAR sees.
+    fn cells(&self, lidar: &SensorPose) -> Result<Box<[u64]>, UnknownSensor> {
+        let cells = self.ground.par_iter().map(|scene| scene.seen(lidar));
+        Ok(cells.collect::<Result<Vec<_>, _>>()?.concat().into())
+    }
+
+    /// Surfaces on which beams of a LiDAR end, where overlap is required.
+    fn surfaces(&self, lidar: &SensorPose) -> Result<Surfaces, UnknownSensor> {
         let surfaces = self.overlap.par_iter().map(|scene| scene.surfaces(lidar));
         let surfaces = surfaces.collect::<Result<Vec<_>, _>>()?.into_iter();
-        let surfaces = Surfaces { frames: surfaces.flat_map(|scene| scene.frames).collect() };
-        Ok(SightBeams { beams, ground, surfaces })
+        Ok(Surfaces { frames: surfaces.flat_map(|scene| scene.frames).collect() })
     }
 
     /// Beams of a LiDAR for a search, which looks at a sample of its surfaces.

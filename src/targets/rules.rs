@@ -191,10 +191,23 @@ impl Sight {
         })
     }
 
-    /// The share of every rule, as [`Self::rules_met`] has it.
-    pub fn shares(&self, each: &[&SightBeams]) -> Vec<f64> {
-        let looked = self.looked(each);
-        self.rules.iter().map(|of| self.least(&looked, of).0).collect()
+    /// The share of every rule that is `wanted`, as [`Self::rules_met`] has it, for beams that were counted for these; 1 for
+    /// the others.
+    pub fn shares(&self, each: &[&SightBeams], wanted: &[bool]) -> Vec<f64> {
+        let rules = || self.rules.iter().zip(wanted);
+        let is_overlap =
+            |(rule, is_wanted): (&Rule, &bool)| *is_wanted && matches!(rule, Rule::Overlap(_));
+        let overlaps = if rules().any(is_overlap) { self.overlaps(each) } else { Vec::new() };
+        let looked = Looked { each, overlaps };
+        let share = |(rule, is_wanted): (&Rule, &bool)| {
+            if *is_wanted { self.least(&looked, rule).0 } else { 1.0 }
+        };
+        rules().map(share).collect()
+    }
+
+    /// True for each rule that is on targets.
+    pub fn on_targets(&self) -> Vec<bool> {
+        self.rules.iter().map(|rule| matches!(rule, Rule::Target(..))).collect()
     }
 
     /// Every rule with its share, for the beams of each LiDAR.

@@ -196,7 +196,12 @@ impl<'a> Map<'a> {
             lanes.sort_by_key(|(id, _)| *id);
             Some((section, [lanes.first()?.1, lanes.last()?.1]))
         };
-        Self { roads, document, origins, outermost: sections.into_iter().filter_map(ends).collect() }
+        Self {
+            roads,
+            document,
+            origins,
+            outermost: sections.into_iter().filter_map(ends).collect(),
+        }
     }
 
     /// A note of lanes whose type nobody knows.

@@ -5,16 +5,17 @@ use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::outcome::Scored;
-use crate::search::tolerance::{FRAMES_OF_COPIES, Instead, Moved, SEED_OF_SEARCH, Tolerance};
+use crate::search::tolerance::{FRAMES_OF_COPIES, Moved, SEED_OF_SEARCH, Tolerance};
 use crate::vehicle::{Placement, placement_to_nanometres};
 
 /// Share of the copies that is sought: more than the 95 % that are asked for, since other copies are asked then.
-const SOUGHT: f64 = 0.98;
+const SOUGHT: f64 = 0.97;
 /// Moves of a LiDAR, one after the other, at most.
-const MOVES: usize = 6;
-/// Steps of a move of one search variable, at most, and their length in m or rad.
-const STEPS: i32 = 3;
-const STEP: f64 = 0.025;
+const MOVES: usize = 3;
+/// Moves of one search variable, m or rad.
+const STEPS: [f64; 4] = [-0.075, -0.025, 0.025, 0.075];
+/// Share of the room above a requirement that all copies meet which a move must leave.
+const ROOM_LEFT: f64 = 0.5;
 /// Moves that hold in most copies, of which all scores are computed.
 const SCORED: usize = 12;
 /// Moves whose beams are cast between two looks at the time: no more LiDARs at once than a placement has.
@@ -26,9 +27,12 @@ fn found(scored: &Scored) -> Vec<(f64, f64)> {
 }
 
 impl Run {
-    /// Moves single LiDARs of a result a little, one after the other, until 98 % of its copies within the mounting tolerance
+    /// Moves single LiDARs of a result a little, one after the other, until 97 % of its copies within the mounting tolerance
     /// meet all requirements, or no move makes more of them do so. If enough copies do after several moves, the move
     /// of the largest objective is taken; else the one after which most do. Returns the placements scored for it.
+    ///
+    /// A move is chosen by copies that flatter it: after each, other copies are drawn, and of all placements on the way the one
+    /// that holds in most of the copies it was not chosen by is the result.
     ///
     /// Does nothing without a tolerance or requirements, and where the result itself does not meet these.
     pub(super) fn secure(
@@ -41,26 +45,30 @@ impl Run {
         let Some(tolerance) = tolerance.filter(|_| required) else { return Ok(0) };
         let few = self.suite.over(&self.suite.spread(Some(FRAMES_OF_COPIES)));
         let mut evaluator = Evaluator::suite_on_cpu(&few, self.memory() / 2);
-        let moved_to = |result: &Scored, evaluator: &mut Evaluator, watch: &mut Watch| {
-            Moved::new((tolerance, SEED_OF_SEARCH), &result.placement, evaluator, &mut || {
-                !watch.is_over()
-            })
-        };
-        let Some(mut moved) = moved_to(result, &mut evaluator, watch)? else { return Ok(0) };
-        let mut holds = moved.holds(&[], &found(result)).all;
-        let mut looked_at = 0;
-        for round in 0..MOVES {
-            if holds >= SOUGHT || watch.is_over() {
+        let (mut now, mut most, mut looked_at) = (result.clone(), f64::NEG_INFINITY, 0);
+        for round in 0..=MOVES {
+            let seed = SEED_OF_SEARCH + round as u64;
+            let go_on = &mut || !watch.is_over();
+            let required = found(&now);
+            let rig = (&now.placement, required.len());
+            let moved = Moved::new((tolerance, seed), rig, &mut evaluator, go_on)?;
+            let Some(moved) = moved else { break };
+            let each = moved.holds(&[], &required);
+            let holds = each.all;
+            if holds.min(SOUGHT) > most {
+                (*result, most) = (now.clone(), holds.min(SOUGHT));
+            }
+            if holds >= SOUGHT || round == MOVES || watch.is_over() {
                 break;
             }
-            let offers = self.offers(result, &moved, (&mut evaluator, round), watch)?;
+            // Requirements that all copies meet keep room enough, or the move is not taken.
+            let moved = moved.only_missed(&each).at_few(true);
+            let offers = self.offers(&now, &moved, (&mut evaluator, round), watch)?;
             looked_at += offers.len() as u64;
-            let Some(next) = self.more_secure((&*result, holds), offers, &moved, watch)? else {
-                break;
-            };
-            (*result, holds) = next;
-            let Some(after) = moved_to(result, &mut evaluator, watch)? else { break };
-            moved = after;
+            let moved = moved.at_few(false);
+            let next = self.more_secure((&now, holds), (offers, &moved, &mut evaluator), watch)?;
+            let Some(next) = next else { break };
+            now = next;
         }
         Ok(looked_at)
     }
@@ -72,9 +80,9 @@ impl Run {
         moved: &Moved,
         (evaluator, round): (&mut Evaluator, usize),
         watch: &mut Watch,
-    ) -> Result<Vec<(Placement, Instead)>, SearchError> {
+    ) -> Result<Vec<Placement>, SearchError> {
         let (before, still) = (found(now), moved.as_it_is(&[]));
-        let mut ranked: Vec<(f64, (Placement, Instead))> = Vec::new();
+        let mut ranked: Vec<(f64, Placement)> = Vec::new();
         let moves = self.moves(&now.placement);
         let count = moves.len();
         let mut moves = moves.into_iter().peekable();
@@ -94,36 +102,40 @@ impl Run {
                 let found = before.iter().zip(changed);
                 let found = found.map(|((share, least), (new, old))| (share + (new - old), *least));
                 let holds = moved.holds(&instead, &found.collect::<Vec<_>>()).all;
-                ranked.push((holds, (placement, instead)));
+                ranked.push((holds, placement));
             }
-            // Stable: of equal ones the first. The others' beams need not be kept.
+            // Stable: of equal ones the first.
             ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
             ranked.truncate(SCORED);
         }
         Ok(ranked.into_iter().map(|(_, offer)| offer).collect())
     }
 
-    /// The best of some offers, with the share of its copies that meet all requirements; `None` where this share rises with
+    /// The best of some offers by the share of their copies that meet all requirements; `None` where this share rises with
     /// none.
     fn more_secure(
         &mut self,
         (now, holds): (&Scored, f64),
-        offers: Vec<(Placement, Instead)>,
-        moved: &Moved,
+        (offers, moved, evaluator): (Vec<Placement>, &Moved, &mut Evaluator),
         watch: &mut Watch,
-    ) -> Result<Option<(Scored, f64)>, SearchError> {
-        let (placements, instead): (Vec<_>, Vec<_>) = offers.into_iter().unzip();
-        let Some(judged) = self.judged_over_all(&placements, watch)? else { return Ok(None) };
-        let guards = now.standing().guards;
+    ) -> Result<Option<Scored>, SearchError> {
+        let Some(judged) = self.judged_over_all(&offers, watch)? else { return Ok(None) };
+        let go_on = &mut || !watch.is_over();
+        let columns = moved.columns_beside(&now.placement, &offers, evaluator, go_on)?;
+        let Some(columns) = columns else { return Ok(None) };
+        let (guards, before) = (now.standing().guards, found(now));
         let (mut best, mut best_rank) = (None, (holds.min(SOUGHT), f64::INFINITY));
-        for (scored, instead) in self.scored(&placements, judged).into_iter().zip(instead) {
+        for (scored, instead) in self.scored(&offers, judged).into_iter().zip(columns) {
             let standing = scored.standing();
             let is_sound = standing.violation <= 0.0 && standing.guards <= guards;
             let Some(value) = standing.value.filter(|_| is_sound) else { continue };
+            if !moved.keeps_room(&before, &found(&scored), ROOM_LEFT) {
+                continue;
+            }
             let holds = moved.holds(&instead, &found(&scored)).all;
             let rank = (holds.min(SOUGHT), value);
             if rank > best_rank {
-                (best, best_rank) = (Some((scored, holds)), rank);
+                (best, best_rank) = (Some(scored), rank);
             }
         }
         Ok(best)
@@ -135,9 +147,9 @@ impl Run {
         let Some(here) = constraints.variables_of(placement) else { return Vec::new() };
         let mut moves = Vec::new();
         for (variable, &(low, high)) in constraints.variable_bounds().iter().enumerate() {
-            for steps in (-STEPS..=STEPS).filter(|&steps| steps != 0) {
+            for step in STEPS {
                 let mut there = here.clone();
-                there[variable] = (here[variable] + f64::from(steps) * STEP).clamp(low, high);
+                there[variable] = (here[variable] + step).clamp(low, high);
                 let lidars = constraints.poses_of(&there);
                 let moved = placement_to_nanometres(&Placement { lidars, ..placement.clone() });
                 if moved.lidars != placement.lidars && constraints.violations(&moved).is_empty() {
