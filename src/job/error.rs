@@ -23,11 +23,11 @@ pub enum JobError {
     Rules(DescriptionError),
     /// Options for the one mount of a scene, given to a vehicle with mounts of its own.
     #[error(
-        "--fix, --symmetric and --equal-height are rules for the `mount` of a scene, and {scene} has a vehicle with \
+        "--fix, --symmetric and --equal-height are rules for the `mount` of a scene, and the vehicle of {file} has \
          mounts of its own; write `symmetric` or `equal_height` into the vehicle's file, and for --fix the value as \
          `min` and `max` of a mount"
     )]
-    RulesOfVehicle { scene: String },
+    RulesOfVehicle { file: String },
     /// From the region of interest, or from building the P-SOG.
     #[error(transparent)]
     Grid(#[from] PsogError),

@@ -67,7 +67,8 @@ impl JobFiles {
     pub fn read_scene(&self, path: &Path) -> Result<Scene, JobError> {
         let scene = Scene::read_with(path, self.vehicle.as_deref())?;
         if self.rules != MountRules::default() && !scene.vehicle().is_nameless() {
-            return Err(JobError::RulesOfVehicle { scene: path.display().to_string() });
+            let file = self.vehicle.as_deref().unwrap_or(path);
+            return Err(JobError::RulesOfVehicle { file: file.display().to_string() });
         }
         scene.with_rules(&self.rules, &path.display().to_string()).map_err(JobError::Rules)
     }

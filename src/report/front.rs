@@ -8,7 +8,7 @@ use super::study::lost;
 use super::svg::trimmed;
 use super::tables::optional;
 use super::text::align_columns;
-use crate::job::{Front, FrontObjective, FrontPoint};
+use crate::job::{Front, FrontObjective, FrontPoint, FrontStopped};
 use crate::scan::conditions::under;
 
 /// All of `result.json` of a front.
@@ -218,7 +218,11 @@ pub(super) fn front_verdict(front: &Front) -> String {
 pub(super) fn refined_in_words(front: &Front, record: &FrontRecord) -> String {
     let refined = match record.settings["search"]["evaluations"].as_u64() {
         Some(evaluations) if evaluations > 0 => {
-            format!("poses of the points were searched with {evaluations} evaluations each")
+            let as_far = match front.stopped {
+                FrontStopped::Complete => "",
+                FrontStopped::Time | FrontStopped::Interrupted => ", as far as the time allowed",
+            };
+            format!("poses of the points were searched with {evaluations} evaluations each{as_far}")
         }
         _ => "points of the front stand on the coarse grid of poses and are not refined".to_owned(),
     };

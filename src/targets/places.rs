@@ -359,6 +359,41 @@ mod tests {
     }
 
     #[test]
+    fn rules_that_are_not_asked_cost_nothing_and_change_nothing() {
+        let text = r#"{ "sightline": 1, "coverage": "first-hit",
+            "roi": { "min": [-8, -8, -1], "max": [8, 8, 3], "voxel": [1, 1, 1] },
+            "static": [{ "class": "road", "plane": { "min": [-99, -99], "max": [99, 99], "z": 0 } }],
+            "ego": { "poses": [{ "x": 0, "y": 0, "z": 0 }],
+                     "body": [{ "class": "vehicle", "box": { "min": [-2, -1, 0.2], "max": [2, 1, 1.5] } }] },
+            "vehicle": {
+              "sensors": [{ "name": "a", "lidar": { "channels": 32, "fov": [-30, 0], "azimuth_steps": 90, "range": 100 } }],
+              "mounts": [{ "name": "top", "min": [-2, -1, 2], "max": [2, 1, 2.5], "count": [1, 2] }],
+              "require": [{ "target": "car", "within": 20, "share": 0.5 }, { "ground": 5, "share": 0.5 },
+                          { "target": "tyre", "within": 10, "share": 0.5, "without_any_one": true }] } }"#;
+        let scene = Scene::from_json(text, Path::new(""), "rules.json").unwrap();
+        let roi = scene.roi().grid().unwrap();
+        let psog = Psog::new(roi, 1, scene.classes().to_vec(), vec![], vec![]).unwrap();
+        let problem = Problem::from_scene(&scene, &psog, scene.sensors().unwrap(), &[0]).unwrap();
+        let sight = Sight::of([(&Arc::new(problem), false)], false).unwrap();
+        // Targets come first.
+        assert_eq!(sight.on_targets(), [true, true, false]);
+        let pose = |x: f64| SensorPose { x, z: 2.2, ..SensorPose::default() };
+        let lidars = [pose(-1.0), pose(1.5)];
+        let all = lidars.map(|lidar| sight.beams(&lidar).unwrap());
+        let shares = sight.shares(&[&all[0], &all[1]], &[true; 3]);
+        assert!(shares.iter().all(|share| *share > 0.1 && *share < 1.0), "{shares:?}");
+        for bits in 0..8 {
+            let wanted = [0, 1, 2].map(|k| bits >> k & 1 == 1);
+            let few = lidars.map(|lidar| sight.beams_for(&lidar, &wanted).unwrap());
+            let expected = [0, 1, 2].map(|k| if wanted[k] { shares[k] } else { 1.0 });
+            assert_eq!(sight.shares(&[&few[0], &few[1]], &wanted), expected, "{wanted:?}");
+            assert_eq!(few[0].ground.is_empty(), !wanted[2]);
+            let Rule::Target(_, cars) = &sight.rules[0] else { panic!("the car comes first") };
+            assert_eq!(few[0].beams[cars.clone()].iter().any(|beams| *beams > 0), wanted[0]);
+        }
+    }
+
+    #[test]
     fn a_target_stands_on_the_bridge_or_under_it_as_the_vehicle_does() {
         let places = [[20.0, 0.0], [20.0, 15.0]];
         let near = |found: Option<f64>, height: f64| (found.unwrap() - height).abs() < 1e-5;

@@ -32,6 +32,13 @@ pub(super) fn read(
     read_model(model, "", file, frames)
 }
 
+/// True if joints are frames in a document: since version 1.7. Before, a joint and a link may share a name.
+fn joints_are_frames(node: Node) -> bool {
+    let root = node.document().root_element();
+    let minor = root.attribute("version").and_then(|text| text.trim().strip_prefix("1."));
+    minor.and_then(|minor| minor.parse::<u32>().ok()).is_none_or(|minor| minor >= 7)
+}
+
 /// Reads a model. Names in it begin with `scope`, which is empty or ends with `::`.
 fn read_model(
     model: Node,
@@ -46,7 +53,8 @@ fn read_model(
         let usual_parent = match kind {
             "link" | "model" => MODEL,
             "frame" => node.attribute("attached_to").filter(|to| !to.is_empty()).unwrap_or(MODEL),
-            // A joint is a frame at its child, since version 1.7.
+            // A joint is a frame at its child.
+            "joint" if !joints_are_frames(node) => continue,
             "joint" => match yaml::child(node, "child").and_then(|child| child.text()) {
                 Some(child) => child.trim(),
                 None => {

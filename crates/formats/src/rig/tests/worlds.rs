@@ -90,3 +90,22 @@ fn names_with_prefixes_are_other_names() {
         assert!(rig.notes.iter().all(|note| !note.is_doubt()), "{:?}", rig.notes);
     }
 }
+
+/// Gazebo's older models call a joint as they call its link; since version 1.7 both are frames.
+#[test]
+fn a_joint_may_have_its_links_name_before_1_7() {
+    let of = |version: &str| {
+        read(&format!(
+            "<sdf version='{version}'><model name='m'><link name='body'/><link name='hokuyo'><pose>1 0 0.5 0 0 0</pose>\
+             <sensor name='s' type='ray'/></link><joint name='hokuyo' type='fixed'><child>hokuyo</child><parent>body</parent></joint>\
+             </model></sdf>"
+        ))
+    };
+    for before in ["1.4", "1.6"] {
+        assert_eq!(position(&of(before).unwrap()), [1.0, 0.0, 0.5], "{before}");
+    }
+    for since in ["1.7", "1.10"] {
+        let told = of(since).unwrap_err().to_string();
+        assert!(told.contains("hokuyo"), "{told}");
+    }
+}
