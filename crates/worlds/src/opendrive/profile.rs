@@ -3,12 +3,13 @@
 use roxmltree::Node;
 
 use super::document::number_or_0;
+use super::stations::Cubic;
 
 /// What the `<lateralProfile>` of a road says beside its banking.
 #[derive(Debug, Default)]
 pub(super) struct Profile {
     /// Heights across the road at places along it, by `s` in metres, each a row of cubics by the `t` where it begins.
-    places: Vec<(f64, Vec<(f64, [f64; 4])>)>,
+    places: Vec<(f64, Vec<Cubic>)>,
     /// Whether it has a `<crossSectionSurface>`.
     pub section: bool,
 }
@@ -51,7 +52,7 @@ impl Profile {
 
     /// Height in metres at `s` and `t`: linear along the road between places, the last cubic that begins before `t` across it.
     fn height(&self, s: f64, t: f64) -> f64 {
-        let across = |rows: &[(f64, [f64; 4])]| {
+        let across = |rows: &[Cubic]| {
             let begun = rows.partition_point(|(start, _)| *start <= t);
             let (start, [a, b, c, d]) = rows[begun.saturating_sub(1)];
             let along = if begun == 0 { 0.0 } else { t - start };

@@ -27,8 +27,8 @@ const MOST: usize = 10_000;
 /// Most places of one road before neighbours are joined.
 const MOST_FOUND: usize = 1 << 20;
 
-/// A record: its place along the road, and the coefficients a, b, c, d of its cubic.
-type Cubic = (f64, [f64; 4]);
+/// A record: where it begins, in metres along or across the road, and the coefficients a, b, c, d of its cubic.
+pub(super) type Cubic = (f64, [f64; 4]);
 
 /// The places of one road.
 pub(super) struct RoadStations<'a, 'i> {
