@@ -13,7 +13,7 @@
 //! | `pilot`, `levels`, `on_demand` | few frames that stand for all, and when more are needed |
 //! | `atlas`, `atlases`, `coarse_grid`, `grid_search`, `grid_values`, `climb`, `swaps` | placements on a grid of poses |
 //! | `equip` | models and numbers of sensors under a budget; requirements |
-//! | `tolerance` | requirements in copies of a placement that are mounted a little off |
+//! | `tolerance`, `copies` | requirements in copies of a placement that are mounted a little off |
 //! | `phases` | check of a result at draws of phases that the search has not seen |
 //! | `bound` | bounds on how much better than the result another placement could be |
 //! | `spread` | gain over the best baseline beside the spread between scenes |
@@ -24,6 +24,7 @@ pub(crate) mod atlases;
 pub(crate) mod bound;
 pub(crate) mod climb;
 mod coarse_grid;
+mod copies;
 mod equip;
 mod error;
 mod evaluator;
@@ -50,6 +51,7 @@ mod tolerance;
 
 pub use bound::{Certificate, GainBound};
 pub(crate) use coarse_grid::coarse_grid;
+pub(crate) use copies::{FRAMES_OF_COPIES, Moved, SEED_OF_RESULT, error_of_share};
 pub(crate) use equip::REQUIRED;
 pub use equip::{Choosing, EquipStep, Equipped, Equipping, Limits, PLAIN, cost_front};
 pub use error::SearchError;
@@ -69,4 +71,3 @@ pub use suite::{Member, Suite};
 pub use swaps::Climbs;
 pub(crate) use swaps::SWAP_SPACING;
 pub use tolerance::Tolerance;
-pub(crate) use tolerance::{FRAMES_OF_COPIES, Moved, SEED_OF_RESULT, error_of_share};

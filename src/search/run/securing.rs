@@ -1,11 +1,12 @@
 //! Requirements that are to hold within the mounting tolerance, too.
 
 use super::state::Run;
+use crate::search::copies::{FRAMES_OF_COPIES, Moved, SEED_OF_SEARCH};
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::outcome::Scored;
-use crate::search::tolerance::{FRAMES_OF_COPIES, Moved, SEED_OF_SEARCH, Tolerance};
+use crate::search::tolerance::Tolerance;
 use crate::vehicle::{Placement, placement_to_nanometres};
 
 /// Share of the copies that is sought: more than the 95 % that are asked for, since other copies are asked then.
