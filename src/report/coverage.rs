@@ -202,8 +202,9 @@ fn lidar(number: usize, sensor: SensorName) -> String {
     if sensor.is_none() { number.to_string() } else { format!("{number} {sensor}") }
 }
 
+/// A share in percent, rounded down as the near field has it.
 fn percent(share: Option<f64>) -> String {
-    super::optional(share.map(|share| 100.0 * share), 1)
+    super::optional(share.map(percent_down), 1)
 }
 
 /// A line of a table: a name, how many things there are, shares in percent.

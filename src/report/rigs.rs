@@ -183,7 +183,7 @@ mod tests {
             found.starts_with("better: a ") && found.contains("; decided by near_gain;"),
             "{found}"
         );
-        assert!(!found.contains("warning"), "{found}");
+        assert!(!found.contains("1 warning"), "{found}");
         let mut on_paper = rig("a", met, 0, 0.6);
         on_paper.requirements_hold_in = Some(0.92);
         let mut firm = rig("b", met, 1, 0.5);

@@ -368,7 +368,7 @@ mod tests {
             "vehicle": {
               "sensors": [{ "name": "a", "lidar": { "channels": 32, "fov": [-30, 0], "azimuth_steps": 90, "range": 100 } }],
               "mounts": [{ "name": "top", "min": [-2, -1, 2], "max": [2, 1, 2.5], "count": [1, 2] }],
-              "require": [{ "target": "car", "within": 20, "share": 0.5 }, { "ground": 5, "share": 0.5 },
+              "require": [{ "target": "car", "within": 60, "beams": 9, "share": 0.5 }, { "ground": 5, "share": 0.5 },
                           { "target": "tyre", "within": 10, "share": 0.5, "without_any_one": true }] } }"#;
         let scene = Scene::from_json(text, Path::new(""), "rules.json").unwrap();
         let roi = scene.roi().grid().unwrap();
