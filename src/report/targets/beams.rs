@@ -112,13 +112,18 @@ impl OfPlacement<'_> {
     }
 
     /// The most beams on a target that is detected nowhere at a bearing, and the first distance that has them; a dash
-    /// where no beam meets it.
+    /// where no beam meets it. Of several frames the one with fewest beams counts, as for a detection.
     fn nearest_miss(&self, target: &str, bearing: f64, beams: u32) -> String {
-        let counts = self.at(target, bearing).filter(|row| !row.overlaps);
-        let best = counts.fold((0, 0.0), |best: (u32, f64), row| match row.beams {
-            Some(beams) if beams > best.0 => (beams, row.distance),
-            _ => best,
-        });
+        let mut least: Vec<(u32, f64)> = Vec::new();
+        for row in self.at(target, bearing).filter(|row| !row.overlaps) {
+            let Some(beams) = row.beams else { continue };
+            match least.iter_mut().find(|(_, distance)| *distance == row.distance) {
+                Some((fewest, _)) => *fewest = beams.min(*fewest),
+                None => least.push((beams, row.distance)),
+            }
+        }
+        let more = |best: (u32, f64), at: (u32, f64)| if at.0 > best.0 { at } else { best };
+        let best = least.into_iter().fold((0, 0.0), more);
         match best {
             (0, _) => "–".to_owned(),
             (most, metres) => format!("– ({most} beams at {}, {beams} needed)", trimmed(metres, 2)),
@@ -173,6 +178,9 @@ mod tests {
             lines(&table),
             ["rig", "bearing tyre m", "ahead 0° – (4 beams at 60, 5 needed)", "left 90° –"]
         );
+        // In another frame fewer beams meet the tyre at 60 m.
+        table.rows.push(TargetRow { frame: Some(1), ..row(0.0, 60.0, Some(2), false) });
+        assert_eq!(lines(&table)[2], "ahead 0° – (3 beams at 10, 5 needed)");
         table.detections[0].detected = vec![[10.0, 30.0]];
         assert_eq!(lines(&table)[2..], ["ahead 0° 10–30", "left 90° –"]);
         table.detections[0].detected = vec![[10.0, 60.0]];
