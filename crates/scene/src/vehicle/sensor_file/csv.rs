@@ -303,7 +303,33 @@ pub(super) fn parse_robosense(
         channels.push(channel((&at, elevation), (&at, offset))?);
     }
     check_count(at, channels.len())?;
-    Ok(SensorPattern::new(SensorFormat::RoboSense, Beams::Channels(channels)))
+    let notes = decimal_commas(at, text).into_iter().collect();
+    let pattern = SensorPattern::new(SensorFormat::RoboSense, Beams::Channels(channels));
+    Ok(SensorPattern { notes, ..pattern })
+}
+
+/// A doubt about rows of two whole numbers, the second with as many digits in each and not 0 in all: one number with a decimal
+/// comma may be meant.
+fn decimal_commas(at: &Location, text: &str) -> Option<Note> {
+    let rows: Vec<_> = rows(text).collect();
+    let is_whole = |cell: &&str| cell.trim_start_matches('-').bytes().all(|b| b.is_ascii_digit());
+    let digits = |cells: &[&str]| match cells {
+        [first, second] if is_whole(first) && !second.starts_with('-') && is_whole(second) => {
+            Some(second.len())
+        }
+        _ => None,
+    };
+    let length = digits(&rows.first()?.1)?;
+    let alike = rows.iter().all(|(_, cells)| digits(cells) == Some(length));
+    let turned = rows.iter().find(|(_, cells)| cells[1].bytes().any(|b| b != b'0'))?;
+    let [elevation, offset] = [turned.1[0], turned.1[1]];
+    (alike && rows.len() > 1).then(|| {
+        Note::doubt(format!(
+            "{}: {elevation},{offset} is read as an elevation of {elevation}° and an azimuth offset of {offset}°; a decimal \
+             comma? Write {elevation}.{offset}",
+            at_line(at, turned.0)
+        ))
+    })
 }
 
 /// First bytes of an array.

@@ -103,3 +103,18 @@ fn misspelt_keys_of_an_own_file_and_offsets_in_radians() {
         assert!(doubts(&file(sound)).is_empty(), "{sound}");
     }
 }
+
+#[test]
+fn decimal_commas_in_place_of_points() {
+    let read = |text: &str| read(text).unwrap();
+    let commas = read("-25,0\n-4,5\n-4,0\n");
+    let told = doubts(&commas);
+    assert!(
+        told.len() == 1 && told[0].contains("line 2: -4,5 is read as an elevation of -4°"),
+        "{told:?}"
+    );
+    assert!(told[0].ends_with("Write -4.5"), "{told:?}");
+    for sure in ["-25,0\n-4,0\n", "-25.5,1\n-4,2\n", "-25,10\n-4,5\n", "-25,1\n-4,-1\n"] {
+        assert!(doubts(&read(sure)).is_empty(), "{sure}");
+    }
+}
