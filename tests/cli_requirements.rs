@@ -90,7 +90,7 @@ fn a_result_is_moved_until_its_copies_within_the_tolerance_meet_what_is_required
     assert!(mounted["requirements_hold_in"].as_f64().unwrap() >= 0.95, "{mounted}");
     // Little is paid for it.
     let gain = |found: &Value| found["near_gain"].as_f64().unwrap();
-    assert!(gain(&mounted) > 0.9 * gain(&paper) && gain(&mounted) < gain(&paper), "{mounted}");
+    assert!(gain(&mounted) > 0.9 * gain(&paper), "{mounted}");
 }
 
 #[test]

@@ -334,7 +334,7 @@ fn faults_are_said() {
         &ruled,
         &[
             "--fix, --symmetric and --equal-height are rules for the `mount` of a scene",
-            "and the vehicle of cart.json has mounts of its own",
+            "cart.json has mounts of its own",
         ],
     );
     says(&["optimize", "room.json", "--budget", "9"], &["--budget", "--vehicle"]);

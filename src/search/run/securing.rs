@@ -12,9 +12,11 @@ use crate::vehicle::{Placement, placement_to_nanometres};
 /// Share of the copies that is sought: more than the 95 % that are asked for, since other copies are asked then.
 const SOUGHT: f64 = 0.97;
 /// Moves of a LiDAR, one after the other, at most.
-const MOVES: usize = 3;
+const MOVES: usize = 6;
+/// Moves in a row that bring no more copies to meet all, after which the search for one ends.
+const IDLE_MOVES: usize = 2;
 /// Moves of one search variable, m or rad.
-const STEPS: [f64; 4] = [-0.075, -0.025, 0.025, 0.075];
+const STEPS: [f64; 6] = [-0.075, -0.05, -0.025, 0.025, 0.05, 0.075];
 /// Share of the room above a requirement that all copies meet which a move must leave.
 const ROOM_LEFT: f64 = 0.5;
 /// Moves that hold in most copies, of which all scores are computed.
@@ -29,7 +31,7 @@ fn found(scored: &Scored) -> Vec<(f64, f64)> {
 
 impl Run {
     /// Moves single LiDARs of a result a little, one after the other, until 97 % of its copies within the mounting tolerance
-    /// meet all requirements, or no move makes more of them do so. If enough copies do after several moves, the move
+    /// meet all requirements, or moves make no more of them do so. If enough copies do after several moves, the move
     /// of the largest objective is taken; else the one after which most do. Returns the placements scored for it.
     ///
     /// A move is chosen by copies that flatter it: after each, other copies are drawn, and of all placements on the way the one
@@ -46,7 +48,8 @@ impl Run {
         let Some(tolerance) = tolerance.filter(|_| required) else { return Ok(0) };
         let few = self.suite.over(&self.suite.spread(Some(FRAMES_OF_COPIES)));
         let mut evaluator = Evaluator::suite_on_cpu(&few, self.memory() / 2);
-        let (mut now, mut most, mut looked_at) = (result.clone(), f64::NEG_INFINITY, 0);
+        let (mut now, mut most, mut idle, mut looked_at) =
+            (result.clone(), f64::NEG_INFINITY, 0, 0);
         for round in 0..=MOVES {
             let seed = SEED_OF_SEARCH + round as u64;
             let go_on = &mut || !watch.is_over();
@@ -56,10 +59,11 @@ impl Run {
             let Some(moved) = moved else { break };
             let each = moved.holds(&[], &required);
             let holds = each.all;
+            idle += 1;
             if holds.min(SOUGHT) > most {
-                (*result, most) = (now.clone(), holds.min(SOUGHT));
+                (*result, most, idle) = (now.clone(), holds.min(SOUGHT), 0);
             }
-            if holds >= SOUGHT || round == MOVES || watch.is_over() {
+            if holds >= SOUGHT || round == MOVES || idle == IDLE_MOVES || watch.is_over() {
                 break;
             }
             // Requirements that all copies meet keep room enough, or the move is not taken.
