@@ -21,7 +21,7 @@ const COPIES: usize = 200;
 const POSES_FOR_TARGETS: usize = 1 + COPIES;
 /// Copies by which the first choice among many moves is made.
 const FEW_COPIES: usize = 40;
-/// Poses of each LiDAR for areas, ground and overlap: its own, and those that the copies draw from.
+/// Poses of each LiDAR in which areas, ground and overlap are looked at: the first is its own, copies draw from the other 15.
 const POSES: usize = 16;
 /// Poses whose beams on targets are looked at between two questions whether to go on.
 const POSES_AT_ONCE: usize = 8;
@@ -50,7 +50,7 @@ pub(crate) struct Column {
     areas: Vec<Vec<Vec<u64>>>,
 }
 
-/// Columns that take the place of those of LiDARs, by their number.
+/// Numbers of LiDARs, each with the column that replaces its own.
 pub(crate) type Instead = Vec<(usize, Column)>;
 
 /// A placement whose LiDARs each stand in one of some poses within the tolerance.
@@ -71,9 +71,9 @@ pub(crate) struct Moved {
 
 /// Poses of the LiDARs in a copy.
 struct Copied {
-    /// The same for each LiDAR: each has poses of its own.
+    /// Number of the pose of every LiDAR for targets.
     for_targets: usize,
-    /// By LiDAR.
+    /// Number of the pose of each LiDAR for areas, ground and overlap.
     near: Vec<usize>,
 }
 
@@ -150,8 +150,8 @@ impl Moved {
         (areas, targets, near)
     }
 
-    /// What rules that are `wanted` look at, of LiDARs in some of their poses; `go_on` and `None` work as in
-    /// [`Self::new`].
+    /// Beams, ground and surfaces of LiDARs at some poses, as far as rules that are `wanted` need them; `go_on` and `None` work
+    /// as in [`Self::new`].
     fn looked_at(
         &self,
         poses: &[SensorPose],

@@ -242,7 +242,7 @@ impl Sight {
         Ok(SightBeams { beams: self.beams_at(lidar, &places)?, ground, surfaces })
     }
 
-    /// What some rules alone look at of a LiDAR: `wanted` says which, in the order of [`Self::shares`].
+    /// Beams, ground and surfaces of a LiDAR that some rules need: `wanted` says which rules, in the order of [`Self::shares`].
     ///
     /// # Errors
     /// A model that the vehicle does not have.

@@ -174,6 +174,20 @@ fn used(kind: LaneType) -> Option<StripUse> {
     })
 }
 
+/// Lanes with their numbers in the file, by road and section.
+fn by_section<'a>(
+    roads: &RoadNetwork,
+    lanes: impl Iterator<Item = &'a xodr::Lane>,
+) -> BTreeMap<(usize, usize), Vec<(i32, &'a xodr::Lane)>> {
+    let mut sections: BTreeMap<_, Vec<_>> = BTreeMap::new();
+    for lane in lanes {
+        if let Some(at) = roads.road_lane(lane.id) {
+            sections.entry((at.road.0, at.section)).or_default().push((at.od_id, lane));
+        }
+    }
+    sections
+}
+
 /// The map of a document: its lanes, their origins, and the document's facts beside geometry.
 struct Map<'a> {
     roads: &'a RoadNetwork,
@@ -186,22 +200,12 @@ struct Map<'a> {
 impl<'a> Map<'a> {
     fn new(roads: &'a RoadNetwork, origins: &'a Provenance, document: &'a RoadFacts) -> Self {
         let origins = origins.lanes.iter().map(|origin| (origin.lane.0, origin)).collect();
-        let mut sections: BTreeMap<_, Vec<(i32, &xodr::Lane)>> = BTreeMap::new();
-        for lane in roads.lanes() {
-            if let Some(at) = roads.road_lane(lane.id) {
-                sections.entry((at.road.0, at.section)).or_default().push((at.od_id, lane));
-            }
-        }
         let ends = |(section, mut lanes): (_, Vec<(i32, &'a xodr::Lane)>)| {
             lanes.sort_by_key(|(id, _)| *id);
             Some((section, [lanes.first()?.1, lanes.last()?.1]))
         };
-        Self {
-            roads,
-            document,
-            origins,
-            outermost: sections.into_iter().filter_map(ends).collect(),
-        }
+        let outermost = by_section(roads, roads.lanes().iter()).into_iter().filter_map(ends);
+        Self { roads, document, origins, outermost: outermost.collect() }
     }
 
     /// A note of lanes whose type nobody knows.
@@ -273,7 +277,8 @@ impl<'a> Map<'a> {
         Some((left? - right?).truncate())
     }
 
-    /// Doubts about roads whose surface bends inside a lane: how far in the lane that does so most, and those that are not measured.
+    /// Doubts about surfaces that bend inside a lane: the lane with the largest height between surface and chord, and a road
+    /// whose surface is not measured.
     fn bent_across(&self, file: &str) -> Vec<Note> {
         let lanes = self.roads.lanes().iter().filter(|lane| used(lane.kind).is_some());
         let of = |lane: &xodr::Lane| {
@@ -348,15 +353,11 @@ impl<'a> Map<'a> {
 
     /// The outermost lanes of each section of a road outside junctions.
     fn streets(&self) -> Vec<Street> {
-        let mut sections: BTreeMap<(usize, usize), Vec<(i32, &xodr::Lane)>> = BTreeMap::new();
-        for lane in self.roads.lanes().iter().filter(|l| l.layer == Layer::Permanent) {
-            if used(lane.kind).is_none() || self.junction(lane) || lane.width < 0.02 {
-                continue;
-            }
-            if let Some(at) = self.roads.road_lane(lane.id) {
-                sections.entry((at.road.0, at.section)).or_default().push((at.od_id, lane));
-            }
-        }
+        let is_part = |lane: &&xodr::Lane| {
+            let is_there = lane.layer == Layer::Permanent && lane.width >= 0.02;
+            is_there && used(lane.kind).is_some() && !self.junction(lane)
+        };
+        let sections = by_section(self.roads, self.roads.lanes().iter().filter(is_part));
         sections.into_values().filter_map(|lanes| self.street(&lanes)).collect()
     }
 

@@ -3,37 +3,29 @@
 use roxmltree::Node;
 
 use super::document::number_or_0;
-use super::stations::Cubic;
+use super::stations::{Cubic, cubic, inside};
 
-/// What the `<lateralProfile>` of a road says beside its banking.
+/// Heights across a road beside its banking, from its `<lateralProfile>`.
 #[derive(Debug, Default)]
 pub(super) struct Profile {
     /// Heights across the road at places along it, by `s` in metres, each a row of cubics by the `t` where it begins.
     places: Vec<(f64, Vec<Cubic>)>,
-    /// Whether it has a `<crossSectionSurface>`.
+    /// True if the road has a `<crossSectionSurface>`, whose heights are not read.
     pub section: bool,
 }
 
 impl Profile {
     /// The profile of a road that has one that can bend across a lane.
     pub fn of(road: Node<'_, '_>) -> Option<Self> {
-        let parts = || {
-            let profiles = road.children().filter(|n| n.has_tag_name("lateralProfile"));
-            profiles.flat_map(|n| n.children())
-        };
-        let mut records: Vec<(f64, f64, [f64; 4])> = parts()
-            .filter(|n| n.has_tag_name("shape"))
-            .map(|n| {
-                let [s, t] = ["s", "t"].map(|name| number_or_0(n, name));
-                (s, t, ["a", "b", "c", "d"].map(|name| number_or_0(n, name)))
-            })
-            .collect();
-        records.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let parts = |name| inside(road, "lateralProfile").flat_map(move |n| inside(n, name));
+        let record = |n| (number_or_0(n, "s"), cubic(n, "t"));
+        let mut records: Vec<(f64, Cubic)> = parts("shape").map(record).collect();
+        records.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.0.total_cmp(&b.1.0)));
         let places = records
             .chunk_by(|a, b| a.0 == b.0)
-            .map(|rows| (rows[0].0, rows.iter().map(|(_, t, terms)| (*t, *terms)).collect()))
+            .map(|rows| (rows[0].0, rows.iter().map(|(_, row)| *row).collect()))
             .collect();
-        let section = parts().any(|n| n.has_tag_name("crossSectionSurface"));
+        let section = parts("crossSectionSurface").next().is_some();
         Some(Self { places, section }).filter(|p| p.section || !p.places.is_empty())
     }
 

@@ -91,14 +91,23 @@ fn places(road: Node<'_, '_>) -> Vec<f64> {
     places
 }
 
-fn inside<'a, 'i>(node: Node<'a, 'i>, name: &'static str) -> impl Iterator<Item = Node<'a, 'i>> {
+/// Elements of a name in another.
+pub(super) fn inside<'a, 'i>(
+    node: Node<'a, 'i>,
+    name: &'static str,
+) -> impl Iterator<Item = Node<'a, 'i>> {
     node.children().filter(move |child| child.has_tag_name(name))
+}
+
+/// The record of an element, whose attribute `place` says where it begins.
+pub(super) fn cubic(node: Node<'_, '_>, place: &str) -> Cubic {
+    (number(node, place), ["a", "b", "c", "d"].map(|key| number(node, key)))
 }
 
 /// The records of a name in an element, in order; `from` is where their places count from.
 fn cubics(node: Node<'_, '_>, name: &'static str, place: &str, from: f64) -> Vec<Cubic> {
-    let cubic = |n| (from + number(n, place), ["a", "b", "c", "d"].map(|key| number(n, key)));
-    let mut all: Vec<Cubic> = inside(node, name).map(cubic).collect();
+    let moved = |(start, terms): Cubic| (from + start, terms);
+    let mut all: Vec<Cubic> = inside(node, name).map(|n| moved(cubic(n, place))).collect();
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
     all
 }
