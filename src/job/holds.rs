@@ -95,7 +95,7 @@ impl Job {
             let looked_at = (&**placement, found.len());
             let moved = Moved::new((tolerance, SEED_OF_RESULT), looked_at, &mut evaluator, go_on)?;
             let Some(moved) = moved else { return Ok(false) };
-            let holds = moved.holds(&[], &found);
+            let Some(holds) = moved.holds(&[], &found, go_on)? else { return Ok(false) };
             scores.requirements_hold_in = Some(holds.all);
             for (seen, share) in scores.required.iter_mut().zip(holds.each) {
                 seen.holds_in = Some(share);

@@ -17,14 +17,14 @@ use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 
 /// Copies of a placement.
 const COPIES: usize = 200;
-/// Poses of each LiDAR for targets, which are quick to look at: its own, and one for each copy.
-const POSES_FOR_TARGETS: usize = 1 + COPIES;
+/// Poses of each LiDAR: its own, and one for each copy, in which targets are looked at.
+const POSES_OF_COPIES: usize = 1 + COPIES;
 /// Copies by which the first choice among many moves is made.
 const FEW_COPIES: usize = 40;
 /// Poses of each LiDAR in which areas, ground and overlap are looked at: the first is its own, copies draw from the other 15.
 const POSES: usize = 16;
-/// Poses whose beams on targets are looked at between two questions whether to go on.
-const POSES_AT_ONCE: usize = 8;
+/// Poses whose ground and surfaces are looked at between two questions whether to go on, and copies whose targets are.
+const AT_ONCE: usize = 8;
 /// Frames of each scene over which areas are looked at in copies, spread evenly.
 pub(crate) const FRAMES_OF_COPIES: u32 = 4;
 /// Seeds of the moves: every placement is moved alike. A search chooses by other copies than its result is judged by, since
@@ -42,8 +42,10 @@ pub(crate) fn error_of_share(share: f64, lidars: usize) -> f64 {
 
 /// A LiDAR in each of its poses.
 pub(crate) struct Column {
-    /// Beams on targets, `[1 + copies]` or more; empty where no rule looks for targets.
-    targets: Vec<SightBeams>,
+    /// The first of its poses.
+    own: SensorPose,
+    /// Beams on targets in it; empty where no rule looks for targets.
+    on_targets: SightBeams,
     /// Ground and surfaces, `[poses]`; empty where no rule looks for them.
     near: Vec<SightBeams>,
     /// Bits of areas, `[members][poses]`, frame after frame; of members where an area is required.
@@ -67,14 +69,6 @@ pub(crate) struct Moved {
     /// Problem that says the order of requirements.
     problem: Arc<Problem>,
     sight: Option<Arc<Sight>>,
-}
-
-/// Poses of the LiDARs in a copy.
-struct Copied {
-    /// Number of the pose of every LiDAR for targets.
-    for_targets: usize,
-    /// Number of the pose of each LiDAR for areas, ground and overlap.
-    near: Vec<usize>,
 }
 
 /// Shares of the copies that meet requirements.
@@ -101,7 +95,7 @@ impl Moved {
         let areas = evaluator.members().map(of_member).filter(|areas| areas.words() > 0).collect();
         let mut moved = Self {
             seed,
-            offsets: tolerance.offsets([placement.lidars.len(), POSES_FOR_TARGETS], seed),
+            offsets: tolerance.offsets([placement.lidars.len(), POSES_OF_COPIES], seed),
             columns: Vec::new(),
             areas,
             wanted: vec![true; required],
@@ -150,6 +144,13 @@ impl Moved {
         (areas, targets, near)
     }
 
+    /// A pose of a LiDAR, off as it is in a copy; not off in copy 0.
+    fn pose_in(&self, lidar: usize, own: &SensorPose, copy: usize) -> SensorPose {
+        let (values, off) = (own.values(), self.offsets[lidar][copy]);
+        let [x, y, z, roll, pitch, yaw] = std::array::from_fn(|k| values[k] + off[k]);
+        SensorPose { x, y, z, roll, pitch, yaw, ..*own }
+    }
+
     /// Beams, ground and surfaces of LiDARs at some poses, as far as rules that are `wanted` need them; `go_on` and `None` work
     /// as in [`Self::new`].
     fn looked_at(
@@ -158,11 +159,11 @@ impl Moved {
         wanted: &[bool],
         go_on: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Vec<SightBeams>>, BackendError> {
-        let mut found = Vec::new();
         let Some(sight) = self.sight.as_ref().filter(|_| wanted.contains(&true)) else {
-            return Ok(Some(found));
+            return Ok(Some(vec![SightBeams::default(); poses.len()]));
         };
-        for some in poses.chunks(POSES_AT_ONCE) {
+        let mut found = Vec::new();
+        for some in poses.chunks(AT_ONCE) {
             if !go_on() {
                 return Ok(None);
             }
@@ -183,21 +184,14 @@ impl Moved {
         evaluator: &mut Evaluator,
         go_on: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Vec<Column>>, BackendError> {
-        let poses = |count: usize| -> Vec<SensorPose> {
-            let moved = |&(lidar, pose): &(usize, SensorPose)| {
-                let values = pose.values();
-                self.offsets[lidar][..count].iter().map(move |off| {
-                    let [x, y, z, roll, pitch, yaw] = std::array::from_fn(|k| values[k] + off[k]);
-                    SensorPose { x, y, z, roll, pitch, yaw, ..pose }
-                })
-            };
-            lidars.iter().flat_map(moved).collect()
-        };
         let (of_areas, on_targets, on_near) = self.wanted();
-        let targets = self.looked_at(&poses(1 + self.copies), &on_targets, go_on)?;
-        let poses = poses(POSES);
-        let near = self.looked_at(&poses, &on_near, go_on)?;
-        let Some((mut targets, mut near)) = targets.zip(near) else { return Ok(None) };
+        let own: Vec<SensorPose> = lidars.iter().map(|(_, own)| *own).collect();
+        let Some(targets) = self.looked_at(&own, &on_targets, go_on)? else { return Ok(None) };
+        let in_poses = |(lidar, own): &(usize, SensorPose)| {
+            (0..POSES).map(|copy| self.pose_in(*lidar, own, copy)).collect::<Vec<_>>()
+        };
+        let poses: Vec<SensorPose> = lidars.iter().flat_map(in_poses).collect();
+        let Some(near) = self.looked_at(&poses, &on_near, go_on)? else { return Ok(None) };
         let mut areas = Vec::new();
         let members = if of_areas.contains(&true) { evaluator.members().len() } else { 0 };
         for member in 0..members {
@@ -206,17 +200,13 @@ impl Moved {
             };
             areas.extend(of_member);
         }
-        let next = |all: &mut Vec<SightBeams>, count: usize| -> Vec<SightBeams> {
-            let count = count.min(all.len());
-            all.drain(..count).collect()
+        let columns = own.into_iter().zip(targets).zip(near.chunks(POSES)).enumerate();
+        let column = |(number, ((own, on_targets), near)): (usize, (_, &[SightBeams]))| {
+            let poses = number * POSES..(number + 1) * POSES;
+            let areas = areas.iter().map(|of: &Vec<Vec<u64>>| of[poses.clone()].to_vec()).collect();
+            Column { own, on_targets, near: near.to_vec(), areas }
         };
-        let column = |number: usize| {
-            let own = number * POSES..(number + 1) * POSES;
-            let areas = areas.iter().map(|of: &Vec<Vec<u64>>| of[own.clone()].to_vec()).collect();
-            let targets = next(&mut targets, 1 + self.copies);
-            Column { targets, near: next(&mut near, POSES), areas }
-        };
-        Ok(Some((0..lidars.len()).map(column).collect()))
+        Ok(Some(columns.map(column).collect()))
     }
 
     /// Bits of areas of each pose in one scene, within which none is where nothing is required of them; `go_on` and `None`
@@ -255,15 +245,16 @@ impl Moved {
         Ok(Some(Some(bits.collect())))
     }
 
-    /// Share of every requirement in a copy, in the order of the scores; 1 where it is not looked at.
-    fn shares(&self, columns: &[&Column], copied: &Copied) -> Vec<f64> {
-        let (of_areas, on_targets, on_near) = self.wanted();
+    /// Share of every required area, and of every rule that is not on targets, with each LiDAR in one of its poses; 1 where
+    /// it is not looked at.
+    fn near_shares(&self, columns: &[&Column], poses: &[usize]) -> Vec<f64> {
+        let (of_areas, _, on_near) = self.wanted();
         let mut shares = vec![1.0; of_areas.len()];
         if of_areas.contains(&true) {
             shares.fill(0.0);
             for (member, areas) in self.areas.iter().enumerate() {
                 let mut union = vec![0; columns[0].areas[member][0].len()];
-                for (column, &pose) in columns.iter().zip(&copied.near) {
+                for (column, &pose) in columns.iter().zip(poses) {
                     let bits = &column.areas[member][pose];
                     union.iter_mut().zip(bits).for_each(|(all, bits)| *all |= bits);
                 }
@@ -273,14 +264,9 @@ impl Moved {
             }
         }
         if let Some(sight) = &self.sight {
-            let numbered = || columns.iter().zip(&copied.near);
-            let targets = numbered().filter_map(|(of, _)| of.targets.get(copied.for_targets));
-            let near = numbered().filter_map(|(of, pose)| of.near.get(*pose));
-            let targets = sight.shares(&targets.collect::<Vec<_>>(), &on_targets);
-            let near = sight.shares(&near.collect::<Vec<_>>(), &on_near);
-            shares.extend(targets.into_iter().zip(near).map(|(target, near)| target.min(near)));
+            let near = columns.iter().zip(poses).map(|(of, pose)| &of.near[*pose]);
+            shares.extend(sight.shares(&near.collect::<Vec<_>>(), &on_near));
         }
-        self.problem.in_file_order(&mut shares);
         shares
     }
 
@@ -319,33 +305,80 @@ impl Moved {
     /// Share of every requirement with no LiDAR off, over the frames that were cast, in the order of the scores; with
     /// other columns `instead` of LiDARs' own.
     pub fn as_it_is(&self, instead: &[(usize, Column)]) -> Vec<f64> {
-        let still = Copied { for_targets: 0, near: vec![0; self.columns.len()] };
-        self.shares(&self.columns(instead), &still)
+        let columns = self.columns(instead);
+        let mut shares = self.near_shares(&columns, &vec![0; columns.len()]);
+        if let Some(sight) = &self.sight {
+            let (areas, on_targets, _) = self.wanted();
+            let each: Vec<_> = columns.iter().map(|column| &column.on_targets).collect();
+            let rules = shares[areas.len()..].iter_mut();
+            let targets = sight.shares(&each, &on_targets);
+            rules.zip(targets).for_each(|(near, target)| *near = near.min(target));
+        }
+        self.problem.in_file_order(&mut shares);
+        shares
     }
 
     /// Copies that meet requirements, of each of which `found` says share and least share over all frames; with other
-    /// columns `instead` of LiDARs' own.
-    pub fn holds(&self, instead: &[(usize, Column)], found: &[(f64, f64)]) -> Holds {
+    /// columns `instead` of LiDARs' own. `go_on` and `None` work as in [`Self::new`].
+    ///
+    /// # Errors
+    /// See [`Self::new`].
+    pub fn holds(
+        &self,
+        instead: &[(usize, Column)],
+        found: &[(f64, f64)],
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Holds>, BackendError> {
         let columns = self.columns(instead);
-        let as_it_is = self.as_it_is(instead);
+        let mut still = self.near_shares(&columns, &vec![0; columns.len()]);
+        self.problem.in_file_order(&mut still);
+        let each: Vec<_> = columns.iter().map(|column| &column.on_targets).collect();
+        let order = self.sight.as_ref().map_or_else(Vec::new, |of| of.most_beams_first(&each));
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ 1);
         let mut near = || columns.iter().map(|_| rng.random_range(1..POSES)).collect();
-        let copies = (1..=self.copies).map(|copy| Copied { for_targets: copy, near: near() });
-        let copies: Vec<Copied> = copies.collect();
-        let met: Vec<Vec<bool>> = copies
-            .par_iter()
-            .map(|copied| {
-                let moved = self.shares(&columns, copied);
-                let of = found.iter().zip(moved.iter().zip(&as_it_is));
-                of.map(|((share, least), (moved, still))| share + (moved - still) >= *least)
-                    .collect()
-            })
-            .collect();
+        let copies: Vec<(usize, Vec<usize>)> = (1..=self.copies).map(|k| (k, near())).collect();
+        let is_met = |(copy, near): &(usize, Vec<usize>)| -> Result<Vec<bool>, UnknownSensor> {
+            let mut moved = self.near_shares(&columns, near);
+            self.problem.in_file_order(&mut moved);
+            let targets = self.targets_met(&columns, *copy, &order)?;
+            let of = found.iter().zip(moved.iter().zip(&still)).zip(targets);
+            // Over all frames a share is taken to change as it does over few.
+            let is_met = |((share, least), (moved, still)): (&(f64, f64), (&f64, &f64))| {
+                share + (moved - still) >= *least
+            };
+            Ok(of.map(|(near, target)| is_met(near) && target).collect())
+        };
+        let mut met: Vec<Vec<bool>> = Vec::new();
+        for some in copies.chunks(AT_ONCE) {
+            if !go_on() {
+                return Ok(None);
+            }
+            let some = some.par_iter().map(is_met);
+            met.extend(some.collect::<Result<Vec<_>, UnknownSensor>>()?);
+        }
         let share = |is_met: &dyn Fn(&Vec<bool>) -> bool| {
             met.iter().filter(|met| is_met(met)).count() as f64 / self.copies as f64
         };
         let each = (0..found.len()).map(|k| share(&|met| met[k])).collect();
-        Holds { each, all: share(&|met| met.iter().all(|met| *met)) }
+        Ok(Some(Holds { each, all: share(&|met| met.iter().all(|met| *met)) }))
+    }
+
+    /// For every requirement in the order of the scores, true unless it is on targets, is looked at, and a copy misses it.
+    fn targets_met(
+        &self,
+        columns: &[&Column],
+        copy: usize,
+        order: &[Vec<usize>],
+    ) -> Result<Vec<bool>, UnknownSensor> {
+        let (areas, on_targets, _) = self.wanted();
+        let mut met = vec![true; areas.len()];
+        if let Some(sight) = &self.sight {
+            let own = columns.iter().enumerate();
+            let poses: Vec<_> = own.map(|(k, of)| self.pose_in(k, &of.own, copy)).collect();
+            met.extend(sight.meets_on_targets(&poses, order, &on_targets)?);
+        }
+        self.problem.in_file_order(&mut met);
+        Ok(met)
     }
 }
 

@@ -83,6 +83,16 @@ struct Looking<'a> {
     receiving: Option<&'a Receiving>,
 }
 
+/// LiDARs of a placement, asked one at a time.
+pub(super) struct LookingOut<'a>(Vec<Looking<'a>>);
+
+impl LookingOut<'_> {
+    /// Beams of a LiDAR on a target; counting ends at `enough`.
+    pub(super) fn beams(&self, lidar: usize, standing: &PlacedTarget<'_>, enough: u32) -> u32 {
+        self.0[lidar].beams(standing, enough)
+    }
+}
+
 /// Metres at which beams end at anything but a target.
 enum EndRanges<'a> {
     /// At the own body: looked up on demand. `known` holds the bits of metres, and NaN for beams not looked up yet.
@@ -153,12 +163,11 @@ impl TargetSite {
         standing: &[PlacedTarget<'_>],
         enough: u32,
     ) -> Result<Vec<bool>, UnknownSensor> {
-        let looking = lidars.iter().map(|lidar| self.looking_out(lidar));
-        let looking = looking.collect::<Result<Vec<_>, _>>()?;
+        let looking = self.looking_out_of(lidars)?;
         let is_met = |standing: &PlacedTarget<'_>| {
             let mut left = enough;
-            looking.iter().any(|lidar| {
-                left -= lidar.beams(standing, left).min(left);
+            (0..lidars.len()).any(|lidar| {
+                left -= looking.beams(lidar, standing, left).min(left);
                 left == 0
             })
         };
@@ -203,6 +212,18 @@ impl TargetSite {
     fn at_rest(&self, model: usize, lidar: &SensorPose) -> Pose {
         let phase = lidar.phase.unwrap_or_else(|| self.sensors.models()[model].phase.at_rest());
         self.sensors.ego_from_sensor(model, &SensorPose { phase: Some(phase), ..*lidar }, 0)
+    }
+
+    /// LiDARs of a placement on the vehicle, nothing else around it.
+    ///
+    /// # Errors
+    /// A model that the vehicle does not have.
+    pub(super) fn looking_out_of(
+        &self,
+        lidars: &[SensorPose],
+    ) -> Result<LookingOut<'_>, UnknownSensor> {
+        let each = lidars.iter().map(|lidar| self.looking_out(lidar));
+        Ok(LookingOut(each.collect::<Result<_, _>>()?))
     }
 
     /// A LiDAR on the vehicle, nothing else around it.

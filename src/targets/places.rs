@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::beams::{PlacedTarget, TargetSite};
+use super::beams::{LookingOut, PlacedTarget, TargetSite};
 use super::card::{CARD_BEAMS, card_targets, position};
 use super::rules::Rule;
 use crate::bvh::Hit;
@@ -265,13 +265,27 @@ impl Sight {
         Ok(SightBeams { beams: self.beams_at(lidar, &places)?, ..found })
     }
 
+    /// The target at a place.
+    pub(super) fn standing(&self, place: usize) -> PlacedTarget<'_> {
+        let (target, at) = &self.places[place];
+        PlacedTarget { target, at: *at }
+    }
+
+    /// LiDARs of a placement with nothing but the own vehicle around them.
+    ///
+    /// # Errors
+    /// A model that the vehicle does not have.
+    pub(super) fn looking_out_of(
+        &self,
+        lidars: &[SensorPose],
+    ) -> Result<LookingOut<'_>, UnknownSensor> {
+        self.site.looking_out_of(lidars)
+    }
+
     /// Beams at some places, as far as they count; 0 at the others.
     fn beams_at(&self, lidar: &SensorPose, places: &[usize]) -> Result<Box<[u8]>, UnknownSensor> {
         let mut all = vec![0; self.places.len()];
-        let standing = places.iter().map(|&place| {
-            let (target, at) = &self.places[place];
-            PlacedTarget { target, at: *at }
-        });
+        let standing = places.iter().map(|&place| self.standing(place));
         let standing: Vec<PlacedTarget<'_>> = standing.collect();
         let most = places.iter().map(|&place| self.enough[place]).max().unwrap_or(0);
         let beams = self.site.beams(lidar, &standing, u32::from(most))?;
@@ -332,6 +346,9 @@ impl Sight {
 mod tests {
     use std::path::Path;
 
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
     use super::*;
     use crate::psog::Psog;
 
@@ -358,8 +375,8 @@ mod tests {
         places.iter().map(height).collect()
     }
 
-    #[test]
-    fn rules_that_are_not_asked_cost_nothing_and_change_nothing() {
+    /// A rule on cars, one on tyres without any one LiDAR, one on ground.
+    fn sight_of_three_rules() -> Sight {
         let text = r#"{ "sightline": 1, "coverage": "first-hit",
             "roi": { "min": [-8, -8, -1], "max": [8, 8, 3], "voxel": [1, 1, 1] },
             "static": [{ "class": "road", "plane": { "min": [-99, -99], "max": [99, 99], "z": 0 } }],
@@ -374,7 +391,12 @@ mod tests {
         let roi = scene.roi().grid().unwrap();
         let psog = Psog::new(roi, 1, scene.classes().to_vec(), vec![], vec![]).unwrap();
         let problem = Problem::from_scene(&scene, &psog, scene.sensors().unwrap(), &[0]).unwrap();
-        let sight = Sight::of([(&Arc::new(problem), false)], false).unwrap();
+        Sight::of([(&Arc::new(problem), false)], false).unwrap()
+    }
+
+    #[test]
+    fn rules_that_are_not_asked_cost_nothing_and_change_nothing() {
+        let sight = sight_of_three_rules();
         // Targets come first.
         assert_eq!(sight.on_targets(), [true, true, false]);
         let pose = |x: f64| SensorPose { x, z: 2.2, ..SensorPose::default() };
@@ -391,6 +413,35 @@ mod tests {
             let Rule::Target(_, cars) = &sight.rules[0] else { panic!("the car comes first") };
             assert_eq!(few[0].beams[cars.clone()].iter().any(|beams| *beams > 0), wanted[0]);
         }
+    }
+
+    #[test]
+    fn rules_on_targets_are_met_alike_whatever_the_order_of_the_lidars() {
+        let sight = sight_of_three_rules();
+        let mut rng = ChaCha8Rng::seed_from_u64(11);
+        let mut found = [[0; 2]; 2];
+        for _ in 0..60 {
+            let mut pose = || SensorPose {
+                x: rng.random_range(-2.0..2.0),
+                z: rng.random_range(1.6..2.5),
+                pitch: rng.random_range(-0.3..0.3),
+                ..SensorPose::default()
+            };
+            let lidars = [pose(), pose(), pose()];
+            let each = lidars.map(|lidar| sight.beams(&lidar).unwrap());
+            let each: Vec<&SightBeams> = each.iter().collect();
+            let met = sight.rules_met(&each);
+            let mut order = sight.most_beams_first(&each);
+            for _ in 0..2 {
+                let now = sight.meets_on_targets(&lidars, &order, &[true; 3]).unwrap();
+                assert_eq!(now[..2], [0, 1].map(|k| met[k].share >= met[k].least));
+                assert!(now[2]);
+                (0..2).for_each(|k| found[k][usize::from(now[k])] += 1);
+                order.iter_mut().for_each(|lidars| lidars.reverse());
+            }
+            assert_eq!(sight.meets_on_targets(&lidars, &order, &[false; 3]).unwrap(), [true; 3]);
+        }
+        assert!(found.concat().iter().all(|times| *times >= 10), "{found:?}");
     }
 
     #[test]

@@ -2,12 +2,13 @@
 
 use std::ops::Range;
 
+use super::beams::LookingOut;
 use super::missing::Missing;
 use super::places::{Sight, SightBeams};
 use crate::near_field::RequiredGround;
 use crate::overlap::{Shares, connected_without, cut_off, part_connected};
 use crate::score::SEEN;
-use crate::vehicle::{GroundRule, OverlapRule, TargetRule};
+use crate::vehicle::{GroundRule, OverlapRule, SensorPose, TargetRule, UnknownSensor};
 
 /// Extra share that a search wants beyond a rule, since other places lie between the tested ones.
 const MARGIN: f64 = 0.01;
@@ -203,6 +204,68 @@ impl Sight {
             if *is_wanted { self.least(&looked, rule).0 } else { 1.0 }
         };
         rules().map(share).collect()
+    }
+
+    /// For each place of a target the LiDARs, those with most beams on it first, and of equal ones the first.
+    pub fn most_beams_first(&self, each: &[&SightBeams]) -> Vec<Vec<usize>> {
+        let of_place = |place: usize| {
+            let beams = |lidar: &usize| each[*lidar].beams.get(place).copied().unwrap_or(0);
+            let mut lidars: Vec<usize> = (0..each.len()).collect();
+            lidars.sort_by_key(|lidar| std::cmp::Reverse(beams(lidar)));
+            lidars
+        };
+        (0..self.enough.len()).map(of_place).collect()
+    }
+
+    /// True for each rule on targets that is met, as [`Self::rules_met`] has it, and for all other rules and those that are
+    /// not `wanted`. LiDARs are asked for beams in an `order` for each place, and only until the answer is known.
+    ///
+    /// # Errors
+    /// A model that the vehicle does not have.
+    pub fn meets_on_targets(
+        &self,
+        lidars: &[SensorPose],
+        order: &[Vec<usize>],
+        wanted: &[bool],
+    ) -> Result<Vec<bool>, UnknownSensor> {
+        let looking = self.looking_out_of(lidars)?;
+        let is_met = |(rule, is_wanted): (&Rule, &bool)| match rule {
+            Rule::Target(rule, places) if *is_wanted => {
+                self.is_met_on_targets(&looking, rule, (places.clone(), order))
+            }
+            _ => true,
+        };
+        Ok(self.rules.iter().zip(wanted).map(is_met).collect())
+    }
+
+    fn is_met_on_targets(
+        &self,
+        looking: &LookingOut<'_>,
+        rule: &TargetRule,
+        (places, order): (Range<usize>, &[Vec<usize>]),
+    ) -> bool {
+        let count = places.len();
+        let lidars = order.first().map_or(0, Vec::len);
+        // Places not met by all LiDARs, or without each one.
+        let mut missed = vec![0; if rule.without_any_one { lidars.max(1) } else { 1 }];
+        places.into_iter().all(|place| {
+            let (standing, enough) = (self.standing(place), u32::from(self.enough[place]));
+            let mut beams = vec![0; lidars];
+            let (mut sum, mut most) = (0, 0);
+            for &lidar in &order[place] {
+                beams[lidar] = looking.beams(lidar, &standing, enough);
+                (sum, most) = (sum + beams[lidar], beams[lidar].max(most));
+                if sum - if rule.without_any_one { most } else { 0 } >= enough {
+                    return true;
+                }
+            }
+            for (lost, missed) in missed.iter_mut().enumerate() {
+                let lost = beams.get(lost).filter(|_| rule.without_any_one).unwrap_or(&0);
+                *missed += usize::from(sum - lost < enough);
+            }
+            let share = |missed: usize| (count - missed) as f64 / count as f64;
+            missed.iter().all(|&missed| share(missed) >= rule.share)
+        })
     }
 
     /// True for each rule that is on targets.

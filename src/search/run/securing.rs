@@ -1,7 +1,7 @@
 //! Requirements that are to hold within the mounting tolerance, too.
 
 use super::state::Run;
-use crate::search::copies::{FRAMES_OF_COPIES, Moved, SEED_OF_SEARCH};
+use crate::search::copies::{FRAMES_OF_COPIES, Holds, Moved, SEED_OF_SEARCH};
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
 use crate::search::observer::{Event, Watch, Work};
@@ -57,7 +57,7 @@ impl Run {
             let rig = (&now.placement, required.len());
             let moved = Moved::new((tolerance, seed), rig, &mut evaluator, go_on)?;
             let Some(moved) = moved else { break };
-            let each = moved.holds(&[], &required);
+            let Some(each) = moved.holds(&[], &required, go_on)? else { break };
             let holds = each.all;
             idle += 1;
             if holds.min(SOUGHT) > most {
@@ -106,8 +106,9 @@ impl Run {
                 let changed = moved.as_it_is(&instead).into_iter().zip(&still);
                 let found = before.iter().zip(changed);
                 let found = found.map(|((share, least), (new, old))| (share + (new - old), *least));
-                let holds = moved.holds(&instead, &found.collect::<Vec<_>>()).all;
-                ranked.push((holds, placement));
+                let holds = moved.holds(&instead, &found.collect::<Vec<_>>(), go_on)?;
+                let Some(holds) = holds else { break };
+                ranked.push((holds.all, placement));
             }
             // Stable: of equal ones the first.
             ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -137,7 +138,8 @@ impl Run {
             if !moved.keeps_room(&before, &found(&scored), ROOM_LEFT) {
                 continue;
             }
-            let holds = moved.holds(&instead, &found(&scored)).all;
+            let holds = moved.holds(&instead, &found(&scored), go_on)?;
+            let Some(Holds { all: holds, .. }) = holds else { break };
             let rank = (holds.min(SOUGHT), value);
             if rank > best_rank {
                 (best, best_rank) = (Some(scored), rank);
