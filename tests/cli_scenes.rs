@@ -124,9 +124,20 @@ fn scenes_that_do_not_belong_together_are_refused_in_a_sentence() {
             &["scan", "room.json", "./room.json", "--placement", "p.json", "--out", "d"],
             "./room.json: is the same file as room.json, and a data set has each scene once",
         ),
+        (&["score", "room.json", "room.json"], "room.json: is a scene; give a file of placements"),
+        (
+            &["sensor", "info", "room.json"],
+            "room.json: is a scene, where the table of a sensor belongs; give it as SCENE",
+        ),
+        (
+            &["rig", "import", "room.json"],
+            "room.json: is a scene, where a rig of another program belongs; give it as SCENE",
+        ),
+        (&["rig", "import", "p.json"], "p.json: is a file of placements, where a rig of another"),
     ] {
         let error = fails(dir.path(), args);
         assert!(error.contains(words), "{args:?}: {error}");
+        assert!(!error.contains("counts twice"), "{args:?}: {error}");
     }
     // Other classes are no error: no score compares them.
     changed(dir.path(), "tree.json", |scene| {

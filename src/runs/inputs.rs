@@ -15,6 +15,8 @@ use crate::vehicle::{
 };
 use crate::{Note, files};
 
+/// What a file of placements without a scene is told.
+const PLACEMENTS_ALONE: &str = "holds placements; give a scene to score them in before it";
 /// Largest file whose text is looked at to tell whether it is a scene, in bytes.
 const MOST_LOOKED_AT: u64 = 1 << 28;
 
@@ -35,10 +37,7 @@ impl Files {
     pub fn sort(files: &[PathBuf], watcher: &dyn Watcher) -> Result<Self, RunError> {
         let sorted = Self::told_apart(files)?;
         if let ([], Some(only)) = (&sorted.scenes[..], &sorted.placements) {
-            return Err(RunError::Usage(format!(
-                "{}: holds placements; give a scene to score them in before it",
-                only.display()
-            )));
+            return Err(RunError::Usage(format!("{}: {PLACEMENTS_ALONE}", only.display())));
         }
         note_repeated(&sorted.scenes, watcher);
         Ok(sorted)
@@ -108,14 +107,19 @@ impl Files {
         files: &[PathBuf],
         watcher: &dyn Watcher,
     ) -> Result<(Vec<PathBuf>, PathBuf), RunError> {
-        let Self { mut scenes, placements } = Self::sort(files, watcher)?;
+        let Self { mut scenes, placements } = Self::told_apart(files)?;
+        let alone = match placements {
+            Some(_) => PLACEMENTS_ALONE,
+            None => "is the only file; give a scene, and the placements to score in it",
+        };
         let placements = placements.or_else(|| scenes.pop());
+        note_repeated(&scenes, watcher);
         match (placements, scenes.is_empty()) {
             (Some(placements), false) => Ok((scenes, placements)),
-            (only, _) => Err(RunError::Usage(format!(
-                "{}: is the only file; give a scene, and the placements to score in it",
-                only.as_deref().unwrap_or(Path::new("")).display()
-            ))),
+            (only, _) => {
+                let only = only.as_deref().unwrap_or(Path::new("")).display();
+                Err(RunError::Usage(format!("{only}: {alone}")))
+            }
         }
     }
 }

@@ -218,7 +218,7 @@ pub enum DescriptionError {
     Version { at: Box<Location>, found: String },
     /// A file of another kind than expected.
     #[error("{file}: is {found}, where {wanted} belongs; give it {}", .found.place())]
-    OtherKind { file: String, found: FileKind, wanted: FileKind },
+    OtherKind { file: String, found: FileKind, wanted: String },
     /// A number, name or list that the place does not allow.
     #[error("{at}: {value} is not {wanted}")]
     Value { at: Box<Location>, value: String, wanted: String },

@@ -15,7 +15,7 @@ pub use numbers::{Quantity, fixed, shortened, spoken, written};
 pub use objects::{Objects, from_text};
 pub use parse::{
     FileKind, check_version, check_xml, line_and_column, parse, plain_words, read_limited,
-    read_text, refuse_utf_16, unknown_key, version_1,
+    read_text, refuse_own_kinds, refuse_utf_16, unknown_key, version_1,
 };
 pub use xml::{has_no_prefix, plain_names};
 pub use yaml::{YamlDocument, parse_documents, parse_yaml};

@@ -44,9 +44,7 @@ pub fn check_version(text: &str, file: &str, wanted: FileKind) -> Result<(), Des
             at: Box::new(top.key("sightline")),
             found: format!("version {v} is unknown"),
         }),
-        (_, Some(found)) => {
-            Err(DescriptionError::OtherKind { file: file.to_owned(), found, wanted })
-        }
+        (_, Some(found)) => Err(other_kind(file, found, &wanted.to_string())),
         (Some(_), None) => Ok(()),
         (None, None) => Err(DescriptionError::Version {
             at: Box::new(top),
@@ -192,6 +190,19 @@ pub fn refuse_utf_16(bytes: &[u8], file: &Path) -> Result<(), DescriptionError> 
         true => Err(DescriptionError::Utf16 { file: file.to_owned() }),
         false => Ok(()),
     }
+}
+
+/// The error of a file whose keys are those of another kind.
+fn other_kind(file: &str, found: FileKind, wanted: &str) -> DescriptionError {
+    DescriptionError::OtherKind { file: file.to_owned(), found, wanted: wanted.to_owned() }
+}
+
+/// Refuses a text that is a scene, a vehicle, placements or a target, where a thing of another kind is `wanted`.
+///
+/// # Errors
+/// Says what the file is, and how it is given to the program.
+pub fn refuse_own_kinds(text: &str, file: &str, wanted: &str) -> Result<(), DescriptionError> {
+    FileKind::of(text).map_or(Ok(()), |found| Err(other_kind(file, found, wanted)))
 }
 
 /// Kinds of files that a user writes.

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use serde_json::Value;
 use sightline_files::json::{
     DescriptionError, Location, Quantity, YamlDocument, parse_documents, parse_yaml, plain_names,
-    read_limited, refuse_utf_16,
+    read_limited, refuse_own_kinds, refuse_utf_16,
 };
 
 use super::beams::{Models, RigBeams};
@@ -117,6 +117,7 @@ pub(super) fn format_of(source: &RigSource) -> Result<RigFormat, RigError> {
         return Ok(format);
     }
     // A text with keys is YAML, and its fault says more than the list of formats.
+    refuse_own_kinds(text, &source.file, "a rig of another program")?;
     let is_yaml =
         source.file.ends_with(".yaml") || source.file.ends_with(".yml") || text.contains(": ");
     let parsed = source.documents();

@@ -125,6 +125,7 @@ fn parse_json(at: &Location, text: &str) -> Result<SensorPattern, DescriptionErr
     } else if keys.profile.is_some() {
         isaac::parse(at, text)
     } else {
+        json::refuse_own_kinds(text, &at.file, "the table of a sensor")?;
         Err(DescriptionError::Missing {
             at: Box::new(at.clone()),
             key: "elevation_deg",

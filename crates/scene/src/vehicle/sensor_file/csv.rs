@@ -31,8 +31,15 @@ pub(super) fn rows(text: &str) -> impl Iterator<Item = (usize, Vec<&str>)> {
     rows.filter(|(_, cells)| cells.iter().any(|cell| !cell.is_empty()))
 }
 
+/// A comma at the end begins no cell: spreadsheets write one behind the last column.
 fn cells_of(line: &str) -> Vec<&str> {
-    line.split(',').take(MOST_CELLS).map(|cell| cell.trim().trim_matches('"').trim()).collect()
+    let line = line.trim_end();
+    line.strip_suffix(',')
+        .unwrap_or(line)
+        .split(',')
+        .take(MOST_CELLS)
+        .map(|cell| cell.trim().trim_matches('"').trim())
+        .collect()
 }
 
 /// True if a row is the version that Hesai writes above some tables: `EEFF,1,1`.

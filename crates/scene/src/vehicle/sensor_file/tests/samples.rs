@@ -173,6 +173,9 @@ fn robosense_with_one_column_or_two() {
     assert_eq!(channels(&one), [[-15.5, 0.0], [0.0, 0.0]]);
     assert_eq!(channels(&read("89.5,0\n-3,7.25\n").unwrap()), [[89.5, 0.0], [-3.0, -7.25]]);
     assert_eq!(message("1,2\n3\n"), "f: line 2: \"3\" is not a row of 2 columns, as the first one");
+    // A spreadsheet writes a comma behind the last column.
+    let open = read("-25.0,1.5,\n-20,2,\n").unwrap();
+    assert_eq!(channels(&open), channels(&read("-25.0,1.5\n-20,2\n").unwrap()));
 }
 
 #[test]
