@@ -93,7 +93,7 @@ fn out_leaves_pipes_links_and_permissions_as_they_are() {
 fn results_are_text_in_a_pipe_and_in_a_file_unless_json_is_asked_for() {
     let dir = corridor();
     let psog = &["psog", "info", "corridor.psog.npz"][..];
-    for (args, head) in [(&SCORE[..], "corridor: through over 1 frame(s)"), (psog, "region")] {
+    for (args, head) in [(&SCORE[..], "corridor: through over 1 frame"), (psog, "region")] {
         let text = sightline(dir.path(), args).stdout;
         assert!(text.starts_with(head.as_bytes()), "{}", String::from_utf8_lossy(&text));
         assert!(ok(dir.path(), args).is_object());

@@ -125,7 +125,7 @@ fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
     let (code, sensors, price, _, told) = search("round", json!([car([-180, 180], 0.95)]));
     assert_eq!((code, sensors.len(), price), (Some(0), 2, 6.0), "{told}");
     assert!(
-        told.contains("no equipment of 1 sensor(s) was found that meets all requirements"),
+        told.contains("no equipment of 1 sensor was found that meets all requirements"),
         "{told}"
     );
     // It wrote a file of placements.

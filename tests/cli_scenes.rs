@@ -133,7 +133,6 @@ fn scenes_that_do_not_belong_together_are_refused_in_a_sentence() {
             &["rig", "import", "room.json"],
             "room.json: is a scene, where a rig of another program belongs; give it as SCENE",
         ),
-        (&["rig", "import", "p.json"], "p.json: is a file of placements, where a rig of another"),
     ] {
         let error = fails(dir.path(), args);
         assert!(error.contains(words), "{args:?}: {error}");

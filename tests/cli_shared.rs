@@ -358,7 +358,7 @@ fn tables_for_people() {
         String::from_utf8(done.stdout).unwrap()
     };
     let told = text("redundancy rigs.json --vehicle cart.json --target car");
-    assert!(told.contains("four in level ground: 4 LiDARs, 1 frame(s)"), "{told}");
+    assert!(told.contains("four in level ground: 4 LiDARs, 1 frame"), "{told}");
     assert!(told.contains("wide alone  front alone") && told.contains("\ncar "), "{told}");
     assert!(told.contains("ground to 3 m") && !told.contains("tyre"), "{told}");
     let told = text("overlap yard.json rigs.json");

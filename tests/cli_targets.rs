@@ -220,7 +220,7 @@ fn wrong_targets_are_one_sentence_each() {
         (&["--target", "cart.json"], "a vehicle"),
         (&["--target", "car", "--target", "car"], "is given twice"),
         (&["--distances", "10,-5"], "metres above 0"),
-        (&["--in", "5", "--frames", "2"], "--in 5: is more than the 2 frame(s) that are looked at"),
+        (&["--in", "5", "--frames", "2"], "--in 5: is more than the 2 frames that are looked at"),
         (&["--bearings", "north"], "degrees from -360 to 360"),
         (&["--condition", "wet:water=1"], "fog, snow and rain alone"),
     ];

@@ -316,7 +316,7 @@ fn studies_take_mixed_rigs_or_say_why_not() {
         }
     }
     let message = fails(dir.path(), &study("height"));
-    assert!(message.contains("3 mount(s) of their own heights: roof, left, right"), "{message}");
+    assert!(message.contains("3 mounts of their own heights: roof, left, right"), "{message}");
 }
 
 #[test]

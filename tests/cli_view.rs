@@ -119,7 +119,7 @@ fn the_command_of_a_page_repeats_the_run() {
     assert!(!page.contains("near field %"), "a column that nobody looked for");
     assert!(page.contains("sightline · yard, under wet:water=1<"), "{}", &page[..2000]);
     let text = String::from_utf8_lossy(&run.stdout);
-    assert!(text.contains(" over 3 frame(s), under wet:water=1\n"), "{text}");
+    assert!(text.contains(" over 3 frames, under wet:water=1\n"), "{text}");
     let (_, command) = page.split_once("<code>sightline ").unwrap();
     let command = command.split_once("</code>").unwrap().0;
     let shell = format!("'{}' {command} --out b", env!("CARGO_BIN_EXE_sightline"));
@@ -177,7 +177,7 @@ fn a_page_has_the_numbers_of_the_studies_on_several_lidars() {
     }
     assert!(told.contains("without LiDAR 0: all round") || told.contains("|360"), "{told}");
     let map = fs::read_to_string(dir.path().join("figures/lidars-yard.svg")).unwrap();
-    assert!(map.contains("LiDARs that see a column, mean of 3 frame(s)"), "{map}");
+    assert!(map.contains("LiDARs that see a column, mean of 3 frames"), "{map}");
     assert!(page.contains("Columns by the number of LiDARs that see them"));
     // One LiDAR has no other to be compared with.
     done(&["view", "yard.json", "two.json:high", "--out", "one.html"]);

@@ -423,7 +423,7 @@ fn a_front_of_nothing_is_refused_in_a_sentence() {
             "sensors,gain",
             "`gain` is no objective; there are price, sensors, requirements (or targets)",
         ),
-        ("sensors", "has 1 objective(s); name two or three"),
+        ("sensors", "has 1 objective; name two or three"),
         ("sensors,near_gain,sensors", "`sensors` is named twice"),
     ] {
         let told = refused(front, &[]);

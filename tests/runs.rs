@@ -96,7 +96,7 @@ fn scores_go_to_any_writer_and_the_engine_is_named_to_the_watcher() {
     let found: Value = serde_json::from_slice(&written).unwrap();
     assert_eq!(found["scores"][1]["name"], "two");
     assert!(watcher.told().contains("computing on cpu"), "{}", watcher.told());
-    assert!(watcher.told().contains("2 placements × 3 frame(s)"), "{}", watcher.told());
+    assert!(watcher.told().contains("2 placements × 3 frames"), "{}", watcher.told());
     let wrong = ScoreRequest { draw: 1, files: [files.clone(), files].concat(), ..request };
     let error = score(&wrong, &on_cpu(&watcher), &mut written).unwrap_err().to_string();
     assert!(error.contains("--draw: takes one scene"), "{error}");

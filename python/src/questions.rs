@@ -136,7 +136,7 @@ impl PyScene {
         let of_frames = of_frames.map_or(frames, |of| of as usize);
         if of_frames > frames {
             return Err(bad(format!(
-                "of_frames: is {of_frames}, more than the {frames} frame(s) that are looked at"
+                "of_frames: is {of_frames}; frames that are looked at: {frames}"
             )));
         }
         let question = target_question(targets, distances, bearings)?;

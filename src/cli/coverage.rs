@@ -10,6 +10,7 @@ use crate::runs::coverage::{NearFieldRequest, TargetsRequest, near_fields, targe
 use crate::runs::sensitivity::{OverlapRequest, RedundancyRequest, overlap, redundancy};
 use crate::runs::{RunError, TableFormat, Watcher};
 use crate::scan::conditions::under;
+use sightline_files::json::counted;
 
 pub type NearFieldArgs = Asked<NearFieldRequest, TableFormat>;
 
@@ -21,12 +22,11 @@ pub fn run_near_field(args: &NearFieldArgs) -> Result<Exit, RunError> {
         &found,
         || near_field_csv(&found.near_fields),
         || {
-            let (scene, area, frames) = (&found.scene, found.ground_area, found.frames);
+            let (scene, area) = (&found.scene, found.ground_area);
+            let frames = counted(found.frames, "frame");
             let under = under(&found.conditions);
             let table = near_field_text(&found.near_fields);
-            format!(
-                "{scene}: {area:.0} m² of ground within 10 m, {frames} frame(s){under}\n{table}"
-            )
+            format!("{scene}: {area:.0} m² of ground within 10 m, {frames}{under}\n{table}")
         },
     )?;
     found.wrote.iter().for_each(|wrote| terminal.note(wrote));

@@ -14,6 +14,7 @@ use crate::runs::scan::{ScanRequest, scan};
 use crate::runs::{Computing, RunError};
 use crate::scan::Scanning;
 use crate::scan::conditions::Condition;
+use sightline_files::json::counted;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -143,11 +144,6 @@ impl ScanArgs {
             None => Ok(()),
         }
     }
-}
-
-/// A number of things, in words that agree.
-fn counted(count: usize, thing: &str) -> String {
-    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
 }
 
 fn request(args: &ScanArgs) -> ScanRequest {

@@ -10,6 +10,7 @@ use crate::search::{
 use crate::vehicle::{
     Constraints, MAX_LIDARS, PoseGrid, SensorName, Vehicle, random_placements_by_the_rules,
 };
+use sightline_files::json::counted;
 
 /// Checkpoint of a job's search, beside the job itself: a value that is saved and read again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -193,7 +194,8 @@ impl JobRun<'_> {
             return false;
         }
         let words = format!(
-            "no placement of {allowed} sensor(s) was found that meets all requirements; one more is allowed"
+            "no placement of {} was found that meets all requirements; one more is allowed",
+            counted(allowed, "sensor")
         );
         observer.on(&Event::Note(&words));
         let more = Fewest::new(self.job.most_money(), allowed + 1);
@@ -340,7 +342,8 @@ fn taken(
     let next = fewest.next(found, most_sensors(vehicle), vehicle.cost(&vehicle.cheapest()));
     if matches!(next, Next::Again(limits) if limits.sensors > sensors) {
         observer.on(&Event::Note(&format!(
-            "no equipment of {sensors} sensor(s) was found that meets all requirements: it misses them by {short:.0} percentage points, summed"
+            "no equipment of {} was found that meets all requirements: it misses them by {short:.0} percentage points, summed",
+            counted(sensors, "sensor")
         )));
     }
     next

@@ -13,6 +13,7 @@ use crate::near_field::{CELL, Footprint, NEAR, NearField, RING, Standard};
 use crate::score::percent_down;
 use crate::shared::{Overlap, Redundancy, SeenBy, SeenByTechnologies, Technologies};
 use crate::vehicle::{Placement, SensorName};
+use sightline_files::json::counted;
 
 /// Drawings beside each other.
 const COLUMNS: usize = 3;
@@ -217,7 +218,8 @@ fn line(name: String, seen: &SeenBy) -> Vec<String> {
 
 /// Title of a row: the scene and the placement.
 fn heading(scene: &str, placement: &str, lidars: usize, frames: usize) -> String {
-    format!("{placement} in {scene}: {lidars} LiDARs, {frames} frame(s)")
+    let [lidars, frames] = [counted(lidars, "LiDAR"), counted(frames, "frame")];
+    format!("{placement} in {scene}: {lidars}, {frames}")
 }
 
 /// Things that count, and the shares of them in per cent that no, one, two, three and more LiDARs see; titles first.

@@ -11,6 +11,7 @@ use crate::problem::{Content, Entropy, Problem, spread};
 use crate::psog::{Roi, to_nats};
 use crate::search::Scored;
 use crate::vehicle::{Constraints, Placement};
+use sightline_files::json::counted;
 
 /// Cells along the longer side of the map.
 const CELLS: u32 = 160;
@@ -154,7 +155,7 @@ impl InformationMap {
             rect x="500" y=".5" width="12" height="13" fill="#fff" stroke=(FAINT) {}
             text x="518" y="12" { "no information" }
             text x="0" y="34" {
-                "LiDARs that see a column, mean of " (self.frames) " frame(s), rounded; "
+                "LiDARs that see a column, mean of " (counted(self.frames as usize, "frame")) ", rounded; "
                 (format!("{:.0}", self.size[0])) " m across, forward is right"
             }
         };

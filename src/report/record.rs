@@ -22,6 +22,7 @@ use crate::search::{
     Certificate, Climbs, Finding, FramesUsed, GainSpread, GenerationRecord, LeftOut, Member,
     MethodRecord, Outcome, PLAIN, PhaseCheck, Scored, Suite, rules_in_words,
 };
+use sightline_files::json::counted;
 
 /// Wall times of a run in seconds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -166,8 +167,9 @@ impl NearRecord {
         });
         let ring = near.ring.map(|ring| format!(", {:.1} % within {RING} m", percent_down(ring)));
         format!(
-            "blind zone, ground before the body that no beam reaches, over {frames} frame(s): {}\n\
+            "blind zone, ground before the body that no beam reaches, over {}: {}\n\
              ground seen: {:.1} % within {NEAR} m{}\n",
+            counted(*frames, "frame"),
             depths.join(", "),
             percent_down(near.near_field),
             ring.unwrap_or_default()
@@ -296,7 +298,8 @@ fn stopped(outcome: &Outcome, frames: usize) -> String {
     }
     match outcome.unscored_baselines {
         0 => text,
-        left => format!("{text}; {left} baseline(s) are not scored"),
+        1 => format!("{text}; 1 baseline is not scored"),
+        left => format!("{text}; {left} baselines are not scored"),
     }
 }
 
@@ -332,10 +335,10 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     }
     text += &seen_text(record);
     text += &format!(
-        "{}: maximizing {} over {} frame(s){}\n",
+        "{}: maximizing {} over {}{}\n",
         record.scene,
         record.objective,
-        record.frames,
+        counted(record.frames, "frame"),
         under(&record.conditions)
     );
     text += &scores_text_by(&rows, &record.objective);

@@ -11,6 +11,7 @@ use crate::search::{Finding, Scored};
 use crate::study::{Row, Table};
 use crate::vehicle::{Placement, SensorPose, millimetres};
 use crate::verify::Verification;
+use sightline_files::json::counted;
 
 /// Longest cell of a table in characters: two names of placements and the words between them.
 const LONGEST_CELL: usize = 140;
@@ -323,9 +324,9 @@ pub fn verification_text(scene: &str, conditions: &[String], found: &Verificatio
     };
     let (gpu, reference) = (&found.gpu_against_cpu, &found.cpu_against_f64);
     let mut text = format!(
-        "{scene}: {} placements × {} frame(s){}\nGPU ({}) against the CPU reference:\n",
-        found.placements,
-        found.frames,
+        "{scene}: {} × {}{}\nGPU ({}) against the CPU reference:\n",
+        counted(found.placements, "placement"),
+        counted(found.frames, "frame"),
         under(conditions),
         found.adapter
     );

@@ -23,6 +23,7 @@ use crate::targets::{
     GroundBelow, Receiving, TargetQuestion, TargetSite, TargetTable, card_bearings,
 };
 use crate::vehicle::{Placement, read_placements, table_7};
+use sightline_files::json::counted;
 
 /// Placements whose near field is looked at.
 #[derive(Debug, Clone, Default)]
@@ -355,8 +356,9 @@ fn question(
     let (frames, of_frames) = (request.frames, request.of_frames.unwrap_or(request.frames));
     if of_frames > frames {
         return Err(RunError::Usage(format!(
-            "--in {of_frames}: is more than the {frames} frame(s) that are looked at; give --frames {of_frames} or more, \
-             or --in 1 to {frames}"
+            "--in {of_frames}: is more than the {} that are looked at; give --frames {of_frames} or more, \
+             or --in 1 to {frames}",
+            counted(frames as usize, "frame")
         )));
     }
     let of_frames = of_frames as usize;

@@ -15,6 +15,7 @@ use crate::runs::Conditions;
 use crate::scan::conditions::in_words;
 use crate::vehicle::{Placement, random_placements_by_the_rules, read_placements};
 use crate::verify::{Verification, compared_frames, usual_placements, verify};
+use sightline_files::json::counted;
 
 /// Random placements by default.
 const RANDOM: usize = 200;
@@ -415,7 +416,8 @@ impl fmt::Display for DeviceBench {
         }
         writeln!(
             f,
-            "\nPlacements × frames a second, {frames} frame(s), device / CPU (share of the time that the device worked):\n"
+            "\nPlacements × frames a second, {}, device / CPU (share of the time that the device worked):\n",
+            counted(frames as usize, "frame")
         )?;
         let counts = self.scenes.first().map_or(&[][..], |scene| &scene.speeds);
         let titles: Vec<String> = counts.iter().map(|speed| speed.placements.to_string()).collect();

@@ -16,6 +16,7 @@ use crate::scene::{PsogSource, Scene};
 use crate::search::{Evaluator, FRAMES_AT_ONCE, Member, Suite, TimeLimit};
 
 use super::{Computing, RunError, Watcher};
+use sightline_files::json::counted;
 
 /// Seconds until scoring could begin.
 #[derive(Debug, Clone, Copy, Default)]
@@ -145,9 +146,9 @@ fn note_psog(psog: &Psog, scene: &Scene, watcher: &dyn Watcher) {
             _ => String::new(),
         };
         watcher.note(&format!(
-            "the P-SOG tells nothing: each voxel is the same in all of its {} frame(s), so that every \
+            "the P-SOG tells nothing: each voxel is the same in all of its {}, so that every \
              entropy is 0; give it frames in which something moves{short}",
-            psog.frames()
+            counted(psog.frames() as usize, "frame")
         ));
     }
 }

@@ -28,6 +28,7 @@ use crate::score::{Scores, Seen};
 use crate::search::{Evaluator, Judged, Member};
 use crate::vehicle::{Placement, PlacementFileError, Vehicle};
 use rigs::RigFiles;
+use sightline_files::json::counted;
 
 /// Scores placements and writes the scores as they are computed, to the request's file or else to `out`. False, and a note,
 /// where there are requirements and no placement meets all of them.
@@ -356,10 +357,10 @@ impl Batch {
         for (index, member) in self.members() {
             let problem = member.problem();
             text += &format!(
-                "{}: {} over {} frame(s), {} a LiDAR{}\n",
+                "{}: {} over {}, {} a LiDAR{}\n",
                 member.name(),
                 problem.coverage(),
-                problem.frame_count(),
+                counted(problem.frame_count(), "frame"),
                 problem.sensors().beams_in_words(&used),
                 under(&self.conditions)
             );

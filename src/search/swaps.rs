@@ -18,6 +18,7 @@ use super::on_demand::drawn;
 use crate::score::Objective;
 use crate::targets::CAR_WEIGHT;
 use crate::vehicle::{Placement, PoseGrid, Spacing};
+use sightline_files::json::counted;
 
 /// Default grid of the swaps: the spacing of the published placements.
 pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
@@ -142,7 +143,8 @@ impl Climbs {
 impl fmt::Display for Climbs {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { count, frames, met, near_best, median_below } = self;
-        write!(f, "of {count} climbs from different starts, over {frames} frame(s), ")?;
+        let [climbs, frames] = [counted(*count, "climb"), counted(*frames, "frame")];
+        write!(f, "of {climbs} from different starts, over {frames}, ")?;
         match met {
             Some(0) => write!(f, "none met all requirements")?,
             Some(met) => write!(f, "{met} met all requirements, and {near_best} of these")?,
@@ -447,7 +449,7 @@ mod tests {
         let plain = said(&[(0.5, None), (0.499, None), (0.4, None)]);
         assert!(
             plain.starts_with(
-                "of 3 climbs from different starts, over 4 frame(s), 2 ended within 0.5 %"
+                "of 3 climbs from different starts, over 4 frames, 2 ended within 0.5 %"
             ),
             "{plain}"
         );

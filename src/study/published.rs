@@ -5,6 +5,7 @@ use super::table::{Cases, SCORES, made_large, shown_objective};
 use super::{Row, StudyError, Table, TablePlot, table};
 use crate::score::{Scores, kendall_tau, mean_height, spearman};
 use crate::vehicle::{Placement, random_placements_by_the_rules};
+use sightline_files::json::counted;
 
 /// Placement, mean mIoU of four segmentation models, mean car mAP and mean pedestrian mAP of four
 /// detectors, in per cent: Place3D, NeurIPS 2024. "Ours" is Ours-seg for segmentation and Ours-det for
@@ -78,9 +79,9 @@ pub(super) fn published(scene: &StudyScene, cases: &mut Cases) -> Result<Table, 
     }));
     let notes = vec![format!(
         "Spearman's rank correlation over the eight published placements (n = 8: below 0.74 it is not \
-         significant at 5 %), voxels of {edge} m, {} frame(s). A score that does not beat the null model \
+         significant at 5 %), voxels of {edge} m, {}. A score that does not beat the null model \
          says no more than that higher LiDARs see more.",
-        scene.frames().len()
+        counted(scene.frames().len(), "frame")
     )];
     let columns = std::iter::once("score").chain(TASKS.map(|(name, ..)| name));
     let drawing = TablePlot::ByCase {
@@ -223,7 +224,8 @@ pub(super) fn height(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
     let mounts = &scene.scene.vehicle().mounts;
     if mounts.len() > 1 || mounts[0].region.ego_from_region.is_some() {
         let names: Vec<&str> = mounts.iter().map(|mount| mount.region.name.as_str()).collect();
-        let mounts = format!("{} mount(s) of their own heights: {}", names.len(), names.join(", "));
+        let mounts = counted(names.len(), "mount");
+        let mounts = format!("{mounts} of their own heights: {}", names.join(", "));
         return Err(StudyError::NoHeights { scene: scene.place(), mounts });
     }
     let rules = &scene.rig()?.constraints;

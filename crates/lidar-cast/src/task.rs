@@ -57,8 +57,8 @@ impl std::fmt::Display for Modelled {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
-            "{} of {} voxels are occupied in some frame and stored ({}), {} of them have an entropy; {} \
-             frame(s), {} distinct and cast, of {} triangles ({}); {} a sensor and frame for what it \
+            "{} of {} voxels are occupied in some frame and stored ({}), {} of them have an entropy; \
+             {} frames, {} distinct and cast, of {} triangles ({}); {} a sensor and frame for what it \
              covers",
             self.occupied_voxels,
             self.voxels,

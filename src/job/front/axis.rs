@@ -6,6 +6,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::score::{Objective, ObjectiveError, Scores};
+use sightline_files::json::counted;
 
 /// Fewest and most objectives of a front.
 const COUNT: [usize; 2] = [2, 3];
@@ -36,8 +37,9 @@ pub enum FrontObjective {
 pub enum FrontError {
     /// A number of objectives that no front has.
     #[error(
-        "--front: has {count} objective(s); name two or three of {PRICE}, {SENSORS}, {REQUIREMENTS} and the scores of \
-         --objective, as in `price,near_gain`"
+        "--front: has {}; name two or three of {PRICE}, {SENSORS}, {REQUIREMENTS} and the scores of \
+         --objective, as in `price,near_gain`",
+        counted(*.count, "objective")
     )]
     Count { count: usize },
     /// An objective that is named twice.
@@ -212,9 +214,9 @@ mod tests {
     #[test]
     fn a_wrong_list_is_answered_with_the_mend() {
         for (text, words) in [
-            ("", "has 0 objective(s); name two or three of price, sensors, requirements"),
-            ("price", "has 1 objective(s)"),
-            ("price,sensors,requirements,near_gain", "has 4 objective(s)"),
+            ("", "has 0 objectives; name two or three of price, sensors, requirements"),
+            ("price", "has 1 objective;"),
+            ("price,sensors,requirements,near_gain", "has 4 objectives"),
             ("price,near_gain,price", "`price` is named twice"),
             ("targets,requirements", "`requirements` is named twice"),
             (

@@ -11,6 +11,7 @@ use crate::report::view::sight::InformationShare;
 use crate::report::{RunRecord, ScoreColumn};
 use crate::score::{Guard, HOLDS, Scores, Seen, percent_down, percent_up};
 use crate::search::Scored;
+use sightline_files::json::counted;
 
 /// Scenes from which on an interval of resampled scenes is about as wide as it should be.
 const MANY_SCENES: usize = 10;
@@ -216,8 +217,8 @@ pub(super) fn gains(subject: &Subject<'_>, figures: &Figures) -> Markup {
         section aria-labelledby="gains" {
             h2 #gains { "Where the gain comes from" }
             p {
-                "Per cent of the information there is that the beams reach, over " (first.gains().frames)
-                " frame(s)"
+                "Per cent of the information there is that the beams reach, over "
+                (counted(first.gains().frames, "frame"))
                 @if let Some(name) = rival { "; the mark on a bar is " (name) ", the best baseline" }
                 ". A voxel in which several classes occur counts with the rarest of them."
                 @if let Some(meaning) = near_gain(ScoreColumn::argued(subject.objective)) {

@@ -7,6 +7,7 @@ use super::layout::{figure, table, text};
 use super::{Figures, Subject};
 use crate::report::record::steps_of_generations;
 use crate::report::{RunRecord, certificate_in_words, methods_in_words, optional};
+use sightline_files::json::counted;
 
 /// Section of the page on how the result was found.
 pub(super) fn search(run: &RunRecord, figures: &Figures) -> Markup {
@@ -31,7 +32,7 @@ fn steps(run: &RunRecord) -> Markup {
     let first = steps.first().map_or(run.search_frames, |(_, frames)| *frames as usize);
     html! {
         p.small {
-            "The best and the median are over " (first) " frame(s)"
+            "The best and the median are over " (counted(first, "frame"))
             @if steps.len() > 1 {
                 " at first, and over other numbers of them behind each upright line, whose two sides do not compare"
             }
@@ -86,8 +87,11 @@ fn facts(run: &RunRecord) -> Markup {
         (
             "evaluations",
             format!(
-                "{} in {} generations, at last over {} frame(s); scores above are over {}",
-                run.evaluations, run.generations, run.search_frames, run.frames
+                "{} in {} generations, at last over {}; scores above are over {}",
+                run.evaluations,
+                run.generations,
+                counted(run.search_frames, "frame"),
+                run.frames
             ),
         ),
         ("rate", format!("{:.1} placements × frames/s", run.rate)),

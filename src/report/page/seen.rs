@@ -5,6 +5,7 @@ use maud::{Markup, html};
 use super::layout::{figure, table, text};
 use super::{Figures, Subject};
 use crate::report::targets::{overlap_in_words, range_card_rows, range_card_svg};
+use sightline_files::json::counted;
 
 /// Distances of detection, and the sectors in which the result is blind.
 pub(super) fn range_card(subject: &Subject<'_>, figures: &Figures) -> Markup {
@@ -51,7 +52,7 @@ pub(super) fn near_field(figures: &Figures) -> Markup {
                 Ok(svg) => {
                     p {
                         "From above, the front is right: ground within 10 m that no beam sees, and the blind zone: \
-                         ground straight before an edge, up to the nearest ground within 0.5 m of a beam (corners are not counted), over " (figures.near_frames) " frame(s) spread evenly"
+                         ground straight before an edge, up to the nearest ground within 0.5 m of a beam (corners are not counted), over " (counted(figures.near_frames, "frame")) " spread evenly"
                         @if figures.views.len() > 1 { " over the first scene" }
                         "."
                     }

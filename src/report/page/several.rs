@@ -10,6 +10,7 @@ use crate::report::ScoreColumn;
 use crate::report::coverage::redundancy_rows;
 use crate::score::{Seen, percent_down};
 use crate::targets::BlindSector;
+use sightline_files::json::counted;
 
 /// Voxels, ground and targets by the number of LiDARs that see them.
 pub(super) fn redundancy(figures: &Figures) -> Markup {
@@ -23,7 +24,7 @@ pub(super) fn redundancy(figures: &Figures) -> Markup {
             h2 #redundancy { "Seen by how many LiDARs" }
             p {
                 "Per cent of the voxels, of the ground near the vehicle and of the places of targets that no, one, two, and \
-                 three or more LiDARs see, over " (found.frames) " frame(s)"
+                 three or more LiDARs see, over " (counted(found.frames, "frame"))
                 @if figures.views.len() > 1 { " of the first scene" }
                 ". A LiDAR sees a target with five beams or more of its own, at 5 to 50 m on level ground."
             }
@@ -109,7 +110,7 @@ pub(super) fn overlap(figures: &Figures) -> Markup {
                     "No chain of pairs connects all LiDARs"
                 }
                 ": surface voxels that two LiDARs share, as a share of those of the LiDAR that has fewer, over "
-                (found.frames) " frame(s). Calibration against each other needs it."
+                (counted(found.frames, "frame")) ". Calibration against each other needs it."
             }
             (table("Overlap of each pair, %", &titles, &rows))
         }

@@ -28,6 +28,7 @@ use crate::scan::conditions::{in_words, under};
 use crate::score::Scores;
 use crate::search::Evaluator;
 use crate::vehicle::{Placement, PlacementFileError, SensorName};
+use sightline_files::json::counted;
 
 /// Placements that are scored in one go at first.
 const FEWEST: usize = 32;
@@ -252,9 +253,11 @@ impl Scoring<'_> {
     fn note_rate(&self) {
         self.given.finish();
         let seconds = self.start.elapsed().as_secs_f64() - self.times.load - self.times.build;
-        let (count, frames) = (self.count, self.evaluator.problem().frame_count() as u64);
+        let (count, frames) = (self.count as usize, self.evaluator.problem().frame_count());
         self.watcher.note(&format!(
-            "{count} placements × {frames} frame(s) in {seconds:.2} s: {:.1} placements × frames/s",
+            "{} × {} in {seconds:.2} s: {:.1} placements × frames/s",
+            counted(count, "placement"),
+            counted(frames, "frame"),
             (count * frames) as f64 / seconds
         ));
     }
@@ -355,7 +358,8 @@ impl Scoring<'_> {
             let beams = problem.sensors().beams_in_words(&self.used);
             let under = under(&in_words(&self.request.conditions.condition));
             return Ok(format!(
-                "{scene}: {coverage} over {frames} frame(s), {beams} a LiDAR{under}\n"
+                "{scene}: {coverage} over {}, {beams} a LiDAR{under}\n",
+                counted(frames, "frame")
             ));
         }
         let engine = self.evaluator.backend();

@@ -18,6 +18,7 @@ use crate::search::settings::Method;
 use crate::search::spread::{Gain, GainSpread};
 use crate::vehicle::Placement;
 use crate::vehicle::placement_to_nanometres;
+use sightline_files::json::counted;
 
 /// Says that a part of the outcome is left out for want of time.
 fn left_out(part: &str, watch: &mut Watch) {
@@ -61,7 +62,7 @@ impl Run {
         };
         let unscored = self.state.settings.baselines.len() - baselines.len();
         if unscored > 0 {
-            left_out(&format!("the score of {unscored} baseline(s)"), watch);
+            left_out(&format!("the score of {}", counted(unscored, "baseline")), watch);
         }
         self.tell_changes(watch);
         let evaluations = self.state.generations.evaluations();

@@ -11,7 +11,7 @@ mod yaml;
 pub use check::{DescriptionError, Location, did_you_mean};
 pub use foreign::{is_utf_16, not_json};
 pub use lidar_cast::sensor::nearest;
-pub use numbers::{Quantity, fixed, shortened, spoken, written};
+pub use numbers::{Quantity, counted, fixed, shortened, spoken, written};
 pub use objects::{Objects, from_text};
 pub use parse::{
     FileKind, check_version, check_xml, line_and_column, parse, plain_words, read_limited,

@@ -5,8 +5,8 @@ use std::str::FromStr;
 
 use serde_json::Value;
 use sightline_files::json::{
-    DescriptionError, Location, Quantity, YamlDocument, parse_documents, parse_yaml, plain_names,
-    read_limited, refuse_own_kinds, refuse_utf_16,
+    DescriptionError, FileKind, Location, Quantity, YamlDocument, parse_documents, parse_yaml,
+    plain_names, read_limited, refuse_own_kinds, refuse_utf_16,
 };
 
 use super::beams::{Models, RigBeams};
@@ -107,6 +107,10 @@ pub(super) fn format_of(source: &RigSource) -> Result<RigFormat, RigError> {
             _ => Err(unrecognised()),
         };
     }
+    // Own placements are a format of rigs.
+    if text.contains("\"sightline\"") && FileKind::of(text) != Some(FileKind::Placements) {
+        refuse_own_kinds(text, &source.file, "a rig of another program")?;
+    }
     // From the rarest word to the commonest.
     let words = [
         ("\"spawn_point\"", RigFormat::CarlaObjects),
@@ -117,7 +121,6 @@ pub(super) fn format_of(source: &RigSource) -> Result<RigFormat, RigError> {
         return Ok(format);
     }
     // A text with keys is YAML, and its fault says more than the list of formats.
-    refuse_own_kinds(text, &source.file, "a rig of another program")?;
     let is_yaml =
         source.file.ends_with(".yaml") || source.file.ends_with(".yml") || text.contains(": ");
     let parsed = source.documents();

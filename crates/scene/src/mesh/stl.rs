@@ -9,6 +9,7 @@ use glam::DVec3;
 
 use super::{MOST_TRIANGLES, MeshFault, RawMesh};
 use sightline_files::Note;
+use sightline_files::json::counted;
 
 /// Bytes before the first triangle: a header of 80, and the count.
 const HEAD: usize = 84;
@@ -96,7 +97,8 @@ fn binary(bytes: &[u8]) -> Result<RawMesh, MeshFault> {
     }
     if attributes > 0 {
         mesh.notes.push(Note::fact(format!(
-            "passed over: attribute bytes of {attributes} triangle(s), which hold colours in some programs"
+            "passed over: attribute bytes of {}, which hold colours in some programs",
+            counted(attributes, "triangle")
         )));
     }
     Ok(mesh)

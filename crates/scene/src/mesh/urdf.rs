@@ -12,7 +12,7 @@ use roxmltree::{Document, Node, ParsingOptions};
 use super::{Geometry, MeshFault, OriginAngles, RobotPart};
 use lidar_cast::geom::Pose;
 use sightline_files::files::stays_inside;
-use sightline_files::json::{check, check_xml, has_no_prefix, nearest, plain_names};
+use sightline_files::json::{check, check_xml, counted, has_no_prefix, nearest, plain_names};
 
 /// Most elements, texts and comments of a file.
 const MAX_NODES: u32 = 1_000_000;
@@ -81,7 +81,10 @@ fn numbers<const N: usize>(text: &str, key: &str, of: &str) -> Result<[f64; N], 
     let read = read.filter(|read| read.iter().all(|v: &f64| v.abs() <= check::MAX_METRES));
     read.and_then(|read| read.try_into().ok()).ok_or_else(|| {
         let text: String = text.chars().take(40).collect();
-        fault(of, format!("{key} of {text:?} is not {N} number(s) within ±1e9; correct it"))
+        fault(
+            of,
+            format!("{key} of {text:?} is not {} within ±1e9; correct it", counted(N, "number")),
+        )
     })
 }
 

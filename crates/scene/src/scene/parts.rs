@@ -12,7 +12,7 @@ use glam::DVec3;
 use lidar_cast::geom::{Glide, Pose, TriangleSoup};
 use sightline_files::Note;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, check};
+use sightline_files::json::{DescriptionError, Location, check, counted};
 
 use super::description::{BodyDescription, ShapeDescription};
 use super::route::Motion;
@@ -300,8 +300,10 @@ impl OwnBody {
         match &self.motion {
             Motion::Poses(poses) if poses.len() != frames => {
                 let found = format!("a list of {}", poses.len());
-                let wanted =
-                    format!("one pose for all frames, or one for each of the {frames} frame(s)");
+                let wanted = format!(
+                    "one pose for all frames, or one for each of the {}",
+                    counted(frames, "frame")
+                );
                 Err(bad(&self.at.key("poses"), found, wanted))
             }
             _ => Ok(()),

@@ -118,7 +118,7 @@ fn faults_name_their_link_or_joint_and_the_mend() {
         ),
         (
             robot(&(two.clone() + &joint("fixed", "a", "b", "xyz=\"1 2\""))),
-            "joint `a_b`: xyz of \"1 2\" is not 3 number(s)",
+            "joint `a_b`: xyz of \"1 2\" is not 3 numbers",
         ),
         (
             robot(&(two.clone() + &joint("fixed", "a", "b", "rpy=\"0 0 nan\""))),
