@@ -133,6 +133,17 @@ fn map_of_counts<S: Serializer>(
     serializer.collect_map(counts.iter().map(|(name, count)| (name, Count(*count))))
 }
 
+/// The share of copies that meet what is required, in words.
+fn held_in_words(share: f64) -> String {
+    let paper = if share < HOLDS { "ON PAPER ONLY, " } else { "" };
+    format!("{paper}met by {:.0} % of copies mounted within the tolerance", 100.0 * share)
+}
+
+/// The share of copies that meet all requirements, in words.
+pub fn all_held_in_words(share: f64) -> String {
+    format!("all requirements: {}", held_in_words(share))
+}
+
 /// Least share of copies within the mounting tolerance that must meet a requirement; below, it is met on paper only.
 pub const HOLDS: f64 = 0.95;
 
@@ -236,7 +247,8 @@ pub(crate) fn percent_down(share: f64) -> f64 {
 
 /// A share in per cent, rounded up to tenths: a requirement that a share misses never reads as that share.
 pub(crate) fn percent_up(share: f64) -> f64 {
-    (1e3 * share - 1e-9).ceil() / 10.0
+    // A plus 0 is no minus 0.
+    (1e3 * share - 1e-9).ceil() / 10.0 + 0.0
 }
 
 impl std::fmt::Display for Seen {
@@ -252,8 +264,7 @@ impl std::fmt::Display for Seen {
             write!(f, "; worst without {}", lidar_name(*lidar, mount.as_deref()))?;
         }
         let Some(holds) = holds_in.filter(|_| self.is_met()) else { return Ok(()) };
-        let paper = if holds < HOLDS { "ON PAPER ONLY, " } else { "" };
-        write!(f, ", {paper}met by {:.0} % of copies mounted within the tolerance", 100.0 * holds)
+        write!(f, ", {}", held_in_words(holds))
     }
 }
 
@@ -327,11 +338,7 @@ impl Scores {
     /// not met anyway, or where not looked at.
     pub fn holds_in_words(&self) -> Option<String> {
         let is_met = self.required.len() > 1 && self.required.iter().all(Seen::is_met);
-        let share = self.requirements_hold_in.filter(|_| is_met)?;
-        Some(format!(
-            "all requirements: met by {:.0} % of copies mounted within the tolerance",
-            100.0 * share
-        ))
+        self.requirements_hold_in.filter(|_| is_met).map(all_held_in_words)
     }
 
     /// Share of copies within the mounting tolerance that meet all requirements, where the placement does and fewer than

@@ -164,14 +164,14 @@ impl Atlases {
     }
 
     /// Shares that a union and one more held pose, if any, lack: beams on a car all round, and places of the rules on
-    /// targets.
-    pub(super) fn unmet_with(&self, unions: &Unions, pose: Option<u32>) -> [f64; 2] {
+    /// targets; see [`Sight::rules_missing`].
+    pub(super) fn unmet_with(&self, unions: &Unions, pose: Option<u32>, roomy: bool) -> [f64; 2] {
         let Some(sight) = &self.sight else { return [0.0; 2] };
         let poses = unions.poses.iter().copied().chain(pose);
         let each: Vec<&SightBeams> = poses.filter_map(|pose| self.targets.get(&pose)).collect();
         let mut all = SightBeams::default();
         each.iter().for_each(|beams| all.add(beams));
-        let rules = if sight.has_rules() { sight.rules_missing(&each) } else { 0.0 };
+        let rules = if sight.has_rules() { sight.rules_missing(&each, roomy) } else { 0.0 };
         [sight.car_missing(&all).unwrap_or(0.0), rules]
     }
 

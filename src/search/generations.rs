@@ -12,6 +12,7 @@ use super::evaluator::Evaluator;
 use super::settings::Settings;
 use crate::score::{Scores, Standing};
 use crate::vehicle::{Constraints, Placement, PoseGrid};
+use sightline_files::json::counted;
 
 /// Step size at the start, in the search space scaled to [0, 1]: most of each range is reached.
 const STEP_SIZE: f64 = 0.3;
@@ -337,7 +338,7 @@ impl Generations {
 pub fn why_left_out(constraints: &Constraints, start: &Placement) -> Vec<String> {
     let (has, wanted) = (start.lidars.len(), constraints.lidars());
     if has != wanted {
-        return vec![format!("it has {has} LiDAR(s), the mount {wanted}")];
+        return vec![format!("it has {}, the mount {wanted}", counted(has, "LiDAR"))];
     }
     let has_models =
         constraints.kinds().len() == 1 || constraints.in_slots(&start.lidars).is_some();

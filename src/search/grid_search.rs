@@ -60,6 +60,8 @@ pub struct GridSearch {
     pub(super) penalty: f64,
     /// Penalty for a car that no beam meets, taken off the objective; 0 where the search does not look for cars.
     pub(super) blind: f64,
+    /// True if more places of targets are wanted than the rules ask for.
+    pub(super) roomy: bool,
     /// Placements whose rules and guards were looked at, which takes a cast of all their LiDARs.
     looked_at: HashMap<Vec<u32>, Standing>,
 }
@@ -98,6 +100,7 @@ impl GridSearch {
             pool: None,
             penalty: 0.0,
             blind: 0.0,
+            roomy: false,
             looked_at: HashMap::new(),
         }
     }

@@ -85,7 +85,7 @@ impl GridSearch {
             value -= self.penalty * self.atlas.missing_with(unions, Some(pose));
         }
         if self.atlas.has_sight() && (self.blind > 0.0 || self.penalty > 0.0) {
-            let [car, rules] = self.atlas.unmet_with(unions, Some(pose));
+            let [car, rules] = self.atlas.unmet_with(unions, Some(pose), self.roomy);
             value -= self.blind * car + self.penalty * rules;
         }
         value
@@ -106,6 +106,11 @@ impl GridSearch {
         self.blind = if self.atlas.has_sight() { blind } else { 0.0 };
     }
 
+    /// Wants more places of targets than the rules ask for from now on, for LiDARs that are mounted a little off.
+    pub(super) fn leave_room(&mut self, roomy: bool) {
+        self.roomy = roomy;
+    }
+
     /// See [`Atlases::out_of_reach`](crate::search::atlases::Atlases::out_of_reach).
     pub(super) fn out_of_reach(&self, mounts: &[(usize, Vec<u32>)]) -> Vec<String> {
         self.atlas.out_of_reach(mounts)
@@ -115,7 +120,7 @@ impl GridSearch {
     pub(super) fn missing(&self, poses: &[u32]) -> f64 {
         let mut unions = Unions::default();
         self.atlas.union(poses, &mut unions);
-        self.atlas.missing_with(&unions, None) + self.atlas.unmet_with(&unions, None)[1]
+        self.atlas.missing_with(&unions, None) + self.atlas.unmet_with(&unions, None, false)[1]
     }
 
     /// The objective of held poses, 0 for none, less the penalties for missing shares and unseen cars.

@@ -68,6 +68,8 @@ pub struct SwapSettings {
     pub memory: u64,
     /// Seed of the random moves.
     pub seed: u64,
+    /// True if more places of targets are wanted than the rules ask for, since LiDARs may be mounted a little off.
+    pub roomy: bool,
 }
 
 /// How far the climbs of swaps are, for whoever is asked whether to go on: among poses that are cast no cast tells it.
@@ -207,6 +209,7 @@ fn grid_search(
     let atlas = Atlases::new(evaluator, &grid, objective.needed(), settings.memory);
     let mut search = GridSearch::new(atlas, objective.clone(), evaluator);
     search.watch_cars(CAR_WEIGHT);
+    search.leave_room(settings.roomy);
     let required = search.has_requirements();
     if let Some(poses) = starts.iter().filter(|_| required).find_map(|start| search.start_of(start))
     {

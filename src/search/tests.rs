@@ -252,7 +252,14 @@ fn ends_of_climbs_are_told_apart_by_requirements_though_their_poses_were_forgott
         let required = [Requirement { name: "near".into(), inside, without: vec![], share }];
         let mut evaluator = Evaluator::on_cpu(problem_with([2, 0], &required));
         let spacing = Spacing { metres: 0.25, radians: 0.1 };
-        let settings = SwapSettings { spacing, casts: 500, whole: false, memory: MEMORY, seed: 1 };
+        let settings = SwapSettings {
+            spacing,
+            casts: 500,
+            whole: false,
+            memory: MEMORY,
+            seed: 1,
+            roomy: false,
+        };
         let starts: Vec<Placement> = [[-1.0, 1.0], [0.5, -0.5], [1.0, 0.0]]
             .map(|[x, y]| Placement {
                 name: "start".into(),

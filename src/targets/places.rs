@@ -431,6 +431,15 @@ mod tests {
             let each = lidars.map(|lidar| sight.beams(&lidar).unwrap());
             let each: Vec<&SightBeams> = each.iter().collect();
             let met = sight.rules_met(&each);
+            // Two places more are wanted of a rule on targets.
+            let places = |k: usize| match &sight.rules[k] {
+                Rule::Target(_, places) => places.len() as f64,
+                _ => panic!("targets come first"),
+            };
+            let lacks =
+                |k: usize| ((met[k].least + 2.0 / places(k)).min(1.0) - met[k].share).max(0.0);
+            let [plain, roomy] = [false, true].map(|roomy| sight.rules_missing(&each, roomy));
+            assert!((roomy - plain - 3e-5 * (lacks(0) + lacks(1))).abs() < 1e-12);
             let mut order = sight.most_beams_first(&each);
             for _ in 0..2 {
                 let now = sight.meets_on_targets(&lidars, &order, &[true; 3]).unwrap();

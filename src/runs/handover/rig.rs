@@ -16,7 +16,7 @@ use crate::runs::inputs::{Given, file_and_name, named_placements};
 use crate::runs::opening::{LoadTimes, Loaded};
 use crate::runs::{Computing, RunError, opening};
 use crate::scene::{EgoBody, Scene};
-use crate::score::{HOLDS, Seen};
+use crate::score::{HOLDS, Seen, all_held_in_words};
 use crate::search::Evaluator;
 use crate::vehicle::{BeamTable, Placement, Sensors, name_lidars};
 
@@ -240,10 +240,7 @@ fn doubts(required: &[Seen], hold_in: Option<f64>) -> Vec<String> {
     let doubtful = required.iter().filter(|seen| !is_firm(seen));
     let mut lines: Vec<String> = doubtful.map(ToString::to_string).collect();
     if let Some(share) = hold_in.filter(|&share| lines.is_empty() && share < HOLDS) {
-        lines.push(format!(
-            "all requirements: ON PAPER ONLY, met by {:.0} % of copies mounted within the tolerance",
-            100.0 * share
-        ));
+        lines.push(all_held_in_words(share));
     }
     lines
 }

@@ -7,7 +7,7 @@ use crate::search::error::SearchError;
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::outcome::Scored;
 use crate::search::seat::FRAMES_AT_ONCE;
-use crate::search::settings::Method;
+use crate::search::settings::{Method, Settings};
 use crate::search::swaps::{Climbing, SwapSettings, Swapped, swap_anywhere, swap_from};
 use crate::vehicle::{Placement, PoseGrid, Spacing};
 
@@ -38,6 +38,11 @@ const REFINEMENTS: [Refinement; 2] = [
 
 /// Frames of each scene that refinements count with where the first swaps are over fewer.
 const LEAST_FRAMES: usize = 4;
+
+/// True if LiDARs may be mounted a little off.
+fn is_roomy(settings: &Settings) -> bool {
+    settings.tolerance.is_some_and(|tolerance| tolerance.is_some())
+}
 
 /// Casts of the swaps over all frames, in refinements: 1 is the casts of one.
 const AGAIN: f64 = 1.2;
@@ -96,7 +101,14 @@ impl Run {
         let (grid, spacing) = settings.grid(self.suite.constraints())?;
         let all = u64::from(grid.len());
         let total = if whole { all } else { all.min(casts) };
-        let on_grid = SwapSettings { spacing, casts, whole, memory, seed: settings.seed };
+        let on_grid = SwapSettings {
+            spacing,
+            casts,
+            whole,
+            memory,
+            seed: settings.seed,
+            roomy: is_roomy(&settings),
+        };
         let climbing = Climbing::default();
         let (evaluator, objective) = (self.evaluator(watch)?, &settings.objective);
         let mut go_on = |cast: u64| {
@@ -189,8 +201,14 @@ impl Run {
                 break;
             }
             let casts = (end - work.done) / frames;
-            let on_grid =
-                SwapSettings { spacing, casts, whole: false, memory, seed: settings.seed };
+            let on_grid = SwapSettings {
+                spacing,
+                casts,
+                whole: false,
+                memory,
+                seed: settings.seed,
+                roomy: is_roomy(&settings),
+            };
             let evaluator = self.evaluator(watch)?;
             let (done, total) = (work.done, REFINEMENTS.len() as u64 * work.casts);
             let mut go_on = |cast: u64| {
