@@ -245,9 +245,17 @@ def _verdict(given: Gathered, kept: Bools, by_score: dict[str, Any], lost: F64) 
         return {**said, "becomes_default": False, "why": "it was not searched with"}
     best = _best(-lost, hand)
     less = over_scenes(lost[:, best] - mean(lost[:, rows], 1))
-    shown = f"{less.value:.2f} [{less.low:.2f} {less.high:.2f}]".replace("-", "−")
-    why = f"its optima lose {shown} less than {names[best]}, the best by hand"
+    why = f"its optima lose {_in_words(less)} than {names[best]}, the best by hand"
     return {**said, "becomes_default": bool(less.low > 0), "why": why}
+
+
+def _in_words(less: correlate.Interval) -> str:
+    """A loss less than another, with its interval: what is below 0 is so much more."""
+    numbers, word = (less.value, less.low, less.high), "less"
+    if less.value < 0:
+        numbers, word = (-less.value, -less.high, -less.low), "more"
+    value, low, high = (f"{number:.2f}".replace("-", "−") for number in numbers)
+    return f"{value} [{low} {high}] {word}"
 
 
 def over_scenes(values: F64) -> correlate.Interval:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -40,6 +41,14 @@ def test_an_optimum_that_is_better_becomes_the_default() -> None:
     assert found["verdict"]["becomes_default"] is True
     against = found["optima"]["information_gain"]["metrics"]["birds_eye_miou"]
     assert against["minus Ours-seg"]["value"] == pytest.approx(0.1, abs=0.01)
+
+
+def test_what_loses_more_is_not_told_to_lose_less() -> None:
+    for best, words in [(0.6, r"its optima lose 0\.\d\d \[0\.\d\d 0\.\d\d\] less than Ours-seg"),
+                        (0.4, r"its optima lose 0\.\d\d \[0\.\d\d 0\.\d\d\] more than Ours-seg")]:  # fmt: skip
+        metric = noisy([0.5, 0.3, best, 0.2, 0.3, 0.1], 0.005)
+        given = study(metric, {"information_gain": metric, "m_sog": -metric})
+        assert re.search(words, decide.of(given, given.pool("box"))["verdict"]["why"])
 
 
 def test_one_that_is_not_does_not() -> None:

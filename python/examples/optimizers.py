@@ -1,4 +1,4 @@
-"""Optimizers of others on the space of a mount: python optimizers.py optuna|pymoo|pycma|search SCENE.json"""
+"""Optimizers of others on the space of a mount: python optimizers.py botorch|optuna|pymoo|pycma|search SCENE.json"""
 
 import sys
 
@@ -25,6 +25,34 @@ def with_optuna(scene, space):
     return space.poses([study.best_params[f"z{k}"] for k in range(space.dim)])
 
 
+def with_botorch(scene, space):
+    """A Gaussian process, and where it expects most improvement among draws that keep the rules."""
+    import torch
+    from botorch.acquisition import LogExpectedImprovement
+    from botorch.fit import fit_gpytorch_mll
+    from botorch.models import SingleTaskGP
+    from gpytorch.mlls import ExactMarginalLogLikelihood
+
+    def drawn(count):
+        poses = space.random(count, rng)
+        return torch.tensor(space.vector(poses), dtype=torch.float64), poses
+
+    torch.manual_seed(1)
+    rng = np.random.default_rng(1)
+    z, poses = drawn(20)
+    value = torch.tensor(scene.score(poses, sensors=space.sensors)["near_gain"])[:, None]
+    while len(z) < EVALUATIONS:
+        model = SingleTaskGP(z, value)
+        fit_gpytorch_mll(ExactMarginalLogLikelihood(model.likelihood, model))
+        others, at = drawn(512)
+        expected = LogExpectedImprovement(model, best_f=value.max())(others[:, None])
+        chosen = expected.topk(20).indices
+        z, poses = torch.cat([z, others[chosen]]), np.concatenate([poses, at[chosen]])
+        found = scene.score(at[chosen], sensors=space.sensors)["near_gain"]
+        value = torch.cat([value, torch.tensor(found)[:, None]])
+    return poses[value.argmax()]
+
+
 def with_pycma(scene, space):
     """Ask and tell; broken rules cost more than any score."""
     import cma
@@ -42,7 +70,10 @@ def with_pycma(scene, space):
 
 
 def with_pymoo(scene, space):
-    """Two objectives, near field and information, with the rules as constraints; the knee of the front."""
+    """Two objectives, near gain and information, with the rules as constraints; the knee of the front.
+
+    `sightline.front` is the search for a front where a vehicle has sensors to choose from.
+    """
     from pymoo.algorithms.moo.nsga2 import NSGA2
     from pymoo.core.problem import Problem
     from pymoo.optimize import minimize
@@ -53,8 +84,8 @@ def with_pymoo(scene, space):
 
         def _evaluate(self, z, out, *_, **__):
             poses = space.poses(z)
-            scores = scene.score(poses, sensors=space.sensors, near_field=True)
-            out["F"] = -np.column_stack([scores["near_field"], scores["information_gain_share"]])
+            scores = scene.score(poses, sensors=space.sensors)
+            out["F"] = -np.column_stack([scores["near_gain"], scores["information_gain_share"]])
             out["G"] = space.violations(poses)
 
     found = minimize(Placements(), NSGA2(pop_size=20), ("n_gen", EVALUATIONS // 20), seed=1)
@@ -75,7 +106,7 @@ if __name__ == "__main__":
     name, path = sys.argv[1:]
     scene = sightline.Scene.load(path, frames=2, backend="cpu")
     space = scene.space()
-    poses = {"optuna": with_optuna, "pymoo": with_pymoo, "pycma": with_pycma, "search": with_search}[name](scene, space)
+    poses = {"botorch": with_botorch, "optuna": with_optuna, "pymoo": with_pymoo, "pycma": with_pycma, "search": with_search}[name](scene, space)
     scores = scene.score(poses, sensors=space.sensors)
     assert (space.violations(poses) == 0).all()
     print(f"{name}: near_gain {scores['near_gain'][0]:.4f}")

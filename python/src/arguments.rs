@@ -111,16 +111,31 @@ pub fn budget(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
     maybe_real("budget", given, "a price of 0 or more, or None", |price| price >= 0.0)
 }
 
-/// The argument `objective`.
-pub fn objective<'a>(given: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {
+/// The argument `objective` of calls that take no function.
+pub fn objective_in_words<'a>(given: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {
     let text = given.cast::<PyString>().map_err(|_| {
         let found = shown(given);
         bad(format!(
-            "objective: is {found}; give the name of a score or a weighted sum of scores as text, and for a function \
-             of your own take sightline.Search(scene.space())"
+            "objective: is {found}; give the name of a score or a weighted sum of scores as text"
         ))
     })?;
     text.to_str()
+}
+
+/// What a search maximizes.
+pub enum Aim {
+    /// The name of a score, or a weighted sum of scores.
+    Text(String),
+    /// A function of `Scores`.
+    Function(Py<PyAny>),
+}
+
+/// The argument `objective`.
+pub fn objective(given: &Bound<'_, PyAny>) -> PyResult<Aim> {
+    if given.is_callable() {
+        return Ok(Aim::Function(given.clone().unbind()));
+    }
+    objective_in_words(given).map(|text| Aim::Text(text.to_owned()))
 }
 
 /// The argument `conditions`, which may be `None`.

@@ -1,6 +1,6 @@
 //! An atlas: sensor poses that are cast once, and placements of them that are scored without a cast.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use numpy::PyArray2;
 use pyo3::prelude::*;
@@ -29,7 +29,7 @@ const MOST_POSES: usize = 20_000;
 /// Coverage of M sensor poses in the frames that a scene is scored over; made by `Scene.atlas`.
 #[pyclass(name = "Atlas", module = "sightline", frozen)]
 pub struct PyAtlas {
-    atlas: Arc<Mutex<Atlas>>,
+    atlas: Arc<Atlas>,
     /// Number in the atlas of each pose that was given.
     numbers: Vec<u32>,
     poses: Vec<SensorPose>,
@@ -73,7 +73,7 @@ impl PyAtlas {
         let (rules, numbers) = points(&poses);
         let atlas = interruptible(py, move |watch| held(&built, &rules, watch))??;
         let poses = numbers.iter().map(|number| atlas.grid().pose(*number)).collect();
-        Ok(Self { atlas: Arc::new(Mutex::new(atlas)), numbers, poses })
+        Ok(Self { atlas: Arc::new(atlas), numbers, poses })
     }
 }
 
@@ -131,8 +131,7 @@ impl PyAtlas {
     /// Bytes of coverage held, at most.
     #[getter]
     fn size_bytes(&self) -> usize {
-        let atlas = self.atlas.lock().unwrap_or_else(PoisonError::into_inner);
-        atlas.held() * atlas.page_bytes()
+        self.atlas.held() * self.atlas.page_bytes()
     }
 
     /// A dict of arrays f64 `[N]`: scores of N placements whose LiDARs stand at poses `index` `[N, L]` of the atlas. Columns are
@@ -154,7 +153,6 @@ impl PyAtlas {
         let numbers: Vec<u32> = places.iter().map(|&at| self.numbers[at as usize]).collect();
         let atlas = self.atlas.clone();
         let scores = interruptible(py, move |_| {
-            let atlas = atlas.lock().unwrap_or_else(PoisonError::into_inner);
             let (content, frames) = (atlas.problem().content(), atlas.problem().frame_count());
             let one = |row: &[u32]| {
                 let tally = together(&atlas, row, content);

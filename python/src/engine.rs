@@ -79,35 +79,58 @@ const CPU: &str = "cpu";
 /// Sentence for what a fork has cut off.
 const FORKED: &str = "; start processes before, or with multiprocessing's start method `spawn`";
 
-/// An evaluator that is opened when it is first needed.
+/// What one thread works with at a time, in the process that made it or in a fork of that.
 #[derive(Default)]
-pub struct Kept {
-    evaluator: Mutex<Option<Evaluator>>,
+pub struct Alone<T> {
+    held: Mutex<T>,
     /// Process that worked with it last; 0 for none.
     process: AtomicU32,
 }
 
-impl Kept {
-    /// The evaluator, once nobody else works with it. In a forked process that may be never, and a device does not
-    /// survive a fork: both are errors.
-    fn alone(&self) -> PyResult<MutexGuard<'_, Option<Evaluator>>> {
-        let here = std::process::id();
+impl<T> Alone<T> {
+    /// True in a forked process that has not worked with it yet, where its parent has.
+    fn is_of_parent(&self) -> bool {
         let before = self.process.load(Ordering::SeqCst);
-        let is_of_parent = is_forked() && before != 0 && before != here;
-        let kept = match self.evaluator.try_lock() {
-            Ok(kept) => kept,
+        is_forked() && before != 0 && before != std::process::id()
+    }
+
+    /// It, once no other thread works with it.
+    ///
+    /// # Errors
+    /// `RuntimeError` in a process that was forked while its parent worked with it: in the fork no thread ever ends that work.
+    pub fn lock(&self) -> PyResult<MutexGuard<'_, T>> {
+        let is_of_parent = self.is_of_parent();
+        if !is_of_parent {
+            // A fork may come as soon as the lock is taken.
+            self.process.store(std::process::id(), Ordering::SeqCst);
+        }
+        let held = match self.held.try_lock() {
+            Ok(held) => held,
             Err(TryLockError::WouldBlock) if is_of_parent => {
                 let when = "the process was forked while the scene was at work in it";
                 return Err(PyRuntimeError::new_err(format!("{when}{FORKED}")));
             }
-            Err(_) => self.evaluator.lock().unwrap_or_else(PoisonError::into_inner),
+            Err(_) => self.held.lock().unwrap_or_else(PoisonError::into_inner),
         };
+        self.process.store(std::process::id(), Ordering::SeqCst);
+        Ok(held)
+    }
+}
+
+/// An evaluator that is opened when it is first needed.
+#[derive(Default)]
+pub struct Kept(Alone<Option<Evaluator>>);
+
+impl Kept {
+    /// The evaluator, once nobody else works with it. A device does not survive a fork, which is an error.
+    fn alone(&self) -> PyResult<MutexGuard<'_, Option<Evaluator>>> {
+        let is_of_parent = self.0.is_of_parent();
+        let kept = self.0.lock()?;
         let on_device = kept.as_ref().is_some_and(|kept| kept.backend().name() != CPU);
         if is_of_parent && on_device {
             let when = "the process was forked after the scene had opened a GPU";
             return Err(PyRuntimeError::new_err(format!("{when}{FORKED}")));
         }
-        self.process.store(here, Ordering::SeqCst);
         Ok(kept)
     }
 
@@ -140,7 +163,7 @@ pub struct Built {
     stage: OnceLock<Arc<Stage>>,
     evaluator: Kept,
     /// The frames that were cast into last.
-    frames: Mutex<VecDeque<Posed>>,
+    frames: Alone<VecDeque<Posed>>,
 }
 
 impl Built {
@@ -153,7 +176,7 @@ impl Built {
         };
         let job = job.frames(options.frames).conditions(&options.conditions);
         let job = job.engine(options.engine.clone());
-        let (stage, evaluator, frames) = (OnceLock::new(), Kept::default(), Mutex::default());
+        let (stage, evaluator, frames) = (OnceLock::new(), Kept::default(), Alone::default());
         Self { scene, options, job, stage, evaluator, frames }
     }
 
@@ -205,7 +228,7 @@ impl Built {
                 "the scene has no geometry to cast into; add static shapes, actors or an ego body",
             ));
         }
-        let mut last = self.frames.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut last = self.frames.lock()?;
         if let Some(posed) = last.iter().find(|posed| posed.frame == frame) {
             return Ok(posed.clone());
         }

@@ -56,7 +56,7 @@ impl WorkMessages {
 
 /// The argument `progress`: `None`, `True`, `False` or a function.
 #[derive(Default)]
-pub struct Progress(Option<Py<PyAny>>);
+pub struct Progress(pub Option<Py<PyAny>>);
 
 impl FromPyObject<'_, '_> for Progress {
     type Error = PyErr;

@@ -16,7 +16,7 @@ use sightline::search::{Event, FrameChoice, Method, Scored, Settings, TimeLimit}
 use sightline::vehicle::Vehicle;
 use sightline::{Job, Objective};
 
-use crate::arguments::{self, listed};
+use crate::arguments::{self, Aim, listed};
 use crate::arrays::to_python;
 use crate::columns::{scored_object, scores_object};
 use crate::engine::{Built, Kept, guard, job_of, opened, score};
@@ -138,9 +138,15 @@ fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
     }
 }
 
+/// The tolerance unless it is given.
+const TOLERANCE: &str = "5mm,0.5deg";
+
 /// Searches placements over a scene or several, as `sightline optimize` does with the same settings.
 ///
-/// `objective` is a score by name, as `near_gain_2` for what two LiDARs see, or a weighted sum; `method` `both`, `cma` or
+/// `objective` is a score by name, as `near_gain_2` for what two LiDARs see, a weighted sum, or a function of `Scores` that gives
+/// f64 `[N]`, the larger the better. A function is searched with CMA-ES alone, over the frames that the scenes are scored over:
+/// beside it only `evaluations`, `seed`, `population`, `baselines` (none unless given), `target`, `seconds`, `callback` and `progress`
+/// are taken; placements that are not `feasible` rank behind. `method` is `both`, `cma` or
 /// `swaps`; `frames` is a number of frames, spread evenly, `"all"`, or `"on-demand"` (the default): as many as the search asks for. The search ends after `evaluations` and their swaps, at `target`, or after `seconds`. `baselines` are compared
 /// with (Table 7 unless given), `starts` started from. `mirror` adds the mirror image of each scene. A vehicle's sensors are
 /// chosen for at most `budget`; with `fewest` as few as meet all requirements, and as cheap. Each requirement is
@@ -156,15 +162,18 @@ fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
 /// function is called with a `Progress`, at most ten times a second; its exceptions end the call. Raises `ValueError` for settings that are not
 /// usable, `MemoryError` for what does not fit, `OSError` where a device fails.
 #[pyfunction(name = "optimize")]
-#[pyo3(signature = (scenes, *, objective = "near_gain", evaluations = 180, seed = 1,
+#[pyo3(signature = (scenes, *, objective = Aim::Text("near_gain".into()), evaluations = 180, seed = 1,
     method = "both", frames = None, population = None, baselines = None, starts = None,
     target = None, seconds = None, mirror = false, budget = None, fewest = false,
-    tolerance = "5mm,0.5deg", callback = None, progress = None))]
+    tolerance = Some(TOLERANCE), callback = None, progress = None),
+    text_signature = "(scenes, *, objective='near_gain', evaluations=180, seed=1, method='both', frames=None, \
+    population=None, baselines=None, starts=None, target=None, seconds=None, mirror=False, budget=None, fewest=False, \
+    tolerance='5mm,0.5deg', callback=None, progress=None)")]
 #[allow(clippy::too_many_arguments)]
 pub fn search<'py>(
     py: Python<'py>,
     scenes: &Bound<'py, PyAny>,
-    #[pyo3(from_py_with = arguments::objective)] objective: &str,
+    #[pyo3(from_py_with = arguments::objective)] objective: Aim,
     #[pyo3(from_py_with = arguments::evaluations)] evaluations: u64,
     #[pyo3(from_py_with = arguments::seed)] seed: u64,
     method: &str,
@@ -181,7 +190,34 @@ pub fn search<'py>(
     callback: Option<Py<PyAny>>,
     progress: Option<Progress>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let scenes = scenes_of(scenes)?;
+    let given = given_scenes(scenes)?;
+    let objective = match objective {
+        Aim::Text(text) => text,
+        Aim::Function(function) => {
+            let other = [
+                ("method", method == "swaps"),
+                ("frames", frames.is_some()),
+                ("starts", starts.is_some()),
+                ("mirror", mirror),
+                ("budget", budget.is_some()),
+                ("fewest", fewest),
+                ("tolerance", tolerance.is_none_or(|text| text != TOLERANCE)),
+            ];
+            if let Some((name, _)) = other.into_iter().find(|(_, is_given)| *is_given) {
+                let why = "is not taken where objective is a function; leave it out";
+                return Err(bad(format!("{name}: {why}")));
+            }
+            let scene = given[0].get().built.scene.clone();
+            let baselines = baselines.map(|list| placements_in(&scene, list, None, None));
+            let baselines = baselines.transpose()?.unwrap_or_default().into_iter();
+            let baselines: Vec<_> = baselines.map(PyPlacement).collect();
+            let settings = (evaluations, seed, population, baselines, target, seconds);
+            let progress = progress.and_then(|progress| progress.0);
+            let search = py.import("sightline._by_function")?.getattr("search")?;
+            return search.call1((given, function, settings, callback, progress));
+        }
+    };
+    let scenes: Vec<_> = given.iter().map(|scene| scene.get().built.clone()).collect();
     let engine: EngineChoice = scenes[0].options.engine.clone();
     let given = |list: Option<&Bound<'py, PyAny>>| {
         list.filter(|list| !list.len().is_ok_and(|length| length == 0)).map_or_else(

@@ -170,7 +170,7 @@ impl PyVehicle {
         &self.vehicle.name
     }
 
-    /// Models by name; the first is meant where a placement names none.
+    /// Models by name. Where there are several, each LiDAR of a placement names its own.
     #[getter]
     fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         sensors_object(py, &self.vehicle)

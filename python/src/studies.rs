@@ -61,7 +61,7 @@ pub fn study_table<'py>(
     poses: Option<&Bound<'py, PyAny>>,
     #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
     phases: Option<&Bound<'py, PyAny>>,
-    #[pyo3(from_py_with = arguments::objective)] objective: &str,
+    #[pyo3(from_py_with = arguments::objective_in_words)] objective: &str,
     #[pyo3(from_py_with = arguments::evaluations)] evaluations: u64,
     #[pyo3(from_py_with = arguments::study_random)] random: u32,
     #[pyo3(from_py_with = arguments::seed)] seed: u64,

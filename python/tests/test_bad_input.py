@@ -86,8 +86,14 @@ def test_options(small, scene) -> None:
         Scene.load("scenes/highway.json", conditions=["hail"])
     with pytest.raises(ValueError, match="`gain` is no score; there are near_gain"):
         sightline.optimize(scene, objective="gain")
-    with pytest.raises(ValueError, match=r"objective: is <function .*take sightline.Search\(scene.space\(\)\)"):
-        sightline.optimize(scene, objective=lambda scores: scores["near_gain"])
+    with pytest.raises(ValueError, match="objective: is 3; give the name of a score or a weighted sum"):
+        sightline.optimize(scene, objective=3)
+    for option in [{"method": "swaps"}, {"frames": 2}, {"budget": 9.0}, {"tolerance": None}]:
+        (name,) = option
+        with pytest.raises(ValueError, match=f"{name}: is not taken where objective is a function"):
+            sightline.optimize(scene, objective=lambda scores: scores["near_gain"], **option)
+    with pytest.raises(ValueError, match=r"objective: gives the shape \(\) for \d+ placements; give a number for each"):
+        sightline.optimize(scene, objective=lambda scores: 1.0)
     with pytest.raises(ValueError, match="method: `magic` is none; give both, cma, swaps"):
         sightline.optimize(scene, method="magic")
     with pytest.raises(ValueError, match="frames: is '8'; give a whole number"):

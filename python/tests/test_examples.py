@@ -57,7 +57,7 @@ def test_train() -> None:
     assert "loss" in run("train.py", "scenes/industrial-yard.json")
 
 
-@pytest.mark.parametrize(("name", "package"), [("optuna", "optuna"), ("pymoo", "pymoo"), ("pycma", "cma"), ("search", "sightline")])
+@pytest.mark.parametrize(("name", "package"), [("botorch", "botorch"), ("optuna", "optuna"), ("pymoo", "pymoo"), ("pycma", "cma"), ("search", "sightline")])
 def test_optimizers_of_others(name: str, package: str) -> None:
     pytest.importorskip(package)
     printed = run("optimizers.py", name, "scenes/industrial-yard.json")

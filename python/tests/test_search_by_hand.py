@@ -34,6 +34,43 @@ def test_a_search_finds_the_goal_and_keeps_the_rules(scene) -> None:
     assert (again.ask() == first).all() and (sightline.Search(space, seed=4).ask()[0] != first[0]).any()
 
 
+def worse_of_two(scores: sightline.Scores):
+    return np.minimum(scores["near_gain"], scores["information_gain_share"])
+
+
+def test_a_function_of_scores_is_an_objective(scene) -> None:
+    told: list[dict] = []
+    found = sightline.optimize(scene, objective=worse_of_two, evaluations=90, baselines=sightline.published()[:2], callback=told.append)
+    assert len(found.baselines) == 2 and len(found.scores.names) == 3 and found.record["objective"] == "worse_of_two"
+    # The result is the best of what was scored, and better than a draw of as many.
+    values = worse_of_two(found.scores)
+    assert found.scores.feasible[0] and found.record["value"] == values[0] == found.history[-1]["best_so_far"]
+    assert [event["evaluations"] for event in told] == [one["evaluations"] for one in found.history]
+    drawn = scene.score(scene.random_poses(90, seed=5))
+    assert values[0] > np.max(worse_of_two(drawn)[drawn.feasible])
+    # Equal calls give equal results; a target ends the search early.
+    again = sightline.optimize(scene, objective=worse_of_two, evaluations=90, progress=False)
+    assert again.best.poses.tobytes() == found.best.poses.tobytes() and again.baselines == []
+    early = sightline.optimize(scene, objective=worse_of_two, target=found.history[0]["best_so_far"])
+    assert len(early.history) == 1 and early.record["ended"] == "target"
+
+
+def test_what_ends_a_search_for_a_function_goes_on_with_its_result(scene) -> None:
+    def ends(error: BaseException):
+        def callback(event: dict) -> None:
+            if event["generation"] == 2:
+                raise error
+
+        return callback
+
+    asked = {"objective": worse_of_two, "evaluations": 90}
+    assert len(sightline.optimize(scene, callback=ends(StopIteration()), **asked).history) == 2
+    for error in [KeyboardInterrupt(), OSError("full")]:
+        with pytest.raises(type(error)) as raised:
+            sightline.optimize(scene, callback=ends(error), **asked)
+        assert len(raised.value.result.history) == 2 and raised.value.result.best is not None
+
+
 def test_what_is_told_must_fit_what_was_asked(scene) -> None:
     search = sightline.Search(scene.space(), population=8)
     with pytest.raises(ValueError, match="values: nothing was asked; call ask first"):

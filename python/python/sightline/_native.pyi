@@ -498,7 +498,7 @@ def read_placements(path: _Path) -> list[Placement]: ...
 def optimize(
     scenes: Scene | Sequence[Scene],
     *,
-    objective: str = "near_gain",
+    objective: str | Callable[[Scores], Any] = "near_gain",
     evaluations: int = 180,
     seed: int = 1,
     method: Literal["both", "cma", "swaps"] = "both",
