@@ -202,7 +202,7 @@ fn impossible() -> Vec<(Value, Value, &'static str)> {
         (
             small(3),
             json!({ "min_distance": 1.5 }),
-            "no placement of 3 LiDAR(s) on `m0` was found that keeps its rules (at least 1.5 m apart); relax them",
+            "no placement of 3 LiDARs on `m0` was found that keeps its rules (at least 1.5 m apart); relax them",
         ),
     ]
 }
@@ -395,7 +395,7 @@ fn a_tight_mount_of_a_scene_is_searched_or_refused_like_one_of_a_vehicle() {
     write(3);
     let told = fails(dir.path(), &args);
     assert!(
-        told.contains("tight.json: mount: no placement of 3 LiDAR(s) on `mount` was found"),
+        told.contains("tight.json: mount: no placement of 3 LiDARs on `mount` was found"),
         "{told}"
     );
     assert!(!dir.path().join("o").exists());

@@ -147,7 +147,7 @@ fn what_is_most_likely_not_meant_is_told_once_and_taken_as_it_is() {
         "odd.json: placement `turned`, LiDAR 0: yaw = 90 is more than a turn; angles are in radians",
         "placement `high`, LiDAR 0: z = 2500 is far from any vehicle; positions are in metres",
         "placement `p0`, LiDAR 0: it stands 0.500 m outside its mount",
-        "odd.json: 2 more LiDAR(s) have such a problem",
+        "odd.json: such a problem with 2 more LiDARs",
     ] {
         assert!(told.contains(words), "{told}\n lacks {words}");
     }

@@ -197,7 +197,7 @@ fn injected_layouts_that_are_not_used_are_named_with_the_reason() {
     assert_eq!(left_out.len(), 4, "{left_out:?}");
     for (name, why) in [
         ("far", "x is 0.300 m outside the mount"),
-        ("single", "it has 1 LiDAR(s), the mount 2"),
+        ("single", "it has 1 LiDAR, the mount 2"),
         ("row", "plane of symmetry"),
         ("askew", "from a mirror image at the plane y = 0"),
     ] {

@@ -97,7 +97,7 @@ fn a_second_lidar_gains_the_second_row_and_no_further_one_gains_anything() {
     let mut covered = vec![20.0; 8];
     covered[0] = 10.0;
     assert_column(&table, "covered", &covered);
-    assert!(table["notes"][1].as_str().unwrap().contains("bends most at 2 LiDAR(s)"), "{table}");
+    assert!(table["notes"][1].as_str().unwrap().contains("bends most at 2 LiDARs"), "{table}");
 }
 
 #[test]

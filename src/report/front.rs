@@ -191,6 +191,9 @@ pub(super) fn front_verdict(front: &Front) -> String {
     let mut words = match front.points.len() {
         0 => return format!("No placement was found for {names}"),
         1 => format!("One placement is the best in {names} together"),
+        count if has_requirements(front) => format!(
+            "{count} placements, {names}: none is beaten in all of them by one that meets the requirements as it does"
+        ),
         count => format!("{count} placements, {names}: none is beaten by another in all of them"),
     };
     if has_requirements(front) {

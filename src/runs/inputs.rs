@@ -14,6 +14,7 @@ use crate::vehicle::{
     Sensors, Vehicle, name_lidars, read_placements, table_7_held_by,
 };
 use crate::{Note, files};
+use sightline_files::json::counted;
 
 /// What a file of placements without a scene is told.
 const PLACEMENTS_ALONE: &str = "holds placements; give a scene to score them in before it";
@@ -201,11 +202,8 @@ pub fn rig_file(text: &str) -> Result<String, RunError> {
     if !file.is_file() {
         return Ok(text.to_owned());
     }
-    let best = || match folder.join(RESULT).is_file() {
-        true => Ok::<_, RunError>(best_of(&result_of(folder)?).map(str::to_owned)),
-        false => Ok(None),
-    };
-    let name = name.map_or_else(best, |name| Ok(Some(name.to_owned())))?;
+    let result = result_of(folder)?;
+    let name = name.or_else(|| best_of(&result));
     let file = file.display();
     Ok(name.map_or_else(|| file.to_string(), |name| format!("{file}:{name}")))
 }
@@ -383,7 +381,8 @@ impl<'a> Given<'a> {
     pub fn finish(&self) {
         if self.found > MOST_TOLD {
             let (more, file) = (self.found - MOST_TOLD, self.file.display());
-            self.watcher.note(&format!("{file}: {more} more LiDAR(s) have such a problem"));
+            let more = counted(more as usize, "more LiDAR");
+            self.watcher.note(&format!("{file}: such a problem with {more}"));
         }
     }
 

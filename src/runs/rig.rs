@@ -75,7 +75,18 @@ pub fn export_file(
         let by_number = (0..known.len()).find(|&index| default_frame(index) == frame);
         let named = rig.lidars.iter().position(|lidar| lidar.frame == frame).or(by_number);
         match named {
-            Some(index) => rig.lidars[index].sensor = Some(sensor),
+            Some(index) => {
+                let lidar = &mut rig.lidars[index];
+                if let Some(named) = lidar.sensor.replace(sensor.clone())
+                    && named != sensor
+                {
+                    return Err(RunError::Usage(format!(
+                        "{}: LiDAR {index} is a `{named}`, and --sensor {frame}={sensor} says otherwise; leave one of \
+                         them out",
+                        file.display()
+                    )));
+                }
+            }
             None => {
                 let file = file.display().to_string();
                 return Err(RigError::UnknownFrame { file, frame, known }.into());

@@ -9,6 +9,7 @@ use crate::overlap::{Pair, Shared, chain, connected_up_to, groups, surface_voxel
 use crate::problem::{Problem, SensorBatch};
 use crate::scene::{EgoBody, Scene};
 use crate::vehicle::{Placement, SensorName};
+use sightline_files::json::counted;
 
 /// Least mean number of surface voxels that a pair must share to be calibrated against each other, where none is said.
 pub const LEAST_SHARED: u64 = 500;
@@ -20,7 +21,8 @@ pub const LEAST_SHARED: u64 = 500;
 pub enum OverlapError {
     /// Fewer than two LiDARs.
     #[error(
-        "placement `{placement}`: has {count} LiDAR(s), and overlap is between two; add a second LiDAR"
+        "placement `{placement}`: has {}, and overlap is between two; add a second LiDAR",
+        counted(*.count, "LiDAR")
     )]
     OneLidar { placement: String, count: usize },
     /// Beams that end at no surface.

@@ -5,6 +5,7 @@ use super::table::{Cases, SCORES, made_large};
 use super::{Row, StudyError, Table, TablePlot, table};
 use crate::search::{EquipStep, Equipped, Equipping, Event, Limits, Settings, cost_front};
 use crate::vehicle::{Constraints, Equipment, Placement, Vehicle};
+use sightline_files::json::counted;
 
 /// Numbers of LiDARs that are compared.
 const LIDARS: std::ops::RangeInclusive<usize> = 1..=8;
@@ -157,8 +158,9 @@ fn notes(scene: &StudyScene, drawn: &str, gains: &[f64]) -> Vec<String> {
     let from_none: Vec<f64> = std::iter::once(0.0).chain(gains.iter().copied()).collect();
     if let Some(knee) = knee(&from_none) {
         notes.push(format!(
-            "The {} bends most at {knee} LiDAR(s): up to there each adds more than the average of all {}.",
+            "The {} bends most at {}: up to there each adds more than the average of all {}.",
             drawn.trim_end_matches(" %"),
+            counted(knee, "LiDAR"),
             gains.len()
         ));
     }

@@ -58,13 +58,14 @@ impl std::fmt::Display for Modelled {
         write!(
             f,
             "{} of {} voxels are occupied in some frame and stored ({}), {} of them have an entropy; \
-             {} frames, {} distinct and cast, of {} triangles ({}); {} a sensor and frame for what it \
+             {} frame{}, {} distinct and cast, of {} triangles ({}); {} a sensor and frame for what it \
              covers",
             self.occupied_voxels,
             self.voxels,
             mebibytes(self.voxel_bytes),
             self.informative_voxels,
             self.frames,
+            if self.frames == 1 { "" } else { "s" },
             self.distinct_frames,
             self.triangles,
             mebibytes(self.tree_bytes),

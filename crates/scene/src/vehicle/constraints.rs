@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::pairing::{SLACK, pairs};
 use super::{Placement, Region, SensorName, SensorPose};
+use sightline_files::json::counted;
 
 /// Rules for a placement: a region and a model for each LiDAR, distances, keep-out boxes, ties.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -226,7 +227,7 @@ impl std::fmt::Display for Violation {
             Self::NotTaken { lidar, sensor, mount, takes, room, .. } => {
                 write!(f, "LiDAR {lidar}: it stands on mount {mount}, which ")?;
                 if takes.contains(sensor) {
-                    return write!(f, "holds {room} LiDAR(s) at most");
+                    return write!(f, "holds {} at most", counted(*room, "LiDAR"));
                 }
                 let takes: Vec<String> = takes.iter().map(|model| format!("`{model}`")).collect();
                 write!(f, "takes {}, not `{sensor}`", takes.join(" or "))

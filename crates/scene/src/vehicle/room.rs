@@ -4,13 +4,14 @@ use super::mount::is_kept_out;
 use super::pairing::SLACK;
 use super::{Constraints, Equipment, Placement, Vehicle, VehicleMount, Violation};
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location};
+use sightline_files::json::{DescriptionError, Location, counted};
 
 /// No rig was found that keeps the rules of the mounts.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
-    "{field}: no placement of {lidars} LiDAR(s) on {} was found that keeps its rules ({}); relax them, widen the mount, \
+    "{field}: no placement of {} on {} was found that keeps its rules ({}); relax them, widen the mount, \
      or lower its number of LiDARs",
+    counted(*lidars, "LiDAR"),
     mounts.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", "),
     rules.join("; ")
 )]
@@ -179,7 +180,8 @@ impl Vehicle {
             if on < *least {
                 let name = &region.name;
                 broken.push(format!(
-                    "the mount `{name}` holds {on} LiDAR(s), and must hold {least} or more"
+                    "the mount `{name}` holds {}, and must hold {least} or more",
+                    counted(on, "LiDAR")
                 ));
             }
         }

@@ -274,7 +274,7 @@ fn every_model_that_a_mount_lists_may_stand_there_and_no_more_than_it_holds() {
     // A LiDAR on a mount that does not take it, or is full, is measured against no other mount.
     for (lidars, words) in [
         (vec![kinds[2]], "LiDAR 0: it stands on mount high, which takes `b` or `c`, not `a`"),
-        (vec![kinds[5]; 2], "LiDAR 1: it stands on mount high, which holds 1 LiDAR(s) at most"),
+        (vec![kinds[5]; 2], "LiDAR 1: it stands on mount high, which holds 1 LiDAR at most"),
         (vec![kinds[8]; 2], "LiDAR 1: there is no mount for one more `c`"),
     ] {
         let broken = rules.violations(&Placement { name: "rig".into(), lidars });
