@@ -136,6 +136,11 @@ fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
     let (code, sensors, _, found, _) = search("hopeless", json!([hopeless]));
     assert_eq!((code, sensors.len()), (Some(1), 4));
     assert_eq!(found["best"]["scores"]["requirements"][0]["met"], false);
+    // No more sensors are tried than the budget pays for.
+    let args = "optimize street.json --fewest --budget 2 --backend cpu --evaluations 16 --out poor";
+    let poor = sightline(dir.path(), &args.split(' ').collect::<Vec<_>>());
+    let told = String::from_utf8(poor.stderr).unwrap();
+    assert!(told.contains("1 sensor was found") && !told.contains("2 sensors was"), "{told}");
     street(dir.path(), json!([]));
     let nothing = fails(dir.path(), &["optimize", "street.json", "--fewest"]);
     assert!(nothing.contains("--fewest: the vehicle requires nothing"), "{nothing}");

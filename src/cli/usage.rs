@@ -11,6 +11,7 @@ use clap_mangen::Man;
 use sightline_files::json::FileKind;
 
 use super::output::Exit;
+use super::short::COLUMNS;
 use crate::internals::{shared_folder, write_whole};
 use crate::runs::RunError;
 
@@ -34,14 +35,38 @@ pub fn not_utf8(arguments: &[OsString]) -> Option<String> {
     ))
 }
 
-/// Prints the text below the options unchanged: clap would break commands at the width of the terminal.
+/// A text whose prose is broken anew into lines of at most [`COLUMNS`]. Lines that begin with a blank stay whole: a command can be
+/// copied, however long it is.
+fn narrow(text: &str) -> String {
+    let mut lines: Vec<String> = Vec::new();
+    let is_prose = |line: &str| !line.is_empty() && !line.starts_with(' ');
+    let mut goes_on = false;
+    for line in text.lines() {
+        if !is_prose(line) {
+            lines.push(line.to_owned());
+        }
+        for word in line.split(' ').filter(|_| is_prose(line)) {
+            let last = lines.last_mut().filter(|_| goes_on);
+            match last.filter(|last| last.chars().count() + 1 + word.chars().count() <= COLUMNS) {
+                Some(last) => *last += &format!(" {word}"),
+                None => lines.push(word.to_owned()),
+            }
+            goes_on = true;
+        }
+        goes_on = is_prose(line);
+    }
+    lines.join("\n")
+}
+
+/// Prints the text below the options, of which only prose is broken: clap would break commands at the width of the terminal.
 pub fn with_examples(command: Command) -> Command {
     let examples = command.get_after_help().map(ToString::to_string);
     let command = command.mut_subcommands(with_examples);
     match examples {
         // Clap prints a template unchanged but for its tags.
         Some(examples) => command.help_template(format!(
-            "{{before-help}}{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{{all-args}}\n\n{examples}"
+            "{{before-help}}{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{{all-args}}\n\n{}",
+            narrow(&examples)
         )),
         None => command,
     }
@@ -167,7 +192,7 @@ mod tests {
 
     #[test]
     fn every_help_has_examples_that_survive_copying() {
-        let mut program = with_examples(Cli::command()).max_term_width(100);
+        let mut program = with_examples(Cli::command()).term_width(COLUMNS);
         program.build();
         let (mut commands, mut long) = (0, 0);
         each(&program, "sightline", &mut |names, command| {
@@ -177,9 +202,15 @@ mod tests {
             assert!(written.starts_with("Example"), "{names}: {written}");
             assert!(examples.clone().count() > 0, "{names}");
             assert!(examples.all(|line| line.contains("sightline ")), "{names}: {written}");
-            for line in written.lines() {
+            let shown: Vec<&str> = help.split_whitespace().collect();
+            let words: Vec<&str> = written.split_whitespace().collect();
+            assert!(shown.ends_with(&words), "{names}: {written}\n{help}");
+            for line in written.lines().filter(|line| line.starts_with("  ")) {
                 assert!(help.lines().any(|shown| shown == line), "{names}: {line}\n{help}");
                 long += usize::from(line.len() > 100);
+            }
+            for line in help.lines().filter(|line| !line.starts_with(' ')) {
+                assert!(line.chars().count() <= COLUMNS, "{names}: {line}");
             }
             commands += 1;
         });

@@ -330,23 +330,19 @@ impl Moved {
         go_on: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Holds>, BackendError> {
         let columns = self.columns(instead);
-        let mut still = self.near_shares(&columns, &vec![0; columns.len()]);
-        self.problem.in_file_order(&mut still);
         let each: Vec<_> = columns.iter().map(|column| &column.on_targets).collect();
         let order = self.sight.as_ref().map_or_else(Vec::new, |of| of.most_beams_first(&each));
+        let as_it_is = self.as_it_is(instead);
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ 1);
         let mut near = || columns.iter().map(|_| rng.random_range(1..POSES)).collect();
         let copies: Vec<(usize, Vec<usize>)> = (1..=self.copies).map(|k| (k, near())).collect();
-        let is_met = |(copy, near): &(usize, Vec<usize>)| -> Result<Vec<bool>, UnknownSensor> {
-            let mut moved = self.near_shares(&columns, near);
-            self.problem.in_file_order(&mut moved);
-            let targets = self.targets_met(&columns, *copy, &order)?;
-            let of = found.iter().zip(moved.iter().zip(&still)).zip(targets);
+        let is_met = |copy: &(usize, Vec<usize>)| -> Result<Vec<bool>, UnknownSensor> {
+            let moved = self.shares_in(&columns, copy, &order)?;
             // Over all frames a share is taken to change as it does over few.
-            let is_met = |((share, least), (moved, still)): (&(f64, f64), (&f64, &f64))| {
-                share + (moved - still) >= *least
-            };
-            Ok(of.map(|(near, target)| is_met(near) && target).collect())
+            let of = found.iter().zip(moved.iter().zip(&as_it_is));
+            let is_met =
+                of.map(|((share, least), (moved, still))| share + (moved - still) >= *least);
+            Ok(is_met.collect())
         };
         let mut met: Vec<Vec<bool>> = Vec::new();
         for some in copies.chunks(AT_ONCE) {
@@ -363,22 +359,24 @@ impl Moved {
         Ok(Some(Holds { each, all: share(&|met| met.iter().all(|met| *met)) }))
     }
 
-    /// For every requirement in the order of the scores, true unless it is on targets, is looked at, and a copy misses it.
-    fn targets_met(
+    /// Share of every requirement in a copy, in the order of the scores; 1 where it is not looked at.
+    fn shares_in(
         &self,
         columns: &[&Column],
-        copy: usize,
+        (copy, near): &(usize, Vec<usize>),
         order: &[Vec<usize>],
-    ) -> Result<Vec<bool>, UnknownSensor> {
-        let (areas, on_targets, _) = self.wanted();
-        let mut met = vec![true; areas.len()];
+    ) -> Result<Vec<f64>, UnknownSensor> {
+        let mut shares = self.near_shares(columns, near);
         if let Some(sight) = &self.sight {
+            let (areas, on_targets, _) = self.wanted();
             let own = columns.iter().enumerate();
-            let poses: Vec<_> = own.map(|(k, of)| self.pose_in(k, &of.own, copy)).collect();
-            met.extend(sight.meets_on_targets(&poses, order, &on_targets)?);
+            let poses: Vec<_> = own.map(|(k, of)| self.pose_in(k, &of.own, *copy)).collect();
+            let targets = sight.shares_on_targets(&poses, order, &on_targets)?;
+            let rules = shares[areas.len()..].iter_mut();
+            rules.zip(targets).for_each(|(near, target)| *near = near.min(target));
         }
-        self.problem.in_file_order(&mut met);
-        Ok(met)
+        self.problem.in_file_order(&mut shares);
+        Ok(shares)
     }
 }
 

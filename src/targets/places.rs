@@ -416,7 +416,7 @@ mod tests {
     }
 
     #[test]
-    fn rules_on_targets_are_met_alike_whatever_the_order_of_the_lidars() {
+    fn shares_on_targets_are_the_same_whatever_the_order_of_the_lidars() {
         let sight = sight_of_three_rules();
         let mut rng = ChaCha8Rng::seed_from_u64(11);
         let mut found = [[0; 2]; 2];
@@ -442,13 +442,12 @@ mod tests {
             assert!((roomy - plain - 3e-5 * (lacks(0) + lacks(1))).abs() < 1e-12);
             let mut order = sight.most_beams_first(&each);
             for _ in 0..2 {
-                let now = sight.meets_on_targets(&lidars, &order, &[true; 3]).unwrap();
-                assert_eq!(now[..2], [0, 1].map(|k| met[k].share >= met[k].least));
-                assert!(now[2]);
-                (0..2).for_each(|k| found[k][usize::from(now[k])] += 1);
+                let now = sight.shares_on_targets(&lidars, &order, &[true; 3]).unwrap();
+                assert_eq!(now, [met[0].share, met[1].share, 1.0]);
+                (0..2).for_each(|k| found[k][usize::from(now[k] >= met[k].least)] += 1);
                 order.iter_mut().for_each(|lidars| lidars.reverse());
             }
-            assert_eq!(sight.meets_on_targets(&lidars, &order, &[false; 3]).unwrap(), [true; 3]);
+            assert_eq!(sight.shares_on_targets(&lidars, &order, &[false; 3]).unwrap(), [1.0; 3]);
         }
         assert!(found.concat().iter().all(|times| *times >= 10), "{found:?}");
     }

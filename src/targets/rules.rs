@@ -221,38 +221,38 @@ impl Sight {
         (0..self.enough.len()).map(of_place).collect()
     }
 
-    /// True for each rule on targets that is met, as [`Self::rules_met`] has it, and for all other rules and those that are
-    /// not `wanted`. LiDARs are asked for beams in an `order` for each place, and only until the answer is known.
+    /// The share of every rule on targets that is `wanted`, as [`Self::rules_met`] has it; 1 for the others. LiDARs are asked
+    /// for beams in an `order` for each place, and only until it is known whether the target is met there.
     ///
     /// # Errors
     /// A model that the vehicle does not have.
-    pub fn meets_on_targets(
+    pub fn shares_on_targets(
         &self,
         lidars: &[SensorPose],
         order: &[Vec<usize>],
         wanted: &[bool],
-    ) -> Result<Vec<bool>, UnknownSensor> {
+    ) -> Result<Vec<f64>, UnknownSensor> {
         let looking = self.looking_out_of(lidars)?;
-        let is_met = |(rule, is_wanted): (&Rule, &bool)| match rule {
+        let share = |(rule, is_wanted): (&Rule, &bool)| match rule {
             Rule::Target(rule, places) if *is_wanted => {
-                self.is_met_on_targets(&looking, rule, (places.clone(), order))
+                self.share_on_targets(&looking, rule, (places.clone(), order))
             }
-            _ => true,
+            _ => 1.0,
         };
-        Ok(self.rules.iter().zip(wanted).map(is_met).collect())
+        Ok(self.rules.iter().zip(wanted).map(share).collect())
     }
 
-    fn is_met_on_targets(
+    fn share_on_targets(
         &self,
         looking: &LookingOut<'_>,
         rule: &TargetRule,
         (places, order): (Range<usize>, &[Vec<usize>]),
-    ) -> bool {
+    ) -> f64 {
         let count = places.len();
         let lidars = order.first().map_or(0, Vec::len);
         // Places not met by all LiDARs, or without each one.
         let mut missed = vec![0; if rule.without_any_one { lidars.max(1) } else { 1 }];
-        places.into_iter().all(|place| {
+        'places: for place in places {
             let (standing, enough) = (self.standing(place), u32::from(self.enough[place]));
             let mut beams = vec![0; lidars];
             let (mut sum, mut most) = (0, 0);
@@ -260,16 +260,16 @@ impl Sight {
                 beams[lidar] = looking.beams(lidar, &standing, enough);
                 (sum, most) = (sum + beams[lidar], beams[lidar].max(most));
                 if sum - if rule.without_any_one { most } else { 0 } >= enough {
-                    return true;
+                    continue 'places;
                 }
             }
             for (lost, missed) in missed.iter_mut().enumerate() {
                 let lost = beams.get(lost).filter(|_| rule.without_any_one).unwrap_or(&0);
                 *missed += usize::from(sum - lost < enough);
             }
-            let share = |missed: usize| (count - missed) as f64 / count as f64;
-            missed.iter().all(|&missed| share(missed) >= rule.share)
-        })
+        }
+        let most = missed.into_iter().max().unwrap_or_default();
+        if count == 0 { 1.0 } else { (count - most) as f64 / count as f64 }
     }
 
     /// True for each rule that is on targets.
