@@ -118,7 +118,7 @@ class Export:
         except ImportError as error:
             raise ImportError(
                 "nuScenes' tables are read by nuscenes-devkit, which is not there (Python 3.10 to 3.12): "
-                "pip install sightline-evidence"
+                "pip install 'sightline-evidence[nuscenes]'"
             ) from error
         return NuScenes(version=self.version, dataroot=str(self.root), verbose=False)
 

@@ -150,8 +150,8 @@ fn boxes_object<'py>(py: Python<'py>, boxes: &[TrackedBox]) -> PyResult<Bound<'p
 impl PyScene {
     /// Writes a recording of Rerun (`.rrd`): points, LiDARs and boxes of one or several placements over time.
     ///
-    /// Entities are `world/ego/NAME/points`, `world/ego/NAME/lidar_K` and `world/ego/boxes`, by the timelines `frame` and
-    /// `time`. `options` are those of `scan`, and `progress` as for `optimize`. Raises as `scan`, `ValueError` for equal names, `ImportError` without
+    /// Entities are `world/ego/NAME/points`, `world/ego/NAME/lidar_K` with the outline of its `field_of_view`, 3 m away, and
+    /// `world/ego/boxes`, by the timelines `frame` and `time`. `options` are those of `scan`, and `progress` as for `optimize`. Raises as `scan`, `ValueError` for equal names, `ImportError` without
     /// rerun-sdk.
     #[pyo3(signature = (placements, path, **options))]
     fn to_rerun(
@@ -166,7 +166,8 @@ impl PyScene {
     /// Writes a recording of ROS 2 (`.mcap`), whole at any time, of one or several placements.
     ///
     /// Topics are `/NAME/points`, `sensor_msgs/PointCloud2` in `base_link` with a scan's columns as fields, `/tf` (`map` to
-    /// `base_link`) and `/tf_static` (`base_link` to `NAME/lidar_K`). Stamps count from frame 0. `options` are those of
+    /// `base_link`), `/tf_static` (`base_link` to `NAME/lidar_K`) and `/NAME/fields_of_view`, `visualization_msgs/MarkerArray` with the
+    /// outline of each LiDAR's field of view, 3 m away. Stamps count from frame 0. `options` are those of
     /// `scan`, and `progress` as for `optimize`. Raises as `scan`, `ValueError` for equal names, `ImportError` without
     /// mcap-ros2-support.
     #[pyo3(signature = (placements, path, **options))]

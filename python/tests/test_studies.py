@@ -55,7 +55,7 @@ def test_detections_are_those_of_the_study(scene: Scene, rig: sightline.Placemen
     level = scene.detections(rig, **asked, level=True)
     by_lidar = np.array([row["by_lidar"] for row in level["rows"]]).reshape(2, 2, 3, -1)
     assert np.array_equal(by_lidar, scene.beams_on(rig, **asked)) and by_lidar.max() > 0
-    with pytest.raises(ValueError, match="^of_frames: is 2, more than the 1 frame"):
+    with pytest.raises(ValueError, match="^of_frames: is 2; frames that are looked at: 1"):
         scene.detections(rig, **asked, of_frames=2)
 
 

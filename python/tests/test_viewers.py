@@ -95,12 +95,14 @@ def test_mcap_is_read_again_by_rosbags(moving: sightline.Scene, tmp_path: Path) 
 
     moving.to_mcap(PLACEMENTS, tmp_path / "scans.mcap", seed=3)
     own = {(p.name, scan.frame): scan for p in PLACEMENTS for scan in moving.scan(p, seed=3)}
-    clouds, edges = {}, {}
+    clouds, edges, views = {}, {}, {}
     with rosbags.AnyReader([tmp_path / "scans.mcap"], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
         for connection, time, data in reader.messages():
             message = reader.deserialize(data, connection.msgtype)
             if connection.topic.endswith("/points"):
                 clouds[connection.topic.split("/")[1], round(time * 5 / 1e9)] = message
+            elif connection.topic.endswith("/fields_of_view"):
+                views |= {marker.header.frame_id: marker for marker in message.markers}
             else:
                 for edge in message.transforms:
                     key = edge.header.frame_id, edge.child_frame_id, round(time * 5 / 1e9)
@@ -123,6 +125,15 @@ def test_mcap_is_read_again_by_rosbags(moving: sightline.Scene, tmp_path: Path) 
         assert np.allclose(matrix(edges["map", "base_link", key[1]].transform), scan.world_from_ego, atol=1e-12)
         static = edges["base_link", f"{key[0]}/lidar_0", 0].transform
         assert np.allclose(matrix(static), scan.lidars[0]["ego_from_sensor"], atol=1e-12)
+        drawn = np.array([[point.x, point.y, point.z] for point in views[f"{key[0]}/lidar_0"].points])
+        goes_round(drawn, moving.sensors[scan.lidars[0]["model"]].directions)
+
+
+def goes_round(points: np.ndarray, directions: np.ndarray) -> None:
+    """Points of an outline lie on beams, 3 m away or in the sensor, the lowest and the highest beam among them."""
+    away = points[np.linalg.norm(points, axis=1) > 0] / 3
+    assert 0 < len(away) < len(points) and (away @ directions.T).max(axis=1) == pytest.approx(1, abs=1e-6)
+    assert [away[:, 2].min(), away[:, 2].max()] == pytest.approx([directions[:, 2].min(), directions[:, 2].max()])
 
 
 def matrix(transform: Any) -> np.ndarray:
@@ -152,7 +163,7 @@ def test_recordings_need_names_and_leave_no_half_file(small: sightline.Scene, tm
 def test_rerun_recordings_hold_points_boxes_and_poses(moving: sightline.Scene, tmp_path: Path) -> None:
     rerun = pytest.importorskip("rerun.chunk")
     moving.to_rerun(PLACEMENTS, tmp_path / "scans.rrd", frames=[1, 0], seed=3)
-    points, poses, boxes = {}, {}, {}
+    points, poses, boxes, views = {}, {}, {}, {}
     for chunk in rerun.RrdReader(tmp_path / "scans.rrd").stream():
         entity, rows = chunk.entity_path, chunk.to_record_batch().to_pydict()
         frames = rows.get("frame", [None])
@@ -162,6 +173,8 @@ def test_rerun_recordings_hold_points_boxes_and_poses(moving: sightline.Scene, t
                 points[entity.split("/")[3], frame] = row
             elif entity.endswith("/boxes"):
                 boxes[frame] = row
+            elif entity.endswith("/field_of_view"):
+                views[entity.split("/")[3], entity.split("/")[4]] = np.concatenate(row["LineStrips3D:strips"])
             else:
                 poses[entity, frame] = row
     own = {(p.name, scan.frame): scan for p in PLACEMENTS for scan in moving.scan(p, seed=3)}
@@ -175,6 +188,7 @@ def test_rerun_recordings_hold_points_boxes_and_poses(moving: sightline.Scene, t
         assert np.allclose(np.reshape(ego["Transform3D:mat3x3"], (3, 3)).T, scan.world_from_ego[:3, :3])
         lidar = poses[f"/world/ego/{key[0]}/lidar_0", None]
         assert np.allclose(lidar["Transform3D:translation"], scan.lidars[0]["ego_from_sensor"][:3, 3])
+        goes_round(views[key[0], "lidar_0"], moving.sensors[scan.lidars[0]["model"]].directions)
         assert np.allclose(boxes[key[1]]["Boxes3D:centers"], scan.boxes.ego_from_box[:, :3, 3])
         assert np.allclose(boxes[key[1]]["Boxes3D:half_sizes"], scan.boxes.size / 2)
 

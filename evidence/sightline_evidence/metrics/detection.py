@@ -92,6 +92,6 @@ def _devkit() -> tuple[Any, Any]:
     except ImportError as error:
         raise ImportError(
             "average precision is computed by nuscenes-devkit, which is not there (Python 3.10 to 3.12): "
-            "pip install sightline-evidence"
+            "pip install 'sightline-evidence[nuscenes]'"
         ) from error
     return algo, center_distance

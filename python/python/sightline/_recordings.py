@@ -29,7 +29,21 @@ _DEFINITIONS = {
     "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",
     "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
     "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+    "std_msgs/ColorRGBA": "float32 r\nfloat32 g\nfloat32 b\nfloat32 a",
+    "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
+    "sensor_msgs/CompressedImage": f"{_HEADER}string format\nuint8[] data",
+    "visualization_msgs/UVCoordinate": "float32 u\nfloat32 v",
+    "visualization_msgs/MeshFile": "string filename\nuint8[] data",
+    "visualization_msgs/Marker": f"{_HEADER}string ns\nint32 id\nint32 type\nint32 action\ngeometry_msgs/Pose pose\n\
+geometry_msgs/Vector3 scale\nstd_msgs/ColorRGBA color\nbuiltin_interfaces/Duration lifetime\nbool frame_locked\n\
+geometry_msgs/Point[] points\nstd_msgs/ColorRGBA[] colors\nstring texture_resource\nsensor_msgs/CompressedImage texture\n\
+visualization_msgs/UVCoordinate[] uv_coordinates\nstring text\nstring mesh_resource\nvisualization_msgs/MeshFile mesh_file\n\
+bool mesh_use_embedded_materials",
 }
+#: Columns of an outline of a field of view, and metres at which it ends.
+_COLUMNS, _FAR = 36, 3.0
 _CLOUD = f"{_HEADER}uint32 height\nuint32 width\nsensor_msgs/PointField[] fields\nbool is_bigendian\n\
 uint32 point_step\nuint32 row_step\nuint8[] data\nbool is_dense"
 
@@ -75,6 +89,8 @@ def to_rerun(scene: Scene, placements: Given, path: str | os.PathLike[str], opti
             home, poses = f"world/ego/{name}", scan.boxes.ego_from_box
             for k, lidar in enumerate(scan.lidars if is_first else []):
                 recording.log(f"{home}/lidar_{k}", _transform(rr, lidar["ego_from_sensor"]), static=True)
+                lines = _outline(scene.sensors[lidar["model"]].directions)
+                recording.log(f"{home}/lidar_{k}/field_of_view", rr.LineStrips3D(lines), static=True)
             recording.log(f"{home}/points", rr.Points3D(scan.xyz, class_ids=scan.class_id))
             turns = [_quaternion(pose) for pose in poses]
             boxes = rr.Boxes3D(sizes=scan.boxes.size, centers=poses[:, :3, 3], quaternions=turns, labels=scan.boxes.names)
@@ -88,6 +104,7 @@ def to_mcap(scene: Scene, placements: Given, path: str | os.PathLike[str], optio
     with whole(Path(path)) as part, open(part, "wb") as file:
         writer = ros.Writer(file)
         cloud = writer.register_msgdef("sensor_msgs/msg/PointCloud2", _definition(_CLOUD))
+        markers = writer.register_msgdef("visualization_msgs/msg/MarkerArray", _definition("visualization_msgs/Marker[] markers"))
         tree = writer.register_msgdef("tf2_msgs/msg/TFMessage", _definition("geometry_msgs/TransformStamped[] transforms"))
         stamped = set()
         for name, is_first, scan in _scans(scene, placements, options):
@@ -96,12 +113,50 @@ def to_mcap(scene: Scene, placements: Given, path: str | os.PathLike[str], optio
                 poses = enumerate(lidar["ego_from_sensor"] for lidar in scan.lidars)
                 frames = [_edge(0, "base_link", f"{name}/lidar_{k}", pose) for k, pose in poses]
                 writer.write_message("/tf_static", tree, {"transforms": frames}, log_time=0)
+                views = [_marker(scene, name, k, lidar["model"]) for k, lidar in enumerate(scan.lidars)]
+                writer.write_message(f"/{name}/fields_of_view", markers, {"markers": views}, log_time=0)
             if time not in stamped:
                 stamped.add(time)
                 edge = _edge(time, "map", "base_link", scan.world_from_ego)
                 writer.write_message("/tf", tree, {"transforms": [edge]}, log_time=time)
             writer.write_message(f"/{name}/points", cloud, _cloud(time, scan), log_time=time)
         writer.finish()
+
+
+def _outline(directions: npt.NDArray[Any]) -> list[npt.NDArray[Any]]:
+    """Lines `[points, 3]` round a field of view in the sensor's frame: its lower and upper edge, and what joins the sensor to
+    them."""
+    column = np.floor((np.arctan2(directions[:, 1], directions[:, 0]) / (2 * np.pi) + 0.5) * _COLUMNS).astype(int) % _COLUMNS
+    seen = np.unique(column)
+    # From the first column behind the widest gap on: a field of view may look to the rear.
+    gaps = np.diff(seen, prepend=seen[-1] - _COLUMNS)
+    is_round = len(seen) == _COLUMNS
+    seen = seen if is_round else np.roll(seen, -int(gaps.argmax()))
+    below, above = [], []
+    for one in seen:
+        beams = directions[column == one]
+        below.append(_FAR * beams[beams[:, 2].argmin()])
+        above.append(_FAR * beams[beams[:, 2].argmax()])
+    joined = range(0, len(seen), _COLUMNS // 4) if is_round else (0, len(seen) - 1)
+    spokes = [np.array([below[k], np.zeros(3), above[k]]) for k in joined]
+    closed = [0] if is_round else []
+    return [np.array([edge[k] for k in [*range(len(seen)), *closed]]) for edge in (below, above)] + spokes
+
+
+def _marker(scene: Scene, name: str, lidar: int, model: str) -> dict[str, Any]:
+    """The outline of a field of view as pairs of points, a `LINE_LIST`."""
+    lines = _outline(scene.sensors[model].directions)
+    pairs = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in lines]).reshape(-1, 3)
+    place, turn = dict.fromkeys("xyz", 0.0), dict.fromkeys("xyz", 0.0) | {"w": 1.0}
+    nothing = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
+    return {
+        "header": _header(0, f"{name}/lidar_{lidar}"), "ns": name, "id": lidar, "type": 5, "action": 0,
+        "pose": {"position": place, "orientation": turn}, "scale": {"x": 0.02, "y": 0.0, "z": 0.0},
+        "color": {"r": 0.18, "g": 0.49, "b": 0.74, "a": 1.0}, "lifetime": {"sec": 0, "nanosec": 0}, "frame_locked": True,
+        "points": [dict(zip("xyz", point)) for point in pairs.tolist()], "colors": [], "texture_resource": "",
+        "texture": {"header": nothing, "format": "", "data": b""}, "uv_coordinates": [], "text": "", "mesh_resource": "",
+        "mesh_file": {"filename": "", "data": b""}, "mesh_use_embedded_materials": False,
+    }  # fmt: skip
 
 
 def _definition(text: str) -> str:
