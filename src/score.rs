@@ -133,13 +133,13 @@ fn map_of_counts<S: Serializer>(
     serializer.collect_map(counts.iter().map(|(name, count)| (name, Count(*count))))
 }
 
-/// The share of copies that meet what is required, in words.
+/// Share of the copies that meet a requirement, in words.
 fn held_in_words(share: f64) -> String {
     let paper = if share < HOLDS { "ON PAPER ONLY, " } else { "" };
     format!("{paper}met by {:.0} % of copies mounted within the tolerance", 100.0 * share)
 }
 
-/// The share of copies that meet all requirements, in words.
+/// Share of the copies that meet all requirements, in words.
 pub fn all_held_in_words(share: f64) -> String {
     format!("all requirements: {}", held_in_words(share))
 }

@@ -122,7 +122,7 @@ pub fn objective_in_words<'a>(given: &'a Bound<'_, PyAny>) -> PyResult<&'a str> 
     text.to_str()
 }
 
-/// What a search maximizes.
+/// Objective of a search.
 pub enum Aim {
     /// The name of a score, or a weighted sum of scores.
     Text(String),

@@ -79,7 +79,7 @@ const CPU: &str = "cpu";
 /// Sentence for what a fork has cut off.
 const FORKED: &str = "; start processes before, or with multiprocessing's start method `spawn`";
 
-/// What one thread works with at a time, in the process that made it or in a fork of that.
+/// Value that one thread uses at a time, in the process that made it or in a fork of that process.
 #[derive(Default)]
 pub struct Alone<T> {
     held: Mutex<T>,

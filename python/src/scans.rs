@@ -167,7 +167,7 @@ impl PyScene {
     ///
     /// Topics are `/NAME/points`, `sensor_msgs/PointCloud2` in `base_link` with a scan's columns as fields, `/tf` (`map` to
     /// `base_link`), `/tf_static` (`base_link` to `NAME/lidar_K`) and `/NAME/fields_of_view`, `visualization_msgs/MarkerArray` with the
-    /// outline of each LiDAR's field of view, 3 m away. Stamps count from frame 0. `options` are those of
+    /// outline of each LiDAR's field of view at 3 m. Time stamps count from frame 0. `options` are those of
     /// `scan`, and `progress` as for `optimize`. Raises as `scan`, `ValueError` for equal names, `ImportError` without
     /// mcap-ros2-support.
     #[pyo3(signature = (placements, path, **options))]

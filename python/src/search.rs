@@ -141,6 +141,23 @@ fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
 /// The tolerance unless it is given.
 const TOLERANCE: &str = "5mm,0.5deg";
 
+/// Refuses the first option that is given and has no meaning where the objective is a function.
+fn refuse_beside_function(options: &[(&str, bool)]) -> PyResult<()> {
+    let why = "is not taken where objective is a function; leave it out";
+    let given = options.iter().find(|(_, is_given)| *is_given);
+    given.map_or(Ok(()), |(name, _)| Err(bad(format!("{name}: {why}"))))
+}
+
+/// Placements of a scene as Python has them; none where none are given.
+fn own_placements(
+    scene: &Bound<'_, PyScene>,
+    given: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Vec<PyPlacement>> {
+    let Some(given) = given else { return Ok(Vec::new()) };
+    let placements = placements_in(&scene.get().built.scene, given, None, None)?;
+    Ok(placements.into_iter().map(PyPlacement).collect())
+}
+
 /// Searches placements over a scene or several, as `sightline optimize` does with the same settings.
 ///
 /// `objective` is a score by name, as `near_gain_2` for what two LiDARs see, a weighted sum, or a function of `Scores` that gives
@@ -195,7 +212,7 @@ pub fn search<'py>(
         Aim::Text(text) => text,
         Aim::Function(function) => {
             let other = [
-                ("method", method == "swaps"),
+                ("method", !["both", "cma"].contains(&method)),
                 ("frames", frames.is_some()),
                 ("starts", starts.is_some()),
                 ("mirror", mirror),
@@ -203,14 +220,8 @@ pub fn search<'py>(
                 ("fewest", fewest),
                 ("tolerance", tolerance.is_none_or(|text| text != TOLERANCE)),
             ];
-            if let Some((name, _)) = other.into_iter().find(|(_, is_given)| *is_given) {
-                let why = "is not taken where objective is a function; leave it out";
-                return Err(bad(format!("{name}: {why}")));
-            }
-            let scene = given[0].get().built.scene.clone();
-            let baselines = baselines.map(|list| placements_in(&scene, list, None, None));
-            let baselines = baselines.transpose()?.unwrap_or_default().into_iter();
-            let baselines: Vec<_> = baselines.map(PyPlacement).collect();
+            refuse_beside_function(&other)?;
+            let baselines = own_placements(&given[0], baselines)?;
             let settings = (evaluations, seed, population, baselines, target, seconds);
             let progress = progress.and_then(|progress| progress.0);
             let search = py.import("sightline._by_function")?.getattr("search")?;

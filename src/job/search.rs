@@ -7,9 +7,7 @@ use crate::search::{
     Choosing, EquipStep, Equipped, Equipping, Event, Limits, Observer, Outcome, Run, SearchError,
     Settings, State, Suite, TimeLimit,
 };
-use crate::vehicle::{
-    Constraints, MAX_LIDARS, PoseGrid, SensorName, Vehicle, random_placements_by_the_rules,
-};
+use crate::vehicle::{Constraints, PoseGrid, SensorName, Vehicle, random_placements_by_the_rules};
 use sightline_files::json::counted;
 
 /// Checkpoint of a job's search, beside the job itself: a value that is saved and read again.
@@ -190,7 +188,7 @@ impl JobRun<'_> {
         let allowed = fewest.limits.sensors;
         let is_met = outcome.best.as_ref().is_some_and(|best| best.scores.missing() <= 0.0);
         let is_over = outcome.stopped.is_unfinished() || self.is_late;
-        if is_met || is_over || allowed >= most_sensors(self.vehicle, self.job.most_money()) {
+        if is_met || is_over || allowed >= self.vehicle.most_sensors(self.job.most_money()) {
             return false;
         }
         let words = format!(
@@ -325,15 +323,6 @@ impl JobRun<'_> {
     }
 }
 
-/// Most sensors that a vehicle can carry for a budget, in the price of the cheapest.
-pub(super) fn most_sensors(vehicle: &Vehicle, budget: f64) -> usize {
-    let places: usize = vehicle.mounts.iter().map(|mount| mount.count[1]).sum();
-    let least = vehicle.sensors.iter().map(|model| model.price).fold(f64::INFINITY, f64::min);
-    // Three of 0.1 are within 0.3, whatever the division says.
-    let paid = if least > 0.0 { (budget / least + 1e-6) as usize } else { MAX_LIDARS };
-    places.min(paid).min(MAX_LIDARS)
-}
-
 /// Takes the sensors of a choice, or asks for another choice where the fewest are wanted.
 fn taken(
     fewest: &mut Option<Fewest>,
@@ -343,7 +332,7 @@ fn taken(
 ) -> Next {
     let Some(fewest) = fewest else { return Next::Take(Box::new(found)) };
     let (sensors, short) = (fewest.limits.sensors, 100.0 * found.missing);
-    let most = most_sensors(vehicle, fewest.limits.budget);
+    let most = vehicle.most_sensors(fewest.limits.budget);
     let next = fewest.next(found, most, vehicle.cost(&vehicle.cheapest()));
     if matches!(next, Next::Again(limits) if limits.sensors > sensors) {
         observer.on(&Event::Note(&format!(

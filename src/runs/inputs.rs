@@ -16,7 +16,7 @@ use crate::vehicle::{
 use crate::{Note, files};
 use sightline_files::json::counted;
 
-/// What a file of placements without a scene is told.
+/// Message for a file of placements that stands without a scene.
 const PLACEMENTS_ALONE: &str = "holds placements; give a scene to score them in before it";
 /// Largest file whose text is looked at to tell whether it is a scene, in bytes.
 const MOST_LOOKED_AT: u64 = 1 << 28;

@@ -306,14 +306,17 @@ impl Moved {
     /// other columns `instead` of LiDARs' own.
     pub fn as_it_is(&self, instead: &[(usize, Column)]) -> Vec<f64> {
         let columns = self.columns(instead);
-        let mut shares = self.near_shares(&columns, &vec![0; columns.len()]);
-        if let Some(sight) = &self.sight {
-            let (areas, on_targets, _) = self.wanted();
-            let each: Vec<_> = columns.iter().map(|column| &column.on_targets).collect();
-            let rules = shares[areas.len()..].iter_mut();
-            let targets = sight.shares(&each, &on_targets);
-            rules.zip(targets).for_each(|(near, target)| *near = near.min(target));
-        }
+        let near = self.near_shares(&columns, &vec![0; columns.len()]);
+        let each: Vec<_> = columns.iter().map(|column| &column.on_targets).collect();
+        let targets = self.sight.as_ref().map(|sight| sight.shares(&each, &self.wanted().1));
+        self.joined(near, &targets.unwrap_or_default())
+    }
+
+    /// Shares of areas and rules, with those of rules on targets among them, in the order of the scores.
+    fn joined(&self, mut shares: Vec<f64>, targets: &[f64]) -> Vec<f64> {
+        let areas = shares.len() - targets.len();
+        let rules = shares[areas..].iter_mut().zip(targets);
+        rules.for_each(|(near, target)| *near = near.min(*target));
         self.problem.in_file_order(&mut shares);
         shares
     }
@@ -366,17 +369,13 @@ impl Moved {
         (copy, near): &(usize, Vec<usize>),
         order: &[Vec<usize>],
     ) -> Result<Vec<f64>, UnknownSensor> {
-        let mut shares = self.near_shares(columns, near);
-        if let Some(sight) = &self.sight {
-            let (areas, on_targets, _) = self.wanted();
-            let own = columns.iter().enumerate();
-            let poses: Vec<_> = own.map(|(k, of)| self.pose_in(k, &of.own, *copy)).collect();
-            let targets = sight.shares_on_targets(&poses, order, &on_targets)?;
-            let rules = shares[areas.len()..].iter_mut();
-            rules.zip(targets).for_each(|(near, target)| *near = near.min(target));
-        }
-        self.problem.in_file_order(&mut shares);
-        Ok(shares)
+        let own = columns.iter().enumerate();
+        let poses: Vec<_> = own.map(|(k, of)| self.pose_in(k, &of.own, *copy)).collect();
+        let targets = match &self.sight {
+            Some(sight) => sight.shares_on_targets(&poses, order, &self.wanted().1)?,
+            None => Vec::new(),
+        };
+        Ok(self.joined(self.near_shares(columns, near), &targets))
     }
 }
 

@@ -55,9 +55,9 @@ def search(
                 ended = "callback"
             except BaseException as raised:
                 ended, signal = "exception", raised
-            if target is not None and best[0] and best[1] >= target:
+            if ended == "evaluations" and target is not None and best[0] and best[1] >= target:
                 ended = "target"
-            elif seconds is not None and time.monotonic() - begun >= seconds:
+            elif ended == "evaluations" and seconds is not None and time.monotonic() - begun >= seconds:
                 ended = "seconds"
     found = [] if best[2] is None else [best[2]]
     record = {

@@ -5,7 +5,6 @@ use std::time::Instant;
 
 use super::pareto::{FrontProgress, FrontState};
 use super::{FrontObjective, FrontObjectives};
-use crate::job::search::most_sensors;
 use crate::score::Objective;
 use crate::search::{
     EquipStep, Equipped, Equipping, Event, Limits, Observer, REQUIRED, SearchError, Settings,
@@ -60,7 +59,7 @@ impl FrontSweep {
     ) -> Self {
         let by_number = objectives.has(&FrontObjective::Sensors);
         let least = vehicle.cheapest().len().max(1);
-        let most = most_sensors(vehicle, most_money);
+        let most = vehicle.most_sensors(most_money);
         let numbers = if by_number { (least..=most).collect() } else { vec![MAX_LIDARS] };
         let budgets = if objectives.has(&FrontObjective::Price) {
             let count = if by_number { PRICES_BY_NUMBER } else { PRICES };

@@ -192,7 +192,7 @@ pub fn refuse_utf_16(bytes: &[u8], file: &Path) -> Result<(), DescriptionError> 
     }
 }
 
-/// The error of a file whose keys are those of another kind.
+/// Error for a file whose keys are those of another kind.
 fn other_kind(file: &str, found: FileKind, wanted: &str) -> DescriptionError {
     DescriptionError::OtherKind { file: file.to_owned(), found, wanted: wanted.to_owned() }
 }
@@ -200,7 +200,7 @@ fn other_kind(file: &str, found: FileKind, wanted: &str) -> DescriptionError {
 /// Refuses a text that is a scene, a vehicle, placements or a target, where a thing of another kind is `wanted`.
 ///
 /// # Errors
-/// Says what the file is, and how it is given to the program.
+/// One of these kinds, named with the option that takes it.
 pub fn refuse_own_kinds(text: &str, file: &str, wanted: &str) -> Result<(), DescriptionError> {
     FileKind::of(text).map_or(Ok(()), |found| Err(other_kind(file, found, wanted)))
 }

@@ -159,6 +159,15 @@ impl Vehicle {
         self.mounts.iter().any(|mount| mount.count[0] < mount.count[1] || mount.sensors.len() > 1)
     }
 
+    /// Most sensors that the mounts hold and a budget pays for, in the price of the cheapest.
+    pub fn most_sensors(&self, budget: f64) -> usize {
+        let places: usize = self.mounts.iter().map(|mount| mount.count[1]).sum();
+        let least = self.sensors.iter().map(|model| model.price).fold(f64::INFINITY, f64::min);
+        // Three of 0.1 are within 0.3, whatever the division says.
+        let paid = if least > 0.0 { (budget / least + 1e-6) as usize } else { MAX_LIDARS };
+        places.min(paid).min(MAX_LIDARS)
+    }
+
     /// Rules with a slot for each sensor that a mount could hold, of each model that it may.
     pub fn every_kind(&self) -> Constraints {
         let mounts = self.mounts.iter().enumerate();
