@@ -73,6 +73,7 @@ def record_of(result: dict[str, Any]) -> dict[str, Any]:
         "objective": best["objective"],
         "unmet": unmet,
         "broken": broken,
+        "holds_in": best["scores"].get("requirements_hold_in"),
         "required": {row["name"]: row["required"] for row in required},
         "lidars": best["placement"]["lidars"],
         "mounts": result.get("mounts"),
@@ -112,5 +113,6 @@ def at_common_draw(problem: Problem, best: dict[str, Any], file: Path, program: 
     vehicle = ["--vehicle", str(problem.vehicle)] if problem.vehicle else []
     rest = ["--tolerance", "0", "--backend", "cpu", "--quiet", "--format", "json"]
     text = called(program, ["score", *map(str, problem.scenes), str(file), *vehicle, *rest], (0, 1))
-    best["scores"] = json.loads(text)["scores"][0]
+    holds_in = best["scores"].get("requirements_hold_in")
+    best["scores"] = {**json.loads(text)["scores"][0], "requirements_hold_in": holds_in}
     best["objective"] = best["scores"]["near_gain"]

@@ -160,7 +160,11 @@ impl PyScene {
         let (built, placement) = self.one(poses, sensors, phases)?;
         answer(py, progress, move |watch| {
             built.evaluate(watch, |evaluator| {
-                let go_on = &mut || watch.reach("losses", 0, placement.lidars.len());
+                let (mut done, looks) = (0, evaluator.looks(1 + placement.lidars.len()));
+                let go_on = &mut || {
+                    done += 1;
+                    watch.reach("parts", (done - 1).min(looks), looks)
+                };
                 built.job.losses_while(evaluator, &placement, go_on).map_err(raised)
             })
         })

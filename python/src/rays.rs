@@ -106,10 +106,12 @@ impl HitColumns {
         let (mut t, mut triangle) = (self.t.chunks_mut(AT_ONCE), self.triangle.chunks_mut(AT_ONCE));
         let (mut normal, mut uv) = (self.normal.chunks_mut(AT_ONCE), self.uv.chunks_mut(AT_ONCE));
         let mut class = self.class.chunks_mut(AT_ONCE);
+        let (mut done, all) = (0, rays.len());
         for rays in rays.chunks(AT_ONCE) {
-            if !watch.goes_on() {
+            if !watch.reach("rays", done, all) {
                 return;
             }
+            done += rays.len();
             let columns = ColumnsPart {
                 t: t.next().unwrap_or_default(),
                 triangle: triangle.next().unwrap_or_default(),
@@ -205,9 +207,13 @@ impl RayArray {
     ) -> PyResult<T> {
         interruptible(py, move |watch| {
             let mut all = T::default();
-            let mut parts = self.rays().chunks(AT_ONCE);
-            while let Some(some) = parts.next().filter(|_| watch.goes_on()) {
+            let mut done = 0;
+            for some in self.rays().chunks(AT_ONCE) {
+                if !watch.reach("rays", done, self.rays().len()) {
+                    break;
+                }
                 add(&mut all, some);
+                done += some.len();
             }
             all
         })

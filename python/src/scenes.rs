@@ -11,6 +11,7 @@ use sightline::engine::NO_HIT;
 use sightline::internals::{Input, usual_placements};
 use sightline::scan::BeamHits;
 use sightline::scene::EgoBody;
+use sightline::vehicle::SensorPose;
 use sightline::verify::{compared_frames, verify};
 use sightline::{Placement, Scene, engine};
 
@@ -270,9 +271,12 @@ impl PyScene {
     ) -> PyResult<Bound<'py, PyArray1<u64>>> {
         let (built, placement) = self.one(poses, sensors, phases)?;
         let covered = interruptible(py, move |watch| {
-            built.evaluate(watch, |evaluator| evaluator.covered(&placement).map_err(raised))
+            built.evaluate(watch, |evaluator| {
+                let go_on = &mut |done, frames| watch.reach("frames", done, frames);
+                evaluator.covered_in(0, &placement, go_on).map_err(raised)
+            })
         })??;
-        Ok(column(py, covered))
+        Ok(column(py, covered.unwrap_or_default()))
     }
 
     /// Closest hits of all B beams of placements in one frame, ordered by placement, LiDAR, channel, azimuth step.
@@ -293,13 +297,19 @@ impl PyScene {
         let frame = self.built.check_frame(frame)?;
         let placements = placements_in(&self.built.scene, poses, sensors, phases)?;
         let built = self.built.clone();
-        let hits = interruptible(py, move |_| {
+        let hits = interruptible(py, move |watch| {
             let problem = built.frame(frame)?.problem;
             let class = built.scene.face_classes(EgoBody::Include);
             let opened = engine::open(problem.task(), &built.options.engine, |_| {});
             let mut engine = opened.map_err(raised)?.engine;
-            BeamHits::of(&placements, &problem, &class, |poses| engine.hits(poses, 0))
-                .map_err(raised)
+            let lidars = placements.iter().map(|placement| placement.lidars.len()).sum();
+            let mut done = 0;
+            let cast = |poses: &[SensorPose]| {
+                watch.reach("LiDARs", done, lidars);
+                done += poses.len();
+                engine.hits(poses, 0)
+            };
+            BeamHits::of(&placements, &problem, &class, cast).map_err(raised)
         })??;
         let columns = PyDict::new(py);
         columns.set_item("origin", matrix(py, hits.origin, 3)?)?;

@@ -430,7 +430,8 @@ impl Batch {
         for (scene, folder) in folders.iter().enumerate() {
             shared_folder(folder)?;
             for placement in placements {
-                let covered = self.evaluator.covered_in(scene, placement)?;
+                let covered = self.evaluator.covered_in(scene, placement, &mut |_, _| true)?;
+                let covered = covered.unwrap_or_default();
                 write_coverage(folder, placement, covered, false)?;
             }
             sync_disk(folder);

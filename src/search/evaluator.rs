@@ -227,10 +227,11 @@ impl Evaluator {
     /// # Errors
     /// See [`Backend::covered`].
     pub fn covered(&mut self, placement: &Placement) -> Result<Vec<u64>, BackendError> {
-        self.covered_in(0, placement)
+        Ok(self.covered_in(0, placement, &mut |_, _| true)?.unwrap_or_default())
     }
 
-    /// Like [`Self::covered`], in the member of that number, from 0.
+    /// Like [`Self::covered`], in the member of that number, from 0. `go_on` is told before each frame how many are done, of
+    /// how many; `None` once it says no.
     ///
     /// # Errors
     /// See [`Backend::covered`].
@@ -241,19 +242,23 @@ impl Evaluator {
         &mut self,
         member: usize,
         placement: &Placement,
-    ) -> Result<Vec<u64>, BackendError> {
+        go_on: &mut dyn FnMut(usize, usize) -> bool,
+    ) -> Result<Option<Vec<u64>>, BackendError> {
         let Seat { member, backend, .. } = &mut self.seats[member];
         let mut union = BTreeSet::new();
         let (frames, seen) = (member.problem().frame_count(), std::slice::from_ref(placement));
         let seen = member.seen(seen);
         let mut covered = Vec::new();
         for frame in 0..frames {
+            if !go_on(frame, frames) {
+                return Ok(None);
+            }
             covered = backend.covered(&seen[0], frame)?;
             if frames > 1 {
                 union.extend(covered.iter().copied());
             }
         }
-        Ok(if frames > 1 { union.into_iter().collect() } else { covered })
+        Ok(Some(if frames > 1 { union.into_iter().collect() } else { covered }))
     }
 
     /// Scores and guards of each placement, in order; over all scenes.
@@ -294,6 +299,12 @@ impl Evaluator {
             by_member.push(scores);
         }
         Ok(Some(self.together(placements, &by_member)?))
+    }
+
+    /// Times that [`Self::scores_while`] asks whether to go on, for so many placements; a few more where it has to score a
+    /// layout to compare with.
+    pub fn looks(&self, placements: usize) -> usize {
+        self.seats.iter().map(|seat| seat.looks(placements)).sum()
     }
 
     /// The scores of [`Self::judged_while`] alone, none known.

@@ -49,6 +49,26 @@ impl Seat {
         self.backend.tally(&self.member.seen(placements), range)
     }
 
+    /// Groups of frames that are cast one after the other (none: all at once), and placements that are cast together.
+    fn parts(&self) -> (Vec<Vec<usize>>, usize) {
+        let problem = self.member.problem();
+        let frames = problem.distinct_frames().len().max(1);
+        let (groups, at_once) = match self.backend.name() {
+            "cpu" => {
+                let at_once = HOST_AT_ONCE * rayon::current_num_threads();
+                (frame_groups(problem), at_once / frames.min(FRAMES_AT_ONCE))
+            }
+            _ => (Vec::new(), DEVICE_AT_ONCE / frames),
+        };
+        (groups, at_once.max(PLACEMENTS_AT_ONCE))
+    }
+
+    /// Times that [`Self::scores_while`] asks whether to go on, without those for reference layouts.
+    pub fn looks(&self, placements: usize) -> usize {
+        let (groups, at_once) = self.parts();
+        groups.len().max(1) * placements.div_ceil(at_once)
+    }
+
     /// Like [`Self::tally`], a few placements at a time, and on the host a few frames; the bits are the same. `None`
     /// once `go_on`, which is asked before each of them, says no.
     fn tally_while(
@@ -61,14 +81,7 @@ impl Seat {
         let classes = problem.content().set_count();
         let mut sums: Vec<Tally> =
             placements.iter().map(|p| Tally::zero(classes, p.lidars.len())).collect();
-        let is_host = self.backend.name() == "cpu";
-        let groups = if is_host { frame_groups(&problem) } else { Vec::new() };
-        let frames = problem.distinct_frames().len().max(1);
-        let at_once = match is_host {
-            true => HOST_AT_ONCE * rayon::current_num_threads() / frames.min(FRAMES_AT_ONCE),
-            false => DEVICE_AT_ONCE / frames,
-        };
-        let at_once = at_once.max(PLACEMENTS_AT_ONCE);
+        let (groups, at_once) = self.parts();
         let mut add = |backend: &mut dyn Backend| -> Result<bool, BackendError> {
             for (some, sums) in placements.chunks(at_once).zip(sums.chunks_mut(at_once)) {
                 if !go_on() {
