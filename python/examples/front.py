@@ -11,7 +11,7 @@ from pymoo.optimize import minimize
 
 import sightline
 
-GENERATIONS, POPULATION = 15, 40
+GENERATIONS, POPULATION, FRAMES = 8, 24, 1
 
 
 class Rigs(Problem):
@@ -42,7 +42,7 @@ class Rigs(Problem):
         broken = space.violations(poses).sum()
         if broken > 0:
             return price, 0.0, 5.0 + broken
-        scores = self.scene.score(poses, sensors=space.sensors)
+        scores = self.scene.score(poses, sensors=space.sensors, self_hits=False)
         self.scored += 1
         missing = sum(max(0.0, rule["required"] - rule["found"][0]) for rule in scores.requirements.values())
         return price, scores["near_gain"][0], missing
@@ -59,12 +59,12 @@ def share_beaten(points, most):
 
 
 if __name__ == "__main__":
-    scene = sightline.Scene.load(sys.argv[1], vehicle=sys.argv[2], frames=2, backend="cpu")
+    scene = sightline.Scene.load(sys.argv[1], vehicle=sys.argv[2], frames=FRAMES, backend="cpu")
     vehicle = json.load(open(sys.argv[2]))
     rigs = Rigs(scene, vehicle)
     found = minimize(rigs, NSGA2(pop_size=POPULATION), ("n_gen", GENERATIONS), seed=1)
-    theirs = [] if found.F is None else sorted((price, -gain) for price, gain in found.F)
-    front = sightline.front(scene, ["price", "near_gain"])
+    theirs = [] if found.F is None else sorted({(price, -gain) for price, gain in found.F})
+    front = sightline.front(scene, ["price", "near_gain"], evaluations=12)
     ours = [tuple(values) for values, meets in zip(front.values, front.meets) if meets]
     most = sum(max(rigs.prices[name] for name in names[1:]) for _, names in rigs.places)
     for name, points in (("sightline.front", ours), (f"NSGA-II, {rigs.scored} placements", theirs)):
