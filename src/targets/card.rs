@@ -95,6 +95,14 @@ impl BlindSector {
         }
     }
 
+    /// True if another sector has all its bearings and reaches as near and as far.
+    pub fn is_within(&self, other: &Self) -> bool {
+        let ([near, far], [nearest, farthest]) = (self.distances, other.distances);
+        let offset = (self.bearings[0] - other.bearings[0]).rem_euclid(360.0);
+        let is_no_wider = other.degrees() >= 360.0 || offset + self.degrees() <= other.degrees();
+        is_no_wider && nearest <= near && far <= farthest
+    }
+
     /// The four directions that a sector holds, in words: `ahead and left`; of one between two of them `ahead left`.
     fn sides(&self) -> String {
         let [from, to] = self.bearings;
