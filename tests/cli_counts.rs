@@ -314,7 +314,7 @@ fn a_rig_that_breaks_a_rule_is_told_so_in_text_json_and_csv() {
             );
         }
         for words in found {
-            assert!(text.contains(&format!("  ! BROKEN RULE: {words}\n")), "{text}");
+            assert!(text.contains(&format!("  ! RULE BROKEN: {words}\n")), "{text}");
             assert!(csv.contains(words), "{csv}");
         }
     }

@@ -280,7 +280,13 @@ fn refusals_leave_nothing_behind() {
     let dir = folder();
     fs::create_dir(dir.path().join("full")).unwrap();
     fs::write(dir.path().join("full/note"), "mine").unwrap();
+    let text = fs::read_to_string(dir.path().join("p.json")).unwrap();
+    fs::write(dir.path().join("odd.json"), text.replace("\"turning\"", "\"odd\"")).unwrap();
     let before = all_files(dir.path());
+    // A rule about a model that there is not says nothing.
+    let line = "rig handover odd.json:rig --vehicle cart.json --backend cpu --out o";
+    let told = fails(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    assert!(told.contains("there is no sensor `odd`") && !told.contains("RULE BROKEN"), "{told}");
     for (line, words) in [
         ("p.json --vehicle cart.json --out o", "holds 2 placements, and one is handed over"),
         ("p.json:none --vehicle cart.json --out o", "has no placement `none`"),

@@ -90,7 +90,7 @@ pub(super) fn scores_text_by(all: &[Scores], objective: &str) -> String {
             text += &format!("  {} {guard}\n", if guard.is_doubt() { "!" } else { "*" });
         }
         for rule in &scores.broken_rules {
-            text += &format!("  ! BROKEN RULE: {rule}\n");
+            text += &format!("  ! RULE BROKEN: {rule}\n");
         }
     }
     text

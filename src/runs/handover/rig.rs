@@ -77,6 +77,8 @@ impl HandoverRig {
         let file = file_and_name(&text).0;
         let problem = evaluator.shared_problem();
         Given::in_problem(Path::new(file), &problem, computing).all([&mut placement])?;
+        // Rules are told of a rig whose models there are.
+        warnings.iter().for_each(|words| computing.watcher.note(words));
         let sensors = problem.sensors().clone();
         let mut models = Vec::new();
         for lidar in &mut placement.lidars {
@@ -225,7 +227,6 @@ impl Handed {
                 changed.chain(warnings(&scene, &placement, computing)).collect()
             }
         };
-        warnings.iter().for_each(|words| computing.watcher.note(words));
         let mut about = about(run, text);
         let place = if on_level_ground { "level ground" } else { scene.name() };
         about.push(format!("Blind zone and masks: {place}, frame {}", request.frame));
