@@ -53,8 +53,8 @@ pub struct TargetRanges {
 }
 
 impl TargetRanges {
-    /// Distances at which the target is met at every bearing without a gap: of each bearing the run that begins at the first
-    /// distance met, of these the farthest begin and the nearest end. `None` where they have no distance in common.
+    /// First and last of the neighbouring distances at each of which every bearing meets the target. Each bearing has the run
+    /// that begins at its first distance met; these runs share the answer. `None` where they share no distance.
     pub fn without_gap(&self) -> Option<[f64; 2]> {
         let firsts: Option<Vec<[f64; 2]>> =
             self.bearings.iter().map(|of| of.met.first().copied()).collect();
