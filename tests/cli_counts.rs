@@ -314,11 +314,17 @@ fn a_rig_that_breaks_a_rule_is_told_so_in_text_json_and_csv() {
             );
         }
         for words in found {
-            assert!(text.contains(&format!("  ! BROKEN RULE: {words}\n")), "{text}");
+            assert!(text.contains(&format!("  ! RULE BROKEN: {words}\n")), "{text}");
             assert!(csv.contains(words), "{csv}");
         }
     }
-    assert!(csv.lines().next().unwrap().ends_with(",broken_rules"), "{csv}");
+    assert!(csv.lines().next().unwrap().ends_with(",broken_rules,price"), "{csv}");
+    let prices: Vec<&str> =
+        csv.lines().skip(1).map(|line| line.rsplit(',').next().unwrap()).collect();
+    assert_eq!(prices, ["20", "30", "4", "20", "10"]);
+    let several = [&["score", "s.json", "s.json"], &SCORE[2..], &["--format", "csv"]].concat();
+    let several = String::from_utf8(sightline(dir.path(), &several).stdout).unwrap();
+    assert_eq!(several.lines().filter(|line| line.ends_with(",30")).count(), 3, "{several}");
 }
 
 #[test]

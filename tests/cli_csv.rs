@@ -105,6 +105,7 @@ fn scores_are_those_of_the_json_in_one_scene_and_in_several() {
     let words: Vec<&str> = line.split(' ').collect();
     let (csv, found) = (Csv::of(dir.path(), line), ok(dir.path(), &words));
     assert_eq!(csv.rows(), 2);
+    assert!(!csv.0[0].contains(&"price".to_owned()), "no sensor has one");
     for (row, scores) in found["scores"].as_array().unwrap().iter().enumerate() {
         check(&csv, row, scores);
         csv.is(row, "near_field_share", &scores["near_field"]);

@@ -95,6 +95,17 @@ fn poses_are_those_of_the_placement_in_both_units_and_materials_add_up() {
     let wanted = "model,count,price_each,price\nturning,1,4000.5,4000.5\n\"side, narrow\",2,700,1400\n\
                   total,3,,5400.5\n";
     assert_eq!(read(&out, "materials.csv"), wanted);
+    // A locked sensor has a phase, one that spins freely has none.
+    assert_eq!((cell(0, "phase_rad"), cell(0, "phase_deg")), ("0".into(), "0".into()));
+    let path = dir.path().join("cart.json");
+    let mut vehicle: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    vehicle["sensors"][0]["phase"] = json!("free");
+    fs::write(&path, vehicle.to_string()).unwrap();
+    let free = cells(&read(&handed_over(&dir, &[]), "poses.csv"));
+    let phases =
+        |lidar: usize| ["phase_rad", "phase_deg"].map(|of| free[lidar + 1][column(of)].clone());
+    assert_eq!((phases(0), phases(1)), (["", ""].map(String::from), ["0", "0"].map(String::from)));
     let readme = read(&out, "README.txt");
     assert!(readme.contains("ISO 8855") && readme.contains("a positive pitch looks down"));
     for (name, _) in all_files(out.path()).iter().map(|(path, _)| (path.file_name().unwrap(), ())) {
@@ -280,7 +291,13 @@ fn refusals_leave_nothing_behind() {
     let dir = folder();
     fs::create_dir(dir.path().join("full")).unwrap();
     fs::write(dir.path().join("full/note"), "mine").unwrap();
+    let text = fs::read_to_string(dir.path().join("p.json")).unwrap();
+    fs::write(dir.path().join("odd.json"), text.replace("\"turning\"", "\"odd\"")).unwrap();
     let before = all_files(dir.path());
+    // A rule about a model that there is not says nothing.
+    let line = "rig handover odd.json:rig --vehicle cart.json --backend cpu --out o";
+    let told = fails(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    assert!(told.contains("there is no sensor `odd`") && !told.contains("RULE BROKEN"), "{told}");
     for (line, words) in [
         ("p.json --vehicle cart.json --out o", "holds 2 placements, and one is handed over"),
         ("p.json:none --vehicle cart.json --out o", "has no placement `none`"),

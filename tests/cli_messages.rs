@@ -251,7 +251,7 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.contains(", 480 beams a LiDAR"), "no rig has the other model: {text}");
     assert!(
-        text.contains("\nup: price 2; range card, without a gap at 16 bearings: car "),
+        text.contains("\nup: price 2; range card, met at every distance and all 16 bearings: car "),
         "{text}"
     );
     assert!(text.contains("\nlevel: price 4; range card"), "{text}");

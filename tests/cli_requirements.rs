@@ -55,6 +55,20 @@ fn a_requirement_that_copies_within_the_tolerance_break_is_met_on_paper_only() {
     assert_eq!((holds(0), holds(1)), (1.0, 1.0), "{found}");
     assert!(holds(2) > 0.1 && holds(2) < 0.95, "{found}");
     assert_eq!(found["requirements_hold_in"], holds(2));
+    // The page of a rig has the copies of `score`, and no column for them where nobody looked.
+    let view = |tolerance: &str| {
+        let args = "view street.json rigs.json --backend cpu --force --out v.html --tolerance";
+        let args: Vec<&str> = args.split(' ').chain([tolerance]).collect();
+        let run = sightline(dir.path(), &args);
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        fs::read_to_string(dir.path().join("v.html")).unwrap()
+    };
+    let page = view("5mm,2deg");
+    let (_, table) = page.split_once("copies that hold %").unwrap();
+    let (table, _) = table.split_once("</table>").unwrap();
+    assert!(table.contains(&format!("<td>{:.0}</td>", 100.0 * holds(2))), "{table}");
+    assert!(page.contains(" --tolerance 5mm,2deg "), "its command has the tolerance");
+    assert!(!view("0").contains("copies that hold %"));
     // Voxels on the ground that beams just reach depend on millimetres, too.
     let edge = json!([{ "name": "ground", "min": [2, -3, -0.3], "max": [6, 3, 0.3],
         "share": found["requirements"][0]["found"] }]);

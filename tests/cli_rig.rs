@@ -92,6 +92,17 @@ fn rigs_are_compared_as_text_and_as_json() {
         text.contains("lidar_0 with lidar_1") && text.contains("roll changes its sign"),
         "{text}"
     );
+    assert!(text.contains("\ndifferent in pose or model: 0 of 2 LiDARs\n"), "{text}");
+    // The same pose, another model.
+    let read = fs::read_to_string(dir.path().join("p.json")).unwrap();
+    fs::write(dir.path().join("q.json"), read.replace("VLP-16", "VLS-128")).unwrap();
+    let args = ["rig", "compare", "p.json:one", "q.json:one"];
+    let found = ok(dir.path(), &args);
+    assert_eq!(found["lidars"][0]["models"], json!(["VLP-16", "VLS-128"]));
+    assert_eq!((&found["lidars"][0]["moved"], &found["different"]), (&json!(0.0), &json!(1)));
+    let (text, _) = printed(&dir, &args);
+    let told = "  ! lidar_0: the model is VLP-16 before and VLS-128 after\ndifferent in pose or model: 1 of 1";
+    assert!(text.contains(told), "{text}");
     let error = fails(dir.path(), &["rig", "compare", "p.json:pair", "p.json:one"]);
     assert!(error.contains("nor the same number"), "{error}");
 }

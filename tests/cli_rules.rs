@@ -150,7 +150,7 @@ fn a_run_out_of_time_says_so_and_goes_on_to_the_same_bytes() {
     for key in ["best", "stopped", "constraints", "active_bounds", "ended"] {
         assert_eq!(whole[key], resumed[key], "{key}");
     }
-    assert_eq!(resumed["stopped"], "budget: the evaluations are used up");
+    assert_eq!(resumed["stopped"], "evaluations: the limit is reached");
 }
 
 #[test]
@@ -161,7 +161,7 @@ fn a_target_ends_the_search_once_it_holds_over_all_frames() {
     let best = whole["best"]["objective"].as_f64().unwrap();
     let unreached = (1.5 * best).to_string();
     let missed = ok(dir.path(), &args("missed", &["--target", &unreached]));
-    assert_eq!(missed["stopped"], "budget: the evaluations are used up");
+    assert_eq!(missed["stopped"], "evaluations: the limit is reached");
     for (out, more) in [("auto", &[][..]), ("one", &["--frames", "1"])] {
         let target = (0.9 * best).to_string();
         let run = ok(dir.path(), &args(out, &[more, &["--target", &target]].concat()));

@@ -298,7 +298,7 @@ fn what_a_study_does_not_take_is_refused() {
         ("lidars street.json rigs.json", "`study lidars` does not take"),
         ("lidars street.json --budget 3", "below the cheapest rig"),
         ("cost street.json --budget 3", "below the cheapest rig"),
-        ("loss room.json --budget 9", "has one LiDAR and no prices"),
+        ("loss room.json --budget 9", "the LiDARs of the scene have no prices"),
         ("regions street.json twins.json", "the name `twin` is used twice"),
         ("nearfield street.json", "the vehicle is not the paper's car"),
         ("weather street.json rigs.json --condition fog --condition fog", "two conditions are"),

@@ -300,7 +300,7 @@ fn a_vehicle_without_prices_takes_no_budget() {
     let dir = rooms();
     let job = files(dir.path(), &["room.json"], None).read().unwrap().budget(Some(5.0));
     let error = job.optimize(&mut |_: &Event| true).unwrap_err().to_string();
-    assert!(error.contains("budget: the scene has one LiDAR and no prices"), "{error}");
+    assert!(error.contains("budget: the LiDARs of the scene have no prices"), "{error}");
     let unknown = Placement { name: "p".into(), lidars: vec![SensorPose::at(0.0, 0.0, 1.5)] };
     let job = files(dir.path(), &["room.json", "other.json"], None).read().unwrap();
     assert_eq!(job.score(&[unknown]).unwrap()[0].by_scene.len(), 2);

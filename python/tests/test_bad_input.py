@@ -98,7 +98,7 @@ def test_options(small, scene) -> None:
         sightline.optimize(scene, method="magic")
     with pytest.raises(ValueError, match="frames: is '8'; give a whole number"):
         sightline.optimize(scene, frames="8")
-    with pytest.raises(ValueError, match="budget: the scene has one LiDAR and no prices"):
+    with pytest.raises(ValueError, match="budget: the LiDARs of the scene have no prices"):
         sightline.optimize(small, budget=10.0)
     with pytest.raises(ValueError, match="scenes: give a Scene or a list of them"):
         sightline.optimize("scenes/highway.json")

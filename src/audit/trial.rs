@@ -52,7 +52,7 @@ pub struct Trial {
 
 impl Trial {
     /// Judges an attempt that is worse than `base` by construction. One that loses a car where the base sees it is
-    /// caught: its blind sectors are guards.
+    /// caught: its blind sectors are guards, unless a sector of the base is as wide.
     pub fn new(name: &str, base: &Scores, scores: Scores) -> Self {
         type TrialMetric = fn(&Scores) -> Option<f64>;
         let metrics: [(&'static str, TrialMetric); 6] = [
@@ -72,8 +72,8 @@ impl Trial {
         let gain = |s: &Scores| s.segmentation.information_gain.unwrap_or(0.0);
         let harmless = gain(&scores) >= (1.0 - HARMLESS) * gain(base);
         let is_fooled = fooled.iter().any(|name| *name != LIKES_LOSS);
-        let known = |guard: &&Guard| guard.is_doubt() || !base.guards.contains(guard);
-        let is_clear = scores.guards.iter().find(known).is_none();
+        let speaks = |guard: &Guard| guard.is_doubt() || !is_of_base(guard, &base.guards);
+        let is_clear = !scores.guards.iter().any(speaks);
         let verdict = match (is_fooled, is_clear) {
             (false, _) => TrialResult::NotFooled,
             (true, false) => TrialResult::Caught,
@@ -82,6 +82,20 @@ impl Trial {
         };
         Self { name: name.to_owned(), scores, fooled, verdict }
     }
+}
+
+/// True if a guard of an attempt tells no more than one of the base: a blind sector within one of the base's, a LiDAR that
+/// is as redundant there.
+fn is_of_base(guard: &Guard, base: &[Guard]) -> bool {
+    let tells_as_much = |known: &Guard| match (guard, known) {
+        (Guard::BlindSector(sector), Guard::BlindSector(known)) => sector.is_within(known),
+        (
+            Guard::RedundantLidar { lidar, share },
+            Guard::RedundantLidar { lidar: known, share: least },
+        ) => lidar == known && share >= least,
+        _ => guard == known,
+    };
+    base.iter().any(tells_as_much)
 }
 
 /// True if a sensor upside down looks to the sky: it turns, and no beam is above [`DOWN`].
@@ -274,6 +288,22 @@ mod tests {
             Trial::new("as blind", &near(0.5, lost()), away).verdict,
             TrialResult::NotFooled
         );
+        // A sector within the base's is none of the attempt's making, whatever its worst bearing.
+        let part = BlindSector { bearings: [-7.5, 15.0], worst: 7.5, ..sector.clone() };
+        let wider = BlindSector { bearings: [-15.0, 37.5], ..sector.clone() };
+        for (of_attempt, verdict) in [(part, TrialResult::NotFooled), (wider, TrialResult::Caught)]
+        {
+            let attempt = near(0.6, vec![Guard::BlindSector(of_attempt)]);
+            assert_eq!(Trial::new("part", &near(0.5, lost()), attempt).verdict, verdict);
+        }
+        let needless = |share| vec![Guard::RedundantLidar { lidar: 1, share }];
+        for (share, verdict) in [(0.006, TrialResult::NotFooled), (0.004, TrialResult::Caught)] {
+            let attempt = near(0.6, needless(share));
+            assert_eq!(
+                Trial::new("needless", &near(0.5, needless(0.005)), attempt).verdict,
+                verdict
+            );
+        }
         let worse = Trial::new("worse", &base, scores(90, 49, None));
         assert_eq!((worse.fooled.len(), worse.verdict), (0, TrialResult::NotFooled));
     }

@@ -3,6 +3,7 @@
 use super::args::{Compute, UnnamedModelArgs};
 use super::output::{Exit, stdout, unless_closed};
 use crate::internals::word;
+use crate::job::Tolerance;
 use crate::runs::cast::{ViewRequest, view};
 use crate::runs::score::{ScoreRequest, score};
 use crate::runs::{RunError, Watcher};
@@ -62,6 +63,10 @@ fn command(args: &ViewArgs) -> String {
     words.extend(args.request.files.iter().map(|file| word(&absolute(file))));
     let mut give = |option: &str, value: &str| words.extend([format!("--{option}"), word(value)]);
     args.request.baselines.iter().for_each(|baseline| give("baselines", &absolute(baseline)));
+    let tolerance = args.request.mounting.tolerance;
+    if tolerance != Tolerance::default() {
+        give("tolerance", &tolerance.to_string());
+    }
     args.request.conditions.condition.iter().for_each(|one| give("condition", &one.to_string()));
     args.named.sensor.iter().for_each(|choice| give("sensor", &choice.to_string()));
     args.compute

@@ -61,7 +61,7 @@ pub enum JobError {
     InScene { scene: String, source: SearchError },
     /// A budget for a scene whose LiDAR has no price.
     #[error(
-        "--budget: the scene has one LiDAR and no prices; give a vehicle with --vehicle (in Python load the scene \
+        "--budget: the LiDARs of the scene have no prices; give a vehicle with --vehicle (in Python load the scene \
          with one)"
     )]
     NoPrices,

@@ -23,7 +23,7 @@ pub fn rigs_text(vehicle: &Vehicle, placements: &[Placement], all: &[Scores]) ->
     text + &better_in_words(all).unwrap_or_default()
 }
 
-/// The distances at which each target is met at every bearing of the card without a gap.
+/// The stretch of distances at each of which a target is met at every bearing of the card.
 fn card_in_words(card: &RangeCard) -> String {
     let each =
         card.targets.iter().map(|of| match of.without_gap().map(|d| d.map(|m| trimmed(m, 1))) {
@@ -32,7 +32,11 @@ fn card_in_words(card: &RangeCard) -> String {
             None => format!("{} nowhere", of.target),
         });
     let each: Vec<String> = each.collect();
-    format!("range card, without a gap at {} bearings: {}", bearings_of(card), each.join(", "))
+    format!(
+        "range card, met at every distance and all {} bearings: {}",
+        bearings_of(card),
+        each.join(", ")
+    )
 }
 
 fn bearings_of(card: &RangeCard) -> usize {
@@ -159,7 +163,7 @@ mod tests {
             target("tyre", [&[[2.5, 60.0]], &[]]),
         ];
         let card = RangeCard { beams: 5, distances: Vec::new(), targets, blind: Vec::new() };
-        let want = "range card, without a gap at 2 bearings: car 7.5 to 110 m, adult at 5 m, child nowhere, tyre nowhere";
+        let want = "range card, met at every distance and all 2 bearings: car 7.5 to 110 m, adult at 5 m, child nowhere, tyre nowhere";
         assert_eq!(card_in_words(&card), want);
     }
 

@@ -26,21 +26,24 @@ fn joined(parts: impl IntoIterator<Item = impl ToString>) -> String {
     parts.into_iter().map(|part| part.to_string()).collect::<Vec<_>>().join(BETWEEN)
 }
 
-/// Titles of [`score_rows`].
-pub(crate) fn score_titles() -> Cells {
+/// Titles of [`score_rows`] with the same prices.
+pub(crate) fn score_titles(prices: &[f64]) -> Cells {
     let mut row: Cells = ScoreColumn::ALL.iter().map(|column| column.key().to_owned()).collect();
     row.extend(titles(&[
         "near_ring_share", "requirements_met", "requirements", "warnings", "broken_rules",
     ]));
+    row.extend((!prices.is_empty()).then(|| "price".to_owned()));
     row
 }
 
 /// A row a placement: every score, whether all requirements are met, each with the share seen and the share required,
-/// the guards and the broken rules in words.
+/// the guards and the broken rules in words, last the price. `prices` has one for each placement, or none where no sensor
+/// has one.
 pub(crate) fn score_rows<'a>(
     all: impl IntoIterator<Item = &'a Scores, IntoIter: 'a>,
+    prices: &[f64],
 ) -> Vec<Cells> {
-    let row = |scores: &Scores| {
+    let row = |(k, scores): (usize, &Scores)| {
         let mut row: Cells = ScoreColumn::ALL.iter().map(|c| c.plain_cell(scores)).collect();
         let required = &scores.required;
         let met = (!required.is_empty()).then(|| required.iter().all(Seen::is_met).to_string());
@@ -48,9 +51,10 @@ pub(crate) fn score_rows<'a>(
             required.iter().map(|seen| format!("{}: {} of {}", seen.name, seen.share, seen.least));
         row.extend([number(scores.near_ring), met.unwrap_or_default()]);
         row.extend([joined(seen), joined(&scores.guards), joined(&scores.broken_rules)]);
+        row.extend(prices.get(k).map(|price| number(*price)));
         row
     };
-    all.into_iter().map(row).collect()
+    all.into_iter().enumerate().map(row).collect()
 }
 
 /// A row a placement: shares, blind ground, depth of the blind zone, poles seen of all by standard, share of each LiDAR's
@@ -200,7 +204,7 @@ pub fn overlap_csv(all: &[Overlap]) -> String {
 /// A row a value of the field: scores, bearings in which a car is lost, rules that are broken.
 pub fn sweep_csv(all: &[Sweep]) -> String {
     let mut first = titles(&["lidar", "field", "value", "unit", "as_given"]);
-    first.extend(score_titles());
+    first.extend(score_titles(&[]));
     first.push("car_lost_deg".to_owned());
     let rows = all.iter().flat_map(|sweep| {
         sweep.rows.iter().map(|at| {
@@ -208,7 +212,7 @@ pub fn sweep_csv(all: &[Sweep]) -> String {
             let scores = Scores { broken_rules: at.broken_rules.clone(), ..at.scores.clone() };
             let mut row = vec![sweep.lidar.to_string(), sweep.field.to_owned(), number(at.value)];
             row.extend([sweep.unit.to_owned(), at.as_given.to_string()]);
-            row.extend(score_rows([&scores]).concat());
+            row.extend(score_rows([&scores], &[]).concat());
             row.push(number(at.scores.range_card.as_ref().map(|_| lost(&at.scores))));
             row
         })

@@ -90,7 +90,7 @@ pub(super) fn scores_text_by(all: &[Scores], objective: &str) -> String {
             text += &format!("  {} {guard}\n", if guard.is_doubt() { "!" } else { "*" });
         }
         for rule in &scores.broken_rules {
-            text += &format!("  ! BROKEN RULE: {rule}\n");
+            text += &format!("  ! RULE BROKEN: {rule}\n");
         }
     }
     text
@@ -181,7 +181,7 @@ pub fn numbered(names: impl IntoIterator<Item = String>) -> Vec<String> {
     told
 }
 
-/// How far each LiDAR moved, and how far each pair of either rig is from a mirror image.
+/// How far each LiDAR moved, whether its model is another, and how far each pair of either rig is from a mirror image.
 pub fn comparison_text(found: &Comparison) -> String {
     let numbers = |values: [f64; 3]| values.map(|value| fixed(value, 5));
     let table = |titles: [&str; 4], rows: &mut dyn Iterator<Item = (String, [f64; 3])>| {
@@ -191,6 +191,11 @@ pub fn comparison_text(found: &Comparison) -> String {
     };
     let moved = found.lidars.iter().map(|l| (l.frame.clone(), [l.moved, l.turned, l.tilted]));
     let mut text = table(["LiDAR", "moved m", "turned rad", "axis rad"], &mut moved.into_iter());
+    for lidar in &found.lidars {
+        text += &models_text(&lidar.frame, &lidar.models, ["before", "after"]);
+    }
+    let lidars = counted(found.lidars.len(), "LiDAR");
+    text += &format!("different in pose or model: {} of {lidars}\n", found.different);
     for (title, all) in [("before: pair", &found.before), ("after: pair", &found.after)] {
         let mut rows = all.iter().map(|pair| (named(pair), [pair.moved, pair.turned, pair.tilted]));
         text +=
@@ -201,8 +206,21 @@ pub fn comparison_text(found: &Comparison) -> String {
                 named(pair)
             );
         }
+        for pair in all {
+            text += &models_text(&named(pair), &pair.models, ["left", "right"]);
+        }
     }
     text
+}
+
+/// A line on two LiDARs that are not of the same model; empty where they are.
+fn models_text(name: &str, models: &[Option<String>; 2], [one, other]: [&str; 2]) -> String {
+    let [a, b] = models;
+    if a == b {
+        return String::new();
+    }
+    let [a, b] = [a, b].map(|model| model.as_deref().unwrap_or("not known"));
+    format!("  ! {name}: the model is {a} {one} and {b} {other}\n")
 }
 
 fn named(pair: &Asymmetry) -> String {

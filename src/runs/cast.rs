@@ -13,9 +13,9 @@ use super::outputs::Figure;
 use super::{Computing, RunError, opening, outputs};
 use crate::export::GltfView;
 use crate::files::{Session, write_whole};
-use crate::job::Job;
+use crate::job::{Job, JobFiles};
 use crate::report::{Figures, Looks, SceneRecord, Subject, view_html};
-use crate::runs::{Conditions, FiguresOut, Gltf};
+use crate::runs::{Conditions, FiguresOut, Gltf, MountingArgs};
 use crate::scan::BeamHits;
 use crate::scan::conditions::in_words;
 use crate::scene::EgoBody;
@@ -146,6 +146,8 @@ pub struct ViewRequest {
     #[cfg_attr(feature = "cli", command(flatten))]
     pub figures: FiguresOut,
     #[cfg_attr(feature = "cli", command(flatten))]
+    pub mounting: MountingArgs,
+    #[cfg_attr(feature = "cli", command(flatten))]
     pub conditions: Conditions,
     /// Command that makes the page again, which stands on it.
     #[cfg_attr(feature = "cli", arg(skip))]
@@ -170,6 +172,7 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), RunE
     let paths: Vec<PathBuf> = scenes.iter().map(PathBuf::from).collect();
     note_repeated(&paths, computing.watcher);
     let files = opening::files(&paths, &request.conditions.condition, None, computing);
+    let files = JobFiles { tolerance: Some(request.mounting.tolerance), ..files };
     let mut loaded = opening::job(&files, computing)?;
     let mut evaluator = loaded.evaluator(computing)?;
     let (job, problem) = (loaded.job, evaluator.problem());
@@ -215,8 +218,12 @@ fn page(
     let scored = all.iter().zip(evaluator.judged(&all)?);
     let scored = scored.map(|(p, judged)| Scored::new(p, judged, &objective, suite.rules()));
     let mut scored: Vec<Scored> = scored.collect();
-    let all = scored.iter_mut().map(|Scored { placement, scores, .. }| (&*placement, scores));
-    job.look_closely(evaluator.backend_mut(), all)?;
+    // Copies mounted a little off take seconds, and the page has those of the placement shown alone.
+    let without_copies = job.clone().tolerance(None);
+    for (k, Scored { placement, scores, .. }) in scored.iter_mut().enumerate() {
+        let job = if k == 0 { job } else { &without_copies };
+        job.look_closely(evaluator.backend_mut(), [(&*placement, scores)])?;
+    }
     let (result, baselines) = (&scored[0], &scored[1..]);
     let looks = Looks::new(job, suite, shown, baselines)?;
     let figures = Figures::new(Some(result), suite.rules(), &job.scene().body(), Some(looks));

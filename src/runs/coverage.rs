@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::inputs::{Files, Given, held, name_published, rig_path};
 use super::opening::{LoadTimes, Loaded};
 use super::outputs::Drawings;
-use super::{Computing, GRACE, RunError, opening, outputs};
+use super::{Computing, GRACE, RunError, Watcher, opening, outputs};
 use crate::audit::{AUDIT_FRAMES, AUDIT_PARTS, Audit, AuditEvent, audit};
 use crate::engine::BackendError;
 use crate::files::Session;
@@ -22,7 +22,7 @@ use crate::score::Objective;
 use crate::targets::{
     GroundBelow, Receiving, TargetQuestion, TargetSite, TargetTable, card_bearings,
 };
-use crate::vehicle::{Placement, read_placements, table_7};
+use crate::vehicle::{Placement, Sensors, read_placements, table_7};
 use sightline_files::json::counted;
 
 /// Placements whose near field is looked at.
@@ -234,16 +234,17 @@ pub fn targets(
     let drawings = Drawings::new(&request.out, &request.figures);
     drawings.check()?;
     let placements = read_placements(&file)?;
-    let (mut table, mut looked_at) = (TargetTable::default(), Vec::new());
+    let (mut table, mut looked_at, mut told) = (TargetTable::default(), Vec::new(), Vec::new());
     watcher.listen(GRACE);
     if let Some(vehicle) = computing.vehicle.as_deref().filter(|_| scenes.is_empty()) {
         let scene = opening::level_ground(vehicle, Some(request.frames), watcher)?;
         let given = (&*file, &*placements);
-        table = on_level_ground(&question, receiving.clone(), &scene, given, computing)?;
+        let place = (&scene, &mut told);
+        table = on_level_ground(&question, receiving.clone(), place, given, computing)?;
     }
     for scene in scenes.iter().take_while(|_| watcher.goes_on()) {
         let given = (&*file, &*placements);
-        let place = (&**scene, request.frames);
+        let place = (&**scene, request.frames, &mut told);
         let (found, frames) = in_scene(&question, receiving.clone(), place, given, computing)?;
         looked_at.push((found.detections.first().and_then(|of| of.scene.clone()), frames));
         table.append(found);
@@ -265,17 +266,39 @@ pub fn targets(
     Ok(TargetsFound { over, wrote, targets, beams, of_frames, conditions, table })
 }
 
+/// Notes distances beyond the range of every sensor of a placement; a sentence that was `told` is not told again.
+fn note_beyond(
+    question: &TargetQuestion,
+    sensors: &Sensors,
+    placements: &[Placement],
+    told: &mut Vec<String>,
+    watcher: &dyn Watcher,
+) {
+    for placement in placements {
+        let Some((range, beyond)) = question.beyond(sensors, &placement.lidars) else { continue };
+        let beyond = beyond.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+        let words = format!(
+            "a rig whose sensors reach {range} m at most meets no target at {beyond} m: this lies beyond their range"
+        );
+        if !told.contains(&words) {
+            watcher.note(&words);
+            told.push(words);
+        }
+    }
+}
+
 /// Table of placements of a file on level ground.
 fn on_level_ground(
     question: &TargetQuestion,
     receiving: Option<Receiving>,
-    ground: &Scene,
+    (ground, told): (&Scene, &mut Vec<String>),
     (file, placements): (&Path, &[Placement]),
     computing: &Computing<'_>,
 ) -> Result<TargetTable, RunError> {
     let (watcher, mut placements) = (computing.watcher, placements.to_vec());
     let site = TargetSite::of_vehicle(ground)?.receiving(receiving);
     Given::new(file, site.sensors(), &ground.rules(), computing).whole(&mut placements)?;
+    note_beyond(question, site.sensors(), &placements, told, watcher);
     let bar = watcher.bar(placements.len() as u64, Some("placements"));
     let mut table = TargetTable::default();
     for placement in placements.iter().take_while(|_| watcher.goes_on()) {
@@ -290,7 +313,7 @@ fn on_level_ground(
 fn in_scene(
     question: &TargetQuestion,
     receiving: Option<Receiving>,
-    (path, frames): (&Path, u32),
+    (path, frames, told): (&Path, u32, &mut Vec<String>),
     (file, placements): (&Path, &[Placement]),
     computing: &Computing<'_>,
 ) -> Result<(TargetTable, usize), RunError> {
@@ -305,6 +328,7 @@ fn in_scene(
     let problem = evaluator.shared_problem();
     Given::in_problem(file, &problem, computing).whole(&mut placements)?;
     let site = TargetSite::of(&problem).receiving(receiving);
+    note_beyond(question, site.sensors(), &placements, told, watcher);
     let bar = watcher.bar(placements.len() as u64, Some("placements"));
     let mut table = TargetTable::default();
     for placement in placements.iter().take_while(|_| watcher.goes_on()) {

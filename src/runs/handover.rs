@@ -201,14 +201,16 @@ fn poses(rig: &HandoverRig) -> String {
     let mut rows = vec![titles.map(str::to_owned).to_vec()];
     for (k, pose) in rig.placement.lidars.iter().enumerate() {
         let [place, angles] = [[pose.x, pose.y, pose.z], [pose.roll, pose.pitch, pose.yaw]];
-        let phase = pose.phase.unwrap_or_default();
         let mount = rig.mounts[k].clone().unwrap_or_default();
         let mut row = vec![k.to_string(), mount, rig.model_name(rig.models[k])];
         row.extend(place.map(|metres| rounded(metres, FINE)));
         row.extend(place.map(|metres| rounded(1000.0 * metres, OF_MM)));
         row.extend(angles.map(|angle| rounded(angle, FINE)));
         row.extend(angles.map(|angle| rounded(angle.to_degrees(), OF_DEGREES)));
-        row.extend([rounded(phase, FINE), rounded(phase.to_degrees(), OF_DEGREES)]);
+        // One that spins freely has another phase at every moment.
+        let phase = pose.phase.filter(|_| !rig.spins_freely[k]);
+        row.push(phase.map_or(String::new(), |phase| rounded(phase, FINE)));
+        row.push(phase.map_or(String::new(), |phase| rounded(phase.to_degrees(), OF_DEGREES)));
         rows.push(row);
     }
     csv(rows)
@@ -243,7 +245,7 @@ Frame: ISO 8855, the ego frame. x ahead, y left, z up; origin on the ground belo
 Positions are optical centres. Angles: R = Rz(yaw) * Ry(pitch) * Rx(roll), sensor to vehicle: a positive yaw turns
 left, a positive pitch looks down, a positive roll lifts the left side. The sensor's own frame: x ahead, y left, z up;
 azimuth counter-clockwise from x, elevation up from the xy plane. phase: a turn about the sensor's own z before all
-others.
+others; empty for a sensor that spins freely.
 ";
 
 const FILES: [(&str, &str); 6] = [

@@ -74,6 +74,11 @@ fn meets(scores: &Scores) -> bool {
     scores.required.iter().all(Seen::is_met)
 }
 
+/// Price of each placement; empty where no sensor has one.
+fn prices_of(vehicle: &Vehicle, placements: &[Placement]) -> Vec<f64> {
+    placements.iter().filter_map(|placement| vehicle.price_of_rig(placement)).collect()
+}
+
 /// Placements that are read, scored and printed at a time.
 const BLOCK: usize = 1024;
 
@@ -382,16 +387,17 @@ impl Batch {
 
     /// The placements in each scene, then their means.
     fn csv(&self) -> String {
-        let titles = std::iter::once("scene".to_owned()).chain(score_titles()).collect();
+        let prices = prices_of(&self.vehicle, &self.placements);
+        let titles = std::iter::once("scene".to_owned()).chain(score_titles(&prices)).collect();
         let mut rows: Vec<Vec<String>> = vec![titles];
         let mut add = |scene: &str, scores: Vec<Vec<String>>| {
             let named = |row| std::iter::once(scene.to_owned()).chain(row).collect();
             rows.extend(scores.into_iter().map(named));
         };
         for (index, member) in self.members() {
-            add(member.name(), score_rows(self.of_scene(index)));
+            add(member.name(), score_rows(self.of_scene(index), &prices));
         }
-        add("mean", score_rows(&self.mean()));
+        add("mean", score_rows(&self.mean(), &prices));
         csv(rows)
     }
 

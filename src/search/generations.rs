@@ -58,7 +58,7 @@ pub struct GenerationRecord {
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum GenerationsStop {
-    /// The evaluations are used up.
+    /// The limit of evaluations is reached.
     Budget,
     /// A placement reached the score that was wanted.
     Target,
@@ -69,7 +69,7 @@ pub enum GenerationsStop {
 impl fmt::Display for GenerationsStop {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Budget => "budget: the evaluations are used up",
+            Self::Budget => "evaluations: the limit is reached",
             Self::Target => "target: a placement reached the score that was wanted",
             Self::Fixed => "fixed: no pose field is free, so there is one placement",
         })

@@ -97,8 +97,8 @@ fn limits_in_words(lidar: usize, region: &Region, pose: &SensorPose) -> Option<S
         Some(frame) => format!("`{}`, {frame}", region.name),
         None => "its mount".to_owned(),
     };
-    let has_name = region.name != Region::default().name && own_frame(region).is_none();
-    let lidar = lidar_name(lidar, has_name.then_some(&*region.name));
+    let name = Some(region.own_name()).filter(|own| !own.is_empty() && own_frame(region).is_none());
+    let lidar = lidar_name(lidar, name);
     let words = || format!("{lidar} is at the limit of {mount}: {}", limits.join(", "));
     (!limits.is_empty()).then(words)
 }

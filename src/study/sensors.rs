@@ -164,8 +164,8 @@ pub(super) fn weather(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
          beam counts that its sensor's echo model returns. count not met: requirements."
             .to_owned(),
         format!(
-            "car ahead m: distance up to which a car straight ahead has {CARD_BEAMS} beams or more without a gap, on level \
-             ground; 0 where it never has. Conditions other than fog, snow and rain have no such number."
+            "car ahead m: end of the first stretch of distances at each of which a car straight ahead has {CARD_BEAMS} beams or \
+             more, on level ground; 0 where there is none. Conditions other than fog, snow and rain have no such number."
         ),
     ];
     let drawn = made_large(&scene.settings.objective);

@@ -53,8 +53,8 @@ pub struct TargetRanges {
 }
 
 impl TargetRanges {
-    /// Distances at which the target is met at every bearing without a gap: of each bearing the run that begins at the first
-    /// distance met, of these the farthest begin and the nearest end. `None` where they have no distance in common.
+    /// First and last of the neighbouring distances at each of which every bearing meets the target. Each bearing has the run
+    /// that begins at its first distance met; these runs share the answer. `None` where they share no distance.
     pub fn without_gap(&self) -> Option<[f64; 2]> {
         let firsts: Option<Vec<[f64; 2]>> =
             self.bearings.iter().map(|of| of.met.first().copied()).collect();
@@ -93,6 +93,14 @@ impl BlindSector {
             [-180.0, 180.0] => 360.0,
             [from, to] => (to - from).rem_euclid(360.0),
         }
+    }
+
+    /// True if another sector has all its bearings and reaches as near and as far.
+    pub fn is_within(&self, other: &Self) -> bool {
+        let ([near, far], [nearest, farthest]) = (self.distances, other.distances);
+        let offset = (self.bearings[0] - other.bearings[0]).rem_euclid(360.0);
+        let is_no_wider = other.degrees() >= 360.0 || offset + self.degrees() <= other.degrees();
+        is_no_wider && nearest <= near && far <= farthest
     }
 
     /// The four directions that a sector holds, in words: `ahead and left`; of one between two of them `ahead left`.

@@ -6,9 +6,10 @@ use super::beams::{PlacedTarget, TargetSite};
 use super::card::{position, runs};
 use super::places::GroundBelow;
 use crate::engine::{Backend, BackendError};
+use crate::maths;
 use crate::problem::{Problem, SensorBatch};
 use crate::scene::Target;
-use crate::vehicle::{Placement, UnknownSensor};
+use crate::vehicle::{Placement, SensorPose, Sensors, UnknownSensor};
 
 /// Targets, their places, and the rule for a detection.
 #[derive(Debug, Clone)]
@@ -121,6 +122,21 @@ impl TargetQuestion {
                 self.distances.iter().map(move |&distance| (target, bearing, distance))
             })
         })
+    }
+
+    /// Longest range of the sensors of some LiDARs, and the distances at which every target lies beyond the range of each LiDAR,
+    /// metres; `None` where there is no such distance.
+    pub fn beyond(&self, sensors: &Sensors, lidars: &[SensorPose]) -> Option<(f32, Vec<f64>)> {
+        let diagonal = |target: &Target| maths::hypot(target.size[0], target.size[1]);
+        let widest = self.targets.iter().map(diagonal).fold(0.0, f64::max);
+        let (mut longest, mut reach) = (0.0_f32, 0.0_f64);
+        for pose in lidars {
+            let range = sensors.table(sensors.number(pose).ok()?).range();
+            longest = longest.max(range);
+            reach = reach.max(f64::from(range) + maths::hypot(pose.x, pose.y) + widest);
+        }
+        let beyond = self.distances.iter().copied().filter(|distance| *distance > reach);
+        Some((longest, beyond.collect::<Vec<_>>())).filter(|(_, beyond)| !beyond.is_empty())
     }
 
     /// Every target at its places on level ground, in the order of the rows.

@@ -198,9 +198,15 @@ fn a_card_names_the_sector_that_a_rig_does_not_see() {
     assert_eq!(sides, [[52.5, 127.5], [-127.5, -52.5]]);
     let one = BlindSector { bearings: [165.0, -165.0], ..both.blind[0].clone() };
     assert!(one.to_string().starts_with("behind (in the sector of 30° from 165° to -165°)"));
+    // A sector within another one, across 180°, and one that is no part of it.
+    assert!(one.is_within(blind) && !blind.is_within(&one) && !one.is_within(&both.blind[0]));
+    assert!(both.blind.iter().all(|side| side.is_within(blind)));
+    let farther = BlindSector { distances: [5.0, 60.0], ..one.clone() };
+    assert!(!farther.is_within(blind));
     // A rig that looks at the sky sees no car.
     let sky = RangeCard::new(&site, &[SensorPose { pitch: -0.9, ..lidar(0.0) }]).unwrap();
     assert_eq!(sky.blind[0].bearings, [-180.0, 180.0]);
+    assert!(blind.is_within(&sky.blind[0]) && !sky.blind[0].is_within(blind));
     let told = sky.blind[0].to_string();
     assert!(told.starts_with("all round (in every sector of 30°), worst at "), "{told}");
     assert!(sky.targets.iter().all(|target| target.bearings.iter().all(|b| b.met.is_empty())));

@@ -23,7 +23,7 @@ const ROUNDING: f64 = 16.0 * f64::EPSILON;
 pub enum StopReason {
     /// A cost reached the target.
     Target,
-    /// The evaluations are used up.
+    /// The limit of evaluations is reached.
     Budget,
     /// All costs of ten generations, and the best ones of 10 + 30 n/λ, agree within the tolerance.
     TolFun,
@@ -42,7 +42,7 @@ impl fmt::Display for StopReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Target => "target: a cost reached the target",
-            Self::Budget => "budget: the evaluations are used up",
+            Self::Budget => "evaluations: the limit is reached",
             Self::TolFun => "tolfun: the costs agree within the tolerance",
             Self::Stagnation => "stagnation: the costs have not fallen for long",
             Self::TolX => "tolx: the search distribution has shrunk to a point",

@@ -56,8 +56,8 @@ pub enum FrontError {
     Score(ObjectiveError),
     /// Nothing to choose from.
     #[error(
-        "--front: the scene has one LiDAR and nothing to choose from; give a vehicle with sensors and mounts with \
-         --vehicle (in Python load the scene with one)"
+        "--front: the LiDARs of the scene are of one model, with nothing to choose from; give a vehicle with sensors and \
+         mounts with --vehicle (in Python load the scene with one)"
     )]
     NoVehicle,
     /// A price where no sensor has one.

@@ -312,7 +312,10 @@ fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {
         .filter(|of| of.scores.required.len() == best.scores.required.len())
         .take(BESIDE)
         .collect();
-    let mut titles = vec!["", "", "found %", "required %", "margin", "copies that hold %"];
+    let mut titles = vec!["", "", "found %", "required %", "margin"];
+    // Without a mounting tolerance nobody looked at copies.
+    let has_copies = best.scores.required.iter().any(|seen| seen.holds_in.is_some());
+    titles.extend(has_copies.then_some("copies that hold %"));
     titles.extend(beside.iter().map(|of| &*of.placement.name));
     let per_cent = |share: f64| format!("{:.1}", percent_down(share));
     let rows = best.scores.required.iter().enumerate().map(|(k, seen)| {
@@ -323,7 +326,8 @@ fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {
         let least = percent_up(seen.least);
         row.push(text(format!("{least:.1}")));
         row.push(text(format!("{:+.1}", percent_down(seen.share) - least)));
-        row.push(text(seen.holds_in.map_or("–".into(), |share| format!("{:.0}", 100.0 * share))));
+        let copies = || seen.holds_in.map_or("–".into(), |share| format!("{:.0}", 100.0 * share));
+        row.extend(has_copies.then(|| text(copies())));
         row.extend(beside.iter().map(|of| text(per_cent(of.scores.required[k].share))));
         (false, row)
     });

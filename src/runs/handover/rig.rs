@@ -18,7 +18,7 @@ use crate::runs::{Computing, RunError, opening};
 use crate::scene::{EgoBody, Scene};
 use crate::score::{HOLDS, Seen, all_held_in_words};
 use crate::search::Evaluator;
-use crate::vehicle::{BeamTable, Placement, Sensors, name_lidars};
+use crate::vehicle::{BeamTable, Placement, Sensors, UnknownSensor, name_lidars};
 
 /// A placement on its vehicle, in one frame.
 pub(super) struct HandoverRig {
@@ -30,6 +30,8 @@ pub(super) struct HandoverRig {
     pub mounts: Vec<Option<String>>,
     /// Number of each LiDAR's model.
     pub models: Vec<usize>,
+    /// True for each LiDAR whose phase differs from frame to frame. Its pose here has phase 0.
+    pub spins_freely: Vec<bool>,
     sensors: Sensors,
     /// Sensor-to-ego transform of each LiDAR, phase included.
     pub poses: Vec<Pose>,
@@ -77,14 +79,11 @@ impl HandoverRig {
         let file = file_and_name(&text).0;
         let problem = evaluator.shared_problem();
         Given::in_problem(Path::new(file), &problem, computing).all([&mut placement])?;
+        // Rules are told of a rig whose models there are.
+        warnings.iter().for_each(|words| computing.watcher.note(words));
         let sensors = problem.sensors().clone();
-        let mut models = Vec::new();
-        for lidar in &mut placement.lidars {
-            let model = sensors.number(lidar).map_err(BackendError::from)?;
-            models.push(model);
-            // A mask is of the columns of the sensor itself: one that spins freely stands at its angle 0.
-            lidar.phase = lidar.phase.or(Some(sensors.models()[model].phase.at_rest()));
-        }
+        let (models, spins_freely) =
+            at_rest(&mut placement, &sensors).map_err(BackendError::from)?;
         let job = loaded.job;
         let scene = job.scene();
         let own = scene.triangles(EgoBody::Exclude) as u32;
@@ -111,6 +110,7 @@ impl HandoverRig {
             file,
             mounts,
             models,
+            spins_freely,
             sensors,
             poses,
             own,
@@ -163,6 +163,22 @@ impl HandoverRig {
         };
         (0..self.own.len()).map(mask).collect()
     }
+}
+
+/// Gives each LiDAR without a phase that of its model at rest: a mask is of the columns of the sensor itself, and one that
+/// spins freely stands at its angle 0. Returns the number of each LiDAR's model, and whether it spins freely.
+fn at_rest(
+    placement: &mut Placement,
+    sensors: &Sensors,
+) -> Result<(Vec<usize>, Vec<bool>), UnknownSensor> {
+    let (mut models, mut free) = (Vec::new(), Vec::new());
+    for lidar in &mut placement.lidars {
+        let model = sensors.number(lidar)?;
+        models.push(model);
+        free.push(lidar.phase.is_none() && sensors.is_free(lidar.sensor));
+        lidar.phase = lidar.phase.or(Some(sensors.models()[model].phase.at_rest()));
+    }
+    Ok((models, free))
 }
 
 /// Outline of the body and near field of a placement, or why there is none.
@@ -225,7 +241,6 @@ impl Handed {
                 changed.chain(warnings(&scene, &placement, computing)).collect()
             }
         };
-        warnings.iter().for_each(|words| computing.watcher.note(words));
         let mut about = about(run, text);
         let place = if on_level_ground { "level ground" } else { scene.name() };
         about.push(format!("Blind zone and masks: {place}, frame {}", request.frame));

@@ -129,6 +129,7 @@ fn scoring<'a>(
         total,
         count,
         used: HashSet::new(),
+        prices: Vec::new(),
         below: String::new(),
         at_once: FEWEST,
         is_stopped: false,
@@ -162,6 +163,8 @@ struct Scoring<'a> {
     count: u64,
     /// Models of the placements so far.
     used: HashSet<SensorName>,
+    /// Prices of the placements of the last block; empty where no sensor has one.
+    prices: Vec<f64>,
     /// Text below the scores of few placements.
     below: String,
     /// Placements that are scored in one go.
@@ -206,6 +209,7 @@ impl Scoring<'_> {
             self.below = report::rigs_text(self.job.scene().vehicle(), &block, &scores);
         }
         let (vehicle, rules) = (self.job.scene().vehicle(), self.evaluator.problem().rules());
+        self.prices = super::prices_of(vehicle, &block);
         for (placement, scores) in block.iter().zip(&mut scores) {
             scores.broken_rules = vehicle.broken_rules(rules, placement);
         }
@@ -383,9 +387,9 @@ impl Scoring<'_> {
     fn text(&self, scores: &[Scores], first: bool) -> Result<String, RunError> {
         let mut text = String::new();
         if self.request.format == TableFormat::Csv {
-            let rows = score_rows(scores);
+            let rows = score_rows(scores, &self.prices);
             return Ok(if first {
-                csv(std::iter::once(score_titles()).chain(rows))
+                csv(std::iter::once(score_titles(&self.prices)).chain(rows))
             } else {
                 csv(rows)
             });

@@ -164,6 +164,8 @@ pub fn rig_json(rigs: &[&Rig]) -> Value {
 
 /// Largest difference of angles that are taken for equal, in radians.
 const SAME: f64 = 1e-9;
+/// Largest move in metres, and largest turn in radians, of a LiDAR that stands where it stood: formats round.
+const STILL: f64 = 5e-6;
 
 /// A LiDAR before and after.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -176,6 +178,17 @@ pub struct MovedLidar {
     pub turned: f64,
     /// Angle between the sensors' own z axes, in radians: a turn about z changes no beam of a full circle.
     pub tilted: f64,
+    /// Sensor models before and after; `None` for one that is not known.
+    pub models: [Option<String>; 2],
+}
+
+impl MovedLidar {
+    /// True if it stands elsewhere, is turned, or is of another model. A model that is not known differs from none.
+    fn differs(&self) -> bool {
+        let of_other_models =
+            matches!(&self.models, [Some(before), Some(after)] if before != after);
+        self.moved > STILL || self.turned > STILL || of_other_models
+    }
 }
 
 /// How far a pair of LiDARs is from being mirror images at the plane y = 0, or one LiDAR from being its own.
@@ -193,6 +206,8 @@ pub struct Asymmetry {
     pub tilted: f64,
     /// True if both have the same roll other than 0: in a mirror image roll changes its sign.
     pub same_roll: bool,
+    /// Sensor models of the left and the right one; `None` for one that is not known.
+    pub models: [Option<String>; 2],
 }
 
 /// Two rigs compared.
@@ -200,6 +215,8 @@ pub struct Asymmetry {
 pub struct Comparison {
     /// LiDARs in the order of the first rig.
     pub lidars: Vec<MovedLidar>,
+    /// LiDARs that differ in pose or model.
+    pub different: usize,
     /// Asymmetry of the first rig.
     pub before: Vec<Asymmetry>,
     /// Asymmetry of the second rig.
@@ -225,13 +242,20 @@ pub fn compare(before: &Rig, after: &Rig) -> Result<Comparison, RigError> {
     };
     let moved = |(a, b): (&RigLidar, &RigLidar)| {
         let [moved, turned, tilted] = difference(&a.pose, &b.pose);
-        MovedLidar { frame: a.frame.clone(), moved, turned, tilted }
+        MovedLidar { frame: a.frame.clone(), moved, turned, tilted, models: models(a, b) }
     };
+    let lidars: Vec<MovedLidar> = pairs.into_iter().map(moved).collect();
     Ok(Comparison {
-        lidars: pairs.into_iter().map(moved).collect(),
+        different: lidars.iter().filter(|lidar| lidar.differs()).count(),
+        lidars,
         before: asymmetries(before),
         after: asymmetries(after),
     })
+}
+
+/// Sensor models of two LiDARs.
+fn models(a: &RigLidar, b: &RigLidar) -> [Option<String>; 2] {
+    [a, b].map(|lidar| lidar.sensor.clone())
 }
 
 /// Distance in metres, angle between rotations and angle between z axes in radians.
@@ -278,5 +302,6 @@ fn asymmetry(left: &RigLidar, right: &RigLidar) -> Asymmetry {
         turned,
         tilted,
         same_roll,
+        models: models(left, right),
     }
 }

@@ -141,7 +141,7 @@ pub enum Violation {
     OutsideMount {
         /// Index of the LiDAR.
         lidar: usize,
-        /// Name of the mount; may be empty.
+        /// Name of the mount; empty where it has none.
         mount: String,
         /// `x`, `y`, `z`, `roll`, `pitch`, `yaw` or `phase`.
         field: &'static str,
@@ -391,7 +391,7 @@ impl Constraints {
     fn off_mount(&self, lidar: usize, pose: &SensorPose, slot: usize, found: &mut Vec<Violation>) {
         let region = &self.slots[slot].region;
         let outside = |(field, by)| {
-            let mount = region.name.clone();
+            let mount = region.own_name().to_owned();
             Violation::OutsideMount { lidar, mount, field, by }
         };
         let off = region.outside(pose);

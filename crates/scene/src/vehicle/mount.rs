@@ -250,8 +250,7 @@ impl Constraints {
     /// Mount of each LiDAR of a placement: its slot's if it stands there, else one that holds it, else `None`. Empty if
     /// there is one mount, which has no name of its own.
     pub fn mount_names(&self, placement: &Placement) -> Vec<Option<&str>> {
-        let own = |region: &Region| region.name != Region::default().name;
-        if !self.slots.iter().any(|slot| own(&slot.region)) {
+        if self.slots.iter().all(|slot| slot.region.own_name().is_empty()) {
             return Vec::new();
         }
         let all: Vec<&Region> = self.slots.iter().map(|slot| &*slot.region).collect();
@@ -323,5 +322,11 @@ mod tests {
         assert!(
             Constraints::in_box([0.0; 6], [1.0; 6], 2).mount_names(&placement(&[0.0])).is_empty()
         );
+        // The one mount of a scene has no name to be told by.
+        let told = |rules: &Constraints| rules.violations(&placement(&[9.0]))[0].to_string();
+        let alone = Constraints::in_box([0.0; 6], [1.0, 1.0, 2.0, 1.0, 1.0, 1.0], 1);
+        assert_eq!(told(&alone), "LiDAR 0: x is 8.000 m outside the mount");
+        let roof = Constraints { slots: vec![slot(&roof)], ..Constraints::default() };
+        assert_eq!(told(&roof), "LiDAR 0: x is 8.500 m outside the mount roof");
     }
 }

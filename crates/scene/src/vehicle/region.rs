@@ -39,10 +39,13 @@ pub struct Outline {
     pub corners: Vec<[f64; 2]>,
 }
 
+/// Name of the one mount of a scene, which has none in its file.
+const NAMELESS: &str = "mount";
+
 impl Default for Region {
     fn default() -> Self {
         Self {
-            name: "mount".to_owned(),
+            name: NAMELESS.to_owned(),
             ego_from_region: None,
             lower: [0.0; 6],
             upper: [0.0; 6],
@@ -53,6 +56,11 @@ impl Default for Region {
 }
 
 impl Region {
+    /// Its name; empty for the one mount of a scene, which has none in its file.
+    pub fn own_name(&self) -> &str {
+        if self.name == NAMELESS { "" } else { &self.name }
+    }
+
     /// Pose in the ego frame of six fields in the region's.
     ///
     /// On a surface a position over no triangle is moved to the nearest that has one.

@@ -42,6 +42,21 @@ fn moves_and_turns_are_told_by_frame() {
     assert!(error.contains("`a`, `b`") && error.contains("`x`"), "{error}");
 }
 
+#[test]
+fn another_model_in_the_same_pose_is_a_difference() {
+    let of = |model: Option<&str>| RigLidar {
+        sensor: model.map(str::to_owned),
+        ..lidar("a", [0.0, 0.5, 2.0, 0.1, 0.2, 0.3])
+    };
+    let different = |one, other| compare(&rig(&[of(one)]), &rig(&[of(other)])).unwrap().different;
+    assert_eq!(different(Some("VLP-16"), Some("VLS-128")), 1);
+    assert_eq!(different(Some("VLP-16"), Some("VLP-16")), 0);
+    // A file without models says nothing about them.
+    assert_eq!(different(Some("VLP-16"), None), 0);
+    let moved = rig(&[lidar("a", [0.0, 0.501, 2.0, 0.1, 0.2, 0.3])]);
+    assert_eq!(compare(&rig(&[of(None)]), &moved).unwrap().different, 1);
+}
+
 /// Sides of a Lexus in the frame of its sensor kit, after they were put straight: both roll by −0.02.
 #[test]
 fn equal_rolls_are_no_mirror_image() {
