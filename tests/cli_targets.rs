@@ -399,6 +399,10 @@ fn wrong_rules_are_refused_with_their_place() {
             json!({ "name": "box", "min": [0, 0, 0], "max": [1, 1, 1], "share": 1, "beams": 3 }),
             "beams",
         ),
+        (
+            json!({ "name": "box", "min": [0, 0, 0], "max": [1, 1, 1], "share": 1, "without_any_one": true }),
+            "it is of a `target`, `ground`, a `blind_zone` or `overlap`; a box has none",
+        ),
     ];
     for (rule, word) in cases {
         let told = told(rule.clone());
