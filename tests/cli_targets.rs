@@ -296,12 +296,7 @@ fn rules_on_targets_are_shares_of_their_places() {
     assert_eq!((single[4], missing(4)), ((single[1].0, true), json!(round)));
     let half_lost = &found["scores"][2]["requirements"][5];
     assert_eq!(half_lost["met"], true, "{half_lost}");
-    let words = half_lost["missing"].as_str().unwrap();
-    assert!(words.starts_with("missing at 10 to 15 m: "), "{half_lost}");
-    let text = sightline(dir.path(), &["score", "street.json", "rigs.json", "--backend", "cpu"]);
-    let text = String::from_utf8(text.stdout).unwrap();
-    let line = text.lines().find(|line| line.contains("+ half round: ")).unwrap();
-    assert!(line.contains(&format!(" % seen, 40.0 % required, {round}")), "{line}");
+    assert!(half_lost["missing"].as_str().unwrap().starts_with("missing at 10 to 15 m: "));
     let one_lost = &found["scores"][0]["requirements"][2];
     assert_eq!((&one_lost["intact"], &one_lost["worst_without"]), (&json!(1.0), &json!(0)));
     assert_eq!(single[3], (0.0, false));
@@ -398,10 +393,6 @@ fn wrong_rules_are_refused_with_their_place() {
         (
             json!({ "name": "box", "min": [0, 0, 0], "max": [1, 1, 1], "share": 1, "beams": 3 }),
             "beams",
-        ),
-        (
-            json!({ "name": "box", "min": [0, 0, 0], "max": [1, 1, 1], "share": 1, "without_any_one": true }),
-            "it is of a `target`, `ground`, a `blind_zone` or `overlap`; a box has none",
         ),
     ];
     for (rule, word) in cases {
