@@ -291,6 +291,23 @@ fn shared_things_sweeps_and_tolerances_are_those_of_the_json() {
 }
 
 #[test]
+fn every_row_of_random_placements_says_whether_requirements_are_met() {
+    let dir = town();
+    let line = "study random town.json two.json --vehicle cart.json --random 8 --evaluations 4 --backend cpu --out r";
+    let csv = Csv::of(dir.path(), line);
+    assert_eq!(csv.cell(4, "placement"), "random, best");
+    for row in 0..csv.rows() {
+        assert!(
+            ["true", "false"].contains(&csv.cell(row, "requirements met")),
+            "{:?}",
+            csv.0[row + 1]
+        );
+    }
+    let study = fs::read_to_string(dir.path().join("r/study.json")).unwrap();
+    assert!(study.contains(" of 8 random placements meet all requirements"), "{study}");
+}
+
+#[test]
 fn a_study_prints_the_table_that_it_writes() {
     let dir = town();
     let line =
