@@ -242,16 +242,16 @@ mod tests {
     #[test]
     fn ranges_in_radians_are_doubted() {
         let doubt = |range: [f64; 2]| SweptField { lidar: 0, field: FIRST_ANGLE }.doubt(range);
-        for range in [[0.0, 3.14], [-1.57, 1.57], [-0.785, 0.0], [1.0, 2.36], [0.0, 0.2]] {
+        for range in [[0.0, 3.15], [-1.57, 1.57], [-0.79, 0.0], [1.0, 2.36], [0.0, 0.2]] {
             assert!(doubt(range).is_some(), "{range:?}");
         }
         let degrees =
-            [[0.0, 3.0], [-1.5, 1.5], [0.0, 0.8], [-2.5, 0.5], [0.0, 3.25], [-10.0, 3.14]];
+            [[0.0, 3.0], [-1.5, 1.5], [0.0, 0.8], [-2.5, 0.5], [0.0, 3.25], [-10.0, 3.15]];
         for range in degrees {
             assert_eq!(doubt(range), None, "{range:?}");
         }
         let height = SweptField { lidar: 0, field: 2 };
-        assert_eq!(height.doubt([0.0, 3.14]), None, "metres");
+        assert_eq!(height.doubt([0.0, 3.15]), None, "metres");
     }
 
     #[test]
