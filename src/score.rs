@@ -260,12 +260,16 @@ impl std::fmt::Display for Seen {
         lost.iter()
             .try_for_each(|lost| write!(f, " (intact {:.1} %)", percent_down(lost.intact)))?;
         write!(f, ", {:.1} % required", percent_up(*least))?;
-        missing.iter().try_for_each(|missing| write!(f, ", {missing}"))?;
+        let mut lacks = missing.iter().filter(|_| !self.is_met());
+        lacks.try_for_each(|missing| write!(f, ", {missing}"))?;
         if let Some(Lost { worst: Some(lidar), mount, .. }) = lost {
             write!(f, "; worst without {}", lidar_name(*lidar, mount.as_deref()))?;
         }
-        let Some(holds) = holds_in.filter(|_| self.is_met()) else { return Ok(()) };
-        write!(f, ", {}", held_in_words(holds))
+        if !self.is_met() {
+            return Ok(());
+        }
+        holds_in.iter().try_for_each(|holds| write!(f, ", {}", held_in_words(*holds)))?;
+        missing.iter().try_for_each(|missing| write!(f, "; {missing}"))
     }
 }
 

@@ -350,7 +350,7 @@ mod tests {
         best.scores.required = vec![car, Seen::of("child", 1.0)];
         let subject = Subject::given("s", &[], (&best, None), &[], "near_gain", String::new());
         let said = required(&subject).into_string();
-        let item = format!("<li>car: 95.0 % seen, 90.0 % required, {words}</li>");
+        let item = format!("<li>car: 95.0 % seen, 90.0 % required; {words}</li>");
         assert!(said.contains(&item) && said.matches("<li>").count() == 1, "{said}");
     }
 
