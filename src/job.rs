@@ -33,10 +33,10 @@ use crate::problem::Problem;
 use crate::psog::Psog;
 use crate::scan::conditions::Condition;
 use crate::scene::Scene;
-use crate::score::{Guard, Objective, Scores};
+use crate::score::{Guard, Objective, Scores, Seen};
 use crate::search::{Evaluator, Judged, SearchError, Settings, Suite, TimeLimit};
-use crate::targets::{RangeCard, TargetSite};
-use crate::vehicle::{Constraints, Placement, Sensors};
+use crate::targets::{RangeCard, TargetSite, missed_places};
+use crate::vehicle::{Constraints, Placement, Sensors, TargetRule};
 use scene::{Frames, Worth};
 
 pub use crate::search::Tolerance;
@@ -315,8 +315,8 @@ impl Job {
         }
     }
 
-    /// Adds the guard `self_hit`, range cards and how requirements hold to scores, by the first scene, whose own body all
-    /// scenes share.
+    /// Adds the guard `self_hit`, range cards, places that met requirements on targets miss, and how requirements hold to
+    /// scores, by the first scene, whose own body all scenes share.
     ///
     /// # Errors
     /// An engine that fails, a sensor that the vehicle does not have.
@@ -346,6 +346,11 @@ impl Job {
             scores.guards.extend(self_hits(self.scene(), &problem, engine, placement)?);
         }
         let is_whole = self.add_holds(&mut all, go_on)?;
+        if let Some(site) = self.target_site()? {
+            for (placement, scores) in &mut all {
+                name_missed_places(site, problem.target_rules(), placement, &mut scores.required)?;
+            }
+        }
         self.add_range_cards(all)?;
         Ok(is_whole)
     }
@@ -405,6 +410,24 @@ impl Job {
             None => source.into(),
         }
     }
+}
+
+/// Names places that a requirement on targets misses where enough others are seen; without the worst LiDAR where the
+/// requirement must hold whichever one is lost.
+fn name_missed_places(
+    site: &TargetSite,
+    rules: &[TargetRule],
+    placement: &Placement,
+    required: &mut [Seen],
+) -> Result<(), BackendError> {
+    let count = placement.lidars.len();
+    for seen in required.iter_mut().filter(|seen| seen.is_met() && seen.share < 1.0) {
+        let Some(rule) = rules.iter().find(|rule| rule.name == seen.name) else { continue };
+        let lost = seen.lost.as_ref().map(|lost| lost.worst.unwrap_or(0));
+        let left = lost.filter(|&lost| lost < count).map(|lost| without(placement, lost));
+        seen.missing = missed_places(site, rule, &left.as_ref().unwrap_or(placement).lidars)?;
+    }
+    Ok(())
 }
 
 /// Range cards of placements on a site, and their blind sectors as guards; nothing where there is no site.

@@ -125,7 +125,7 @@ pub mod internals {
     pub use crate::report::chart_text::{chart_text, charts_text};
     pub use crate::report::coverage::{near_field_svg, near_field_text};
     pub use crate::report::coverage::{overlap_text, redundancy_text};
-    pub use crate::report::front::front_text;
+    pub use crate::report::front::{front_csv, front_text};
     pub use crate::report::map::InformationMap;
     pub use crate::report::map::placement_svg;
     pub use crate::report::plot::{Axis, Plot, Series};
@@ -140,7 +140,8 @@ pub mod internals {
     pub use crate::report::tables::by_scene;
     pub use crate::report::tables::{ScoreColumn, optional};
     pub use crate::report::tables::{
-        near_field_csv, overlap_csv, redundancy_csv, room_csv, studies_csv, sweep_csv, targets_csv,
+        near_field_csv, overlap_csv, redundancy_csv, room_csv, run_csv, studies_csv, sweep_csv,
+        targets_csv,
     };
     pub use crate::report::targets::{range_card_text, targets_text};
     pub use crate::report::text::comparison_text;

@@ -163,7 +163,8 @@ pub struct Seen {
     pub done: &'static str,
     /// Least share.
     pub least: f64,
-    /// Where a target that is not met lacks beams, in words.
+    /// Places, ground or LiDARs of a requirement that is not met, in words; of a met one on targets the places that it
+    /// misses, where a placement is looked at closely.
     pub missing: Option<String>,
     /// Share of copies within the mounting tolerance that still meet it; `None` where not looked at.
     pub holds_in: Option<f64>,
@@ -259,12 +260,16 @@ impl std::fmt::Display for Seen {
         lost.iter()
             .try_for_each(|lost| write!(f, " (intact {:.1} %)", percent_down(lost.intact)))?;
         write!(f, ", {:.1} % required", percent_up(*least))?;
-        missing.iter().try_for_each(|missing| write!(f, ", {missing}"))?;
+        let mut lacks = missing.iter().filter(|_| !self.is_met());
+        lacks.try_for_each(|missing| write!(f, ", {missing}"))?;
         if let Some(Lost { worst: Some(lidar), mount, .. }) = lost {
             write!(f, "; worst without {}", lidar_name(*lidar, mount.as_deref()))?;
         }
-        let Some(holds) = holds_in.filter(|_| self.is_met()) else { return Ok(()) };
-        write!(f, ", {}", held_in_words(holds))
+        if !self.is_met() {
+            return Ok(());
+        }
+        holds_in.iter().try_for_each(|holds| write!(f, ", {}", held_in_words(*holds)))?;
+        missing.iter().try_for_each(|missing| write!(f, "; {missing}"))
     }
 }
 

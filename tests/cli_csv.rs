@@ -78,29 +78,31 @@ fn town() -> TempDir {
     dir
 }
 
+/// A row has the scores of a placement.
+fn check(csv: &Csv, row: usize, scores: &Value) {
+    for (title, key) in [
+        ("placement", "name"),
+        ("information_gain_nats", "information_gain"),
+        ("information_gain_share", "information_gain_share"),
+        ("near_gain_share", "near_gain"),
+        ("near_gain_2_share", "near_gain_2"),
+        ("near_gain_3_share", "near_gain_3"),
+        ("m_sog", "m_sog"),
+        ("m_sog_scaled", "m_sog_scaled"),
+        ("s_mig_nats", "s_mig"),
+        ("covered_voxels", "covered"),
+        ("hit_share", "hit_share"),
+    ] {
+        csv.is(row, title, &scores[key]);
+    }
+    csv.is(row, "detection_m_sog_scaled", &scores["detection"]["m_sog_scaled"]);
+    let guards = scores["guards"].as_array().unwrap().iter().map(|g| g.as_str().unwrap());
+    assert_eq!(csv.cell(row, "warnings"), guards.collect::<Vec<_>>().join("; "));
+}
+
 #[test]
 fn scores_are_those_of_the_json_in_one_scene_and_in_several() {
     let dir = town();
-    let check = |csv: &Csv, row: usize, scores: &Value| {
-        for (title, key) in [
-            ("placement", "name"),
-            ("information_gain_nats", "information_gain"),
-            ("information_gain_share", "information_gain_share"),
-            ("near_gain_share", "near_gain"),
-            ("near_gain_2_share", "near_gain_2"),
-            ("near_gain_3_share", "near_gain_3"),
-            ("m_sog", "m_sog"),
-            ("m_sog_scaled", "m_sog_scaled"),
-            ("s_mig_nats", "s_mig"),
-            ("covered_voxels", "covered"),
-            ("hit_share", "hit_share"),
-        ] {
-            csv.is(row, title, &scores[key]);
-        }
-        csv.is(row, "detection_m_sog_scaled", &scores["detection"]["m_sog_scaled"]);
-        let guards = scores["guards"].as_array().unwrap().iter().map(|g| g.as_str().unwrap());
-        assert_eq!(csv.cell(row, "warnings"), guards.collect::<Vec<_>>().join("; "));
-    };
     let line = "score town.json two.json --vehicle cart.json --near-field --backend cpu";
     let words: Vec<&str> = line.split(' ').collect();
     let (csv, found) = (Csv::of(dir.path(), line), ok(dir.path(), &words));
@@ -137,6 +139,48 @@ fn scores_go_into_a_file_with_one_first_line() {
     let text = fs::read_to_string(dir.path().join("scores.csv")).unwrap();
     assert_eq!(text.matches("information_gain_nats").count(), 1);
     assert_eq!(Csv::read(&text).rows(), 2);
+}
+
+#[test]
+fn a_search_has_a_row_for_its_result_and_for_each_baseline() {
+    let dir = town();
+    let line = "optimize town.json --vehicle cart.json --backend cpu --evaluations 8 --baselines two.json --out run";
+    let csv = Csv::of(dir.path(), line);
+    let result = fs::read_to_string(dir.path().join("run/result.json")).unwrap();
+    let result: Value = serde_json::from_str(&result).unwrap();
+    let all = std::iter::once(&result["best"]).chain(result["baselines"].as_array().unwrap());
+    let all: Vec<&Value> = all.collect();
+    assert_eq!((csv.rows(), all.len()), (3, 3));
+    for (row, of) in all.into_iter().enumerate() {
+        check(&csv, row, &of["scores"]);
+        let seen = &of["scores"]["requirements"][0];
+        assert_eq!(csv.cell(row, "requirements_met"), seen["met"].to_string());
+        let broken = of["violations"].as_array().unwrap().len();
+        assert_eq!(csv.cell(row, "broken_rules").is_empty(), broken == 0, "{of}");
+    }
+    // A finished run prints its table again.
+    assert_eq!(Csv::of(dir.path(), "optimize --resume run --backend cpu").0, csv.0);
+}
+
+#[test]
+fn a_front_has_a_row_for_each_point() {
+    let dir = TempDir::new().unwrap();
+    crate::front::street(dir.path(), [30, 11], json!([]));
+    let line =
+        "optimize street.json --front price,near_gain --backend cpu --evaluations 0 --out run";
+    let csv = Csv::of(dir.path(), line);
+    let result = fs::read_to_string(dir.path().join("run/result.json")).unwrap();
+    let result: Value = serde_json::from_str(&result).unwrap();
+    let points = result["front"].as_array().unwrap();
+    assert!(points.len() > 1 && csv.rows() == points.len(), "{result}");
+    for (row, point) in points.iter().enumerate() {
+        check(&csv, row, &point["scores"]);
+        csv.is(row, "price", &point["price"]);
+        csv.is(row, "objective_price", &point["price"]);
+        csv.is(row, "objective_near_gain", &point["objectives"]["near_gain"]);
+        csv.is(row, "sensors", &point["sensors"]);
+        assert_eq!(csv.cell(row, "meets"), point["requirements_met"].to_string());
+    }
 }
 
 #[test]
@@ -245,6 +289,23 @@ fn shared_things_sweeps_and_tolerances_are_those_of_the_json() {
     csv.is(2, "field", &field["field"]);
     csv.is(2, "minus_holds_to", &field["down"]["holds_to"]);
     csv.is(2, "plus_breaks_at", &field["up"]["breaks_at"]);
+}
+
+#[test]
+fn every_row_of_random_placements_says_whether_requirements_are_met() {
+    let dir = town();
+    let line = "study random town.json two.json --vehicle cart.json --random 8 --evaluations 4 --backend cpu --out r";
+    let csv = Csv::of(dir.path(), line);
+    assert_eq!(csv.cell(4, "placement"), "random, best");
+    for row in 0..csv.rows() {
+        assert!(
+            ["true", "false"].contains(&csv.cell(row, "requirements met")),
+            "{:?}",
+            csv.0[row + 1]
+        );
+    }
+    let study = fs::read_to_string(dir.path().join("r/study.json")).unwrap();
+    assert!(study.contains(" of 8 random placements meet all requirements"), "{study}");
 }
 
 #[test]

@@ -383,6 +383,10 @@ fn what_cannot_be_done_is_told_before_the_work_and_leaves_nothing() {
             &format!("{sweep} --of 0.pitch --from -0.1 --to 0.2 --strict"),
             "radians? 0.2 rad are 11.46°",
         ),
+        (
+            &format!("{sweep} --of 0.pitch --from 0 --to 3.14 --strict"),
+            "radians? 3.14 rad are 179.91°",
+        ),
         ("optimize yard.json --out run --adapter nowhere", "no Vulkan device named `nowhere`"),
         ("optimize yard.json --out run --delta 1e-9", "are possible; widen --delta"),
         (

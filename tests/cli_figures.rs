@@ -78,6 +78,23 @@ fn a_search_and_a_view_write_the_figures_of_their_page() {
 }
 
 #[test]
+fn a_front_writes_its_picture() {
+    let dir = tempfile::TempDir::new().unwrap();
+    crate::front::street(dir.path(), [30, 11], serde_json::json!([]));
+    let at = |name: &str| dir.path().join(name);
+    let line = "optimize street.json --front price,near_gain --backend cpu --evaluations 0 --out run --figures";
+    run(dir.path(), &format!("{line} figures"));
+    assert_eq!(names(&at("figures")), ["front.svg"]);
+    assert_eq!(fs::read(at("figures/front.svg")).unwrap(), fs::read(at("run/front.svg")).unwrap());
+    // A finished front draws it again.
+    run(dir.path(), "optimize --resume run --backend cpu --figures again");
+    assert_eq!(names(&at("again")), ["front.svg"]);
+    let line = line.replace("--out run", "--out other") + " other";
+    let told = fails(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    assert!(told.contains("--figures other: is the folder of the run"), "{told}");
+}
+
+#[test]
 fn folders_that_are_taken_are_refused_before_the_work() {
     let dir = world();
     let told = |line: &str| fails(dir.path(), &line.split(' ').collect::<Vec<_>>());

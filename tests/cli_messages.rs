@@ -290,6 +290,10 @@ fn rules_that_ask_for_nothing_radians_and_mounts_below_the_ground_are_told() {
             child(json!({ "from": 9, "within": 4 })),
             "require[0].within: 4 is not metres from 9 (`from`) to 1000",
         ),
+        (
+            json!({ "name": "box", "min": [0, 0, 0], "max": [1, 1, 1], "share": 1, "without_any_one": true }),
+            "require[0]: `without_any_one` cannot stand here: it is of a `target`, `ground`, a `blind_zone` or `overlap`",
+        ),
         (json!({}), "require[0]: `min` is missing: give the corners of a box, a `target`"),
     ] {
         let said = of_car(&dir, |car| car["require"] = json!([rule]));

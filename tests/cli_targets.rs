@@ -276,6 +276,8 @@ fn rules_on_targets_are_shares_of_their_places() {
             rule(
                 json!({ "name": "many beams", "bearing": [0, 0], "beams": 100, "target": "tyre" })
             ),
+            rule(json!({ "name": "half round", "share": 0.4 })),
+            rule(json!({ "name": "half lost", "share": 0.4, "without_any_one": true })),
         ]),
     );
     let lidar = |yaw: f64| json!({ "x": 0, "y": 0, "z": 1, "yaw": yaw, "sensor": "half" });
@@ -298,6 +300,11 @@ fn rules_on_targets_are_shares_of_their_places() {
     let round = missing(1).as_str().unwrap().to_owned();
     assert!(round.starts_with("missing at 10 to 15 m: "), "{round}");
     assert_eq!(missing(2), "missing at 10 to 15 m: all 17 bearings, -60° to 60°");
+    // A share that suffices names its missed places, too; those of two LiDARs back to back without the worse one.
+    assert_eq!((single[4], missing(4)), ((single[1].0, true), json!(round)));
+    let half_lost = &found["scores"][2]["requirements"][5];
+    assert_eq!(half_lost["met"], true, "{half_lost}");
+    assert!(half_lost["missing"].as_str().unwrap().starts_with("missing at 10 to 15 m: "));
     let one_lost = &found["scores"][0]["requirements"][2];
     assert_eq!((&one_lost["intact"], &one_lost["worst_without"]), (&json!(1.0), &json!(0)));
     assert_eq!(single[3], (0.0, false));

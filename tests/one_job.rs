@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
+use sightline::audit::TrialResult;
 use sightline::chart::{ChartSettings, ChartState, SceneDetail, chart};
 use sightline::internals::{Engine, Setting};
 use sightline::score::Scores;
@@ -288,6 +289,13 @@ fn an_audit_of_a_mixed_vehicle_ranks_what_score_ranks() {
     let base = sightline::Scores { range_card: None, guards: Vec::new(), ..found.base.clone() };
     assert!(found.base.range_card.is_some());
     assert_eq!(&base, best, "to the bit");
+    for turn in ["to the sky", "45° up", "45° down", "lean to the left", "look to the left"] {
+        let name = format!("all sensors {turn}");
+        let trial = found.trials.iter().find(|trial| trial.name == name);
+        let trial = trial.unwrap_or_else(|| panic!("{name} is not tried"));
+        assert_ne!(trial.verdict, TrialResult::Fooled, "{name}: {:?}", trial.fooled);
+        assert_eq!(trial.scores.beams, found.base.beams, "{name}: the models of the base");
+    }
     let by_value = cart_scores(dir.path(), &honest);
     assert_eq!(scores.iter().map(value).collect::<Vec<_>>(), by_value);
     let several = Job::join([job.clone(), job]).unwrap();

@@ -253,9 +253,12 @@ fn on_other_grids(scene: &Scene) -> Result<Vec<(String, Psog)>, PsogError> {
 
 #[cfg(test)]
 mod tests {
+    use glam::DMat3;
+
     use super::*;
     use crate::problem::{Content, Tally};
     use crate::targets::BlindSector;
+    use crate::vehicle::{SensorModel, SensorName};
 
     fn scores(covered: u64, gain: u64, reference: Option<&Tally>) -> Scores {
         let content = Content::new(vec!["a".into()], vec![], &[vec![]], false);
@@ -331,6 +334,38 @@ mod tests {
         assert!((down.z_axis.z + 1.0).abs() < 1e-12, "{down}");
         let level = sky(&[(-25.0, 0.0), (15.0, 0.0)]);
         assert!((level.x_axis.z - 1.0).abs() < 1e-12, "{level}");
+    }
+
+    #[test]
+    fn each_model_of_a_vehicle_is_turned_as_it_needs() {
+        let model = |name: &str, upper: f64| {
+            let table = BeamTable::spinning(&[(-25.0, 0.0), (upper, 0.0)], 8, 50.0).unwrap();
+            SensorModel { name: SensorName::new(name).unwrap(), ..SensorModel::plain(table) }
+        };
+        let sensors = Sensors::new(vec![model("down", 5.0), model("level", 15.0)]).unwrap();
+        let [down, level] = [0, 1].map(|k| sensors.names()[k]);
+        let pose = |sensor, yaw| SensorPose { sensor, yaw, ..SensorPose::at(0.0, 0.0, 2.0) };
+        let lidars = vec![pose(level, 1.0), pose(down, -2.0)];
+        let attempts = gaming_placements(&Placement { name: "p".into(), lidars }, &sensors);
+        let attempts = attempts.unwrap();
+        // Own axes in the vehicle's frame, of both LiDARs.
+        let of = |name: &str| {
+            let (_, attempt) = attempts.iter().find(|(of, _)| *of == name).unwrap();
+            let models: Vec<SensorName> = attempt.lidars.iter().map(|pose| pose.sensor).collect();
+            assert_eq!(models, [level, down], "{name}");
+            [0, 1].map(|k| attempt.lidars[k].ego_from_sensor().rotation)
+        };
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-12;
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let [on_end, upside_down] = of("all sensors to the sky");
+        assert!(near(on_end.x_axis.z, 1.0) && near(upside_down.z_axis.z, -1.0));
+        for (name, rise) in [("all sensors 45° up", half), ("all sensors 45° down", -half)] {
+            assert!(of(name).iter().all(|axes| near(axes.x_axis.z, rise)), "{name}");
+        }
+        // The mast of each leans to the left, whichever way it looks.
+        let left = |axes: &DMat3| near(axes.z_axis.y, half) && near(axes.z_axis.z, half);
+        assert!(of("all sensors lean to the left").iter().all(left));
+        assert!(of("all sensors look to the left").iter().all(|axes| near(axes.x_axis.y, 1.0)));
     }
 
     #[test]

@@ -2,16 +2,16 @@
 
 use std::path::PathBuf;
 
-use super::args::{Compute, Format, UnnamedModelArgs, parse_seconds};
+use super::args::{Compute, UnnamedModelArgs, parse_seconds};
 use super::output::{Exit, Terminal};
-use crate::internals::{Spacing, front_text, record_text};
+use crate::internals::{Spacing, front_csv, front_text, record_text, run_csv};
 use crate::job::{FRONT_EVALUATIONS, FrontError, FrontObjectives, JobFiles};
 use crate::runs::optimize::{
     FrontStart, NewRun, OptimizeRequest, Start, finished, front, holds_front, optimize,
 };
 use crate::runs::parse::{number_as, whole};
 use crate::runs::{Conditions, FiguresOut, Gltf, MountingArgs};
-use crate::runs::{RunError, Watcher};
+use crate::runs::{RunError, TableFormat, Watcher};
 use crate::scan::conditions::in_words;
 use crate::score::Seen;
 use crate::search::{FrameChoice, Method, Settings};
@@ -120,7 +120,7 @@ pub struct OptimizeArgs {
     /// requirements, the knee, the best of each. Exit code 1 if none meets all requirements. --resume goes
     /// on with a stopped front: only the choice or the search that was under way is done again.
     #[arg(long, value_name = "A,B[,C]", value_parser = objectives, conflicts_with_all = ["resume", "fewest", "target",
-          "baselines", "inject", "gltf", "figures"])]
+          "baselines", "inject", "gltf"])]
     front: Option<FrontObjectives>,
     #[command(flatten)]
     mounting: MountingArgs,
@@ -129,8 +129,8 @@ pub struct OptimizeArgs {
     #[command(flatten)]
     conditions: Conditions,
     /// How to print the result
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
+    #[arg(long, value_enum, default_value_t = TableFormat::Text)]
+    format: TableFormat,
     #[command(flatten)]
     gltf: Gltf,
     #[command(flatten)]
@@ -149,18 +149,20 @@ pub fn run(args: &OptimizeArgs) -> Result<Exit, RunError> {
         return run_front(args, &FrontStart::New(Box::new(new), objectives.clone()), &terminal);
     }
     let draws = args.gltf.gltf.is_some() || args.figures.figures.is_some();
-    if let Some(folder) = args.resume.as_ref().filter(|_| !draws)
+    // Drawings and the table need scores, which the folder of a finished run does not keep.
+    let is_asked_for_more = draws || args.format == TableFormat::Csv;
+    if let Some(folder) = args.resume.as_ref().filter(|_| !is_asked_for_more)
         && let Some(finished) = finished(folder)?
     {
         match args.format {
-            Format::Json => out!("{}", finished.result)?,
-            Format::Text => outln!("{}", finished.words)?,
+            TableFormat::Json => out!("{}", finished.result)?,
+            TableFormat::Text | TableFormat::Csv => outln!("{}", finished.words)?,
         }
         return Ok(if finished.is_met { terminal.exit() } else { Exit::CheckFailed });
     }
     if let Some(folder) = args.resume.as_ref().filter(|folder| holds_front(folder)) {
-        if draws {
-            let words = "holds a front, of which --gltf and --figures draw nothing; leave them out";
+        if args.gltf.gltf.is_some() {
+            let words = "holds a front, of which --gltf draws nothing; leave it out";
             return Err(RunError::Usage(format!("{}: {words}", folder.display())));
         }
         return run_front(args, &FrontStart::Resume(folder.clone()), &terminal);
@@ -183,8 +185,9 @@ pub fn run(args: &OptimizeArgs) -> Result<Exit, RunError> {
     let found = optimize(&request, &args.named.computing(&args.compute, &terminal))?;
     match (&found, args.format) {
         (None, _) => return Ok(Exit::Interrupted),
-        (Some(found), Format::Json) => outln!("{}", found.record.json())?,
-        (Some(found), Format::Text) => out!("{}", record_text(&found.record, &found.folder))?,
+        (Some(found), TableFormat::Json) => outln!("{}", found.record.json())?,
+        (Some(found), TableFormat::Csv) => out!("{}", run_csv(&found.record))?,
+        (Some(found), TableFormat::Text) => out!("{}", record_text(&found.record, &found.folder))?,
     }
     let best = found.and_then(|found| found.record.best);
     let is_met = best.is_none_or(|best| best.scores.required.iter().all(Seen::is_met));
@@ -198,11 +201,12 @@ fn run_front(
     terminal: &Terminal,
 ) -> Result<Exit, RunError> {
     let computing = args.named.computing(&args.compute, terminal);
-    let found = front(start, args.max_seconds, &computing)?;
+    let found = front(start, args.max_seconds, args.figures.figures.as_deref(), &computing)?;
     let Some(found) = found else { return Ok(Exit::Interrupted) };
     match args.format {
-        Format::Json => outln!("{}", found.record.json())?,
-        Format::Text => out!("{}", front_text(&found.front, &found.record, &found.folder))?,
+        TableFormat::Json => outln!("{}", found.record.json())?,
+        TableFormat::Csv => out!("{}", front_csv(&found.front))?,
+        TableFormat::Text => out!("{}", front_text(&found.front, &found.record, &found.folder))?,
     }
     let is_met = found.front.points.iter().any(|point| point.meets);
     Ok(if terminal.goes_on() && !is_met { Exit::CheckFailed } else { terminal.exit() })

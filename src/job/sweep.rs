@@ -1,5 +1,7 @@
 //! One pose field of one LiDAR, moved through a range: scores, requirements and rules at each value.
 
+use std::f64::consts::FRAC_PI_4;
+
 use serde::Serialize;
 
 use super::{Job, JobError};
@@ -11,6 +13,9 @@ use crate::vehicle::{Constraints, FARTHEST_ON_VEHICLE, Placement, PlacementError
 const FIRST_ANGLE: usize = 3;
 /// Degrees below which a range of an angle is more likely radians.
 const LEAST_ANGLE: f64 = 0.5;
+/// Largest angle of a range that may be half a turn in radians, and how far a rounded part of π is off.
+const HALF_TURN: f64 = 3.2;
+const ROUNDED: f64 = 0.01;
 
 /// A pose field of one LiDAR of a placement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -130,7 +135,8 @@ impl SweptField {
                 )
             });
         }
-        (most < LEAST_ANGLE).then(|| {
+        let is_radians = most <= HALF_TURN && [from, to].into_iter().any(is_part_of_pi);
+        (most < LEAST_ANGLE || is_radians).then(|| {
             let degrees = most.to_degrees();
             format!("{name} of {most}° at most; radians? {most} rad are {degrees:.2}°")
         })
@@ -167,6 +173,13 @@ impl SweptField {
         *pose = SensorPose { x, y, z, roll, pitch, yaw, ..*pose };
         moved
     }
+}
+
+/// True if an angle is nearly a multiple of π/4, as 3.14 is, and no whole or half number.
+fn is_part_of_pi(angle: f64) -> bool {
+    let parts = (angle.abs() / FRAC_PI_4).round();
+    let is_near = (angle.abs() - parts * FRAC_PI_4).abs() <= ROUNDED;
+    parts > 0.0 && is_near && (2.0 * angle).fract() != 0.0
 }
 
 impl Job {
@@ -225,6 +238,21 @@ impl Job {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn ranges_in_radians_are_doubted() {
+        let doubt = |range: [f64; 2]| SweptField { lidar: 0, field: FIRST_ANGLE }.doubt(range);
+        for range in [[0.0, 3.15], [-1.57, 1.57], [-0.79, 0.0], [1.0, 2.36], [0.0, 0.2]] {
+            assert!(doubt(range).is_some(), "{range:?}");
+        }
+        let degrees =
+            [[0.0, 3.0], [-1.5, 1.5], [0.0, 0.8], [-2.5, 0.5], [0.0, 3.25], [-10.0, 3.15]];
+        for range in degrees {
+            assert_eq!(doubt(range), None, "{range:?}");
+        }
+        let height = SweptField { lidar: 0, field: 2 };
+        assert_eq!(height.doubt([0.0, 3.15]), None, "metres");
+    }
 
     #[test]
     fn a_field_is_named_by_number_mount_or_model_and_moves_alone() {

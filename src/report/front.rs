@@ -6,8 +6,9 @@ use serde_json::{Map, Value, json};
 use super::plot::{Axis, Plot, Series};
 use super::study::lost;
 use super::svg::trimmed;
-use super::tables::optional;
+use super::tables::{optional, score_rows, score_titles};
 use super::text::align_columns;
+use crate::csv::{csv, number};
 use crate::job::{Front, FrontObjective, FrontPoint, FrontStopped};
 use crate::scan::conditions::under;
 
@@ -272,6 +273,23 @@ pub fn front_text(front: &Front, record: &FrontRecord, folder: &std::path::Path)
         record.backend,
         folder.join("report.html").display()
     )
+}
+
+/// A row a point: its objectives, price, sensors, whether it meets all requirements, its picks, then its scores.
+pub fn front_csv(front: &Front) -> String {
+    // Scores have columns of the same names.
+    let mut first: Vec<String> =
+        front.objectives.names().iter().map(|name| format!("objective_{name}")).collect();
+    first.extend(["price", "sensors", "meets", "pick"].map(str::to_owned));
+    first.extend(score_titles(&[]));
+    let rows = front.points.iter().enumerate().map(|(k, point)| {
+        let mut row: Vec<String> = point.values.iter().map(|value| number(*value)).collect();
+        row.extend([number(point.price), point.placement.lidars.len().to_string()]);
+        row.extend([point.meets.to_string(), picks_of(front, k)]);
+        row.extend(score_rows([&point.scores], &[]).concat());
+        row
+    });
+    csv(std::iter::once(first).chain(rows))
 }
 
 /// Draws the first two objectives against each other; of three the third stands beside the points that are picked.

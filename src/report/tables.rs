@@ -57,6 +57,14 @@ pub(crate) fn score_rows<'a>(
     all.into_iter().enumerate().map(row).collect()
 }
 
+/// The result of a search, if there is one, then its baselines, as [`score_rows`] has them.
+pub fn run_csv(run: &RunRecord) -> String {
+    // The scores have a column for the rules.
+    let scores = |of: &Scored| Scores { broken_rules: of.violations.clone(), ..of.scores.clone() };
+    let all: Vec<Scores> = run.best.iter().chain(&run.baselines).map(scores).collect();
+    csv(std::iter::once(score_titles(&[])).chain(score_rows(&all, &[])))
+}
+
 /// A row a placement: shares, blind ground, depth of the blind zone, poles seen of all by standard, share of each LiDAR's
 /// beams on the own body.
 pub fn near_field_csv(all: &[NearField]) -> String {

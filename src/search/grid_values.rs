@@ -123,6 +123,13 @@ impl GridSearch {
         self.atlas.missing_with(&unions, None) + self.atlas.unmet_with(&unions, None, false)[1]
     }
 
+    /// Penalty that the value of held poses has for unseen cars.
+    pub(super) fn unseen_cars(&self, poses: &[u32]) -> f64 {
+        let mut unions = Unions::default();
+        self.atlas.union(poses, &mut unions);
+        self.blind * self.atlas.unmet_with(&unions, None, false)[0]
+    }
+
     /// The objective of held poses, 0 for none, less the penalties for missing shares and unseen cars.
     pub(super) fn held_value(&mut self, poses: &[u32]) -> f64 {
         let Some((&last, others)) = poses.split_last() else {

@@ -122,19 +122,20 @@ pub struct Climbs {
     /// Climbs that ended within half a per cent of the best one; it is counted, too. Where there are requirements, of those
     /// that met all of them.
     pub near_best: usize,
-    /// Distance of the median of their ends from the best, as a share of it; 0 where none met all requirements.
+    /// Distance of the median of their ends from the best, as a share of its objective; 0 where none met all requirements.
     pub median_below: f64,
 }
 
 impl Climbs {
-    /// From the value of each end, and whether it meets all requirements, where there are some.
-    fn new(ends: &[(f64, Option<bool>)], best: f64, frames: usize) -> Self {
+    /// From the value of each end, and whether it meets all requirements, where there are some; `best` is the value of the
+    /// best end, `objective` that value before the penalty for unseen cars, which leaves some values near 0.
+    fn new(ends: &[(f64, Option<bool>)], best: f64, objective: f64, frames: usize) -> Self {
         let met = ends.iter().any(|end| end.1.is_some());
         let met = met.then(|| ends.iter().filter(|end| end.1 == Some(true)).count());
         // Penalties of unmet requirements are no per cent of the objective.
         let alike = ends.iter().filter(|end| end.1 != Some(false));
         let mut below: Vec<f64> =
-            alike.map(|end| (best - end.0) / best.abs().max(f64::MIN_POSITIVE)).collect();
+            alike.map(|end| (best - end.0) / objective.abs().max(f64::MIN_POSITIVE)).collect();
         below.sort_by(f64::total_cmp);
         let near_best = below.iter().filter(|&&below| below <= NEAR_BEST).count();
         let median_below = below.get(below.len() / 2).copied().unwrap_or(0.0);
@@ -225,6 +226,8 @@ struct Ends {
     all: Vec<GridPlacement>,
     /// For each end, whether it meets all requirements; `None` where there are none.
     met: Vec<Option<bool>>,
+    /// For each end, what is taken off its objective for unseen cars.
+    unseen: Vec<f64>,
     best: Option<GridPlacement>,
 }
 
@@ -239,6 +242,7 @@ impl Ends {
         // An atlas that forgets may not hold the end any more.
         search.hold(evaluator, &end.poses)?;
         self.met.push(search.has_requirements().then(|| search.missing(&end.poses) == 0.0));
+        self.unseen.push(search.unseen_cars(&end.poses));
         self.all.push(end.clone());
         self.best = Some(match self.best.take() {
             Some(best) => search.preferred(evaluator, best, end, go_on)?,
@@ -260,7 +264,9 @@ impl Ends {
         let best = self.best.as_ref().filter(|best| best.value.is_finite())?;
         let values = self.all.iter().map(|end| end.value);
         let ends: Vec<(f64, Option<bool>)> = values.zip(self.met.iter().copied()).collect();
-        let climbs = Climbs::new(&ends, best.value, frames);
+        let place = self.all.iter().position(|end| end.poses == best.poses);
+        let unseen = place.map_or(0.0, |place| self.unseen[place]);
+        let climbs = Climbs::new(&ends, best.value, best.value + unseen, frames);
         Some(Swapped::new(search, best, &self.distinct(), climbs))
     }
 }
@@ -447,8 +453,18 @@ mod tests {
     use super::*;
 
     #[test]
+    fn distances_of_ends_are_shares_of_the_objective_before_its_penalty() {
+        // Cars that are not seen take 0.45 off an objective of 0.5.
+        let climbs = Climbs::new(&[(0.05, None), (0.048, None), (-0.094, None)], 0.05, 0.5, 1);
+        assert_eq!(climbs.near_best, 2);
+        assert!((climbs.median_below - 0.004).abs() < 1e-12, "{climbs}");
+        let far = Climbs::new(&[(0.05, None), (-0.094, None)], 0.05, 0.5, 1);
+        assert!(far.to_string().contains("the median end is 28.8 % below it"), "{far}");
+    }
+
+    #[test]
     fn ends_that_miss_requirements_are_no_per_cent_of_the_best() {
-        let said = |ends: &[(f64, Option<bool>)]| Climbs::new(ends, 0.5, 4).to_string();
+        let said = |ends: &[(f64, Option<bool>)]| Climbs::new(ends, 0.5, 0.5, 4).to_string();
         let plain = said(&[(0.5, None), (0.499, None), (0.4, None)]);
         assert!(
             plain.starts_with(

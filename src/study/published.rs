@@ -105,8 +105,8 @@ fn row(name: &str, of: &dyn Fn(&str) -> Option<f64>) -> Row {
     Row { name: name.to_owned(), ..Row::of((0..TASKS.len()).map(correlation).collect()) }
 }
 
-/// Name of the case in which all random placements are scored: its values are the best, the worst, the
-/// lower quartile, the median and the upper quartile.
+/// Name of the case in which all random placements are scored: its values are those of [`quantiles`], then how many
+/// placements meet all requirements; `unmet_at` has the quantiles whose placement misses one.
 const RANDOM: &str = "random, best";
 
 pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
@@ -119,13 +119,15 @@ pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
     let case = cases.one(RANDOM, || {
         let scores = scene.scores(&mut evaluator, &drawn)?;
         let values: Vec<Option<f64>> = scores.iter().map(value).collect();
-        let (best, quantiles) = quantiles(&values);
-        let mut row = Row::of(quantiles);
-        if let Some(best) = best {
-            row = Row::scored(row.values, drawn[best].clone(), &scores[best]);
-        }
-        Ok(row)
+        let Some(at) = quantiles(&values) else { return Ok(Row::default()) };
+        let mut shown: Vec<Option<f64>> = at.iter().map(|&k| values[k]).collect();
+        let misses: Vec<bool> = scores.iter().map(|of| of.missing() > 0.0).collect();
+        shown.push(Some(misses.iter().filter(|misses| !**misses).count() as f64));
+        let row = Row::scored(shown, drawn[at[0]].clone(), &scores[at[0]]);
+        let unmet_at = (0..at.len()).filter(|&number| misses[at[number]]).collect();
+        Ok(Row { unmet_at, ..row })
     })?;
+    let met = case.as_ref().and_then(|row| met_in_words(row, drawn.len()));
     let mut rows = case.map_or_else(Vec::new, |row| rows_of(&row));
     for placement in &scene.layouts {
         rows.extend(cases.one(&placement.name, || {
@@ -144,6 +146,8 @@ pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
         drawn.len(),
         settings.evaluations
     )];
+    notes.extend(met);
+    notes.extend(broken_rules(scene));
     notes.extend(prices(scene, &rows));
     let title = scene.title("random, hand-made and optimized placements");
     let (objective, _) = shown_objective(&settings.objective);
@@ -155,6 +159,27 @@ pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
 fn searched(layouts: &[Placement]) -> String {
     let is_taken = layouts.iter().any(|layout| layout.name == "optimized");
     if is_taken { "optimized by this study" } else { "optimized" }.to_owned()
+}
+
+/// Sentence on how many of `all` random placements meet all requirements; `None` without requirements.
+fn met_in_words(random: &Row, all: usize) -> Option<String> {
+    random.requirements_met?;
+    let met = random.values.last().copied().flatten()?;
+    Some(format!(
+        "{met} of {all} random placements meet all requirements; a row with `!` is a placement that misses one."
+    ))
+}
+
+/// Sentence on own rigs that break rules of the vehicle.
+fn broken_rules(scene: &StudyScene) -> Option<String> {
+    let (vehicle, rules) = (scene.scene.vehicle(), scene.scene.rules());
+    let of = |rig: &Placement| {
+        let broken = vehicle.broken_rules(&rules, rig);
+        (!broken.is_empty()).then(|| format!("{}: {}", rig.name, broken.join(", ")))
+    };
+    let broken: Vec<String> = scene.settings.placements.iter().filter_map(of).collect();
+    (!broken.is_empty())
+        .then(|| format!("Rules of the vehicle are broken by {}.", broken.join("; ")))
 }
 
 /// Sentence on the prices of the placements where these differ.
@@ -183,36 +208,35 @@ fn unguarded(scene: &StudyScene, scores: &Scores) -> Option<f64> {
     objective.value(scores).filter(|_| scores.guards.is_empty()).map(|value| factor * value)
 }
 
-/// Index of the best, and best, worst, lower quartile, median and upper quartile of the values there are;
-/// a quartile is the nearest value in rank.
-fn quantiles(values: &[Option<f64>]) -> (Option<usize>, Vec<Option<f64>>) {
+/// Places of the best, worst, lower quartile, median and upper quartile of the values there are; a quartile is the nearest
+/// value in rank, of equal values the first is the best. `None` without values.
+fn quantiles(values: &[Option<f64>]) -> Option<[usize; 5]> {
     let known = values.iter().enumerate().filter_map(|(k, value)| Some((k, (*value)?)));
-    let best = known.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
-    let mut sorted: Vec<f64> = values.iter().copied().flatten().collect();
-    sorted.sort_by(f64::total_cmp);
-    let at = |share: f64| {
-        let index = (share * (sorted.len().max(1) - 1) as f64).round() as usize;
-        sorted.get(index).copied()
-    };
-    let values = vec![best.map(|b| b.1), at(0.0), at(0.25), at(0.5), at(0.75)];
-    (best.map(|b| b.0), values)
+    let mut sorted: Vec<(usize, f64)> = known.collect();
+    sorted.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let best = sorted.iter().max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))?.0;
+    let at = |share: f64| sorted[(share * (sorted.len() - 1) as f64).round() as usize].0;
+    Some([best, at(0.0), at(0.25), at(0.5), at(0.75)])
 }
 
 /// A row for each quantile, from the worst to the best; none where no random placement counts.
 fn rows_of(random: &Row) -> Vec<Row> {
-    let [Some(best), Some(worst), Some(low), Some(median), Some(high)] = random.values[..] else {
+    let [Some(best), Some(worst), Some(low), Some(median), Some(high), ..] = random.values[..]
+    else {
         return Vec::new();
     };
     let named = [
-        ("random, worst", worst),
-        ("random, lower quartile", low),
-        ("random, median", median),
-        ("random, upper quartile", high),
-        (RANDOM, best),
+        ("random, worst", worst, 1),
+        ("random, lower quartile", low, 2),
+        ("random, median", median, 3),
+        ("random, upper quartile", high, 4),
+        (RANDOM, best, 0),
     ];
-    let row = |(name, value): (&str, f64)| {
+    let row = |(name, value, number): (&str, f64, usize)| {
         let of = if name == RANDOM { random.clone() } else { Row::default() };
-        Row { name: name.to_owned(), values: vec![Some(value)], ..of }
+        let met = random.requirements_met.map(|_| !random.unmet_at.contains(&number));
+        let (name, values) = (name.to_owned(), vec![Some(value)]);
+        Row { name, values, requirements_met: met, unmet_at: Vec::new(), ..of }
     };
     named.map(row).to_vec()
 }
@@ -329,8 +353,24 @@ mod tests {
     fn quantiles_of_the_values_there_are() {
         let values = [Some(4.0), None, Some(1.0), Some(3.0), Some(5.0), Some(2.0), Some(5.0)];
         // Sorted 1 2 3 4 5 5: ranks 1.25, 2.5 and 3.75 of 0 to 5, rounded to 1, 3 and 4.
-        let want = [5.0, 1.0, 2.0, 4.0, 5.0].map(Some).to_vec();
-        assert_eq!(quantiles(&values), (Some(4), want));
-        assert_eq!(quantiles(&[None]), (None, vec![None; 5]));
+        let found = quantiles(&values).unwrap();
+        assert_eq!(found, [4, 2, 5, 0, 4]);
+        assert_eq!(found.map(|k| values[k].unwrap()), [5.0, 1.0, 2.0, 4.0, 5.0]);
+        assert_eq!(quantiles(&[None]), None);
+    }
+
+    #[test]
+    fn quantiles_whose_placement_misses_a_requirement_are_marked() {
+        let mut random = Row::of([5.0, 1.0, 2.0, 4.0, 5.0, 3.0].map(Some).to_vec());
+        let marked = |random: &Row| -> Vec<String> {
+            let rows = rows_of(random);
+            assert!(rows.iter().all(|row| row.unmet_at.is_empty() && row.values.len() == 1));
+            rows.iter().map(Row::marked).filter(|name| name.starts_with('!')).collect()
+        };
+        assert!(marked(&random).is_empty() && met_in_words(&random, 9).is_none());
+        assert!(rows_of(&random).iter().all(|row| row.requirements_met.is_none()));
+        (random.requirements_met, random.unmet_at) = (Some(true), vec![1, 3]);
+        assert_eq!(marked(&random), ["! random, worst", "! random, median"]);
+        assert!(met_in_words(&random, 9).unwrap().starts_with("3 of 9 random placements meet"));
     }
 }

@@ -1,11 +1,10 @@
 //! Places of a rule that are not met, in words: runs of neighbouring bearings, and distances.
 
-use std::ops::Range;
-
-use super::places::{Sight, SightBeams};
+use super::beams::{PlacedTarget, TargetSite};
+use super::places::places_of;
 use crate::json::fixed;
 use crate::maths;
-use crate::vehicle::TargetRule;
+use crate::vehicle::{SensorPose, TargetRule, UnknownSensor};
 
 /// Runs of bearings that are named, at most.
 const MOST_RUNS: usize = 3;
@@ -24,25 +23,23 @@ pub(super) struct Missing {
 }
 
 impl Missing {
-    /// Bearings and distances of places of a rule that are not met; `None` where all are met.
+    /// Bearings and distances of places of a rule that are not met, from its places in order, each with `true` where it is
+    /// met; `None` where all are met.
     pub fn new(
-        sight: &Sight,
-        all: &SightBeams,
         rule: &TargetRule,
-        places: Range<usize>,
+        places: impl IntoIterator<Item = ([f64; 3], bool)>,
     ) -> Option<Self> {
         let [first, last] = rule.bearings;
         let mut each: Vec<(f64, bool)> = Vec::new();
         let mut distances: Option<[f64; 2]> = None;
-        for place in places {
-            let [x, y, _] = sight.places[place].1;
+        for ([x, y, _], is_met) in places {
             let turned = maths::atan2(y, x).to_degrees() - first;
             // Rounding must not turn the first bearing into the last. Places stand bearing by bearing.
             let bearing = first + (turned + 1e-6).rem_euclid(360.0) - 1e-6;
             if each.last().is_none_or(|(known, _)| (known - bearing).abs() > 1e-3) {
                 each.push((bearing, false));
             }
-            if all.beams.get(place).is_some_and(|&beams| beams >= sight.enough[place]) {
+            if is_met {
                 continue;
             }
             each.last_mut().into_iter().for_each(|(_, is_missing)| *is_missing = true);
@@ -68,6 +65,23 @@ impl Missing {
         runs.sort_by_key(|run| std::cmp::Reverse(run[1]));
         runs
     }
+}
+
+/// Places of a rule that LiDARs do not meet, in words; `None` where they meet all.
+///
+/// # Errors
+/// A model that the vehicle does not have.
+pub(crate) fn missed_places(
+    site: &TargetSite,
+    rule: &TargetRule,
+    lidars: &[SensorPose],
+) -> Result<Option<String>, UnknownSensor> {
+    let target = &*rule.target;
+    let mut places = places_of(rule);
+    places.retain(|&at| site.has_room(target, at));
+    let standing: Vec<_> = places.iter().map(|&at| PlacedTarget { target, at }).collect();
+    let met = site.met(lidars, &standing, rule.beams)?;
+    Ok(Missing::new(rule, places.into_iter().zip(met)).map(|missing| missing.to_string()))
 }
 
 /// A number with a decimal where it has one.

@@ -25,6 +25,7 @@ mod table;
 
 pub use beams::{PlacedTarget, Receiving, TargetSite};
 pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges, card_bearings};
+pub(crate) use missing::missed_places;
 pub use places::{CAR_WEIGHT, GroundBelow, Sight, SightBeams};
 pub(crate) use reach::{MountPoses, check_counting};
 pub use rules::RuleMet;

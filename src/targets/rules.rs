@@ -321,7 +321,11 @@ impl Sight {
                 worst.map(|shares| cut_off(shares, lost, rule.share))
             }
             Rule::Target(rule, places) => {
-                Missing::new(self, all, rule, places.clone()).map(|missing| missing.to_string())
+                let is_met = |place: usize| {
+                    all.beams.get(place).is_some_and(|&beams| beams >= self.enough[place])
+                };
+                let places = places.clone().map(|place| (self.places[place].1, is_met(place)));
+                Missing::new(rule, places).map(|missing| missing.to_string())
             }
             Rule::Ground(_, number) => {
                 let share = |&(scene, bits): &(&RequiredGround, &[u64])| {

@@ -274,7 +274,7 @@ pub(super) fn required(subject: &Subject<'_>) -> Markup {
                 h2 #required { "Requirements" }
                 div.required { (met_or_not(best, subject.baselines)) }
                 ul.guards {
-                    @for seen in all.iter().filter(|seen| !seen.is_met() || is_on_paper(seen)) { li { (seen) } }
+                    @for seen in all.iter().filter(|seen| has_more_to_tell(seen)) { li { (seen) } }
                 }
                 @if let Some(words) = best.scores.holds_in_words() { p { (words) "." } }
             }
@@ -301,9 +301,10 @@ pub(super) fn usual(subject: &Subject<'_>) -> Markup {
     }
 }
 
-/// True if a requirement is met, but not by enough copies within the mounting tolerance.
-fn is_on_paper(seen: &Seen) -> bool {
-    seen.is_met() && seen.holds_in.is_some_and(|share| share < HOLDS)
+/// True if a requirement is not met, misses places, or is met by too few copies within the mounting tolerance.
+fn has_more_to_tell(seen: &Seen) -> bool {
+    let is_on_paper = seen.holds_in.is_some_and(|share| share < HOLDS);
+    !seen.is_met() || seen.missing.is_some() || is_on_paper
 }
 
 fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {
@@ -344,6 +345,18 @@ mod tests {
     use super::*;
     use crate::report::words::tests::planted;
     use crate::targets::BlindSector;
+
+    #[test]
+    fn missed_places_of_met_requirements_are_told() {
+        let mut best = planted("found", 1.0, 500.0);
+        let words = "missing at 25 m: 2 of 48 bearings, 172.5° to -180°";
+        let car = Seen { missing: Some(words.to_owned()), ..Seen::of("car", 0.95) };
+        best.scores.required = vec![car, Seen::of("child", 1.0)];
+        let subject = Subject::given("s", &[], (&best, None), &[], "near_gain", String::new());
+        let said = required(&subject).into_string();
+        let item = format!("<li>car: 95.0 % seen, 90.0 % required; {words}</li>");
+        assert!(said.contains(&item) && said.matches("<li>").count() == 1, "{said}");
+    }
 
     #[test]
     fn warnings_of_baselines_are_told_where_the_result_has_none() {

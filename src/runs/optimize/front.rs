@@ -14,7 +14,7 @@ use crate::report::front::front_plot;
 use crate::report::words::word;
 use crate::report::{FrontContext, FrontRecord, front_html};
 use crate::runs::inputs::{note_repeated, note_unpriced};
-use crate::runs::{Computing, GRACE, RunError, Watcher, opening};
+use crate::runs::{Computing, GRACE, RunError, Watcher, opening, outputs};
 use crate::search::{Event, Settings, TimeLimit};
 
 /// Front, record and folder of a finished search.
@@ -71,31 +71,41 @@ fn earlier_seconds(folder: &RunDir<SavedFront>, from: &FrontStart) -> f64 {
     serde_json::from_slice(&text).unwrap_or_default()
 }
 
-/// Searches the front of some objectives and writes it into a folder; `None` if the watcher stopped it before any
-/// placement was scored.
-///
-/// # Errors
-/// Files that cannot be read or written, objectives that the vehicle does not have, no placement with a value of each.
-pub fn front(
+/// The folder and the state of a front that goes on; of a new one the state at its beginning.
+fn opened(
     from: &FrontStart,
-    max_seconds: Option<f64>,
-    computing: &Computing<'_>,
-) -> Result<Option<Fronted>, RunError> {
-    let _session = Session::begin();
-    let (start, watcher) = (Instant::now(), computing.watcher);
-    let (folder, mut saved) = match from {
+    watcher: &dyn Watcher,
+) -> Result<(Option<RunDir<SavedFront>>, SavedFront), RunError> {
+    match from {
         FrontStart::Resume(path) => {
             let (folder, saved) = RunDir::<SavedFront>::resume(COMMAND, path)?;
-            (Some(folder), saved)
+            Ok((Some(folder), saved))
         }
         FrontStart::New(new, objectives) => {
             let scenes: Vec<PathBuf> = new.files.scenes().cloned().collect();
             note_repeated(&scenes, watcher);
             let (begun, settings) = (new.begun()?, new.settings()?);
             let (objectives, state) = (objectives.clone(), FrontState::default());
-            (None, SavedFront { begun, objectives, settings, state })
+            Ok((None, SavedFront { begun, objectives, settings, state }))
         }
-    };
+    }
+}
+
+/// Searches the front of some objectives and writes it into a folder, and its picture into a folder of `figures` where that
+/// is given; `None` if the watcher stopped it before any placement was scored.
+///
+/// # Errors
+/// Files that cannot be read or written, objectives that the vehicle does not have, no placement with a value of each.
+pub fn front(
+    from: &FrontStart,
+    max_seconds: Option<f64>,
+    figures: Option<&Path>,
+    computing: &Computing<'_>,
+) -> Result<Option<Fronted>, RunError> {
+    let _session = Session::begin();
+    let (start, watcher) = (Instant::now(), computing.watcher);
+    outputs::check_figures(figures)?;
+    let (folder, mut saved) = opened(from, watcher)?;
     let time = max_seconds.map(|s| TimeLimit { start, length: Duration::from_secs_f64(s) });
     let mut loaded = opening::job_within(&saved.begun.files, time, computing)?;
     loaded.suite(computing)?;
@@ -117,6 +127,7 @@ pub fn front(
         (folder, _) => folder.expect("a run that goes on has a folder"),
     };
     folder.check(&inputs)?;
+    outputs::check_figures_apart(figures, folder.path())?;
     let earlier = earlier_seconds(&folder, from);
     let found = search(&job, &mut saved, &folder, watcher);
     let Some(found) = found.map_err(|error| error.discarding(&folder))? else { return Ok(None) };
@@ -133,6 +144,7 @@ pub fn front(
     };
     let record = FrontRecord::new(&found, context);
     write(&folder, &job, &found, &record)?;
+    outputs::write_figures(figures, vec![("front".to_owned(), front_plot(&found).svg())])?;
     Ok(Some(Fronted { front: found, record, folder: folder.path().to_owned() }))
 }
 

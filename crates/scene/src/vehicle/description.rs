@@ -307,7 +307,7 @@ pub struct RequirementDescription {
     pub overlap: Option<f64>,
     /// Share that is required, 0 to 1.
     pub share: Option<f64>,
-    /// True: holds whichever one LiDAR is lost.
+    /// True: holds whichever one LiDAR is lost; not of a box.
     #[serde(default)]
     pub without_any_one: bool,
 }

@@ -271,6 +271,9 @@ fn area(at: &Location, required: &RequirementDescription) -> Result<Requirement,
     let name = check::name(&at.key("name"), name)?;
     required.has_only(at, &["min", "max", "without", "share"], |key| match key {
         "depth" => "it is of a `blind_zone`; a box has none",
+        "without_any_one" => {
+            "it is of a `target`, `ground`, a `blind_zone` or `overlap`; a box has none"
+        }
         _ => "it is of a `target`; a box has none",
     })?;
     let inside = KeepOutDescription { min, max };
