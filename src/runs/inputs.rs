@@ -175,11 +175,12 @@ pub fn repeated(scenes: &[PathBuf]) -> Option<String> {
     })
 }
 
-/// Notes that a scene is given twice: a mean may weigh it so, but a spread over scenes is then too narrow.
+/// Notes that a scene is given twice: a mean may weigh it so, but an interval over scenes is then too narrow.
 pub fn note_repeated(scenes: &[PathBuf], watcher: &dyn Watcher) {
     if let Some(what) = repeated(scenes) {
         watcher.note(&format!(
-            "{what} and counts twice in means; spreads over scenes then look narrower than they are"
+            "{what} and counts twice in means; intervals over scenes in tables and reports then look narrower than they \
+             are, and `spread` of a search counts it once"
         ));
     }
 }
