@@ -65,7 +65,7 @@ pub struct OptimizeArgs {
     /// in that time ends the run with an error. The scores over few frames and the page, seconds each, come on top.
     #[arg(long, value_name = "S", alias = "time", value_parser = parse_seconds)]
     max_seconds: Option<f64>,
-    /// Score over all frames at which the search ends
+    /// Score over all frames at which the search ends; gains are shares, so that 0.25 is 25 %
     #[arg(long = "enough", alias = "target", value_name = "SCORE", conflicts_with = "resume", allow_hyphen_values = true,
           value_parser = number_as("0.25"))]
     target: Option<f64>,
