@@ -51,9 +51,10 @@ pub struct OptimizeArgs {
     /// thirds up to three.
     #[arg(long, allow_hyphen_values = true, conflicts_with = "resume")]
     objective: Option<String>,
-    /// Placements that the generations evaluate; the swaps then cast at most one and a half times as many sensor poses,
-    /// and their refinements as many over more frames [default: 180; with --front 40]
+    /// Placements that the generations evaluate; casts of the swaps and their refinements grow with them
+    /// [default: 180; with --front 40]
     ///
+    /// The swaps cast up to twice as many sensor poses as the generations, with --method swaps every pose of the grid.
     /// With --front that many around each point of the front; 0 leaves the points on the coarse grid.
     #[arg(long, value_name = "N", conflicts_with = "resume", value_parser = whole::<u64>)]
     evaluations: Option<u64>,
