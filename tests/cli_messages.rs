@@ -69,6 +69,9 @@ fn files_of_other_kinds_are_named() {
             assert!(told.contains(&begins), "{begins}: {told}");
         }
     }
+    fs::create_dir(dir.path().join("runs")).unwrap();
+    let told = fails(dir.path(), &["optimize", "s.json", "--inject", "runs"]);
+    assert!(told.contains("runs: is a folder without placements.json; give a file of"), "{told}");
     // Binary ones are known by name.
     fs::write(dir.path().join("b.stl"), [0xff; 90]).unwrap();
     let told = fails(dir.path(), &["score", "s.json", "b.stl", "--backend", "cpu"]);

@@ -273,7 +273,7 @@ impl FileKind {
         match self {
             Self::Scene => "as SCENE",
             Self::Vehicle => "by --vehicle",
-            Self::Placements => "behind the scenes, or by --placement or --baselines",
+            Self::Placements => "behind the scenes, or by --placement, --baselines or --inject",
             Self::Target => "by --target",
         }
     }

@@ -31,6 +31,12 @@ pub enum PlacementFileError {
     /// The file cannot be opened or read.
     #[error("{}: cannot be read: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
+    /// A folder that is not that of a finished run.
+    #[error(
+        "{}: is a folder without placements.json; give a file of placements, or the folder of a finished run of optimize",
+        path.display()
+    )]
+    Folder { path: PathBuf },
     /// The text is no JSON, or no placement.
     #[error("{}, line {line}, column {column}{}: {problem}", path.display(), in_placement(near))]
     Json { path: PathBuf, line: u64, column: usize, near: Option<String>, problem: String },
@@ -272,6 +278,9 @@ impl PlacementReader {
         let (path, name) = split(path);
         let picked =
             name.map(|name| Picked { name: name.to_owned(), is_found: false, known: Vec::new() });
+        if path.is_dir() {
+            return Err(PlacementFileError::Folder { path: path.to_owned() });
+        }
         let io = |source| PlacementFileError::Io { path: path.to_owned(), source };
         let mut length = 0;
         let mut reader: Box<dyn BufRead> = if path == Path::new("-") {
