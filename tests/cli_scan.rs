@@ -207,6 +207,8 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
     let error = fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "mine"]);
     assert!(error.contains("is not empty and holds no data set"), "{error}");
     ok(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set"]);
+    // The seed is 1 unless given, as in Python: the set is the same.
+    ok(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set", "--seed", "1"]);
     let error =
         fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set", "--seed", "7"]);
     assert!(error.contains("holds a data set of other settings (seed); name"), "{error}");
