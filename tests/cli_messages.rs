@@ -55,6 +55,8 @@ fn files_of_other_kinds_are_named() {
         ("a.yaml", "sightline: 1\nname: x\n", "is not JSON, it looks like YAML"),
         ("a.ply", "ply\nformat ascii 1.0\n", "is not JSON, it looks like a PLY mesh"),
         ("a.zip", "PK\u{3}\u{4}....", "is not JSON, it looks like a ZIP archive"),
+        ("a.pcd", "# .PCD v0.7\nVERSION 0.7\n", "is not JSON, it looks like a PCD point cloud"),
+        ("a.obj", "# car\no body\nv 0 0 0\n", "is not JSON, it looks like an OBJ mesh"),
     ] {
         write(&dir, name, text);
         for (args, begins) in [
@@ -66,6 +68,23 @@ fn files_of_other_kinds_are_named() {
             let begins = format!("{name}: {looks}; {begins}");
             assert!(told.contains(&begins), "{begins}: {told}");
         }
+    }
+    fs::create_dir(dir.path().join("runs")).unwrap();
+    let told = fails(dir.path(), &["optimize", "s.json", "--inject", "runs"]);
+    assert!(told.contains("runs: is a folder without placements.json; give a file of"), "{told}");
+    // Binary ones are known by name.
+    fs::write(dir.path().join("b.stl"), [0xff; 90]).unwrap();
+    let told = fails(dir.path(), &["score", "s.json", "b.stl", "--backend", "cpu"]);
+    assert!(told.contains("b.stl: is not JSON, it looks like an STL mesh; a file of"), "{told}");
+    let told = fails(dir.path(), &["score", "b.stl", "rigs.json", "--backend", "cpu"]);
+    assert!(told.contains("b.stl: is no text, it looks like an STL mesh; give a text"), "{told}");
+    let result = json!({ "sightline": "0.1.0", "scene": "s", "settings": {}, "stopped": "time: over", "mounts": ["a"] });
+    write(&dir, "result.json", &result.to_string());
+    let words =
+        "result.json: is the result of a run; give the folder of the run, or its placements.json";
+    for command in ["score", "verify"] {
+        let told = fails(dir.path(), &[command, "s.json", "result.json"]);
+        assert!(told.contains(words), "{told}");
     }
     write(&dir, "a.json", "{ // mine\n \"sightline\": 1 }");
     let told = fails(dir.path(), &["score", "s.json", "rigs.json", "--vehicle", "a.json"]);

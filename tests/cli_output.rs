@@ -109,6 +109,15 @@ fn numbers_below_0_reach_the_options() {
     let optimize = ["optimize", "scene.json", "--evaluations", "4", "--backend", "cpu"];
     let run = ok(dir.path(), &[&optimize[..], &["--target", "-8e-8"]].concat());
     assert_eq!(run["settings"]["target"], -8e-8);
+    // A score that no share reaches ends nothing, and is told.
+    let said = sightline(
+        dir.path(),
+        &[&optimize[..], &["--objective", "near_gain", "--enough", "40", "--out", "on"]].concat(),
+    );
+    let said = String::from_utf8_lossy(&said.stderr).into_owned();
+    let words = "--enough 40: near_gain is a share and at most 1, so that the search goes on to its end; 40 % is \
+                 --enough 0.4";
+    assert!(said.contains(words), "{said}");
     for (option, value, words) in [
         ("--enough", "nan", "give a number"),
         ("--threads", "-1", "-1 is not a whole number from 1 to 65535"),

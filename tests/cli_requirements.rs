@@ -14,7 +14,7 @@ fn street(dir: &Path, require: Value) {
         json!({ "name": name, "price": price, "lidar": { "channels": 32, "fov": [-24, 4],
             "azimuth": [-(side as i32), side], "azimuth_steps": 2 * side, "range": 60 } })
     };
-    let vehicle = json!({ "sightline": 1, "name": "cart", "body": [],
+    let vehicle = json!({ "sightline": 1, "name": "cart",
         "sensors": [model("half", 3, 90), model("narrow", 1, 30)],
         "mounts": [{ "name": "mast", "min": [-0.5, -0.5, 1], "max": [0.5, 0.5, 1.5], "yaw": [-3.15, 3.15],
             "sensors": ["half", "narrow"], "count": [0, 4] }], "require": require });

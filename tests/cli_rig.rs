@@ -123,4 +123,20 @@ fn what_cannot_be_done_is_a_sentence() {
     let error = fails(dir.path(), &["rig", "import", "p.json", "--base-link", "1,2"]);
     assert!(error.contains("X,Y,Z"), "{error}");
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+    for (name, text, words) in [
+        (
+            "a.csv",
+            "x,y,z\n1,2,3\n",
+            "a.csv: is not JSON, it looks like CSV; a placements file begins",
+        ),
+        (
+            "v.json",
+            "{ \"mounts\": [] }",
+            "v.json: is a vehicle, where a file of placements belongs",
+        ),
+    ] {
+        fs::write(dir.path().join(name), text).unwrap();
+        let told = export(&[name, "--format", "urdf"]);
+        assert!(told.contains(words), "{told}");
+    }
 }

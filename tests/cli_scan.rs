@@ -207,9 +207,17 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
     let error = fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "mine"]);
     assert!(error.contains("is not empty and holds no data set"), "{error}");
     ok(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set"]);
+    // The seed is 1 unless given, as in Python: the set is the same.
+    ok(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set", "--seed", "1"]);
     let error =
         fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set", "--seed", "7"]);
     assert!(error.contains("holds a data set of other settings (seed); name"), "{error}");
+    for inner in ["set/inner", "set/street/deep/inner"] {
+        let error = fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", inner]);
+        assert!(error.contains(&format!("{inner}: lies in ")), "{error}");
+        assert!(error.contains("set, the folder of another data set"), "{error}");
+        assert!(!dir.path().join(inner).exists());
+    }
     // Files that a killed run had begun go, by the number of its process.
     let mut ended = std::process::Command::new("true").spawn().unwrap();
     ended.wait().unwrap();

@@ -154,6 +154,24 @@ fn scenes_that_do_not_belong_together_are_refused_in_a_sentence() {
     );
 }
 
+#[test]
+fn scenes_of_other_own_bodies_keep_them_and_are_told() {
+    let dir = rooms();
+    let body =
+        json!([{ "class": "vehicle", "box": { "center": [0, 0, 0.6], "size": [2, 1, 0.5] } }]);
+    changed(dir.path(), "van.json", |scene| scene["ego"] = json!({ "body": body }));
+    for (scene, words) in [
+        ("van.json", "van.json: its own body is not that of room.json; each scene keeps its own"),
+        ("hall.json", ""),
+    ] {
+        let output = sightline(dir.path(), &["score", "room.json", scene, "p.json"]);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{said}");
+        let is_told = said.contains("its own body is not that of");
+        assert!(said.contains(words) && is_told == !words.is_empty(), "{said}");
+    }
+}
+
 fn optimize<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     let fixed = ["optimize", "room.json", "hall.json", "--seed", "3", "--out", out];
     [&fixed[..], &CPU, more].concat()

@@ -61,6 +61,7 @@ fn sensors_are_chosen_for_the_money_and_put_where_they_may_stand() {
     let rich = ok(dir.path(), &optimize("16", "rich"));
     assert!(sensors(&rich).contains(&"spinning"), "{rich}");
     assert!(rich["settings"]["equipped"]["cost"].as_f64().unwrap() <= 16.0);
+    assert!(rich["timings"]["equip"].as_f64().unwrap() > 0.0, "{}", rich["timings"]);
     let poor = ok(dir.path(), &optimize("6.5", "poor"));
     assert_eq!(sensors(&poor), ["solid", "solid"]);
     let gain = |result: &Value| result["best"]["scores"]["information_gain"].as_f64().unwrap();

@@ -22,7 +22,7 @@ pub fn street(dir: &Path, prices: [u32; 2], require: Value) {
         json!({ "name": name, "min": [x, -0.1, 1], "max": [x, 0.1, 1], "yaw": [yaw - 0.1, yaw + 0.1],
             "sensors": ["half", "narrow"], "count": [0, most] })
     };
-    let vehicle = json!({ "sightline": 1, "name": "cart", "body": [], "require": require,
+    let vehicle = json!({ "sightline": 1, "name": "cart", "require": require,
         "sensors": [model("half", prices[0], 90), model("narrow", prices[1], 30)],
         "mounts": [mount("front", 0.8, 0.0, 2), mount("rear", -0.8, 3.1, 1)] });
     fs::write(dir.join("cart.json"), vehicle.to_string()).unwrap();

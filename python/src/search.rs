@@ -360,9 +360,9 @@ fn result_object<'py>(
     found: &Found,
     conditions: Vec<String>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let Found { outcome, suite, settings, equipment } = found;
+    let Found { outcome, suite, settings, equipment, equipping } = found;
     let scene = suite.members().first().map_or("", |member| member.name());
-    let times = &outcome.times;
+    let (times, equip) = (&outcome.times, equipping.as_secs_f64());
     let record = RunRecord::new(
         outcome,
         RunContext {
@@ -376,13 +376,14 @@ fn result_object<'py>(
             conditions,
             rate: times.scored as f64 / times.generations.max(1e-9),
             timings: RunTimes {
+                equip,
                 search: times.search,
                 generations: times.generations,
                 bookkeeping: times.bookkeeping,
                 swaps: times.swaps,
                 bounds: times.bounds,
                 confirm: times.confirm,
-                total: times.frames + times.search + times.confirm,
+                total: equip + times.frames + times.search + times.confirm,
                 ..RunTimes::default()
             },
             peak_memory: None,

@@ -51,9 +51,10 @@ pub struct OptimizeArgs {
     /// thirds up to three.
     #[arg(long, allow_hyphen_values = true, conflicts_with = "resume")]
     objective: Option<String>,
-    /// Placements that the generations evaluate; the swaps then cast at most one and a half times as many sensor poses,
-    /// and their refinements as many over more frames [default: 180; with --front 40]
+    /// Placements that the generations evaluate; casts of the swaps and their refinements grow with them
+    /// [default: 180; with --front 40]
     ///
+    /// The swaps cast up to twice as many sensor poses as the generations, with --method swaps every pose of the grid.
     /// With --front that many around each point of the front; 0 leaves the points on the coarse grid.
     #[arg(long, value_name = "N", conflicts_with = "resume", value_parser = whole::<u64>)]
     evaluations: Option<u64>,
@@ -65,7 +66,7 @@ pub struct OptimizeArgs {
     /// in that time ends the run with an error. The scores over few frames and the page, seconds each, come on top.
     #[arg(long, value_name = "S", alias = "time", value_parser = parse_seconds)]
     max_seconds: Option<f64>,
-    /// Score over all frames at which the search ends
+    /// Score over all frames at which the search ends; gains are shares, so that 0.25 is 25 %
     #[arg(long = "enough", alias = "target", value_name = "SCORE", conflicts_with = "resume", allow_hyphen_values = true,
           value_parser = number_as("0.25"))]
     target: Option<f64>,

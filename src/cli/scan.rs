@@ -47,7 +47,7 @@ pub struct ScanArgs {
     #[arg(long, value_name = "NAME[:KEY=VALUE,…]")]
     condition: Vec<Condition>,
     /// Seed of all that is left to chance
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole::<u64>)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>)]
     seed: u64,
     /// First frames of each scene alone, at most so many
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]

@@ -1,5 +1,7 @@
 //! The search of a job step by step: sensors for the money, placements, own body.
 
+use std::time::{Duration, Instant};
+
 use serde::{Deserialize, Serialize};
 
 use super::{Job, JobError};
@@ -64,6 +66,8 @@ pub struct Found {
     pub settings: Settings,
     /// Sensors chosen, by mount, and their price, in words; `None` where there was nothing to choose.
     pub equipment: Option<String>,
+    /// Wall time of choosing them.
+    pub equipping: Duration,
 }
 
 /// A search of a [`Job`] under way.
@@ -78,6 +82,8 @@ pub struct JobRun<'a> {
     run: Option<Run>,
     /// The time ended while sensors were chosen: a resumed search goes on with that choice.
     is_late: bool,
+    /// Wall time that choosing sensors has taken in this process.
+    equipped_in: Duration,
 }
 
 impl Job {
@@ -131,8 +137,17 @@ impl Job {
         if self.fewest && !self.requires()? {
             return Err(JobError::NothingRequired { asked: "--fewest" });
         }
-        let mut run =
-            JobRun { job: self, vehicle, suite, state, equipping: None, run: None, is_late: false };
+        let (is_late, equipped_in) = (false, Duration::ZERO);
+        let mut run = JobRun {
+            job: self,
+            vehicle,
+            suite,
+            state,
+            equipping: None,
+            run: None,
+            is_late,
+            equipped_in,
+        };
         match &run.state.equipped {
             Some(equipped) => {
                 check_equipped(vehicle, equipped)?;
@@ -172,7 +187,12 @@ impl JobRun<'_> {
     /// # Errors
     /// A budget below the cheapest sensors, settings that a scene does not allow, an engine that fails.
     pub fn step(&mut self, observer: &mut dyn Observer) -> Result<JobStep, JobError> {
-        let Some(run) = &mut self.run else { return self.equip(observer) };
+        let Some(run) = &mut self.run else {
+            let start = Instant::now();
+            let step = self.equip(observer);
+            self.equipped_in += start.elapsed();
+            return step;
+        };
         let Some(mut outcome) = run.step(observer)? else { return Ok(JobStep::On) };
         if self.takes_one_more(&outcome, observer) {
             return Ok(JobStep::On);
@@ -304,6 +324,11 @@ impl JobRun<'_> {
         self.state.equipped.as_ref()
     }
 
+    /// Wall time that choosing sensors has taken in this process.
+    pub fn equipped_in(&self) -> Duration {
+        self.equipped_in
+    }
+
     /// Scenes, with the rules of the sensors chosen.
     pub fn suite(&self) -> &Suite {
         &self.suite
@@ -317,9 +342,9 @@ impl JobRun<'_> {
 
     /// Result, scenes and settings together.
     fn found(self, outcome: Outcome) -> Option<Found> {
-        let equipment = self.equipment_in_words();
+        let (equipment, equipping) = (self.equipment_in_words(), self.equipped_in);
         let settings = self.run?.state().settings().clone();
-        Some(Found { outcome, suite: self.suite, settings, equipment })
+        Some(Found { outcome, suite: self.suite, settings, equipment, equipping })
     }
 }
 
@@ -449,43 +474,4 @@ fn by_the_rules(mut settings: Settings, constraints: &Constraints) -> Settings {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::vehicle::Placement;
-
-    fn found(sensors: usize, cost: f64, missing: f64) -> Equipped {
-        let placement = Placement { name: "x".to_owned(), lidars: vec![] };
-        let equipment = vec![(0, crate::vehicle::SensorName::NONE); sensors];
-        let (value, out_of_reach, is_cut) = (0.0, Vec::new(), false);
-        Equipped { equipment, placement, cost, value, missing, out_of_reach, is_cut }
-    }
-
-    #[test]
-    fn the_number_grows_until_all_is_met_and_then_the_price_falls() {
-        let mut fewest = Fewest::new(f64::INFINITY, 0);
-        assert_eq!(fewest.limits.sensors, 1);
-        assert!(
-            matches!(fewest.next(found(1, 5.0, 0.4), 4, 1.0), Next::Again(l) if l.sensors == 2)
-        );
-        let again = fewest.next(found(2, 9.0, 0.0), 4, 1.0);
-        assert!(
-            matches!(again, Next::Again(l) if l.sensors == 2 && l.budget < 9.0 && l.budget > 8.9)
-        );
-        assert!(
-            matches!(fewest.next(found(2, 7.0, 0.0), 4, 1.0), Next::Again(l) if l.budget < 7.0)
-        );
-        // The next cheaper one misses something: the one held is taken.
-        assert!(matches!(fewest.next(found(2, 6.0, 0.1), 4, 1.0), Next::Take(e) if e.cost == 7.0));
-    }
-
-    #[test]
-    fn a_choice_that_misses_little_and_the_last_one_are_taken() {
-        // The search of placements may close a small gap.
-        assert!(matches!(Fewest::new(9.0, 1).next(found(1, 5.0, 0.2), 4, 1.0), Next::Take(_)));
-        let mut fewest = Fewest::new(10.0, 2);
-        assert!(matches!(fewest.next(found(2, 5.0, 0.6), 3, 1.0), Next::Again(_)));
-        assert!(
-            matches!(fewest.next(found(3, 5.0, 0.5), 3, 1.0), Next::Take(e) if e.missing == 0.5)
-        );
-    }
-}
+mod tests;

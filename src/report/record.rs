@@ -31,6 +31,9 @@ pub struct RunTimes {
     pub load: f64,
     /// P-SOG and trees.
     pub build: f64,
+    /// Choosing sensors of a vehicle, before the search.
+    #[serde(default)]
+    pub equip: f64,
     /// The search.
     pub search: f64,
     /// Generations of the search, without going to other frames.

@@ -6,7 +6,7 @@ use super::RunRecord;
 use super::targets::bearing_in_words;
 use crate::json::spoken;
 use crate::near_field::{NEAR, NearField};
-use crate::score::Guard;
+use crate::score::{Guard, Objective};
 use crate::search::{Certificate, MethodRecord, Scored};
 use crate::targets::{RangeCard, TargetRanges};
 
@@ -293,11 +293,41 @@ pub fn spread_in_words(run: &RunRecord) -> Option<String> {
     if let Some(spread) = &run.spread {
         return Some(spread.words.clone());
     }
-    let rival = run.best.as_ref().and_then(|_| Scored::yardstick(&run.baselines))?;
-    Some(format!(
-        "A single scene cannot say whether the gain over {} is more than the scenes' own spread: give several.",
-        rival.placement.name
-    ))
+    let best = run.best.as_ref()?;
+    let rival = Scored::yardstick(&run.baselines)?;
+    Some(single_scene_in_words(best, rival, &run.objective))
+}
+
+/// Sentences on the difference from the best baseline in a single scene, which has no spread.
+fn single_scene_in_words(best: &Scored, rival: &Scored, objective: &str) -> String {
+    let name = &rival.placement.name;
+    if best.objective > rival.objective {
+        return format!(
+            "A single scene cannot say whether the gain over {name} is more than the scenes' own spread: give several."
+        );
+    }
+    let below = match best.objective < rival.objective {
+        true => format!(
+            "By {objective} the result is below {name}{}. ",
+            penalty_in_words(best, objective)
+        ),
+        false => String::new(),
+    };
+    format!(
+        "{below}A single scene cannot say whether a difference from {name} is more than the scenes' own spread: give \
+         several."
+    )
+}
+
+/// The penalty that a search takes off a near gain, after a comma; empty where it takes none off.
+fn penalty_in_words(best: &Scored, objective: &str) -> String {
+    let is_near = objective.parse::<Objective>().is_ok_and(|parsed| parsed.weighs_place());
+    if !is_near || best.scores.range_card.is_none() {
+        return String::new();
+    }
+    format!(
+        ", but a search ranks by {objective} less a penalty: the share of beams that a car lacks around the vehicle"
+    )
 }
 
 /// Objective that each search method reached, and which method gave the result.

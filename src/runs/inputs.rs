@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::{Computing, RunError, Watcher};
-use crate::json::FileKind;
+use crate::json::{FileKind, is_result};
 use crate::problem::Problem;
 pub use crate::vehicle::placement_file::file_and_name;
 use crate::vehicle::placement_file::holds_placements;
@@ -159,7 +159,8 @@ pub fn can_be_read(file: &Path) -> Result<(), RunError> {
 fn may_be_scene(file: &Path) -> bool {
     let Ok(bytes) = files::read(file, MOST_LOOKED_AT) else { return true };
     let Ok(text) = std::str::from_utf8(&bytes) else { return true };
-    FileKind::of(text).map_or(text.contains("\"sightline\""), |kind| kind == FileKind::Scene)
+    let has_version = || text.contains("\"sightline\"") && !is_result(text);
+    FileKind::of(text).map_or_else(has_version, |kind| kind == FileKind::Scene)
 }
 
 /// The first scene whose file was given before, in words.
@@ -175,11 +176,12 @@ pub fn repeated(scenes: &[PathBuf]) -> Option<String> {
     })
 }
 
-/// Notes that a scene is given twice: a mean may weigh it so, but a spread over scenes is then too narrow.
+/// Notes that a scene is given twice: a mean may weigh it so, but an interval over scenes is then too narrow.
 pub fn note_repeated(scenes: &[PathBuf], watcher: &dyn Watcher) {
     if let Some(what) = repeated(scenes) {
         watcher.note(&format!(
-            "{what} and counts twice in means; spreads over scenes then look narrower than they are"
+            "{what} and counts twice in means; intervals over scenes in tables and reports then look narrower than they \
+             are, and `spread` of a search counts it once"
         ));
     }
 }

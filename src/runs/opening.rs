@@ -174,6 +174,7 @@ impl Loaded {
             ));
         }
         note_classes(&suite, watcher);
+        note_bodies(&self.job, watcher);
         self.times.build += start.elapsed().as_secs_f64();
         Ok(suite)
     }
@@ -273,6 +274,20 @@ fn note_classes(suite: &Suite, watcher: &dyn Watcher) {
                 lists.join(" and ")
             ));
         }
+    }
+}
+
+/// Notes scenes with another own body than the first: beams and warnings are those of each scene's own.
+fn note_bodies(job: &Job, watcher: &dyn Watcher) {
+    let Some((first, others)) = job.scenes().split_first() else { return };
+    let known = first.scene().body();
+    for other in others.iter().filter(|other| other.scene().body() != known) {
+        watcher.note(&format!(
+            "{}: its own body is not that of {}; each scene keeps its own, which blocks beams and decides about \
+             warnings there; give --vehicle FILE to put one vehicle into all of them",
+            other.place(),
+            first.place()
+        ));
     }
 }
 

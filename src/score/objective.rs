@@ -236,6 +236,14 @@ impl Objective {
         self.terms.iter().filter_map(|(_, metric)| most(metric)).min().map(|place| place + 1)
     }
 
+    /// Value that no placement exceeds, where the objective is a sum of shares from 0 to 1; `None` for other scores.
+    pub fn most(&self) -> Option<f64> {
+        let is_share = |name| NEAR_GAINS.contains(&name) || name == "information_gain_share";
+        let most =
+            |(weight, metric): &(f64, Metric)| is_share(metric.name).then(|| weight.max(0.0));
+        self.terms.iter().map(most).sum()
+    }
+
     /// True if voxels count again for a second LiDAR that covers them.
     fn wants_redundancy(&self) -> bool {
         self.terms.iter().any(|(weight, metric)| *weight > 0.0 && metric.is_repeated())
@@ -337,6 +345,19 @@ mod tests {
             refused,
             "`detection.near_gain`: near_gain is of all classes together; write `near_gain`"
         );
+    }
+
+    #[test]
+    fn shares_have_a_largest_value_and_other_scores_have_none() {
+        for (text, most) in [
+            ("near_gain", Some(1.0)),
+            ("near_gain + 0.5*detection.information_gain_share", Some(1.5)),
+            ("near_gain + -1*near_gain_2", Some(1.0)),
+            ("information_gain", None),
+            ("near_gain + m_sog", None),
+        ] {
+            assert_eq!(text.parse::<Objective>().unwrap().most(), most, "{text}");
+        }
     }
 
     #[test]

@@ -98,8 +98,8 @@ pub struct Settings {
     pub objective: Objective,
     /// Method of the search.
     pub method: Method,
-    /// Placements that the generations evaluate; the swaps then cast at most one and a half times as many sensor poses,
-    /// and each refinement as many casts, of a pose in a frame, as these.
+    /// Placements that the generations evaluate. Swaps among some poses of the grid then cast up to twice as many sensor
+    /// poses; casts of their refinements, of a pose in a frame, grow with this number, too.
     pub evaluations: u64,
     /// Placements of a generation; `None` leaves it to the CMA-ES.
     pub population: Option<usize>,
@@ -144,8 +144,8 @@ impl Settings {
         }
     }
 
-    /// Sensor poses that the first swaps cast, at most about: half as many again as the generations, since swaps gain
-    /// more from a cast.
+    /// Sensor poses that the first swaps are meant to cast: half as many again as the generations, since swaps gain more
+    /// from a cast. The swaps cast a quarter more at most, next to poses of good ends.
     pub(super) fn poses_for_swaps(&self, lidars: usize) -> u64 {
         (self.evaluations.saturating_mul(lidars as u64) / 2).saturating_mul(3)
     }

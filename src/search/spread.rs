@@ -56,11 +56,11 @@ pub struct GainSpread {
     pub baseline: String,
     /// The gain that is compared.
     pub gain: Gain,
-    /// Scenes, mirror images not counted.
+    /// Scenes, mirror images not counted, nor scenes that are given again.
     pub scenes: usize,
-    /// Mean difference of the shares in each scene, in their order.
+    /// Mean difference of the shares in each scene, in the order given; a scene that is given again has its own entry.
     pub by_scene: Vec<f64>,
-    /// Mean over the scenes, and the interval of 95 %.
+    /// Mean over the scenes, each counted once, and the interval of 95 %.
     pub difference: Interval,
     /// Times that scenes and frames were drawn.
     pub resamples: usize,
@@ -72,7 +72,7 @@ pub struct GainSpread {
 
 impl GainSpread {
     /// From the shares that result and baseline gain in each frame, `[scenes][frames]` of either; `None` where a
-    /// scene has no frame.
+    /// scene has no frame, and for one scene that is given again and again.
     pub(super) fn new(
         baseline: &str,
         gain: Gain,
@@ -83,11 +83,20 @@ impl GainSpread {
             ours.iter().zip(theirs).map(|(ours, theirs)| ours - theirs).collect()
         });
         let differences: Vec<Vec<f64>> = paired.collect();
-        let difference = bootstrap(&differences, RESAMPLES, seed)?;
-        let scenes = differences.len();
         let mean = |frames: &Vec<f64>| frames.iter().sum::<f64>() / frames.len() as f64;
         let by_scene: Vec<f64> = differences.iter().map(mean).collect();
-        let words = words(baseline, gain, &by_scene, difference);
+        // A scene that is given again has the bits of the first in every frame.
+        let pairs: Vec<_> = ours.iter().zip(theirs).collect();
+        let is_first = |&scene: &usize| !pairs[..scene].contains(&pairs[scene]);
+        let once: Vec<usize> = (0..pairs.len()).filter(is_first).collect();
+        let scenes = once.len();
+        if scenes < 2 {
+            return None;
+        }
+        let distinct: Vec<Vec<f64>> = once.iter().map(|&k| differences[k].clone()).collect();
+        let difference = bootstrap(&distinct, RESAMPLES, seed)?;
+        let means: Vec<f64> = once.iter().map(|&scene| by_scene[scene]).collect();
+        let words = words(baseline, gain, &means, difference);
         let (baseline, resamples) = (baseline.to_owned(), RESAMPLES);
         Some(Self { baseline, gain, scenes, by_scene, difference, resamples, seed, words })
     }
@@ -106,26 +115,31 @@ fn words(
     } else {
         "not more than the scenes' own spread"
     };
-    let [mean, low, high] = [mean, low, high].map(|share| format!("{:+.2}", 100.0 * share));
-    let (scenes, above) = (by_scene.len(), by_scene.iter().filter(|gain| **gain > 0.0).count());
+    let [low, high] = [low, high].map(|share| format!("{:+.2}", 100.0 * share));
+    let (scenes, wins) = (by_scene.len(), by_scene.iter().filter(|gain| **gain > 0.0).count());
     let few = if scenes < MANY_SCENES {
         "; so few scenes make the interval too narrow rather than too wide"
     } else {
         ""
     };
+    let (mean, more, above) = match mean < 0.0 {
+        true => (format!("{:.2}", -100.0 * mean), "less", "below"),
+        false => (format!("{:+.2}", 100.0 * mean), "more", "above"),
+    };
+    let near = |seen: &str| {
+        format!("its near gain{seen} is {mean} percentage points {above} that of {baseline}")
+    };
     let what = match gain {
-        Gain::Information => format!("it gains {mean} % of the information more than {baseline}"),
-        Gain::Near => format!("its near gain is {mean} percentage points above that of {baseline}"),
-        Gain::NearTwice => {
-            format!("its near gain seen twice is {mean} percentage points above that of {baseline}")
+        Gain::Information => {
+            format!("it gains {mean} % of the information {more} than {baseline}")
         }
-        Gain::NearThrice => format!(
-            "its near gain seen three times is {mean} percentage points above that of {baseline}"
-        ),
+        Gain::Near => near(""),
+        Gain::NearTwice => near(" seen twice"),
+        Gain::NearThrice => near(" seen three times"),
     };
     format!(
         "Over {scenes} scenes {what} (95 % interval {low} to {high}, scenes and frames resampled; above 0 in \
-         {above} of {scenes}): {verdict}{few}."
+         {wins} of {scenes}): {verdict}{few}."
     )
 }
 
@@ -158,5 +172,28 @@ mod tests {
         assert!(unsure.difference.low < 0.0 && unsure.difference.high > 0.0);
         let less = spread(Gain::Near, &[[-0.02, -0.03], [-0.03, -0.02]]);
         assert!(less.words.contains("): a loss of more than"), "{}", less.words);
+        let below = "near gain is 2.50 percentage points below that of Center (95 % interval -";
+        assert!(less.words.contains(below), "{}", less.words);
+        let less = spread(Gain::Information, &[[-0.02, -0.03], [-0.03, -0.02]]);
+        assert!(
+            less.words.contains("2.50 % of the information less than Center"),
+            "{}",
+            less.words
+        );
+    }
+
+    #[test]
+    fn a_scene_that_is_given_again_counts_once() {
+        let ours = [vec![0.3, 0.4], vec![0.25, 0.3], vec![0.3, 0.4]];
+        let theirs = [vec![0.2, 0.3], vec![0.2, 0.3], vec![0.2, 0.3]];
+        let of = |order: &[usize]| {
+            let some = |all: &[Vec<f64>]| order.iter().map(|&k| all[k].clone()).collect();
+            GainSpread::new("Center", Gain::Near, &[some(&ours), some(&theirs)], 1)
+        };
+        let [again, once] = [&[0, 1, 2][..], &[0, 1]].map(|order| of(order).unwrap());
+        assert_eq!((again.scenes, again.by_scene.len()), (2, 3));
+        assert_eq!((&again.words, again.difference), (&once.words, once.difference));
+        assert!(again.words.contains("above 0 in 2 of 2"), "{}", again.words);
+        assert_eq!(of(&[0, 2]), None, "one scene has no spread");
     }
 }

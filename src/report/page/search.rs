@@ -100,8 +100,14 @@ fn facts(run: &RunRecord) -> Markup {
         (
             "time",
             format!(
-                "{:.1} s: load {:.1}, build {:.1}, search {:.1}, confirm {:.1}, page {:.1}",
-                times.total, times.load, times.build, times.search, times.confirm, times.page
+                "{:.1} s: load {:.1}, build {:.1}, equip {:.1}, search {:.1}, confirm {:.1}, page {:.1}",
+                times.total,
+                times.load,
+                times.build,
+                times.equip,
+                times.search,
+                times.confirm,
+                times.page
             ),
         ),
         ("found by", methods_in_words(run)),

@@ -107,6 +107,32 @@ fn a_result_that_gains_less_than_any_honest_baseline_says_so() {
 }
 
 #[test]
+fn a_single_scene_calls_a_loss_no_gain_and_names_the_penalty() {
+    let words = |best: &Scored, objective: &str| {
+        single_scene_in_words(best, &planted("plain", -2.0, 500.0), objective)
+    };
+    let none = "A single scene cannot say whether";
+    let gain = words(&planted("found", -1.5, 500.0), "near_gain");
+    assert!(gain.starts_with(&format!("{none} the gain over plain is more")), "{gain}");
+    let equal = words(&planted("found", -2.0, 500.0), "near_gain");
+    assert!(equal.starts_with(&format!("{none} a difference from plain is more")), "{equal}");
+    let mut worse = planted("found", -2.5, 500.0);
+    let told = words(&worse, "near_gain");
+    assert!(
+        told.starts_with(&format!("By near_gain the result is below plain. {none} a ")),
+        "{told}"
+    );
+    let targets = Vec::new();
+    worse.scores.range_card =
+        Some(RangeCard { beams: 5, distances: vec![], targets, blind: vec![] });
+    let told = words(&worse, "near_gain");
+    let penalty = "below plain, but a search ranks by near_gain less a penalty: the share of beams";
+    assert!(told.contains(penalty), "{told}");
+    let told = words(&worse, "m_sog_scaled");
+    assert!(told.starts_with("By m_sog_scaled the result is below plain. "), "{told}");
+}
+
+#[test]
 fn baselines_with_a_guard_or_a_broken_rule_are_no_yardstick() {
     let mut gamed = planted("sky", -0.1, 900.0);
     gamed.scores.guards = vec![Guard::CoversNothing];

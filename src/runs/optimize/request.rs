@@ -9,7 +9,7 @@ use crate::job::{JobFiles, JobState};
 use crate::problem::Problem;
 use crate::report::words::word;
 use crate::runs::inputs::{Given, rig_path};
-use crate::runs::{Computing, RunError};
+use crate::runs::{Computing, RunError, Watcher};
 use crate::search::{FrameChoice, Settings};
 use crate::vehicle::{MountRules, read_placements};
 
@@ -122,7 +122,8 @@ impl NewRun {
         Ok(settings)
     }
 
-    /// Looks at the placements of the request's files; rules of the mount that they break stand in the result.
+    /// Looks at the placements of the request's files; rules of the mount that they break stand in the result. Notes a score
+    /// to end at that no placement reaches.
     pub(super) fn look(
         &self,
         settings: &mut Settings,
@@ -136,6 +137,7 @@ impl NewRun {
                  --inject, or leave it out"
             )));
         }
+        note_target(settings, computing.watcher);
         let files =
             [(&self.baselines, &mut settings.baselines), (&self.inject, &mut settings.starts)];
         for (file, placements) in files {
@@ -144,6 +146,22 @@ impl NewRun {
             }
         }
         Ok(())
+    }
+}
+
+/// Notes a score to end at above the largest share, such as one in per cent; a search on to its end may be meant.
+fn note_target(settings: &Settings, watcher: &dyn Watcher) {
+    let (Some(target), Some(most)) = (settings.target, settings.objective.most()) else { return };
+    if target > most {
+        let share = target / 100.0;
+        let hint = match share <= most {
+            true => format!("; {target} % is --enough {share}"),
+            false => String::new(),
+        };
+        watcher.note(&format!(
+            "--enough {target}: {} is a share and at most {most}, so that the search goes on to its end{hint}",
+            settings.objective
+        ));
     }
 }
 

@@ -1,4 +1,6 @@
-//! Texts that are no JSON object: what they look like, for the message.
+//! Texts and bytes that are no JSON object: what they look like, for the message.
+
+use std::path::Path;
 
 use serde::de::IgnoredAny;
 
@@ -16,7 +18,40 @@ const BEGINNINGS: &[(&str, &str)] = &[
     ("//", "JSON with comments, which JSON does not have"),
     ("/*", "JSON with comments, which JSON does not have"),
     ("v ", "an OBJ mesh"),
+    ("o ", "an OBJ mesh"),
+    ("mtllib ", "an OBJ mesh"),
+    ("# .PCD", "a PCD point cloud"),
+    ("VERSION ", "a PCD point cloud"),
 ];
+
+/// Endings of binary files that need not begin with a known word.
+const ENDINGS: &[(&str, &str)] = &[
+    ("stl", "an STL mesh"),
+    ("ply", "a PLY mesh"),
+    ("pcd", "a PCD point cloud"),
+    ("obj", "an OBJ mesh"),
+];
+
+/// First bytes that tell the kind of a file.
+const HEAD: usize = 64;
+
+/// Kind of a file whose bytes are no text in UTF-8: by its first bytes, else by the ending of its name.
+pub fn kind_of_bytes(bytes: &[u8], file: &Path) -> Option<&'static str> {
+    let head = String::from_utf8_lossy(&bytes[..bytes.len().min(HEAD)]);
+    let ending = file.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    let by_name = || ENDINGS.iter().find(|(known, _)| *known == ending).map(|(_, kind)| *kind);
+    beginning(without_noise(&head)).or_else(by_name)
+}
+
+/// Kind of file that begins with these words.
+fn beginning(text: &str) -> Option<&'static str> {
+    BEGINNINGS.iter().find(|(start, _)| text.starts_with(start)).map(|(_, kind)| *kind)
+}
+
+/// A text without the signs before its first letter; the first byte of gzip stays.
+fn without_noise(text: &str) -> &str {
+    text.trim_start_matches(|c: char| !c.is_ascii_graphic() && c != '\u{1f}')
+}
 
 /// True if bytes are a text in UTF-16, with a byte order mark or without one.
 pub fn is_utf_16(bytes: &[u8]) -> bool {
@@ -35,7 +70,7 @@ pub fn not_json(text: &str) -> Option<String> {
     if text.is_empty() || text.starts_with(['{', '[']) {
         return None;
     }
-    let looks = like(text.trim_start_matches(|c: char| !c.is_ascii_graphic() && c != '\u{1f}'));
+    let looks = like(without_noise(text));
     if looks.is_none() && serde_json::from_str::<IgnoredAny>(text).is_ok() {
         return None;
     }
@@ -45,11 +80,14 @@ pub fn not_json(text: &str) -> Option<String> {
 
 /// Kind of file that a text looks like.
 fn like(text: &str) -> Option<&'static str> {
-    if let Some((_, kind)) = BEGINNINGS.iter().find(|(start, _)| text.starts_with(start)) {
+    if let Some(kind) = beginning(text) {
         return Some(kind);
     }
     let line =
         text.lines().map(str::trim).find(|line| !line.is_empty() && !line.starts_with('#'))?;
+    if let Some(kind) = beginning(line) {
+        return Some(kind);
+    }
     let is_key = |key: &str| {
         !key.is_empty() && key.chars().all(|c| c.is_alphanumeric() || "_- \"'".contains(c))
     };
@@ -102,6 +140,8 @@ mod tests {
                 "// rig\n{}",
                 "is not JSON, it looks like JSON with comments, which JSON does not have",
             ),
+            ("# Blender\nmtllib a.mtl\n", "is not JSON, it looks like an OBJ mesh"),
+            ("# .PCD v0.7\nVERSION 0.7\n", "is not JSON, it looks like a PCD point cloud"),
             ("hello", "is not JSON"),
             ("\u{1}\u{2}", "is not JSON"),
         ] {
@@ -109,6 +149,19 @@ mod tests {
         }
         for json in ["{", " \n[1]", "", "1.5", "null", "\"a\""] {
             assert_eq!(not_json(json), None, "{json:?}");
+        }
+    }
+
+    #[test]
+    fn bytes_are_known_by_their_beginning_or_the_name_of_their_file() {
+        for (bytes, file, kind) in [
+            (&b"ply\nformat binary_little_endian 1.0\n\xff"[..], "a", Some("a PLY mesh")),
+            (b"PK\x03\x04\xff\xfe", "a.json", Some("a ZIP archive")),
+            (b"\xff\xff\x01\x02", "part.STL", Some("an STL mesh")),
+            (b"{\"placements\": [\xff]}", "a.json", None),
+            (b"", "a", None),
+        ] {
+            assert_eq!(kind_of_bytes(bytes, Path::new(file)), kind, "{file}");
         }
     }
 }

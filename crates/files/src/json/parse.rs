@@ -9,7 +9,7 @@ use serde::Deserialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
 
 use super::objects::{IS_A_LIST, Objects};
-use super::{DescriptionError, Location, from_text, is_utf_16, nearest, not_json};
+use super::{DescriptionError, Location, from_text, is_utf_16, kind_of_bytes, nearest, not_json};
 
 /// Reads `text` as a `T`, naming `file` in errors. A list is no struct.
 pub fn parse<T: DeserializeOwned>(text: &str, file: &str) -> Result<T, DescriptionError> {
@@ -173,7 +173,10 @@ pub fn read_text(file: &Path, limit: u64) -> Result<String, DescriptionError> {
         let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let (line, column) = line_and_column(&String::from_utf8_lossy(before));
         let at = Box::new(Location::top(&file.display().to_string()));
-        DescriptionError::Json { at, problem: NO_UTF_8.to_owned(), line, column }
+        let other = kind_of_bytes(error.as_bytes(), file);
+        let other = other.map(|kind| format!("is no text, it looks like {kind}; give a text file"));
+        let problem = other.unwrap_or_else(|| NO_UTF_8.to_owned());
+        DescriptionError::Json { at, problem, line, column }
     })?;
     Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
@@ -205,6 +208,24 @@ pub fn refuse_own_kinds(text: &str, file: &str, wanted: &str) -> Result<(), Desc
     FileKind::of(text).map_or(Ok(()), |found| Err(other_kind(file, found, wanted)))
 }
 
+/// True if a text is the `result.json` of a run or a front, whose other keys are those of several kinds of files.
+pub fn is_result(text: &str) -> bool {
+    from_text::<ResultKeys>(text).is_ok_and(|keys| keys.are_there())
+}
+
+/// Keys that results alone have together.
+#[derive(Deserialize)]
+struct ResultKeys {
+    settings: Option<IgnoredAny>,
+    stopped: Option<IgnoredAny>,
+}
+
+impl ResultKeys {
+    fn are_there(&self) -> bool {
+        self.settings.is_some() && self.stopped.is_some()
+    }
+}
+
 /// Kinds of files that a user writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileKind {
@@ -231,8 +252,14 @@ impl FileKind {
             shapes: Option<IgnoredAny>,
             lidar: Option<IgnoredAny>,
             mount: Option<IgnoredAny>,
+            settings: Option<IgnoredAny>,
+            stopped: Option<IgnoredAny>,
         }
         let keys: FileKeys = from_text(text).ok()?;
+        // A result has mounts and is no vehicle.
+        if (ResultKeys { settings: keys.settings, stopped: keys.stopped }).are_there() {
+            return None;
+        }
         let vehicle = keys.mounts.or(keys.sensors);
         let scene = keys.roi.map(|_| Self::Scene);
         let kind = scene.or(vehicle.map(|_| Self::Vehicle));
@@ -246,7 +273,7 @@ impl FileKind {
         match self {
             Self::Scene => "as SCENE",
             Self::Vehicle => "by --vehicle",
-            Self::Placements => "behind the scenes, or by --placement or --baselines",
+            Self::Placements => "behind the scenes, or by --placement, --baselines or --inject",
             Self::Target => "by --target",
         }
     }

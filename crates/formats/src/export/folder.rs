@@ -239,10 +239,13 @@ impl About {
     /// True if the folder holds this very data set; an empty one or none holds nothing.
     ///
     /// # Errors
-    /// A folder of something else, of other settings, or of scenes whose files have changed since.
+    /// A folder of something else, of other settings, or of scenes whose files have changed since; a new one within
+    /// another data set.
     pub fn is_in(&self, dir: &Path) -> Result<bool, ExportError> {
         let mut entries = match std::fs::read_dir(dir) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(false),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                return lies_in_no_set(dir).map(|()| false);
+            }
             Err(error) => {
                 // For a place below a file, that file is in the way.
                 return Err(match dir.ancestors().find(|place| place.is_file()) {
@@ -258,7 +261,7 @@ impl About {
             return if foreign {
                 Err(ExportError::Foreign { path: dir.to_owned() })
             } else {
-                Ok(false)
+                lies_in_no_set(dir).map(|()| false)
             };
         }
         let path = dir.to_owned();
@@ -305,6 +308,20 @@ impl DatasetSettings {
             keys.retain(|key, _| !PATHS.contains(&key.as_str()));
         }
         [settings, provenance]
+    }
+}
+
+/// Refuses the place of a new data set within the folder of another one; links are followed.
+fn lies_in_no_set(dir: &Path) -> Result<(), ExportError> {
+    let or_here = |place: &Path| match place.as_os_str().is_empty() {
+        true => PathBuf::from("."),
+        false => place.to_owned(),
+    };
+    let there = dir.ancestors().find_map(|place| or_here(place).canonicalize().ok());
+    let is_set = |place: &&Path| place.join(HIDDEN).is_dir() && place.join(ABOUT).is_file();
+    match there.as_deref().and_then(|there| there.ancestors().find(is_set)) {
+        Some(set) => Err(ExportError::Nested { path: dir.to_owned(), set: set.to_owned() }),
+        None => Ok(()),
     }
 }
 

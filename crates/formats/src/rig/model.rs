@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::frames::{tilt, turn};
 use super::{RigError, RigSource};
-use sightline_files::json::{self, Location};
+use sightline_files::json::{self, DescriptionError, FileKind, Location};
 use sightline_scene::vehicle::{
     Placement, SensorName, SensorPose, Vehicle, placement_to_nanometres,
 };
@@ -127,6 +127,7 @@ pub(super) fn rig_of(source: &RigSource, name: Option<&str>) -> Result<Rig, RigE
         let parse = |(number, line)| json::parse(line, &format!("{file}, line {}", number + 1));
         lines.map(parse).collect::<Result<Vec<Placement>, _>>()?
     } else {
+        refuse_others(text, file)?;
         json::parse::<RigFile>(text, file)?.placements
     };
     let picked = match name {
@@ -154,6 +155,18 @@ pub(super) fn rig_of(source: &RigSource, name: Option<&str>) -> Result<Rig, RigE
     rig.validate()
         .map_err(|source| RigError::Within { file: file.clone(), source: Box::new(source) })?;
     Ok(rig)
+}
+
+/// Refuses a text that is no file of placements, by its kind.
+fn refuse_others(text: &str, file: &str) -> Result<(), DescriptionError> {
+    let wanted = FileKind::Placements;
+    match (json::not_json(text), FileKind::of(text)) {
+        (Some(told), _) => Err(DescriptionError::NotJson { file: file.to_owned(), told, wanted }),
+        (None, Some(kind)) if kind != wanted => {
+            json::refuse_own_kinds(text, file, &wanted.to_string())
+        }
+        (None, _) => Ok(()),
+    }
 }
 
 /// The placements file of rigs, with numbers of at most nine digits.

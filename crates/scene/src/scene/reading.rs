@@ -310,7 +310,7 @@ impl SceneVehicle {
         file: Option<PathBuf>,
         dir: &Path,
     ) -> Result<Self, DescriptionError> {
-        let shapes = std::mem::take(&mut vehicle.body);
+        let shapes = vehicle.take_body(&at)?;
         let others = std::mem::take(&mut vehicle.bodies);
         let stem = file.as_ref().and_then(|file| file.file_stem());
         let stem = stem.map_or("vehicle".into(), |stem| stem.to_string_lossy());

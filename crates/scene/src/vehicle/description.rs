@@ -88,9 +88,8 @@ pub struct VehicleDescription<B, M> {
     _version: Option<u64>,
     /// Name in reports; the file's without its ending unless given.
     pub(crate) name: Option<String>,
-    /// Shapes in the ego frame.
-    #[serde(default = "Vec::<B>::new")]
-    pub(crate) body: Vec<B>,
+    /// Shapes in the ego frame, at least one; the scene's own unless given.
+    pub(crate) body: Option<Vec<B>>,
     /// Bodies that move against it.
     #[serde(default = "Vec::<M>::new")]
     pub(crate) bodies: Vec<M>,
@@ -310,6 +309,22 @@ pub struct RequirementDescription {
     /// True: holds whichever one LiDAR is lost; not of a box.
     #[serde(default)]
     pub without_any_one: bool,
+}
+
+impl<B, M> VehicleDescription<B, M> {
+    /// Takes the shapes of the body out; none where `body` is left out.
+    ///
+    /// # Errors
+    /// An empty list, which says neither that there is no body nor which one it is.
+    pub(crate) fn take_body(&mut self, at: &Location) -> Result<Vec<B>, DescriptionError> {
+        let wanted = "a list of shapes; leave `body` out to keep the body of the scene, or give boxes or a mesh";
+        match self.body.take() {
+            Some(shapes) if shapes.is_empty() => {
+                Err(check::bad(&at.key("body"), "an empty list", wanted))
+            }
+            shapes => Ok(shapes.unwrap_or_default()),
+        }
+    }
 }
 
 impl RequirementDescription {

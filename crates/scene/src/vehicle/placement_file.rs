@@ -11,7 +11,8 @@ use serde::de::DeserializeOwned;
 use super::{ForeignLidar, Placement, PlacementError};
 use sightline_files::files;
 use sightline_files::json::{
-    self, FileKind, Objects, did_you_mean, from_text, nearest, not_json, plain_words, unknown_key,
+    self, FileKind, Objects, did_you_mean, from_text, is_result, kind_of_bytes, nearest, not_json,
+    plain_words, unknown_key,
 };
 
 /// Longest line of a `.jsonl` file, in bytes: 16 LiDARs need far less.
@@ -30,6 +31,12 @@ pub enum PlacementFileError {
     /// The file cannot be opened or read.
     #[error("{}: cannot be read: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
+    /// A folder that is not that of a finished run.
+    #[error(
+        "{}: is a folder without placements.json; give a file of placements, or the folder of a finished run of optimize",
+        path.display()
+    )]
+    Folder { path: PathBuf },
     /// The text is no JSON, or no placement.
     #[error("{}, line {line}, column {column}{}: {problem}", path.display(), in_placement(near))]
     Json { path: PathBuf, line: u64, column: usize, near: Option<String>, problem: String },
@@ -46,6 +53,12 @@ pub enum PlacementFileError {
         found.place()
     )]
     OtherKind { path: PathBuf, found: FileKind },
+    /// The result of a run in the place of placements.
+    #[error(
+        "{}: is the result of a run; give the folder of the run, or its placements.json, for the placements",
+        path.display()
+    )]
+    RunResult { path: PathBuf },
     /// The document is not UTF-8.
     #[error("{}: is not UTF-8 text from byte {byte} on; save it as UTF-8", path.display())]
     NotText { path: PathBuf, byte: usize },
@@ -98,6 +111,9 @@ fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, P
         if let Some(told) = not_json(text) {
             let line = (line > 1).then_some(line);
             return PlacementFileError::NotJson { path: path.to_owned(), line, told };
+        }
+        if is_result(text) {
+            return PlacementFileError::RunResult { path: path.to_owned() };
         }
         let mut json = serde_json::Deserializer::from_str(text);
         let place = match serde_path_to_error::deserialize::<_, T>(Objects(&mut json)) {
@@ -262,6 +278,9 @@ impl PlacementReader {
         let (path, name) = split(path);
         let picked =
             name.map(|name| Picked { name: name.to_owned(), is_found: false, known: Vec::new() });
+        if path.is_dir() {
+            return Err(PlacementFileError::Folder { path: path.to_owned() });
+        }
         let io = |source| PlacementFileError::Io { path: path.to_owned(), source };
         let mut length = 0;
         let mut reader: Box<dyn BufRead> = if path == Path::new("-") {
@@ -317,6 +336,13 @@ impl PlacementReader {
     }
 }
 
+/// Error for the bytes of a mesh, a point cloud or an archive.
+fn foreign(bytes: &[u8], path: &Path) -> Option<PlacementFileError> {
+    let kind = kind_of_bytes(bytes, path)?;
+    let told = format!("is not JSON, it looks like {kind}");
+    Some(PlacementFileError::NotJson { path: path.to_owned(), line: None, told })
+}
+
 fn document(reader: impl Read, path: &Path) -> Result<PlacementFile, PlacementFileError> {
     let mut bytes = Vec::new();
     let read = reader.take(MAX_DOCUMENT + 1).read_to_end(&mut bytes);
@@ -324,9 +350,10 @@ fn document(reader: impl Read, path: &Path) -> Result<PlacementFile, PlacementFi
     if bytes.len() as u64 > MAX_DOCUMENT {
         return Err(PlacementFileError::TooLarge { path: path.to_owned() });
     }
-    let text = std::str::from_utf8(&bytes).map_err(|error| PlacementFileError::NotText {
-        path: path.to_owned(),
-        byte: error.valid_up_to(),
+    let text = std::str::from_utf8(&bytes).map_err(|error| {
+        let byte = error.valid_up_to();
+        let not_text = || PlacementFileError::NotText { path: path.to_owned(), byte };
+        foreign(&bytes, path).unwrap_or_else(not_text)
     })?;
     let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
     if text.trim_ascii().is_empty() {
@@ -359,10 +386,10 @@ fn next_line(
         let text = match std::str::from_utf8(&bytes) {
             Ok(text) => text.trim_start_matches(BYTE_ORDER_MARK),
             Err(_) => {
-                return Some(Err(PlacementFileError::LineNotText {
-                    path: path.to_owned(),
-                    line: *line,
-                }));
+                let (path, line) = (path.to_owned(), *line);
+                let other = (line == 1).then(|| foreign(&bytes, &path)).flatten();
+                let not_text = || PlacementFileError::LineNotText { path, line };
+                return Some(Err(other.unwrap_or_else(not_text)));
             }
         };
         if !text.trim_ascii().is_empty() {

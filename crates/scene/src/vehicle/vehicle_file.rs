@@ -49,7 +49,9 @@ impl Vehicle {
         let dir = path.parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let at = Location::top(&path.display().to_string());
-        Ok(Self::new(&at, read::<IgnoredAny, IgnoredAny>(path)?, &stem, dir)?.0)
+        let mut vehicle = read::<IgnoredAny, IgnoredAny>(path)?;
+        vehicle.take_body(&at)?;
+        Ok(Self::new(&at, vehicle, &stem, dir)?.0)
     }
 
     /// Checks a description; `dir` is where its files are. Returns the vehicle and the files it names.

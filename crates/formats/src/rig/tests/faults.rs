@@ -100,7 +100,11 @@ fn each_fault_is_a_sentence() {
         (robot(&[joint("lidar", "lidar")]), &["the frames `lidar` hang on each other"]),
         (
             robot(&[joint("map", "lidar")]),
-            &["`lidar` hangs on `map`", "`base_link`", "--base-frame"],
+            &[
+                "`lidar` hangs on `map`",
+                "`frame_id: base_link` and `child_frame_id: map`",
+                "--base-frame map; there are",
+            ],
         ),
         (robot(&[joint("a", "lidar"), joint("b", "lidar")]), &["`lidar` is placed a second time"]),
         (

@@ -206,6 +206,10 @@ fn what_is_wrong_with_a_vehicle_is_said_with_its_place() {
         "{}",
         message(&with(&none))
     );
+    let cut = VEHICLE.find("\"sensors\"").unwrap();
+    let bare = format!("{{ \"sightline\": 1, \"body\": [], {}", &VEHICLE[cut..]);
+    let wanted = "vehicle.body: an empty list is not a list of shapes; leave `body` out to keep";
+    assert!(message(&with(&bare)).contains(wanted), "{}", message(&with(&bare)));
     let both = with(VEHICLE).replacen(
         "\"vehicle\":",
         "\"mount\": { \"min\": [0,0,2], \"max\": [0,0,2], \"lidars\": 1 }, \"vehicle\":",

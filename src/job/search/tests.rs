@@ -1,0 +1,32 @@
+//! Tests of `search`.
+
+use super::*;
+use crate::vehicle::Placement;
+
+fn found(sensors: usize, cost: f64, missing: f64) -> Equipped {
+    let placement = Placement { name: "x".to_owned(), lidars: vec![] };
+    let equipment = vec![(0, crate::vehicle::SensorName::NONE); sensors];
+    let (value, out_of_reach, is_cut) = (0.0, Vec::new(), false);
+    Equipped { equipment, placement, cost, value, missing, out_of_reach, is_cut }
+}
+
+#[test]
+fn the_number_grows_until_all_is_met_and_then_the_price_falls() {
+    let mut fewest = Fewest::new(f64::INFINITY, 0);
+    assert_eq!(fewest.limits.sensors, 1);
+    assert!(matches!(fewest.next(found(1, 5.0, 0.4), 4, 1.0), Next::Again(l) if l.sensors == 2));
+    let again = fewest.next(found(2, 9.0, 0.0), 4, 1.0);
+    assert!(matches!(again, Next::Again(l) if l.sensors == 2 && l.budget < 9.0 && l.budget > 8.9));
+    assert!(matches!(fewest.next(found(2, 7.0, 0.0), 4, 1.0), Next::Again(l) if l.budget < 7.0));
+    // The next cheaper one misses something: the one held is taken.
+    assert!(matches!(fewest.next(found(2, 6.0, 0.1), 4, 1.0), Next::Take(e) if e.cost == 7.0));
+}
+
+#[test]
+fn a_choice_that_misses_little_and_the_last_one_are_taken() {
+    // The search of placements may close a small gap.
+    assert!(matches!(Fewest::new(9.0, 1).next(found(1, 5.0, 0.2), 4, 1.0), Next::Take(_)));
+    let mut fewest = Fewest::new(10.0, 2);
+    assert!(matches!(fewest.next(found(2, 5.0, 0.6), 3, 1.0), Next::Again(_)));
+    assert!(matches!(fewest.next(found(3, 5.0, 0.5), 3, 1.0), Next::Take(e) if e.missing == 0.5));
+}
