@@ -316,7 +316,7 @@ impl Job {
     }
 
     /// Adds the guard `self_hit`, range cards, places that met requirements on targets miss, and how requirements hold to
-    /// scores, by the first scene, whose own body all scenes share.
+    /// scores, by the first scene, whose own body stands for all scenes.
     ///
     /// # Errors
     /// An engine that fails, a sensor that the vehicle does not have.
@@ -386,6 +386,13 @@ impl Job {
     ) -> Result<(), JobError> {
         let all = placements.iter().zip(judged.iter_mut());
         self.look_closely(evaluator.backend_mut(), all.map(|(p, judged)| (p, &mut judged.scores)))?;
+        for Judged { scores, by_scene, .. } in judged.iter_mut() {
+            for scene in by_scene {
+                for (seen, of) in scene.scores.required.iter_mut().zip(&scores.required) {
+                    seen.missing.clone_from(&of.missing);
+                }
+            }
+        }
         let several = if self.suite()?.is_single() { 0 } else { evaluator.members().len() };
         for index in 0..several {
             let (member, engine) = evaluator.member_mut(index);
@@ -424,8 +431,13 @@ fn name_missed_places(
     for seen in required.iter_mut().filter(|seen| seen.is_met() && seen.share < 1.0) {
         let Some(rule) = rules.iter().find(|rule| rule.name == seen.name) else { continue };
         let lost = seen.lost.as_ref().map(|lost| lost.worst.unwrap_or(0));
-        let left = lost.filter(|&lost| lost < count).map(|lost| without(placement, lost));
-        seen.missing = missed_places(site, rule, &left.as_ref().unwrap_or(placement).lidars)?;
+        let lost = lost.filter(|&lost| lost < count);
+        let left = lost.map(|lost| without(placement, lost));
+        let words = missed_places(site, rule, &left.as_ref().unwrap_or(placement).lidars)?;
+        seen.missing = words.map(|words| match lost {
+            Some(lost) => format!("{words} (without LiDAR {lost})"),
+            None => words,
+        });
     }
     Ok(())
 }

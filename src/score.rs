@@ -163,8 +163,8 @@ pub struct Seen {
     pub done: &'static str,
     /// Least share.
     pub least: f64,
-    /// Places, ground or LiDARs of a requirement that is not met, in words; of a met one on targets the places that it
-    /// misses, where a placement is looked at closely.
+    /// Words on the places, ground or LiDARs that an unmet requirement lacks. For a met one on targets: the places still missed,
+    /// where a placement is looked at closely.
     pub missing: Option<String>,
     /// Share of copies within the mounting tolerance that still meet it; `None` where not looked at.
     pub holds_in: Option<f64>,

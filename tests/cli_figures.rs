@@ -92,6 +92,7 @@ fn a_front_writes_its_picture() {
     let line = line.replace("--out run", "--out other") + " other";
     let told = fails(dir.path(), &line.split(' ').collect::<Vec<_>>());
     assert!(told.contains("--figures other: is the folder of the run"), "{told}");
+    assert!(!at("other").exists());
 }
 
 #[test]

@@ -71,7 +71,7 @@ fn files_of_other_kinds_are_named() {
     }
     fs::create_dir(dir.path().join("runs")).unwrap();
     let told = fails(dir.path(), &["optimize", "s.json", "--inject", "runs"]);
-    assert!(told.contains("runs: is a folder without placements.json; give a file of"), "{told}");
+    assert!(told.contains("runs: is a directory; give a file of placements"), "{told}");
     // Binary ones are known by name.
     fs::write(dir.path().join("b.stl"), [0xff; 90]).unwrap();
     let told = fails(dir.path(), &["score", "s.json", "b.stl", "--backend", "cpu"]);

@@ -115,7 +115,7 @@ fn numbers_below_0_reach_the_options() {
         &[&optimize[..], &["--objective", "near_gain", "--enough", "40", "--out", "on"]].concat(),
     );
     let said = String::from_utf8_lossy(&said.stderr).into_owned();
-    let words = "--enough 40: near_gain is a share and at most 1, so that the search goes on to its end; 40 % is \
+    let words = "--enough 40: no placement has more than 1 by near_gain, so the search goes on to its end; 40 % is \
                  --enough 0.4";
     assert!(said.contains(words), "{said}");
     for (option, value, words) in [

@@ -161,7 +161,10 @@ fn scenes_of_other_own_bodies_keep_them_and_are_told() {
         json!([{ "class": "vehicle", "box": { "center": [0, 0, 0.6], "size": [2, 1, 0.5] } }]);
     changed(dir.path(), "van.json", |scene| scene["ego"] = json!({ "body": body }));
     for (scene, words) in [
-        ("van.json", "van.json: its own body is not that of room.json; each scene keeps its own"),
+        (
+            "van.json",
+            "van.json: its own body is not that of room.json; beams of each scene end at its own body",
+        ),
         ("hall.json", ""),
     ] {
         let output = sightline(dir.path(), &["score", "room.json", scene, "p.json"]);

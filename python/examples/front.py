@@ -1,7 +1,8 @@
-"""The front of price and near gain of a vehicle, by `sightline.front` and by NSGA-II of pymoo: python front.py SCENE.json VEHICLE.json"""
+"""The front of price and near gain of a vehicle, by `sightline.front` and by NSGA-II of pymoo: python front.py SCENE.json VEHICLE.json [GENERATIONS]"""
 
 import json
 import sys
+from pathlib import Path
 
 import numpy as np
 from pymoo.algorithms.moo.nsga2 import NSGA2
@@ -11,11 +12,14 @@ from pymoo.optimize import minimize
 
 import sightline
 
-GENERATIONS, POPULATION, FRAMES = 8, 24, 1
+POPULATION, FRAMES = 24, 1
 
 
 class Rigs(Problem):
-    """For each LiDAR that a mount may hold: which sensor stands there, if any, and the vector of its pose."""
+    """For each LiDAR that a mount may hold: which sensor stands there, if any, and the vector of its pose.
+
+    All sensors of a mount must have as many free fields as its first.
+    """
 
     def __init__(self, scene, vehicle):
         self.scene, self.prices = scene, {sensor["name"]: sensor["price"] for sensor in vehicle["sensors"]}
@@ -32,7 +36,7 @@ class Rigs(Problem):
         return [(self.places[k][0], sensors[k]) for k in taken], np.concatenate([[], *(vectors[k] for k in taken)])
 
     def judged(self, z):
-        """Price, near gain, and what stands against a rig: 0 where it keeps the rules and meets all requirements."""
+        """Price, near gain, and violation: 0 where the rig keeps the rules and meets all requirements."""
         equipment, vector = self.equipped(z)
         price = sum(self.prices[sensor] for _, sensor in equipment)
         if not equipment:
@@ -52,20 +56,20 @@ class Rigs(Problem):
         out["F"], out["G"] = np.column_stack([price, -gain]), missing
 
 
-def share_beaten(points, most):
-    """Share of the rectangle from no price to the most, and no gain to all of it, that points of a front beat."""
+def hypervolume(points, most):
+    """Share of the rectangle from price 0 to `most` and gain 0 to 1 that the points dominate."""
     beaten = Hypervolume(ref_point=[1.0, 0.0])
     return beaten(np.array([[price / most, -gain] for price, gain in points]))
 
 
 if __name__ == "__main__":
     scene = sightline.Scene.load(sys.argv[1], vehicle=sys.argv[2], frames=FRAMES, backend="cpu")
-    vehicle = json.load(open(sys.argv[2]))
+    vehicle = json.loads(Path(sys.argv[2]).read_text())
     rigs = Rigs(scene, vehicle)
-    found = minimize(rigs, NSGA2(pop_size=POPULATION), ("n_gen", GENERATIONS), seed=1)
+    found = minimize(rigs, NSGA2(pop_size=POPULATION), ("n_gen", int(sys.argv[3]) if len(sys.argv) > 3 else 8), seed=1)
     theirs = [] if found.F is None else sorted({(price, -gain) for price, gain in found.F})
     front = sightline.front(scene, ["price", "near_gain"], evaluations=12)
     ours = [tuple(values) for values, meets in zip(front.values, front.meets) if meets]
     most = sum(max(rigs.prices[name] for name in names[1:]) for _, names in rigs.places)
     for name, points in (("sightline.front", ours), (f"NSGA-II, {rigs.scored} placements", theirs)):
-        print(f"{name}: {share_beaten(points, most):.3f} of the rectangle; " + ", ".join(f"{price:.0f}: {gain:.3f}" for price, gain in points))
+        print(f"{name}: {hypervolume(points, most):.3f} of the rectangle; " + ", ".join(f"{price:.0f}: {gain:.3f}" for price, gain in points))

@@ -162,12 +162,13 @@ impl PyScene {
             built.evaluate(watch, |evaluator| {
                 let (mut done, looks) = (0, evaluator.looks(1 + placement.lidars.len()));
                 let go_on = &mut || {
+                    let goes_on = watch.reach("parts of the scores", done.min(looks), looks);
                     done += 1;
-                    watch.reach("parts", (done - 1).min(looks), looks)
+                    goes_on
                 };
                 let losses =
                     built.job.losses_while(evaluator, &placement, go_on).map_err(raised)?;
-                watch.reach("parts", looks, looks);
+                watch.reach("parts of the scores", looks, looks);
                 Ok(losses)
             })
         })

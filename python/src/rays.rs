@@ -121,6 +121,7 @@ impl HitColumns {
             };
             columns.fill(target, rays, t_max);
         }
+        watch.reach("rays", all, all);
     }
 }
 
@@ -215,6 +216,7 @@ impl RayArray {
                 add(&mut all, some);
                 done += some.len();
             }
+            watch.reach("rays", done, self.rays().len());
             all
         })
     }

@@ -66,7 +66,7 @@ pub struct OptimizeArgs {
     /// in that time ends the run with an error. The scores over few frames and the page, seconds each, come on top.
     #[arg(long, value_name = "S", alias = "time", value_parser = parse_seconds)]
     max_seconds: Option<f64>,
-    /// Score over all frames at which the search ends; gains are shares, so that 0.25 is 25 %
+    /// Score over all frames at which the search ends; a near gain of 25 % is 0.25
     #[arg(long = "enough", alias = "target", value_name = "SCORE", conflicts_with = "resume", allow_hyphen_values = true,
           value_parser = number_as("0.25"))]
     target: Option<f64>,
@@ -150,14 +150,14 @@ pub fn run(args: &OptimizeArgs) -> Result<Exit, RunError> {
         return run_front(args, &FrontStart::New(Box::new(new), objectives.clone()), &terminal);
     }
     let draws = args.gltf.gltf.is_some() || args.figures.figures.is_some();
-    // Drawings and the table need scores, which the folder of a finished run does not keep.
+    // Drawings and CSV need scores as values; those of result.json are not read back.
     let is_asked_for_more = draws || args.format == TableFormat::Csv;
     if let Some(folder) = args.resume.as_ref().filter(|_| !is_asked_for_more)
         && let Some(finished) = finished(folder)?
     {
         match args.format {
             TableFormat::Json => out!("{}", finished.result)?,
-            TableFormat::Text | TableFormat::Csv => outln!("{}", finished.words)?,
+            _ => outln!("{}", finished.words)?,
         }
         return Ok(if finished.is_met { terminal.exit() } else { Exit::CheckFailed });
     }

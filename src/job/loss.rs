@@ -123,7 +123,9 @@ impl Job {
             let broken = scores.required.iter().zip(&met);
             let broken = broken.filter(|(seen, met)| **met && !seen.is_met());
             let broken = broken.map(|(seen, _)| seen.clone()).collect();
-            let new = blind(&scores).iter().filter(|sector| !known.contains(sector));
+            let new = blind(&scores)
+                .iter()
+                .filter(|sector| !known.iter().any(|known| sector.is_within(known)));
             let blind = new.cloned().collect();
             let name = lidar_name(lidar, mounts.get(lidar).copied().flatten());
             Loss { lidar, name, scores, broken, blind }

@@ -13,8 +13,9 @@ use crate::vehicle::{Constraints, FARTHEST_ON_VEHICLE, Placement, PlacementError
 const FIRST_ANGLE: usize = 3;
 /// Degrees below which a range of an angle is more likely radians.
 const LEAST_ANGLE: f64 = 0.5;
-/// Largest angle of a range that may be half a turn in radians, and how far a rounded part of π is off.
+/// Largest angle of a range that may be meant in radians: a little over π.
 const HALF_TURN: f64 = 3.2;
+/// Most that a rounded multiple of π/4 is off, radians.
 const ROUNDED: f64 = 0.01;
 
 /// A pose field of one LiDAR of a placement.
@@ -175,11 +176,10 @@ impl SweptField {
     }
 }
 
-/// True if an angle is nearly a multiple of π/4, as 3.14 is, and no whole or half number.
+/// True if an angle is within [`ROUNDED`] of a multiple of π/4 other than 0, as 3.14 is.
 fn is_part_of_pi(angle: f64) -> bool {
     let parts = (angle.abs() / FRAC_PI_4).round();
-    let is_near = (angle.abs() - parts * FRAC_PI_4).abs() <= ROUNDED;
-    parts > 0.0 && is_near && (2.0 * angle).fract() != 0.0
+    parts > 0.0 && (angle.abs() - parts * FRAC_PI_4).abs() <= ROUNDED
 }
 
 impl Job {

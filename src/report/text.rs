@@ -213,14 +213,14 @@ pub fn comparison_text(found: &Comparison) -> String {
     text
 }
 
-/// A line on two LiDARs that are not of the same model; empty where they are.
+/// A line on two LiDARs of different models; empty where a model is not known.
 fn models_text(name: &str, models: &[Option<String>; 2], [one, other]: [&str; 2]) -> String {
-    let [a, b] = models;
-    if a == b {
-        return String::new();
+    match models {
+        [Some(a), Some(b)] if a != b => {
+            format!("  ! {name}: the model is {a} {one} and {b} {other}\n")
+        }
+        _ => String::new(),
     }
-    let [a, b] = [a, b].map(|model| model.as_deref().unwrap_or("not known"));
-    format!("  ! {name}: the model is {a} {one} and {b} {other}\n")
 }
 
 fn named(pair: &Asymmetry) -> String {

@@ -1,5 +1,7 @@
 //! Findings of a run as sentences: result against baselines, search methods, certificate.
 
+use std::cmp::Ordering;
+
 use serde_json::Value;
 
 use super::RunRecord;
@@ -293,6 +295,9 @@ pub fn spread_in_words(run: &RunRecord) -> Option<String> {
     if let Some(spread) = &run.spread {
         return Some(spread.words.clone());
     }
+    if run.scenes.iter().filter(|scene| !scene.mirrored).count() > 1 {
+        return None;
+    }
     let best = run.best.as_ref()?;
     let rival = Scored::yardstick(&run.baselines)?;
     Some(single_scene_in_words(best, rival, &run.objective))
@@ -301,21 +306,16 @@ pub fn spread_in_words(run: &RunRecord) -> Option<String> {
 /// Sentences on the difference from the best baseline in a single scene, which has no spread.
 fn single_scene_in_words(best: &Scored, rival: &Scored, objective: &str) -> String {
     let name = &rival.placement.name;
-    if best.objective > rival.objective {
-        return format!(
-            "A single scene cannot say whether the gain over {name} is more than the scenes' own spread: give several."
-        );
-    }
-    let below = match best.objective < rival.objective {
-        true => format!(
-            "By {objective} the result is below {name}{}. ",
-            penalty_in_words(best, objective)
-        ),
-        false => String::new(),
+    let (below, what) = match best.objective.partial_cmp(&rival.objective) {
+        Some(Ordering::Greater) => (String::new(), "the gain over"),
+        Some(Ordering::Less) => {
+            let why = penalty_in_words(best, objective);
+            (format!("By {objective} the result is below {name}{why}. "), "a difference from")
+        }
+        _ => (String::new(), "a difference from"),
     };
     format!(
-        "{below}A single scene cannot say whether a difference from {name} is more than the scenes' own spread: give \
-         several."
+        "{below}A single scene cannot say whether {what} {name} is more than the scenes' own spread: give several."
     )
 }
 
@@ -326,7 +326,7 @@ fn penalty_in_words(best: &Scored, objective: &str) -> String {
         return String::new();
     }
     format!(
-        ", but a search ranks by {objective} less a penalty: the share of beams that a car lacks around the vehicle"
+        ", but a search ranks by {objective} less a penalty: the share of places around the vehicle at which too few beams meet a car"
     )
 }
 

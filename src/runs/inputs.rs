@@ -180,8 +180,8 @@ pub fn repeated(scenes: &[PathBuf]) -> Option<String> {
 pub fn note_repeated(scenes: &[PathBuf], watcher: &dyn Watcher) {
     if let Some(what) = repeated(scenes) {
         watcher.note(&format!(
-            "{what} and counts twice in means; intervals over scenes in tables and reports then look narrower than they \
-             are, and `spread` of a search counts it once"
+            "{what} and counts twice in means; intervals over scenes look narrower than they are, but for the interval \
+             of a search, which counts it once"
         ));
     }
 }

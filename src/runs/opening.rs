@@ -277,16 +277,17 @@ fn note_classes(suite: &Suite, watcher: &dyn Watcher) {
     }
 }
 
-/// Notes scenes with another own body than the first: beams and warnings are those of each scene's own.
+/// Notes scenes whose own body is not that of the first, which decides about requirements on targets and warnings of the mean.
 fn note_bodies(job: &Job, watcher: &dyn Watcher) {
     let Some((first, others)) = job.scenes().split_first() else { return };
     let known = first.scene().body();
     for other in others.iter().filter(|other| other.scene().body() != known) {
         watcher.note(&format!(
-            "{}: its own body is not that of {}; each scene keeps its own, which blocks beams and decides about \
-             warnings there; give --vehicle FILE to put one vehicle into all of them",
+            "{}: its own body is not that of {first}; beams of each scene end at its own body, but requirements on \
+             targets, and the range card and warnings of the mean, are those of the body of {first}; put one `body` \
+             into the vehicle file and give it with --vehicle",
             other.place(),
-            first.place()
+            first = first.place()
         ));
     }
 }

@@ -301,8 +301,8 @@ impl Evaluator {
         Ok(Some(self.together(placements, &by_member)?))
     }
 
-    /// Times that [`Self::scores_while`] asks whether to go on, for so many placements; a few more where it has to score a
-    /// layout to compare with.
+    /// Number of calls of `go_on` by [`Job::losses_while`](crate::Job::losses_while) for so many placements; a
+    /// reference layout adds some.
     pub fn looks(&self, placements: usize) -> usize {
         self.seats.iter().map(|seat| seat.looks(placements)).sum()
     }

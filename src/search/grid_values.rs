@@ -118,16 +118,15 @@ impl GridSearch {
 
     /// Share that held poses miss of the requirements, summed over areas and targets.
     pub(super) fn missing(&self, poses: &[u32]) -> f64 {
-        let mut unions = Unions::default();
-        self.atlas.union(poses, &mut unions);
-        self.atlas.missing_with(&unions, None) + self.atlas.unmet_with(&unions, None, false)[1]
+        self.lacks(poses)[0]
     }
 
-    /// Penalty that the value of held poses has for unseen cars.
-    pub(super) fn unseen_cars(&self, poses: &[u32]) -> f64 {
+    /// Share that held poses miss of the requirements, and the penalty for unseen cars in their value.
+    pub(super) fn lacks(&self, poses: &[u32]) -> [f64; 2] {
         let mut unions = Unions::default();
         self.atlas.union(poses, &mut unions);
-        self.blind * self.atlas.unmet_with(&unions, None, false)[0]
+        let [car, rules] = self.atlas.unmet_with(&unions, None, false);
+        [self.atlas.missing_with(&unions, None) + rules, self.blind * car]
     }
 
     /// The objective of held poses, 0 for none, less the penalties for missing shares and unseen cars.

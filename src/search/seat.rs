@@ -63,7 +63,7 @@ impl Seat {
         (groups, at_once.max(PLACEMENTS_AT_ONCE))
     }
 
-    /// Times that [`Self::scores_while`] asks whether to go on, without those for reference layouts.
+    /// Number of calls of `go_on` by [`Self::scores_while`] for so many placements; a reference layout adds some.
     pub fn looks(&self, placements: usize) -> usize {
         let (groups, at_once) = self.parts();
         groups.len().max(1) * placements.div_ceil(at_once)

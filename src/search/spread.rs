@@ -87,7 +87,11 @@ impl GainSpread {
         let by_scene: Vec<f64> = differences.iter().map(mean).collect();
         // A scene that is given again has the bits of the first in every frame.
         let pairs: Vec<_> = ours.iter().zip(theirs).collect();
-        let is_first = |&scene: &usize| !pairs[..scene].contains(&pairs[scene]);
+        let is_first = |&scene: &usize| {
+            let (ours, theirs) = pairs[scene];
+            let nothing_seen = ours.iter().chain(theirs).all(|share| *share == 0.0);
+            nothing_seen || !pairs[..scene].contains(&pairs[scene])
+        };
         let once: Vec<usize> = (0..pairs.len()).filter(is_first).collect();
         let scenes = once.len();
         if scenes < 2 {

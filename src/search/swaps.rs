@@ -241,8 +241,9 @@ impl Ends {
     ) -> Result<(), SearchError> {
         // An atlas that forgets may not hold the end any more.
         search.hold(evaluator, &end.poses)?;
-        self.met.push(search.has_requirements().then(|| search.missing(&end.poses) == 0.0));
-        self.unseen.push(search.unseen_cars(&end.poses));
+        let [missing, unseen] = search.lacks(&end.poses);
+        self.met.push(search.has_requirements().then_some(missing == 0.0));
+        self.unseen.push(unseen);
         self.all.push(end.clone());
         self.best = Some(match self.best.take() {
             Some(best) => search.preferred(evaluator, best, end, go_on)?,

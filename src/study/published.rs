@@ -164,7 +164,7 @@ fn searched(layouts: &[Placement]) -> String {
 /// Sentence on how many of `all` random placements meet all requirements; `None` without requirements.
 fn met_in_words(random: &Row, all: usize) -> Option<String> {
     random.requirements_met?;
-    let met = random.values.last().copied().flatten()?;
+    let met = random.values.get(5).copied().flatten()?;
     Some(format!(
         "{met} of {all} random placements meet all requirements; a row with `!` is a placement that misses one."
     ))
@@ -213,10 +213,10 @@ fn unguarded(scene: &StudyScene, scores: &Scores) -> Option<f64> {
 fn quantiles(values: &[Option<f64>]) -> Option<[usize; 5]> {
     let known = values.iter().enumerate().filter_map(|(k, value)| Some((k, (*value)?)));
     let mut sorted: Vec<(usize, f64)> = known.collect();
-    sorted.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let best = sorted.iter().max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))?.0;
-    let at = |share: f64| sorted[(share * (sorted.len() - 1) as f64).round() as usize].0;
-    Some([best, at(0.0), at(0.25), at(0.5), at(0.75)])
+    // Of equal values the first stands last: it is the best.
+    sorted.sort_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+    let last = sorted.len().checked_sub(1)?;
+    Some([1.0, 0.0, 0.25, 0.5, 0.75].map(|share| sorted[(share * last as f64).round() as usize].0))
 }
 
 /// A row for each quantile, from the worst to the best; none where no random placement counts.

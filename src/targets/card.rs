@@ -53,8 +53,8 @@ pub struct TargetRanges {
 }
 
 impl TargetRanges {
-    /// First and last of the neighbouring distances at each of which every bearing meets the target. Each bearing has the run
-    /// that begins at its first distance met; these runs share the answer. `None` where they share no distance.
+    /// First and last distance of a stretch in which every bearing meets the target at every distance: the overlap of the first
+    /// runs of all bearings. `None` where they do not overlap.
     pub fn without_gap(&self) -> Option<[f64; 2]> {
         let firsts: Option<Vec<[f64; 2]>> =
             self.bearings.iter().map(|of| of.met.first().copied()).collect();
@@ -95,12 +95,13 @@ impl BlindSector {
         }
     }
 
-    /// True if another sector has all its bearings and reaches as near and as far.
+    /// True if another sector has all its bearings and loses a car at all its distances.
     pub fn is_within(&self, other: &Self) -> bool {
         let ([near, far], [nearest, farthest]) = (self.distances, other.distances);
         let offset = (self.bearings[0] - other.bearings[0]).rem_euclid(360.0);
         let is_no_wider = other.degrees() >= 360.0 || offset + self.degrees() <= other.degrees();
-        is_no_wider && nearest <= near && far <= farthest
+        let is_known = |[from, to]: &[f64; 2]| other.lost.iter().any(|[a, b]| a <= from && to <= b);
+        is_no_wider && nearest <= near && far <= farthest && self.lost.iter().all(is_known)
     }
 
     /// The four directions that a sector holds, in words: `ahead and left`; of one between two of them `ahead left`.

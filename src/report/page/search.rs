@@ -82,6 +82,10 @@ fn findings(run: &RunRecord) -> Markup {
 /// Facts of how the run was made, a line each.
 fn facts(run: &RunRecord) -> Markup {
     let times = &run.timings;
+    let equip = match times.equip > 0.0 {
+        true => format!(", choice of sensors {:.1}", times.equip),
+        false => String::new(),
+    };
     let facts = [
         ("stopped by", run.stopped.clone()),
         (
@@ -100,14 +104,8 @@ fn facts(run: &RunRecord) -> Markup {
         (
             "time",
             format!(
-                "{:.1} s: load {:.1}, build {:.1}, equip {:.1}, search {:.1}, confirm {:.1}, page {:.1}",
-                times.total,
-                times.load,
-                times.build,
-                times.equip,
-                times.search,
-                times.confirm,
-                times.page
+                "{:.1} s: load {:.1}, build {:.1}{equip}, search {:.1}, confirm {:.1}, page {:.1}",
+                times.total, times.load, times.build, times.search, times.confirm, times.page
             ),
         ),
         ("found by", methods_in_words(run)),

@@ -79,7 +79,7 @@ impl HandoverRig {
         let file = file_and_name(&text).0;
         let problem = evaluator.shared_problem();
         Given::in_problem(Path::new(file), &problem, computing).all([&mut placement])?;
-        // Rules are told of a rig whose models there are.
+        // Only now: warnings about a rig with an unknown model would mislead.
         warnings.iter().for_each(|words| computing.watcher.note(words));
         let sensors = problem.sensors().clone();
         let (models, spins_freely) =

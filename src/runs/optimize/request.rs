@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use crate::job::{JobFiles, JobState};
+use crate::json::spoken;
 use crate::problem::Problem;
 use crate::report::words::word;
 use crate::runs::inputs::{Given, rig_path};
@@ -155,11 +156,12 @@ fn note_target(settings: &Settings, watcher: &dyn Watcher) {
     if target > most {
         let share = target / 100.0;
         let hint = match share <= most {
-            true => format!("; {target} % is --enough {share}"),
+            true => format!("; {target} % is --enough {}", spoken(share)),
             false => String::new(),
         };
         watcher.note(&format!(
-            "--enough {target}: {} is a share and at most {most}, so that the search goes on to its end{hint}",
+            "--enough {target}: no placement has more than {} by {}, so the search goes on to its end{hint}",
+            spoken(most),
             settings.objective
         ));
     }

@@ -25,22 +25,30 @@ const BEGINNINGS: &[(&str, &str)] = &[
 ];
 
 /// Endings of binary files that need not begin with a known word.
-const ENDINGS: &[(&str, &str)] = &[
-    ("stl", "an STL mesh"),
-    ("ply", "a PLY mesh"),
-    ("pcd", "a PCD point cloud"),
-    ("obj", "an OBJ mesh"),
+const ENDINGS: &[(&str, &str)] =
+    &[("stl", "an STL mesh"), ("ply", "a PLY mesh"), ("pcd", "a PCD point cloud")];
+
+/// Kinds that may be binary; all others are texts, which another encoding may have spoilt.
+const BINARY: [&str; 6] = [
+    "a PLY mesh", "a ZIP archive", "a glTF mesh", "an STL mesh", "a NumPy array",
+    "a PCD point cloud",
 ];
 
 /// First bytes that tell the kind of a file.
 const HEAD: usize = 64;
 
-/// Kind of a file whose bytes are no text in UTF-8: by its first bytes, else by the ending of its name.
+/// Kind of a binary file whose bytes are no text in UTF-8: by the ending of its name, else by its first bytes. `None` for a
+/// text in another encoding.
 pub fn kind_of_bytes(bytes: &[u8], file: &Path) -> Option<&'static str> {
     let head = String::from_utf8_lossy(&bytes[..bytes.len().min(HEAD)]);
     let ending = file.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let by_name = || ENDINGS.iter().find(|(known, _)| *known == ending).map(|(_, kind)| *kind);
-    beginning(without_noise(&head)).or_else(by_name)
+    let is_binary = |kind: &&str| BINARY.contains(kind);
+    let by_bytes = || match bytes.starts_with(b"\x1f\x8b") {
+        true => Some("a gzip file"),
+        false => beginning(without_noise(&head)).filter(is_binary),
+    };
+    by_name().or_else(by_bytes)
 }
 
 /// Kind of file that begins with these words.
@@ -159,6 +167,9 @@ mod tests {
             (b"PK\x03\x04\xff\xfe", "a.json", Some("a ZIP archive")),
             (b"\xff\xff\x01\x02", "part.STL", Some("an STL mesh")),
             (b"{\"placements\": [\xff]}", "a.json", None),
+            (b"\x1f\x8b\x08\xff", "a", Some("a gzip file")),
+            (b"<?xml version=\"1.0\"?><robot name=\"r\xe9\"/>", "l.urdf", None),
+            (b"v 1 2 3 # \xe9", "l.obj", None),
             (b"", "a", None),
         ] {
             assert_eq!(kind_of_bytes(bytes, Path::new(file)), kind, "{file}");

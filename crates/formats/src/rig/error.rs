@@ -56,9 +56,9 @@ pub enum RigError {
     UnknownFrame { file: String, frame: String, known: Vec<String> },
     /// A frame whose chain does not lead to the base.
     #[error(
-        "{at}: the frame `{frame}` hangs on `{parent}`, which nothing connects with `{base}`; read the file of that \
-         transform as well (in files of ROS and Apollo `frame_id: {base}` and `child_frame_id: {parent}`), or name another \
-         base, as --base-frame {parent}; there are {}",
+        "{at}: the frame `{frame}` has the parent `{parent}`, which no transform connects with `{base}`; read the file of \
+         that transform, too (in ROS and Apollo `frame_id: {base}`, `child_frame_id: {parent}`), or give --base-frame \
+         {parent}; there are {}",
         listed(known)
     )]
     Unconnected {

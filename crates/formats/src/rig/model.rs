@@ -159,13 +159,16 @@ pub(super) fn rig_of(source: &RigSource, name: Option<&str>) -> Result<Rig, RigE
 
 /// Refuses a text that is no file of placements, by its kind.
 fn refuse_others(text: &str, file: &str) -> Result<(), DescriptionError> {
-    let wanted = FileKind::Placements;
-    match (json::not_json(text), FileKind::of(text)) {
-        (Some(told), _) => Err(DescriptionError::NotJson { file: file.to_owned(), told, wanted }),
-        (None, Some(kind)) if kind != wanted => {
-            json::refuse_own_kinds(text, file, &wanted.to_string())
-        }
-        (None, _) => Ok(()),
+    let (file, wanted) = (file.to_owned(), FileKind::Placements);
+    let result = || {
+        json::is_result(text).then(|| "is the result of a run; give its placements.json".to_owned())
+    };
+    if let Some(told) = json::not_json(text).or_else(result) {
+        return Err(DescriptionError::NotJson { file, told, wanted });
+    }
+    match FileKind::of(text).filter(|kind| *kind != wanted) {
+        Some(found) => Err(DescriptionError::OtherKind { file, found, wanted: wanted.to_string() }),
+        None => Ok(()),
     }
 }
 
@@ -177,7 +180,7 @@ pub fn rig_json(rigs: &[&Rig]) -> Value {
 
 /// Largest difference of angles that are taken for equal, in radians.
 const SAME: f64 = 1e-9;
-/// Largest move in metres, and largest turn in radians, of a LiDAR that stands where it stood: formats round.
+/// Largest move in metres, and largest turn in radians, that is taken for rounding of a file.
 const STILL: f64 = 5e-6;
 
 /// A LiDAR before and after.
@@ -196,7 +199,7 @@ pub struct MovedLidar {
 }
 
 impl MovedLidar {
-    /// True if it stands elsewhere, is turned, or is of another model. A model that is not known differs from none.
+    /// True if it was moved or turned, or has another model. An unknown model counts as equal.
     fn differs(&self) -> bool {
         let of_other_models =
             matches!(&self.models, [Some(before), Some(after)] if before != after);

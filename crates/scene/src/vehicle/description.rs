@@ -89,6 +89,7 @@ pub struct VehicleDescription<B, M> {
     /// Name in reports; the file's without its ending unless given.
     pub(crate) name: Option<String>,
     /// Shapes in the ego frame, at least one; the scene's own unless given.
+    #[cfg_attr(feature = "schema", schemars(length(min = 1)))]
     pub(crate) body: Option<Vec<B>>,
     /// Bodies that move against it.
     #[serde(default = "Vec::<M>::new")]

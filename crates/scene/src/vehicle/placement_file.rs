@@ -31,12 +31,9 @@ pub enum PlacementFileError {
     /// The file cannot be opened or read.
     #[error("{}: cannot be read: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
-    /// A folder that is not that of a finished run.
-    #[error(
-        "{}: is a folder without placements.json; give a file of placements, or the folder of a finished run of optimize",
-        path.display()
-    )]
-    Folder { path: PathBuf },
+    /// A folder.
+    #[error("{}: {source}; give a file of placements, such as the placements.json of a run", path.display())]
+    Folder { path: PathBuf, source: std::io::Error },
     /// The text is no JSON, or no placement.
     #[error("{}, line {line}, column {column}{}: {problem}", path.display(), in_placement(near))]
     Json { path: PathBuf, line: u64, column: usize, near: Option<String>, problem: String },
@@ -279,7 +276,8 @@ impl PlacementReader {
         let picked =
             name.map(|name| Picked { name: name.to_owned(), is_found: false, known: Vec::new() });
         if path.is_dir() {
-            return Err(PlacementFileError::Folder { path: path.to_owned() });
+            let source = io::ErrorKind::IsADirectory.into();
+            return Err(PlacementFileError::Folder { path: path.to_owned(), source });
         }
         let io = |source| PlacementFileError::Io { path: path.to_owned(), source };
         let mut length = 0;

@@ -101,7 +101,7 @@ fn each_fault_is_a_sentence() {
         (
             robot(&[joint("map", "lidar")]),
             &[
-                "`lidar` hangs on `map`",
+                "`lidar` has the parent `map`",
                 "`frame_id: base_link` and `child_frame_id: map`",
                 "--base-frame map; there are",
             ],

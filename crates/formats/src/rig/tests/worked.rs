@@ -278,7 +278,7 @@ fn files_of_one_rig_are_read_together_and_others_are_not() {
     let read = import_texts(&pair, &ImportSettings::default()).unwrap();
     assert_eq!(read.left_out, ["sensor_kit_base_link", "gnss_link"]);
     let error = import_texts(&pair[1..], &ImportSettings::default()).unwrap_err().to_string();
-    assert!(error.contains("hangs on `sensor_kit_base_link`"), "{error}");
+    assert!(error.contains("has the parent `sensor_kit_base_link`"), "{error}");
     let two = [source("a.json", OBJECTS), source("b.json", OBJECTS)];
     let error = import_texts(&two, &ImportSettings::default()).unwrap_err().to_string();
     assert!(error.contains("b.json") && error.contains("one at a time"), "{error}");
