@@ -165,7 +165,8 @@ impl PyScene {
                     done += 1;
                     watch.reach("parts", (done - 1).min(looks), looks)
                 };
-                let losses = built.job.losses_while(evaluator, &placement, go_on).map_err(raised)?;
+                let losses =
+                    built.job.losses_while(evaluator, &placement, go_on).map_err(raised)?;
                 watch.reach("parts", looks, looks);
                 Ok(losses)
             })

@@ -5,7 +5,7 @@
 //! | `scores` | requirements, result against baselines, guards, scene by scene |
 //! | `layout` | poses of the result, and the gain of each LiDAR; tables and figures |
 //! | `seen` | range card, blind zone and maps of the result |
-//! | `several` | things by the number of LiDARs that see them, the loss of each LiDAR, overlap of pairs |
+//! | `several` | things by the LiDARs and technologies that see them, the loss of each LiDAR, overlap of pairs |
 //! | `search` | convergence, findings, how the run was made and how to repeat it |
 //! | `front` | the page of a front |
 
@@ -101,7 +101,7 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                     (seen::range_card(subject, figures))
                     (seen::near_field(figures))
                     (layout::layout(subject, figures, run))
-                    (several::redundancy(figures))
+                    (several::redundancy(subject, figures))
                     (several::losses(subject, figures))
                     (several::overlap(figures))
                     p.part { "For the sceptic: what to doubt, and how to repeat it" }
@@ -219,8 +219,10 @@ pub struct Looks {
 struct Several {
     /// Pairs in the first scene; `None` where there is one LiDAR, or beams end at nothing.
     overlap: Option<Overlap>,
-    /// Things of the first scene by the number of LiDARs that see them; `None` where there is one LiDAR.
+    /// Things of the first scene by the number of LiDARs that see them; `None` where there is one LiDAR and no other sensor.
     redundancy: Option<Redundancy>,
+    /// Sentences on sensors of other technologies whose view the own body blocks.
+    notes: Vec<String>,
     /// The placement without each of its LiDARs; `None` for one LiDAR and beyond [`MOST_LOST`].
     losses: Option<Losses>,
 }
@@ -305,11 +307,14 @@ fn near<'a>(
     let few = Arc::new(problem.over(&frames));
     let mut engine = open(few.task(), choice, |_| {})?.engine;
     let mut several = Several::default();
-    if let Some(first) = placements.clone().next().filter(|first| first.lidars.len() > 1) {
+    let has_others = !scene.vehicle().other_sensors.is_empty();
+    let first = placements.clone().next();
+    if let Some(first) = first.filter(|first| has_others || first.lidars.len() > 1) {
         several.overlap = Overlap::new(scene, &few, &mut *engine, first, LEAST_SHARED).ok();
         let targets = REDUNDANCY_TARGETS.iter().filter_map(|name| Target::named(name).ok());
         let question = redundancy_question(targets.collect());
         let site = RedundancySite::new(scene, few.clone(), of.target_site()?.cloned());
+        several.notes = site.notes();
         several.redundancy = Some(site.look(&mut *engine, &question, first)?);
     }
     let site = match NearSite::new(scene, &few) {
