@@ -62,8 +62,8 @@ impl Job {
         Ok(())
     }
 
-    /// Adds to each requirement the share of copies that still meet it: copies whose LiDARs are off by the job's
-    /// tolerance. Nothing without a tolerance or requirements.
+    /// Adds to each requirement the share of copies that still meet it: copies whose LiDARs, or `only` one of them, are off by
+    /// the job's tolerance. Nothing without a tolerance or requirements.
     ///
     /// Targets are looked at as the requirement asks, with poses drawn anew for each copy. Areas, ground and overlap are looked
     /// at in 15 poses of each LiDAR, from which copies draw again, and in four frames of each scene; the change there is added
@@ -76,6 +76,7 @@ impl Job {
     pub(super) fn add_holds(
         &self,
         all: &mut [(&Placement, &mut Scores)],
+        only: Option<usize>,
         go_on: &mut dyn FnMut() -> bool,
     ) -> Result<bool, JobError> {
         let Some(tolerance) = self.tolerance.filter(|tolerance| tolerance.is_some()) else {
@@ -93,7 +94,8 @@ impl Job {
             let found: Vec<_> =
                 scores.required.iter().map(|seen| (seen.share, seen.least)).collect();
             let looked_at = (&**placement, found.len());
-            let moved = Moved::new((tolerance, SEED_OF_RESULT), looked_at, &mut evaluator, go_on)?;
+            let off = (tolerance, SEED_OF_RESULT, only);
+            let moved = Moved::new(off, looked_at, &mut evaluator, go_on)?;
             let Some(moved) = moved else { return Ok(false) };
             let Some(holds) = moved.holds(&[], &found, go_on)? else { return Ok(false) };
             scores.requirements_hold_in = Some(holds.all);

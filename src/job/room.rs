@@ -8,7 +8,7 @@ use super::{Job, JobError, Tolerance};
 use crate::engine::BackendError;
 use crate::geom::Pose;
 use crate::maths;
-use crate::score::{Scores, Seen};
+use crate::score::{HOLDS, Scores, Seen};
 use crate::search::{Evaluator, error_of_share};
 use crate::vehicle::{Placement, SensorPose};
 
@@ -42,8 +42,10 @@ pub struct Room {
     pub fields: Vec<RoomOfField>,
     /// The body tilted, all LiDARs with it; `None` where it was not looked at.
     pub tilt: Option<RoomOfTilt>,
-    /// Copies in which all LiDARs are off at once, looked at last.
+    /// Copies in which all LiDARs are off at once, looked at behind the tilt.
     pub copies: Vec<RoomOfCopies>,
+    /// Each LiDAR alone with all its fields off at once, looked at last; none for a placement of one LiDAR, whose copies tell it.
+    pub alone: Vec<RoomOfLidar>,
 }
 
 /// How far one field of one LiDAR may be off, all else as it is.
@@ -81,6 +83,16 @@ pub struct RoomOfCopies {
     pub holds_in: f64,
     /// Two standard errors of the share: the copies are a draw.
     pub error: f64,
+}
+
+/// How far all fields of one LiDAR may be off at once, the other LiDARs as they are.
+#[derive(Debug, Clone, Serialize)]
+pub struct RoomOfLidar {
+    /// Number of the LiDAR.
+    pub lidar: usize,
+    /// Largest tolerance of [`Room::copies`] within which [`HOLDS`] of the copies meet all requirements; `None` where fewer do
+    /// within the smallest.
+    pub holds_within: Option<Tolerance>,
 }
 
 /// Requirements that are missed as the placement is, by position: no deviation breaks them.
@@ -146,6 +158,7 @@ impl Job {
             fields: Vec::new(),
             tilt: None,
             copies: Vec::new(),
+            alone: Vec::new(),
         };
         let as_given = evaluator.scores_while(std::slice::from_ref(placement), &mut || go_on(0))?;
         let Some(mut scores) = as_given.and_then(|mut scores| scores.pop()) else {
@@ -172,22 +185,44 @@ impl Job {
         }
         room.tilt = room_of_tilt(&mut look, placement, steps, go_on)?;
         let usual = Tolerance::default();
+        let mut share = |tolerance: Tolerance, only: Option<usize>| {
+            let job = self.clone().tolerance(Some(tolerance));
+            let all = &mut [(placement, &mut scores)];
+            let is_whole = job.add_holds(all, only, &mut || go_on(0))?;
+            Ok::<_, JobError>(scores.requirements_hold_in.filter(|_| is_whole))
+        };
         for times in COPIES_WITHIN {
-            if !go_on(0) {
-                break;
-            }
             let tolerance =
                 Tolerance { metres: times * usual.metres, radians: times * usual.radians };
-            let job = self.clone().tolerance(Some(tolerance));
-            if !job.add_holds(&mut [(placement, &mut scores)], &mut || go_on(0))? {
-                break;
-            }
-            let holds_in = scores.requirements_hold_in.unwrap_or_default();
+            let Some(holds_in) = share(tolerance, None)? else { return Ok(room) };
             let error = error_of_share(holds_in, placement.lidars.len());
             room.copies.push(RoomOfCopies { tolerance, holds_in, error });
         }
+        let lidars = placement.lidars.len();
+        for lidar in (0..lidars).filter(|_| lidars > 1) {
+            let Some(of_lidar) = room_of_lidar(&mut share, lidar, &room.copies)? else { break };
+            room.alone.push(of_lidar);
+        }
         Ok(room)
     }
+}
+
+/// How far one LiDAR may be off in all fields at once, by halving the tolerances beyond those within which all LiDARs may be off
+/// together. `share` is that of its copies; `None` once it has none.
+fn room_of_lidar(
+    share: &mut dyn FnMut(Tolerance, Option<usize>) -> Result<Option<f64>, JobError>,
+    lidar: usize,
+    copies: &[RoomOfCopies],
+) -> Result<Option<RoomOfLidar>, JobError> {
+    let mut holds = copies.iter().take_while(|all| all.holds_in >= HOLDS).count();
+    let mut breaks = copies.len();
+    while holds < breaks {
+        let middle = usize::midpoint(holds, breaks);
+        let Some(share) = share(copies[middle].tolerance, Some(lidar))? else { return Ok(None) };
+        if share >= HOLDS { holds = middle + 1 } else { breaks = middle }
+    }
+    let within = holds.checked_sub(1).map(|last| copies[last].tolerance);
+    Ok(Some(RoomOfLidar { lidar, holds_within: within }))
 }
 
 /// Moves of a placement that [`Job::room_while`] looks at: each pose field, and each direction of the tilt.
@@ -328,6 +363,33 @@ mod tests {
         assert_eq!(found.breaks.as_deref(), Some("b"));
         let all = side(5.0, &[at(1.0, 1.0), at(0.9, 0.9)]);
         assert_eq!((all.holds_to, all.breaks_at, all.breaks), (10.0, None, None));
+    }
+
+    #[test]
+    fn a_lidar_alone_is_looked_at_beyond_all_together_by_halving() {
+        let usual = Tolerance::default();
+        let within =
+            |times: f64| Tolerance { metres: times * usual.metres, radians: times * usual.radians };
+        for (together, alone) in [(0, 0), (0, 3), (2, 2), (2, 6), (6, 6)] {
+            let copies: Vec<RoomOfCopies> = (0..6)
+                .map(|k| RoomOfCopies {
+                    tolerance: within(COPIES_WITHIN[k]),
+                    holds_in: if k < together { 1.0 } else { 0.9 },
+                    error: 0.1,
+                })
+                .collect();
+            let mut asked = 0;
+            let mut share = |tolerance: Tolerance, only: Option<usize>| {
+                asked += 1;
+                assert_eq!(only, Some(1));
+                let holds = copies[..alone].iter().any(|of| of.tolerance == tolerance);
+                Ok::<_, JobError>(Some(if holds { 0.96 } else { 0.94 }))
+            };
+            let found = room_of_lidar(&mut share, 1, &copies).unwrap().unwrap();
+            let most = alone.checked_sub(1).map(|last| copies[last].tolerance);
+            assert_eq!((found.lidar, found.holds_within), (1, most), "{together} {alone}");
+            assert!(asked <= 3 && (together < 6 || asked == 0), "{asked}");
+        }
     }
 
     #[test]

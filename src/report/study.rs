@@ -4,9 +4,10 @@ use super::plot::{Axis, Change, Plot, Series};
 use super::svg::trimmed;
 use super::tables::ScoreColumn;
 use super::text::align_columns;
-use crate::job::{Room, RoomOfSide, RoomOfTilt, Sweep};
+use crate::job::{Room, RoomOfLidar, RoomOfSide, RoomOfTilt, Sweep};
 use crate::json::fixed;
-use crate::score::{Guard, Scores, percent_down, percent_up};
+use crate::score::{Guard, HOLDS, Scores, percent_down, percent_up};
+use crate::search::COPIES;
 use crate::study::{Row, Table, TablePlot};
 
 /// Draws a table by its `drawing`.
@@ -218,6 +219,32 @@ fn tilt_text(tilt: &RoomOfTilt) -> String {
     format!("{}{about}{end}\n", align_columns(&rows))
 }
 
+/// Sentences on copies: all LiDARs off together within each tolerance, then each LiDAR alone.
+fn copies_text(room: &Room) -> String {
+    let all = if room.missed.is_empty() { "all" } else { "all other" };
+    let mut text = String::new();
+    for copies in &room.copies {
+        let [share, error] = [copies.holds_in, copies.error].map(|share| 100.0 * share);
+        text += &format!(
+            "all LiDARs off together by up to {}: {share:.0} % of {COPIES} copies meet {all} requirements (± {error:.0}, two \
+             standard errors)\n",
+            copies.tolerance.in_words()
+        );
+    }
+    let least = 100.0 * HOLDS;
+    for RoomOfLidar { lidar, holds_within } in &room.alone {
+        let smallest = || room.copies.first().map(|copies| copies.tolerance);
+        let [fewer, more] =
+            if holds_within.is_some() { ["", " or more"] } else { ["fewer than ", ""] };
+        let within = holds_within.or_else(smallest).unwrap_or_default().in_words();
+        text += &format!(
+            "LiDAR {lidar} alone off in all fields by up to {within}: {fewer}{least:.0} %{more} of {COPIES} copies meet {all} \
+             requirements\n"
+        );
+    }
+    text
+}
+
 /// Tables of a placement: how far each field holds to either side and what breaks first; the same for the tilt of the
 /// body; then copies within tolerances.
 pub fn room_text(all: &[Room]) -> String {
@@ -243,16 +270,7 @@ pub fn room_text(all: &[Room]) -> String {
         }
         text += &align_columns(&rows);
         text += &room.tilt.as_ref().map(tilt_text).unwrap_or_default();
-        let of_others = if room.missed.is_empty() { "" } else { " of the others" };
-        for copies in &room.copies {
-            let [share, error] = [copies.holds_in, copies.error].map(|share| 100.0 * share);
-            let line = "all LiDARs off at random within";
-            text += &format!(
-                "{line} {}: {share:.0} % of copies meet all{of_others} (± {error:.0}, two standard errors of the draw)\n",
-                copies.tolerance
-            );
-        }
-        text
+        text + &copies_text(room)
     };
     all.iter().map(of).collect::<Vec<_>>().join("\n")
 }

@@ -51,7 +51,7 @@ mod tolerance;
 
 pub use bound::{Certificate, GainBound};
 pub(crate) use coarse_grid::coarse_grid;
-pub(crate) use copies::{FRAMES_OF_COPIES, Moved, SEED_OF_RESULT, error_of_share};
+pub(crate) use copies::{COPIES, FRAMES_OF_COPIES, Moved, SEED_OF_RESULT, error_of_share};
 pub(crate) use equip::REQUIRED;
 pub use equip::{Choosing, EquipStep, Equipped, Equipping, Limits, PLAIN, cost_front};
 pub use error::SearchError;
