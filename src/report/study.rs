@@ -4,9 +4,9 @@ use super::plot::{Axis, Change, Plot, Series};
 use super::svg::trimmed;
 use super::tables::ScoreColumn;
 use super::text::align_columns;
-use crate::job::{Room, RoomOfLidar, RoomOfSide, RoomOfTilt, Sweep};
+use crate::job::{Room, RoomOfLidar, RoomOfSide, RoomOfTilt, Sweep, SweepRow};
 use crate::json::fixed;
-use crate::score::{Guard, HOLDS, Scores, percent_down, percent_up};
+use crate::score::{Guard, HOLDS, MOST_SELF_HITS, Scores, percent_down, percent_up};
 use crate::search::COPIES;
 use crate::study::{Row, Table, TablePlot};
 
@@ -122,6 +122,21 @@ fn table(sweep: &Sweep) -> String {
     align_columns(&lines)
 }
 
+/// Rows of a sweep that have faults, and the faults of the first of them; empty where none has.
+fn first_of(sweep: &Sweep, title: &str, faults: impl Fn(&SweepRow) -> Vec<String>) -> String {
+    let all: Vec<Vec<String>> = sweep.rows.iter().map(faults).collect();
+    let Some(first) = all.iter().position(|faults| !faults.is_empty()) else {
+        return String::new();
+    };
+    let count = all.iter().filter(|faults| !faults.is_empty()).count();
+    let at = head(sweep, first);
+    let mut text = format!("{title} in {count} of {} rows; at {at}:\n", all.len());
+    for fault in &all[first] {
+        text += &format!("  {fault}\n");
+    }
+    text
+}
+
 /// A table a placement: scores, requirements, degrees in which a car is lost, and rules at each value.
 pub fn sweep_text(all: &[Sweep]) -> String {
     let of = |sweep: &Sweep| {
@@ -135,16 +150,11 @@ pub fn sweep_text(all: &[Sweep]) -> String {
         if sweep.rows.iter().flat_map(|row| &row.scores.required).any(|seen| !seen.is_met()) {
             text += "! = not met\n";
         }
-        let broken: Vec<usize> =
-            (0..sweep.rows.len()).filter(|&k| !sweep.rows[k].broken_rules.is_empty()).collect();
-        if let Some(&k) = broken.first() {
-            let (count, all) = (broken.len(), sweep.rows.len());
-            text += &format!("rules broken in {count} of {all} rows; at {}:\n", head(sweep, k));
-            for rule in &sweep.rows[k].broken_rules {
-                text += &format!("  {rule}\n");
-            }
-        }
-        text
+        text += &first_of(sweep, "rules broken", |row| row.broken_rules.clone());
+        text + &first_of(sweep, "a LiDAR looks at the own vehicle", |row| {
+            let guards = row.scores.guards.iter();
+            guards.filter(|of| matches!(of, Guard::SelfHit { .. })).map(Guard::to_string).collect()
+        })
     };
     all.iter().map(of).collect::<Vec<_>>().join("\n")
 }
@@ -219,6 +229,20 @@ fn tilt_text(tilt: &RoomOfTilt) -> String {
     format!("{}{about}{end}\n", align_columns(&rows))
 }
 
+/// Sentences on LiDARs that a moved field brings into the own body, or before it.
+fn self_hits_text(room: &Room) -> String {
+    let sides = room.fields.iter().flat_map(|of| [(of, '−', &of.down), (of, '+', &of.up)]);
+    let told = sides.filter_map(|(of, sign, side)| {
+        let at = side.self_hit_at.filter(|at| *at > 0.0)?;
+        let (at, most) = (fixed(at, if of.unit == "deg" { 2 } else { 1 }), 100.0 * MOST_SELF_HITS);
+        let place = format!("{} {sign} {at} {} LiDAR {}", of.field, of.unit, of.lidar);
+        Some(format!(
+            "! self_hit: at {place} ends more than {most:.0} % of its beams at the own vehicle\n"
+        ))
+    });
+    told.collect()
+}
+
 /// Sentences on copies: all LiDARs off together within each tolerance, then each LiDAR alone.
 fn copies_text(room: &Room) -> String {
     let all = if room.missed.is_empty() { "all" } else { "all other" };
@@ -250,8 +274,9 @@ fn copies_text(room: &Room) -> String {
 pub fn room_text(all: &[Room]) -> String {
     let of = |room: &Room| {
         let mut text = format!("{}\n", room.placement);
-        for missed in &room.missed {
-            text += &format!("  ! {missed}\n");
+        let guards = room.guards.iter().map(Guard::to_string);
+        for told in room.missed.iter().cloned().chain(guards) {
+            text += &format!("  ! {told}\n");
         }
         if !room.missed.is_empty() && room.fields.is_empty() {
             return text + "  missed as it is: there is no room\n";
@@ -269,6 +294,7 @@ pub fn room_text(all: &[Room]) -> String {
             rows.push([names.as_slice(), &down, &up].concat());
         }
         text += &align_columns(&rows);
+        text += &self_hits_text(room);
         text += &room.tilt.as_ref().map(tilt_text).unwrap_or_default();
         text + &copies_text(room)
     };
@@ -278,7 +304,7 @@ pub fn room_text(all: &[Room]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::{SweepRow, TiltedTo};
+    use crate::job::TiltedTo;
 
     fn table(drawing: TablePlot) -> Table {
         let row = |name: &str, values: [Option<f64>; 2]| Row {
@@ -335,6 +361,7 @@ mod tests {
             holds_to: 1.25 * steps,
             breaks_at: breaks.then_some(1.25 * (steps + 1.0)),
             breaks: breaks.then(|| "near".to_owned()),
+            self_hit_at: None,
         };
         let words = |steps: f64, breaks: bool| holds_to(&side(steps, breaks), 2);
         assert_eq!(
