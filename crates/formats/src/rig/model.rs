@@ -162,10 +162,8 @@ fn refuse_others(text: &str, file: &str) -> Result<(), DescriptionError> {
     let wanted = FileKind::Placements;
     match (json::not_json(text), FileKind::of(text)) {
         (Some(told), _) => Err(DescriptionError::NotJson { file: file.to_owned(), told, wanted }),
-        (None, Some(kind)) if kind != wanted => {
-            json::refuse_own_kinds(text, file, &wanted.to_string())
-        }
-        (None, _) => Ok(()),
+        (None, Some(kind)) if kind == wanted => Ok(()),
+        (None, _) => json::refuse_own_kinds(text, file, &wanted.to_string()),
     }
 }
 
