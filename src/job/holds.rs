@@ -1,18 +1,17 @@
 //! A close look at the result of a search, and requirements in copies of a placement that are mounted a little off.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use super::{Job, JobError};
 use crate::engine::{EngineChoice, open};
 use crate::near_field::FEW_PLACEMENTS;
 use crate::score::Scores;
 use crate::search::{
-    Evaluator, Event, FRAMES_OF_COPIES, Moved, Observer, Outcome, SEED_OF_RESULT, Scored, TimeLimit,
+    Evaluator, Event, FRAMES_OF_COPIES, Moved, Observer, Outcome, PATIENCE, SEED_OF_RESULT, Scored,
+    TimeLimit,
 };
 use crate::vehicle::Placement;
 
-/// Time to look closely at placements where a run is to end.
-const PATIENCE: Duration = Duration::from_secs(3);
 /// Baselines looked at closely at once; the observer is asked in between.
 const LOOKED_AT_ONCE: usize = 8;
 

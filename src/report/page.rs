@@ -223,7 +223,7 @@ struct Several {
     redundancy: Option<Redundancy>,
     /// Sentences on sensors of other technologies whose view the own body blocks.
     notes: Vec<String>,
-    /// The placement without each of its LiDARs; `None` for one LiDAR and beyond [`MOST_LOST`].
+    /// The placement without each of its LiDARs; `None` for one LiDAR, beyond [`MOST_LOST`], and where there was no time.
     losses: Option<Losses>,
 }
 
@@ -237,7 +237,7 @@ struct Near {
 
 impl Looks {
     /// Looks at a placement and its baselines in the scenes of a job, whose suite is over all frames, on the CPU
-    /// within the memory of the job's engine.
+    /// within the memory of the job's engine. Losses of LiDARs are left out once `go_on`, which is asked often, says no.
     ///
     /// # Errors
     /// Like [`open`] and the stages of the engine.
@@ -246,6 +246,7 @@ impl Looks {
         suite: &Suite,
         placement: &Placement,
         baselines: &[Scored],
+        go_on: &mut dyn FnMut() -> bool,
     ) -> Result<Self, JobError> {
         let choice = EngineChoice { memory: job.settings().engine.memory, ..EngineChoice::cpu() };
         let rival = Scored::yardstick(baselines).map(|rival| &rival.placement);
@@ -281,7 +282,7 @@ impl Looks {
         let lidars = placement.lidars.len();
         if lidars > 1 && lidars * suite.frame_count() <= MOST_LOST {
             let (mut evaluator, _) = Evaluator::open(suite, &choice, |_| {})?;
-            several.losses = job.losses_while(&mut evaluator, placement, &mut || true)?;
+            several.losses = job.losses_while(&mut evaluator, placement, go_on)?;
         }
         let has_moving_bodies = job.scene().has_moving_bodies();
         Ok(Self { maps, views, near, several, has_moving_bodies })
@@ -420,3 +421,6 @@ impl Figures {
         self
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -65,6 +65,7 @@ pub use phases::PhaseCheck;
 pub(crate) use rules::rules_in_words;
 pub use run::{Phase, Run, State, optimize};
 pub(crate) use seat::FRAMES_AT_ONCE;
+pub(crate) use settings::PATIENCE;
 pub use settings::{FrameChoice, Method, Settings, TimeLimit};
 pub use spread::{Gain, GainSpread};
 pub use suite::{Member, Suite};

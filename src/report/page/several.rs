@@ -91,7 +91,7 @@ fn not_lost(subject: &Subject<'_>) -> Markup {
         @if lidars > 1 {
             section aria-labelledby="lost" {
                 h2 #lost { "If one LiDAR fails" }
-                p { "Not looked at here: over so many frames it takes long. " code { "sightline study loss" } " looks at it." }
+                p { "Not looked at here, since it takes long. " code { "sightline study loss" } " looks at it." }
             }
         }
     }
