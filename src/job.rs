@@ -49,8 +49,8 @@ pub use front::{
 pub(crate) use loss::without;
 pub use loss::{Loss, Losses};
 pub use room::{
-    MOST_ABOUT, MOST_TILT, Room, RoomOfCopies, RoomOfField, RoomOfSide, RoomOfTilt, RoomSteps,
-    TiltedTo, moves_of,
+    MOST_ABOUT, MOST_TILT, Room, RoomOfCopies, RoomOfField, RoomOfLidar, RoomOfSide, RoomOfTilt,
+    RoomSteps, TiltedTo, moves_of,
 };
 pub use scene::JobScene;
 pub use search::{Found, JobRun, JobState, JobStep};
@@ -345,7 +345,7 @@ impl Job {
         for (placement, scores) in &mut all {
             scores.guards.extend(self_hits(self.scene(), &problem, engine, placement)?);
         }
-        let is_whole = self.add_holds(&mut all, go_on)?;
+        let is_whole = self.add_holds(&mut all, None, go_on)?;
         if let Some(site) = self.target_site()? {
             for (placement, scores) in &mut all {
                 name_missed_places(site, problem.target_rules(), placement, &mut scores.required)?;

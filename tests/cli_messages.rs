@@ -92,6 +92,36 @@ fn files_of_other_kinds_are_named() {
 }
 
 #[test]
+fn results_and_meshes_are_named_wherever_they_are_given() {
+    let dir = folder();
+    let result = json!({ "sightline": "0.1.0", "scene": "s", "settings": {}, "stopped": "time: over", "mounts": ["a"] });
+    write(&dir, "result.json", &result.to_string());
+    write(&dir, "m.gltf", "{\n  \"asset\": { \"version\": \"2.0\" },\n  \"nodes\": []\n}");
+    let told = fails(dir.path(), &["score", "s.json", "m.gltf"]);
+    assert!(told.contains("m.gltf: is a glTF mesh; name it as `file` of a `mesh`"), "{told}");
+    for (args, wanted) in [
+        ("score FILE rigs.json", "a scene"),
+        ("score s.json rigs.json --vehicle FILE", "a vehicle"),
+        ("study targets rigs.json --vehicle car.json --target FILE", "a target"),
+        ("rig export FILE --format urdf", "a file of placements"),
+        ("rig import FILE", "a rig of another program"),
+    ] {
+        for (file, is, mend) in [
+            ("result.json", "the result of a run", "give the folder of the run"),
+            ("m.gltf", "a glTF mesh", "name it as `file` of a `mesh`"),
+        ] {
+            let args = args.replace("FILE", file);
+            let told = fails(dir.path(), &args.split(' ').collect::<Vec<_>>());
+            let words = format!("{file}: is {is}, where {wanted} belongs; {mend}");
+            assert!(told.contains(&words), "{args}: {told}");
+        }
+    }
+    fs::create_dir(dir.path().join("runs")).unwrap();
+    let told = fails(dir.path(), &["rig", "export", "runs", "--format", "urdf"]);
+    assert!(told.contains("runs: is a folder without placements.json; give a file of"), "{told}");
+}
+
+#[test]
 fn millimetres_are_told_with_the_file_and_the_mount() {
     let dir = folder();
     let told = of_car(&dir, |car| {

@@ -253,13 +253,65 @@ fn a_requirement_that_is_missed_is_left_out_and_the_others_are_studied() {
     assert_eq!(run.status.code(), Some(1), "{run:?}");
     let both: Value = serde_json::from_slice(&run.stdout).unwrap();
     let both = &both["rows"][0];
-    for key in ["fields", "tilt", "copies"] {
+    for key in ["fields", "tilt", "copies", "alone"] {
         assert!(!alone[key].is_null() && both[key] == alone[key], "{key}: {both} {alone}");
     }
     let missed = both["missed"].as_array().unwrap();
     assert!(missed.len() == 1 && missed[0].to_string().contains("NOT MET: far: "), "{missed:?}");
     let text = String::from_utf8(sightline(dir.path(), &args).stdout).unwrap();
     assert!(text.contains("missed as it is and left out") && text.contains("holds to"), "{text}");
+    // A LiDAR alone may be off as far as all together, or farther.
+    let copies = both["copies"].as_array().unwrap();
+    let together = copies.iter().take_while(|of| of["holds_in"].as_f64().unwrap() >= 0.95).last();
+    let place = |within: &Value| copies.iter().position(|of| of["tolerance"] == *within);
+    for (k, of) in both["alone"].as_array().unwrap().iter().enumerate() {
+        assert_eq!(of["lidar"], k);
+        let within = together.map(|of| &of["tolerance"]).and_then(place);
+        assert!(place(&of["holds_within"]) >= within, "{both}");
+    }
+    for words in [
+        "all LiDARs off together by up to 5 mm and 0.5°: ",
+        " % of 200 copies meet all other requirements (± ",
+        "LiDAR 1 alone off in all fields by up to ",
+    ] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+}
+
+#[test]
+fn a_lidar_that_looks_at_the_own_body_is_told_as_score_tells_it() {
+    let dir = required_yard();
+    let self_hits = |scores: &Value| {
+        let all = scores["guards"].as_array().unwrap().iter();
+        all.filter(|of| of.as_str().unwrap().starts_with("self_hit")).cloned().collect::<Vec<_>>()
+    };
+    // LiDAR 0 looks at the roof below it. LiDAR 1 stands 0.1 m before the body, and 0.2 m behind that place within it.
+    let given = self_hits(&scored(dir.path(), "two.json"));
+    assert_eq!(given.len(), 1, "{given:?}");
+    let args = ["study", "tolerance", "yard.json", "two.json", "--backend", "cpu", "--frames", "1"];
+    let args = [&args[..], &["--steps", "2", "--most-mm", "400"]].concat();
+    let found = ok(dir.path(), &args);
+    let room = &found["rows"][0];
+    assert_eq!(room["guards"], json!(given));
+    let at = |lidar: usize, side: &str| {
+        let mut fields = room["fields"].as_array().unwrap().iter();
+        let x = fields.find(|of| of["lidar"] == lidar && of["field"] == "x").unwrap();
+        x[side]["self_hit_at"].clone()
+    };
+    let all = [at(0, "down"), at(0, "up"), at(1, "down"), at(1, "up")];
+    assert_eq!(all, [json!(0.0), json!(0.0), json!(200.0), Value::Null]);
+    let text = String::from_utf8(sightline(dir.path(), &args).stdout).unwrap();
+    for words in [
+        "  ! self_hit: LiDAR 0 ends ",
+        "! self_hit: at x − 200.0 mm LiDAR 1 ends more than 25 % of its beams at the own vehicle",
+    ] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    let found =
+        sweep(dir.path(), &["--of", "1.x", "--from", "2.1", "--to", "1.9", "--values", "2"]);
+    let of_row = |row: usize| self_hits(&found["rows"][row]["scores"]);
+    assert_eq!((of_row(0), of_row(1)), (given.clone(), given));
+    assert!(of_row(2).len() == 2 && of_row(2)[1].to_string().contains("LiDAR 1 ends 100.0 %"));
 }
 
 #[test]

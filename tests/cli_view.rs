@@ -8,6 +8,8 @@ use serde_json::json;
 use tempfile::TempDir;
 
 use crate::cli::{fails, sightline};
+use crate::cli_cones::{change, rig};
+use crate::cli_shared::yard as cart_yard;
 
 /// Level ground and a walker before a vehicle with two LiDARs.
 fn yard(dir: &Path) {
@@ -183,4 +185,36 @@ fn a_page_has_the_numbers_of_the_studies_on_several_lidars() {
     done(&["view", "yard.json", "two.json:high", "--out", "one.html"]);
     let one = fs::read_to_string(dir.path().join("one.html")).unwrap();
     assert!(!one.contains("id=\"lost\"") && !one.contains("id=\"redundancy\""));
+}
+
+#[test]
+fn a_page_has_the_table_of_technologies_and_the_command_for_tolerances() {
+    let dir = cart_yard();
+    let dir = dir.path();
+    change(dir, "cart.json", |cart| {
+        cart["other_sensors"] = rig();
+        cart["require"] = json!([{ "target": "car", "within": 10, "share": 0.1 }]);
+    });
+    let done = |args: &str| {
+        let run = sightline(dir, &format!("{args} --backend cpu").split(' ').collect::<Vec<_>>());
+        assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));
+        String::from_utf8(run.stdout).unwrap()
+    };
+    // One LiDAR: its vehicle has cameras and radars, one of them within the body.
+    done("view yard.json each.json:l0 --out v.html");
+    let page = fs::read_to_string(dir.join("v.html")).unwrap();
+    let told = section(&page, "redundancy");
+    let study = done("study redundancy yard.json each.json:l0");
+    let table = study.split_once("% by technologies").unwrap().1;
+    let rows = table.lines().skip(1).take_while(|line| !line.is_empty());
+    let cells = |line: &str| {
+        line.split("  ").map(str::trim).filter(|c| !c.is_empty()).collect::<Vec<_>>().join("|")
+    };
+    let rows: Vec<String> = rows.map(cells).collect();
+    assert!(rows.len() >= 7, "{study}");
+    rows.iter().for_each(|row| assert!(told.contains(row), "{row} of {told}"));
+    assert!(told.contains("|blind to all|by 1|2|3+|1 lidar|7 camera|5 radar"), "{told}");
+    assert!(told.contains("% of the view of `radar 4`"), "{told}");
+    let told = section(&page, "required");
+    assert!(told.contains("sightline study tolerance SCENE PLACEMENTS"), "{told}");
 }

@@ -238,7 +238,7 @@ impl PyScene {
     /// How far each pose field of each LiDAR of one placement may be off, and how far the body may tilt, until a requirement
     /// of the vehicle breaks, as a `dict` with the row that `sightline study tolerance` prints: `missed` (left
     /// out of all else), `fields` with
-    /// `down` and `up` (`holds_to`, `breaks_at`, `breaks`; mm or degrees), `tilt` with its `directions`, and `copies`. Fields
+    /// `down` and `up` (`holds_to`, `breaks_at`, `breaks`; mm or degrees), `tilt` with its `directions`, `copies` and `alone`. Fields
     /// move up to `most_mm` millimetres and `most_deg` degrees, in `steps` steps to either side; all LiDARs tilt together up
     /// to `most_tilt_deg` degrees about the point `tilt_about` `(x, y)` of the ground, metres of the ego frame, or its origin. Raises
     /// `ValueError` where the vehicle requires nothing. `progress` as for `optimize`.

@@ -1,18 +1,17 @@
 //! A close look at the result of a search, and requirements in copies of a placement that are mounted a little off.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use super::{Job, JobError};
 use crate::engine::{EngineChoice, open};
 use crate::near_field::FEW_PLACEMENTS;
 use crate::score::Scores;
 use crate::search::{
-    Evaluator, Event, FRAMES_OF_COPIES, Moved, Observer, Outcome, SEED_OF_RESULT, Scored, TimeLimit,
+    Evaluator, Event, FRAMES_OF_COPIES, Moved, Observer, Outcome, PATIENCE, SEED_OF_RESULT, Scored,
+    TimeLimit,
 };
 use crate::vehicle::Placement;
 
-/// Time to look closely at placements where a run is to end.
-const PATIENCE: Duration = Duration::from_secs(3);
 /// Baselines looked at closely at once; the observer is asked in between.
 const LOOKED_AT_ONCE: usize = 8;
 
@@ -62,8 +61,8 @@ impl Job {
         Ok(())
     }
 
-    /// Adds to each requirement the share of copies that still meet it: copies whose LiDARs are off by the job's
-    /// tolerance. Nothing without a tolerance or requirements.
+    /// Adds to each requirement the share of copies that still meet it: copies whose LiDARs, or `only` one of them, are off by
+    /// the job's tolerance. Nothing without a tolerance or requirements.
     ///
     /// Targets are looked at as the requirement asks, with poses drawn anew for each copy. Areas, ground and overlap are looked
     /// at in 15 poses of each LiDAR, from which copies draw again, and in four frames of each scene; the change there is added
@@ -76,6 +75,7 @@ impl Job {
     pub(super) fn add_holds(
         &self,
         all: &mut [(&Placement, &mut Scores)],
+        only: Option<usize>,
         go_on: &mut dyn FnMut() -> bool,
     ) -> Result<bool, JobError> {
         let Some(tolerance) = self.tolerance.filter(|tolerance| tolerance.is_some()) else {
@@ -93,7 +93,8 @@ impl Job {
             let found: Vec<_> =
                 scores.required.iter().map(|seen| (seen.share, seen.least)).collect();
             let looked_at = (&**placement, found.len());
-            let moved = Moved::new((tolerance, SEED_OF_RESULT), looked_at, &mut evaluator, go_on)?;
+            let off = (tolerance, SEED_OF_RESULT, only);
+            let moved = Moved::new(off, looked_at, &mut evaluator, go_on)?;
             let Some(moved) = moved else { return Ok(false) };
             let Some(holds) = moved.holds(&[], &found, go_on)? else { return Ok(false) };
             scores.requirements_hold_in = Some(holds.all);

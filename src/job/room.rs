@@ -8,7 +8,10 @@ use super::{Job, JobError, Tolerance};
 use crate::engine::BackendError;
 use crate::geom::Pose;
 use crate::maths;
-use crate::score::{Scores, Seen};
+use crate::near_field::self_hits;
+use crate::problem::Problem;
+use crate::scene::Scene;
+use crate::score::{Guard, HOLDS, Scores, Seen};
 use crate::search::{Evaluator, error_of_share};
 use crate::vehicle::{Placement, SensorPose};
 
@@ -38,12 +41,17 @@ pub struct Room {
     /// Requirements that it misses as it is, in words. They are left out: deviations are looked at for all others, if there
     /// are any.
     pub missed: Vec<String>,
+    /// Guards `self_hit` of the placement as it is.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub guards: Vec<Guard>,
     /// Each field of each LiDAR alone; one that is interrupted has the first ones.
     pub fields: Vec<RoomOfField>,
     /// The body tilted, all LiDARs with it; `None` where it was not looked at.
     pub tilt: Option<RoomOfTilt>,
-    /// Copies in which all LiDARs are off at once, looked at last.
+    /// Copies in which all LiDARs are off at once, looked at behind the tilt.
     pub copies: Vec<RoomOfCopies>,
+    /// Each LiDAR alone with all its fields off at once, looked at last; none for a placement of one LiDAR, whose copies tell it.
+    pub alone: Vec<RoomOfLidar>,
 }
 
 /// How far one field of one LiDAR may be off, all else as it is.
@@ -70,6 +78,10 @@ pub struct RoomOfSide {
     pub breaks_at: Option<f64>,
     /// Requirement that breaks there, of several the one that lacks most.
     pub breaks: Option<String>,
+    /// First deviation, up to the one that breaks a requirement, at which the moved LiDAR has the guard `self_hit`: 0 if it has
+    /// it as it is. `None` where it has it at none, and of tilts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub self_hit_at: Option<f64>,
 }
 
 /// Copies whose LiDARs are all off, at random within a tolerance.
@@ -81,6 +93,16 @@ pub struct RoomOfCopies {
     pub holds_in: f64,
     /// Two standard errors of the share: the copies are a draw.
     pub error: f64,
+}
+
+/// How far all fields of one LiDAR may be off at once, the other LiDARs as they are.
+#[derive(Debug, Clone, Serialize)]
+pub struct RoomOfLidar {
+    /// Number of the LiDAR.
+    pub lidar: usize,
+    /// Largest tolerance of [`Room::copies`] within which [`HOLDS`] of the copies meet all requirements; `None` where fewer do
+    /// within the smallest.
+    pub holds_within: Option<Tolerance>,
 }
 
 /// Requirements that are missed as the placement is, by position: no deviation breaks them.
@@ -101,6 +123,7 @@ pub(super) fn side(step: f64, scores: &[Scores]) -> RoomOfSide {
         holds_to: step * first.unwrap_or(scores.len()) as f64,
         breaks_at: first.map(|k| step * (k + 1) as f64),
         breaks: first.and_then(|k| broken(&scores[k])).map(|seen| seen.name.clone()),
+        self_hit_at: None,
     }
 }
 
@@ -143,14 +166,18 @@ impl Job {
         let mut room = Room {
             placement: name,
             missed: Vec::new(),
+            guards: Vec::new(),
             fields: Vec::new(),
             tilt: None,
             copies: Vec::new(),
+            alone: Vec::new(),
         };
         let as_given = evaluator.scores_while(std::slice::from_ref(placement), &mut || go_on(0))?;
         let Some(mut scores) = as_given.and_then(|mut scores| scores.pop()) else {
             return Ok(room);
         };
+        let problem = self.problem()?;
+        room.guards = self_hits(self.scene(), &problem, evaluator.backend_mut(), placement)?;
         let all = scores.required.iter().enumerate();
         let missed: Vec<usize> = all.filter(|(_, seen)| !seen.is_met()).map(|(k, _)| k).collect();
         room.missed = missed.iter().map(|&k| scores.required[k].to_string()).collect();
@@ -158,11 +185,9 @@ impl Job {
             return Ok(room);
         }
         set_aside(&mut scores, &missed);
-        let mut look = |moved: &[Placement], go_on: &mut dyn FnMut(u64) -> bool| {
-            let mut scores = evaluator.scores_while(moved, &mut || go_on(0))?;
-            scores.iter_mut().flatten().for_each(|scores| set_aside(scores, &missed));
-            Ok::<_, BackendError>(scores)
-        };
+        let (scene, guards) = (self.scene(), room.guards.clone());
+        let mut look =
+            Look { evaluator, scene, problem: &problem, missed: &missed, guards: &guards };
         for field in SweptField::all(placement) {
             let Some(of_field) = room_of_field(&mut look, placement, field, steps, go_on)? else {
                 return Ok(room);
@@ -171,23 +196,56 @@ impl Job {
             go_on(1);
         }
         room.tilt = room_of_tilt(&mut look, placement, steps, go_on)?;
+        self.add_copies((placement, &mut scores), &mut room, go_on)?;
+        Ok(room)
+    }
+
+    /// Adds the copies of a placement, whose `scores` are over all frames, all LiDARs off and then each alone.
+    fn add_copies(
+        &self,
+        (placement, scores): (&Placement, &mut Scores),
+        room: &mut Room,
+        go_on: &mut dyn FnMut(u64) -> bool,
+    ) -> Result<(), JobError> {
         let usual = Tolerance::default();
+        let mut share = |tolerance: Tolerance, only: Option<usize>| {
+            let job = self.clone().tolerance(Some(tolerance));
+            let all = &mut [(placement, &mut *scores)];
+            let is_whole = job.add_holds(all, only, &mut || go_on(0))?;
+            Ok::<_, JobError>(scores.requirements_hold_in.filter(|_| is_whole))
+        };
         for times in COPIES_WITHIN {
-            if !go_on(0) {
-                break;
-            }
             let tolerance =
                 Tolerance { metres: times * usual.metres, radians: times * usual.radians };
-            let job = self.clone().tolerance(Some(tolerance));
-            if !job.add_holds(&mut [(placement, &mut scores)], &mut || go_on(0))? {
-                break;
-            }
-            let holds_in = scores.requirements_hold_in.unwrap_or_default();
+            let Some(holds_in) = share(tolerance, None)? else { return Ok(()) };
             let error = error_of_share(holds_in, placement.lidars.len());
             room.copies.push(RoomOfCopies { tolerance, holds_in, error });
         }
-        Ok(room)
+        let lidars = placement.lidars.len();
+        for lidar in (0..lidars).filter(|_| lidars > 1) {
+            let Some(of_lidar) = room_of_lidar(&mut share, lidar, &room.copies)? else { break };
+            room.alone.push(of_lidar);
+        }
+        Ok(())
     }
+}
+
+/// How far one LiDAR may be off in all fields at once, by halving the tolerances beyond those within which all LiDARs may be off
+/// together. `share` is that of its copies; `None` once it has none.
+fn room_of_lidar(
+    share: &mut dyn FnMut(Tolerance, Option<usize>) -> Result<Option<f64>, JobError>,
+    lidar: usize,
+    copies: &[RoomOfCopies],
+) -> Result<Option<RoomOfLidar>, JobError> {
+    let mut holds = copies.iter().take_while(|all| all.holds_in >= HOLDS).count();
+    let mut breaks = copies.len();
+    while holds < breaks {
+        let middle = usize::midpoint(holds, breaks);
+        let Some(share) = share(copies[middle].tolerance, Some(lidar))? else { return Ok(None) };
+        if share >= HOLDS { holds = middle + 1 } else { breaks = middle }
+    }
+    let within = holds.checked_sub(1).map(|last| copies[last].tolerance);
+    Ok(Some(RoomOfLidar { lidar, holds_within: within }))
 }
 
 /// Moves of a placement that [`Job::room_while`] looks at: each pose field, and each direction of the tilt.
@@ -195,9 +253,54 @@ pub fn moves_of(placement: &Placement) -> u64 {
     SweptField::all(placement).count() as u64 + TILTS
 }
 
-/// Scores of some placements, requirements missed as they are set aside; `None` once the question says no.
-type Look<'a> = dyn FnMut(&[Placement], &mut dyn FnMut(u64) -> bool) -> Result<Option<Vec<Scores>>, BackendError>
-    + 'a;
+/// A placement that is looked at with LiDARs moved.
+struct Look<'a> {
+    evaluator: &'a mut Evaluator,
+    scene: &'a Scene,
+    problem: &'a Problem,
+    /// Requirements that the placement misses as it is.
+    missed: &'a [usize],
+    /// Guards `self_hit` of the placement as it is.
+    guards: &'a [Guard],
+}
+
+impl Look<'_> {
+    /// Scores of some placements, requirements missed as they are set aside; `None` once `go_on` says no.
+    fn scores(
+        &mut self,
+        moved: &[Placement],
+        go_on: &mut dyn FnMut(u64) -> bool,
+    ) -> Result<Option<Vec<Scores>>, BackendError> {
+        let mut scores = self.evaluator.scores_while(moved, &mut || go_on(0))?;
+        scores.iter_mut().flatten().for_each(|scores| set_aside(scores, self.missed));
+        Ok(scores)
+    }
+
+    /// Number of steps, 1 at the first of some placements, after which a LiDAR has the guard `self_hit`; 0 if it has it as it is.
+    /// `None` where it never has, or once `go_on` says no.
+    fn self_hit(
+        &mut self,
+        lidar: usize,
+        moved: &[Placement],
+        go_on: &mut dyn FnMut(u64) -> bool,
+    ) -> Result<Option<usize>, BackendError> {
+        let mut guards = self.guards.iter();
+        if guards.any(|of| matches!(of, Guard::SelfHit { lidar: own, .. } if *own == lidar)) {
+            return Ok(Some(0));
+        }
+        for (k, placement) in moved.iter().enumerate() {
+            let (name, lidars) = (placement.name.clone(), vec![placement.lidars[lidar]]);
+            let (alone, backend) = (Placement { name, lidars }, self.evaluator.backend_mut());
+            if !go_on(0) {
+                break;
+            }
+            if !self_hits(self.scene, self.problem, backend, &alone)?.is_empty() {
+                return Ok(Some(k + 1));
+            }
+        }
+        Ok(None)
+    }
+}
 
 /// How far one field may be off to either side; `None` once `go_on` says no.
 fn room_of_field(
@@ -212,10 +315,18 @@ fn room_of_field(
         (1..=steps.steps).map(move |k| field.moved(placement, value + sign * step * f64::from(k)))
     };
     let moved: Vec<Placement> = off(-1.0).chain(off(1.0)).collect();
-    let Some(scores) = look(&moved, go_on)? else { return Ok(None) };
-    let (down, up) = scores.split_at(steps.steps as usize);
+    let Some(scores) = look.scores(&moved, go_on)? else { return Ok(None) };
     let (unit, scale) = if field.unit() == "m" { ("mm", 1e3) } else { ("deg", 1.0) };
-    let [down, up] = [down, up].map(|scores| side(scale * step, scores));
+    let each = moved.chunks(steps.steps as usize).zip(scores.chunks(steps.steps as usize));
+    let sides = each.map(|(moved, scores)| {
+        let broken = scores.iter().position(|scores| broken(scores).is_some());
+        let looked_at = broken.map_or(moved.len(), |first| first + 1);
+        let self_hit = look.self_hit(field.lidar, &moved[..looked_at], go_on)?;
+        let self_hit_at = self_hit.map(|steps| scale * step * steps as f64);
+        Ok(RoomOfSide { self_hit_at, ..side(scale * step, scores) })
+    });
+    let sides = sides.collect::<Result<Vec<_>, BackendError>>()?;
+    let (true, Ok([down, up])) = (go_on(0), <[_; 2]>::try_from(sides)) else { return Ok(None) };
     Ok(Some(RoomOfField { lidar: field.lidar, field: field.name(), unit, down, up }))
 }
 
@@ -293,7 +404,7 @@ fn room_of_tilt(
             tilted(placement, steps.tilt_about, turn)
         };
         let moved: Vec<Placement> = (1..=steps.steps).map(at).collect();
-        let scores = look(&moved, go_on)?;
+        let scores = look.scores(&moved, go_on)?;
         let Some(scores) = scores else { return Ok(None) };
         directions.push(TiltedTo { direction, side: side(step, &scores) });
         go_on(1);
@@ -312,66 +423,4 @@ fn room_of_tilt(
 const TILTS: u64 = DIRECTIONS.len() as u64;
 
 #[cfg(test)]
-mod tests {
-    use std::f64::consts::FRAC_PI_2;
-
-    use super::*;
-
-    #[test]
-    fn a_side_ends_before_the_first_requirement_that_breaks() {
-        let at = |a: f64, b: f64| Scores {
-            required: vec![Seen::of("a", a), Seen::of("b", b)],
-            ..Scores::default()
-        };
-        let found = side(5.0, &[at(0.95, 0.9), at(0.9, 1.0), at(0.8, 0.7), at(1.0, 1.0)]);
-        assert_eq!((found.holds_to, found.breaks_at), (10.0, Some(15.0)));
-        assert_eq!(found.breaks.as_deref(), Some("b"));
-        let all = side(5.0, &[at(1.0, 1.0), at(0.9, 0.9)]);
-        assert_eq!((all.holds_to, all.breaks_at, all.breaks), (10.0, None, None));
-    }
-
-    #[test]
-    fn a_tilt_lowers_the_part_that_its_direction_names() {
-        let down = |bearing: f64| tilt(bearing.to_radians(), 0.1);
-        for (name, bearing) in DIRECTIONS {
-            let (sin, cos) = bearing.to_radians().sin_cos();
-            let lowered = down(bearing) * DVec3::new(cos, sin, 0.0);
-            assert!((lowered.z + 0.1_f64.sin()).abs() < 1e-12, "{name}: {lowered}");
-            let beside = DVec3::new(-sin, cos, 0.0);
-            assert!((down(bearing) * beside - beside).length() < 1e-12, "{name}: level");
-            let words = [
-                ("front", cos > 0.1),
-                ("rear", cos < -0.1),
-                ("left", sin > 0.1),
-                ("right", sin < -0.1),
-            ];
-            assert!(words.iter().all(|(word, is)| name.contains(word) == *is), "{name}");
-        }
-    }
-
-    #[test]
-    fn lidars_turn_together_about_a_point_of_the_ground() {
-        let lidar =
-            |values: [f64; 6]| SensorPose { phase: Some(0.5), ..SensorPose::from_values(values) };
-        let lidars = vec![
-            lidar([3.0, 0.5, 2.0, 0.0, 0.1, 0.0]),
-            lidar([1.0, -1.0, 1.5, 0.0, 0.0, FRAC_PI_2]),
-        ];
-        let placement = Placement { name: "p".into(), lidars };
-        let angle = 0.2_f64;
-        let moved = tilted(&placement, [1.0, 0.0], tilt(0.0, angle));
-        // By hand, front down about y through (1, 0, 0): x' = 1 + (x − 1) cos + z sin, z' = z cos − (x − 1) sin.
-        let (sin, cos) = angle.sin_cos();
-        let [first, second] = [&moved.lidars[0], &moved.lidars[1]];
-        let wanted = [1.0 + 2.0 * cos + 2.0 * sin, 0.5, 2.0 * cos - 2.0 * sin, 0.0, 0.3, 0.0];
-        for (a, b) in first.values().into_iter().zip(wanted) {
-            assert!((a - b).abs() < 1e-12, "{first:?} {wanted:?}");
-        }
-        // One that looks to the left rolls: its right side, which is ahead, goes down.
-        let wanted = [1.0 + 1.5 * sin, -1.0, 1.5 * cos, angle, 0.0, FRAC_PI_2];
-        for (a, b) in second.values().into_iter().zip(wanted) {
-            assert!((a - b).abs() < 1e-12, "{second:?} {wanted:?}");
-        }
-        assert_eq!(second.phase, Some(0.5));
-    }
-}
+mod tests;

@@ -5,6 +5,7 @@ use std::f64::consts::FRAC_PI_4;
 use serde::Serialize;
 
 use super::{Job, JobError};
+use crate::near_field::self_hits;
 use crate::score::Scores;
 use crate::search::Evaluator;
 use crate::vehicle::{Constraints, FARTHEST_ON_VEHICLE, Placement, PlacementError, SensorPose};
@@ -58,7 +59,7 @@ pub struct SweepRow {
     pub as_given: bool,
     /// Rules of the mounts that it breaks, in words; empty where it keeps all.
     pub broken_rules: Vec<String>,
-    /// Scores, requirements and blind sectors; means over several scenes.
+    /// Scores, requirements, blind sectors and guards `self_hit`; means over several scenes.
     pub scores: Scores,
 }
 
@@ -222,6 +223,10 @@ impl Job {
         let Some(mut scores) = evaluator.scores_while(&moved, go_on)? else { return Ok(None) };
         self.add_range_cards(moved.iter().zip(&mut scores))?;
         let problem = self.problem()?;
+        for (placement, scores) in moved.iter().zip(&mut scores) {
+            let hits = self_hits(self.scene(), &problem, evaluator.backend_mut(), placement)?;
+            scores.guards.extend(hits);
+        }
         let row = |((value, placement), scores): ((&Option<f64>, &Placement), Scores)| {
             let broken = problem.rules().violations(placement);
             SweepRow {

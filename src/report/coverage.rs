@@ -248,43 +248,51 @@ pub fn redundancy_text(all: &[&Redundancy]) -> String {
     all.iter().map(of).collect::<Vec<_>>().join("\n")
 }
 
-/// Tables of at most [`WIDEST`] characters: shares of things by the number of technologies, and that each technology sees.
-fn technologies_text(all: &Technologies) -> String {
+/// Columns of [`technology_rows`] before those of each technology.
+const BEFORE_EACH: usize = 6;
+
+/// Things that count, the shares of them in per cent that no, one, two, three and more technologies see, and that each
+/// technology sees; titles first.
+pub(super) fn technology_rows(all: &Technologies) -> Vec<Vec<String>> {
     let ground = [("ground to 3 m", &all.ground_3m), ("ground to 10 m", &all.ground_10m)];
     let ground = ground.into_iter().filter_map(|(name, seen)| Some((name, seen.as_ref()?)));
     let targets = all.targets.iter().map(|of| (of.target.as_str(), &of.seen));
     let things = std::iter::once(("voxels, occupied", &all.occupied)).chain(ground).chain(targets);
-    let things: Vec<(&str, &SeenByTechnologies)> = things.collect();
-    let name = |name: &str| vec![shortened(name, LONGEST_NAME)];
-    let numbers = ["% by technologies", "of", "blind to all", "by 1", "2", "3+"].map(str::to_owned);
-    let mut table = vec![numbers.to_vec()];
-    table.extend(things.iter().map(|(thing, seen)| {
-        let number = &seen.number;
-        let shares = (0..number.by.len()).map(|k| percent(number.share.map(|share| share[k])));
-        name(thing).into_iter().chain([fixed(number.all, 0)]).chain(shares).collect()
+    let numbers: [_; BEFORE_EACH] = ["% by technologies", "of", "blind to all", "by 1", "2", "3+"];
+    let each = all.sensors.iter().map(|of| format!("{} {}", of.count, of.technology));
+    let mut rows = vec![numbers.map(str::to_owned).into_iter().chain(each).collect::<Vec<_>>()];
+    rows.extend(things.map(|(thing, seen): (&str, &SeenByTechnologies)| {
+        let mut row = line(thing.to_owned(), &seen.number);
+        row.extend(seen.each.iter().map(|of| percent(of.share)));
+        row
     }));
-    let mut tables = vec![table];
-    for (k, of) in all.sensors.iter().enumerate() {
-        let mut column = vec![format!("{} {}", of.count, of.technology)];
-        column.extend(things.iter().map(|(_, seen)| percent(seen.each[k].share)));
-        let wider = |table: &[Vec<String>]| {
-            let rows = table.iter().zip(&column);
-            rows.map(|(row, cell)| [&row[..], std::slice::from_ref(cell)].concat()).collect()
-        };
-        let wide: Vec<Vec<String>> = tables.last().map(|table| wider(table)).unwrap_or_default();
-        match align_columns(&wide).lines().all(|line| line.chars().count() <= WIDEST) {
-            true => {
-                tables.pop();
-                tables.push(wide);
-            }
-            false => {
-                let mut first = vec![name("% seen by")];
-                first.extend(things.iter().map(|(thing, _)| name(thing)));
-                tables.push(wider(&first));
-            }
+    rows
+}
+
+/// [`technology_rows`] as tables of at most [`WIDEST`] characters.
+fn technologies_text(all: &Technologies) -> String {
+    let mut rows = technology_rows(all);
+    rows.iter_mut().for_each(|row| row[0] = shortened(&row[0], LONGEST_NAME));
+    let text = |columns: &[usize]| {
+        let of = |row: &Vec<String>| columns.iter().map(|&k| row[k].clone()).collect();
+        let mut table: Vec<Vec<String>> = rows.iter().map(of).collect();
+        if columns.get(1) != Some(&1) {
+            table[0][0] = "% seen by".to_owned();
+        }
+        align_columns(&table)
+    };
+    let mut tables: Vec<Vec<usize>> = Vec::new();
+    let mut last: Vec<usize> = (0..BEFORE_EACH).collect();
+    for column in BEFORE_EACH..rows[0].len() {
+        let wide = [&last[..], &[column]].concat();
+        if text(&wide).lines().all(|line| line.chars().count() <= WIDEST) {
+            last = wide;
+        } else {
+            tables.push(std::mem::replace(&mut last, vec![0, column]));
         }
     }
-    tables.iter().map(|table| format!("\n{}", align_columns(table))).collect()
+    tables.push(last);
+    tables.iter().map(|columns| format!("\n{}", text(columns))).collect()
 }
 
 /// A matrix whose rows and columns are LiDARs.

@@ -5,7 +5,7 @@
 //! | `scores` | requirements, result against baselines, guards, scene by scene |
 //! | `layout` | poses of the result, and the gain of each LiDAR; tables and figures |
 //! | `seen` | range card, blind zone and maps of the result |
-//! | `several` | things by the number of LiDARs that see them, the loss of each LiDAR, overlap of pairs |
+//! | `several` | things by the LiDARs and technologies that see them, the loss of each LiDAR, overlap of pairs |
 //! | `search` | convergence, findings, how the run was made and how to repeat it |
 //! | `front` | the page of a front |
 
@@ -101,7 +101,7 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                     (seen::range_card(subject, figures))
                     (seen::near_field(figures))
                     (layout::layout(subject, figures, run))
-                    (several::redundancy(figures))
+                    (several::redundancy(subject, figures))
                     (several::losses(subject, figures))
                     (several::overlap(figures))
                     p.part { "For the sceptic: what to doubt, and how to repeat it" }
@@ -219,9 +219,11 @@ pub struct Looks {
 struct Several {
     /// Pairs in the first scene; `None` where there is one LiDAR, or beams end at nothing.
     overlap: Option<Overlap>,
-    /// Things of the first scene by the number of LiDARs that see them; `None` where there is one LiDAR.
+    /// Things of the first scene by the number of LiDARs that see them; `None` where there is one LiDAR and no other sensor.
     redundancy: Option<Redundancy>,
-    /// The placement without each of its LiDARs; `None` for one LiDAR and beyond [`MOST_LOST`].
+    /// Sentences on sensors of other technologies whose view the own body blocks.
+    notes: Vec<String>,
+    /// The placement without each of its LiDARs; `None` for one LiDAR, beyond [`MOST_LOST`], and where there was no time.
     losses: Option<Losses>,
 }
 
@@ -235,7 +237,7 @@ struct Near {
 
 impl Looks {
     /// Looks at a placement and its baselines in the scenes of a job, whose suite is over all frames, on the CPU
-    /// within the memory of the job's engine.
+    /// within the memory of the job's engine. Losses of LiDARs are left out once `go_on`, which is asked often, says no.
     ///
     /// # Errors
     /// Like [`open`] and the stages of the engine.
@@ -244,6 +246,7 @@ impl Looks {
         suite: &Suite,
         placement: &Placement,
         baselines: &[Scored],
+        go_on: &mut dyn FnMut() -> bool,
     ) -> Result<Self, JobError> {
         let choice = EngineChoice { memory: job.settings().engine.memory, ..EngineChoice::cpu() };
         let rival = Scored::yardstick(baselines).map(|rival| &rival.placement);
@@ -279,7 +282,7 @@ impl Looks {
         let lidars = placement.lidars.len();
         if lidars > 1 && lidars * suite.frame_count() <= MOST_LOST {
             let (mut evaluator, _) = Evaluator::open(suite, &choice, |_| {})?;
-            several.losses = job.losses_while(&mut evaluator, placement, &mut || true)?;
+            several.losses = job.losses_while(&mut evaluator, placement, go_on)?;
         }
         let has_moving_bodies = job.scene().has_moving_bodies();
         Ok(Self { maps, views, near, several, has_moving_bodies })
@@ -305,11 +308,14 @@ fn near<'a>(
     let few = Arc::new(problem.over(&frames));
     let mut engine = open(few.task(), choice, |_| {})?.engine;
     let mut several = Several::default();
-    if let Some(first) = placements.clone().next().filter(|first| first.lidars.len() > 1) {
+    let has_others = !scene.vehicle().other_sensors.is_empty();
+    let first = placements.clone().next();
+    if let Some(first) = first.filter(|first| has_others || first.lidars.len() > 1) {
         several.overlap = Overlap::new(scene, &few, &mut *engine, first, LEAST_SHARED).ok();
         let targets = REDUNDANCY_TARGETS.iter().filter_map(|name| Target::named(name).ok());
         let question = redundancy_question(targets.collect());
         let site = RedundancySite::new(scene, few.clone(), of.target_site()?.cloned());
+        several.notes = site.notes();
         several.redundancy = Some(site.look(&mut *engine, &question, first)?);
     }
     let site = match NearSite::new(scene, &few) {
@@ -415,3 +421,6 @@ impl Figures {
         self
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,9 +4,10 @@ use super::plot::{Axis, Change, Plot, Series};
 use super::svg::trimmed;
 use super::tables::ScoreColumn;
 use super::text::align_columns;
-use crate::job::{Room, RoomOfSide, RoomOfTilt, Sweep};
+use crate::job::{Room, RoomOfLidar, RoomOfSide, RoomOfTilt, Sweep, SweepRow};
 use crate::json::fixed;
-use crate::score::{Guard, Scores, percent_down, percent_up};
+use crate::score::{Guard, HOLDS, MOST_SELF_HITS, Scores, percent_down, percent_up};
+use crate::search::COPIES;
 use crate::study::{Row, Table, TablePlot};
 
 /// Draws a table by its `drawing`.
@@ -121,6 +122,21 @@ fn table(sweep: &Sweep) -> String {
     align_columns(&lines)
 }
 
+/// Rows of a sweep that have faults, and the faults of the first of them; empty where none has.
+fn first_of(sweep: &Sweep, title: &str, faults: impl Fn(&SweepRow) -> Vec<String>) -> String {
+    let all: Vec<Vec<String>> = sweep.rows.iter().map(faults).collect();
+    let Some(first) = all.iter().position(|faults| !faults.is_empty()) else {
+        return String::new();
+    };
+    let count = all.iter().filter(|faults| !faults.is_empty()).count();
+    let at = head(sweep, first);
+    let mut text = format!("{title} in {count} of {} rows; at {at}:\n", all.len());
+    for fault in &all[first] {
+        text += &format!("  {fault}\n");
+    }
+    text
+}
+
 /// A table a placement: scores, requirements, degrees in which a car is lost, and rules at each value.
 pub fn sweep_text(all: &[Sweep]) -> String {
     let of = |sweep: &Sweep| {
@@ -134,16 +150,11 @@ pub fn sweep_text(all: &[Sweep]) -> String {
         if sweep.rows.iter().flat_map(|row| &row.scores.required).any(|seen| !seen.is_met()) {
             text += "! = not met\n";
         }
-        let broken: Vec<usize> =
-            (0..sweep.rows.len()).filter(|&k| !sweep.rows[k].broken_rules.is_empty()).collect();
-        if let Some(&k) = broken.first() {
-            let (count, all) = (broken.len(), sweep.rows.len());
-            text += &format!("rules broken in {count} of {all} rows; at {}:\n", head(sweep, k));
-            for rule in &sweep.rows[k].broken_rules {
-                text += &format!("  {rule}\n");
-            }
-        }
-        text
+        text += &first_of(sweep, "rules broken", |row| row.broken_rules.clone());
+        text + &first_of(sweep, "a LiDAR looks at the own vehicle", |row| {
+            let guards = row.scores.guards.iter();
+            guards.filter(|of| matches!(of, Guard::SelfHit { .. })).map(Guard::to_string).collect()
+        })
     };
     all.iter().map(of).collect::<Vec<_>>().join("\n")
 }
@@ -218,13 +229,54 @@ fn tilt_text(tilt: &RoomOfTilt) -> String {
     format!("{}{about}{end}\n", align_columns(&rows))
 }
 
+/// Sentences on LiDARs that a moved field brings into the own body, or before it.
+fn self_hits_text(room: &Room) -> String {
+    let sides = room.fields.iter().flat_map(|of| [(of, '−', &of.down), (of, '+', &of.up)]);
+    let told = sides.filter_map(|(of, sign, side)| {
+        let at = side.self_hit_at.filter(|at| *at > 0.0)?;
+        let (at, most) = (fixed(at, if of.unit == "deg" { 2 } else { 1 }), 100.0 * MOST_SELF_HITS);
+        let place = format!("{} {sign} {at} {} LiDAR {}", of.field, of.unit, of.lidar);
+        Some(format!(
+            "! self_hit: at {place} ends more than {most:.0} % of its beams at the own vehicle\n"
+        ))
+    });
+    told.collect()
+}
+
+/// Sentences on copies: all LiDARs off together within each tolerance, then each LiDAR alone.
+fn copies_text(room: &Room) -> String {
+    let all = if room.missed.is_empty() { "all" } else { "all other" };
+    let mut text = String::new();
+    for copies in &room.copies {
+        let [share, error] = [copies.holds_in, copies.error].map(|share| 100.0 * share);
+        text += &format!(
+            "all LiDARs off together by up to {}: {share:.0} % of {COPIES} copies meet {all} requirements (± {error:.0}, two \
+             standard errors)\n",
+            copies.tolerance.in_words()
+        );
+    }
+    let least = 100.0 * HOLDS;
+    for RoomOfLidar { lidar, holds_within } in &room.alone {
+        let smallest = || room.copies.first().map(|copies| copies.tolerance);
+        let [fewer, more] =
+            if holds_within.is_some() { ["", " or more"] } else { ["fewer than ", ""] };
+        let within = holds_within.or_else(smallest).unwrap_or_default().in_words();
+        text += &format!(
+            "LiDAR {lidar} alone off in all fields by up to {within}: {fewer}{least:.0} %{more} of {COPIES} copies meet {all} \
+             requirements\n"
+        );
+    }
+    text
+}
+
 /// Tables of a placement: how far each field holds to either side and what breaks first; the same for the tilt of the
 /// body; then copies within tolerances.
 pub fn room_text(all: &[Room]) -> String {
     let of = |room: &Room| {
         let mut text = format!("{}\n", room.placement);
-        for missed in &room.missed {
-            text += &format!("  ! {missed}\n");
+        let guards = room.guards.iter().map(Guard::to_string);
+        for told in room.missed.iter().cloned().chain(guards) {
+            text += &format!("  ! {told}\n");
         }
         if !room.missed.is_empty() && room.fields.is_empty() {
             return text + "  missed as it is: there is no room\n";
@@ -242,17 +294,9 @@ pub fn room_text(all: &[Room]) -> String {
             rows.push([names.as_slice(), &down, &up].concat());
         }
         text += &align_columns(&rows);
+        text += &self_hits_text(room);
         text += &room.tilt.as_ref().map(tilt_text).unwrap_or_default();
-        let of_others = if room.missed.is_empty() { "" } else { " of the others" };
-        for copies in &room.copies {
-            let [share, error] = [copies.holds_in, copies.error].map(|share| 100.0 * share);
-            let line = "all LiDARs off at random within";
-            text += &format!(
-                "{line} {}: {share:.0} % of copies meet all{of_others} (± {error:.0}, two standard errors of the draw)\n",
-                copies.tolerance
-            );
-        }
-        text
+        text + &copies_text(room)
     };
     all.iter().map(of).collect::<Vec<_>>().join("\n")
 }
@@ -260,7 +304,7 @@ pub fn room_text(all: &[Room]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::{SweepRow, TiltedTo};
+    use crate::job::TiltedTo;
 
     fn table(drawing: TablePlot) -> Table {
         let row = |name: &str, values: [Option<f64>; 2]| Row {
@@ -317,6 +361,7 @@ mod tests {
             holds_to: 1.25 * steps,
             breaks_at: breaks.then_some(1.25 * (steps + 1.0)),
             breaks: breaks.then(|| "near".to_owned()),
+            self_hit_at: None,
         };
         let words = |steps: f64, breaks: bool| holds_to(&side(steps, breaks), 2);
         assert_eq!(

@@ -233,7 +233,8 @@ pub fn sweep_csv(all: &[Sweep]) -> String {
 pub fn room_csv(all: &[Room]) -> String {
     let mut rows = vec![titles(&[
         "placement", "lidar", "field", "unit", "minus_holds_to", "minus_breaks_at", "minus_breaks",
-        "plus_holds_to", "plus_breaks_at", "plus_breaks", "missed_as_it_is",
+        "plus_holds_to", "plus_breaks_at", "plus_breaks", "missed_as_it_is", "minus_self_hit_at",
+        "plus_self_hit_at",
     ])];
     let width = rows[0].len();
     for room in all {
@@ -252,6 +253,7 @@ pub fn room_csv(all: &[Room]) -> String {
             row.extend(titles(&[of.field, of.unit]));
             row.extend(side(&of.down).into_iter().chain(side(&of.up)));
             row.push(String::new());
+            row.extend([&of.down, &of.up].map(|side| number(side.self_hit_at)));
             row
         }));
         rows.extend(room.tilt.iter().flat_map(|tilt| &tilt.directions).map(|of| {

@@ -337,7 +337,7 @@ fn shape_json(shape: &TriangleSoup, bytes: &mut Bytes) -> Value {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 
 #[cfg(test)]
 mod unit_tests {

@@ -225,7 +225,7 @@ fn page(
         job.look_closely(evaluator.backend_mut(), [(&*placement, scores)])?;
     }
     let (result, baselines) = (&scored[0], &scored[1..]);
-    let looks = Looks::new(job, suite, shown, baselines)?;
+    let looks = Looks::new(job, suite, shown, baselines, &mut || true)?;
     let figures = Figures::new(Some(result), suite.rules(), &job.scene().body(), Some(looks));
     let records = SceneRecord::several(suite);
     let names: Vec<&str> = job.scenes().iter().map(|scene| scene.scene().name()).collect();

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::{Computing, RunError, Watcher};
-use crate::json::{FileKind, is_result};
+use crate::json::{FileKind, ForeignJson};
 use crate::problem::Problem;
 pub use crate::vehicle::placement_file::file_and_name;
 use crate::vehicle::placement_file::holds_placements;
@@ -159,7 +159,7 @@ pub fn can_be_read(file: &Path) -> Result<(), RunError> {
 fn may_be_scene(file: &Path) -> bool {
     let Ok(bytes) = files::read(file, MOST_LOOKED_AT) else { return true };
     let Ok(text) = std::str::from_utf8(&bytes) else { return true };
-    let has_version = || text.contains("\"sightline\"") && !is_result(text);
+    let has_version = || text.contains("\"sightline\"") && ForeignJson::of(text).is_none();
     FileKind::of(text).map_or_else(has_version, |kind| kind == FileKind::Scene)
 }
 

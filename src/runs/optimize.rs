@@ -20,7 +20,8 @@ use crate::problem::Content;
 use crate::report::record::peak_memory;
 use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
 use crate::search::{
-    Equipped, Event, FrameChoice, LeftOut, Outcome, Run, Scored, Settings, Stopped, TimeLimit, Work,
+    Equipped, Event, FrameChoice, LeftOut, Outcome, PATIENCE, Run, Scored, Settings, Stopped,
+    TimeLimit, Work,
 };
 use crate::vehicle::Placement;
 use request::{Begun, RunCheckpoint, command};
@@ -227,6 +228,19 @@ impl RunSession<'_> {
         }))
     }
 
+    /// Looks at the result for its page. Where the run is to end, losses of LiDARs have a few seconds.
+    fn looks(&self, best: &Scored, baselines: &[Scored]) -> Result<Looks, RunError> {
+        let (job, watcher) = (self.job, self.computing.watcher);
+        let deadline = job.settings().time.as_ref().map(TimeLimit::deadline);
+        let is_early = |deadline: Instant| Instant::now() < deadline;
+        let mut patience = None;
+        let mut go_on = || {
+            is_early(*patience.get_or_insert_with(|| Instant::now() + PATIENCE))
+                || (deadline.is_none_or(is_early) && watcher.goes_on())
+        };
+        Ok(Looks::new(job, self.run.suite(), &best.placement, baselines, &mut go_on)?)
+    }
+
     /// Writes the result in the first scene where the request names a file.
     fn write_gltf(&self, record: &RunRecord) -> Result<(), RunError> {
         let Some(best) = &record.best else { return Ok(()) };
@@ -354,8 +368,7 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
     sitting.check(&record)?;
     let drawing = Instant::now();
     let (best, baselines) = (&record.best, &record.baselines);
-    let look = |best: &Scored| Looks::new(job, suite, &best.placement, baselines);
-    let looks = best.as_ref().map(look).transpose()?;
+    let looks = best.as_ref().map(|best| sitting.looks(best, baselines)).transpose()?;
     let near_field = looks.as_ref().and_then(Looks::near_field);
     let drawings = Figures::new(best.as_ref(), suite.constraints(), &job.scene().body(), looks)
         .with_search(&record, &outcome.history);

@@ -15,7 +15,7 @@ use crate::rig::{
     rig_json,
 };
 use crate::scene::Scene;
-use crate::vehicle::{Vehicle, in_millimetres};
+use crate::vehicle::{PlacementFileError, Vehicle, in_millimetres};
 
 /// Frames left out that a note lists.
 const MOST_LISTED: usize = 12;
@@ -53,6 +53,9 @@ pub fn export_file(
     let placement = rig_file(&request.placement)?;
     let (file, name) = file_and_name(&placement);
     let file = Path::new(file);
+    if file.is_dir() {
+        return Err(PlacementFileError::Folder { path: file.to_owned() }.into());
+    }
     let mut rig = read_rig(file, name)?;
     let doubts = placement_doubts(&rig, &file.display().to_string());
     doubts.iter().try_for_each(|doubt| watcher.tell(doubt))?;

@@ -16,7 +16,7 @@ use crate::targets::{Sight, SightBeams};
 use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 
 /// Copies of a placement.
-const COPIES: usize = 200;
+pub(crate) const COPIES: usize = 200;
 /// Poses of each LiDAR: its own, and one for each copy, in which targets are looked at.
 const POSES_OF_COPIES: usize = 1 + COPIES;
 /// Copies by which the first choice among many moves is made.
@@ -81,21 +81,26 @@ pub(crate) struct Holds {
 
 impl Moved {
     /// Casts the LiDARs of a placement in each of their poses, over the evaluator's frames, and looks at all of so many
-    /// requirements. `None` once `go_on`, which is asked after every few poses and frames, says no.
+    /// requirements. Where `only` names a LiDAR, no other one is off. `None` once `go_on`, which is asked after every few poses
+    /// and frames, says no.
     ///
     /// # Errors
     /// An engine that fails, a sensor that the vehicle does not have.
     pub fn new(
-        (tolerance, seed): (Tolerance, u64),
+        (tolerance, seed, only): (Tolerance, u64, Option<usize>),
         (placement, required): (&Placement, usize),
         evaluator: &mut Evaluator,
         go_on: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Self>, BackendError> {
         let of_member = |(member, _): (&Member, _)| AreaBits::new(member.problem().content());
         let areas = evaluator.members().map(of_member).filter(|areas| areas.words() > 0).collect();
+        let mut offsets = tolerance.offsets([placement.lidars.len(), POSES_OF_COPIES], seed);
+        let others = offsets.iter_mut().enumerate();
+        let others = others.filter(|(lidar, _)| only.is_some_and(|only| only != *lidar));
+        others.for_each(|(_, poses)| poses.fill([0.0; 6]));
         let mut moved = Self {
             seed,
-            offsets: tolerance.offsets([placement.lidars.len(), POSES_OF_COPIES], seed),
+            offsets,
             columns: Vec::new(),
             areas,
             wanted: vec![true; required],

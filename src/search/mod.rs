@@ -51,7 +51,7 @@ mod tolerance;
 
 pub use bound::{Certificate, GainBound};
 pub(crate) use coarse_grid::coarse_grid;
-pub(crate) use copies::{FRAMES_OF_COPIES, Moved, SEED_OF_RESULT, error_of_share};
+pub(crate) use copies::{COPIES, FRAMES_OF_COPIES, Moved, SEED_OF_RESULT, error_of_share};
 pub(crate) use equip::REQUIRED;
 pub use equip::{Choosing, EquipStep, Equipped, Equipping, Limits, PLAIN, cost_front};
 pub use error::SearchError;
@@ -65,6 +65,7 @@ pub use phases::PhaseCheck;
 pub(crate) use rules::rules_in_words;
 pub use run::{Phase, Run, State, optimize};
 pub(crate) use seat::FRAMES_AT_ONCE;
+pub(crate) use settings::PATIENCE;
 pub use settings::{FrameChoice, Method, Settings, TimeLimit};
 pub use spread::{Gain, GainSpread};
 pub use suite::{Member, Suite};

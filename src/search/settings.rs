@@ -48,6 +48,9 @@ pub struct TimeLimit {
     pub length: Duration,
 }
 
+/// Time that a part of the outcome which may be left out has where the run is to end.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(3);
+
 /// Share of a [`TimeLimit`] that the generations may take; the swaps have the rest.
 const GENERATIONS_SHARE: f64 = 0.4;
 /// Share that choosing the frames may take.

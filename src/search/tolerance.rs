@@ -78,9 +78,8 @@ impl From<Tolerance> for String {
 
 impl fmt::Display for Tolerance {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // A rounding of the ninth digit comes from the change of units.
-        let short = |value: f64| (value * 1e9).round() / 1e9;
-        write!(f, "{}mm,{}deg", short(1e3 * self.metres), short(self.radians.to_degrees()))
+        let [length, angle] = self.small();
+        write!(f, "{length}mm,{angle}deg")
     }
 }
 
@@ -93,6 +92,18 @@ impl Tolerance {
                 Self::default()
             )
         })
+    }
+
+    /// Millimetres and degrees.
+    fn small(&self) -> [f64; 2] {
+        // A rounding of the ninth digit comes from the change of units.
+        [1e3 * self.metres, self.radians.to_degrees()].map(|value| (value * 1e9).round() / 1e9)
+    }
+
+    /// In words: `5 mm and 0.5°`.
+    pub(crate) fn in_words(&self) -> String {
+        let [length, angle] = self.small();
+        format!("{length} mm and {angle}°")
     }
 
     /// True if LiDARs may be off at all.
@@ -129,6 +140,7 @@ mod tests {
         let rad = read("0.002m,0.01rad").unwrap();
         assert_eq!((rad.metres, rad.radians), (0.002, 0.01));
         assert_eq!(Tolerance::default().to_string(), "5mm,0.5deg");
+        assert_eq!(Tolerance::default().in_words(), "5 mm and 0.5°");
         let large = read("5m,90deg").unwrap_err();
         assert!(large.contains("is no tolerance; at most 1 m and 57.3°: write"), "{large}");
         let doubted = |text: &str| read(text).unwrap().doubt().is_some();

@@ -277,6 +277,12 @@ pub(super) fn required(subject: &Subject<'_>) -> Markup {
                     @for seen in all.iter().filter(|seen| has_more_to_tell(seen)) { li { (seen) } }
                 }
                 @if let Some(words) = best.scores.holds_in_words() { p { (words) "." } }
+                @if let Some(words) = breaks_first(all) { p { (words) "." } }
+                p {
+                    "How far each LiDAR may be off, and the body may tilt, until a requirement breaks: "
+                    code { "sightline study tolerance SCENE PLACEMENTS" }
+                    ", with the scenes and the vehicle of the command below."
+                }
             }
         }
     }
@@ -299,6 +305,18 @@ pub(super) fn usual(subject: &Subject<'_>) -> Markup {
             }
         }
     }
+}
+
+/// The met requirement that fewest copies within the mounting tolerance meet, in words; `None` of one requirement, where every
+/// copy meets all, or where nobody looked.
+fn breaks_first(required: &[Seen]) -> Option<String> {
+    let met = required.iter().filter(|seen| seen.is_met());
+    let held = met.filter_map(|seen| Some((seen, seen.holds_in?)));
+    let (seen, share) = held.min_by(|(_, a), (_, b)| a.total_cmp(b))?;
+    (required.len() > 1 && share < 1.0).then(|| {
+        let (title, percent) = (seen.title(), percent_down(share));
+        format!("In copies mounted a little off {title} breaks first: {percent:.1} % meet it")
+    })
 }
 
 /// True if a requirement is not met, misses places, or is met by too few copies within the mounting tolerance.
@@ -356,6 +374,21 @@ mod tests {
         let said = required(&subject).into_string();
         let item = format!("<li>car: 95.0 % seen, 90.0 % required; {words}</li>");
         assert!(said.contains(&item) && said.matches("<li>").count() == 1, "{said}");
+    }
+
+    #[test]
+    fn the_requirement_that_fewest_copies_meet_breaks_first() {
+        let held = |name: &str, share: f64, holds_in: f64| Seen {
+            holds_in: Some(holds_in),
+            ..Seen::of(name, share)
+        };
+        // A requirement that is not met breaks in no copy.
+        let some = [held("car", 1.0, 0.97), held("child", 0.95, 0.8), held("ground", 0.1, 0.0)];
+        let words = "In copies mounted a little off child breaks first: 80.0 % meet it";
+        assert_eq!(breaks_first(&some).as_deref(), Some(words));
+        assert_eq!(breaks_first(&[held("car", 1.0, 1.0), held("child", 1.0, 1.0)]), None);
+        assert_eq!(breaks_first(&[held("car", 1.0, 0.8)]), None);
+        assert_eq!(breaks_first(&[Seen::of("car", 1.0), Seen::of("child", 1.0)]), None);
     }
 
     #[test]

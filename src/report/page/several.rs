@@ -7,18 +7,14 @@ use super::{Figures, Subject};
 use crate::job::Loss;
 use crate::json::fixed;
 use crate::report::ScoreColumn;
-use crate::report::coverage::redundancy_rows;
+use crate::report::coverage::{redundancy_rows, technology_rows};
 use crate::score::{Seen, percent_down};
 use crate::targets::BlindSector;
 use sightline_files::json::counted;
 
-/// Voxels, ground and targets by the number of LiDARs that see them.
-pub(super) fn redundancy(figures: &Figures) -> Markup {
+/// Voxels, ground and targets by the number of LiDARs that see them, and by technology where the vehicle has several.
+pub(super) fn redundancy(subject: &Subject<'_>, figures: &Figures) -> Markup {
     let Some(found) = &figures.several.redundancy else { return html! {} };
-    let rows = redundancy_rows(found);
-    let titles: Vec<&str> = rows[0].iter().map(String::as_str).collect();
-    let cells = |row: &Vec<String>| (false, row.iter().map(text).collect());
-    let rows: Vec<_> = rows[1..].iter().map(cells).collect();
     html! {
         section aria-labelledby="redundancy" {
             h2 #redundancy { "Seen by how many LiDARs" }
@@ -28,9 +24,26 @@ pub(super) fn redundancy(figures: &Figures) -> Markup {
                 @if figures.views.len() > 1 { " of the first scene" }
                 ". A LiDAR sees a target with five beams or more of its own, at 5 to 50 m on level ground."
             }
-            (table("Per cent seen by a number of LiDARs", &titles, &rows))
+            (with_titles("Per cent seen by a number of LiDARs", &redundancy_rows(found)))
+            @if let Some(all) = &found.technologies {
+                p {
+                    "Per cent by technology: seen by no technology (blind to all), by one, two, and three or more, and by \
+                     each one. "
+                    @if !subject.conditions.is_empty() { "Other sensors see as in clear air. " }
+                    @for note in &figures.several.notes { "Note: " (note) ". " }
+                }
+                (with_titles("Per cent seen by technologies", &technology_rows(all)))
+            }
         }
     }
+}
+
+/// A table whose first row holds the titles.
+fn with_titles(caption: &str, rows: &[Vec<String>]) -> Markup {
+    let Some((titles, rows)) = rows.split_first() else { return html! {} };
+    let titles: Vec<&str> = titles.iter().map(String::as_str).collect();
+    let cells = |row: &Vec<String>| (false, row.iter().map(text).collect());
+    table(caption, &titles, &rows.iter().map(cells).collect::<Vec<_>>())
 }
 
 /// Score, requirements and blind sectors without each LiDAR.
@@ -78,7 +91,7 @@ fn not_lost(subject: &Subject<'_>) -> Markup {
         @if lidars > 1 {
             section aria-labelledby="lost" {
                 h2 #lost { "If one LiDAR fails" }
-                p { "Not looked at here: over so many frames it takes long. " code { "sightline study loss" } " looks at it." }
+                p { "Not looked at here, since it takes long. " code { "sightline study loss" } " looks at it." }
             }
         }
     }

@@ -12,7 +12,7 @@ use crate::search::Evaluator;
 use crate::vehicle::SensorPose;
 
 /// A road with a wall, a walker that comes and goes, and a car under two LiDARs; its name would end a script.
-fn yard() -> (Scene, Arc<Problem>, [Placement; 2]) {
+pub(in crate::report) fn yard() -> (Scene, Arc<Problem>, [Placement; 2]) {
     let text = r#"{
         "sightline": 1, "name": "</script>yard", "frames": 3, "coverage": "first-hit",
         "roi": { "min": [-12, -12, -0.4], "max": [12, 12, 2.8], "voxel": [0.4, 0.4, 0.4] },

@@ -1,5 +1,7 @@
 //! The last step: the result of each method over all frames, the better of them, and the outcome.
 
+use std::time::Instant;
+
 use super::state::Run;
 use crate::score::Standing;
 use crate::search::bound::Certificate;
@@ -14,7 +16,7 @@ use crate::search::phases::{self, PhaseCheck};
 use crate::search::pilot::Pilot;
 use crate::search::rules::active_bounds;
 use crate::search::seat::FRAMES_AT_ONCE;
-use crate::search::settings::Method;
+use crate::search::settings::{Method, PATIENCE};
 use crate::search::spread::{Gain, GainSpread};
 use crate::vehicle::Placement;
 use crate::vehicle::placement_to_nanometres;
@@ -192,8 +194,9 @@ impl Run {
         let rival = Scored::yardstick(baselines).map(|rival| &rival.placement);
         let (objective, memory) = (self.objective(), self.memory());
         let (best, suite) = (&best.placement, self.confirming());
+        let patience = Instant::now() + PATIENCE;
         let is_short = self.suite.frame_count() <= FRAMES_AT_ONCE;
-        let mut go_on = || is_short || watch.goes_on();
+        let mut go_on = || (is_short && Instant::now() < patience) || watch.goes_on();
         let checked = phases::check(&suite, &objective, best, rival, memory, &mut go_on)?;
         if checked.is_none() {
             left_out("the check at other draws", watch);

@@ -55,7 +55,7 @@ impl Run {
             let go_on = &mut || !watch.is_over();
             let required = found(&now);
             let rig = (&now.placement, required.len());
-            let moved = Moved::new((tolerance, seed), rig, &mut evaluator, go_on)?;
+            let moved = Moved::new((tolerance, seed, None), rig, &mut evaluator, go_on)?;
             let Some(moved) = moved else { break };
             let Some(each) = moved.holds(&[], &required, go_on)? else { break };
             let holds = each.all;

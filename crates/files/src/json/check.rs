@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use super::FileKind;
+use super::{FileKind, ForeignJson};
 
 /// Largest coordinate or length in metres: finite in `f32` with room for sums and squares.
 pub const MAX_METRES: f64 = 1.0e9;
@@ -219,6 +219,9 @@ pub enum DescriptionError {
     /// A file of another kind than expected.
     #[error("{file}: is {found}, where {wanted} belongs; give it {}", .found.place())]
     OtherKind { file: String, found: FileKind, wanted: String },
+    /// A file that is no description.
+    #[error("{file}: is {found}, where {wanted} belongs; {}", .found.mend())]
+    Foreign { file: String, found: ForeignJson, wanted: String },
     /// A number, name or list that the place does not allow.
     #[error("{at}: {value} is not {wanted}")]
     Value { at: Box<Location>, value: String, wanted: String },

@@ -36,6 +36,7 @@ pub fn check_version(text: &str, file: &str, wanted: FileKind) -> Result<(), Des
     if let Some(told) = not_json(text) {
         return Err(DescriptionError::NotJson { file: file.to_owned(), told, wanted });
     }
+    refuse_foreign(text, file, &wanted.to_string())?;
     let version: Version = parse(text, file)?;
     let top = Location::top(file);
     let other = FileKind::of(text).filter(|kind| *kind != wanted);
@@ -200,21 +201,73 @@ fn other_kind(file: &str, found: FileKind, wanted: &str) -> DescriptionError {
     DescriptionError::OtherKind { file: file.to_owned(), found, wanted: wanted.to_owned() }
 }
 
-/// Refuses a text that is a scene, a vehicle, placements or a target, where a thing of another kind is `wanted`.
+/// Refuses a text that is a [`ForeignJson`], where a thing of another kind is `wanted`.
+///
+/// # Errors
+/// One of these kinds, named with the advice for it.
+pub fn refuse_foreign(text: &str, file: &str, wanted: &str) -> Result<(), DescriptionError> {
+    let (file, wanted) = (file.to_owned(), wanted.to_owned());
+    ForeignJson::of(text)
+        .map_or(Ok(()), |found| Err(DescriptionError::Foreign { file, found, wanted }))
+}
+
+/// Refuses a text that is a scene, a vehicle, placements, a target or a [`ForeignJson`], where a thing of another kind is
+/// `wanted`.
 ///
 /// # Errors
 /// One of these kinds, named with the option that takes it.
 pub fn refuse_own_kinds(text: &str, file: &str, wanted: &str) -> Result<(), DescriptionError> {
+    refuse_foreign(text, file, wanted)?;
     FileKind::of(text).map_or(Ok(()), |found| Err(other_kind(file, found, wanted)))
 }
 
-/// True if a text is the `result.json` of a run or a front, whose other keys are those of several kinds of files.
-pub fn is_result(text: &str) -> bool {
-    from_text::<ResultKeys>(text).is_ok_and(|keys| keys.are_there())
+/// JSON that is no description of this program, and is given as one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ForeignJson {
+    /// The `result.json` of a run or a front, whose other keys are those of several kinds of files.
+    RunResult,
+    /// A glTF mesh in JSON.
+    Gltf,
+}
+
+impl ForeignJson {
+    /// The kind of a text, if it is JSON and its keys tell it.
+    pub fn of(text: &str) -> Option<Self> {
+        #[derive(Deserialize)]
+        struct ForeignKeys {
+            settings: Option<IgnoredAny>,
+            stopped: Option<IgnoredAny>,
+            asset: Option<serde_json::Value>,
+        }
+        let ForeignKeys { settings, stopped, asset } = from_text(text).ok()?;
+        if (ResultKeys { settings, stopped }).are_there() {
+            return Some(Self::RunResult);
+        }
+        // Every glTF file has an asset with its version.
+        asset.filter(|asset| asset["version"].is_string()).map(|_| Self::Gltf)
+    }
+
+    /// Advice for such a file.
+    pub fn mend(self) -> &'static str {
+        match self {
+            Self::RunResult => {
+                "give the folder of the run, or its placements.json, for the placements"
+            }
+            Self::Gltf => "name it as `file` of a `mesh` in a scene, a vehicle or a target",
+        }
+    }
+}
+
+impl fmt::Display for ForeignJson {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::RunResult => "the result of a run",
+            Self::Gltf => "a glTF mesh",
+        })
+    }
 }
 
 /// Keys that results alone have together.
-#[derive(Deserialize)]
 struct ResultKeys {
     settings: Option<IgnoredAny>,
     stopped: Option<IgnoredAny>,

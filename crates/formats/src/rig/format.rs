@@ -6,7 +6,7 @@ use std::str::FromStr;
 use serde_json::Value;
 use sightline_files::json::{
     DescriptionError, FileKind, Location, Quantity, YamlDocument, parse_documents, parse_yaml,
-    plain_names, read_limited, refuse_own_kinds, refuse_utf_16,
+    plain_names, read_limited, refuse_foreign, refuse_own_kinds, refuse_utf_16,
 };
 
 use super::beams::{Models, RigBeams};
@@ -107,6 +107,7 @@ pub(super) fn format_of(source: &RigSource) -> Result<RigFormat, RigError> {
             _ => Err(unrecognised()),
         };
     }
+    refuse_foreign(text, &source.file, "a rig of another program")?;
     // Own placements are a format of rigs.
     if text.contains("\"sightline\"") && FileKind::of(text) != Some(FileKind::Placements) {
         refuse_own_kinds(text, &source.file, "a rig of another program")?;

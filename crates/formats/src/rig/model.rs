@@ -159,16 +159,11 @@ pub(super) fn rig_of(source: &RigSource, name: Option<&str>) -> Result<Rig, RigE
 
 /// Refuses a text that is no file of placements, by its kind.
 fn refuse_others(text: &str, file: &str) -> Result<(), DescriptionError> {
-    let (file, wanted) = (file.to_owned(), FileKind::Placements);
-    let result = || {
-        json::is_result(text).then(|| "is the result of a run; give its placements.json".to_owned())
-    };
-    if let Some(told) = json::not_json(text).or_else(result) {
-        return Err(DescriptionError::NotJson { file, told, wanted });
-    }
-    match FileKind::of(text).filter(|kind| *kind != wanted) {
-        Some(found) => Err(DescriptionError::OtherKind { file, found, wanted: wanted.to_string() }),
-        None => Ok(()),
+    let wanted = FileKind::Placements;
+    match json::not_json(text) {
+        Some(told) => Err(DescriptionError::NotJson { file: file.to_owned(), told, wanted }),
+        None if FileKind::of(text) == Some(wanted) => Ok(()),
+        None => json::refuse_own_kinds(text, file, &wanted.to_string()),
     }
 }
 

@@ -44,7 +44,7 @@ pub struct Target {
     pub shapes: Value,
     /// Share of the light that its surface reflects, above 0 and at most 1.
     pub reflectance: f64,
-    /// Source of its dimensions; `None` where the file does not say.
+    /// Source of its dimensions and reflectance; `None` where the file does not say.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,
     /// Lower and upper corner of the box around it, in its own frame.
@@ -90,7 +90,7 @@ pub(crate) struct TargetDescription {
     shapes: Vec<ShapeDescription>,
     /// Share of light that it reflects, above 0 and at most 1; 0.1.
     reflectance: Option<f64>,
-    /// Source of its dimensions.
+    /// Source of its dimensions and reflectance.
     source: Option<String>,
 }
 
@@ -271,6 +271,17 @@ mod tests {
             assert!((target.corners[0][0] + target.corners[1][0]).abs() < 1e-6);
         }
         assert_eq!(Target::named("child").unwrap().size[2], 1.1);
+    }
+
+    #[test]
+    fn the_reflectance_of_a_preset_has_a_source_or_is_unconfirmed() {
+        for Target { name, reflectance, source, .. } in preset_targets() {
+            let told = source.as_deref().unwrap_or_default();
+            let is_told = told.contains(&format!(" {:.0} %", 100.0 * reflectance));
+            let lies_between = told.contains("5 to 10 %") && (0.05..=0.1).contains(reflectance);
+            let is_unconfirmed = told.contains("reflectance") && told.contains("unconfirmed");
+            assert!(is_told || lies_between || is_unconfirmed, "{name}: {told}");
+        }
     }
 
     #[test]

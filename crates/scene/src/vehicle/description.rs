@@ -287,7 +287,7 @@ pub struct RequirementDescription {
     /// Boxes that are left out.
     #[serde(default)]
     pub without: Vec<KeepOutDescription>,
-    /// Preset or file of a target.
+    /// Preset or file of a target. Its places lie on level ground, in scenes too.
     pub target: Option<String>,
     /// Nearest distance of a target, metres; 5.
     pub from: Option<f64>,

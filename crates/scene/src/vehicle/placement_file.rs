@@ -11,8 +11,8 @@ use serde::de::DeserializeOwned;
 use super::{ForeignLidar, Placement, PlacementError};
 use sightline_files::files;
 use sightline_files::json::{
-    self, FileKind, Objects, did_you_mean, from_text, is_result, kind_of_bytes, nearest, not_json,
-    plain_words, unknown_key,
+    self, FileKind, ForeignJson, Objects, did_you_mean, from_text, kind_of_bytes, nearest,
+    not_json, plain_words, unknown_key,
 };
 
 /// Longest line of a `.jsonl` file, in bytes: 16 LiDARs need far less.
@@ -50,12 +50,9 @@ pub enum PlacementFileError {
         found.place()
     )]
     OtherKind { path: PathBuf, found: FileKind },
-    /// The result of a run in the place of placements.
-    #[error(
-        "{}: is the result of a run; give the folder of the run, or its placements.json, for the placements",
-        path.display()
-    )]
-    RunResult { path: PathBuf },
+    /// The result of a run, or a mesh, in the place of placements.
+    #[error("{}: is {found}; {}", path.display(), found.mend())]
+    Foreign { path: PathBuf, found: ForeignJson },
     /// The document is not UTF-8.
     #[error("{}: is not UTF-8 text from byte {byte} on; save it as UTF-8", path.display())]
     NotText { path: PathBuf, byte: usize },
@@ -109,8 +106,8 @@ fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, P
             let line = (line > 1).then_some(line);
             return PlacementFileError::NotJson { path: path.to_owned(), line, told };
         }
-        if is_result(text) {
-            return PlacementFileError::RunResult { path: path.to_owned() };
+        if let Some(found) = ForeignJson::of(text) {
+            return PlacementFileError::Foreign { path: path.to_owned(), found };
         }
         let mut json = serde_json::Deserializer::from_str(text);
         let place = match serde_path_to_error::deserialize::<_, T>(Objects(&mut json)) {
@@ -292,7 +289,8 @@ impl PlacementReader {
         };
         let is_document = match path.extension().and_then(|ending| ending.to_str()) {
             Some("jsonl") => false,
-            Some("json") => true,
+            // A mesh is looked at as a whole, so that it is named.
+            Some("json" | "gltf") => true,
             _ => {
                 let (head, is_document) = sniff(&mut reader).map_err(io)?;
                 reader = Box::new(io::Cursor::new(head).chain(reader));
