@@ -118,7 +118,7 @@ fn results_and_meshes_are_named_wherever_they_are_given() {
     }
     fs::create_dir(dir.path().join("runs")).unwrap();
     let told = fails(dir.path(), &["rig", "export", "runs", "--format", "urdf"]);
-    assert!(told.contains("runs: is a folder without placements.json; give a file of"), "{told}");
+    assert!(told.contains("runs: is a directory; give a file of placements"), "{told}");
 }
 
 #[test]
