@@ -158,9 +158,10 @@ def test_missing_files_have_number_and_name(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError) as raised:
         Scene.load("scenes/highway.json").beams_on([[0, 0, 2, 0, 0, 0]], [missing], [10], [0])
     assert (raised.value.errno, raised.value.filename) == (errno.ENOENT, missing)
-    with pytest.raises(IsADirectoryError) as raised:
-        Scene.load(tmp_path)
-    assert raised.value.filename == str(tmp_path)
+    for read in (Scene.load, sightline.read_placements):
+        with pytest.raises(IsADirectoryError) as raised:
+            read(tmp_path)
+        assert raised.value.filename == str(tmp_path)
 
 
 def test_a_file_that_another_one_names_is_named(tmp_path: Path, small) -> None:
