@@ -56,9 +56,6 @@ fn standing(parts: &[TriangleSoup], scene: &Scene, t: usize) -> TriangleSoup {
 
 impl Exact {
     /// The scorer of a scene at a setting.
-    ///
-    /// # Errors
-    /// See [`ChartWorld::psog`].
     pub(super) fn new(world: &mut ChartWorld, fidelity: &SceneDetail) -> Result<Self, ChartError> {
         let psog = world.psog(fidelity.voxel)?;
         let scene = world.scene();

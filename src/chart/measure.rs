@@ -132,9 +132,6 @@ impl Bench {
     }
 
     /// The score of the first placement alone; one that differs from before tells of a changed scene.
-    ///
-    /// # Errors
-    /// See [`Self::measure`].
     pub(super) fn first_score(&mut self, setting: &Setting) -> Result<Option<f64>, ChartError> {
         let mut scorer = self.scorer(setting)?;
         let tallies = scorer.tallies(&self.placements[..1])?;

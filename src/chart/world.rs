@@ -125,9 +125,6 @@ impl ChartWorld {
 
     /// [`Self::psog`] that is built while `go_on` says yes, which a scan asks before each band of rings; `None` after
     /// a no.
-    ///
-    /// # Errors
-    /// See [`Self::psog`].
     pub(super) fn psog_while(
         &mut self,
         factor: f64,

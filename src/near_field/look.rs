@@ -103,9 +103,6 @@ impl NearSite {
     }
 
     /// The site of a problem of one frame that was made of a scene: the body has its outline in that frame.
-    ///
-    /// # Errors
-    /// See [`Self::new`].
     pub(crate) fn in_frame(
         scene: &Scene,
         problem: &Arc<Problem>,
@@ -203,9 +200,6 @@ impl NearSite {
     }
 
     /// Cells that each LiDAR of a placement sees, in each distinct frame.
-    ///
-    /// # Errors
-    /// See [`Self::look`].
     pub(crate) fn seen_by_lidar(
         &self,
         engine: &mut dyn Backend,

@@ -90,17 +90,11 @@ impl Atlases {
     }
 
     /// Like [`Atlas::hold`], in every scene.
-    ///
-    /// # Errors
-    /// See [`Atlas::hold`].
     pub fn hold(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<(), BackendError> {
         self.hold_while(evaluator, poses, &mut |_| true).map(drop)
     }
 
     /// Like [`Atlas::hold_while`], in every scene.
-    ///
-    /// # Errors
-    /// See [`Atlas::hold`].
     pub(super) fn hold_while(
         &mut self,
         evaluator: &mut Evaluator,

@@ -174,9 +174,6 @@ impl GridSearch {
     /// Like [`Self::hold`], some poses after others; `go_on` is asked in between and after every 2048 casts of a pose in
     /// a frame, with the number of poses cast. Returns the poses that are held then, in the order given: all, where
     /// `go_on` never says no.
-    ///
-    /// # Errors
-    /// See [`Self::hold`].
     pub fn hold_while(
         &mut self,
         evaluator: &mut Evaluator,
@@ -233,9 +230,6 @@ impl GridSearch {
     /// For an information gain this reaches at least 1 − 1/e of the best placement of these candidates where LiDARs
     /// need no least distance (Nemhauser, Wolsey, Fisher 1978). Gains then only shrink as sensors join. Old gains are
     /// bounds, so most are not computed again (Minoux 1978); the result is the same.
-    ///
-    /// # Errors
-    /// See [`Self::hold`].
     pub fn greedy(
         &mut self,
         evaluator: &mut Evaluator,
@@ -275,9 +269,6 @@ impl GridSearch {
     }
 
     /// The standing of a placement, which keeps the rules as every placement of the grid search does.
-    ///
-    /// # Errors
-    /// See [`Self::hold`].
     pub fn standing(
         &mut self,
         evaluator: &mut Evaluator,
@@ -310,9 +301,6 @@ impl GridSearch {
 
     /// The better of two placements, the first of equal ones; the first, too, once `go_on`, which is asked as by
     /// [`Self::standing_while`], says no.
-    ///
-    /// # Errors
-    /// See [`Self::hold`].
     pub fn preferred(
         &mut self,
         evaluator: &mut Evaluator,

@@ -143,9 +143,6 @@ impl GridSearch {
     }
 
     /// The objective of a placement.
-    ///
-    /// # Errors
-    /// See [`Self::hold`].
     pub fn value(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<f64, SearchError> {
         let Some((&last, others)) = poses.split_last() else { return Ok(f64::NEG_INFINITY) };
         self.hold(evaluator, poses)?;

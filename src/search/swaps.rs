@@ -283,9 +283,6 @@ fn set_of(placement: &GridPlacement) -> Vec<u32> {
 /// mount allows, until no swap gains; the start of the largest objective first, while poses may be cast.
 ///
 /// `None` and `go_on` work as in [`swap_anywhere`].
-///
-/// # Errors
-/// See [`swap_anywhere`].
 pub(super) fn swap_from(
     evaluator: &mut Evaluator,
     objective: &Objective,

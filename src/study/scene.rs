@@ -255,9 +255,6 @@ impl<'a> StudyScene<'a> {
     }
 
     /// A placement with each of its LiDARs lost in turn.
-    ///
-    /// # Errors
-    /// See [`Self::scores`].
     pub(super) fn losses(
         &self,
         evaluator: &mut Evaluator,

@@ -178,9 +178,6 @@ impl Atlas {
 
     /// Like [`Self::hold`], and asks `go_on` after every [`CASTS_AT_ONCE`] casts, with [`Self::poses_cast`]. False once
     /// it says no: poses that were being cast are then not held.
-    ///
-    /// # Errors
-    /// See [`Self::hold`].
     pub(crate) fn hold_while(
         &mut self,
         backend: &mut dyn Backend,

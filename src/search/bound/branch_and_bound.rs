@@ -93,9 +93,6 @@ impl Effort {
 ///
 /// `go_on` is asked before each set and while overlaps of pairs are added up, with the number of sets looked at; a bound
 /// that it ends is valid, too.
-///
-/// # Errors
-/// See [`GridSearch::hold`].
 pub fn bound_gain(
     search: &mut GridSearch,
     evaluator: &mut Evaluator,
