@@ -28,7 +28,7 @@ pub(super) const BYTES_OF_A_SWEEP: u64 =
 
 /// A sensor model, ready to be swept.
 pub(super) struct Sweeper {
-    model: SensorModel,
+    pub(super) model: SensorModel,
     /// Casts all beams at once; built on first use.
     whole: OnceLock<Caster>,
     pub(super) fires: Fires,
@@ -81,10 +81,6 @@ impl Sweeper {
             width,
             model: model.clone(),
         }
-    }
-
-    pub fn model(&self) -> &SensorModel {
-        &self.model
     }
 
     /// Seconds from the beginning of a sweep until a beam fires.

@@ -203,7 +203,7 @@ impl Backend for GpuBackend {
     }
 
     fn adapter(&self) -> &str {
-        self.device.adapter()
+        &self.device.adapter
     }
 
     fn tally(

@@ -162,7 +162,7 @@ impl<'a> Pipeline<'a> {
     fn needs_host(&self, standing: &ChunkSensors) -> bool {
         !standing.covered_by_host.is_empty()
             || self.task.ends_at_hits() && self.task.air().is_some()
-            || self.device.stamps().is_none()
+            || self.device.stamps.is_none()
     }
 
     /// Hands a whole step to the device.
@@ -183,7 +183,7 @@ impl<'a> Pipeline<'a> {
         if batch.sums {
             stages.push(StepStage::Reduce);
         }
-        if let Some(stamps) = self.device.stamps() {
+        if let Some(stamps) = &self.device.stamps {
             sources.push((&stamps.resolved, STAMP_BYTES));
         }
         let record = |encoder: &mut wgpu::CommandEncoder| {
@@ -194,7 +194,7 @@ impl<'a> Pipeline<'a> {
                     StepStage::Reduce => self.record_reduce(encoder, &step.chunk, Some(number)),
                 }
             }
-            if let Some(stamps) = self.device.stamps() {
+            if let Some(stamps) = &self.device.stamps {
                 stamps.resolve(encoder, stages.len());
             }
         };
@@ -212,7 +212,7 @@ impl<'a> Pipeline<'a> {
     ) -> Result<(), BackendError> {
         let Some(Pending { step, stages, results }) = pending else { return Ok(()) };
         let is_whole = self.device.finish(results, |parts| {
-            if let Some(clocked) = self.device.stamps() {
+            if let Some(clocked) = &self.device.stamps {
                 let stamps = bytemuck::pod_collect_to_vec(parts[parts.len() - 1]);
                 let before: u64 = clock.ticks.iter().sum();
                 stage_ticks(&stages, &stamps, &mut clock.ticks);
