@@ -113,7 +113,7 @@ impl Bench {
         repeats: usize,
         unit_seconds: Option<f64>,
     ) -> Result<Self, ChartError> {
-        let own = SceneDetail::of_scene(world.scene());
+        let own = SceneDetail::of_scene(&world.scene);
         let fidelity = SceneDetail { frames: own.frames.div_ceil(UNIT_FRAMES), ..own };
         let setting = Setting { fidelity, engine: Engine::Cpu };
         let unit = Scorer::new(&mut world, &setting, &objective, &engine, &placements)?;
@@ -122,7 +122,7 @@ impl Bench {
 
     /// The problem that the scene poses at its own fidelity.
     pub(super) fn own_problem(&mut self) -> Result<Arc<Problem>, ChartError> {
-        let own = SceneDetail::of_scene(self.world.scene());
+        let own = SceneDetail::of_scene(&self.world.scene);
         Ok(Arc::new(self.world.problem(&own)?))
     }
 
@@ -330,7 +330,7 @@ impl Scorer {
         let choice = EngineChoice { kind, ..choice.clone() };
         let backend = open(problem.task(), &choice, |_| {})?.engine;
         if setting.engine == Engine::Atlas {
-            let kinds = world.scene().vehicle().every_kind();
+            let kinds = world.scene.vehicle().every_kind();
             let (grid, _) = coarse_grid(&kinds, SWAP_SPACING, 1, u64::MAX)?;
             check_places(problem.sensors(), &grid, placements)?;
             let atlas = Atlas::new(problem, grid, objective.needed(), ATLAS_BYTES);
@@ -377,7 +377,7 @@ impl Scorer {
 
     pub(super) fn value(&self, tally: &Tally, objective: &Objective) -> Option<f64> {
         let (content, frames) = match self {
-            Self::Exact(exact) => (exact.content(), exact.frame_count()),
+            Self::Exact(exact) => (&exact.content, exact.frame_count()),
             Self::Backend(problem, _) => (problem.content(), problem.frame_count()),
             Self::Atlas { atlas, .. } => (atlas.problem().content(), atlas.problem().frame_count()),
         };

@@ -95,7 +95,7 @@ impl ChartError {
 
 /// A scene with its P-SOGs of several voxel sizes.
 pub(super) struct ChartWorld {
-    scene: Arc<Scene>,
+    pub(super) scene: Arc<Scene>,
     grids: Vec<(f64, Arc<Psog>)>,
     /// All frames with every triangle, by the range for which trees are built.
     whole: Vec<(f32, problem::World)>,
@@ -105,10 +105,6 @@ impl ChartWorld {
     /// A scene and the P-SOG on its own grid.
     pub(super) fn new(scene: Arc<Scene>, own: Arc<Psog>) -> Self {
         Self { scene, grids: vec![(1.0, own)], whole: Vec::new() }
-    }
-
-    pub(super) fn scene(&self) -> &Scene {
-        &self.scene
     }
 
     /// The P-SOG with voxels of `factor` times the scene's own edge, built on first use.

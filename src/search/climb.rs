@@ -259,7 +259,7 @@ impl GridSearch {
         let mut better = Vec::new();
         for (index, some) in candidates.chunks(self.at_once(here, turn)).enumerate() {
             let is_cut = index > 0 && !go_on(self.atlas.poses_cast());
-            if is_cut || !self.holds_while(evaluator, &some.concat(), go_on)? {
+            if is_cut || !self.atlas.hold_while(evaluator, &some.concat(), go_on)? {
                 return Ok(Swap::Cut);
             }
             let values = self.values_of(some, turn);

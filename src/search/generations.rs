@@ -108,7 +108,8 @@ pub struct Generation {
 pub struct Generations {
     cma: Option<Restarts>,
     best: Option<Best>,
-    generation: u64,
+    /// Generations so far.
+    pub(super) generation: u64,
     evaluations: u64,
     stopped: Option<GenerationsStop>,
 }
@@ -178,11 +179,6 @@ impl Generations {
     /// The best placement so far; `None` while no candidate kept the rules of the mount.
     pub fn best(&self) -> Option<&Best> {
         self.best.as_ref()
-    }
-
-    /// Generations so far.
-    pub fn generation(&self) -> u64 {
-        self.generation
     }
 
     /// Candidates so far.

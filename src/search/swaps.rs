@@ -183,7 +183,7 @@ impl Swapped {
             value: best.value,
             others: ends.iter().filter(as_good).take(OTHERS).map(|end| placed(end)).collect(),
             climbs,
-            evaluations: search.evaluations(),
+            evaluations: search.evaluations,
             poses_cast: search.atlas().poses_cast(),
         }
     }
@@ -210,7 +210,7 @@ fn grid_search(
     let atlas = Atlases::new(evaluator, &grid, objective.needed(), settings.memory);
     let mut search = GridSearch::new(atlas, objective.clone(), evaluator);
     search.watch_cars(CAR_WEIGHT);
-    search.leave_room(settings.roomy);
+    search.roomy = settings.roomy;
     let required = search.has_requirements();
     if let Some(poses) = starts.iter().filter(|_| required).find_map(|start| search.start_of(start))
     {
@@ -293,7 +293,7 @@ pub(super) fn swap_from(
 ) -> Result<Option<Swapped>, SearchError> {
     let mut search = grid_search(evaluator, objective, settings, starts)?;
     search.atlas.forget_beyond(AMPLE_POSES, AMPLE_BYTES);
-    search.limit_casts(settings.casts);
+    search.most_casts = settings.casts;
     let mut first: Vec<GridPlacement> = Vec::new();
     for start in starts {
         let Some(poses) = search.start_of(start) else { continue };

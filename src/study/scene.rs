@@ -9,7 +9,7 @@ use crate::engine::BackendError;
 use crate::job::{Job, JobError, JobScene, Losses};
 use crate::near_field::self_hits;
 use crate::psog::{PsogError, Roi};
-use crate::scan::conditions::{Condition, under};
+use crate::scan::conditions::under;
 use crate::scan::scan_scene;
 use crate::scene::{PsogSource, ScanSettings, Scene};
 use crate::score::{Objective, Scores, lidar_name};
@@ -167,16 +167,6 @@ impl<'a> StudyScene<'a> {
         self.open(&self.job.clone().sensors(sensors).constraints(&self.rig()?.constraints))
     }
 
-    /// The job under a condition, and its evaluator.
-    pub(super) fn in_condition(
-        &self,
-        condition: &[Condition],
-    ) -> Result<(Job, Evaluator), StudyError> {
-        let job = self.job.clone().conditions(condition);
-        let evaluator = self.open(&job)?;
-        Ok((job, evaluator))
-    }
-
     /// Settings of the scan that voxels of another size are made by.
     ///
     /// # Errors
@@ -197,7 +187,7 @@ impl<'a> StudyScene<'a> {
         self.open(&self.job.clone().on_grid_of(psog))
     }
 
-    fn open(&self, job: &Job) -> Result<Evaluator, StudyError> {
+    pub(super) fn open(&self, job: &Job) -> Result<Evaluator, StudyError> {
         let (evaluator, notes) = job.evaluator(|_| {})?;
         self.observer.opened(&notes);
         Ok(evaluator)

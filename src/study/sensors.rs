@@ -153,7 +153,8 @@ pub(super) fn weather(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
         let (_, job, evaluator) = match open.take() {
             Some(known) if known.0 == index => open.insert(known),
             _ => {
-                let (job, evaluator) = scene.in_condition(condition)?;
+                let job = scene.job.clone().conditions(condition);
+                let evaluator = scene.open(&job)?;
                 open.insert((index, job, evaluator))
             }
         };

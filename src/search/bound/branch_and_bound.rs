@@ -108,7 +108,7 @@ pub fn bound_gain(
     typical.sort_by(better_first);
     typical.truncate(all.len().div_ceil(TYPICAL));
     let typical: Vec<u32> = typical.into_iter().map(|(pose, _)| pose).collect();
-    let (units, places) = (search.worth_units(), search.places());
+    let (units, places) = (search.atlas.worth_units(&search.objective), search.places());
     let open = || Open { heap: BinaryHeap::new(), lidars, floor: found.value };
     let words = effort.pair_words;
     let asked = RefCell::new(go_on);

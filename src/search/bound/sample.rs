@@ -88,7 +88,7 @@ impl GridSample {
             };
             let keeps = |poses| constraints.violations(&placed(poses)).is_empty();
             if pair.iter().all(keeps) {
-                if !search.holds_while(evaluator, &pair.concat(), &mut |_| go_on())? {
+                if !search.atlas.hold_while(evaluator, &pair.concat(), &mut |_| go_on())? {
                     break;
                 }
                 for poses in &pair {

@@ -60,7 +60,7 @@ impl Run {
         let objective = self.objective();
         let Some(levels) = &mut self.state.levels else { return Ok(true) };
         levels.note(scored, &objective);
-        let generation = self.state.generations.generation();
+        let generation = self.state.generations.generation;
         let evaluations = self.state.generations.evaluations() as f64;
         let mut level = levels.enough(evaluations / self.state.settings.evaluations as f64);
         if level == levels.level() && levels.is_due(generation) {
@@ -99,7 +99,7 @@ impl Run {
             self.state.levels = kept;
             return Ok(false);
         }
-        let (frames, generation) = (self.frames().len(), self.state.generations.generation());
+        let (frames, generation) = (self.frames().len(), self.state.generations.generation);
         watch.note(&format!("generation {generation}: on with {frames} frames"));
         Ok(true)
     }
@@ -111,7 +111,7 @@ impl Run {
             return Ok(true);
         }
         let (objective, heeds_time) = (self.objective(), self.heeds_time());
-        let generation = self.state.generations.generation();
+        let generation = self.state.generations.generation;
         let kept = self.state.levels.clone();
         let Some(levels) = &mut self.state.levels else { return Ok(true) };
         levels.go_to(level, generation);

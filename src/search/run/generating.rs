@@ -81,7 +81,7 @@ impl Run {
         let reaches = |standing: &Standing| {
             standing.is_sound() && standing.value.is_some_and(|value| value >= target)
         };
-        let is_new = best.generation == generations.generation();
+        let is_new = best.generation == generations.generation;
         if !is_new || !reaches(&best.standing) {
             return Ok(true);
         }
