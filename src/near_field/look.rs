@@ -81,7 +81,6 @@ pub struct NearField {
     pub cells: Vec<([f64; 2], f64)>,
 }
 
-/// Sums over frames.
 struct FrameSums {
     /// One for each cell, frames in which it is ground, and in which it is seen too.
     ground: Vec<u64>,

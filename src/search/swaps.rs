@@ -33,7 +33,6 @@ const MANY: u64 = 8;
 const WIDENED: usize = 4;
 /// Kicks out of local optima among as many poses as are cast: more among fewer.
 const KICKS: u64 = 5;
-/// Most kicks.
 const MOST_KICKS: u64 = 32;
 /// LiDARs that a kick moves, one after the other, each anywhere.
 const KICKED: usize = 2;

@@ -18,7 +18,6 @@ use lidar_cast::cast::{
 use lidar_cast::geom::Pose;
 use sightline_scene::vehicle::SensorModel;
 
-/// Columns of one parallel task.
 pub(super) const COLUMNS_A_TASK: usize = 16;
 /// Bytes of a beam in a [`Sweeper`].
 pub(super) const BYTES_OF_RAYS: u64 = size_of::<Rays>() as u64;

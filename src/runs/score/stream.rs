@@ -139,7 +139,6 @@ fn scoring<'a>(
     })
 }
 
-/// Models of the LiDARs of placements.
 pub(super) fn models_of(placements: &[Placement]) -> impl Iterator<Item = SensorName> {
     placements.iter().flat_map(|placement| &placement.lidars).map(|pose| pose.sensor)
 }

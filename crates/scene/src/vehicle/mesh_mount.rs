@@ -25,7 +25,6 @@ const FACING: f64 = std::f64::consts::FRAC_PI_3;
 const STEEP: f64 = 0.1;
 /// Vertices within this many metres are one.
 const WELD: f64 = 1e-6;
-/// Most triangles of a mount.
 const MOST_TRIANGLES: usize = 1_000_000;
 
 /// The surface of a mount, its frame, and the files read. Bounds of the two fields in its plane are set; those

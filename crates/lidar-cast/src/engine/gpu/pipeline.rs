@@ -33,7 +33,6 @@ pub(super) const fn in_flight(sums: bool) -> usize {
 /// Part of the steps done anew from which on all steps of a batch go slowly: each of them was cast twice.
 const MOST_REDONE: f64 = 0.25;
 
-/// A chunk in a frame of a batch.
 #[derive(Clone)]
 struct FrameChunk<'a> {
     chunk: Rc<GpuChunk<'a>>,
@@ -49,7 +48,6 @@ struct Pending<'a> {
     results: ReadBack,
 }
 
-/// Results of a chunk in a frame.
 pub(super) enum ChunkResult<'a> {
     /// Hits by sensor.
     Hits(&'a [u32]),

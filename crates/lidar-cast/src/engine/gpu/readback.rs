@@ -158,7 +158,6 @@ fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     })
 }
 
-/// Tallies of a batch.
 pub(super) struct BatchTallies {
     classes: usize,
     pub(super) tallies: Vec<Tally>,

@@ -49,7 +49,6 @@ const REORDERED: usize = 15;
 const QUOTIENT: usize = 16;
 const DENORMAL: usize = 17;
 
-/// Failures that are kept of a device.
 const KEPT_FAILURES: usize = 8;
 
 /// Coordinates, directions, limits and neighbours of powers of two, as kernels meet them.
@@ -315,7 +314,6 @@ fn judged(mut device: Device, result: &SelfTest, inexact: bool) -> Result<Device
     }
 }
 
-/// Runs the table on a device.
 fn run(device: &Device) -> Result<SelfTest, BackendError> {
     let cases = cases();
     let count = cases.len().next_multiple_of(WORKGROUP_SIZE as usize);
