@@ -58,7 +58,7 @@ fn standing(parts: &[TriangleSoup], scene: &Scene, t: usize) -> TriangleSoup {
 impl Exact {
     /// The scorer of a scene at a setting.
     pub(super) fn new(world: &mut ChartWorld, fidelity: &SceneDetail) -> Result<Self, ChartError> {
-        let psog = world.psog(fidelity.voxel)?;
+        let psog = world.psog(fidelity.voxel, &|| true)?.expect("nobody stops the scan");
         let scene = &*world.scene;
         let cell = fidelity.detail * psog.roi().voxel()[0];
         let frames = if fidelity.through { Vec::new() } else { world.frames(fidelity) };

@@ -152,7 +152,7 @@ impl Bench {
         extent: &MeasureLimits<'_>,
     ) -> Result<Option<Measured>, ChartError> {
         let voxel = setting.fidelity.voxel;
-        if self.world.psog_while(voxel, &|| (extent.goes_on)(0))?.is_none() {
+        if self.world.psog(voxel, &|| (extent.goes_on)(0))?.is_none() {
             return Ok(None);
         }
         let mut scorer = self.scorer(setting)?;

@@ -107,7 +107,8 @@ impl ChartWorld {
         Self { scene, grids: vec![(1.0, own)], whole: Vec::new() }
     }
 
-    /// The P-SOG with voxels of `factor` times the scene's own edge, built on first use.
+    /// The P-SOG with voxels of `factor` times the scene's own edge, built on first use while `go_on` says yes, which a
+    /// scan asks before each band of rings; `None` after a no.
     ///
     /// If the scene leaves the spacing of the scans to the voxels, as many points fall on a voxel's width at every
     /// size. If it sets numbers, scans for smaller voxels are denser by the same factor, and scans for larger ones stay
@@ -115,13 +116,7 @@ impl ChartWorld {
     ///
     /// # Errors
     /// The scene's P-SOG is a file, or the grid has too many voxels.
-    pub(super) fn psog(&mut self, factor: f64) -> Result<Arc<Psog>, ChartError> {
-        Ok(self.psog_while(factor, &|| true)?.expect("nobody stops the scan"))
-    }
-
-    /// [`Self::psog`] that is built while `go_on` says yes, which a scan asks before each band of rings; `None` after
-    /// a no.
-    pub(super) fn psog_while(
+    pub(super) fn psog(
         &mut self,
         factor: f64,
         go_on: &dyn Fn() -> bool,
@@ -176,7 +171,7 @@ impl ChartWorld {
     /// # Errors
     /// See [`Self::psog`]; a sensor without beams.
     pub(super) fn problem(&mut self, fidelity: &SceneDetail) -> Result<Problem, ChartError> {
-        let psog = self.psog(fidelity.voxel)?;
+        let psog = self.psog(fidelity.voxel, &|| true)?.expect("nobody stops the scan");
         let frames = if fidelity.through { Vec::new() } else { self.frames(fidelity) };
         let (scene, cell) = (self.scene.clone(), fidelity.detail * psog.roi().voxel()[0]);
         let sensors = scene.thinned_sensors(fidelity.azimuth)?;
