@@ -18,23 +18,19 @@ use crate::vehicle::{PoseGridError, SensorError, SensorName, UnknownSensor};
 
 /// Why a setting could not be measured.
 #[derive(Debug, thiserror::Error)]
+#[error(transparent)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the message tells the fields")]
 pub enum ChartError {
     /// The voxels of a setting do not make a grid.
-    #[error(transparent)]
     Grid(#[from] PsogError),
     /// The beams of a setting do not make a sensor.
-    #[error(transparent)]
     Sensor(#[from] SensorError),
     /// The trees of the frames do not fit into memory.
-    #[error(transparent)]
     OutOfMemory(#[from] OutOfMemory),
     /// A P-SOG that does not fit the scene or the vehicle.
-    #[error(transparent)]
     Problem(#[from] ProblemError),
     /// A LiDAR of a model that the vehicle does not have.
-    #[error(transparent)]
     UnknownSensor(#[from] UnknownSensor),
     /// A LiDAR of a model that no mount may hold: an atlas has no pose for it.
     #[error(
@@ -42,10 +38,8 @@ pub enum ChartError {
     )]
     NoPlace { placement: String, sensor: SensorName },
     /// Scoring failed.
-    #[error(transparent)]
     Backend(#[from] BackendError),
     /// The mount has too many poses for an atlas.
-    #[error(transparent)]
     Poses(#[from] PoseGridError),
     /// The P-SOG of another voxel size is wanted of a scene whose P-SOG is a file.
     #[error("the P-SOG is a file; its voxels cannot become {factor} times as large")]
