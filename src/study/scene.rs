@@ -5,7 +5,6 @@ use std::cell::OnceCell;
 use super::lidars::SearchSpace;
 use super::table::check_distinct;
 use super::{Kind, Row, StudyError, StudyObserver, StudySettings};
-use crate::engine::BackendError;
 use crate::job::{Job, JobError, JobScene, Losses};
 use crate::near_field::self_hits;
 use crate::psog::{PsogError, Roi};
@@ -14,8 +13,7 @@ use crate::scan::scan_scene;
 use crate::scene::{PsogSource, ScanSettings, Scene};
 use crate::score::{Objective, Scores, lidar_name};
 use crate::search::{Evaluator, Event, Limits, Settings, Suite, optimize};
-use crate::targets::RangeCard;
-use crate::vehicle::{Constraints, Placement, Sensors, table_7, table_7_held_by};
+use crate::vehicle::{Constraints, Placement, table_7, table_7_held_by};
 
 /// The job that all cases of a study in one scene vary.
 pub(super) struct StudyScene<'a> {
@@ -137,17 +135,6 @@ impl<'a> StudyScene<'a> {
         self.open(&self.job)
     }
 
-    /// Range cards of placements in a job of this scene, in its weather; empty where beams end at nothing.
-    pub(super) fn range_cards(
-        &self,
-        job: &Job,
-        placements: &[Placement],
-    ) -> Result<Vec<RangeCard>, StudyError> {
-        let Some(site) = job.target_site()? else { return Ok(Vec::new()) };
-        let cards = placements.iter().map(|placement| RangeCard::new(site, &placement.lidars));
-        Ok(cards.collect::<Result<_, _>>().map_err(BackendError::from)?)
-    }
-
     /// An evaluator with other rules of the mount, over the same trees.
     pub(super) fn evaluator_under(
         &self,
@@ -160,11 +147,6 @@ impl<'a> StudyScene<'a> {
     /// An evaluator of the rig that is searched.
     pub(super) fn evaluator_of_rig(&self) -> Result<Evaluator, StudyError> {
         self.evaluator_under(&self.rig()?.constraints)
-    }
-
-    /// An evaluator of the rig that is searched, with other sensors.
-    pub(super) fn evaluator_with(&self, sensors: &Sensors) -> Result<Evaluator, StudyError> {
-        self.open(&self.job.clone().sensors(sensors).constraints(&self.rig()?.constraints))
     }
 
     /// Settings of the scan that voxels of another size are made by.
