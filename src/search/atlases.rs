@@ -59,7 +59,7 @@ impl Atlases {
         };
         let mut each: Vec<Atlas> = evaluator.members().map(|(member, _)| atlas(member)).collect();
         let capacity = each.iter().map(Atlas::capacity).min().unwrap_or(0);
-        each.iter_mut().for_each(|atlas| atlas.limit(capacity));
+        each.iter_mut().for_each(|atlas| atlas.capacity = capacity);
         Self { each, sight: evaluator.sight().cloned(), targets: HashMap::new() }
     }
 

@@ -111,7 +111,7 @@ pub struct Generations {
     /// Generations so far.
     pub(super) generation: u64,
     evaluations: u64,
-    stopped: Option<GenerationsStop>,
+    pub(super) stopped: Option<GenerationsStop>,
 }
 
 /// A placement with its LiDARs ordered by x, then by the other pose fields.
@@ -189,11 +189,6 @@ impl Generations {
     /// Why the search has ended; `None` while it has not.
     pub fn stopped(&self) -> Option<GenerationsStop> {
         self.stopped
-    }
-
-    /// Ends the search: its best placement is good enough.
-    pub fn stop_at_target(&mut self) {
-        self.stopped = Some(GenerationsStop::Target);
     }
 
     /// Instances of the CMA-ES that have stopped, each followed by another.

@@ -46,7 +46,7 @@ pub struct Atlas {
     empty_words: usize,
     pages: HashMap<u32, Page>,
     /// Pages held at most.
-    capacity: usize,
+    pub(super) capacity: usize,
     /// Limits of pages and bytes; beyond both, pages used longest ago are dropped.
     ample: Option<(usize, u64)>,
     /// Counts requests; pages remember the last one that asked for them.
@@ -123,11 +123,6 @@ impl Atlas {
     pub fn of_mirror_image(mut self, mirrored: bool) -> Self {
         self.mirrored = mirrored;
         self
-    }
-
-    /// Limits the held poses to `capacity`.
-    pub(crate) fn limit(&mut self, capacity: usize) {
-        self.capacity = self.capacity.min(capacity);
     }
 
     /// Drops poses used longest ago once there are more than `poses` and more than about `bytes` bytes of them. Fits a
