@@ -134,7 +134,9 @@ impl Run {
         placements: &[Placement],
         watch: &mut Watch,
     ) -> Result<Option<Vec<Judged>>, SearchError> {
-        let (work, heeds_time) = (self.work_of_confirming(), self.heeds_time());
+        let few = self.sitting.hurried.as_ref().map(Vec::len);
+        let work = Work::Confirming { frames: few.unwrap_or_else(|| self.suite.frame_count()) };
+        let heeds_time = self.heeds_time();
         let mut judged = Vec::new();
         for some in placements.chunks(CONFIRMED_AT_ONCE) {
             let evaluator = self.over_all(watch)?;
@@ -147,11 +149,6 @@ impl Run {
             watch.tell(&Event::Progress { work, done, total });
         }
         Ok(Some(judged))
-    }
-
-    fn work_of_confirming(&self) -> Work {
-        let few = self.sitting.hurried.as_ref().map(Vec::len);
-        Work::Confirming { frames: few.unwrap_or_else(|| self.suite.frame_count()) }
     }
 
     /// Scores of [`Self::judged_over_all`] alone, in silence.

@@ -93,10 +93,6 @@ impl Device {
         limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
     }
 
-    pub(super) fn destroy(&self) {
-        self.wgpu.destroy();
-    }
-
     /// The first error since the device was opened, if any: a device that failed is not used again.
     pub(super) fn check(&self, stage: &'static str) -> Result<(), BackendError> {
         match self.failure.lock().ok().and_then(|slot| slot.clone()) {
