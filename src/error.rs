@@ -20,40 +20,25 @@ use crate::worlds::WorldError;
 ///
 /// Each variant prints the module's own sentence.
 #[derive(Debug, thiserror::Error)]
+#[error(transparent)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the types tell the modules")]
 pub enum Error {
-    #[error(transparent)]
     Placements(#[from] PlacementFileError),
-    #[error(transparent)]
     Rig(#[from] RigError),
-    #[error(transparent)]
     PoseGrid(#[from] PoseGridError),
-    #[error(transparent)]
     PsogFile(#[from] PsogFileError),
-    #[error(transparent)]
     Dataset(#[from] DatasetError),
-    #[error(transparent)]
     Scan(#[from] ScanError),
-    #[error(transparent)]
     Export(#[from] ExportError),
-    #[error(transparent)]
     Problem(#[from] ProblemError),
-    #[error(transparent)]
     Job(JobError),
-    #[error(transparent)]
     File(#[from] FileError),
-    #[error(transparent)]
     Objective(#[from] ObjectiveError),
-    #[error(transparent)]
     Chart(#[from] ChartError),
-    #[error(transparent)]
     NearField(#[from] NearFieldError),
-    #[error(transparent)]
     Audit(#[from] AuditError),
-    #[error(transparent)]
     World(#[from] WorldError),
-    #[error(transparent)]
     Study(#[from] StudyError),
 }
 

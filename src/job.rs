@@ -331,9 +331,6 @@ impl Job {
 
     /// Like [`Self::look_closely`]; false where `go_on`, which is asked often, said no before it was known how all
     /// requirements hold.
-    ///
-    /// # Errors
-    /// See [`Self::look_closely`].
     pub(crate) fn look_closely_while<'a>(
         &self,
         engine: &mut dyn Backend,

@@ -108,8 +108,9 @@ pub mod internals {
     pub use crate::allocator::Sentence;
     pub use crate::chart::early::{Left, Skipped};
     pub use crate::chart::measure::{Measured, PoseCost};
-    pub use crate::chart::ranking::{BootstrapInterval, RankingError};
-    pub use crate::chart::ranking::{MOST_SWAPPED, Rated, cheapest, pareto, rate};
+    pub use crate::chart::ranking::{
+        BootstrapInterval, MOST_SWAPPED, RankingError, Rated, cheapest, pareto, rate,
+    };
     pub use crate::chart::setting::{Engine, Setting};
     pub use crate::chart::world::merge_vertices;
     pub use crate::files::{
@@ -120,51 +121,40 @@ pub mod internals {
     pub use crate::psog::npz::ArrayFault;
     pub use crate::psog::vote::{FrameVotes, PsogBuilder};
     pub use crate::report::chart::fidelity_svg;
-    pub use crate::report::chart_text::chart_words;
-    pub use crate::report::chart_text::{ChartFrame, fidelity_csv, seconds};
-    pub use crate::report::chart_text::{chart_text, charts_text};
-    pub use crate::report::coverage::{near_field_svg, near_field_text};
-    pub use crate::report::coverage::{overlap_text, redundancy_text};
+    pub use crate::report::chart_text::{
+        ChartFrame, chart_text, chart_words, charts_text, fidelity_csv, seconds,
+    };
+    pub use crate::report::coverage::{
+        near_field_svg, near_field_text, overlap_text, redundancy_text,
+    };
     pub use crate::report::front::{front_csv, front_text};
-    pub use crate::report::map::InformationMap;
-    pub use crate::report::map::placement_svg;
+    pub use crate::report::map::{InformationMap, placement_svg};
     pub use crate::report::plot::{Axis, Plot, Series};
-    pub use crate::report::record::convergence_svg;
-    pub use crate::report::record::peak_memory;
-    pub use crate::report::record::record_text;
-    pub use crate::report::sensor::sensor_svg;
-    pub use crate::report::sensor::{SensorFacts, sensor_text};
-    pub use crate::report::study::room_text;
-    pub use crate::report::study::study_plot;
-    pub use crate::report::study::sweep_text;
-    pub use crate::report::tables::by_scene;
-    pub use crate::report::tables::{ScoreColumn, optional};
+    pub use crate::report::record::{convergence_svg, peak_memory, record_text};
+    pub use crate::report::sensor::{SensorFacts, sensor_svg, sensor_text};
+    pub use crate::report::study::{room_text, study_plot, sweep_text};
     pub use crate::report::tables::{
-        near_field_csv, overlap_csv, redundancy_csv, room_csv, run_csv, studies_csv, sweep_csv,
-        targets_csv,
+        ScoreColumn, by_scene, near_field_csv, optional, overlap_csv, redundancy_csv, room_csv,
+        run_csv, studies_csv, sweep_csv, targets_csv,
     };
     pub use crate::report::targets::{range_card_text, targets_text};
-    pub use crate::report::text::comparison_text;
-    pub use crate::report::text::psog_text;
-    pub use crate::report::text::verification_text;
-    pub use crate::report::text::{align_columns, findings_text, poses_text, study_text, visible};
-    pub use crate::report::text::{audit_text, audits_text};
-    pub use crate::report::words::word;
+    pub use crate::report::text::{
+        align_columns, audit_text, audits_text, comparison_text, findings_text, poses_text,
+        psog_text, study_text, verification_text, visible,
+    };
     pub use crate::report::words::{
-        certificate_in_words, methods_in_words, spread_in_words, verdict,
+        certificate_in_words, methods_in_words, spread_in_words, verdict, word,
     };
     pub use crate::scene::street::{FEWEST_STREET_TRIANGLES, MOST_STREET_TRIANGLES};
     pub use crate::score::guard::{guards_of, reference_layout, short_sight};
     pub use crate::score::over_scenes::totals;
-    pub use crate::score::standing::Standing;
-    pub use crate::score::standing::{kendall_tau, mean_height, spearman};
+    pub use crate::score::standing::{Standing, kendall_tau, mean_height, spearman};
     pub use crate::search::atlas::{Atlas, Union};
     pub use crate::search::atlases::Atlases;
     pub use crate::search::bound::{Effort, GridSample, LipschitzBound, bound_gain};
     pub use crate::search::climb::Moves;
     pub use crate::search::generations::{Generation, Generations};
-    pub use crate::search::grid_search::GridPlacement;
-    pub use crate::search::grid_search::GridSearch;
+    pub use crate::search::grid_search::{GridPlacement, GridSearch};
     pub use crate::search::levels::Level;
     pub use crate::search::pilot::Pilot;
     pub use crate::search::rules::rules_in_words;
@@ -174,6 +164,5 @@ pub mod internals {
     pub use crate::vehicle::placements::{draws, random_placements_by_the_rules};
     pub use crate::vehicle::pose_grid::{PoseGrid, PoseGridError, Spacing};
     pub use crate::verify::oracle::{Agreement, EDGE_TOLERANCE, Explanation, explain, explain_in};
-    pub use crate::verify::{Differences, compared_frames};
-    pub use crate::verify::{hostile_placements, usual_placements};
+    pub use crate::verify::{Differences, compared_frames, hostile_placements, usual_placements};
 }

@@ -21,7 +21,6 @@ use crate::errors::bad;
 const LONGEST: usize = 60;
 /// Most placements and beams of a call: a zero too many is an error, not days of work.
 const MOST: i128 = 1_000_000_000;
-/// Most threads for each core.
 const THREADS_A_CORE: i128 = 4;
 /// Threads that any machine may be asked for, as in the program.
 const THREADS_ANYWHERE: i128 = 16;

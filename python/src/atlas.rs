@@ -23,7 +23,6 @@ use crate::wait::interruptible;
 
 /// Bytes of coverage that an atlas may hold where the scene does not say.
 const MEMORY: u64 = 4 << 30;
-/// Most poses of an atlas.
 const MOST_POSES: usize = 20_000;
 
 /// Coverage of M sensor poses in the frames that a scene is scored over; made by `Scene.atlas`.

@@ -69,7 +69,6 @@ pub fn front<'py>(
     signalled(py, signal, result)
 }
 
-/// The `Front` object of the package.
 fn front_object<'py>(
     py: Python<'py>,
     vehicle: &Vehicle,

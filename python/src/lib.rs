@@ -79,33 +79,23 @@ mod _native {
     use pyo3::prelude::*;
 
     #[pymodule_export]
-    use super::atlas::PyAtlas;
-    #[pymodule_export]
-    use super::by_hand::PySearch;
-    #[pymodule_export]
-    use super::front::front;
-    #[pymodule_export]
-    use super::placements::{PyPlacement, published, read};
-    #[pymodule_export]
-    use super::psogs::PyPsog;
-    #[pymodule_export]
-    use super::rays::PyRaycaster;
-    #[pymodule_export]
-    use super::rigs::PyRig;
-    #[pymodule_export]
-    use super::scans::ScanIterator;
-    #[pymodule_export]
-    use super::scenes::PyScene;
-    #[pymodule_export]
-    use super::search::{PySuite, search};
-    #[pymodule_export]
-    use super::sensors::{PySensor, PyVehicle};
-    #[pymodule_export]
-    use super::space::PySpace;
-    #[pymodule_export]
-    use super::studies::study_table;
-    #[pymodule_export]
-    use super::{main, set_threads};
+    use super::{
+        atlas::PyAtlas,
+        by_hand::PySearch,
+        front::front,
+        main,
+        placements::{PyPlacement, published, read},
+        psogs::PyPsog,
+        rays::PyRaycaster,
+        rigs::PyRig,
+        scans::ScanIterator,
+        scenes::PyScene,
+        search::{PySuite, search},
+        sensors::{PySensor, PyVehicle},
+        set_threads,
+        space::PySpace,
+        studies::study_table,
+    };
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -20,7 +20,6 @@ const _: () = assert!(LEAST_SHARED == 500);
 
 /// Values of a sweep that are scored between two looks whether to stop.
 const AT_ONCE: usize = 16;
-/// Most values of a sweep.
 const MOST_VALUES: usize = 10_000;
 
 #[pymethods]

@@ -78,7 +78,6 @@ impl ScanIterator {
     }
 }
 
-/// The `Scan` object of the package.
 fn scan_object<'py>(py: Python<'py>, scan: &Scan, misses: bool) -> PyResult<Bound<'py, PyAny>> {
     let kept: Vec<&Return> =
         scan.returns.iter().filter(|beam| misses || beam.status.is_point()).collect();
@@ -127,7 +126,6 @@ fn scan_object<'py>(py: Python<'py>, scan: &Scan, misses: bool) -> PyResult<Boun
     py.import("sightline._records")?.getattr("Scan")?.call((), Some(&fields))
 }
 
-/// The `Boxes` object of the package.
 fn boxes_object<'py>(py: Python<'py>, boxes: &[TrackedBox]) -> PyResult<Bound<'py, PyAny>> {
     let fields = PyDict::new(py);
     let poses = boxes.iter().map(|tracked| homogeneous(py, &tracked.ego_from_box));

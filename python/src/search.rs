@@ -353,7 +353,6 @@ pub fn beside<T: Send + 'static>(
     Ok((ended?, signal.or(failed).or(told.err())))
 }
 
-/// The `Result` object of the package.
 fn result_object<'py>(
     py: Python<'py>,
     vehicle: &Vehicle,

@@ -35,7 +35,8 @@ pub(super) struct Exact {
     numbers: Vec<usize>,
     /// One tree a frame; empty where beams run through all.
     frames: Vec<ExactTree>,
-    content: Content,
+    /// The classes and totals that the tallies belong to.
+    pub(super) content: Content,
     /// Linear index and information of the voxels occupied in some frame: entropies in nats (all classes,
     /// detection target against the rest, occupied or not) and the share of [`Entropy::Near`], in all 1.
     occupied: Vec<(u64, [f64; KINDS])>,
@@ -56,12 +57,9 @@ fn standing(parts: &[TriangleSoup], scene: &Scene, t: usize) -> TriangleSoup {
 
 impl Exact {
     /// The scorer of a scene at a setting.
-    ///
-    /// # Errors
-    /// See [`ChartWorld::psog`].
     pub(super) fn new(world: &mut ChartWorld, fidelity: &SceneDetail) -> Result<Self, ChartError> {
-        let psog = world.psog(fidelity.voxel)?;
-        let scene = world.scene();
+        let psog = world.psog(fidelity.voxel, &|| true)?.expect("nobody stops the scan");
+        let scene = &*world.scene;
         let cell = fidelity.detail * psog.roi().voxel()[0];
         let frames = if fidelity.through { Vec::new() } else { world.frames(fidelity) };
         let numbers = if frames.is_empty() { vec![0] } else { frames.clone() };
@@ -83,11 +81,6 @@ impl Exact {
             occupied: occupied(scene, &psog),
             content: world.content(&psog),
         })
-    }
-
-    /// The classes and totals that the tallies belong to.
-    pub(super) fn content(&self) -> &Content {
-        &self.content
     }
 
     /// Frames over which a tally is summed.

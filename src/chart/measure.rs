@@ -113,7 +113,7 @@ impl Bench {
         repeats: usize,
         unit_seconds: Option<f64>,
     ) -> Result<Self, ChartError> {
-        let own = SceneDetail::of_scene(world.scene());
+        let own = SceneDetail::of_scene(&world.scene);
         let fidelity = SceneDetail { frames: own.frames.div_ceil(UNIT_FRAMES), ..own };
         let setting = Setting { fidelity, engine: Engine::Cpu };
         let unit = Scorer::new(&mut world, &setting, &objective, &engine, &placements)?;
@@ -122,7 +122,7 @@ impl Bench {
 
     /// The problem that the scene poses at its own fidelity.
     pub(super) fn own_problem(&mut self) -> Result<Arc<Problem>, ChartError> {
-        let own = SceneDetail::of_scene(self.world.scene());
+        let own = SceneDetail::of_scene(&self.world.scene);
         Ok(Arc::new(self.world.problem(&own)?))
     }
 
@@ -132,9 +132,6 @@ impl Bench {
     }
 
     /// The score of the first placement alone; one that differs from before tells of a changed scene.
-    ///
-    /// # Errors
-    /// See [`Self::measure`].
     pub(super) fn first_score(&mut self, setting: &Setting) -> Result<Option<f64>, ChartError> {
         let mut scorer = self.scorer(setting)?;
         let tallies = scorer.tallies(&self.placements[..1])?;
@@ -155,7 +152,7 @@ impl Bench {
         extent: &MeasureLimits<'_>,
     ) -> Result<Option<Measured>, ChartError> {
         let voxel = setting.fidelity.voxel;
-        if self.world.psog_while(voxel, &|| (extent.goes_on)(0))?.is_none() {
+        if self.world.psog(voxel, &|| (extent.goes_on)(0))?.is_none() {
             return Ok(None);
         }
         let mut scorer = self.scorer(setting)?;
@@ -333,7 +330,7 @@ impl Scorer {
         let choice = EngineChoice { kind, ..choice.clone() };
         let backend = open(problem.task(), &choice, |_| {})?.engine;
         if setting.engine == Engine::Atlas {
-            let kinds = world.scene().vehicle().every_kind();
+            let kinds = world.scene.vehicle().every_kind();
             let (grid, _) = coarse_grid(&kinds, SWAP_SPACING, 1, u64::MAX)?;
             check_places(problem.sensors(), &grid, placements)?;
             let atlas = Atlas::new(problem, grid, objective.needed(), ATLAS_BYTES);
@@ -380,7 +377,7 @@ impl Scorer {
 
     pub(super) fn value(&self, tally: &Tally, objective: &Objective) -> Option<f64> {
         let (content, frames) = match self {
-            Self::Exact(exact) => (exact.content(), exact.frame_count()),
+            Self::Exact(exact) => (&exact.content, exact.frame_count()),
             Self::Backend(problem, _) => (problem.content(), problem.frame_count()),
             Self::Atlas { atlas, .. } => (atlas.problem().content(), atlas.problem().frame_count()),
         };

@@ -308,7 +308,7 @@ fn measure(
     state: &mut ChartState,
     observer: &dyn ChartObserver,
 ) -> Result<ChartProgress, ChartError> {
-    let efforts: Vec<f64> = settings.all.iter().map(|s| s.effort(bench.world.scene())).collect();
+    let efforts: Vec<f64> = settings.all.iter().map(|s| s.effort(&bench.world.scene)).collect();
     let order = rule.order(&efforts);
     let count = bench.placements.len();
     let (mut before, mut skipped) = (0.0, Vec::new());

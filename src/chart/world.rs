@@ -18,23 +18,19 @@ use crate::vehicle::{PoseGridError, SensorError, SensorName, UnknownSensor};
 
 /// Why a setting could not be measured.
 #[derive(Debug, thiserror::Error)]
+#[error(transparent)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the message tells the fields")]
 pub enum ChartError {
     /// The voxels of a setting do not make a grid.
-    #[error(transparent)]
     Grid(#[from] PsogError),
     /// The beams of a setting do not make a sensor.
-    #[error(transparent)]
     Sensor(#[from] SensorError),
     /// The trees of the frames do not fit into memory.
-    #[error(transparent)]
     OutOfMemory(#[from] OutOfMemory),
     /// A P-SOG that does not fit the scene or the vehicle.
-    #[error(transparent)]
     Problem(#[from] ProblemError),
     /// A LiDAR of a model that the vehicle does not have.
-    #[error(transparent)]
     UnknownSensor(#[from] UnknownSensor),
     /// A LiDAR of a model that no mount may hold: an atlas has no pose for it.
     #[error(
@@ -42,10 +38,8 @@ pub enum ChartError {
     )]
     NoPlace { placement: String, sensor: SensorName },
     /// Scoring failed.
-    #[error(transparent)]
     Backend(#[from] BackendError),
     /// The mount has too many poses for an atlas.
-    #[error(transparent)]
     Poses(#[from] PoseGridError),
     /// The P-SOG of another voxel size is wanted of a scene whose P-SOG is a file.
     #[error("the P-SOG is a file; its voxels cannot become {factor} times as large")]
@@ -95,7 +89,7 @@ impl ChartError {
 
 /// A scene with its P-SOGs of several voxel sizes.
 pub(super) struct ChartWorld {
-    scene: Arc<Scene>,
+    pub(super) scene: Arc<Scene>,
     grids: Vec<(f64, Arc<Psog>)>,
     /// All frames with every triangle, by the range for which trees are built.
     whole: Vec<(f32, problem::World)>,
@@ -107,11 +101,8 @@ impl ChartWorld {
         Self { scene, grids: vec![(1.0, own)], whole: Vec::new() }
     }
 
-    pub(super) fn scene(&self) -> &Scene {
-        &self.scene
-    }
-
-    /// The P-SOG with voxels of `factor` times the scene's own edge, built on first use.
+    /// The P-SOG with voxels of `factor` times the scene's own edge, built on first use while `go_on` says yes, which a
+    /// scan asks before each band of rings; `None` after a no.
     ///
     /// If the scene leaves the spacing of the scans to the voxels, as many points fall on a voxel's width at every
     /// size. If it sets numbers, scans for smaller voxels are denser by the same factor, and scans for larger ones stay
@@ -119,16 +110,7 @@ impl ChartWorld {
     ///
     /// # Errors
     /// The scene's P-SOG is a file, or the grid has too many voxels.
-    pub(super) fn psog(&mut self, factor: f64) -> Result<Arc<Psog>, ChartError> {
-        Ok(self.psog_while(factor, &|| true)?.expect("nobody stops the scan"))
-    }
-
-    /// [`Self::psog`] that is built while `go_on` says yes, which a scan asks before each band of rings; `None` after
-    /// a no.
-    ///
-    /// # Errors
-    /// See [`Self::psog`].
-    pub(super) fn psog_while(
+    pub(super) fn psog(
         &mut self,
         factor: f64,
         go_on: &dyn Fn() -> bool,
@@ -183,7 +165,7 @@ impl ChartWorld {
     /// # Errors
     /// See [`Self::psog`]; a sensor without beams.
     pub(super) fn problem(&mut self, fidelity: &SceneDetail) -> Result<Problem, ChartError> {
-        let psog = self.psog(fidelity.voxel)?;
+        let psog = self.psog(fidelity.voxel, &|| true)?.expect("nobody stops the scan");
         let frames = if fidelity.through { Vec::new() } else { self.frames(fidelity) };
         let (scene, cell) = (self.scene.clone(), fidelity.detail * psog.roi().voxel()[0]);
         let sensors = scene.thinned_sensors(fidelity.azimuth)?;

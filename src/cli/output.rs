@@ -331,27 +331,23 @@ static SAID: Mutex<Option<Instant>> = Mutex::new(None);
 struct ProgressLines {
     unit: Option<String>,
     begun: Instant,
-    state: Mutex<LinesState>,
-}
-
-struct LinesState {
-    done: u64,
-    total: u64,
+    /// Done, and total.
+    state: Mutex<(u64, u64)>,
 }
 
 impl ProgressLines {
     fn new(total: u64, unit: Option<&str>) -> Self {
-        let state = Mutex::new(LinesState { done: 0, total });
+        let state = Mutex::new((0, total));
         Self { unit: unit.map(str::to_owned), begun: Instant::now(), state }
     }
 
-    fn change(&self, change: impl FnOnce(&mut LinesState)) {
+    fn change(&self, change: impl FnOnce(&mut (u64, u64))) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         change(&mut state);
         // Steps that are quick, one after the other, are no silence either.
         let said = *SAID.lock().unwrap_or_else(PoisonError::into_inner);
         if said.unwrap_or(self.begun).elapsed() >= SILENCE {
-            say(&line(state.done, state.total, self.unit.as_deref(), self.begun.elapsed()));
+            say(&line(state.0, state.1, self.unit.as_deref(), self.begun.elapsed()));
         }
     }
 }
@@ -371,11 +367,11 @@ fn line(done: u64, total: u64, unit: Option<&str>, took: Duration) -> String {
 
 impl Bar for ProgressLines {
     fn advance(&self, steps: u64) {
-        self.change(|state| state.done += steps);
+        self.change(|(done, _)| *done += steps);
     }
 
     fn set(&self, done: u64, total: u64) {
-        self.change(|state| (state.done, state.total) = (done, total));
+        self.change(|state| *state = (done, total));
     }
 }
 

@@ -206,9 +206,6 @@ impl JobScene {
 /// The P-SOG of a scene: the file that it names, or one built from virtual scans.
 ///
 /// A scan asks `go_on` as [`scan_scene`] does.
-///
-/// # Errors
-/// See [`JobScene::psog`].
 fn psog_of(scene: &Scene, go_on: impl Fn(usize) -> bool) -> Result<Psog, JobError> {
     match scene.psog_source() {
         PsogSource::File(path) => {

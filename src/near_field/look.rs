@@ -81,7 +81,6 @@ pub struct NearField {
     pub cells: Vec<([f64; 2], f64)>,
 }
 
-/// Sums over frames.
 struct FrameSums {
     /// One for each cell, frames in which it is ground, and in which it is seen too.
     ground: Vec<u64>,
@@ -103,9 +102,6 @@ impl NearSite {
     }
 
     /// The site of a problem of one frame that was made of a scene: the body has its outline in that frame.
-    ///
-    /// # Errors
-    /// See [`Self::new`].
     pub(crate) fn in_frame(
         scene: &Scene,
         problem: &Arc<Problem>,
@@ -203,9 +199,6 @@ impl NearSite {
     }
 
     /// Cells that each LiDAR of a placement sees, in each distinct frame.
-    ///
-    /// # Errors
-    /// See [`Self::look`].
     pub(crate) fn seen_by_lidar(
         &self,
         engine: &mut dyn Backend,

@@ -40,7 +40,6 @@ pub(crate) struct RequiredGround {
     rules: Vec<CellRule>,
 }
 
-/// Cells of a rule.
 enum CellRule {
     /// For each distinct frame, the cells that count.
     Cells(Vec<Box<[u64]>>),
@@ -48,7 +47,6 @@ enum CellRule {
     Lanes(Vec<Vec<LaneCell>>, f64, Side),
 }
 
-/// Cell of a lane.
 struct LaneCell {
     bit: usize,
     /// Metres from the edge.

@@ -34,13 +34,9 @@ fn card_in_words(card: &RangeCard) -> String {
     let each: Vec<String> = each.collect();
     format!(
         "range card, met at every distance and all {} bearings: {}",
-        bearings_of(card),
+        card.targets.first().map_or(0, |target| target.bearings.len()),
         each.join(", ")
     )
-}
-
-fn bearings_of(card: &RangeCard) -> usize {
-    card.targets.first().map_or(0, |target| target.bearings.len())
 }
 
 /// The better of several placements, and why; `None` of one.

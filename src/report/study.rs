@@ -72,7 +72,6 @@ pub fn study_plot(table: &Table) -> Plot {
     }
 }
 
-/// Columns of scores.
 const COLUMNS: [ScoreColumn; 3] =
     [ScoreColumn::NearGain, ScoreColumn::GainShare, ScoreColumn::Hits];
 /// Scores that are drawn, with their names; requirements are drawn beside them.

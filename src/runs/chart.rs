@@ -104,7 +104,6 @@ pub fn chart_scenes(
     Ok((count, charts))
 }
 
-/// Checkpoint of a chart.
 #[derive(Clone, Serialize, Deserialize)]
 struct ChartCheckpoint {
     scene: PathBuf,

@@ -61,9 +61,6 @@ impl Files {
     }
 
     /// Scenes, and one file of placements or several, for a command that needs both.
-    ///
-    /// # Errors
-    /// See [`Self::with_placements`].
     pub fn with_rigs(
         files: &[PathBuf],
         watcher: &dyn Watcher,
@@ -389,9 +386,6 @@ impl<'a> Given<'a> {
     }
 
     /// Checks all placements.
-    ///
-    /// # Errors
-    /// See [`Self::look`].
     pub fn all<'p>(
         mut self,
         placements: impl IntoIterator<Item = &'p mut Placement>,
@@ -403,9 +397,6 @@ impl<'a> Given<'a> {
 }
 
 /// The layouts of Table 7 where a vehicle is the paper's car: one model, a mount that holds them; else none.
-///
-/// # Errors
-/// See [`name_published`].
 pub fn held(
     vehicle: &Vehicle,
     sensors: &Sensors,

@@ -13,9 +13,6 @@ use crate::files::{
 pub type Figure = (String, String);
 
 /// Checks, before long work, that a folder of figures could be written; true if one is wanted.
-///
-/// # Errors
-/// See [`writable_folder`].
 pub fn check_figures(folder: Option<&Path>) -> Result<bool, RunError> {
     folder.map(writable_folder).transpose()?;
     Ok(folder.is_some())
@@ -37,9 +34,6 @@ pub fn check_figures_apart(figures: Option<&Path>, run: &Path) -> Result<(), Run
 }
 
 /// Writes each figure as `NAME.svg`.
-///
-/// # Errors
-/// See [`write_folder`].
 pub fn write_figures(folder: Option<&Path>, figures: Vec<Figure>) -> Result<(), RunError> {
     let Some(folder) = folder else { return Ok(()) };
     let names = safe_names(figures.iter().map(|(name, _)| &**name));

@@ -59,7 +59,7 @@ impl Atlases {
         };
         let mut each: Vec<Atlas> = evaluator.members().map(|(member, _)| atlas(member)).collect();
         let capacity = each.iter().map(Atlas::capacity).min().unwrap_or(0);
-        each.iter_mut().for_each(|atlas| atlas.limit(capacity));
+        each.iter_mut().for_each(|atlas| atlas.capacity = capacity);
         Self { each, sight: evaluator.sight().cloned(), targets: HashMap::new() }
     }
 
@@ -90,17 +90,11 @@ impl Atlases {
     }
 
     /// Like [`Atlas::hold`], in every scene.
-    ///
-    /// # Errors
-    /// See [`Atlas::hold`].
     pub fn hold(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<(), BackendError> {
         self.hold_while(evaluator, poses, &mut |_| true).map(drop)
     }
 
     /// Like [`Atlas::hold_while`], in every scene.
-    ///
-    /// # Errors
-    /// See [`Atlas::hold`].
     pub(super) fn hold_while(
         &mut self,
         evaluator: &mut Evaluator,

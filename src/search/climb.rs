@@ -69,9 +69,6 @@ impl GridSearch {
     /// `go_on` is asked before each turn, after every few candidates and as by [`Self::hold_while`], with the poses
     /// cast so far. Once it says no, the turn under way does not count and the climb ends where that turn began,
     /// without a look at guards; `None` where not even the start was cast.
-    ///
-    /// # Errors
-    /// See [`Self::hold`].
     pub fn climb(
         &mut self,
         evaluator: &mut Evaluator,
@@ -90,9 +87,6 @@ impl GridSearch {
     }
 
     /// A climb that checks its swaps by `check`; `go_on` and `None` work as in [`Self::climb`].
-    ///
-    /// # Errors
-    /// See [`Self::hold`].
     pub(super) fn ascend(
         &mut self,
         evaluator: &mut Evaluator,
@@ -265,7 +259,7 @@ impl GridSearch {
         let mut better = Vec::new();
         for (index, some) in candidates.chunks(self.at_once(here, turn)).enumerate() {
             let is_cut = index > 0 && !go_on(self.atlas.poses_cast());
-            if is_cut || !self.holds_while(evaluator, &some.concat(), go_on)? {
+            if is_cut || !self.atlas.hold_while(evaluator, &some.concat(), go_on)? {
                 return Ok(Swap::Cut);
             }
             let values = self.values_of(some, turn);

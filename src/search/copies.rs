@@ -180,9 +180,6 @@ impl Moved {
 
     /// Casts LiDARs, each by its number and the pose that it is to have, in each of their poses; `go_on` and `None` work
     /// as in [`Self::new`].
-    ///
-    /// # Errors
-    /// See [`Self::new`].
     fn columns_of(
         &self,
         lidars: &[(usize, SensorPose)],
@@ -277,9 +274,6 @@ impl Moved {
 
     /// Columns of the LiDARs that stand elsewhere in other placements than in one, by their number; `go_on` and `None`
     /// work as in [`Self::new`].
-    ///
-    /// # Errors
-    /// See [`Self::new`].
     pub fn columns_beside(
         &self,
         one: &Placement,
@@ -328,9 +322,6 @@ impl Moved {
 
     /// Copies that meet requirements, of each of which `found` says share and least share over all frames; with other
     /// columns `instead` of LiDARs' own. `go_on` and `None` work as in [`Self::new`].
-    ///
-    /// # Errors
-    /// See [`Self::new`].
     pub fn holds(
         &self,
         instead: &[(usize, Column)],

@@ -279,9 +279,6 @@ impl Evaluator {
 
     /// Like [`Self::judged`], to the same bits, with tallies that are already `known`; `None` once `go_on`, which is
     /// asked before every few placements and, on the host, frames, says no.
-    ///
-    /// # Errors
-    /// See [`Backend::tally`].
     pub(crate) fn judged_while(
         &mut self,
         placements: &[Placement],
@@ -308,9 +305,6 @@ impl Evaluator {
     }
 
     /// The scores of [`Self::judged_while`] alone, none known.
-    ///
-    /// # Errors
-    /// See [`Backend::tally`].
     pub(crate) fn scores_while(
         &mut self,
         placements: &[Placement],

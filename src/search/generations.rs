@@ -108,9 +108,10 @@ pub struct Generation {
 pub struct Generations {
     cma: Option<Restarts>,
     best: Option<Best>,
-    generation: u64,
+    /// Generations so far.
+    pub(super) generation: u64,
     evaluations: u64,
-    stopped: Option<GenerationsStop>,
+    pub(super) stopped: Option<GenerationsStop>,
 }
 
 /// A placement with its LiDARs ordered by x, then by the other pose fields.
@@ -180,11 +181,6 @@ impl Generations {
         self.best.as_ref()
     }
 
-    /// Generations so far.
-    pub fn generation(&self) -> u64 {
-        self.generation
-    }
-
     /// Candidates so far.
     pub fn evaluations(&self) -> u64 {
         self.evaluations
@@ -193,11 +189,6 @@ impl Generations {
     /// Why the search has ended; `None` while it has not.
     pub fn stopped(&self) -> Option<GenerationsStop> {
         self.stopped
-    }
-
-    /// Ends the search: its best placement is good enough.
-    pub fn stop_at_target(&mut self) {
-        self.stopped = Some(GenerationsStop::Target);
     }
 
     /// Instances of the CMA-ES that have stopped, each followed by another.

@@ -53,7 +53,7 @@ pub struct GridSearch {
     pub(super) constraints: Constraints,
     pub(super) evaluations: u64,
     /// Poses cast beyond which no LiDAR of a climb takes another turn.
-    most_casts: u64,
+    pub(super) most_casts: u64,
     /// Poses that a climb moves LiDARs to where it may move them anywhere; `None` for all of the grid.
     pub(super) pool: Option<BTreeSet<u32>>,
     /// Penalty for a missing share of 1, taken off the objective; 0 without requirements.
@@ -105,11 +105,6 @@ impl GridSearch {
         }
     }
 
-    /// Drops the rules that tie LiDARs together: a bound over more placements bounds them, too.
-    pub fn untie(&mut self) {
-        self.constraints = self.constraints.untied();
-    }
-
     /// Lets climbs move LiDARs to these poses, too, and to none but the poses that were ever named so.
     pub(super) fn keep_to(&mut self, poses: impl IntoIterator<Item = u32>) {
         self.pool.get_or_insert_default().extend(poses);
@@ -121,11 +116,6 @@ impl GridSearch {
         let near = placement.iter().flat_map(|&pose| self.atlas.grid().along(pose, 1));
         let new: BTreeSet<u32> = near.filter(|pose| !pool.contains(pose)).collect();
         new.into_iter().collect()
-    }
-
-    /// Lets climbs begin turns only while fewer than `casts` poses are cast.
-    pub(super) fn limit_casts(&mut self, casts: u64) {
-        self.most_casts = casts;
     }
 
     /// True if a climb may begin another turn: casts are left, and `go_on`, called with the poses cast, agrees.
@@ -142,11 +132,6 @@ impl GridSearch {
     /// LiDARs of a placement.
     pub fn lidars(&self) -> usize {
         self.constraints.lidars()
-    }
-
-    /// Placements looked at so far.
-    pub fn evaluations(&self) -> u64 {
-        self.evaluations
     }
 
     /// Numbers of the poses of a placement moved to the grid, a LiDAR and its mirror image side by
@@ -174,9 +159,6 @@ impl GridSearch {
     /// Like [`Self::hold`], some poses after others; `go_on` is asked in between and after every 2048 casts of a pose in
     /// a frame, with the number of poses cast. Returns the poses that are held then, in the order given: all, where
     /// `go_on` never says no.
-    ///
-    /// # Errors
-    /// See [`Self::hold`].
     pub fn hold_while(
         &mut self,
         evaluator: &mut Evaluator,
@@ -233,9 +215,6 @@ impl GridSearch {
     /// For an information gain this reaches at least 1 − 1/e of the best placement of these candidates where LiDARs
     /// need no least distance (Nemhauser, Wolsey, Fisher 1978). Gains then only shrink as sensors join. Old gains are
     /// bounds, so most are not computed again (Minoux 1978); the result is the same.
-    ///
-    /// # Errors
-    /// See [`Self::hold`].
     pub fn greedy(
         &mut self,
         evaluator: &mut Evaluator,
@@ -275,9 +254,6 @@ impl GridSearch {
     }
 
     /// The standing of a placement, which keeps the rules as every placement of the grid search does.
-    ///
-    /// # Errors
-    /// See [`Self::hold`].
     pub fn standing(
         &mut self,
         evaluator: &mut Evaluator,
@@ -310,9 +286,6 @@ impl GridSearch {
 
     /// The better of two placements, the first of equal ones; the first, too, once `go_on`, which is asked as by
     /// [`Self::standing_while`], says no.
-    ///
-    /// # Errors
-    /// See [`Self::hold`].
     pub fn preferred(
         &mut self,
         evaluator: &mut Evaluator,

@@ -6,7 +6,7 @@ use super::error::SearchError;
 use super::evaluator::Evaluator;
 use super::grid_search::GridSearch;
 use crate::search::atlas::POSES_AT_ONCE;
-use crate::search::atlases::{Unions, Units};
+use crate::search::atlases::Unions;
 
 /// Bytes of bitmaps that are read between two questions whether to go on: less than a second's, and few in the tests of
 /// this crate.
@@ -106,16 +106,6 @@ impl GridSearch {
         self.blind = if self.atlas.has_sight() { blind } else { 0.0 };
     }
 
-    /// Wants more places of targets than the rules ask for from now on, for LiDARs that are mounted a little off.
-    pub(super) fn leave_room(&mut self, roomy: bool) {
-        self.roomy = roomy;
-    }
-
-    /// See [`Atlases::out_of_reach`](crate::search::atlases::Atlases::out_of_reach).
-    pub(super) fn out_of_reach(&self, mounts: &[(usize, Vec<u32>)]) -> Vec<String> {
-        self.atlas.out_of_reach(mounts)
-    }
-
     /// Share that held poses miss of the requirements, summed over areas and targets.
     pub(super) fn missing(&self, poses: &[u32]) -> f64 {
         self.lacks(poses)[0]
@@ -137,29 +127,11 @@ impl GridSearch {
         self.values_with(others, &[last])[0].1
     }
 
-    /// See [`Atlases::worth_units`].
-    pub(super) fn worth_units(&self) -> Vec<Units> {
-        self.atlas.worth_units(&self.objective)
-    }
-
     /// The objective of a placement.
-    ///
-    /// # Errors
-    /// See [`Self::hold`].
     pub fn value(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<f64, SearchError> {
         let Some((&last, others)) = poses.split_last() else { return Ok(f64::NEG_INFINITY) };
         self.hold(evaluator, poses)?;
         Ok(self.values_with(others, &[last])[0].1)
-    }
-
-    /// Like [`Self::hold`]; false once `go_on`, which is asked as by [`Self::hold_while`], says no.
-    pub(super) fn holds_while(
-        &mut self,
-        evaluator: &mut Evaluator,
-        poses: &[u32],
-        go_on: &mut dyn FnMut(u64) -> bool,
-    ) -> Result<bool, SearchError> {
-        Ok(self.atlas.hold_while(evaluator, poses, go_on)?)
     }
 
     /// Like [`Self::value`]; `None` once `go_on`, which is asked as by [`Self::hold_while`], says no.
@@ -169,7 +141,7 @@ impl GridSearch {
         poses: &[u32],
         go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<Option<f64>, SearchError> {
-        let is_held = self.holds_while(evaluator, poses, go_on)?;
+        let is_held = self.atlas.hold_while(evaluator, poses, go_on)?;
         is_held.then(|| self.value(evaluator, poses)).transpose()
     }
 }

@@ -35,7 +35,7 @@ impl Pilot {
         let mut size = best.frames.len().max(1);
         while size < count {
             best = choice.best(size, best);
-            let error = choice.error(&best);
+            let error = choice.error_after(&best, &[]);
             if !levels.is_empty() || error.is_some_and(|error| error <= tolerance) {
                 levels.push(Level { frames: best.frames.clone(), error });
             }
@@ -137,10 +137,6 @@ impl<'a> FrameChoice<'a> {
         (0..self.pilot.placements.len()).map(value).collect()
     }
 
-    fn error(&self, set: &Set) -> Option<f64> {
-        self.error_after(set, &[])
-    }
-
     fn error_after(&self, set: &Set, steps: &[Step]) -> Option<f64> {
         scatter(&self.reference, self.values(set, steps))
     }
@@ -167,7 +163,7 @@ impl<'a> FrameChoice<'a> {
             all.retain(|set| {
                 self.pilot.suite.is_single() || set.counts.iter().all(|&count| count > 0)
             });
-            let first = first_of(&all, |set| self.error(set));
+            let first = first_of(&all, |set| self.error_after(set, &[]));
             return first.map(|(_, set)| set.clone()).unwrap_or(from);
         }
         let mut chosen = from;
@@ -184,7 +180,7 @@ impl<'a> FrameChoice<'a> {
                     chosen.others(count).filter(|&other| self.is_of_all(&chosen, out, other));
                 exchanges.extend(others.map(|other| [Step::Out(out), Step::In(other)]));
             }
-            let least = self.error(&chosen).unwrap_or(f64::INFINITY);
+            let least = self.error_after(&chosen, &[]).unwrap_or(f64::INFINITY);
             let better = first_of(&exchanges, |steps| self.error_after(&chosen, steps));
             match better.filter(|(error, _)| *error < least) {
                 Some((_, steps)) => chosen = self.after(&chosen, steps),

@@ -40,15 +40,6 @@ impl Seat {
         Self { member, backend, memory, references: BTreeMap::new() }
     }
 
-    /// Tallies over all frames, with beams of `range` metres.
-    fn tally(
-        &mut self,
-        placements: &[Placement],
-        range: Option<f32>,
-    ) -> Result<Vec<Tally>, BackendError> {
-        self.backend.tally(&self.member.seen(placements), range)
-    }
-
     /// Groups of frames that are cast one after the other (none: all at once), and placements that are cast together.
     fn parts(&self) -> (Vec<Vec<usize>>, usize) {
         let problem = self.member.problem();
@@ -69,8 +60,8 @@ impl Seat {
         groups.len().max(1) * placements.div_ceil(at_once)
     }
 
-    /// Like [`Self::tally`], a few placements at a time, and on the host a few frames; the bits are the same. `None`
-    /// once `go_on`, which is asked before each of them, says no.
+    /// Tallies over all frames, with beams of `range` metres: a few placements at a time, and on the host a few frames.
+    /// `None` once `go_on`, which is asked before each of them, says no.
     fn tally_while(
         &mut self,
         placements: &[Placement],
@@ -111,8 +102,9 @@ impl Seat {
         range: Option<f32>,
     ) -> Result<Vec<Scores>, BackendError> {
         let known = vec![None; placements.len()];
-        let at_once =
-            &mut |seat: &mut Self, some: &[Placement], range| seat.tally(some, range).map(Some);
+        let at_once = &mut |seat: &mut Self, some: &[Placement], range| {
+            seat.backend.tally(&seat.member.seen(some), range).map(Some)
+        };
         let scores = self.scores_by(placements, range, &known, at_once)?;
         Ok(scores.expect("nobody stops a tally at once"))
     }

@@ -52,13 +52,13 @@ pub struct TimeLimit {
 pub(crate) const PATIENCE: Duration = Duration::from_secs(3);
 
 /// Share of a [`TimeLimit`] that the generations may take; the swaps have the rest.
-const GENERATIONS_SHARE: f64 = 0.4;
+pub(super) const GENERATIONS_SHARE: f64 = 0.4;
 /// Share that choosing the frames may take.
-const FRAMES_SHARE: f64 = 0.2;
+pub(super) const FRAMES_SHARE: f64 = 0.2;
 /// Share after which finalists of the generations that are not confirmed over many frames stay so.
-const FINALISTS_SHARE: f64 = 0.6;
+pub(super) const FINALISTS_SHARE: f64 = 0.6;
 /// Share that the whole search may take where the result is confirmed over many frames.
-const SEARCH_SHARE: f64 = 0.8;
+pub(super) const SEARCH_SHARE: f64 = 0.8;
 
 impl TimeLimit {
     /// A limit that begins to run now.
@@ -71,24 +71,9 @@ impl TimeLimit {
         self.start + self.length
     }
 
-    /// Time at which the frames of the search have to be chosen.
-    pub(super) fn frames_deadline(&self) -> Instant {
-        self.start + self.length.mul_f64(FRAMES_SHARE)
-    }
-
-    /// Time at which the finalists of the generations have to be confirmed over many frames.
-    pub(super) fn finalists_deadline(&self) -> Instant {
-        self.start + self.length.mul_f64(FINALISTS_SHARE)
-    }
-
-    /// Time at which the search has to end where the result is confirmed over many frames.
-    pub(super) fn search_deadline(&self) -> Instant {
-        self.start + self.length.mul_f64(SEARCH_SHARE)
-    }
-
-    /// Time at which the generations have to end.
-    pub(super) fn generations_deadline(&self) -> Instant {
-        self.start + self.length.mul_f64(GENERATIONS_SHARE)
+    /// Time at which a share of the length is over.
+    pub(super) fn after(&self, share: f64) -> Instant {
+        self.start + self.length.mul_f64(share)
     }
 }
 

@@ -33,7 +33,6 @@ const MANY: u64 = 8;
 const WIDENED: usize = 4;
 /// Kicks out of local optima among as many poses as are cast: more among fewer.
 const KICKS: u64 = 5;
-/// Most kicks.
 const MOST_KICKS: u64 = 32;
 /// LiDARs that a kick moves, one after the other, each anywhere.
 const KICKED: usize = 2;
@@ -183,7 +182,7 @@ impl Swapped {
             value: best.value,
             others: ends.iter().filter(as_good).take(OTHERS).map(|end| placed(end)).collect(),
             climbs,
-            evaluations: search.evaluations(),
+            evaluations: search.evaluations,
             poses_cast: search.atlas().poses_cast(),
         }
     }
@@ -210,7 +209,7 @@ fn grid_search(
     let atlas = Atlases::new(evaluator, &grid, objective.needed(), settings.memory);
     let mut search = GridSearch::new(atlas, objective.clone(), evaluator);
     search.watch_cars(CAR_WEIGHT);
-    search.leave_room(settings.roomy);
+    search.roomy = settings.roomy;
     let required = search.has_requirements();
     if let Some(poses) = starts.iter().filter(|_| required).find_map(|start| search.start_of(start))
     {
@@ -283,9 +282,6 @@ fn set_of(placement: &GridPlacement) -> Vec<u32> {
 /// mount allows, until no swap gains; the start of the largest objective first, while poses may be cast.
 ///
 /// `None` and `go_on` work as in [`swap_anywhere`].
-///
-/// # Errors
-/// See [`swap_anywhere`].
 pub(super) fn swap_from(
     evaluator: &mut Evaluator,
     objective: &Objective,
@@ -296,7 +292,7 @@ pub(super) fn swap_from(
 ) -> Result<Option<Swapped>, SearchError> {
     let mut search = grid_search(evaluator, objective, settings, starts)?;
     search.atlas.forget_beyond(AMPLE_POSES, AMPLE_BYTES);
-    search.limit_casts(settings.casts);
+    search.most_casts = settings.casts;
     let mut first: Vec<GridPlacement> = Vec::new();
     for start in starts {
         let Some(poses) = search.start_of(start) else { continue };

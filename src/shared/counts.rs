@@ -99,7 +99,6 @@ impl SeenBy {
     }
 }
 
-/// Models of the LiDARs of a placement.
 pub(super) struct PlacementModels {
     /// Each model once, in the order of the LiDARs.
     pub names: Vec<SensorName>,

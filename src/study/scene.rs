@@ -5,17 +5,15 @@ use std::cell::OnceCell;
 use super::lidars::SearchSpace;
 use super::table::check_distinct;
 use super::{Kind, Row, StudyError, StudyObserver, StudySettings};
-use crate::engine::BackendError;
 use crate::job::{Job, JobError, JobScene, Losses};
 use crate::near_field::self_hits;
 use crate::psog::{PsogError, Roi};
-use crate::scan::conditions::{Condition, under};
+use crate::scan::conditions::under;
 use crate::scan::scan_scene;
 use crate::scene::{PsogSource, ScanSettings, Scene};
 use crate::score::{Objective, Scores, lidar_name};
 use crate::search::{Evaluator, Event, Limits, Settings, Suite, optimize};
-use crate::targets::RangeCard;
-use crate::vehicle::{Constraints, Placement, Sensors, table_7, table_7_held_by};
+use crate::vehicle::{Constraints, Placement, table_7, table_7_held_by};
 
 /// The job that all cases of a study in one scene vary.
 pub(super) struct StudyScene<'a> {
@@ -137,17 +135,6 @@ impl<'a> StudyScene<'a> {
         self.open(&self.job)
     }
 
-    /// Range cards of placements in a job of this scene, in its weather; empty where beams end at nothing.
-    pub(super) fn range_cards(
-        &self,
-        job: &Job,
-        placements: &[Placement],
-    ) -> Result<Vec<RangeCard>, StudyError> {
-        let Some(site) = job.target_site()? else { return Ok(Vec::new()) };
-        let cards = placements.iter().map(|placement| RangeCard::new(site, &placement.lidars));
-        Ok(cards.collect::<Result<_, _>>().map_err(BackendError::from)?)
-    }
-
     /// An evaluator with other rules of the mount, over the same trees.
     pub(super) fn evaluator_under(
         &self,
@@ -160,21 +147,6 @@ impl<'a> StudyScene<'a> {
     /// An evaluator of the rig that is searched.
     pub(super) fn evaluator_of_rig(&self) -> Result<Evaluator, StudyError> {
         self.evaluator_under(&self.rig()?.constraints)
-    }
-
-    /// An evaluator of the rig that is searched, with other sensors.
-    pub(super) fn evaluator_with(&self, sensors: &Sensors) -> Result<Evaluator, StudyError> {
-        self.open(&self.job.clone().sensors(sensors).constraints(&self.rig()?.constraints))
-    }
-
-    /// The job under a condition, and its evaluator.
-    pub(super) fn in_condition(
-        &self,
-        condition: &[Condition],
-    ) -> Result<(Job, Evaluator), StudyError> {
-        let job = self.job.clone().conditions(condition);
-        let evaluator = self.open(&job)?;
-        Ok((job, evaluator))
     }
 
     /// Settings of the scan that voxels of another size are made by.
@@ -197,7 +169,7 @@ impl<'a> StudyScene<'a> {
         self.open(&self.job.clone().on_grid_of(psog))
     }
 
-    fn open(&self, job: &Job) -> Result<Evaluator, StudyError> {
+    pub(super) fn open(&self, job: &Job) -> Result<Evaluator, StudyError> {
         let (evaluator, notes) = job.evaluator(|_| {})?;
         self.observer.opened(&notes);
         Ok(evaluator)
@@ -255,9 +227,6 @@ impl<'a> StudyScene<'a> {
     }
 
     /// A placement with each of its LiDARs lost in turn.
-    ///
-    /// # Errors
-    /// See [`Self::scores`].
     pub(super) fn losses(
         &self,
         evaluator: &mut Evaluator,

@@ -3,12 +3,13 @@
 use super::scene::StudyScene;
 use super::table::{Cases, SCORES, check_distinct, made_large};
 use super::{Row, StudyError, Table, TablePlot, table};
+use crate::engine::BackendError;
 use crate::job::{Job, JobError};
 use crate::maths;
 use crate::near_field::NearSite;
 use crate::scan::conditions::Condition;
 use crate::search::Evaluator;
-use crate::targets::CARD_BEAMS;
+use crate::targets::{CARD_BEAMS, RangeCard};
 use crate::vehicle::{Lidar, Placement};
 
 /// Channels that are compared over the scene's own field of view.
@@ -105,7 +106,8 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
         let table = lidar.table()?;
         let beams = table.directions().len();
         let sensors = scene.scene.sensors()?.with_beams(0, table);
-        let mut evaluator = scene.evaluator_with(&sensors)?;
+        let job = scene.job.clone().sensors(&sensors).constraints(&scene.rig()?.constraints);
+        let mut evaluator = scene.open(&job)?;
         let mut row = table::of_best(scene, &mut evaluator)?;
         if let Some(best) = &row.placement {
             row.values.extend(near_field(scene, &mut evaluator, best)?);
@@ -153,7 +155,8 @@ pub(super) fn weather(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
         let (_, job, evaluator) = match open.take() {
             Some(known) if known.0 == index => open.insert(known),
             _ => {
-                let (job, evaluator) = scene.in_condition(condition)?;
+                let job = scene.job.clone().conditions(condition);
+                let evaluator = scene.open(&job)?;
                 open.insert((index, job, evaluator))
             }
         };
@@ -200,8 +203,9 @@ fn row(
     let mut values = table::values(&scores);
     values.push((!scores.required.is_empty()).then_some(not_met));
     if condition.iter().all(Condition::dims_light) {
-        let cards = scene.range_cards(job, std::slice::from_ref(rig))?;
-        let ahead = cards.first().and_then(|card| card.targets.first()?.bearings.first());
+        let card = job.target_site()?.map(|site| RangeCard::new(site, &rig.lidars)).transpose();
+        let card = card.map_err(BackendError::from)?;
+        let ahead = card.as_ref().and_then(|card| card.targets.first()?.bearings.first());
         values.push(ahead.map(|ahead| ahead.met.first().map_or(0.0, |[_, to]| *to)));
     }
     Ok(Row::scored(values, rig.clone(), &scores))

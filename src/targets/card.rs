@@ -181,13 +181,6 @@ pub(super) fn card_targets() -> &'static [Arc<Target>] {
     })
 }
 
-/// A place of a card: number of its target, fine bearing, number of its distance.
-struct CardPlace {
-    target: usize,
-    bearing: usize,
-    distance: usize,
-}
-
 impl RangeCard {
     /// The card of a placement.
     ///
@@ -196,28 +189,29 @@ impl RangeCard {
     pub fn new(site: &TargetSite, lidars: &[SensorPose]) -> Result<Self, UnknownSensor> {
         let (targets, distances) =
             (card_targets(), distances(f64::from(site.sensors().longest_range())));
+        // Number of the target, fine bearing, number of the distance.
         let mut places = Vec::new();
         for (target, of) in targets.iter().enumerate() {
             for bearing in (0..FINE).step_by(if target == 0 { 1 } else { FINE / BEARINGS }) {
                 for (distance, &metres) in distances.iter().enumerate() {
                     if site.has_room(of, position(metres, degrees(bearing))) {
-                        places.push(CardPlace { target, bearing, distance });
+                        places.push([target, bearing, distance]);
                     }
                 }
             }
         }
         let standing: Vec<PlacedTarget<'_>> = places
             .iter()
-            .map(|place| PlacedTarget {
-                target: &targets[place.target],
-                at: position(distances[place.distance], degrees(place.bearing)),
+            .map(|&[target, bearing, distance]| PlacedTarget {
+                target: &targets[target],
+                at: position(distances[distance], degrees(bearing)),
             })
             .collect();
         let is_met = site.met(lidars, &standing, CARD_BEAMS)?;
         // `None` where the own vehicle stands.
         let mut met = vec![vec![vec![None; distances.len()]; FINE]; targets.len()];
-        for (place, is_met) in places.iter().zip(is_met) {
-            met[place.target][place.bearing][place.distance] = Some(is_met);
+        for (&[target, bearing, distance], is_met) in places.iter().zip(is_met) {
+            met[target][bearing][distance] = Some(is_met);
         }
         let of_target = |(target, met): (&Arc<Target>, &Vec<Vec<Option<bool>>>)| TargetRanges {
             target: target.name.clone(),

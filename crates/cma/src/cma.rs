@@ -350,7 +350,7 @@ impl Cma {
 
     /// Candidates told so far.
     pub fn evaluations(&self) -> u64 {
-        self.progress.evaluations()
+        self.progress.evaluations
     }
 
     /// True if the floors of the standard deviations are released: [`Self::polish`].

@@ -70,7 +70,6 @@ impl CmaOptions {
     }
 }
 
-/// Origin of a candidate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum CandidateOrigin {
     /// Drawn from the distribution.

@@ -76,7 +76,7 @@ pub(super) struct CostHistory {
     sparse: VecDeque<Costs>,
     generations: u64,
     best: Option<f64>,
-    evaluations: u64,
+    pub(super) evaluations: u64,
 }
 
 impl CostHistory {
@@ -126,10 +126,6 @@ impl CostHistory {
             push(&mut self.sparse, costs, KEPT);
         }
         self.generations += 1;
-    }
-
-    pub(super) fn evaluations(&self) -> u64 {
-        self.evaluations
     }
 
     pub(super) fn stop(&self) -> Option<StopReason> {

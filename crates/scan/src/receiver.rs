@@ -66,7 +66,7 @@ impl Receiver<'_> {
     /// reports the second strongest too, as those of Velodyne (VLP-16 User Manual 63-9243, Dual Return Mode) and Hesai
     /// (Pandar64 User Manual, 3.1.2.2) do.
     fn wanted(&self, chance: &Chance, echoes: &[Echo]) -> [Option<usize>; 2] {
-        let response = &self.sweeper.model().response;
+        let response = &self.sweeper.model.response;
         let seen = |at: usize| {
             let draw = || chance.draw(Purpose::Detection, at as u32);
             is_seen(response, echoes[at].power, draw) && echoes[at].range >= response.min_range
@@ -102,7 +102,7 @@ impl Receiver<'_> {
         }
         let mut order: [u8; RAYS] = std::array::from_fn(|ray| ray as u8);
         order.sort_by(|&a, &b| rays[usize::from(a)].t.total_cmp(&rays[usize::from(b)].t));
-        let pulse = self.sweeper.model().response.pulse;
+        let pulse = self.sweeper.model.response.pulse;
         // Where the echo begins, and the most that one ray adds to it.
         let (mut from, mut most) = (f64::NEG_INFINITY, 0.0);
         for ray in order {
@@ -142,7 +142,7 @@ impl Receiver<'_> {
 
     /// Adds echoes of fog, snow and rain, and dims the surfaces behind snow and rain.
     fn weather(&self, chance: &Chance, surface: &SurfaceHit, echoes: &mut EchoList) {
-        let model = self.sweeper.model();
+        let model = &self.sweeper.model;
         let target = if surface.is_hit() { f64::from(surface.t) } else { f64::INFINITY };
         let surfaces = echoes.len();
         if let Some(fog) = &self.optics.weather.fog {
@@ -170,7 +170,7 @@ impl Receiver<'_> {
         echo: &Echo,
         number: u32,
     ) -> Return {
-        let response = &self.sweeper.model().response;
+        let response = &self.sweeper.model.response;
         let weak = (STRONG * response.threshold() / echo.power).sqrt().clamp(1.0, MOST_NOISE);
         let noise = response.noise * weak * chance.normal(Purpose::RangeNoise, number);
         let mut range = (echo.range + noise).max(0.0);
@@ -228,7 +228,7 @@ impl Receiver<'_> {
         echo: &Echo,
         range: f64,
     ) -> (Vec3, Vec3) {
-        let direction = self.sweeper.model().table.directions()[beam.beam].map(f64::from);
+        let direction = self.sweeper.model.table.directions()[beam.beam].map(f64::from);
         let point = DVec3::from(direction) * range;
         let raw = self.sweep.first().start_from_sensor.apply(point).as_vec3();
         let own = &rays[0];

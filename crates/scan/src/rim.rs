@@ -102,7 +102,7 @@ impl RimCaster<'_> {
             });
             firings.collect()
         };
-        let range = sweeper.model().table.range();
+        let range = sweeper.model.table.range();
         if let Some(hits) = device.closest_hits(range, by_device) {
             return hits.as_chunks().0.to_vec();
         }
@@ -143,7 +143,7 @@ impl RimCaster<'_> {
             return true;
         };
         let triangle = stage.things[stage.thing_of(own.prim)].triangle(own.prim);
-        let (range, rays) = (sweeper.model().table.range(), &sweeper.rays[place.fired]);
+        let (range, rays) = (sweeper.model.table.range(), &sweeper.rays[place.fired]);
         !all_hit(tree, &pose, unsure.map(|ray| lane(rays, ray)), triangle, range)
     }
 

@@ -356,6 +356,7 @@ impl<'a> Scanner<'a> {
 
 /// Why a scene cannot be scanned.
 #[derive(Debug, thiserror::Error)]
+#[error(transparent)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the message tells the fields")]
 pub enum ScanError {
@@ -368,10 +369,8 @@ pub enum ScanError {
     )]
     TooManyActors { scene: String, actors: usize },
     /// A sensor of a model that the vehicle does not have.
-    #[error(transparent)]
     UnknownSensor(#[from] UnknownSensor),
     /// A model without beams.
-    #[error(transparent)]
     Sensor(#[from] SensorError),
     /// A condition of an ideal scan.
     #[error(
@@ -380,9 +379,7 @@ pub enum ScanError {
     )]
     Ideal { condition: String },
     /// Conditions that do not go together.
-    #[error(transparent)]
     Condition(#[from] ConditionError),
     /// The trees do not fit into memory.
-    #[error(transparent)]
     OutOfMemory(#[from] OutOfMemory),
 }

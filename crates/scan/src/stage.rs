@@ -17,7 +17,7 @@ use sightline_scene::scene::{EgoBody, PartOwner, Scene};
 /// A rigid part of the scene, not empty.
 #[derive(Debug)]
 pub(super) struct Thing {
-    tree: Arc<Bvh>,
+    pub(super) tree: Arc<Bvh>,
     /// Number of the part in the scene.
     part: usize,
     first_prim: u32,
@@ -139,10 +139,6 @@ impl Thing {
     pub fn face(&self, prim: u32) -> (u16, Vec3) {
         let Face { normal, class } = self.faces[(prim - self.first_prim) as usize];
         (class, Vec3::from(normal))
-    }
-
-    pub fn tree(&self) -> &Bvh {
-        &self.tree
     }
 
     /// Where the tree lies for a sensor whose frame a pose takes to the thing's; none where it sees nothing of it.

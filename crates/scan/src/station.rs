@@ -115,7 +115,7 @@ impl Station {
     /// The thing that a face belongs to: its tree, and the pose of the sensor in its frame.
     pub fn tree_of<'s>(&self, stage: &'s Stage, prim: u32) -> Option<(&'s Bvh, DevicePose)> {
         let (number, pose) = self.nearby(stage, prim)?;
-        Some((stage.things[number].tree(), DevicePose::from(pose)))
+        Some((&*stage.things[number].tree, DevicePose::from(pose)))
     }
 
     /// The thing that a face belongs to, by its number.

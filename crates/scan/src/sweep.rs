@@ -18,7 +18,6 @@ use lidar_cast::cast::{
 use lidar_cast::geom::Pose;
 use sightline_scene::vehicle::SensorModel;
 
-/// Columns of one parallel task.
 pub(super) const COLUMNS_A_TASK: usize = 16;
 /// Bytes of a beam in a [`Sweeper`].
 pub(super) const BYTES_OF_RAYS: u64 = size_of::<Rays>() as u64;
@@ -28,7 +27,7 @@ pub(super) const BYTES_OF_A_SWEEP: u64 =
 
 /// A sensor model, ready to be swept.
 pub(super) struct Sweeper {
-    model: SensorModel,
+    pub(super) model: SensorModel,
     /// Casts all beams at once; built on first use.
     whole: OnceLock<Caster>,
     pub(super) fires: Fires,
@@ -81,10 +80,6 @@ impl Sweeper {
             width,
             model: model.clone(),
         }
-    }
-
-    pub fn model(&self) -> &SensorModel {
-        &self.model
     }
 
     /// Seconds from the beginning of a sweep until a beam fires.

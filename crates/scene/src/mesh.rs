@@ -66,7 +66,6 @@ pub fn load(at: &Location, file: &Path) -> Result<RawMesh, DescriptionError> {
 /// Reads the bytes of a mesh file; buffers of a glTF lie in the folder.
 type ReadMesh = fn(&[u8], &Path) -> Result<RawMesh, MeshFault>;
 
-/// The reader of files with an extension.
 #[cfg(feature = "mesh")]
 fn reader(extension: &str) -> Result<ReadMesh, MeshFault> {
     match extension {

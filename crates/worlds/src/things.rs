@@ -50,10 +50,6 @@ impl StreetFurniture<'_> {
         self.rng.random_bool(p.clamp(0.0, 1.0))
     }
 
-    fn free(&self, p: DVec2, radius: f64) -> bool {
-        self.clear(p, radius, ROAD | HOUSE | THING)
-    }
-
     fn clear(&self, p: DVec2, radius: f64, bits: u8) -> bool {
         !self.mask.touches(p, DVec2::X, DVec2::splat(radius), bits)
     }
@@ -78,7 +74,7 @@ impl StreetFurniture<'_> {
         while s < edge.length() {
             let (p, at) = (place(s, from_kerb), edge.at(s));
             let foot = self.ground(at, p, (walk > 0.0).then(|| street.kerb(side, s)));
-            if self.free(p, 0.0) {
+            if self.clear(p, 0.0, ROAD | HOUSE | THING) {
                 let trees = if self.style.trees > 0.0 { 6.0 / self.style.trees } else { 0.0 };
                 let lamps = if self.style.lamps > 0.0 { 6.0 / self.style.lamps } else { 0.0 };
                 match self.rng.random_range(0.0..1.0) {

@@ -117,15 +117,15 @@ fn solved(rows: [[f64; 3]; 3]) -> Option<[f64; 3]> {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrontState {
     choices: Vec<Answered<Equipped>>,
-    polished: Vec<Answered<Option<Placement>>>,
-    met: Vec<Answered<Option<(Placement, Equipment)>>>,
+    pub(super) polished: Vec<Answered<Option<Placement>>>,
+    pub(super) met: Vec<Answered<Option<(Placement, Equipment)>>>,
 }
 
 /// One part of a front: a question and its answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Answered<T> {
-    asked: String,
-    found: T,
+pub(super) struct Answered<T> {
+    pub asked: String,
+    pub found: T,
 }
 
 /// Answer to a question that was asked before.
@@ -179,11 +179,6 @@ impl FrontState {
         known(&self.polished, asked)
     }
 
-    /// Keeps the placement found for a question.
-    pub(super) fn keep_polished(&mut self, asked: String, found: Option<Placement>) {
-        self.polished.push(Answered { asked, found });
-    }
-
     /// Question for sensors and placement that meet all requirements: the fewest sensors, or the best for all the money.
     pub(super) fn meeting(objective: &Objective, fewest: bool) -> String {
         text((objective, fewest))
@@ -192,11 +187,6 @@ impl FrontState {
     /// Placement and sensors found for a question, if any were.
     pub(super) fn met(&self, asked: &str) -> Option<&Option<(Placement, Equipment)>> {
         known(&self.met, asked)
-    }
-
-    /// Keeps placement and sensors found for a question.
-    pub(super) fn keep_met(&mut self, asked: String, found: Option<(Placement, Equipment)>) {
-        self.met.push(Answered { asked, found });
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use super::pareto::{FrontProgress, FrontState, Objectives, front};
+use super::pareto::{Answered, FrontProgress, FrontState, Objectives, front};
 use super::sweep::{Chosen, End, spread};
 use super::{Front, FrontObjective, FrontObjectives, FrontStopped, is_over, picks, point};
 use crate::job::{Job, JobError, JobStep};
@@ -218,7 +218,7 @@ impl<'a> Pool<'a> {
                 return Ok(end);
             }
             let best = outcome.best.map(|best| best.placement);
-            kept.keep(|state| state.keep_polished(asked, best.clone()));
+            kept.keep(|state| state.polished.push(Answered { asked, found: best.clone() }));
             best.map(|best| self.score(best, from.kinds, from.gain)).transpose()?;
         }
         Ok(End::Done)
@@ -274,7 +274,7 @@ impl<'a> Pool<'a> {
                 false => End::Done,
             };
             if end == End::Done {
-                kept.keep(|state| state.keep_met(asked, found.clone()));
+                kept.keep(|state| state.met.push(Answered { asked, found: found.clone() }));
             }
             found.map(|(best, kinds)| self.score(best, kinds, gain.clone())).transpose()?;
             if end != End::Done {

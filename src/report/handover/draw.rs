@@ -20,7 +20,6 @@ const ZONE: Ink = Ink(ACCENT, 0.18);
 const ZONE_EDGE: Stroke = Stroke::solid(ACCENT, 0.3);
 const THIN: Stroke = Stroke::solid(INK, 0.15);
 
-/// Colour of a LiDAR.
 pub(super) fn colour(lidar: usize) -> &'static str {
     COLOURS[lidar % COLOURS.len()]
 }

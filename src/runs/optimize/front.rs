@@ -28,7 +28,6 @@ pub struct Fronted {
     pub folder: PathBuf,
 }
 
-/// Command of checkpoints of fronts.
 pub(super) const COMMAND: &str = "optimize --front";
 
 /// Content of a checkpoint.

@@ -49,9 +49,7 @@ pub(super) fn score(
     let mut loaded =
         Loaded { job: job.draw(request.draw).tolerance(Some(request.mounting.tolerance)), times };
     let evaluator = loaded.evaluator(computing)?;
-    let Loaded { job, times } = loaded;
-    let scene = job.scene().clone();
-    let loaded = Ready { job, evaluator, times };
+    let scene = loaded.job.scene().clone();
     if let Some(file) = &request.out {
         writable_file(file)?;
         outputs::check_table(file, request.format)?;
@@ -73,7 +71,7 @@ pub(super) fn score(
     match (journal, &request.out) {
         (Some(journal), Some(out_file)) => {
             computing.watcher.listen(GRACE);
-            match scoring(request, computing, loaded, placements, total, start) {
+            match scoring(request, computing, loaded, evaluator, placements, total, start) {
                 Ok(scoring) => scoring.into_file(journal, out_file),
                 Err(error) => {
                     journal.remove();
@@ -84,7 +82,8 @@ pub(super) fn score(
         _ => {
             let mut is_met = true;
             write_out(request, out, |path, out| {
-                let scoring = scoring(request, computing, loaded, placements, total, start)?;
+                let scoring =
+                    scoring(request, computing, loaded, evaluator, placements, total, start)?;
                 is_met = scoring.into_writer(path, out)?;
                 Ok(())
             })?;
@@ -93,29 +92,23 @@ pub(super) fn score(
     }
 }
 
-/// A job ready to be scored.
-struct Ready {
-    job: Job,
-    evaluator: Evaluator,
-    times: LoadTimes,
-}
-
 /// Scoring of placements that are about to be read.
 fn scoring<'a>(
     request: &'a ScoreRequest,
     computing: &Computing<'a>,
-    loaded: Ready,
+    loaded: Loaded,
+    evaluator: Evaluator,
     placements: &'a RigFiles,
     total: u64,
     start: Instant,
 ) -> Result<Scoring<'a>, RunError> {
     let watcher = computing.watcher;
     let reader = placements.reader()?.peekable();
-    let site = || NearSite::new(loaded.job.scene(), &loaded.evaluator.shared_problem());
+    let site = || NearSite::new(loaded.job.scene(), &evaluator.shared_problem());
     let near = request.near_field.then(site).transpose()?;
     let bar = Some(watcher.bar(total, Some("placements")));
-    let given = Given::in_problem(placements.label(), loaded.evaluator.problem(), computing);
-    let (Ready { job, evaluator, times }, count) = (loaded, 0);
+    let given = Given::in_problem(placements.label(), evaluator.problem(), computing);
+    let (Loaded { job, times }, count) = (loaded, 0);
     Ok(Scoring {
         request,
         placements: placements.label(),
@@ -139,7 +132,6 @@ fn scoring<'a>(
     })
 }
 
-/// Models of the LiDARs of placements.
 pub(super) fn models_of(placements: &[Placement]) -> impl Iterator<Item = SensorName> {
     placements.iter().flat_map(|placement| &placement.lidars).map(|pose| pose.sensor)
 }

@@ -46,7 +46,7 @@ pub struct Atlas {
     empty_words: usize,
     pages: HashMap<u32, Page>,
     /// Pages held at most.
-    capacity: usize,
+    pub(super) capacity: usize,
     /// Limits of pages and bytes; beyond both, pages used longest ago are dropped.
     ample: Option<(usize, u64)>,
     /// Counts requests; pages remember the last one that asked for them.
@@ -125,11 +125,6 @@ impl Atlas {
         self
     }
 
-    /// Limits the held poses to `capacity`.
-    pub(crate) fn limit(&mut self, capacity: usize) {
-        self.capacity = self.capacity.min(capacity);
-    }
-
     /// Drops poses used longest ago once there are more than `poses` and more than about `bytes` bytes of them. Fits a
     /// search that looks at a few poses at a time and seldom comes back to old ones.
     pub fn forget_beyond(&mut self, poses: usize, bytes: u64) {
@@ -178,9 +173,6 @@ impl Atlas {
 
     /// Like [`Self::hold`], and asks `go_on` after every [`CASTS_AT_ONCE`] casts, with [`Self::poses_cast`]. False once
     /// it says no: poses that were being cast are then not held.
-    ///
-    /// # Errors
-    /// See [`Self::hold`].
     pub(crate) fn hold_while(
         &mut self,
         backend: &mut dyn Backend,

@@ -93,9 +93,6 @@ impl Effort {
 ///
 /// `go_on` is asked before each set and while overlaps of pairs are added up, with the number of sets looked at; a bound
 /// that it ends is valid, too.
-///
-/// # Errors
-/// See [`GridSearch::hold`].
 pub fn bound_gain(
     search: &mut GridSearch,
     evaluator: &mut Evaluator,
@@ -111,7 +108,7 @@ pub fn bound_gain(
     typical.sort_by(better_first);
     typical.truncate(all.len().div_ceil(TYPICAL));
     let typical: Vec<u32> = typical.into_iter().map(|(pose, _)| pose).collect();
-    let (units, places) = (search.worth_units(), search.places());
+    let (units, places) = (search.atlas.worth_units(&search.objective), search.places());
     let open = || Open { heap: BinaryHeap::new(), lidars, floor: found.value };
     let words = effort.pair_words;
     let asked = RefCell::new(go_on);

@@ -90,7 +90,7 @@ fn gain_search(
             (poses * atlas.page_bytes()) >> 20
         )));
     }
-    search.untie();
+    search.constraints = search.constraints.untied();
     Ok(Ok(search))
 }
 

@@ -92,7 +92,7 @@ impl PairBound {
             let all = in_full(frames as u64 * once.iter().map(|&w| u64::from(w)).sum::<u64>());
             return (bare(all), all);
         };
-        let groups = columns.groups();
+        let groups = &columns.groups;
         let base = columns.rest + groups.iter().map(|group| group.total).sum::<u64>();
         let mut now = bare(in_full(base));
         let has_overlaps = n <= MOST_POSES && worths.overlap > 0.0;

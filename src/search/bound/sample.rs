@@ -49,9 +49,6 @@ impl GridSample {
     /// Placements that break another rule of the mount are drawn again, but not for ever, and none once `go_on`, which
     /// is asked before each pair but the first and as by [`GridSearch::hold_while`], says no: the sample may be smaller
     /// than `samples`, and is empty where nothing may vary or no pair was cast in time.
-    ///
-    /// # Errors
-    /// See [`GridSearch::hold`].
     pub fn draw(
         search: &mut GridSearch,
         evaluator: &mut Evaluator,
@@ -91,7 +88,7 @@ impl GridSample {
             };
             let keeps = |poses| constraints.violations(&placed(poses)).is_empty();
             if pair.iter().all(keeps) {
-                if !search.holds_while(evaluator, &pair.concat(), &mut |_| go_on())? {
+                if !search.atlas.hold_while(evaluator, &pair.concat(), &mut |_| go_on())? {
                     break;
                 }
                 for poses in &pair {

@@ -27,7 +27,8 @@ pub(in crate::search) struct Columns {
     words: usize,
     /// `[poses × words]`.
     bitmaps: Vec<u64>,
-    groups: Vec<Group>,
+    /// Columns that few typical poses cover first.
+    pub groups: Vec<Group>,
     /// Σ worth of the columns that more typical poses cover than those of any group.
     pub rest: u64,
 }
@@ -192,11 +193,6 @@ impl Columns {
                 group.singles[pose] = single;
             }
         }
-    }
-
-    /// Columns that few typical poses cover first.
-    pub fn groups(&self) -> &[Group] {
-        &self.groups
     }
 
     /// Words that [`Self::add_overlaps`] reads of each pair.

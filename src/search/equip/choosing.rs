@@ -155,7 +155,7 @@ fn out_of_reach(
         |mount: usize| (0..poses.len()).filter(move |&pose| kinds[poses.kind(pose)].0 == mount);
     let mounts = vehicle.mounts.iter().enumerate();
     let mounts = mounts.map(|(k, mount)| (mount.count[1], on(k).collect()));
-    grid.out_of_reach(&mounts.collect::<Vec<_>>())
+    grid.atlas.out_of_reach(&mounts.collect::<Vec<_>>())
 }
 
 impl Equip {

@@ -60,7 +60,7 @@ impl Run {
         let objective = self.objective();
         let Some(levels) = &mut self.state.levels else { return Ok(true) };
         levels.note(scored, &objective);
-        let generation = self.state.generations.generation();
+        let generation = self.state.generations.generation;
         let evaluations = self.state.generations.evaluations() as f64;
         let mut level = levels.enough(evaluations / self.state.settings.evaluations as f64);
         if level == levels.level() && levels.is_due(generation) {
@@ -99,7 +99,7 @@ impl Run {
             self.state.levels = kept;
             return Ok(false);
         }
-        let (frames, generation) = (self.frames().len(), self.state.generations.generation());
+        let (frames, generation) = (self.frames().len(), self.state.generations.generation);
         watch.note(&format!("generation {generation}: on with {frames} frames"));
         Ok(true)
     }
@@ -111,7 +111,7 @@ impl Run {
             return Ok(true);
         }
         let (objective, heeds_time) = (self.objective(), self.heeds_time());
-        let generation = self.state.generations.generation();
+        let generation = self.state.generations.generation;
         let kept = self.state.levels.clone();
         let Some(levels) = &mut self.state.levels else { return Ok(true) };
         levels.go_to(level, generation);
@@ -134,7 +134,9 @@ impl Run {
         placements: &[Placement],
         watch: &mut Watch,
     ) -> Result<Option<Vec<Judged>>, SearchError> {
-        let (work, heeds_time) = (self.work_of_confirming(), self.heeds_time());
+        let few = self.sitting.hurried.as_ref().map(Vec::len);
+        let work = Work::Confirming { frames: few.unwrap_or_else(|| self.suite.frame_count()) };
+        let heeds_time = self.heeds_time();
         let mut judged = Vec::new();
         for some in placements.chunks(CONFIRMED_AT_ONCE) {
             let evaluator = self.over_all(watch)?;
@@ -147,11 +149,6 @@ impl Run {
             watch.tell(&Event::Progress { work, done, total });
         }
         Ok(Some(judged))
-    }
-
-    fn work_of_confirming(&self) -> Work {
-        let few = self.sitting.hurried.as_ref().map(Vec::len);
-        Work::Confirming { frames: few.unwrap_or_else(|| self.suite.frame_count()) }
     }
 
     /// Scores of [`Self::judged_over_all`] alone, in silence.

@@ -31,7 +31,6 @@ fn left_out(part: &str, watch: &mut Watch) {
 /// The result of each method, and the best of all that was found and given.
 type ConfirmedResults = (Vec<MethodRecord>, Option<Scored>);
 
-/// Result of a method.
 enum MethodResult {
     Nothing,
     /// The run is to end before it is scored.

@@ -5,6 +5,7 @@ use std::time::Instant;
 use super::state::{Phase, Run, State};
 use crate::score::{Scores, Standing};
 use crate::search::error::SearchError;
+use crate::search::generations::GenerationsStop;
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::seat::FRAMES_AT_ONCE;
 
@@ -81,7 +82,7 @@ impl Run {
         let reaches = |standing: &Standing| {
             standing.is_sound() && standing.value.is_some_and(|value| value >= target)
         };
-        let is_new = best.generation == generations.generation();
+        let is_new = best.generation == generations.generation;
         if !is_new || !reaches(&best.standing) {
             return Ok(true);
         }
@@ -92,7 +93,7 @@ impl Run {
                 return Ok(true);
             }
         }
-        self.state.generations.stop_at_target();
+        self.state.generations.stopped = Some(GenerationsStop::Target);
         Ok(true)
     }
 

@@ -6,7 +6,9 @@ use super::state::{Phase, Run};
 use crate::search::error::SearchError;
 use crate::search::observer::{Observer, Watch};
 use crate::search::outcome::Outcome;
-use crate::search::settings::Settings;
+use crate::search::settings::{
+    FINALISTS_SHARE, FRAMES_SHARE, GENERATIONS_SHARE, SEARCH_SHARE, Settings,
+};
 use crate::search::suite::Suite;
 
 /// Searches the placement that makes the objective largest: frames on demand, CMA-ES, swaps, finalists
@@ -41,10 +43,10 @@ impl Run {
         let phase = self.state.phase;
         let (time, heeds_time) = (self.state.settings.time.as_ref(), self.heeds_time());
         watch.deadline = time.map(|time| match phase {
-            Phase::Frames => time.frames_deadline(),
-            Phase::Generations => time.generations_deadline(),
-            Phase::Finalists if heeds_time => time.finalists_deadline(),
-            Phase::Swaps | Phase::Refine | Phase::Bounds if heeds_time => time.search_deadline(),
+            Phase::Frames => time.after(FRAMES_SHARE),
+            Phase::Generations => time.after(GENERATIONS_SHARE),
+            Phase::Finalists if heeds_time => time.after(FINALISTS_SHARE),
+            Phase::Swaps | Phase::Refine | Phase::Bounds if heeds_time => time.after(SEARCH_SHARE),
             _ => time.deadline(),
         });
         let mut outcome = None;

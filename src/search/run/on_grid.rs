@@ -163,7 +163,7 @@ impl Run {
         for (index, refinement) in REFINEMENTS.iter().enumerate() {
             let again = again && index == 0;
             let most = if again { all } else { refinement.frames * counted };
-            let generation = self.state.generations.generation();
+            let generation = self.state.generations.generation;
             if let Some(levels) = &mut self.state.levels {
                 levels.go_to_within(most, generation);
             }

@@ -84,9 +84,6 @@ pub fn open(path: &Path) -> Result<File> {
 }
 
 /// Opens a plain file of the command's own folder, such as a checkpoint, which is replaced later.
-///
-/// # Errors
-/// See [`open`].
 fn open_own(path: &Path) -> Result<File> {
     plain(&std::fs::metadata(path)?)?;
     let mut options = File::options();

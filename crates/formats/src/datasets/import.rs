@@ -18,7 +18,6 @@ use super::{BoxTrack, LabelledSequence, ground};
 
 /// Most plates and boxes.
 const MOST_SHAPES: usize = 500_000;
-/// Most frames of a scene.
 const MOST_FRAMES: usize = 10_000;
 /// Farthest point from the start, metres.
 const FARTHEST: f64 = 50_000.0;

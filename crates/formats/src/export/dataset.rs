@@ -228,7 +228,7 @@ impl Dataset {
         for (scene, frame) in all_frames(&self.scenes) {
             let Some(record) = self.folder.whole(scene, frame) else {
                 self.say_missing()?;
-                let (path, missing) = (self.folder.root().to_owned(), self.missing().0);
+                let (path, missing) = (self.folder.root.clone(), self.missing().0);
                 let scene = self.scenes[scene].name.clone();
                 return Err(ExportError::Incomplete { path, missing, frames, scene, frame });
             };
@@ -243,7 +243,7 @@ impl Dataset {
                 nuscenes::finish(folder, &self.settings, &self.scenes, &self.plan)?;
             }
         }
-        let mut about = About::read(folder.root())?;
+        let mut about = About::read(&folder.root)?;
         about.complete = true;
         folder.sync();
         folder.put_json(ABOUT, &about)?;

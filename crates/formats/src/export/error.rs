@@ -8,6 +8,7 @@ use sightline_scene::vehicle::{SensorError, UnknownSensor};
 
 /// Why a data set cannot be written.
 #[derive(Debug, thiserror::Error)]
+#[error(transparent)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the message tells the fields")]
 pub enum ExportError {
@@ -141,13 +142,10 @@ pub enum ExportError {
         limit: u64,
     },
     /// A sensor of the vehicle that has no beams.
-    #[error(transparent)]
     Sensor(#[from] SensorError),
     /// A LiDAR of a model that the vehicle does not have.
-    #[error(transparent)]
     UnknownSensor(#[from] UnknownSensor),
     /// A file that cannot be written or read.
-    #[error(transparent)]
     File(#[from] FileError),
 }
 

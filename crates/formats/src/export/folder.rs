@@ -32,7 +32,7 @@ const BUFFER: usize = 1 << 14;
 
 /// Folder of a data set.
 pub(super) struct Folder {
-    root: PathBuf,
+    pub(super) root: PathBuf,
 }
 
 /// A file that is being written; it takes its place when it is done.
@@ -79,10 +79,6 @@ impl Folder {
     /// Waits until the disk has all files: once a set, not once a file.
     pub fn sync(&self) {
         files::sync_disk(&self.root);
-    }
-
-    pub fn root(&self) -> &Path {
-        &self.root
     }
 
     /// Begins a file, named from the root with `/`.

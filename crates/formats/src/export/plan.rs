@@ -428,7 +428,6 @@ pub(super) fn of_classes(
     scene.classes.iter().map(label).collect()
 }
 
-/// Labels of the points of a scan.
 pub(super) struct PointLabels<'a> {
     classes: &'a [Label],
     /// Label of its kind, and whether it moves, by instance.

@@ -27,8 +27,10 @@ pub type TraversalStack = Vec<(f32, u32)>;
 /// spheres around it that most beams and bundles miss.
 #[derive(Debug, Clone, Copy)]
 pub struct BundleOrigin {
-    pose: DevicePose,
-    sight: SightSphere,
+    /// Takes the sensor's frame to the tree's.
+    pub pose: DevicePose,
+    /// The sphere that most beams miss.
+    pub sight: SightSphere,
     wide: SightSphere,
 }
 
@@ -38,17 +40,6 @@ impl BundleOrigin {
         let pose = DevicePose::from(pose);
         let sight = SightSphere::new(&pose, tree, range)?;
         Some(Self { pose, sight, wide: sight.widened(width) })
-    }
-
-    /// Takes the sensor's frame to the tree's.
-    pub fn pose(&self) -> &DevicePose {
-        &self.pose
-    }
-
-    /// The sphere that most beams miss.
-    #[cfg(feature = "gpu")]
-    pub fn sight(&self) -> &SightSphere {
-        &self.sight
     }
 }
 
@@ -299,7 +290,7 @@ impl Firing<'_> {
     pub fn closest_hit(&self, direction: [f32; 3], range: f32) -> Hit {
         let mut hit = Hit::none(range);
         for target in &self.targets {
-            let pose = target.standing.pose();
+            let pose = &target.standing.pose;
             let ray = Ray::new(beam_origin(pose), beam_direction(pose, direction), hit.t);
             target.tree.closer_hit(&ray, target.first_prim, &mut hit);
         }

@@ -25,7 +25,6 @@ use crate::task::{Frame, Instance};
 use descent::STACK;
 use lanes::W;
 
-/// Rays of one parallel task.
 const RAYS_A_TASK: usize = 1024;
 /// Least cosine between rays that go down together.
 const ALIKE: f64 = 0.97;
@@ -72,7 +71,6 @@ enum RayQuery {
     Count,
 }
 
-/// Eight rays in a frame.
 struct FrameRays<'a> {
     upper: &'a UpperTree,
     things: &'a [RayInstance],

@@ -9,7 +9,6 @@ use crate::geom::Pose;
 use crate::sensor::BeamTable;
 use crate::task::{DevicePose, Frame, beam_direction, beam_origin};
 
-/// Beams of one parallel task.
 const BEAMS_PER_TASK: usize = 1024;
 
 /// Closest hit of every beam in a frame, ordered by sensor, then direction; `[sensors × directions]`.

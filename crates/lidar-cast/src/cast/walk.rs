@@ -145,7 +145,7 @@ impl Walk {
     /// Takes the hits of a window.
     fn read(&self, window: Window, hits: &[Hit], beams: &mut WindowBeams) {
         let Window { from, columns } = window;
-        if !self.grid.is_full() {
+        if !self.grid.turn {
             // No hit is closer than that.
             beams.t[..self.grid.row_count() * columns].fill(f32::NEG_INFINITY);
         }

@@ -66,7 +66,6 @@ impl<T: Default> Buffers<T> {
     }
 }
 
-/// Sensors of a chunk in one frame.
 struct SensorsInFrame<'a> {
     batch: &'a SensorBatch<'a>,
     /// Poses in the grid of voxels.

@@ -138,7 +138,7 @@ impl GpuBackend {
 
     fn count_down(&mut self) {
         match &mut self.doomed {
-            Some(0) => self.device.destroy(),
+            Some(0) => self.device.wgpu.destroy(),
             Some(batches) => *batches -= 1,
             None => {}
         }
@@ -203,7 +203,7 @@ impl Backend for GpuBackend {
     }
 
     fn adapter(&self) -> &str {
-        self.device.adapter()
+        &self.device.adapter
     }
 
     fn tally(

@@ -6,7 +6,6 @@ use std::str::FromStr;
 use serde::{Serialize, Serializer};
 use sightline_scene::scene::Ground;
 
-/// Most keys of a condition.
 const MOST_KEYS: usize = 2;
 
 /// One condition: `NAME[:KEY=VALUE[,KEY=VALUE…]]`.

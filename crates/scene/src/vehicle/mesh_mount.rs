@@ -25,7 +25,6 @@ const FACING: f64 = std::f64::consts::FRAC_PI_3;
 const STEEP: f64 = 0.1;
 /// Vertices within this many metres are one.
 const WELD: f64 = 1e-6;
-/// Most triangles of a mount.
 const MOST_TRIANGLES: usize = 1_000_000;
 
 /// The surface of a mount, its frame, and the files read. Bounds of the two fields in its plane are set; those
@@ -208,9 +207,9 @@ fn are_images(a: &Region, b: &Region) -> bool {
         let Some(((own, from), (surface, to))) = parts.zip(others) else { return false };
         let (along, back) = (surface.along(), to.inverse());
         own.corners().all(|corner| {
-            let outer = own.foot(own.axes().map(|k| corner[k])).point;
+            let outer = own.foot(own.axes.map(|k| corner[k])).point;
             let point = back.apply(flipped(from.apply(outer)));
-            let foot = surface.foot(surface.axes().map(|k| point[k]));
+            let foot = surface.foot(surface.axes.map(|k| point[k]));
             foot.off <= OFF && (foot.point[along] - point[along]).abs() <= OFF
         })
     };
@@ -220,7 +219,7 @@ fn are_images(a: &Region, b: &Region) -> bool {
 /// A region with the surface and the extent of another one, and its own ranges beside these.
 fn on_surface(own: &Region, of: Region) -> Region {
     let mut region = Region { lower: own.lower, upper: own.upper, name: own.name.clone(), ..of };
-    let axes = region.surface.as_ref().map_or([0, 1], |surface| surface.axes());
+    let axes = region.surface.as_ref().map_or([0, 1], |surface| surface.axes);
     for field in axes {
         (region.lower[field], region.upper[field]) = (of.lower[field], of.upper[field]);
     }
@@ -253,7 +252,7 @@ fn level_at_the_plane(mut facet: Facet) -> Facet {
 fn image(region: &Region, surface: &Arc<Surface>, other: &Region) -> Option<Region> {
     let mut made = region.mirrored();
     let flat = surface.facets().map(|facet| facet.flipped());
-    let mut mirrored = Surface::new(surface.axes(), flat.collect())?;
+    let mut mirrored = Surface::new(surface.axes, flat.collect())?;
     mirrored.image = Image::Of(surface.clone());
     made.surface = Some(Arc::new(mirrored));
     Some(on_surface(other, made))

@@ -16,7 +16,6 @@ use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{DescriptionError, Location};
 
-/// Most corners of a polygon.
 const MOST_CORNERS: usize = 256;
 /// Metres that corners of a polygon may lie off its plane.
 const FLAT: f64 = 0.01;

@@ -67,7 +67,7 @@ impl Region {
     pub fn pose(&self, fields: [f64; 6], sensor: SensorName) -> SensorPose {
         let pose = SensorPose::from_values(fields);
         if let (Some(surface), Some(frame)) = (&self.surface, &self.ego_from_region) {
-            let foot = surface.foot(surface.axes().map(|k| fields[k]));
+            let foot = surface.foot(surface.axes.map(|k| fields[k]));
             let rest = surface.rest(frame, &foot, fields[surface.along()]);
             let turned = Pose::new(DVec3::ZERO, fields[3], fields[4], fields[5]);
             return SensorPose { sensor, ..SensorPose::from(&rest.compose(&turned)) };
@@ -83,7 +83,7 @@ impl Region {
     pub fn fields(&self, pose: &SensorPose) -> [f64; 6] {
         if let (Some(surface), Some(frame)) = (&self.surface, &self.ego_from_region) {
             let mut point = frame.inverse().apply(pose.position());
-            let foot = surface.foot(surface.axes().map(|k| point[k]));
+            let foot = surface.foot(surface.axes.map(|k| point[k]));
             point[surface.along()] -= foot.point[surface.along()];
             let rest = surface.rest(frame, &foot, 0.0);
             let turned = rest.inverse().compose(&pose.ego_from_sensor());
@@ -136,8 +136,7 @@ impl Region {
     /// Field along the outward normal of a patch; `None` of a box.
     fn patch_normal(&self) -> Option<usize> {
         let frame = self.ego_from_region.as_ref();
-        let [a, b] =
-            frame.map(|_| self.surface.as_ref().map_or(self.outline.axes, |s| s.axes()))?;
+        let [a, b] = frame.map(|_| self.surface.as_ref().map_or(self.outline.axes, |s| s.axes))?;
         (a != b).then(|| 3 - a - b)
     }
 
@@ -159,9 +158,7 @@ impl Region {
             .collect();
         let (beside, axis) = match &self.surface {
             None => (self.outline.distance(fields), self.outline.axes[0]),
-            Some(surface) => {
-                (surface.foot(surface.axes().map(|k| fields[k])).off, surface.axes()[0])
-            }
+            Some(surface) => (surface.foot(surface.axes.map(|k| fields[k])).off, surface.axes[0]),
         };
         if beside > slack {
             found.push((SensorPose::FIELDS[axis], beside));

@@ -148,7 +148,6 @@ fn side_named(at: &Location, name: &str) -> Result<Side, DescriptionError> {
 const FROM: f64 = 5.0;
 /// Beams from which on a target is met where a rule does not say.
 const BEAMS: u64 = 5;
-/// Most beams of a rule.
 const MOST_BEAMS: u64 = 100;
 /// Farthest distance of a rule, metres.
 const FARTHEST: f64 = 1000.0;

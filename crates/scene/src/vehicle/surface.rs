@@ -21,7 +21,7 @@ const ON_EDGE: f64 = 1e-9;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surface {
     /// Fields of a pose that count along the plane: 0 and 1 on a roof, 1 and 2 on a side.
-    axes: [usize; 2],
+    pub(super) axes: [usize; 2],
     facets: Vec<Facet>,
     /// Numbers of the facets that touch each cell, in rows.
     cells: Vec<Vec<u32>>,
@@ -124,10 +124,6 @@ impl Surface {
         let to = self.cell(corners.into_iter().fold(DVec2::MIN, DVec2::max));
         let columns = self.count[0];
         (from[1]..=to[1]).flat_map(move |row| (from[0]..=to[0]).map(move |x| row * columns + x))
-    }
-
-    pub(super) fn axes(&self) -> [usize; 2] {
-        self.axes
     }
 
     /// True if a mirror at the plane y = 0 shows one as the other.

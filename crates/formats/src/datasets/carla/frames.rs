@@ -175,7 +175,6 @@ fn header<'a>(
 
 /// Columns of a transform, in metres and degrees.
 const COLUMNS: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
-/// Most columns that are looked at.
 const MOST_COLUMNS: usize = 64;
 /// Largest number: beyond, angles lose their degrees.
 const MOST: f64 = 1e7;

@@ -20,7 +20,6 @@ const UNSIGNED_INT: u32 = 5125;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
-/// Mode of a glTF primitive.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum PrimitiveMode {
     Points = 0,

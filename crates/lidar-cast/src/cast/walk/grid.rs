@@ -35,7 +35,7 @@ pub(super) struct Grid {
     /// Beams of a channel.
     steps: usize,
     /// True if rows are closed: then they are shifted by turning.
-    turn: bool,
+    pub(super) turn: bool,
 }
 
 struct GridRow {
@@ -162,11 +162,6 @@ impl Grid {
     /// The channel of each row.
     pub(super) fn channels(&self) -> impl Iterator<Item = usize> {
         self.rows.iter().map(|row| row.channel)
-    }
-
-    /// True if each column of each row holds a beam.
-    pub(super) fn is_full(&self) -> bool {
-        self.turn
     }
 
     /// The beams of a row in some columns.

@@ -42,7 +42,6 @@ pub(super) struct GpuChunk<'a> {
     pub(super) placements: Vec<[u32; 2]>,
 }
 
-/// The sensors of a chunk in a frame.
 pub(super) struct ChunkSensors {
     pub(super) ego_from_sensors: Vec<Pose>,
     /// Poses in the grid of voxels.

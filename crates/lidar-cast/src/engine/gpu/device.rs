@@ -10,15 +10,15 @@ use crate::engine::BackendError;
 
 /// An open device. Errors of the driver wait here for [`Self::check`], instead of wgpu's default, a panic.
 pub(super) struct Device {
-    device: wgpu::Device,
+    pub(super) wgpu: wgpu::Device,
     pub(super) queue: wgpu::Queue,
-    adapter: String,
+    pub(super) adapter: String,
     pub(super) software: bool,
     failure: Arc<Mutex<Option<String>>>,
     /// Buffers for copies to the host, kept from one to the next.
-    staging: Mutex<Vec<wgpu::Buffer>>,
+    pub(super) staging: Mutex<Vec<wgpu::Buffer>>,
     /// Times of a step; `None` on a device that tells none.
-    stamps: Option<Stamps>,
+    pub(super) stamps: Option<Stamps>,
     traffic: Mutex<TransferCounts>,
 }
 
@@ -84,26 +84,13 @@ impl Device {
         let adapter = format!("{} ({} {})", info.name, info.driver, info.driver_info);
         let (staging, stamps) = (Mutex::default(), Stamps::new(&device, &queue));
         let traffic = Mutex::default();
-        Ok(Self { device, queue, adapter, software, failure, staging, stamps, traffic })
-    }
-
-    /// Says in the device's name that it does not keep the bits.
-    pub(super) fn mark_inexact(&mut self) {
-        self.adapter += ", inexact: it fails its self-test";
-    }
-
-    pub(super) fn adapter(&self) -> &str {
-        &self.adapter
+        Ok(Self { wgpu: device, queue, adapter, software, failure, staging, stamps, traffic })
     }
 
     /// Most bytes of one storage buffer binding.
     pub(super) fn max_binding(&self) -> u64 {
-        let limits = self.device.limits();
+        let limits = self.wgpu.limits();
         limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
-    }
-
-    pub(super) fn destroy(&self) {
-        self.device.destroy();
     }
 
     /// The first error since the device was opened, if any: a device that failed is not used again.
@@ -130,7 +117,7 @@ impl Device {
         if usage.contains(wgpu::BufferUsages::STORAGE) && bytes > limit {
             return Err(BackendError::TooLarge { what, need: bytes, limit });
         }
-        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+        let buffer = self.wgpu.create_buffer(&wgpu::BufferDescriptor {
             label: Some(what),
             size: bytes.next_multiple_of(16).max(64),
             usage,
@@ -182,19 +169,6 @@ impl Device {
         if let Ok(mut traffic) = self.traffic.lock() {
             note(&mut traffic);
         }
-    }
-
-    pub(super) fn wgpu(&self) -> &wgpu::Device {
-        &self.device
-    }
-
-    /// Times of a step; `None` on a device that tells none.
-    pub(super) fn stamps(&self) -> Option<&Stamps> {
-        self.stamps.as_ref()
-    }
-
-    pub(super) fn kept_staging(&self) -> &Mutex<Vec<wgpu::Buffer>> {
-        &self.staging
     }
 }
 

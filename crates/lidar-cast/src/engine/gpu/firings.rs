@@ -64,7 +64,7 @@ impl GpuFirings {
 
     /// Name and driver of the device.
     pub(in crate::engine) fn adapter(&self) -> &str {
-        self.device.adapter()
+        &self.device.adapter
     }
 
     /// The first firings that fit into one dispatch: at least one.
@@ -87,11 +87,7 @@ impl GpuFirings {
                 let standing = target.standing;
                 let root = self.trees.roots[&std::ptr::from_ref(target.tree).addr()];
                 GpuInstance::new(
-                    standing.pose(),
-                    standing.sight(),
-                    target.tree,
-                    root,
-                    target.first_prim,
+                    &standing.pose, &standing.sight, target.tree, root, target.first_prim,
                 )
             }));
             packed.directions.extend(firing.rays.iter().map(|&[x, y, z]| [x, y, z, 0.0]));

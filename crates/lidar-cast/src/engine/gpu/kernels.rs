@@ -77,11 +77,11 @@ impl Kernels {
         let (name, parts) = SOURCES[kernel];
         self.pipelines[kernel].get_or_init(|| {
             let source = (self.rewrite)(name, source(parts));
-            let module = device.wgpu().create_shader_module(wgpu::ShaderModuleDescriptor {
+            let module = device.wgpu.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(name),
                 source: wgpu::ShaderSource::Wgsl(source.into()),
             });
-            device.wgpu().create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            device.wgpu.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(name),
                 layout: None,
                 module: &module,
@@ -140,7 +140,7 @@ impl Kernels {
                     resource: buffer.as_entire_binding(),
                 })
                 .collect();
-            device.wgpu().create_bind_group(&wgpu::BindGroupDescriptor {
+            device.wgpu.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: None,
                 layout: &pipeline.get_bind_group_layout(0),
                 entries: &entries,

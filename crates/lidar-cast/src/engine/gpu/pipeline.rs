@@ -33,7 +33,6 @@ pub(super) const fn in_flight(sums: bool) -> usize {
 /// Part of the steps done anew from which on all steps of a batch go slowly: each of them was cast twice.
 const MOST_REDONE: f64 = 0.25;
 
-/// A chunk in a frame of a batch.
 #[derive(Clone)]
 struct FrameChunk<'a> {
     chunk: Rc<GpuChunk<'a>>,
@@ -49,7 +48,6 @@ struct Pending<'a> {
     results: ReadBack,
 }
 
-/// Results of a chunk in a frame.
 pub(super) enum ChunkResult<'a> {
     /// Hits by sensor.
     Hits(&'a [u32]),
@@ -162,7 +160,7 @@ impl<'a> Pipeline<'a> {
     fn needs_host(&self, standing: &ChunkSensors) -> bool {
         !standing.covered_by_host.is_empty()
             || self.task.ends_at_hits() && self.task.air().is_some()
-            || self.device.stamps().is_none()
+            || self.device.stamps.is_none()
     }
 
     /// Hands a whole step to the device.
@@ -183,7 +181,7 @@ impl<'a> Pipeline<'a> {
         if batch.sums {
             stages.push(StepStage::Reduce);
         }
-        if let Some(stamps) = self.device.stamps() {
+        if let Some(stamps) = &self.device.stamps {
             sources.push((&stamps.resolved, STAMP_BYTES));
         }
         let record = |encoder: &mut wgpu::CommandEncoder| {
@@ -194,7 +192,7 @@ impl<'a> Pipeline<'a> {
                     StepStage::Reduce => self.record_reduce(encoder, &step.chunk, Some(number)),
                 }
             }
-            if let Some(stamps) = self.device.stamps() {
+            if let Some(stamps) = &self.device.stamps {
                 stamps.resolve(encoder, stages.len());
             }
         };
@@ -212,7 +210,7 @@ impl<'a> Pipeline<'a> {
     ) -> Result<(), BackendError> {
         let Some(Pending { step, stages, results }) = pending else { return Ok(()) };
         let is_whole = self.device.finish(results, |parts| {
-            if let Some(clocked) = self.device.stamps() {
+            if let Some(clocked) = &self.device.stamps {
                 let stamps = bytemuck::pod_collect_to_vec(parts[parts.len() - 1]);
                 let before: u64 = clock.ticks.iter().sum();
                 stage_ticks(&stages, &stamps, &mut clock.ticks);

@@ -30,7 +30,7 @@ impl Device {
         record: impl FnOnce(&mut wgpu::CommandEncoder),
     ) -> wgpu::SubmissionIndex {
         self.count(|traffic| traffic.submissions += 1);
-        let mut encoder = self.wgpu().create_command_encoder(&Default::default());
+        let mut encoder = self.wgpu.create_command_encoder(&Default::default());
         record(&mut encoder);
         self.queue.submit([encoder.finish()])
     }
@@ -45,10 +45,10 @@ impl Device {
         let submission_index = Some(submission.clone());
         let poll = wgpu::PollType::Wait { submission_index, timeout: None };
         // wgpu reports a device that a wait finds lost with a panic.
-        let waited = caught(|| self.wgpu().poll(poll));
+        let waited = caught(|| self.wgpu.poll(poll));
         if !matches!(waited, Ok(Ok(_))) {
             // A device that refused the submission says why once all before it has ended.
-            let _ = caught(|| self.wgpu().poll(wgpu::PollType::wait_indefinitely()));
+            let _ = caught(|| self.wgpu.poll(wgpu::PollType::wait_indefinitely()));
         }
         // The callbacks know more than the panic.
         self.check(stage)?;
@@ -118,7 +118,7 @@ impl Device {
 
     /// A buffer to map, one used before where it is large enough.
     fn staging(&self, size: u64) -> Result<wgpu::Buffer, BackendError> {
-        if let Ok(mut kept) = self.kept_staging().lock() {
+        if let Ok(mut kept) = self.staging.lock() {
             kept.sort_by_key(wgpu::Buffer::size);
             if let Some(found) = kept.iter().position(|buffer| buffer.size() >= size) {
                 return Ok(kept.remove(found));
@@ -131,7 +131,7 @@ impl Device {
     }
 
     fn keep(&self, staging: wgpu::Buffer) {
-        if let Ok(mut kept) = self.kept_staging().lock()
+        if let Ok(mut kept) = self.staging.lock()
             && kept.len() < KEPT_STAGING
         {
             kept.push(staging);
@@ -158,7 +158,6 @@ fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     })
 }
 
-/// Tallies of a batch.
 pub(super) struct BatchTallies {
     classes: usize,
     pub(super) tallies: Vec<Tally>,

@@ -49,7 +49,6 @@ const REORDERED: usize = 15;
 const QUOTIENT: usize = 16;
 const DENORMAL: usize = 17;
 
-/// Failures that are kept of a device.
 const KEPT_FAILURES: usize = 8;
 
 /// Coordinates, directions, limits and neighbours of powers of two, as kernels meet them.
@@ -308,14 +307,13 @@ fn judged(mut device: Device, result: &SelfTest, inexact: bool) -> Result<Device
     match result.complaint() {
         None => Ok(device),
         Some(_) if inexact => {
-            device.mark_inexact();
+            device.adapter += ", inexact: it fails its self-test";
             Ok(device)
         }
         Some(complaint) => Err(device.failed("being opened", complaint)),
     }
 }
 
-/// Runs the table on a device.
 fn run(device: &Device) -> Result<SelfTest, BackendError> {
     let cases = cases();
     let count = cases.len().next_multiple_of(WORKGROUP_SIZE as usize);
@@ -347,7 +345,7 @@ static KNOWN: Mutex<Option<HashMap<String, SelfTest>>> = Mutex::new(None);
 /// # Errors
 /// A device that fails to compile or run the table.
 pub(super) fn self_test(device: &Device) -> Result<SelfTest, BackendError> {
-    let name = device.adapter().to_owned();
+    let name = device.adapter.clone();
     let known = |known: &Option<HashMap<String, SelfTest>>| known.as_ref()?.get(&name).cloned();
     if let Some(result) = KNOWN.lock().ok().and_then(|table| known(&table)) {
         return Ok(result);
@@ -397,11 +395,11 @@ mod tests {
         assert_eq!(wrong.causes.len(), 1);
         assert!(wrong.causes[0].starts_with("division: 1 of "), "{:?}", wrong.causes);
         let Ok(device) = Device::open(None) else { return };
-        let name = device.adapter().to_owned();
+        let name = device.adapter.clone();
         let refused = judged(device, &wrong, false).map(|_| ()).unwrap_err().to_string();
         assert!(refused.contains("divide(a, b)"), "{refused}");
         let taken = judged(Device::open(None).unwrap(), &wrong, true).unwrap();
-        assert_eq!(taken.adapter(), format!("{name}, inexact: it fails its self-test"));
+        assert_eq!(taken.adapter, format!("{name}, inexact: it fails its self-test"));
     }
 
     #[test]

@@ -85,7 +85,7 @@ impl Pipeline<'_> {
 
     /// Begin and end of a stage, where the device is to write them down.
     fn stamp(&self, stage: Option<usize>) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
-        self.device.stamps().zip(stage).map(|(stamps, stage)| stamps.of(stage))
+        self.device.stamps.as_ref().zip(stage).map(|(stamps, stage)| stamps.of(stage))
     }
 
     /// Counters of the casting: unfinished beams, then hits by sensor.
