@@ -95,17 +95,17 @@ fn poses_are_those_of_the_placement_in_both_units_and_materials_add_up() {
     let wanted = "model,count,price_each,price\nturning,1,4000.5,4000.5\n\"side, narrow\",2,700,1400\n\
                   total,3,,5400.5\n";
     assert_eq!(read(&out, "materials.csv"), wanted);
-    // A locked sensor has a phase, one that spins freely has none.
-    assert_eq!((cell(0, "phase_rad"), cell(0, "phase_deg")), ("0".into(), "0".into()));
+    // A sensor that spins freely has no phase, a locked one has.
+    assert_eq!((cell(0, "phase_rad"), cell(0, "phase_deg")), (String::new(), String::new()));
     let path = dir.path().join("cart.json");
     let mut vehicle: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
-    vehicle["sensors"][0]["phase"] = json!("free");
+    vehicle["sensors"][0]["phase"] = json!(0);
     fs::write(&path, vehicle.to_string()).unwrap();
-    let free = cells(&read(&handed_over(&dir, &[]), "poses.csv"));
+    let locked = cells(&read(&handed_over(&dir, &[]), "poses.csv"));
     let phases =
-        |lidar: usize| ["phase_rad", "phase_deg"].map(|of| free[lidar + 1][column(of)].clone());
-    assert_eq!((phases(0), phases(1)), (["", ""].map(String::from), ["0", "0"].map(String::from)));
+        |lidar: usize| ["phase_rad", "phase_deg"].map(|of| locked[lidar + 1][column(of)].clone());
+    assert_eq!([phases(0), phases(1)], [["0", "0"]; 2].map(|both| both.map(String::from)));
     let readme = read(&out, "README.txt");
     assert!(readme.contains("ISO 8855") && readme.contains("a positive pitch looks down"));
     for (name, _) in all_files(out.path()).iter().map(|(path, _)| (path.file_name().unwrap(), ())) {

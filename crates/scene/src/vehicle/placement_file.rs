@@ -388,6 +388,12 @@ fn next_line(
                 return Some(Err(other.unwrap_or_else(not_text)));
             }
         };
+        if text.starts_with('#') {
+            // No JSON: the lines behind a comment tell which kind of file it is.
+            let mut more = text.to_owned();
+            _ = reader.by_ref().take(MAX_LINE).read_to_string(&mut more);
+            return Some(parse(&more, *line, path));
+        }
         if !text.trim_ascii().is_empty() {
             return Some(parse(text, *line, path));
         }
