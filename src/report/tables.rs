@@ -57,7 +57,7 @@ pub(crate) fn score_rows<'a>(
     all.into_iter().enumerate().map(row).collect()
 }
 
-/// The result of a search, if there is one, then its baselines, as [`score_rows`] has them.
+/// The result of a search, if there is one, then its baselines: the rows of `score --format csv`.
 pub fn run_csv(run: &RunRecord) -> String {
     // The scores have a column for the rules.
     let scores = |of: &Scored| Scores { broken_rules: of.violations.clone(), ..of.scores.clone() };
