@@ -208,32 +208,50 @@ impl Job {
         go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<(), JobError> {
         let usual = Tolerance::default();
-        let mut share = |tolerance: Tolerance, only: Option<usize>| {
-            let job = self.clone().tolerance(Some(tolerance));
-            let all = &mut [(placement, &mut *scores)];
-            let is_whole = job.add_holds(all, only, &mut || go_on(0))?;
-            Ok::<_, JobError>(scores.requirements_hold_in.filter(|_| is_whole))
-        };
         for times in COPIES_WITHIN {
             let tolerance =
                 Tolerance { metres: times * usual.metres, radians: times * usual.radians };
-            let Some(holds_in) = share(tolerance, None)? else { return Ok(()) };
+            let holds = self.holds_in((placement, scores), (tolerance, None), go_on)?;
+            let Some(holds_in) = holds else { return Ok(()) };
             let error = error_of_share(holds_in, placement.lidars.len());
             room.copies.push(RoomOfCopies { tolerance, holds_in, error });
+            go_on(1);
         }
-        let lidars = placement.lidars.len();
-        for lidar in (0..lidars).filter(|_| lidars > 1) {
+        for lidar in alone(placement) {
+            let mut share =
+                |tolerance| self.holds_in((placement, scores), (tolerance, Some(lidar)), go_on);
             let Some(of_lidar) = room_of_lidar(&mut share, lidar, &room.copies)? else { break };
             room.alone.push(of_lidar);
+            go_on(1);
         }
         Ok(())
     }
+
+    /// Share of copies that meet all requirements, with all LiDARs off by a tolerance, or one of them; `None` once `go_on` says
+    /// no.
+    fn holds_in(
+        &self,
+        (placement, scores): (&Placement, &mut Scores),
+        (tolerance, only): (Tolerance, Option<usize>),
+        go_on: &mut dyn FnMut(u64) -> bool,
+    ) -> Result<Option<f64>, JobError> {
+        let job = self.clone().tolerance(Some(tolerance));
+        let all = &mut [(placement, &mut *scores)];
+        let is_whole = job.add_holds(all, only, &mut || go_on(0))?;
+        Ok(scores.requirements_hold_in.filter(|_| is_whole))
+    }
+}
+
+/// LiDARs that are also looked at alone: each of several.
+fn alone(placement: &Placement) -> std::ops::Range<usize> {
+    let lidars = placement.lidars.len();
+    if lidars > 1 { 0..lidars } else { 0..0 }
 }
 
 /// How far one LiDAR may be off in all fields at once, by halving the tolerances beyond those within which all LiDARs may be off
 /// together. `share` is that of its copies; `None` once it has none.
 fn room_of_lidar(
-    share: &mut dyn FnMut(Tolerance, Option<usize>) -> Result<Option<f64>, JobError>,
+    share: &mut dyn FnMut(Tolerance) -> Result<Option<f64>, JobError>,
     lidar: usize,
     copies: &[RoomOfCopies],
 ) -> Result<Option<RoomOfLidar>, JobError> {
@@ -241,16 +259,18 @@ fn room_of_lidar(
     let mut breaks = copies.len();
     while holds < breaks {
         let middle = usize::midpoint(holds, breaks);
-        let Some(share) = share(copies[middle].tolerance, Some(lidar))? else { return Ok(None) };
+        let Some(share) = share(copies[middle].tolerance)? else { return Ok(None) };
         if share >= HOLDS { holds = middle + 1 } else { breaks = middle }
     }
     let within = holds.checked_sub(1).map(|last| copies[last].tolerance);
     Ok(Some(RoomOfLidar { lidar, holds_within: within }))
 }
 
-/// Moves of a placement that [`Job::room_while`] looks at: each pose field, and each direction of the tilt.
+/// Steps of [`Job::room_while`] for a placement: each pose field, each direction of the tilt, copies within each tolerance, and
+/// copies with each LiDAR off alone.
 pub fn moves_of(placement: &Placement) -> u64 {
-    SweptField::all(placement).count() as u64 + TILTS
+    let copies = COPIES_WITHIN.len() + alone(placement).len();
+    SweptField::all(placement).count() as u64 + TILTS + copies as u64
 }
 
 /// A placement that is looked at with LiDARs moved.
