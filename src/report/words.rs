@@ -319,10 +319,15 @@ fn single_scene_in_words(best: &Scored, rival: &Scored, objective: &str) -> Stri
     )
 }
 
+/// True if a search takes a penalty for unseen cars off the objective.
+fn is_penalized(best: &Scored, objective: &str) -> bool {
+    let is_near = objective.parse::<Objective>().is_ok_and(|parsed| parsed.weighs_place());
+    is_near && best.scores.range_card.is_some()
+}
+
 /// The penalty that a search takes off a near gain, after a comma; empty where it takes none off.
 fn penalty_in_words(best: &Scored, objective: &str) -> String {
-    let is_near = objective.parse::<Objective>().is_ok_and(|parsed| parsed.weighs_place());
-    if !is_near || best.scores.range_card.is_none() {
+    if !is_penalized(best, objective) {
         return String::new();
     }
     format!(
@@ -335,6 +340,8 @@ pub fn methods_in_words(run: &RunRecord) -> String {
     let won = run.methods.iter().find(|method| method.won);
     let better = |m: &MethodRecord| won.is_some_and(|won| m.objective > won.objective);
     let is_beaten = run.methods.iter().any(better);
+    let is_penalized = run.best.as_ref().is_some_and(|best| is_penalized(best, &run.objective));
+    let then = if is_penalized { ", and unseen cars take a penalty off the objective" } else { "" };
     let each = run.methods.iter().map(|m| {
         let value = m.objective.map_or("nothing".into(), spoken);
         let met = match m.requirements {
@@ -342,12 +349,12 @@ pub fn methods_in_words(run: &RunRecord) -> String {
             [met, of] => format!(" with {met} of {of} requirements met"),
         };
         let won = match (m.won, is_beaten, m.requirements[1]) {
-            (true, true, 0) => " (the result: warnings come before the objective)",
-            (true, true, _) => {
-                " (the result: requirements, then warnings come before the objective)"
+            (true, true, required) => {
+                let first = if required > 0 { "requirements, then warnings" } else { "warnings" };
+                format!(" (the result: {first} come first{then})")
             }
-            (true, false, _) => " (the result)",
-            (false, ..) => "",
+            (true, false, _) => " (the result)".to_owned(),
+            (false, ..) => String::new(),
         };
         format!("{} reached {value}{met}, {} poses cast{won}", m.method, m.poses_cast)
     });

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::pairing::{SLACK, pairs};
+use super::pairing::{ROUNDED, SLACK, pairs};
 use super::{Placement, Region, SensorName, SensorPose};
 use sightline_files::json::counted;
 
@@ -380,8 +380,8 @@ impl Constraints {
             for lidar in pairs(&placement.lidars).alone {
                 let image = placement.lidars[lidar].mirrored();
                 let off = placement.lidars.iter().map(|other| image.difference(other));
-                let by = off.fold(f64::MAX, f64::min).max(SLACK);
-                found.push(Violation::NotMirrored { lidar, by });
+                let by = off.fold(f64::MAX, f64::min);
+                found.extend((by > ROUNDED).then_some(Violation::NotMirrored { lidar, by }));
             }
         }
         found

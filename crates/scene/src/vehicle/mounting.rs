@@ -9,6 +9,7 @@ use glam::DVec3;
 use super::description::{CountDescription, MountingDescription};
 use super::equipment::{VehicleMount, VehicleSensor};
 use super::mesh_mount::{self, OFF};
+use super::pairing::ROUNDED;
 use super::surface::{is_roof, rest};
 use super::{MAX_LIDARS, Outline, Region, SensorName};
 use lidar_cast::geom::{Pose, crossing};
@@ -277,9 +278,6 @@ pub(super) fn level(at: &Location, mounts: &mut [VehicleMount]) -> Result<(), De
     }
     Ok(())
 }
-
-/// Radians by which a range of yaw may change without a note: angles such as π are written with a few digits.
-const ROUNDED: f64 = 1e-4;
 
 /// Turns the frames of boxes that face straight back and are no image of another mount, so that their sensors can be
 /// mirrored; returns a note where the range of yaw is cut to do so.

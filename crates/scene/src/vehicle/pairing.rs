@@ -159,6 +159,8 @@ impl Constraints {
 
 /// Largest violation of a rule that counts as rounding, in m or rad: in `f64`, 0.6 − 0.4 is not 0.2.
 pub(super) const SLACK: f64 = 1e-9;
+/// Radians that are no difference: angles such as π are written with a few digits.
+pub(super) const ROUNDED: f64 = 1e-4;
 
 /// Pose fields that change sign in a mirror image: y, roll and yaw.
 pub(super) const MIRRORED: [usize; 3] = [1, 3, 5];

@@ -1,13 +1,17 @@
 //! A region of a vehicle where sensors may be mounted.
 
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::pairing::SLACK;
+use super::pairing::{ROUNDED, SLACK};
 use super::{SensorName, SensorPose, Surface};
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
+
+/// Number of the first angle among the fields of a pose.
+const FIRST_ANGLE: usize = 3;
 
 /// Where sensors may stand: a box, a flat patch with an outline, or a curved surface, in a frame of its own.
 ///
@@ -79,8 +83,21 @@ impl Region {
         SensorPose { sensor, ..pose }
     }
 
-    /// Six fields in the region's frame of a pose in the ego frame.
+    /// Six fields in the region's frame of a pose in the ego frame. Angles have the whole turns that bring them nearest to the
+    /// bounds: half a turn to the left is half a turn to the right.
     pub fn fields(&self, pose: &SensorPose) -> [f64; 6] {
+        let mut fields = self.plain_fields(pose);
+        for (k, value) in fields.iter_mut().enumerate().skip(FIRST_ANGLE) {
+            let is_nearer = |turned: &f64| self.beyond(k, *turned) < self.beyond(k, *value);
+            let turned = [*value - TAU, *value + TAU].into_iter().find(is_nearer);
+            if let Some(turned) = turned.filter(|_| self.beyond(k, *value) > ROUNDED) {
+                *value = turned;
+            }
+        }
+        fields
+    }
+
+    fn plain_fields(&self, pose: &SensorPose) -> [f64; 6] {
         if let (Some(surface), Some(frame)) = (&self.surface, &self.ego_from_region) {
             let mut point = frame.inverse().apply(pose.position());
             let foot = surface.foot(surface.axes.map(|k| point[k]));
@@ -145,16 +162,21 @@ impl Region {
         (0..6).filter(|&k| self.upper[k] > self.lower[k]).collect()
     }
 
+    /// Amount by which a field is out of bounds, below 0 within them.
+    fn beyond(&self, k: usize, value: f64) -> f64 {
+        (self.lower[k] - value).max(value - self.upper[k])
+    }
+
     /// Fields that are out of bounds and how far, in m or rad; a position beside the outline or over no
     /// triangle of the surface counts for its first axis.
     pub fn outside(&self, pose: &SensorPose) -> Vec<(&'static str, f64)> {
         // A region with a frame is read back through it, which rounds.
         let slack = if self.ego_from_region.is_some() { 1e3 * SLACK } else { SLACK };
         let fields = self.fields(pose);
-        let beyond = |k: usize| (self.lower[k] - fields[k]).max(fields[k] - self.upper[k]);
+        let least = |k: usize| if k < FIRST_ANGLE { slack } else { ROUNDED };
         let mut found: Vec<(&'static str, f64)> = (0..6)
-            .map(|k| (SensorPose::FIELDS[k], beyond(k)))
-            .filter(|(_, by)| *by > slack)
+            .filter(|&k| self.beyond(k, fields[k]) > least(k))
+            .map(|k| (SensorPose::FIELDS[k], self.beyond(k, fields[k])))
             .collect();
         let (beside, axis) = match &self.surface {
             None => (self.outline.distance(fields), self.outline.axes[0]),
@@ -289,6 +311,26 @@ mod tests {
         assert!(found[0].0 == "y" && (found[0].1 - want).abs() < 1e-9, "{found:?}");
         let found = outside([0.1, 0.0, 0.1, 0.0, 0.0, 0.5]);
         assert_eq!(found.iter().map(|f| f.0).collect::<Vec<_>>(), ["x", "yaw"]);
+    }
+
+    #[test]
+    fn a_yaw_of_few_digits_and_of_another_turn_is_that_of_the_bounds() {
+        let back = Region {
+            name: "rear".into(),
+            ego_from_region: None,
+            lower: [0.0, 0.0, 0.0, 0.0, 0.0, 3.1416],
+            upper: [0.0, 0.0, 0.0, 0.0, 0.0, 3.3],
+            outline: Outline::default(),
+            surface: None,
+        };
+        let at = |yaw| SensorPose { yaw, ..SensorPose::default() };
+        for yaw in [3.1416, 3.14159, std::f64::consts::PI, -3.1416, -3.0, 3.3 - TAU] {
+            assert!(back.outside(&at(yaw)).is_empty(), "{yaw}: {:?}", back.outside(&at(yaw)));
+        }
+        for (yaw, off) in [(3.14, 0.0016), (-2.9, 0.083_185), (0.0, 2.983_185)] {
+            let found = back.outside(&at(yaw));
+            assert!(found[0].0 == "yaw" && (found[0].1 - off).abs() < 1e-5, "{yaw}: {found:?}");
+        }
     }
 
     #[test]
