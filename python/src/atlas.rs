@@ -95,6 +95,8 @@ fn points(poses: &[SensorPose]) -> (Constraints, Vec<u32>) {
 
 /// Poses that are cast between two looks at the watch.
 const CAST_TOGETHER: usize = 32;
+/// Placements that are scored between two looks at the watch.
+const SCORED_TOGETHER: usize = 256;
 
 /// An atlas that holds every pose of such rules, unless the watch is stopped.
 fn held(built: &Built, rules: &Constraints, watch: &WorkMessages) -> PyResult<Atlas> {
@@ -151,13 +153,22 @@ impl PyAtlas {
         }
         let numbers: Vec<u32> = places.iter().map(|&at| self.numbers[at as usize]).collect();
         let atlas = self.atlas.clone();
-        let scores = interruptible(py, move |_| {
+        let scores = interruptible(py, move |watch| {
             let (content, frames) = (atlas.problem().content(), atlas.problem().frame_count());
             let one = |row: &[u32]| {
                 let tally = together(&atlas, row, content);
                 Scores::new("", &tally, content, frames, false, None)
             };
-            numbers.par_chunks_exact(lidars).map(one).collect::<Vec<Scores>>()
+            let all = numbers.len() / lidars;
+            let mut scores: Vec<Scores> = Vec::with_capacity(all);
+            for some in numbers.chunks(SCORED_TOGETHER * lidars) {
+                if !watch.reach("placements", scores.len(), all) {
+                    break;
+                }
+                scores.par_extend(some.par_chunks_exact(lidars).map(one));
+            }
+            watch.reach("placements", all, all);
+            scores
         })?;
         let columns = PyDict::new(py);
         for (name, values) in summed(&scores) {

@@ -117,7 +117,7 @@ impl PySearch {
         poses_of(py, &kept, &[kept.len(), self.rules.lidars(), 6])
     }
 
-    /// Placements of the next generation, with models and phases; `ask` gives their poses alone.
+    /// Placements of the next generation, with models and phases; `ask` gives their poses alone. Raises `ValueError` as `ask`.
     fn ask_placements(&self) -> PyResult<Vec<PyPlacement>> {
         Ok(self.generation()?.into_iter().map(PyPlacement).collect())
     }

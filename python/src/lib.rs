@@ -9,6 +9,7 @@
 //! | `progress` | how far it is, as bars, records of `logging`, or for a function |
 //! | `sensors`, `placements`, `psogs`, `rigs`, `scenes` | objects of the user |
 //! | `engine` | P-SOG, problem and engine of a scene, built once |
+//! | `counted` | an engine that tells how many casts are done |
 //! | `columns` | scores as arrays, by the rules of a vehicle |
 //! | `space` | variables, bounds and rules for optimizers of others |
 //! | `atlas` | sensor poses cast once, placements of them without a cast |
@@ -26,6 +27,7 @@ mod arrays;
 mod atlas;
 mod by_hand;
 mod columns;
+mod counted;
 mod engine;
 mod errors;
 mod front;

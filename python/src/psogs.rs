@@ -21,6 +21,7 @@ use crate::arrays::{
     column, few_numbers, matrix, numbers, rows, shape_in_words, to_python, wholes,
 };
 use crate::errors::{bad, raised};
+use crate::progress::WorkMessages;
 use crate::wait::{interruptible, pooled};
 
 /// Required shape of a region, in words.
@@ -143,11 +144,14 @@ impl PyPsog {
             let scan = labelled(t, &points[t], &labels[t], &moves)?;
             frames.push((scan, pose(t, &poses[t])?));
         }
-        let recording = Recording { classes, frames };
         let options = PsogOptions { window, ..PsogOptions::new(grid) };
-        let (psog, _) =
-            interruptible(py, move |_| build_psog(&[recording], &options))?.map_err(raised)?;
-        Ok(Self(Arc::new(psog)))
+        let built = interruptible(py, move |watch| {
+            let all = frames.len();
+            let built = build_psog(&[Recording { classes, frames, watch }], &options);
+            watch.reach("frames", all, all);
+            built
+        });
+        Ok(Self(Arc::new(built?.map_err(raised)?.0)))
     }
 
     /// `[K]` u64, linear indices, rising.
@@ -313,12 +317,13 @@ fn pose(t: usize, given: &Bound<'_, PyAny>) -> PyResult<Pose> {
 }
 
 /// Labelled frames from arrays, the sensor's frame being that of the ego.
-struct Recording {
+struct Recording<'a> {
     classes: Vec<String>,
     frames: Vec<(LabelledScan, Pose)>,
+    watch: &'a WorkMessages,
 }
 
-impl LabelledSequence for Recording {
+impl LabelledSequence for Recording<'_> {
     fn name(&self) -> String {
         "arrays".to_owned()
     }
@@ -335,7 +340,9 @@ impl LabelledSequence for Recording {
         None
     }
 
-    fn ego_from_sensor(&self, _: u32) -> Result<Pose, DatasetError> {
+    fn ego_from_sensor(&self, frame: u32) -> Result<Pose, DatasetError> {
+        // Builders look here once for each frame that votes, in order.
+        self.watch.reach("frames", frame as usize, self.frames.len());
         Ok(Pose::IDENTITY)
     }
 

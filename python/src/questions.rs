@@ -9,6 +9,7 @@ use sightline::targets::TargetQuestion;
 
 use crate::arguments;
 use crate::arrays::shaped;
+use crate::counted::counted;
 use crate::errors::{bad, raised};
 use crate::progress::Progress;
 use crate::scenes::PyScene;
@@ -102,9 +103,13 @@ impl PyScene {
         let (built, placement) = self.one(poses, sensors, phases)?;
         answer(py, None, move |watch| {
             built.evaluate(watch, |evaluator| {
-                let site = NearSite::new(&built.scene, &evaluator.shared_problem());
-                let site = site.map_err(raised)?;
-                site.look(evaluator.backend_mut(), &placement).map_err(raised)
+                let problem = evaluator.shared_problem();
+                let site = NearSite::new(&built.scene, &problem).map_err(raised)?;
+                let frames = problem.distinct_frames().len();
+                let look = counted(evaluator.backend_mut(), watch, frames, |engine| {
+                    site.look(engine, &placement)
+                });
+                look.map_err(raised)
             })
         })
     }

@@ -38,6 +38,14 @@ enum Source {
     Text { text: String, folder: PathBuf },
 }
 
+/// Frames of scenes in words, and how many of them scores are means over where these are fewer.
+pub fn frames_in_words(scenes: &[Arc<Built>]) -> String {
+    let all: usize = scenes.iter().map(|built| built.scene.frame_count()).sum();
+    let scored: usize = scenes.iter().map(|built| built.scored_frames().len()).sum();
+    let of = if scored < all { format!(", scores over {scored}") } else { String::new() };
+    format!("{all} frames{of}")
+}
+
 /// A scene, ready to be scored; P-SOG, problem and engine are built when they are first needed, and kept.
 ///
 /// `poses` of the methods is an array `[N, L, 6]` (or `[L, 6]` for one placement), a `Placement`, or a list of them;
@@ -399,9 +407,7 @@ impl PyScene {
     }
 
     fn __repr__(&self) -> String {
-        let (all, scored) = (self.frames(), self.scored_frames().len());
-        let of = if scored < all { format!(", scores over {scored}") } else { String::new() };
-        format!("Scene({:?}, {all} frames{of})", self.name())
+        format!("Scene({:?}, {})", self.name(), frames_in_words(std::slice::from_ref(&self.built)))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {

@@ -23,7 +23,7 @@ use crate::engine::{Built, Kept, guard, job_of, opened, score};
 use crate::errors::{bad, raised};
 use crate::placements::{PyPlacement, placements_in};
 use crate::progress::{Progress, Shown, Urgency, WorkMessages, log};
-use crate::scenes::PyScene;
+use crate::scenes::{PyScene, frames_in_words};
 use crate::wait::{start, wait};
 
 /// Several scenes that share LiDARs and mount; each counts the same. Raises `ValueError` for none, and where they differ.
@@ -80,6 +80,12 @@ impl PySuite {
 
     fn __len__(&self) -> usize {
         self.scenes.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let (names, frames) = (self.names(), frames_in_words(&self.scenes));
+        let scenes = if names.len() == 1 { "scene" } else { "scenes" };
+        format!("Suite({} {scenes}: {}; {frames})", names.len(), names.join(", "))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {

@@ -11,6 +11,7 @@ use sightline::targets::{
 
 use crate::arguments::{self, room_for};
 use crate::arrays::{numbers, shape_in_words};
+use crate::counted::counted;
 use crate::engine::Built;
 use crate::errors::{bad, raised};
 use crate::progress::WorkMessages;
@@ -91,7 +92,13 @@ impl Built {
         self.psog(watch)?;
         let site = self.job.scenes()[0].redundancy_site().map_err(raised)?;
         self.evaluate(watch, |evaluator| {
-            site.look(evaluator.backend_mut(), question, placement).map_err(raised)
+            let frames = evaluator.shared_problem().distinct_frames().len();
+            // Voxels first, then ground where there is any.
+            let casts = frames * (1 + usize::from(site.no_ground().is_none()));
+            let look = counted(evaluator.backend_mut(), watch, casts, |engine| {
+                site.look(engine, question, placement)
+            });
+            look.map_err(raised)
         })
     }
 
@@ -105,8 +112,11 @@ impl Built {
         self.psog(watch)?;
         let problem = self.job.problem().map_err(raised)?;
         self.evaluate(watch, |evaluator| {
-            let engine = evaluator.backend_mut();
-            Overlap::new(&self.scene, &problem, engine, placement, least_shared).map_err(raised)
+            let frames = problem.distinct_frames().len();
+            let found = counted(evaluator.backend_mut(), watch, frames, |engine| {
+                Overlap::new(&self.scene, &problem, engine, placement, least_shared)
+            });
+            found.map_err(raised)
         })
     }
 
@@ -126,8 +136,10 @@ impl Built {
         let ground = GroundBelow::new(&self.scene);
         self.evaluate(watch, |evaluator| {
             let problem = evaluator.shared_problem();
-            let found =
-                question.in_scene(site, (&problem, &ground), evaluator.backend_mut(), placement);
+            let frames = problem.frame_count();
+            let found = counted(evaluator.backend_mut(), watch, frames, |engine| {
+                question.in_scene(site, (&problem, &ground), engine, placement)
+            });
             Ok(found.map_err(raised)?.of_scene(self.scene.name()))
         })
     }

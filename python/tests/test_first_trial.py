@@ -183,6 +183,8 @@ def test_frames_mean_how_many_or_which(small) -> None:
     assert few.frames == 20 and few.scored_frames == [0, 5, 10, 15]
     assert repr(few) == "Scene('highway', 20 frames, scores over 4)".replace("'", '"')
     assert small.scored_frames == [0, 1] and "scores" not in repr(small)
+    assert repr(sightline.Suite([small, small])) == "Suite(2 scenes: small, small; 4 frames)"
+    assert repr(sightline.Suite(few)) == "Suite(1 scene: highway; 20 frames, scores over 4)"
     poses = [[0, 0, 1.5, 0, 0, 0]]
     scanned = [[scan.frame for scan in small.scan(poses, frames=frames)] for frames in (None, 1, 2, [1], [1, 0])]
     assert scanned == [[0, 1], [0], [0, 1], [1], [1, 0]]

@@ -95,7 +95,14 @@ class Scores(Mapping[str, Column]):
     meaning of every column; names and values are those of ``sightline score --format json``.
     """
 
-    __slots__ = ("classes", "guards", "least", "names", "_columns")
+    # Texts for `help`.
+    __slots__ = {
+        "classes": "Names of the classes of ``covered_by_class``.",
+        "guards": "For each placement, reasons why its scores should not be believed; mostly none.",
+        "least": "Least share by requirement of the vehicle, as its file has it; the shares found are columns ``seen.NAME``.",
+        "names": "Name of each placement; its number for those from an array.",
+        "_columns": "Arrays by name.",
+    }
 
     def __init__(
         self,
@@ -105,14 +112,10 @@ class Scores(Mapping[str, Column]):
         classes: list[str],
         least: dict[str, float] | None = None,
     ) -> None:
-        #: Name of each placement; its number for those from an array.
         self.names = names
         self._columns = columns
-        #: For each placement, reasons why its scores should not be believed; mostly none.
         self.guards = guards
-        #: Names of the classes of ``covered_by_class``.
         self.classes = classes
-        #: Least share by requirement of the vehicle, as its file has it; the shares found are columns ``seen.NAME``.
         self.least = least or {}
 
     def __getitem__(self, column: str) -> Column:
