@@ -8,10 +8,10 @@ use serde_json::json;
 use super::args::{DatasetArgs, Format};
 use super::output::{Exit, Talk, Terminal};
 use crate::datasets::ImportOptions;
-use crate::internals::{FEWEST_STREET_TRIANGLES as FEWEST, MOST_STREET_TRIANGLES as MOST};
 use crate::runs::RunError;
 use crate::runs::parse::{number_as, whole};
 use crate::runs::scene::{Origin, SceneCounts, count, counts_text, new_street, new_world};
+use crate::scene::street::{FEWEST_STREET_TRIANGLES as FEWEST, MOST_STREET_TRIANGLES as MOST};
 use crate::worlds;
 
 #[derive(clap::Subcommand)]
