@@ -253,7 +253,7 @@ fn new_run(args: &OptimizeArgs) -> NewRun {
 /// Value of `--fidelity`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum FidelityArg {
-    /// As few frames as keep the ranking
+    /// The fewest frames that keep the ranking
     Auto,
     /// Every frame
     Full,

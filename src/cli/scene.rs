@@ -38,7 +38,7 @@ pub fn run(command: &SceneCommand) -> Result<Exit, RunError> {
   sightline scene new --kind town --seed 7 --out town.json
   sightline scene new --triangles 2000000 --frames 2 --out big.json")]
 pub struct SceneNewArgs {
-    /// What the world is
+    /// Kind of the world
     #[arg(long, value_enum, default_value_t = KindArg::Street, conflicts_with = "triangles")]
     kind: KindArg,
     /// A plain crossing of exactly this many triangles instead, for timings

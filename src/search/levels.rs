@@ -307,7 +307,7 @@ mod tests {
         assert_eq!(frames[0], [2]);
         assert!(levels[0].error.unwrap() < 1e-9, "{levels:?}");
         assert_eq!(frames[2], [0, 1, 2, 3]);
-        // Or where they are gains of what two LiDARs see.
+        // Or where they are gains by two LiDARs.
         let twice = |gain| Tally { near_repeated: [gain, 0], ..Tally::default() };
         let levels = pilot_of(&gains, twice).levels(&"near_gain_2".parse().unwrap(), 0.01);
         assert_eq!(levels[0].frames, [2]);
