@@ -28,7 +28,7 @@ impl Pilot {
     /// sets of that size, or of those reached from the best smaller set by adding and exchanging frames where
     /// there are too many to try.
     pub fn levels(&self, objective: &Objective, tolerance: f64) -> Vec<Level> {
-        let choice = FrameChoice::new(self, objective);
+        let choice = FrameSets::new(self, objective);
         let count = choice.frames();
         let mut levels: Vec<Level> = Vec::new();
         let mut best = choice.set(choice.least());
@@ -49,8 +49,8 @@ impl Pilot {
     }
 }
 
-/// The choice of frames.
-struct FrameChoice<'a> {
+/// Sets of frames, from which the best is chosen.
+struct FrameSets<'a> {
     pilot: &'a Pilot,
     objective: &'a Objective,
     /// Scene, or mirror image, of each frame.
@@ -72,7 +72,7 @@ struct Set {
     sums: Vec<Vec<Tally>>,
 }
 
-impl<'a> FrameChoice<'a> {
+impl<'a> FrameSets<'a> {
     fn new(pilot: &'a Pilot, objective: &'a Objective) -> Self {
         let ranges = pilot.suite.frame_ranges().into_iter().enumerate();
         let member_of = ranges.flat_map(|(member, range)| range.map(move |_| member)).collect();
