@@ -72,6 +72,8 @@ pub mod cli;
 pub mod job;
 pub mod near_field;
 mod overlap;
+// The program prints most of its texts and tables.
+#[cfg_attr(not(feature = "cli"), allow(dead_code, unused_imports))]
 pub mod report;
 #[doc(hidden)]
 pub mod runs;
@@ -106,63 +108,21 @@ pub use vehicle::{BeamTable, Constraints, Placement, SensorPose, read_placements
 #[doc(hidden)]
 pub mod internals {
     pub use crate::allocator::Sentence;
-    pub use crate::chart::early::{Left, Skipped};
-    pub use crate::chart::measure::{Measured, PoseCost};
-    pub use crate::chart::ranking::{
-        BootstrapInterval, MOST_SWAPPED, RankingError, Rated, cheapest, pareto, rate,
-    };
     pub use crate::chart::setting::{Engine, Setting};
-    pub use crate::chart::world::merge_vertices;
-    pub use crate::files::{
-        FileError, Input, LinePerElement, RunDir, holds_run, is_sink, remove_temporaries,
-        shared_folder, target, writable_file, write_npy, write_whole,
-    };
-    pub use crate::psog::entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, fixed, to_nats};
-    pub use crate::psog::npz::ArrayFault;
-    pub use crate::psog::vote::{FrameVotes, PsogBuilder};
-    pub use crate::report::chart::fidelity_svg;
-    pub use crate::report::chart_text::{
-        ChartFrame, chart_text, chart_words, charts_text, fidelity_csv, seconds,
-    };
-    pub use crate::report::coverage::{
-        near_field_svg, near_field_text, overlap_text, redundancy_text,
-    };
-    pub use crate::report::front::{front_csv, front_text};
-    pub use crate::report::map::{InformationMap, placement_svg};
-    pub use crate::report::plot::{Axis, Plot, Series};
-    pub use crate::report::record::{convergence_svg, peak_memory, record_text};
-    pub use crate::report::sensor::{SensorFacts, sensor_svg, sensor_text};
-    pub use crate::report::study::{room_text, study_plot, sweep_text};
-    pub use crate::report::tables::{
-        ScoreColumn, by_scene, near_field_csv, optional, overlap_csv, redundancy_csv, room_csv,
-        run_csv, studies_csv, sweep_csv, targets_csv,
-    };
-    pub use crate::report::targets::{range_card_text, targets_text};
-    pub use crate::report::text::{
-        align_columns, audit_text, audits_text, comparison_text, findings_text, poses_text,
-        psog_text, study_text, verification_text, visible,
-    };
-    pub use crate::report::words::{
-        certificate_in_words, methods_in_words, spread_in_words, verdict, word,
-    };
-    pub use crate::scene::street::{FEWEST_STREET_TRIANGLES, MOST_STREET_TRIANGLES};
-    pub use crate::score::guard::{guards_of, reference_layout, short_sight};
-    pub use crate::score::over_scenes::totals;
-    pub use crate::score::standing::{Standing, kendall_tau, mean_height, spearman};
+    pub use crate::files::{FileError, Input, RunDir, write_whole};
+    pub use crate::psog::entropy::{EntropyKind, to_nats};
+    pub use crate::score::standing::Standing;
     pub use crate::search::atlas::{Atlas, Union};
     pub use crate::search::atlases::Atlases;
-    pub use crate::search::bound::{Effort, GridSample, LipschitzBound, bound_gain};
+    pub use crate::search::bound::{Effort, GridSample, bound_gain};
     pub use crate::search::climb::Moves;
-    pub use crate::search::generations::{Generation, Generations};
+    pub use crate::search::generations::Generations;
     pub use crate::search::grid_search::{GridPlacement, GridSearch};
-    pub use crate::search::levels::Level;
     pub use crate::search::pilot::Pilot;
-    pub use crate::search::rules::rules_in_words;
-    pub use crate::search::swaps::{Climbing, SwapSettings, Swapped, swap_anywhere};
+    pub use crate::search::swaps::{Climbing, SwapSettings, swap_anywhere};
     pub use crate::vehicle::constraints::Ties;
-    pub use crate::vehicle::placement_file::{count_placements, holds_placements};
-    pub use crate::vehicle::placements::{draws, random_placements_by_the_rules};
-    pub use crate::vehicle::pose_grid::{PoseGrid, PoseGridError, Spacing};
-    pub use crate::verify::oracle::{Agreement, EDGE_TOLERANCE, Explanation, explain, explain_in};
-    pub use crate::verify::{Differences, compared_frames, hostile_placements, usual_placements};
+    pub use crate::vehicle::placements::draws;
+    pub use crate::vehicle::pose_grid::{PoseGrid, Spacing};
+    pub use crate::verify::oracle::{Explanation, explain};
+    pub use crate::verify::{hostile_placements, usual_placements};
 }

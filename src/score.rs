@@ -291,7 +291,7 @@ fn required(tally: &Tally, content: &Content, frames: usize) -> Vec<Seen> {
 impl Scores {
     /// Scores from a placement's tally over `frames` frames.
     ///
-    /// `reference` is the tally of [`reference_layout`] with as many LiDARs, which the guards compare
+    /// `reference` is the tally of the reference layout with as many LiDARs, which the guards compare
     /// with; `None` leaves out the guards that need it. `has_hits` tells whether beams end at hits.
     pub fn new(
         name: &str,

@@ -32,7 +32,7 @@ pub struct Verification {
     pub gpu_against_cpu: Differences,
     /// A sample of the reference's beams against every triangle in `f64`.
     pub cpu_against_f64: Agreement,
-    /// Metres from an edge within which rounding may decide; see [`EDGE_TOLERANCE`].
+    /// Metres from an edge within which rounding may decide.
     pub edge_tolerance: f64,
     /// Causes of differences between the engine and the reference, a sentence each.
     #[serde(skip_serializing_if = "Vec::is_empty")]

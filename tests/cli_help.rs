@@ -1,10 +1,11 @@
 //! Help of every command: `-h` fits one screen and has an example, `--help` names every option.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
 
 use tempfile::TempDir;
 
-use crate::cli::sightline;
+use crate::cli::{ok, room, sightline};
 
 /// Lines and columns of one screen.
 const SCREEN: (usize, usize) = (24, 80);
@@ -64,6 +65,24 @@ fn short_help_fits_one_screen_and_long_help_names_every_option() {
         }
     }
     assert!(hidden > 100, "{hidden} options are left to --help");
+}
+
+#[test]
+fn help_names_every_option_of_the_command_that_repeats_a_run() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let line = "optimize room.json --backend cpu --evaluations 4 --population 4 --method cma --enough 0.001 \
+                --delta 0.3 --frames 1 --mirror --equal-height --fix z=1.5 --condition rain --out run";
+    ok(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    let page = fs::read_to_string(dir.path().join("run").join("report.html")).unwrap();
+    let code = page.split("<code>").find(|code| code.starts_with("sightline optimize "));
+    let (command, _) = code.unwrap().split_once("</code>").unwrap();
+    let given: BTreeSet<&str> = command.split(' ').filter(|word| word.starts_with("--")).collect();
+    assert!(given.contains("--enough") && given.len() > 10, "{command}");
+    let long = help(&dir, &["optimize".to_owned()], "--help");
+    for option in given {
+        assert!(has_word(&long, option), "{option} of {command}");
+    }
 }
 
 /// Options whose value differs between commands, and why.

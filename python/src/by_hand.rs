@@ -122,7 +122,7 @@ impl PySearch {
         Ok(self.generation()?.into_iter().map(PyPlacement).collect())
     }
 
-    /// Takes the `values` `[n]` of what was asked last, in its order; larger is better, `NaN` is worst. Raises `ValueError` for
+    /// Takes the `values` `[n]` of the placements asked about last, in their order; larger is better, `NaN` is worst. Raises `ValueError` for
     /// another number of values, and where nothing was asked.
     fn tell(&self, values: &Bound<'_, PyAny>) -> PyResult<()> {
         let wanted = "[n]: a value for each placement that was asked about";

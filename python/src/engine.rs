@@ -76,7 +76,7 @@ impl Options {
 
 /// Name of engines that use no device.
 const CPU: &str = "cpu";
-/// Sentence for what a fork has cut off.
+/// Sentence for an engine that a fork has cut off.
 const FORKED: &str = "; start processes before, or with multiprocessing's start method `spawn`";
 
 /// Value that one thread uses at a time, in the process that made it or in a fork of that process.

@@ -88,7 +88,7 @@ impl Shown {
         Self { progress, watch, begun: now, looked: now, reporter: None, told }
     }
 
-    /// Tells the reporter of what was reached since the last time, at most ten times a second.
+    /// Tells the reporter of the progress since the last time, at most ten times a second.
     ///
     /// # Errors
     /// An exception of the caller's function, which is not called again.

@@ -80,8 +80,8 @@ impl PyPsog {
         Ok(Self(Arc::new(psog)))
     }
 
-    /// Reads a `.npz` file. Raises `OSError`, such as `FileNotFoundError`, for a file that cannot be read, `ValueError` for what is
-    /// wrong in it.
+    /// Reads a `.npz` file. Raises `OSError`, such as `FileNotFoundError`, for a file that cannot be read, `ValueError` that
+    /// names the fault.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         py.detach(|| Ok(Self(Arc::new(read_psog(&path).map_err(raised)?))))

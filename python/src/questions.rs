@@ -73,7 +73,7 @@ impl PyScene {
     /// the row that `sightline study redundancy` prints: `occupied`, `voxels`, `ground_3m`, `ground_10m` and `targets`, each
     /// with `all`, `by` and `share` for none, one, two, three and more LiDARs. `targets` are presets or target files
     /// (default: car, adult, child, tyre). A vehicle with `other_sensors` adds `technologies`: which technologies see each,
-    /// and what is blind to all. Raises `ValueError` for an unknown target.
+    /// and the part that is blind to all. Raises `ValueError` for an unknown target.
     #[pyo3(signature = (poses, *, targets = None, sensors = None, phases = None))]
     fn redundancy<'py>(
         &self,

@@ -92,7 +92,7 @@ impl PyScene {
     /// means over all frames, or over `frames` of them, spread evenly. `conditions` are weather and faults, as `"fog:mor=50"`.
     /// `backend` is `auto` (the best hardware Vulkan device, else the CPU), `gpu` (any device, `adapter` a part of its name)
     /// or `cpu`; all give the same bits. `memory` bounds work buffers, in bytes. Raises `FileNotFoundError` and other kinds of
-    /// `OSError` for files that cannot be read, `ValueError` for what is wrong in them and in arguments.
+    /// `OSError` for files that cannot be read, `ValueError` that names the fault of a file or an argument.
     #[staticmethod]
     #[pyo3(signature = (path, *, vehicle = None, psog = None, frames = None, conditions = None,
         backend = "auto", adapter = None, memory = None))]
@@ -231,7 +231,7 @@ impl PyScene {
 
     /// Scores of N placements, as `Scores`: a mapping of columns `[N]`, `print(scores.describe())` says unit and meaning of each.
     /// The bits are those of `sightline score`. Raises `ValueError` for poses of another shape, that are not finite, or of models
-    /// that the vehicle does not have, `MemoryError` for what does not fit, `OSError` where a device fails.
+    /// that the vehicle does not have, `MemoryError` where memory does not suffice, `OSError` where a device fails.
     ///
     /// The guards `self_hit` and `blind_sector` take casts of their own: they are looked for with up to 64 placements, as in
     /// the program, with any number where `self_hits` is true, and not at all where it is false. So do the columns `near_field` and `near_ring`,

@@ -183,7 +183,7 @@ fn own_placements(
 /// `progress` says how a call shows how far it is: `None` after two seconds by a bar where tqdm is installed and stderr is a
 /// terminal or a notebook, else by `INFO` records of the logger `sightline`; `True` by a bar; `False` not at all. A
 /// function is called with a `Progress`, at most ten times a second; its exceptions end the call. Raises `ValueError` for settings that are not
-/// usable, `MemoryError` for what does not fit, `OSError` where a device fails.
+/// usable, `MemoryError` where memory does not suffice, `OSError` where a device fails.
 #[pyfunction(name = "optimize")]
 #[pyo3(signature = (scenes, *, objective = Aim::Text("near_gain".into()), evaluations = 180, seed = 1,
     method = "both", frames = None, population = None, baselines = None, starts = None,

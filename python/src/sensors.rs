@@ -38,7 +38,7 @@ impl PySensor {
     /// Sensor of a vendor's file, whose format is told from its contents; `docs/formats/sensors.md` lists the formats.
     ///
     /// `range` in metres and `azimuth_steps` a turn, where the file does not state them. Raises `OSError`, such as `FileNotFoundError`, for a file that cannot be
-    /// read, `ValueError` for what is wrong in it.
+    /// read, `ValueError` that names the fault.
     #[staticmethod]
     #[pyo3(signature = (path, *, range = None, azimuth_steps = None))]
     fn load(
@@ -64,7 +64,7 @@ impl PySensor {
     }
 
     /// From a dict as a scene has it under `lidar`, such as `{"channels": 16, "fov": [-24.8, 2], "azimuth_steps": 250,
-    /// "range": 100}`; files that it names are relative to `folder`. Raises `ValueError` for what is wrong in it.
+    /// "range": 100}`; files that it names are relative to `folder`. Raises `ValueError` that names the fault.
     #[staticmethod]
     #[pyo3(signature = (lidar, *, folder = None))]
     fn from_dict(lidar: &Bound<'_, PyAny>, folder: Option<PathBuf>) -> PyResult<Self> {
@@ -149,7 +149,7 @@ pub struct PyVehicle {
 #[pymethods]
 impl PyVehicle {
     /// Reads a vehicle file; warns of every note. Raises `OSError`, such as `FileNotFoundError`, for a file that cannot be read, `ValueError`
-    /// for what is wrong in it.
+    /// that names the fault.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let vehicle = Vehicle::read(&path).map_err(raised)?;

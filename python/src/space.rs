@@ -292,7 +292,7 @@ pub fn poses_of<'py>(
     shaped(py, lidars.flat_map(SensorPose::values).collect(), shape)
 }
 
-/// A seed from 1 for none, a whole number, or what a generator of NumPy draws.
+/// A seed from 1 for none, a whole number, or a draw of a generator of NumPy.
 fn seed_of(rng: Option<&Bound<'_, PyAny>>) -> PyResult<u64> {
     let Some(rng) = rng else { return Ok(1) };
     match rng.call_method1("integers", (1_u64 << 63,)) {

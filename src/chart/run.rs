@@ -79,11 +79,11 @@ pub struct ChartRow {
     pub setting: String,
     /// The setting.
     pub rung: Setting,
-    /// Seconds a placement; see [`Measured::seconds`].
+    /// Wall time of a placement in seconds, all threads at work.
     pub seconds: f64,
     /// Least and most of its repeats.
     pub spread: [f64; 2],
-    /// Bytes; see [`Measured::bytes`].
+    /// Bytes of scene, P-SOG and work buffers; for an atlas also of its poses' bitmaps.
     pub bytes: u64,
     /// Beams of one placement over all frames.
     pub beams: u64,

@@ -7,9 +7,8 @@ use super::output::Exit;
 use crate::audit::Audit;
 use crate::chart::Chart;
 use crate::engine::gpu::{TestedAdapter, test_adapters};
-use crate::internals::{
-    align_columns, audit_text, audits_text, chart_text, charts_text, verification_text,
-};
+use crate::report::chart_text::{chart_text, charts_text};
+use crate::report::text::{align_columns, audit_text, audits_text, verification_text};
 use crate::runs::RunError;
 use crate::runs::chart::{ChartRequest, Charted, chart_scenes};
 use crate::runs::coverage::{AuditRequest, audit_scenes};

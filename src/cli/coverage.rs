@@ -2,10 +2,9 @@
 
 use super::args::Asked;
 use super::output::{Exit, answer};
-use crate::internals::{
-    near_field_csv, near_field_text, overlap_csv, overlap_text, redundancy_csv, redundancy_text,
-    targets_csv, targets_text,
-};
+use crate::report::coverage::{near_field_text, overlap_text, redundancy_text};
+use crate::report::tables::{near_field_csv, overlap_csv, redundancy_csv, targets_csv};
+use crate::report::targets::targets_text;
 use crate::runs::coverage::{NearFieldRequest, TargetsRequest, near_fields, targets};
 use crate::runs::sensitivity::{OverlapRequest, RedundancyRequest, overlap, redundancy};
 use crate::runs::{RunError, TableFormat, Watcher};

@@ -1,6 +1,6 @@
 //! Text as people read it: sentences and numbers of any length, hidden characters, lines of a terminal.
 
-use crate::internals::visible;
+use crate::report::text::visible;
 
 /// Longest sentence in characters, above a path of the longest that systems take.
 const LONGEST: usize = 5_000;

@@ -4,8 +4,10 @@ use std::path::PathBuf;
 
 use super::args::{Compute, UnnamedModelArgs, parse_seconds};
 use super::output::{Exit, Terminal};
-use crate::internals::{Spacing, front_csv, front_text, record_text, run_csv};
 use crate::job::{FRONT_EVALUATIONS, FrontError, FrontObjectives, JobFiles};
+use crate::report::front::{front_csv, front_text};
+use crate::report::record::record_text;
+use crate::report::tables::run_csv;
 use crate::runs::optimize::{
     FrontStart, NewRun, OptimizeRequest, Start, finished, front, holds_front, optimize,
 };
@@ -15,6 +17,7 @@ use crate::runs::{RunError, TableFormat, Watcher};
 use crate::scan::conditions::in_words;
 use crate::score::Seen;
 use crate::search::{FrameChoice, Method, Settings};
+use crate::vehicle::pose_grid::Spacing;
 use crate::vehicle::{MountRules, SensorPose};
 
 #[derive(clap::Args)]
@@ -250,7 +253,7 @@ fn new_run(args: &OptimizeArgs) -> NewRun {
 /// Value of `--fidelity`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum FidelityArg {
-    /// As few frames as keep the ranking
+    /// The fewest frames that keep the ranking
     Auto,
     /// Every frame
     Full,

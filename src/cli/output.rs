@@ -14,8 +14,8 @@ use terminal_size::{Width, terminal_size_of};
 
 use super::lines::{for_terminal, with_short_middle, with_short_numbers, wrapped};
 use crate::Note;
-use crate::files::remove_temporaries;
-use crate::internals::{FileError, visible};
+use crate::files::{FileError, remove_temporaries};
+use crate::report::text::visible;
 use crate::runs::{Bar, RunError, Silent, TableFormat, Watcher};
 
 /// Like `print!`, with an [`RunError`] instead of a panic where stdout cannot be written.

@@ -8,10 +8,10 @@ use serde_json::json;
 use super::args::{DatasetArgs, Format};
 use super::output::{Exit, Talk, Terminal};
 use crate::datasets::ImportOptions;
-use crate::internals::{FEWEST_STREET_TRIANGLES as FEWEST, MOST_STREET_TRIANGLES as MOST};
 use crate::runs::RunError;
 use crate::runs::parse::{number_as, whole};
 use crate::runs::scene::{Origin, SceneCounts, count, counts_text, new_street, new_world};
+use crate::scene::street::{FEWEST_STREET_TRIANGLES as FEWEST, MOST_STREET_TRIANGLES as MOST};
 use crate::worlds;
 
 #[derive(clap::Subcommand)]
@@ -38,7 +38,7 @@ pub fn run(command: &SceneCommand) -> Result<Exit, RunError> {
   sightline scene new --kind town --seed 7 --out town.json
   sightline scene new --triangles 2000000 --frames 2 --out big.json")]
 pub struct SceneNewArgs {
-    /// What the world is
+    /// Kind of the world
     #[arg(long, value_enum, default_value_t = KindArg::Street, conflicts_with = "triangles")]
     kind: KindArg,
     /// A plain crossing of exactly this many triangles instead, for timings

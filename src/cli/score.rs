@@ -2,8 +2,8 @@
 
 use super::args::{Compute, UnnamedModelArgs};
 use super::output::{Exit, stdout, unless_closed};
-use crate::internals::word;
 use crate::job::Tolerance;
+use crate::report::words::word;
 use crate::runs::cast::{ViewRequest, view};
 use crate::runs::score::{ScoreRequest, score};
 use crate::runs::{RunError, Watcher};

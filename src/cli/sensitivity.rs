@@ -2,8 +2,9 @@
 
 use super::args::Asked;
 use super::output::{Exit, answer};
-use crate::internals::{room_csv, room_text, sweep_csv, sweep_text};
 use crate::job::RoomSteps;
+use crate::report::study::{room_text, sweep_text};
+use crate::report::tables::{room_csv, sweep_csv};
 use crate::runs::sensitivity::{RoomRequest, SweepRequest, room, sweep};
 use crate::runs::{RunError, TableFormat, Watcher};
 use crate::scan::conditions::under;

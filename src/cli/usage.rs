@@ -12,7 +12,7 @@ use sightline_files::json::FileKind;
 
 use super::output::Exit;
 use super::short::COLUMNS;
-use crate::internals::{shared_folder, write_whole};
+use crate::files::{shared_folder, write_whole};
 use crate::runs::RunError;
 
 /// True if clap has only been asked to print, or has nothing to say but the help.

@@ -166,7 +166,7 @@ mod tests {
     #[test]
     fn the_better_of_two_rigs_says_what_decided() {
         let words = |a: Scores, b: Scores| better_in_words(&[a, b]).unwrap();
-        // As many requirements met, less gain, and 1.5 points fewer missing.
+        // Equally many requirements met, less gain, and 1.5 points fewer missing.
         let found = words(rig("a", [0.5, 0.95], 0, 0.6), rig("b", [0.515, 0.95], 0, 0.5));
         let want = "better: b (1 of 2 requirements met, 38.5 points missing, near_gain 0.5), before a (1 of 2 \
                     requirements met, 40 points missing, near_gain 0.6); decided by the requirements, of which 1.5 points \

@@ -147,7 +147,7 @@ fn judged_at(
     format!("{required}{}{near}{against}{share} {guards}", blind_in_words(best))
 }
 
-/// Sentence of a placement that violates no guard: what else stands against it is said before.
+/// Sentence of a placement that violates no guard: other faults are said before.
 fn unwarned(best: &Scored) -> String {
     let lacking = best.scores.required.iter().filter(|seen| !seen.is_met()).count();
     let card = best.scores.range_card.as_ref();

@@ -113,8 +113,7 @@ pub struct ScoreRequest {
     /// by; takes casts of its own
     #[cfg_attr(feature = "cli", arg(long))]
     pub near_field: bool,
-    /// Draw of what is left to chance, of free phases and of the beams that come back through weather; the mean
-    /// over several is the expectation; one scene
+    /// Random seed for free phases and weather; the mean over several seeds is the expectation; one scene
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0, value_parser = super::parse::whole::<u64>))]
     pub draw: u64,
     #[cfg_attr(feature = "cli", command(flatten))]

@@ -24,7 +24,7 @@ use crate::vehicle::read_placements;
 #[derive(Debug, Clone)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct StudyRequest {
-    /// What to study
+    /// Kind of the study
     #[cfg_attr(feature = "cli", arg(value_parser = super::parse::kinds()))]
     pub kind: Kind,
     /// Scene files, and for some kinds a file of own rigs behind them

@@ -69,7 +69,7 @@ impl Tasks {
 
 impl Scores {
     /// Scores of one placement over several scenes, each given as its name, the scores there and its
-    /// [`totals`].
+    /// totals in nats, of segmentation and of detection.
     ///
     /// Every scene counts the same. The information gain of each is divided by the scene's own total; the
     /// mean of these shares times the mean total is the gain over all, in nats. The other scores are plain

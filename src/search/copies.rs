@@ -114,7 +114,7 @@ impl Moved {
         Ok(Some(moved))
     }
 
-    /// The same, looking only at requirements that some copies miss, by the shares that meet each: the others count as met.
+    /// A question that looks only at requirements that some copies miss, by the shares that meet each: the others count as met.
     pub fn only_missed(mut self, holds: &Holds) -> Self {
         let mut own: Vec<usize> = (0..self.wanted.len()).collect();
         self.problem.in_file_order(&mut own);
@@ -133,7 +133,7 @@ impl Moved {
         both.map(|(pair, _)| pair).all(|(before, after)| room(after) >= part * room(before))
     }
 
-    /// The same, looking at few copies, or at all of them.
+    /// A question that looks at few copies, or at all of them.
     pub fn at_few(self, few: bool) -> Self {
         Self { copies: if few { FEW_COPIES } else { COPIES }, ..self }
     }

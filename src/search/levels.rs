@@ -28,7 +28,7 @@ impl Pilot {
     /// sets of that size, or of those reached from the best smaller set by adding and exchanging frames where
     /// there are too many to try.
     pub fn levels(&self, objective: &Objective, tolerance: f64) -> Vec<Level> {
-        let choice = FrameChoice::new(self, objective);
+        let choice = FrameSets::new(self, objective);
         let count = choice.frames();
         let mut levels: Vec<Level> = Vec::new();
         let mut best = choice.set(choice.least());
@@ -49,8 +49,8 @@ impl Pilot {
     }
 }
 
-/// The choice of frames.
-struct FrameChoice<'a> {
+/// Sets of frames, from which the best is chosen.
+struct FrameSets<'a> {
     pilot: &'a Pilot,
     objective: &'a Objective,
     /// Scene, or mirror image, of each frame.
@@ -72,7 +72,7 @@ struct Set {
     sums: Vec<Vec<Tally>>,
 }
 
-impl<'a> FrameChoice<'a> {
+impl<'a> FrameSets<'a> {
     fn new(pilot: &'a Pilot, objective: &'a Objective) -> Self {
         let ranges = pilot.suite.frame_ranges().into_iter().enumerate();
         let member_of = ranges.flat_map(|(member, range)| range.map(move |_| member)).collect();
@@ -307,7 +307,7 @@ mod tests {
         assert_eq!(frames[0], [2]);
         assert!(levels[0].error.unwrap() < 1e-9, "{levels:?}");
         assert_eq!(frames[2], [0, 1, 2, 3]);
-        // Or where they are gains of what two LiDARs see.
+        // Or where they are gains by two LiDARs.
         let twice = |gain| Tally { near_repeated: [gain, 0], ..Tally::default() };
         let levels = pilot_of(&gains, twice).levels(&"near_gain_2".parse().unwrap(), 0.01);
         assert_eq!(levels[0].frames, [2]);

@@ -91,7 +91,7 @@ impl Scored {
         Self::yardstick(baselines).or_else(best)
     }
 
-    /// A copy without what only a search asks about.
+    /// A copy without the parts that only a search asks about.
     pub(super) fn settled(mut self) -> Self {
         self.scores.car_missing = None;
         self

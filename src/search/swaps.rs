@@ -225,7 +225,7 @@ struct Ends {
     all: Vec<GridPlacement>,
     /// For each end, whether it meets all requirements; `None` where there are none.
     met: Vec<Option<bool>>,
-    /// For each end, what is taken off its objective for unseen cars.
+    /// For each end, the part taken off its objective for unseen cars.
     unseen: Vec<f64>,
     best: Option<GridPlacement>,
 }

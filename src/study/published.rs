@@ -213,7 +213,7 @@ fn unguarded(scene: &StudyScene, scores: &Scores) -> Option<f64> {
 fn quantiles(values: &[Option<f64>]) -> Option<[usize; 5]> {
     let known = values.iter().enumerate().filter_map(|(k, value)| Some((k, (*value)?)));
     let mut sorted: Vec<(usize, f64)> = known.collect();
-    // Of equal values the first stands last: it is the best.
+    // Among equal values the first stands last: it is the best.
     sorted.sort_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
     let last = sorted.len().checked_sub(1)?;
     Some([1.0, 0.0, 0.25, 0.5, 0.75].map(|share| sorted[(share * last as f64).round() as usize].0))

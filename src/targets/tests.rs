@@ -233,7 +233,7 @@ fn a_gap_between_the_bearings_of_a_card_is_named() {
         )),
         "{told}"
     );
-    let text = crate::internals::range_card_text(&card);
+    let text = crate::report::targets::range_card_text(&card);
     let line = format!("between these bearings: at 37.5° a car is lost at {near}–50 m\n");
     assert!(text.ends_with(&line), "{text}");
     let bearings: Vec<f64> = card.targets[0].bearings.iter().map(|of| of.bearing).collect();

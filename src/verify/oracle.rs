@@ -31,7 +31,7 @@ pub enum Explanation {
     Same,
     /// The two triangles are equally far, or one is at the very end of the range or where the beam starts.
     Tie,
-    /// The beam passes within [`EDGE_TOLERANCE`] of an edge of one of the two triangles.
+    /// The beam passes within `EDGE_TOLERANCE` of an edge of one of the two triangles.
     Grazing,
     /// None of these.
     Unexplained,

@@ -151,7 +151,7 @@ fn beams_on_poles_in_closed_form() {
     let elevations: Vec<f64> = (0..12).map(|k| -20.2 + 2.7 * f64::from(k)).collect();
     let channels: Vec<(f64, f64)> = elevations.iter().map(|&e| (e, OFFSET)).collect();
     let table = BeamTable::spinning(&channels, 900, 100.0).unwrap();
-    // Before the front edge and lower than a pole: nothing ends at a top, nor hides what lies ahead.
+    // Before the front edge and lower than a pole: nothing ends at a top, nor hides the ground ahead.
     let height = 0.55;
     let near = look(&scene, table, SensorPose::at(2.01, 0.0, height));
     let ahead: Vec<&Pole> = near.poles.iter().filter(|p| p.standard == Standard::R159).collect();

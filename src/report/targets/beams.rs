@@ -20,7 +20,7 @@ pub fn targets_text(table: &TargetTable, beams: u32) -> String {
     let mut distances: Vec<f64> = table.rows.iter().map(|row| row.distance).collect();
     distances.sort_by(f64::total_cmp);
     distances.dedup();
-    // Both stand by placement: what belongs together lies together.
+    // Both lists stand by placement: rows of one placement are neighbours.
     let rows = table.rows.chunk_by(|a, b| (&a.scene, &a.placement) == (&b.scene, &b.placement));
     let of = |(detections, rows): (&&[Detection], &[TargetRow])| {
         let of = OfPlacement { detections, rows };
@@ -112,7 +112,7 @@ impl OfPlacement<'_> {
     }
 
     /// The most beams on a target that is detected nowhere at a bearing, and the first distance that has them; a dash
-    /// where no beam meets it. Of several frames the one with fewest beams counts, as for a detection.
+    /// where no beam meets it. The frame with fewest beams counts, as for a detection.
     fn nearest_miss(&self, target: &str, bearing: f64, beams: u32) -> String {
         let mut least: Vec<(u32, f64)> = Vec::new();
         for row in self.at(target, bearing).filter(|row| !row.overlaps) {

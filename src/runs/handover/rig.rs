@@ -198,7 +198,7 @@ fn near_field(
     })
 }
 
-/// A placement on its scene, and what the title block says about it.
+/// A placement on its scene, and the words of the title block about it.
 struct Handed {
     placement: Placement,
     /// File of the placement, with its name where it has several.

@@ -1,4 +1,4 @@
-//! The folder of a run in place of a file of placements: its optimum, and what the run says about it.
+//! The folder of a run in place of a file of placements: its optimum, and the run's words about it.
 
 use std::path::{Path, PathBuf};
 

@@ -184,7 +184,7 @@ pub(super) fn command(begun: &Begun, settings: &Settings, max_seconds: Option<f6
     give("seed", Some(settings.seed.to_string()));
     give("evaluations", Some(settings.evaluations.to_string()));
     give("population", settings.population.map(|count| count.to_string()));
-    give("target", number(settings.target));
+    give("enough", number(settings.target));
     give("max-seconds", number(max_seconds));
     give("delta", settings.delta.map(|delta| format!("{},{}", delta.metres, delta.radians)));
     match settings.frames {

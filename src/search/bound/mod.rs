@@ -12,4 +12,4 @@ mod worths;
 pub use branch_and_bound::{Effort, GainBound, bound_gain};
 pub use certificate::Certificate;
 pub(super) use on_grid::{Bounds, bounds};
-pub use sample::{GridSample, LipschitzBound};
+pub use sample::GridSample;

@@ -168,7 +168,7 @@ impl Columns {
         places
     }
 
-    /// Sets the bits of the poses, and sums up what each covers alone.
+    /// Sets the bits of the poses, and sums up the worth of the columns that each covers alone.
     fn fill(&mut self, pages: &[&[u64]], places: &ColumnPlaces) {
         let groups = self.groups.len();
         let bitmaps = self.bitmaps.par_chunks_mut(self.words.max(1)).zip(pages);

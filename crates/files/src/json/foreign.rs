@@ -1,4 +1,4 @@
-//! Texts and bytes that are no JSON object: what they look like, for the message.
+//! Texts and bytes that are no JSON object: their likely format, for the message.
 
 use std::path::Path;
 

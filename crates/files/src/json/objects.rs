@@ -85,7 +85,7 @@ impl<'de, D: Deserializer<'de>> Deserializer<'de> for Objects<D> {
     }
 }
 
-/// Methods that hand over what holds values, wrapped.
+/// Methods that hand over nested values, wrapped.
 macro_rules! wrapped {
     ($($method:ident: $kind:ident;)*) => {$(
         fn $method<S: $kind<'de>>(self, from: S) -> Result<V::Value, S::Error> {

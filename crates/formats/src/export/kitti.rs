@@ -12,7 +12,7 @@ use lidar_cast::geom::Pose;
 use sightline_scan::Scan;
 
 use super::folder::{Folder, StagedFile};
-use super::plan::{Label, Planned, PointLabels};
+use super::plan::{Label, Planned, ScanLabels};
 use super::record::{CloudOrigin, FrameRecord, LidarRecord, Mover, Written, mounts};
 use super::{DatasetSettings, ExportError, SceneFacts, Split};
 use crate::datasets::kitti::EGO_FROM_LIDAR;
@@ -37,7 +37,7 @@ pub(super) fn write(
     classes: &[Label],
     settings: &DatasetSettings,
 ) -> Result<FrameRecord, ExportError> {
-    let labels = PointLabels::new(classes, &scan.boxes);
+    let labels = ScanLabels::new(classes, &scan.boxes);
     let each = settings.each_lidar;
     let mounts = mounts(scan);
     let mut files: Vec<Written> = Vec::new();

@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 use sightline_scan::{BOX_MARGIN, Scan};
 
 use super::folder::Folder;
-use super::plan::{Label, Planned, PointLabels, of_kind};
+use super::plan::{Label, Planned, ScanLabels, of_kind};
 use super::record::{CloudOrigin, FrameRecord, Mover, mounts};
 use super::{DatasetSettings, ExportError, Split};
 
@@ -107,7 +107,7 @@ pub(super) fn write(
         files.push(folder.put(&file, bytemuck::cast_slice(&cloud))?);
         if merged && about.is_keyframe(at) {
             inside = count(&cloud, &ego_from_sensor, scan);
-            let labels = PointLabels::new(classes, &scan.boxes);
+            let labels = ScanLabels::new(classes, &scan.boxes);
             let labels: Vec<u8> = scan.points().map(|point| labels.nuscenes(point)).collect();
             files.push(folder.put(&about.lidarseg_file(at), &labels)?);
         }

@@ -428,13 +428,13 @@ pub(super) fn of_classes(
     scene.classes.iter().map(label).collect()
 }
 
-pub(super) struct PointLabels<'a> {
+pub(super) struct ScanLabels<'a> {
     classes: &'a [Label],
     /// Label of its kind, and whether it moves, by instance.
     actors: Vec<Option<(Option<Label>, bool)>>,
 }
 
-impl<'a> PointLabels<'a> {
+impl<'a> ScanLabels<'a> {
     pub fn new(classes: &'a [Label], boxes: &[TrackedBox]) -> Self {
         let most = boxes.iter().map(|tracked| usize::from(tracked.instance)).max();
         let mut actors = vec![None; most.map_or(0, |most| most + 1)];

@@ -101,7 +101,7 @@ fn read_model(
     Ok(())
 }
 
-/// Adds the sensors of a link `name`; the element is the link, or what URDF has for it.
+/// Adds the sensors of a link `name`; the element is the link, or the element of URDF in its place.
 pub(super) fn read_sensors(
     link: Node,
     name: &str,

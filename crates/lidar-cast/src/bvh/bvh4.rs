@@ -24,8 +24,8 @@
 //! likes. Times a direction's component that is wrong by at most u (3 |corner − origin| + 2 steps · step) metres, u = 2⁻²⁴: a step is a
 //! power of two, so that its product with the inverse is exact. The distance to a triangle's own box, which `intersect`
 //! clamps a hit to, is wrong by 2 u |side − origin|. With coordinates up to L, no sensor is farther than the range R from the sphere around
-//! a tree, so that |corner − origin| ≤ 3.8 L + R: together less than 24 u (L + R), and less than 27 with what the host
-//! rounds here. Boxes are grown by twice the tree's pad, which is 16 u (L + R). Flushed denormals move a side by less than 2⁻¹¹⁷ m,
+//! a tree, so that |corner − origin| ≤ 3.8 L + R: together less than 24 u (L + R), and less than 27 with the
+//! roundings of the host. Boxes are grown by twice the tree's pad, which is 16 u (L + R). Flushed denormals move a side by less than 2⁻¹¹⁷ m,
 //! and pads are at least 2⁻¹⁰⁰ m, or the host casts.
 
 use bytemuck::{Pod, Zeroable};

@@ -1,8 +1,8 @@
 //! Single rays, and thin bundles of them, down the sixteen-wide tree: for beams that share no origin with others.
 //!
 //! A sensor that moves while it turns fires every column from a place of its own, and a beam that is wider than
-//! a line is a bundle of rays. Sixteen boxes, or the boxes of sixteen triangles, are tested at once; what is
-//! left goes to `Ray::intersect`, so the bits are those of the reference.
+//! a line is a bundle of rays. Sixteen boxes, or the boxes of sixteen triangles, are tested at once; the
+//! rest goes to `Ray::intersect`, so the bits are those of the reference.
 //!
 //! A [`Firing`] is a group of rays that leave one place at one moment: the batches that a device casts for scans.
 
@@ -175,7 +175,7 @@ impl<'a> RayBundle<'a> {
         if tree.nodes.is_empty() {
             return;
         }
-        // A root with one child is passed over: what goes down the tree has met its box.
+        // A root with one child is passed over: rays that go down the tree have met its box.
         let root = &tree.nodes[0];
         left.clear();
         left.push((0.0, if root.valid == 1 { root.children[0] } else { 0 }));

@@ -149,7 +149,7 @@ fn cases() -> Vec<Case> {
             word & 0x87ff_ffff | if word & 1 << 27 == 0 { 0x4000_0000 } else { 0x3000_0000 }
         };
         let [a, b] = [bits as u32, (bits >> 32) as u32].map(near_one);
-        // Added to the product it leaves 0, or what a merged sum does not round away.
+        // Added to the product it leaves 0, or the part that a merged sum does not round away.
         let minus = (-(f32::from_bits(a) * f32::from_bits(b))).to_bits();
         cases.extend([3, QUOTIENT].map(|operation| (operation, [a, b, 0])));
         cases.extend([0, 1, PRODUCT].map(|operation| (operation, [a, b, 0])));

@@ -293,7 +293,7 @@ fn rotary(
     pattern.azimuth_steps = ticks.map(|ticks| (ticks / states) as u32);
     match (window, ticks) {
         (Some(window), Some(ticks)) if states > 1 => {
-            let columns = Columns::of(at, window, ticks, clockwise)?;
+            let columns = WindowColumns::of(at, window, ticks, clockwise)?;
             columns.cut(at, list, profile, &mut pattern)?;
             pattern.notes.push(cut_to(window));
         }
@@ -304,7 +304,7 @@ fn rotary(
 }
 
 /// The columns of a window, where several states take turns at them.
-struct Columns {
+struct WindowColumns {
     /// Number of the first column, counter-clockwise from ahead.
     first: i64,
     count: i64,
@@ -313,7 +313,7 @@ struct Columns {
     clockwise: bool,
 }
 
-impl Columns {
+impl WindowColumns {
     fn of(
         at: &Location,
         window: [f64; 2],

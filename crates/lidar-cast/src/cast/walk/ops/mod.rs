@@ -1,8 +1,8 @@
 //! Sixteen numbers at a time, in three ways with the same names.
 //!
 //! [`per_target`] compiles the functions of the walk once for each of them. Bounds may differ in their
-//! last bits from way to way (reciprocals are estimates here and quotients there); what decides a hit
-//! is computed by operations that round alike everywhere.
+//! last bits from way to way (reciprocals are estimates here and quotients there); a hit
+//! is decided by operations that round alike everywhere.
 
 #[cfg(target_arch = "x86_64")]
 pub(super) mod avx2;
