@@ -12,17 +12,11 @@ use crate::score::{Guard, Objective};
 use crate::search::{Certificate, MethodRecord, Scored};
 use crate::targets::{RangeCard, TargetRanges};
 
-/// The result of a run against the best baselines, by the objective and by information gain, and the guards that it
-/// violates.
+/// The result of a run against the best baselines, by the objective and by information gain, the guards that it violates, the
+/// price of its sensors where these have one, and sides on which it sees no ground near the vehicle.
 ///
 /// A baseline counts if it keeps the rules of the mount and violates no guard. A result that gains less information
 /// than such a baseline is never called better without saying so.
-pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> String {
-    verdict_at(&OfRun::default(), best, baselines, objective)
-}
-
-/// [`verdict`] on a run, with the price of its sensors where these have one, and sides on which it sees no ground near the
-/// vehicle.
 pub fn run_verdict(run: &RunRecord) -> String {
     let near = run.near_field.as_ref().map_or(String::new(), |near| unseen_in_words(&near.near));
     let of_run = OfRun { price: price_in_words(&run.settings), near };
@@ -84,7 +78,7 @@ fn verdict_at(
     judged_at("The placement found", of_run, best, baselines, objective)
 }
 
-/// Like [`verdict`], for a placement that was given, with the price of its sensors where these have one.
+/// Like [`run_verdict`], for a placement that was given, with the price of its sensors where these have one.
 pub fn judged(best: &Scored, price: Option<f64>, baselines: &[Scored], objective: &str) -> String {
     let of_run = OfRun { price: price.map_or(String::new(), at_price), ..OfRun::default() };
     judged_at(&best.placement.name, &of_run, best, baselines, objective)

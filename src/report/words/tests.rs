@@ -8,6 +8,11 @@ use crate::score::{Guard, Scores, Seen, TaskScores};
 use crate::targets::{BearingRanges, RangeCard, TargetRanges};
 use crate::vehicle::Placement;
 
+/// The verdict on a result that has no price and no near field.
+fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> String {
+    verdict_at(&OfRun::default(), best, baselines, objective)
+}
+
 /// A planted placement: name, M-SOG/N, nats gained of 1000.
 pub(in crate::report) fn planted(name: &str, m_sog_scaled: f64, gain: f64) -> Scored {
     let segmentation = TaskScores {

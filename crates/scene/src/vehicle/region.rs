@@ -270,6 +270,8 @@ impl Outline {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     fn side() -> Region {
@@ -318,16 +320,17 @@ mod tests {
         let back = Region {
             name: "rear".into(),
             ego_from_region: None,
-            lower: [0.0, 0.0, 0.0, 0.0, 0.0, 3.1416],
+            lower: [0.0, 0.0, 0.0, 0.0, 0.0, PI + 7e-6],
             upper: [0.0, 0.0, 0.0, 0.0, 0.0, 3.3],
             outline: Outline::default(),
             surface: None,
         };
         let at = |yaw| SensorPose { yaw, ..SensorPose::default() };
-        for yaw in [3.1416, 3.14159, std::f64::consts::PI, -3.1416, -3.0, 3.3 - TAU] {
+        // Written as 3.1416, 3.14159, -3.1416.
+        for yaw in [PI + 7e-6, PI - 3e-6, PI, -PI - 7e-6, -3.0, 3.3 - TAU] {
             assert!(back.outside(&at(yaw)).is_empty(), "{yaw}: {:?}", back.outside(&at(yaw)));
         }
-        for (yaw, off) in [(3.14, 0.0016), (-2.9, 0.083_185), (0.0, 2.983_185)] {
+        for (yaw, off) in [(PI - 0.0016, 0.0016), (-2.9, 0.083_185), (0.0, 2.983_185)] {
             let found = back.outside(&at(yaw));
             assert!(found[0].0 == "yaw" && (found[0].1 - off).abs() < 1e-5, "{yaw}: {found:?}");
         }
