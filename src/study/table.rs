@@ -14,6 +14,10 @@ use crate::vehicle::Placement;
 /// Last columns of a CSV file where the vehicle requires something.
 pub(crate) const REQUIREMENTS: [&str; 2] = ["requirements met", "not met"];
 
+/// Note below a table of a vehicle that requires something.
+const AS_MOUNTED: &str = "Requirements are looked at as mounted; `sightline score` tells how many copies mounted a \
+                          little off meet them.";
+
 /// One line of a study: a case and its values.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
@@ -140,7 +144,8 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table of cases; rows without values get a missing one in each column.
+    /// A table of cases; rows without values get a missing one in each column. A note tells where requirements were looked at
+    /// without copies.
     pub(super) fn new<'a>(
         title: String,
         columns: impl IntoIterator<Item = &'a str>,
@@ -150,7 +155,11 @@ impl Table {
     ) -> Self {
         let columns: Vec<String> = columns.into_iter().map(str::to_owned).collect();
         rows.iter_mut().for_each(|row| row.values.resize(columns.len() - 1, None));
-        Self { title, columns, rows, notes, drawing }
+        let mut table = Self { title, columns, rows, notes, drawing };
+        if table.has_requirements() {
+            table.notes.push(AS_MOUNTED.to_owned());
+        }
+        table
     }
 
     /// Sentence on a table in which no row has a number; `None` where one has.
@@ -385,6 +394,17 @@ mod tests {
         assert_eq!(table.unanswered().as_deref(), Some("t: no row has an answer: p; q"));
         table.rows[1].values[0] = Some(0.0);
         assert_eq!(table.unanswered(), None);
+    }
+
+    #[test]
+    fn a_table_with_requirements_says_that_copies_are_not_looked_at() {
+        let notes = |row: Row| {
+            let drawing = TablePlot::of_column(0, "a", true);
+            Table::new("t".into(), ["case", "a"], vec![row], vec!["first".into()], drawing).notes
+        };
+        assert_eq!(notes(Row::of(vec![Some(1.0)])), ["first"]);
+        let met = Row::of(vec![Some(1.0)]).requiring([Seen::of("ring", 1.0)].iter());
+        assert_eq!(notes(met), ["first", AS_MOUNTED]);
     }
 
     /// Stops after some questions.
