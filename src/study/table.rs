@@ -42,6 +42,9 @@ pub struct Row {
     /// Reason why the case has no answer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub no_answer: Option<String>,
+    /// Guard that the placement violates, in words, where a study of random placements shows its value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub warning: Option<String>,
 }
 
 impl Row {
@@ -70,10 +73,10 @@ impl Row {
         Self { no_answer: Some(why.into()), ..Self::default() }
     }
 
-    /// The name, after `!` where a requirement is not met.
+    /// The name, after `!` where a requirement is not met or a guard violated.
     pub fn marked(&self) -> String {
-        let mark = if self.requirements_met == Some(false) { "! " } else { "" };
-        format!("{mark}{}", self.name)
+        let is_marked = self.requirements_met == Some(false) || self.warning.is_some();
+        format!("{}{}", if is_marked { "! " } else { "" }, self.name)
     }
 
     /// Cells of the columns [`REQUIREMENTS`].
@@ -82,9 +85,13 @@ impl Row {
         [met, self.not_met.join("; ")]
     }
 
-    /// A line for each requirement that is not met, or for the reason why there is no answer.
+    /// A line for each requirement that is not met, for the warning, or for the reason why there is no answer.
     pub fn remarks(&self) -> impl Iterator<Item = String> {
-        self.not_met.iter().chain(&self.no_answer).map(|word| format!("{}: {word}", self.marked()))
+        self.not_met
+            .iter()
+            .chain(&self.warning)
+            .chain(&self.no_answer)
+            .map(|word| format!("{}: {word}", self.marked()))
     }
 }
 
