@@ -434,3 +434,34 @@ fn a_tilt_ends_where_score_says_that_a_rig_tilted_by_hand_breaks() {
         assert!(told.contains(part), "{more}: {told}");
     }
 }
+
+#[test]
+fn a_lidar_that_a_tilt_turns_into_the_upright_body_is_told() {
+    let dir = required_yard();
+    let path = dir.path().join("cart.json");
+    let mut vehicle: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    // LiDAR 1, 0.1 m before the body, alone sees it: the roof is before LiDAR 0, which looks at it as it is.
+    vehicle["require"] = json!([{ "name": "low", "target": "tyre", "from": 3, "within": 6, "bearing": [-20, 20], "share": 0.3 }]);
+    fs::write(&path, vehicle.to_string()).unwrap();
+    let line = "study tolerance yard.json two.json --backend cpu --frames 1 --most-mm 1 --most-deg 1 --steps 2 \
+                --most-tilt 12";
+    let args: Vec<&str> = line.split_whitespace().collect();
+    let found = ok(dir.path(), &args);
+    let tilt = &found["rows"][0]["tilt"];
+    let of = |direction: &str| {
+        let mut all = tilt["directions"].as_array().unwrap().iter();
+        all.find(|of| of["direction"] == direction).unwrap()
+    };
+    for (direction, at) in [("rear down", 6.0), ("rear left down", 12.0)] {
+        let of = of(direction);
+        assert_eq!((&of["breaks_at"], &of["breaks"]), (&json!(at), &json!("low")), "{of}");
+        assert_eq!(of["self_hit_lidar"], 1, "{of}");
+    }
+    assert_eq!(of("rear down")["self_hit_at"], 6.0);
+    assert!(of("front down").get("self_hit_at").is_none(), "{tilt}");
+    assert_eq!((&tilt["self_hit_at"], &tilt["self_hit_lidar"]), (&json!(6.0), &json!(1)));
+    let text = String::from_utf8(sightline(dir.path(), &args).stdout).unwrap();
+    let words = "! self_hit: at 6.00° (rear down) LiDAR 1 ends more than 25 % of its beams at the own vehicle, which \
+                 does not tilt along here";
+    assert!(text.contains(words), "{text}");
+}

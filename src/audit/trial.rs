@@ -51,8 +51,8 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Judges an attempt that is worse than `base` by construction. One that loses a car where the base sees it is
-    /// caught: its blind sectors are guards, unless a sector of the base is as wide.
+    /// Judges an attempt that is worse than `base` by construction. One with a guard is caught, blind sectors among them,
+    /// unless the base has the guard as badly.
     pub fn new(name: &str, base: &Scores, scores: Scores) -> Self {
         type TrialMetric = fn(&Scores) -> Option<f64>;
         let metrics: [(&'static str, TrialMetric); 6] = [
@@ -72,8 +72,7 @@ impl Trial {
         let gain = |s: &Scores| s.segmentation.information_gain.unwrap_or(0.0);
         let harmless = gain(&scores) >= (1.0 - HARMLESS) * gain(base);
         let is_fooled = fooled.iter().any(|name| *name != LIKES_LOSS);
-        let speaks = |guard: &Guard| guard.is_doubt() || !is_of_base(guard, &base.guards);
-        let is_clear = !scores.guards.iter().any(speaks);
+        let is_clear = scores.guards.iter().all(|guard| is_of_base(guard, &base.guards));
         let verdict = match (is_fooled, is_clear) {
             (false, _) => TrialResult::NotFooled,
             (true, false) => TrialResult::Caught,
@@ -84,18 +83,37 @@ impl Trial {
     }
 }
 
-/// True if a guard of an attempt tells no more than one of the base: a blind sector within one of the base's, a LiDAR that
-/// is as redundant there.
+/// True if a guard of an attempt tells no more than one of the base.
 fn is_of_base(guard: &Guard, base: &[Guard]) -> bool {
-    let tells_as_much = |known: &Guard| match (guard, known) {
+    base.iter().any(|known| tells_no_more(guard, known))
+}
+
+/// True for a guard of the kind of another one, on the same class, LiDAR and scene, that is no worse: a blind sector within
+/// the other, as much information, no more beams at the own vehicle.
+fn tells_no_more(guard: &Guard, known: &Guard) -> bool {
+    match (guard, known) {
         (Guard::BlindSector(sector), Guard::BlindSector(known)) => sector.is_within(known),
+        (Guard::LowInformation { share }, Guard::LowInformation { share: least }) => share >= least,
+        (Guard::FewHits { hit_share, .. }, Guard::FewHits { hit_share: least, .. }) => {
+            hit_share >= least
+        }
+        (
+            Guard::ClassUnseen { class, share },
+            Guard::ClassUnseen { class: known, share: least },
+        ) => class == known && share >= least,
+        (Guard::ShortSight { lost }, Guard::ShortSight { lost: most }) => lost <= most,
         (
             Guard::RedundantLidar { lidar, share },
             Guard::RedundantLidar { lidar: known, share: least },
         ) => lidar == known && share >= least,
+        (Guard::SelfHit { lidar, share }, Guard::SelfHit { lidar: known, share: most }) => {
+            lidar == known && share <= most
+        }
+        (Guard::InScene { scene, guard }, Guard::InScene { scene: known, guard: of_known }) => {
+            scene == known && tells_no_more(guard, of_known)
+        }
         _ => guard == known,
-    };
-    base.iter().any(tells_as_much)
+    }
 }
 
 /// True if a sensor upside down looks to the sky: it turns, and no beam is above [`DOWN`].
@@ -309,6 +327,44 @@ mod tests {
         }
         let worse = Trial::new("worse", &base, scores(90, 49, None));
         assert_eq!((worse.fooled.len(), worse.verdict), (0, TrialResult::NotFooled));
+    }
+
+    #[test]
+    fn a_guard_of_the_base_catches_no_attempt_that_is_no_worse() {
+        let with = |near_gain, guard: Option<Guard>| {
+            let guards = guard.into_iter().collect();
+            Scores { near_gain: Some(near_gain), guards, ..scores(100, 50, None) }
+        };
+        let unseen = |share| Guard::ClassUnseen { class: "car".into(), share };
+        let own = |lidar, share| Guard::SelfHit { lidar, share };
+        let there =
+            |share| Guard::InScene { scene: "street".into(), guard: Box::new(own(0, share)) };
+        let hits = |hit_share| Guard::FewHits { hit_share, reference: 0.9 };
+        let low = |share| Guard::LowInformation { share };
+        let short = |lost| Guard::ShortSight { lost };
+        // The guard of the base, one no worse, and one that is worse or of something else.
+        for [known, no_worse, worse] in [
+            [short(0.05), short(0.04), short(0.06)],
+            [low(0.4), low(0.4), low(0.3)],
+            [hits(0.2), hits(0.3), hits(0.1)],
+            [unseen(0.05), unseen(0.06), unseen(0.04)],
+            [own(0, 0.4), own(0, 0.3), own(1, 0.3)],
+            [there(0.4), there(0.4), there(0.5)],
+            [Guard::CoversNothing, Guard::CoversNothing, short(0.02)],
+        ] {
+            let base = with(0.5, Some(known));
+            for (guard, verdict) in
+                [(no_worse, TrialResult::NotFooled), (worse, TrialResult::Caught)]
+            {
+                let words = guard.to_string();
+                let trial = Trial::new("guarded", &base, with(0.6, Some(guard)));
+                assert_eq!((trial.fooled, trial.verdict), (vec!["near_gain"], verdict), "{words}");
+            }
+        }
+        let base = with(0.5, Some(short(0.05)));
+        let blind = Scores { guards: vec![short(0.05)], ..scores(100, 5, None) };
+        let blind = Trial::new("blind", &base, blind);
+        assert_eq!(blind.verdict, TrialResult::Fooled, "nothing but the base's own guard speaks");
     }
 
     #[test]

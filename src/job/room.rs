@@ -79,7 +79,7 @@ pub struct RoomOfSide {
     /// Requirement that breaks there, of several the one that lacks most.
     pub breaks: Option<String>,
     /// First deviation, up to the one that breaks a requirement, at which the moved LiDAR has the guard `self_hit`: 0 if it has
-    /// it as it is. `None` where it has it at none, and of tilts.
+    /// it as it is. Tilted, the first at which any LiDAR has it that does not have it as it is. `None` where there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub self_hit_at: Option<f64>,
 }
@@ -114,6 +114,12 @@ fn set_aside(scores: &mut Scores, missed: &[usize]) {
 fn broken(scores: &Scores) -> Option<&Seen> {
     let unmet = scores.required.iter().filter(|seen| !seen.is_met());
     unmet.max_by(|a, b| (a.least - a.share).total_cmp(&(b.least - b.share)))
+}
+
+/// Steps up to the first at which a requirement breaks, which counts; all where none breaks.
+fn looked_at(scores: &[Scores]) -> usize {
+    let first = scores.iter().position(|scores| broken(scores).is_some());
+    first.map_or(scores.len(), |first| first + 1)
 }
 
 /// One side from the scores at each step, `step` apart.
@@ -296,6 +302,36 @@ impl Look<'_> {
         Ok(scores)
     }
 
+    /// True if a LiDAR has the guard `self_hit` as it is.
+    fn hits_itself(&self, lidar: usize) -> bool {
+        let mut guards = self.guards.iter();
+        guards.any(|of| matches!(of, Guard::SelfHit { lidar: own, .. } if *own == lidar))
+    }
+
+    /// The first of some placements, counted from 1, in which a LiDAR has the guard `self_hit` that does not have it as it is,
+    /// and that LiDAR. `None` where there is none, or once `go_on` says no.
+    fn first_self_hit(
+        &mut self,
+        moved: &[Placement],
+        go_on: &mut dyn FnMut(u64) -> bool,
+    ) -> Result<Option<(usize, usize)>, BackendError> {
+        for (k, placement) in moved.iter().enumerate() {
+            if !go_on(0) {
+                break;
+            }
+            let backend = self.evaluator.backend_mut();
+            let guards = self_hits(self.scene, self.problem, backend, placement)?;
+            let mut lidars = guards.iter().filter_map(|guard| match guard {
+                Guard::SelfHit { lidar, .. } => Some(*lidar),
+                _ => None,
+            });
+            if let Some(lidar) = lidars.find(|lidar| !self.hits_itself(*lidar)) {
+                return Ok(Some((k + 1, lidar)));
+            }
+        }
+        Ok(None)
+    }
+
     /// Number of steps, 1 at the first of some placements, after which a LiDAR has the guard `self_hit`; 0 if it has it as it is.
     /// `None` where it never has, or once `go_on` says no.
     fn self_hit(
@@ -304,8 +340,7 @@ impl Look<'_> {
         moved: &[Placement],
         go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<Option<usize>, BackendError> {
-        let mut guards = self.guards.iter();
-        if guards.any(|of| matches!(of, Guard::SelfHit { lidar: own, .. } if *own == lidar)) {
+        if self.hits_itself(lidar) {
             return Ok(Some(0));
         }
         for (k, placement) in moved.iter().enumerate() {
@@ -339,9 +374,7 @@ fn room_of_field(
     let (unit, scale) = if field.unit() == "m" { ("mm", 1e3) } else { ("deg", 1.0) };
     let each = moved.chunks(steps.steps as usize).zip(scores.chunks(steps.steps as usize));
     let sides = each.map(|(moved, scores)| {
-        let broken = scores.iter().position(|scores| broken(scores).is_some());
-        let looked_at = broken.map_or(moved.len(), |first| first + 1);
-        let self_hit = look.self_hit(field.lidar, &moved[..looked_at], go_on)?;
+        let self_hit = look.self_hit(field.lidar, &moved[..looked_at(scores)], go_on)?;
         let self_hit_at = self_hit.map(|steps| scale * step * steps as f64);
         Ok(RoomOfSide { self_hit_at, ..side(scale * step, scores) })
     });
@@ -387,6 +420,9 @@ pub struct TiltedTo {
     /// Largest tilt before the first at which a requirement breaks, and that requirement.
     #[serde(flatten)]
     pub side: RoomOfSide,
+    /// LiDAR that has the guard `self_hit` at [`RoomOfSide::self_hit_at`]: the own body does not tilt along.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub self_hit_lidar: Option<usize>,
 }
 
 /// Rotation by `angle` radians that lowers everything at a bearing, radians counter-clockwise from straight ahead.
@@ -426,7 +462,14 @@ fn room_of_tilt(
         let moved: Vec<Placement> = (1..=steps.steps).map(at).collect();
         let scores = look.scores(&moved, go_on)?;
         let Some(scores) = scores else { return Ok(None) };
-        directions.push(TiltedTo { direction, side: side(step, &scores) });
+        let hit = look.first_self_hit(&moved[..looked_at(&scores)], go_on)?;
+        if !go_on(0) {
+            return Ok(None);
+        }
+        let (self_hit_at, self_hit_lidar) =
+            hit.map(|(steps, lidar)| (step * steps as f64, lidar)).unzip();
+        let side = RoomOfSide { self_hit_at, ..side(step, &scores) };
+        directions.push(TiltedTo { direction, side, self_hit_lidar });
         go_on(1);
     }
     // Ties go to the first, and a requirement that breaks comes before one that holds over the whole range.

@@ -10,7 +10,7 @@ use super::text::{align_columns, shortened};
 use crate::json::fixed;
 use crate::maths;
 use crate::near_field::{CELL, Footprint, NEAR, NearField, RING, Standard};
-use crate::score::percent_down;
+use crate::score::{percent_down, percent_up};
 use crate::shared::{Overlap, Redundancy, SeenBy, SeenByTechnologies, Technologies};
 use crate::vehicle::{Placement, SensorName};
 use sightline_files::json::counted;
@@ -208,10 +208,11 @@ fn percent(share: Option<f64>) -> String {
     super::optional(share.map(percent_down), 1)
 }
 
-/// A line of a table: a name, how many things there are, shares in percent.
+/// A line of a table: a name, how many things there are, shares in percent; the share that none sees is rounded up.
 fn line(name: String, seen: &SeenBy) -> Vec<String> {
     let mut row = vec![name, fixed(seen.all, 0)];
-    row.extend((0..seen.by.len()).map(|k| percent(seen.share.map(|share| share[k]))));
+    row.push(super::optional(seen.share.map(|share| percent_up(share[0])), 1));
+    row.extend((1..seen.by.len()).map(|k| percent(seen.share.map(|share| share[k]))));
     row.extend(seen.alone.iter().map(|alone| percent(alone.share)));
     row
 }
@@ -358,4 +359,18 @@ pub fn overlap_text(all: &[Overlap]) -> String {
         format!("{heading}\n{voxels}\n{overlap}\n{directions}\n{verdict}\n")
     };
     all.iter().map(of).collect::<Vec<_>>().join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_share_that_none_sees_is_rounded_up_and_others_down() {
+        let share = Some([0.006_25, 0.068_75, 0.9, 0.025]);
+        let seen = SeenBy { all: 160.0, by: [1.0, 11.0, 144.0, 4.0], share, alone: Vec::new() };
+        assert_eq!(line("car".to_owned(), &seen), ["car", "160", "0.7", "6.8", "90.0", "2.5"]);
+        let none = SeenBy { share: Some([0.0, 1.0, 0.0, 0.0]), ..seen };
+        assert_eq!(line("car".to_owned(), &none)[2..4], ["0.0", "100.0"]);
+    }
 }

@@ -9,7 +9,7 @@ use crate::targets::RangeCard;
 use crate::vehicle::{Placement, Vehicle};
 
 /// Price of the sensors of each placement and the range card in short, a line a placement; then the better of several
-/// placements: requirements first, then the default objective. Empty where nothing is known.
+/// placements: rules first, then requirements, then the default objective. Empty where nothing is known.
 pub fn rigs_text(vehicle: &Vehicle, placements: &[Placement], all: &[Scores]) -> String {
     let mut text = String::new();
     for (placement, scores) in placements.iter().zip(all) {
@@ -44,10 +44,12 @@ fn better_in_words(all: &[Scores]) -> Option<String> {
     let objective = Objective::default();
     let standings: Vec<Standing> = all.iter().map(|one| Standing::of(one, &objective)).collect();
     let on_paper = |k: usize| all[k].holds_on_paper().is_some();
+    let rules = |k: usize| all[k].broken_rules.len();
     let order = |a: usize, b: usize| {
+        let rules = rules(a).cmp(&rules(b));
         let violation = standings[a].violation.total_cmp(&standings[b].violation);
         let paper = on_paper(a).cmp(&on_paper(b));
-        violation.then(paper).then_with(|| standings[a].compare(&standings[b]))
+        rules.then(violation).then(paper).then_with(|| standings[a].compare(&standings[b]))
     };
     let best = (0..all.len()).min_by(|&a, &b| order(a, b)).filter(|_| all.len() > 1)?;
     let others = (0..all.len()).filter(|&k| k != best);
@@ -68,11 +70,18 @@ fn better_in_words(all: &[Scores]) -> Option<String> {
     };
     let by_copies = standings[best].violation == standings[rival].violation
         && on_paper(best) != on_paper(rival);
-    let decided = match by_copies {
-        true => decided_by_copies(&all[best], &all[rival]),
-        false => decided_in_words(&all[best], &standings[best], &standings[rival]),
+    let decided = match (rules(best) < rules(rival), by_copies) {
+        (true, _) => decided_by_rules(&all[best], &all[rival]),
+        (false, true) => decided_by_copies(&all[best], &all[rival]),
+        (false, false) => decided_in_words(&all[best], &standings[best], &standings[rival]),
     };
     Some(format!("{word}: {name} ({}), before {next} ({}); {decided}\n", facts(best), facts(rival)))
+}
+
+fn decided_by_rules(ours: &Scores, theirs: &Scores) -> String {
+    let [own, other] = [ours, theirs].map(|scores| scores.broken_rules.len());
+    let also = if own > 0 { format!(" and {} {own}", ours.name) } else { String::new() };
+    format!("decided by the rules of the mounts, of which {} breaks {other}{also}", theirs.name)
 }
 
 fn decided_by_copies(ours: &Scores, theirs: &Scores) -> String {
@@ -84,7 +93,8 @@ fn decided_by_copies(ours: &Scores, theirs: &Scores) -> String {
     )
 }
 
-/// Requirements met, per cent points missing of the others, warnings where these count, and the objective of a rig.
+/// Rules that are broken, requirements met, per cent points missing of the others, warnings where these count, and the
+/// objective of a rig.
 fn facts_in_words(
     scores: &Scores,
     missing: f64,
@@ -92,6 +102,11 @@ fn facts_in_words(
     objective: &Objective,
 ) -> String {
     let mut facts = Vec::new();
+    match scores.broken_rules.len() {
+        0 => {}
+        1 => facts.push("1 rule broken".to_owned()),
+        count => facts.push(format!("{count} rules broken")),
+    }
     let [met, of] = scores.met();
     if of > 0 {
         facts.push(format!("{met} of {of} requirements met"));
@@ -161,6 +176,24 @@ mod tests {
         let card = RangeCard { beams: 5, distances: Vec::new(), targets, blind: Vec::new() };
         let want = "range card, met at every distance and all 2 bearings: car 7.5 to 110 m, adult at 5 m, child nowhere, tyre nowhere";
         assert_eq!(card_in_words(&card), want);
+    }
+
+    #[test]
+    fn a_rig_that_keeps_the_rules_is_better_than_one_that_meets_more() {
+        let breaking = |mut rig: Scores, rules: usize| {
+            rig.broken_rules =
+                vec!["LiDAR 2: z is 1.600 m outside the mount mast".to_owned(); rules];
+            rig
+        };
+        let (high, low) = (rig("high", [0.9, 0.9], 0, 0.6), rig("low", [0.5, 0.9], 1, 0.5));
+        let found = better_in_words(&[breaking(high.clone(), 1), low.clone()]).unwrap();
+        assert!(found.starts_with("better: low (1 of 2 requirements met, "), "{found}");
+        let end = "before high (1 rule broken, 2 of 2 requirements met, near_gain 0.6); decided by the rules of the \
+                   mounts, of which high breaks 1\n";
+        assert!(found.ends_with(end), "{found}");
+        let found = better_in_words(&[breaking(high, 2), breaking(low, 1)]).unwrap();
+        assert!(found.contains("low (1 rule broken, ") && found.contains("high (2 rules broken, "));
+        assert!(found.ends_with("of which high breaks 2 and low 1\n"), "{found}");
     }
 
     #[test]

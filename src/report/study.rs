@@ -225,7 +225,21 @@ fn tilt_text(tilt: &RoomOfTilt) -> String {
         rows.push(vec![of.direction.to_owned(), holds, breaks]);
     }
     let about = format!("all LiDARs tilted about the ground at x = {x} m, y = {y} m hold to ");
-    format!("{}{about}{end}\n", align_columns(&rows))
+    format!("{}{about}{end}\n{}", align_columns(&rows), tilted_hits_text(tilt))
+}
+
+/// Sentences on limits of a tilt at which a LiDAR is in the own body, or behind it: the body stays upright.
+fn tilted_hits_text(tilt: &RoomOfTilt) -> String {
+    let limits = tilt.directions.iter().filter(|of| of.side.breaks.is_some());
+    let told = limits.filter_map(|of| {
+        let (at, lidar) = of.side.self_hit_at.zip(of.self_hit_lidar)?;
+        let (at, direction, most) = (fixed(at, 2), of.direction, 100.0 * MOST_SELF_HITS);
+        Some(format!(
+            "! self_hit: at {at}° ({direction}) LiDAR {lidar} ends more than {most:.0} % of its beams at the own vehicle, \
+             which does not tilt along here: this limit may be none of the vehicle's\n"
+        ))
+    });
+    told.collect()
 }
 
 /// Sentences on LiDARs that a moved field brings into the own body, or before it.
@@ -367,10 +381,18 @@ mod tests {
             [words(0.0, true), words(1.0, true), words(4.0, false)],
             ["< 1.25", "1.25", "≥ 5.00"]
         );
-        let least = TiltedTo { direction: "rear down", side: side(0.0, true) };
-        let tilt = RoomOfTilt { about: [0.0, 0.0], least: least.clone(), directions: vec![least] };
-        let text = tilt_text(&tilt);
-        assert!(text.ends_with("hold to < 1.25°, then near breaks (rear down)\n"), "{text}");
+        let side = side(0.0, true);
+        let mut least = TiltedTo { direction: "rear down", side, self_hit_lidar: None };
+        let text = |least: &TiltedTo| {
+            let directions = vec![least.clone()];
+            tilt_text(&RoomOfTilt { about: [0.0, 0.0], least: least.clone(), directions })
+        };
+        let limit = "hold to < 1.25°, then near breaks (rear down)\n";
+        assert!(text(&least).ends_with(limit), "{}", text(&least));
+        (least.side.self_hit_at, least.self_hit_lidar) = (Some(1.25), Some(1));
+        let told = text(&least);
+        let (_, told) = told.split_once(limit).unwrap();
+        assert!(told.starts_with("! self_hit: at 1.25° (rear down) LiDAR 1 ends more"), "{told}");
     }
 
     #[test]

@@ -400,7 +400,9 @@ pub fn audit_text(found: &Audit) -> String {
     let metrics = ScoreColumn::METRICS.map(ScoreColumn::title);
     let titles = [&["attempt"][..], &metrics, &["verdict", "looks better by", "guards"]].concat();
     let mut rows = vec![titles.into_iter().map(str::to_owned).collect::<Vec<_>>()];
-    rows.push(cells(&found.base.name, &found.base));
+    let mut row = cells(base, &found.base);
+    row.extend([String::new(), String::new(), guard_names(&found.base)]);
+    rows.push(row);
     for trial in &found.trials {
         let mut row = cells(&trial.name, &trial.scores);
         let verdict = match trial.verdict {
@@ -423,7 +425,7 @@ pub fn audit_text(found: &Audit) -> String {
     let two = |v: Option<f64>| v.map_or("–".into(), |v| format!("{v:.2}"));
     let mut none = cells("none", &found.base);
     none.extend(vec![String::new(); 4]);
-    none.push(two(found.ranking_against_mean_height));
+    none.extend([two(found.ranking_against_mean_height), base.clone(), guard_names(&found.base)]);
     rows.push(none);
     rows.extend(found.stability.iter().map(|change| {
         let mut row = cells(&change.change, &change.base);
@@ -459,6 +461,24 @@ fn guard_names(scores: &Scores) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_start_of_an_audit_shows_its_own_guards() {
+        let guards = vec![crate::score::Guard::ShortSight { lost: 0.05 }];
+        let found = Audit {
+            scene: "room".to_owned(),
+            objective: "near_gain".to_owned(),
+            base: Scores { name: "start".to_owned(), guards, ..Scores::default() },
+            trials: Vec::new(),
+            stability: Vec::new(),
+            ranking_against_mean_height: None,
+            passed: true,
+        };
+        let text = audit_text(&found);
+        let row = |name: &str| text.lines().find(|line| line.starts_with(name)).unwrap();
+        assert!(row("start  ").ends_with("  short_sight"), "{text}");
+        assert!(row("none  ").ends_with("  start  short_sight"), "{text}");
+    }
 
     #[test]
     fn a_table_holds_cells_of_any_length_and_shows_every_character() {

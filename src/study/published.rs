@@ -115,11 +115,15 @@ pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
     let drawn = random_placements_by_the_rules(&scene.rig()?.constraints, count, settings.seed);
     cases.expect(2 + scene.layouts.len());
     let mut evaluator = scene.evaluator_of_rig()?;
-    let value = |scores: &Scores| unguarded(scene, scores);
+    let value = |scores: &Scores| shown(scene, scores);
     let case = cases.one(RANDOM, || {
         let scores = scene.scores(&mut evaluator, &drawn)?;
-        let values: Vec<Option<f64>> = scores.iter().map(value).collect();
-        let Some(at) = quantiles(&values) else { return Ok(Row::default()) };
+        let unguarded = |of: &Scores| value(of).filter(|_| of.guards.is_empty());
+        let values: Vec<Option<f64>> = scores.iter().map(unguarded).collect();
+        let Some(at) = quantiles(&values) else {
+            let warning = scores.iter().find_map(|of| of.guards.first()).map(ToString::to_string);
+            return Ok(Row { warning, ..Row::default() });
+        };
         let mut shown: Vec<Option<f64>> = at.iter().map(|&k| values[k]).collect();
         let misses: Vec<bool> = scores.iter().map(|of| of.missing() > 0.0).collect();
         shown.push(Some(misses.iter().filter(|misses| !**misses).count() as f64));
@@ -128,6 +132,8 @@ pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
         Ok(Row { unmet_at, ..row })
     })?;
     let met = case.as_ref().and_then(|row| met_in_words(row, drawn.len()));
+    let none = case.as_ref().and_then(|row| row.warning.as_ref());
+    let none = none.map(|guard| format!("No random placement counts; one violates {guard}."));
     let mut rows = case.map_or_else(Vec::new, |row| rows_of(&row));
     for placement in &scene.layouts {
         rows.extend(cases.one(&placement.name, || {
@@ -146,13 +152,13 @@ pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
         drawn.len(),
         settings.evaluations
     )];
-    notes.extend(met);
+    notes.extend(none.into_iter().chain(met));
     notes.extend(broken_rules(scene));
     notes.extend(prices(scene, &rows));
     let title = scene.title("random, hand-made and optimized placements");
     let (objective, _) = shown_objective(&settings.objective);
     let drawing = TablePlot::of_column(0, &objective, false);
-    Ok(Table::new(title, ["placement", &objective], rows, notes, drawing))
+    Ok(Table::new(title, ["placement", &objective, "guards violated"], rows, notes, drawing))
 }
 
 /// Name of the placement that is searched: rigs of a run are called `optimized`, too.
@@ -166,7 +172,8 @@ fn met_in_words(random: &Row, all: usize) -> Option<String> {
     random.requirements_met?;
     let met = random.values.get(5).copied().flatten()?;
     Some(format!(
-        "{met} of {all} random placements meet all requirements; a row with `!` is a placement that misses one."
+        "{met} of {all} random placements meet all requirements; a row with `!` is a placement that misses one, or violates \
+         a guard."
     ))
 }
 
@@ -194,18 +201,19 @@ fn prices(scene: &StudyScene, rows: &[Row]) -> Option<String> {
     })
 }
 
-/// The row of one placement; without a value it says which warning counts it out.
+/// The row of one placement, with the first guard that it violates: a warning, or the reason why there is no value.
 fn row_of(value: Option<f64>, placement: Placement, scores: &Scores) -> Row {
-    let warning = scores.guards.first().filter(|_| value.is_none());
-    let no_answer = warning.map(|guard| format!("does not count, warning: {guard}"));
-    Row { no_answer, ..Row::scored(vec![value], placement, scores) }
+    let guard = scores.guards.first().map(ToString::to_string);
+    let [warning, no_answer] = if value.is_some() { [guard, None] } else { [None, guard] };
+    let values = vec![value, value.map(|_| scores.guards.len() as f64)];
+    Row { warning, no_answer, ..Row::scored(values, placement, scores) }
 }
 
-/// The objective of a placement that violates no guard, in the unit of its title.
-fn unguarded(scene: &StudyScene, scores: &Scores) -> Option<f64> {
+/// The objective of a placement in the unit of its title.
+fn shown(scene: &StudyScene, scores: &Scores) -> Option<f64> {
     let objective = &scene.settings.objective;
     let (_, factor) = shown_objective(objective);
-    objective.value(scores).filter(|_| scores.guards.is_empty()).map(|value| factor * value)
+    objective.value(scores).map(|value| factor * value)
 }
 
 /// Places of the best, worst, lower quartile, median and upper quartile of the values there are; a quartile is the nearest
@@ -235,7 +243,7 @@ fn rows_of(random: &Row) -> Vec<Row> {
     let row = |(name, value, number): (&str, f64, usize)| {
         let of = if name == RANDOM { random.clone() } else { Row::default() };
         let met = random.requirements_met.map(|_| !random.unmet_at.contains(&number));
-        let (name, values) = (name.to_owned(), vec![Some(value)]);
+        let (name, values) = (name.to_owned(), vec![Some(value), Some(0.0)]);
         Row { name, values, requirements_met: met, unmet_at: Vec::new(), ..of }
     };
     named.map(row).to_vec()
@@ -322,6 +330,7 @@ fn words(value: Option<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::score::Guard;
 
     #[test]
     fn the_published_numbers_agree_with_themselves_and_ours_stands_for_each_task() {
@@ -340,6 +349,24 @@ mod tests {
         // 1 − 6 · (36 + 0 + 4 + 0 + 16 + 9 + 1 + 0) / (8 · 63) = 1 − 396 / 504.
         let found = row("order", &ranks).values[0].unwrap();
         assert!((found - (1.0 - 396.0 / 504.0)).abs() < 1e-12, "{found}");
+    }
+
+    #[test]
+    fn a_value_beside_a_violated_guard_is_shown_and_marked() {
+        let row = |value: Option<f64>, guards: &[Guard]| {
+            let rig = Placement { name: "mine".into(), lidars: vec![] };
+            let scores = Scores { guards: guards.to_vec(), ..Scores::default() };
+            Row { name: "mine".into(), ..row_of(value, rig, &scores) }
+        };
+        let short = row(Some(37.5), &[Guard::ShortSight { lost: 0.05 }]);
+        assert_eq!((&*short.values, &*short.marked()), (&[Some(37.5), Some(1.0)][..], "! mine"));
+        let told: Vec<String> = short.remarks().collect();
+        assert!(told.len() == 1 && told[0].starts_with("! mine: short_sight: "), "{told:?}");
+        let free = row(Some(37.5), &[]);
+        assert_eq!((&*free.values, &*free.marked()), (&[Some(37.5), Some(0.0)][..], "mine"));
+        let blind = row(None, &[Guard::CoversNothing]);
+        assert_eq!((&*blind.values, &*blind.marked()), (&[None, None][..], "mine"));
+        assert!(blind.no_answer.unwrap().starts_with("covers_nothing: "));
     }
 
     #[test]
@@ -364,7 +391,7 @@ mod tests {
         let mut random = Row::of([5.0, 1.0, 2.0, 4.0, 5.0, 3.0].map(Some).to_vec());
         let marked = |random: &Row| -> Vec<String> {
             let rows = rows_of(random);
-            assert!(rows.iter().all(|row| row.unmet_at.is_empty() && row.values.len() == 1));
+            assert!(rows.iter().all(|row| row.unmet_at.is_empty() && row.values.len() == 2));
             rows.iter().map(Row::marked).filter(|name| name.starts_with('!')).collect()
         };
         assert!(marked(&random).is_empty() && met_in_words(&random, 9).is_none());

@@ -14,6 +14,10 @@ use crate::vehicle::Placement;
 /// Last columns of a CSV file where the vehicle requires something.
 pub(crate) const REQUIREMENTS: [&str; 2] = ["requirements met", "not met"];
 
+/// Note below a table of a vehicle that requires something.
+const AS_MOUNTED: &str = "Requirements are looked at as mounted; `sightline score` tells how many copies mounted a \
+                          little off meet them.";
+
 /// One line of a study: a case and its values.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
@@ -38,6 +42,9 @@ pub struct Row {
     /// Reason why the case has no answer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub no_answer: Option<String>,
+    /// Guard that the placement violates, in words, where a study of random placements shows its value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub warning: Option<String>,
 }
 
 impl Row {
@@ -66,10 +73,10 @@ impl Row {
         Self { no_answer: Some(why.into()), ..Self::default() }
     }
 
-    /// The name, after `!` where a requirement is not met.
+    /// The name, after `!` where a requirement is not met or a guard violated.
     pub fn marked(&self) -> String {
-        let mark = if self.requirements_met == Some(false) { "! " } else { "" };
-        format!("{mark}{}", self.name)
+        let is_marked = self.requirements_met == Some(false) || self.warning.is_some();
+        format!("{}{}", if is_marked { "! " } else { "" }, self.name)
     }
 
     /// Cells of the columns [`REQUIREMENTS`].
@@ -78,9 +85,13 @@ impl Row {
         [met, self.not_met.join("; ")]
     }
 
-    /// A line for each requirement that is not met, or for the reason why there is no answer.
+    /// A line for each requirement that is not met, for the warning, or for the reason why there is no answer.
     pub fn remarks(&self) -> impl Iterator<Item = String> {
-        self.not_met.iter().chain(&self.no_answer).map(|word| format!("{}: {word}", self.marked()))
+        self.not_met
+            .iter()
+            .chain(&self.warning)
+            .chain(&self.no_answer)
+            .map(|word| format!("{}: {word}", self.marked()))
     }
 }
 
@@ -140,7 +151,8 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table of cases; rows without values get a missing one in each column.
+    /// A table of cases; rows without values get a missing one in each column. A note tells where requirements were looked at
+    /// without copies.
     pub(super) fn new<'a>(
         title: String,
         columns: impl IntoIterator<Item = &'a str>,
@@ -150,7 +162,11 @@ impl Table {
     ) -> Self {
         let columns: Vec<String> = columns.into_iter().map(str::to_owned).collect();
         rows.iter_mut().for_each(|row| row.values.resize(columns.len() - 1, None));
-        Self { title, columns, rows, notes, drawing }
+        let mut table = Self { title, columns, rows, notes, drawing };
+        if table.has_requirements() {
+            table.notes.push(AS_MOUNTED.to_owned());
+        }
+        table
     }
 
     /// Sentence on a table in which no row has a number; `None` where one has.
@@ -385,6 +401,17 @@ mod tests {
         assert_eq!(table.unanswered().as_deref(), Some("t: no row has an answer: p; q"));
         table.rows[1].values[0] = Some(0.0);
         assert_eq!(table.unanswered(), None);
+    }
+
+    #[test]
+    fn a_table_with_requirements_says_that_copies_are_not_looked_at() {
+        let notes = |row: Row| {
+            let drawing = TablePlot::of_column(0, "a", true);
+            Table::new("t".into(), ["case", "a"], vec![row], vec!["first".into()], drawing).notes
+        };
+        assert_eq!(notes(Row::of(vec![Some(1.0)])), ["first"]);
+        let met = Row::of(vec![Some(1.0)]).requiring([Seen::of("ring", 1.0)].iter());
+        assert_eq!(notes(met), ["first", AS_MOUNTED]);
     }
 
     /// Stops after some questions.

@@ -114,6 +114,7 @@ pub fn mean_over_scenes(tables: &[Table]) -> Option<Table> {
                 (a, b) => a.or(b),
             };
             one.not_met.extend(of.not_met.iter().cloned());
+            one.warning = one.warning.or_else(|| of.warning.clone());
         }
         Row { name: row.name.clone(), ..one }
     });
