@@ -390,4 +390,7 @@ fn an_origin_in_millimetres_and_a_model_without_its_vehicle_are_told() {
     let told = fails(dir.path(), &["score", "plain.json", "run", "--backend", "cpu"]);
     assert!(told.contains("there is no sensor `spin`"), "{told}");
     assert!(told.contains("; give --vehicle car.json, with which this run was made"), "{told}");
+    let told = fails(dir.path(), &["optimize", "run"]);
+    let mend = "run: is the folder of a run; go on with --resume run, or give a scene file";
+    assert!(told.contains(mend), "{told}");
 }

@@ -120,7 +120,11 @@ fn rigs_are_compared_as_text_and_as_json() {
 fn what_cannot_be_done_is_a_sentence() {
     let dir = folder();
     let export = |args: &[&str]| fails(dir.path(), &[&["rig", "export"], args].concat());
-    assert!(export(&["p.json", "--format", "urdf"]).contains("pick one of `pair`, `one`"));
+    let several = "pick one of `pair`, `one` as FILE:NAME (in Python name=NAME)";
+    assert!(export(&["p.json", "--format", "urdf"]).contains(several));
+    assert!(fails(dir.path(), &["rig", "import", "p.json"]).contains(several));
+    let (one, _) = printed(&dir, &["rig", "import", "p.json:one"]);
+    assert!(one.contains("\"one\"") && !one.contains("\"pair\""), "{one}");
     assert!(export(&["p.json:two", "--format", "urdf"]).contains("called `two`"));
     assert!(export(&["p.json:one", "--format", "usd"]).contains("carla-objects"));
     assert!(export(&["p.json:pair", "--format", "urdf", "--frame", "a"]).contains("1 names"));
