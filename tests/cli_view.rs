@@ -68,7 +68,7 @@ fn a_page_of_a_placement_compares_it_with_those_given() {
     let run = sightline(dir.path(), &[&args[..], &wet].concat());
     assert_eq!(run.status.code(), Some(0));
     let told = String::from_utf8_lossy(&run.stderr);
-    let shown = "two.json: shows `low`; two.json:NAME shows one of 1 other placement";
+    let shown = "two.json: shows `low` of 2 placements; two.json:NAME shows another";
     assert!(told.contains(shown), "{told}");
     let page = fs::read_to_string(dir.path().join("w.html")).unwrap();
     assert!(page.contains("sightline · yard, under wet:water=1<"));

@@ -165,14 +165,14 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), RunE
         return Err(RunError::Usage("give scenes, and a file of placements".into()));
     };
     let mut given = named_placements(placements)?;
-    let others = given.len().saturating_sub(1);
+    let count = given.len();
     let shown = given.first_mut().ok_or_else(|| {
         RunError::Usage(format!("{placements}: holds no placement; there is nothing to show"))
     })?;
-    if others > 0 {
-        let (name, others) = (&shown.name, counted(others, "other placement"));
+    if count > 1 {
+        let (name, all) = (&shown.name, counted(count, "placement"));
         computing.watcher.note(&format!(
-            "{placements}: shows `{name}`; {placements}:NAME shows one of {others}"
+            "{placements}: shows `{name}` of {all}; {placements}:NAME shows another"
         ));
     }
     let rivals = request.baselines.iter().map(|text| read(text));
