@@ -113,6 +113,11 @@ fn wrong_placements_are_answered_with_place_and_mend() {
         ),
         ("d.jsonl", line("a") + "{\"name\"", "line 2, column 7: the text ends inside of an object"),
         (
+            "h.json",
+            format!("{{\"placements\":[{{\"name\":\"a\",\"lidars\":[{lidar},]}}]}}"),
+            "placements[0].lidars: the comma before `]` is one too many; remove it",
+        ),
+        (
             "e.jsonl",
             line("a").replace("\"x\":0.5", "\"x\":NaN"),
             "line 1, column 28, placement `a`: lidars[0].x: no value that JSON knows; numbers are finite",

@@ -47,6 +47,7 @@ fn time_ends_the_choice_of_sensors() {
     let text = String::from_utf8_lossy(&output.stdout);
     let cut = "The time ended while the sensors were chosen (";
     assert!(text.contains(cut) && text.contains(" of 500 spent)"), "{text}");
+    assert!(text.contains("--resume and more time than the 0.02 s it had; poses"), "{text}");
     assert!(!text.contains("a --budget above"), "{text}");
     let result: Value =
         serde_json::from_slice(&fs::read(dir.path().join("run/result.json")).unwrap()).unwrap();

@@ -380,4 +380,17 @@ fn an_origin_in_millimetres_and_a_model_without_its_vehicle_are_told() {
     write(&dir, "plain.json", &scene.to_string());
     let told = fails(dir.path(), &["score", "plain.json", "named.json", "--backend", "cpu"]);
     assert!(told.contains("names of models come with the file of a vehicle"), "{told}");
+    assert!(!told.contains("give --vehicle"), "{told}");
+    // The folder of a run says which vehicle it was made with.
+    fs::create_dir(dir.path().join("run")).unwrap();
+    write(&dir, "run/placements.json", rig);
+    let result =
+        json!({ "settings": { "vehicle": "car.json" }, "best": { "placement": { "name": "A" } } });
+    write(&dir, "run/result.json", &result.to_string());
+    let told = fails(dir.path(), &["score", "plain.json", "run", "--backend", "cpu"]);
+    assert!(told.contains("there is no sensor `spin`"), "{told}");
+    assert!(told.contains("; give --vehicle car.json, with which this run was made"), "{told}");
+    let told = fails(dir.path(), &["optimize", "run"]);
+    let mend = "run: is the folder of a run; go on with --resume run, or give a scene file";
+    assert!(told.contains(mend), "{told}");
 }

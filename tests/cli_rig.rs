@@ -112,6 +112,15 @@ fn rigs_are_compared_as_text_and_as_json() {
     let (text, _) = printed(&dir, &["rig", "compare", "p.json:one", "u.json:one"]);
     assert!(!text.contains("the model is"), "{text}");
     assert!(text.contains("different in pose or model: 0 of 1 LiDAR\n"), "{text}");
+    // A file in another base frame.
+    let base = ["--format", "urdf", "--base-link=0.3", "--out", "base.urdf"];
+    printed(&dir, &[&["rig", "export", "p.json:pair"], &base[..]].concat());
+    let compare = ["rig", "compare", "p.json:pair", "base.urdf"];
+    let (text, _) = printed(&dir, &compare);
+    let told = "all moved by (-0.3, 0, 0) m: another base frame? give --base-link\n";
+    assert!(text.contains(told), "{text}");
+    let (text, _) = printed(&dir, &[&compare[..], &["--base-link=0.3"]].concat());
+    assert!(!text.contains("all moved by"), "{text}");
     let error = fails(dir.path(), &["rig", "compare", "p.json:pair", "p.json:one"]);
     assert!(error.contains("nor the same number"), "{error}");
 }
@@ -120,7 +129,11 @@ fn rigs_are_compared_as_text_and_as_json() {
 fn what_cannot_be_done_is_a_sentence() {
     let dir = folder();
     let export = |args: &[&str]| fails(dir.path(), &[&["rig", "export"], args].concat());
-    assert!(export(&["p.json", "--format", "urdf"]).contains("pick one of `pair`, `one`"));
+    let several = "pick one of `pair`, `one` as FILE:NAME (in Python name=NAME)";
+    assert!(export(&["p.json", "--format", "urdf"]).contains(several));
+    assert!(fails(dir.path(), &["rig", "import", "p.json"]).contains(several));
+    let (one, _) = printed(&dir, &["rig", "import", "p.json:one"]);
+    assert!(one.contains("\"one\"") && !one.contains("\"pair\""), "{one}");
     assert!(export(&["p.json:two", "--format", "urdf"]).contains("called `two`"));
     assert!(export(&["p.json:one", "--format", "usd"]).contains("carla-objects"));
     assert!(export(&["p.json:pair", "--format", "urdf", "--frame", "a"]).contains("1 names"));

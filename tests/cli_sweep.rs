@@ -74,6 +74,7 @@ fn each_row_is_the_score_of_the_placement_moved_by_hand() {
     // The mount allows 0.3 rad, which is 17.2°.
     let broken: Vec<usize> =
         rows.iter().map(|row| row["broken_rules"].as_array().unwrap().len()).collect();
+    assert!(!found.to_string().contains(" rad outside"), "{found}");
     assert_eq!(broken, [0, 0, 0, 0, 1]);
     let by_number =
         sweep(dir.path(), &["--of", "1.z", "--from", "1", "--to", "2", "--values", "2"]);

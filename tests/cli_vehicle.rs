@@ -373,6 +373,10 @@ fn faults_are_said() {
             "cart.json: is a vehicle, where a scene belongs; give it by --vehicle",
         ),
         (
+            &["optimize", "room.json", "sonar.json"],
+            "sonar.json: is a file of placements, where a scene belongs; give it by --baselines or --inject",
+        ),
+        (
             &["score", "room.json", "sonar.json", "--vehicle", "sonar.json"],
             "sonar.json: is a file of placements, where a vehicle belongs; give it behind the scenes",
         ),

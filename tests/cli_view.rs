@@ -65,7 +65,11 @@ fn a_page_of_a_placement_compares_it_with_those_given() {
     fs::copy(dir.path().join("yard.json"), dir.path().join("my yard.json")).unwrap();
     let args = ["view", "my yard.json", "two.json", "--out", "w.html", "--backend", "cpu"];
     let wet = ["--condition", "wet:water=1"];
-    assert_eq!(sightline(dir.path(), &[&args[..], &wet].concat()).status.code(), Some(0));
+    let run = sightline(dir.path(), &[&args[..], &wet].concat());
+    assert_eq!(run.status.code(), Some(0));
+    let told = String::from_utf8_lossy(&run.stderr);
+    let shown = "two.json: shows `low` of 2 placements; two.json:NAME shows another";
+    assert!(told.contains(shown), "{told}");
     let page = fs::read_to_string(dir.path().join("w.html")).unwrap();
     assert!(page.contains("sightline · yard, under wet:water=1<"));
     let command = page.split("sightline view ").nth(1).unwrap().split('<').next().unwrap();

@@ -191,6 +191,9 @@ fn parse(arguments: &[OsString]) -> Result<Parsed, Refused> {
         false => usage::with_examples(kinds::with_kind(program(), arguments)),
     }
     .term_width(short::COLUMNS);
+    if let Some(told) = refusal::numbers_apart(&program, arguments) {
+        return Err(Refused::Sentence(told));
+    }
     let refused = |error| match usage::is_help(&error) {
         true => Refused::Help(error),
         false => Refused::Sentence(refusal::sentence(&error, &program, arguments)),

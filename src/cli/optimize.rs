@@ -42,6 +42,8 @@ pub struct OptimizeArgs {
     #[arg(long, value_name = "DIR", conflicts_with = "resume")]
     out: Option<PathBuf>,
     /// Go on with an interrupted run, to the same bytes that it would have given; a finished one says where its result is
+    ///
+    /// Where time ended the choice of sensors, its poses are cast anew: give more --max-seconds than before.
     #[arg(long, value_name = "DIR")]
     resume: Option<PathBuf>,
     /// Score to maximize, or a weighted sum of several [default: near_gain]
@@ -67,6 +69,7 @@ pub struct OptimizeArgs {
     /// The last fifth of a run over more than 32 frames is kept to confirm the result over all of them; where that is
     /// not enough, result and baselines are scored over few frames, and `stopped` says so. A P-SOG that is not scanned
     /// in that time ends the run with an error. The scores over few frames and the page, seconds each, come on top.
+    /// --resume casts the poses for a choice of sensors anew, where the time ended in that choice: give it more then.
     #[arg(long, value_name = "S", alias = "time", value_parser = parse_seconds)]
     max_seconds: Option<f64>,
     /// Score over all frames at which the search ends; a near gain of 25 % is 0.25

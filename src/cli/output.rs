@@ -360,7 +360,7 @@ fn line(done: u64, total: u64, unit: Option<&str>, took: Duration) -> String {
     };
     let left = took.as_secs_f64() * (total.saturating_sub(done)) as f64 / done.max(1) as f64;
     match done {
-        0 => format!("{progress}, for {:.0} s now", took.as_secs_f64()),
+        0 => format!("{progress}, {:.0} s so far", took.as_secs_f64()),
         _ => format!("{progress}, {left:.0} s left of this step"),
     }
 }
@@ -409,7 +409,7 @@ mod tests {
         // Thirty seconds for a quarter: ninety for the rest.
         assert_eq!(line(5, 20, Some("climbs"), took), "5/20 climbs, 90 s left of this step");
         assert_eq!(line(5, 20, None, took), "25 %, 90 s left of this step");
-        assert_eq!(line(0, 20, Some("climbs"), took), "0/20 climbs, for 30 s now");
+        assert_eq!(line(0, 20, Some("climbs"), took), "0/20 climbs, 30 s so far");
         assert_eq!(line(20, 20, Some("climbs"), took), "20/20 climbs, 0 s left of this step");
     }
 

@@ -41,10 +41,30 @@ fn is_option(word: &str) -> bool {
     word.len() > 2 && word.starts_with("--") && !word.contains('=')
 }
 
+/// The mend for numbers that are words of their own behind an option that takes them with commas: `--base-link 0.3 0 0`.
+pub fn numbers_apart(program: &Command, arguments: &[OsString]) -> Option<String> {
+    let (command, _) = command_of(program, arguments);
+    let words: Vec<&str> = arguments.iter().map(|word| word.to_str().unwrap_or_default()).collect();
+    let takes_list = |arg: &clap::Arg, name: &str| {
+        let names = arg.get_value_names().unwrap_or_default();
+        arg.get_long() == Some(name) && names.iter().any(|name| name.contains(','))
+    };
+    words.iter().enumerate().find_map(|(k, option)| {
+        let name = option.strip_prefix("--")?;
+        let behind = words[k + 1..].iter().copied();
+        let numbers: Vec<&str> = behind.take_while(|word| word.parse::<f64>().is_ok()).collect();
+        let is_apart =
+            numbers.len() > 1 && command.get_arguments().any(|arg| takes_list(arg, name));
+        let (given, mend) = (numbers.join(" "), numbers.join(","));
+        is_apart.then(|| format!("{option} {given}: write it with commas: {option}={mend}"))
+    })
+}
+
 /// An error of the arguments in one line: the mistake, a near name, the command that prints the help.
 pub fn sentence(error: &clap::Error, program: &Command, arguments: &[OsString]) -> String {
     let (command, names) = command_of(program, arguments);
-    let told = unknown_option(error, program, command)
+    let its_name = names[1..].join(" ");
+    let told = unknown_option(error, program, (command, its_name.as_str()))
         .or_else(|| unknown_study(error, command))
         .or_else(|| unknown_command(error, program, command))
         .unwrap_or_else(|| told(error));
@@ -96,7 +116,11 @@ fn in_words(told: &str) -> String {
 }
 
 /// An option that the command does not have: the commands that have it, and the command's own option of a near name.
-fn unknown_option(error: &clap::Error, program: &Command, command: &Command) -> Option<String> {
+fn unknown_option(
+    error: &clap::Error,
+    program: &Command,
+    (command, its_name): (&Command, &str),
+) -> Option<String> {
     if error.kind() != ErrorKind::UnknownArgument {
         return None;
     }
@@ -114,7 +138,7 @@ fn unknown_option(error: &clap::Error, program: &Command, command: &Command) -> 
     };
     let mend = match (owners.is_empty(), std::ptr::eq(command, program)) {
         (false, true) => "; write it behind the command".to_owned(),
-        (false, false) => format!(", not of `{}`", command.get_name()),
+        (false, false) => format!(", not of `{its_name}`"),
         (true, _) => String::new(),
     };
     Some(format!("{said}{mend}{}", near.unwrap_or_default()))
@@ -259,6 +283,7 @@ mod tests {
                 "`--figures` is an option of `optimize`, `view`, `study nearfield` and others, not of `score`; see",
             ),
             ("view s.json p.json --frames 2", "not of `view`; see"),
+            ("rig import a.urdf --vehicle v.json", "not of `rig import`; see"),
             ("--seed 3 optimize", "and others; write it behind the command;"),
             ("optimize s.json --gui", "unexpected argument '--gui' found; see"),
             ("optimize s.json -z", "unexpected argument '-z' found; see"),
@@ -283,6 +308,17 @@ mod tests {
                 .contains("did you mean `psog info` or `sensor info` or `scene info`?")
         );
         assert!(refused("scores a").contains("unrecognized subcommand 'scores'"));
+    }
+
+    #[test]
+    fn numbers_apart_are_to_be_written_with_commas() {
+        for line in
+            ["rig import a.urdf --base-link 0.3 0 -1", "rig compare a b --base-link 0.3 0 -1"]
+        {
+            let told = "--base-link 0.3 0 -1: write it with commas: --base-link=0.3,0,-1";
+            assert_eq!(refused(line), told);
+        }
+        assert!(parse(&words("rig import a.urdf --base-link 0.3 b.urdf")).is_ok());
     }
 
     #[test]

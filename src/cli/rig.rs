@@ -96,7 +96,7 @@ struct Reading {
   sightline rig import calibration --out mine.json
   sightline rig import robot.urdf --sensor velodyne=VLP-16 --base-link=-1.4")]
 pub struct ImportArgs {
-    /// Files, or a folder of YAML files
+    /// Files, or a folder of YAML files; FILE:NAME picks one of several placements
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// Format [default: by content]

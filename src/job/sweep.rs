@@ -8,7 +8,9 @@ use super::{Job, JobError};
 use crate::near_field::self_hits;
 use crate::score::Scores;
 use crate::search::Evaluator;
-use crate::vehicle::{Constraints, FARTHEST_ON_VEHICLE, Placement, PlacementError, SensorPose};
+use crate::vehicle::{
+    Constraints, FARTHEST_ON_VEHICLE, Placement, PlacementError, SensorPose, Violation,
+};
 
 /// Number of the first angle among the fields of a pose.
 const FIRST_ANGLE: usize = 3;
@@ -57,7 +59,7 @@ pub struct SweepRow {
     pub value: f64,
     /// True for the placement as it is given.
     pub as_given: bool,
-    /// Rules of the mounts that it breaks, in words; empty where it keeps all.
+    /// Rules of the mounts that it breaks, in words, angles in degrees; empty where it keeps all.
     pub broken_rules: Vec<String>,
     /// Scores, requirements, blind sectors and guards `self_hit`; means over several scenes.
     pub scores: Scores,
@@ -232,7 +234,7 @@ impl Job {
             SweepRow {
                 value: value.unwrap_or_else(|| field.value_in(placement)),
                 as_given: value.is_none(),
-                broken_rules: broken.iter().map(ToString::to_string).collect(),
+                broken_rules: broken.iter().map(Violation::in_degrees).collect(),
                 scores,
             }
         };

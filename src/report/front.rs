@@ -191,7 +191,9 @@ pub(super) fn front_verdict(front: &Front) -> String {
     let names = front.objectives.names().join(" against ");
     let mut words = match front.points.len() {
         0 => return format!("No placement was found for {names}"),
-        1 => format!("One placement is the best in {names} together"),
+        1 => {
+            format!("One placement is the best in each of {}", front.objectives.names().join(", "))
+        }
         count if has_requirements(front) => format!(
             "{count} placements, {names}: none is beaten in all of them by one that meets the requirements as it does"
         ),
@@ -333,5 +335,36 @@ pub fn front_plot(front: &Front) -> Plot {
         y_title: unit(&all[1]),
         x: Axis::Numbers,
         series: series.into_iter().filter(|series| !series.points.is_empty()).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::words::tests::planted;
+
+    #[test]
+    fn a_single_point_is_the_best_in_each_objective() {
+        let only = planted("only", -1.0, 500.0);
+        let point = FrontPoint {
+            placement: only.placement,
+            values: vec![3.0, 0.5],
+            price: 3.0,
+            equipment: String::new(),
+            meets: true,
+            scores: only.scores,
+            by_scene: Vec::new(),
+        };
+        let front = Front {
+            objectives: "price,near_gain".parse().unwrap(),
+            points: vec![point],
+            picks: Vec::new(),
+            scored: 1,
+            stopped: FrontStopped::Complete,
+            backend: String::new(),
+            adapter: String::new(),
+        };
+        let words = "One placement is the best in each of price, near_gain";
+        assert_eq!(front_verdict(&front), words);
     }
 }

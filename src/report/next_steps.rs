@@ -52,7 +52,12 @@ fn cut_in_words(settings: &Value) -> Option<String> {
     let [cost, budget] = [&equipped["cost"], &settings["budget"]].map(Value::as_f64);
     let spent = cost.zip(budget).map(|(cost, budget)| format!(" ({cost} of {budget} spent)"));
     let spent = spent.unwrap_or_default();
+    let had = settings["max_seconds"].as_f64();
+    let had = had.map_or("it had".to_owned(), |seconds| format!("the {seconds} s it had"));
     (equipped["is_cut"] == true).then(|| {
-        format!("The time ended while the sensors were chosen{spent}: go on with --resume, or give more time.")
+        format!(
+            "The time ended while the sensors were chosen{spent}: go on with --resume and more time than {had}; \
+             poses for the choice are cast anew."
+        )
     })
 }

@@ -11,7 +11,8 @@ use super::tables::by_scene;
 use super::targets::range_card_text;
 use super::text::{align_columns, findings_text, poses_text, scores_text_by};
 use super::words::{
-    bound_in_words, broken_in_words, methods_in_words, run_verdict, spread_in_words,
+    bound_in_words, broken_in_words, frames_in_words, methods_in_words, run_verdict,
+    spread_in_words,
 };
 use super::{Axis, Plot, Series};
 use crate::near_field::{NEAR, NearField, RING};
@@ -297,7 +298,8 @@ impl RunRecord {
 fn stopped(outcome: &Outcome, frames: usize) -> String {
     let (mut text, confirmed) = (outcome.stopped.to_string(), outcome.confirmed_frames);
     if confirmed < frames {
-        text += &format!("; result and baselines are scored over {confirmed} of {frames} frames");
+        let frames = frames_in_words(confirmed, frames);
+        text += &format!("; result and baselines are scored over {frames}");
     }
     match outcome.unscored_baselines {
         0 => text,
@@ -315,7 +317,7 @@ pub fn peak_memory() -> Option<u64> {
 }
 
 /// Meaning of the baseline that a choice of sensors comes with.
-const PLAIN_IN_WORDS: &str = "the same sensors as without a search, level in the middle of their mounts or evenly around \
+const PLAIN_IN_WORDS: &str = "these sensors, placed without a search: level in the middle of their mounts or evenly around \
                               their edges";
 
 /// Range card and near field of the result; empty where nobody looked.
@@ -341,7 +343,7 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
         "{}: maximizing {} over {}{}\n",
         record.scene,
         record.objective,
-        counted(record.frames, "frame"),
+        frames_in_words(record.confirmed_frames, record.frames),
         under(&record.conditions)
     );
     text += &scores_text_by(&rows, &record.objective);

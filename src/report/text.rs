@@ -1,5 +1,6 @@
 //! Scores, P-SOGs, comparisons of rigs, audits and verifications as text.
 
+use super::svg::trimmed;
 use super::{SceneRecord, ScoreColumn, optional};
 use crate::audit::{Audit, TrialResult};
 use crate::json::fixed;
@@ -196,6 +197,9 @@ pub fn comparison_text(found: &Comparison) -> String {
     }
     let lidars = counted(found.lidars.len(), "LiDAR");
     text += &format!("different in pose or model: {} of {lidars}\n", found.different);
+    if let Some([x, y, z]) = found.shift.map(|shift| shift.map(|metres| trimmed(metres, 4))) {
+        text += &format!("all moved by ({x}, {y}, {z}) m: another base frame? give --base-link\n");
+    }
     for (title, all) in [("before: pair", &found.before), ("after: pair", &found.after)] {
         let mut rows = all.iter().map(|pair| (named(pair), [pair.moved, pair.turned, pair.tilted]));
         text +=

@@ -11,6 +11,7 @@ use crate::near_field::{NEAR, NearField};
 use crate::score::{Guard, Objective};
 use crate::search::{Certificate, MethodRecord, Scored};
 use crate::targets::{RangeCard, TargetRanges};
+use sightline_files::json::counted;
 
 /// The result of a run against the best baselines, by the objective and by information gain, the guards that it violates, the
 /// price of its sensors where these have one, and sides on which it sees no ground near the vehicle.
@@ -367,10 +368,19 @@ pub fn certificate_in_words(run: &RunRecord) -> String {
     }
 }
 
+/// Frames that result and baselines are scored over: `40 frames`, or `4 of 40 frames` where time or a wish to stop ended a
+/// search early.
+pub fn frames_in_words(scored: usize, all: usize) -> String {
+    let frames = counted(all, "frame");
+    if scored < all { format!("{scored} of {frames}") } else { frames }
+}
+
 /// How much better than the result another placement on a grid could be.
 pub fn bound_in_words(certificate: &Certificate, best: &Scored) -> String {
-    let asked =
-        if best.scores.required.is_empty() { "" } else { ", whether it meets requirements or not" };
+    let asked = match certificate.gain.is_some() && !best.scores.required.is_empty() {
+        true => ", whether it meets requirements or not",
+        false => "",
+    };
     format!("{}{asked}", certificate.gain_says)
 }
 

@@ -22,6 +22,7 @@ use crate::scene::EgoBody;
 use crate::score::Objective;
 use crate::search::{Evaluator, Scored};
 use crate::vehicle::{Placement, read_placements};
+use sightline_files::json::counted;
 
 /// Beams to be cast.
 #[derive(Debug, Clone, Default)]
@@ -164,9 +165,16 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), RunE
         return Err(RunError::Usage("give scenes, and a file of placements".into()));
     };
     let mut given = named_placements(placements)?;
+    let count = given.len();
     let shown = given.first_mut().ok_or_else(|| {
         RunError::Usage(format!("{placements}: holds no placement; there is nothing to show"))
     })?;
+    if count > 1 {
+        let (name, all) = (&shown.name, counted(count, "placement"));
+        computing.watcher.note(&format!(
+            "{placements}: shows `{name}` of {all}; {placements}:NAME shows another"
+        ));
+    }
     let rivals = request.baselines.iter().map(|text| read(text));
     let mut rivals = rivals.collect::<Result<Vec<_>, RunError>>()?;
     let paths: Vec<PathBuf> = scenes.iter().map(PathBuf::from).collect();

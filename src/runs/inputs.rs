@@ -237,6 +237,14 @@ pub fn best_of(result: &Value) -> Option<&str> {
     result["best"]["placement"]["name"].as_str()
 }
 
+/// Vehicle file of the run that wrote a file of placements; `None` of other files, and of a run without one.
+fn vehicle_of_run(file: &Path) -> Option<String> {
+    let file = Path::new(file_and_name(file.to_str()?).0);
+    let folder = file.parent().filter(|_| file.ends_with(PLACEMENTS))?;
+    let result = result_of(folder).ok()?;
+    result["settings"]["vehicle"].as_str().map(str::to_owned)
+}
+
 /// Notes sensors of a vehicle's mounts that have no price, which count as 0: where others have one, or where `is_priced`
 /// says that prices matter.
 pub fn note_unpriced(vehicle: &Vehicle, is_priced: bool, watcher: &dyn Watcher) {
@@ -317,9 +325,9 @@ impl<'a> Given<'a> {
     ) -> Result<(), RunError> {
         self.check_models()?;
         for placement in placements {
-            let unknown = |source| PlacementFileError::Sensor { path: self.file.clone(), source };
             self.most_lidars = self.most_lidars.max(placement.lidars.len());
             self.named_any |= placement.lidars.iter().any(|pose| pose.sensor.is_none());
+            let unknown = |source| self.unknown(source);
             name_lidars(&self.choices, placement).map_err(unknown)?;
             self.sensors.check(placement).map_err(unknown)?;
             for doubt in self.doubts.about(placement) {
@@ -331,6 +339,18 @@ impl<'a> Given<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Error about the model of a LiDAR; names the vehicle of the run that wrote the file, where the scene has no names.
+    fn unknown(&self, source: ForeignLidar) -> RunError {
+        let error = PlacementFileError::Sensor { path: self.file.clone(), source };
+        let is_nameless = self.sensors.models().iter().all(|model| model.name.is_none());
+        match vehicle_of_run(&self.file).filter(|_| is_nameless) {
+            Some(vehicle) => RunError::Usage(format!(
+                "{error}; give --vehicle {vehicle}, with which this run was made"
+            )),
+            None => error.into(),
+        }
     }
 
     /// Refuses models of `--sensor` that the vehicle does not have, whether a LiDAR would get them or not.

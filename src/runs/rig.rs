@@ -141,7 +141,8 @@ fn write_files(exported: &Exported, out: &Path) -> Result<(), RunError> {
     }
 }
 
-/// Reads a rig of another program and writes it as a placement; returns its text where no file is given.
+/// Reads a rig of another program and writes it as a placement; returns its text where no file is given. A single
+/// file may have the name of a placement behind a colon.
 ///
 /// # Errors
 /// Files that cannot be read or written, files of no rig.
@@ -152,7 +153,14 @@ pub fn import_files(
     watcher: &dyn Watcher,
 ) -> Result<Option<String>, RunError> {
     let _session = Session::begin();
-    let imported = import(files, settings)?;
+    let only = match files {
+        [only] if settings.name.is_none() => only.to_str(),
+        _ => None,
+    };
+    let imported = match only {
+        Some(only) => named_rig(only, settings)?,
+        None => import(files, settings)?,
+    };
     let rig = &imported.rig;
     for (index, lidar) in rig.lidars.iter().enumerate() {
         let sensor = lidar.sensor.as_deref().unwrap_or("sensor not known");
@@ -165,6 +173,13 @@ pub fn import_files(
     writable_file(out)?;
     write_whole(out, |file| file.write_all(text.as_bytes()).map_err(RunError::io(out)))?;
     Ok(None)
+}
+
+/// Reads a file or folder of any format; a name behind a colon picks one of several placements.
+fn named_rig(text: &str, settings: &ImportSettings) -> Result<ImportedRig, RigError> {
+    let (file, name) = file_and_name(text);
+    let settings = ImportSettings { name: name.map(str::to_owned), ..settings.clone() };
+    import(&[file.into()], &settings)
 }
 
 /// Notes the frames that were left out, and doubts.
@@ -190,10 +205,7 @@ pub fn compare_files(
     watcher: &dyn Watcher,
 ) -> Result<Comparison, RunError> {
     let read = |text: &str| {
-        let text = rig_file(text)?;
-        let (file, name) = file_and_name(&text);
-        let settings = ImportSettings { name: name.map(str::to_owned), ..settings.clone() };
-        let imported = import(&[file.into()], &settings)?;
+        let imported = named_rig(&rig_file(text)?, settings)?;
         imported.notes.iter().for_each(|note| watcher.detail(note.text()));
         Ok::<_, RunError>(imported.rig)
     };

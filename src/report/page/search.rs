@@ -6,6 +6,7 @@ use serde_json::Value;
 use super::layout::{figure, table, text};
 use super::{Figures, Subject};
 use crate::report::record::steps_of_generations;
+use crate::report::words::frames_in_words;
 use crate::report::{RunRecord, certificate_in_words, methods_in_words, optional};
 use sightline_files::json::counted;
 
@@ -91,11 +92,11 @@ fn facts(run: &RunRecord) -> Markup {
         (
             "evaluations",
             format!(
-                "{} in {} generations, at last over {}; scores above are over {}",
+                "{} in {}, at last over {}; scores above are over {}",
                 run.evaluations,
-                run.generations,
+                counted(run.generations as usize, "generation"),
                 counted(run.search_frames, "frame"),
-                run.frames
+                frames_in_words(run.confirmed_frames, run.frames)
             ),
         ),
         ("rate", format!("{:.1} placements × frames/s", run.rate)),

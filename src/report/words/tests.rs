@@ -295,3 +295,20 @@ fn words_survive_a_shell() {
     assert_eq!(word(""), "''");
     assert_eq!(word("7"), "7");
 }
+
+#[test]
+fn frames_are_those_that_the_result_is_scored_over() {
+    assert_eq!(frames_in_words(4, 40), "4 of 40 frames");
+    assert_eq!(frames_in_words(40, 40), "40 frames");
+    assert_eq!(frames_in_words(1, 1), "1 frame");
+}
+
+#[test]
+fn a_bound_that_was_not_computed_says_nothing_of_requirements() {
+    let mut found = planted("found", -1.0, 500.0);
+    found.scores.required = vec![Seen::of("child", 0.5)];
+    let gain_says = "no bound was computed: the time was over before".to_owned();
+    let none =
+        Certificate { lipschitz: None, lipschitz_says: String::new(), gain: None, gain_says };
+    assert_eq!(bound_in_words(&none, &found), none.gain_says);
+}

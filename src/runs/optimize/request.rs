@@ -5,13 +5,15 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use crate::files::holds_run;
 use crate::job::{JobFiles, JobState};
 use crate::json::spoken;
 use crate::problem::Problem;
 use crate::report::words::word;
-use crate::runs::inputs::{Given, rig_path};
+use crate::runs::inputs::{Given, RESULT, rig_path};
 use crate::runs::{Computing, RunError, Watcher};
 use crate::search::{FrameChoice, Settings};
+use crate::vehicle::placement_file::holds_placements;
 use crate::vehicle::{MountRules, read_placements};
 
 /// A search to begin or to go on with.
@@ -88,6 +90,23 @@ impl Begun {
     }
 }
 
+/// Refuses the folder of a run, and a file of placements, in the place of a scene.
+fn check_scenes(files: &JobFiles) -> Result<(), RunError> {
+    for path in files.scenes() {
+        let file = path.display();
+        let fault = if path.join(RESULT).exists() || holds_run(path) {
+            format!("is the folder of a run; go on with --resume {file}, or give a scene file")
+        } else if path.is_file() && holds_placements(path) {
+            "is a file of placements, where a scene belongs; give it by --baselines or --inject"
+                .into()
+        } else {
+            continue;
+        };
+        return Err(RunError::Usage(format!("{file}: {fault}")));
+    }
+    Ok(())
+}
+
 impl NewRun {
     /// Files and options that the checkpoint keeps.
     pub(super) fn begun(&self) -> Result<Begun, RunError> {
@@ -96,6 +115,7 @@ impl NewRun {
         if files.scene.as_os_str().is_empty() {
             return Err(RunError::Usage("give a scene to search in".into()));
         }
+        check_scenes(files)?;
         let files = JobFiles {
             scene: absolute(&files.scene)?,
             more_scenes: files.more_scenes.iter().map(absolute).collect::<Result<_, _>>()?,

@@ -20,9 +20,9 @@ pub fn parse<T: DeserializeOwned>(text: &str, file: &str) -> Result<T, Descripti
     let mut json = serde_json::Deserializer::from_str(text);
     let value = serde_path_to_error::deserialize(Objects(&mut json)).map_err(|e| {
         let path = e.path().to_string();
-        explain(file, &path, &e.into_inner())
+        explain(text, file, &path, &e.into_inner())
     })?;
-    json.end().map_err(|e| explain(file, ".", &e))?;
+    json.end().map_err(|e| explain(text, file, ".", &e))?;
     Ok(value)
 }
 
@@ -68,21 +68,22 @@ pub fn version_1<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Option<u64
 }
 
 /// Turns an error of serde into one with place, nearest known key and plain words.
-fn explain(file: &str, path: &str, error: &serde_json::Error) -> DescriptionError {
+fn explain(text: &str, file: &str, path: &str, error: &serde_json::Error) -> DescriptionError {
     let (line, column) = (error.line(), error.column());
     let full = error.to_string();
-    let text = full.rsplit_once(" at line ").map_or(full.as_str(), |(text, _)| text);
+    let told = full.rsplit_once(" at line ").map_or(full.as_str(), |(told, _)| told);
     // The path ends in a question mark before the first key is read.
     let path = path.trim_end_matches('?').trim_end_matches('.');
     let at = Box::new(Location { file: file.to_owned(), path: path.to_owned() });
     // serde_json says "trailing characters" after the whole object and after a list that is too long.
-    let text = match text {
+    let told = match told {
         "trailing characters" if path.is_empty() => "something follows the end of the object",
         "trailing characters" => "the list is longer than it should be",
         other => other,
     };
-    let Some((key, known)) = unknown_key(text) else {
-        return DescriptionError::Json { at, problem: plain_words(text), line, column };
+    let Some((key, known)) = unknown_key(told) else {
+        let problem = comma_too_many(text, error).unwrap_or_else(|| plain_words(told));
+        return DescriptionError::Json { at, problem, line, column };
     };
     // The path of an unknown key ends in the key itself; the message names it anyway.
     let parent = path.strip_suffix(key).map_or(path, |p| p.strip_suffix('.').unwrap_or(p));
@@ -94,6 +95,16 @@ fn explain(file: &str, path: &str, error: &serde_json::Error) -> DescriptionErro
         line,
         column,
     }
+}
+
+/// Fault of a comma before a closing bracket; `None` for any other error of this text. In values that are skipped serde_json
+/// has other words for it.
+pub fn comma_too_many(text: &str, error: &serde_json::Error) -> Option<String> {
+    let lines = text.split_inclusive('\n').take(error.line().checked_sub(1)?);
+    let at = lines.map(str::len).sum::<usize>() + error.column().checked_sub(1)?;
+    let end = text.get(at..)?.chars().next().filter(|end| "]}".contains(*end))?;
+    let has_comma = text[..at].trim_end().ends_with(',');
+    has_comma.then(|| format!("the comma before `{end}` is one too many; remove it"))
 }
 
 /// The key that serde does not know, and those that it knows in its place.
@@ -436,6 +447,16 @@ mod tests {
         ] {
             let error = check_xml(&text).unwrap_err();
             assert!(error.contains(told), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_comma_before_a_bracket_is_told_in_values_that_are_read_or_skipped() {
+        for (text, end) in [("{\"a\": 1,\n }", '}'), ("{\"a\":\n[1, ]}", ']')] {
+            let told = format!("the comma before `{end}` is one too many; remove it (line 2,");
+            let read = parse::<serde_json::Value>(text, "f").unwrap_err().to_string();
+            let skipped = parse::<IgnoredAny>(text, "f").unwrap_err().to_string();
+            assert!(read.contains(&told) && skipped.contains(&told), "{read}; {skipped}");
         }
     }
 

@@ -146,7 +146,7 @@ pub enum RigError {
     ReadOnly { format: RigFormat },
     /// No placement of this name, or several and none picked.
     #[error(
-        "{file}: {}; pick one of {} as FILE:NAME, or in `rig import` with `--name NAME`",
+        "{file}: {}; pick one of {} as FILE:NAME (in Python name=NAME)",
         unpicked(name),
         listed(known)
     )]

@@ -228,6 +228,9 @@ pub struct Comparison {
     pub lidars: Vec<MovedLidar>,
     /// LiDARs that differ in pose or model.
     pub different: usize,
+    /// Vector from the first rig to the second by which all of several LiDARs moved without a turn, in metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shift: Option<[f64; 3]>,
     /// Asymmetry of the first rig.
     pub before: Vec<Asymmetry>,
     /// Asymmetry of the second rig.
@@ -255,13 +258,22 @@ pub fn compare(before: &Rig, after: &Rig) -> Result<Comparison, RigError> {
         let [moved, turned, tilted] = difference(&a.pose, &b.pose);
         MovedLidar { frame: a.frame.clone(), moved, turned, tilted, models: models(a, b) }
     };
-    let lidars: Vec<MovedLidar> = pairs.into_iter().map(moved).collect();
+    let lidars: Vec<MovedLidar> = pairs.iter().copied().map(moved).collect();
     Ok(Comparison {
+        shift: shift(&pairs).filter(|_| lidars.iter().all(|lidar| lidar.turned <= STILL)),
         different: lidars.iter().filter(|lidar| lidar.differs()).count(),
         lidars,
         before: asymmetries(before),
         after: asymmetries(after),
     })
+}
+
+/// Vector by which all of several LiDARs moved, in metres; `None` where they moved by several vectors, or not at all.
+fn shift(pairs: &[(&RigLidar, &RigLidar)]) -> Option<[f64; 3]> {
+    let by = |(a, b): &(&RigLidar, &RigLidar)| b.pose.position() - a.pose.position();
+    let first = by(pairs.first()?);
+    let is_one = pairs.len() > 1 && pairs.iter().all(|pair| by(pair).distance(first) <= STILL);
+    (is_one && first.length() > STILL).then(|| first.to_array())
 }
 
 /// Sensor models of two LiDARs.

@@ -214,6 +214,18 @@ impl Violation {
             Self::NoPlace { .. } => 1e3,
         }
     }
+
+    /// The rule in words, an angle outside of a mount in degrees.
+    pub fn in_degrees(&self) -> String {
+        let words = self.to_string();
+        match self {
+            Self::OutsideMount { by, .. } => {
+                let degrees = format!(" is {:.2}° outside ", by.to_degrees());
+                words.replacen(&format!(" is {by:.3} rad outside "), &degrees, 1)
+            }
+            _ => words,
+        }
+    }
 }
 
 impl std::fmt::Display for Violation {

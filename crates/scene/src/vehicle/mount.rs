@@ -326,6 +326,11 @@ mod tests {
         let told = |rules: &Constraints| rules.violations(&placement(&[9.0]))[0].to_string();
         let alone = Constraints::in_box([0.0; 6], [1.0, 1.0, 2.0, 1.0, 1.0, 1.0], 1);
         assert_eq!(told(&alone), "LiDAR 0: x is 8.000 m outside the mount");
+        assert_eq!(alone.violations(&placement(&[9.0]))[0].in_degrees(), told(&alone));
+        let mut turned = placement(&[0.0]);
+        turned.lidars[0].yaw = 1.0 + 10.0_f64.to_radians();
+        let turned = &alone.violations(&turned)[0];
+        assert_eq!(turned.in_degrees(), "LiDAR 0: yaw is 10.00° outside the mount");
         let roof = Constraints { slots: vec![slot(&roof)], ..Constraints::default() };
         assert_eq!(told(&roof), "LiDAR 0: x is 8.500 m outside the mount roof");
     }

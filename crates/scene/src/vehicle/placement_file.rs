@@ -11,8 +11,8 @@ use serde::de::DeserializeOwned;
 use super::{ForeignLidar, Placement, PlacementError};
 use sightline_files::files;
 use sightline_files::json::{
-    self, FileKind, ForeignJson, Objects, did_you_mean, from_text, kind_of_bytes, nearest,
-    not_json, plain_words, unknown_key,
+    self, FileKind, ForeignJson, Objects, comma_too_many, did_you_mean, from_text, kind_of_bytes,
+    nearest, not_json, plain_words, unknown_key,
 };
 
 /// Longest line of a `.jsonl` file, in bytes: 16 LiDARs need far less.
@@ -124,7 +124,8 @@ fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, P
                 let nearest = nearest(key, known.iter().map(String::as_str));
                 format!("unknown key `{key}`{}", did_you_mean(&nearest, &known))
             }
-            None => plain_words(words).replace("the file ends", "the text ends"),
+            None => comma_too_many(text, &error)
+                .unwrap_or_else(|| plain_words(words).replace("the file ends", "the text ends")),
         };
         let place = place.trim_end_matches('?').trim_end_matches('.');
         let index = place.strip_prefix("placements[").and_then(|rest| rest.split(']').next());
