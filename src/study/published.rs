@@ -381,7 +381,7 @@ mod tests {
         let values = [Some(4.0), None, Some(1.0), Some(3.0), Some(5.0), Some(2.0), Some(5.0)];
         // Sorted 1 2 3 4 5 5: ranks 1.25, 2.5 and 3.75 of 0 to 5, rounded to 1, 3 and 4.
         let found = quantiles(&values).unwrap();
-        assert_eq!(found, [4, 2, 5, 0, 4]);
+        assert_eq!(found, [4, 2, 5, 0, 6]);
         assert_eq!(found.map(|k| values[k].unwrap()), [5.0, 1.0, 2.0, 4.0, 5.0]);
         assert_eq!(quantiles(&[None]), None);
     }

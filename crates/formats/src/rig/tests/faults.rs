@@ -102,7 +102,7 @@ fn each_fault_is_a_sentence() {
             robot(&[joint("map", "lidar")]),
             &[
                 "`lidar` has the parent `map`",
-                "`frame_id: base_link` and `child_frame_id: map`",
+                "`frame_id: base_link`, `child_frame_id: map`",
                 "--base-frame map; there are",
             ],
         ),
@@ -288,7 +288,7 @@ fn one_of_several_placements_is_picked_by_name() {
         assert_eq!(pick(source, Some("b")).unwrap(), 2.0);
         let error = pick(source, None).unwrap_err().to_string();
         assert!(error.contains("several") && error.contains("`a`, `b`"), "{error}");
-        assert!(error.contains("--name NAME") && error.contains("FILE:NAME"), "{error}");
+        assert!(error.contains("FILE:NAME") && error.contains("name=NAME"), "{error}");
         assert!(
             pick(source, Some("c")).unwrap_err().to_string().contains("no placement is called `c`")
         );
