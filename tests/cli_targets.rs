@@ -15,9 +15,12 @@ fn vehicle(dir: &Path, body: Value) {
         "response": { "rated_range": 30 } });
     let half = json!({ "name": "half", "price": 1, "lidar": { "channels": 48, "fov": [-24, 4],
         "azimuth": [-90, 90], "azimuth_steps": 400, "range": 80 } });
-    let vehicle = json!({ "sightline": 1, "name": "cart", "body": body, "sensors": [ring, half],
+    let mut vehicle = json!({ "sightline": 1, "name": "cart", "sensors": [ring, half],
         "mounts": [{ "name": "mast", "min": [-1, -1, 0.2], "max": [1, 1, 2.5], "yaw": [-3.1, 3.1],
             "sensors": ["half"], "count": 2 }] });
+    if body != json!([]) {
+        vehicle["body"] = body;
+    }
     fs::write(dir.join("cart.json"), vehicle.to_string()).unwrap();
     let lidar =
         |sensor: &str, yaw: f64| json!({ "x": 0, "y": 0, "z": 1, "yaw": yaw, "sensor": sensor });
