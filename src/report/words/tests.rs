@@ -131,7 +131,8 @@ fn a_single_scene_calls_a_loss_no_gain_and_names_the_penalty() {
     worse.scores.range_card =
         Some(RangeCard { beams: 5, distances: vec![], targets, blind: vec![] });
     let told = words(&worse, "near_gain");
-    let penalty = "below plain, but a search ranks by near_gain less a penalty: the share of places";
+    let penalty =
+        "below plain, but a search ranks by near_gain less a penalty: the share of places";
     assert!(told.contains(penalty), "{told}");
     let told = words(&worse, "m_sog_scaled");
     assert!(told.starts_with("By m_sog_scaled the result is below plain. "), "{told}");
