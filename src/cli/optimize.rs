@@ -156,7 +156,7 @@ pub fn run(args: &OptimizeArgs) -> Result<Exit, RunError> {
         return run_front(args, &FrontStart::New(Box::new(new), objectives.clone()), &terminal);
     }
     let draws = args.gltf.gltf.is_some() || args.figures.figures.is_some();
-    // Drawings and CSV need scores as values; those of result.json are not read back.
+    // Drawings and CSV need scores as values; result.json is not read back into them.
     let is_asked_for_more = draws || args.format == TableFormat::Csv;
     if let Some(folder) = args.resume.as_ref().filter(|_| !is_asked_for_more)
         && let Some(finished) = finished(folder)?

@@ -255,7 +255,7 @@ fn alone(placement: &Placement) -> std::ops::Range<usize> {
 }
 
 /// How far one LiDAR may be off in all fields at once, by halving the tolerances beyond those within which all LiDARs may be off
-/// together. `share` is that of its copies; `None` once it has none.
+/// together. `share` gives the share of copies that hold; `None` once it has none.
 fn room_of_lidar(
     share: &mut dyn FnMut(Tolerance) -> Result<Option<f64>, JobError>,
     lidar: usize,

@@ -249,7 +249,7 @@ pub fn redundancy_text(all: &[&Redundancy]) -> String {
     all.iter().map(of).collect::<Vec<_>>().join("\n")
 }
 
-/// Columns of [`technology_rows`] before those of each technology.
+/// First columns of [`technology_rows`]; one for each technology follows.
 const BEFORE_EACH: usize = 6;
 
 /// Things that count, the shares of them in per cent that no, one, two, three and more technologies see, and that each

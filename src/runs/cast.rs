@@ -226,7 +226,7 @@ fn page(
     let scored = all.iter().zip(evaluator.judged(&all)?);
     let scored = scored.map(|(p, judged)| Scored::new(p, judged, &objective, suite.rules()));
     let mut scored: Vec<Scored> = scored.collect();
-    // Copies mounted a little off take seconds, and the page has those of the placement shown alone.
+    // Copies mounted a little off take seconds, and the page shows them for one placement alone.
     let without_copies = job.clone().tolerance(None);
     for (k, Scored { placement, scores, .. }) in scored.iter_mut().enumerate() {
         let job = if k == 0 { job } else { &without_copies };

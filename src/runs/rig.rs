@@ -11,7 +11,7 @@ use crate::files::{
 };
 use crate::rig::{
     Comparison, Exported, ImportSettings, ImportedRig, MODELS_FILE, Models, Mounting, NamedText,
-    RigError, RigFormat, compare, default_frame, export, import, placement_doubts, read_rig,
+    Rig, RigError, RigFormat, compare, default_frame, export, import, placement_doubts, read_rig,
     rig_json,
 };
 use crate::scene::Scene;
@@ -73,7 +73,27 @@ pub fn export_file(
             lidar.frame.clone_from(frame);
         }
     }
-    for (frame, sensor) in request.sensors.clone() {
+    put_models(&mut rig, &request.sensors, file)?;
+    let models = vehicle.as_ref().map(Models::from).unwrap_or_default();
+    let exported = export(&rig, request.format, &request.mounting, &models)?;
+    exported.warnings.iter().for_each(|warning| watcher.note(warning));
+    match &request.out {
+        Some(out) => write_files(&exported, out).map(|()| None),
+        None => {
+            // Models are a document of another kind than the YAML that is printed.
+            let printed = exported.files.iter().filter(|file| file.name != MODELS_FILE);
+            Ok(Some(printed.map(|file| &*file.text).collect()))
+        }
+    }
+}
+
+/// Gives LiDARs the models that `--sensor` names; `file` is that of the rig, for errors.
+fn put_models(
+    rig: &mut Rig,
+    sensors: &BTreeMap<String, String>,
+    file: &Path,
+) -> Result<(), RunError> {
+    for (frame, sensor) in sensors.clone() {
         let known: Vec<String> = rig.lidars.iter().map(|lidar| lidar.frame.clone()).collect();
         // `lidar_0` and the like stay good, whatever the mounts are called.
         let by_number = (0..known.len()).find(|&index| default_frame(index) == frame);
@@ -97,17 +117,7 @@ pub fn export_file(
             }
         }
     }
-    let models = vehicle.as_ref().map(Models::from).unwrap_or_default();
-    let exported = export(&rig, request.format, &request.mounting, &models)?;
-    exported.warnings.iter().for_each(|warning| watcher.note(warning));
-    match &request.out {
-        Some(out) => write_files(&exported, out).map(|()| None),
-        None => {
-            // Models are a document of another kind than the YAML that is printed.
-            let printed = exported.files.iter().filter(|file| file.name != MODELS_FILE);
-            Ok(Some(printed.map(|file| &*file.text).collect()))
-        }
-    }
+    Ok(())
 }
 
 /// The vehicle that a rig stands on: that of the vehicle file, else of the scene; `None` where neither is named.

@@ -207,7 +207,7 @@ pub fn refuse_utf_16(bytes: &[u8], file: &Path) -> Result<(), DescriptionError> 
     }
 }
 
-/// Error for a file whose keys are those of another kind.
+/// Error for a file with the keys of another kind.
 fn other_kind(file: &str, found: FileKind, wanted: &str) -> DescriptionError {
     DescriptionError::OtherKind { file: file.to_owned(), found, wanted: wanted.to_owned() }
 }
@@ -235,7 +235,7 @@ pub fn refuse_own_kinds(text: &str, file: &str, wanted: &str) -> Result<(), Desc
 /// JSON that is no description of this program, and is given as one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ForeignJson {
-    /// The `result.json` of a run or a front, whose other keys are those of several kinds of files.
+    /// The `result.json` of a run or a front; its other keys stand in files of several kinds.
     RunResult,
     /// A glTF mesh in JSON.
     Gltf,

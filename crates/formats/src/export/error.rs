@@ -89,7 +89,7 @@ pub enum ExportError {
     /// The folder holds something else.
     #[error("{}: is not empty and holds no data set of this program; name another folder", path.display())]
     Foreign { path: PathBuf },
-    /// The folder lies in that of another data set.
+    /// The folder lies within the folder of another data set.
     #[error(
         "{}: lies in {}, the folder of another data set, which would hold files of both; name a folder outside it",
         path.display(), set.display()
