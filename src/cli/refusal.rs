@@ -43,7 +43,7 @@ fn is_option(word: &str) -> bool {
 
 /// The mend for numbers that are words of their own behind an option that takes them with commas: `--base-link 0.3 0 0`.
 pub fn numbers_apart(program: &Command, arguments: &[OsString]) -> Option<String> {
-    let (command, _) = command_of(program, arguments);
+    let (command, names) = command_of(program, arguments);
     let words: Vec<&str> = arguments.iter().map(|word| word.to_str().unwrap_or_default()).collect();
     let takes_list = |arg: &clap::Arg, name: &str| {
         let names = arg.get_value_names().unwrap_or_default();
@@ -56,8 +56,16 @@ pub fn numbers_apart(program: &Command, arguments: &[OsString]) -> Option<String
         let is_apart =
             numbers.len() > 1 && command.get_arguments().any(|arg| takes_list(arg, name));
         let (given, mend) = (numbers.join(" "), numbers.join(","));
-        is_apart.then(|| format!("{option} {given}: write it with commas: {option}={mend}"))
+        is_apart.then(|| {
+            let told = format!("{option} {given}: write it with commas: {option}={mend}");
+            with_help(&told, &names)
+        })
     })
+}
+
+/// A refusal with the command that prints the help.
+fn with_help(told: &str, names: &[&str]) -> String {
+    format!("{told}; see `{} --help`", names.join(" "))
 }
 
 /// An error of the arguments in one line: the mistake, a near name, the command that prints the help.
@@ -68,7 +76,7 @@ pub fn sentence(error: &clap::Error, program: &Command, arguments: &[OsString]) 
         .or_else(|| unknown_study(error, command))
         .or_else(|| unknown_command(error, program, command))
         .unwrap_or_else(|| told(error));
-    format!("{told}; see `{} --help`", names.join(" "))
+    with_help(&told, &names)
 }
 
 /// Words of clap: the fault, lists that belong to it, and tips but for the one to write `--` before an option.
@@ -312,11 +320,10 @@ mod tests {
 
     #[test]
     fn numbers_apart_are_to_be_written_with_commas() {
-        for line in
-            ["rig import a.urdf --base-link 0.3 0 -1", "rig compare a b --base-link 0.3 0 -1"]
-        {
-            let told = "--base-link 0.3 0 -1: write it with commas: --base-link=0.3,0,-1";
-            assert_eq!(refused(line), told);
+        for command in ["rig import", "rig compare"] {
+            let line = format!("{command} a.urdf --base-link 0.3 0 -1");
+            let mend = "--base-link 0.3 0 -1: write it with commas: --base-link=0.3,0,-1";
+            assert_eq!(refused(&line), format!("{mend}; see `sightline {command} --help`"));
         }
         assert!(parse(&words("rig import a.urdf --base-link 0.3 b.urdf")).is_ok());
     }
