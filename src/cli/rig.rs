@@ -8,7 +8,7 @@ use serde_json::json;
 use super::args::{Asked, Format};
 use super::output::{Exit, Talk, Terminal};
 use crate::json::shortened;
-use crate::report::text::comparison_text;
+use crate::report::comparison::comparison_text;
 use crate::rig::{ImportSettings, Mounting, RigFormat};
 use crate::runs::RunError;
 use crate::runs::handover::{HandoverRequest, handover};

@@ -8,6 +8,7 @@
 //! | `svg` | parts of every drawing: page, colours, axes |
 //! | `plot`, `study` | plain charts of some series |
 //! | `sensor` | facts of a sensor file, its pattern as SVG |
+//! | `comparison` | two rigs compared, as text |
 //! | `chart`, `chart_text` | cost against ranking error |
 //! | `coverage` | ground near the vehicle, things by the number of LiDARs that see them, overlap of pairs |
 //! | `drawing` | a drawing as a list of shapes, written as SVG and PDF |
@@ -23,6 +24,7 @@
 
 pub(crate) mod chart;
 pub(crate) mod chart_text;
+pub(crate) mod comparison;
 pub(crate) mod coverage;
 mod drawing;
 pub(crate) mod front;

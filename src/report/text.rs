@@ -1,11 +1,9 @@
-//! Scores, P-SOGs, comparisons of rigs, audits and verifications as text.
+//! Scores, P-SOGs, audits and verifications as text.
 
-use super::svg::trimmed;
 use super::{SceneRecord, ScoreColumn, optional};
 use crate::audit::{Audit, TrialResult};
 use crate::json::fixed;
 use crate::psog::PsogInfo;
-use crate::rig::{Asymmetry, Comparison};
 use crate::scan::conditions::under;
 use crate::score::{Interval, Scores, bootstrap};
 use crate::search::{Finding, Scored};
@@ -180,58 +178,6 @@ pub fn numbered(names: impl IntoIterator<Item = String>) -> Vec<String> {
         told.push(free.unwrap_or(wanted));
     }
     told
-}
-
-/// How far each LiDAR moved, whether its model is another, and how far each pair of either rig is from a mirror image.
-pub fn comparison_text(found: &Comparison) -> String {
-    let numbers = |values: [f64; 3]| values.map(|value| fixed(value, 5));
-    let table = |titles: [&str; 4], rows: &mut dyn Iterator<Item = (String, [f64; 3])>| {
-        let mut all = vec![titles.map(str::to_owned).to_vec()];
-        all.extend(rows.map(|(name, values)| [vec![name], numbers(values).to_vec()].concat()));
-        align_columns(&all)
-    };
-    let moved = found.lidars.iter().map(|l| (l.frame.clone(), [l.moved, l.turned, l.tilted]));
-    let mut text = table(["LiDAR", "moved m", "turned rad", "axis rad"], &mut moved.into_iter());
-    for lidar in &found.lidars {
-        text += &models_text(&lidar.frame, &lidar.models, ["before", "after"]);
-    }
-    let lidars = counted(found.lidars.len(), "LiDAR");
-    text += &format!("different in pose or model: {} of {lidars}\n", found.different);
-    if let Some([x, y, z]) = found.shift.map(|shift| shift.map(|metres| trimmed(metres, 4))) {
-        text += &format!("all moved by ({x}, {y}, {z}) m: another base frame? give --base-link\n");
-    }
-    for (title, all) in [("before: pair", &found.before), ("after: pair", &found.after)] {
-        let mut rows = all.iter().map(|pair| (named(pair), [pair.moved, pair.turned, pair.tilted]));
-        text +=
-            &format!("\n{}", table([title, "off mirror m", "turned rad", "axis rad"], &mut rows));
-        for pair in all.iter().filter(|pair| pair.same_roll) {
-            text += &format!(
-                "  ! {}: both have the same roll; in a mirror image roll changes its sign\n",
-                named(pair)
-            );
-        }
-        for pair in all {
-            text += &models_text(&named(pair), &pair.models, ["left", "right"]);
-        }
-    }
-    text
-}
-
-/// A line on two LiDARs of different models; empty where a model is not known.
-fn models_text(name: &str, models: &[Option<String>; 2], [one, other]: [&str; 2]) -> String {
-    match models {
-        [Some(a), Some(b)] if a != b => {
-            format!("  ! {name}: the model is {a} {one} and {b} {other}\n")
-        }
-        _ => String::new(),
-    }
-}
-
-fn named(pair: &Asymmetry) -> String {
-    if pair.left == pair.right {
-        return format!("{} with itself", pair.left);
-    }
-    format!("{} with {}", pair.left, pair.right)
 }
 
 /// Its facts, a line each, and the part of each class in the entropy.

@@ -207,7 +207,7 @@ fn say(imported: &ImportedRig, watcher: &dyn Watcher) -> Result<(), RunError> {
 /// Compares two rigs, each a file or folder of any format, or placements with a name behind a colon.
 ///
 /// # Errors
-/// Files that cannot be read, rigs of different frames.
+/// Files that cannot be read.
 pub fn compare_files(
     before: &str,
     after: &str,
@@ -219,5 +219,5 @@ pub fn compare_files(
         imported.notes.iter().for_each(|note| watcher.detail(note.text()));
         Ok::<_, RunError>(imported.rig)
     };
-    Ok(compare(&read(before)?, &read(after)?)?)
+    Ok(compare(&read(before)?, &read(after)?))
 }

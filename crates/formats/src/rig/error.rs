@@ -151,14 +151,6 @@ pub enum RigError {
         listed(known)
     )]
     PickPlacement { file: String, name: Option<String>, known: Vec<String> },
-    /// Rigs with different frames, and of different sizes.
-    #[error(
-        "the rigs cannot be matched: they have neither the same frames ({} and {}) nor the same number of \
-         LiDARs",
-        listed(before),
-        listed(after)
-    )]
-    Unmatched { before: Vec<String>, after: Vec<String> },
     /// The number of frame names differs from the number of LiDARs.
     #[error("{given} names are given for {lidars} LiDARs; give one --frame for each")]
     FrameCount { given: usize, lidars: usize },

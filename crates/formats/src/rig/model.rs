@@ -2,7 +2,7 @@
 //!
 //! Two rigs are compared LiDAR by LiDAR, and each with its own mirror image.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
 
@@ -183,6 +183,8 @@ const STILL: f64 = 5e-6;
 pub struct MovedLidar {
     /// Its frame, as the first rig calls it.
     pub frame: String,
+    /// Its frame, as the second rig calls it.
+    pub partner: String,
     /// Distance between the optical centres, in metres.
     pub moved: f64,
     /// Angle between the rotations, in radians.
@@ -224,8 +226,10 @@ pub struct Asymmetry {
 /// Two rigs compared.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
-    /// LiDARs in the order of the first rig.
+    /// LiDARs that both rigs have, in the order of the first rig.
     pub lidars: Vec<MovedLidar>,
+    /// Frames of LiDARs without a partner, of the first and of the second rig.
+    pub alone: [Vec<String>; 2],
     /// LiDARs that differ in pose or model.
     pub different: usize,
     /// Vector from the first rig to the second by which all of several LiDARs moved without a turn, in metres.
@@ -237,35 +241,63 @@ pub struct Comparison {
     pub after: Vec<Asymmetry>,
 }
 
-/// Compares LiDARs of the same frames, or by their order where the frames differ.
-///
-/// # Errors
-/// Rigs of other frames and another number of LiDARs.
-pub fn compare(before: &Rig, after: &Rig) -> Result<Comparison, RigError> {
-    let by_frame: HashMap<&str, &RigLidar> =
-        after.lidars.iter().map(|lidar| (lidar.frame.as_str(), lidar)).collect();
-    let same_count = before.lidars.len() == after.lidars.len();
-    let named = before.lidars.iter().map(|lidar| by_frame.get(lidar.frame.as_str()).copied());
-    let pairs: Vec<(&RigLidar, &RigLidar)> = match named.collect::<Option<Vec<_>>>() {
-        Some(partners) if same_count => before.lidars.iter().zip(partners).collect(),
-        _ if same_count => before.lidars.iter().zip(&after.lidars).collect(),
-        _ => {
-            let frames = |rig: &Rig| rig.lidars.iter().map(|l| l.frame.clone()).collect();
-            return Err(RigError::Unmatched { before: frames(before), after: frames(after) });
-        }
-    };
+/// Compares LiDARs of the same frames, or by their order where the frames differ. Rigs of different numbers of LiDARs are
+/// compared by the frames that both name, then by least distance; the other LiDARs have no partner.
+pub fn compare(before: &Rig, after: &Rig) -> Comparison {
+    let matched = matched(&before.lidars, &after.lidars);
+    let pair = |&(a, b): &(usize, usize)| (&before.lidars[a], &after.lidars[b]);
+    let pairs: Vec<(&RigLidar, &RigLidar)> = matched.iter().map(pair).collect();
     let moved = |(a, b): (&RigLidar, &RigLidar)| {
         let [moved, turned, tilted] = difference(&a.pose, &b.pose);
-        MovedLidar { frame: a.frame.clone(), moved, turned, tilted, models: models(a, b) }
+        let (frame, partner) = (a.frame.clone(), b.frame.clone());
+        MovedLidar { frame, partner, moved, turned, tilted, models: models(a, b) }
     };
     let lidars: Vec<MovedLidar> = pairs.iter().copied().map(moved).collect();
-    Ok(Comparison {
+    let alone = |rig: &Rig, taken: &HashSet<usize>| -> Vec<String> {
+        let rest = rig.lidars.iter().enumerate().filter(|(k, _)| !taken.contains(k));
+        rest.map(|(_, lidar)| lidar.frame.clone()).collect()
+    };
+    Comparison {
         shift: shift(&pairs).filter(|_| lidars.iter().all(|lidar| lidar.turned <= STILL)),
         different: lidars.iter().filter(|lidar| lidar.differs()).count(),
         lidars,
+        alone: [
+            alone(before, &matched.iter().map(|pair| pair.0).collect()),
+            alone(after, &matched.iter().map(|pair| pair.1).collect()),
+        ],
         before: asymmetries(before),
         after: asymmetries(after),
-    })
+    }
+}
+
+/// Numbers of the LiDARs that are compared, in the order of the first rig.
+fn matched(before: &[RigLidar], after: &[RigLidar]) -> Vec<(usize, usize)> {
+    let is_same = |&(a, b): &(usize, usize)| before[a].frame == after[b].frame;
+    if before.len() == after.len() {
+        let partner = |a: usize| (0..after.len()).map(|b| (a, b)).find(is_same);
+        let by_frame: Option<Vec<_>> = (0..before.len()).map(partner).collect();
+        return by_frame.unwrap_or_else(|| (0..before.len()).map(|k| (k, k)).collect());
+    }
+    // Frames by number, as LiDARs without a name have them, say nothing where the numbers differ.
+    let is_named = |pair: &(usize, usize)| {
+        let frame = &before[pair.0].frame;
+        is_same(pair) && ![pair.0, pair.1].map(default_frame).contains(frame)
+    };
+    let gap =
+        |&(a, b): &(usize, usize)| before[a].pose.position().distance(after[b].pose.position());
+    let mut candidates: Vec<(usize, usize)> =
+        (0..before.len()).flat_map(|a| (0..after.len()).map(move |b| (a, b))).collect();
+    candidates.sort_by(|one, other| {
+        is_named(other).cmp(&is_named(one)).then(gap(one).total_cmp(&gap(other)))
+    });
+    let mut pairs: Vec<(usize, usize)> = Vec::new();
+    for (a, b) in candidates {
+        if pairs.iter().all(|pair| pair.0 != a && pair.1 != b) {
+            pairs.push((a, b));
+        }
+    }
+    pairs.sort_unstable();
+    pairs
 }
 
 /// Vector by which all of several LiDARs moved, in metres; `None` where they moved by several vectors, or not at all.
