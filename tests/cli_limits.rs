@@ -56,6 +56,10 @@ fn time_ends_the_choice_of_sensors() {
     let saved: Value =
         serde_json::from_slice(&fs::read(dir.path().join("run/checkpoint.json")).unwrap()).unwrap();
     assert!(saved["state"]["equipping"].is_object(), "{saved}");
+    let more = ["optimize", "--resume", "run", "--max-seconds", "0.02", "--backend", "cpu"];
+    let told = String::from_utf8(sightline(dir.path(), &more).stderr).unwrap();
+    let note = "the run had not chosen its sensors: the poses to choose from are cast again";
+    assert!(told.contains(note), "{told}");
 }
 
 #[test]

@@ -96,7 +96,7 @@ pub fn optimize(
     };
     folder.check(&inputs)?;
     outputs::check_figures_apart(request.figures.as_deref(), folder.path())?;
-    let run = begin(&job, going_on.take(), &folder)?;
+    let run = begin(&job, going_on.take(), &folder, computing.watcher)?;
     let (earlier, times) = (read_spent(&folder, &request.start), loaded.times);
     let mut sitting =
         RunSession { request, computing, begun, job: &job, folder, run, times, earlier, start };
@@ -124,20 +124,26 @@ fn check_no_front(folder: &Path) -> Result<(), RunError> {
     )))
 }
 
-/// The search at its beginning, or where a checkpoint left it.
+/// The search at its beginning, or where a checkpoint left it, with a note on work that no checkpoint holds.
 fn begin<'a>(
     job: &'a Job,
     state: Option<JobState>,
     folder: &RunDir<RunCheckpoint>,
+    watcher: &dyn Watcher,
 ) -> Result<JobRun<'a>, RunError> {
+    let is_resumed = state.is_some();
     let run = match state {
         Some(state) => job.resume(state),
         None => job.begin(),
     };
-    run.map_err(|error| match error {
-        JobError::OtherState { why } => folder.refusal(&why).into(),
+    let run = run.map_err(|error| match error {
+        JobError::OtherState { why } => RunError::from(folder.refusal(&why)),
         other => other.into(),
-    })
+    })?;
+    if is_resumed && run.run().is_none() {
+        watcher.note("the run had not chosen its sensors: the poses to choose from are cast again");
+    }
+    Ok(run)
 }
 
 /// Checks that some placement can have a value.
