@@ -224,7 +224,10 @@ fn tilt_text(tilt: &RoomOfTilt) -> String {
         let [holds, breaks] = cells(&of.side, 2);
         rows.push(vec![of.direction.to_owned(), holds, breaks]);
     }
-    let about = format!("all LiDARs tilted about the ground at x = {x} m, y = {y} m hold to ");
+    let about = format!(
+        "tilt: LiDARs turn; own body, ground and targets stay as they are (docs/targets.md)\n\
+         all LiDARs tilted about the ground at x = {x} m, y = {y} m hold to "
+    );
     format!("{}{about}{end}\n{}", align_columns(&rows), tilted_hits_text(tilt))
 }
 
@@ -389,6 +392,8 @@ mod tests {
         };
         let limit = "hold to < 1.25°, then near breaks (rear down)\n";
         assert!(text(&least).ends_with(limit), "{}", text(&least));
+        let model = "\ntilt: LiDARs turn; own body, ground and targets stay as they are (docs/targets.md)\nall LiDARs";
+        assert!(text(&least).contains(model), "{}", text(&least));
         (least.side.self_hit_at, least.self_hit_lidar) = (Some(1.25), Some(1));
         let told = text(&least);
         let (_, told) = told.split_once(limit).unwrap();
