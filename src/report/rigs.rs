@@ -173,7 +173,7 @@ mod tests {
             target("child", [&[[2.5, 5.0]], &[[7.5, 60.0]]]),
             target("tyre", [&[[2.5, 60.0]], &[]]),
         ];
-        let card = RangeCard { beams: 5, distances: Vec::new(), targets, blind: Vec::new() };
+        let card = RangeCard { targets, ..RangeCard::default() };
         let want = "range card, met at every distance and all 2 bearings: car 7.5 to 110 m, adult at 5 m, child nowhere, tyre nowhere";
         assert_eq!(card_in_words(&card), want);
     }

@@ -138,6 +138,14 @@ pub(super) fn overlap_in_words(card: &RangeCard) -> Option<String> {
     })
 }
 
+/// Sentence on sensors that reach less far than blind sectors are looked for; `None` where one reaches as far.
+pub(super) fn reach_in_words(card: &RangeCard) -> Option<String> {
+    let [near, far] = card.blind_between.map(|metres| trimmed(metres, 2));
+    let words =
+        format!("Blind sectors are looked for from {near} to {far} m: no sensor reaches farther.");
+    card.ends_at_range().then_some(words)
+}
+
 /// The range card of a placement: a line a bearing.
 pub fn range_card_text(card: &RangeCard) -> String {
     let on_card = |sector: &&BlindSector| {
@@ -151,9 +159,10 @@ pub fn range_card_text(card: &RangeCard) -> String {
             format!("between these bearings: at {bearing} a car is lost at {lost} m\n")
         })
         .collect();
-    let overlap = overlap_in_words(card).map_or(String::new(), |words| words + "\n");
+    let words = overlap_in_words(card).into_iter().chain(reach_in_words(card));
+    let words: String = words.map(|words| words + "\n").collect();
     format!(
-        "Range card: metres from the vehicle's origin at which {} beams or more meet a target on level ground\n{}{between}{overlap}",
+        "Range card: metres from the vehicle's origin at which {} beams or more meet a target on level ground\n{}{between}{words}",
         card.beams,
         block(&of_card(card))
     )
@@ -356,7 +365,8 @@ mod tests {
             bearings: vec![of(0.0, 7.5), of(90.0, 5.0), of(180.0, 7.5), of(-90.0, 2.5)],
         };
         let (distances, beams) = (vec![2.5, 5.0, 7.5, 140.0], 5);
-        let mut card = RangeCard { beams, distances, targets: vec![car], blind: Vec::new() };
+        let (targets, blind_between) = (vec![car], [5.0, 50.0]);
+        let mut card = RangeCard { beams, distances, targets, blind_between, blind: Vec::new() };
         let words = "Of these distances a car stands free of the own body from 7.5 m (ahead 0°, behind 180°) on.";
         assert_eq!(overlap_in_words(&card).as_deref(), Some(words));
         assert!(range_card_text(&card).ends_with(&format!("{words}\n")));

@@ -23,13 +23,13 @@ const FINE: usize = 3 * BEARINGS;
 const HALF_SECTOR: usize = 2;
 /// Degrees of a sector.
 const SECTOR: f64 = 2.0 * HALF_SECTOR as f64 * 360.0 / FINE as f64;
-/// Distances between which a sector must not lose a car, metres.
+/// Distances between which a sector must not lose a car, metres; sensors that reach less far end them.
 const SECTOR_RANGE: [f64; 2] = [5.0, 50.0];
 /// Most distances of a card, in metres.
 const FARTHEST: f64 = 200.0;
 
 /// Distances at which targets are met, by bearing; on level ground without a scene, phases at 0.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct RangeCard {
     /// Least beams on a target that is met.
     pub beams: u32,
@@ -37,7 +37,9 @@ pub struct RangeCard {
     pub distances: Vec<f64>,
     /// A car, an adult, a tyre.
     pub targets: Vec<TargetRanges>,
-    /// Sectors that lose a car between 5 and 50 m.
+    /// Distances between which sectors are looked at, metres: 5 and 50, or the longest range of the sensors.
+    pub blind_between: [f64; 2],
+    /// Sectors that lose a car between these distances.
     pub blind: Vec<BlindSector>,
 }
 
@@ -72,7 +74,7 @@ pub struct BearingRanges {
     pub met: Vec<[f64; 2]>,
 }
 
-/// Neighbouring bearings at which a car is lost somewhere between 5 and 50 m.
+/// Neighbouring bearings at which a car is lost somewhere within [`RangeCard::blind_between`].
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BlindSector {
     /// First and last bearing, degrees counter-clockwise from straight ahead; −180 and 180 all round.
@@ -82,7 +84,7 @@ pub struct BlindSector {
     /// Bearing of the sector at which a car is lost at most distances, degrees from −180 to 180; it may lie between those
     /// of the card.
     pub worst: f64,
-    /// First and last of neighbouring distances from 5 to 50 m at which a car is lost there, metres.
+    /// First and last of neighbouring distances at which a car is lost there, metres.
     pub lost: Vec<[f64; 2]>,
 }
 
@@ -187,8 +189,8 @@ impl RangeCard {
     /// # Errors
     /// A model that the vehicle does not have.
     pub fn new(site: &TargetSite, lidars: &[SensorPose]) -> Result<Self, UnknownSensor> {
-        let (targets, distances) =
-            (card_targets(), distances(f64::from(site.sensors().longest_range())));
+        let range = f64::from(site.sensors().longest_range());
+        let (targets, distances) = (card_targets(), distances(range));
         // Number of the target, fine bearing, number of the distance.
         let mut places = Vec::new();
         for (target, of) in targets.iter().enumerate() {
@@ -224,8 +226,15 @@ impl RangeCard {
                 .collect(),
         };
         let ranges = targets.iter().zip(&met).map(of_target).collect();
-        let blind = blind_sectors(&met[0], &distances);
-        Ok(Self { beams: CARD_BEAMS, distances, targets: ranges, blind })
+        let [near, far] = SECTOR_RANGE;
+        let blind_between = [near, range.clamp(near, far)];
+        let blind = blind_sectors(&met[0], &distances, blind_between);
+        Ok(Self { beams: CARD_BEAMS, distances, targets: ranges, blind_between, blind })
+    }
+
+    /// True if sectors are looked at less far than cars matter, because no sensor reaches farther.
+    pub(crate) fn ends_at_range(&self) -> bool {
+        self.blind_between[1] < SECTOR_RANGE[1]
     }
 }
 
@@ -260,10 +269,13 @@ pub(super) fn runs(met: &[Option<bool>], distances: &[f64]) -> Vec<[f64; 2]> {
     runs
 }
 
-/// Sectors of ±15° around the card's bearings in which a car is lost at some distance from 5 to 50 m; neighbours are
+/// Sectors of ±15° around the card's bearings in which a car is lost at some distance between two; neighbours are
 /// one.
-fn blind_sectors(met: &[Vec<Option<bool>>], distances_of: &[f64]) -> Vec<BlindSector> {
-    let [near, far] = SECTOR_RANGE;
+fn blind_sectors(
+    met: &[Vec<Option<bool>>],
+    distances_of: &[f64],
+    [near, far]: [f64; 2],
+) -> Vec<BlindSector> {
     let lost = |fine: usize| -> Vec<f64> {
         let at = met[fine].iter().zip(distances_of);
         let lost = at.filter(|(met, d)| **met == Some(false) && (near..=far).contains(*d));

@@ -176,7 +176,18 @@ fn a_card_names_the_sector_that_a_rig_does_not_see() {
     let lidar = |yaw: f64| SensorPose { yaw, ..SensorPose::at(0.0, 0.0, 1.6) };
     let round =
         RangeCard::new(&site(&all, 100.0, &TriangleSoup::default()), &[lidar(0.0)]).unwrap();
-    assert_eq!(round.blind, []);
+    assert_eq!((&round.blind[..], round.blind_between), (&[][..], [5.0, 50.0]));
+    // A range of 20 m: cars beyond it are no finding, and that is said; within it a rig is as blind as before.
+    let short = |beams: &[DVec3]| {
+        RangeCard::new(&site(beams, 20.0, &TriangleSoup::default()), &[lidar(0.0)]).unwrap()
+    };
+    let [seen, lost] = [&all[..], &front[..]].map(short);
+    assert_eq!((&seen.blind[..], seen.blind_between), (&[][..], [5.0, 20.0]));
+    assert_eq!((lost.blind[0].bearings, lost.blind[0].distances), ([52.5, -52.5], [5.0, 20.0]));
+    let text = crate::report::targets::range_card_text(&seen);
+    let words = "\nBlind sectors are looked for from 5 to 20 m: no sensor reaches farther.\n";
+    assert!(text.ends_with(words), "{text}");
+    assert!(!crate::report::targets::range_card_text(&round).contains("Blind sectors"));
     let car = &round.targets[0].bearings[0];
     assert_eq!((car.bearing, car.met.last().unwrap()[1]), (0.0, 100.0));
     let site = site(&front, 100.0, &TriangleSoup::default());

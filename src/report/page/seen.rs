@@ -4,7 +4,8 @@ use maud::{Markup, html};
 
 use super::layout::{figure, table, text};
 use super::{Figures, Subject};
-use crate::report::targets::{overlap_in_words, range_card_rows, range_card_svg};
+use crate::report::svg::trimmed;
+use crate::report::targets::{overlap_in_words, range_card_rows, range_card_svg, reach_in_words};
 use sightline_files::json::counted;
 
 /// Distances of detection, and the sectors in which the result is blind.
@@ -21,7 +22,7 @@ pub(super) fn range_card(subject: &Subject<'_>, figures: &Figures) -> Markup {
         section aria-labelledby="range" {
             h2 #range { "Range card" }
             @if card.blind.is_empty() {
-                p { "A car is met by " (card.beams) " beams or more from 5 to 50 m all round, wherever it does not touch the own body." }
+                p { "A car is met by " (card.beams) " beams or more from 5 to " (trimmed(card.blind_between[1], 2)) " m all round, wherever it does not touch the own body." }
             } @else {
                 p { "Blind sectors:" }
                 ul.guards { @for sector in &card.blind { li { (sector.to_string()) } } }
@@ -38,7 +39,7 @@ pub(super) fn range_card(subject: &Subject<'_>, figures: &Figures) -> Markup {
                 (figure(&range_card_svg(&best.placement.name, card), "Distances at which targets are met"))
             }
             (table("Metres at which a target is met", &titles, &rows[1..].iter().map(cells).collect::<Vec<_>>()))
-            @if let Some(words) = overlap_in_words(card) { p.small { (words) } }
+            @for words in overlap_in_words(card).into_iter().chain(reach_in_words(card)) { p.small { (words) } }
         }
     }
 }

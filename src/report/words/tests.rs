@@ -128,8 +128,7 @@ fn a_single_scene_calls_a_loss_no_gain_and_names_the_penalty() {
         "{told}"
     );
     let targets = Vec::new();
-    worse.scores.range_card =
-        Some(RangeCard { beams: 5, distances: vec![], targets, blind: vec![] });
+    worse.scores.range_card = Some(RangeCard { targets, ..RangeCard::default() });
     let told = words(&worse, "near_gain");
     let penalty =
         "below plain, but a search ranks by near_gain less a penalty: the share of places";
@@ -279,7 +278,7 @@ fn bearings_at_which_a_target_is_never_met_are_named() {
     let all: Vec<f64> = (-7..=8).map(|k| 22.5 * f64::from(k)).collect();
     let card = |adult: &[f64], tyre: &[f64]| {
         let targets = vec![target("car", &all), target("adult", adult), target("tyre", tyre)];
-        unmet_in_words(&RangeCard { beams: 5, distances: vec![], targets, blind: vec![] })
+        unmet_in_words(&RangeCard { targets, ..RangeCard::default() })
     };
     assert_eq!(card(&[], &[]), "");
     let start = "UNSEEN at every distance of the range card: ";
