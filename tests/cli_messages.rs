@@ -306,7 +306,7 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     assert!(text.contains("\nlevel: price 4; range card"), "{text}");
     let last = text.lines().last().unwrap();
     assert!(last.starts_with("better: level (2 of 2 requirements met, near_gain "), "{text}");
-    assert!(last.ends_with("then the number of warnings, then near_gain"), "{text}");
+    assert!(last.ends_with("then the number of violated guards, then near_gain"), "{text}");
     assert!(last.contains("missing, ") && last.contains("; decided by the requirements"), "{text}");
     let scores = ok(dir.path(), &["score", "s.json", "rigs.json", "--backend", "cpu"]);
     let card = &scores["scores"][0]["range_card"];

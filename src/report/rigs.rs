@@ -7,6 +7,7 @@ use crate::json::spoken;
 use crate::score::{Objective, Scores, Standing};
 use crate::targets::RangeCard;
 use crate::vehicle::{Placement, Vehicle};
+use sightline_files::json::counted;
 
 /// Price of the sensors of each placement and the range card in short, a line a placement; then the better of several
 /// placements: rules first, then requirements, then the default objective. Empty where nothing is known.
@@ -61,12 +62,12 @@ fn better_in_words(all: &[Scores]) -> Option<String> {
     if order(best, rival) != Ordering::Less {
         return Some(format!("{word}: {name} and {next} are level\n"));
     }
-    // Warnings are compared where requirements are level.
-    let by_warnings = standings[best].violation == standings[rival].violation
+    // Guards are compared where requirements are level.
+    let by_guards = standings[best].violation == standings[rival].violation
         && standings[best].guards != standings[rival].guards;
     let facts = |k: usize| {
-        let warnings = by_warnings.then_some(standings[k].guards);
-        facts_in_words(&all[k], standings[k].violation, warnings, &objective)
+        let guards = by_guards.then_some(standings[k].guards);
+        facts_in_words(&all[k], standings[k].violation, guards, &objective)
     };
     let by_copies = standings[best].violation == standings[rival].violation
         && on_paper(best) != on_paper(rival);
@@ -93,12 +94,12 @@ fn decided_by_copies(ours: &Scores, theirs: &Scores) -> String {
     )
 }
 
-/// Rules that are broken, requirements met, per cent points missing of the others, warnings where these count, and the
-/// objective of a rig.
+/// Rules that are broken, requirements met, per cent points missing of the others, violated guards where these decide, and
+/// the objective of a rig.
 fn facts_in_words(
     scores: &Scores,
     missing: f64,
-    warnings: Option<usize>,
+    guards: Option<usize>,
     objective: &Objective,
 ) -> String {
     let mut facts = Vec::new();
@@ -114,10 +115,7 @@ fn facts_in_words(
     if missing > 0.0 {
         facts.push(format!("{} missing", points(missing)));
     }
-    facts.extend(warnings.map(|count| match count {
-        1 => "1 warning".to_owned(),
-        count => format!("{count} warnings"),
-    }));
+    facts.extend(guards.map(|count| counted(count, "guard") + " violated"));
     let value = objective.value(scores).map_or("–".to_owned(), spoken);
     facts.push(format!("near_gain {value}"));
     facts.join(", ")
@@ -134,7 +132,7 @@ fn decided_in_words(scores: &Scores, ours: &Standing, theirs: &Standing) -> Stri
         let fewer = points(theirs.violation - ours.violation);
         format!("decided by the requirements, of which {fewer} fewer are missing")
     } else if ours.guards < theirs.guards {
-        "decided by the warnings, of which it has fewer".to_owned()
+        "decided by the violated guards, of which it has fewer".to_owned()
     } else if ours.value.zip(theirs.value).is_some_and(|(ours, theirs)| ours <= theirs) {
         "decided by the sectors in which a car is lost, which lower near_gain".to_owned()
     } else {
@@ -142,7 +140,9 @@ fn decided_in_words(scores: &Scores, ours: &Standing, theirs: &Standing) -> Stri
     };
     match scores.met() {
         [_, 0] => by,
-        _ => format!("{by}; requirements come first, then the number of warnings, then near_gain"),
+        _ => format!(
+            "{by}; requirements come first, then the number of violated guards, then near_gain"
+        ),
     }
 }
 
@@ -203,20 +203,25 @@ mod tests {
         let found = words(rig("a", [0.5, 0.95], 0, 0.6), rig("b", [0.515, 0.95], 0, 0.5));
         let want = "better: b (1 of 2 requirements met, 38.5 points missing, near_gain 0.5), before a (1 of 2 \
                     requirements met, 40 points missing, near_gain 0.6); decided by the requirements, of which 1.5 points \
-                    fewer are missing; requirements come first, then the number of warnings, then near_gain\n";
+                    fewer are missing; requirements come first, then the number of violated guards, then near_gain\n";
         assert_eq!(found, want);
         let met = [0.9, 0.9];
         let found = words(rig("a", met, 1, 0.6), rig("b", met, 0, 0.5));
         assert!(
-            found.starts_with("better: b (2 of 2 requirements met, 0 warnings, near_gain 0.5)")
+            found.starts_with(
+                "better: b (2 of 2 requirements met, 0 guards violated, near_gain 0.5)"
+            )
         );
-        assert!(found.contains("1 warning, near_gain 0.6); decided by the warnings"), "{found}");
+        assert!(
+            found.contains("1 guard violated, near_gain 0.6); decided by the violated"),
+            "{found}"
+        );
         let found = words(rig("a", met, 1, 0.6), rig("b", met, 1, 0.5));
         assert!(
             found.starts_with("better: a ") && found.contains("; decided by near_gain;"),
             "{found}"
         );
-        assert!(!found.contains("1 warning"), "{found}");
+        assert!(!found.contains("1 guard"), "{found}");
         let mut on_paper = rig("a", met, 0, 0.6);
         on_paper.requirements_hold_in = Some(0.92);
         let mut firm = rig("b", met, 1, 0.5);

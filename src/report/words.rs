@@ -115,14 +115,7 @@ fn judged_at(
         };
         format!(" Its beams gain {:.1} % of the information that {held}.", 100.0 * share)
     });
-    let doubts: Vec<&Guard> = best.scores.guards.iter().filter(|guard| guard.is_doubt()).collect();
-    let guards = match &doubts[..] {
-        [] => unwarned(best),
-        [guard] => format!("Warning: {guard}."),
-        [first, others @ ..] => {
-            format!("{} warnings, the first: {first}.", others.len() + 1)
-        }
-    };
+    let warnings = warnings_in_words(best);
     let lacking: Vec<String> = best
         .scores
         .required
@@ -139,14 +132,26 @@ fn judged_at(
         };
         format!("{met}{price}. {}", lacking.concat())
     };
-    format!("{required}{}{near}{against}{share} {guards}", blind_in_words(best))
+    format!("{required}{}{near}{against}{share} {warnings}", blind_in_words(best))
 }
 
-/// Sentence of a placement that violates no guard: other faults are said before.
-fn unwarned(best: &Scored) -> String {
+/// Sentence that counts the warnings as the page lists them.
+fn warnings_in_words(best: &Scored) -> String {
+    let warnings = best.warnings();
+    let count = counted(warnings.len(), "warning");
+    match &warnings[..] {
+        [] => "No warning: all checks passed.".to_owned(),
+        _ if best.scores.doubts() == 0 => format!("{count}: {}.", facts_in_words(best)),
+        [one] => format!("Warning: {one}."),
+        [first, ..] => format!("{count}, the first: {first}."),
+    }
+}
+
+/// Warnings of a placement that violates no guard, most of which are said before.
+fn facts_in_words(best: &Scored) -> String {
     let lacking = best.scores.required.iter().filter(|seen| !seen.is_met()).count();
-    let card = best.scores.range_card.as_ref();
-    let is_blind = card.is_some_and(|card| !card.blind.is_empty());
+    let is_blind =
+        best.scores.guards.iter().any(|guard| !guard.is_doubt() && !guard.is_of_redundancy());
     let lacks = match lacking {
         0 => None,
         1 => Some("1 requirement is not met (above)".to_owned()),
@@ -164,10 +169,7 @@ fn unwarned(best: &Scored) -> String {
     let idle = (!idle.is_empty()).then(|| {
         format!("with LiDAR {numbers} less than 1 % of the information is lost, so that it could be left out")
     });
-    match [lacks, paper, blind, broken, idle].into_iter().flatten().collect::<Vec<_>>() {
-        none if none.is_empty() => "No warning: all checks passed.".to_owned(),
-        against => format!("No guard was violated; {}.", against.join(", and ")),
-    }
+    [lacks, paper, blind, broken, idle].into_iter().flatten().collect::<Vec<_>>().join(", and ")
 }
 
 /// Sentence on requirements that are all met; empty where there are none.
@@ -345,7 +347,7 @@ pub fn methods_in_words(run: &RunRecord) -> String {
         };
         let won = match (m.won, is_beaten, m.requirements[1]) {
             (true, true, required) => {
-                let first = if required > 0 { "requirements, then warnings" } else { "warnings" };
+                let first = if required > 0 { "requirements, then guards" } else { "guards" };
                 format!(" (the result: {first} come first{then})")
             }
             (true, false, _) => " (the result)".to_owned(),

@@ -13,7 +13,7 @@ use super::on_demand::FramesUsed;
 use super::phases::PhaseCheck;
 use super::spread::GainSpread;
 use super::swaps::Climbs;
-use crate::score::{Objective, Scores, Standing};
+use crate::score::{Objective, Scores, Standing, all_held_in_words};
 use crate::vehicle::{Constraints, Placement};
 
 /// A placement with its scores.
@@ -68,10 +68,12 @@ impl Scored {
         guards.chain(broken).chain(lacking.map(ToString::to_string)).collect()
     }
 
-    /// All that is said against it: the reasons, then sectors that it does not see and LiDARs that could be left out.
+    /// All that is said against it, which every sentence and list counts: the reasons, then requirements that are met on
+    /// paper only, sectors that it does not see and LiDARs that could be left out.
     pub(crate) fn warnings(&self) -> Vec<String> {
         let facts = self.scores.guards.iter().filter(|guard| !guard.is_doubt());
-        self.reasons().into_iter().chain(facts.map(ToString::to_string)).collect()
+        let paper = self.scores.holds_on_paper().map(all_held_in_words);
+        self.reasons().into_iter().chain(paper).chain(facts.map(ToString::to_string)).collect()
     }
 
     /// The best of the honest baselines by the objective.
@@ -244,6 +246,27 @@ pub struct Outcome {
 mod tests {
     use super::*;
     use crate::score::Guard;
+
+    #[test]
+    fn requirements_on_paper_are_a_warning_but_no_reason() {
+        let seen = crate::score::Seen::of("car", 1.0);
+        let scores = |hold_in| Scores {
+            required: vec![seen.clone()],
+            requirements_hold_in: Some(hold_in),
+            ..Scores::default()
+        };
+        let scored = |hold_in| {
+            let judged = Judged { scores: scores(hold_in), by_scene: vec![] };
+            let placement = Placement { name: "found".into(), lidars: vec![] };
+            let rules = Constraints::default();
+            let scored = Scored::new(&placement, judged, &Objective::default(), &rules);
+            Scored { violations: vec![], ..scored }
+        };
+        let told =
+            "all requirements: ON PAPER ONLY, met by 90 % of copies mounted within the tolerance";
+        assert_eq!(scored(0.9).warnings(), [told]);
+        assert!(scored(0.9).reasons().is_empty() && scored(0.95).warnings().is_empty());
+    }
 
     #[test]
     fn a_redundant_lidar_is_no_warning_where_redundancy_is_wanted() {

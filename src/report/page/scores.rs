@@ -132,6 +132,7 @@ fn meaning(spoken: &[(&Scored, Vec<String>)]) -> String {
     let has = |is: fn(&Guard) -> bool| any(&|one| one.scores.guards.iter().any(is));
     let facts = [
         ("requirements that are not met", any(&lacks)),
+        ("requirements that hold on paper only", any(&|one| one.scores.holds_on_paper().is_some())),
         ("blind sectors", has(|guard| matches!(guard, Guard::BlindSector(_)))),
         ("LiDARs that could be left out", has(Guard::is_of_redundancy)),
     ];

@@ -235,7 +235,7 @@ fn the_first_sentence_has_the_price_where_there_is_one() {
     let start = "The placement found meets all 2 requirements at a price of 9200 (budget 12000), but on paper only: \
                  92 % of copies mounted within the tolerance do. ";
     assert!(words.starts_with(start), "{words}");
-    let end = "No guard was violated; requirements hold on paper only (above).";
+    let end = "1 warning: requirements hold on paper only (above).";
     assert!(words.ends_with(end), "{words}");
     found.scores.requirements_hold_in = Some(0.95);
     let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
@@ -254,10 +254,10 @@ fn checks_are_not_all_passed_where_a_requirement_or_a_sector_is_missed() {
     let words = |found: &Scored| verdict(Some(found), &[], "m_sog_scaled");
     assert!(words(&found).ends_with("No warning: all checks passed."), "{}", words(&found));
     found.scores.required = vec![Seen::of("child", 0.5), Seen::of("ring", 0.8)];
-    let end = "No guard was violated; 2 requirements are not met (above).";
+    let end = "2 warnings: 2 requirements are not met (above).";
     assert!(words(&found).ends_with(end), "{}", words(&found));
     found.scores.required.pop();
-    let end = "No guard was violated; 1 requirement is not met (above).";
+    let end = "1 warning: 1 requirement is not met (above).";
     assert!(words(&found).ends_with(end), "{}", words(&found));
 }
 
