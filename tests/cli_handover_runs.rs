@@ -60,9 +60,20 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
         );
     }
     assert!(read("a/drawing.svg").contains("Found with seed 1 in the run yard"));
-    // A requirement that holds on paper only, and a LiDAR outside its mount, are no secret of the search.
+    // The folder of a run carries its result, its warnings and its command; a placement of a file has none.
     let mut result: serde_json::Value =
         serde_json::from_str(&read("runs/yard/result.json")).unwrap();
+    let verdict = result["verdict"].as_str().unwrap();
+    assert!(verdict.starts_with("The requirement is not met"), "{verdict}");
+    let guards = result["best"]["scores"]["guards"].as_array().unwrap().iter();
+    let mut lines: Vec<String> =
+        guards.map(|guard| format!("Warning: {}\n", guard.as_str().unwrap())).collect();
+    lines.push(format!("Result: {verdict}\n"));
+    lines.push(format!("Repeat: {} --backend cpu\n", result["command"].as_str().unwrap()));
+    let [of_run, of_file] = ["a", "b"].map(|folder| read(&format!("{folder}/README.txt")));
+    assert!(lines.iter().all(|line| of_run.contains(line)), "{of_run}");
+    assert!(!lines.iter().any(|line| of_file.contains(line)), "{of_file}");
+    // A requirement that holds on paper only, and a LiDAR outside its mount, are no secret of the search.
     let requirement = &mut result["best"]["scores"]["requirements"][0];
     requirement["found"] = json!(1.0);
     requirement["holds_in"] = json!(0.9);

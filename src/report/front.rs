@@ -22,7 +22,7 @@ pub struct FrontRecord {
     /// Files and options behind the result.
     pub settings: Value,
     /// Command line that repeats the search but for its engine; empty where no program ran.
-    #[serde(skip)]
+    #[serde(skip_serializing_if = "String::is_empty")]
     pub command: String,
     /// Weather and faults, as they are written; empty in clear air.
     #[serde(skip_serializing_if = "Vec::is_empty")]

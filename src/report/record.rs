@@ -69,7 +69,7 @@ pub struct RunRecord {
     /// Every setting that decides about the result.
     pub settings: Value,
     /// Command line that repeats the run but for its engine; empty where no program ran.
-    #[serde(skip)]
+    #[serde(skip_serializing_if = "String::is_empty")]
     pub command: String,
     /// `cpu` or `gpu`.
     pub backend: String,
@@ -235,9 +235,12 @@ pub struct RunContext<'a> {
 }
 
 impl RunRecord {
-    /// The record for other programs: scores to the bit, as every engine has them, and poses as they were scored.
+    /// The record for other programs: scores to the bit, as every engine has them, and poses as they were scored; last the
+    /// result in words.
     pub fn json(&self) -> Value {
-        json!(self)
+        let mut all = json!(self);
+        all["verdict"] = json!(run_verdict(self));
+        all
     }
 
     /// The record of a run.

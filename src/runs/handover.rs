@@ -271,7 +271,8 @@ fn text<'a>(
 ) -> Result<String, RunError> {
     let (vehicle, placement) = (rig.vehicle_name(), &rig.placement.name);
     let mut text = format!("{vehicle}, placement {placement}: LiDARs to be handed over\n\n");
-    rig.warnings.iter().chain(&rig.about).for_each(|line| text += &format!("{line}\n"));
+    let lines = rig.of_run.iter().chain(&rig.warnings).chain(&rig.about);
+    lines.for_each(|line| text += &format!("{line}\n"));
     let _ = write!(text, "\n{CONVENTION}\nFiles\n");
     for file in files {
         let known = FILES.iter().find(|(name, _)| file.ends_with(name));

@@ -45,6 +45,8 @@ pub(super) struct HandoverRig {
     pub about: Vec<String>,
     /// Requirements that it misses, in words, or why they were not looked at.
     pub warnings: Vec<String>,
+    /// Lines of the run that found it; none of another placement, or where its files have changed.
+    pub of_run: Vec<String>,
     frame: u32,
 }
 
@@ -68,7 +70,7 @@ impl HandoverRig {
         let Some((text, scenes)) = request.files.split_last() else {
             return Err(RunError::Usage("give a file of placements".to_owned()));
         };
-        let Handed { mut placement, text, scene, about, warnings } =
+        let Handed { mut placement, text, scene, about, warnings, of_run } =
             Handed::new(request, text, scenes, computing)?;
         let job = Job::new(scene.without_requirements())
             .geometry_alone()
@@ -118,6 +120,7 @@ impl HandoverRig {
             near,
             about,
             warnings,
+            of_run,
             frame: request.frame,
         })
     }
@@ -206,6 +209,7 @@ struct Handed {
     scene: Scene,
     about: Vec<String>,
     warnings: Vec<String>,
+    of_run: Vec<String>,
 }
 
 impl Handed {
@@ -222,14 +226,16 @@ impl Handed {
         let own = run.filter(|_| is_own);
         let computing = &with_vehicle(own, computing);
         // A run whose vehicle its scene says.
-        let of_run = own.filter(|run| run.vehicle.is_none());
-        let of_run: Vec<String> =
-            of_run.iter().map(|run| run.scene.display().to_string()).collect();
-        let scenes = if of_run.is_empty() { scenes } else { &of_run };
+        let own_scene = own.filter(|run| run.vehicle.is_none());
+        let own_scene: Vec<String> =
+            own_scene.iter().map(|run| run.scene.display().to_string()).collect();
+        let scenes = if own_scene.is_empty() { scenes } else { &own_scene };
         let on_level_ground = scenes.is_empty();
         let scene = scene(scenes, text, request.frame, computing)?;
         let changed = own.and_then(|run| changed_input(&run.folder));
-        let warnings = match own.filter(|_| changed.is_none()) {
+        let unchanged = own.filter(|_| changed.is_none());
+        let of_run = unchanged.map_or_else(Vec::new, |run| run.words.clone());
+        let warnings = match unchanged {
             Some(run) => doubts(&run.required, run.hold_in),
             None => {
                 let changed = changed.iter().map(|file| {
@@ -244,7 +250,7 @@ impl Handed {
         let mut about = about(run, text);
         let place = if on_level_ground { "level ground" } else { scene.name() };
         about.push(format!("Blind zone and masks: {place}, frame {}", request.frame));
-        Ok(Self { placement, text: text.clone(), scene, about, warnings })
+        Ok(Self { placement, text: text.clone(), scene, about, warnings, of_run })
     }
 }
 

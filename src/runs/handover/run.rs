@@ -36,6 +36,8 @@ pub(super) struct RunFound {
     pub required: Vec<Seen>,
     /// Share of copies within the tolerance that meet all of them; `None` where the run did not look.
     pub hold_in: Option<f64>,
+    /// Result in words, guards that the placement violates, and the command that repeats the run.
+    pub words: Vec<String>,
 }
 
 impl GivenRig {
@@ -101,8 +103,20 @@ impl RunFound {
             tolerance,
             required: required.into_iter().flatten().map(seen).collect(),
             hold_in: found["scores"]["requirements_hold_in"].as_f64(),
+            words: words(result, found),
         }
     }
+}
+
+/// Lines about a placement of a run: the result, a line each guard, and the command. Runs of older programs tell less.
+fn words(result: &Value, found: &Value) -> Vec<String> {
+    let verdict = result["verdict"].as_str().map(|words| format!("Result: {words}"));
+    let guards = found["scores"]["guards"].as_array();
+    let guards = guards.into_iter().flatten().filter_map(Value::as_str);
+    let command = result["command"].as_str().zip(result["backend"].as_str());
+    let repeat = command.map(|(command, backend)| format!("Repeat: {command} --backend {backend}"));
+    let guards = guards.map(|guard| format!("Warning: {guard}"));
+    verdict.into_iter().chain(guards).chain(repeat).collect()
 }
 
 /// A requirement as a result has it.
