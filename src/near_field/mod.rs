@@ -40,16 +40,13 @@ mod zone;
 pub(crate) use self::body::WheelPlane;
 pub use self::body::{FEW_PLACEMENTS, Footprint, self_hits};
 pub(crate) use ground::{CELL, NEAR, Pole, RING, Standard};
+pub(crate) use look::{CLOSE, outline, place, returned_hits};
 pub use look::{NearField, NearSite};
-pub(crate) use look::{outline, place, returned_hits};
 pub(crate) use required::{RequiredGround, least_metres};
 pub use zone::NearFieldError;
 
 #[cfg(test)]
 pub(crate) use zone::{BlindLane, BlindZone};
-
-#[cfg(test)]
-pub(crate) use look::CLOSE;
 
 #[cfg(test)]
 mod tests;

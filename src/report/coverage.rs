@@ -9,7 +9,7 @@ use super::svg::{ACCENT, FAINT, GREY, INK, SECOND, SOFT, corners, page, px};
 use super::text::{align_columns, shortened};
 use crate::json::fixed;
 use crate::maths;
-use crate::near_field::{CELL, Footprint, NEAR, NearField, RING, Standard};
+use crate::near_field::{CELL, CLOSE, Footprint, NEAR, NearField, RING, Standard};
 use crate::score::{percent_down, percent_up};
 use crate::shared::{Overlap, Redundancy, SeenBy, SeenByTechnologies, Technologies};
 use crate::vehicle::{Placement, SensorName};
@@ -54,7 +54,12 @@ pub fn near_field_text(all: &[NearField]) -> String {
         row.push(wasted.collect::<Vec<_>>().join(" "));
         row
     }));
-    format!("{}{POLES}\n", align_columns(&rows))
+    format!("{}{}\n{POLES}\n", align_columns(&rows), seen_ground())
+}
+
+/// Meaning of ground that is seen.
+pub(super) fn seen_ground() -> String {
+    format!("ground is seen where a beam ends on ground within {CLOSE} m")
 }
 
 /// Caveat of the columns of poles.

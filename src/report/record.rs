@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use super::coverage::seen_ground;
 use super::next_steps::next_in_words;
 use super::plot::{Change, ReferenceLine};
 use super::tables::by_scene;
@@ -172,11 +173,12 @@ impl NearRecord {
         let ring = near.ring.map(|ring| format!(", {:.1} % within {RING} m", percent_down(ring)));
         format!(
             "blind zone, ground before the body that no beam reaches, over {}: {}\n\
-             ground seen: {:.1} % within {NEAR} m{}\n",
+             ground seen: {:.1} % within {NEAR} m{}\n{}\n",
             counted(*frames, "frame"),
             depths.join(", "),
             percent_down(near.near_field),
-            ring.unwrap_or_default()
+            ring.unwrap_or_default(),
+            seen_ground()
         )
     }
 }
