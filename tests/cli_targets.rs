@@ -252,7 +252,7 @@ fn wrong_targets_are_one_sentence_each() {
 }
 
 /// The cart in an empty yard, with rules on targets.
-fn ruled(dir: &Path, require: Value) {
+pub fn ruled(dir: &Path, require: Value) {
     vehicle(dir, json!([]));
     let path = dir.join("cart.json");
     let mut cart: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
@@ -411,100 +411,4 @@ fn wrong_rules_are_refused_with_their_place() {
         let has_place = told.contains("cart.json") || word == "none.json";
         assert!(told.contains(word) && has_place, "{rule}: {told}");
     }
-}
-
-#[test]
-fn own_rigs_lose_each_lidar_in_turn() {
-    let dir = TempDir::new().unwrap();
-    let ahead = json!({ "name": "ahead", "target": "car", "from": 10, "within": 15, "bearing": [-60, 60], "share": 0.9 });
-    let mut pair = ahead.clone();
-    (pair["name"], pair["without_any_one"]) = (json!("pair"), json!(true));
-    ruled(dir.path(), json!([ahead, pair]));
-    let lidar = |yaw: f64| json!({ "x": 0, "y": 0, "z": 1, "yaw": yaw, "sensor": "half" });
-    let rigs = json!({ "placements": [
-        { "name": "both", "lidars": [lidar(0.0), lidar(std::f64::consts::PI)] },
-        { "name": "twice", "lidars": [lidar(0.0), lidar(0.0), lidar(std::f64::consts::PI)] },
-        { "name": "front", "lidars": [lidar(0.0), lidar(0.0)] } ] });
-    fs::write(dir.path().join("own.json"), rigs.to_string()).unwrap();
-    let args = ["study", "loss", "street.json", "own.json", "--backend", "cpu", "--out", "lost"];
-    let found = ok(dir.path(), &args);
-    let columns = found["columns"].as_array().unwrap();
-    assert_eq!(columns.len(), 8, "{columns:?}");
-    let values =
-        |row: usize| -> Vec<Value> { found["rows"][row]["values"].as_array().unwrap().clone() };
-    // One of two: nothing ahead, or nothing behind but what the half turns share.
-    let both = values(0);
-    assert_eq!((&both[5], &both[4]), (&json!(2.0), &Value::Null));
-    assert!(both[6].as_f64().unwrap() > 150.0, "{both:?}");
-    // Without the first of two that look alike nothing changes.
-    let twice = values(1);
-    assert_eq!((&twice[0], &twice[5]), (&twice[2], &json!(0.0)));
-    // Every column has a name of its own, and the gain is in per cent, as the table of `score` has it.
-    let table = fs::read_to_string(dir.path().join("lost/table.csv")).unwrap();
-    let mut titles: Vec<&str> = table.lines().next().unwrap().split(',').collect();
-    let count = titles.len();
-    titles.sort_unstable();
-    titles.dedup();
-    assert_eq!(titles.len(), count, "{table}");
-    let scores = ok(dir.path(), &["score", "street.json", "own.json", "--backend", "cpu"]);
-    let gain = scores["scores"][0]["near_gain"].as_f64().unwrap();
-    assert!((both[0].as_f64().unwrap() - 100.0 * gain).abs() < 1e-9, "{both:?} {gain}");
-    // The chart has the gains alone: two rigs at three and four values; the losses that fail are hollow.
-    let chart = fs::read_to_string(dir.path().join("lost/chart.svg")).unwrap();
-    let hollow = chart.matches("fill=\"#fff\" stroke=").count();
-    assert_eq!(
-        found["rows"][0]["unmet_at"],
-        json!([1, 2]),
-        "the first loss alone misses both: {found}"
-    );
-    assert_eq!(hollow, 2, "{chart}");
-    assert!(!chart.contains("most not met") && chart.contains("near gain % (hollow"), "{chart}");
-    let notes = found["notes"].to_string();
-    let lost = "both without LiDAR 0 (mast): NOT MET: ahead: 0.0 % seen, 90.0 % required, missing at 10 to 15 m";
-    assert!(notes.contains(lost), "{notes}");
-    assert!(
-        notes.contains(
-            "both without LiDAR 1: left and behind and right (in sectors of 30° over 210°, left round from 75° to -75°)"
-        ),
-        "{notes}"
-    );
-    // Sectors that all LiDARs leave blind are told once.
-    assert!(
-        notes.contains(
-            "front with all LiDARs already: left and behind and right (in sectors of 30° over 210°"
-        ) && !notes.contains("front without")
-            && !notes.contains("both with all"),
-        "{notes}"
-    );
-    // A rule that allows for a loss is looked at with this one LiDAR lost, and no second.
-    assert!(notes.contains("; NOT MET: pair: 0.0 % seen, 90.0 % required"), "{notes}");
-    assert!(!notes.contains("twice without LiDAR 0"), "{notes}");
-    // In fog cars are lost where `score` of the LiDARs that are left says so in the same fog.
-    let fog = ["--condition", "fog:mor=12", "--backend", "cpu"];
-    let single = |name: &str, yaw: f64| json!({ "name": name, "lidars": [lidar(yaw)] });
-    let left =
-        json!({ "placements": [single("ahead", 0.0), single("back", std::f64::consts::PI)] });
-    fs::write(dir.path().join("left.json"), left.to_string()).unwrap();
-    let degrees = |more: &[&str]| {
-        let scores = ok(dir.path(), &[&["score", "street.json", "left.json"], more].concat());
-        let of = |row: usize| -> f64 {
-            let blind = scores["scores"][row]["range_card"]["blind"].as_array().unwrap();
-            let width = |sector: &Value| {
-                let [from, to] = [0, 1].map(|k| sector["bearings"][k].as_f64().unwrap());
-                if from < to { to - from } else { to - from + 360.0 }
-            };
-            blind.iter().map(width).sum()
-        };
-        of(0).max(of(1))
-    };
-    let line = ["study", "loss", "street.json", "own.json", "--out", "fog"];
-    let in_fog = ok(dir.path(), &[&line[..], &fog].concat());
-    let blind = in_fog["rows"][0]["values"][6].as_f64().unwrap();
-    assert_eq!((blind, both[6].as_f64().unwrap()), (degrees(&fog), degrees(&fog[2..])));
-    assert!(blind > both[6].as_f64().unwrap(), "{blind} {both:?}");
-    let told = fails(dir.path(), &["study", "lidars", "street.json", "own.json"]);
-    assert!(
-        told.contains("own.json: holds placements, which `study lidars` does not take"),
-        "{told}"
-    );
 }
