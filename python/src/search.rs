@@ -9,12 +9,11 @@ use pyo3::exceptions::{PyRuntimeError, PyStopIteration};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use serde_json::json;
-use sightline::engine::EngineChoice;
 use sightline::job::{Found, Tolerance};
 use sightline::report::{RunContext, RunRecord, RunTimes};
 use sightline::search::{Event, FrameChoice, Method, Scored, Settings, TimeLimit};
 use sightline::vehicle::Vehicle;
-use sightline::{Job, Objective};
+use sightline::{Job, Objective, Placement, Scene};
 
 use crate::arguments::{self, Aim, listed};
 use crate::arrays::to_python;
@@ -115,6 +114,22 @@ impl Asked {
         let found = job.optimize(&mut observe).map_err(raised)?;
         Ok(found.map(|found| (found, job.conditions_in_words())))
     }
+
+    /// Runs on a thread of its own, and gives the result as Python has it; see [`beside`].
+    fn answer<'py>(
+        self,
+        py: Python<'py>,
+        vehicle: &Vehicle,
+        callback: Option<Py<PyAny>>,
+        progress: Option<Progress>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (ended, signal) = beside(py, |observe| self.run(observe), callback, progress)?;
+        let result = match ended {
+            Some((found, conditions)) => result_object(py, vehicle, &found, conditions)?,
+            None => py.None().into_bound(py),
+        };
+        signalled(py, signal, result)
+    }
 }
 
 /// Tells a callback of an event; `Ok(false)` where it asks for the end by `StopIteration`, as SciPy has it.
@@ -152,6 +167,18 @@ fn refuse_beside_function(options: &[(&str, bool)]) -> PyResult<()> {
     let why = "is not taken where objective is a function; leave it out";
     let given = options.iter().find(|(_, is_given)| *is_given);
     given.map_or(Ok(()), |(name, _)| Err(bad(format!("{name}: {why}"))))
+}
+
+/// Search methods by their names in Python.
+const METHODS: [(&str, Method); 3] =
+    [("both", Method::Both), ("cma", Method::Cma), ("swaps", Method::Swaps)];
+
+/// Placements of a scene, none where none or an empty list is given.
+fn layouts(scene: &Scene, given: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<Placement>> {
+    match given.filter(|list| !list.len().is_ok_and(|length| length == 0)) {
+        Some(list) => placements_in(scene, list, None, None),
+        None => Ok(Vec::new()),
+    }
 }
 
 /// Placements of a scene as Python has them; none where none are given.
@@ -217,7 +244,7 @@ pub fn search<'py>(
     let objective = match objective {
         Aim::Text(text) => text,
         Aim::Function(function) => {
-            let other = [
+            refuse_beside_function(&[
                 ("method", !["both", "cma"].contains(&method)),
                 ("frames", frames.is_some()),
                 ("starts", starts.is_some()),
@@ -225,55 +252,33 @@ pub fn search<'py>(
                 ("budget", budget.is_some()),
                 ("fewest", fewest),
                 ("tolerance", tolerance.is_none_or(|text| text != TOLERANCE)),
-            ];
-            refuse_beside_function(&other)?;
+            ])?;
             let baselines = own_placements(&given[0], baselines)?;
             let settings = (evaluations, seed, population, baselines, target, seconds);
-            let progress = progress.and_then(|progress| progress.0);
-            let search = py.import("sightline._by_function")?.getattr("search")?;
-            return search.call1((given, function, settings, callback, progress));
+            let asked = (given, function, settings, callback, progress.and_then(|of| of.0));
+            return py.import("sightline._by_function")?.getattr("search")?.call1(asked);
         }
     };
     let scenes: Vec<_> = given.iter().map(|scene| scene.get().built.clone()).collect();
-    let engine: EngineChoice = scenes[0].options.engine.clone();
-    let given = |list: Option<&Bound<'py, PyAny>>| {
-        list.filter(|list| !list.len().is_ok_and(|length| length == 0)).map_or_else(
-            || Ok(Vec::new()),
-            |list| placements_in(&scenes[0].scene, list, None, None),
-        )
-    };
     let settings = Settings {
         objective: objective.parse::<Objective>().map_err(raised)?,
-        method: word(
-            "method",
-            method,
-            &[("both", Method::Both), ("cma", Method::Cma), ("swaps", Method::Swaps)],
-        )?,
+        method: word("method", method, &METHODS)?,
         evaluations,
         population,
         seed,
         frames: frames_of(frames)?,
-        starts: given(starts)?,
+        starts: layouts(&scenes[0].scene, starts)?,
         target,
-        engine,
+        engine: scenes[0].options.engine.clone(),
         ..Settings::default()
     };
     let tolerance = tolerance.map(|text| text.parse::<Tolerance>().map_err(bad)).transpose()?;
-    let job = job_of(&scenes)?.mirrored(mirror).budget(budget).search(settings);
-    let job = job.fewest(fewest).tolerance(tolerance);
-    let job = match baselines {
-        Some(list) => job.baselines(given(Some(list))?),
-        None => job,
-    };
-    let asked = Asked { job, seconds };
-    let (ended, signal) = beside(py, |observe| asked.run(observe), callback, progress)?;
-    let result = match ended {
-        Some((found, conditions)) => {
-            result_object(py, scenes[0].scene.vehicle(), &found, conditions)?
-        }
-        None => py.None().into_bound(py),
-    };
-    signalled(py, signal, result)
+    let mut job = job_of(&scenes)?.mirrored(mirror).budget(budget).search(settings);
+    job = job.fewest(fewest).tolerance(tolerance);
+    if baselines.is_some() {
+        job = job.baselines(layouts(&scenes[0].scene, baselines)?);
+    }
+    Asked { job, seconds }.answer(py, scenes[0].scene.vehicle(), callback, progress)
 }
 
 /// A result, or the signal that ended its search, with the result as its attribute.
