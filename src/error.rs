@@ -10,7 +10,6 @@ use crate::near_field::NearFieldError;
 use crate::problem::ProblemError;
 use crate::psog::PsogFileError;
 use crate::rig::RigError;
-use crate::scan::ScanError;
 use crate::score::ObjectiveError;
 use crate::study::StudyError;
 use crate::vehicle::{PlacementFileError, PoseGridError};
@@ -29,7 +28,6 @@ pub enum Error {
     PoseGrid(#[from] PoseGridError),
     PsogFile(#[from] PsogFileError),
     Dataset(#[from] DatasetError),
-    Scan(#[from] ScanError),
     Export(#[from] ExportError),
     Problem(#[from] ProblemError),
     Job(JobError),

@@ -4,8 +4,7 @@ use super::front::FrontError;
 use crate::engine::BackendError;
 use crate::problem::ProblemError;
 use crate::psog::{PsogError, PsogFileError};
-use crate::scan::VisibilityError;
-use crate::scan::conditions::ConditionError;
+use crate::scan::ScanError;
 use crate::scene::DescriptionError;
 use crate::search::SearchError;
 use crate::shared::OverlapError;
@@ -42,12 +41,9 @@ pub enum JobError {
     /// A placement that cannot be scored.
     #[error(transparent)]
     Placement(#[from] PlacementError),
-    /// Weather and faults that cannot be read.
+    /// Weather and faults that cannot be read, or that scores and scans cannot be computed under.
     #[error(transparent)]
-    Condition(#[from] ConditionError),
-    /// Weather that scores cannot be computed under.
-    #[error(transparent)]
-    Visibility(#[from] VisibilityError),
+    Scan(#[from] ScanError),
     /// An engine that is missing or fails.
     #[error(transparent)]
     Backend(#[from] BackendError),

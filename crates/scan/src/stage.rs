@@ -5,8 +5,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
-use crate::scanner::ScanError;
-use crate::{EGO_INSTANCE, NO_INSTANCE};
+use crate::{EGO_INSTANCE, NO_INSTANCE, ScanError};
 use lidar_cast::bvh::{Bvh, Triangle};
 use lidar_cast::cast::{BundleOrigin, BundleTree, SweptPart, TreeView};
 use lidar_cast::geom::{Glide, Pose};
