@@ -8,7 +8,7 @@ use crate::scan::ScanError;
 use crate::scene::DescriptionError;
 use crate::search::SearchError;
 use crate::shared::OverlapError;
-use crate::vehicle::{PlacementError, SensorError};
+use crate::vehicle::SensorError;
 
 /// Why a job cannot be posed, scored or searched.
 #[derive(Debug, thiserror::Error)]
@@ -33,14 +33,12 @@ pub enum JobError {
     /// From the P-SOG file that the scene names.
     #[error("{place}: {source}")]
     Psog { place: String, source: PsogFileError },
+    /// A sensor without beams, or a placement that cannot be scored.
     #[error(transparent)]
     Sensor(#[from] SensorError),
     /// Scene and P-SOG do not fit together.
     #[error("{files}: {source}")]
     Problem { files: String, source: ProblemError },
-    /// A placement that cannot be scored.
-    #[error(transparent)]
-    Placement(#[from] PlacementError),
     /// Weather and faults that cannot be read, or that scores and scans cannot be computed under.
     #[error(transparent)]
     Scan(#[from] ScanError),
