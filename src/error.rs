@@ -8,7 +8,6 @@ use crate::files::FileError;
 use crate::job::JobError;
 use crate::near_field::NearFieldError;
 use crate::problem::ProblemError;
-use crate::psog::PsogFileError;
 use crate::rig::RigError;
 use crate::score::ObjectiveError;
 use crate::study::StudyError;
@@ -26,7 +25,6 @@ pub enum Error {
     Placements(#[from] PlacementFileError),
     Rig(#[from] RigError),
     PoseGrid(#[from] PoseGridError),
-    PsogFile(#[from] PsogFileError),
     Dataset(#[from] DatasetError),
     Export(#[from] ExportError),
     Problem(#[from] ProblemError),

@@ -3,7 +3,7 @@
 use super::front::FrontError;
 use crate::engine::BackendError;
 use crate::problem::ProblemError;
-use crate::psog::{PsogError, PsogFileError};
+use crate::psog::PsogError;
 use crate::scan::ScanError;
 use crate::scene::DescriptionError;
 use crate::search::SearchError;
@@ -32,7 +32,7 @@ pub enum JobError {
     Grid(#[from] PsogError),
     /// From the P-SOG file that the scene names.
     #[error("{place}: {source}")]
-    Psog { place: String, source: PsogFileError },
+    Psog { place: String, source: PsogError },
     /// A sensor without beams, or a placement that cannot be scored.
     #[error(transparent)]
     Sensor(#[from] SensorError),
