@@ -7,7 +7,6 @@ mod density;
 mod document;
 mod doubts;
 mod objects;
-mod profile;
 mod stations;
 mod values;
 
@@ -22,9 +21,9 @@ use crate::world::WorldError;
 use document::RoadFacts;
 use lidar_cast::maths;
 use objects::{MAX_FAR, point};
-use profile::Profile;
 use sightline_files::Note;
 use sightline_files::json::is_utf_16;
+use stations::Profile;
 
 /// Largest file in bytes.
 pub const MAX_FILE: u64 = 128 << 20;
