@@ -317,7 +317,7 @@ pub struct Bvh {
 
 impl Bvh {
     /// The padded box of a triangle, which its leaf and all nodes above contain.
-    pub fn padded_box(triangle: &Triangle, pad: f32) -> Aabb {
+    pub(crate) fn padded_box(triangle: &Triangle, pad: f32) -> Aabb {
         let mut bounds = Aabb::EMPTY;
         for corner in [triangle.a, triangle.b, triangle.c] {
             bounds.grow(corner.into());

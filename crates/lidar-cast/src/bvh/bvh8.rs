@@ -6,7 +6,7 @@ use super::bvh16::{BLOCK, TreeCuts};
 use super::{BvhNode, Triangle};
 
 /// Children of a node, and most triangles of a block.
-pub const WIDTH: usize = 8;
+pub(crate) const WIDTH: usize = 8;
 /// Row of [`Node8`] with the children.
 const CHILDREN: usize = 6;
 /// Row of [`Node8`] whose first place has their number.
@@ -106,7 +106,7 @@ impl Node8 {
     }
 
     /// Replaces the children.
-    pub fn map_children(&mut self, new: impl Fn(u32) -> u32) {
+    pub(crate) fn map_children(&mut self, new: impl Fn(u32) -> u32) {
         for child in &mut self.rows[CHILDREN] {
             *child = f32::from_bits(new(child.to_bits()));
         }

@@ -257,7 +257,7 @@ pub struct Crosstalk {
 impl Crosstalk {
     /// Apparent range of a return at `range` metres: uniform from the sensor's `least` on, by `u` from 0 to below 1.
     /// Pulses later than the own echo are not waited for.
-    pub fn false_range(&self, least: f64, range: f64, u: f64) -> f64 {
+    pub(crate) fn false_range(&self, least: f64, range: f64, u: f64) -> f64 {
         least + u * (range - least).max(0.0)
     }
 }

@@ -274,7 +274,7 @@ pub(super) struct Balls {
 impl Balls {
     /// Flakes of Gunn and Marshall 1958, at a rate in millimetres of water an hour and a speed in metres a second; none
     /// at rate 0, or so few that they are not a number.
-    pub fn flakes(rate: f64, speed: f64) -> Option<Self> {
+    pub(crate) fn flakes(rate: f64, speed: f64) -> Option<Self> {
         let rain = maths::pow(rate / (487.0 * DENSITY * 0.003 * speed), 1.5);
         let mean = 10e-3 / (25.5 * maths::pow(rain, -0.48));
         let volume = rate / (3.6e6 * DENSITY * speed);
@@ -303,7 +303,7 @@ impl Balls {
     }
 
     /// Balls in a cubic metre.
-    pub fn per_cubic_metre(&self) -> f64 {
+    pub(crate) fn per_cubic_metre(&self) -> f64 {
         self.volume / (PI * self.mean.powi(3))
     }
 }

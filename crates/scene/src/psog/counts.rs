@@ -180,7 +180,7 @@ impl Psog {
 }
 
 /// Checks the class names of a P-SOG.
-pub fn check_classes(classes: &[String]) -> Result<(), PsogError> {
+pub(crate) fn check_classes(classes: &[String]) -> Result<(), PsogError> {
     if classes.is_empty() {
         return Err(PsogError::NoClasses);
     }
@@ -205,7 +205,7 @@ pub fn check_classes(classes: &[String]) -> Result<(), PsogError> {
 }
 
 /// Checks one entry of `index` against the one before it and the grid.
-pub fn check_index(
+pub(crate) fn check_index(
     position: usize,
     value: u64,
     previous: Option<u64>,

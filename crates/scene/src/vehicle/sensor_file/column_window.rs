@@ -16,7 +16,7 @@ pub(super) struct ColumnWindow {
 
 impl ColumnWindow {
     /// First and last column, both valid; the window goes through column 0 where the first one is larger.
-    pub fn of_columns(
+    pub(crate) fn of_columns(
         at: &Location,
         [first, last]: [u64; 2],
         steps: u32,
