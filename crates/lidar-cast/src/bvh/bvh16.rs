@@ -60,7 +60,7 @@ struct Collapse<'a> {
 
 impl Bvh16 {
     /// Merges the binary tree's nodes where [`TreeCuts`] says. A subtree of at most sixteen triangles becomes a block.
-    pub fn collapse(nodes: &[BvhNode], triangles: &[Triangle]) -> Self {
+    pub(crate) fn collapse(nodes: &[BvhNode], triangles: &[Triangle]) -> Self {
         let cuts = TreeCuts::new(nodes);
         let mut collapse = Collapse { nodes, triangles, cuts, tree: Self::default() };
         if let Some(root) = nodes.first() {

@@ -51,7 +51,7 @@ pub struct Block8 {
 
 impl Bvh8 {
     /// Merges the binary tree's nodes where [`TreeCuts`] says. A subtree of at most eight triangles becomes a block.
-    pub fn collapse(nodes: &[BvhNode], triangles: &[Triangle]) -> Self {
+    pub(crate) fn collapse(nodes: &[BvhNode], triangles: &[Triangle]) -> Self {
         let (mut tree, cuts) = (Self::default(), TreeCuts::new(nodes));
         if let Some(root) = nodes.first() {
             let sides = root.min.iter().chain(&root.max);
@@ -84,7 +84,7 @@ impl Bvh8 {
 }
 
 impl Node8 {
-    pub const EMPTY: Self = {
+    pub(crate) const EMPTY: Self = {
         let (low, high) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
         Self { rows: [low, low, low, high, high, high, [0.0; WIDTH], [0.0; WIDTH]] }
     };

@@ -286,7 +286,7 @@ impl Balls {
     ///
     /// A ball stands for the cross-section that its drop takes out of the light: twice the drop's (Q = 2, van de
     /// Hulst 1957), so that its diameter is √2 of the drop's.
-    pub fn drops(rate: f64) -> Option<Self> {
+    pub(crate) fn drops(rate: f64) -> Option<Self> {
         let slope = SLOPE * maths::pow(rate, -0.21);
         let mean = std::f64::consts::SQRT_2 / slope;
         Self::some(mean, DROPS / slope * PI * mean.powi(3))
@@ -298,7 +298,7 @@ impl Balls {
 
     /// Share of the light that a metre of air takes off a beam: n·π/4·E[D²] with n = volume / (π/6·E[D³]), and
     /// E[Dᵏ] = k!·mean of the exponential distribution.
-    pub fn extinction(&self) -> f64 {
+    pub(crate) fn extinction(&self) -> f64 {
         0.5 * self.volume / self.mean
     }
 

@@ -296,7 +296,7 @@ impl OwnBody {
     ///
     /// # Errors
     /// Another number of poses.
-    pub fn check_frames(&self, frames: usize) -> Result<(), DescriptionError> {
+    pub(crate) fn check_frames(&self, frames: usize) -> Result<(), DescriptionError> {
         match &self.motion {
             Motion::Poses(poses) if poses.len() != frames => {
                 let found = format!("a list of {}", poses.len());
