@@ -76,6 +76,16 @@ macro_rules! three {
 pub(super) use per_target;
 pub(in crate::cast) use three;
 
+/// Functions for processors with these features.
+#[cfg(target_arch = "x86_64")]
+macro_rules! in_registers {
+    ($features:tt; $(fn $name:ident $args:tt -> $result:ty $body:block)*) => {
+        $(#[inline]
+        #[target_feature(enable = $features)]
+        pub(in crate::cast) fn $name $args -> $result $body)*
+    };
+}
+
 #[cfg(target_arch = "x86_64")]
 pub(super) mod avx512 {
     //! Sixteen numbers in one register.
@@ -91,15 +101,8 @@ pub(super) mod avx512 {
     pub(in crate::cast) type I = __m512i;
     pub(in crate::cast) type M = __mmask16;
 
-    macro_rules! ops {
-        ($(fn $name:ident $args:tt -> $result:ty $body:block)*) => {
-            $(#[inline]
-            #[target_feature(enable = "avx2,fma,avx512f,avx512bw,avx512dq,avx512vl")]
-            pub(in crate::cast) fn $name $args -> $result $body)*
-        };
-    }
-
-    ops! {
+    in_registers! {
+        "avx2,fma,avx512f,avx512bw,avx512dq,avx512vl";
         fn splat(x: f32) -> V { _mm512_set1_ps(x) }
         fn load(x: &[f32; W]) -> V { cast(*x) }
         fn store(x: V) -> [f32; W] { cast(x) }
@@ -166,15 +169,8 @@ pub(super) mod avx2 {
     pub(in crate::cast) struct I(__m256i, __m256i);
     pub(in crate::cast) type M = V;
 
-    macro_rules! ops {
-        ($(fn $name:ident $args:tt -> $result:ty $body:block)*) => {
-            $(#[inline]
-            #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
-            pub(in crate::cast) fn $name $args -> $result $body)*
-        };
-    }
-
-    ops! {
+    in_registers! {
+        "avx2,fma,bmi1,bmi2,popcnt,lzcnt";
         fn splat(x: f32) -> V { V(_mm256_set1_ps(x), _mm256_set1_ps(x)) }
         fn load(x: &[f32; W]) -> V { let [a, b]: [__m256; 2] = cast(*x); V(a, b) }
         fn store(x: V) -> [f32; W] { cast([x.0, x.1]) }
