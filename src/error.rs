@@ -8,9 +8,7 @@ use crate::files::FileError;
 use crate::job::JobError;
 use crate::near_field::NearFieldError;
 use crate::problem::ProblemError;
-use crate::psog::PsogFileError;
 use crate::rig::RigError;
-use crate::scan::ScanError;
 use crate::score::ObjectiveError;
 use crate::study::StudyError;
 use crate::vehicle::{PlacementFileError, PoseGridError};
@@ -27,9 +25,7 @@ pub enum Error {
     Placements(#[from] PlacementFileError),
     Rig(#[from] RigError),
     PoseGrid(#[from] PoseGridError),
-    PsogFile(#[from] PsogFileError),
     Dataset(#[from] DatasetError),
-    Scan(#[from] ScanError),
     Export(#[from] ExportError),
     Problem(#[from] ProblemError),
     Job(JobError),

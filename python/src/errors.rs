@@ -80,7 +80,7 @@ fn lacks_memory(error: &Error) -> bool {
     matches!(engine, Some(BackendError::TooLarge { .. } | BackendError::OutOfMemory(_)))
         || matches!(
             error,
-            Error::Scan(ScanError::OutOfMemory(_))
+            Error::Job(JobError::Scan(ScanError::OutOfMemory(_)))
                 | Error::Problem(ProblemError::OutOfMemory(_))
                 | Error::Job(JobError::Grid(PsogError::OutOfMemory(_)))
                 | Error::Job(JobError::Problem { source: ProblemError::OutOfMemory(_), .. })

@@ -3,13 +3,12 @@
 use super::front::FrontError;
 use crate::engine::BackendError;
 use crate::problem::ProblemError;
-use crate::psog::{PsogError, PsogFileError};
-use crate::scan::VisibilityError;
-use crate::scan::conditions::ConditionError;
+use crate::psog::PsogError;
+use crate::scan::ScanError;
 use crate::scene::DescriptionError;
 use crate::search::SearchError;
 use crate::shared::OverlapError;
-use crate::vehicle::{PlacementError, SensorError};
+use crate::vehicle::SensorError;
 
 /// Why a job cannot be posed, scored or searched.
 #[derive(Debug, thiserror::Error)]
@@ -33,21 +32,16 @@ pub enum JobError {
     Grid(#[from] PsogError),
     /// From the P-SOG file that the scene names.
     #[error("{place}: {source}")]
-    Psog { place: String, source: PsogFileError },
+    Psog { place: String, source: PsogError },
+    /// A sensor without beams, or a placement that cannot be scored.
     #[error(transparent)]
     Sensor(#[from] SensorError),
     /// Scene and P-SOG do not fit together.
     #[error("{files}: {source}")]
     Problem { files: String, source: ProblemError },
-    /// A placement that cannot be scored.
+    /// Weather and faults that cannot be read, or that scores and scans cannot be computed under.
     #[error(transparent)]
-    Placement(#[from] PlacementError),
-    /// Weather and faults that cannot be read.
-    #[error(transparent)]
-    Condition(#[from] ConditionError),
-    /// Weather that scores cannot be computed under.
-    #[error(transparent)]
-    Visibility(#[from] VisibilityError),
+    Scan(#[from] ScanError),
     /// An engine that is missing or fails.
     #[error(transparent)]
     Backend(#[from] BackendError),

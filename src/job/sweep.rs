@@ -9,7 +9,7 @@ use crate::near_field::self_hits;
 use crate::score::Scores;
 use crate::search::Evaluator;
 use crate::vehicle::{
-    Constraints, FARTHEST_ON_VEHICLE, Placement, PlacementError, SensorPose, Violation,
+    Constraints, FARTHEST_ON_VEHICLE, Placement, SensorError, SensorPose, Violation,
 };
 
 /// Number of the first angle among the fields of a pose.
@@ -163,7 +163,7 @@ impl SweptField {
     ///
     /// # Errors
     /// The first value that is not finite, or too far away.
-    pub fn check(self, placement: &Placement, values: &[f64]) -> Result<(), PlacementError> {
+    pub fn check(self, placement: &Placement, values: &[f64]) -> Result<(), SensorError> {
         values.iter().try_for_each(|value| self.moved(placement, *value).validate())
     }
 

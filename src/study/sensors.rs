@@ -181,7 +181,7 @@ pub(super) fn weather(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
 fn skies(given: &[Condition]) -> Result<Vec<(String, Vec<Condition>)>, StudyError> {
     let usual = USUAL.iter().map(|name| name.parse());
     let all = match given {
-        [] => usual.collect::<Result<_, _>>().map_err(JobError::Condition)?,
+        [] => usual.collect::<Result<_, _>>().map_err(JobError::Scan)?,
         given => given.to_vec(),
     };
     let named = all.into_iter().map(|one: Condition| (one.to_string(), vec![one]));

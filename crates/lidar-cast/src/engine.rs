@@ -184,7 +184,7 @@ impl ChunkLimits {
     ///
     /// # Errors
     /// `lidars` sensors, one placement, do not fit somewhere.
-    pub fn from_bytes(
+    pub(crate) fn from_bytes(
         lidars: usize,
         bounds: &[(&'static str, u64, u64)],
     ) -> Result<Self, BackendError> {

@@ -4,12 +4,11 @@ mod condition;
 mod fog;
 mod snow;
 
-use crate::Status;
 use crate::fires::Purpose;
+use crate::{ScanError, Status};
 
 pub use condition::{
-    Condition, ConditionError, ConditionKind, Crosstalk, IncompleteEcho, MotionBlur, WetGround,
-    holds_water,
+    Condition, ConditionKind, Crosstalk, IncompleteEcho, MotionBlur, WetGround, holds_water,
 };
 pub use fog::Fog;
 pub use snow::{FallEffect, Falling, Flake, JoinedEcho};
@@ -67,12 +66,12 @@ impl Weather {
 ///
 /// # Errors
 /// A condition given twice.
-pub fn weather(conditions: &[Condition]) -> Result<Weather, ConditionError> {
+pub fn weather(conditions: &[Condition]) -> Result<Weather, ScanError> {
     let mut weather = Weather::default();
     for (place, condition) in conditions.iter().enumerate() {
         let kind = condition.kind();
         if conditions[..place].iter().any(|other| other.kind() == kind) {
-            return Err(ConditionError::Repeated { condition: kind.name() });
+            return Err(ScanError::Repeated { condition: kind.name() });
         }
         let value = |key: &str| condition.value(key).unwrap_or(0.0);
         match kind {

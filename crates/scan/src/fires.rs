@@ -105,7 +105,7 @@ impl Fires {
     }
 
     /// Beams of a channel in some columns, one after the other.
-    pub fn in_row(
+    pub(crate) fn in_row(
         &self,
         channel: usize,
         columns: Range<usize>,

@@ -3,6 +3,7 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
 pub mod conditions;
+mod error;
 mod fires;
 mod hits;
 mod optics;
@@ -19,11 +20,12 @@ mod sweep;
 mod tests;
 mod visibility;
 
+pub use error::ScanError;
 pub use hits::BeamHits;
 pub use psog::scan_scene;
 pub use record::{
     BOX_MARGIN, EGO_INSTANCE, NO_CLASS, NO_INSTANCE, Return, Scan, ScanLidar, Status, TrackedBox,
 };
-pub use scanner::{ScanError, Scanner, Scanning};
+pub use scanner::{Scanner, Scanning};
 pub use stage::Stage;
-pub use visibility::{VisibilityError, in_conditions};
+pub use visibility::in_conditions;

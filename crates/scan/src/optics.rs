@@ -50,7 +50,7 @@ impl Optics {
     }
 
     /// Share of light that fog leaves on the way to a range and back.
-    pub fn through_fog(&self, range: f64) -> f64 {
+    pub(crate) fn through_fog(&self, range: f64) -> f64 {
         self.weather.fog.as_ref().map_or(1.0, |fog| fog.attenuation(range))
     }
 }

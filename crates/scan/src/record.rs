@@ -154,7 +154,7 @@ impl Scan {
     }
 
     /// Counts the points in every box anew.
-    pub fn count_points(&mut self) {
+    pub(crate) fn count_points(&mut self) {
         let mut points = Vec::with_capacity(self.returns.len());
         points.extend(self.points().map(|beam| beam.position));
         let clusters: Vec<Cluster<'_>> = points.chunks(TOGETHER).map(Cluster::new).collect();

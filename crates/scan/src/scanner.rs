@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use crate::conditions::{self, Condition, ConditionError};
+use crate::conditions::{self, Condition};
 use crate::fires::Fires;
 use crate::optics::Optics;
 use crate::receiver::Receiver;
@@ -13,13 +13,13 @@ use crate::rim::Rims;
 use crate::stage::{Motions, Stage};
 use crate::station::Station;
 use crate::sweep::{BYTES_OF_A_SWEEP, BYTES_OF_RAYS, ScanDevice, Sweeper};
-use crate::{EGO_INSTANCE, Return, Scan, ScanLidar, TrackedBox};
+use crate::{EGO_INSTANCE, Return, Scan, ScanError, ScanLidar, TrackedBox};
 use lidar_cast::bvh::Bvh;
-use lidar_cast::engine::{BackendError, EngineChoice, OutOfMemory, open_caster};
+use lidar_cast::engine::{BackendError, EngineChoice, open_caster};
 use lidar_cast::geom::Pose;
 use lidar_cast::memory;
 use sightline_scene::scene::{Scene, Track};
-use sightline_scene::vehicle::{Placement, SensorError, Sensors, UnknownSensor};
+use sightline_scene::vehicle::{Placement, Sensors, UnknownSensor};
 
 /// Beams of one parallel task: its hits fit into the second-level cache.
 const BEAMS_A_TASK: usize = 2048;
@@ -352,34 +352,4 @@ impl<'a> Scanner<'a> {
         let boxes = self.tracks.iter().enumerate().filter(|(_, track)| track.size.length() > 0.0);
         boxes.map(boxed).collect()
     }
-}
-
-/// Why a scene cannot be scanned.
-#[derive(Debug, thiserror::Error)]
-#[error(transparent)]
-#[non_exhaustive]
-#[allow(missing_docs, reason = "the message tells the fields")]
-pub enum ScanError {
-    /// There is nothing to scan.
-    #[error("the scene `{scene}` has no geometry; a scan needs `static`, `actors` or a body")]
-    NoGeometry { scene: String },
-    /// Instances are numbers of 16 bits.
-    #[error(
-        "the scene `{scene}` has {actors} actors, a scan tells at most 65534 apart; leave some out"
-    )]
-    TooManyActors { scene: String, actors: usize },
-    /// A sensor of a model that the vehicle does not have.
-    UnknownSensor(#[from] UnknownSensor),
-    /// A model without beams.
-    Sensor(#[from] SensorError),
-    /// A condition of an ideal scan.
-    #[error(
-        "the condition `{condition}` acts on beams, of which an ideal scan has the geometry alone; leave out one \
-         of the two"
-    )]
-    Ideal { condition: String },
-    /// Conditions that do not go together.
-    Condition(#[from] ConditionError),
-    /// The trees do not fit into memory.
-    OutOfMemory(#[from] OutOfMemory),
 }

@@ -5,8 +5,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
-use crate::scanner::ScanError;
-use crate::{EGO_INSTANCE, NO_INSTANCE};
+use crate::{EGO_INSTANCE, NO_INSTANCE, ScanError};
 use lidar_cast::bvh::{Bvh, Triangle};
 use lidar_cast::cast::{BundleOrigin, BundleTree, SweptPart, TreeView};
 use lidar_cast::geom::{Glide, Pose};
@@ -152,17 +151,17 @@ impl Thing {
     }
 
     /// The tree where it lies for a sensor.
-    pub fn as_target<'a>(&'a self, standing: &'a BundleOrigin) -> BundleTree<'a> {
+    pub(crate) fn as_target<'a>(&'a self, standing: &'a BundleOrigin) -> BundleTree<'a> {
         BundleTree { tree: &self.tree, first_prim: self.first_prim, standing }
     }
 
     /// The tree under poses that take a sensor's frame to the thing's while azimuth steps fire.
-    pub fn as_swept(&self, poses: Vec<Option<DevicePose>>) -> SweptPart<'_> {
+    pub(crate) fn as_swept(&self, poses: Vec<Option<DevicePose>>) -> SweptPart<'_> {
         SweptPart { bvh: &self.tree, first_prim: self.first_prim, poses }
     }
 
     /// The tree under a pose that takes a sensor's frame to the thing's.
-    pub fn as_part(&self, thing_from_sensor: &Pose) -> TreeView<'_> {
+    pub(crate) fn as_part(&self, thing_from_sensor: &Pose) -> TreeView<'_> {
         TreeView {
             bvh: &self.tree,
             pose: DevicePose::from(thing_from_sensor),
@@ -203,7 +202,7 @@ impl Motions {
     }
 
     /// True if nothing moves, as seen from the ego.
-    pub fn are_still(&self) -> bool {
+    pub(crate) fn are_still(&self) -> bool {
         let still = |thing: usize| {
             let is_still = self.owners[thing].is_still();
             self.ego_things[thing] || is_still && (self.carried[thing] || self.ego.is_still())
@@ -212,7 +211,7 @@ impl Motions {
     }
 
     /// Pose of a thing in the world, `share` of the way to the next frame; `None` for the ego's own body.
-    pub fn world_from_thing(&self, thing: usize, share: f64) -> Option<Pose> {
+    pub(crate) fn world_from_thing(&self, thing: usize, share: f64) -> Option<Pose> {
         (!self.ego_things[thing]).then(|| {
             let mut pose = self.owners[thing].at(share);
             if self.carried[thing] {
@@ -224,7 +223,7 @@ impl Motions {
     }
 
     /// Pose of the ego's body in the ego frame.
-    pub fn ego_from_body(&self, thing: usize) -> Pose {
+    pub(crate) fn ego_from_body(&self, thing: usize) -> Pose {
         Pose { translation: self.origins[thing], ..Pose::IDENTITY }
     }
 

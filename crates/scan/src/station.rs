@@ -113,7 +113,7 @@ impl Station {
     }
 
     /// The thing that a face belongs to: its tree, and the pose of the sensor in its frame.
-    pub fn tree_of<'s>(&self, stage: &'s Stage, prim: u32) -> Option<(&'s Bvh, DevicePose)> {
+    pub(crate) fn tree_of<'s>(&self, stage: &'s Stage, prim: u32) -> Option<(&'s Bvh, DevicePose)> {
         let (number, pose) = self.nearby(stage, prim)?;
         Some((&*stage.things[number].tree, DevicePose::from(pose)))
     }
@@ -233,7 +233,7 @@ impl SurfaceHit {
     /// Tells whether an edge lies between two neighbouring beams, and on which side the nearer surface is: one meets
     /// nothing, or one lies in front of the other's plane and that one behind its own. Where each lies in
     /// front of the other's plane, or each behind it, they go over into each other in an inner or an outer corner.
-    pub fn edge_to(&self, other: &Self) -> Edge {
+    pub(crate) fn edge_to(&self, other: &Self) -> Edge {
         match (self.is_hit(), other.is_hit()) {
             (false, false) => Edge::None,
             (true, false) => Edge::InFront,

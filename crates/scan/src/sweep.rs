@@ -83,7 +83,7 @@ impl Sweeper {
     }
 
     /// Seconds from the beginning of a sweep until a beam fires.
-    pub fn time_of(&self, place: &BeamPlace) -> f64 {
+    pub(crate) fn time_of(&self, place: &BeamPlace) -> f64 {
         place.firing as f64 / (self.fires.firings() as f64 * self.model.response.rate)
     }
 

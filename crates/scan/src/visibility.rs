@@ -10,6 +10,7 @@ use sightline_scene::problem::{Air, Frame, Problem, SensorBatch};
 use sightline_scene::scene::{Coverage, Scene};
 use sightline_scene::vehicle::{Echoes, Response};
 
+use super::ScanError;
 use super::conditions;
 use super::conditions::{Condition, FallEffect, Flake, JoinedEcho};
 use super::optics::{Optics, is_seen};
@@ -23,22 +24,6 @@ const TARGET: f64 = 0.3;
 const STEPS: usize = 256;
 /// Times that the range in which it is looked for is halved: to a tenth of a millimetre of 100 m.
 const HALVINGS: usize = 20;
-
-/// Why scores cannot be computed under conditions.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-#[allow(missing_docs, reason = "the message tells the fields")]
-pub enum VisibilityError {
-    /// Beams that end at nothing send nothing back.
-    #[error(
-        "the scene `{scene}` has no geometry that ends beams (coverage `through`); conditions need \
-         `\"coverage\": \"first-hit\"`"
-    )]
-    Through { scene: String },
-    /// Conditions that do not go together.
-    #[error(transparent)]
-    Condition(#[from] conditions::ConditionError),
-}
 
 /// Weather and faults for scoring.
 ///
@@ -75,7 +60,7 @@ pub fn in_conditions(
     scene: &Scene,
     problem: Problem,
     conditions: &[Condition],
-) -> Result<Problem, VisibilityError> {
+) -> Result<Problem, ScanError> {
     if conditions.is_empty() {
         return Ok(problem);
     }
@@ -92,9 +77,9 @@ impl Visibility {
         scene: &Scene,
         problem: &Problem,
         conditions: &[Condition],
-    ) -> Result<Arc<Self>, VisibilityError> {
+    ) -> Result<Arc<Self>, ScanError> {
         if scene.coverage() == Coverage::Through || !scene.has_geometry() {
-            return Err(VisibilityError::Through { scene: scene.name().to_owned() });
+            return Err(ScanError::Through { scene: scene.name().to_owned() });
         }
         let optics = Optics::new(scene, conditions::weather(conditions)?);
         let first = problem.geometry(0).into_iter().flat_map(|frame| frame.instances());

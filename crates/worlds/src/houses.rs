@@ -178,7 +178,7 @@ impl Houses<'_> {
 }
 
 /// Posts and two rails along the length of a plot.
-pub fn fence(model: &mut Model, line: &GroundRect, z: f64, height: f64) {
+pub(crate) fn fence(model: &mut Model, line: &GroundRect, z: f64, height: f64) {
     let posts = (2.0 * line.half.x / 1.5).ceil().max(1.0) as u32;
     for k in 0..=posts {
         let at = 2.0 * f64::from(k) / f64::from(posts) - 1.0;

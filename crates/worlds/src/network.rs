@@ -78,7 +78,7 @@ impl Line {
     }
 
     /// The line with its points in reverse order.
-    pub fn reversed(&self) -> Self {
+    pub(crate) fn reversed(&self) -> Self {
         Self::new(self.points.iter().rev().copied())
     }
 
@@ -102,12 +102,12 @@ impl Line {
 }
 
 /// The direction a quarter turn to the left.
-pub fn left_of(direction: DVec2) -> DVec2 {
+pub(crate) fn left_of(direction: DVec2) -> DVec2 {
     DVec2::new(-direction.y, direction.x)
 }
 
 /// A cubic from `a` along `from_a` to `b` along `into_b` (unit directions), in steps of about `step` metres.
-pub fn curve(a: DVec3, from_a: DVec2, b: DVec3, into_b: DVec2, step: f64) -> Line {
+pub(crate) fn curve(a: DVec3, from_a: DVec2, b: DVec3, into_b: DVec2, step: f64) -> Line {
     let reach = 0.4 * (b - a).truncate().length();
     let (p, q) = (a + (from_a * reach).extend(0.0), b - (into_b * reach).extend(0.0));
     let pieces = ((b - a).length() / step).ceil().clamp(2.0, 2000.0) as usize;
@@ -180,7 +180,7 @@ impl Street {
 }
 
 /// Height of a walk that is the same everywhere, for [`Street::kerbs`].
-pub fn even_kerb(height: f64) -> Line {
+pub(crate) fn even_kerb(height: f64) -> Line {
     Line::new([DVec3::new(0.0, 0.0, height)])
 }
 
@@ -267,29 +267,29 @@ impl Network {
 }
 
 /// Metres of paint above the road.
-pub const MARK: f64 = 0.008;
+pub(crate) const MARK: f64 = 0.008;
 /// Metres of a side walk above the road.
-pub const KERB: f64 = 0.13;
+pub(crate) const KERB: f64 = 0.13;
 
 /// Ids in [`sightline_scene::scene::DEFAULT_CLASSES`].
 pub mod class {
-    pub const BUILDING: u16 = 0;
-    pub const FENCE: u16 = 1;
-    pub const OTHER: u16 = 2;
-    pub const POLE: u16 = 4;
-    pub const ROAD_LINE: u16 = 5;
-    pub const ROAD: u16 = 6;
-    pub const SIDEWALK: u16 = 7;
-    pub const VEGETATION: u16 = 8;
-    pub const WALL: u16 = 10;
-    pub const TRAFFIC_SIGN: u16 = 11;
-    pub const GROUND: u16 = 12;
-    pub const BRIDGE: u16 = 13;
-    pub const RAIL_TRACK: u16 = 14;
-    pub const GUARD_RAIL: u16 = 15;
-    pub const TRAFFIC_LIGHT: u16 = 16;
-    pub const STATIC: u16 = 17;
-    pub const TERRAIN: u16 = 20;
+    pub(crate) const BUILDING: u16 = 0;
+    pub(crate) const FENCE: u16 = 1;
+    pub(crate) const OTHER: u16 = 2;
+    pub(crate) const POLE: u16 = 4;
+    pub(crate) const ROAD_LINE: u16 = 5;
+    pub(crate) const ROAD: u16 = 6;
+    pub(crate) const SIDEWALK: u16 = 7;
+    pub(crate) const VEGETATION: u16 = 8;
+    pub(crate) const WALL: u16 = 10;
+    pub(crate) const TRAFFIC_SIGN: u16 = 11;
+    pub(crate) const GROUND: u16 = 12;
+    pub(crate) const BRIDGE: u16 = 13;
+    pub(crate) const RAIL_TRACK: u16 = 14;
+    pub(crate) const GUARD_RAIL: u16 = 15;
+    pub(crate) const TRAFFIC_LIGHT: u16 = 16;
+    pub(crate) const STATIC: u16 = 17;
+    pub(crate) const TERRAIN: u16 = 20;
 }
 
 /// A rectangle in plan: its middle, the direction of its length, half its length and half its width.
@@ -343,7 +343,7 @@ impl Model {
     }
 
     /// Two triangles that share corners 0 and 2.
-    pub fn quad(&mut self, [a, b, c, d]: [DVec3; 4], class: u16) {
+    pub(crate) fn quad(&mut self, [a, b, c, d]: [DVec3; 4], class: u16) {
         self.triangle([a, b, c], class);
         self.triangle([a, c, d], class);
     }

@@ -7,7 +7,6 @@ mod density;
 mod document;
 mod doubts;
 mod objects;
-mod profile;
 mod stations;
 mod values;
 
@@ -22,12 +21,12 @@ use crate::world::WorldError;
 use document::RoadFacts;
 use lidar_cast::maths;
 use objects::{MAX_FAR, point};
-use profile::Profile;
 use sightline_files::Note;
 use sightline_files::json::is_utf_16;
+use stations::Profile;
 
 /// Largest file in bytes.
-pub const MAX_FILE: u64 = 128 << 20;
+pub(crate) const MAX_FILE: u64 = 128 << 20;
 /// Most points of lanes and paint.
 const MAX_POINTS: usize = 8_000_000;
 /// Limits of a town with trees and houses along all roads: metres of road, metres of lane width.
@@ -86,7 +85,7 @@ pub fn read_opendrive(path: &Path) -> Result<String, WorldError> {
 ///
 /// # Errors
 /// XML that does not parse, no road with a lane, no lane to drive in, more than a world can hold.
-pub fn network(text: &str, file: &str) -> Result<Network, WorldError> {
+pub(crate) fn network(text: &str, file: &str) -> Result<Network, WorldError> {
     let document = document::checked(text, file)?;
     let text = document.text.as_deref().unwrap_or(text);
     let (roads, origins) = xodr::load_str_with_provenance(text).map_err(|source| {

@@ -64,7 +64,7 @@ pub struct NoWay {
 
 impl PopulationSettings<'_> {
     /// Populates the surroundings of a way for the ego.
-    pub fn populate(&self, rng: &mut ChaCha8Rng) -> Result<Population, NoWay> {
+    pub(crate) fn populate(&self, rng: &mut ChaCha8Rng) -> Result<Population, NoWay> {
         let seconds = self.frames as f64 / self.rate;
         let mut longest = 0.0_f64;
         let open = self.open_ends();

@@ -112,7 +112,7 @@ const STREET_SECTION: CrossSection =
     CrossSection { lanes: 1, lane_width: 3.4, median: 0.0, parking: 2.3, shoulder: 0.0, walk: 3.0 };
 
 /// A plan of a kind by lot.
-pub fn plan(kind: WorldKind, rng: &mut ChaCha8Rng) -> RoadPlan {
+pub(crate) fn plan(kind: WorldKind, rng: &mut ChaCha8Rng) -> RoadPlan {
     match kind {
         WorldKind::Street => street(rng),
         WorldKind::Highway => highway(rng),
@@ -123,7 +123,7 @@ pub fn plan(kind: WorldKind, rng: &mut ChaCha8Rng) -> RoadPlan {
 }
 
 /// Relief of the ground of a kind: metres up and metres from hill to hill.
-pub fn relief(kind: WorldKind, rng: &mut ChaCha8Rng) -> impl Fn(f64, f64) -> f64 + use<> {
+pub(crate) fn relief(kind: WorldKind, rng: &mut ChaCha8Rng) -> impl Fn(f64, f64) -> f64 + use<> {
     let most = match kind {
         WorldKind::Yard => 0.0,
         WorldKind::Highway => 2.5,

@@ -22,7 +22,7 @@ const BELOW: f64 = 0.06;
 const SKIRT: f64 = 0.6;
 
 /// Marks roads and walks, and draws all surfaces; the terrain is of the class `open`.
-pub fn draw(network: &Network, model: &mut Model, open: u16) -> (Mask, Terrain) {
+pub(crate) fn draw(network: &Network, model: &mut Model, open: u16) -> (Mask, Terrain) {
     let mut mask = Mask::default();
     for strip in &network.strips {
         if matches!(strip.used, StripUse::Road | StripUse::Rail) {
@@ -79,7 +79,7 @@ fn sides(model: &mut Model, q: [DVec3; 4], class: u16) {
 }
 
 /// Draws the shapes of the map, and keeps the ground under solid ones free of other things.
-pub fn shapes(shapes: &[MapShape], mask: &mut Mask, model: &mut Model) {
+pub(crate) fn shapes(shapes: &[MapShape], mask: &mut Mask, model: &mut Model) {
     for shape in shapes {
         for &[a, b, c] in &shape.faces {
             model.triangle([a, b, c], shape.class);
@@ -222,7 +222,7 @@ fn blended(below: &[f64], [n, m]: [usize; 2]) -> Vec<f64> {
 }
 
 /// Paves gaps of the mask inside junctions, at the height of the road around them.
-pub fn pave_gaps(network: &Network, mask: &mut Mask, model: &mut Model) {
+pub(crate) fn pave_gaps(network: &Network, mask: &mut Mask, model: &mut Model) {
     /// Largest gap in cells: 50 m².
     const LARGEST: usize = 200;
     let gaps = mask.gaps(ROAD | WALK, LARGEST);
@@ -252,13 +252,13 @@ pub fn pave_gaps(network: &Network, mask: &mut Mask, model: &mut Model) {
 }
 
 /// Bits of a cell.
-pub const ROAD: u8 = 1;
-pub const WALK: u8 = 2;
-pub const HOUSE: u8 = 4;
-pub const THING: u8 = 8;
+pub(crate) const ROAD: u8 = 1;
+pub(crate) const WALK: u8 = 2;
+pub(crate) const HOUSE: u8 = 4;
+pub(crate) const THING: u8 = 8;
 
 /// Edge of a cell, metres.
-pub const CELL: f64 = 0.5;
+pub(crate) const CELL: f64 = 0.5;
 /// Cells along the edge of a tile.
 const TILE: i32 = 64;
 
@@ -312,7 +312,7 @@ impl Mask {
     }
 
     /// Like [`Mask::fill`], for a quad whose sides from its first and last corner are long: in pieces.
-    pub fn fill_long(&mut self, [a, b, c, d]: [DVec3; 4], bits: u8) {
+    pub(crate) fn fill_long(&mut self, [a, b, c, d]: [DVec3; 4], bits: u8) {
         let length = (b - a).length().max((c - d).length());
         let pieces = (length / 4.0).ceil().clamp(1.0, 1e5) as u32;
         for k in 0..pieces {
@@ -322,7 +322,7 @@ impl Mask {
     }
 
     /// True if a rectangle (middle, unit direction, half sizes) touches a cell with one of `bits`.
-    pub fn touches(&self, middle: DVec2, ahead: DVec2, half: DVec2, bits: u8) -> bool {
+    pub(crate) fn touches(&self, middle: DVec2, ahead: DVec2, half: DVec2, bits: u8) -> bool {
         // Half a cell's diagonal more, so that no marked cell lies between two that are looked at.
         let half = half + DVec2::splat(0.36);
         let steps = |h: f64| (2.0 * h / CELL).ceil().max(1.0) as i32;

@@ -32,7 +32,7 @@ const OVER_ROAD: f64 = 3.0;
 
 impl StreetFurniture<'_> {
     /// Furnishes every street, junction and garden.
-    pub fn furnish(&mut self, network: &Network) {
+    pub(crate) fn furnish(&mut self, network: &Network) {
         self.posts(network);
         for street in &network.streets {
             for side in 0..2 {

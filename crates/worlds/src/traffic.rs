@@ -43,7 +43,7 @@ impl Trajectory {
     }
 
     /// Something that walks at its own speed and keeps nothing free.
-    pub fn walking(size: [f64; 3], stands: Vec<ActorPose>) -> Self {
+    pub(crate) fn walking(size: [f64; 3], stands: Vec<ActorPose>) -> Self {
         Self { size, ahead: vec![0.0; stands.len()], stands }
     }
 
@@ -188,7 +188,7 @@ impl Traffic {
 }
 
 /// The stand of a vehicle whose middle is `s` metres along a way: axles on the line, pitch with it.
-pub fn stand_on(way: &Line, s: f64, length: f64) -> ActorPose {
+pub(crate) fn stand_on(way: &Line, s: f64, length: f64) -> ActorPose {
     let (rear, front) = (way.at(s - 0.3 * length), way.at(s + 0.3 * length));
     let chord = front - rear;
     let at = (rear + front) * 0.5;
@@ -209,7 +209,7 @@ fn bend_speed(way: &Line, s: f64) -> f64 {
 }
 
 /// A way along lanes from `first`, at least `length` metres where lanes go on; branches by lot.
-pub fn way(network: &Network, first: usize, length: f64, rng: &mut ChaCha8Rng) -> Line {
+pub(crate) fn way(network: &Network, first: usize, length: f64, rng: &mut ChaCha8Rng) -> Line {
     let mut line = network.lanes[first].centre.clone();
     let mut lane = first;
     for _ in 0..1000 {
@@ -277,7 +277,7 @@ const VEHICLE: &str = "vehicle";
 const PERSON: &str = "pedestrian";
 
 /// A model of `kind`, of random size within its body's range.
-pub fn model(kind: &'static str, number: usize, rng: &mut ChaCha8Rng) -> ActorModel {
+pub(crate) fn model(kind: &'static str, number: usize, rng: &mut ChaCha8Rng) -> ActorModel {
     let mut draw = |[low, high]: [f64; 2]| round(rng.random_range(low..high));
     let (size, parts) = match kind {
         "van" => van(draw([4.6, 6.2]), draw([1.9, 2.1]), draw([2.0, 2.7])),
@@ -405,7 +405,7 @@ fn person(height: f64, width: f64) -> ([f64; 3], Vec<BodyPart>) {
 }
 
 /// The ego's own body, a car whose roof leaves room for sensors at 2.2 m.
-pub fn ego() -> (Vec<BodyPart>, [f64; 3]) {
+pub(crate) fn ego() -> (Vec<BodyPart>, [f64; 3]) {
     let size = [4.5, 1.8, 1.5];
     let (_, parts) = car(0, size[0], size[1], size[2]);
     (parts, size)

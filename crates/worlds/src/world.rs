@@ -22,7 +22,7 @@ use crate::traffic::{ActorPose, BodyPart, Trajectory};
 use crate::{opendrive, style, surfaces, traffic};
 
 /// Frames a second of all worlds.
-pub const RATE: f64 = 10.0;
+pub(crate) const RATE: f64 = 10.0;
 
 /// A world: its static triangles, and who moves through it.
 #[derive(Debug)]

@@ -54,7 +54,7 @@ impl NearRoad {
     }
 
     /// True if it has enough points to contradict a stated height.
-    pub fn is_sure(&self) -> bool {
+    pub(crate) fn is_sure(&self) -> bool {
         self.points >= LEAST_POINTS
     }
 }

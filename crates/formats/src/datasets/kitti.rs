@@ -19,7 +19,7 @@ const CALIB_PASSED: [&str; 8] =
     ["P0", "P1", "P2", "P3", "R0_rect", "Tr_imu_to_velo", "calib_time", "Tr_cam_to_road"];
 /// File beside `calib.txt` in exports of this program, which loaders of SemanticKITTI pass over: the pose of the
 /// LiDAR on the vehicle, whose frame stands on the ground, as twelve numbers.
-pub const EGO_FROM_LIDAR: &str = "ego_from_lidar.txt";
+pub(crate) const EGO_FROM_LIDAR: &str = "ego_from_lidar.txt";
 
 /// A sequence of labelled scans in the SemanticKITTI layout: `velodyne/NNNNNN.bin`,
 /// `labels/NNNNNN.label`, `poses.txt`, `calib.txt`. Scans may be a part of the sequence: the number
@@ -129,7 +129,7 @@ impl KittiSequence {
     ///
     /// # Errors
     /// A height that is not finite.
-    pub fn with_lidar_height(self, height: f64) -> Result<Self, DatasetError> {
+    pub(crate) fn with_lidar_height(self, height: f64) -> Result<Self, DatasetError> {
         Ok(Self { ego_from_lidar: above_ground(height)?, ..self })
     }
 
@@ -306,7 +306,7 @@ fn parse_pose(path: &Path, line: usize, text: &str) -> Result<Pose, DatasetError
 }
 
 /// The classes of a P-SOG from SemanticKITTI labels: the 19 that its benchmark scores, in its order.
-pub const KITTI_CLASSES: [&str; 19] = [
+pub(crate) const KITTI_CLASSES: [&str; 19] = [
     "car", "bicycle", "motorcycle", "truck", "other-vehicle", "person", "bicyclist",
     "motorcyclist", "road", "parking", "sidewalk", "other-ground", "building", "fence",
     "vegetation", "trunk", "terrain", "pole", "traffic-sign",

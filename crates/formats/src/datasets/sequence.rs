@@ -73,7 +73,7 @@ impl BoxTrack {
     }
 
     /// True if the box stays where it was first seen, but for noise of 5 cm and 0.02 rad.
-    pub fn is_fixed(&self) -> bool {
+    pub(crate) fn is_fixed(&self) -> bool {
         self.stays_within(Self::NOISE)
     }
 

@@ -98,7 +98,7 @@ impl Folder {
     }
 
     /// Writes a value as JSON.
-    pub fn put_json(&self, name: &str, value: &impl Serialize) -> Result<(), ExportError> {
+    pub(crate) fn put_json(&self, name: &str, value: &impl Serialize) -> Result<(), ExportError> {
         let mut text =
             serde_json::to_vec_pretty(value).map_err(ExportError::json(&self.root.join(name)))?;
         text.push(b'\n');
@@ -146,7 +146,7 @@ impl Folder {
     }
 
     /// Checks that the disk holds `need` more bytes, where the system reports its free space.
-    pub fn check_space(&self, need: u64) -> Result<(), ExportError> {
+    pub(crate) fn check_space(&self, need: u64) -> Result<(), ExportError> {
         #[cfg(unix)]
         if let Ok(disk) = rustix::fs::statvfs(&self.root) {
             let free = disk.f_bavail.saturating_mul(disk.f_frsize);

@@ -237,7 +237,7 @@ impl Fan {
     }
 
     /// Beams a second.
-    pub fn points_a_second(&self) -> u64 {
+    pub(crate) fn points_a_second(&self) -> u64 {
         let beams = u64::from(self.channels) * u64::from(self.azimuth_steps);
         (beams as f64 * self.rate).round() as u64
     }

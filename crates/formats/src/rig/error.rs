@@ -2,7 +2,7 @@
 
 use super::RigFormat;
 use sightline_files::json::{DescriptionError, Location, YamlDocument, did_you_mean};
-use sightline_scene::vehicle::PlacementError;
+use sightline_scene::vehicle::SensorError;
 
 /// Most names that a message lists.
 const MOST_LISTED: usize = 24;
@@ -17,7 +17,7 @@ pub enum RigError {
     File(#[from] DescriptionError),
     /// A name, a number of LiDARs or a number that no placement may have.
     #[error(transparent)]
-    Placement(#[from] PlacementError),
+    Placement(#[from] SensorError),
     /// A fault of poses or of a frame name, with its file.
     #[error("{file}: {source}")]
     Within { file: String, source: Box<RigError> },

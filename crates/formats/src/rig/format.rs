@@ -67,7 +67,7 @@ impl RigFormat {
     }
 
     /// True if rigs are written in it; else they are only read.
-    pub fn is_written(self) -> bool {
+    pub(crate) fn is_written(self) -> bool {
         !matches!(self, Self::Tf | Self::Pandaset)
     }
 
@@ -84,7 +84,7 @@ impl RigFormat {
     }
 
     /// True if a frame of this format is the foot of its sensor; else it is the optical centre.
-    pub fn holds_feet(self) -> bool {
+    pub(crate) fn holds_feet(self) -> bool {
         matches!(self, Self::Autoware | Self::Urdf | Self::Sdf | Self::Ros2Launch | Self::Tf)
     }
 }

@@ -315,43 +315,9 @@ pub struct Bvh {
     bvh8: OnceLock<Bvh8>,
 }
 
-/// Defect found by [`Bvh::validate`].
-#[derive(Debug, thiserror::Error, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum BvhError {
-    /// A child index or a leaf range points outside the arrays.
-    #[error("node {node} points outside the tree")]
-    OutOfRange {
-        /// Index of the node.
-        node: usize,
-    },
-    /// A box does not hold the boxes below it.
-    #[error("the box of node {node} does not hold its children")]
-    BoxTooSmall {
-        /// Index of the node.
-        node: usize,
-    },
-    /// A triangle is in no leaf, or in two.
-    #[error("triangle {prim} is in {times} leaves, not in one")]
-    NotOnce {
-        /// Index of the face in the soup.
-        prim: usize,
-        /// Leaves that hold it.
-        times: u32,
-    },
-    /// A path is longer than a traversal stack.
-    #[error("node {node} lies {depth} deep, traversal stacks hold {MAX_DEPTH}")]
-    TooDeep {
-        /// Index of the node.
-        node: usize,
-        /// Nodes above it.
-        depth: usize,
-    },
-}
-
 impl Bvh {
     /// The padded box of a triangle, which its leaf and all nodes above contain.
-    pub fn padded_box(triangle: &Triangle, pad: f32) -> Aabb {
+    pub(crate) fn padded_box(triangle: &Triangle, pad: f32) -> Aabb {
         let mut bounds = Aabb::EMPTY;
         for corner in [triangle.a, triangle.b, triangle.c] {
             bounds.grow(corner.into());
@@ -378,41 +344,42 @@ impl Bvh {
     /// Checks that every triangle is in one leaf, boxes nest exactly, and no path is too deep.
     ///
     /// # Errors
-    /// The first violation found.
-    pub fn validate(&self) -> Result<(), BvhError> {
+    /// The first violation found, as a sentence.
+    pub fn validate(&self) -> Result<(), String> {
+        let outside = |node: usize| format!("node {node} points outside the tree");
         let mut times = vec![0_u32; self.triangles.len()];
         let mut stack = if self.nodes.is_empty() { vec![] } else { vec![(0_usize, 1_usize)] };
         while let Some((index, depth)) = stack.pop() {
-            let node = self.nodes.get(index).ok_or(BvhError::OutOfRange { node: index })?;
+            let node = self.nodes.get(index).ok_or_else(|| outside(index))?;
             if depth > MAX_DEPTH {
-                return Err(BvhError::TooDeep { node: index, depth });
+                return Err(format!(
+                    "node {index} lies {depth} deep, traversal stacks hold {MAX_DEPTH}"
+                ));
             }
             let outer = Aabb { min: node.min.into(), max: node.max.into() };
             let mut inner = Aabb::EMPTY;
             if node.count > 0 {
                 let range = node.first as usize..node.first as usize + node.count as usize;
-                let leaf = self.triangles.get(range).ok_or(BvhError::OutOfRange { node: index })?;
+                let leaf = self.triangles.get(range).ok_or_else(|| outside(index))?;
                 for triangle in leaf {
                     inner.merge(&Self::padded_box(triangle, self.pad));
-                    let slot = times
-                        .get_mut(triangle.prim as usize)
-                        .ok_or(BvhError::OutOfRange { node: index })?;
+                    let slot =
+                        times.get_mut(triangle.prim as usize).ok_or_else(|| outside(index))?;
                     *slot += 1;
                 }
             } else {
                 for child in [node.first as usize, node.first as usize + 1] {
-                    let below =
-                        self.nodes.get(child).ok_or(BvhError::OutOfRange { node: index })?;
+                    let below = self.nodes.get(child).ok_or_else(|| outside(index))?;
                     inner.merge(&Aabb { min: below.min.into(), max: below.max.into() });
                     stack.push((child, depth + 1));
                 }
             }
             if inner.min.cmplt(outer.min).any() || inner.max.cmpgt(outer.max).any() {
-                return Err(BvhError::BoxTooSmall { node: index });
+                return Err(format!("the box of node {index} does not hold its children"));
             }
         }
         match times.iter().position(|&t| t != 1) {
-            Some(prim) => Err(BvhError::NotOnce { prim, times: times[prim] }),
+            Some(prim) => Err(format!("triangle {prim} is in {} leaves, not in one", times[prim])),
             None => Ok(()),
         }
     }

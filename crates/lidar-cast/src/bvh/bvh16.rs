@@ -5,9 +5,9 @@
 use super::{BvhNode, Triangle};
 
 /// Children of a node, and most triangles of a block.
-pub const WIDTH: usize = 16;
+pub(crate) const WIDTH: usize = 16;
 /// Bit of a child that marks a block of triangles.
-pub const BLOCK: u32 = 1 << 31;
+pub(crate) const BLOCK: u32 = 1 << 31;
 
 /// The binary tree with its nodes merged sixteen by sixteen, and its lowest subtrees made blocks of
 /// triangles. Boxes are middle and half extents, since they are bounded around their middle.
@@ -60,7 +60,7 @@ struct Collapse<'a> {
 
 impl Bvh16 {
     /// Merges the binary tree's nodes where [`TreeCuts`] says. A subtree of at most sixteen triangles becomes a block.
-    pub fn collapse(nodes: &[BvhNode], triangles: &[Triangle]) -> Self {
+    pub(crate) fn collapse(nodes: &[BvhNode], triangles: &[Triangle]) -> Self {
         let cuts = TreeCuts::new(nodes);
         let mut collapse = Collapse { nodes, triangles, cuts, tree: Self::default() };
         if let Some(root) = nodes.first() {

@@ -81,7 +81,7 @@ impl Bvh4 {
     }
 
     /// Counts nodes and triangles from others on: where several trees lie in one buffer.
-    pub fn move_to(&mut self, first_node: u32, first_triangle: u32) {
+    pub(crate) fn move_to(&mut self, first_node: u32, first_triangle: u32) {
         for child in self.nodes.iter_mut().flat_map(|node| &mut node.children) {
             if *child != 0 {
                 *child += if *child < TRIANGLE { first_node } else { first_triangle };

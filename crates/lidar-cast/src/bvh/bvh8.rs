@@ -6,7 +6,7 @@ use super::bvh16::{BLOCK, TreeCuts};
 use super::{BvhNode, Triangle};
 
 /// Children of a node, and most triangles of a block.
-pub const WIDTH: usize = 8;
+pub(crate) const WIDTH: usize = 8;
 /// Row of [`Node8`] with the children.
 const CHILDREN: usize = 6;
 /// Row of [`Node8`] whose first place has their number.
@@ -51,7 +51,7 @@ pub struct Block8 {
 
 impl Bvh8 {
     /// Merges the binary tree's nodes where [`TreeCuts`] says. A subtree of at most eight triangles becomes a block.
-    pub fn collapse(nodes: &[BvhNode], triangles: &[Triangle]) -> Self {
+    pub(crate) fn collapse(nodes: &[BvhNode], triangles: &[Triangle]) -> Self {
         let (mut tree, cuts) = (Self::default(), TreeCuts::new(nodes));
         if let Some(root) = nodes.first() {
             let sides = root.min.iter().chain(&root.max);
@@ -84,7 +84,7 @@ impl Bvh8 {
 }
 
 impl Node8 {
-    pub const EMPTY: Self = {
+    pub(crate) const EMPTY: Self = {
         let (low, high) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
         Self { rows: [low, low, low, high, high, high, [0.0; WIDTH], [0.0; WIDTH]] }
     };
@@ -106,7 +106,7 @@ impl Node8 {
     }
 
     /// Replaces the children.
-    pub fn map_children(&mut self, new: impl Fn(u32) -> u32) {
+    pub(crate) fn map_children(&mut self, new: impl Fn(u32) -> u32) {
         for child in &mut self.rows[CHILDREN] {
             *child = f32::from_bits(new(child.to_bits()));
         }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::grid::Roi;
 
 /// Voxels along x in a 32-bit word of [`BitOrder::rows`].
-pub const ROW: usize = 32;
+pub(crate) const ROW: usize = 32;
 /// Bits up to which the rows of a grid may be mostly padding.
 const FEW_BITS: u64 = 1 << 23;
 /// Voxels along each axis of a brick, as powers of two: 4 × 4 × 2 voxels are 32 bits.
@@ -77,7 +77,7 @@ impl BitOrder {
     }
 
     /// True if 32-bit words hold voxels along x.
-    pub fn has_rows(&self) -> bool {
+    pub(crate) fn has_rows(&self) -> bool {
         self.layout == BitLayout::Rows
     }
 

@@ -17,15 +17,15 @@ const STEPS: usize = 3;
 /// same words, and one lane's store would have to reach memory before the next lane's load.
 const LANE_STRIDE: usize = 6;
 /// Voxels of a word, which are marked at once.
-pub const WORD: i32 = 32;
+pub(crate) const WORD: i32 = 32;
 /// Margin taken off the number of planes that a slope says are crossed, in voxels: it may be one too
 /// low, which one exact crossing then mends, and is never too high.
 pub const PLANES_MARGIN: f32 = 1.0 / 64.0;
 /// 1.5 · 2²³: its last place is 1, so that x + ROUND holds the integer nearest to x (|x| < 2²²) in its
 /// lowest bits, e.g. (5.2 + ROUND).to_bits() − ROUND.to_bits() = 5.
-pub const ROUND: f32 = (3 << 22) as f32;
+pub(crate) const ROUND: f32 = (3 << 22) as f32;
 /// End of a beam that covers nothing.
-pub const NEVER: f32 = f32::NEG_INFINITY;
+pub(crate) const NEVER: f32 = f32::NEG_INFINITY;
 
 /// The start of a sensor's beams: by axis, and by whether they go backward (0) or forward (1).
 pub struct BeamStart {
@@ -111,7 +111,7 @@ struct PerLane<T>([T; LANES]);
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
-pub fn walk_all<const BACK: bool>(
+pub(crate) fn walk_all<const BACK: bool>(
     way: &Way,
     beams: &[u32],
     inverse: &[Vec<f32>; 3],

@@ -39,7 +39,7 @@ pub fn cover_voxels(
 
 /// Metres after which a beam ends: pushed into the voxel of its hit, or at `range`.
 #[inline(always)]
-pub fn beam_end(hit: Option<Hit>, range: f32) -> f32 {
+pub(crate) fn beam_end(hit: Option<Hit>, range: f32) -> f32 {
     match hit {
         Some(hit) if hit.prim != NO_HIT => hit.t + HIT_PUSH,
         _ => range,
@@ -47,7 +47,7 @@ pub fn beam_end(hit: Option<Hit>, range: f32) -> f32 {
 }
 
 /// Position of the sensor in voxels.
-pub fn grid_origin(pose: &DevicePose) -> Vec3 {
+pub(crate) fn grid_origin(pose: &DevicePose) -> Vec3 {
     Vec3::from_slice(&pose.in_grid)
 }
 

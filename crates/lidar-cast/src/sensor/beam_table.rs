@@ -8,6 +8,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde::Serialize;
 
+use super::SensorError;
 use crate::maths;
 
 /// Unit beam directions of one sensor, in the sensor frame (x forward, z up).
@@ -35,24 +36,6 @@ pub struct BeamGrid {
     pub steps: usize,
     /// True if the steps make one whole turn.
     pub turn: bool,
-}
-
-/// Why a sensor gives no beam table.
-#[derive(Debug, thiserror::Error, PartialEq)]
-#[non_exhaustive]
-#[allow(missing_docs, reason = "the message tells the fields")]
-pub enum SensorError {
-    #[error("the sensor has no beams; give it at least one channel and one azimuth step")]
-    NoBeams,
-    /// A direction without length, or not finite.
-    #[error("direction {index} has no length; give a finite vector other than zero")]
-    ZeroDirection { index: usize },
-    /// The range is not a positive number.
-    #[error("range {range} m is not a positive number")]
-    BadRange {
-        /// Metres.
-        range: f64,
-    },
 }
 
 impl BeamTable {

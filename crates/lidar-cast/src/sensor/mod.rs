@@ -4,6 +4,6 @@ mod beam_table;
 mod models;
 mod placement;
 
-pub use beam_table::{BeamGrid, BeamTable, Echoes, Response, SensorError};
+pub use beam_table::{BeamGrid, BeamTable, Echoes, Response};
 pub use models::{ForeignLidar, SensorModel, Sensors, SpinPhase, UnknownSensor};
-pub use placement::{MAX_LIDARS, Placement, PlacementError, SensorName, SensorPose, nearest};
+pub use placement::{MAX_LIDARS, Placement, SensorError, SensorName, SensorPose, nearest};

@@ -135,11 +135,22 @@ impl From<ListedPlacement> for Placement {
     }
 }
 
-/// Why a placement cannot be used.
+/// Why a sensor gives no beam table, or a placement cannot be used.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the message tells the fields")]
-pub enum PlacementError {
+pub enum SensorError {
+    #[error("the sensor has no beams; give it at least one channel and one azimuth step")]
+    NoBeams,
+    /// A direction without length, or not finite.
+    #[error("direction {index} has no length; give a finite vector other than zero")]
+    ZeroDirection { index: usize },
+    /// The range is not a positive number.
+    #[error("range {range} m is not a positive number")]
+    BadRange {
+        /// Metres.
+        range: f64,
+    },
     /// The name cannot become a file name.
     #[error(
         "`{name}` is not a placement name: use 1 to {MAX_NAME} ASCII letters, digits, `.`, `_` or `-`"
@@ -164,22 +175,22 @@ impl Placement {
     ///
     /// # Errors
     /// The first fault found, with the name of the placement.
-    pub fn validate(&self) -> Result<(), PlacementError> {
+    pub fn validate(&self) -> Result<(), SensorError> {
         let name = &self.name;
         let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
         if name.is_empty() || name.len() > MAX_NAME || !name.chars().all(allowed) {
-            return Err(PlacementError::BadName { name: name.clone() });
+            return Err(SensorError::BadName { name: name.clone() });
         }
         if self.lidars.is_empty() || self.lidars.len() > MAX_LIDARS {
             let count = self.lidars.len();
-            return Err(PlacementError::LidarCount { name: name.clone(), count });
+            return Err(SensorError::LidarCount { name: name.clone(), count });
         }
         for (lidar, pose) in self.lidars.iter().enumerate() {
             let phase = pose.phase.map(|phase| ("phase", phase));
             for (field, value) in pose.fields().into_iter().chain(phase) {
                 if !value.is_finite() || value.abs() > MAX_COORDINATE {
                     let name = name.clone();
-                    return Err(PlacementError::BadNumber { name, lidar, field, value });
+                    return Err(SensorError::BadNumber { name, lidar, field, value });
                 }
             }
         }

@@ -208,7 +208,7 @@ impl Tally {
     }
 
     /// Adds the sums of a frame that stands for `times` equal ones.
-    pub fn add_times(&mut self, other: &Self, times: u64) {
+    pub(crate) fn add_times(&mut self, other: &Self, times: u64) {
         self.covered += times * other.covered;
         self.covered_nonzero += times * other.covered_nonzero;
         for (sum, value) in self.entropy.iter_mut().zip(other.entropy) {

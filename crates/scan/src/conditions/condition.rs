@@ -6,6 +6,8 @@ use std::str::FromStr;
 use serde::{Serialize, Serializer};
 use sightline_scene::scene::Ground;
 
+use crate::ScanError;
+
 const MOST_KEYS: usize = 2;
 
 /// One condition: `NAME[:KEY=VALUE[,KEY=VALUE…]]`.
@@ -38,13 +40,12 @@ impl Condition {
 }
 
 impl FromStr for Condition {
-    type Err = ConditionError;
+    type Err = ScanError;
 
-    fn from_str(text: &str) -> Result<Self, ConditionError> {
+    fn from_str(text: &str) -> Result<Self, ScanError> {
         let (name, rest) = text.split_once(':').unwrap_or((text, ""));
         let kind = ConditionKind::ALL.into_iter().find(|kind| kind.name() == name);
-        let kind =
-            kind.ok_or_else(|| ConditionError::UnknownCondition { name: name.to_owned() })?;
+        let kind = kind.ok_or_else(|| ScanError::UnknownCondition { name: name.to_owned() })?;
         let pairs = pairs(text, rest, kind)?;
         let level = pairs.iter().find(|(key, _)| *key == "level");
         let level = level.map(|(_, word)| level_of(word, kind)).transpose()?;
@@ -62,9 +63,9 @@ impl FromStr for Condition {
 }
 
 /// Number of a level, weakest first.
-fn level_of(word: &str, kind: ConditionKind) -> Result<usize, ConditionError> {
+fn level_of(word: &str, kind: ConditionKind) -> Result<usize, ScanError> {
     let level = LEVELS.iter().position(|level| *level == word);
-    level.ok_or_else(|| ConditionError::UnknownLevel {
+    level.ok_or_else(|| ScanError::UnknownLevel {
         value: word.to_owned(),
         condition: kind.name(),
         known: LEVELS.join(", "),
@@ -76,11 +77,11 @@ fn pairs<'t>(
     text: &str,
     rest: &'t str,
     kind: ConditionKind,
-) -> Result<Vec<(&'t str, &'t str)>, ConditionError> {
+) -> Result<Vec<(&'t str, &'t str)>, ScanError> {
     let mut pairs: Vec<(&str, &str)> = Vec::new();
     for part in rest.split(',').filter(|_| text.contains(':')) {
         let Some(pair) = part.split_once('=') else {
-            return Err(ConditionError::NoPair {
+            return Err(ScanError::NoPair {
                 part: part.to_owned(),
                 text: text.to_owned(),
                 condition: kind.name(),
@@ -89,17 +90,17 @@ fn pairs<'t>(
         };
         if pairs.iter().any(|(key, _)| *key == pair.0) {
             let (key, text) = (pair.0.to_owned(), text.to_owned());
-            return Err(ConditionError::RepeatedKey { key, text });
+            return Err(ScanError::RepeatedKey { key, text });
         }
         pairs.push(pair);
     }
     Ok(pairs)
 }
 
-fn number(key: &ConditionKey, kind: ConditionKind, text: &str) -> Result<f64, ConditionError> {
+fn number(key: &ConditionKey, kind: ConditionKind, text: &str) -> Result<f64, ScanError> {
     let [least, most] = key.limits;
     let value = text.parse().ok().filter(|value| (least..=most).contains(value));
-    value.ok_or_else(|| ConditionError::BadNumber {
+    value.ok_or_else(|| ScanError::BadNumber {
         key: key.name,
         value: text.to_owned(),
         condition: kind.name(),
@@ -110,7 +111,7 @@ fn number(key: &ConditionKey, kind: ConditionKind, text: &str) -> Result<f64, Co
     })
 }
 
-fn unknown_key(key: &str, kind: ConditionKind) -> ConditionError {
+fn unknown_key(key: &str, kind: ConditionKind) -> ScanError {
     let hint = match key {
         "mode" => {
             "; for the corruptions of Robo3D run its own program on a set of `--layout semantickitti` \
@@ -119,7 +120,7 @@ fn unknown_key(key: &str, kind: ConditionKind) -> ConditionError {
         _ => "",
     };
     let (key, condition, known) = (key.to_owned(), kind.name(), in_words(kind));
-    ConditionError::UnknownKey { key, condition, known, hint }
+    ScanError::UnknownKey { key, condition, known, hint }
 }
 
 /// Keys in words: `level, mor, gain`.
@@ -236,36 +237,6 @@ fn keys(kind: ConditionKind) -> &'static [ConditionKey] {
     }
 }
 
-/// Why a condition cannot be.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-#[allow(missing_docs, reason = "the message tells the fields")]
-pub enum ConditionError {
-    /// There is no condition of that name.
-    #[error(
-        "there is no condition `{name}`; known are fog, wet, snow, rain, blur, crosstalk and echo, with values behind a \
-         colon, as in fog:mor=200"
-    )]
-    UnknownCondition { name: String },
-    #[error("`{part}` in the condition `{text}` is no KEY=VALUE; {condition} takes {known}")]
-    NoPair { part: String, text: String, condition: &'static str, known: String },
-    /// A key that the condition does not have.
-    #[error("{condition} has no key `{key}`; it takes {known}{hint}")]
-    UnknownKey { key: String, condition: &'static str, known: String, hint: &'static str },
-    /// A key given more than once.
-    #[error("the condition `{text}` gives `{key}` twice; give it once")]
-    RepeatedKey { key: String, text: String },
-    /// A word that is no level.
-    #[error("`level={value}` of {condition}: `{value}` is not one of {known}")]
-    UnknownLevel { value: String, condition: &'static str, known: String },
-    /// A value that is no number or outside of its limits.
-    #[error("`{key}={value}` of {condition}: wanted is {limits}")]
-    BadNumber { key: &'static str, value: String, condition: &'static str, limits: String },
-    /// A condition given twice.
-    #[error("the condition {condition} is given twice; give it once")]
-    Repeated { condition: &'static str },
-}
-
 /// Reflectance of a vehicle that mirrors the beam away.
 const DARK: f64 = 0.05;
 
@@ -286,7 +257,7 @@ pub struct Crosstalk {
 impl Crosstalk {
     /// Apparent range of a return at `range` metres: uniform from the sensor's `least` on, by `u` from 0 to below 1.
     /// Pulses later than the own echo are not waited for.
-    pub fn false_range(&self, least: f64, range: f64, u: f64) -> f64 {
+    pub(crate) fn false_range(&self, least: f64, range: f64, u: f64) -> f64 {
         least + u * (range - least).max(0.0)
     }
 }

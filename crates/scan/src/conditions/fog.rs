@@ -50,19 +50,19 @@ impl Fog {
     }
 
     /// Share of a target's power that is left at a range in metres, there and back.
-    pub fn attenuation(&self, range: f64) -> f64 {
+    pub(crate) fn attenuation(&self, range: f64) -> f64 {
         maths::exp(-2.0 * self.alpha * range)
     }
 
     /// Power that the fog before a target sends back, in the unit of ρ·cos θ / r²; the target's range in metres
     /// is infinite if there is none.
-    pub fn soft_power(&self, target: f64) -> f64 {
+    pub(crate) fn soft_power(&self, target: f64) -> f64 {
         self.scale * self.peaks.before(target).integral
     }
 
     /// Where before a target the fog sends light back from, by `u` from 0 to below 1: distributed as
     /// e^(−2αx)·ξ(x)/x².
-    pub fn soft_range(&self, target: f64, u: f64) -> f64 {
+    pub(crate) fn soft_range(&self, target: f64, u: f64) -> f64 {
         if target <= BLIND {
             return target;
         }

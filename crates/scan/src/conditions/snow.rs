@@ -274,7 +274,7 @@ pub(super) struct Balls {
 impl Balls {
     /// Flakes of Gunn and Marshall 1958, at a rate in millimetres of water an hour and a speed in metres a second; none
     /// at rate 0, or so few that they are not a number.
-    pub fn flakes(rate: f64, speed: f64) -> Option<Self> {
+    pub(crate) fn flakes(rate: f64, speed: f64) -> Option<Self> {
         let rain = maths::pow(rate / (487.0 * DENSITY * 0.003 * speed), 1.5);
         let mean = 10e-3 / (25.5 * maths::pow(rain, -0.48));
         let volume = rate / (3.6e6 * DENSITY * speed);
@@ -286,7 +286,7 @@ impl Balls {
     ///
     /// A ball stands for the cross-section that its drop takes out of the light: twice the drop's (Q = 2, van de
     /// Hulst 1957), so that its diameter is √2 of the drop's.
-    pub fn drops(rate: f64) -> Option<Self> {
+    pub(crate) fn drops(rate: f64) -> Option<Self> {
         let slope = SLOPE * maths::pow(rate, -0.21);
         let mean = std::f64::consts::SQRT_2 / slope;
         Self::some(mean, DROPS / slope * PI * mean.powi(3))
@@ -298,12 +298,12 @@ impl Balls {
 
     /// Share of the light that a metre of air takes off a beam: n·π/4·E[D²] with n = volume / (π/6·E[D³]), and
     /// E[Dᵏ] = k!·mean of the exponential distribution.
-    pub fn extinction(&self) -> f64 {
+    pub(crate) fn extinction(&self) -> f64 {
         0.5 * self.volume / self.mean
     }
 
     /// Balls in a cubic metre.
-    pub fn per_cubic_metre(&self) -> f64 {
+    pub(crate) fn per_cubic_metre(&self) -> f64 {
         self.volume / (PI * self.mean.powi(3))
     }
 }

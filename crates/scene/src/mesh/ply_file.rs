@@ -75,7 +75,7 @@ pub(super) struct PlyElement {
 
 impl PlyElement {
     /// Place of a single number among the properties.
-    pub fn scalar(&self, name: &str) -> Option<usize> {
+    pub(crate) fn scalar(&self, name: &str) -> Option<usize> {
         self.properties.iter().position(|p| p.name == name && p.list.is_none())
     }
 }

@@ -2,9 +2,8 @@
 
 use std::collections::HashMap;
 
-use super::{GridError, Roi};
+use super::{PsogError, Roi};
 use crate::scene::RoiBounds;
-use lidar_cast::memory::OutOfMemory;
 use sightline_files::json::check::MOST_CHARACTERS;
 
 impl RoiBounds {
@@ -181,7 +180,7 @@ impl Psog {
 }
 
 /// Checks the class names of a P-SOG.
-pub fn check_classes(classes: &[String]) -> Result<(), PsogError> {
+pub(crate) fn check_classes(classes: &[String]) -> Result<(), PsogError> {
     if classes.is_empty() {
         return Err(PsogError::NoClasses);
     }
@@ -206,7 +205,7 @@ pub fn check_classes(classes: &[String]) -> Result<(), PsogError> {
 }
 
 /// Checks one entry of `index` against the one before it and the grid.
-pub fn check_index(
+pub(crate) fn check_index(
     position: usize,
     value: u64,
     previous: Option<u64>,
@@ -221,105 +220,4 @@ pub fn check_index(
         }
         _ => Ok(()),
     }
-}
-
-/// Why a grid, a P-SOG or a vote was refused.
-///
-/// Field names (`roi_min`, `voxel`, `shape`, `frames`, `classes`, `index`, `counts`) match the P-SOG file.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-#[allow(missing_docs)] // the messages name every field
-pub enum PsogError {
-    /// The voxel grid.
-    #[error(transparent)]
-    Grid(#[from] GridError),
-    /// The trees of a scene that is scanned do not fit into memory.
-    #[error(transparent)]
-    OutOfMemory(#[from] OutOfMemory),
-
-    /// A spacing so narrow that a scan would not end.
-    #[error(
-        "psog.scan.spacing: {spacing} m makes {beams} beams in each frame, at most {limit} may be cast; give a wider one, \
-         or leave it out"
-    )]
-    TooManyBeams { spacing: f64, beams: u64, limit: u64 },
-
-    /// A scan of a scene that was stopped after `done` of its frames.
-    #[error(
-        "stopped after {done} of {frames} frames were scanned for the P-SOG; nothing of it is kept, give it more time"
-    )]
-    Stopped { done: usize, frames: usize },
-
-    /// A P-SOG over no frames.
-    #[error("frames is 0; a P-SOG needs at least one frame")]
-    NoFrames,
-    /// More frames than a count can hold.
-    #[error(
-        "frame {frame} is one too many: a voxel's count holds at most {limit} frames; build from fewer frames"
-    )]
-    TooManyFrames { frame: u64, limit: u32 },
-    /// No class names.
-    #[error("classes is empty; name at least one class")]
-    NoClasses,
-    /// More classes than fit in 16 bits.
-    #[error("classes has {classes} names, at most {limit} fit; merge some classes")]
-    TooManyClasses { classes: usize, limit: usize },
-    /// A class name that is empty, longer than 200 characters or holds a control character, as a line break is.
-    #[error(
-        "classes[{position}] is {name:?}; a class name has 1 to 200 characters and holds no control character (names are joined by line breaks, the last one ends without)"
-    )]
-    ClassName { position: usize, name: String },
-    /// The class "empty" is listed.
-    #[error(
-        "classes[{position}] is \"empty\"; empty is what the counts leave over, so remove that class and its column"
-    )]
-    ClassEmpty { position: usize },
-    /// One name used twice.
-    #[error(
-        "classes[{position}] repeats the name {name:?} of classes[{first}]; give every class its own name"
-    )]
-    ClassTwice { position: usize, first: usize, name: String },
-
-    /// `counts` does not hold one row a voxel.
-    #[error("counts has {found} values; {voxels} voxels × {classes} classes need {need}", need = *voxels as u128 * *classes as u128)]
-    CountsLength { found: usize, voxels: usize, classes: usize },
-    /// A voxel outside the grid.
-    #[error("index[{position}] is {value}, but the grid has {voxels} voxels, so the last index is {last}", last = voxels - 1)]
-    IndexRange { position: usize, value: u64, voxels: u64 },
-    /// Voxels out of order, or one listed twice.
-    #[error("index[{position}] is {value}, not above index[{before}] = {previous}; list every voxel once, in rising order", before = position - 1)]
-    IndexOrder { position: usize, value: u64, previous: u64 },
-    /// More labelled frames than frames.
-    #[error(
-        "counts[{position}] (voxel {voxel}) adds up to {sum} frames, but frames is {frames}; a voxel has one class a frame"
-    )]
-    CountsOverFrames { position: usize, voxel: u64, sum: u64, frames: u32 },
-
-    /// Two P-SOGs over different grids.
-    #[error(
-        "the P-SOGs have different {field} ({left:?} and {right:?}); only P-SOGs of one grid can be merged"
-    )]
-    MergeGrid { field: &'static str, left: [f64; 3], right: [f64; 3] },
-    /// Two P-SOGs with different classes.
-    #[error(
-        "the P-SOGs differ at classes[{position}] ({left:?} and {right:?}); only P-SOGs with the same classes in the same order can be merged"
-    )]
-    MergeClasses { position: usize, left: String, right: String },
-    /// The merged frames do not fit.
-    #[error("the merged P-SOG would have {frames} frames, at most {limit} fit; merge fewer", limit = u32::MAX)]
-    MergeFrames { frames: u64 },
-    /// A merged count does not fit.
-    #[error("voxel {voxel} would have class {class:?} in {count} frames, at most {limit} fit; merge fewer", limit = u16::MAX)]
-    MergeCount { voxel: u64, class: String, count: u32 },
-
-    /// A vote for a class that does not exist.
-    #[error(
-        "a point of frame {frame} votes for class {class}, but there are {classes} classes; map its label first"
-    )]
-    VoteClass { frame: u64, class: u16, classes: usize },
-    /// A vote for a voxel that does not exist.
-    #[error(
-        "a point of frame {frame} votes in voxel {voxel}, but the grid has {voxels}; vote in the grid the P-SOG is built on"
-    )]
-    VoteVoxel { frame: u64, voxel: u64, voxels: u64 },
 }

@@ -73,7 +73,7 @@ impl EntropyTable {
 
     /// Entropy in nats of a voxel that one class holds in `one` frames and another in `other` frames, together
     /// at most T.
-    pub fn entropy_of_two(&self, one: u32, other: u32) -> f64 {
+    pub(crate) fn entropy_of_two(&self, one: u32, other: u32) -> f64 {
         self.term(one) + self.term(other) + self.term(self.frames - one - other)
     }
 }

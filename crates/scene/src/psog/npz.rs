@@ -17,94 +17,8 @@ use zip::write::FileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
 use super::counts::{check_classes, check_index};
+use super::error::{ARRAYS, ArrayFault};
 use super::{Psog, PsogError, Roi};
-
-/// The arrays of a P-SOG file, in the order they are written.
-const ARRAYS: [&str; 7] = ["roi_min", "voxel", "shape", "frames", "classes", "index", "counts"];
-
-/// Why a P-SOG file was not read.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-#[allow(missing_docs)] // the messages name every field
-pub enum PsogFileError {
-    /// The file cannot be opened.
-    #[error("{}: cannot be read: {source}; give a P-SOG file, as `sightline psog build` writes it", path.display())]
-    Open { path: PathBuf, source: std::io::Error },
-    /// The file is no zip archive, or has lost its end.
-    #[error("{} is not a readable .npz archive ({cause}); if it was cut short, copy or write it again", path.display())]
-    Archive { path: PathBuf, cause: String },
-    /// A member that no P-SOG has.
-    #[error("{}: `{member}` is not an array of a P-SOG, which holds {}; leave it out", path.display(), ARRAYS.join(", "))]
-    Unknown { path: PathBuf, member: String },
-    /// A missing or faulty array.
-    #[error("{}: array `{array}` {fault}", path.display())]
-    Array { path: PathBuf, array: &'static str, fault: ArrayFault },
-    /// The numbers break a rule of the P-SOG.
-    #[error("{}: {fault}", path.display())]
-    Value { path: PathBuf, fault: PsogError },
-}
-
-/// Fault with an array of a P-SOG file.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-#[allow(missing_docs)] // the messages name every field
-pub enum ArrayFault {
-    /// It is not there.
-    #[error("is missing; a P-SOG holds {}", ARRAYS.join(", "))]
-    Missing,
-    #[error("is in the archive twice; keep one")]
-    Twice,
-    /// Compression or encryption that NumPy does not use.
-    #[error("is packed with {method}; write the file with np.savez or np.savez_compressed")]
-    Method { method: String },
-    /// Its bytes are damaged.
-    #[error("is damaged ({cause}); copy or write the file again")]
-    Damaged { cause: String },
-    /// Its header is no `.npy` header that a P-SOG needs.
-    #[error("has no usable .npy header ({cause}); write the file with np.savez")]
-    Header { cause: String },
-    /// The element type is not the contract's.
-    #[error("has dtype {found}, wanted {wanted}; {}", conversion(found, wanted))]
-    Dtype { found: String, wanted: &'static str },
-    /// The shape is not the contract's.
-    #[error("has shape {found}, wanted {wanted}")]
-    Shape { found: String, wanted: String },
-    /// The header promises other than the archive holds.
-    #[error(
-        "is promised {need} bytes by its header, the archive holds {have}; write the file again"
-    )]
-    Size { need: u64, have: u64 },
-    /// Names that are not text.
-    #[error("is not UTF-8 from byte {at} on; encode the names as UTF-8")]
-    NotUtf8 { at: usize },
-    /// An element breaks a rule of the P-SOG.
-    #[error(transparent)]
-    Value(#[from] PsogError),
-}
-
-impl ArrayFault {
-    fn damaged(error: impl ToString) -> Self {
-        Self::Damaged { cause: error.to_string() }
-    }
-
-    /// Names file and array.
-    pub(super) fn of(self, path: &Path, array: &'static str) -> PsogFileError {
-        let path = path.to_owned();
-        match self {
-            // Its message names the array and the element.
-            Self::Value(fault) => PsogFileError::Value { path, fault },
-            fault => PsogFileError::Array { path, array, fault },
-        }
-    }
-}
-
-/// How to come from one element type to another in NumPy, whose `astype` takes no texts for bytes.
-fn conversion(found: &str, wanted: &str) -> String {
-    if wanted == "uint8" && found.contains(['U', 'S', 'O']) {
-        return "join the names by \\n and write np.frombuffer(text.encode(), np.uint8)".to_owned();
-    }
-    format!("convert it with .astype(np.{wanted})")
-}
 
 /// An element type of the P-SOG file.
 pub trait Element: Deserialize + Copy {
@@ -140,10 +54,10 @@ pub struct Archive {
 
 impl Archive {
     /// Opens the archive and checks that it holds each array of a P-SOG once, and nothing else.
-    pub fn open(path: &Path) -> Result<Self, PsogFileError> {
-        let to_open = |source| PsogFileError::Open { path: path.to_owned(), source };
+    pub fn open(path: &Path) -> Result<Self, PsogError> {
+        let to_open = |source| PsogError::Open { path: path.to_owned(), source };
         let file = sightline_files::files::open(path).map_err(to_open)?;
-        let to_archive = |error: zip::result::ZipError| PsogFileError::Archive {
+        let to_archive = |error: zip::result::ZipError| PsogError::Archive {
             path: path.to_owned(),
             cause: error.to_string(),
         };
@@ -154,7 +68,7 @@ impl Archive {
             let array = member.name().strip_suffix(".npy");
             let Some(&array) = ARRAYS.iter().find(|&&known| Some(known) == array) else {
                 let member = member.name().escape_debug().to_string();
-                return Err(PsogFileError::Unknown { path: path.to_owned(), member });
+                return Err(PsogError::UnknownArray { path: path.to_owned(), member });
             };
             if members.iter().any(|&(name, _)| name == array) {
                 return Err(ArrayFault::Twice.of(path, array));
@@ -177,7 +91,7 @@ impl Archive {
         array: &'static str,
         shape: impl FnOnce(&[u64]) -> Result<(), String>,
         value: impl FnMut(usize, T) -> Result<(), PsogError>,
-    ) -> Result<Vec<T>, PsogFileError> {
+    ) -> Result<Vec<T>, PsogError> {
         let read = self.member(array).and_then(|member| read_member(member, shape, value));
         read.map_err(|fault| fault.of(&self.path, array))
     }
@@ -227,7 +141,7 @@ fn read_member<T: Element>(
         NpyFile::with_header(header, &mut member).data::<T>().map_err(ArrayFault::damaged)?;
     for element in elements {
         let element = element.map_err(ArrayFault::damaged)?;
-        value(data.len(), element)?;
+        value(data.len(), element).map_err(|fault| ArrayFault::Value(Box::new(fault)))?;
         data.push(element);
     }
     // The checksum is compared at the end of the member, so read up to it.
@@ -327,9 +241,9 @@ const CLASS_BYTES: u64 = 1 << 24;
 /// Either byte order and C or Fortran order are read; any other departure is an error.
 ///
 /// # Errors
-/// See [`PsogFileError`]; each names the file, the array and a remedy.
-pub fn read_psog(path: &Path) -> Result<Psog, PsogFileError> {
-    let invalid = |fault: PsogError| PsogFileError::Value { path: path.to_owned(), fault };
+/// See [`PsogError`]; each names the file, the array and a remedy.
+pub fn read_psog(path: &Path) -> Result<Psog, PsogError> {
+    let invalid = |fault| PsogError::InFile { path: path.to_owned(), fault: Box::new(fault) };
     let mut archive = Archive::open(path)?;
     let three = |s: &[u64]| if s == [3] { Ok(()) } else { Err("(3,)".to_owned()) };
 

@@ -1,12 +1,12 @@
 //! Likely mistakes of a scene or a vehicle file: sizes, axes, ways, heights, ranges.
 
 mod mounts;
-mod scans;
 mod standing;
 
 use glam::DVec3;
 
 use super::route::Motion;
+use super::settings::doubts_of_scan;
 use super::{Coverage, Ground, Scene, Solid};
 use crate::vehicle;
 use sightline_files::Note;
@@ -58,7 +58,7 @@ impl Scene {
         doubts.extend(ground(scene));
         doubts.extend(standing::in_world(scene));
         doubts.extend(standing::in_actor(scene));
-        doubts.extend(scans::of_psog(scene));
+        doubts.extend(doubts_of_scan(&scene.psog));
         doubts.extend(sensors(scene));
         doubts.extend(voxels(scene));
         let in_file = |file: &str, doubts: Vec<String>| {

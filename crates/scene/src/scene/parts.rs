@@ -296,7 +296,7 @@ impl OwnBody {
     ///
     /// # Errors
     /// Another number of poses.
-    pub fn check_frames(&self, frames: usize) -> Result<(), DescriptionError> {
+    pub(crate) fn check_frames(&self, frames: usize) -> Result<(), DescriptionError> {
         match &self.motion {
             Motion::Poses(poses) if poses.len() != frames => {
                 let found = format!("a list of {}", poses.len());
@@ -381,7 +381,7 @@ impl OwnBodies {
     }
 
     /// Puts bodies with a pose for each frame where they are in frame 0, with a note for each.
-    pub fn hold_still(&mut self) -> Vec<Note> {
+    pub(crate) fn hold_still(&mut self) -> Vec<Note> {
         let (mut notes, mut moving) = (Vec::new(), Vec::new());
         for body in std::mem::take(&mut self.moving) {
             let poses = match &body.motion {

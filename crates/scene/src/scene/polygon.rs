@@ -8,7 +8,7 @@ use sightline_files::json::{DescriptionError, Location};
 const MAX_CORNERS: usize = 1000;
 
 /// Checks that `base` is a simple polygon; returns it counter-clockwise.
-pub fn simple(at: &Location, base: &[[f64; 2]]) -> Result<Vec<[f64; 2]>, DescriptionError> {
+pub(crate) fn simple(at: &Location, base: &[[f64; 2]]) -> Result<Vec<[f64; 2]>, DescriptionError> {
     let n = base.len();
     if !(3..=MAX_CORNERS).contains(&n) {
         return Err(bad(at, format!("a list of {n}"), format!("3 to {MAX_CORNERS} corners")));
@@ -44,7 +44,7 @@ pub fn simple(at: &Location, base: &[[f64; 2]]) -> Result<Vec<[f64; 2]>, Descrip
 }
 
 /// Cuts a simple counter-clockwise polygon into `corners.len() − 2` counter-clockwise triangles.
-pub fn triangulate(corners: &[[f64; 2]]) -> Vec<[u32; 3]> {
+pub(crate) fn triangulate(corners: &[[f64; 2]]) -> Vec<[u32; 3]> {
     let mut left: Vec<u32> = (0..corners.len() as u32).collect();
     let mut triangles = Vec::with_capacity(corners.len() - 2);
     let corner = |i: u32| corners[i as usize];

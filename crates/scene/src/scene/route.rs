@@ -51,7 +51,11 @@ impl Motion {
     }
 
     /// Checks for one explicit pose a frame.
-    pub fn check_frames(&self, at: &Location, frames: usize) -> Result<(), DescriptionError> {
+    pub(crate) fn check_frames(
+        &self,
+        at: &Location,
+        frames: usize,
+    ) -> Result<(), DescriptionError> {
         match self {
             Self::Poses(poses) if poses.len() != frames => {
                 let value = format!("a list of {}", poses.len());

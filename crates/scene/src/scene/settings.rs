@@ -1,5 +1,6 @@
 //! Everything of a scene that is not geometry: ROI, coverage mode, origin of the P-SOG.
 
+use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 
 use crate::vehicle::Vehicle;
@@ -14,6 +15,10 @@ const MOUNT_HEADROOM: f64 = 10.0;
 const MAX_AXIS: f64 = 16_777_216.0;
 /// Most voxels of a ROI.
 const MAX_VOXELS: u64 = 1 << 31;
+
+/// Highest scanner and longest range, in metres.
+const HIGHEST: f64 = 100.0;
+const FARTHEST: f64 = 1000.0;
 
 /// The region of interest of a scene: a box around the ego, cut into voxels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -230,5 +235,55 @@ impl PsogSource {
             return Err(DescriptionError::Misplaced { at, key: "scan", mend });
         }
         ScanSettings::new(&at.key("scan"), scan, lidar_range, highest).map(Self::Scan)
+    }
+}
+
+/// Doubts about `psog.scan`.
+pub(super) fn doubts_of_scan(psog: &PsogSource) -> Vec<String> {
+    let PsogSource::Scan(scan) = psog else { return Vec::new() };
+    let mut doubts = Vec::new();
+    let metres = [("height", scan.height, HIGHEST), ("range", scan.range, FARTHEST)];
+    for (key, value, _) in metres.into_iter().filter(|(_, value, most)| value.abs() > *most) {
+        doubts.push(format!(
+            "psog.scan.{key} is {value} m; lengths are in metres, {value} mm are {} m",
+            value / 1000.0
+        ));
+    }
+    let [low, high] = scan.fov;
+    if low.abs().max(high.abs()) <= FRAC_PI_2 && low < high {
+        doubts.push(format!(
+            "psog.scan.fov is {low}° to {high}°; radians? {low} to {high} rad are {:.1}° to {:.1}°",
+            low.to_degrees(),
+            high.to_degrees()
+        ));
+    }
+    doubts
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::scene::Scene;
+    use sightline_files::Note;
+
+    fn told(scan: &str) -> String {
+        let text = format!(
+            r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
+            "lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100}}, "frames": 3,
+            "mount": {{"min": [-1, -0.6, 2], "max": [1, 0.6, 2.2], "lidars": 1}}, "psog": {{"scan": {{{scan}}}}},
+            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}]}}"#
+        );
+        let scene = Scene::from_json(&text, std::path::Path::new(""), "s.json").unwrap();
+        scene.notes().iter().map(Note::text).collect::<Vec<_>>().join("\n")
+    }
+
+    #[test]
+    fn heights_in_millimetres_and_views_in_radians_are_doubted() {
+        assert_eq!(told(r#""height": 2.8, "fov": [-50, 20], "range": 60"#), "");
+        let high = told(r#""height": 2000"#);
+        assert!(
+            high.contains("psog.scan.height is 2000 m; lengths are in metres, 2000 mm are 2 m")
+        );
+        let narrow = told(r#""fov": [-0.9, 0.35]"#);
+        assert!(narrow.contains("psog.scan.fov is -0.9° to 0.35°; radians?"), "{narrow}");
     }
 }

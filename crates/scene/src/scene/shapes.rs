@@ -82,7 +82,7 @@ impl<'a> Builder<'a> {
         files
     }
 
-    pub fn class_name(&self, class: u16) -> &'a str {
+    pub(crate) fn class_name(&self, class: u16) -> &'a str {
         &self.classes.names[usize::from(class)]
     }
 
@@ -92,7 +92,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Builds the named shapes, used or not.
-    pub fn check_named(&mut self) -> Result<(), DescriptionError> {
+    pub(crate) fn check_named(&mut self) -> Result<(), DescriptionError> {
         for (name, _) in &self.named.0 {
             let at = self.named_at.clone();
             self.named(&at, name, 0)?;

@@ -38,7 +38,7 @@ impl Solid {
     }
 
     /// True if a triangle is more than a line or a point.
-    pub fn has_area(&self) -> bool {
+    pub(crate) fn has_area(&self) -> bool {
         self.faces.iter().any(|face| {
             let [a, b, c] = face.map(|v| self.vertices[v as usize]);
             let longest = (b - a).length_squared().max((c - a).length_squared());
@@ -47,7 +47,7 @@ impl Solid {
     }
 
     /// Appends these triangles to `soup`, moved by `pose` in `f64` and then rounded.
-    pub fn append_to(&self, soup: &mut TriangleSoup, pose: &Pose) {
+    pub(crate) fn append_to(&self, soup: &mut TriangleSoup, pose: &Pose) {
         let base = soup.vertices.len() as u32;
         soup.vertices.extend(self.vertices.iter().map(|&v| pose.apply(v).as_vec3().to_array()));
         soup.faces.extend(self.faces.iter().map(|f| f.map(|v| v + base)));
@@ -140,7 +140,11 @@ impl Solid {
     }
 }
 
-pub fn cuboid(at: &Location, b: &BoxDescription, class: u16) -> Result<Solid, DescriptionError> {
+pub(crate) fn cuboid(
+    at: &Location,
+    b: &BoxDescription,
+    class: u16,
+) -> Result<Solid, DescriptionError> {
     let yaw = check::radians(&at.key("yaw"), b.yaw)?;
     let one_of = |found| {
         let of = &["center, size", "foot, size", "min, max"];
@@ -181,7 +185,11 @@ pub fn cuboid(at: &Location, b: &BoxDescription, class: u16) -> Result<Solid, De
     Ok(Solid::cuboid(center, size, yaw, class))
 }
 
-pub fn prism(at: &Location, p: &PrismDescription, class: u16) -> Result<Solid, DescriptionError> {
+pub(crate) fn prism(
+    at: &Location,
+    p: &PrismDescription,
+    class: u16,
+) -> Result<Solid, DescriptionError> {
     let base = polygon::simple(&at.key("base"), &p.base)?;
     let z = at.key("z");
     for i in 0..2 {
@@ -193,7 +201,7 @@ pub fn prism(at: &Location, p: &PrismDescription, class: u16) -> Result<Solid, D
     Ok(Solid::prism(&base, p.z, class))
 }
 
-pub fn cylinder(
+pub(crate) fn cylinder(
     at: &Location,
     c: &CylinderDescription,
     class: u16,
@@ -205,7 +213,11 @@ pub fn cylinder(
     Ok(Solid::cylinder(foot.into(), radius, height, sides, class))
 }
 
-pub fn plane(at: &Location, p: &PlaneDescription, class: u16) -> Result<Solid, DescriptionError> {
+pub(crate) fn plane(
+    at: &Location,
+    p: &PlaneDescription,
+    class: u16,
+) -> Result<Solid, DescriptionError> {
     for i in 0..2 {
         check::metres(&at.key("min").item(i), p.min[i])?;
         check::metres(&at.key("max").item(i), p.max[i])?;

@@ -344,7 +344,7 @@ impl RequirementDescription {
     ///
     /// # Errors
     /// The first of them; `mend` says how to mend it.
-    pub fn has_only(
+    pub(crate) fn has_only(
         &self,
         at: &Location,
         keys: &[&str],

@@ -36,8 +36,8 @@ pub use equipment::{
 };
 pub use lidar::{LIDAR, Lidar, OtherSensor, stated};
 pub use lidar_cast::sensor::{
-    BeamGrid, BeamTable, Echoes, ForeignLidar, MAX_LIDARS, Placement, PlacementError, Response,
-    SensorError, SensorModel, SensorName, SensorPose, Sensors, SpinPhase, UnknownSensor,
+    BeamGrid, BeamTable, Echoes, ForeignLidar, MAX_LIDARS, Placement, Response, SensorError,
+    SensorModel, SensorName, SensorPose, Sensors, SpinPhase, UnknownSensor,
 };
 pub use lidar_cast::task::Requirement;
 pub use lidar_reading::DescribedLidar;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use super::{ForeignLidar, Placement, PlacementError};
+use super::{ForeignLidar, Placement, SensorError};
 use sightline_files::files;
 use sightline_files::json::{
     self, FileKind, ForeignJson, Objects, comma_too_many, did_you_mean, from_text, kind_of_bytes,
@@ -58,7 +58,7 @@ pub enum PlacementFileError {
     NotText { path: PathBuf, byte: usize },
     /// A placement that cannot be used.
     #[error("{}{}: {source}", path.display(), at_line(*line))]
-    Placement { path: PathBuf, line: Option<u64>, source: PlacementError },
+    Placement { path: PathBuf, line: Option<u64>, source: SensorError },
     /// A LiDAR of a model that the vehicle does not have.
     #[error("{}: {source}", path.display())]
     Sensor { path: PathBuf, source: ForeignLidar },
@@ -321,7 +321,7 @@ impl PlacementReader {
             if self.names.insert(placement.name.clone()) {
                 Ok(())
             } else {
-                Err(PlacementError::UsedTwice { name: placement.name.clone() })
+                Err(SensorError::UsedTwice { name: placement.name.clone() })
             }
         });
         Some(match checked {

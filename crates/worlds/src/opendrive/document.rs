@@ -6,7 +6,7 @@ use roxmltree::Node;
 use sightline_files::Note;
 use sightline_files::json::check_xml;
 
-use super::profile::Profile;
+use super::stations::Profile;
 use super::{density, doubts, objects, stations, values};
 use crate::world::WorldError;
 

@@ -1,8 +1,9 @@
 //! Conditions as they are written.
 
-use crate::conditions::{Condition, ConditionError, ConditionKind, weather};
+use crate::ScanError;
+use crate::conditions::{Condition, ConditionKind, weather};
 
-fn read(text: &str) -> Result<Condition, ConditionError> {
+fn read(text: &str) -> Result<Condition, ScanError> {
     text.parse()
 }
 

@@ -16,7 +16,7 @@ pub(super) struct ColumnWindow {
 
 impl ColumnWindow {
     /// First and last column, both valid; the window goes through column 0 where the first one is larger.
-    pub fn of_columns(
+    pub(crate) fn of_columns(
         at: &Location,
         [first, last]: [u64; 2],
         steps: u32,
@@ -29,7 +29,7 @@ impl ColumnWindow {
 
     /// Angles in thousandths of a degree, counter-clockwise in the frame of the columns: column m of W stands at
     /// 360·(1 − m/W) degrees. The file `2_5_0_os-992146000760-128.json` of ouster-sdk has both spellings of a window.
-    pub fn of_angles(
+    pub(crate) fn of_angles(
         at: &Location,
         angles: [f64; 2],
         steps: u32,
