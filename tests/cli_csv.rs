@@ -112,6 +112,8 @@ fn scores_are_those_of_the_json_in_one_scene_and_in_several() {
         check(&csv, row, scores);
         csv.is(row, "near_field_share", &scores["near_field"]);
         csv.is(row, "near_ring_share", &scores["near_ring"]);
+        csv.is(row, "requirements_hold_in_share", &scores["requirements_hold_in"]);
+        assert!(scores["requirements_hold_in"].is_number(), "{scores}");
         let seen = &scores["requirements"][0];
         assert_eq!(csv.cell(row, "requirements_met"), seen["met"].to_string());
         let words = csv.cell(row, "requirements");
@@ -144,6 +146,10 @@ fn scores_go_into_a_file_with_one_first_line() {
 #[test]
 fn a_search_has_a_row_for_its_result_and_for_each_baseline() {
     let dir = town();
+    let cart = fs::read_to_string(dir.path().join("cart.json")).unwrap();
+    let mut cart: Value = serde_json::from_str(&cart).unwrap();
+    cart["sensors"][0]["price"] = json!(150);
+    fs::write(dir.path().join("cart.json"), cart.to_string()).unwrap();
     let line = "optimize town.json --vehicle cart.json --backend cpu --evaluations 8 --baselines two.json --out run";
     let csv = Csv::of(dir.path(), line);
     let result = fs::read_to_string(dir.path().join("run/result.json")).unwrap();
@@ -157,7 +163,17 @@ fn a_search_has_a_row_for_its_result_and_for_each_baseline() {
         assert_eq!(csv.cell(row, "requirements_met"), seen["met"].to_string());
         let broken = of["violations"].as_array().unwrap().len();
         assert_eq!(csv.cell(row, "broken_rules").is_empty(), broken == 0, "{of}");
+        csv.is(row, "price", &json!(300));
+        csv.is(row, "price", &of["price"]);
+        csv.is(row, "requirements_hold_in_share", &of["scores"]["requirements_hold_in"]);
     }
+    // Ground near the vehicle is looked at for the result, and for the best baseline if any counts.
+    let near = &result["near_field"];
+    assert!(near["ring"].is_number(), "{near}");
+    csv.is(0, "near_field_share", &near["near_field"]);
+    csv.is(0, "near_ring_share", &near["ring"]);
+    let looked = (0..3).filter(|&row| !csv.cell(row, "near_field_share").is_empty()).count();
+    assert!(looked < 3, "one baseline at most");
     // A finished run prints its table again.
     assert_eq!(Csv::of(dir.path(), "optimize --resume run --backend cpu").0, csv.0);
 }

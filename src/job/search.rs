@@ -197,6 +197,9 @@ impl JobRun<'_> {
         if self.takes_one_more(&outcome, observer) {
             return Ok(JobStep::On);
         }
+        for scored in outcome.best.iter_mut().chain(&mut outcome.baselines) {
+            scored.price = self.vehicle.price_of_rig(&scored.placement);
+        }
         self.job.look_closely_at(&mut outcome, observer)?;
         Ok(JobStep::Done(Box::new(outcome)))
     }

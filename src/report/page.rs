@@ -288,10 +288,11 @@ impl Looks {
         Ok(Self { maps, views, near, several, has_moving_bodies })
     }
 
-    /// Near field of the placement; `None` where there is none to tell.
+    /// Near field of the placement and of the best baseline; `None` where there is none to tell.
     pub fn near_field(&self) -> Option<NearRecord> {
-        let near = self.near.as_ref().ok()?;
-        Some(NearRecord { frames: near.frames, near: near.all.first()?.1.clone() })
+        let looked = self.near.as_ref().ok()?;
+        let mut all = looked.all.iter().map(|(_, near)| near.clone());
+        Some(NearRecord { frames: looked.frames, near: all.next()?, rival: all.next() })
     }
 }
 

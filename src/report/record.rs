@@ -160,12 +160,15 @@ pub struct NearRecord {
     /// Shares, blind zone and poles.
     #[serde(flatten)]
     pub near: NearField,
+    /// Near field of the best baseline; `None` without one.
+    #[serde(skip)]
+    pub rival: Option<NearField>,
 }
 
 impl NearRecord {
     /// Depth of the blind zone on each side, and shares of the ground that are seen.
     fn in_words(&self) -> String {
-        let Self { frames, near } = self;
+        let Self { frames, near, .. } = self;
         let depths = near.zone.depths().map(|(side, depth)| match depth {
             Some(depth) => format!("{side} {depth:.1} m"),
             None => format!("{side} more than {NEAR} m"),

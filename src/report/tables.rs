@@ -30,15 +30,16 @@ fn joined(parts: impl IntoIterator<Item = impl ToString>) -> String {
 pub(crate) fn score_titles(prices: &[f64]) -> Cells {
     let mut row: Cells = ScoreColumn::ALL.iter().map(|column| column.key().to_owned()).collect();
     row.extend(titles(&[
-        "near_ring_share", "requirements_met", "requirements", "warnings", "broken_rules",
+        "near_ring_share", "requirements_met", "requirements", "requirements_hold_in_share",
+        "warnings", "broken_rules",
     ]));
     row.extend((!prices.is_empty()).then(|| "price".to_owned()));
     row
 }
 
-/// A row a placement: every score, whether all requirements are met, each with the share seen and the share required,
-/// the guards and the broken rules in words, last the price. `prices` has one for each placement, or none where no sensor
-/// has one.
+/// A row a placement: every score, whether all requirements are met, each with the share seen and the share required, the
+/// share of copies within the mounting tolerance that meet all, the guards and the broken rules in words, last the price.
+/// `prices` has one for each placement, or none where no sensor has one.
 pub(crate) fn score_rows<'a>(
     all: impl IntoIterator<Item = &'a Scores, IntoIter: 'a>,
     prices: &[f64],
@@ -50,19 +51,36 @@ pub(crate) fn score_rows<'a>(
         let seen =
             required.iter().map(|seen| format!("{}: {} of {}", seen.name, seen.share, seen.least));
         row.extend([number(scores.near_ring), met.unwrap_or_default()]);
-        row.extend([joined(seen), joined(&scores.guards), joined(&scores.broken_rules)]);
+        row.extend([joined(seen), number(scores.requirements_hold_in)]);
+        row.extend([joined(&scores.guards), joined(&scores.broken_rules)]);
         row.extend(prices.get(k).map(|price| number(*price)));
         row
     };
     all.into_iter().enumerate().map(row).collect()
 }
 
-/// The result of a search, if there is one, then its baselines: the rows of `score --format csv`.
+/// The result of a search, if there is one, then its baselines: the rows of `score --format csv`. In a single scene result
+/// and best baseline have their near field over the few frames of the page.
 pub fn run_csv(run: &RunRecord) -> String {
-    // The scores have a column for the rules.
-    let scores = |of: &Scored| Scores { broken_rules: of.violations.clone(), ..of.scores.clone() };
-    let all: Vec<Scores> = run.best.iter().chain(&run.baselines).map(scores).collect();
-    csv(std::iter::once(score_titles(&[])).chain(score_rows(&all, &[])))
+    let near = run.near_field.as_ref().filter(|_| run.scenes.is_empty());
+    let rival = Scored::yardstick(&run.baselines);
+    let all: Vec<&Scored> = run.best.iter().chain(&run.baselines).collect();
+    let scores = |of: &&Scored| {
+        let near = near.and_then(|near| match run.best.as_ref() {
+            Some(best) if std::ptr::eq(best, *of) => Some(&near.near),
+            _ => near.rival.as_ref().filter(|_| rival.is_some_and(|rival| std::ptr::eq(rival, *of))),
+        });
+        Scores {
+            near_field: near.map(|near| near.near_field),
+            near_ring: near.and_then(|near| near.ring),
+            // The scores have a column for the rules.
+            broken_rules: of.violations.clone(),
+            ..of.scores.clone()
+        }
+    };
+    let prices: Vec<f64> = all.iter().filter_map(|of| of.price).collect();
+    let rows: Vec<Scores> = all.iter().map(scores).collect();
+    csv(std::iter::once(score_titles(&prices)).chain(score_rows(&rows, &prices)))
 }
 
 /// A row a placement: shares, blind ground, depth of the blind zone, poles seen of all by standard, share of each LiDAR's

@@ -30,6 +30,9 @@ pub struct Scored {
     pub objective: Option<f64>,
     /// Rules of the mount that it breaks, in words.
     pub violations: Vec<String>,
+    /// Price of its sensors in the vehicle's currency; `None` where none has a price, or nobody asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub price: Option<f64>,
 }
 
 impl Scored {
@@ -50,6 +53,7 @@ impl Scored {
             placement: placement.clone(),
             scores: judged.scores,
             by_scene: judged.by_scene,
+            price: None,
         }
     }
 

@@ -47,7 +47,7 @@ pub(in crate::report) fn planted(name: &str, m_sog_scaled: f64, gain: f64) -> Sc
     };
     let placement = Placement { name: name.to_owned(), lidars: Vec::new() };
     let (objective, by_scene) = (Some(m_sog_scaled), Vec::new());
-    Scored { placement, scores, by_scene, objective, violations: Vec::new() }
+    Scored { placement, scores, by_scene, objective, violations: Vec::new(), price: None }
 }
 
 fn first_sentence(best: &Scored, baselines: &[Scored], objective: &str) -> String {
