@@ -63,6 +63,9 @@ fn a_chart_measures_the_settings_of_a_scene() {
     let again =
         ok(dir.path(), &["chart", "--resume", "out", "--tolerance", "1", "--backend", "cpu"]);
     assert_eq!(again["measured"], answer["measured"]);
+    let args = ["chart", "--resume", "out", "--backend", "cpu", "--format", "csv"];
+    let printed = sightline(dir.path(), &args).stdout;
+    assert_eq!(String::from_utf8(printed).unwrap(), read(&dir, "out/chart.csv"));
     let taken = &rows[again["verdict"]["setting"].as_u64().unwrap() as usize];
     assert!(number(taken, "/seconds") < number(chosen, "/seconds"));
 }

@@ -261,15 +261,67 @@ fn near_fields_and_targets_are_those_of_the_json() {
     assert!(runs > 4, "{runs}");
 }
 
+/// An answer as CSV and as JSON.
+fn both(dir: &Path, line: &str) -> (Csv, Value) {
+    let csv = Csv::of(dir, line);
+    let words: Vec<&str> = line.split(' ').chain(["--format", "json"]).collect();
+    (csv, serde_json::from_slice(&sightline(dir, &words).stdout).unwrap())
+}
+
+#[test]
+fn audits_and_comparisons_are_those_of_the_json() {
+    let dir = town();
+    let (csv, found) = both(dir.path(), "audit town.json two.json --backend cpu");
+    let [trials, changes] = ["trials", "stability"].map(|key| found[key].as_array().unwrap());
+    assert_eq!(csv.rows(), 1 + trials.len() + changes.len());
+    let check = |row: usize, part: &str, name: &Value, scores: &Value| {
+        csv.is(row, "scene", &json!("town"));
+        csv.is(row, "part", &json!(part));
+        csv.is(row, "name", name);
+        csv.is(row, "near_gain_share", &scores["near_gain"]);
+        csv.is(row, "covered_voxels", &scores["covered"]);
+    };
+    check(0, "base", &found["base"]["name"], &found["base"]);
+    csv.is(0, "ranking_against_mean_height", &found["ranking_against_mean_height"]);
+    for (row, trial) in (1..).zip(trials) {
+        check(row, "attempt", &trial["name"], &trial["scores"]);
+        csv.is(row, "verdict", &trial["verdict"]);
+        let fooled = trial["fooled"].as_array().unwrap().iter().map(|name| name.as_str().unwrap());
+        assert_eq!(csv.cell(row, "fooled"), fooled.collect::<Vec<_>>().join("; "));
+    }
+    for (row, change) in (1 + trials.len()..).zip(changes) {
+        check(row, "change", &change["change"], &change["base"]);
+        for title in ["worst_relative_change", "median_kendall_tau", "kendall_tau", "first"] {
+            csv.is(row, title, &change[title]);
+        }
+    }
+
+    let (csv, found) = both(dir.path(), "rig compare two.json:p two.json:q");
+    let (lidars, after) = (&found["lidars"], &found["after"]);
+    let parts = ["lidars", "before", "after"].map(|key| found[key].as_array().unwrap().len());
+    assert_eq!((csv.rows(), parts[0]), (parts.iter().sum(), 2));
+    // The JSON has fewer digits.
+    let near = |row: usize, title: &str, wanted: &Value| {
+        let cell: f64 = csv.cell(row, title).parse().unwrap();
+        assert!((cell - wanted.as_f64().unwrap()).abs() < 1e-6, "{title}: {cell}, {wanted}");
+    };
+    csv.is(1, "part", &json!("moved"));
+    csv.is(1, "lidar", &lidars[1]["frame"]);
+    assert!(lidars[1]["moved"].as_f64().unwrap() > 0.1, "{lidars}");
+    near(1, "moved_m", &lidars[1]["moved"]);
+    let (row, pair) = (parts[0] + parts[1], &after[0]);
+    csv.is(row, "part", &json!("after"));
+    csv.is(row, "lidar", &pair["left"]);
+    csv.is(row, "other", &pair["right"]);
+    near(row, "moved_m", &pair["moved"]);
+    near(row, "turned_rad", &pair["turned"]);
+    assert_eq!(csv.cell(row, "same_roll"), pair["same_roll"].to_string());
+}
+
 #[test]
 fn shared_things_sweeps_and_tolerances_are_those_of_the_json() {
     let dir = town();
-    let both = |line: &str| {
-        let csv = Csv::of(dir.path(), line);
-        let words: Vec<&str> = line.split(' ').chain(["--format", "json"]).collect();
-        let output = sightline(dir.path(), &words);
-        (csv, serde_json::from_slice::<Value>(&output.stdout).unwrap())
-    };
+    let both = |line: &str| both(dir.path(), line);
     let (csv, found) = both("study redundancy town.json two.json --target car --backend cpu");
     let seen = &found["rows"][1]["ground_10m"];
     let row = (0..csv.rows()).filter(|&k| csv.cell(k, "thing") == "ground to 10 m").nth(1).unwrap();

@@ -276,4 +276,17 @@ fn audit_study_and_chart_go_from_scene_to_scene() {
     assert_eq!(charts["scenes"][1]["scene"], "hall");
     assert_eq!(charts["scenes"][0]["placements"].as_array().unwrap().len(), 6);
     assert!(dir.path().join("chart/room/chart.svg").exists());
+
+    let more = ["--placements", "4", "--quick", "--out", "quick", "--format", "csv"];
+    let printed =
+        sightline(dir.path(), &[&["chart"], &both[..], &["p.json"], &more, &CPU].concat());
+    let read = |scene: &str| {
+        fs::read_to_string(dir.path().join("quick").join(scene).join("chart.csv")).unwrap()
+    };
+    let behind = |scene: &str| -> String {
+        read(scene).lines().skip(1).map(|line| format!("{scene},{line}\n")).collect()
+    };
+    let titles = format!("scene,{}\n", read("room").lines().next().unwrap());
+    let wanted = titles + &behind("room") + &behind("hall");
+    assert_eq!(String::from_utf8(printed.stdout).unwrap(), wanted);
 }

@@ -7,31 +7,33 @@ use super::output::Exit;
 use crate::audit::Audit;
 use crate::chart::Chart;
 use crate::engine::gpu::{TestedAdapter, test_adapters};
-use crate::report::chart_text::{chart_text, charts_text};
+use crate::report::chart_text::{chart_text, charts_csv, charts_text};
+use crate::report::check_tables::audits_csv;
 use crate::report::text::{align_columns, audit_text, audits_text, verification_text};
-use crate::runs::RunError;
 use crate::runs::chart::{ChartRequest, Charted, chart_scenes};
 use crate::runs::coverage::{AuditRequest, audit_scenes};
 use crate::runs::devices::{
     DeviceBenchRequest, Verified, VerifyRequest, bench_device, verify_scenes,
 };
+use crate::runs::{RunError, TableFormat};
 
-pub type AuditArgs = Asked<AuditRequest>;
+pub type AuditArgs = Asked<AuditRequest, TableFormat>;
 
 pub fn run_audit(args: &AuditArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let mut gap = "";
     let print = |found: &Audit| match args.format {
-        Format::Json => Ok(()),
-        Format::Text => out!("{}{}", std::mem::replace(&mut gap, "\n"), audit_text(found)),
+        TableFormat::Json | TableFormat::Csv => Ok(()),
+        TableFormat::Text => out!("{}{}", std::mem::replace(&mut gap, "\n"), audit_text(found)),
     };
     let all = audit_scenes(&args.request, &args.computing(&terminal), print)?;
     let passed = all.iter().all(|found| found.passed);
     match (args.format, &all[..]) {
-        (Format::Json, [found]) => outln!("{}", json!(found))?,
-        (Format::Json, all) => outln!("{}", json!({ "scenes": all, "passed": passed }))?,
-        (Format::Text, [_]) => {}
-        (Format::Text, all) => out!("{}", audits_text(all))?,
+        (TableFormat::Json, [found]) => outln!("{}", json!(found))?,
+        (TableFormat::Json, all) => outln!("{}", json!({ "scenes": all, "passed": passed }))?,
+        (TableFormat::Csv, all) => out!("{}", audits_csv(all))?,
+        (TableFormat::Text, [_]) => {}
+        (TableFormat::Text, all) => out!("{}", audits_text(all))?,
     }
     Ok(if passed { Exit::Done } else { Exit::CheckFailed })
 }
@@ -131,14 +133,14 @@ fn device_row(TestedAdapter { summary, self_test, .. }: &TestedAdapter) -> Vec<S
     row
 }
 
-pub type ChartArgs = Asked<ChartRequest>;
+pub type ChartArgs = Asked<ChartRequest, TableFormat>;
 
 pub fn run_chart(args: &ChartArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let mut gap = "";
     let print = |found: &Charted| match args.format {
-        Format::Json => Ok(()),
-        Format::Text => {
+        TableFormat::Json | TableFormat::Csv => Ok(()),
+        TableFormat::Text => {
             let svg = found.folder.join("chart.svg");
             let gap = std::mem::replace(&mut gap, "\n");
             outln!("{gap}{}chart: {}", chart_text(&found.chart), svg.display())
@@ -148,10 +150,11 @@ pub fn run_chart(args: &ChartArgs) -> Result<Exit, RunError> {
     let (charts, answers): (Vec<Chart>, Vec<Value>) =
         found.into_iter().map(|found| (found.chart, found.answer)).unzip();
     match (args.format, &answers[..]) {
-        (Format::Json, [answer]) if count == 1 => outln!("{answer}")?,
-        (Format::Json, answers) => outln!("{}", json!({ "scenes": answers }))?,
-        (Format::Text, [_]) => {}
-        (Format::Text, _) => out!("{}", charts_text(&charts))?,
+        (TableFormat::Json, [answer]) if count == 1 => outln!("{answer}")?,
+        (TableFormat::Json, answers) => outln!("{}", json!({ "scenes": answers }))?,
+        (TableFormat::Csv, _) => out!("{}", charts_csv(&charts, count > 1))?,
+        (TableFormat::Text, [_]) => {}
+        (TableFormat::Text, _) => out!("{}", charts_text(&charts))?,
     }
     let is_finished = charts.len() == count && charts.iter().all(|chart| chart.missing == 0);
     Ok(if is_finished { Exit::Done } else { Exit::Interrupted })

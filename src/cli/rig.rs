@@ -8,11 +8,11 @@ use serde_json::json;
 use super::args::{Asked, Format};
 use super::output::{Exit, Talk, Terminal};
 use crate::json::shortened;
-use crate::report::comparison::comparison_text;
+use crate::report::comparison::{comparison_csv, comparison_text};
 use crate::rig::{ImportSettings, Mounting, RigFormat};
-use crate::runs::RunError;
 use crate::runs::handover::{HandoverRequest, handover};
 use crate::runs::rig::{ExportRequest, compare_files, export_file, import_files};
+use crate::runs::{RunError, TableFormat};
 
 #[derive(clap::Subcommand)]
 pub enum RigCommand {
@@ -124,8 +124,8 @@ pub struct CompareArgs {
     /// Rig to compare with it
     after: String,
     /// How to print
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
+    #[arg(long, value_enum, default_value_t = TableFormat::Text)]
+    format: TableFormat,
     #[command(flatten)]
     reading: Reading,
     #[command(flatten)]
@@ -209,8 +209,9 @@ fn run_compare(args: &CompareArgs) -> Result<(), RunError> {
     let terminal = Terminal::new(args.talk);
     let found = compare_files(&args.before, &args.after, &settings, &terminal)?;
     match args.format {
-        Format::Json => outln!("{}", shortened(json!(found))),
-        Format::Text => out!("{}", comparison_text(&found)),
+        TableFormat::Json => outln!("{}", shortened(json!(found))),
+        TableFormat::Csv => out!("{}", comparison_csv(&found)),
+        TableFormat::Text => out!("{}", comparison_text(&found)),
     }
 }
 

@@ -7,6 +7,7 @@ use maud::{Markup, html};
 use super::svg::{ACCENT, INK, SOFT, px, trimmed};
 use super::text::{align_columns, numbered};
 use crate::chart::{Chart, Engine, MOST_SWAPPED, Rated, Setting, Skipped};
+use crate::csv::csv;
 
 /// Titles of the printed table.
 const TITLES: [&str; 12] = [
@@ -219,6 +220,24 @@ pub fn fidelity_csv(rated: &[Rated], skipped: &[Skipped], edge: f64) -> String {
         let _ = writeln!(csv, "{}{empty},false,0,{}", setting_cells(rung, edge), left.words());
     }
     csv
+}
+
+/// The lines of [`fidelity_csv`] of a chart; of charts in `several` scenes each line behind the name of its scene.
+pub fn charts_csv(charts: &[Chart], several: bool) -> String {
+    let names = numbered(charts.iter().map(|chart| chart.scene.clone()));
+    let mut text = String::new();
+    for (number, (name, chart)) in names.iter().zip(charts).enumerate() {
+        let lines = fidelity_csv(&chart.rated, &chart.skipped, chart.edge);
+        if !several {
+            return lines;
+        }
+        let scene = csv([[name]]);
+        for (row, line) in lines.lines().enumerate().skip(usize::from(number > 0)) {
+            let cell = if row == 0 { "scene" } else { scene.trim_end_matches('\n') };
+            let _ = writeln!(text, "{cell},{line}");
+        }
+    }
+    text
 }
 
 /// The first seven cells of a line.

@@ -1,7 +1,9 @@
-//! Two rigs compared, as text.
+//! Two rigs compared, as text and as CSV.
 
 use super::svg::trimmed;
+use super::tables::titles;
 use super::text::align_columns;
+use crate::csv::{csv, number};
 use crate::json::fixed;
 use crate::rig::{Asymmetry, Comparison, MovedLidar};
 use sightline_files::json::counted;
@@ -62,6 +64,42 @@ fn alone_text(found: &Comparison) -> String {
         counted(first, "LiDAR"),
         rest.join(", ")
     )
+}
+
+/// A row for each LiDAR with its move from one rig to the other, then for each LiDAR without a partner, then for each pair of
+/// either rig with its distance from a mirror image: metres, and radians between the rotations and between the sensors' own z
+/// axes.
+pub fn comparison_csv(found: &Comparison) -> String {
+    let mut rows = vec![titles(&[
+        "part", "lidar", "other", "moved_m", "turned_rad", "tilted_rad", "same_roll", "model",
+        "other_model",
+    ])];
+    let width = rows[0].len();
+    let model = |name: &Option<String>| name.clone().unwrap_or_default();
+    rows.extend(found.lidars.iter().map(|of| {
+        let mut row = titles(&["moved", &of.frame, &of.partner]);
+        row.extend([of.moved, of.turned, of.tilted].map(number));
+        row.push(String::new());
+        row.extend(of.models.iter().map(model));
+        row
+    }));
+    for (part, alone) in ["alone_before", "alone_after"].into_iter().zip(&found.alone) {
+        rows.extend(alone.iter().map(|frame| {
+            let mut row = titles(&[part, frame]);
+            row.resize(width, String::new());
+            row
+        }));
+    }
+    for (part, pairs) in [("before", &found.before), ("after", &found.after)] {
+        rows.extend(pairs.iter().map(|pair| {
+            let mut row = titles(&[part, &pair.left, &pair.right]);
+            row.extend([pair.moved, pair.turned, pair.tilted].map(number));
+            row.push(pair.same_roll.to_string());
+            row.extend(pair.models.iter().map(model));
+            row
+        }));
+    }
+    csv(rows)
 }
 
 /// A line on two LiDARs of different models; empty where a model is not known.

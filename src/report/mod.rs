@@ -16,6 +16,7 @@
 //! | `targets` | distances at which targets are met, by bearing |
 //! | `map` | a placement on its vehicle, and the information that it gains from above |
 //! | `tables` | tables of scores and studies as CSV; gains in each of several scenes |
+//! | `check_tables` | audits as CSV |
 //! | `rigs` | price, range card and order of rigs below their scores |
 //! | `text` | tables and answers of commands as text |
 //! | `front` | the front of two or three objectives: `result.json`, table, drawing |
@@ -24,6 +25,7 @@
 
 pub(crate) mod chart;
 pub(crate) mod chart_text;
+pub(crate) mod check_tables;
 pub(crate) mod comparison;
 pub(crate) mod coverage;
 mod drawing;

@@ -18,11 +18,11 @@ const BETWEEN: &str = "; ";
 
 type Cells = Vec<String>;
 
-fn titles(words: &[&str]) -> Cells {
+pub(super) fn titles(words: &[&str]) -> Cells {
     words.iter().map(|word| (*word).to_owned()).collect()
 }
 
-fn joined(parts: impl IntoIterator<Item = impl ToString>) -> String {
+pub(super) fn joined(parts: impl IntoIterator<Item = impl ToString>) -> String {
     parts.into_iter().map(|part| part.to_string()).collect::<Vec<_>>().join(BETWEEN)
 }
 
@@ -30,8 +30,12 @@ fn joined(parts: impl IntoIterator<Item = impl ToString>) -> String {
 pub(crate) fn score_titles(prices: &[f64]) -> Cells {
     let mut row: Cells = ScoreColumn::ALL.iter().map(|column| column.key().to_owned()).collect();
     row.extend(titles(&[
-        "near_ring_share", "requirements_met", "requirements", "requirements_hold_in_share",
-        "warnings", "broken_rules",
+        "near_ring_share",
+        "requirements_met",
+        "requirements",
+        "requirements_hold_in_share",
+        "warnings",
+        "broken_rules",
     ]));
     row.extend((!prices.is_empty()).then(|| "price".to_owned()));
     row
@@ -68,7 +72,9 @@ pub fn run_csv(run: &RunRecord) -> String {
     let scores = |of: &&Scored| {
         let near = near.and_then(|near| match run.best.as_ref() {
             Some(best) if std::ptr::eq(best, *of) => Some(&near.near),
-            _ => near.rival.as_ref().filter(|_| rival.is_some_and(|rival| std::ptr::eq(rival, *of))),
+            _ => {
+                near.rival.as_ref().filter(|_| rival.is_some_and(|rival| std::ptr::eq(rival, *of)))
+            }
         });
         Scores {
             near_field: near.map(|near| near.near_field),

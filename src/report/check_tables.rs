@@ -1,0 +1,64 @@
+//! Audits as rows for CSV, like those of `tables`.
+
+use super::tables::{joined, score_rows, score_titles, titles};
+use super::text::numbered;
+use crate::audit::{Audit, Stability, TrialResult};
+use crate::csv::{csv, number};
+use crate::score::Scores;
+
+/// Columns of [`audits_csv`] behind the scores.
+const OF_AUDIT: [&str; 8] = [
+    "fooled",
+    "verdict",
+    "median_relative_change",
+    "worst_relative_change",
+    "median_kendall_tau",
+    "kendall_tau",
+    "ranking_against_mean_height",
+    "first",
+];
+
+/// A row for the base of each scene, for each attempt to look better than it and for each change of the model, with its
+/// scores.
+pub fn audits_csv(all: &[Audit]) -> String {
+    let mut rows = vec![titles(&["scene", "part", "name"])];
+    rows[0].extend(score_titles(&[]));
+    rows[0].extend(titles(&OF_AUDIT));
+    let names = numbered(all.iter().map(|found| found.scene.clone()));
+    for (scene, found) in names.iter().zip(all) {
+        let mut add = |part: &str, name: &str, scores: &Scores, more: [String; 8]| {
+            let mut row = titles(&[scene, part, name]);
+            row.extend(score_rows([scores], &[]).concat());
+            row.extend(more);
+            rows.push(row);
+        };
+        let mut of_base: [String; 8] = Default::default();
+        of_base[6] = number(found.ranking_against_mean_height);
+        of_base[7].clone_from(&found.base.name);
+        add("base", &found.base.name, &found.base, of_base);
+        for trial in &found.trials {
+            let verdict = match trial.verdict {
+                TrialResult::NotFooled => "not_fooled",
+                TrialResult::Caught => "caught",
+                TrialResult::Fooled => "fooled",
+            };
+            let mut more: [String; 8] = Default::default();
+            (more[0], more[1]) = (joined(&trial.fooled), verdict.to_owned());
+            add("attempt", &trial.name, &trial.scores, more);
+        }
+        for change in &found.stability {
+            add("change", &change.change, &change.base, cells_of(change));
+        }
+    }
+    csv(rows)
+}
+
+/// The cells of a change behind its scores.
+fn cells_of(change: &Stability) -> [String; 8] {
+    let [median, worst] = [change.median_relative_change, change.worst_relative_change].map(number);
+    let [median_tau, tau, height] =
+        [change.median_kendall_tau, change.kendall_tau, change.ranking_against_mean_height]
+            .map(number);
+    let none = String::new;
+    [none(), none(), median, worst, median_tau, tau, height, change.first.clone()]
+}
