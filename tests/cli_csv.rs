@@ -299,7 +299,7 @@ fn audits_and_comparisons_are_those_of_the_json() {
     let (csv, found) = both(dir.path(), "rig compare two.json:p two.json:q");
     let (lidars, after) = (&found["lidars"], &found["after"]);
     let parts = ["lidars", "before", "after"].map(|key| found[key].as_array().unwrap().len());
-    assert_eq!((csv.rows(), parts[0]), (parts.iter().sum(), 2));
+    assert_eq!((csv.rows(), parts[0]), (parts.iter().sum::<usize>(), 2));
     // The JSON has fewer digits.
     let near = |row: usize, title: &str, wanted: &Value| {
         let cell: f64 = csv.cell(row, title).parse().unwrap();

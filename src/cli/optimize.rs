@@ -7,7 +7,7 @@ use super::output::{Exit, Terminal};
 use crate::job::{FRONT_EVALUATIONS, FrontError, FrontObjectives, JobFiles};
 use crate::report::front::{front_csv, front_text};
 use crate::report::record::record_text;
-use crate::report::tables::run_csv;
+use crate::report::run_tables::run_csv;
 use crate::runs::optimize::{
     FrontStart, NewRun, OptimizeRequest, Start, finished, front, holds_front, optimize,
 };

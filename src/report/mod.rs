@@ -8,7 +8,7 @@
 //! | `svg` | parts of every drawing: page, colours, axes |
 //! | `plot`, `study` | plain charts of some series |
 //! | `sensor` | facts of a sensor file, its pattern as SVG |
-//! | `comparison` | two rigs compared, as text |
+//! | `comparison` | two rigs compared, as text and as CSV |
 //! | `chart`, `chart_text` | cost against ranking error |
 //! | `coverage` | ground near the vehicle, things by the number of LiDARs that see them, overlap of pairs |
 //! | `drawing` | a drawing as a list of shapes, written as SVG and PDF |
@@ -16,7 +16,7 @@
 //! | `targets` | distances at which targets are met, by bearing |
 //! | `map` | a placement on its vehicle, and the information that it gains from above |
 //! | `tables` | tables of scores and studies as CSV; gains in each of several scenes |
-//! | `check_tables` | audits as CSV |
+//! | `run_tables` | results of searches and audits as CSV |
 //! | `rigs` | price, range card and order of rigs below their scores |
 //! | `text` | tables and answers of commands as text |
 //! | `front` | the front of two or three objectives: `result.json`, table, drawing |
@@ -25,7 +25,6 @@
 
 pub(crate) mod chart;
 pub(crate) mod chart_text;
-pub(crate) mod check_tables;
 pub(crate) mod comparison;
 pub(crate) mod coverage;
 mod drawing;
@@ -37,6 +36,7 @@ mod page;
 pub(crate) mod plot;
 pub(crate) mod record;
 mod rigs;
+pub(crate) mod run_tables;
 pub(crate) mod sensor;
 pub(crate) mod study;
 mod svg;

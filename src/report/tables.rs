@@ -63,32 +63,6 @@ pub(crate) fn score_rows<'a>(
     all.into_iter().enumerate().map(row).collect()
 }
 
-/// The result of a search, if there is one, then its baselines: the rows of `score --format csv`. In a single scene result
-/// and best baseline have their near field over the few frames of the page.
-pub fn run_csv(run: &RunRecord) -> String {
-    let near = run.near_field.as_ref().filter(|_| run.scenes.is_empty());
-    let rival = Scored::yardstick(&run.baselines);
-    let all: Vec<&Scored> = run.best.iter().chain(&run.baselines).collect();
-    let scores = |of: &&Scored| {
-        let near = near.and_then(|near| match run.best.as_ref() {
-            Some(best) if std::ptr::eq(best, *of) => Some(&near.near),
-            _ => {
-                near.rival.as_ref().filter(|_| rival.is_some_and(|rival| std::ptr::eq(rival, *of)))
-            }
-        });
-        Scores {
-            near_field: near.map(|near| near.near_field),
-            near_ring: near.and_then(|near| near.ring),
-            // The scores have a column for the rules.
-            broken_rules: of.violations.clone(),
-            ..of.scores.clone()
-        }
-    };
-    let prices: Vec<f64> = all.iter().filter_map(|of| of.price).collect();
-    let rows: Vec<Scores> = all.iter().map(scores).collect();
-    csv(std::iter::once(score_titles(&prices)).chain(score_rows(&rows, &prices)))
-}
-
 /// A row a placement: shares, blind ground, depth of the blind zone, poles seen of all by standard, share of each LiDAR's
 /// beams on the own body.
 pub fn near_field_csv(all: &[NearField]) -> String {
