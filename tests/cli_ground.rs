@@ -173,6 +173,37 @@ fn a_search_finds_a_rig_that_sees_the_ground_it_must() {
 }
 
 #[test]
+fn ground_that_no_pose_sees_is_out_of_reach() {
+    let dir = TempDir::new().unwrap();
+    // From the middle of the roof beams that clear its edge, 40° down at most, reach the ground 1.2 m beside the cart.
+    yard(
+        dir.path(),
+        json!([{ "blind_zone": "left", "depth": 0.5 }, { "ground": 10, "share": 0.05 }]),
+    );
+    let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
+    let mut cart: Value = serde_json::from_str(&text).unwrap();
+    cart["mounts"].as_array_mut().unwrap().truncate(1);
+    cart["mounts"][0]["count"] = json!([1, 2]);
+    cart["mounts"][0]["min"][1] = json!(-0.2);
+    cart["mounts"][0]["max"][1] = json!(0.2);
+    fs::write(dir.path().join("cart.json"), cart.to_string()).unwrap();
+    let args = "optimize yard.json --backend cpu --evaluations 10 --seed 1 --out run";
+    let run = sightline(dir.path(), &args.split(' ').collect::<Vec<_>>());
+    let (said, text) = (String::from_utf8_lossy(&run.stderr), String::from_utf8_lossy(&run.stdout));
+    assert_eq!(run.status.code(), Some(1), "{said}");
+    let words = "blind zone left to 0.5 m: even a LiDAR at every pose of each mount";
+    assert!(said.contains(&format!("OUT OF REACH: {words}")), "{said}");
+    let words = format!(
+        "Out of reach: {words} leaves it 0.0 % seen, 100.0 % required, the blind zone left ends at "
+    );
+    assert!(text.contains(&words), "{text}");
+    assert!(text.contains("; raise `depth`, lower `share`, "), "{text}");
+    // How far the result comes stands in the first sentences.
+    assert!(text.contains("NOT MET: blind zone left to 0.5 m: 0.0 % seen, "), "{text}");
+    assert!(!text.contains("ground to 10 m: even") && !text.contains("Next, since"), "{text}");
+}
+
+#[test]
 fn wrong_rules_on_the_ground_are_named() {
     let dir = TempDir::new().unwrap();
     for (rule, said) in [

@@ -11,7 +11,7 @@ use super::evaluator::Evaluator;
 use crate::engine::BackendError;
 use crate::problem::{Content, KINDS, REPEATS, Tally};
 use crate::score::{Needed, Objective};
-use crate::targets::{MountPoses, Sight, SightBeams};
+use crate::targets::{MountPoses, OutOfReach, Sight, SightBeams};
 use crate::vehicle::{PoseGrid, UnknownSensor};
 
 /// Fixed-point sum by which the worth of one unit is found: a power of two, and large, so that it is as
@@ -138,8 +138,8 @@ impl Atlases {
         self.sight.as_ref().is_some_and(|sight| sight.has_rules())
     }
 
-    /// Rules on targets that no rig meets whose poses are among those held, in words. `mounts` says for each mount the most
-    /// sensors that it holds and the numbers of its poses. See [`Sight::out_of_reach`].
+    /// Rules on targets and on the ground that no rig meets whose poses are among those held, in words. `mounts` says for
+    /// each mount the most sensors that it holds and the numbers of its poses. See [`Sight::out_of_reach`].
     pub(super) fn out_of_reach(&self, mounts: &[(usize, Vec<u32>)]) -> Vec<String> {
         let Some(sight) = &self.sight else { return Vec::new() };
         let held = |pose: &u32| self.targets.get(pose);
@@ -151,10 +151,12 @@ impl Atlases {
             })
             .collect();
         let count: usize = mounts.iter().map(|mount| mount.poses.len()).sum();
-        let over =
-            format!("every mount full, measured over {count} poses of a grid over the mounts");
-        let rules = sight.out_of_reach(&mounts).into_iter();
-        rules.map(|rule| format!("{} ({over})", rule.words)).collect()
+        let over = format!("measured over {count} poses of a grid over the mounts");
+        let in_words = |rule: OutOfReach| {
+            let full = if rule.beams.is_some() { "every mount full, " } else { "" };
+            format!("{} ({full}{over})", rule.words)
+        };
+        sight.out_of_reach(&mounts).into_iter().map(in_words).collect()
     }
 
     /// Shares that a union and one more held pose, if any, lack: beams on a car all round, and places of the rules on

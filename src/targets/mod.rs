@@ -11,7 +11,7 @@
 //! | `card` | the range card, and blind sectors |
 //! | `missing` | places of a rule that are not met, in words |
 //! | `places` | where in a scene a target can stand |
-//! | `reach` | rules on targets that no rig on some poses meets, or that no place or cell counts for |
+//! | `reach` | rules on targets and ground that no rig on some poses meets, or that no place or cell counts for |
 //! | `rules` | rules on targets, near ground and overlap, and how far they are met |
 //! | `table` | the study: beams by distance and bearing, the range of first detection |
 
@@ -27,7 +27,7 @@ pub use beams::{PlacedTarget, Receiving, TargetSite};
 pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges, card_bearings};
 pub(crate) use missing::missed_places;
 pub use places::{CAR_WEIGHT, GroundBelow, Sight, SightBeams};
-pub(crate) use reach::{MountPoses, check_counting};
+pub(crate) use reach::{MountPoses, OutOfReach, check_counting};
 pub use rules::RuleMet;
 pub use table::{Detection, TargetQuestion, TargetRow, TargetTable, is_bearing, is_distance};
 

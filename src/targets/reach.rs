@@ -1,11 +1,15 @@
-//! Requirements beyond any rig: too few beams even from the best pose of every mount, or no place that counts.
+//! Requirements beyond any rig: too few beams even from the best pose of every mount, ground that no pose sees, or no place
+//! that counts.
+
+use std::ops::Range;
 
 use super::beams::TargetSite;
 use super::places::{Sight, SightBeams, places_of};
 use super::rules::Rule;
 use crate::near_field::least_metres;
 use crate::problem::{Problem, ProblemError};
-use crate::vehicle::{GroundAsked, Vehicle};
+use crate::score::{percent_down, percent_up};
+use crate::vehicle::{GroundAsked, GroundRule, TargetRule, Vehicle};
 
 /// Poses of the sensors that may stand on a mount.
 pub(crate) struct MountPoses<'a> {
@@ -20,16 +24,16 @@ pub(crate) struct MountPoses<'a> {
 pub(crate) struct OutOfReach {
     /// Sentence without its full stop: name, bound, requirement, how to mend it.
     pub words: String,
-    /// Most beams at any of its places, with every mount full.
-    pub beams: u32,
-    /// Largest share of its places at which enough beams are possible.
+    /// Most beams at any of its places, with every mount full; `None` for ground.
+    pub beams: Option<u32>,
+    /// Largest share of its places at which enough beams are possible, or of its ground that is seen.
     pub share: f64,
 }
 
 impl Sight {
-    /// Rules on targets that no rig on these poses meets. At each place the bound takes the most beams of any pose of a
-    /// mount, times the sensors that the mount holds: poses that do not go together, distances and prices are passed over,
-    /// so that every rig on the poses has at most as many beams.
+    /// Rules on targets and on the ground that no rig on these poses meets. At each place the bound takes the most beams of
+    /// any pose of a mount, times the sensors that the mount holds, and of the ground all that any pose sees: poses that do
+    /// not go together, distances and prices are passed over, so that every rig on the poses has at most as much.
     pub(crate) fn out_of_reach(&self, mounts: &[MountPoses<'_>]) -> Vec<OutOfReach> {
         let most: Vec<u32> = (0..self.places.len())
             .map(|place| {
@@ -40,12 +44,50 @@ impl Sight {
                 mounts.iter().map(beams).sum()
             })
             .collect();
-        self.rules.iter().filter_map(|rule| self.bound(rule, &most)).collect()
+        let mut all = SightBeams::default();
+        let used = mounts.iter().filter(|mount| mount.most > 0);
+        used.flat_map(|mount| &mount.poses).for_each(|pose| all.add(pose));
+        let bound = |rule: &Rule| match rule {
+            Rule::Target(rule, places) => self.target_bound(rule, places.clone(), &most),
+            Rule::Ground(rule, number) => self.ground_bound(rule, *number, &all),
+            Rule::Overlap(_) => None,
+        };
+        self.rules.iter().filter_map(bound).collect()
     }
 
-    /// The bound on a rule; `None` if it may be met, or is not on a target.
-    fn bound(&self, rule: &Rule, most: &[u32]) -> Option<OutOfReach> {
-        let Rule::Target(rule, places) = rule else { return None };
+    /// The bound on a rule on the ground, for the ground that all poses see together; `None` if it may be met.
+    fn ground_bound(
+        &self,
+        rule: &GroundRule,
+        number: usize,
+        all: &SightBeams,
+    ) -> Option<OutOfReach> {
+        let share = self.ground_share(all, number);
+        if share >= rule.share {
+            return None;
+        }
+        let mend = match rule.asked {
+            GroundAsked::Within(_) => "lower `share`",
+            GroundAsked::BlindZone(..) => "raise `depth`, lower `share`",
+        };
+        let lacks = self.ground_missing(all, number).unwrap_or_default();
+        let words = format!(
+            "{}: even a LiDAR at every pose of each mount leaves it {:.1} % seen, {:.1} % required, {lacks}; {mend}, add or \
+             widen mounts, or take other sensors",
+            rule.name,
+            percent_down(share),
+            percent_up(rule.share)
+        );
+        Some(OutOfReach { words, beams: None, share })
+    }
+
+    /// The bound on a rule on a target; `None` if it may be met.
+    fn target_bound(
+        &self,
+        rule: &TargetRule,
+        places: Range<usize>,
+        most: &[u32],
+    ) -> Option<OutOfReach> {
         let enough = places.clone().filter(|&place| most[place] >= u32::from(self.enough[place]));
         let share = enough.count() as f64 / places.len().max(1) as f64;
         if places.is_empty() || share >= rule.share {
@@ -63,11 +105,11 @@ impl Sight {
                 "{name}: even the best pose of each mount leaves it at most {:.1} % seen, {:.1} % required; lower \
                  `share` or `within`, add or widen mounts, or take other sensors",
                 // Rounded up, as a bound from above.
-                (1e3 * share - 1e-9).ceil() / 10.0,
+                percent_up(share),
                 100.0 * rule.share
             )
         };
-        Some(OutOfReach { words, beams, share })
+        Some(OutOfReach { words, beams: Some(beams), share })
     }
 }
 
@@ -120,26 +162,71 @@ mod tests {
     use crate::problem::Problem;
     use crate::psog::Psog;
     use crate::scene::Scene;
+    use crate::vehicle::SensorPose;
 
-    /// The sight of a vehicle that must meet a tyre at one distance, ahead and to the left, with `beams` beams at half of
-    /// the places.
-    fn sight(beams: u64) -> Sight {
-        let text = format!(
-            r#"{{ "sightline": 1, "coverage": "first-hit",
-            "roi": {{ "min": [-8, -8, -1], "max": [8, 8, 3], "voxel": [1, 1, 1] }},
-            "static": [{{ "class": "road", "plane": {{ "min": [-99, -99], "max": [99, 99], "z": 0 }} }}],
-            "ego": {{ "poses": [{{ "x": 0, "y": 0, "z": 0 }}] }},
-            "vehicle": {{
-              "sensors": [{{ "name": "a", "lidar": {{ "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 100 }} }}],
-              "mounts": [{{ "name": "top", "min": [-2, -1, 2], "max": [2, 1, 2.5], "count": [0, 2] }}],
-              "require": [{{ "target": "tyre", "from": 20, "within": 20, "bearing": [0, 22.5], "beams": {beams},
-                            "share": 0.5 }}] }} }}"#
-        );
-        let scene = Scene::from_json(&text, Path::new(""), "tyre.json").unwrap();
+    /// The sight of a vehicle on level ground.
+    fn posed(vehicle: &str) -> Sight {
+        let text = r#"{ "sightline": 1, "coverage": "first-hit",
+            "roi": { "min": [-8, -8, -1], "max": [8, 8, 3], "voxel": [1, 1, 1] },
+            "static": [{ "class": "road", "plane": { "min": [-99, -99], "max": [99, 99], "z": 0 } }],
+            "ego": { "poses": [{ "x": 0, "y": 0, "z": 0 }] }, "vehicle": VEHICLE }"#;
+        let text = text.replace("VEHICLE", vehicle);
+        let scene = Scene::from_json(&text, Path::new(""), "level.json").unwrap();
         let roi = scene.roi().grid().unwrap();
         let psog = Psog::new(roi, 1, scene.classes().to_vec(), vec![], vec![]).unwrap();
         let problem = Problem::from_scene(&scene, &psog, scene.sensors().unwrap(), &[0]).unwrap();
         Sight::of([(&Arc::new(problem), false)], false).unwrap()
+    }
+
+    /// The sight of a vehicle that must meet a tyre at one distance, ahead and to the left, with `beams` beams at half of
+    /// the places.
+    fn sight(beams: u64) -> Sight {
+        posed(&format!(
+            r#"{{
+              "sensors": [{{ "name": "a", "lidar": {{ "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 100 }} }}],
+              "mounts": [{{ "name": "top", "min": [-2, -1, 2], "max": [2, 1, 2.5], "count": [0, 2] }}],
+              "require": [{{ "target": "tyre", "from": 20, "within": 20, "bearing": [0, 22.5], "beams": {beams},
+                            "share": 0.5 }}] }}"#
+        ))
+    }
+
+    #[test]
+    fn no_rig_on_the_poses_sees_ground_beyond_the_bound() {
+        let sight = posed(
+            r#"{
+              "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0.2], "size": [4, 1.8, 1.2] } }],
+              "sensors": [{ "name": "a", "lidar": { "channels": 16, "fov": [-60, 0], "azimuth_steps": 72, "range": 30 } }],
+              "mounts": [{ "name": "top", "min": [-1, -0.5, 1.6], "max": [1, 0.5, 1.8], "count": [0, 2] }],
+              "require": [{ "ground": 3, "share": 1 }, { "blind_zone": "left", "depth": 1 },
+                          { "ground": 10, "share": 0.05 }] }"#,
+        );
+        let pose = |x: f64, y: f64| SensorPose { x, y, z: 1.7, ..SensorPose::default() };
+        let poses = [pose(-0.8, -0.4), pose(0.8, -0.4), pose(-0.8, 0.4), pose(0.8, 0.4)];
+        let seen = poses.map(|pose| sight.beams(&pose).unwrap());
+        let mount = |most: usize| MountPoses { most, poses: seen.iter().collect() };
+        let bound = sight.out_of_reach(&[mount(2)]);
+        let [ring, left] = &bound[..] else { panic!("ground to 10 m is in reach: {bound:?}") };
+        let start = ": even a LiDAR at every pose of each mount leaves it ";
+        for (one, name) in [(ring, "ground to 3 m"), (left, "blind zone left to 1 m")] {
+            assert!(one.words.starts_with(&format!("{name}{start}")), "{one:?}");
+            assert!(one.beams.is_none() && one.share < 1.0, "{one:?}");
+        }
+        assert!(ring.share > 0.0 && ring.words.contains("% required, "), "{ring:?}");
+        assert!(left.words.contains("the blind zone left ends at "), "{left:?}");
+        assert!(left.words.contains("; raise `depth`, lower `share`, "), "{left:?}");
+        let shares = |each: &[&SightBeams]| -> Vec<f64> {
+            sight.rules_met(each).iter().map(|met| met.share).collect()
+        };
+        for (a, b) in (0..16).map(|k| (&seen[k / 4], &seen[k % 4])) {
+            let found = shares(&[a, b]);
+            assert!(found[0] < ring.share && found[1] <= left.share, "{found:?} {bound:?}");
+        }
+        // A LiDAR at every pose sees just that.
+        let all = shares(&seen.iter().collect::<Vec<_>>());
+        assert_eq!([all[0], all[1]], [ring.share, left.share]);
+        // A mount that holds none sees nothing.
+        let none = sight.out_of_reach(&[mount(0)]);
+        assert_eq!(none.iter().map(|one| one.share).collect::<Vec<_>>(), [0.0; 3]);
     }
 
     #[test]
@@ -179,10 +266,11 @@ mod tests {
             match &bound[..] {
                 [] => found[0] += 1,
                 [one] => {
+                    let beams = one.beams.unwrap();
                     assert!(best < 2 && one.share >= 0.25 * best as f64, "{best} {one:?}");
-                    let is_none = u64::from(one.beams) < wanted;
+                    let is_none = u64::from(beams) < wanted;
                     assert_eq!(one.share == 0.0, is_none, "{one:?}");
-                    let words = format!("at most {} of {wanted} beams", one.beams);
+                    let words = format!("at most {beams} of {wanted} beams");
                     assert_eq!(one.words.contains(&words), is_none, "{one:?}");
                     let is_named = one.words.starts_with("tyre at 20 m");
                     assert!(is_named && one.words.contains(": even the best pose"), "{one:?}");

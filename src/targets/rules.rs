@@ -133,6 +133,20 @@ impl Sight {
         sum / self.ground.len().max(1) as f64
     }
 
+    /// Share of the ground of a rule, by its number among these, that is seen; scenes without such ground count as not seen.
+    pub(super) fn ground_share(&self, all: &SightBeams, number: usize) -> f64 {
+        self.over_scenes(all, |scene, bits| scene.share(number, bits).share.unwrap_or(0.0))
+    }
+
+    /// Ground that a rule lacks in the scene in which least of it is seen, in words.
+    pub(super) fn ground_missing(&self, all: &SightBeams, number: usize) -> Option<String> {
+        let share = |&(scene, bits): &(&RequiredGround, &[u64])| {
+            scene.share(number, bits).share.unwrap_or(0.0)
+        };
+        let worst = self.ground_of(all).min_by(|a, b| share(a).total_cmp(&share(b)));
+        worst.map(|(scene, bits)| scene.missing(number, bits))
+    }
+
     /// Overlap of pairs of LiDARs in each scene; none where no rule asks for it.
     fn overlaps(&self, each: &[&SightBeams]) -> Vec<Shares> {
         let mut first = 0;
@@ -150,9 +164,7 @@ impl Sight {
         let all = || Self::sum_without(looked.each, lost);
         match rule {
             Rule::Target(_, places) => self.hard(&all(), places.clone()),
-            Rule::Ground(_, number) => {
-                self.over_scenes(&all(), |s, bits| s.share(*number, bits).share.unwrap_or(0.0))
-            }
+            Rule::Ground(_, number) => self.ground_share(&all(), *number),
             Rule::Overlap(_) => {
                 mean(looked.overlaps.iter().map(|shares| connected_without(shares, lost)))
             }
@@ -327,14 +339,7 @@ impl Sight {
                 let places = places.clone().map(|place| (self.places[place].1, is_met(place)));
                 Missing::new(rule, places).map(|missing| missing.to_string())
             }
-            Rule::Ground(_, number) => {
-                let share = |&(scene, bits): &(&RequiredGround, &[u64])| {
-                    scene.share(*number, bits).share.unwrap_or(0.0)
-                };
-                let scenes = self.ground_of(all);
-                let worst = scenes.min_by(|a, b| share(a).total_cmp(&share(b)));
-                worst.map(|(scene, bits)| scene.missing(*number, bits))
-            }
+            Rule::Ground(_, number) => self.ground_missing(all, *number),
         }
     }
 
