@@ -169,16 +169,16 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// A placement that was given, whose sensors cost `price`, by `objective` in clear air; `command` makes the page again.
+    /// A placement that was given, by `objective` in clear air; `command` makes the page again.
     pub fn given(
         scene: &'a str,
         scenes: &'a [SceneRecord],
-        (result, price): (&'a Scored, Option<f64>),
+        result: &'a Scored,
         baselines: &'a [Scored],
         objective: &'a str,
         command: String,
     ) -> Self {
-        let verdict = judged(result, price, baselines, objective);
+        let verdict = judged(result, baselines, objective);
         let (conditions, result) = (&[][..], Some(result));
         Self { scene, scenes, objective, conditions, verdict, result, baselines, command }
     }

@@ -79,9 +79,9 @@ fn verdict_at(
     judged_at("The placement found", of_run, best, baselines, objective)
 }
 
-/// Like [`run_verdict`], for a placement that was given, with the price of its sensors where these have one.
-pub fn judged(best: &Scored, price: Option<f64>, baselines: &[Scored], objective: &str) -> String {
-    let of_run = OfRun { price: price.map_or(String::new(), at_price), ..OfRun::default() };
+/// Like [`run_verdict`], for a placement that was given.
+pub fn judged(best: &Scored, baselines: &[Scored], objective: &str) -> String {
+    let of_run = OfRun { price: best.price.map_or(String::new(), at_price), ..OfRun::default() };
     judged_at(&best.placement.name, &of_run, best, baselines, objective)
 }
 
@@ -238,11 +238,11 @@ fn against(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) 
     let rival = Scored::yardstick(baselines)?;
     let theirs = rival.objective?;
     let name = &rival.placement.name;
-    let known = if honest().count() == baselines.len() {
-        format!("{name}, the best baseline,")
-    } else {
-        format!("{name}, the best baseline without a warning or a broken rule,")
+    let clean = match honest().count() == baselines.len() {
+        true => "",
+        false => " without a warning or a broken rule",
     };
+    let known = format!("{name}, the best baseline{clean}{},", sensors_beside(best, rival));
     let ours = best.objective?;
     let by_objective = compare(ours, theirs, ["better than", "worse than", "as good as"]);
     let mut sentence = format!("{subject} is {by_objective} {known} by {objective}");
@@ -265,6 +265,19 @@ fn against(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) 
         sentence += &format!(", {link} it gains {gains} information {than} {seer}");
     }
     Some(sentence + ".")
+}
+
+/// Number of LiDARs and price of a baseline and of the placement beside it; empty where both have as many at one price.
+fn sensors_beside(best: &Scored, rival: &Scored) -> String {
+    let of = |scored: &Scored| (scored.placement.lidars.len(), scored.price);
+    if of(best) == of(rival) {
+        return String::new();
+    }
+    let words = |scored: &Scored| {
+        let price = scored.price.map_or(String::new(), at_price);
+        format!("{}{price}", counted(scored.placement.lidars.len(), "LiDAR"))
+    };
+    format!(" ({}; here {})", words(rival), words(best))
 }
 
 /// Name of the objective that is the information gain itself.
@@ -311,8 +324,9 @@ fn single_scene_in_words(best: &Scored, rival: &Scored, objective: &str) -> Stri
         }
         _ => (String::new(), "a difference from"),
     };
+    let sensors = sensors_beside(best, rival);
     format!(
-        "{below}A single scene cannot say whether {what} {name} is more than the scenes' own spread: give several."
+        "{below}A single scene cannot say whether {what} {name}{sensors} is more than the scenes' own spread: give several."
     )
 }
 

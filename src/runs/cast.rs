@@ -228,7 +228,8 @@ fn page(
     let mut scored: Vec<Scored> = scored.collect();
     // Copies mounted a little off take seconds, and the page shows them for one placement alone.
     let without_copies = job.clone().tolerance(None);
-    for (k, Scored { placement, scores, .. }) in scored.iter_mut().enumerate() {
+    for (k, Scored { placement, scores, price, .. }) in scored.iter_mut().enumerate() {
+        *price = job.scene().vehicle().price_of_rig(placement);
         let job = if k == 0 { job } else { &without_copies };
         job.look_closely(evaluator.backend_mut(), [(&*placement, scores)])?;
     }
@@ -240,8 +241,7 @@ fn page(
     let names = names.join(", ");
     let objective = objective.to_string();
     let conditions = in_words(&request.conditions.condition);
-    let priced = (result, job.scene().vehicle().price_of_rig(shown));
     let command = request.command.clone();
-    let subject = Subject::given(&names, &records, priced, baselines, &objective, command);
+    let subject = Subject::given(&names, &records, result, baselines, &objective, command);
     Ok((view_html(&subject.under(&conditions), &figures), figures.files(Some(result))))
 }

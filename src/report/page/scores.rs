@@ -371,7 +371,7 @@ mod tests {
         let words = "missing at 25 m: 2 of 48 bearings, 172.5° to -180°";
         let car = Seen { missing: Some(words.to_owned()), ..Seen::of("car", 0.95) };
         best.scores.required = vec![car, Seen::of("child", 1.0)];
-        let subject = Subject::given("s", &[], (&best, None), &[], "near_gain", String::new());
+        let subject = Subject::given("s", &[], &best, &[], "near_gain", String::new());
         let said = required(&subject).into_string();
         let item = format!("<li>car: 95.0 % seen, 90.0 % required; {words}</li>");
         assert!(said.contains(&item) && said.matches("<li>").count() == 1, "{said}");
@@ -404,8 +404,7 @@ mod tests {
         };
         center.scores.guards = vec![Guard::BlindSector(sector)];
         let told = |best: &Scored, baselines: &[Scored]| {
-            let subject =
-                Subject::given("s", &[], (best, None), baselines, "near_gain", String::new());
+            let subject = Subject::given("s", &[], best, baselines, "near_gain", String::new());
             guards(&subject, None).into_string()
         };
         let said = told(&best, &[plain, center.clone()]);

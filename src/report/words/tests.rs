@@ -6,7 +6,7 @@ use super::*;
 use crate::near_field::{BlindLane, BlindZone};
 use crate::score::{Guard, Scores, Seen, TaskScores};
 use crate::targets::{BearingRanges, RangeCard, TargetRanges};
-use crate::vehicle::Placement;
+use crate::vehicle::{Placement, SensorPose};
 
 /// The verdict on a result that has no price and no near field.
 fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> String {
@@ -138,6 +138,33 @@ fn a_single_scene_calls_a_loss_no_gain_and_names_the_penalty() {
 }
 
 #[test]
+fn a_baseline_of_other_sensors_has_their_number_and_price_beside_it() {
+    let with = |mut scored: Scored, lidars: usize, price: Option<f64>| {
+        scored.placement.lidars = vec![SensorPose::default(); lidars];
+        scored.price = price;
+        scored
+    };
+    let found = |price| with(planted("found", -1.5, 550.0), 3, price);
+    let centre = |lidars, price| with(planted("Center", -2.0, 500.0), lidars, price);
+    for (best, rival, beside) in [
+        (found(None), centre(3, None), ""),
+        (found(Some(900.0)), centre(3, Some(900.0)), ""),
+        (found(None), centre(1, None), " (1 LiDAR; here 3 LiDARs)"),
+        (
+            found(Some(900.0)),
+            centre(4, Some(1200.5)),
+            " (4 LiDARs at a price of 1200.5; here 3 LiDARs at a price of 900)",
+        ),
+    ] {
+        let first = first_sentence(&best, std::slice::from_ref(&rival), "m_sog_scaled");
+        let words = format!("better than Center, the best baseline{beside}, by m_sog_scaled");
+        assert!(first.contains(&words), "{first}");
+        let words = single_scene_in_words(&best, &rival, "m_sog_scaled");
+        assert!(words.contains(&format!("the gain over Center{beside} is more")), "{words}");
+    }
+}
+
+#[test]
 fn baselines_with_a_guard_or_a_broken_rule_are_no_yardstick() {
     let mut gamed = planted("sky", -0.1, 900.0);
     gamed.scores.guards = vec![Guard::CoversNothing];
@@ -244,7 +271,8 @@ fn the_first_sentence_has_the_price_where_there_is_one() {
     let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
     let start = "1 of 2 requirements met at a price of 9200 (budget 12000). NOT MET: ring: 80.0 % seen, 90.0 % required";
     assert!(words.starts_with(start), "{words}");
-    let words = judged(&found, Some(9200.0), &[], "m_sog_scaled");
+    found.price = Some(9200.0);
+    let words = judged(&found, &[], "m_sog_scaled");
     assert!(words.starts_with("1 of 2 requirements met at a price of 9200. NOT MET: "), "{words}");
 }
 
