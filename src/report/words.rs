@@ -6,9 +6,10 @@ use serde_json::Value;
 
 use super::RunRecord;
 use super::targets::bearing_in_words;
+use crate::csv::rounded;
 use crate::json::spoken;
 use crate::near_field::{NEAR, NearField};
-use crate::score::{Guard, Objective};
+use crate::score::{Guard, NEAR_GAIN, Objective};
 use crate::search::{Certificate, MethodRecord, Scored};
 use crate::targets::{RangeCard, TargetRanges};
 use sightline_files::json::counted;
@@ -92,21 +93,11 @@ fn judged_at(
     baselines: &[Scored],
     objective: &str,
 ) -> String {
-    let against = against(subject, best, baselines, objective).unwrap_or_else(|| {
-        let lidars = best.placement.lidars.len();
-        let first = baselines
-            .iter()
-            .find_map(|b| Some((&b.placement.name, b.reasons().into_iter().next()?)));
-        let why = match first {
-            None if baselines.is_empty() => "there is no baseline to compare it with".to_owned(),
-            None => format!("{objective} has no value for any baseline"),
-            Some((name, reason)) => format!(
-                "no baseline keeps every rule and requirement without a warning ({name}: {reason})"
-            ),
-        };
-        let s = if lidars == 1 { "" } else { "s" };
-        format!("{subject} has {lidars} LiDAR{s}; {why}.")
-    });
+    let cheaper = cheaper_in_words(best, baselines);
+    let required = required_in_words(subject, price, best, &cheaper);
+    let last = if required.is_empty() { &*cheaper } else { "" };
+    let against = against(subject, best, baselines, objective)
+        .unwrap_or_else(|| alone_in_words(subject, best, baselines, objective));
     let share = best.scores.segmentation.information_gain_share;
     let share = share.map_or(String::new(), |share| {
         let held = match best.by_scene.len() {
@@ -116,23 +107,60 @@ fn judged_at(
         format!(" Its beams gain {:.1} % of the information that {held}.", 100.0 * share)
     });
     let warnings = warnings_in_words(best);
-    let lacking: Vec<String> = best
-        .scores
-        .required
-        .iter()
-        .filter(|seen| !seen.is_met())
-        .map(|seen| format!("{seen}. "))
-        .collect();
-    let required = if lacking.is_empty() {
-        met_in_words(subject, price, best)
-    } else {
-        let met = match best.scores.met() {
-            [_, 1] => "The requirement is not met".to_owned(),
-            [met, of] => format!("{met} of {of} requirements met"),
-        };
-        format!("{met}{price}. {}", lacking.concat())
+    format!("{required}{}{near}{against}{last}.{share} {warnings}", blind_in_words(best))
+}
+
+/// Start of a sentence on a placement that no baseline is compared with, and why.
+fn alone_in_words(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) -> String {
+    let first =
+        baselines.iter().find_map(|b| Some((&b.placement.name, b.reasons().into_iter().next()?)));
+    let why = match first {
+        None if baselines.is_empty() => "there is no baseline to compare it with".to_owned(),
+        None => format!("{objective} has no value for any baseline"),
+        Some((name, reason)) => format!(
+            "no baseline keeps every rule and requirement without a warning ({name}: {reason})"
+        ),
     };
-    format!("{required}{}{near}{against}{share} {warnings}", blind_in_words(best))
+    let lidars = counted(best.placement.lidars.len(), "LiDAR");
+    let gain = match best.scores.required.is_empty() {
+        true => near_gain_in_words(best),
+        false => String::new(),
+    };
+    format!("{subject} has {lidars}{gain}; {why}")
+}
+
+/// The near gain, such as ` with a near gain of 45.32 %`; empty where there is none.
+fn near_gain_in_words(best: &Scored) -> String {
+    let words = |gain: f64| format!(" with a near gain of {:.2} %", 100.0 * gain);
+    best.scores.near_gain.map_or(String::new(), words)
+}
+
+/// End of a sentence on the baseline of most near gain among those that cost less than the placement and keep every rule and
+/// requirement without a warning, such as `; low costs 300 less at 4.1 % less near gain`; empty without one.
+fn cheaper_in_words(best: &Scored, baselines: &[Scored]) -> String {
+    let Some((price, ours)) = best.price.zip(best.scores.near_gain) else { return String::new() };
+    let honest = baselines.iter().filter(|baseline| baseline.is_honest());
+    let known = honest.filter_map(|of| Some((of, of.price?, of.scores.near_gain?)));
+    let cheaper = known.filter(|(_, cost, _)| *cost < price);
+    let Some((of, cost, theirs)) = cheaper.max_by(|a, b| a.2.total_cmp(&b.2)) else {
+        return String::new();
+    };
+    let gain = compare(theirs, ours, ["more", "less", "as much"]);
+    format!("; {} costs {} less at {gain} near gain", of.placement.name, rounded(price - cost, 2))
+}
+
+/// Sentences on requirements with the price, the near gain and a cheaper baseline; empty where nothing is required.
+fn required_in_words(subject: &str, price: &str, best: &Scored, cheaper: &str) -> String {
+    let facts = format!("{price}{}", near_gain_in_words(best));
+    let met = match best.scores.met() {
+        [_, 0] => return String::new(),
+        [met, of] if met == of => met_in_words(subject, &facts, best),
+        [_, 1] => format!("The requirement is not met{facts}"),
+        [met, of] => format!("{met} of {of} requirements met{facts}"),
+    };
+    let lacking = best.scores.required.iter().filter(|seen| !seen.is_met());
+    let lacking: String = lacking.map(|seen| format!("{seen}. ")).collect();
+    format!("{met}{cheaper}. {lacking}")
 }
 
 /// Sentence that counts the warnings as the page lists them.
@@ -172,8 +200,8 @@ fn facts_in_words(best: &Scored) -> String {
     [lacks, paper, blind, broken, idle].into_iter().flatten().collect::<Vec<_>>().join(", and ")
 }
 
-/// Sentence on requirements that are all met; empty where there are none.
-fn met_in_words(subject: &str, price: &str, best: &Scored) -> String {
+/// Start of a sentence on requirements that are all met.
+fn met_in_words(subject: &str, facts: &str, best: &Scored) -> String {
     let paper = best.scores.holds_on_paper().map_or(String::new(), |share| {
         format!(
             ", but on paper only: {:.0} % of copies mounted within the tolerance do",
@@ -181,9 +209,8 @@ fn met_in_words(subject: &str, price: &str, best: &Scored) -> String {
         )
     });
     match &best.scores.required[..] {
-        [] => String::new(),
-        [one] => format!("{subject} meets its requirement ({}){price}{paper}. ", one.title()),
-        all => format!("{subject} meets all {} requirements{price}{paper}. ", all.len()),
+        [one] => format!("{subject} meets its requirement ({}){facts}{paper}", one.title()),
+        all => format!("{subject} meets all {} requirements{facts}{paper}", all.len()),
     }
 }
 
@@ -231,7 +258,7 @@ pub fn broken_in_words(all: &[Scored]) -> Vec<String> {
     all.iter().filter_map(line).collect()
 }
 
-/// The first sentence of [`judged`]; `None` without a baseline to compare with.
+/// Start of the sentence of [`judged`] on the best baseline; `None` without one to compare with.
 fn against(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) -> Option<String> {
     let honest = || baselines.iter().filter(|baseline| baseline.is_honest());
     let gain_of = |scored: &Scored| scored.scores.segmentation.information_gain;
@@ -245,9 +272,12 @@ fn against(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) 
     let known = format!("{name}, the best baseline{clean}{},", sensors_beside(best, rival));
     let ours = best.objective?;
     let by_objective = compare(ours, theirs, ["better than", "worse than", "as good as"]);
-    let mut sentence = format!("{subject} is {by_objective} {known} by {objective}");
+    let is_first = objective == NEAR_GAIN && best.scores.required.is_empty();
+    let value = best.scores.near_gain.filter(|_| is_first);
+    let value = value.map_or(String::new(), |gain| format!(" ({:.2} %)", 100.0 * gain));
+    let mut sentence = format!("{subject} is {by_objective} {known} by {objective}{value}");
     if objective == GAIN {
-        return Some(sentence + ".");
+        return Some(sentence);
     }
     // The baseline that gains most may be another than the best one by the objective.
     let gains = honest().filter_map(|b| Some((gain_of(b)?, b)));
@@ -264,7 +294,7 @@ fn against(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) 
         };
         sentence += &format!(", {link} it gains {gains} information {than} {seer}");
     }
-    Some(sentence + ".")
+    Some(sentence)
 }
 
 /// Number of LiDARs and price of a baseline and of the placement beside it; empty where both have as many at one price.

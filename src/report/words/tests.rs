@@ -277,6 +277,45 @@ fn the_first_sentence_has_the_price_where_there_is_one() {
 }
 
 #[test]
+fn the_first_sentence_has_the_near_gain_and_a_cheaper_baseline() {
+    let rig = |name: &str, near_gain: f64, price: f64| {
+        let mut of = planted(name, near_gain, 500.0);
+        (of.scores.near_gain, of.price) = (Some(near_gain), Some(price));
+        of
+    };
+    let mut found = rig("found", 0.5, 900.5);
+    let dear = rig("dear", 0.4, 2000.0);
+    // A broken rule, less near gain than another cheaper one, and the one to name.
+    let mut broken = rig("broken", 0.9, 100.0);
+    broken.violations = vec!["too near".to_owned()];
+    let baselines = [dear.clone(), broken, rig("poor", 0.1, 100.0), rig("low", 0.45, 600.0)];
+    let first = first_sentence(&found, &baselines, "near_gain");
+    let told = "The placement found is 11.1 % better than low, the best baseline without a warning or a broken rule (0 \
+                 LiDARs at a price of 600; here 0 LiDARs at a price of 900.5), by near_gain (50.00 %), but it gains as much \
+                 information as that one; low costs 300.5 less at 10.0 % less near gain";
+    assert_eq!(first, told);
+    let first = first_sentence(&found, std::slice::from_ref(&dear), "near_gain");
+    assert!(first.ends_with("as much information as that one"), "{first}");
+    // With requirements both stand there, and once.
+    found.scores.required = vec![Seen::of("child", 0.95), Seen::of("ring", 0.9)];
+    let first = first_sentence(&found, &baselines, "near_gain");
+    let start = "The placement found meets all 2 requirements with a near gain of 50.00 %";
+    assert_eq!(first, format!("{start}; low costs 300.5 less at 10.0 % less near gain"));
+    let words = verdict(Some(&found), &baselines, "near_gain");
+    assert_eq!((words.matches("costs").count(), words.matches("50.00 %").count()), (1, 1));
+    found.scores.required[0].share = 0.5;
+    let words = verdict(Some(&found), &[], "near_gain");
+    let start = "1 of 2 requirements met with a near gain of 50.00 %. NOT MET: child: 50.0 % seen, 90.0 % required. The \
+                 placement found has 0 LiDARs; there is no baseline to compare it with. ";
+    assert!(words.starts_with(start), "{words}");
+    found.scores.required.clear();
+    let first = first_sentence(&found, &[], "m_sog_scaled");
+    let start =
+        "The placement found has 0 LiDARs with a near gain of 50.00 %; there is no baseline";
+    assert!(first.starts_with(start), "{first}");
+}
+
+#[test]
 fn checks_are_not_all_passed_where_a_requirement_or_a_sector_is_missed() {
     let mut found = planted("found", -1.0, 500.0);
     let words = |found: &Scored| verdict(Some(found), &[], "m_sog_scaled");
