@@ -307,6 +307,7 @@ fn audits_and_comparisons_are_those_of_the_json() {
     };
     csv.is(1, "part", &json!("moved"));
     csv.is(1, "lidar", &lidars[1]["frame"]);
+    csv.is(1, "other", &lidars[1]["partner"]);
     assert!(lidars[1]["moved"].as_f64().unwrap() > 0.1, "{lidars}");
     near(1, "moved_m", &lidars[1]["moved"]);
     let (row, pair) = (parts[0] + parts[1], &after[0]);

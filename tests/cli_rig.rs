@@ -125,6 +125,8 @@ fn rigs_are_compared_as_text_and_as_json() {
     let told = "The first rig has 1 LiDAR, the second 2: compared by frame, then by least distance.\n\
                 Without a partner in the first rig: lidar_1.\n";
     assert!(text.starts_with(told), "{text}");
+    let csv = ["rig", "compare", "p.json:one", "p.json:pair", "--format", "csv"];
+    assert!(printed(&dir, &csv).0.contains("\nalone_after,lidar_1,,,,,,,\n"));
 }
 
 #[test]
