@@ -59,6 +59,10 @@ fn short_help_fits_one_screen_and_long_help_names_every_option() {
         let example = short.split_once("Example").map(|(_, rest)| rest);
         assert!(example.is_some_and(|rest| rest.contains("  sightline ")), "{names:?}\n{short}");
         let long = help(&dir, names, "--help");
+        let (_, below) = long.split_once("\nExample").unwrap();
+        for line in below.lines() {
+            assert!(line.chars().count() <= columns, "{names:?}: {line}");
+        }
         for option in options {
             assert!(has_word(&long, option), "{names:?} lacks {option}\n{long}");
             hidden += usize::from(!has_word(&short, option));

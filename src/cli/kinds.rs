@@ -137,7 +137,7 @@ mod tests {
             for flag in ["-h", "--help"] {
                 let words = ["sightline", "study", name, flag].map(OsString::from);
                 let Err(Refused::Help(help)) = parse(&words) else { panic!("{name}: no help") };
-                let help = help.to_string();
+                let help = help.to_string().replace(" \\\n    ", " ");
                 let told = format!("  sightline study {name} {example}");
                 assert!(help.contains(&told), "{name}: {help}");
                 assert!(

@@ -81,7 +81,7 @@ enum Command {
     /// Try to make the scores fail, and say which guard notices
     #[command(after_help = "Examples:
   sightline audit scenes/highway.json
-  sightline audit scenes/highway.json scenes/residential.json scenes/placements.json")]
+  sightline audit scenes/highway.json scenes/residential.json mine.json")]
     Audit(checks::AuditArgs),
     /// Answer a question about rigs: near field, loss, tolerance, cost
     Study(study::StudyCommand),

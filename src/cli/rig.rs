@@ -25,7 +25,7 @@ pub enum RigCommand {
     /// Write a folder to hand over: poses, materials, masks, drawing
     #[command(after_help = "Examples:
   sightline rig handover mine.json:roof --vehicle van.json --out handover
-  sightline rig handover scenes/urban-crossing.json scenes/placements.json:Center --frame 3 --out handover
+  sightline rig handover scenes/highway.json scenes/placements.json:Center --frame 3 --out handover
 
 The folder has poses in millimetres and degrees beside metres and radians, the bill of materials, for each LiDAR a mask
 of its beams that end at the own body, crop boxes in Autoware's parameters, a drawing as SVG and PDF, and a profile of

@@ -12,7 +12,7 @@ use crate::runs::{RunError, Watcher};
 #[command(after_help = "Examples:
   sightline score scenes/highway.json scenes/placements.json
   sightline score scenes/highway.json million.jsonl --format json --out scores.json
-  sightline score scenes/highway.json scenes/residential.json scenes/placements.json")]
+  sightline score scenes/highway.json scenes/residential.json mine.json")]
 pub struct ScoreArgs {
     #[command(flatten)]
     request: ScoreRequest,

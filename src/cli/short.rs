@@ -84,13 +84,31 @@ pub fn on_one_screen(command: Command) -> Command {
     ))
 }
 
+/// A command in lines of at most [`COLUMNS`]: broken as shells read it, before options and redirections.
+pub fn broken(command: &str) -> String {
+    if command.chars().count() <= COLUMNS {
+        return command.to_owned();
+    }
+    let mut lines: Vec<String> = Vec::new();
+    for part in command.replace(" --", "\n--").replace(" > ", "\n> ").split('\n') {
+        let indent = if lines.is_empty() { "" } else { "    " };
+        // Two more columns are the backslash's.
+        let fits = |line: &&mut String| line.chars().count() + part.chars().count() + 3 <= COLUMNS;
+        match lines.last_mut().filter(fits) {
+            Some(line) => *line += &format!(" {part}"),
+            None => lines.push(format!("{indent}{part}")),
+        }
+    }
+    lines.join(" \\\n")
+}
+
 /// The first example of a command: on one line where it fits.
 fn example_of(command: &Command) -> String {
     let written = command.get_after_help().map(ToString::to_string).unwrap_or_default();
     let example = written.lines().find(|line| line.starts_with("  ")).unwrap_or_default();
     match "Example:".len() + example.chars().count() <= COLUMNS {
         true => format!("Example:{example}"),
-        false => format!("Example:\n{example}"),
+        false => format!("Example:\n{}", broken(example)),
     }
 }
 
@@ -109,6 +127,15 @@ fn with_one_example(command: Command) -> Command {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_long_command_is_broken_before_options_and_redirections() {
+        let scenes = "  sightline score scenes/highway.json scenes/residential.json mine.json";
+        assert_eq!(broken(scenes), scenes);
+        let long = format!("{scenes} --format json --quiet > scores.json");
+        let want = format!("{scenes} \\\n    --format json --quiet > scores.json");
+        assert_eq!(broken(&long), want);
+    }
 
     fn option_of<'a>(command: &'a Command, path: &str, id: &str) -> Option<&'a clap::Arg> {
         let command = path.split(' ').try_fold(command, |at, name| at.find_subcommand(name))?;
