@@ -220,10 +220,10 @@ fn tables_are_a_hundred_columns_wide_and_scenes_have_a_mean() {
     let args: Vec<&str> = args.split(' ').collect();
     let done = sightline(dir, &args);
     let text = String::from_utf8(done.stdout).unwrap();
-    assert!(done.status.success() && text.contains("blind to all"), "{text}");
+    assert!(done.status.success() && text.contains("% by technologies"), "{text}");
     assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     for k in 0..12 {
-        let column = format!("1 longtechnology{}", char::from(b'a' + k));
+        let column = format!("longtechnology{}", char::from(b'a' + k));
         assert_eq!(text.matches(&column).count(), 6, "{column}: {text}");
     }
     let found = ok(dir, &args);

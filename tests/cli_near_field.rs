@@ -88,7 +88,7 @@ fn the_near_field_of_two_heights() {
     assert!(fails(dir.path(), &[&args[..6], &twice].concat()).contains("rain is given twice"));
     let text = sightline(dir.path(), &args[..6]);
     let text = String::from_utf8(text.stdout).unwrap();
-    assert_eq!(text.lines().count(), 6, "{text}");
+    assert_eq!(text.lines().count(), 10, "{text}");
     assert!(text.contains("\nground is seen where a beam ends on ground within 0.5 m\n"), "{text}");
     assert!(text.ends_with("partly unconfirmed; no type approval (docs/nearfield.md)\n"), "{text}");
     // Shares of ground are rounded down like shares of requirements.

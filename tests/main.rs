@@ -89,6 +89,8 @@ mod cli_study_rigs;
 #[cfg(feature = "cli")]
 mod cli_sweep;
 #[cfg(feature = "cli")]
+mod cli_tables;
+#[cfg(feature = "cli")]
 mod cli_targets;
 #[cfg(feature = "cli")]
 mod cli_vehicle;

@@ -7,9 +7,11 @@ use super::output::Exit;
 use crate::audit::Audit;
 use crate::chart::Chart;
 use crate::engine::gpu::{TestedAdapter, test_adapters};
+use crate::report::audit::{audit_text, audits_text};
 use crate::report::chart_text::{chart_text, charts_csv, charts_text};
+use crate::report::columns::align_columns;
 use crate::report::run_tables::audits_csv;
-use crate::report::text::{align_columns, audit_text, audits_text, verification_text};
+use crate::report::text::verification_text;
 use crate::runs::chart::{ChartRequest, Charted, chart_scenes};
 use crate::runs::coverage::{AuditRequest, audit_scenes};
 use crate::runs::devices::{

@@ -4,15 +4,18 @@ use std::fmt::Write;
 
 use maud::{Markup, html};
 
+use super::columns::align_columns;
 use super::svg::{ACCENT, INK, SOFT, px, trimmed};
-use super::text::{align_columns, numbered};
-use crate::chart::{Chart, Engine, MOST_SWAPPED, Rated, Setting, Skipped};
+use super::text::numbered;
+use crate::chart::{Chart, ChartRow, Engine, MOST_SWAPPED, Rated, Setting, Skipped};
 use crate::csv::csv;
 
-/// Titles of the printed table.
-const TITLES: [&str; 12] = [
-    "setting", "s a placement", "MiB", "score error %: median", "largest", "Kendall τ", "95 %",
-    "regret %", "95 %", "swapped %", "95 %", "front",
+/// Titles of the printed tables: what a setting costs and how far it is off, then how it ranks.
+const COST: [&str; 6] =
+    ["setting", "s a placement", "MiB", "median error %", "largest error %", "front"];
+const RANKING: [&str; 7] = [
+    "setting", "Kendall τ", "τ at least", "regret %", "regret at most", "swapped %",
+    "swapped at most",
 ];
 
 /// The table of one scene's settings, with sentences on it: the reference, the front and the setting to take, or all
@@ -30,30 +33,15 @@ pub fn chart_text(found: &Chart) -> String {
     let is_exact = |i: usize| rows[i].rung.engine == Engine::F64;
     let is_printed =
         |i: usize| found.full || i == 0 || Some(i) == chosen || rows[i].on_front || is_exact(i);
-    let cells = rows.iter().enumerate().filter(|(i, _)| is_printed(*i)).map(|(_, row)| {
-        let mark = if row.same_quantity { " " } else { "*" };
-        let error = &row.error;
-        let (tau, range) = match error.tau {
-            Some(t) => (format!("{:.3}", t.value), format!("{:.3}–{:.3}", t.low, t.high)),
-            None => ("–".to_owned(), String::new()),
-        };
-        vec![
-            row.setting.clone(),
-            seconds(row.seconds),
-            format!("{:.1}", row.bytes as f64 / f64::from(1 << 20)),
-            format!("{:.3}{mark}", 100.0 * error.score_median),
-            format!("{:.3}{mark}", 100.0 * error.score_largest),
-            tau,
-            range,
-            format!("{:.2}", 100.0 * error.regret.value),
-            format!("{:.2}–{:.2}", 100.0 * error.regret.low, 100.0 * error.regret.high),
-            format!("{:.1}", 100.0 * error.swapped.value),
-            format!("{:.1}–{:.1}", 100.0 * error.swapped.low, 100.0 * error.swapped.high),
-            if row.on_front { "front" } else { "" }.to_owned(),
-        ]
-    });
-    let titles = TITLES.map(str::to_owned).to_vec();
-    text += &align_columns(&std::iter::once(titles).chain(cells).collect::<Vec<_>>());
+    let printed = rows.iter().enumerate().filter(|(i, _)| is_printed(*i));
+    let (cost, ranking): (Vec<_>, Vec<_>) =
+        printed.map(|(_, row)| (cost_cells(row), ranking_cells(row))).unzip();
+    let table = |titles: &[&str], cells: Vec<Vec<String>>| {
+        let titles: Vec<String> = titles.iter().map(|title| (*title).to_owned()).collect();
+        align_columns(&std::iter::once(titles).chain(cells).collect::<Vec<_>>())
+    };
+    text += &format!("{}\n{}", table(&COST, cost), table(&RANKING, ranking));
+    text += "error: of the scores; at least and at most: in 95 % of resamples\n";
     text += "* other voxels, beams or coverage make the score another quantity; only the ranking compares\n";
     text += &format!(
         "swapped: of the pairs farther apart than {} % of the best score, those in another order\n",
@@ -76,6 +64,37 @@ pub fn chart_text(found: &Chart) -> String {
         text += &format!("{line}\n");
     }
     text
+}
+
+/// Cells of [`COST`].
+fn cost_cells(row: &ChartRow) -> Vec<String> {
+    let mark = if row.same_quantity { " " } else { "*" };
+    vec![
+        row.setting.clone(),
+        seconds(row.seconds),
+        format!("{:.1}", row.bytes as f64 / f64::from(1 << 20)),
+        format!("{:.3}{mark}", 100.0 * row.error.score_median),
+        format!("{:.3}{mark}", 100.0 * row.error.score_largest),
+        if row.on_front { "front" } else { "" }.to_owned(),
+    ]
+}
+
+/// Cells of [`RANKING`].
+fn ranking_cells(row: &ChartRow) -> Vec<String> {
+    let error = &row.error;
+    let [tau, least] = match error.tau {
+        Some(tau) => [tau.value, tau.low].map(|tau| format!("{tau:.3}")),
+        None => ["–".to_owned(), String::new()],
+    };
+    vec![
+        row.setting.clone(),
+        tau,
+        least,
+        format!("{:.2}", 100.0 * error.regret.value),
+        format!("{:.2}", 100.0 * error.regret.high),
+        format!("{:.1}", 100.0 * error.swapped.value),
+        format!("{:.1}", 100.0 * error.swapped.high),
+    ]
 }
 
 /// The setting to take in each scene, a row each.

@@ -1,8 +1,8 @@
 //! Two rigs compared, as text and as CSV.
 
+use super::columns::align_columns;
 use super::svg::trimmed;
 use super::tables::titles;
-use super::text::align_columns;
 use crate::csv::{csv, number};
 use crate::json::fixed;
 use crate::rig::{Asymmetry, Comparison, MovedLidar};

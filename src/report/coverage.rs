@@ -4,9 +4,10 @@ use std::fmt::Write;
 
 use maud::{Markup, html};
 
+use super::columns::align_columns;
 use super::optional;
 use super::svg::{ACCENT, FAINT, GREY, INK, SECOND, SOFT, corners, page, px};
-use super::text::{align_columns, shortened};
+use super::text::shortened;
 use crate::json::fixed;
 use crate::maths;
 use crate::near_field::{CELL, CLOSE, Footprint, NEAR, NearField, RING, Standard};
@@ -29,23 +30,28 @@ const UNSEEN: &str = "#e2cf94";
 const LEGEND: f64 = 560.0;
 const GOOD: &str = "#3d8f5f";
 
-/// A line a placement: shares, blind ground, depth of the blind zone in four directions, poles seen by standard, wasted
-/// beams.
+/// A line a placement: shares, blind ground, depth of the blind zone in four directions; then poles seen by standard and
+/// wasted beams.
 pub fn near_field_text(all: &[NearField]) -> String {
     let titles = [
         "placement", "near %", "3 m %", "blind m²", "zone m²", "blind ahead m", "behind", "left",
         "right",
     ];
-    let standards = Standard::ALL.map(|(_, name)| name.to_owned());
-    let mut rows = vec![titles.map(str::to_owned).into_iter().chain(standards).collect::<Vec<_>>()];
-    rows[0].push("own body %, by LiDAR".to_owned());
-    rows.extend(all.iter().map(|near| {
+    let mut ground = vec![titles.map(str::to_owned).to_vec()];
+    ground.extend(all.iter().map(|near| {
         let zone = &near.zone;
         let mut row = vec![near.name.clone(), format!("{:.1}", percent_down(near.near_field))];
         row.push(optional(near.ring.map(percent_down), 1));
         row.extend([near.blind_area, zone.area].map(|area| format!("{area:.0}")));
         let depth = |depth: Option<f64>| depth.map_or(format!("> {NEAR}"), |d| format!("{d:.1}"));
         row.extend([zone.ahead, zone.behind, zone.left, zone.right].map(depth));
+        row
+    }));
+    let names = ["placement"].into_iter().chain(Standard::ALL.map(|(_, name)| name));
+    let names = names.chain(["own body %, by LiDAR"]).map(str::to_owned);
+    let mut poles = vec![names.collect::<Vec<_>>()];
+    poles.extend(all.iter().map(|near| {
+        let mut row = vec![near.name.clone()];
         row.extend(Standard::ALL.map(|(standard, _)| {
             let [seen, poles] = seen_of(near, standard);
             format!("{seen}/{poles}")
@@ -54,7 +60,8 @@ pub fn near_field_text(all: &[NearField]) -> String {
         row.push(wasted.collect::<Vec<_>>().join(" "));
         row
     }));
-    format!("{}{}\n{POLES}\n", align_columns(&rows), seen_ground())
+    let [ground, poles] = [ground, poles].map(|rows| align_columns(&rows));
+    format!("{ground}\n{poles}{}\n{POLES}\n", seen_ground())
 }
 
 /// Meaning of ground that is seen.
@@ -198,11 +205,6 @@ fn legend() -> Markup {
     }
 }
 
-/// Longest line of the table of technologies, in characters.
-const WIDEST: usize = 100;
-/// Longest name of a thing in the table of technologies, in characters.
-const LONGEST_NAME: usize = 24;
-
 /// LiDAR by its number, with its model where it has a name: `0 roof-64`.
 fn lidar(number: usize, sensor: SensorName) -> String {
     if sensor.is_none() { number.to_string() } else { format!("{number} {sensor}") }
@@ -248,14 +250,13 @@ pub(super) fn redundancy_rows(row: &Redundancy) -> Vec<Vec<String>> {
 pub fn redundancy_text(all: &[&Redundancy]) -> String {
     let of = |row: &&Redundancy| {
         let heading = heading(&row.scene, &row.placement, row.lidars.len(), row.frames);
-        let technologies = row.technologies.as_ref().map(technologies_text).unwrap_or_default();
+        let technologies = row.technologies.as_ref().map(technology_rows);
+        let technologies =
+            technologies.map_or(String::new(), |rows| format!("\n{}", align_columns(&rows)));
         format!("{heading}\n{}{technologies}", align_columns(&redundancy_rows(row)))
     };
     all.iter().map(of).collect::<Vec<_>>().join("\n")
 }
-
-/// First columns of [`technology_rows`]; one for each technology follows.
-const BEFORE_EACH: usize = 6;
 
 /// Things that count, the shares of them in per cent that no, one, two, three and more technologies see, and that each
 /// technology sees; titles first.
@@ -264,7 +265,7 @@ pub(super) fn technology_rows(all: &Technologies) -> Vec<Vec<String>> {
     let ground = ground.into_iter().filter_map(|(name, seen)| Some((name, seen.as_ref()?)));
     let targets = all.targets.iter().map(|of| (of.target.as_str(), &of.seen));
     let things = std::iter::once(("voxels, occupied", &all.occupied)).chain(ground).chain(targets);
-    let numbers: [_; BEFORE_EACH] = ["% by technologies", "of", "blind to all", "by 1", "2", "3+"];
+    let numbers = ["% by technologies", "of", "blind to all", "by 1", "2", "3+"];
     let each = all.sensors.iter().map(|of| format!("{} {}", of.count, of.technology));
     let mut rows = vec![numbers.map(str::to_owned).into_iter().chain(each).collect::<Vec<_>>()];
     rows.extend(things.map(|(thing, seen): (&str, &SeenByTechnologies)| {
@@ -273,32 +274,6 @@ pub(super) fn technology_rows(all: &Technologies) -> Vec<Vec<String>> {
         row
     }));
     rows
-}
-
-/// [`technology_rows`] as tables of at most [`WIDEST`] characters.
-fn technologies_text(all: &Technologies) -> String {
-    let mut rows = technology_rows(all);
-    rows.iter_mut().for_each(|row| row[0] = shortened(&row[0], LONGEST_NAME));
-    let text = |columns: &[usize]| {
-        let of = |row: &Vec<String>| columns.iter().map(|&k| row[k].clone()).collect();
-        let mut table: Vec<Vec<String>> = rows.iter().map(of).collect();
-        if columns.get(1) != Some(&1) {
-            table[0][0] = "% seen by".to_owned();
-        }
-        align_columns(&table)
-    };
-    let mut tables: Vec<Vec<usize>> = Vec::new();
-    let mut last: Vec<usize> = (0..BEFORE_EACH).collect();
-    for column in BEFORE_EACH..rows[0].len() {
-        let wide = [&last[..], &[column]].concat();
-        if text(&wide).lines().all(|line| line.chars().count() <= WIDEST) {
-            last = wide;
-        } else {
-            tables.push(std::mem::replace(&mut last, vec![0, column]));
-        }
-    }
-    tables.push(last);
-    tables.iter().map(|columns| format!("\n{}", text(columns))).collect()
 }
 
 /// A matrix whose rows and columns are LiDARs.

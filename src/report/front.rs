@@ -3,11 +3,11 @@
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
+use super::columns::align_columns;
 use super::plot::{Axis, Plot, Series};
 use super::study::lost;
 use super::svg::trimmed;
 use super::tables::{optional, score_rows, score_titles};
-use super::text::align_columns;
 use crate::csv::{csv, number};
 use crate::job::{Front, FrontObjective, FrontPoint, FrontStopped};
 use crate::scan::conditions::under;
@@ -246,15 +246,13 @@ pub fn front_text(front: &Front, record: &FrontRecord, folder: &std::path::Path)
         text +=
             &format!("{}: front of {}{under}\n", record.scene, front.objectives.names().join(", "));
         let (titles, rows) = front_rows(front);
-        // The picks stand at the left of their column.
         let mut all = vec![titles];
         all.extend(rows);
-        let picks: Vec<String> = all.iter_mut().filter_map(Vec::pop).collect();
-        let table = align_columns(&all);
-        for (line, pick) in table.lines().zip(picks) {
-            text += format!("{line}  {pick}").trim_end();
-            text += "\n";
-        }
+        // The picks stand at the left of their column.
+        let picks: Vec<&mut String> = all.iter_mut().filter_map(|row| row.last_mut()).collect();
+        let width = picks.iter().map(|pick| pick.chars().count()).max().unwrap_or(0);
+        picks.into_iter().for_each(|pick| *pick = format!("{pick:width$}"));
+        text += &align_columns(&all);
         text += "\nsensors\n";
         for point in &front.points {
             text += &format!("  {}: {}\n", point.placement.name, point.equipment);

@@ -8,8 +8,10 @@
 //! | `svg` | parts of every drawing: page, colours, axes |
 //! | `plot`, `study` | plain charts of some series |
 //! | `sensor` | facts of a sensor file, its pattern as SVG |
+//! | `audit` | audits as text |
 //! | `comparison` | two rigs compared, as text and as CSV |
 //! | `chart`, `chart_text` | cost against ranking error |
+//! | `columns` | tables of at most 100 columns of a terminal |
 //! | `coverage` | ground near the vehicle, things by the number of LiDARs that see them, overlap of pairs |
 //! | `drawing` | a drawing as a list of shapes, written as SVG and PDF |
 //! | `handover` | the drawing of a rig in three views |
@@ -23,8 +25,10 @@
 //! | `view` | the 3-D view of a page |
 //! | `page` | the page |
 
+pub(crate) mod audit;
 pub(crate) mod chart;
 pub(crate) mod chart_text;
+pub(crate) mod columns;
 pub(crate) mod comparison;
 pub(crate) mod coverage;
 mod drawing;

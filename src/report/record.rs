@@ -5,12 +5,13 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use super::columns::align_columns;
 use super::coverage::seen_ground;
 use super::next_steps::next_in_words;
 use super::plot::{Change, ReferenceLine};
 use super::tables::by_scene;
 use super::targets::range_card_text;
-use super::text::{align_columns, findings_text, poses_text, scores_text_by};
+use super::text::{findings_text, poses_text, scores_text_by};
 use super::words::{
     bound_in_words, broken_in_words, frames_in_words, methods_in_words, run_verdict,
     spread_in_words,

@@ -3,8 +3,8 @@
 use maud::{Markup, html};
 use serde::Serialize;
 
+use super::columns::{WIDEST, align_columns, folded};
 use super::svg::{ACCENT, Axes, FAINT, INK, SECOND, SOFT, Scale, number, page, px, scale, trimmed};
-use super::text::align_columns;
 use crate::maths;
 use crate::vehicle::sensor_file::{Beams, Measures, SensorPattern};
 
@@ -155,9 +155,13 @@ pub fn sensor_text(pattern: &SensorPattern, facts: &SensorFacts) -> String {
     lines.extend(rate.map(|rate| ("frames a second", number(rate))));
     lines.extend(facts.notes.iter().map(|note| ("note", note.clone())));
     let width = lines.iter().map(|(key, _)| key.chars().count()).max().unwrap_or(0);
-    let lines: String =
-        lines.iter().map(|(key, value)| format!("{key:<width$}  {value}\n")).collect();
-    format!("{lines}\n{}", drawing(pattern, facts.channels.is_some()))
+    let mut text = String::new();
+    for (key, value) in &lines {
+        for (k, line) in folded(value, WIDEST - width - 2).iter().enumerate() {
+            text += &format!("{:<width$}  {line}\n", if k == 0 { *key } else { "" });
+        }
+    }
+    format!("{text}\n{}", drawing(pattern, facts.channels.is_some()))
 }
 
 /// A bar for each band of elevations, highest first.

@@ -1,9 +1,9 @@
 //! Studies, sweeps and tolerances as text and figures.
 
+use super::columns::align_columns;
 use super::plot::{Axis, Change, Plot, Series};
 use super::svg::trimmed;
 use super::tables::ScoreColumn;
-use super::text::align_columns;
 use crate::job::{Room, RoomOfLidar, RoomOfSide, RoomOfTilt, Sweep, SweepRow};
 use crate::json::fixed;
 use crate::score::{Guard, HOLDS, MOST_SELF_HITS, Scores, percent_down, percent_up};
@@ -300,14 +300,13 @@ pub fn room_text(all: &[Room]) -> String {
         if !room.missed.is_empty() {
             text += "  missed as it is and left out; below are the requirements that it meets\n";
         }
-        let titles =
-            ["LiDAR", "field", "", "− holds to", "then breaks", "+ holds to", "then breaks"];
+        let titles = ["LiDAR field", "− holds to", "− then breaks", "+ holds to", "+ then breaks"];
         let mut rows = vec![titles.map(str::to_owned).to_vec()];
         for row in &room.fields {
-            let names = [row.lidar.to_string(), row.field.to_owned(), row.unit.to_owned()];
+            let name = format!("{} {}, {}", row.lidar, row.field, row.unit);
             let digits = if row.unit == "deg" { 2 } else { 1 };
             let [down, up] = [&row.down, &row.up].map(|side| cells(side, digits));
-            rows.push([names.as_slice(), &down, &up].concat());
+            rows.push([&[name][..], &down, &up].concat());
         }
         text += &align_columns(&rows);
         text += &self_hits_text(room);

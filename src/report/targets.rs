@@ -8,8 +8,8 @@ mod beams;
 
 use maud::{Markup, html};
 
+use super::columns::align_columns;
 use super::svg::{COLOURS, FAINT, INK, SOFT, corners, page, px, trimmed};
-use super::text::align_columns;
 use crate::maths;
 use crate::targets::{
     BlindSector, Detection, RangeCard, TargetQuestion, TargetRanges, TargetTable,

@@ -1,7 +1,7 @@
-//! Scores, P-SOGs, audits and verifications as text.
+//! Scores, P-SOGs and verifications as text.
 
+use super::columns::{align_columns, align_with_notes};
 use super::{SceneRecord, ScoreColumn, optional};
-use crate::audit::{Audit, TrialResult};
 use crate::json::fixed;
 use crate::psog::PsogInfo;
 use crate::scan::conditions::under;
@@ -11,9 +11,6 @@ use crate::study::{Row, Table};
 use crate::vehicle::{Placement, SensorPose, millimetres};
 use crate::verify::Verification;
 use sightline_files::json::counted;
-
-/// Longest cell of a table in characters: two names of placements and the words between them.
-const LONGEST_CELL: usize = 140;
 
 /// A text of at most `most` characters: the end of a longer one is an ellipsis.
 pub fn shortened(text: &str, most: usize) -> String {
@@ -41,28 +38,6 @@ fn is_hidden(c: char) -> bool {
         || ('\u{2060}'..='\u{2069}').contains(&c)
 }
 
-/// Lines of equal columns, the first column to the left and numbers to the right. Long cells are cut.
-pub fn align_columns(rows: &[Vec<String>]) -> String {
-    let short = |cell: &String| shortened(&visible(cell), LONGEST_CELL);
-    let rows: Vec<Vec<String>> = rows.iter().map(|row| row.iter().map(short).collect()).collect();
-    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let width = |column: usize| {
-        rows.iter().filter_map(|row| row.get(column)).map(|c| c.chars().count()).max().unwrap_or(0)
-    };
-    let widths: Vec<usize> = (0..columns).map(width).collect();
-    let mut text = String::new();
-    for row in &rows {
-        let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| {
-            // A width of `format!` has 16 bits, and panics beyond them.
-            let space = " ".repeat(width - cell.chars().count());
-            if column == 0 { format!("{cell}{space}") } else { format!("{space}{cell}") }
-        });
-        text += cells.collect::<Vec<_>>().join("  ").trim_end();
-        text.push('\n');
-    }
-    text
-}
-
 /// A table of placements, below each its requirements (+ met, ! not), doubts (!) and blind sectors (*).
 pub fn scores_text(all: &[Scores]) -> String {
     scores_text_by(all, "")
@@ -72,27 +47,23 @@ pub fn scores_text(all: &[Scores]) -> String {
 pub(super) fn scores_text_by(all: &[Scores], objective: &str) -> String {
     let columns = ScoreColumn::shown(all, objective);
     let cells = |scores| columns.iter().map(|column| column.cell(scores)).collect();
-    let mut rows = vec![columns.iter().map(|column| column.title().to_owned()).collect()];
+    let mut rows: Vec<Vec<String>> =
+        vec![columns.iter().map(|column| column.title().to_owned()).collect()];
     rows.extend(all.iter().map(cells));
-    let table = align_columns(&rows);
-    let mut lines = table.lines();
-    let mut text = format!("{}\n", lines.next().unwrap_or_default());
-    for (line, scores) in lines.zip(all) {
-        text += &format!("{line}\n");
-        for seen in &scores.required {
-            text += &format!("  {} {seen}\n", if seen.is_met() { "+" } else { "!" });
-        }
-        if let Some(words) = scores.holds_in_words() {
-            text += &format!("  * {words}\n");
-        }
-        for guard in &scores.guards {
-            text += &format!("  {} {guard}\n", if guard.is_doubt() { "!" } else { "*" });
-        }
-        for rule in &scores.broken_rules {
-            text += &format!("  ! RULE BROKEN: {rule}\n");
-        }
-    }
-    text
+    align_with_notes(&rows, &all.iter().map(notes).collect::<Vec<_>>())
+}
+
+/// Lines below the scores of a placement.
+fn notes(scores: &Scores) -> Vec<String> {
+    let required = scores.required.iter();
+    let required =
+        required.map(|seen| format!("  {} {seen}", if seen.is_met() { "+" } else { "!" }));
+    let holds = scores.holds_in_words().map(|words| format!("  * {words}"));
+    let guards = scores.guards.iter();
+    let guards =
+        guards.map(|guard| format!("  {} {guard}", if guard.is_doubt() { "!" } else { "*" }));
+    let rules = scores.broken_rules.iter().map(|rule| format!("  ! RULE BROKEN: {rule}"));
+    required.chain(holds).chain(guards).chain(rules).collect()
 }
 
 /// Correlations of properties of layouts with the objective, one property a line.
@@ -106,7 +77,7 @@ pub fn findings_text(all: &[Finding]) -> String {
     align_columns(&rows)
 }
 
-/// A study's cases and notes.
+/// A study's cases and notes. Columns in which no case has a number are named in a line.
 pub fn study_text(table: &Table) -> String {
     let number = |value: Option<f64>, column: usize| match value {
         None => "–".to_owned(),
@@ -117,18 +88,31 @@ pub fn study_text(table: &Table) -> String {
         }
         Some(v) => format!("{v:.4e}"),
     };
-    let mut rows = vec![table.columns.clone()];
+    let value = |row: &Row, column: usize| row.values.get(column).copied().flatten();
+    let says = |row: &Row, column| value(row, column).is_some() || row.unmet_at.contains(&column);
+    let all = 0..table.columns.len().saturating_sub(1);
+    let (shown, empty): (Vec<usize>, Vec<usize>) =
+        all.clone().partition(|&k| table.rows.iter().any(|row| says(row, k)));
+    // A table without any number keeps its titles.
+    let (shown, empty) = if shown.is_empty() { (all.collect(), shown) } else { (shown, empty) };
+    let titles = |columns: &[usize]| {
+        columns.iter().map(|&k| table.columns[k + 1].clone()).collect::<Vec<_>>()
+    };
+    let mut rows = vec![[&table.columns[..1], &titles(&shown)[..]].concat()];
     rows.extend(table.rows.iter().map(|row| {
         let mark = |column| if row.unmet_at.contains(&column) { "!" } else { "" };
-        let values = row.values.iter().enumerate();
-        let values = values.map(|(k, value)| format!("{}{}", mark(k), number(*value, k)));
+        let values = shown.iter().map(|&k| format!("{}{}", mark(k), number(value(row, k), k)));
         std::iter::once(row.marked()).chain(values).collect()
     }));
+    let empty = match &empty[..] {
+        [] => String::new(),
+        _ => format!("without a number: {}\n", titles(&empty).join(", ")),
+    };
     let remarks: String =
         table.rows.iter().flat_map(Row::remarks).map(|remark| format!("{remark}\n")).collect();
     let gap = if remarks.is_empty() { "" } else { "\n" };
     let notes: String = table.notes.iter().map(|note| format!("\n{note}\n")).collect();
-    align_columns(&rows) + gap + &remarks + &notes
+    align_columns(&rows) + &empty + gap + &remarks + &notes
 }
 
 /// The poses of a placement, a line each, in metres and radians and then in millimetres and degrees; `mounts` names the
@@ -322,123 +306,29 @@ pub fn verification_text(scene: &str, conditions: &[String], found: &Verificatio
     text + if found.passed { "passed\n" } else { "FAILED\n" }
 }
 
-/// A row a scene: attempts caught and fooled, and the least Kendall's τ under changes.
-pub fn audits_text(all: &[Audit]) -> String {
-    let titles = ["scene", "base", "caught", "fooled", "least τ", "verdict"];
-    let mut rows = vec![titles.map(str::to_owned).to_vec()];
-    let names = numbered(all.iter().map(|found| found.scene.clone()));
-    for (name, found) in names.into_iter().zip(all) {
-        let count = |verdict| found.trials.iter().filter(|t| t.verdict == verdict).count();
-        let taus = found.stability.iter().filter_map(|change| change.kendall_tau);
-        let least = taus.min_by(f64::total_cmp);
-        rows.push(vec![
-            name,
-            found.base.name.clone(),
-            count(TrialResult::Caught).to_string(),
-            count(TrialResult::Fooled).to_string(),
-            least.map_or("–".into(), |tau| format!("{tau:.2}")),
-            if found.passed { "passed" } else { "FAILED" }.to_owned(),
-        ]);
-    }
-    format!("\nall scenes\n{}", align_columns(&rows))
-}
-
-/// Every attempt to look better while seeing less, and the ranking under every change of the model.
-pub fn audit_text(found: &Audit) -> String {
-    let (scene, base) = (&found.scene, &found.base.name);
-    let mut text = format!("{scene}: attempts to look better than {base} while seeing less\n");
-    let metrics = ScoreColumn::METRICS.map(ScoreColumn::title);
-    let titles = [&["attempt"][..], &metrics, &["verdict", "looks better by", "guards"]].concat();
-    let mut rows = vec![titles.into_iter().map(str::to_owned).collect::<Vec<_>>()];
-    let mut row = cells(base, &found.base);
-    row.extend([String::new(), String::new(), guard_names(&found.base)]);
-    rows.push(row);
-    for trial in &found.trials {
-        let mut row = cells(&trial.name, &trial.scores);
-        let verdict = match trial.verdict {
-            TrialResult::NotFooled => "not fooled",
-            TrialResult::Caught => "caught",
-            TrialResult::Fooled => "FOOLED",
-        };
-        row.extend([verdict.to_owned(), trial.fooled.join(", "), guard_names(&trial.scores)]);
-        rows.push(row);
-    }
-    text += &align_columns(&rows);
-    text += &format!(
-        "\n{0} under changes of the model, and `{1}` of all the placements: its change, Kendall's τ with \
-         the unchanged ranking (median and worst), Spearman with mean height alone\n",
-        found.base.name, found.objective
-    );
-    let changes = ["median %", "worst %", "τ median", "τ worst", "height", "first", "guards"];
-    let titles = [&["change"][..], &metrics, &changes].concat();
-    let mut rows = vec![titles.into_iter().map(str::to_owned).collect::<Vec<_>>()];
-    let two = |v: Option<f64>| v.map_or("–".into(), |v| format!("{v:.2}"));
-    let mut none = cells("none", &found.base);
-    none.extend(vec![String::new(); 4]);
-    none.extend([two(found.ranking_against_mean_height), base.clone(), guard_names(&found.base)]);
-    rows.push(none);
-    rows.extend(found.stability.iter().map(|change| {
-        let mut row = cells(&change.change, &change.base);
-        row.extend([
-            format!("{:.2}", 100.0 * change.median_relative_change),
-            format!("{:.2}", 100.0 * change.worst_relative_change),
-            two(change.median_kendall_tau),
-            two(change.kendall_tau),
-            two(change.ranking_against_mean_height),
-            change.first.clone(),
-            guard_names(&change.base),
-        ]);
-        row
-    }));
-    text += &align_columns(&rows);
-    text + if found.passed { "\npassed\n" } else { "\nFAILED: a score was fooled unnoticed\n" }
-}
-
-/// A name and the value of each metric.
-fn cells(name: &str, scores: &Scores) -> Vec<String> {
-    let values = ScoreColumn::METRICS.iter().map(|metric| metric.cell(scores));
-    std::iter::once(name.to_owned()).chain(values).collect()
-}
-
-/// Names of the guards that a placement violates.
-fn guard_names(scores: &Scores) -> String {
-    let guards = scores.guards.iter().map(ToString::to_string);
-    let mut names: Vec<_> = guards.filter_map(|g| g.split(':').next().map(str::to_owned)).collect();
-    names.dedup();
-    names.join(", ")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::study::TablePlot;
 
     #[test]
-    fn the_start_of_an_audit_shows_its_own_guards() {
-        let guards = vec![crate::score::Guard::ShortSight { lost: 0.05 }];
-        let found = Audit {
-            scene: "room".to_owned(),
-            objective: "near_gain".to_owned(),
-            base: Scores { name: "start".to_owned(), guards, ..Scores::default() },
-            trials: Vec::new(),
-            stability: Vec::new(),
-            ranking_against_mean_height: None,
-            passed: true,
+    fn a_study_names_columns_without_a_number_in_a_line() {
+        let row = |values: [Option<f64>; 3], unmet_at: &[usize]| Row {
+            name: "rig".into(),
+            values: values.to_vec(),
+            unmet_at: unmet_at.to_vec(),
+            ..Row::default()
         };
-        let text = audit_text(&found);
-        let row = |name: &str| text.lines().find(|line| line.starts_with(name)).unwrap();
-        assert!(row("start  ").ends_with("  short_sight"), "{text}");
-        assert!(row("none  ").ends_with("  start  short_sight"), "{text}");
-    }
-
-    #[test]
-    fn a_table_holds_cells_of_any_length_and_shows_every_character() {
-        let long = "x".repeat(70_000);
-        let rows = [["a".to_owned(), long.clone()], [long, "b\u{202e}c\u{2028}\u{1b}".to_owned()]];
-        let text = align_columns(&rows.map(Vec::from));
-        let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines.len(), 2);
-        assert!(lines.iter().all(|line| line.chars().count() == 2 * LONGEST_CELL + 2), "{text}");
-        assert!(lines[1].ends_with("  b\\u{202e}c\\u{2028}\\u{1b}"), "{text}");
-        assert!(lines[0].ends_with("x…") && lines[0].starts_with("a "));
+        let table = |row: Row| Table {
+            title: "t".into(),
+            columns: ["case", "a", "b", "c"].map(str::to_owned).to_vec(),
+            rows: vec![row],
+            notes: Vec::new(),
+            drawing: TablePlot::ByCase { columns: vec![0], y_title: "a".into(), line: false },
+        };
+        let text = study_text(&table(row([None, Some(2.0), None], &[2])));
+        assert_eq!(text, "case  b   c\nrig   2  !–\nwithout a number: a\n");
+        let none = study_text(&table(row([None; 3], &[])));
+        assert_eq!(none, "case  a  b  c\nrig   –  –  –\n");
     }
 }

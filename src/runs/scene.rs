@@ -18,7 +18,7 @@ use crate::geom::TriangleSoup;
 use crate::job::{JobError, JobScene};
 use crate::problem::{Problem, world_of};
 use crate::psog::PsogInfo;
-use crate::report::text::align_columns;
+use crate::report::columns::align_columns;
 use crate::scan::BeamHits;
 use crate::scene::{EgoBody, Scene, street};
 use crate::search::Evaluator;
