@@ -363,7 +363,7 @@ pub fn certificate_in_words(run: &RunRecord) -> String {
     match &run.certificate {
         None => "nothing is claimed about placements that were not evaluated".into(),
         Some(certificate) => format!(
-            "On a grid, {}. As in the paper: {}.",
+            "On a grid, {}. The paper's bound: {}.",
             run.best.as_ref().map_or(String::new(), |best| bound_in_words(certificate, best)),
             certificate.lipschitz_says
         ),

@@ -70,7 +70,7 @@ fn findings(run: &RunRecord) -> Markup {
     let rows: Vec<_> = run.findings.iter().map(row).collect();
     html! {
         @if !rows.is_empty() {
-            h3 { "What goes with the score" }
+            h3 { "Properties that go with the score" }
             p {
                 "Rank correlations (Spearman) of properties of layouts with the objective over random \
                  placements, and what is left of them with mean height, the null model, held fixed."
