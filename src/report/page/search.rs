@@ -152,7 +152,7 @@ pub(super) fn repeat(
 /// Sentence on how close a repeated run comes to this one.
 fn promise(run: &RunRecord) -> String {
     let mut words =
-        format!("Needed: sightline {}, the same files and the same backend. ", run.sightline);
+        format!("Needed: sightline {}, the same folder, files and backend. ", run.sightline);
     words += if run.settings["max_seconds"].is_number() {
         "Time ended this run, and a repeated one may come further or less far: its result can differ. Give \
          --evaluations in place of --max-seconds for a run that repeats to the byte."
