@@ -113,7 +113,7 @@ impl Peer {
     /// Seconds for all rays, and how many hit.
     ///
     /// # Errors
-    /// What the peer said instead.
+    /// The peer's words, where it says something else.
     pub fn pass(&mut self) -> Result<(f64, u64), String> {
         // A peer that has ended may have said why.
         let _ = writeln!(self.input, "go");

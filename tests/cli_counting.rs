@@ -85,7 +85,7 @@ fn a_target_whose_places_all_lie_in_the_own_body_is_an_error() {
         ],
     );
     assert!(told.contains("require[1]: every place"), "{told}");
-    // Of 5, 7.5 and 10 m the last is free: it alone counts.
+    // Among 5, 7.5 and 10 m only the last is free: it alone counts.
     parked(dir.path(), truck, &child(10.0));
     let found = &ok(dir.path(), &SCORE)["scores"][0]["requirements"][1];
     assert!([0.0, 1.0].contains(&found["found"].as_f64().unwrap()), "{found}");

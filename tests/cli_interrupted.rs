@@ -167,12 +167,15 @@ fn the_command_on_the_page_gives_the_same_run() {
         .replace("&gt;", ">")
         .replace("&amp;", "&");
     let command = command.replacen("sightline", env!("CARGO_BIN_EXE_sightline"), 1);
-    // Pasted into a shell that stands elsewhere.
-    let elsewhere = TempDir::new().unwrap();
-    let run =
-        Command::new("sh").args(["-c", &command]).current_dir(elsewhere.path()).output().unwrap();
+    // Files below the folder of the first run are named from there.
+    for words in
+        [r" optimize 'a b'\''s/town.json' ", r" --baselines 'a b'\''s/p.json' --inject p.json"]
+    {
+        assert!(command.contains(words), "{words}: {command}");
+    }
+    let run = Command::new("sh").args(["-c", &command]).current_dir(dir.path()).output().unwrap();
     assert!(run.status.success(), "{command}: {run:?}");
-    let folder = elsewhere.path().join("runs/town");
+    let folder = at("runs/town");
     for name in ["history.jsonl", "placements.json", "placement.svg", "map.svg"] {
         let (first, again) =
             (fs::read(at("first").join(name)).unwrap(), fs::read(folder.join(name)).unwrap());

@@ -38,7 +38,7 @@ fn write(dir: &TempDir, name: &str, text: &str) {
     fs::write(dir.path().join(name), text).unwrap();
 }
 
-/// What the program says of the scene on a car that is changed.
+/// Message of the program on the scene of a car that is changed.
 fn of_car(dir: &TempDir, change: impl Fn(&mut Value)) -> String {
     let mut car = car();
     change(&mut car);

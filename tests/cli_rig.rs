@@ -93,7 +93,7 @@ fn rigs_are_compared_as_text_and_as_json() {
         "{text}"
     );
     assert!(text.contains("\ndifferent in pose or model: 0 of 2 LiDARs\n"), "{text}");
-    // The same pose, another model.
+    // Equal pose, another model.
     let read = fs::read_to_string(dir.path().join("p.json")).unwrap();
     fs::write(dir.path().join("q.json"), read.replace("VLP-16", "VLS-128")).unwrap();
     let args = ["rig", "compare", "p.json:one", "q.json:one"];

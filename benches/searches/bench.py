@@ -1,4 +1,4 @@
-"""What the benchmark does: runs what is not there yet, then writes table and figures."""
+"""Course of the benchmark: makes the runs that are missing, then writes table and figures."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def made(problem: Problem, program: Path) -> None:
 
 
 def called(program: Path, arguments: list[str], codes: tuple[int, ...]) -> str:
-    """What the program prints. SystemExit, with its words, for other exit codes."""
+    """Runs the program and returns what it prints. SystemExit, with its words, for other exit codes."""
     command = [str(program), *arguments]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode not in codes:

@@ -127,7 +127,7 @@ TITLES = {
 
 
 def lacking(method: str) -> str | None:
-    """What to install for a peer, in a sentence; None where it is there."""
+    """A sentence on what to install for a peer; None where all of it is there."""
     _, modules, packages = PEERS[method]
     for name in ("sightline", *modules):
         try:

@@ -33,13 +33,13 @@ class Problem:
 
     @property
     def arguments(self) -> list[str]:
-        """What `sightline optimize` is told of the problem."""
+        """Arguments of `sightline optimize` for this problem."""
         vehicle = ["--vehicle", str(self.vehicle)] if self.vehicle else []
         return [*map(str, self.scenes), *vehicle, *self.options]
 
     @property
     def shown(self) -> list[str]:
-        """The same with paths from the root of the repository, and names of generated scenes."""
+        """`arguments` with paths from the root of the repository, and names of generated scenes."""
         inside = [path.relative_to(ROOT) if path.is_relative_to(ROOT) and not self.made else path.name
                   for path in self.scenes]
         vehicle = ["--vehicle", self.vehicle.name if self.vehicle_made else str(self.vehicle.relative_to(ROOT))] \
@@ -227,7 +227,7 @@ class Space:
 
 
 def partners(lidars: list[dict[str, Any]]) -> list[int | None]:
-    """Of each LiDAR of a symmetric rig the earlier one that it mirrors; itself where there is none."""
+    """For each LiDAR of a symmetric rig, the earlier one that it mirrors; itself where there is none."""
     poses = [[lidar.get(name, 0.0) for name in FIELDS] for lidar in lidars]
     found: list[int | None] = []
     taken: set[int] = set()

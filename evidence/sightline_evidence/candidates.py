@@ -98,7 +98,7 @@ WEIGHTS: dict[str, _Weight] = {
 
 @dataclass(frozen=True)
 class Ground:
-    """What there is to be seen in one frame of a scene, the same for all placements."""
+    """Things to be seen in one frame of a scene, equal for all placements."""
 
     grid: Grid
     #: ``[4]`` metres, outline of the own body in plan.
@@ -130,7 +130,7 @@ class Ground:
         return Ground(grid, outline, keys, place, weights, squares, *_within(grid, boxes))
 
     def with_boxes(self, boxes: sightline.Boxes) -> Ground:
-        """The same scene in another frame."""
+        """This scene in another frame."""
         pose, size = _within(self.grid, boxes)
         return replace(self, ego_from_box=pose, size=size)
 
@@ -155,7 +155,7 @@ def _square(xyz: F64) -> I64:
 
 @dataclass(frozen=True)
 class Seen:
-    """What one placement gets of a ``Ground``."""
+    """Part of a ``Ground`` that one placement sees."""
 
     #: Places in ``Ground.keys`` of the voxels that are covered, and of those that are hit; rising.
     covered: I64
@@ -169,7 +169,7 @@ class Seen:
 
 
 def look(scene: sightline.Scene, ground: Ground, placement: sightline.Placement | F64) -> Seen:
-    """What a placement, or its poses ``[L, 6]``, sees in the only frame of a scene that was opened with one (``worlds.at``)."""
+    """Casts a placement, or its poses ``[L, 6]``, in the only frame of a scene that was opened with one (``worlds.at``)."""
     cast = scene.cast(placement)
     met = np.isfinite(cast["t_hit"])
     # A hit's voxel is looked up a millimetre behind it, as the engine does.

@@ -88,7 +88,7 @@ class Means:
 
     @staticmethod
     def of(table: F64, drawn: Drawn) -> Means:
-        """Of a table in these draws."""
+        """Means of a table in these draws."""
         whole = _means(table, np.ones((1, table.shape[1]), np.int64))[0]
         return Means(whole, np.take_along_axis(_means(table, drawn.scenes), drawn.placements, axis=1))
 
@@ -99,7 +99,7 @@ class Means:
 
     @cached_property
     def ranks(self) -> F64:
-        """The same of the ranks of placements within each draw."""
+        """``standard`` of the ranks of placements within each draw."""
         return _standard(stats.rankdata(self.drawn, axis=1, nan_policy="omit"))
 
 

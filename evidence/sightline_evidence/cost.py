@@ -1,4 +1,4 @@
-"""What a prediction costs and what it is worth: ``python -m sightline_evidence cost --out DIR``, after ``learned``.
+"""Cost and worth of a prediction: ``python -m sightline_evidence cost --out DIR``, after ``learned``.
 
 From mean height, which costs nothing, to a net trained for each placement: CPU-seconds for one more placement over all
 test scenes, against the rank correlation with the dearest measurement that all placements have, the shared U-Net's.

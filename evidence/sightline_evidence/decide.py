@@ -89,7 +89,7 @@ def of(given: Gathered, kept: Bools) -> dict[str, Any]:
 
 
 def metrics_of(given: Gathered, kept: Bools) -> list[str]:
-    """Those of ``DECIDING`` that most of the placements have."""
+    """Metrics of ``DECIDING`` that most of the placements have."""
     return [m for m in DECIDING if m in given.metrics and _is_known(given.mean(m)[kept])]
 
 
@@ -127,8 +127,8 @@ def regrets(metric: F64, whole: F64 | None = None) -> F64:
 def picked_regret(score: F64, regret: F64) -> F64:
     """Regret ``[…, scores, metrics, scenes]`` of the placement that a score puts first in each scene.
 
-    ``score`` is ``[…, scores, placements, scenes]``, ``regret`` ``[…, metrics, placements, scenes]``. Of those that are
-    equally first, but for the last bits, it is the mean.
+    ``score`` is ``[…, scores, placements, scenes]``, ``regret`` ``[…, metrics, placements, scenes]``. Placements that
+    are equally first, but for the last bits, give their mean.
     """
     known = np.where(np.isfinite(score), score, -np.inf)
     best = known.max(axis=-2, keepdims=True)
@@ -146,7 +146,7 @@ def picked_regret(score: F64, regret: F64) -> F64:
 def picked(scores: F64, metrics: F64, among: Bools, drawn: correlate.Drawn) -> F64:
     """``[1 + draws, scores, groups]``: mean regret of what scores pick, first of all placements and scenes as they are.
 
-    Of ``scores`` ``[scores, placements, scenes]`` and ``metrics`` ``[metrics, placements, scenes]``; ``among``
+    ``scores`` is ``[scores, placements, scenes]``, ``metrics`` ``[metrics, placements, scenes]``; ``among``
     ``[groups, metrics]`` says of which metrics a group is the mean. Pick, best and mean are those of each draw.
     """
     _, count, scenes = scores.shape
@@ -174,7 +174,7 @@ def _weighted(values: F64, often: I64) -> F64:
 
 
 def interval_of(values: F64) -> correlate.Interval:
-    """Of what ``picked`` gives: the first value, and the percentiles of the others."""
+    """The first value that ``picked`` gives, and the percentiles of the others."""
     return correlate.interval(float(values[0]), values[1:])
 
 
@@ -190,7 +190,7 @@ def optima_of(given: Gathered, score: str) -> list[str]:
 
 
 def optima(given: Gathered, kept: Bools, lost: F64, metrics: list[str]) -> dict[str, Any]:
-    """Of each score that was searched with: how its optima do against the published optimum and the best by hand.
+    """How the optima of each score that was searched with do against the published optimum and the best by hand.
 
     ``lost`` is ``[seeds, placements, scenes]``.
     """

@@ -1,4 +1,4 @@
-"""What the kept records say, as three displays and two controls: ``python -m sightline_evidence displays --out docs/evidence``.
+"""Three displays and two controls from the kept records: ``python -m sightline_evidence displays --out docs/evidence``.
 
 Needs nothing but the records in ``evidence/runs``. Prints the tables of ``docs/evidence.md`` and writes two pictures.
 """
@@ -131,7 +131,7 @@ def table_of_runs(given: dict[str, Gathered]) -> str:
 
 
 def poses_of(layout: Layout) -> bytes:
-    """What tells placements apart."""
+    """Key of a placement: its poses, rounded."""
     return np.round(layout.poses, 6).tobytes()
 
 

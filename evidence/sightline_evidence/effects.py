@@ -1,4 +1,4 @@
-"""What else a study tells: height, spread and roll; other LiDARs; whether learners agree."""
+"""Other findings of a study: height, spread and roll; other LiDARs; whether learners agree."""
 
 from __future__ import annotations
 
@@ -115,10 +115,10 @@ def _needed(given: Gathered) -> dict[str, Any]:
 
 
 def _to_win(given: Gathered) -> dict[str, Any]:
-    """What the best placement in the mount wins over the published optimum.
+    """Gain of the best placement in the mount over the published optimum.
 
-    Of each metric by itself the one that is best by the first seed, judged by the others: not by other scenes, so that
-    what a scene gives it in every seed counts for it, and the gain is told too high rather than too low.
+    Each metric takes the placement that is best by the first seed, and the other seeds judge it. The scenes are the
+    ones it was picked in, so the gain is told too high rather than too low.
     """
     box, ours = given.pool("box"), given.number(decide.PUBLISHED)
     if ours is None or box.sum() < 4 or len(given.seeds) < 2:

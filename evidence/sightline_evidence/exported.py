@@ -33,14 +33,14 @@ class Labelled:
 
 @dataclass(frozen=True)
 class Export:
-    """What ``dataset.json`` says of an exported data set."""
+    """An exported data set, as its ``dataset.json`` describes it."""
 
     root: Path
     described: dict[str, Any]
 
     @staticmethod
     def read(root: Path) -> Export:
-        """Of a folder that is whole."""
+        """Reads a folder that is whole."""
         path = root / "dataset.json"
         try:
             described = json.loads(path.read_text(encoding="utf-8"))
@@ -124,7 +124,7 @@ class Export:
 
     @property
     def version(self) -> str:
-        """Of a nuScenes set: ``v1.0-mini`` or another."""
+        """Version of a nuScenes set: ``v1.0-mini`` or another."""
         return next(path.name for path in sorted(self.root.glob("v1.0-*")) if path.is_dir())
 
     def _nuscenes(self, predictions: Path, scene: str, name: str, frames: list[int]) -> Iterator[Labelled]:
@@ -224,7 +224,7 @@ def _known(path: Path, raw: I64, classes: I64, what: str) -> I64:
 
 
 def _one_of(folder: Path, name: str) -> Path:
-    """Of a file that lies in the folder, or in one or two below, as ``lidarseg/val`` has it."""
+    """Path of a file that lies in the folder, or one or two below it, as in ``lidarseg/val``."""
     for pattern in (name, f"*/{name}", f"lidarseg/*/{name}"):
         found = sorted(folder.glob(pattern))
         if found:

@@ -1,4 +1,4 @@
-"""What is whole of a study's files, as arrays."""
+"""Whole files of a study, as arrays."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ LEARNT = ("birds_eye_miou", "centre_recall", "centre_ap")
 
 @dataclass(frozen=True)
 class Gathered:
-    """Of the placements that have a unit of at least one seed."""
+    """Measurements of the placements that have a unit of at least one seed."""
 
     plan: Plan
     layouts: list[Layout]
@@ -89,7 +89,7 @@ class Gathered:
 
 
 def mean(values: F64, axis: int) -> F64:
-    """Of what is finite along an axis; ``NaN`` of nothing, without a warning."""
+    """Mean of the finite values along an axis; ``NaN`` where there are none, without a warning."""
     there = np.isfinite(values)
     count = there.sum(axis=axis)
     found: F64 = np.where(count > 0, np.where(there, values, 0.0).sum(axis=axis) / np.maximum(count, 1), np.nan)

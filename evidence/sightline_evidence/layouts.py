@@ -30,14 +30,14 @@ class Layout:
     phases: F64 | None = None
 
     def placement(self, name: str = "placement") -> sightline.Placement:
-        """As the engine takes it."""
+        """This layout in the form that the engine takes."""
         if self.phases is None:
             return sightline.Placement(self.poses, name=name)
         step = 2 * np.pi / (self.lidar or LIDAR)["azimuth_steps"]
         return sightline.Placement(self.poses, name=name, phases=step * self.phases)
 
     def to_dict(self) -> dict[str, Any]:
-        """As a plan keeps it."""
+        """This layout in the form that a plan keeps."""
         kept = {"name": self.name, "pool": self.pool, "poses": self.poses.tolist()}
         more = {"lidar": self.lidar, "phases": [] if self.phases is None else self.phases.tolist()}
         return kept | {key: value for key, value in more.items() if value}
@@ -56,7 +56,7 @@ def published() -> list[Layout]:
 
 
 def out_of_step(given: list[Layout]) -> list[Layout]:
-    """The same with a phase of its own for each LiDAR whose phase is not settled, drawn by its name.
+    """Layouts with a phase for each LiDAR whose phase is not settled, drawn by its name.
 
     LiDARs that turn by themselves fire out of step. Were those of some placements in step and others' not, a study would
     see the phases in place of the poses.
@@ -109,7 +109,7 @@ def sensors() -> list[Layout]:
 
 
 def gamed() -> list[Layout]:
-    """What no vehicle should carry: aimed at the sky, inside the cabin, four in one spot and in step, which see what one sees."""
+    """Rigs that no vehicle should carry: aimed at the sky, inside the cabin, four in one spot and in step."""
     (pyramid,) = (layout.poses for layout in published() if layout.name == "Pyramid")
     sky = pyramid.copy()
     sky[:, 4] = -math.pi / 2

@@ -161,7 +161,7 @@ def check(train: list[World], test: list[World], folder: Path, truths: Path, set
 
 
 def shortened(settings: unet.Settings, part: int) -> unet.Settings:
-    """The same with one of ``part`` of its steps."""
+    """Settings with one of ``part`` steps."""
     return unet.Settings(max(settings.steps // part, 1), settings.width, settings.rate, settings.cell)
 
 

@@ -1,4 +1,4 @@
-"""What a metric is made of: by class, by distance, overhead, by kind of object; and how sure the learner rightly is."""
+"""Parts of a metric: by class, by distance, overhead, by kind of object; and how sure the learner rightly is."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _Read = Callable[[dict[str, Any]], float | None]
 
 
 def of(given: Gathered) -> dict[str, Any]:
-    """Of the published optimum each quantity, and of the ``columns`` what they have more, means over scenes with intervals."""
+    """Each quantity of the published optimum, and what the ``columns`` have more: means over scenes with intervals."""
     ours, columns = given.number(decide.PUBLISHED), _columns(given)
     if ours is None:
         return {}

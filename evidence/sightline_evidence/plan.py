@@ -1,4 +1,4 @@
-"""What is to be done, written and hashed before anything is learnt."""
+"""Plan of a study, written and hashed before anything is learnt."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Plan:
 
     @property
     def sha256(self) -> str:
-        """Of the canonical text of the record."""
+        """Hash of the record's canonical text."""
         return digest(self.record)
 
     def of(self, role: str) -> list[World]:
@@ -126,7 +126,7 @@ def _study(design: Design, chosen: list[World], folder: Path, jobs: int) -> list
 
 
 def _first_of_stratum(name: str) -> bool:
-    """Of random placements the first of a stratum; all others."""
+    """True for the first random placement of a stratum, and for every placement that is not random."""
     return not name.startswith("random-") or name.endswith("-0")
 
 
@@ -143,7 +143,7 @@ _PLACED: dict[str, Callable[[Design, list[World], Path, int], list[Layout]]] = {
 
 
 def _optima(design: Design, train: list[World], mount: dict[str, Any], folder: Path, jobs: int) -> list[Layout]:
-    """Of the engine's objectives, then of the candidates; searched in training worlds alone."""
+    """Optima of the engine's objectives, then of the candidates; searched in training worlds alone."""
     tasks: list[stage.Task] = []
     for number in range(design.searches):
         # Worlds of all kinds, other ones in each search.
@@ -247,7 +247,7 @@ def _record(path: Path) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """Of what the numbers depend on; of the engine the SHA-256 of its library, which changes with its code."""
+    """Versions that the numbers depend on; for the engine the SHA-256 of its library, which changes with its code."""
     packages = ("numpy", "scipy", "scikit-learn", "lightgbm")
     found = {name: importlib.metadata.version(name) for name in packages}
     return {"sightline": sightline.__version__, "engine": engine(), "python": platform.python_version(), **found}

@@ -87,7 +87,7 @@ def cast(world: World, poses: F64, folder: Path) -> dict[str, int]:
 
 @dataclass(frozen=True)
 class Sets:
-    """What each pose sees of things that weigh something, over all frames."""
+    """Things with a weight that each pose sees, over all frames."""
 
     #: Things of pose p are ``index[starts[p] : starts[p + 1]]``.
     starts: I64
@@ -96,7 +96,7 @@ class Sets:
     weight: F64
 
     def gains(self, seen: Bools) -> F64:
-        """What each pose adds to what is ``seen`` already, ``[P]``."""
+        """Weight ``[P]`` that each pose adds to what is ``seen`` already."""
         left = np.where(seen, 0.0, self.weight)
         total = np.concatenate([[0.0], np.cumsum(left[self.index])])
         added: F64 = total[self.starts[1:]] - total[self.starts[:-1]]
@@ -130,7 +130,7 @@ Objective = Callable[[list[int]], F64]
 
 
 def objective(name: str, world_names: list[str], folder: Path) -> Objective:
-    """Of a candidate, over all of these training worlds."""
+    """Objective of a candidate, over all of these training worlds."""
     if name in SUMS:
         parts = [(objective(part, world_names, folder), factor) for part, factor in SUMS[name].items()]
         return lambda chosen: np.sum([factor * part(chosen) for part, factor in parts], axis=0)

@@ -70,7 +70,7 @@ def _named(names: tuple[str, ...], values: Any) -> dict[str, float]:
 
 
 def shown(found: dict[str, Any]) -> str:
-    """As a person reads it."""
+    """Text for a person to read."""
     if "ap" in found:
         errors = found["errors"]
         lines = [

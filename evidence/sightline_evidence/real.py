@@ -145,7 +145,7 @@ def store(folder: Path, scans: list[Described]) -> dict[str, int]:
 
 
 def load(folder: Path, place: str) -> list[Described]:
-    """What ``store`` wrote of a place."""
+    """Reads what ``store`` wrote of a place."""
     found = []
     for path in sorted(folder.glob(f"{place}-*.npz")):
         with np.load(path) as kept:
@@ -187,7 +187,7 @@ def judged(real: list[list[Described]], train: list[Described], test: list[Descr
 
 
 def settled(files: list[tuple[str, Path, Path]], out: Path) -> dict[str, Any]:
-    """What is read and how, written to ``plan.json`` before it is; refuses a folder of other scans or versions."""
+    """Writes to ``plan.json`` which scans are read and how, before any is; refuses a folder of other scans or versions."""
     path = out / "plan.json"
     wanted = {
         "scans": {f"{name}/{file.parent.name}/{file.name}": _sha256(file) for name, *both in files for file in both},

@@ -51,7 +51,7 @@ def restore(kept: dict[str, Any], out: Path, scenes: Path, xodr: Path | None) ->
 
 
 def _metrics(placement: dict[str, Any], row: int, scene: int) -> dict[str, float]:
-    """Those that the trees have; of another learner's the units are not kept."""
+    """Metrics of the trees; units of another learner are not kept."""
     found = placement["by_seed_and_scene"]
     return {metric: found[metric][row][scene] for metric in found if not metric.startswith("unet_")}
 

@@ -26,7 +26,7 @@ def say(sentence: str) -> None:
 
 
 def carry_out(name: str, tasks: list[Task], jobs: int) -> None:
-    """Those of the tasks whose files are not whole, in their order, in so many processes."""
+    """Carries out the tasks whose files are not whole, in their order, in so many processes."""
     left = [task for task in tasks if not is_whole(task[0])]
     if not left:
         return

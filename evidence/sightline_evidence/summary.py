@@ -112,7 +112,7 @@ def _placement(given: Gathered, k: int) -> dict[str, Any]:
 
 
 def gamed_last(given: Gathered) -> dict[str, bool]:
-    """Of each metric on fixed targets, whether all gamed placements are below all others of four LiDARs."""
+    """Whether all gamed placements are below all others of four LiDARs, by each metric on fixed targets."""
     gamed, four = given.pool("gamed"), given.pool("box", "mixed")
     if not gamed.any() or not four.any():
         return {}
@@ -150,7 +150,7 @@ def _learnt(given: Gathered) -> dict[str, Any]:
 
 
 def _second(out: Path) -> dict[str, Any] | str | None:
-    """What the second learner was told, if there is one; earlier programs did not write it down."""
+    """Plan of the second learner, if there is one; earlier programs did not write it down."""
     folder = out / "learned"
     if is_whole(folder / "plan.json"):
         found: dict[str, Any] = read_json(folder / "plan.json")

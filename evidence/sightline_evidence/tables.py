@@ -17,7 +17,7 @@ DIFFERENCES = (
 
 
 def tables(result: dict[str, Any]) -> str:
-    """What the rule says, regret, correlation of each pool, optima, effects, checks, placements."""
+    """The rule's choice, regret, correlation of each pool, optima, effects, checks, placements."""
     parts = [f"# Evidence, {result['plan']['design']} run\n\nPlan {result['plan_sha256']}.\n"]
     if result["missing_units"]:
         parts.append(f"\n**{missing(result['missing_units'])}.**\n")

@@ -68,7 +68,7 @@ class Source:
 
     @staticmethod
     def read(path: Path) -> Source:
-        """Of a scene file with geometry."""
+        """Reads a scene file with geometry."""
         described = json.loads(path.read_text(encoding="utf-8"))
         return Source(path, described)
 

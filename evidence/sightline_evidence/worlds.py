@@ -43,7 +43,7 @@ class World:
         return _scene(self.path, json.dumps(lidar or LIDAR))
 
     def to_dict(self, out: Path) -> dict[str, Any]:
-        """As a plan keeps it; files within ``out`` are named from there."""
+        """This world in the form that a plan keeps; files within ``out`` are named from there."""
         inside = self.path.is_relative_to(out)
         file = self.path.relative_to(out).as_posix() if inside else self.path.name
         return {

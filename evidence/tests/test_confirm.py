@@ -25,7 +25,7 @@ def placed(name: str, z: float) -> dict[str, Any]:
 
 
 def finished(folder: Path) -> Path:
-    """What a search of eight finalists leaves."""
+    """Makes the folder that a search of eight finalists leaves."""
     best = {"placement": placed("optimized", 2.8), "objective": 9.0}
     baselines = [
         {"placement": placed("Low", 2.2), "objective": 5.0, "violations": []},

@@ -145,7 +145,7 @@ def test_a_scene_without_objects_does_not_drop_their_metric() -> None:
 
 
 def pairs(values: dict[str, float], pools: dict[str, str]) -> Gathered:
-    """The same in two scenes."""
+    """Placements with these values in each of two scenes."""
     plan: Any = SimpleNamespace()
     layouts = [Layout(name, pools.get(name, "box"), np.zeros((4, 6))) for name in values]
     metric = np.repeat(np.array([list(values.values())]).T, 2, axis=1)

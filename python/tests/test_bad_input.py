@@ -1,4 +1,4 @@
-"""What is wrong is said: what was expected, where, and what to do."""
+"""Errors say what was expected, where, and what to do."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def killed(call: str, folder: Path, least: int) -> int:
 
 
 def gone_on(call: str, folder: Path, scene: Scene, done: int):
-    """The same call here, which does again nothing that was done."""
+    """Repeats the call here, which does again nothing that was done."""
     before = {file: file.stat().st_mtime_ns for file in folder.glob("kept/*/*.npz")}
     told: list[distributed.Progress] = []
     more = dict(actors=2, threads=1, checkpoint=folder / "kept", progress=told.append)

@@ -237,7 +237,7 @@ def test_tensors_that_need_gradients_and_those_of_dlpack_alone_are_poses(scene) 
     poses = scene.random_poses(2)
 
     class Graph:
-        """As a tensor of PyTorch that needs a gradient: NumPy takes it once it is detached."""
+        """Like a tensor of PyTorch that needs a gradient: NumPy takes it once it is detached."""
 
         def __array__(self, *_, **__):
             raise RuntimeError("Can't call numpy() on Tensor that requires grad. Use tensor.detach().numpy() instead.")
@@ -246,7 +246,7 @@ def test_tensors_that_need_gradients_and_those_of_dlpack_alone_are_poses(scene) 
             return poses
 
     class Exported:
-        """As a tensor of Open3D or JAX: memory by DLPack, and no `__array__`."""
+        """Like a tensor of Open3D or JAX: memory by DLPack, and no `__array__`."""
 
         def __dlpack__(self, **options):
             return poses.__dlpack__(**options)

@@ -26,7 +26,7 @@ const KINDS: [KindHelp; 12] = [
     },
     KindHelp {
         name: "cost",
-        line: "What a vehicle's sensors gain for their price",
+        line: "Gain of a vehicle's sensors for their price",
         example: "scenes/highway.json --vehicle scenes/vehicles/car.json --budget 12000",
         own: &["budget"],
     },

@@ -52,28 +52,20 @@ pub fn run_view(args: &ViewArgs) -> Result<Exit, RunError> {
     Ok(Exit::Done)
 }
 
-/// The command that was given, to be copied into a shell in any folder; the page is written anew.
+/// The command that was given, to be copied into a shell in the same folder; the page is written anew.
 fn command(args: &ViewArgs) -> String {
     let mut words = vec!["sightline".to_owned(), "view".to_owned()];
-    // A name behind a colon stays where it is.
-    let absolute = |file: &str| match std::path::absolute(file) {
-        Ok(path) if file != "-" => path.to_string_lossy().into_owned(),
-        _ => file.to_owned(),
-    };
-    words.extend(args.request.files.iter().map(|file| word(&absolute(file))));
+    words.extend(args.request.files.iter().map(|file| word(file)));
     let mut give = |option: &str, value: &str| words.extend([format!("--{option}"), word(value)]);
-    args.request.baselines.iter().for_each(|baseline| give("baselines", &absolute(baseline)));
+    args.request.baselines.iter().for_each(|baseline| give("baselines", baseline));
     let tolerance = args.request.mounting.tolerance;
     if tolerance != Tolerance::default() {
         give("tolerance", &tolerance.to_string());
     }
     args.request.conditions.condition.iter().for_each(|one| give("condition", &one.to_string()));
     args.named.sensor.iter().for_each(|choice| give("sensor", &choice.to_string()));
-    args.compute
-        .vehicle
-        .iter()
-        .for_each(|file| give("vehicle", &absolute(&file.to_string_lossy())));
-    give("out", &absolute(&args.request.out.to_string_lossy()));
+    args.compute.vehicle.iter().for_each(|file| give("vehicle", &file.to_string_lossy()));
+    give("out", &args.request.out.to_string_lossy());
     words.push("--force".to_owned());
     words.join(" ")
 }

@@ -131,7 +131,7 @@ pub(super) fn overlap_in_words(card: &RangeCard) -> Option<String> {
     let parts: Vec<String> = parts.collect();
     (!parts.is_empty()).then(|| {
         format!(
-            "Of these distances a {} stands free of the own body from {} on.",
+            "Among these distances a {} stands free of the own body from {} on.",
             car.target,
             parts.join(" or ")
         )
@@ -367,7 +367,7 @@ mod tests {
         let (distances, beams) = (vec![2.5, 5.0, 7.5, 140.0], 5);
         let (targets, blind_between) = (vec![car], [5.0, 50.0]);
         let mut card = RangeCard { beams, distances, targets, blind_between, blind: Vec::new() };
-        let words = "Of these distances a car stands free of the own body from 7.5 m (ahead 0°, behind 180°) on.";
+        let words = "Among these distances a car stands free of the own body from 7.5 m (ahead 0°, behind 180°) on.";
         assert_eq!(overlap_in_words(&card).as_deref(), Some(words));
         assert!(range_card_text(&card).ends_with(&format!("{words}\n")));
         // A sector elsewhere takes nothing away; in one a car may be lost where it starts late.
@@ -381,7 +381,7 @@ mod tests {
         assert_eq!(overlap_in_words(&card).as_deref(), Some(words));
         card.blind = vec![sector([170.0, -170.0], 5.0)];
         let words =
-            "Of these distances a car stands free of the own body from 7.5 m (ahead 0°) on.";
+            "Among these distances a car stands free of the own body from 7.5 m (ahead 0°) on.";
         assert_eq!(overlap_in_words(&card).as_deref(), Some(words));
         card.blind.clear();
         card.targets[0].bearings.retain(|of| of.bearing.abs() == 90.0);

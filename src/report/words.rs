@@ -1,6 +1,8 @@
 //! Findings of a run as sentences: result against baselines, search methods, certificate.
 
+use std::borrow::Cow;
 use std::cmp::Ordering;
+use std::path::Path;
 
 use serde_json::Value;
 
@@ -407,7 +409,7 @@ pub fn certificate_in_words(run: &RunRecord) -> String {
     match &run.certificate {
         None => "nothing is claimed about placements that were not evaluated".into(),
         Some(certificate) => format!(
-            "On a grid, {}. As in the paper: {}.",
+            "On a grid, {}. The paper's bound: {}.",
             run.best.as_ref().map_or(String::new(), |best| bound_in_words(certificate, best)),
             certificate.lipschitz_says
         ),
@@ -437,6 +439,16 @@ pub fn word(text: &str) -> String {
         true => text.to_owned(),
         false => format!("'{}'", text.replace('\'', r"'\''")),
     }
+}
+
+/// An absolute path as a command names it: relative where the file lies below the current folder.
+pub fn from_here(path: &Path) -> String {
+    let here = std::env::current_dir().ok();
+    let below = here.and_then(|here| path.strip_prefix(here).ok());
+    let below = below.map(Path::to_string_lossy);
+    // A command takes a word with a dash in front for an option.
+    let is_name = |below: &Cow<'_, str>| !below.is_empty() && !below.starts_with('-');
+    below.filter(is_name).unwrap_or_else(|| path.to_string_lossy()).into_owned()
 }
 
 #[cfg(test)]

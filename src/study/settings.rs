@@ -101,7 +101,7 @@ impl Kind {
         (
             Self::Cost,
             "cost",
-            "What a vehicle's sensors gain for their price, from the cheapest rig up to --budget (--vehicle)",
+            "Gain of a vehicle's sensors for their price, from the cheapest rig up to --budget (--vehicle)",
         ),
         (
             Self::Channels,

@@ -86,13 +86,13 @@ def opened(browser, file: Path, address: str = "", **settings) -> Page:
 
 
 def told(page: Page) -> dict:
-    """What the page tells of its picture, once it is drawn anew."""
+    """Values that the page tells of its picture, once it is drawn anew."""
     page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
     return page.evaluate("({...document.body.dataset})")
 
 
 def picture(page: Page) -> str:
-    """What is on the canvas."""
+    """Picture on the canvas."""
     told(page)
     return page.evaluate("document.getElementById('canvas').toDataURL()")
 

@@ -82,7 +82,7 @@ def kitti(folder):
 
 
 def medians(rows):
-    """Of all points, and of those in each bin of the cosine."""
+    """Medians of all points, and of those in each bin of the cosine."""
     intensity, planes, told = rows
     cosine = np.where(np.isnan(told), planes, told)
     bins = [intensity[(cosine >= low) & (cosine < high + (high == 1))] for low, high in zip(EDGES, EDGES[1:])]

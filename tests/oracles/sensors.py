@@ -5,9 +5,9 @@
 
 Every table, pattern and vendor's file under `sensors` of the data, and under further folders: checkouts of
 ros-drivers/velodyne, HesaiTechnology/HesaiLidar_SDK_2.0, tier4/nebula, RoboSense-LiDAR/ros_rslidar and
-RobotecAI/RGLGazeboPlugin hold such files. Of tables elevations and azimuth offsets are compared; of patterns every
-direction that `sightline cast` sends out, and of a NumPy pattern also a Livox CSV written from it; of Ouster's files
-both, the directions with ouster-sdk's XYZLut. Prints a line a file, with the largest difference in degrees; ends with 1
+RobotecAI/RGLGazeboPlugin hold such files. Tables are compared by elevations and azimuth offsets; patterns by every
+direction that `sightline cast` sends out, a NumPy pattern also by a Livox CSV written from it; Ouster's files by both,
+the directions with ouster-sdk's XYZLut. Prints a line a file, with the largest difference in degrees; ends with 1
 where one is above 1e-9 (of directions, which are `f32`: 2e-5), and where only one side reads a file.
 """
 import csv, io, json, os, subprocess, sys, tempfile

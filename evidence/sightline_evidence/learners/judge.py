@@ -1,4 +1,4 @@
-"""What a placement is worth to a trained U-Net in a scene: its map on the fixed truth, and its objects."""
+"""Worth of a placement to a trained U-Net in a scene: its map on the fixed truth, and its objects."""
 
 from __future__ import annotations
 

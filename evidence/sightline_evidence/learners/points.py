@@ -1,4 +1,4 @@
-"""What a placement meets in a frame, for the learner of maps: first hits with noise, thousands of rigs in a minute."""
+"""Points that a placement meets in a frame, for the learner of maps: first hits with noise, thousands of rigs in a minute."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class Lesson:
 
 
 def lessons(given: list[tuple[World, list[Truth]]], cell: int, lidar: dict[str, Any] | None = None) -> list[Lesson]:
-    """Of all frames of these worlds; ``lidar`` takes the place of the study's and of its variants."""
+    """Lessons of all frames of these worlds; ``lidar`` takes the place of the study's and of its variants."""
     found = []
     for number, (world, truths) in enumerate(given):
         grid = world.source().grid
@@ -93,7 +93,7 @@ def _around(rng: np.random.Generator, body: F64, count: int) -> F64:
 def lesson_at(given: list[Lesson], seed: int, only: Layout | None = None) -> Callable[[int], unet.Sample]:
     """The sample of each step: a frame drawn at random, seen by a rig drawn anew, or by ``only``.
 
-    What a step draws depends on the seed and the step alone, so that a training can go on anywhere.
+    A step's draw depends on the seed and the step alone, so that a training can go on anywhere.
     """
 
     def at(step: int) -> unet.Sample:
@@ -108,7 +108,7 @@ def lesson_at(given: list[Lesson], seed: int, only: Layout | None = None) -> Cal
 
 
 def shuffled(at: Callable[[int], unet.Sample], seed: int) -> Callable[[int], unet.Sample]:
-    """The same with the groups of each map in random order: there is nothing to learn but how common they are."""
+    """Samples with the groups of each map in random order: nothing can be learnt but how common they are."""
 
     def wrong(step: int) -> unet.Sample:
         given = at(step)

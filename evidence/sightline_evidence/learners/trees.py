@@ -20,7 +20,7 @@ COLUMNS = (0.6, 2.0, 6.0)
 
 @dataclass(frozen=True)
 class Settings:
-    """What LightGBM is told; the rest are its defaults."""
+    """Settings of LightGBM; the rest are its defaults."""
 
     rounds: int = 40
     leaves: int = 31

@@ -54,7 +54,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Target:
-    """What is there in a frame, over the cells of a coarse grid; the same for all placements."""
+    """Truth of a frame over the cells of a coarse grid, equal for all placements."""
 
     #: ``[H, W]``, groups; 0 where there is no target.
     labels: U8
@@ -174,7 +174,7 @@ class Unet:
 
     @staticmethod
     def load(path: Path) -> Unet:
-        """What ``train`` kept in a file at its end."""
+        """Reads the net that ``train`` kept in a file at its end."""
         try:
             kept = torch.load(path, weights_only=True)
             settings = Settings(**kept["settings"])

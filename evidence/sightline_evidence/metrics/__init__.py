@@ -1,4 +1,4 @@
-"""What a placement is worth to a learner, by the letter of public rules and on targets that no placement moves.
+"""Worth of a placement to a learner, by the letter of public rules and on targets that no placement moves.
 
 | module | holds |
 |---|---|

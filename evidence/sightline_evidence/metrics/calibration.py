@@ -24,7 +24,7 @@ class Calibration:
 
 
 def calibration(confidence: Floats, correct: Bools, bins: int = BINS) -> Calibration:
-    """Of the largest probabilities ``[P]`` and whether they were right ``[P]``; bins are (lower, upper].
+    """Calibration of the largest probabilities ``[P]``, with whether they were right ``[P]``; bins are (lower, upper].
 
     torchmetrics takes [lower, upper) and adds in ``f32``: the same but for confidences on a bin's very edge.
     """

@@ -42,7 +42,7 @@ class Detection:
 
 
 def detection(truth: list[Objects], predicted: list[Objects]) -> Detection:
-    """Of all frames together: truth and predictions of the same frames, in order."""
+    """Detection over all frames together: truth and predictions of the same frames, in order."""
     if len(truth) != len(predicted):
         raise ValueError(
             f"truth has {len(truth)} frames, predicted {len(predicted)}; give the same frames of both"

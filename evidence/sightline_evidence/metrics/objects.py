@@ -15,7 +15,7 @@ CLOSE = 0.5
 
 
 def recall(points: Ints, targets: Bools, enough: int) -> tuple[int, int]:
-    """Of the boxes ``[B]`` that are ``targets``, how many have at least ``enough`` of the placement's points, and all."""
+    """Count of the boxes ``[B]`` among ``targets`` with at least ``enough`` points of the placement, and of all ``targets``."""
     return int(np.count_nonzero(points[targets] >= enough)), int(np.count_nonzero(targets))
 
 

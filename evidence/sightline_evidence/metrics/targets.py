@@ -18,7 +18,7 @@ OVERHEAD = 2.9
 
 
 def seen_as(grid: Grid, targets: I64, xyz: Floats, predicted: U8, reach: float = 0.0) -> U8:
-    """What a placement took each target voxel ``[V]`` for, from points ``[P, 3]`` with predictions ``[P]``; 0: unseen.
+    """Class that a placement took each target voxel ``[V]`` for, from points ``[P, 3]`` with predictions ``[P]``; 0: unseen.
 
     With ``reach`` 0 a voxel has the majority of its own points; else that of the nearest voxel with points, if one
     is within ``reach`` metres, middle to middle.
@@ -43,7 +43,7 @@ def by_ring(grid: Grid, targets: I64, truth: U8, seen: U8) -> list[I64]:
 def birds_eye(grid: Grid, keys: I64, labels: U8) -> U8:
     """The map ``[nx, ny]`` of labelled voxels ``[V]`` below ``OVERHEAD``; 0 where there is none.
 
-    What stands on the ground hides it; of several such labels in a column the most frequent counts, of equally
+    Things that stand on the ground hide it; of several such labels in a column the most frequent counts, of equally
     frequent ones the lowest.
     """
     centres = grid.centres(keys)

@@ -115,7 +115,7 @@ def unpack_result(packed: Packed) -> Result:
 
 
 def _arguments(placement: Placement) -> dict[str, Any]:
-    """What a placement is made again with, as JSON has it."""
+    """Arguments that make a placement again, as JSON has them."""
     _, arguments, options = placement.__reduce__()[1]
     phases = options["phases"]
     return {**options, "poses": arguments[0].tolist(), "phases": phases if phases is None else phases.tolist()}
@@ -138,7 +138,7 @@ def _known(value: Any) -> Any:
 
 
 def _made(scene: Scene) -> Any:
-    """What a scene is made of, and the SHA-256 of its files; not what engine is to take it."""
+    """Arguments that make a scene, and the SHA-256 of its files; the choice of an engine is left out."""
     _, first, options, *_ = scene.__reduce__()[1]
     options = {key: value for key, value in options.items() if key not in ("adapter", "memory", "backend")}
     if (psog := options.pop("psog", None)) is not None:

@@ -1,4 +1,4 @@
-"""What comes back from scenes: scans, results; arrays with names."""
+"""Records that scenes return: scans, results; arrays with names."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ COLUMNS = ("xyz", "raw", "range", "intensity", "time_offset", "incidence", "lida
 
 
 class Status(enum.IntEnum):
-    """What a beam came back as."""
+    """Fate of a beam."""
 
     #: From the surface that it met.
     HIT = 0
@@ -156,7 +156,7 @@ class Scan:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What a search has come to."""
+    """Outcome of a search."""
 
     #: The result; ``None`` where no candidate kept the rules of the mount.
     best: Placement | None

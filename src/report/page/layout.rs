@@ -52,7 +52,7 @@ pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunR
                 &small,
             ))
             details {
-                summary { "The same in metres and radians" }
+                summary { "Poses in metres and radians, for programs" }
                 (table("Poses in metres and radians", &titles, &rows))
             }
             @if !active.is_empty() {
@@ -78,7 +78,7 @@ fn each_lidar(subject: &Subject<'_>, figures: &Figures) -> Markup {
     });
     let rows: Vec<_> = rows.collect();
     html! {
-        h3 { "What each LiDAR gives" }
+        h3 { "Gain of each LiDAR" }
         (table(
             "Per cent of the placement's gain that a LiDAR has alone, without the others, and that is lost with it, if it fails",
             &["LiDAR", "alone %", "lost with it %", ""],
@@ -172,7 +172,7 @@ pub(super) fn stage(subject: &Subject<'_>, figures: &Figures) -> Markup {
                     button #reset type="button" { "Reset" }
                 }
             }
-            ul #legend aria-label="What the colours mean" {}
+            ul #legend aria-label="Meaning of the colours" {}
             (controls(subject, figures, lidars))
             p.small #view-help {
                 "Drag to turn, with Shift or two fingers to move, pinch or scroll in the picture to zoom; or arrow \

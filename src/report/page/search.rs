@@ -70,7 +70,7 @@ fn findings(run: &RunRecord) -> Markup {
     let rows: Vec<_> = run.findings.iter().map(row).collect();
     html! {
         @if !rows.is_empty() {
-            h3 { "What goes with the score" }
+            h3 { "Properties that go with the score" }
             p {
                 "Rank correlations (Spearman) of properties of layouts with the objective over random \
                  placements, and what is left of them with mean height, the null model, held fixed."
@@ -152,7 +152,7 @@ pub(super) fn repeat(
 /// Sentence on how close a repeated run comes to this one.
 fn promise(run: &RunRecord) -> String {
     let mut words =
-        format!("Needed: sightline {}, the same files and the same backend. ", run.sightline);
+        format!("Needed: sightline {}, the same folder, files and backend. ", run.sightline);
     words += if run.settings["max_seconds"].is_number() {
         "Time ended this run, and a repeated one may come further or less far: its result can differ. Give \
          --evaluations in place of --max-seconds for a run that repeats to the byte."

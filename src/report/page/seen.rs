@@ -70,7 +70,7 @@ pub(super) fn maps(figures: &Figures) -> Markup {
     html! {
         @if !figures.maps.is_empty() {
             section #map aria-labelledby="seen" {
-                h2 #seen { "What it sees, from above" }
+                h2 #seen { "Voxels seen, from above" }
                 p {
                     "Information of each column of voxels: red where the beams gain it, grey where it stays \
                      unseen."
@@ -79,7 +79,7 @@ pub(super) fn maps(figures: &Figures) -> Markup {
                     @if figures.maps.len() > 1 { h3 { (scene) } }
                     div.paper { (figure(map, "Information gained, from above")) }
                 }
-                @if !figures.lidars.is_empty() { p { "The same columns by the number of LiDARs that see a voxel of them." } }
+                @if !figures.lidars.is_empty() { p { "Columns by the number of LiDARs that see a voxel of them." } }
                 @for (scene, map) in &figures.lidars {
                     @if figures.maps.len() > 1 { h3 { (scene) } }
                     div.paper { (figure(map, "Columns by the number of LiDARs that see them, from above")) }

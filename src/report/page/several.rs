@@ -70,11 +70,11 @@ pub(super) fn losses(subject: &Subject<'_>, figures: &Figures) -> Markup {
         section aria-labelledby="lost" {
             h2 #lost { "If one LiDAR fails" }
             p {
-                "What is left without each LiDAR: " (column.title()) " (" (column.cell(&found.scores)) " with all)"
+                "Rest without each LiDAR: " (column.title()) " (" (column.cell(&found.scores)) " with all)"
                 @if requires { ", requirements that are met with all and fail without it" }
                 ", and the width of all blind sectors."
             }
-            (table("What is left without each LiDAR", &titles, &rows))
+            (table("Rest without each LiDAR", &titles, &rows))
             ul.guards {
                 @for loss in found.losses.iter().filter(|loss| !told(loss).is_empty()) {
                     li { b { "without " (loss.name) } ": " (told(loss)) }

@@ -97,7 +97,7 @@ function matrix(rows) {
   return new Float32Array([a, d, g, 0, b, e, h, 0, c, f, i, 0, x, y, z, 1]);
 }
 
-/** What draws `data` on a canvas; `null` without WebGL2. */
+/** Painter that draws `data` on a canvas; `null` without WebGL2. */
 function painter(canvas, data) {
   const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
   if (!gl) return null;

@@ -163,7 +163,7 @@ function start() {
     return [[grey, `seen by none: ${told(by[0])}`], ...seen];
   }
 
-  /** What the colours mean, in words. */
+  /** Meaning of the colours, in words. */
   function legend() {
     const { colour, baseline, lidar, frame } = choice();
     const many = data.lidars.length > 1;

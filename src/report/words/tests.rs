@@ -364,6 +364,16 @@ fn words_survive_a_shell() {
 }
 
 #[test]
+fn files_below_the_current_folder_are_named_from_there() {
+    let here = std::env::current_dir().unwrap();
+    let below = Path::new("scenes").join("a.json");
+    assert_eq!(from_here(&here.join(&below)), below.display().to_string());
+    for whole in [here.join("-a.json"), here.with_file_name("a.json"), here.clone()] {
+        assert_eq!(from_here(&whole), whole.display().to_string());
+    }
+}
+
+#[test]
 fn frames_are_those_that_the_result_is_scored_over() {
     assert_eq!(frames_in_words(4, 40), "4 of 40 frames");
     assert_eq!(frames_in_words(40, 40), "40 frames");

@@ -1,6 +1,6 @@
 //! Request of a run, its checkpoint, and the command that repeats it.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -9,7 +9,7 @@ use crate::files::holds_run;
 use crate::job::{JobFiles, JobState};
 use crate::json::spoken;
 use crate::problem::Problem;
-use crate::report::words::word;
+use crate::report::words::{from_here, word};
 use crate::runs::inputs::{Given, RESULT, rig_path};
 use crate::runs::{Computing, RunError, Watcher};
 use crate::search::{FrameChoice, Settings};
@@ -187,16 +187,16 @@ fn note_target(settings: &Settings, watcher: &dyn Watcher) {
     }
 }
 
-/// The command line of a run's files and settings; with `max_seconds` where time ended the run.
+/// The command line of a run's files and settings, for a shell in the same folder; with `max_seconds` where time ended
+/// the run.
 pub(super) fn command(begun: &Begun, settings: &Settings, max_seconds: Option<f64>) -> String {
-    let path = |path: &Path| path.to_string_lossy().into_owned();
     let mut words = vec!["sightline".to_owned(), "optimize".to_owned()];
-    words.extend(begun.files.scenes().map(|scene| word(&path(scene))));
+    words.extend(begun.files.scenes().map(|scene| word(&from_here(scene))));
     let mut give = |option: &str, value: Option<String>| {
         words.extend(value.map(|value| format!("--{option} {}", word(&value))));
     };
     let number = |value: Option<f64>| value.map(|value| value.to_string());
-    give("vehicle", begun.files.vehicle.as_deref().map(path));
+    give("vehicle", begun.files.vehicle.as_deref().map(from_here));
     give("budget", number(begun.files.budget));
     give("tolerance", begun.files.tolerance.map(|tolerance| tolerance.to_string()));
     give("objective", Some(settings.objective.to_string()));
@@ -219,8 +219,8 @@ pub(super) fn command(begun: &Begun, settings: &Settings, max_seconds: Option<f6
     for (field, value) in fixed {
         give("fix", Some(format!("{field}={value}")));
     }
-    give("baselines", begun.baselines.as_deref().map(path));
-    give("inject", begun.inject.as_deref().map(path));
+    give("baselines", begun.baselines.as_deref().map(from_here));
+    give("inject", begun.inject.as_deref().map(from_here));
     let flags = [
         ("mirror", begun.files.mirror),
         ("fewest", begun.files.fewest),

@@ -461,7 +461,7 @@ fn solid_state(
     }
     let states = profile.emitter_states.len();
     if states > 1 {
-        let text = format!("Of {states} emitter states the first is cast: each scan takes one.");
+        let text = format!("The first of {states} emitter states is cast: each scan takes one.");
         notes.push(Note::fact(text));
     }
     let beams = Beams::Directions(directions);

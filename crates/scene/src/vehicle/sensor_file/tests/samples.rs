@@ -204,7 +204,7 @@ fn isaac_that_turns_and_that_does_not() {
     let (up, out) = (15_f64.to_radians().sin(), 15_f64.to_radians().cos());
     let (ahead, aside) = (3_f64.to_radians().cos() * out, 3_f64.to_radians().sin() * out);
     assert_near(directions(&solid), &[[ahead, aside, -up], [ahead, -aside, up]]);
-    assert!(solid.notes[0].text().contains("Of 2 emitter states"));
+    assert!(solid.notes[0].text().contains("The first of 2 emitter states is cast"));
     assert!(message(profile("flash", "", state)).contains("\"flash\" is not \"rotary\" or"));
     let short = message(profile("rotary", "", &state.replace("3, -3", "3")));
     assert!(short.contains("emitterStates[0]: 1 azimuths and 2 elevations"), "{short}");
