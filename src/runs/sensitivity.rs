@@ -11,12 +11,12 @@ use super::outputs::Drawings;
 use super::{Computing, Conditions, FiguresOut, GRACE, RunError, opening, outputs};
 use crate::Note;
 use crate::files::Session;
-use crate::job::{Job, MOST_TILT, Room, RoomSteps, Sweep, SweptField, moves_of};
+use crate::job::{Job, Room, RoomSteps, Sweep, SweptField, moves_of};
 use crate::report::study::sweep_plot;
 use crate::scan::conditions::in_words;
 use crate::scene::Target;
 use crate::search::Evaluator;
-use crate::shared::{LEAST_SHARED, Overlap, REDUNDANCY_TARGETS, Redundancy, redundancy_question};
+use crate::shared::{Overlap, REDUNDANCY_TARGETS, Redundancy, redundancy_question};
 use crate::vehicle::{Placement, read_placements};
 
 /// Values that are scored at once.
@@ -173,7 +173,7 @@ pub struct RoomRequest {
     #[cfg_attr(feature = "cli", arg(long, value_name = "DEG", default_value_t = 5.0, value_parser = super::parse::number_that(|degrees| degrees > 0.0 && degrees <= 180.0, "degrees above 0 and up to 180")))]
     pub most_deg: f64,
     /// Farthest tilt of the body, degrees
-    #[cfg_attr(feature = "cli", arg(long = "most-tilt", value_name = "DEG", default_value_t = 3.0, value_parser = super::parse::number_that(|degrees| degrees > 0.0 && degrees <= MOST_TILT, format!("degrees above 0 and up to {MOST_TILT}"))))]
+    #[cfg_attr(feature = "cli", arg(long = "most-tilt", value_name = "DEG", default_value_t = 3.0, value_parser = super::parse::number_that(|degrees| degrees > 0.0 && degrees <= crate::job::MOST_TILT, format!("degrees above 0 and up to {}", crate::job::MOST_TILT))))]
     pub most_tilt_deg: f64,
     /// Point of the ground about which the body tilts, metres of the ego frame
     #[cfg_attr(feature = "cli", arg(long, value_name = "X,Y", default_value = "0,0", value_parser = super::parse::tilt_about, allow_hyphen_values = true))]
@@ -246,7 +246,7 @@ pub struct RedundancyRequest {
     .help("Scene files, and a file of placements with two LiDARs or more each"))))]
 pub struct OverlapRequest {
     /// Least surface voxels that a pair must share to count, a mean over frames
-    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = LEAST_SHARED, value_parser = super::parse::at_least_one))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = crate::shared::LEAST_SHARED, value_parser = super::parse::at_least_one))]
     pub least_shared: u64,
     #[cfg_attr(feature = "cli", command(flatten))]
     pub shared: SharedRequest,
