@@ -19,8 +19,8 @@
 const LEAST_COORDINATE: f32 = 0x1p-100f;
 const LEAST_FACTOR: f32 = 0x1p-51f;
 // 2^-50: a decision by a number of at least this size is the same where denormals are flushed. Proof: a flush changes a
-// coordinate only where it is below 2^-100 and a distance along the ray by 2^-126 · 1e20 < 2^-59 at most; as factors
-// are below 2^42, such a coordinate's product is below 2^-58, which turns no sign of a difference of 2^-50.
+// coordinate only where it is below 2^-100, and a distance along the ray by 2^-126 · 1e20 < 2^-59 at most. Factors are
+// below 2^42, so that such a coordinate's product is below 2^-58. It turns no sign of a difference of 2^-50.
 const SURE: f32 = 0x1p-50f;
 
 struct BvhNode {

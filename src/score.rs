@@ -54,10 +54,13 @@ pub struct Scores {
     pub segmentation: TaskScores,
     /// −Σ H over covered voxels with H that of "occupied or not" (S-MIG, Hu et al. 2022).
     pub s_mig: Option<f64>,
-    /// Share gained of two sums: Σ H(v) · 10 m / max(10 m, d(v)) over all voxels (the factor in eighths), and a quarter
-    /// as much for all voxels of ground within 10 m; d from the origin of the ego frame in plan. Near things matter
-    /// sooner, and ground near the vehicle has hardly any entropy. From 0 to 1; `None` where nothing is covered or
-    /// known. Chosen because its optima see more near ground, not for what learners recognize: `docs/evidence.md`.
+    /// Near gain: the covered share of the weights w(v) of all voxels, from 0 to 1. `None` where nothing is covered or
+    /// known.
+    ///
+    /// A voxel weighs H(v) · 10 m / max(10 m, d(v)), the factor in eighths, with d its distance in plan from the origin
+    /// of the ego frame. Voxels of ground within 10 m share a quarter of that sum in addition, in equal parts. Near
+    /// things matter sooner, and ground near the vehicle has hardly any entropy. Chosen because its optima see more
+    /// near ground, not for what learners recognize: `docs/evidence.md`.
     pub near_gain: Option<f64>,
     /// Near gain where each voxel counts by the number c of LiDARs that cover it, up to two: Σ w·min(c, 2) / (2·Σ w) with
     /// the weights w of [`Self::near_gain`]. From 0 to 1, half the near gain where no voxel is covered twice.

@@ -1,5 +1,5 @@
-//! Rules of small vehicles, judged by a checker that shares no code with the program: rigs that are found keep them, rules
-//! that contradict each other are refused before anything is written, and `score` names each rule that a rig breaks.
+//! Rules of small vehicles, judged by a checker that shares no code with the program. Rigs that are found keep them.
+//! Rules that contradict each other are refused before anything is written. `score` names each rule that a rig breaks.
 
 use std::fs;
 use std::path::Path;

@@ -17,7 +17,7 @@ HIDDEN = re.compile(r"[\W_]*(?:what|of|those|the same|as)\b(?! (?:far|if|long|ma
 # A sentence of more words is long.
 WORDS = 40
 # Most long sentences in pages, and in all else. Lower them with each one that is split.
-MOST_LONG = {"pages": 0, "code": 75}
+MOST_LONG = {"pages": 0, "code": 0}
 END = re.compile(r"(?<=[.!?])[)\"”'*]*\s+(?=[\W_]*[A-Z0-9]|[*(]*`)")
 ITEM = re.compile(r"(?:[-*+>]|\d+\.)\s+")
 LITERAL = re.compile(r'"((?:[^"\\]|\\.)*)"')

@@ -4,8 +4,8 @@ cargo build --release && pip install ./python cma optuna cmaes nevergrad pymoo m
 python3 -m benches.searches [--problems uc,van] [--methods ours,pycma] [--seeds 10] [--out DIR]
 
 Problems: the four own scenes (uc, hw, re, iy), a car on urban-crossing (car), a van with four requirements
-on a street (van, docs/guide/van.md), two scenes at once (two), and where ../shared is there a Lexus (lexus)
-and a steep street (hill). Methods: ours at several --evaluations, swaps
+on a street (van, docs/guide/van.md), and two scenes at once (two). Where ../shared is there, also a Lexus
+(lexus) and a steep street (hill). Methods: ours at several --evaluations, swaps
 (greedy and exchanges on the grid: `--method swaps`), and the peers random, pycma (BIPOP; pycma-start
 from the best baseline, as ours), tpe and optuna-cma (Optuna), de (nevergrad), ga (pymoo). Ours always
 runs: peers get its work and its equipment.

@@ -1,7 +1,8 @@
 """New scores, written down before any was tried: weights of what a placement covers or hits, as shares from 0 to 1.
 
-H(v) is the entropy of a voxel that is occupied in some frame, "class" the commonest one in it, "covered" what the
-engine's c(v) counts, in one frame; a value is the mean over frames of what is seen over all there is.
+H(v) is the entropy of a voxel that is occupied in some frame. Its "class" is the commonest one in it. A voxel is
+"covered" in one frame if the engine's c(v) counts it. A value is the mean over frames of what is seen over all there
+is.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ CANDIDATES = {
 }
 
 #: Candidates that are sums of others: factor of each part. In ``blend`` a factor is one over the spread among 28 placements
-#: of four LiDARs, fixed before any placement was searched with it; the others were chosen on the test scenes of the first
-#: standard run (seeds 101 to 103), which since then test nothing.
+#: of four LiDARs, fixed before any placement was searched with it. Other factors were chosen on the test scenes of the
+#: first standard run (seeds 101 to 103), which since then test nothing.
 SUMS = {
     "blend": {"covered_occupied": 1 / 0.013, "actors_5": 1 / 0.028, "near_field": 1 / 0.034},
     "near_and_field": {"gain_near": 1.0, "near_field": 1 / 5},

@@ -1,8 +1,8 @@
 """Judges the finalists of a search by a learner: ``sightline optimize SCENE --out DIR``, then ``python -m sightline_evidence confirm DIR``.
 
-A shared U-Net is trained on generated worlds with the scene's own LiDARs, mount and body, once for each seed, and kept
-in a folder of ``DIR/learner``; then it judges the best placements of the search, and the best baseline, in worlds that it has not
-seen. The table and ``learned.json`` say which one to take.
+A shared U-Net is trained on generated worlds with the scene's own LiDARs, mount and body, once for each seed. It is
+kept in a folder of ``DIR/learner``. It then judges the best placements of the search, and the best baseline, in worlds
+that it has not seen. The table and ``learned.json`` say which one to take.
 """
 
 from __future__ import annotations

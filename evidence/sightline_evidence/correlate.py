@@ -159,9 +159,9 @@ def interval(value: float, drawn: F64) -> Interval:
 def noise_ceiling(by_seed: F64) -> float:
     """Rank correlation that a perfect score could reach with a metric measured by these seeds, ``[seeds, placements]``.
 
-    Mean over all splits of the seeds in two halves (of an odd number one half has a seed more, and the step up is a
-    little too long), stepped up to all seeds by Spearman–Brown to the reliability r; a score that knows the truth
-    correlates with √r. ``NaN`` for one seed.
+    The mean over all splits of the seeds in two halves is stepped up to all seeds by Spearman–Brown, to the
+    reliability r. With an odd number of seeds one half has one more, and the step up is a little too long. A score that
+    knows the truth correlates with √r. ``NaN`` for one seed.
     """
     seeds = len(by_seed)
     if seeds < 2:

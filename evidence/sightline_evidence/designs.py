@@ -60,8 +60,8 @@ _ALL = (
     Design(
         name="standard",
         train=_worlds(1, 2, 3, 4),
-        # Candidates were made on the first run, with seeds 101 to 103; one was chosen on the second, 201 to 203;
-        # the third, 301 to 303, tried it; no run before this one looked at 401 to 403, Town03 and Town04.
+        # Candidates were made on the first run, with seeds 101 to 103. One was chosen on the second, 201 to 203, and
+        # tried on the third, 301 to 303. No run before this one looked at 401 to 403, Town03 and Town04.
         test=_worlds(401, 402, 403),
         train_towns=(("Town01", 1), ("Town06", 1)),
         test_towns=(("Town03", 2), ("Town04", 2)),

@@ -1,8 +1,8 @@
 """Throughput of one process and of actors, and what clusters would make of it: python beyond_one_machine.py SCENE.json…
 
-Prints a table: seconds to build a scene's engine, placements a second of one thread, of two actors of one thread each,
-bytes of a placement's scores, and from them, for clusters of some nodes, what a million placements in a hundred scenes
-take. The projection takes threads and nodes to be worth what they are many.
+Prints a table: seconds to build a scene's engine, placements a second of one thread and of two actors of one thread
+each, and bytes of a placement's scores. From them it projects how long a million placements in a hundred scenes take on
+clusters of some nodes. The projection assumes that speed grows in proportion to threads and nodes.
 """
 
 import argparse

@@ -25,10 +25,11 @@ const MOST_VALUES: usize = 10_000;
 
 #[pymethods]
 impl PyScene {
-    /// Range card of one placement, as a `dict`: distances in metres at which five beams or more meet a car, an adult and a
-    /// tyre, at sixteen bearings in degrees counter-clockwise from straight ahead, and the sectors that lose a car between
-    /// 5 and 50 m. On level ground, the own body in the way. `None` where beams end at nothing.
-    /// Raises `ValueError` as `score`, and for several placements.
+    /// Range card of one placement, as a `dict`: distances in metres at which five beams or more meet a target.
+    ///
+    /// Targets are a car, an adult and a tyre, on level ground with the own body in the way. Sixteen bearings are in
+    /// degrees counter-clockwise from straight ahead. The card names the sectors that lose a car between 5 and 50 m.
+    /// `None` where beams end at nothing. Raises `ValueError` as `score`, and for several placements.
     #[pyo3(signature = (poses, *, sensors = None, phases = None))]
     fn range_card<'py>(
         &self,
@@ -69,11 +70,12 @@ impl PyScene {
         shaped(py, beams, &shape)
     }
 
-    /// Voxels, ground near the vehicle and targets by the number of LiDARs of one placement that see them, as a `dict` with
-    /// the row that `sightline study redundancy` prints: `occupied`, `voxels`, `ground_3m`, `ground_10m` and `targets`, each
-    /// with `all`, `by` and `share` for none, one, two, three and more LiDARs. `targets` are presets or target files
-    /// (default: car, adult, child, tyre). A vehicle with `other_sensors` adds `technologies`: which technologies see each,
-    /// and the part that is blind to all. Raises `ValueError` for an unknown target.
+    /// How many LiDARs of one placement see voxels, ground near the vehicle and targets, as a `dict`.
+    ///
+    /// It has the row that `sightline study redundancy` prints: `occupied`, `voxels`, `ground_3m`, `ground_10m` and
+    /// `targets`. Each has `all`, and `by` and `share` for none, one, two, three and more LiDARs. `targets` are presets
+    /// or target files (default: car, adult, child, tyre). A vehicle with `other_sensors` adds `technologies`: which
+    /// technologies see each, and the part that is blind to all. Raises `ValueError` for an unknown target.
     #[pyo3(signature = (poses, *, targets = None, sensors = None, phases = None))]
     fn redundancy<'py>(
         &self,
@@ -88,9 +90,14 @@ impl PyScene {
         answer(py, None, move |watch| built.redundancy(&question, &placement, watch))
     }
 
-    /// Ground near the vehicle that one placement sees, as a `dict` with the row that `sightline study nearfield` prints:
-    /// `near_field` and `ring` (shares of the ground within 10 m and 3 m), `blind_area` in m², `zone` with the depth of the blind zone in metres
-    /// `ahead`, `behind`, `left` and `right` (`None`: beyond 10 m) and its lanes, `poles` of standards, and `beams` by LiDAR.
+    /// Ground near the vehicle that one placement sees, as a `dict` with the row that `sightline study nearfield`
+    /// prints.
+    ///
+    /// - `near_field` and `ring`: shares of the ground within 10 m and 3 m; `blind_area` in m²
+    /// - `zone`: depth of the blind zone in metres `ahead`, `behind`, `left` and `right` (`None`: beyond 10 m), and its
+    ///   lanes
+    /// - `poles` of standards, and `beams` by LiDAR
+    ///
     /// Means over the scored frames. Raises `ValueError` for a scene without geometry or own body.
     #[pyo3(signature = (poses, *, sensors = None, phases = None))]
     fn near_field<'py>(
@@ -148,10 +155,11 @@ impl PyScene {
         answer(py, None, move |watch| built.detections(&question, &placement, level, watch))
     }
 
-    /// One placement with all its LiDARs and with each lost in turn, as a `dict`: `scores`, and `losses` with `lidar`,
-    /// `name`, `scores` of the others, `broken` (requirements that all together meet and the others do not) and
-    /// `blind` (sectors that are blind without it alone). Raises `ValueError` as `score`, and for several placements. `progress` as
-    /// for `optimize`.
+    /// One placement with all its LiDARs and with each lost in turn, as a `dict` of `scores` and `losses`.
+    ///
+    /// A loss has `lidar`, `name`, `scores` of the others, `broken` (requirements that all together meet and the others
+    /// do not) and `blind` (sectors that are blind without it alone). Raises `ValueError` as `score`, and for several
+    /// placements. `progress` as for `optimize`.
     #[pyo3(signature = (poses, *, sensors = None, phases = None, progress = None))]
     fn losses<'py>(
         &self,
@@ -178,10 +186,15 @@ impl PyScene {
         })
     }
 
-    /// Surfaces and directions that pairs of LiDARs of one placement share, as a `dict` with the row that `sightline study
-    /// overlap` prints: matrices `shared_voxels` (a mean over frames), `overlap` (as a share of the voxels of the LiDAR with fewer) and
-    /// `shared_directions` (shares of the sphere), `overlap_up_to` (the share that a requirement on overlap finds), `connected`,
-    /// `connected_up_to`, `groups`, `cut_off`, `chain`. Pairs of `least_shared` voxels or more count. Raises `ValueError` for
+    /// Surfaces and directions that pairs of LiDARs of one placement share, as a `dict` with the row that
+    /// `sightline study overlap` prints.
+    ///
+    /// - matrices: `shared_voxels` (a mean over frames), `overlap` (as a share of the voxels of the LiDAR with fewer)
+    ///   and `shared_directions` (shares of the sphere)
+    /// - `overlap_up_to`: the share that a requirement on overlap finds
+    /// - `connected`, `connected_up_to`, `groups`, `cut_off`, `chain`
+    ///
+    /// Pairs of `least_shared` voxels or more count. Raises `ValueError` for
     /// one LiDAR, and where beams end at nothing.
     #[pyo3(signature = (poses, *, least_shared = 500, sensors = None, phases = None))]
     fn overlap<'py>(
@@ -240,12 +253,15 @@ impl PyScene {
     }
 
     /// How far each pose field of each LiDAR of one placement may be off, and how far the body may tilt, until a requirement
-    /// of the vehicle breaks, as a `dict` with the row that `sightline study tolerance` prints: `missed` (left
-    /// out of all else), `fields` with
-    /// `down` and `up` (`holds_to`, `breaks_at`, `breaks`; mm or degrees), `tilt` with its `directions`, `copies` and `alone`. Fields
-    /// move up to `most_mm` millimetres and `most_deg` degrees, in `steps` steps to either side; all LiDARs tilt together up
-    /// to `most_tilt_deg` degrees about the point `tilt_about` `(x, y)` of the ground, metres of the ego frame, or its origin. Raises
-    /// `ValueError` where the vehicle requires nothing. `progress` as for `optimize`.
+    /// of the vehicle breaks.
+    ///
+    /// The `dict` has the row that `sightline study tolerance` prints. `missed` names requirements that are not met
+    /// anyway, and are left out of all else. `fields` have `down` and `up`, each with `holds_to`, `breaks_at` and
+    /// `breaks`, in mm or degrees. `tilt` has its `directions`; then there are `copies` and `alone`.
+    ///
+    /// Fields move up to `most_mm` millimetres and `most_deg` degrees, in `steps` steps to either side. All LiDARs tilt
+    /// together up to `most_tilt_deg` degrees about the point `tilt_about` `(x, y)` of the ground, metres of the ego
+    /// frame, or its origin. Raises `ValueError` where the vehicle requires nothing. `progress` as for `optimize`.
     #[pyo3(signature = (
         poses, *, most_mm = 100.0, most_deg = 5.0, most_tilt_deg = 3.0, tilt_about = None, steps = 10,
         sensors = None, phases = None, progress = None

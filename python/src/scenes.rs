@@ -48,9 +48,9 @@ pub fn frames_in_words(scenes: &[Arc<Built>]) -> String {
 
 /// A scene, ready to be scored; P-SOG, problem and engine are built when they are first needed, and kept.
 ///
-/// `poses` of the methods is an array `[N, L, 6]` (or `[L, 6]` for one placement), a `Placement`, or a list of them;
-/// `sensors` names the model of each LiDAR of an array, `phases` `[L]` or `[N, L]` locks them at angles in radians (`NaN`: as
-/// the model says).
+/// `poses` of the methods is an array `[N, L, 6]` (or `[L, 6]` for one placement), a `Placement`, or a list of them.
+/// `sensors` names the model of each LiDAR of an array. `phases` `[L]` or `[N, L]` locks them at angles in radians
+/// (`NaN`: as the model says).
 #[pyclass(name = "Scene", module = "sightline", frozen)]
 pub struct PyScene {
     pub built: Arc<Built>,
@@ -289,10 +289,13 @@ impl PyScene {
 
     /// Closest hits of all B beams of placements in one frame, ordered by placement, LiDAR, channel, azimuth step.
     ///
-    /// `origin`, `direction` `[B, 3]` f32 in the ego frame, unit directions; `t_hit` `[B]` f32 metres, `inf` for no hit within
-    /// range; `primitive_ids` `[B]` int64, faces of `mesh(frame)`, −1 for none; `class_ids` `[B]` int64, −1 for none;
-    /// `placement`, `lidar` `[B]` int64, from 0. Raises `ValueError` as `score`, for a frame that is not there, and for scenes without
-    /// geometry.
+    /// - `origin`, `direction` `[B, 3]` f32: in the ego frame, unit directions
+    /// - `t_hit` `[B]` f32: metres, `inf` for no hit within range
+    /// - `primitive_ids` `[B]` int64: faces of `mesh(frame)`, −1 for none
+    /// - `class_ids` `[B]` int64: −1 for none
+    /// - `placement`, `lidar` `[B]` int64: from 0
+    ///
+    /// Raises `ValueError` as `score`, for a frame that is not there, and for scenes without geometry.
     #[pyo3(signature = (poses, *, frame = 0, sensors = None, phases = None))]
     fn cast<'py>(
         &self,
@@ -335,9 +338,11 @@ impl PyScene {
 
     /// Labelled scans of one placement, frame after frame, as an iterator of `Scan`; the next frame is scanned meanwhile.
     ///
-    /// `conditions` are weather and faults of the scan, as `"snow:rate=1"`; `ideal` leaves the sensor's own limits out; `frames`
-    /// are all unless given, a number of them spread evenly, or a list of their numbers from 0; with `misses` every beam is there, not only the points. Chance depends on `seed` alone. The scene's `backend` casts; the
-    /// numbers are the same on all. Raises `ValueError` as `score`, for unknown conditions, and for scenes without geometry.
+    /// `conditions` are weather and faults of the scan, as `"snow:rate=1"`. `ideal` leaves the sensor's own limits out.
+    /// `frames` is a number of frames, spread evenly, or a list of their numbers from 0; all unless given. With
+    /// `misses` every beam is there, not only the points. Chance depends on `seed` alone. The scene's `backend` casts;
+    /// the numbers are the same on all. Raises `ValueError` as `score`, for unknown conditions, and for scenes without
+    /// geometry.
     #[pyo3(signature = (poses, *, sensors = None, phases = None, conditions = None, ideal = false, seed = 1,
         frames = None, misses = false))]
     #[allow(clippy::too_many_arguments)]

@@ -207,10 +207,11 @@ fn own_placements(
 /// search, which confirms what it has, over few frames where a scene has more than 32, and returns it. So do Ctrl-C and any other exception, but
 /// that they go on to the caller, with the `Result` as their `result`.
 ///
-/// `progress` says how a call shows how far it is: `None` after two seconds by a bar where tqdm is installed and stderr is a
-/// terminal or a notebook, else by `INFO` records of the logger `sightline`; `True` by a bar; `False` not at all. A
-/// function is called with a `Progress`, at most ten times a second; its exceptions end the call. Raises `ValueError` for settings that are not
-/// usable, `MemoryError` where memory does not suffice, `OSError` where a device fails.
+/// `progress` says how a call shows how far it is. `True` shows a bar, `False` nothing. `None` waits two seconds, then
+/// shows a bar where tqdm is installed and stderr is a terminal or a notebook. Elsewhere it writes `INFO` records of
+/// the logger `sightline`. A function is called with a `Progress`, at most ten times a second; its exceptions end the
+/// call. Raises `ValueError` for settings that are not usable, `MemoryError` where memory does not suffice, `OSError`
+/// where a device fails.
 #[pyfunction(name = "optimize")]
 #[pyo3(signature = (scenes, *, objective = Aim::Text("near_gain".into()), evaluations = 180, seed = 1,
     method = "both", frames = None, population = None, baselines = None, starts = None,

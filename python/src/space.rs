@@ -207,10 +207,11 @@ impl PySpace {
         matrix(poses.py(), values, self.bounds.len())
     }
 
-    /// f64 `[N, 6]`: by how much `poses` `[N, L, 6]` break each of `rules`, 0 where one is kept: metres or radians outside
-    /// the mounts, metres that are missing between LiDARs, metres inside keep-out boxes, metres between heights, metres and
-    /// radians from mirror images, LiDARs without a mount; sums over LiDARs and pairs. Raises `ValueError` for another number of
-    /// LiDARs.
+    /// f64 `[N, 6]`: by how much `poses` `[N, L, 6]` break each of `rules`, 0 where one is kept.
+    ///
+    /// Columns are sums over LiDARs and pairs: metres or radians outside the mounts, metres that are missing between
+    /// LiDARs, metres inside keep-out boxes, metres between heights, metres and radians from mirror images, LiDARs
+    /// without a mount. Raises `ValueError` for another number of LiDARs.
     #[pyo3(signature = (poses, *, phases = None))]
     fn violations<'py>(
         &self,

@@ -26,9 +26,9 @@ fn rounded3(x: vec3<f32>) -> vec3<f32> {
 // quotient, which may be wrong by 2.5 ulp. (Markstein, "Computation of elementary functions on the IBM RISC System/6000", 1990: the sign of
 // an exact remainder corrects a quotient; here in integers.)
 //
-// Proof: m_a and m_b are mantissas in [2^23, 2^24), Q = 2^s m_a / m_b lies in [2^23, 2^24), and an error of 2.5 ulp and the
-// cut to an integer leave the guess q within 3 of floor(Q); then |r| < 4 m_b < 2^26, so that r, whose terms lose only
-// multiples of 2^32, is the true remainder, and six comparisons move q to floor(Q), whose remainder rounds it.
+// Proof: m_a and m_b are mantissas in [2^23, 2^24), and Q = 2^s m_a / m_b lies in [2^23, 2^24). An error of 2.5 ulp and
+// the cut to an integer leave the guess q within 3 of floor(Q). Then |r| < 4 m_b < 2^26, so that r, whose terms lose
+// only multiples of 2^32, is the true remainder. Six comparisons move q to floor(Q), whose remainder rounds it.
 fn divide(a: f32, b: f32) -> f32 {
     let bits_a = bitcast<u32>(a);
     let bits_b = bitcast<u32>(b);

@@ -11,11 +11,13 @@ const EDGES: [f64; 2] = [0.1, 0.8];
 const FEWEST_STEPS: u32 = 16;
 /// Most voxels of the finest grid: 32 MiB a bitmap.
 const MOST_VOXELS: f64 = (1_u64 << 28) as f64;
-/// Voxel edge at which a beam takes as long to walk as to be cast, in metres; ratio of the ways of beams that run
-/// through and of those that end; voxels that are counted in the time in which a beam is cast. Fitted to
-/// scenes/highway.json: within a factor of 1.5 for 9 of 10 settings.
+/// Voxel edge at which a beam takes as long to walk as to be cast, in metres.
+///
+/// This and the next two are fitted to scenes/highway.json: within a factor of 1.5 for 9 of 10 settings.
 const METRES_A_CAST: f64 = 0.07;
+/// Length of the ways of beams that run through, in lengths of those that end.
 const THROUGH: f64 = 4.0;
+/// Voxels that are counted in the time in which a beam is cast.
 const VOXELS_A_CAST: f64 = 3000.0;
 /// Ratio of the times of the `f64` scorer and of the CPU backend.
 const SLOWER_IN_F64: f64 = 3.0;

@@ -122,9 +122,9 @@ impl Cells {
         self.cells.iter().map(at).collect()
     }
 
-    /// True if each cell is ground in a frame: the first surface straight down from [`HEIGHT`] above the wheel plane
-    /// over its centre is ground, and not inside of a closed thing, under whose surfaces it lies an odd number
-    /// of times.
+    /// True for each cell that is ground in a frame: the first surface straight down from [`HEIGHT`] above the wheel
+    /// plane over its centre is ground. Ground inside a closed thing, under an odd number of its surfaces, does not
+    /// count.
     pub fn are_ground(&self, frame: &Frame, is_ground: &[bool], wheels: &WheelPlane) -> Vec<bool> {
         let from = self.above(wheels);
         let down = vertical(frame, &from, -DVec3::Z, 2.0 * HEIGHT);

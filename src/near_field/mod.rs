@@ -4,12 +4,12 @@
 //!
 //! - **Footprint**: convex hull of the own body seen from above, in the ego frame.
 //! - **Cell**: a square of 0.25 m of a grid along the ego frame's axes with lines through its origin. A
-//!   cell counts in a frame if its centre lies outside the footprint and at most R from its outline, R =
-//!   10 m and, for the ring, 3 m, and is ground: the first surface straight down from 2 m above the wheel
-//!   plane is of a ground class and within 2 m of that plane, and does not lie inside a closed thing (an odd
-//!   number of other surfaces is above it).
-//! - **Wheel plane**: of the frame, through the ground under the four corners of the box around the footprint,
-//!   by least squares; z = 0 on level ground, and where a corner has no ground within 2 m of z = 0.
+//!   cell counts in a frame if it is ground and its centre lies outside the footprint, at most R from its
+//!   outline. R is 10 m; for the ring, 3 m.
+//! - **Ground**: the first surface straight down from 2 m above the wheel plane is of a ground class and
+//!   within 2 m of that plane. It does not lie inside a closed thing (an odd number of other surfaces above it).
+//! - **Wheel plane** of a frame: through the ground under the four corners of the box around the footprint,
+//!   by least squares. It is z = 0 on level ground, and where a corner has no ground within 2 m of z = 0.
 //! - **Seen**: a beam of any LiDAR ends at a surface of a ground class at most 0.5 m from the cell's
 //!   centre, counted level: the width of a person. The cell's own square alone would count beams rather than
 //!   ground that nothing can hide on, since rings of 16 channels lie up to 1.3 m apart there.

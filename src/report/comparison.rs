@@ -66,9 +66,10 @@ fn alone_text(found: &Comparison) -> String {
     )
 }
 
-/// A row for each LiDAR with its move from one rig to the other, then for each LiDAR without a partner, then for each pair of
-/// either rig with its distance from a mirror image: metres, and radians between the rotations and between the sensors' own z
-/// axes.
+/// A row for each LiDAR with its move from one rig to the other, then for each LiDAR without a partner, then for each
+/// pair of either rig with its distance from a mirror image.
+///
+/// Distances are metres, and radians between the rotations and between the sensors' own z axes.
 pub fn comparison_csv(found: &Comparison) -> String {
     let mut rows = vec![titles(&[
         "part", "lidar", "other", "moved_m", "turned_rad", "tilted_rad", "same_roll", "model",

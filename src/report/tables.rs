@@ -41,9 +41,9 @@ pub(crate) fn score_titles(prices: &[f64]) -> Cells {
     row
 }
 
-/// A row a placement: every score, whether all requirements are met, each with the share seen and the share required, the
-/// share of copies within the mounting tolerance that meet all, the guards and the broken rules in words, last the price.
-/// `prices` has one for each placement, or none where no sensor has one.
+/// A row a placement: every score, whether all requirements are met, each with the share seen and the share required.
+/// Then come the share of copies within the mounting tolerance that meet all, the guards and the broken rules in words,
+/// and the price. `prices` has one for each placement, or none where no sensor has one.
 pub(crate) fn score_rows<'a>(
     all: impl IntoIterator<Item = &'a Scores, IntoIter: 'a>,
     prices: &[f64],

@@ -16,8 +16,10 @@ use crate::search::{Certificate, MethodRecord, Scored};
 use crate::targets::{RangeCard, TargetRanges};
 use sightline_files::json::counted;
 
-/// The result of a run against the best baselines, by the objective and by information gain, the guards that it violates, the
-/// price of its sensors where these have one, and sides on which it sees no ground near the vehicle.
+/// The result of a run against the best baselines, by the objective and by information gain.
+///
+/// It names the guards that the result violates, the price of its sensors where these have one, and sides on which it
+/// sees no ground near the vehicle.
 ///
 /// A baseline counts if it keeps the rules of the mount and violates no guard. A result that gains less information
 /// than such a baseline is never called better without saying so.
@@ -137,8 +139,10 @@ fn near_gain_in_words(best: &Scored) -> String {
     best.scores.near_gain.map_or(String::new(), words)
 }
 
-/// End of a sentence on the baseline of most near gain among those that cost less than the placement and keep every rule and
-/// requirement without a warning, such as `; low costs 300 less at 4.1 % less near gain`; empty without one.
+/// End of a sentence on a cheaper baseline, such as `; low costs 300 less at 4.1 % less near gain`; empty without one.
+///
+/// Baselines count that cost less than the placement and keep every rule and requirement without a warning. The one of
+/// most near gain is told.
 fn cheaper_in_words(best: &Scored, baselines: &[Scored]) -> String {
     let Some((price, ours)) = best.price.zip(best.scores.near_gain) else { return String::new() };
     let honest = baselines.iter().filter(|baseline| baseline.is_honest());

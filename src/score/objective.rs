@@ -216,8 +216,11 @@ impl Objective {
         self.value_of_tally(&all, content, 1).is_some()
     }
 
-    /// True if the objective is a positive multiple of gains alone: a sum over voxels of a concave function, the same for
-    /// all up to its weight, of the number of LiDARs that cover the voxel; monotone and submodular in the set of sensors.
+    /// True if the objective is a positive multiple of gains alone, and so monotone and submodular in the set of
+    /// sensors.
+    ///
+    /// A gain is a sum over voxels of a weight times a concave function of the number of LiDARs that cover the voxel.
+    /// The function is the same for all voxels.
     pub fn is_information_gain(&self) -> bool {
         const GAINS: [&str; 3] = ["information_gain", "information_gain_share", NEAR_GAIN];
         let gain = |metric: &Metric| GAINS.contains(&metric.name) || metric.is_repeated();

@@ -165,9 +165,10 @@ pub struct Interval {
     pub high: f64,
 }
 
-/// The mean of values by scene and frame, `[scenes][frames]`, with a percentile interval (Efron 1979):
-/// `resamples` times as many scenes are drawn with replacement, and of each of them as many of its frames
-/// (a bootstrap in two stages: Davison and Hinkley 1997, section 3.8). Equal seeds give equal bits.
+/// The mean of values by scene and frame, `[scenes][frames]`, with a percentile interval (Efron 1979).
+///
+/// The bootstrap has two stages (Davison and Hinkley 1997, section 3.8). Each of `resamples` times it draws as many
+/// scenes as there are, with replacement, and from each as many frames as it has. Equal seeds give equal bits.
 ///
 /// `None` where a scene has no frame, or there is no scene or no resample to draw.
 pub fn bootstrap(values: &[Vec<f64>], resamples: usize, seed: u64) -> Option<Interval> {

@@ -315,12 +315,12 @@ pub(super) fn swap_from(
     Ok(ends.swapped(&search, evaluator.frame_count()))
 }
 
-/// Swaps single LiDARs anywhere among poses of a grid that are spread over it, all of them where the grid has no more
-/// than may be cast: from greedy's placement and from each start, then from the best end after a kick that moves some
-/// of its LiDARs anywhere, again and again. Then the poses next to those of the best ends are cast, too, and the swaps
-/// go on from there, until the best ends have no neighbours that were not cast. Where rules tie the LiDARs
-/// together the best of some random placements stands in for greedy, which takes one LiDAR after another and so does
-/// not keep them.
+/// Swaps single LiDARs anywhere among poses that are spread over a grid; all of them where no more may be cast.
+///
+/// Swaps begin at greedy's placement and at each start. They then begin at the best end after a kick that moves some of
+/// its LiDARs anywhere, again and again. Then the poses next to those of the best ends are cast, too, and the swaps go
+/// on from there, until the best ends have no neighbours that were not cast. Where rules tie the LiDARs together the
+/// best of some random placements stands in for greedy, which takes one LiDAR after another and so does not keep them.
 ///
 /// `None` where no start, moved to the grid, keeps the rules of the mount. `go_on` is asked as by
 /// [`GridSearch::climb`]; once it says no the best end so far is the result, `None` where there is none. `climbing` tells it
@@ -375,8 +375,8 @@ pub fn swap_anywhere(
 }
 
 /// Poses to cast first, and the most to cast in all. The first are spread over a grid whose spacing is the least multiple
-/// that leaves it at most [`MANY`] times the casts: of a larger grid too few poses would lie on the bounds of the mount,
-/// where good ones often are.
+/// that leaves it at most [`MANY`] times the casts. A larger grid would have too few of them on the bounds of the
+/// mount, where good ones often are.
 fn pool_of(search: &GridSearch, settings: &SwapSettings) -> Result<(Vec<u32>, u64), SearchError> {
     let grid = search.atlas().grid();
     let (all, room) = (u64::from(grid.len()), search.atlas().capacity() as u64);

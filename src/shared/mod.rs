@@ -7,10 +7,11 @@
 //! - **Shared directions** of two LiDARs: share of the sphere that lies in both fields of view, at their attitudes.
 //!   Positions, ranges and the own body play no part, as for a point far away.
 //!
-//! - **Cone**: a sensor of another technology, fixed on the vehicle. It sees a box, a voxel or that around a target, if
-//!   the middle of the box, or of one of up to three faces turned to the sensor, is in its field of view and range and no
-//!   surface of the frame is hit before the ray to that point enters the box; and ground by the cell's middle. Targets
-//!   stand alone, with the own body in the way. A technology sees a thing if one of its sensors does, LiDARs as above.
+//! - **Cone**: a sensor of another technology, fixed on the vehicle. It sees a box (a voxel, or that around a target)
+//!   if it sees the middle of the box, or of one of up to three faces turned to the sensor. The point must be in its
+//!   field of view and range, and no surface of the frame may be hit before the ray to it enters the box. Ground is
+//!   seen by the cell's middle. Targets stand alone, with the own body in the way. A technology sees a thing if one of
+//!   its sensors does, LiDARs as above.
 //!
 //! | file | holds |
 //! |---|---|

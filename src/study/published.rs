@@ -345,7 +345,7 @@ mod tests {
         assert_eq!(row("none", &|_| None).values, [None; 3]);
         // Falling with the names' order in the table says nothing of either: ρ by hand for mIoU.
         let ranks = |name: &str| results_of(0).iter().position(|r| r.0 == name).map(|k| k as f64);
-        // mIoU in rank order of the table: 6 1 4 3 0 2 5 7 against 0 1 2 3 4 5 6 7:
+        // mIoU in rank order of the table: 6 1 4 3 0 2 5 7 against 0 1 2 3 4 5 6 7. By hand:
         // 1 − 6 · (36 + 0 + 4 + 0 + 16 + 9 + 1 + 0) / (8 · 63) = 1 − 396 / 504.
         let found = row("order", &ranks).values[0].unwrap();
         assert!((found - (1.0 - 396.0 / 504.0)).abs() < 1e-12, "{found}");

@@ -57,9 +57,10 @@ impl GroundBelow {
         self.footprint.as_ref().map(plane).unwrap_or_default()
     }
 
-    /// Height of the ground under a point of the ego frame in a frame; `None` where there is none within 30 m of the wheel
-    /// plane, and 0.3 m more a metre from the origin, or where another surface is in the target's height above
-    /// it, or the place is inside a closed thing.
+    /// Height of the ground under a point of the ego frame in a frame.
+    ///
+    /// `None` where there is none within 30 m of the wheel plane, and 0.3 m more a metre from the origin. Also `None`
+    /// where another surface is in the target's height above it, or the place is inside a closed thing.
     ///
     /// Where there are several grounds (a bridge over a road) the one nearest to the wheel plane counts. Grounds less
     /// than a metre above each other are one, and the lowest of them counts.

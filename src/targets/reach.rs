@@ -31,9 +31,11 @@ pub(crate) struct OutOfReach {
 }
 
 impl Sight {
-    /// Rules on targets and on the ground that no rig on these poses meets. At each place the bound takes the most beams of
-    /// any pose of a mount, times the sensors that the mount holds, and of the ground all that any pose sees: poses that do
-    /// not go together, distances and prices are passed over, so that every rig on the poses has at most as much.
+    /// Rules on targets and on the ground that no rig on these poses meets.
+    ///
+    /// At each place the bound takes the most beams of any pose of a mount, times the sensors that the mount holds.
+    /// Ground counts that any pose sees. Distances, prices and poses that do not go together are passed over, so that
+    /// every rig on the poses has at most as much.
     pub(crate) fn out_of_reach(&self, mounts: &[MountPoses<'_>]) -> Vec<OutOfReach> {
         let most: Vec<u32> = (0..self.places.len())
             .map(|place| {

@@ -3,10 +3,10 @@
     python3 -m venv oracles && oracles/bin/pip install pyyaml transforms3d xacro==2.1.1 yourdfpy==0.0.60 carla==0.9.16
     oracles/bin/python tests/oracles/rigs.py target/release/sightline [../shared/data]
 
-60 random rigs in all attitudes, some at gimbal lock, with `base_link` moved: optical centres in the ego frame from
-each format against those of the placement, by yourdfpy's forward kinematics (URDF; Autoware's YAML through xacro),
-PyYAML, ElementTree and transforms3d, and carla's Transform, whose matrices are left-handed and of `f32`. Then
-`rig import` of Autoware's files, 60 written by PyYAML and, where the data lie, those of the Lexus, against
+60 random rigs are in all attitudes, some at gimbal lock, with `base_link` moved. Optical centres in the ego frame from
+each format are held against those of the placement. Readers are yourdfpy's forward kinematics (URDF; Autoware's YAML
+through xacro), PyYAML, ElementTree and transforms3d, and carla's Transform, whose matrices are left-handed and of
+`f32`. Then `rig import` of Autoware's files, 60 written by PyYAML and, where the data lie, those of the Lexus, against
 transforms3d. Prints the largest differences in metres and radians; ends with 1 where one is above 1e-9 (CARLA: 1e-5).
 """
 import ast, json, os, subprocess, sys, tempfile

@@ -7,8 +7,8 @@ const MARGIN: f64 = 0.05;
 
 /// Smooth map from ℝⁿ onto a box, coordinate by coordinate, each scaled from [0, 1].
 ///
-/// With the margin m = 0.05: the identity on [m, 1 − m], quadratic within m of a bound, with slope 0 at
-/// x = −m and x = 1 + m, and mirrored beyond, with period 2 (1 + 2m). Every search point is feasible.
+/// The map is the identity on [m, 1 − m], with the margin m = 0.05. It is quadratic within m of a bound, with
+/// slope 0 at x = −m and x = 1 + m. Beyond, it is mirrored with period 2 (1 + 2m). Every search point is feasible.
 /// The map is `BoundTransform` of N. Hansen's pycma with one margin for both sides. Variables of width 0
 /// are left out of the search space.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -114,8 +114,10 @@ pub trait Backend: Send {
     fn order(&self) -> BitOrder;
 
     /// Hands the bitmap of the voxels that a sensor pose covers in one frame to `take`, with the number of the
-    /// pose and the bitmap's order: each pose, in no order, from several threads, and once more where a device was
-    /// lost meanwhile. A bitmap is as large as the grid, so that it is best used while it is in a cache.
+    /// pose and the bitmap's order.
+    ///
+    /// Calls come for each pose, in no order, from several threads, and once more where a device was lost meanwhile.
+    /// A bitmap is as large as the grid, so that it is best used while it is in a cache.
     ///
     /// # Errors
     /// See [`Self::hits`].

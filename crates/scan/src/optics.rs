@@ -75,9 +75,10 @@ const BRIGHT: f64 = 0.3;
 /// Reflectance of a class that is in no table.
 const UNKNOWN: f64 = 0.3;
 
-/// Medians of the remission of an HDL-64E at 5 to 15 m in eight labelled frames of SemanticKITTI (987 000
-/// points), a stand-in for reflectance that the device has calibrated; a class that KITTI lacks is like its
-/// neighbours, water from its mirror.
+/// Reflectance by class, from a remission that the device has calibrated.
+///
+/// Values are medians of an HDL-64E at 5 to 15 m in eight labelled frames of SemanticKITTI (987 000 points). A class
+/// that KITTI lacks is like its neighbours, water from its mirror.
 const REFLECTANCES: [(&str, f64); 24] = [
     ("building", 0.41),
     ("fence", 0.33),

@@ -251,9 +251,10 @@ impl<'a> Scanner<'a> {
         scan
     }
 
-    /// Finds how much of each box in a scan of this scanner its rig sees ([`TrackedBox::visible`]): of the sample points
-    /// on those faces that face a LiDAR, by area, those to which a straight line from one of these LiDARs is free, as
-    /// long as its range at most. Where its beams point does not count.
+    /// Finds how much of each box in a scan of this scanner its rig sees ([`TrackedBox::visible`]).
+    ///
+    /// Sample points lie on the faces that face a LiDAR, and count by area. A point is seen if a straight line to it
+    /// from one of these LiDARs is free and no longer than that LiDAR's range. Where its beams point does not count.
     pub fn look_at_boxes(&self, scan: &mut Scan) {
         let motions = Motions::new(self.scene, &self.stage, scan.frame);
         let station = |lidar: &ScanLidar| {

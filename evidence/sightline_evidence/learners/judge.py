@@ -24,9 +24,9 @@ MOST, FAINT = 50, 0.02
 def judge(world: World, truths: list[Truth], layout: Layout, seed: int, net: unet.Unet) -> dict[str, Any]:
     """``metrics`` and ``detail`` over the frames of a scene together, as of the trees.
 
-    ``birds_eye_miou`` over cells of the net's size; ``centre_recall`` the share of the visible boxes that have a sure
-    prediction of their kind close by, each taken once; ``centre_ap`` nuScenes' mean AP over the kinds that are there, at any
-    distance within the region: nuScenes' ``class_range`` is not applied.
+    ``birds_eye_miou`` is over cells of the net's size. ``centre_recall`` is the share of the visible boxes that have a
+    sure prediction of their kind close by, each taken once. ``centre_ap`` is nuScenes' mean AP over the kinds that are
+    there, at any distance within the region. Its ``class_range`` is not applied.
     """
     grid = world.source().grid
     small = unet.coarse(grid, net.settings.cell)

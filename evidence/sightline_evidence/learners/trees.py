@@ -33,10 +33,10 @@ class Settings:
 def features(xyz: Floats, of: I64 | None = None) -> F32:
     """Geometry of points ``[P, 3]`` (metres, ego frame), ``[P, F]``; nothing of it names a sensor or a placement.
 
-    Height; distance in plan; for each of ``NEIGHBOURS`` the distance of the farthest, linearity, planarity,
-    scattering, verticality of the normal, spread of heights and height above the lowest; for each of ``COLUMNS``
-    heights above the lowest and below the highest point, the spread between, and the logarithm of their number.
-    With ``of``, rows of these points alone, among all.
+    The first columns are height and distance in plan. Each of ``NEIGHBOURS`` adds the distance of the farthest,
+    linearity, planarity, scattering, verticality of the normal, spread of heights and height above the lowest. Each of
+    ``COLUMNS`` adds heights above the lowest and below the highest point, the spread between, and the logarithm of
+    their number. With ``of``, rows of these points alone, among all.
     """
     if not len(xyz):
         return np.zeros((0, 2 + 7 * len(NEIGHBOURS) + 4 * len(COLUMNS)), np.float32)

@@ -85,9 +85,9 @@ impl Effort {
 /// the gains of at most `effort.sets` sets of sensors are looked at. Every pose must fit into the atlas at
 /// once.
 ///
-/// The gain is monotone and submodular in the set of sensors, so the gains of the best poses beside
-/// any set of sensors, added to that set's value, are above every placement (Nemhauser, Wolsey,
-/// Fisher 1978); and a union is below its sensors' sum less the overlaps along a tree (Hunter 1976).
+/// The gain is monotone and submodular in the set of sensors. The gains of the best poses beside any
+/// set of sensors, added to that set's value, are therefore above every placement (Nemhauser, Wolsey,
+/// Fisher 1978). A union is below its sensors' sum less the overlaps along a tree (Hunter 1976).
 /// The bound holds for other objectives only if they are such gains too, see
 /// [`crate::score::Objective::is_information_gain`].
 ///

@@ -17,8 +17,8 @@ const MOST_POSES: usize = 3000;
 /// overlaps along the edges of any tree (Hunter 1976). It is also at most the worth of all voxels. Each voxel counts
 /// in one of the two ways: in the second if many poses cover it.
 ///
-/// Where a voxel counts again for a second sensor that covers it, at no more than it counted before, c sensors with e
-/// edges between them count once·c − (once − again)·e at most: that is at least once + again·(c − 1), since e ≤ c − 1.
+/// A voxel may count again for a second sensor that covers it, at no more than it counted before. Then c sensors with e
+/// edges between them count once·c − (once − again)·e at most. That is at least once + again·(c − 1), since e ≤ c − 1.
 /// Overlaps then count less, and not at all where the second sensor counts in full.
 #[derive(Debug, Clone)]
 pub(in crate::search) struct PairBound {

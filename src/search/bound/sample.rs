@@ -46,9 +46,9 @@ impl GridSample {
     /// Samples placements on the grid of a search, each with one neighbour a step along one pose field away.
     ///
     /// Ties between LiDARs are left out: random poses never keep them.
-    /// Placements that break another rule of the mount are drawn again, but not for ever, and none once `go_on`, which
-    /// is asked before each pair but the first and as by [`GridSearch::hold_while`], says no: the sample may be smaller
-    /// than `samples`, and is empty where nothing may vary or no pair was cast in time.
+    /// Placements that break another rule of the mount are drawn again, but not for ever. None are drawn once `go_on`
+    /// says no. It is asked before each pair but the first, and as by [`GridSearch::hold_while`]. The sample may
+    /// therefore be smaller than `samples`, and is empty where nothing may vary or no pair was cast in time.
     pub fn draw(
         search: &mut GridSearch,
         evaluator: &mut Evaluator,

@@ -35,9 +35,10 @@ impl Worths {
         Self { once, unit, in_full, overlap: overlap.max(0.0) }
     }
 
-    /// Share p of the poses that cover a voxel at which `lidars` random ones, n·p in number and joined by (n − 1)·p² edges
-    /// of a tree, count as much as all sensors: the smaller solution, 1 / (n − 1) where only the first sensor counts; 1
-    /// where there is none.
+    /// Share p of the poses that cover a voxel at which n = `lidars` random poses count as much as all sensors.
+    ///
+    /// They cover it n·p times, joined by (n − 1)·p² edges of a tree. The smaller solution is meant: 1 / (n − 1) where
+    /// only the first sensor counts, and 1 where there is no solution.
     pub fn even_share(&self, lidars: usize) -> f64 {
         let n = lidars.max(2) as f64;
         let edges = self.overlap * (n - 1.0);

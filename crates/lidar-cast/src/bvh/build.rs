@@ -286,8 +286,9 @@ fn best_split(items: &mut [Item], aside: &mut [Item], extent: &CentroidBounds) -
 
 /// Cost weight of a child with `count` of its parent's `all` triangles: `count`, in whole blocks if `all` exceeds one.
 ///
-/// The walk sees a block's sixteen triangles at once, however many there are: halves are counted in whole blocks as long as
-/// there is more than one, so that blocks become full (13 of 16 triangles in place of 11, and a fifth fewer blocks).
+/// The walk sees a block's sixteen triangles at once, however many there are. Halves are therefore counted in whole
+/// blocks as long as there is more than one. Blocks become fuller: 13 of 16 triangles in place of 11, and a fifth
+/// fewer blocks.
 fn weight(count: usize, all: usize) -> f32 {
     let counted = if all > WIDTH { count.next_multiple_of(WIDTH) } else { count };
     counted as f32

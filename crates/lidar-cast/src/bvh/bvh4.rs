@@ -20,13 +20,15 @@
 //! node 0, which is nobody's child.
 //!
 //! # Why no triangle is missed
-//! A device finds the distance to a side as (corner − origin) · inverse + steps · (step · inverse), merged and rounded as its driver
-//! likes. Times a direction's component that is wrong by at most u (3 |corner − origin| + 2 steps · step) metres, u = 2⁻²⁴: a step is a
-//! power of two, so that its product with the inverse is exact. The distance to a triangle's own box, which `intersect`
-//! clamps a hit to, is wrong by 2 u |side − origin|. With coordinates up to L, no sensor is farther than the range R from the sphere around
-//! a tree, so that |corner − origin| ≤ 3.8 L + R: together less than 24 u (L + R), and less than 27 with the
-//! roundings of the host. Boxes are grown by twice the tree's pad, which is 16 u (L + R). Flushed denormals move a side by less than 2⁻¹¹⁷ m,
-//! and pads are at least 2⁻¹⁰⁰ m, or the host casts.
+//! A device finds the distance to a side as (corner − origin) · inverse + steps · (step · inverse), merged and rounded
+//! as its driver likes. Times the direction's component, that is wrong by at most u (3 |corner − origin| + 2 steps ·
+//! step) metres, with u = 2⁻²⁴: a step is a power of two, so that its product with the inverse is exact. The distance
+//! to a triangle's own box, which `intersect` clamps a hit to, is wrong by 2 u |side − origin|.
+//!
+//! Let L be the largest coordinate. No sensor is farther than the range R from the sphere around a tree, so that
+//! |corner − origin| ≤ 3.8 L + R. All errors together are less than 24 u (L + R), and with the roundings of the host
+//! less than 27 u (L + R). Boxes are grown by twice the tree's pad, which is 16 u (L + R). Flushed denormals move a
+//! side by less than 2⁻¹¹⁷ m, and pads are at least 2⁻¹⁰⁰ m, or the host casts.
 
 use bytemuck::{Pod, Zeroable};
 

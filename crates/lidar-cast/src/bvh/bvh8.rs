@@ -25,8 +25,10 @@ pub struct Bvh8 {
     pub largest: f32,
 }
 
-/// Eight descendants of a binary node side by side, 256 bytes: a row of 32 bytes for each of lower x, y, z, upper x, y, z,
-/// and the bits of the children, and one that fills the last cache line. No ray meets the box of an unused slot.
+/// Eight descendants of a binary node side by side, in eight rows of 32 bytes: 256 bytes.
+///
+/// Six rows hold lower x, y, z and upper x, y, z. The seventh holds the bits of the children, and the last fills the
+/// cache line. No ray meets the box of an unused slot.
 #[repr(C, align(64))]
 #[derive(Debug, Clone)]
 pub struct Node8 {

@@ -8,10 +8,10 @@
 //! A triangle's hit distance is clamped to the interval in which the ray is inside the triangle's own
 //! box, or inside its padded one where rounding lets the ray pass beside the bare one.
 //! `(bound − origin) · inverse` never decreases when `bound` grows, also in rounded arithmetic, so the
-//! interval of every ancestor box contains that of the triangle. A node that is
-//! skipped because it begins behind the best hit can therefore not hold a closer or an equal one: the
-//! answer is the same for every tree, every order of visits, and for no tree at all
-//! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together (`cast::Caster`).
+//! interval of every ancestor box contains that of the triangle. A node that is skipped because it
+//! begins behind the best hit can therefore not hold a closer or an equal one. The answer is the same
+//! for every tree, every order of visits, and for no tree at all ([`Bvh::closest_hit_brute_force`]). So
+//! it is for rays cast together (`cast::Caster`).
 
 mod build;
 pub(crate) mod bvh16;

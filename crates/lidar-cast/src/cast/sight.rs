@@ -16,13 +16,16 @@ const SQUARE_SLACK: f64 = 1.0 / (1 << 18) as f64;
 /// # Why no hit is lost
 /// `Ray::intersect` accepts a triangle only where the ray passes through the triangle's padded box, and
 /// its t lies between entry and exit, all in rounded numbers. The root's box contains that box, so the
-/// point at t lies in the root's box but for rounding: of the pose and the direction (2⁻²⁴ of 1 a
-/// component, which moves the point by at most 2⁻²² t), of the origin o and the bound b (2⁻²⁴ of
-/// each), of their difference and its product with the inverse (2⁻²³ of |o| + |b|). Together that is
-/// less than 2⁻¹⁹ (|o| + |b| + t), and the sphere is grown by four times as much, 8 · 2⁻²⁰. A point at
-/// t along the unit direction d lies in the sphere (c, r) only if |c|² − (c·d)² ≤ r² and
-/// c·d − r ≤ t ≤ c·d + r: a beam that violates either is skipped, and so is a sphere that begins
-/// behind the best hit, where no triangle can be as close.
+/// point at t lies in the root's box but for rounding of:
+///
+/// - pose and direction: 2⁻²⁴ of 1 a component, which moves the point by at most 2⁻²² t;
+/// - origin o and bound b: 2⁻²⁴ of each;
+/// - their difference and its product with the inverse: 2⁻²³ of |o| + |b|.
+///
+/// Together that is less than 2⁻¹⁹ (|o| + |b| + t), and the sphere is grown by four times as much,
+/// 8 · 2⁻²⁰. A point at t along the unit direction d lies in the sphere (c, r) only if
+/// |c|² − (c·d)² ≤ r² and c·d − r ≤ t ≤ c·d + r. A beam that violates either skips the sphere. It also
+/// skips one that begins behind its best hit, where no triangle can be as close.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SightSphere {
     /// c in metres.

@@ -40,11 +40,11 @@ impl BitOrder {
         Self { layout: BitLayout::Linear, shape: roi.shape() }
     }
 
-    /// Rows along x, as the CPU marks them: a 32-bit word holds 32 voxels along x, the words follow
-    /// one another along y, then x, then z: bit 32·((z·⌈nx / 32⌉ + x / 32)·ny + y) + x % 32.
+    /// Rows along x, as the CPU marks them: a 32-bit word holds 32 voxels along x.
     ///
-    /// A beam that passes several voxels of a word one after another marks them at once. A grid whose
-    /// rows would be mostly padding keeps the linear order.
+    /// Words follow one another along y, then x, then z. Voxel (x, y, z) has the bit
+    /// 32·((z·⌈nx / 32⌉ + x / 32)·ny + y) + x % 32. A beam that passes several voxels of a word one after another marks
+    /// them at once. A grid whose rows would be mostly padding keeps the linear order.
     pub fn rows(roi: &Roi) -> Self {
         let words = row_words(roi.shape(), 0).max(row_words(roi.shape(), 1)) as u64;
         let most = (2 * roi.voxel_count()).clamp(FEW_BITS, 1 << 32);

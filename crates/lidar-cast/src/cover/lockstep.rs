@@ -49,8 +49,8 @@ impl BeamStart {
 
 /// Constants of the beams of one way, which go mainly along axis `u`, across along `v`.
 ///
-/// Where beams go backward along an axis, planes and voxels count down: plane i is −i, voxel i is
-/// −i − 1 (`!i`), so that both rise along every beam, and (i − p) · d⁻¹ is (−i + p) · |d⁻¹|, the same number.
+/// Where beams go backward along an axis, planes and voxels count down: plane i is −i, voxel i is −i − 1 (`!i`).
+/// Both then rise along every beam, and (i − p) · d⁻¹ is (−i + p) · |d⁻¹|, the same number.
 pub struct Way {
     u: usize,
     v: usize,

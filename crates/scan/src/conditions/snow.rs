@@ -34,9 +34,9 @@ const MOST: usize = 12;
 /// axis meets it. Either way a metre of air takes n·π/4·⟨D²⟩ of the light on the mean. A flake's echo has power
 /// ρ·s·ξ(r)/r², ξ the overlap of beam and receiver near the sensor.
 ///
-/// Flakes are drawn by falling echo, not by distance: the number of flakes with echoes above p is Poisson of
-/// a mean that has a closed form, so that the strongest comes from one number, and a beam costs the same however
-/// many flakes are in it. Once none that is left can win, the rest takes its mean share of the light.
+/// Flakes are drawn by falling echo, not by distance. The number of flakes with echoes above p is Poisson of
+/// a mean that has a closed form. The strongest therefore comes from one number, and a beam costs the same
+/// however many flakes are in it. Once none that is left can win, the rest takes its mean share of the light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Falling {
     balls: Option<Balls>,
@@ -333,10 +333,10 @@ pub enum JoinedEcho {
 impl Flake {
     /// Adds the flake's echo and a target's echo.
     ///
-    /// P₁·sin²(πx/L) + P₂·sin²(π(x − δ)/L) has one peak where |δ| < L/2, in the part where both are on: with φ = 2πδ/L
-    /// that is ½(P₁ + P₂ + |P₁ + P₂·e^(−iφ)|), at L·ψ/2π behind the first's, tan ψ = P₂·sin φ/(P₁ + P₂·cos φ). Where
-    /// they are farther apart, each peaks while the other is off. A peak that misses the target by less than 0.2 m is the
-    /// target's, as in the published rule.
+    /// P₁·sin²(πx/L) + P₂·sin²(π(x − δ)/L) has one peak where |δ| < L/2, in the part where both are on. With φ = 2πδ/L
+    /// its height is ½(P₁ + P₂ + |P₁ + P₂·e^(−iφ)|). It lies L·ψ/2π behind the first's, tan ψ = P₂·sin φ/(P₁ + P₂·cos
+    /// φ). Where they are farther apart, each peaks while the other is off. A peak that misses the target by less than
+    /// 0.2 m is the target's, as in the published rule.
     pub fn join(&self, target: f64, power: f64) -> JoinedEcho {
         let apart = target - self.range;
         if apart.abs() >= LENGTH / 2.0 {

@@ -89,10 +89,12 @@ const STEPS: f64 = 8.0;
 /// Share of all information given to near ground: its own entropy is low, since it hardly changes.
 const GROUND_SHARE: f64 = 0.25;
 
-/// Writes the information of [`Entropy::Near`], in the unit in which the largest is 2³¹:
-/// H(v) e(v) / Σ H e + ¼ / G if v is one of the G voxels of near ground, with e = 10 m / max(10 m, d), rounded to
-/// eighths, at least one eighth. d is the distance in plan from the ego origin to the voxel's middle. Ground voxels
-/// have a class of ground as their commonest class (ties: the first); near ones have d ≤ 10 m.
+/// Writes the information of [`Entropy::Near`], in the unit in which the largest is 2³¹.
+///
+/// Voxel v has H(v) e(v) / Σ H e, and ¼ / G more if it is one of the G voxels of near ground. The weight
+/// e = 10 m / max(10 m, d) is rounded to eighths, at least one eighth. Here d is the distance in plan from the ego
+/// origin to the voxel's middle. Ground voxels have a class of ground as their commonest class (ties: the first); near
+/// ones have d ≤ 10 m.
 fn weigh_by_distance(occupied: &mut [OccupiedVoxel], psog: &Psog) {
     let (roi, names) = (psog.roi(), psog.classes());
     let (min, edge) = (roi.min(), roi.voxel());

@@ -227,8 +227,10 @@ impl OtherSensor {
         self.ego_from_sensor.translation
     }
 
-    /// True if a point of the ego frame, in metres, is in range and in the field of view: its azimuth and its elevation in
-    /// the sensor's frame, level and upright with the sensor, are at most half an angle of view.
+    /// True if a point of the ego frame, in metres, is in range and in the field of view.
+    ///
+    /// Azimuth and elevation are those of the sensor's own frame, which tilts with it. Each is at most half an angle of
+    /// view.
     pub fn holds(&self, point: DVec3) -> bool {
         let away = point - self.position();
         let [x, y, z] = (self.ego_from_sensor.rotation.transpose() * away).to_array();

@@ -339,8 +339,10 @@ impl SlotGrid {
         found
     }
 
-    /// `count` of its poses, or a few less, rising: points of an additive recurrence with the powers of the root of
-    /// xᵈ⁺¹ = x + 1 for d fields (Roberts 2018), which fills each field, and each pair of fields, evenly.
+    /// `count` of its poses, or a few less, rising, that fill each field, and each pair of fields, evenly.
+    ///
+    /// They are points of an additive recurrence with the powers of the root of xᵈ⁺¹ = x + 1 for d fields (Roberts
+    /// 2018).
     fn spread(&self, count: u64) -> Vec<u32> {
         if count >= u64::from(self.len()) {
             return (self.first..self.first + self.len()).collect();

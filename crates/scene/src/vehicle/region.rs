@@ -15,8 +15,8 @@ const FIRST_ANGLE: usize = 3;
 
 /// Where sensors may stand: a box, a flat patch with an outline, or a curved surface, in a frame of its own.
 ///
-/// The six fields of a pose count from the region's frame: the ego frame for a box along its axes, for a
-/// patch one whose z is the patch's outward normal on a roof, and whose x is the normal on a side. On a surface the frame is that of its mean normal, the field
+/// The six fields of a pose count from the region's frame. For a box along the axes it is the ego frame. For a patch
+/// the outward normal is z on a roof, and x on a side. On a surface the frame is that of its mean normal: the field
 /// along it counts from the surface, and angles count from a sensor at rest on the surface there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {

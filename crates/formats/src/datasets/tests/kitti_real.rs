@@ -29,9 +29,11 @@ fn digest(psog: &Psog) -> (Vec<u64>, u64) {
     (per_class, sum % (1 << 32))
 }
 
-/// Golden counts of frame 000000 of sequence 00, worked out with NumPy by this rule: points in f64,
-/// 1.73 m added to z, pushed 1 mm away from (0, 0, 1.73), floor((p − min) / 0.2), labels folded by
-/// the learning map of semantic-kitti.yaml, class 0 left out, most votes win, lowest class on ties.
+/// Golden counts of frame 000000 of sequence 00, worked out with NumPy by this rule.
+///
+/// Points are in f64, with 1.73 m added to z, and pushed 1 mm away from (0, 0, 1.73). Their voxel is
+/// floor((p − min) / 0.2). Labels are folded by the learning map of semantic-kitti.yaml, and class 0
+/// is left out. Most votes win; on ties the lowest class wins.
 #[test]
 #[cfg_attr(not(has_kitti), ignore = "needs SemanticKITTI in ../shared/data or SIGHTLINE_DATA")]
 fn golden_counts_of_one_frame() {

@@ -174,15 +174,18 @@ per_target! {
 
     /// Rectangles of a node's children.
     ///
-    /// A box with middle m is bounded in the frame d = m/|m|, s = k × m/ρ, e = d × s, with k the
-    /// sensor's axis and ρ the distance from it, by its half extents H along these three. All of it
-    /// lies at distances from the axis of at least ρ_min = (|m| − H_d)·cos − H_e·|sin|, at azimuths
-    /// within H_s/ρ_min, and, seen from the side, at elevations within ψ = atan(H_e/(|m| − H_d)) of
-    /// the middle's; tan(e ± ψ) by the addition theorem. An azimuth to the side lowers a tangent by a
-    /// factor of at least 1 − q²/2.
+    /// A box with middle m is bounded by its half extents H along d = m/|m|, s = k × m/ρ and e = d × s.
+    /// Here k is the sensor's axis, and ρ the distance of m from it. All of the box lies
     ///
-    /// Seen by an eye that moves by v and turns by τ, a point at p lies at most v + τ·|p| beside where it is seen
-    /// else: all half extents grow by that, |p| being at most |m| + H_d + H_s + H_e.
+    /// - at distances from the axis of at least ρ_min = (|m| − H_d)·cos − H_e·|sin|;
+    /// - at azimuths within H_s/ρ_min of the middle's;
+    /// - seen from the side, at elevations within ψ = atan(H_e/(|m| − H_d)) of the middle's.
+    ///
+    /// The addition theorem gives tan(e ± ψ). An azimuth to the side lowers a tangent by a factor of at
+    /// least 1 − q²/2.
+    ///
+    /// An eye that moves by v and turns by τ sees a point at p at most v + τ·|p| beside its direction for an
+    /// eye at rest. All half extents grow by that, |p| being at most |m| + H_d + H_s + H_e.
     fn boxes(grid: &Grid, window: &Window, eye: &Eye, node: &Node16, out: &mut Rects) {
         let m = three!(K => sub(load(&node.middle[K]), splat(eye.origin[K])));
         let h = three!(K => load(&node.half[K]));

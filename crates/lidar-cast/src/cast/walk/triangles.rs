@@ -89,7 +89,7 @@ per_target! {
 
     /// How far an eye that moves by v and turns by τ may see a beam outside of an edge's plane that passes inside.
     ///
-    /// With the corner at p and the edge e, n = p × e becomes n − v × e, and the beam d turns to d': products change
+    /// With the corner at p and the edge e, n = p × e becomes n − v × e, and the beam d turns to d'. Products change
     /// by at most |n|·τ + v·|e|, and `doubt` by 6e-6·|p|·(v + τ·|p|) for the beams that lie farther off. Where
     /// the plane of the triangle is closer than v to the eye, it may be seen from either side, and anything goes.
     fn margins(eye: &Eye, local: [[V; 3]; 3], seen: &mut TriangleView) {
@@ -146,8 +146,8 @@ per_target! {
     /// Edges are great circles, which rise above both ends: tan e = A·cos(a − a₀), so by a factor of
     /// at most 1/cos(span/2).
     ///
-    /// An eye that moves by v and turns by τ sees a corner at most g = v + τ·|p| beside where it is: its azimuth is
-    /// off by at most k = g/(ρ − g), its tangent by k·(1 + |tan|).
+    /// An eye that moves by v and turns by τ sees a corner at most g = v + τ·|p| beside where it is. The azimuth is
+    /// then off by at most k = g/(ρ − g), the tangent by k·(1 + |tan|).
     fn spread(
         grid: &Grid, window: &Window, eye: &Eye, valid: u16, local: [[V; 3]; 3], out: &mut Rects,
         seen: &mut TriangleView
@@ -203,9 +203,9 @@ per_target! {
 
     /// Planes of the edges: v × (w − v), which does not cancel where corners are far away.
     ///
-    /// With u = 2⁻²⁴, corners are off by 6·u·|v| and edges by twice that; turned by a beam at a distance
-    /// r from the corners, products are off by less than u·|v|·(25·e + 45·r), with e the longest edge;
-    /// the products of `Ray::intersect` are counted in. Beams of a rectangle pass within
+    /// With u = 2⁻²⁴, corners are off by 6·u·|v| and edges by twice that. Products with a beam at a
+    /// distance r from the corners are off by less than u·|v|·(25·e + 45·r), with e the longest edge.
+    /// The products of `Ray::intersect` are counted in. Beams of a rectangle pass within
     /// r ≤ e + 4e-3·|v| of the corners, or within |v| where it is whole.
     fn edges(local: [[V; 3]; 3], whole: M, out: &mut Rects, seen: &mut TriangleView) {
         let edge = [

@@ -234,8 +234,8 @@ fn isa_leaves_the_compiler_no_choice() {
     }
 }
 
-/// a / b to the nearest float, ties to even, from the quotient of the mantissas with an error of `wrong` units in its
-/// last place; for a and b normal and |a / b| above 2^-126, or a = 0, and errors of up to 2.
+/// a / b to the nearest float, ties to even, from a quotient of the mantissas that is `wrong` units in its last place
+/// off, at most 2. Holds for a and b normal and |a / b| above 2^-126, and for a = 0.
 fn divide(a: f32, b: f32, wrong: i32) -> f32 {
     let (bits_a, bits_b) = (a.to_bits(), b.to_bits());
     let (fraction_a, fraction_b) = (bits_a & 0x7f_ffff, bits_b & 0x7f_ffff);

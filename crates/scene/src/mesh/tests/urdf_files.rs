@@ -34,8 +34,8 @@ fn read(text: &str, without: &[&str]) -> Result<Vec<RobotPart>, String> {
         .map_err(|fault| format!("{}: {}", fault.element, fault.problem))
 }
 
-/// A boom on a slew turned by 90° about z, raised by 30° about y: with s = sin 30°, c = cos 30° the tip, 4 m along
-/// x of the second joint, lies at [1 − 0, 0 + 2 + 4c, 3 + …]. All by hand: Rz(90°) takes x to y and y to −x; a
+/// A boom on a slew turned by 90° about z, raised by 30° about y. The tip is 4 m along x of the second joint. With
+/// s = sin 30° and c = cos 30° it lies at [1 − 0, 0 + 2 + 4c, 3 + …]. All by hand: Rz(90°) takes x to y and y to −x; a
 /// pitch of −30° takes x to (c, 0, s).
 #[test]
 fn a_chain_of_two_turned_joints_lies_where_trigonometry_says() {
