@@ -12,7 +12,7 @@
 //! | `holds` | requirements in copies that are mounted a little off |
 //! | `error` | why a job cannot be posed or searched |
 //!
-//! Program, Python module, studies, chart and audit hold a [`Job`] and take nothing of this chain apart.
+//! Program, Python module, studies, chart and audit all go through a [`Job`].
 
 mod error;
 mod files;
@@ -56,7 +56,10 @@ pub use scene::JobScene;
 pub use search::{Found, JobRun, JobState, JobStep};
 pub use sweep::{Sweep, SweepRow, SweptField};
 
-/// The main job: poses for the LiDARs of a vehicle, in one scene or several.
+/// Scenes with a vehicle, weather, budget and settings: [`Self::score`] judges placements in them, [`Self::optimize`]
+/// searches the best one.
+///
+/// Methods that take the job by value change one of these, as `.frames(Some(4))`, and give it back.
 #[derive(Debug, Clone)]
 pub struct Job {
     /// At least one.
@@ -110,26 +113,26 @@ impl Job {
         self
     }
 
-    /// A P-SOG in place of each scene's own, on the scene's grid.
+    /// Takes this P-SOG in place of each scene's own. It must lie on the scene's grid.
     #[must_use]
     pub fn psog(self, psog: impl Into<Arc<Psog>>) -> Self {
         let psog = Arc::new(OnceLock::from(psog.into()));
         self.with(|scene| (scene.psog, scene.worth) = (psog.clone(), Worth::OwnGrid))
     }
 
-    /// A P-SOG in place of each scene's own, on whatever grid it has.
+    /// Takes this P-SOG in place of each scene's own, and its grid in place of the scene's.
     #[must_use]
     pub fn on_grid_of(self, psog: impl Into<Arc<Psog>>) -> Self {
         self.psog(psog).with(|scene| scene.worth = Worth::OtherGrid)
     }
 
-    /// Geometry alone, without P-SOGs: no voxel holds information.
+    /// Takes geometry alone, without P-SOGs: no voxel holds information. For beams, hits and scans.
     #[must_use]
     pub fn geometry_alone(self) -> Self {
         self.with(|scene| scene.worth = Worth::Nothing)
     }
 
-    /// Weather and faults of every scene.
+    /// Sets weather and faults of every scene.
     #[must_use]
     pub fn conditions(self, conditions: &[Condition]) -> Self {
         self.with(|scene| scene.conditions = conditions.to_vec())
@@ -141,32 +144,32 @@ impl Job {
         self.with(|scene| scene.frames = Frames::Spread(frames))
     }
 
-    /// One frame by its number from 0, which each scene must have.
+    /// Takes one frame by its number from 0, which each scene must have.
     #[must_use]
     pub fn one_frame(self, frame: usize) -> Self {
         self.with(|scene| scene.frames = Frames::One(frame))
     }
 
-    /// Sensor models that replace those of the scenes' vehicle.
+    /// Replaces the sensor models of the scenes' vehicle.
     #[must_use]
     pub fn sensors(self, sensors: &Sensors) -> Self {
         self.with(|scene| scene.sensors = Some(sensors.clone()))
     }
 
-    /// Rules of placements that replace those of the scenes' vehicle; problems made so far keep their trees.
+    /// Replaces the rules of placements of the scenes' vehicle. Problems made so far keep their trees.
     #[must_use]
     pub fn constraints(mut self, constraints: &Constraints) -> Self {
         self.scenes = self.scenes.into_iter().map(|scene| scene.under(constraints)).collect();
         self
     }
 
-    /// Another draw of free phases and of the beams that return through weather; 0 is the usual one.
+    /// Random draw, by its number, of free phases and of the beams that return through weather; 0 is the usual one.
     #[must_use]
     pub fn draw(self, draw: u64) -> Self {
         self.with(|scene| scene.draw = draw)
     }
 
-    /// Each scene counts mirrored left to right, too.
+    /// If `mirror`, each scene also counts mirrored left to right.
     #[must_use]
     pub fn mirrored(self, mirror: bool) -> Self {
         Self { mirror, ..self }
@@ -205,8 +208,9 @@ impl Job {
         self
     }
 
-    /// Placements that a result is compared with, in place of Table 7 of the paper or, for a vehicle, of the
-    /// sensors found, put up plainly.
+    /// Sets the placements that a result is compared with.
+    ///
+    /// By default they are those of Table 7 of Place3D. For a vehicle it is one plain layout of the sensors found.
     #[must_use]
     pub fn baselines(mut self, baselines: Vec<Placement>) -> Self {
         (self.settings.baselines, self.is_plain) = (baselines, false);
@@ -315,8 +319,11 @@ impl Job {
         }
     }
 
-    /// Adds the guard `self_hit`, range cards, places that met requirements on targets miss, and how requirements hold to
-    /// scores, by the first scene, whose own body stands for all scenes.
+    /// Adds to scores, by the first scene, whose own body stands for all scenes:
+    ///
+    /// - the guard `self_hit` and the range card
+    /// - places at which a target is missed although its requirement is met
+    /// - the share of copies within the mounting tolerance that meet the requirements
     ///
     /// # Errors
     /// An engine that fails, a sensor that the vehicle does not have.
@@ -352,7 +359,7 @@ impl Job {
         Ok(is_whole)
     }
 
-    /// Adds the range card to scores, and its blind sectors to their guards; nothing where beams end at nothing.
+    /// Adds the range card to scores, and its blind sectors to their guards. Coverage `through` adds nothing.
     ///
     /// # Errors
     /// A sensor that the vehicle does not have.
@@ -363,7 +370,7 @@ impl Job {
         Ok(add_range_cards(self.target_site()?, all)?)
     }
 
-    /// Sensors and body of the first scene's vehicle, for beams on targets; `None` where beams end at nothing.
+    /// Sensors and body of the first scene's vehicle, for beams on targets; `None` with coverage `through`.
     ///
     /// # Errors
     /// See [`Self::problem`].

@@ -1,5 +1,9 @@
 //! Where on this vehicle should the LiDARs go?
 //!
+//! A [`Scene`] is a world over time with a vehicle in it, a [`Placement`] a pose for each LiDAR on that vehicle, in
+//! metres and radians of the ego frame: x forward, y left, z up. A [`Job`] scores placements in scenes and searches the
+//! best one.
+//!
 //! Scores of known placements in a scene:
 //!
 //! ```
@@ -29,8 +33,9 @@
 //! # Ok::<(), sightline::Error>(())
 //! ```
 //!
-//! One direction of data flow, top to bottom; a module imports only those above it. Modules down to [`export`] are
-//! re-exports of the crates that hold them; `lidar-cast` has the three stages themselves.
+//! Data flow one way, from top to bottom: a module imports only those above it. Modules down to [`export`] are
+//! re-exports of the crates that hold them. The crate `lidar-cast` has the three stages: beams are cast, voxels that
+//! they cover are marked, marks are summed up.
 //!
 //! | module | holds |
 //! |---|---|
@@ -39,19 +44,19 @@
 //! | [`rig`] | rigs in the formats of other programs |
 //! | [`scene`] | the scene file, meshes and primitives, one triangle soup a frame |
 //! | [`worlds`] | worlds by rule: generated, and on OpenDRIVE roads |
-//! | [`psog`] | region of interest, voxels, P-SOG, entropy |
+//! | [`psog`] | region of interest, voxels, entropy; P-SOG: in how many frames a voxel has which class |
 //! | [`datasets`] | labelled scans of public data sets, to P-SOGs and to scenes of boxes |
 //! | [`problem`] | the task of the engines and the rules of the mount, from a scene and a P-SOG |
 //! | [`scan`] | scans of a scene by virtual sensors |
 //! | [`engine`] | the three stages on the CPU and on the GPU behind one trait |
 //! | [`export`] | scans as data sets that public loaders read |
 //! | [`targets`] | beams on targets at range, the range card of a rig |
-//! | [`score`] | scores, guards and objectives from the sums |
+//! | [`score`] | scores and objectives from the sums; guards: reasons not to believe a score |
 //! | [`near_field`] | ground, poles and own body near a vehicle |
 //! | [`shared`] | things by the number of LiDARs that see them, overlap of pairs of LiDARs |
-//! | [`search`] | CMA-ES and swaps over a problem, bounds on what they leave |
+//! | [`search`] | the best placement by CMA-ES and swaps, bounds on how much better another one could be |
 //! | [`job`] | the main job: scenes, vehicle, weather and search behind one type |
-//! | [`audit`] | trials against the metric itself |
+//! | [`audit`] | attempts to raise a score while seeing less, and whether guards notice |
 //! | [`verify`] | comparisons of engines bit by bit, and with `f64` |
 //! | [`chart`] | settings from fine to coarse, their cost and their error |
 //! | [`study`] | how many LiDARs, which sensor, what if one fails |

@@ -1,7 +1,8 @@
 //! Scores, counts and guards from integer tallies.
 //!
-//! All scores are "larger is better". Sums over covered voxels are means over frames: with c(v) the
-//! share of frames in which voxel v is covered, N = Σ c(v) and every Σ is weighted by c(v).
+//! Larger is better for all scores. Sums over covered voxels are means over frames: with c(v) the
+//! share of frames in which voxel v is covered, N = Σ c(v) and every Σ is weighted by c(v). H is the
+//! entropy of a voxel's class over the frames, in nats.
 
 pub(crate) mod guard;
 mod objective;
@@ -87,7 +88,7 @@ pub struct Scores {
     pub covered_by_class: Vec<(String, f64)>,
     /// Beams cast a frame.
     pub beams: u64,
-    /// Share of the beams that hit a surface; `None` where beams end at nothing.
+    /// Share of the beams that hit a surface; `None` with coverage `through`.
     pub hit_share: Option<f64>,
     /// Detection: the target classes against all others; `None` where no class is a target.
     pub detection: Option<TaskScores>,
@@ -99,11 +100,11 @@ pub struct Scores {
     /// Share of copies within the mounting tolerance that still meet all requirements; `None` where not looked at.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub requirements_hold_in: Option<f64>,
-    /// Distances of detection by target and bearing; `None` where not computed, or where beams end at nothing.
+    /// Distances of detection by target and bearing; `None` where not computed, or with coverage `through`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range_card: Option<RangeCard>,
-    /// Share of missing beams on cars all round at 5 to 50 m, where five beams are enough; `None` where a search does
-    /// not look. See [`crate::targets::Sight`].
+    /// Missing share of beams on cars all round at 5 to 50 m, where five beams on a car are enough. `None` where a
+    /// search does not look. See [`crate::targets::Sight`].
     #[serde(skip)]
     pub car_missing: Option<f64>,
     /// Violated guards: doubts about the scores, and blind sectors; empty if there are none.
@@ -153,21 +154,27 @@ pub const HOLDS: f64 = 0.95;
 /// The word for a share of voxels, places or ground.
 pub const SEEN: &str = "seen";
 
-/// A requirement: a share of something that must be seen, or be shared by LiDARs. In JSON `name`, `required`, `found`, `met`, and `missing`,
-/// `holds_in`, `intact` and `worst_without` where they are known.
+/// A requirement: a share of something that must be seen, or be shared by LiDARs.
+///
+/// Written to JSON as `name`, `required`, `found`, `met`; also `missing`, `holds_in`, `intact` and `worst_without`
+/// where they are known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Seen {
     /// Name on the vehicle.
     pub name: String,
-    /// Share of an area's voxels that beams pass, a mean over frames; of a target's places at which enough beams meet it; of
-    /// ground that is seen; or the largest overlap at which pairs connect all LiDARs.
+    /// Share that is found, by the kind of requirement:
+    ///
+    /// - area: share of its voxels that beams pass, a mean over frames
+    /// - target: share of its places at which enough beams meet it
+    /// - ground: share that is seen
+    /// - overlap: the largest at which pairs connect all LiDARs
     pub share: f64,
     /// The word for the share: [`SEEN`], or `shared` of overlap.
     pub done: &'static str,
-    /// Least share.
+    /// Share that is required.
     pub least: f64,
-    /// Words on the places, ground or LiDARs that an unmet requirement lacks. For a met one on targets: the places still missed,
-    /// where a placement is looked at closely.
+    /// Words on the places, ground or LiDARs that an unmet requirement lacks. For a met one on targets: the places
+    /// still missed, where a placement is looked at closely.
     pub missing: Option<String>,
     /// Share of copies within the mounting tolerance that still meet it; `None` where not looked at.
     pub holds_in: Option<f64>,
@@ -342,8 +349,8 @@ impl Scores {
         CAR_WEIGHT * self.car_missing.unwrap_or(0.0)
     }
 
-    /// Sentence on copies within the mounting tolerance that meet all of several requirements; `None` of one, where one is
-    /// not met anyway, or where not looked at.
+    /// Sentence on the share of copies within the mounting tolerance that meet all of several requirements. `None` for
+    /// a single requirement, where one is not met anyway, or where no copies were looked at.
     pub fn holds_in_words(&self) -> Option<String> {
         let is_met = self.required.len() > 1 && self.required.iter().all(Seen::is_met);
         self.requirements_hold_in.filter(|_| is_met).map(all_held_in_words)
@@ -356,12 +363,12 @@ impl Scores {
         self.requirements_hold_in.filter(|&share| met == of && share < HOLDS)
     }
 
-    /// Requirements that are met, and their number.
+    /// Number of requirements that are met, and of all.
     pub fn met(&self) -> [usize; 2] {
         [self.required.iter().filter(|seen| seen.is_met()).count(), self.required.len()]
     }
 
-    /// Guards that are reasons not to believe the scores.
+    /// Number of guards that are reasons not to believe the scores.
     pub fn doubts(&self) -> usize {
         self.guards.iter().filter(|guard| guard.is_doubt()).count()
     }

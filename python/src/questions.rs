@@ -29,7 +29,7 @@ impl PyScene {
     ///
     /// Targets are a car, an adult and a tyre, on level ground with the own body in the way. Sixteen bearings are in
     /// degrees counter-clockwise from straight ahead. The card names the sectors that lose a car between 5 and 50 m.
-    /// `None` where beams end at nothing. Raises `ValueError` as `score`, and for several placements.
+    /// `None` with coverage `through`. Raises `ValueError` as `score`, and for several placements.
     #[pyo3(signature = (poses, *, sensors = None, phases = None))]
     fn range_card<'py>(
         &self,
@@ -45,7 +45,7 @@ impl PyScene {
     /// u32 `[targets, bearings, distances, lidars]`: beams of one placement that end at each target, alone on level ground
     /// with the own body in the way. `targets` are presets (`"car"`, `"child"`, …) or target files, `distances` metres from
     /// the ego origin to the middle of the target, `bearings` degrees counter-clockwise from straight ahead. Raises
-    /// `ValueError` for an unknown target and where beams end at nothing.
+    /// `ValueError` for an unknown target and with coverage `through`.
     #[pyo3(signature = (poses, targets, distances, bearings, *, sensors = None, phases = None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn beams_on<'py>(
@@ -195,7 +195,7 @@ impl PyScene {
     /// - `connected`, `connected_up_to`, `groups`, `cut_off`, `chain`
     ///
     /// Pairs of `least_shared` voxels or more count. Raises `ValueError` for
-    /// one LiDAR, and where beams end at nothing.
+    /// one LiDAR, and with coverage `through`.
     #[pyo3(signature = (poses, *, least_shared = 500, sensors = None, phases = None))]
     fn overlap<'py>(
         &self,

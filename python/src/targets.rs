@@ -75,7 +75,7 @@ fn ends_at_nothing() -> PyErr {
 }
 
 impl Built {
-    /// Range card of a placement; `None` where beams end at nothing.
+    /// Range card of a placement; `None` with coverage `through`.
     pub fn range_card(&self, placement: &Placement) -> PyResult<Option<RangeCard>> {
         let site = self.job.target_site().map_err(raised)?;
         let card = site.map(|site| RangeCard::new(site, &placement.lidars)).transpose();

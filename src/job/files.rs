@@ -44,7 +44,7 @@ pub struct JobFiles {
 }
 
 impl JobFiles {
-    /// Scene files alone, with every option at its default; the first of none is the empty path.
+    /// Scene files alone, with every option at its default. Without scene files, the first scene is the empty path.
     pub fn new(scenes: &[PathBuf], vehicle: Option<&Path>) -> Self {
         let mut scenes = scenes.iter().cloned();
         Self {

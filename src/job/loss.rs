@@ -30,12 +30,12 @@ pub struct Loss {
     pub scores: Scores,
     /// Requirements that all LiDARs together meet, and the others do not.
     pub broken: Vec<Seen>,
-    /// Blind sectors of the others that all LiDARs together do not have; empty where beams end at nothing.
+    /// Blind sectors of the others that all LiDARs together do not have; empty with coverage `through`.
     pub blind: Vec<BlindSector>,
 }
 
 impl Losses {
-    /// Sectors that are blind with all LiDARs; empty where beams end at nothing.
+    /// Sectors that are blind with all LiDARs; empty with coverage `through`.
     pub fn blind(&self) -> &[BlindSector] {
         blind(&self.scores)
     }
@@ -52,7 +52,7 @@ impl Loss {
         self.scores.required.iter().filter(|seen| !seen.is_met())
     }
 
-    /// Width of all sectors that are blind without this LiDAR, degrees; `None` where beams end at nothing.
+    /// Width of all sectors that are blind without this LiDAR, degrees; `None` with coverage `through`.
     pub fn blind_degrees(&self) -> Option<f64> {
         self.scores.range_card.as_ref()?;
         // A sum of nothing is −0.

@@ -44,11 +44,11 @@ pub struct Room {
     /// Guards `self_hit` of the placement as it is.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub guards: Vec<Guard>,
-    /// Each field of each LiDAR alone; one that is interrupted has the first ones.
+    /// Each field of each LiDAR alone; if interrupted, the first ones.
     pub fields: Vec<RoomOfField>,
     /// The body tilted, all LiDARs with it; `None` where it was not looked at.
     pub tilt: Option<RoomOfTilt>,
-    /// Copies in which all LiDARs are off at once, looked at behind the tilt.
+    /// Copies in which all LiDARs are off at once, by tolerance; looked at after the tilt.
     pub copies: Vec<RoomOfCopies>,
     /// Each LiDAR alone with all its fields off at once, looked at last; none for a placement of one LiDAR, whose copies tell it.
     pub alone: Vec<RoomOfLidar>,

@@ -139,7 +139,7 @@ impl JobScene {
         Ok(self.psog.get_or_init(|| psog).clone())
     }
 
-    /// Sensors and body of the vehicle, for beams on targets, made on first use; `None` where beams end at nothing.
+    /// Sensors and body of the vehicle, for beams on targets, made on first use; `None` with coverage `through`.
     ///
     /// # Errors
     /// See [`Self::problem`].
@@ -151,8 +151,8 @@ impl JobScene {
     /// The problem, made on first use.
     ///
     /// # Errors
-    /// See [`Self::psog`]; a sensor without beams, a P-SOG on another grid than the region of interest, weather where
-    /// beams end at nothing.
+    /// See [`Self::psog`]; a sensor without beams, a P-SOG on another grid than the region of interest, weather with
+    /// coverage `through`.
     pub fn problem(&self) -> Result<Arc<Problem>, JobError> {
         if let Some(problem) = self.problem.get() {
             return Ok(problem.clone());

@@ -47,7 +47,7 @@ struct Wanted {
 /// A step of a search.
 #[derive(Debug)]
 pub enum JobStep {
-    /// It goes on.
+    /// There is more to do: take another step.
     On,
     /// The observer has stopped the choice of sensors: there is no result.
     Stopped,
@@ -103,7 +103,7 @@ impl Job {
         }
     }
 
-    /// A search at its beginning.
+    /// Begins a search, which [`JobRun::step`] takes to its end.
     ///
     /// # Errors
     /// See [`Self::suite`]; a budget without prices, settings that a scene does not allow.

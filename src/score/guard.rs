@@ -22,13 +22,12 @@ const MOST_OUT_OF_RANGE: f64 = 0.01;
 /// A LiDAR with which less than this share of the information is lost is redundant.
 const LEAST_UNIQUE: f64 = 0.01;
 
-/// A LiDAR that ends more than this share of its beams at the own vehicle wastes much.
+/// Largest share of a LiDAR's beams that may end at the own vehicle; above it the guard `self_hit` is violated.
 pub const MOST_SELF_HITS: f64 = 0.25;
 
-/// A reason not to believe a placement's scores, or a fact about a rig: literal M-SOG is perfect for sensors that see only
-/// voxels that never change.
+/// A reason not to believe a placement's scores, or a fact about a rig. Printed as `name: sentence`.
 ///
-/// Printed as `name: sentence`.
+/// Scores alone can mislead: literal M-SOG is perfect for sensors that see only voxels that never change.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Guard {
@@ -74,7 +73,7 @@ pub enum Guard {
     },
     /// A car stands there and hardly a beam meets it; see [`crate::targets`].
     BlindSector(BlindSector),
-    /// Any of these in one of several scenes.
+    /// A guard that is violated in one of several scenes.
     InScene {
         /// Name of the scene.
         scene: String,

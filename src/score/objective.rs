@@ -72,7 +72,7 @@ pub enum ObjectiveError {
         nearest.as_ref().map(|near| format!("did you mean `{near}`? ")).unwrap_or_default(), OF_NO_TASK.join(", ")
     )]
     UnknownMetric { name: String, nearest: Option<String>, known: String },
-    /// A score of all classes together, asked of detection.
+    /// A score of all classes together, written with `detection.` before it.
     #[error("`{DETECTION}{name}`: {name} is of all classes together; write `{name}`")]
     OfNoTask { name: &'static str },
     /// Weights that leave nothing to maximize.
@@ -232,8 +232,8 @@ impl Objective {
         self.near_most().is_some()
     }
 
-    /// Fewest LiDARs that a voxel counts for at most in the near gains that the objective names; `None` where it names
-    /// none.
+    /// Lowest level of the near gains that the objective names: 1 for `near_gain`, 2 for `near_gain_2`, 3 for
+    /// `near_gain_3`. `None` where it names none.
     pub fn near_most(&self) -> Option<usize> {
         let most = |metric: &Metric| NEAR_GAINS.iter().position(|name| *name == metric.name);
         self.terms.iter().filter_map(|(_, metric)| most(metric)).min().map(|place| place + 1)
@@ -252,7 +252,8 @@ impl Objective {
         self.terms.iter().any(|(weight, metric)| *weight > 0.0 && metric.is_repeated())
     }
 
-    /// True if a guard is worth telling: that a LiDAR gains little alone is not where voxels are to be covered by several.
+    /// True if a guard is worth telling. An objective that wants voxels covered by several LiDARs, as `near_gain_2`, is
+    /// not told of a LiDAR that gains little alone.
     pub fn tells(&self, guard: &Guard) -> bool {
         !(self.wants_redundancy() && guard.is_of_redundancy())
     }

@@ -74,10 +74,10 @@ struct PlacementFrames {
     confirm: u64,
 }
 
-/// Frames that a search on demand used, saved and risked.
+/// Frames that a search on demand used, the work that they saved, and the loss that they risked.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FramesUsed {
-    /// Frames of each level.
+    /// Number of frames of each level.
     pub levels: Vec<usize>,
     /// Numbers of the frames of each level.
     pub frames: Vec<Vec<usize>>,
@@ -108,7 +108,7 @@ pub struct WorkByPurpose {
     pub swaps: u64,
     /// To check and to confirm.
     pub confirm: u64,
-    /// A search over all frames.
+    /// For comparison, by a search over all frames.
     pub full: u64,
 }
 

@@ -36,8 +36,8 @@ pub struct Scored {
 }
 
 impl Scored {
-    /// A placement with its scores, its value by an objective, and the rules that it breaks. Guards that are nothing to tell
-    /// by the objective are left out.
+    /// A placement with its scores, its value by an objective, and the rules that it breaks. Guards that do not matter
+    /// for the objective are left out.
     pub fn new(
         placement: &Placement,
         mut judged: Judged,
@@ -140,11 +140,11 @@ pub struct LeftOut {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Stopped {
-    /// The observer said so.
+    /// The observer stopped it.
     Interrupted,
     /// The time limit is over.
     Time,
-    /// The generations say why.
+    /// The generations ended for this reason.
     Generations(GenerationsStop),
     /// No swap gains any more, where there were swaps alone.
     Settled,
@@ -217,7 +217,7 @@ pub struct Outcome {
     pub phases: Option<PhaseCheck>,
     /// Correlations of layout properties with the objective, over random placements on the grid.
     pub findings: Vec<Finding>,
-    /// Frames that were used, saved and risked; `None` where they were given.
+    /// Frames that were chosen on demand, with work saved and loss risked; `None` where they were given.
     pub frames_used: Option<FramesUsed>,
     /// Frames that the search averaged over.
     pub search_frames: usize,

@@ -104,8 +104,8 @@ pub struct Settings {
     pub starts: Vec<Placement>,
     /// Objective over all frames at which the search ends.
     pub target: Option<f64>,
-    /// Mounting within which requirements are to hold: where they do not, LiDARs of the result move a little until they do.
-    /// No part of a saved state.
+    /// Mounting tolerance within which requirements are to hold. Where they do not, LiDARs of the result move a little
+    /// until they do. No part of a saved state.
     #[serde(skip)]
     pub tolerance: Option<Tolerance>,
     /// Limit of wall time; no part of a saved state.

@@ -213,7 +213,7 @@ impl Suite {
         if self.is_left_to_chance() { self.at_draw(SEARCHING) } else { self.clone() }
     }
 
-    /// A copy whose search is over some equipment; given placements are judged by the rules that they had.
+    /// A copy that searches poses of some equipment. Given placements are still judged by the rules that they had.
     #[must_use]
     pub fn with_equipment(&self, constraints: &Constraints) -> Self {
         let changed = |member: &Member| {
@@ -223,7 +223,7 @@ impl Suite {
         Self { members: self.members.iter().map(changed).collect() }
     }
 
-    /// A copy of which nothing is required.
+    /// A copy without requirements.
     #[must_use]
     pub fn without_requirements(&self) -> Self {
         let free = |member: &Member| {

@@ -108,7 +108,7 @@ pub struct Swapped {
     pub poses_cast: u64,
 }
 
-/// How far apart the climbs of one search ended: how good a draw its result is.
+/// How far apart the climbs of one search ended, which shows how much its result owes to luck.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Climbs {
     /// Number of climbs.

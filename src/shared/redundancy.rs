@@ -37,7 +37,7 @@ pub struct RedundancySite {
     problem: Arc<Problem>,
     /// Ground near the body, or the sentence that says why there is none.
     near: Result<NearSite, String>,
-    /// Vehicle on level ground; `None` where beams end at nothing.
+    /// Vehicle on level ground; `None` with coverage `through`.
     targets: Option<TargetSite>,
     /// Sensors of other technologies; `None` where the vehicle has none.
     cones: Option<ConeSite>,
@@ -65,7 +65,7 @@ pub struct Redundancy {
     /// Reason why there is no ground to look at.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub no_ground: Option<String>,
-    /// Places of each target on level ground; none where beams end at nothing.
+    /// Places of each target on level ground; none with coverage `through`.
     pub targets: Vec<TargetSeenBy>,
     /// Things by the technologies that see them; `None` where the vehicle has LiDARs alone.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -26,7 +26,7 @@ pub struct Technologies {
     pub ground_3m: Option<SeenByTechnologies>,
     /// Ground cells within 10 m of the own body; `None` without ground or body.
     pub ground_10m: Option<SeenByTechnologies>,
-    /// Places of each target on level ground; none where beams end at nothing.
+    /// Places of each target on level ground; none with coverage `through`.
     pub targets: Vec<TargetSeenByTechnologies>,
 }
 

@@ -109,8 +109,8 @@ impl TargetSite {
         Self { sensors, finders, body, bounds, receiving: None }
     }
 
-    /// Models and own body of a problem; a problem of a mirror image would give another vehicle's. In weather beams count
-    /// of which enough light comes back.
+    /// Models and own body of a problem. In weather a beam counts if enough light comes back. A problem of a mirror
+    /// image would give another vehicle's body.
     pub fn of(problem: &Problem) -> Self {
         let receiving = problem.shared_air().map(|air| Receiving(Through::Air(air.clone())));
         Self::new(problem.sensors().clone(), problem.body().clone()).receiving(receiving)
@@ -126,7 +126,7 @@ impl TargetSite {
         Ok(Self::new(sensors, body))
     }
 
-    /// A copy that counts only beams of which enough light comes back.
+    /// A copy that counts a beam only if enough light comes back.
     #[must_use]
     pub fn receiving(self, receiving: Option<Receiving>) -> Self {
         Self { receiving, ..self }

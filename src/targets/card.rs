@@ -28,7 +28,9 @@ const SECTOR_RANGE: [f64; 2] = [5.0, 50.0];
 /// Most distances of a card, in metres.
 const FARTHEST: f64 = 200.0;
 
-/// Distances at which targets are met, by bearing; on level ground without a scene, phases at 0.
+/// Distances at which targets are met, by bearing. A target is met by at least [`CARD_BEAMS`] beams.
+///
+/// Targets stand on level ground, without a scene, and phases stand at 0.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct RangeCard {
     /// Least beams on a target that is met.

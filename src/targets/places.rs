@@ -179,8 +179,8 @@ pub(super) fn places_of(rule: &TargetRule) -> Vec<[f64; 3]> {
 
 impl Sight {
     /// Sight of the vehicle of some scenes: its rules and, if `watches_cars`, a car all round. Each scene is given with
-    /// `true` for a mirror image, whose problem has mirrored sensors. `None` where there is nothing to look for, or beams
-    /// end at nothing, so that nothing is known of a body.
+    /// `true` for a mirror image, whose problem has mirrored sensors. `None` where there is nothing to look for, and
+    /// with coverage `through`, where nothing is known of a body.
     pub fn of<'a>(
         scenes: impl IntoIterator<Item = (&'a Arc<Problem>, bool)>,
         watches_cars: bool,

@@ -47,7 +47,7 @@ pub struct Front {
     pub objectives: FrontObjectives,
     /// In the order of the first objective, the best first.
     pub points: Vec<FrontPoint>,
-    /// Points with a name of their own, by their number.
+    /// Points that a decision may begin with: role, and number in [`Self::points`].
     pub picks: Vec<(Pick, usize)>,
     /// Placements scored over all frames.
     pub scored: usize,
@@ -113,7 +113,7 @@ pub enum FrontStopped {
     Complete,
     /// The time was over.
     Time,
-    /// The observer said so.
+    /// The observer stopped it.
     Interrupted,
 }
 
@@ -130,13 +130,15 @@ impl fmt::Display for FrontStopped {
 }
 
 impl Job {
-    /// The front of some objectives over the equipment of a vehicle and its poses. With [`Settings::evaluations`] above 0
-    /// a search of placements around each point of the front follows, with that many evaluations each, and around cheap
-    /// sensors that miss little of the requirements. Where no point then meets all requirements, the fewest sensors that do
-    /// are searched as [`Self::fewest`] has it, and the best for all the money.
+    /// The front of some objectives over the equipment of a vehicle and its poses.
     ///
-    /// Where the vehicle has requirements, a point that misses one takes the place of none that meets all. Scores that are
-    /// no gain are not chosen by: sensors are then chosen by the job's own objective, or by near gain.
+    /// With [`Settings::evaluations`] above 0 a search of poses follows around each point of the front, and around
+    /// cheap sensors that miss little of the requirements. Each has that many evaluations. Where no point then meets
+    /// all requirements, two more searches follow: for the fewest sensors that do, as [`Self::fewest`], and for the
+    /// best for all the money.
+    ///
+    /// A point that misses a requirement never takes the place of one that meets all. Sensors are chosen by gains. If
+    /// the objectives name none, the job's own objective chooses them, or near gain.
     ///
     /// [`Settings::evaluations`]: crate::Settings::evaluations
     ///

@@ -88,7 +88,7 @@ struct Climb {
 /// Result of one step of a choice.
 #[derive(Debug, Clone, PartialEq)]
 pub enum EquipStep {
-    /// It goes on.
+    /// There is more to do: take another step.
     On,
     /// The observer has stopped it.
     Stopped,

@@ -25,7 +25,7 @@ pub struct Equipped {
     /// Requirements that no rig on the grid meets, in words: a bound over its poses.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub out_of_reach: Vec<String>,
-    /// True if the time ended before the choice.
+    /// True if the time ended before the choice was finished.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_cut: bool,
 }

@@ -74,7 +74,7 @@ impl State {
         &self.settings
     }
 
-    /// Looks whether a loaded state is one of these scenes: its numbers come from a file.
+    /// Checks that a loaded state fits these scenes, since its numbers come from a file.
     ///
     /// # Errors
     /// The first part that does not fit, in words.
@@ -210,7 +210,7 @@ impl Run {
         (settings.engine, settings.time, settings.tolerance) = (engine, time, tolerance);
     }
 
-    /// The state to save: that before the first phase that time or an interruption cut short.
+    /// The state to save. If time or an interruption cut a phase short, it is the state before that phase.
     pub fn state(&self) -> &State {
         self.before_cut.as_ref().unwrap_or(&self.state)
     }

@@ -22,7 +22,7 @@
 //! # Why no triangle is missed
 //! A device finds the distance to a side as (corner − origin) · inverse + steps · (step · inverse), merged and rounded
 //! as its driver likes. Times the direction's component, that is wrong by at most u (3 |corner − origin| + 2 steps ·
-//! step) metres, with u = 2⁻²⁴: a step is a power of two, so that its product with the inverse is exact. The distance
+//! step) metres, with u = 2⁻²⁴. A step is a power of two, so that its product with the inverse is exact. The distance
 //! to a triangle's own box, which `intersect` clamps a hit to, is wrong by 2 u |side − origin|.
 //!
 //! Let L be the largest coordinate. No sensor is farther than the range R from the sphere around a tree, so that
