@@ -52,8 +52,8 @@ pub struct OptimizeArgs {
     /// m_sog_scaled_nonzero, s_mig; all but the near gains and s_mig also of detection, as detection.m_sog_scaled.
     /// m_sog_scaled is the paper's. The default is justified by the near ground that its optima see, not by what learners
     /// recognize (docs/evidence.md).
-    /// A rig that may lose a LiDAR wants near_gain_2: it counts voxels half that one LiDAR sees, and in full that two
-    /// see. Likewise near_gain_3 counts thirds up to three.
+    /// A rig that may lose a LiDAR wants near_gain_2: a voxel counts half if one LiDAR sees it, and in full if two do.
+    /// Likewise near_gain_3 counts thirds up to three.
     #[arg(long, allow_hyphen_values = true, conflicts_with = "resume")]
     objective: Option<String>,
     /// Placements that the generations evaluate; casts of the swaps and their refinements grow with them
