@@ -115,8 +115,7 @@ impl PyScene {
     }
 
     /// A scene from the dict of a scene file; files that it names are relative to `folder`, the current one unless
-    /// given. Options as for `load`. Raises `ValueError` and `OSError` as
-    /// `load`.
+    /// given. Options as for `load`. Raises `ValueError` and `OSError` as `load`.
     #[staticmethod]
     #[pyo3(signature = (scene, *, folder = None, psog = None, frames = None,
         conditions = None, backend = "auto", adapter = None, memory = None))]
@@ -233,10 +232,10 @@ impl PyScene {
     /// The bits are those of `sightline score`. Raises `ValueError` for poses of another shape, that are not finite, or of models
     /// that the vehicle does not have, `MemoryError` where memory does not suffice, `OSError` where a device fails.
     ///
-    /// The guards `self_hit` and `blind_sector` take casts of their own: they are looked for with up to 64 placements, as in
-    /// the program, with any number where `self_hits` is true, and not at all where it is false. So do the columns `near_field` and `near_ring`,
-    /// the shares of the ground within 10 m and 3 m of the own body with a hit close by, which are there where
-    /// `near_field` is true.
+    /// The guards `self_hit` and `blind_sector` take casts of their own. They are looked for with up to 64 placements,
+    /// as in the program, with any number if `self_hits` is true, and not at all if it is false. With `near_field`,
+    /// which casts likewise, there are the columns `near_field` and `near_ring`: shares of the ground within 10 m and 3
+    /// m of the own body with a hit close by.
     ///
     /// `progress` as for `optimize`.
     #[pyo3(signature = (poses, *, sensors = None, phases = None, self_hits = None, near_field = false, progress = None))]

@@ -193,19 +193,26 @@ fn own_placements(
 
 /// Searches placements over a scene or several, as `sightline optimize` does with the same settings.
 ///
-/// `objective` is a score by name, as `near_gain_2` for what two LiDARs see, a weighted sum, or a function of `Scores` that gives
-/// f64 `[N]`, the larger the better. A function is searched with CMA-ES alone, over the frames that the scenes are scored over:
-/// beside it only `evaluations`, `seed`, `population`, `baselines` (none unless given), `target`, `seconds`, `callback` and `progress`
-/// are taken; placements that are not `feasible` rank behind. `method` is `both`, `cma` or
-/// `swaps`; `frames` is a number of frames, spread evenly, `"all"`, or `"on-demand"` (the default): as many as the search asks for. The search ends after `evaluations` and their swaps, at `target`, or after `seconds`. `baselines` are compared
-/// with (Table 7 unless given), `starts` started from. `mirror` adds the mirror image of each scene. A vehicle's sensors are
-/// chosen for at most `budget`; with `fewest` as few as meet all requirements, and as cheap. Each requirement is
-/// looked at in 200 copies mounted within `tolerance`, a length and an angle as text, or `None`.
+/// - `objective`: a score by name, as `near_gain_2` for what two LiDARs see, a weighted sum, or a function (see below)
+/// - `evaluations`, `target`, `seconds`: the search ends after so many evaluations and their swaps, at this objective,
+///   or after this time
+/// - `method`: `both`, `cma` or `swaps`
+/// - `frames`: a number of frames, spread evenly, `"all"`, or `"on-demand"` (the default): as many as the search asks
+///   for
+/// - `baselines`: placements to compare with (Table 7 unless given); `starts`: placements to start from
+/// - `mirror`: adds the mirror image of each scene
+/// - `budget`: most that the vehicle's sensors may cost; `fewest`: as few as meet all requirements, and as cheap
+/// - `tolerance`: a length and an angle as text, or `None`: each requirement is looked at in 200 copies mounted within
+///   it
+///
+/// A function takes `Scores` and gives f64 `[N]`, the larger the better. It is searched with CMA-ES alone, over the
+/// frames that the scenes are scored over. Beside it only `evaluations`, `seed`, `population`, `baselines` (none unless
+/// given), `target`, `seconds`, `callback` and `progress` are taken. Placements that are not `feasible` rank behind.
 ///
 /// `callback` is called with a dict for each event: `{"event": "note", "text"}`, `{"event": "generation", "generation",
-/// "evaluations", "best_so_far", …}`, `{"event": "progress", "work", "done", "total"}`. `StopIteration` raised by it ends the
-/// search, which confirms what it has, over few frames where a scene has more than 32, and returns it. So do Ctrl-C and any other exception, but
-/// that they go on to the caller, with the `Result` as their `result`.
+/// "evaluations", "best_so_far", …}`, `{"event": "progress", "work", "done", "total"}`. If it raises `StopIteration`,
+/// the search ends, confirms what it has, over few frames where a scene has more than 32, and returns it. Ctrl-C and
+/// any other exception end it likewise, but go on to the caller, with the `Result` as their `result`.
 ///
 /// `progress` says how a call shows how far it is. `True` shows a bar, `False` nothing. `None` waits two seconds, then
 /// shows a bar where tqdm is installed and stderr is a terminal or a notebook. Elsewhere it writes `INFO` records of
