@@ -251,15 +251,24 @@ impl JobRun<'_> {
         let found = match step {
             EquipStep::On => return Ok(JobStep::On),
             EquipStep::Stopped => return Ok(JobStep::Stopped),
-            EquipStep::Done(found) => match taken(&mut self.state.fewest, found, vehicle, observer)
-            {
-                Next::Take(found) => *found,
-                Next::Again(limits) => {
-                    choice.again(limits);
-                    wanted.choosing = Choosing::default();
-                    return Ok(JobStep::On);
+            EquipStep::Done(found) => {
+                let Settings { starts, baselines, .. } = &wanted.settings;
+                let given = [&starts[..], &baselines[..]].concat();
+                let (found, name) = choice.or_given(vehicle, &given, found)?;
+                if let Some(name) = name {
+                    observer.on(&Event::Note(&format!(
+                        "the sensors of {name} are better than those chosen, over few frames: they are taken"
+                    )));
                 }
-            },
+                match taken(&mut self.state.fewest, found, vehicle, observer) {
+                    Next::Take(found) => *found,
+                    Next::Again(limits) => {
+                        choice.again(limits);
+                        wanted.choosing = Choosing::default();
+                        return Ok(JobStep::On);
+                    }
+                }
+            }
             EquipStep::OutOfTime(found) => {
                 self.is_late = true;
                 Equipped { is_cut: true, ..found }

@@ -21,8 +21,10 @@ use crate::vehicle::{
 
 /// Frames that the choice looks at, spread evenly.
 pub(super) const FRAMES: u32 = 4;
-/// Most poses of the grid, over all models and mounts.
+/// Most poses of the grid, over all models and mounts, but where both ends of every field are more.
 const POSES: u32 = 1200;
+/// Metres between poses of the widest grid.
+const WIDEST: f64 = 100.0;
 /// Spacing of the grid to begin with; widened until the poses are few enough.
 const SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
 /// Factor by which a grid with too many poses is widened.
@@ -178,10 +180,10 @@ impl Equip {
         let grid = loop {
             // The mirror image of a pose is on the grid where pairs are wanted.
             let ties = Ties { equal_height: false, ..constraints.ties };
-            let grid = PoseGrid::new(&Constraints { ties, ..constraints.clone() }, spacing);
-            match grid {
-                Ok(grid) if grid.len() <= POSES.max(kinds.len() as u32) => break grid,
-                Err(error) if spacing.metres > 100.0 => return Err(error.into()),
+            let constraints = Constraints { ties, ..constraints.clone() };
+            match PoseGrid::with_both_ends(&constraints, spacing) {
+                Ok(grid) if grid.len() <= POSES || spacing.metres > WIDEST => break grid,
+                Err(error) if spacing.metres > WIDEST => return Err(error.into()),
                 _ => {
                     spacing.metres *= WIDER;
                     spacing.radians *= WIDER;

@@ -1,9 +1,9 @@
 //! The equipment of a vehicle: models and numbers of sensors on each mount, for the money.
 //!
-//! Poses of every model on every mount lie on one coarse grid, each cast once into a few frames. The information gain
-//! and the requirements are both submodular in the set of sensors. So sensors are added one by one, the best first:
-//! once by gain, and once by gain for the price. Then single sensors are exchanged, moved, dropped or added while
-//! that gains. A [`Choosing`] is the checkpoint from which a choice continues to the same equipment.
+//! Poses of every model on every mount lie on one coarse grid with both ends of every pose field, each cast once into a few
+//! frames. The information gain and the requirements are both submodular in the set of sensors. So sensors are added one
+//! by one, the best first: once by gain, and once by gain for the price. Then single sensors are exchanged, moved, dropped
+//! or added while that gains. A start or baseline whose sensors are better takes the place of what was chosen. A [`Choosing`] is the checkpoint from which a choice continues to the same equipment.
 
 mod choosing;
 mod equipped;
@@ -155,6 +155,42 @@ impl Equipping {
         if let Search::Open(search) = &mut self.search {
             search.aim(objective, required);
         }
+    }
+
+    /// The sensors of one of some placements in place of those chosen, where it keeps all rules within the limits and, over
+    /// the few frames of the choice, misses less of the requirements, or as much and has more of the objective. Its name, too.
+    ///
+    /// # Errors
+    /// An engine that failed.
+    pub fn or_given(
+        &self,
+        vehicle: &Vehicle,
+        given: &[Placement],
+        found: Equipped,
+    ) -> Result<(Equipped, Option<String>), SearchError> {
+        let Spare { suite, objective, limits, memory, .. } = &self.spare;
+        let mut evaluator = Evaluator::suite_on_cpu(suite, *memory);
+        let (mut best, mut name) = (found, None);
+        for one in given {
+            let Some((equipment, lidars)) = vehicle.equipment_of(one) else { continue };
+            let cost = vehicle.cost(&equipment);
+            let is_allowed =
+                is_within_budget(cost, limits.budget) && equipment.len() <= limits.sensors;
+            if !is_allowed {
+                continue;
+            }
+            let placement = Placement { name: "equipped".into(), lidars };
+            let scores = evaluator.scores(std::slice::from_ref(&placement))?.remove(0);
+            let value = objective.value(&scores).unwrap_or(f64::NEG_INFINITY);
+            let missing = scores.missing();
+            let is_better =
+                best.equipment.is_empty() || (-missing, value) > (-best.missing, best.value);
+            if is_better {
+                best = Equipped { equipment, placement, cost, value, missing, ..best };
+                name = Some(one.name.clone());
+            }
+        }
+        Ok((best, name))
     }
 
     /// Exchanges one sensor, or begins or ends a climb. Where no rig of the coarse grid keeps all rules, the end is a rig

@@ -279,7 +279,7 @@ impl Constraints {
 
     /// A slot for each LiDAR of a placement, by its model and where it stands: the nearest ones where it
     /// has too many of a kind. Slots that are alike go to LiDARs in the order of their fields.
-    fn slots_of(&self, lidars: &[SensorPose]) -> Vec<Option<usize>> {
+    pub(super) fn slots_of(&self, lidars: &[SensorPose]) -> Vec<Option<usize>> {
         let mut free: Vec<bool> = vec![true; self.slots.len()];
         let mut chosen = vec![None; lidars.len()];
         let mut order: Vec<usize> = (0..lidars.len()).collect();

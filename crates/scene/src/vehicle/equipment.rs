@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::{
     Constraints, GroundRule, Lidar, MAX_LIDARS, OtherModel, OtherSensor, OverlapRule, Placement,
-    Region, Requirement, Response, SensorError, SensorModel, SensorName, Sensors, Slot, SpinPhase,
-    TargetRule, Ties,
+    Region, Requirement, Response, SensorError, SensorModel, SensorName, SensorPose, Sensors, Slot,
+    SpinPhase, TargetRule, Ties,
 };
 use sightline_files::Note;
 
@@ -204,6 +204,30 @@ impl Vehicle {
             vec![Slot { others, ..self.slot(k, mount.sensors[0]) }; mount.count[1]]
         });
         self.with_slots(slots.collect())
+    }
+
+    /// Mount and model of each LiDAR of a placement, and the LiDARs, both in the order of [`Self::constraints`]; `None` where
+    /// the placement breaks a rule, or a mount holds fewer sensors than it must.
+    pub fn equipment_of(&self, placement: &Placement) -> Option<(Equipment, Vec<SensorPose>)> {
+        let rules = self.rules();
+        let keeps_rules = !placement.lidars.is_empty() && rules.violations(placement).is_empty();
+        let slots = rules.slots_of(&placement.lidars);
+        let first = rules.first;
+        let kind = |(slot, lidar): (Option<usize>, &SensorPose)| {
+            let region = &rules.slots[slot?].region;
+            let mount = self.mounts.iter().position(|mount| mount.region == *region)?;
+            Some((mount, if lidar.sensor.is_none() { first } else { lidar.sensor }))
+        };
+        let kinds = slots.into_iter().zip(&placement.lidars).map(kind);
+        let equipment: Equipment = kinds.collect::<Option<_>>().filter(|_| keeps_rules)?;
+        let on = |mount: usize| equipment.iter().filter(|(of, _)| *of == mount).count();
+        if (0..self.mounts.len()).any(|mount| on(mount) < self.mounts[mount].count[0]) {
+            return None;
+        }
+        let named = placement.lidars.iter().zip(&equipment);
+        let named = named.map(|(lidar, (_, sensor))| SensorPose { sensor: *sensor, ..*lidar });
+        let lidars = self.constraints(&equipment).ordered(&named.collect::<Vec<_>>())?;
+        Some((equipment, lidars))
     }
 
     /// Bounds of the phase that the search chooses for a model, in radians.

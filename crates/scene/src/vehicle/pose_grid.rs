@@ -78,6 +78,26 @@ impl PoseGrid {
     /// # Errors
     /// A spacing that is not positive, or too many poses.
     pub fn new(constraints: &Constraints, spacing: Spacing) -> Result<Self, PoseGridError> {
+        Self::of(constraints, spacing, false)
+    }
+
+    /// Grid of a mount with both ends of every pose field: its steps are a little wider than the spacing, and of a shorter
+    /// field as long as the field.
+    ///
+    /// # Errors
+    /// See [`Self::new`].
+    pub fn with_both_ends(
+        constraints: &Constraints,
+        spacing: Spacing,
+    ) -> Result<Self, PoseGridError> {
+        Self::of(constraints, spacing, true)
+    }
+
+    fn of(
+        constraints: &Constraints,
+        spacing: Spacing,
+        both_ends: bool,
+    ) -> Result<Self, PoseGridError> {
         for (value, unit) in [(spacing.metres, "m"), (spacing.radians, "rad")] {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(PoseGridError::BadSpacing { value, unit });
@@ -93,7 +113,7 @@ impl PoseGrid {
                 }
                 false => GridImage::None,
             };
-            let (mut part, count) = SlotGrid::new(slot, poses as u32, spacing, image);
+            let (mut part, count) = SlotGrid::new(slot, poses as u32, (spacing, both_ends), image);
             poses = poses.saturating_add(count);
             if poses > u128::from(MAX_POSES) {
                 return Err(PoseGridError::TooManyPoses { poses });
@@ -261,24 +281,30 @@ enum GridImage {
 
 impl SlotGrid {
     /// The grid of a slot, its first pose numbered `first`, and its number of poses.
-    fn new(slot: &Slot, first: u32, spacing: Spacing, image: GridImage) -> (Self, u128) {
+    fn new(
+        slot: &Slot,
+        first: u32,
+        (spacing, both_ends): (Spacing, bool),
+        image: GridImage,
+    ) -> (Self, u128) {
         let Spacing { metres, radians } = spacing;
         let [from, to] = slot.phase.unwrap_or_default();
         let phase = (to - from) / f64::from(PHASES);
-        let step = [metres, metres, metres, radians, radians, radians, phase];
-        let whole = |extent: f64, k: usize| {
+        let mut step = [metres, metres, metres, radians, radians, radians, phase];
+        let whole = |extent: f64, step: f64| {
             // Bounds are decimal: 1.2 m is 12 steps of 0.1 m, though 1.2 / 0.1 = 11.999… in `f64`.
-            let steps = extent / step[k];
+            let steps = extent / step;
             if (steps - steps.round()).abs() < 1e-9 { steps.round() } else { steps.floor() }
         };
         let centred = |k: usize| image == GridImage::Itself && MIRRORED.contains(&k);
         // From the bound that is the image of the lower one.
         let down = |k: usize| matches!(image, GridImage::Of(_)) && MIRRORED.contains(&k);
         let Region { lower, upper, .. } = &*slot.region;
-        let steps = |k: usize| match centred(k) {
-            true => 2.0 * whole(upper[k], k),
-            false => whole(upper[k] - lower[k], k),
-        };
+        let extent = |k: usize| if centred(k) { upper[k] } else { upper[k] - lower[k] };
+        for k in (0..6).filter(|&k| both_ends && extent(k) > 0.0) {
+            step[k] = extent(k) / whole(extent(k), step[k]).max(1.0);
+        }
+        let steps = |k: usize| whole(extent(k), step[k]) * if centred(k) { 2.0 } else { 1.0 };
         let phases = if slot.phase.is_some() { PHASES } else { 1 };
         let poses = (0..6).fold(u128::from(phases), |product, k| {
             product.saturating_mul((steps(k) as u128).saturating_add(1))
