@@ -1,5 +1,8 @@
 //! The search of a job step by step: sensors for the money, placements, own body.
 
+mod fewest;
+
+use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
@@ -10,6 +13,7 @@ use crate::search::{
     Settings, State, Suite, TimeLimit,
 };
 use crate::vehicle::{Constraints, PoseGrid, SensorName, Vehicle, random_placements_by_the_rules};
+use fewest::{Fewest, Next, taken};
 use sightline_files::json::counted;
 
 /// Checkpoint of a job's search, beside the job itself: a value that is saved and read again.
@@ -80,6 +84,8 @@ pub struct JobRun<'a> {
     equipping: Option<Equipping>,
     /// The search of placements, once the sensors are chosen.
     run: Option<Run>,
+    /// Search and result of fewer sensors, which missed a requirement: they stand where more sensors are not chosen.
+    before: Option<(Run, Outcome)>,
     /// The time ended while sensors were chosen: a resumed search goes on with that choice.
     is_late: bool,
     /// Wall time that choosing sensors has taken in this process.
@@ -145,6 +151,7 @@ impl Job {
             state,
             equipping: None,
             run: None,
+            before: None,
             is_late,
             equipped_in,
         };
@@ -193,10 +200,16 @@ impl JobRun<'_> {
             self.equipped_in += start.elapsed();
             return step;
         };
-        let Some(mut outcome) = run.step(observer)? else { return Ok(JobStep::On) };
+        let Some(outcome) = run.step(observer)? else { return Ok(JobStep::On) };
         if self.takes_one_more(&outcome, observer) {
+            self.before = self.run.take().map(|run| (run, outcome));
             return Ok(JobStep::On);
         }
+        self.done(outcome, observer)
+    }
+
+    /// The end of a search: prices, ranges and self-hits join its result.
+    fn done(&self, mut outcome: Outcome, observer: &mut dyn Observer) -> Result<JobStep, JobError> {
         for scored in outcome.best.iter_mut().chain(&mut outcome.baselines) {
             scored.price = self.vehicle.price_of_rig(&scored.placement);
         }
@@ -219,21 +232,56 @@ impl JobRun<'_> {
             counted(allowed, "sensor")
         );
         observer.on(&Event::Note(&words));
-        let more = Fewest::new(self.job.most_money(), allowed + 1);
+        let mut more = Fewest::new(self.job.most_money(), allowed + 1);
+        more.searched.clone_from(&fewest.searched);
+        more.searched.extend(self.state.equipped.take().map(|equipped| equipped.equipment));
         self.state = JobState { equipped: None, fewest: Some(more), course: self.job.equipping() };
-        (self.run, self.equipping) = (None, None);
+        self.equipping = None;
         true
     }
 
     /// Goes on with the choice of sensors.
     fn equip(&mut self, observer: &mut dyn Observer) -> Result<JobStep, JobError> {
-        let Course::Equipping(wanted) = &mut self.state.course else {
-            return Ok(JobStep::Stopped);
+        let found = match self.choose(observer)? {
+            ControlFlow::Continue(found) => found,
+            ControlFlow::Break(step) => return Ok(step),
         };
         let vehicle = self.vehicle;
-        let settings = &self.job.settings;
-        let limits = Limits::budget(self.job.most_money());
-        let limits = self.state.fewest.as_ref().map_or(limits, |fewest| fewest.limits);
+        if found.equipment.is_empty() {
+            let least = vehicle.rig_by_the_rules().map_err(SearchError::from)?.0;
+            let (budget, least) = (self.limits().budget, vehicle.cost(&least));
+            return Err(SearchError::Budget { budget, least }.into());
+        }
+        tell_equipment(vehicle, &found, observer);
+        self.equipping = None;
+        self.suite = self.suite.with_equipment(&vehicle.constraints(&found.equipment));
+        let searched = self.state.fewest.as_ref().map_or(&[][..], |fewest| &fewest.searched);
+        let was_last = searched.last() == Some(&found.equipment);
+        self.state.equipped = Some(found);
+        if let Some((run, outcome)) = self.before.take().filter(|_| was_last) {
+            self.run = Some(run);
+            return self.done(outcome, observer);
+        }
+        self.search()?;
+        Ok(JobStep::On)
+    }
+
+    /// Limits of the choice of sensors.
+    fn limits(&self) -> Limits {
+        let all = Limits::budget(self.job.most_money());
+        self.state.fewest.as_ref().map_or(all, |fewest| fewest.limits)
+    }
+
+    /// A step of the choice of sensors, or its end.
+    fn choose(
+        &mut self,
+        observer: &mut dyn Observer,
+    ) -> Result<ControlFlow<JobStep, Equipped>, JobError> {
+        let limits = self.limits();
+        let Course::Equipping(wanted) = &mut self.state.course else {
+            return Ok(ControlFlow::Break(JobStep::Stopped));
+        };
+        let (vehicle, settings) = (self.vehicle, &self.job.settings);
         let choice = match &mut self.equipping {
             Some(choice) => choice,
             none => {
@@ -242,49 +290,37 @@ impl JobRun<'_> {
                 let opened = Equipping::open(
                     &self.suite, vehicle, objective, limits, engine, deadline, observer,
                 )?;
-                let Some(opened) = opened else { return Ok(JobStep::Stopped) };
+                let Some(opened) = opened else { return Ok(ControlFlow::Break(JobStep::Stopped)) };
                 none.insert(opened.with_state(wanted.choosing.clone()))
             }
         };
         let step = choice.step(observer)?;
         wanted.choosing = choice.state().clone();
         let found = match step {
-            EquipStep::On => return Ok(JobStep::On),
-            EquipStep::Stopped => return Ok(JobStep::Stopped),
-            EquipStep::Done(found) => {
-                let Settings { starts, baselines, .. } = &wanted.settings;
-                let given = [&starts[..], &baselines[..]].concat();
-                let (found, name) = choice.or_given(vehicle, &given, found)?;
-                if let Some(name) = name {
-                    observer.on(&Event::Note(&format!(
-                        "the sensors of {name} are better than those chosen, over few frames: they are taken"
-                    )));
-                }
-                match taken(&mut self.state.fewest, found, vehicle, observer) {
-                    Next::Take(found) => *found,
-                    Next::Again(limits) => {
-                        choice.again(limits);
-                        wanted.choosing = Choosing::default();
-                        return Ok(JobStep::On);
-                    }
-                }
-            }
+            EquipStep::On => return Ok(ControlFlow::Break(JobStep::On)),
+            EquipStep::Stopped => return Ok(ControlFlow::Break(JobStep::Stopped)),
+            EquipStep::Done(found) => found,
             EquipStep::OutOfTime(found) => {
                 self.is_late = true;
-                Equipped { is_cut: true, ..found }
+                return Ok(ControlFlow::Continue(Equipped { is_cut: true, ..found }));
             }
         };
-        if found.equipment.is_empty() {
-            let least = vehicle.rig_by_the_rules().map_err(SearchError::from)?.0;
-            let (budget, least) = (limits.budget, vehicle.cost(&least));
-            return Err(SearchError::Budget { budget, least }.into());
+        let Settings { starts, baselines, .. } = &wanted.settings;
+        let given = [&starts[..], &baselines[..]].concat();
+        let (found, name) = choice.or_given(vehicle, &given, found)?;
+        if let Some(name) = name {
+            observer.on(&Event::Note(&format!(
+                "the sensors of {name} are better over few frames than those chosen: they are taken"
+            )));
         }
-        tell_equipment(vehicle, &found, observer);
-        self.equipping = None;
-        self.suite = self.suite.with_equipment(&vehicle.constraints(&found.equipment));
-        self.state.equipped = Some(found);
-        self.search()?;
-        Ok(JobStep::On)
+        Ok(match taken(&mut self.state.fewest, found, vehicle, observer) {
+            Next::Take(found) => ControlFlow::Continue(*found),
+            Next::Again(limits) => {
+                choice.again(limits);
+                wanted.choosing = Choosing::default();
+                ControlFlow::Break(JobStep::On)
+            }
+        })
     }
 
     /// Begins the search of placements, or goes on with one.
@@ -360,26 +396,6 @@ impl JobRun<'_> {
     }
 }
 
-/// Takes the sensors of a choice, or asks for another choice where the fewest are wanted.
-fn taken(
-    fewest: &mut Option<Fewest>,
-    found: Equipped,
-    vehicle: &Vehicle,
-    observer: &mut dyn Observer,
-) -> Next {
-    let Some(fewest) = fewest else { return Next::Take(Box::new(found)) };
-    let (sensors, short) = (fewest.limits.sensors, 100.0 * found.missing);
-    let most = vehicle.most_sensors(fewest.limits.budget);
-    let next = fewest.next(found, most, vehicle.cost(&vehicle.cheapest()));
-    if matches!(next, Next::Again(limits) if limits.sensors > sensors) {
-        observer.on(&Event::Note(&format!(
-            "no equipment of {} was found that meets all requirements: it misses them by {short:.0} percentage points, summed",
-            counted(sensors, "sensor")
-        )));
-    }
-    next
-}
-
 /// Notes the chosen sensors, and how far they miss the requirements.
 fn tell_equipment(vehicle: &Vehicle, found: &Equipped, observer: &mut dyn Observer) {
     let words = format!("equipment: {}", found.words_with_price(vehicle));
@@ -390,57 +406,6 @@ fn tell_equipment(vehicle: &Vehicle, found: &Equipped, observer: &mut dyn Observ
              over those that are not met; the search tries to close it",
             100.0 * found.missing
         )));
-    }
-}
-
-/// Share by which the next price is less than one that is met.
-const LESS: f64 = 1e-9;
-/// Share of the requirements, summed, that a choice on the coarse grid may miss: the search of placements, over finer
-/// poses and all frames, often closes a gap as wide.
-const NEARLY: f64 = 0.3;
-
-/// State of a choice of the fewest sensors.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(super) struct Fewest {
-    /// Limits of the choice under way.
-    pub limits: Limits,
-    /// Equipment with the fewest sensors so far that meets the requirements on the grid; the choice now looks for a cheaper
-    /// one.
-    held: Option<Equipped>,
-}
-
-/// Next step after a choice.
-pub(super) enum Next {
-    /// Another choice under other limits.
-    Again(Limits),
-    /// The equipment. It may miss a requirement where no choice met all.
-    Take(Box<Equipped>),
-}
-
-impl Fewest {
-    /// A choice that begins with `least` sensors.
-    pub fn new(budget: f64, least: usize) -> Self {
-        Self { limits: Limits { budget, sensors: least.max(1) }, held: None }
-    }
-
-    /// Looks at the result of a choice under [`Self::limits`]. Where all is met on the grid, a cheaper choice is looked for,
-    /// down to `cheapest`; where little is missing, the search of placements may close the gap; else one sensor more is
-    /// allowed, up to `most`.
-    pub fn next(&mut self, found: Equipped, most: usize, cheapest: f64) -> Next {
-        match &self.held {
-            _ if found.missing <= 0.0 => {
-                let is_cheapest = found.cost <= cheapest;
-                self.limits.budget = found.cost * (1.0 - LESS);
-                self.held = Some(found.clone());
-                if is_cheapest { Next::Take(Box::new(found)) } else { Next::Again(self.limits) }
-            }
-            Some(held) => Next::Take(Box::new(held.clone())),
-            None if found.missing > NEARLY && self.limits.sensors < most => {
-                self.limits.sensors += 1;
-                Next::Again(self.limits)
-            }
-            None => Next::Take(Box::new(found)),
-        }
     }
 }
 

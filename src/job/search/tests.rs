@@ -30,3 +30,17 @@ fn a_choice_that_misses_little_and_the_last_one_are_taken() {
     assert!(matches!(fewest.next(found(2, 5.0, 0.6), 3, 1.0), Next::Again(_)));
     assert!(matches!(fewest.next(found(3, 5.0, 0.5), 3, 1.0), Next::Take(e) if e.missing == 0.5));
 }
+
+#[test]
+fn equipment_that_was_searched_is_not_searched_again() {
+    let mut fewest = Fewest::new(9.0, 2);
+    fewest.searched.push(found(2, 5.0, 0.2).equipment);
+    // Two sensors again, though three are allowed: four are allowed next. Those of the last choice are taken all the same.
+    assert!(matches!(fewest.next(found(2, 5.0, 0.2), 4, 1.0), Next::Again(l) if l.sensors == 3));
+    assert!(matches!(fewest.next(found(2, 5.0, 0.0), 4, 1.0), Next::Again(l) if l.sensors == 4));
+    assert!(matches!(fewest.next(found(2, 5.0, 0.2), 4, 1.0), Next::Take(_)));
+    // Others may close a small gap.
+    assert!(
+        matches!(fewest.next(found(3, 5.0, 0.2), 4, 1.0), Next::Take(e) if e.equipment.len() == 3)
+    );
+}
