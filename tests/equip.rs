@@ -317,6 +317,56 @@ fn what_must_be_seen_comes_before_what_gains() {
 }
 
 #[test]
+fn the_upper_end_of_a_short_axis_is_looked_at() {
+    let mut vehicle = vehicle(Vec::new());
+    vehicle.mounts.truncate(1);
+    let region = Arc::make_mut(&mut vehicle.mounts[0].region);
+    (region.lower[2], region.upper[2]) = (0.0, 0.05);
+    let problem = problem(7, &vehicle);
+    let heights = |budget: f64| {
+        let found = equipped(&problem, &vehicle, budget);
+        found.placement.lidars.iter().map(|lidar| lidar.z).collect::<Vec<_>>()
+    };
+    let all: Vec<f64> = [2.0, 4.0, 6.0, 8.0, 12.0].into_iter().flat_map(heights).collect();
+    assert!(all.iter().all(|z| [0.0, 0.05].contains(z)) && all.contains(&0.05), "{all:?}");
+}
+
+#[test]
+fn better_sensors_of_a_given_placement_are_taken_and_dear_ones_are_not() {
+    let near = Requirement {
+        name: "behind".into(),
+        inside: [[-4.0, -2.0, -1.0], [-2.0, 2.0, 1.0]],
+        without: Vec::new(),
+        share: 1.0,
+    };
+    let vehicle = vehicle(vec![near]);
+    let problem = problem(5, &vehicle).with_areas(&vehicle.require);
+    let (objective, engine) = ("information_gain".parse().unwrap(), EngineChoice::cpu());
+    let silent = &mut |_: &Event| true;
+    let suite = problem.clone().into();
+    let limits = Limits::budget(6.0);
+    let choice =
+        Equipping::open(&suite, &vehicle, &objective, limits, &engine, None, silent).unwrap();
+    let choice = choice.unwrap();
+    let [few, many, dear] = [2.0, 6.0, 30.0].map(|budget| equipped(&problem, &vehicle, budget));
+    assert!(few.missing > many.missing && many.missing > dear.missing, "{few:?} {many:?} {dear:?}");
+    let mut given = [&few, &many, &dear].map(|of| of.placement.clone());
+    given[1].name = "mine".to_owned();
+    // Given in another order than the mounts have, as people write them.
+    given[1].lidars.reverse();
+    let (taken, name) = choice.or_given(&vehicle, &given, few.clone()).unwrap();
+    assert_eq!((name.as_deref(), taken.cost), (Some("mine"), many.cost));
+    assert_eq!(
+        (&taken.equipment, &taken.placement.lidars),
+        (&many.equipment, &many.placement.lidars)
+    );
+    // One that breaks a rule, and one that is no better, are not taken.
+    given[1].lidars[0].y = 3.0;
+    let (kept, name) = choice.or_given(&vehicle, &given, few.clone()).unwrap();
+    assert_eq!((name, kept), (None, few));
+}
+
+#[test]
 fn a_budget_below_the_cheapest_rig_is_refused() {
     let mut vehicle = vehicle(Vec::new());
     vehicle.mounts[0].count = [2, 2];

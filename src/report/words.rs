@@ -429,11 +429,13 @@ pub fn frames_in_words(scored: usize, all: usize) -> String {
 
 /// How much better than the result another placement on a grid could be.
 pub fn bound_in_words(certificate: &Certificate, best: &Scored) -> String {
-    let asked = match certificate.gain.is_some() && !best.scores.required.is_empty() {
-        true => ", whether it meets requirements or not",
-        false => "",
-    };
-    format!("{}{asked}", certificate.gain_says)
+    let is_chosen = best.placement.lidars.iter().any(|lidar| !lidar.sensor.is_none());
+    let words = [
+        (is_chosen, ", with these sensors on their mounts"),
+        (!best.scores.required.is_empty(), ", whether it meets requirements or not"),
+    ];
+    let said = words.iter().filter(|(is_so, _)| *is_so && certificate.gain.is_some());
+    format!("{}{}", certificate.gain_says, said.map(|(_, words)| *words).collect::<String>())
 }
 
 /// A text as one word of a shell: as it is, or between quotes where a shell would take it apart.

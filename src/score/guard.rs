@@ -186,20 +186,24 @@ pub fn reference_layout(constraints: &Constraints, models: &[SensorName]) -> Pla
             None => groups.push((region, vec![model])),
         }
     }
-    let lidars = groups.iter().flat_map(|(region, group)| around(region, group)).collect();
+    // From there on the layout is its own mirror image.
+    let from = |count: usize| if constraints.ties.symmetric { 0.5 / count as f64 } else { 0.125 };
+    let lidars = groups.iter().flat_map(|(region, group)| around(region, group, from(group.len())));
+    let lidars = lidars.collect();
     Placement { name: format!("reference-{}", models.len()), lidars }
 }
 
-/// LiDARs on the top edge of a region, evenly around it; one alone in the middle.
+/// LiDARs on the top edge of a region, evenly around it from a part of a turn on; one alone in the middle.
 fn around<'a>(
     region: &'a Region,
     models: &'a [SensorName],
+    from: f64,
 ) -> impl Iterator<Item = SensorPose> + 'a {
     let (lower, upper, lidars) = (&region.lower, &region.upper, models.len());
     let middle = |k: usize| 0.5 * (lower[k] + upper[k]);
     let level = |k: usize| 0.0_f64.clamp(lower[k], upper[k]);
     models.iter().enumerate().map(move |(index, &sensor)| {
-        let turn = std::f64::consts::TAU * (index as f64 / lidars as f64 + 0.125);
+        let turn = std::f64::consts::TAU * (index as f64 / lidars as f64 + from);
         // A circle around the corners, pressed onto the edge of the box.
         let on_edge = |k: usize, direction: f64| {
             let half = 0.5 * (upper[k] - lower[k]);
@@ -298,6 +302,16 @@ mod tests {
             assert_eq!(z, 2.8);
         }
         let single = reference_layout(&constraints(), &[SensorName::default()]);
+        let mut tied = constraints();
+        tied.ties.symmetric = true;
+        for count in 1..=6 {
+            let layout = reference_layout(&tied, &vec![SensorName::default(); count]);
+            let broken = tied.violations(&layout);
+            assert!(
+                broken.iter().all(|v| !matches!(v, crate::vehicle::Violation::NotMirrored { .. })),
+                "{broken:?}"
+            );
+        }
         assert_eq!((single.lidars[0].x, single.lidars[0].y), (0.0, 0.0));
         for count in 1..=16 {
             assert!(

@@ -494,4 +494,24 @@ mod tests {
         let wide = Spacing { metres: 9.0, radians: 9.0 };
         assert_eq!(PoseGrid::new(&constraints(), wide).unwrap().len(), 1, "the lower corner");
     }
+
+    #[test]
+    fn a_grid_with_both_ends_has_them_whatever_the_spacing() {
+        let Region { lower, upper, .. } = &*constraints().slots[0].region;
+        for (spacing, poses) in [(9.0, 2 * 2 * 2 * 2), (0.4, 4 * 4 * 2 * 2), (0.1, 13 * 13 * 7 * 7)]
+        {
+            let spacing = Spacing { metres: spacing, radians: spacing };
+            let grid = PoseGrid::with_both_ends(&constraints(), spacing).unwrap();
+            assert_eq!(grid.len(), poses, "{spacing:?}");
+            let ends = [grid.pose(0), grid.pose(poses - 1)].map(|pose| pose.values());
+            assert_eq!(ends, [*lower, *upper]);
+        }
+        // In pairs: the plane of symmetry, and both sides of it.
+        let mut tied = constraints();
+        tied.ties.symmetric = true;
+        let grid = PoseGrid::with_both_ends(&tied, Spacing { metres: 9.0, radians: 9.0 }).unwrap();
+        assert_eq!(grid.len(), 2 * 3 * 2 * 3);
+        let image = grid.pose(grid.mirrored(0));
+        assert_eq!([image.y, image.roll, image.x], [0.6, 0.3, -0.6]);
+    }
 }
