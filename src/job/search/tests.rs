@@ -35,7 +35,7 @@ fn a_choice_that_misses_little_and_the_last_one_are_taken() {
 fn equipment_that_was_searched_is_not_searched_again() {
     let mut fewest = Fewest::new(9.0, 2);
     fewest.searched.push(found(2, 5.0, 0.2).equipment);
-    // Two sensors again, though three are allowed: four are allowed next. Those of the last choice are taken all the same.
+    // Two sensors again, though three are allowed: four are allowed next, and the last choice is taken in any case.
     assert!(matches!(fewest.next(found(2, 5.0, 0.2), 4, 1.0), Next::Again(l) if l.sensors == 3));
     assert!(matches!(fewest.next(found(2, 5.0, 0.0), 4, 1.0), Next::Again(l) if l.sensors == 4));
     assert!(matches!(fewest.next(found(2, 5.0, 0.2), 4, 1.0), Next::Take(_)));

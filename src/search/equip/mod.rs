@@ -157,8 +157,9 @@ impl Equipping {
         }
     }
 
-    /// The sensors of one of some placements in place of those chosen, where it keeps all rules within the limits and, over
-    /// the few frames of the choice, misses less of the requirements, or as much and has more of the objective. Its name, too.
+    /// The sensors of a given placement in place of those chosen, and its name, where it is better over the few frames of
+    /// the choice: it misses less of the requirements, or as much and has more of the objective. Placements that break a
+    /// rule or the limits are passed over.
     ///
     /// # Errors
     /// An engine that failed.
