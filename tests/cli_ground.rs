@@ -43,9 +43,22 @@ fn agrees(scores: &Value, near: &Value) {
     assert_eq!(found(1), near["ring"].as_f64().unwrap(), "{near}");
     for (k, (side, depth)) in RULES.into_iter().enumerate() {
         let (rule, zone) = (&scores["requirements"][2 + k], &near["zone"][side]);
-        let is_met = zone.as_f64().is_some_and(|found| found <= depth);
+        let lanes: Vec<&Value> = near["zone"]["lanes"].as_array().unwrap().iter().collect();
+        let lanes: Vec<&Value> = lanes.into_iter().filter(|lane| lane["side"] == side).collect();
+        let is_lost = |lane: &&&Value| {
+            let lost = lane["lost"].as_array().into_iter().flatten();
+            let mut ends = lost.map(|of| [0, 1].map(|k| of[k].as_f64().unwrap()));
+            let begins_in = lane["depth"].as_f64().is_some_and(|found| found <= depth);
+            begins_in && ends.any(|[from, to]| from <= depth && to > depth)
+        };
+        let lost = lanes.iter().filter(is_lost).count();
+        let is_met = zone.as_f64().is_some_and(|found| found <= depth) && lost == 0;
         assert_eq!(rule["met"], is_met, "{side}: {rule} {zone}");
         let told = match zone.as_f64() {
+            Some(found) if lost > 0 => format!(
+                "the blind zone {side} ends at {found:.2} m; {lost} of {} lanes lose ground behind it again",
+                lanes.len()
+            ),
             Some(found) => format!("the blind zone {side} ends at {found:.2} m"),
             None => format!("the blind zone {side} does not end within 10 m"),
         };

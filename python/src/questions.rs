@@ -95,7 +95,7 @@ impl PyScene {
     ///
     /// - `near_field` and `ring`: shares of the ground within 10 m and 3 m; `blind_area` in m²
     /// - `zone`: depth of the blind zone in metres `ahead`, `behind`, `left` and `right` (`None`: beyond 10 m), and its
-    ///   lanes
+    ///   lanes; `lost`: sides on which ground behind the nearest ground seen is unseen again over 2 m or more
     /// - `poles` of standards, and `beams` by LiDAR
     ///
     /// Means over the scored frames. Raises `ValueError` for a scene without geometry or own body.

@@ -171,7 +171,7 @@ impl NearRecord {
     fn in_words(&self) -> String {
         let Self { frames, near, .. } = self;
         let depths = near.zone.depths().map(|(side, depth)| match depth {
-            Some(depth) => format!("{side} {depth:.1} m"),
+            Some(depth) => format!("{side} {depth:.1} m{}", near.zone.but_lost(side)),
             None => format!("{side} more than {NEAR} m"),
         });
         let ring = near.ring.map(|ring| format!(", {:.1} % within {RING} m", percent_down(ring)));

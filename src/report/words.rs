@@ -38,7 +38,8 @@ struct OfRun {
     near: String,
 }
 
-/// Sentence on sides of the vehicle without any ground that is seen; empty where there is none.
+/// Sentence on sides of the vehicle without any ground that is seen, and on sides that lose it again in half of their lanes or
+/// more; empty where there is none.
 fn unseen_in_words(near: &NearField) -> String {
     let (mut sides, mut lanes) = (Vec::new(), Vec::new());
     for (side, _) in near.zone.depths().into_iter().filter(|(_, depth)| depth.is_none()) {
@@ -52,8 +53,11 @@ fn unseen_in_words(near: &NearField) -> String {
     }
     let places = [sides.join(" and "), lanes.join(" and ")];
     let each = places.iter().filter(|places| !places.is_empty());
-    let each: Vec<String> =
+    let mut each: Vec<String> =
         each.map(|places| format!("no ground is seen within {NEAR} m {places}")).collect();
+    let lost = near.zone.depths().into_iter().filter_map(|(side, _)| near.zone.lost_on(side));
+    let lost = lost.filter(|lost| 2 * lost.lanes >= lost.of);
+    each.extend(lost.map(|lost| format!("ground {} is {}", lost.side, lost.in_words())));
     if each.is_empty() { String::new() } else { format!("BLIND ZONE: {}. ", each.join("; ")) }
 }
 

@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::*;
-use crate::near_field::{BlindLane, BlindZone};
+use crate::near_field::{BlindLane, BlindZone, LostGround};
 use crate::score::{Guard, Scores, Seen, TaskScores};
 use crate::targets::{BearingRanges, RangeCard, TargetRanges};
 use crate::vehicle::{Placement, SensorPose};
@@ -214,7 +214,7 @@ fn nothing_to_gain_is_compared_without_shares() {
 #[test]
 fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
     let (ahead, left) = (None, Some(2.0));
-    let lane = |side, depth| BlindLane { side, along: [0.0, 0.25], depth };
+    let lane = |side, depth| BlindLane { side, along: [0.0, 0.25], depth, lost: vec![] };
     let zone = BlindZone {
         lanes: vec![lane("ahead", None), lane("behind", None), lane("behind", Some(0.125))],
         polygon: vec![],
@@ -223,6 +223,7 @@ fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
         behind: None,
         left,
         right: left,
+        lost: vec![],
     };
     let mut near = NearField {
         name: "found".into(),
@@ -242,6 +243,12 @@ fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
     assert!(verdict_at(&of_run, Some(&found), &[], "near_gain").starts_with(&told));
     (near.zone.ahead, near.zone.behind) = (left, Some(10.0));
     assert_eq!(unseen_in_words(&near), "");
+    let slit = LostGround { side: "behind", from: 1.25, to: 10.0, lanes: 1, of: 2 };
+    near.zone.lost = vec![slit];
+    let want = "BLIND ZONE: ground behind is unseen from 1.3 to 10 m in 1 of 2 lanes. ";
+    assert_eq!(unseen_in_words(&near), want);
+    near.zone.lost[0].of = 3;
+    assert_eq!(unseen_in_words(&near), "", "few lanes are said with the depths");
 }
 
 #[test]
