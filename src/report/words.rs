@@ -12,7 +12,7 @@ use crate::csv::rounded;
 use crate::json::spoken;
 use crate::near_field::{NEAR, NearField};
 use crate::score::{Guard, NEAR_GAIN, Objective};
-use crate::search::{Certificate, MethodRecord, Scored};
+use crate::search::{Certificate, Climbs, MethodRecord, Scored};
 use crate::targets::{RangeCard, TargetRanges};
 use sightline_files::json::counted;
 
@@ -384,6 +384,26 @@ fn penalty_in_words(best: &Scored, objective: &str) -> String {
     format!(
         ", but a search ranks by {objective} less a penalty: the share of places around the vehicle at which too few beams meet a car"
     )
+}
+
+/// How far apart the climbs of the swaps ended; where none met all requirements and the result does, where that is from.
+/// `None` without swaps.
+pub fn climbs_in_words(run: &RunRecord) -> Option<String> {
+    let is_met = run.best.as_ref().is_some_and(|best| best.scores.missing() == 0.0);
+    let won = run.methods.iter().find(|method| method.won).map(|method| method.method);
+    Some(climbs_and_result(run.climbs.as_ref()?, is_met, won))
+}
+
+fn climbs_and_result(climbs: &Climbs, is_met: bool, won: Option<&str>) -> String {
+    let from = match won {
+        Some("cma-es") => "the other method, CMA-ES",
+        Some("swaps") | None => "later moves",
+        Some(_) => "a layout that was given",
+    };
+    match climbs.met {
+        Some(0) if is_met => format!("{climbs}. The result, which meets all, is from {from}"),
+        _ => climbs.to_string(),
+    }
 }
 
 /// Objective that each search method reached, and which method gave the result.

@@ -252,6 +252,22 @@ fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
 }
 
 #[test]
+fn a_result_that_no_climb_reached_is_told_with_its_origin() {
+    let climbs = |met| Climbs { count: 8, frames: 4, met, near_best: 0, median_below: 0.0 };
+    let said = |met, is_met, won| climbs_and_result(&climbs(met), is_met, won);
+    let end = "none met all requirements. Another seed takes other starts. The result, which meets all, is from ";
+    for (won, from) in
+        [(Some("cma-es"), "the other method, CMA-ES"), (Some("swaps"), "later moves")]
+    {
+        let told = said(Some(0), true, won);
+        assert!(told.ends_with(&format!("{end}{from}")), "{told}");
+    }
+    for told in [said(Some(0), false, Some("swaps")), said(Some(3), true, Some("swaps"))] {
+        assert!(told.ends_with("Another seed takes other starts"), "{told}");
+    }
+}
+
+#[test]
 fn the_first_sentence_has_the_price_where_there_is_one() {
     let settings = json!({ "budget": 12_000.0, "equipped": { "cost": 9200.0 } });
     let price = price_in_words(&settings);
