@@ -73,8 +73,7 @@ const LONG_LOST: f64 = 2.0;
 /// [`BlindLane::lost`]. One that begins behind a thing, where ground is missing, does not count.
 pub(super) fn lost_stretches(cells: &[(f64, bool)]) -> Vec<[f64; 2]> {
     let is_next = |a: &(f64, bool), b: &(f64, bool)| b.0 - a.0 < 1.5 * CELL;
-    let runs: Vec<&[(f64, bool)]> =
-        cells.chunk_by(|a, b| a.1 == b.1 && is_next(a, b)).collect();
+    let runs: Vec<&[(f64, bool)]> = cells.chunk_by(|a, b| a.1 == b.1 && is_next(a, b)).collect();
     let lost = |pair: &[&[(f64, bool)]]| {
         let (before, first, last) = (pair[0].last()?, pair[1].first()?, pair[1].last()?);
         let is_lost = before.1 && !first.1 && is_next(before, first);
@@ -311,9 +310,8 @@ mod tests {
         let footprint =
             Footprint::of([[-2.0, -1.0], [2.0, -1.0], [2.0, 1.0], [-2.0, 1.0]]).unwrap();
         let cell = |x: f64, y: f64| Cell { centre: [x, y], distance: footprint.distance([x, y]) };
-        let middles = |from: f64, count: i32| {
-            (0..count).map(move |k| from + CELL * (f64::from(k) + 0.5))
-        };
+        let middles =
+            |from: f64, count: i32| (0..count).map(move |k| from + CELL * (f64::from(k) + 0.5));
         let behind = middles(-12.0, 40).flat_map(|x| middles(-1.0, 8).map(move |y| [x, y]));
         let ahead = middles(2.0, 40).flat_map(|x| middles(-1.0, 8).map(move |y| [x, y]));
         let ground: Vec<Cell> = behind.chain(ahead).map(|[x, y]| cell(x, y)).collect();
