@@ -254,3 +254,15 @@ fn wrong_rules_on_the_ground_are_named() {
     });
     assert!(error.contains("no triangle of a class of ground"), "{error}");
 }
+
+#[test]
+fn a_lidar_below_the_ground_is_the_first_warning_of_a_score() {
+    let dir = TempDir::new().unwrap();
+    yard(dir.path(), json!([]));
+    let lidar = |z: f64| json!({ "sensor": "wide", "x": 0.4, "y": 0.1, "z": z });
+    let low = json!({ "placements": [{ "name": "low", "lidars": [lidar(2.1), lidar(-0.5)] }] });
+    fs::write(dir.path().join("low.json"), low.to_string()).unwrap();
+    let found = ok(dir.path(), &["score", "yard.json", "low.json", "--backend", "cpu"]);
+    let first = found["scores"][0]["guards"][0].as_str().unwrap();
+    assert!(first.starts_with("below_ground: LiDAR 1 is 0.50 m below the ground"), "{found}");
+}

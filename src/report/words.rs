@@ -115,7 +115,18 @@ fn judged_at(
         format!(" Its beams gain {:.1} % of the information that {held}.", 100.0 * share)
     });
     let warnings = warnings_in_words(best);
-    format!("{required}{}{near}{against}{last}.{share} {warnings}", blind_in_words(best))
+    let below = below_in_words(best);
+    format!("{below}{required}{}{near}{against}{last}.{share} {warnings}", blind_in_words(best))
+}
+
+/// Sentence on LiDARs below the ground; empty where there are none.
+fn below_in_words(best: &Scored) -> String {
+    let below = |guard: &Guard| match guard {
+        Guard::BelowGround { lidar, depth } => Some(format!("LiDAR {lidar} by {depth:.2} m")),
+        _ => None,
+    };
+    let each: Vec<String> = best.scores.guards.iter().filter_map(below).collect();
+    if each.is_empty() { String::new() } else { format!("BELOW THE GROUND: {}. ", each.join(", ")) }
 }
 
 /// Start of a sentence on a placement that no baseline is compared with, and why.

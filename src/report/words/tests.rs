@@ -252,6 +252,17 @@ fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
 }
 
 #[test]
+fn a_lidar_below_the_ground_is_said_first() {
+    let mut found = planted("found", 1.0, 500.0);
+    found.scores.required = vec![Seen::of("child", 0.95)];
+    found.scores.guards = vec![Guard::BelowGround { lidar: 1, depth: 0.5 }];
+    let words = verdict(Some(&found), &[], "near_gain");
+    let start = "BELOW THE GROUND: LiDAR 1 by 0.50 m. The placement found meets its requirement";
+    assert!(words.starts_with(start), "{words}");
+    assert!(words.contains("Warning: below_ground: LiDAR 1 is 0.50 m below the ground"), "{words}");
+}
+
+#[test]
 fn a_result_that_no_climb_reached_is_told_with_its_origin() {
     let climbs = |met| Climbs { count: 8, frames: 4, met, near_best: 0, median_below: 0.0 };
     let said = |met, is_met, won| climbs_and_result(&climbs(met), is_met, won);
