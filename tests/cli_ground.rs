@@ -276,21 +276,21 @@ fn ground_lost_again_behind_a_slit_breaks_the_rule_on_a_depth() {
     // From 1.5 m over the rear edge beams end within 1.05 m of it.
     cart["sensors"][1]["lidar"]["fov"] = json!([-80, -55]);
     fs::write(dir.path().join("cart.json"), cart.to_string()).unwrap();
-    let back = json!({ "sensor": "side", "x": -2, "y": 0, "z": 1.5, "yaw": 3.14159265 });
+    let back = json!({ "sensor": "side", "x": -2, "y": 0, "z": 1.5, "yaw": std::f64::consts::PI });
     let rigs = json!({ "placements": [{ "name": "slit", "lidars": [back] }] });
     fs::write(dir.path().join("slit.json"), rigs.to_string()).unwrap();
     let files = ["yard.json", "slit.json", "--backend", "cpu"];
-    let near = ok(dir.path(), &[&["study", "nearfield"], &files[..]].concat());
+    let near = ok(dir.path(), &[&["study", "nearfield"][..], &files].concat());
     let zone = &near["near_fields"][0]["zone"];
     assert_eq!(zone["behind"], 0.125, "{zone}");
     let want = json!([{ "side": "behind", "from": 1.25, "to": 10.0, "lanes": 8, "of": 8 }]);
     assert_eq!(zone["lost"], want);
-    let scores = ok(dir.path(), &[&["score", "--tolerance", "0"], &files[..]].concat());
+    let scores = ok(dir.path(), &[&["score", "--tolerance", "0"][..], &files].concat());
     let rule = &scores["scores"][0]["requirements"][0];
     assert_eq!((&rule["met"], &rule["found"]), (&json!(false), &json!(0.0)), "{rule}");
     let missing = rule["missing"].as_str().unwrap();
     assert!(missing.ends_with("; 8 of 8 lanes lose ground behind it again"), "{missing}");
-    let text = sightline(dir.path(), &[&["study", "nearfield"], &files[..]].concat());
+    let text = sightline(dir.path(), &[&["study", "nearfield"][..], &files].concat());
     let text = String::from_utf8(text.stdout).unwrap();
     let words = "! slit: behind 0.1 m, but unseen from 1.3 to 10 m in 8 of 8 lanes\n";
     assert!(text.contains(words), "{text}");

@@ -40,7 +40,7 @@ pub struct LostGround {
 }
 
 impl LostGround {
-    /// That of a side; `None` where no lane has a stretch of 2 m or more.
+    /// The longest stretch of a side; `None` where no lane has a stretch of 2 m or more.
     fn new(side: Side, lanes: &[BlindLane]) -> Option<Self> {
         let own = || lanes.iter().filter(|lane| lane.side == side.name());
         let longest = |all: &mut dyn Iterator<Item = [f64; 2]>| {
